@@ -1,0 +1,1 @@
+"""Flight logs: one format a file, one in-memory form."""

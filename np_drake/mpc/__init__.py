@@ -1,0 +1,1 @@
+"""The paper's problem (nmpc) and its solvers on MathematicalProgram."""

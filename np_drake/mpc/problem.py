@@ -1,0 +1,116 @@
+"""Data of one NP-MPC problem: configuration, horizon data, solution and status."""
+
+import dataclasses as dc
+from enum import IntEnum
+from typing import Protocol
+
+import numpy as np
+
+from np_drake.residual_models.base import WrenchForecast
+
+
+@dc.dataclass
+class MpcConfig:
+    """Weights and sets of problem (nmpc). The error e_x is x - x* in the 13 state components."""
+
+    horizon: int = 20  # N [1]
+    step: float = 0.04  # [s]
+    weight_position: list[float] = dc.field(default_factory=lambda: [20.0, 20.0, 40.0])  # [1/m²]
+    weight_attitude: list[float] = dc.field(default_factory=lambda: [1.0, 5.0, 5.0, 5.0])  # per q component
+    weight_velocity: list[float] = dc.field(default_factory=lambda: [2.0, 2.0, 2.0])  # [s²/m²]
+    weight_rate: list[float] = dc.field(default_factory=lambda: [0.1, 0.1, 0.1])  # [s²/rad²]
+    weight_input: list[float] = dc.field(default_factory=lambda: [0.02, 2.0, 2.0, 5.0])  # [1/N², 1/(N·m)²]
+    terminal_scale: float = 5.0  # P = terminal_scale * Q on position and velocity [1]
+    max_speed: float = 6.0  # soft box on each component of v_WB [m/s]
+    max_tilt: float = 0.9  # soft, angle of body z from world z [rad]
+    terminal_radius: float = 1.5  # soft: sqrt(e_N^T P_f e_N) with P_f = P / P_xx, so [m]
+    slack_weight: float = 1000.0  # L1 (exact) penalty on each violated set [1 per unit of the set]
+
+    def check(self) -> "MpcConfig":
+        """Returns self; raises ValueError on an impossible weight, set or horizon."""
+        _require(self.horizon >= 1, f"horizon must be at least 1; got {self.horizon}")
+        _require(self.step > 0, f"step must be positive [s]; got {self.step}")
+        for name, size in (("position", 3), ("attitude", 4), ("velocity", 3), ("rate", 3), ("input", 4)):
+            weight = np.array(getattr(self, f"weight_{name}"), float)
+            _require(weight.shape == (size,), f"weight_{name} must have {size} entries; got {weight.shape}")
+            _require(bool(np.all(weight >= 0)), f"weight_{name} must not be negative; got {weight.tolist()}")
+        _require(min(self.weight_input) > 0, "weight_input must be positive")
+        for name in ("terminal_scale", "max_speed", "max_tilt", "terminal_radius", "slack_weight"):
+            _require(getattr(self, name) > 0, f"{name} must be positive; got {getattr(self, name)}")
+        _require(self.max_tilt < np.pi, "max_tilt must be below pi [rad]")
+        return self
+
+    @property
+    def Q(self) -> np.ndarray:
+        """(13,) diagonal stage weight."""
+        return np.array([*self.weight_position, *self.weight_attitude, *self.weight_velocity, *self.weight_rate])
+
+    @property
+    def R(self) -> np.ndarray:
+        """(4,) diagonal input weight."""
+        return np.array(self.weight_input, float)
+
+    @property
+    def P(self) -> np.ndarray:
+        """(13,) diagonal terminal weight."""
+        scale = np.ones(13)
+        scale[0:3] = scale[7:10] = self.terminal_scale
+        return scale * self.Q
+
+
+class MpcStatus(IntEnum):
+    """How an answer came about; larger is worse."""
+
+    OPTIMAL = 0  # converged to tolerance
+    ITERATION_LIMIT = 1  # usable, not converged to tolerance
+    SQP_FALLBACK = 2  # IPOPT failed or was late; the SQP answer flies
+    SHIFTED_PLAN = 3  # no new answer; the last plan, one step on
+    HOVER = 4  # no plan at all; hover input
+
+
+@dc.dataclass(frozen=True)
+class MpcProblem:
+    """One receding-horizon problem.
+
+    x0: (13,) measured state.   x_ref: (N+1, 13), u_ref: (N, 4) references, already shifted with chi_hat.
+    forecast: the residual wrench over the horizon, at the MPC's step.
+    """
+
+    x0: np.ndarray
+    x_ref: np.ndarray
+    u_ref: np.ndarray
+    forecast: WrenchForecast
+
+
+@dc.dataclass(frozen=True)
+class MpcSolution:
+    """u: (N, 4) [N, N·m], x: (N+1, 13), chi: (N, 6) [N, N·m]; cost [1]; violation: largest of the soft sets
+    (in each set's unit); solve_time [s]; iterations of the outer method."""
+
+    u: np.ndarray
+    x: np.ndarray
+    chi: np.ndarray
+    status: MpcStatus
+    cost: float
+    violation: float
+    solve_time: float
+    iterations: int
+
+
+class SolverFailure(RuntimeError):
+    """A solver gave no usable answer; carries why. The controller falls back."""
+
+
+class MpcSolver(Protocol):
+    """Solves one problem; stateless but for workspaces that every call overwrites wholly."""
+
+    name: str
+
+    def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
+        """Raises SolverFailure where no usable answer was found."""
+        ...
+
+
+def _require(condition: bool, message: str) -> None:
+    if not condition:
+        raise ValueError(f"MpcConfig: {message}.")

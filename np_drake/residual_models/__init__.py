@@ -1,0 +1,1 @@
+"""Residual models: what predicts the wrench, for the prediction benchmark and for the MPC alike."""

@@ -1,0 +1,81 @@
+"""The one interface of every residual model.
+
+A residual model keeps its memory in a dictionary of arrays that the caller owns (a LeafSystem's Context, or a
+benchmark's loop), takes one sample every `step` seconds, and answers with a `WrenchForecast` over a horizon.
+"""
+
+import dataclasses as dc
+from typing import Protocol
+
+import numpy as np
+
+Memory = dict[str, np.ndarray]
+
+
+@dc.dataclass(frozen=True)
+class Sample:
+    """What a vehicle knows at one sampling instant.
+
+    x: (13,) measured state.   u: (4,) command that acted up to now [N, N·m].
+    chi: (6,) wrench label [N, N·m]; NaN where there is none.
+    """
+
+    x: np.ndarray
+    u: np.ndarray
+    chi: np.ndarray
+
+
+@dc.dataclass(frozen=True)
+class WrenchForecast:
+    """chi_i = C z_i + offset_i,  z_(i+1) = A z_i + B zeta_i,  i = 0 … N-1, at the horizon's own step.
+
+    chi_i acts from t_(k+i) to t_(k+i+1); zeta_i is the predicted [v_WB, w_WB_B] at t_(k+i). A model without
+    feedback from the motion has K = 0 and speaks through `offset` alone.
+
+    A: (K, K)   B: (K, 6) per [m/s, rad/s]   C: (6, K)   z: (K,) lifted state now   offset: (N, 6) [N, N·m].
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    z: np.ndarray
+    offset: np.ndarray
+
+    def rollout(self, zeta: np.ndarray) -> np.ndarray:
+        """(N, 6) chi_hat for given (N, 6) zeta."""
+        chi = np.array(self.offset, float)
+        z = self.z
+        for i in range(len(chi)):
+            chi[i] += self.C @ z
+            z = self.A @ z + self.B @ zeta[i]
+        return chi
+
+
+class ResidualModel(Protocol):
+    """Predicts the residual wrench chi; pure functions of the memory."""
+
+    name: str
+    step: float  # time between samples [s]
+
+    def initial_memory(self) -> Memory:
+        """Arrays (float) of fixed shape, before any sample."""
+        ...
+
+    def update(self, memory: Memory, sample: Sample) -> Memory:
+        """The memory after one more sample. A sample with NaN must leave a usable memory."""
+        ...
+
+    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
+        """Forecast over `horizon` steps of `stride * self.step` seconds each."""
+        ...
+
+
+def constant_forecast(chi: np.ndarray, horizon: int) -> WrenchForecast:
+    """`chi` (6,) held over the horizon, or a given course (horizon, 6)."""
+    offset = np.broadcast_to(np.asarray(chi, float), (horizon, 6))
+    return WrenchForecast(np.zeros((0, 0)), np.zeros((0, 6)), np.zeros((6, 0)), np.zeros(0), offset)
+
+
+def no_forecast(horizon: int) -> WrenchForecast:
+    """The nominal model: no residual wrench."""
+    return constant_forecast(np.zeros(6), horizon)

@@ -1,0 +1,55 @@
+"""Equation (1) of the paper, forward and inverse: the only rigid-body dynamics in the project.
+
+State x (13,) = [p_WB, q_WB (w, x, y, z), v_WB, w_WB_B]; input u (4,) = [f_u, tau_m] as commanded;
+residual wrench chi (6,) = [f_e in W (N), tau_e in B (N·m)]. All functions are vectorised over leading axes.
+"""
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.vehicle import Vehicle
+
+P, Q, V, W = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
+STATE_SIZE, INPUT_SIZE, WRENCH_SIZE = 13, 4, 6
+
+
+def zeta(x: np.ndarray) -> np.ndarray:
+    """(..., 13) state -> (..., 6) zeta = [v_WB, w_WB_B] [m/s, rad/s], linear in the state."""
+    return x[..., 7:13]
+
+
+def state_derivative(vehicle: Vehicle, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> np.ndarray:
+    """(..., 13) dx/dt. Source: Jin et al. 2025, eq. (1)."""
+    q, v, w = x[..., Q], x[..., V], x[..., W]
+    a = (u[..., :1] * attitude.body_z(q) + chi[..., :3]) / vehicle.mass
+    a[..., 2] -= vehicle.gravity
+    J = vehicle.J
+    torque = u[..., 1:4] + chi[..., 3:6] - np.cross(w, w @ J.T)
+    al = torque @ np.linalg.inv(J).T
+    return np.concatenate([v, attitude.quaternion_rate(q, w), a, al], axis=-1)
+
+
+def residual_wrench(
+    vehicle: Vehicle, *, q: np.ndarray, w: np.ndarray, a: np.ndarray, al: np.ndarray, u: np.ndarray
+) -> np.ndarray:
+    """The wrench that eq. (1) needs, besides the commanded input, to explain the motion.
+
+    f_e = m (a + g z) - R f_u z;   tau_e = J al + w x J w - tau_m.       Source: Jin et al. 2025, eq. (1) inverted.
+
+    Args:
+        q: (..., 4) attitude, body to world.   w: (..., 3) body rates [rad/s].
+        a: (..., 3) dv/dt of the centre of mass in W, gravity not in it [m/s²].
+        al: (..., 3) dw/dt in B [rad/s²].   u: (..., 4) command acting at that instant [N, N·m].
+    Returns:
+        (..., 6) chi = [f_e in W, tau_e in B] [N, N·m].
+    """
+    f = vehicle.mass * np.asarray(a, float) - u[..., :1] * attitude.body_z(q)
+    f[..., 2] += vehicle.mass * vehicle.gravity
+    J = vehicle.J
+    tau = al @ J.T + np.cross(w, w @ J.T) - u[..., 1:4]
+    return np.concatenate([f, tau], axis=-1)
+
+
+def to_spatial_force(chi: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """(6,) chi -> (6,) Drake's spatial order F_Bo_W = [tau in W; f in W] [N·m, N]."""
+    return np.concatenate([attitude.rotate(q, chi[..., 3:6]), chi[..., :3]], axis=-1)

@@ -1,0 +1,118 @@
+"""The vehicle file: what the nominal model knows about a quadrotor."""
+
+import dataclasses as dc
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from pydrake.common.yaml import yaml_load_typed
+
+
+def _paper_rotors() -> list[list[float]]:
+    return [[0.127, 0.127, 0.0], [0.127, -0.127, 0.0], [-0.127, -0.127, 0.0], [-0.127, 0.127, 0.0]]
+
+
+@dc.dataclass
+class MeasurementNoise:
+    """Standard deviations of white measurement noise, one sample of the log each."""
+
+    position: float = 0.001  # [m]
+    velocity: float = 0.01  # [m/s]
+    attitude: float = 0.0  # [rad]
+    rate: float = 0.01  # [rad/s]
+    acceleration: float = 0.1  # [m/s²]
+    angular_acceleration: float = 0.5  # [rad/s²]
+
+
+@dc.dataclass
+class Vehicle:
+    """A quadrotor as its nominal model knows it (`FORMATS`: vehicle file). Defaults: the paper's vehicle.
+
+    Rotor i pushes with f_i = thrust_coefficient * speed² along body z at `rotor_positions[i]` and twists with
+    `rotor_directions[i] * torque_coefficient * speed²` about body z.
+    """
+
+    name: str = "paper"
+    mass: float = 2.0  # [kg]
+    inertia: list[list[float]] = dc.field(  # about the centre of mass, body axes [kg·m²]
+        default_factory=lambda: [[0.02, 0.0, 0.0], [0.0, 0.02, 0.0], [0.0, 0.0, 0.035]]
+    )
+    gravity: float = 9.81  # [m/s²]
+    rotor_positions: list[list[float]] = dc.field(default_factory=_paper_rotors)  # body axes [m]
+    rotor_directions: list[float] = dc.field(default_factory=lambda: [1.0, -1.0, 1.0, -1.0])  # [1]
+    thrust_coefficient: float = 1.0e-5  # [N/(rad/s)²]
+    torque_coefficient: float = 1.6e-7  # [N·m/(rad/s)²]
+    rotor_radius: float = 0.1  # [m]
+    max_rotor_thrust: float = 12.0  # [N]
+    rotor_time_constant: float = 0.0  # what the nominal simulator assumes [s]
+    logged_point: str = "origin"  # origin | center_of_mass
+    input: str = "command"  # command | rotor_speed
+    measurement_noise: MeasurementNoise = dc.field(default_factory=MeasurementNoise)
+
+    def check(self) -> "Vehicle":
+        """Returns self; raises ValueError where a figure is impossible."""
+        for name in ("mass", "gravity", "thrust_coefficient", "rotor_radius", "max_rotor_thrust"):
+            _require(getattr(self, name) > 0, f"{name} must be positive; got {getattr(self, name)}")
+        _require(self.rotor_time_constant >= 0, "rotor_time_constant must not be negative [s]")
+        _require(np.shape(self.rotor_positions) == (4, 3), "rotor_positions must be 4 x 3 [m]")
+        _require(
+            np.shape(self.rotor_directions) == (4,) and set(np.abs(self.rotor_directions)) == {1.0},
+            "rotor_directions must be four signs, 1 or -1",
+        )
+        _require(np.shape(self.inertia) == (3, 3), "inertia must be 3 x 3 [kg·m²]")
+        J = np.array(self.inertia, float)
+        moments = np.linalg.eigvalsh(J) if np.allclose(J, J.T) else np.zeros(3)
+        _require(moments[0] > 0, "inertia must be symmetric and positive definite [kg·m²]")
+        _require(moments[2] <= moments[0] + moments[1] + 1e-12, "inertia must meet the triangle inequality")
+        _require(self.logged_point in ("origin", "center_of_mass"), "logged_point: origin | center_of_mass")
+        _require(self.input in ("command", "rotor_speed"), "input: command | rotor_speed")
+        noise = dc.astuple(self.measurement_noise)
+        _require(min(noise) >= 0, "measurement_noise must not be negative")
+        numbers = [self.mass, self.gravity, self.thrust_coefficient, self.torque_coefficient, *noise]
+        _require(bool(np.all(np.isfinite(numbers))), "every number must be finite")
+        _require(abs(np.linalg.det(self.mixer)) > 1e-12, "the rotors must span thrust and three torques")
+        return self
+
+    @cached_property
+    def J(self) -> np.ndarray:
+        """(3, 3) inertia about the centre of mass, body axes [kg·m²]."""
+        return np.array(self.inertia, float)
+
+    @cached_property
+    def mixer(self) -> np.ndarray:
+        """(4, 4) rotor thrusts [N] -> u = [f_u, tau_m] [N, N·m]."""
+        p = np.array(self.rotor_positions, float)
+        kappa = self.torque_coefficient / self.thrust_coefficient
+        return np.stack([np.ones(4), p[:, 1], -p[:, 0], kappa * np.array(self.rotor_directions, float)])
+
+    @cached_property
+    def unmixer(self) -> np.ndarray:
+        """(4, 4) u = [f_u, tau_m] [N, N·m] -> rotor thrusts [N]."""
+        return np.linalg.inv(self.mixer)
+
+    @property
+    def hover_input(self) -> np.ndarray:
+        """(4,) u that carries the nominal weight [N, N·m]."""
+        return np.array([self.mass * self.gravity, 0.0, 0.0, 0.0])
+
+    def saturate(self, u: np.ndarray) -> np.ndarray:
+        """(..., 4) the nearest u in rotor space that the rotors can give [N, N·m]."""
+        thrust = np.clip(u @ self.unmixer.T, 0.0, self.max_rotor_thrust)
+        return thrust @ self.mixer.T
+
+    def with_mass(self, mass: float) -> "Vehicle":
+        """The same vehicle with another mass [kg]."""
+        return dc.replace(self, mass=mass).check()
+
+
+def load_vehicle(path: str | Path) -> Vehicle:
+    """Reads a vehicle file (YAML). Raises ValueError with file and field on bad content."""
+    try:
+        return yaml_load_typed(schema=Vehicle, filename=str(path), defaults=Vehicle()).check()
+    except (OSError, RuntimeError, ValueError, TypeError, KeyError) as error:
+        raise ValueError(f"{path}: not a vehicle file: {str(error).splitlines()[0]}") from error
+
+
+def _require(condition: bool, message: str) -> None:
+    if not condition:
+        raise ValueError(f"Vehicle: {message}.")
