@@ -1,0 +1,36 @@
+"""Rotor drag, linear in the body's air speed."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.effects.base import Motion
+from np_drake.rigid_body import Q, V
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class LinearDrag:
+    """f_B = -s diag(d) v_B, with s = mean rotor speed / hover rotor speed.
+
+    Source: blade-flapping and induced drag, lumped; the induced part grows with rotor speed (own choice: linearly).
+    """
+
+    d_x: float = 0.25  # [N·s/m], at hover rotor speed
+    d_y: float = 0.25
+    d_z: float = 0.25
+
+    identifier: ClassVar[str] = "linear_drag"
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """(..., 6) [N, N·m]; the drag acts at the centre of mass."""
+        hover = np.sqrt(vehicle.mass * vehicle.gravity / 4)
+        speed = np.sqrt(np.maximum(motion.rotor_thrust, 0.0)).mean(axis=-1) / hover
+        R = attitude.rotation_matrix(motion.x[..., Q])
+        v_B = np.einsum("...ji,...j->...i", R, motion.x[..., V])
+        f_B = -speed[..., None] * np.array([self.d_x, self.d_y, self.d_z]) * v_B
+        chi = np.zeros((*f_B.shape[:-1], 6))
+        chi[..., :3] = np.einsum("...ij,...j->...i", R, f_B)
+        return chi

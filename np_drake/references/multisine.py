@@ -1,0 +1,37 @@
+"""A small multisine dither: what makes a training flight excite every direction of zeta."""
+
+import numpy as np
+
+from np_drake.references.ramp import compose, ramped_phase
+
+
+class Multisine:
+    """Per axis a sum of sines at incommensurate frequencies; faded in with the ramp by its phase.
+
+    Source: own choice; CONTROL_NOTES finds that a circle without it teaches a spurious force per vz.
+
+    Args:
+        amplitude: (3,) RMS of the dither per axis [m].   frequencies: Hz of the tones of x; y and z take tones
+        between them, so that no two axes share one.   seed: of the tones' phases.
+    """
+
+    def __init__(self, amplitude, *, frequencies=(0.23, 0.41, 0.67, 0.97), ramp: float = 5.0, seed: int = 0):
+        tones = len(frequencies)
+        self.frequencies = np.array(frequencies)[:, None] * np.array([1.0, 1.13, 1.27])
+        self.amplitude = np.array(amplitude, float) * np.sqrt(2.0 / tones) * np.ones((tones, 1))
+        # Fast tones get less amplitude: equal velocity of all tones, not equal acceleration.
+        self.amplitude = self.amplitude * self.frequencies.mean(axis=0) / self.frequencies
+        self.shift = np.random.default_rng(seed).uniform(0, 2 * np.pi, (tones, 3))
+        self.ramp = ramp
+
+    def sample(self, t: np.ndarray) -> np.ndarray:
+        """(n,) -> (5, n, 3); starts at rest at zero offset."""
+        warped = ramped_phase(t, 1.0, self.ramp)
+        path = np.zeros((5, len(t), 3))
+        for f, amplitude, shift in zip(self.frequencies, self.amplitude, self.shift, strict=True):
+            omega = 2 * np.pi * f
+            angle = omega * warped[0][:, None] + shift
+            path[0] += amplitude * (np.sin(angle) - np.sin(shift))
+            for k in range(1, 5):
+                path[k] += amplitude * omega**k * np.sin(angle + k * np.pi / 2)
+        return compose(path, warped)

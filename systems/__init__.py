@@ -1,0 +1,1 @@
+"""LeafSystems and plant pieces; all memory lives in the Context."""

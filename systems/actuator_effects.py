@@ -1,0 +1,67 @@
+"""The actuator wrapper: effects between commanded and actual rotor thrust."""
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, LeafSystem
+
+from np_drake.effects.base import ActuatorEffect
+from np_drake.vehicle import Vehicle
+
+
+class ActuatorEffects(LeafSystem):
+    """Passes rotor thrust through a chain of actuator effects, first to last.
+
+    .. pydrake_system::
+
+        name: ActuatorEffects
+        input_ports:
+        - command
+        output_ports:
+        - thrust
+
+    | port | size | meaning | unit |
+    |---|---|---|---|
+    | command | 4 | commanded rotor thrust after saturation | N |
+    | thrust | 4 | actual rotor thrust | N |
+
+    Continuous state: the effects' states one after the other; it starts at rest under hover thrust.
+    """
+
+    def __init__(self, vehicle: Vehicle, effects: list[ActuatorEffect], hover_thrust: np.ndarray):
+        super().__init__()
+        self._vehicle, self._effects = vehicle, list(effects)
+        ends = np.cumsum([0] + [e.state_size for e in effects])
+        self._slices = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        self._command_port = self.DeclareVectorInputPort("command", 4)
+        self.DeclareContinuousState(BasicVector(self._resting_state(hover_thrust)))
+        feeds_through = not any(e.state_size for e in effects)
+        prerequisites = {self._command_port.ticket()} if feeds_through else {self.all_state_ticket()}
+        if any(e.state_size == 0 for e in effects) and not feeds_through:
+            prerequisites.add(self._command_port.ticket())
+        self.DeclareVectorOutputPort("thrust", 4, self._calc_thrust, prerequisites)
+
+    def _resting_state(self, thrust: np.ndarray) -> np.ndarray:
+        states, passed = [], np.asarray(thrust, float)
+        for effect in self._effects:
+            states.append(effect.state_at(self._vehicle, passed))
+            passed = effect.thrust(self._vehicle, states[-1], passed)
+        return np.concatenate(states) if states else np.zeros(0)
+
+    def _chain(self, context):
+        """Yields (effect, its state, its command); the thrust after the last is the return value."""
+        state = context.get_continuous_state_vector().CopyToVector()
+        command = self._command_port.Eval(context)
+        for effect, where in zip(self._effects, self._slices, strict=True):
+            yield effect, state[where], command
+            command = effect.thrust(self._vehicle, state[where], command)
+
+    def DoCalcTimeDerivatives(self, context, derivatives) -> None:
+        """Drake's hook: the effects' own state rates."""
+        rates = [effect.state_rate(self._vehicle, state, command) for effect, state, command in self._chain(context)]
+        if rates:
+            derivatives.SetFromVector(np.concatenate(rates))
+
+    def _calc_thrust(self, context, output) -> None:
+        thrust = np.zeros(4)
+        for effect, state, command in self._chain(context):
+            thrust = effect.thrust(self._vehicle, state, command)
+        output.SetFromVector(thrust)

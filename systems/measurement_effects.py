@@ -1,0 +1,70 @@
+"""The measurement wrapper: what the rig reads of the truth."""
+
+import numpy as np
+from pydrake.systems.framework import LeafSystem
+
+from np_drake.effects.base import Measurement, MeasurementEffect
+from np_drake.vehicle import Vehicle
+
+
+class MeasurementEffects(LeafSystem):
+    """Passes the true motion through a chain of measurement effects.
+
+    .. pydrake_system::
+
+        name: MeasurementEffects
+        input_ports:
+        - x_true
+        - acceleration_true
+        - rotor_thrust
+        - white
+        output_ports:
+        - x
+        - acceleration
+        - rotor_speed
+
+    | port | size | meaning | unit |
+    |---|---|---|---|
+    | x_true, x | 13 | state, true and as read | |
+    | acceleration_true, acceleration | 6 | [a in W, al in B] | m/s², rad/s² |
+    | rotor_thrust | 4 | actual rotor thrust | N |
+    | white | sum of white_size | standard normal draws, held between samples | 1 |
+    | rotor_speed | 4 | as read | rad/s |
+    """
+
+    def __init__(self, vehicle: Vehicle, effects: list[MeasurementEffect]):
+        super().__init__()
+        self._vehicle, self._effects = vehicle, list(effects)
+        self.white_size = sum(e.white_size for e in effects)
+        self._x_port = self.DeclareVectorInputPort("x_true", 13)
+        self._acceleration_port = self.DeclareVectorInputPort("acceleration_true", 6)
+        self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
+        self._white_port = self.DeclareVectorInputPort("white", self.white_size)
+        inputs = {self.all_input_ports_ticket()}
+        # x alone must not pull accelerations: they feed through from the forces.
+        state_inputs = {self._x_port.ticket(), self._white_port.ticket()}
+        self.DeclareVectorOutputPort("x", 13, self._calc_x, state_inputs)
+        self.DeclareVectorOutputPort("acceleration", 6, self._calc_acceleration, inputs)
+        self.DeclareVectorOutputPort("rotor_speed", 4, self._calc_rotor_speed, inputs)
+
+    def _measure(self, context, *, state_only: bool) -> Measurement:
+        x = self._x_port.Eval(context)
+        rest = np.zeros(6) if state_only else self._acceleration_port.Eval(context)
+        thrust = np.zeros(4) if state_only else np.maximum(self._thrust_port.Eval(context), 0.0)
+        rotor = np.sqrt(thrust / self._vehicle.thrust_coefficient)
+        reading = Measurement(x, rest[:3], rest[3:], rotor)
+        white, start = self._white_port.Eval(context), 0
+        for effect in self._effects:
+            reading = effect.measure(self._vehicle, reading, white[start : start + effect.white_size])
+            start += effect.white_size
+        return reading
+
+    def _calc_x(self, context, output) -> None:
+        output.SetFromVector(self._measure(context, state_only=True).x)
+
+    def _calc_acceleration(self, context, output) -> None:
+        reading = self._measure(context, state_only=False)
+        output.SetFromVector(np.concatenate([reading.a, reading.al]))
+
+    def _calc_rotor_speed(self, context, output) -> None:
+        output.SetFromVector(self._measure(context, state_only=False).rotor)

@@ -1,0 +1,75 @@
+"""From Drake's plant to the project's state and acceleration vectors."""
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.multibody.math import SpatialAcceleration
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import LeafSystem
+
+from np_drake import attitude
+
+
+def _vehicle_state(s: np.ndarray, num_positions: int) -> np.ndarray:
+    """(13,) x from the plant's state; the quadrotor is the plant's first body."""
+    q, w_W, v = s[0:4], s[num_positions : num_positions + 3], s[num_positions + 3 : num_positions + 6]
+    return np.concatenate([s[4:7], q, v, attitude.rotate_back(q, w_W)])
+
+
+class VehicleState(LeafSystem):
+    """Plant state -> x.
+
+    .. pydrake_system::
+
+        name: VehicleState
+        input_ports:
+        - plant_state
+        output_ports:
+        - x
+
+    | port | size | meaning |
+    |---|---|---|
+    | plant_state | nq + nv | Drake's order: quaternion, position, w_WB, v_WB (both in W) |
+    | x | 13 | [p_WB, q_WB, v_WB, w_WB_B] |
+    """
+
+    def __init__(self, plant: MultibodyPlant):
+        super().__init__()
+        self._num_positions = plant.num_positions()
+        self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
+        self.DeclareVectorOutputPort("x", 13, self._calc_x, {self._state_port.ticket()})
+
+    def _calc_x(self, context, output) -> None:
+        output.SetFromVector(_vehicle_state(self._state_port.Eval(context), self._num_positions))
+
+
+class BodyAcceleration(LeafSystem):
+    """The quadrotor's spatial acceleration as [a in W, al in B].
+
+    .. pydrake_system::
+
+        name: BodyAcceleration
+        input_ports:
+        - accelerations
+        - x
+        output_ports:
+        - acceleration
+
+    | port | size | meaning | unit |
+    |---|---|---|---|
+    | accelerations | list | the plant's A_WB of every body | |
+    | x | 13 | true state | |
+    | acceleration | 6 | [dv_WB/dt in W, dw_WB_B/dt in B] | m/s², rad/s² |
+    """
+
+    def __init__(self, plant: MultibodyPlant, body: str):
+        super().__init__()
+        self._index = int(plant.GetBodyByName(body).index())
+        self._list_port = self.DeclareAbstractInputPort("accelerations", Value[list[SpatialAcceleration]]())
+        self._x_port = self.DeclareVectorInputPort("x", 13)
+        prerequisites = {self._list_port.ticket(), self._x_port.ticket()}
+        self.DeclareVectorOutputPort("acceleration", 6, self._calc_acceleration, prerequisites)
+
+    def _calc_acceleration(self, context, output) -> None:
+        A_WB = self._list_port.Eval(context)[self._index]
+        q = self._x_port.Eval(context)[3:7]
+        output.SetFromVector(np.concatenate([A_WB.translational(), attitude.rotate_back(q, A_WB.rotational())]))

@@ -1,0 +1,50 @@
+"""The wrench wrapper: effects that push and twist the body."""
+
+import numpy as np
+from pydrake.systems.framework import LeafSystem
+
+from np_drake.effects.base import Motion, WrenchEffect
+from np_drake.rigid_body import to_spatial_force
+from np_drake.vehicle import Vehicle
+
+
+class WrenchEffects(LeafSystem):
+    """Sums the wrenches of all given effects on the body.
+
+    .. pydrake_system::
+
+        name: WrenchEffects
+        input_ports:
+        - x
+        - rotor_thrust
+        output_ports:
+        - generalized_force
+        - chi
+
+    | port | size | meaning | unit |
+    |---|---|---|---|
+    | x | 13 | true state | |
+    | rotor_thrust | 4 | actual rotor thrust | N |
+    | generalized_force | nv | [moment about Bo, force] on B in W, zeros for other bodies | N·m, N |
+    | chi | 6 | [force in W, torque in B] | N, N·m |
+    """
+
+    def __init__(self, vehicle: Vehicle, effects: list[WrenchEffect], num_velocities: int):
+        super().__init__()
+        self._vehicle, self._effects, self._rest = vehicle, list(effects), np.zeros(num_velocities - 6)
+        self._x_port = self.DeclareVectorInputPort("x", 13)
+        self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
+        prerequisites = {self._x_port.ticket(), self._thrust_port.ticket(), self.time_ticket()}
+        self.DeclareVectorOutputPort("generalized_force", num_velocities, self._calc_force, prerequisites)
+        self.DeclareVectorOutputPort("chi", 6, self._calc_chi, prerequisites)
+
+    def _chi(self, context) -> np.ndarray:
+        motion = Motion(context.get_time(), self._x_port.Eval(context), self._thrust_port.Eval(context))
+        return np.sum([effect.wrench(self._vehicle, motion) for effect in self._effects], axis=0)
+
+    def _calc_force(self, context, output) -> None:
+        q = self._x_port.Eval(context)[3:7]
+        output.SetFromVector(np.concatenate([to_spatial_force(self._chi(context), q), self._rest]))
+
+    def _calc_chi(self, context, output) -> None:
+        output.SetFromVector(self._chi(context))

@@ -1,0 +1,65 @@
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from np_drake import rigid_body
+from np_drake.references.config import ReferenceConfig, make_reference
+from np_drake.references.flatness import targets
+from np_drake.vehicle import Vehicle
+
+MOTIONS = [
+    ReferenceConfig(),
+    ReferenceConfig(track="lemniscate"),
+    ReferenceConfig(track="hover"),
+    ReferenceConfig(dither=[0.05, 0.05, 0.05]),
+]
+
+
+@pytest.mark.parametrize("config", MOTIONS)
+def test_each_derivative_is_the_derivative_of_the_one_before(config):
+    dut = make_reference(config)
+    t, h = np.linspace(0.2, 9.0, 44), 1e-4  # no sample where the ramp ends
+    slope = (dut.sample(t + h) - dut.sample(t - h)) / (2 * h)
+    np.testing.assert_allclose(slope[:4], dut.sample(t)[1:], rtol=1e-5, atol=1e-5)  # h² truncation
+
+
+@pytest.mark.parametrize("config", MOTIONS)
+def test_motion_starts_at_rest(config):
+    flat = make_reference(config).sample(np.array([0.0]))
+    np.testing.assert_allclose(flat[1:], 0.0, atol=1e-12)
+
+
+def test_circle_after_the_ramp_has_radius_and_speed():
+    flat = make_reference(ReferenceConfig()).sample(np.linspace(6.0, 20.0, 50))
+    np.testing.assert_allclose(np.hypot(flat[0, :, 0], flat[0, :, 1]), 1.0, rtol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(flat[1], axis=1), 1.5, rtol=1e-9)
+
+
+def test_lemniscate_has_the_mean_speed_asked():
+    dut = make_reference(ReferenceConfig(track="lemniscate"))
+    lap = 2 * np.pi / dut.rate
+    flat = dut.sample(5.0 + np.linspace(0, lap, 4000, endpoint=False))
+    assert np.mean(np.linalg.norm(flat[1], axis=1)) == pytest.approx(1.5, rel=1e-6)
+    assert np.ptp(flat[0, :, 0]) == pytest.approx(3.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("config", MOTIONS)
+def test_feed_forward_flies_the_reference_open_loop(config):
+    vehicle, dut = Vehicle(), make_reference(config)
+    chi = np.array([0.4, -0.3, -2.5, 0.01, 0.02, -0.005])
+
+    def rate(t, x):
+        u = targets(vehicle, dut.sample(np.array([t])), chi[None])[1][0]
+        return rigid_body.state_derivative(vehicle, x, u, chi)
+
+    x0 = targets(vehicle, dut.sample(np.array([0.0])), chi[None])[0][0]
+    end = solve_ivp(rate, (0.0, 6.0), x0, rtol=1e-8, atol=1e-9).y[:, -1]
+    x_ref = targets(vehicle, dut.sample(np.array([6.0])), chi[None])[0][0]
+    np.testing.assert_allclose(end[:3], x_ref[:3], atol=1e-3)  # [m]; open loop, unstable: errors grow
+    np.testing.assert_allclose(end[10:], x_ref[10:], atol=1e-3)  # [rad/s]
+
+
+@pytest.mark.parametrize("bad", [{"track": "spiral"}, {"speed": -1.0}, {"dither": [0.1]}, {"ramp": -1.0}])
+def test_impossible_reference_is_refused(bad):
+    with pytest.raises(ValueError, match="ReferenceConfig"):
+        make_reference(ReferenceConfig(**bad))
