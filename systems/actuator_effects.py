@@ -56,7 +56,10 @@ class ActuatorEffects(LeafSystem):
 
     def DoCalcTimeDerivatives(self, context, derivatives) -> None:
         """Drake's hook: the effects' own state rates."""
-        rates = [effect.state_rate(self._vehicle, state, command) for effect, state, command in self._chain(context)]
+        rates = [
+            effect.state_rate(self._vehicle, state, command)
+            for effect, state, command in self._chain(context)
+        ]
         if rates:
             derivatives.SetFromVector(np.concatenate(rates))
 

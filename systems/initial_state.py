@@ -29,7 +29,9 @@ def apply_impulse(plant: MultibodyPlant, context: Context, impulse) -> None:
     P = plant.GetBodyByName("payload")
     V = plant.EvalBodySpatialVelocityInWorld(context, P)
     dv = np.asarray(impulse, float) / P.get_mass(context)
-    plant.SetFreeBodySpatialVelocity(context=context, body=P, V_PB=SpatialVelocity(V.rotational(), V.translational() + dv))
+    plant.SetFreeBodySpatialVelocity(
+        context=context, body=P, V_PB=SpatialVelocity(V.rotational(), V.translational() + dv)
+    )
 
 
 def set_payload_mass(plant: MultibodyPlant, context: Context, payload: PayloadConfig, mass: float) -> None:

@@ -72,4 +72,6 @@ class BodyAcceleration(LeafSystem):
     def _calc_acceleration(self, context, output) -> None:
         A_WB = self._list_port.Eval(context)[self._index]
         q = self._x_port.Eval(context)[3:7]
-        output.SetFromVector(np.concatenate([A_WB.translational(), attitude.rotate_back(q, A_WB.rotational())]))
+        output.SetFromVector(
+            np.concatenate([A_WB.translational(), attitude.rotate_back(q, A_WB.rotational())])
+        )

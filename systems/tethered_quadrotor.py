@@ -148,9 +148,7 @@ def _add_rotors(builder, plant, vehicle: Vehicle, payload: PayloadConfig, effect
     propellers = builder.AddNamedSystem("propellers", Propeller(info))
     builder.Connect(thrust, propellers.get_command_input_port())
     builder.Connect(plant.get_body_poses_output_port(), propellers.get_body_poses_input_port())
-    builder.Connect(
-        propellers.get_spatial_forces_output_port(), plant.get_applied_spatial_force_input_port()
-    )
+    builder.Connect(propellers.get_spatial_forces_output_port(), plant.get_applied_spatial_force_input_port())
     return thrust
 
 

@@ -10,9 +10,9 @@ class FlightLog:
     """One flight in SI units, W z up, quaternions w, x, y, z body to world (`FORMATS`: flight log).
 
     Row k's command acts from t_k until t_(k+1); a and al are those at t_k with row k's command acting.
-    t: (n,) [s]; p, v: (n, 3) position and velocity of the logged point in W [m, m/s]; q: (n, 4); w: (n, 3) body
-    rates [rad/s]; u: (n, 4) commanded [f_u, tau_m] after saturation [N, N·m]; a: (n, 3) dv/dt in W without
-    gravity [m/s²]; al: (n, 3) dw/dt in B [rad/s²]; rotor: (n, 4) measured rotor speed [rad/s].
+    t: (n,) [s]; p, v: (n, 3) position and velocity of the logged point in W [m, m/s]; q: (n, 4); w: (n, 3)
+    body rates [rad/s]; u: (n, 4) commanded [f_u, tau_m] after saturation [N, N·m]; a: (n, 3) dv/dt in W
+    without gravity [m/s²]; al: (n, 3) dw/dt in B [rad/s²]; rotor: (n, 4) measured rotor speed [rad/s].
     """
 
     t: np.ndarray

@@ -20,7 +20,8 @@ class MpcConfig:
     weight_velocity: list[float] = dc.field(default_factory=lambda: [2.0, 2.0, 2.0])  # [s²/m²]
     weight_rate: list[float] = dc.field(default_factory=lambda: [0.1, 0.1, 0.1])  # [s²/rad²]
     weight_input: list[float] = dc.field(default_factory=lambda: [0.02, 2.0, 2.0, 5.0])  # [1/N², 1/(N·m)²]
-    terminal_scale: float = 5.0  # P = terminal_scale * Q on position and velocity [1]
+    terminal: str = "riccati"  # P: riccati = cost-to-go at hover | scaled = terminal_scale * Q
+    terminal_scale: float = 5.0  # of Q on position and velocity, where terminal is `scaled` [1]
     max_speed: float = 6.0  # soft box on each component of v_WB [m/s]
     max_tilt: float = 0.9  # soft, angle of body z from world z [rad]
     terminal_radius: float = 1.5  # soft: sqrt(e_N^T P_f e_N) with P_f = P / P_xx, so [m]
@@ -37,6 +38,7 @@ class MpcConfig:
         _require(min(self.weight_input) > 0, "weight_input must be positive")
         for name in ("terminal_scale", "max_speed", "max_tilt", "terminal_radius", "slack_weight"):
             _require(getattr(self, name) > 0, f"{name} must be positive; got {getattr(self, name)}")
+        _require(self.terminal in ("riccati", "scaled"), f"terminal: riccati | scaled; got {self.terminal}")
         _require(self.max_tilt < np.pi, "max_tilt must be below pi [rad]")
         return self
 
@@ -52,7 +54,7 @@ class MpcConfig:
 
     @property
     def P(self) -> np.ndarray:
-        """(13,) diagonal terminal weight."""
+        """(13,) diagonal terminal weight of `terminal: scaled`."""
         scale = np.ones(13)
         scale[0:3] = scale[7:10] = self.terminal_scale
         return scale * self.Q

@@ -26,7 +26,9 @@ class ReferenceConfig:
     def check(self) -> "ReferenceConfig":
         """Returns self; raises ValueError on an unknown track or an impossible size."""
         if self.track not in ("circle", "lemniscate", "hover"):
-            raise ValueError(f"ReferenceConfig: track must be circle, lemniscate or hover; got {self.track!r}.")
+            raise ValueError(
+                f"ReferenceConfig: track must be circle, lemniscate or hover; got {self.track!r}."
+            )
         for name in ("radius", "length", "width", "height", "speed"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"ReferenceConfig: {name} must be positive; got {getattr(self, name)}.")

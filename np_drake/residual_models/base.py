@@ -41,6 +41,11 @@ class WrenchForecast:
     z: np.ndarray
     offset: np.ndarray
 
+    @property
+    def first(self) -> np.ndarray:
+        """(6,) chi_0 [N, N·m]."""
+        return self.C @ self.z + self.offset[0]
+
     def rollout(self, zeta: np.ndarray) -> np.ndarray:
         """(N, 6) chi_hat for given (N, 6) zeta."""
         chi = np.array(self.offset, float)

@@ -1,0 +1,138 @@
+"""Controllers by name: the same MPC with another residual model."""
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+
+from np_drake.labels import LabelConfig
+from np_drake.mpc.controller import MpcController
+from np_drake.mpc.problem import MpcConfig
+from np_drake.mpc.solvers import SOLVERS, make_solver
+from np_drake.references.base import Reference
+from np_drake.residual_models.base import ResidualModel
+from np_drake.residual_models.disturbance_observer import DisturbanceObserver
+from np_drake.residual_models.hold import Hold
+from np_drake.residual_models.oracle import TrueModel
+from np_drake.vehicle import Vehicle
+from systems.neural_predictor import NeuralPredictor
+from systems.np_mpc import NpMpc
+from systems.reference_source import ReferenceSource
+from systems.residual_predictor import ResidualPredictor
+from systems.wrench_estimator import WrenchEstimator
+from systems.wrench_oracle import WrenchOracle
+
+CONTROLLERS = ("nominal", "hold", "observer", "oracle", "np")
+
+
+@dc.dataclass
+class ControllerConfig:
+    """Which controller flies, and how."""
+
+    kind: str = "nominal"  # nominal | hold | observer | oracle | np
+    extra_mass: float = 0.0  # that controller and estimator are told to add to the vehicle's [kg]
+    predictor: str = ""  # model file of kind np; empty for the one that ships with the package
+    period: float = 0.02  # between solves, and between samples of the predictor [s]
+    solver: str = "ipopt"  # ipopt | sqp | ipopt_multiple_shooting
+    deadline: float = np.inf  # a solve that takes longer is discarded as late [s]
+    mpc: MpcConfig = dc.field(default_factory=MpcConfig)
+    label: LabelConfig = dc.field(default_factory=LabelConfig)
+
+    def check(self) -> "ControllerConfig":
+        """Returns self; raises ValueError on an unknown kind or solver or steps that do not fit."""
+        self.mpc.check()
+        self.label.check()
+        if self.kind not in CONTROLLERS:
+            raise ValueError(f"controller: must be one of {', '.join(CONTROLLERS)}; got {self.kind!r}.")
+        if self.solver not in SOLVERS:
+            raise ValueError(f"controller: solver must be one of {', '.join(SOLVERS)}; got {self.solver!r}.")
+        if not self.period > 0 or not self.deadline > 0:
+            raise ValueError("controller: period and deadline must be positive [s].")
+        if abs(self.stride * self.period - self.mpc.step) > 1e-9:
+            raise ValueError(
+                f"controller: mpc.step must be a whole multiple of period; got {self.mpc.step}, {self.period}."
+            )
+        return self
+
+    def believed(self, vehicle: Vehicle) -> Vehicle:
+        """The vehicle that controller and estimator reckon with."""
+        return vehicle.with_mass(vehicle.mass + self.extra_mass)
+
+    @property
+    def stride(self) -> int:
+        """Predictor steps in one MPC step."""
+        return max(1, round(self.mpc.step / self.period))
+
+
+def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel | None:
+    """The residual model of `config.kind`; None for nominal and for the oracle, which is no model."""
+    if config.kind == "hold":
+        return Hold(step=config.period)
+    if config.kind == "observer":
+        return DisturbanceObserver(vehicle, step=config.period)
+    if config.kind == "np":
+        from np_drake.residual_models.neural_predictor import load_predictor
+
+        model = load_predictor(config.predictor or None)
+        if abs(model.step - config.period) > 1e-9:
+            raise ValueError(
+                f"controller: the predictor's step must equal the period; got {model.step}, {config.period}."
+            )
+        return model
+    return None
+
+
+def add_controller(
+    builder: DiagramBuilder,
+    config: ControllerConfig,
+    vehicle: Vehicle,
+    reference: Reference,
+    rig: Diagram,
+    *,
+    truth: Diagram | None = None,
+    true_model: TrueModel | None = None,
+) -> dict[str, OutputPort]:
+    """Adds reference source, estimator, predictor and MPC; returns their vector ports by signal name.
+
+    Args:
+        vehicle: the nominal vehicle.   rig: has the measured `x` and `acceleration`.
+        truth, true_model: the real vehicle and all that acts on it; for the oracle alone.
+    """
+    believed = config.believed(vehicle)
+    N, period = config.mpc.horizon, config.period
+    source = builder.AddNamedSystem("reference", ReferenceSource(reference, horizon=N, step=config.mpc.step))
+    estimator = builder.AddNamedSystem(
+        "wrench_estimator", WrenchEstimator(believed, config.label, step=period)
+    )
+    solver = make_solver(config.solver, believed, config.mpc)
+    mpc = builder.AddNamedSystem(
+        "np_mpc",
+        NpMpc(MpcController(believed, config.mpc, solver, period=period, deadline=config.deadline)),
+    )
+    builder.Connect(rig.GetOutputPort("x"), mpc.GetInputPort("x"))
+    builder.Connect(source.GetOutputPort("flat"), mpc.GetInputPort("flat"))
+    builder.Connect(rig.GetOutputPort("x"), estimator.GetInputPort("x"))
+    builder.Connect(rig.GetOutputPort("acceleration"), estimator.GetInputPort("acceleration"))
+    builder.Connect(mpc.GetOutputPort("u"), estimator.GetInputPort("u"))
+    ports = {"u": mpc.GetOutputPort("u"), "label": estimator.GetOutputPort("last_label")}
+    model = make_residual_model(config, believed)
+    if model is not None:
+        kind = NeuralPredictor if config.kind == "np" else ResidualPredictor
+        predictor = builder.AddNamedSystem("predictor", kind(model, horizon=N, stride=config.stride))
+        builder.Connect(rig.GetOutputPort("x"), predictor.GetInputPort("x"))
+        builder.Connect(mpc.GetOutputPort("u"), predictor.GetInputPort("u"))
+        builder.Connect(estimator.GetOutputPort("label"), predictor.GetInputPort("label"))
+        builder.Connect(predictor.GetOutputPort("forecast"), mpc.GetInputPort("forecast"))
+        ports["chi_hat"] = predictor.GetOutputPort("chi_hat")
+    elif config.kind == "oracle":
+        if truth is None or true_model is None:
+            raise ValueError("controller: the oracle needs the real vehicle; there is none here.")
+        oracle = builder.AddNamedSystem("oracle", WrenchOracle(true_model, config.mpc, period=period))
+        builder.Connect(truth.GetOutputPort("plant_state"), oracle.GetInputPort("plant_state"))
+        builder.Connect(truth.GetOutputPort("rotor_thrust"), oracle.GetInputPort("rotor_thrust"))
+        for name in ("plan_u", "plan_x"):
+            builder.Connect(mpc.GetOutputPort(name), oracle.GetInputPort(name))
+        builder.Connect(oracle.GetOutputPort("forecast"), mpc.GetInputPort("forecast"))
+    ports |= {name: mpc.GetOutputPort(name) for name in ("status", "solve_time", "plan_x", "plan_chi")}
+    ports["p_ref"] = source.GetOutputPort("position")
+    return ports

@@ -1,0 +1,157 @@
+"""Wrench labels: eq. (1) inverted from what a vehicle measures, and a causal low-pass.
+
+Raw label = rigid_body.residual_wrench(q, w, a, al, command); chi = low-pass(raw label), force and torque
+with a bandwidth each. Where the vehicle file has a `rotor_time_constant`, the command goes through that lag
+first, on rotor speed. A row with NaN gets a NaN label and leaves the memory as it was: the next good row
+carries on.
+"""
+
+import dataclasses as dc
+
+import numpy as np
+from scipy import signal
+
+from np_drake import rigid_body
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.rotor_input import acting_command, rotor_decay, rotor_speed, rotor_wrench
+from np_drake.residual_models.base import Memory
+from np_drake.vehicle import Vehicle
+
+FORCE, TORQUE = slice(0, 3), slice(3, 6)
+
+
+@dc.dataclass
+class LabelConfig:
+    """The causal low-pass on the raw labels. Source of the 4 Hz: prototype flights, own choice."""
+
+    force_bandwidth: float = 4.0  # [Hz], -3 dB
+    torque_bandwidth: float = 4.0  # [Hz], -3 dB
+    order: int = 1  # Butterworth; 1 is the first-order lag
+
+    def check(self) -> "LabelConfig":
+        """Returns self; raises ValueError where a figure is impossible."""
+        for name in ("force_bandwidth", "torque_bandwidth"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise ValueError(f"LabelConfig: {name} must be positive [Hz]; got {getattr(self, name)}.")
+        if self.order not in (1, 2, 3, 4):
+            raise ValueError(f"LabelConfig: order must be 1 … 4; got {self.order}.")
+        return self
+
+    def filters(self, step: float) -> list[tuple[slice, np.ndarray]]:
+        """(channels, second-order sections) of force and torque at a sampling interval [s]."""
+        bands = ((FORCE, self.force_bandwidth), (TORQUE, self.torque_bandwidth))
+        return [(channels, self._sections(bandwidth, step)) for channels, bandwidth in bands]
+
+    def _sections(self, bandwidth: float, step: float) -> np.ndarray:
+        nyquist = 0.5 / step
+        if bandwidth >= nyquist:
+            raise ValueError(
+                f"LabelConfig: bandwidth must lie below half the sampling rate, {nyquist:.3g} Hz; "
+                f"got {bandwidth:.3g} Hz."
+            )
+        return signal.butter(self.order, bandwidth / nyquist, output="sos")
+
+
+class LabelFilter:
+    """The streaming form: one sample at a time, all memory in the caller's dictionary.
+
+    Args:
+        step: time between samples [s].
+        through_lag: pass the command through the vehicle file's rotor lag (False: `u` is what acts already).
+    """
+
+    def __init__(
+        self, vehicle: Vehicle, config: LabelConfig | None = None, *, step: float, through_lag: bool = True
+    ):
+        if not 0 < step < np.inf:
+            raise ValueError(f"LabelFilter: step must be positive [s]; got {step}.")
+        self._vehicle = vehicle
+        self._filters = (config or LabelConfig()).check().filters(step)
+        self._sections = len(self._filters[0][1])
+        self._decay = rotor_decay(vehicle, step) if through_lag else 0.0
+
+    def initial_memory(self) -> Memory:
+        """started (1,): 0 or 1; rotor (4,): lagged rotor speed [rad/s], NaN before the first sample;
+        state (sections, 2, 6): of the filters."""
+        return {
+            "started": np.zeros(1),
+            "rotor": np.full(4, np.nan),
+            "state": np.zeros((self._sections, 2, 6)),
+        }
+
+    def step(
+        self, memory: Memory, *, x: np.ndarray, a: np.ndarray, al: np.ndarray, u: np.ndarray
+    ) -> tuple[Memory, np.ndarray]:
+        """Takes one sample and answers with its label.
+
+        Args:
+            x: (13,) state.  a: (3,) dv/dt in W, without gravity [m/s²].  al: (3,) dw/dt in B [rad/s²].
+            u: (4,) command that a and al show the effect of: online, the one that acted up to now [N, N·m].
+        Returns:
+            The memory after this sample, and chi (6,) [N, N·m], NaN where a figure of the sample is.
+        """
+        rotor, u = self._lagged(memory["rotor"], np.asarray(u, float))
+        raw = rigid_body.residual_wrench(self._vehicle, q=x[rigid_body.Q], w=x[rigid_body.W], a=a, al=al, u=u)
+        if not np.all(np.isfinite(raw)):
+            return {**memory, "rotor": rotor}, np.full(6, np.nan)
+        state, chi = memory["state"].copy(), np.empty(6)
+        for channels, sos in self._filters:
+            value = raw[None, channels]
+            if not memory["started"][0]:
+                state[:, :, channels] = signal.sosfilt_zi(sos)[:, :, None] * value
+            filtered, state[:, :, channels] = signal.sosfilt(sos, value, axis=0, zi=state[:, :, channels])
+            chi[channels] = filtered[0]
+        return {"started": np.ones(1), "rotor": rotor, "state": state}, chi
+
+    def _lagged(self, rotor: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rotor speed and wrench after `u` acted for one step; a NaN command leaves the speed."""
+        if self._decay == 0.0:
+            return rotor, u
+        if not np.all(np.isfinite(u)):
+            return rotor, np.full(4, np.nan)
+        target = rotor_speed(self._vehicle, u)
+        rotor = target if np.isnan(rotor[0]) else target + self._decay * (rotor - target)
+        return rotor, rotor_wrench(self._vehicle, rotor)
+
+
+def raw_labels(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
+    """(n, 6) unfiltered labels [N, N·m], row k's command (through the lag) with row k's acceleration.
+
+    Raises: ValueError: where the log has no acceleration (see `logs.accelerations.with_accelerations`).
+    """
+    if log.a is None or log.al is None:
+        raise ValueError(f"labels: {log.name} must have acceleration columns; differentiate the log first.")
+    u = acting_command(log, vehicle)
+    return rigid_body.residual_wrench(vehicle, q=log.q, w=log.w, a=log.a, al=log.al, u=u)
+
+
+def labels(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None) -> np.ndarray:
+    """(n, 6) causal low-passed labels chi [N, N·m]; NaN where a row has NaN, the filter carries on after."""
+    raw = raw_labels(log, vehicle)
+    good = np.all(np.isfinite(raw), axis=1)
+    chi = np.full_like(raw, np.nan)
+    if not good.any():
+        return chi
+    for channels, sos in (config or LabelConfig()).check().filters(log.step):
+        value = raw[good, channels]
+        start = signal.sosfilt_zi(sos)[:, :, None] * value[0]
+        chi[good, channels], _ = signal.sosfilt(sos, value, axis=0, zi=start)
+    return chi
+
+
+def smooth_labels(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None) -> np.ndarray:
+    """(n, 6) zero-phase labels [N, N·m]: targets for training and truth for figures, never for a controller.
+
+    The same filter forth and back (-6 dB at the bandwidth). NaN rows are bridged by a line, and stay NaN.
+    """
+    raw = raw_labels(log, vehicle)
+    good = np.all(np.isfinite(raw), axis=1)
+    chi = np.full_like(raw, np.nan)
+    if not good.any():
+        return chi
+    bridged = np.stack([np.interp(log.t, log.t[good], column[good]) for column in raw.T], axis=1)
+    for channels, sos in (config or LabelConfig()).check().filters(log.step):
+        padding = min(len(bridged) - 1, 3 * (2 * len(sos) + 1))
+        smooth = signal.sosfiltfilt(sos, bridged[:, channels], axis=0, padlen=padding)
+        chi[good, channels] = smooth[good]
+    return chi

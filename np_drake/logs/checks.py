@@ -1,0 +1,85 @@
+"""Is a table a usable flight log? The first fault is raised, with its place and its remedy."""
+
+import numpy as np
+
+from np_drake.logs.columns import COLUMNS
+from np_drake.logs.table import Table
+
+LEAST_ROWS = 20  # own choice: below it nothing can be filtered or differentiated
+GAP = 2.5  # median intervals between two rows that count as a gap
+NORM_TOLERANCE = 0.01  # of a quaternion [1]; rounding to two decimals stays inside
+STEP_RANGE = (5e-5, 0.25)  # plausible sampling intervals [s]
+
+
+def check_table(table: Table, fields: list[str]) -> None:
+    """Raises LogError at the first fault of the fields' columns."""
+    table.require_cells()
+    if len(table) < LEAST_ROWS:
+        raise table.error(f"must have at least {LEAST_ROWS} rows; got {len(table)}.")
+    _check_finite(table, fields)
+    _check_time(table)
+    off = np.flatnonzero(np.abs(quaternion_norm(table) - 1) > NORM_TOLERANCE)
+    if off.size:
+        norm = quaternion_norm(table)[off[0]]
+        raise table.error(
+            f"the quaternion's norm must be 1; got {norm:.4g}{_more(off)}. "
+            "Use --repair to normalise a few rows.",
+            column="qw",
+            row=int(off[0]),
+        )
+
+
+def _check_finite(table: Table, fields: list[str]) -> None:
+    names = [name for field in fields for name in COLUMNS[field]]
+    bad = ~np.isfinite(table.array(tuple(names)))
+    rows = np.flatnonzero(bad.any(axis=1))
+    if rows.size:
+        row = int(rows[0])
+        name = names[int(np.flatnonzero(bad[row])[0])]
+        raise table.error(
+            f"must be finite; got {table.columns[name][row]}{_more(rows)}. "
+            "Use --repair to interpolate a few rows.",
+            column=name,
+            row=row,
+        )
+
+
+def _check_time(table: Table) -> None:
+    """Time must increase, at a plausible rate, without gaps."""
+    t = table.columns["t"]
+    interval = np.diff(t)
+    back = np.flatnonzero(interval <= 0)
+    if back.size:
+        row = int(back[0]) + 1
+        raise table.error(
+            f"time must increase; got {t[row]:.9g} s after {t[row - 1]:.9g} s{_more(back)}. "
+            "Sort the rows, or use --repair to leave a few out.",
+            column="t",
+            row=row,
+        )
+    step = float(np.median(interval))
+    if not STEP_RANGE[0] <= step <= STEP_RANGE[1]:
+        raise table.error(
+            f"rows must be {STEP_RANGE[0]:g} … {STEP_RANGE[1]:g} s apart; got {step:.4g}. "
+            "Is time in seconds (not ms, µs or ns)?",
+            column="t",
+        )
+    gaps = np.flatnonzero(interval > GAP * step)
+    if gaps.size:
+        row = int(gaps[0]) + 1
+        raise table.error(
+            f"must have no gap; got {interval[row - 1]:.4g} s where rows are {step:.4g} s apart"
+            f"{_more(gaps)}. "
+            "Cut the log there, or use --repair to bridge short ones.",
+            column="t",
+            row=row,
+        )
+
+
+def quaternion_norm(table: Table) -> np.ndarray:
+    """(n,) norm of q [1]."""
+    return np.linalg.norm(table.array(COLUMNS["q"]), axis=1)
+
+
+def _more(rows: np.ndarray) -> str:
+    return f" (and {len(rows) - 1} rows more)" if len(rows) > 1 else ""

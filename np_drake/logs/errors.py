@@ -1,0 +1,17 @@
+"""What a reader says when a log is not usable."""
+
+
+class LogError(ValueError):
+    """One line: file, column, row (1 is the first data row; line counts the header) and the remedy."""
+
+
+def place(path: object, *, column: str | None = None, row: int | None = None, header_lines: int = 1) -> str:
+    """'flight.csv, column vx, row 57 (line 58)'; `row` counts from 0 as arrays do."""
+    text = str(path)
+    if column is not None:
+        text += f", column {column}"
+    if row is not None:
+        text += f", row {row + 1}"
+        if header_lines:
+            text += f" (line {row + 1 + header_lines})"
+    return text

@@ -1,0 +1,139 @@
+"""Real flights: the two forms of the NeuroBEM data set (Bauersfeld et al. 2021).
+
+- CSV, 29 columns ("processed data"): body velocity, specific force and measured rotor speed -> FlightLog.
+- NPY, 12 columns: body velocity, body rates, and the *total* wrench in *body* axes -> WrenchSequence. That
+  wrench is no residual: never mix it with chi of a FlightLog.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.logs.checks import check_table
+from np_drake.logs.columns import COLUMNS
+from np_drake.logs.csv_file import read_csv
+from np_drake.logs.errors import LogError, place
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.repair import repair as repair_table
+from np_drake.logs.rotor_input import with_rotor_input
+from np_drake.logs.table import Table
+from np_drake.logs.units import check_units
+from np_drake.logs.wrench_sequence import WrenchSequence
+from np_drake.vehicle import Vehicle
+
+GRAVITY = 9.81  # [m/s²]; the CSV's hover reading of specific force
+NPY_STEP = 0.0025  # of the arrays [s]
+FIRST_COLUMNS = b"t,ang acc x,"  # how such a CSV begins
+_AXES = "xyz"
+SOURCE_COLUMNS: dict[str, tuple[str, ...]] = {
+    "t": ("t",),
+    "p": tuple(f"pos {i}" for i in _AXES),
+    "q": ("quat w", "quat x", "quat y", "quat z"),
+    "v": tuple(f"vel {i}" for i in _AXES),  # body axes
+    "w": tuple(f"ang vel {i}" for i in _AXES),
+    "a": tuple(f"acc {i}" for i in _AXES),  # specific force, body axes
+    "al": tuple(f"ang acc {i}" for i in _AXES),
+    "rotor": tuple(f"mot {i}" for i in (1, 2, 3, 4)),
+}
+
+
+def published_vehicle() -> Vehicle:
+    """The quadrotor as published with the data; of its figures, flight shows only thrust coefficient / mass.
+
+    Rotor order (rear right, front right, rear left, front left) and directions: own identification, the
+    signs of J dw/dt + w x J w regressed on squared rotor speed in three agile flights. max_rotor_thrust: own
+    choice, above the 6.8 N of the fastest rotor in the data.
+    """
+    x, y = 0.075, 0.10
+    return Vehicle(
+        name="neurobem",
+        mass=0.752,
+        inertia=[[0.0025, 0.0, 0.0], [0.0, 0.0021, 0.0], [0.0, 0.0, 0.0043]],
+        gravity=GRAVITY,
+        rotor_positions=[[-x, -y, 0.0], [x, -y, 0.0], [-x, y, 0.0], [x, y, 0.0]],
+        rotor_directions=[1.0, -1.0, -1.0, 1.0],
+        thrust_coefficient=1.56e-6,
+        torque_coefficient=0.022 * 1.56e-6,
+        rotor_radius=0.064,
+        max_rotor_thrust=8.5,
+        logged_point="center_of_mass",
+        input="rotor_speed",
+    ).check()
+
+
+def read_neurobem(path: str | Path, *, vehicle: Vehicle | None = None, repair: bool = False) -> FlightLog:
+    """Reads a 29-column CSV into our frames: a = R acc - g z, v = R vel, u from rotor speed.
+
+    Args:   vehicle: default `published_vehicle()`.   repair: mend a few bad rows.
+    Raises: LogError: one line with file, column (by our name) and row; OSError: if it cannot be opened.
+    """
+    table = _renamed(read_csv(path))
+    fields = list(SOURCE_COLUMNS)
+    table, notes = repair_table(table, fields) if repair else (table, [])
+    check_table(table, fields)
+    raw = {field: table.array(COLUMNS[field]) for field in fields}
+    q = raw["q"] / np.linalg.norm(raw["q"], axis=1, keepdims=True)
+    log = FlightLog(
+        t=raw["t"][:, 0],
+        p=raw["p"],
+        q=q,
+        v=attitude.rotate(q, raw["v"]),
+        w=raw["w"],
+        u=np.full((len(table), 4), np.nan),
+        a=attitude.rotate(q, raw["a"]) - [0.0, 0.0, GRAVITY],
+        al=raw["al"],
+        rotor=raw["rotor"],
+        name=Path(path).name.removesuffix(".gz").removesuffix(".csv").removeprefix("merged_"),
+        notes=notes,
+    )
+    log = with_rotor_input(log, vehicle or published_vehicle())
+    check_units(log, path, vehicle)
+    return log
+
+
+def read_neurobem_npy(path: str | Path) -> WrenchSequence:
+    """Reads a 12-column array: v (body), omega, f, tau -> zeta, chi, both in body axes, total wrench.
+
+    Raises: LogError: if the file is no such array (pickled ones are refused); OSError: if it cannot open.
+    """
+    try:
+        data = np.load(path, allow_pickle=False)
+    except (ValueError, EOFError) as error:
+        raise LogError(
+            f"{path}: must be a plain NumPy array (.npy); cut off or pickled files are refused."
+        ) from error
+    if (
+        not isinstance(data, np.ndarray)
+        or data.ndim != 2
+        or data.shape[1] != 12
+        or data.dtype.kind not in "fiu"
+    ):
+        shape = getattr(data, "shape", "an archive")
+        raise LogError(f"{path}: must hold numbers of shape (n, 12): v, omega, f, tau; got {shape}.")
+    data = data.astype(float)
+    bad = np.argwhere(~np.isfinite(data))
+    if bad.size:
+        row, column = map(int, bad[0])
+        raise LogError(f"{place(path, column=str(column + 1), row=row, header_lines=0)}: must be finite.")
+    name = Path(path).stem.removeprefix("merged_")
+    note = "total wrench in body axes (0.752 kg x specific force less 9.8 m/s²), not a residual"
+    return WrenchSequence(NPY_STEP, data[:, 6:], data[:, :6], "body", name, total=True, notes=[note]).check()
+
+
+def _renamed(table: Table) -> Table:
+    """The table under our column names, still in the data set's frames.
+
+    Raises: LogError: if a column is missing.
+    """
+    columns = {}
+    for field, sources in SOURCE_COLUMNS.items():
+        for source, name in zip(sources, COLUMNS[field], strict=True):
+            if source not in table.columns:
+                raise table.error("is missing; a NeuroBEM file has 29 columns.", column=source)
+            columns[name] = table.columns[source]
+    names = {
+        s: n for field in SOURCE_COLUMNS for s, n in zip(SOURCE_COLUMNS[field], COLUMNS[field], strict=True)
+    }
+    unreadable = [(row, names.get(column, column), text) for row, column, text in table.unreadable]
+    return Table(table.path, columns, unreadable, table.ragged)

@@ -1,0 +1,34 @@
+"""Opens whatever flight file a user holds."""
+
+import gzip
+from pathlib import Path
+
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.log_file import read_log
+from np_drake.logs.neurobem import FIRST_COLUMNS, read_neurobem, read_neurobem_npy
+from np_drake.logs.wrench_sequence import WrenchSequence
+from np_drake.vehicle import Vehicle
+
+
+def open_log(
+    path: str | Path, *, vehicle: Vehicle | None = None, repair: bool = False
+) -> FlightLog | WrenchSequence:
+    """Our own logs and NeuroBEM CSV as a FlightLog, a NeuroBEM array (.npy) as a WrenchSequence.
+
+    Raises: LogError: one line with file, column, row and remedy; OSError: if the file cannot be opened.
+    """
+    if str(path).endswith(".npy"):
+        return read_neurobem_npy(path)
+    if str(path).endswith((".csv", ".csv.gz")) and _first_bytes(path).startswith(FIRST_COLUMNS):
+        return read_neurobem(path, vehicle=vehicle, repair=repair)
+    return read_log(path, vehicle=vehicle, repair=repair)
+
+
+def _first_bytes(path: str | Path) -> bytes:
+    """The beginning of the text; nothing where the file cannot be unpacked (the reader says why)."""
+    opener = gzip.open if str(path).endswith(".gz") else open
+    try:
+        with opener(path, "rb") as stream:
+            return bytes(stream.read(len(FIRST_COLUMNS)))
+    except (gzip.BadGzipFile, EOFError):
+        return b""

@@ -1,0 +1,105 @@
+"""Wrong units by orders of magnitude: what was integrated must match what was measured.
+
+Over windows of half a second, the change of position is compared with the integral of velocity, attitude
+with body rates, velocity with acceleration, each as a spread about its own mean (so a bias is not a unit).
+Thrust is compared with weight.  Source: own choice; thresholds tried on 43 NeuroBEM flights.
+"""
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.logs.errors import LogError, place
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.rotor_input import rotor_wrench
+from np_drake.vehicle import Vehicle
+
+WINDOW = 0.5  # [s]
+RATIO = 6.0  # more than noise, wind-up or effects make; less than g, degrees or millimetres
+FASTEST_ROTOR = 5000.0  # [rad/s]; 48,000 rpm
+LEAST = {
+    "position": 0.2,
+    "attitude": 0.2,
+    "velocity": 0.5,
+    "rates": 1.0,
+}  # spread below which nothing is said
+
+
+def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) -> None:
+    """Raises LogError if a column is off by orders of magnitude. path: named in the message."""
+    m = max(1, round(WINDOW / log.step))
+    if len(log) > 2 * m:
+        p, v, w = _change(log.p, m), _change(log.v, m), _change(log.w, m)
+        _compare(path, "px", "vx", p, _integral(log.v, log.t, m), "position")
+        _compare(path, "qw", "wx", _turn(log.q, m), _integral(log.w, log.t, m), "attitude")
+        if log.a is not None:
+            _compare(path, "vx", "ax", v, _integral(log.a, log.t, m), "velocity")
+            _check_gravity(log.a, log, path)
+        if log.al is not None:
+            _compare(path, "wx", "alx", w, _integral(log.al, log.t, m), "rates")
+    if log.rotor is not None and np.abs(log.rotor).max() > FASTEST_ROTOR:
+        raise LogError(
+            f"{place(path, column='rotor1')}: rotor speed must be below {FASTEST_ROTOR:g} rad/s; "
+            f"got {np.abs(log.rotor).max():.4g}. Is it in rpm?"
+        )
+    if vehicle is not None:
+        _check_thrust(log, path, vehicle)
+
+
+def _compare(path: object, left: str, right: str, change: np.ndarray, sum_: np.ndarray, kind: str) -> None:
+    a, b = _spread(change), _spread(sum_)
+    if max(a, b) < LEAST[kind] or RATIO * min(a, b) > max(a, b):
+        return
+    raise LogError(
+        f"{place(path, column=left)}: {kind} and its rate ({right} …) must agree; over {WINDOW} s {left} … "
+        f"changes {a:.2g}, the integral of {right} … {b:.2g}. One of them is not in SI units "
+        "(m, m/s, rad/s, m/s²), or not in its frame."
+    )
+
+
+def _check_gravity(a: np.ndarray, log: FlightLog, path: object) -> None:
+    """Mean vertical acceleration must be what the velocity says, not that plus g."""
+    surplus = float(np.mean(a[:, 2]) - (log.v[-1, 2] - log.v[0, 2]) / (log.t[-1] - log.t[0]))
+    if abs(abs(surplus) - 9.81) < 2.0:
+        raise LogError(
+            f"{place(path, column='az')}: acceleration must be dv/dt in W, without gravity; "
+            f"its mean exceeds dv/dt by {surplus:.3g} m/s². "
+            "Rotate the accelerometer's reading to W and subtract g."
+        )
+
+
+def _check_thrust(log: FlightLog, path: object, vehicle: Vehicle) -> None:
+    """The upper range of thrust, commanded and from rotor speed, must be comparable with weight."""
+    weight = vehicle.mass * vehicle.gravity
+    thrusts = {"thrust": log.u[:, 0]}
+    if log.rotor is not None:
+        thrusts["rotor1"] = rotor_wrench(vehicle, log.rotor)[:, 0]
+    for column, thrust in thrusts.items():
+        high = float(np.nanpercentile(np.abs(thrust), 95)) if np.isfinite(thrust).any() else weight
+        if not weight / RATIO < high < RATIO * weight:
+            raise LogError(
+                f"{place(path, column=column)}: thrust must be comparable with the weight of vehicle "
+                f"{vehicle.name!r}, {weight:.3g} N; got {high:.3g} N. Is it in N (rotor speed in rad/s), "
+                "and the vehicle file the right one?"
+            )
+
+
+def _change(value: np.ndarray, m: int) -> np.ndarray:
+    return value[m:] - value[:-m]
+
+
+def _integral(rate: np.ndarray, t: np.ndarray, m: int) -> np.ndarray:
+    """(n - m, 3) the integral of `rate` over m intervals."""
+    area = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t)[:, None]
+    return _change(np.concatenate([np.zeros((1, 3)), np.cumsum(area, axis=0)]), m)
+
+
+def _turn(q: np.ndarray, m: int) -> np.ndarray:
+    """(n - m, 3) the sum of small turns in body axes over m intervals [rad]."""
+    back = q[:-1] * [1.0, -1.0, -1.0, -1.0]
+    turn = attitude.multiply(back, q[1:])
+    small = 2 * turn[:, 1:] * np.sign(turn[:, :1])
+    return _change(np.concatenate([np.zeros((1, 3)), np.cumsum(small, axis=0)]), m)
+
+
+def _spread(value: np.ndarray) -> float:
+    return float(np.sqrt(np.sum(np.var(value, axis=0))))

@@ -1,0 +1,32 @@
+"""Figures of a flight."""
+
+import numpy as np
+
+
+def tracking_errors(p: np.ndarray, p_ref: np.ndarray) -> dict[str, float]:
+    """E_xy = sqrt(mean(ex² + ey²)), E_z = sqrt(mean(ez²)), position_rmse [m] of (n, 3) positions."""
+    square = np.mean((p - p_ref) ** 2, axis=0)
+    return {
+        "E_xy": float(np.sqrt(square[0] + square[1])),
+        "E_z": float(np.sqrt(square[2])),
+        "position_rmse": float(np.sqrt(square.sum())),
+    }
+
+
+def wrench_rmse(chi_hat: np.ndarray, chi: np.ndarray) -> dict[str, float]:
+    """Root mean square of the error's norm, force [N] and torque [N·m], of (n, 6) wrenches."""
+    error = chi_hat - chi
+    return {
+        "force": float(np.sqrt(np.mean(np.sum(error[:, :3] ** 2, axis=1)))),
+        "torque": float(np.sqrt(np.mean(np.sum(error[:, 3:] ** 2, axis=1)))),
+    }
+
+
+def solve_times_ms(seconds: np.ndarray) -> dict[str, float]:
+    """median, p95, max [ms]."""
+    ms = 1e3 * np.asarray(seconds, float)
+    return {
+        "median": float(np.median(ms)),
+        "p95": float(np.quantile(ms, 0.95)),
+        "max": float(np.max(ms)),
+    }

@@ -1,0 +1,123 @@
+"""Single shooting over the rotor thrusts: rollout, exact sensitivities and the Gauss-Newton model.
+
+The decision is T (N, 4), u = mixer T, so that the hard input set is a plain box. The lifted linear system is linear in the
+predicted zeta and is eliminated exactly (`horizon.eliminate`); nothing here grows with K.
+"""
+
+import dataclasses as dc
+
+import numpy as np
+from scipy.linalg.blas import dsyrk
+
+from np_drake.mpc.dynamics import DiscreteDynamics
+from np_drake.mpc.horizon import Horizon, prepare
+from np_drake.mpc.objective import Objective, SoftRows
+from np_drake.mpc.problem import MpcConfig, MpcProblem
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class Trajectory:
+    """A rollout: T (N, 4) [N], u (N, 4), x (N+1, 13), chi (N, 6), slacks (3,), merit = cost and penalty."""
+
+    T: np.ndarray
+    u: np.ndarray
+    x: np.ndarray
+    chi: np.ndarray
+    slacks: np.ndarray
+    merit: float
+
+    @property
+    def finite(self) -> bool:
+        """Whether the rollout stayed within the numbers."""
+        return bool(np.isfinite(self.merit))
+
+
+@dc.dataclass(frozen=True)
+class LocalModel:
+    """merit(d) ~ d'Hd/2 + g'd + const and soft rows, d = change of T.ravel() (n,).
+
+    hessian: (n, n) lower triangle only.   gradient: (n,).   rows: SoftRows with n columns.
+    """
+
+    hessian: np.ndarray
+    gradient: np.ndarray
+    rows: SoftRows
+
+
+class Condensed:
+    """The reduced problem; workspaces only, wholly overwritten by every call."""
+
+    def __init__(self, vehicle: Vehicle, config: MpcConfig):
+        self.vehicle, self.config = vehicle, config
+        self.objective = Objective(config)
+        self.dynamics = DiscreteDynamics(vehicle, config.step)
+        n = config.horizon
+        self.size = 4 * n
+        self._Q_root = np.sqrt(config.Q)
+        R = vehicle.mixer.T @ (config.R[:, None] * vehicle.mixer)
+        self._R = np.kron(np.eye(n), 2 * R)
+
+    def prepare(self, problem: MpcProblem) -> Horizon:
+        """See `horizon.prepare`."""
+        return prepare(problem, self.vehicle, self.config)
+
+    def clip(self, T: np.ndarray) -> np.ndarray:
+        """The hard input set."""
+        return np.clip(T, 0.0, self.vehicle.max_rotor_thrust)
+
+    def rollout(self, h: Horizon, T: np.ndarray) -> Trajectory:
+        """Follows the thrusts T (N, 4) [N] from h.x0."""
+        n = self.config.horizon
+        u = T @ self.vehicle.mixer.T
+        x = np.empty((n + 1, 13))
+        chi = h.free.copy()
+        zeta = np.empty(6 * n)
+        coupled = h.markov.size > 0
+        x[0] = h.x0
+        state, inputs = h.x0.tolist(), u.tolist()
+        advance = self.dynamics.advance
+        for i in range(n):
+            if coupled and i:
+                chi[i] += h.markov[:, -6 * i :] @ zeta[: 6 * i]
+            zeta[6 * i : 6 * i + 6] = state[7:]
+            state = advance(state, inputs[i], chi[i].tolist())
+            x[i + 1] = state
+        slacks = self.objective.slacks(h, x)
+        merit = self.objective.cost(h, x, u) + self.objective.penalty(slacks)
+        return Trajectory(T, u, x, chi, slacks, merit)
+
+    def sensitivities(self, h: Horizon, t: Trajectory) -> np.ndarray:
+        """(N, 13, 4N) dx_i/dT for i = 1 … N, the reaction of the wrench to the predicted motion included."""
+        n = self.config.horizon
+        model = self.dynamics.linearise(t.x[:-1], t.u, t.chi)
+        Fu = model.Fu @ self.vehicle.mixer
+        S = np.zeros((n, 13, 4 * n))
+        zeta = np.zeros((6 * n, 4 * n))  # d zeta_0 = 0
+        both = np.zeros((19, 4 * n))  # d[x_i, chi_i]
+        S[0, :, :4] = Fu[0]
+        for i in range(1, n):
+            k = 4 * i
+            both[:13, :k] = S[i - 1, :, :k]
+            if h.markov.size:
+                zeta[6 * i : 6 * i + 6, :k] = S[i - 1, 7:13, :k]
+                both[13:, :k] = h.markov[:, -6 * i :] @ zeta[: 6 * i, :k]
+            S[i, :, :k] = model.Fx[i] @ both[:, :k]
+            S[i, :, k : k + 4] = Fu[i]
+        return S
+
+    def local_model(self, h: Horizon, t: Trajectory) -> LocalModel:
+        """Gauss-Newton Hessian and exact gradient of the cost at t; the rows linearised."""
+        S = self.sensitivities(h, t)
+        G = self._Q_root[:, None] * S
+        G[-1] = h.P_root @ S[-1]
+        hessian = dsyrk(2.0, G.reshape(-1, self.size).T, beta=1.0, c=self._R, lower=1)
+        return LocalModel(hessian, self.gradient(h, t, S), self.objective.rows(h, t.x, S))
+
+    def gradient(self, h: Horizon, t: Trajectory, S: np.ndarray) -> np.ndarray:
+        """(4N,) of the tracking cost over T [1/N]."""
+        e = t.x[1:] - h.x_ref[1:]
+        weighted = 2 * self.config.Q * e
+        weighted[-1] = 2 * h.P @ e[-1]
+        over_inputs = (2 * self.config.R * (t.u - h.u_ref)) @ self.vehicle.mixer
+        return weighted.ravel() @ S.reshape(-1, self.size) + over_inputs.ravel()

@@ -1,0 +1,99 @@
+"""One period of the controller: targets, solve, fallback. Pure in its memory."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake import attitude, rigid_body
+from np_drake.mpc.plan import shift
+from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcSolver, MpcStatus, SolverFailure
+from np_drake.references.flatness import targets
+from np_drake.residual_models.base import WrenchForecast, no_forecast
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class ControllerMemory:
+    """u: (N, 4), x: (N+1, 13), chi: (N, 6) the last plan; flags: [status, solve time (s), 1 if there is a plan]."""
+
+    u: np.ndarray
+    x: np.ndarray
+    chi: np.ndarray
+    flags: np.ndarray
+
+
+class MpcController:
+    """Turns measurement, reference and forecast into a plan; on failure the last plan goes on, then hover.
+
+    Args:
+        vehicle: what the controller believes.   period: time between solves [s].
+        deadline: a solve that takes longer [s] is discarded as late; inf accepts every answer, so that a
+            simulation does not depend on the machine it runs on.
+        target_shift: move the attitude and input references with chi_hat (CONTROL_NOTES).
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        config: MpcConfig,
+        solver: MpcSolver,
+        *,
+        period: float = 0.02,
+        deadline: float = np.inf,
+        target_shift: bool = True,
+    ):
+        self.vehicle, self.config, self.solver = vehicle, config.check(), solver
+        self.period, self.deadline, self._target_shift = period, deadline, target_shift
+
+    def initial_memory(self) -> ControllerMemory:
+        """Hover at the origin; not yet a plan."""
+        N = self.config.horizon
+        x = np.zeros((N + 1, 13))
+        x[:, 3] = 1.0
+        flags = np.array([float(MpcStatus.HOVER), 0.0, 0.0])
+        return ControllerMemory(np.tile(self.vehicle.hover_input, (N, 1)), x, np.zeros((N, 6)), flags)
+
+    def problem(self, x: np.ndarray, flat: np.ndarray, forecast: WrenchForecast | None) -> MpcProblem:
+        """The problem at this instant; references follow the wrench that the reference motion itself would meet.
+
+        Args: x: (13,) measured; flat: (5, N+1, 3) reference motion; forecast: None for the nominal MPC.
+        """
+        N = self.config.horizon
+        forecast = forecast or no_forecast(N)
+        chi = np.zeros((N + 1, 6))
+        if self._target_shift:
+            w_ref = targets(self.vehicle, flat, chi)[0][:, rigid_body.W]
+            chi[:N] = forecast.rollout(np.concatenate([flat[1, :N], w_ref[:N]], axis=1))
+            chi[N] = chi[N - 1]
+        x_ref, u_ref = targets(self.vehicle, flat, chi)
+        x_ref[:, rigid_body.Q] = attitude.same_hemisphere(x_ref[:, rigid_body.Q], x[rigid_body.Q])
+        return MpcProblem(x0=x, x_ref=x_ref, u_ref=self.vehicle.saturate(u_ref[:N]), forecast=forecast)
+
+    def step(
+        self, memory: ControllerMemory, *, x: np.ndarray, flat: np.ndarray, forecast: WrenchForecast | None
+    ) -> ControllerMemory:
+        """The memory after one period."""
+        last = self._last_plan(memory)
+        try:
+            solution = self.solver.solve(self.problem(x, flat, forecast), last)
+            if solution.solve_time > self.deadline:
+                raise SolverFailure(f"{self.solver.name}: answer came after {solution.solve_time:.3f} s.")
+        except SolverFailure:
+            solution = last if last is not None else self._hover(x)
+        flags = np.array([float(solution.status), solution.solve_time, float(last is not None)])
+        if solution.status <= MpcStatus.SQP_FALLBACK:
+            flags[2] = 1.0
+        return ControllerMemory(solution.u, solution.x, solution.chi, flags)
+
+    def _last_plan(self, memory: ControllerMemory) -> MpcSolution | None:
+        if not memory.flags[2]:
+            return None
+        plan = MpcSolution(memory.u, memory.x, memory.chi, MpcStatus.SHIFTED_PLAN, 0.0, 0.0, 0.0, 0)
+        return shift(plan, elapsed=self.period, step=self.config.step)
+
+    def _hover(self, x: np.ndarray) -> MpcSolution:
+        start = self.initial_memory()
+        states = start.x.copy()
+        if np.all(np.isfinite(x)):
+            states[:] = x
+        return MpcSolution(start.u, states, start.chi, MpcStatus.HOVER, np.nan, 0.0, 0.0, 0)

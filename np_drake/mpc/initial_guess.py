@@ -1,0 +1,42 @@
+"""Where a solver starts: the shifted plan, or a rollout under the hover feedback law."""
+
+import numpy as np
+
+from np_drake.mpc.condensed import Condensed, Trajectory
+from np_drake.mpc.horizon import Horizon
+from np_drake.mpc.problem import MpcSolution, SolverFailure
+from np_drake.mpc.terminal import hover_solution
+
+_REACH = 0.5  # position error that the feedback sees at most [m]
+_PACE = 2.0  # velocity error that it sees at most [m/s]
+
+
+def initial_trajectory(
+    condensed: Condensed, h: Horizon, warm_start: MpcSolution | None
+) -> tuple[Trajectory, bool]:
+    """The start and whether it is cold. A warm start that leads nowhere counts as none."""
+    if warm_start is not None and np.shape(warm_start.u) == h.u_ref.shape:
+        T = condensed.clip(warm_start.u @ condensed.vehicle.unmixer.T)
+        if np.isfinite(T).all():
+            t = condensed.rollout(h, T)
+            if t.finite:
+                return t, False
+    t = condensed.rollout(h, feedback_thrusts(condensed, h))
+    if not t.finite:
+        raise SolverFailure("MPC: no finite prediction from this state; check the forecast and the state.")
+    return t, True
+
+
+def feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
+    """(N, 4) rotor thrusts of the hover feedback law on saturated errors [N], followed without wrench feedback."""
+    vehicle = condensed.vehicle
+    gain = hover_solution(vehicle, condensed.config)[1]
+    bound = np.full(13, np.inf)
+    bound[0:3], bound[7:10] = _REACH, _PACE
+    T = np.empty_like(h.u_ref)
+    x = h.x0
+    for i in range(len(T)):
+        e = np.clip(x - h.x_ref[i], -bound, bound)
+        T[i] = condensed.clip(vehicle.unmixer @ (h.u_ref[i] - gain @ e))
+        x = np.array(condensed.dynamics.advance(x.tolist(), (vehicle.mixer @ T[i]).tolist(), h.free[i].tolist()))
+    return T

@@ -1,0 +1,89 @@
+"""Cost, soft sets and merit of problem (nmpc).
+
+    sum_i e_x' Q e_x + e_u' R e_u  +  e_N' P e_N  +  sum_k slack_weight (s_k + s_k² / 10)
+
+with one slack a kind of set, s_k >= every excess of that kind over the horizon: an exact penalty, so that every start has
+an answer and the sets hold wherever they can. Kinds: velocity box [m/s], tilt as cosine [1], terminal ellipsoid [m].
+Source: Jin et al. 2025, eq. (nmpc); the slacks are our own choice.
+"""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.mpc.horizon import Horizon
+from np_drake.mpc.problem import MpcConfig
+
+KINDS = 3
+VELOCITY, TILT, TERMINAL = range(KINDS)
+QUADRATIC = 0.1  # share of s² in the penalty, per unit of the set
+_SOFTENING = 1e-4  # of the ellipsoid's radius squared: keeps the norm smooth at e_N = 0
+
+
+@dc.dataclass(frozen=True)
+class SoftRows:
+    """Excess of each row (m,), its Jacobian (m, n), and the kind of set it belongs to (m,)."""
+
+    excess: np.ndarray
+    jacobian: np.ndarray
+    kind: np.ndarray
+
+
+class Objective:
+    """Evaluates trajectories; constants only."""
+
+    def __init__(self, config: MpcConfig):
+        self.config = config
+        self.min_cosine = float(np.cos(config.max_tilt))
+        self.softening = _SOFTENING * config.terminal_radius**2
+
+    def cost(self, h: Horizon, x: np.ndarray, u: np.ndarray) -> float:
+        """The quadratic tracking cost, first stage included."""
+        e, e_u = x - h.x_ref, u - h.u_ref
+        stages = np.sum(e[:-1] ** 2 @ self.config.Q) + np.sum(e_u**2 @ self.config.R)
+        return float(stages + e[-1] @ h.P @ e[-1])
+
+    def penalty(self, slack: np.ndarray) -> float:
+        """Price of the slacks (3,)."""
+        return float(self.config.slack_weight * np.sum(slack + QUADRATIC * slack**2))
+
+    def slacks(self, h: Horizon, x: np.ndarray) -> np.ndarray:
+        """(3,) smallest slacks that x (N+1, 13) allows; the measured x_0 is not judged."""
+        worst = np.array(
+            [
+                np.abs(x[1:, 7:10]).max() - self.config.max_speed,
+                self.min_cosine - attitude.body_z(x[1:, 3:7])[:, 2].min(),
+                self.terminal_norm(h, x[-1]) - self.config.terminal_radius,
+            ]
+        )
+        return np.maximum(worst, 0.0)
+
+    def terminal_norm(self, h: Horizon, x_N: np.ndarray) -> float:
+        """sqrt(e' P_f e) with P_f = P / P_xx [m], smooth at zero."""
+        e = x_N - h.x_ref[-1]
+        return float(np.sqrt(e @ h.P @ e / h.P[0, 0] + self.softening))
+
+    def rows(self, h: Horizon, x: np.ndarray, S: np.ndarray) -> SoftRows:
+        """All set rows at x, linearised by the sensitivities S (N, 13, n) of x_1 … x_N.
+
+        The velocity box has one row a component, on the side where the velocity lies.
+        """
+        n = S.shape[2]
+        sign = np.where(x[1:, 7:10] < 0, -1.0, 1.0)
+        fast = sign * x[1:, 7:10] - self.config.max_speed
+        q = x[1:, 3:7]
+        steep = self.min_cosine - attitude.body_z(q)[:, 2]
+        dq = 2 * q * [-1.0, 1.0, 1.0, -1.0]
+        norm = self.terminal_norm(h, x[-1])
+        far = (x[-1] - h.x_ref[-1]) @ h.P / (h.P[0, 0] * norm)
+        jacobian = np.concatenate(
+            [
+                (sign[:, :, None] * S[:, 7:10]).reshape(-1, n),
+                (dq[:, None, :] @ S[:, 3:7])[:, 0],
+                (far @ S[-1])[None],
+            ]
+        )
+        excess = np.concatenate([fast.ravel(), steep, [norm - self.config.terminal_radius]])
+        stages = len(q)
+        return SoftRows(excess, jacobian, np.repeat(range(KINDS), [3 * stages, stages, 1]))

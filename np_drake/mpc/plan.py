@@ -1,0 +1,47 @@
+"""Moving a plan on in time: the warm start of the next solve, and the fallback where a solve fails."""
+
+import numpy as np
+
+from np_drake.mpc.problem import MpcSolution, MpcStatus
+
+
+def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
+    """The same plan seen `elapsed` seconds later, on a grid of the same `step` [s].
+
+    Inputs and wrenches are held over a stage, so a new stage takes their time average over its own span: exact for whole
+    steps, and within the input set for any, which is convex. States are interpolated (quaternions normalised).
+    Beyond its end the plan holds its last input and state.
+
+    Raises: ValueError: if elapsed is negative or step is not positive.
+    """
+    if elapsed < 0 or step <= 0:
+        raise ValueError(
+            f"shift: elapsed must not be negative and step must be positive [s]; got {elapsed}, {step}."
+        )
+    whole, part = _split(elapsed / step)
+    x = _blend(plan.x, whole, part)
+    x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
+    return MpcSolution(
+        u=_blend(plan.u, whole, part),
+        x=x,
+        chi=_blend(plan.chi, whole, part),
+        status=MpcStatus.SHIFTED_PLAN,
+        cost=plan.cost,
+        violation=plan.violation,
+        solve_time=0.0,
+        iterations=0,
+    )
+
+
+def _split(ratio: float) -> tuple[int, float]:
+    """Whole steps and the rest in [0, 1); 0.04 / 0.02 counts as whole."""
+    nearest = round(ratio)
+    if abs(ratio - nearest) < 1e-9 * max(1.0, ratio):
+        return nearest, 0.0
+    return int(ratio), ratio - int(ratio)
+
+
+def _blend(values: np.ndarray, whole: int, part: float) -> np.ndarray:
+    rows = np.minimum(np.arange(len(values)) + whole, len(values) - 1)
+    later = np.minimum(rows + 1, len(values) - 1)
+    return (1 - part) * values[rows] + part * values[later]

@@ -1,0 +1,102 @@
+"""The fast path: sequential quadratic programming on the condensed problem, a real-time iteration or two."""
+
+import time
+
+import numpy as np
+
+from np_drake.mpc.condensed import Condensed, LocalModel, Trajectory
+from np_drake.mpc.horizon import Horizon
+from np_drake.mpc.initial_guess import initial_trajectory
+from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
+from np_drake.mpc.qp import QpSolver
+from np_drake.vehicle import Vehicle
+
+_BACKTRACKS = 5
+_SETTLED = 1e-3  # of the tolerance: further steps would change nothing
+_TOLERANCE = 1e-4  # of the cost: how far the local model may have missed the true decrease
+
+
+class SqpSolver:
+    """Gauss-Newton SQP with a merit check; `steps` when warm, `cold_steps` without a warm start.
+
+    Status OPTIMAL: the last step was full (or nil) and the local model foretold its decrease to 1e-4 of the cost.
+    """
+
+    name = "sqp"
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        config: MpcConfig,
+        *,
+        steps: int = 1,
+        cold_steps: int = 8,
+        time_limit: float = 0.015,
+    ):
+        self.condensed = Condensed(vehicle, config)
+        self._qp = QpSolver(self.condensed.size, 4 * config.horizon + 1, config.slack_weight)
+        self._steps, self._cold_steps, self._time_limit = steps, cold_steps, time_limit
+
+    def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
+        """Raises SolverFailure on NaN, wrong shapes or a forecast that overflows."""
+        start = time.perf_counter()
+        with np.errstate(all="ignore"):
+            h = self.condensed.prepare(problem)
+            t, cold = initial_trajectory(self.condensed, h, warm_start)
+            t, status, count = self.descend(
+                h, t, steps=self._cold_steps if cold else self._steps, deadline=start + self._time_limit
+            )
+        return as_solution(t, status, count, time.perf_counter() - start)
+
+    def descend(
+        self, h: Horizon, t: Trajectory, *, steps: int, deadline: float
+    ) -> tuple[Trajectory, MpcStatus, int]:
+        """Up to `steps` steps from t; stops where converged, stuck, or when the next step would be late."""
+        longest, begin = 0.0, time.perf_counter()
+        for count in range(1, steps + 1):
+            before = t
+            t, miss = self.step(h, t)
+            scale = _TOLERANCE * (1 + t.merit)
+            now = time.perf_counter()
+            longest, begin = max(longest, now - begin), now
+            if t is before or miss <= _SETTLED * scale or now + longest > deadline:
+                break
+        return t, MpcStatus.OPTIMAL if miss <= scale else MpcStatus.ITERATION_LIMIT, count
+
+    def step(self, h: Horizon, t: Trajectory) -> tuple[Trajectory, float]:
+        """One step that never raises the merit, and how far the local model missed the true decrease."""
+        model = self.condensed.local_model(h, t)
+        flat = t.T.ravel()
+        top = self.condensed.vehicle.max_rotor_thrust
+        step = self._qp.solve(model, -flat, top - flat)
+        foretold = self._decrease(model, t, step.d, step.slacks)
+        size = 1.0
+        for _ in range(_BACKTRACKS):
+            new = self.condensed.rollout(h, self.condensed.clip(t.T + size * step.d.reshape(-1, 4)))
+            if new.finite and new.merit <= t.merit:
+                miss = abs(foretold - (t.merit - new.merit)) if size == 1.0 else np.inf
+                return new, miss
+            size *= 0.35
+        return t, max(foretold, 0.0)
+
+    def _decrease(self, model: LocalModel, t: Trajectory, d: np.ndarray, slacks: np.ndarray) -> float:
+        H = model.hessian
+        curvature = 2 * d @ (np.tril(H) @ d) - d @ (np.diag(H) * d)
+        penalty = self.condensed.objective.penalty
+        return float(penalty(t.slacks) - penalty(slacks) - model.gradient @ d - 0.5 * curvature)
+
+
+def as_solution(t: Trajectory, status: MpcStatus, iterations: int, solve_time: float) -> MpcSolution:
+    """The plan as every solver hands it on."""
+    if not t.finite:
+        raise SolverFailure("MPC: the predicted motion leaves the numbers; check the forecast and the state.")
+    return MpcSolution(
+        u=t.u,
+        x=t.x,
+        chi=t.chi,
+        status=status,
+        cost=t.merit,
+        violation=float(t.slacks.max()),
+        solve_time=solve_time,
+        iterations=iterations,
+    )

@@ -1,0 +1,53 @@
+"""The terminal weight P: scaled Q, or the cost-to-go of the discrete Riccati equation at hover."""
+
+from functools import lru_cache
+
+import numpy as np
+from scipy.linalg import solve_discrete_are
+
+from np_drake import attitude
+from np_drake.mpc.dynamics import DiscreteDynamics
+from np_drake.mpc.problem import MpcConfig
+from np_drake.vehicle import Vehicle
+
+_CONTROLLABLE = [0, 1, 2, 4, 5, 6, 7, 8, 9, 10, 11, 12]  # all states but q_w, which hover cannot move to first order
+
+
+def terminal_weight(vehicle: Vehicle, config: MpcConfig, q_ref: np.ndarray) -> np.ndarray:
+    """(13, 13) P for a horizon that ends at the attitude `q_ref`.
+
+    `riccati`: the hover solution holds in the frame of the reference: position and velocity errors are turned into
+    its heading, the attitude error is q_ref^* (q - q_ref), whose vector part the controllable states hold.
+    """
+    if config.terminal == "scaled":
+        return np.diag(config.P)
+    T = np.eye(13)
+    turn = np.array([q_ref[0], 0.0, 0.0, q_ref[3]])
+    turn /= max(float(np.linalg.norm(turn)), 1e-9)
+    T[0:3, 0:3] = T[7:10, 7:10] = attitude.rotation_matrix(turn).T
+    w, x, y, z = q_ref
+    T[3:7, 3:7] = [[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]
+    return T.T @ hover_solution(vehicle, config)[0] @ T
+
+
+def hover_solution(vehicle: Vehicle, config: MpcConfig) -> tuple[np.ndarray, np.ndarray]:
+    """(13, 13) Riccati cost-to-go and (4, 13) feedback, u = u_ref - feedback @ e_x, at hover with heading 0."""
+    key = (vehicle.mass, vehicle.gravity, vehicle.J.tobytes(), config.step, config.Q.tobytes(), config.R.tobytes())
+    return _solve(*key)
+
+
+@lru_cache(maxsize=32)
+def _solve(mass, gravity, J, step, Q, R) -> tuple[np.ndarray, np.ndarray]:
+    vehicle = Vehicle(mass=mass, gravity=gravity, inertia=np.frombuffer(J).reshape(3, 3).tolist())
+    q, r = np.frombuffer(Q), np.diag(np.frombuffer(R))
+    x = np.zeros((1, 13))
+    x[0, 3] = 1.0
+    model = DiscreteDynamics(vehicle, step).linearise(x, vehicle.hover_input[None], np.zeros((1, 6)))
+    keep = np.array(_CONTROLLABLE)
+    A, B = model.Fx[0][np.ix_(keep, keep)], model.Fu[0][keep]
+    P = np.zeros((13, 13))
+    P[3, 3] = q[3]
+    P[np.ix_(keep, keep)] = S = solve_discrete_are(A, B, np.diag(q[keep]), r)
+    feedback = np.zeros((4, 13))
+    feedback[:, keep] = np.linalg.solve(r + B.T @ S @ B, B.T @ S @ A)
+    return P, feedback

@@ -1,0 +1,50 @@
+"""The offset-free opponent: a disturbance observer on velocity and rate; it needs no accelerometer."""
+
+import numpy as np
+
+from np_drake import rigid_body
+from np_drake.residual_models.base import Memory, Sample, WrenchForecast, constant_forecast
+from np_drake.vehicle import Vehicle
+
+
+class DisturbanceObserver:
+    """Luenberger observer of eq. (1) with a constant disturbance: chi_dot = 0.
+
+    v_hat+ = v_hat + h v_dot(x, u, chi_hat) + l1 e,  chi_hat+ = chi_hat + M l2 e / h,  e = v - v_hat;
+    both poles of the error at p = exp(-2 pi bandwidth h), so l1 = 1 - p², l2 = (1 - p)².
+    Source: own choice; the standard form of offset-free MPC with pole placement.
+    """
+
+    name = "observer"
+
+    def __init__(
+        self, vehicle: Vehicle, *, step: float, force_bandwidth: float = 1.5, torque_bandwidth: float = 1.0
+    ):
+        self.step, self._vehicle = step, vehicle
+        pole = np.exp(-2 * np.pi * np.repeat([force_bandwidth, torque_bandwidth], 3) * step)
+        self._l1, self._l2 = 1 - pole**2, (1 - pole) ** 2
+
+    def initial_memory(self) -> Memory:
+        """chi (6,) [N, N·m]; zeta (6,) estimated [m/s, rad/s]; x (13,) last measured state; started (1,)."""
+        return {"chi": np.zeros(6), "zeta": np.zeros(6), "x": np.zeros(13), "started": np.zeros(1)}
+
+    def update(self, memory: Memory, sample: Sample) -> Memory:
+        """One predictor-corrector step; a sample with NaN predicts only."""
+        if not np.all(np.isfinite(sample.x)):
+            return memory
+        if not memory["started"][0]:
+            return {**memory, "zeta": rigid_body.zeta(sample.x), "x": sample.x, "started": np.ones(1)}
+        x = memory["x"].copy()
+        x[7:13] = memory["zeta"]
+        rate = rigid_body.state_derivative(self._vehicle, x, sample.u, memory["chi"])[7:13]
+        predicted = memory["zeta"] + self.step * rate
+        error = rigid_body.zeta(sample.x) - predicted
+        impulse = self._l2 * error / self.step
+        chi = memory["chi"].copy()
+        chi[:3] += self._vehicle.mass * impulse[:3]
+        chi[3:] += self._vehicle.J @ impulse[3:]
+        return {"chi": chi, "zeta": predicted + self._l1 * error, "x": sample.x, "started": np.ones(1)}
+
+    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
+        """The estimated disturbance, held."""
+        return constant_forecast(memory["chi"], horizon)

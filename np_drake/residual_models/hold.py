@@ -1,0 +1,36 @@
+"""The naive opponent: the last low-passed label, held over the horizon."""
+
+import numpy as np
+
+from np_drake.residual_models.base import Memory, Sample, WrenchForecast, constant_forecast
+
+
+class Hold:
+    """chi_i = low-pass(label) for all i; a sample without a label leaves the last one.
+
+    Args:
+        step: time between samples [s].
+        bandwidth: of a first-order low-pass on top of the label's own [Hz]; inf for none.
+    """
+
+    name = "hold"
+
+    def __init__(self, *, step: float, force_bandwidth: float = np.inf, torque_bandwidth: float = np.inf):
+        self.step = step
+        bandwidth = np.repeat([force_bandwidth, torque_bandwidth], 3)
+        self._gain = 1.0 - np.exp(-2 * np.pi * bandwidth * step)
+
+    def initial_memory(self) -> Memory:
+        """chi (6,) [N, N·m]; started (1,)."""
+        return {"chi": np.zeros(6), "started": np.zeros(1)}
+
+    def update(self, memory: Memory, sample: Sample) -> Memory:
+        """Takes a finite label in."""
+        if not np.all(np.isfinite(sample.chi)):
+            return memory
+        gain = self._gain if memory["started"][0] else 1.0
+        return {"chi": memory["chi"] + gain * (sample.chi - memory["chi"]), "started": np.ones(1)}
+
+    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
+        """The held wrench."""
+        return constant_forecast(memory["chi"], horizon)

@@ -1,0 +1,76 @@
+"""The true wrench over a planned motion: the ceiling that no vehicle can reach. For tests and tables only."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.effects.base import ActuatorEffect, Motion, WrenchEffect
+from np_drake.effects.pendulum import Payload, hook_wrench, swing
+from np_drake.rigid_body import Q, V, W
+from np_drake.vehicle import Vehicle
+
+_SUBSTEPS = 4  # of the actuators in one step of the plan [1]
+
+
+@dc.dataclass(frozen=True)
+class TrueModel:
+    """All that the nominal model leaves out. `believed` is the vehicle that the controller knows."""
+
+    believed: Vehicle
+    payload: Payload | None
+    wrench_effects: list[WrenchEffect]
+    actuator_effects: list[ActuatorEffect]
+
+    def wrench_along(
+        self,
+        x: np.ndarray,
+        u: np.ndarray,
+        step: float,
+        *,
+        rotor_thrust: np.ndarray,
+        swing_state: tuple[np.ndarray, np.ndarray] | None,
+    ) -> np.ndarray:
+        """(N, 6) chi over a plan: tether, drag and whatever the actuators do with the planned commands.
+
+        Args:
+            x: (N+1, 13) planned states; u: (N, 4) planned commands; step: of the plan [s].
+            rotor_thrust: (4,) actual now [N].   swing_state: (r, r_rate) of the payload from the hook, in W.
+        """
+        thrust, command = self._thrusts(u, step, rotor_thrust)
+        middle = 0.5 * (x[:-1] + x[1:])
+        middle[:, Q] /= np.linalg.norm(middle[:, Q], axis=1, keepdims=True)
+        wrong = (thrust - command) @ self.believed.mixer.T
+        chi = np.concatenate([wrong[:, :1] * attitude.body_z(middle[:, Q]), wrong[:, 1:]], axis=1)
+        for effect in self.wrench_effects:
+            chi += effect.wrench(self.believed, Motion(0.0, middle, thrust))
+        if self.payload is not None and swing_state is not None:
+            force = swing(
+                self.payload, *swing_state, self._hook_acceleration(x, step), step, self.believed.gravity
+            )
+            chi += hook_wrench(self.payload, middle[:, Q], force)
+        return chi
+
+    def _hook_acceleration(self, x: np.ndarray, step: float) -> np.ndarray:
+        assert self.payload is not None
+        lever = np.cross(x[:, W], np.array(self.payload.hook))
+        return np.diff(x[:, V] + attitude.rotate(x[:, Q], lever), axis=0) / step
+
+    def _thrusts(self, u: np.ndarray, step: float, now: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 4) mean actual and commanded rotor thrust of each step [N]."""
+        command = np.clip(u @ self.believed.unmixer.T, 0.0, self.believed.max_rotor_thrust)
+        thrust = command
+        gain = 1.0
+        for effect in self.actuator_effects:
+            ones = np.ones(4)
+            gain *= effect.thrust(self.believed, effect.state_at(self.believed, ones), ones)[0]
+        resting = np.asarray(now, float) / gain
+        for effect in self.actuator_effects:
+            state = effect.state_at(self.believed, resting)
+            passed = np.zeros_like(thrust)
+            for i, c in enumerate(thrust):
+                for _ in range(_SUBSTEPS):
+                    passed[i] += effect.thrust(self.believed, state, c) / _SUBSTEPS
+                    state = state + step / _SUBSTEPS * effect.state_rate(self.believed, state, c)
+            thrust = passed
+        return thrust, command

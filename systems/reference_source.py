@@ -1,0 +1,35 @@
+"""The reference motion over the controller's horizon."""
+
+import numpy as np
+from pydrake.systems.framework import LeafSystem
+
+from np_drake.references.base import Reference
+
+
+class ReferenceSource(LeafSystem):
+    """Samples a reference motion at t, t + step, …, t + horizon * step.
+
+    .. pydrake_system::
+
+        name: ReferenceSource
+        output_ports:
+        - flat
+        - position
+
+    | port | size | meaning | unit |
+    |---|---|---|---|
+    | flat | 15 (N+1) | (5, N+1, 3) p, v, a, jerk, snap, flattened | m … m/s⁴ |
+    | position | 3 | p now | m |
+    """
+
+    def __init__(self, reference: Reference, *, horizon: int, step: float):
+        super().__init__()
+        self._reference, self._times = reference, step * np.arange(horizon + 1)
+        self.DeclareVectorOutputPort("flat", 15 * (horizon + 1), self._calc_flat, {self.time_ticket()})
+        self.DeclareVectorOutputPort("position", 3, self._calc_position, {self.time_ticket()})
+
+    def _calc_flat(self, context, output) -> None:
+        output.SetFromVector(self._reference.sample(context.get_time() + self._times).ravel())
+
+    def _calc_position(self, context, output) -> None:
+        output.SetFromVector(self._reference.sample(np.array([context.get_time()]))[0, 0])

@@ -1,0 +1,71 @@
+"""Any residual model as a LeafSystem."""
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector
+
+from np_drake.residual_models.base import ResidualModel, Sample
+from systems.memory import MemorySystem
+
+
+class ResidualPredictor(MemorySystem):
+    """Feeds a residual model one sample per step and offers its forecast over the MPC's horizon.
+
+    .. pydrake_system::
+
+        name: ResidualPredictor
+        input_ports:
+        - x
+        - u
+        - label
+        output_ports:
+        - forecast
+        - chi_hat
+
+    | port | size | meaning | unit |
+    |---|---|---|---|
+    | x | 13 | measured state | |
+    | u | 4 | command that acted up to now | N, N·m |
+    | label | 6 | wrench label now; NaN where there is none | N, N·m |
+    | forecast | WrenchForecast | with the sample at hand taken in; feeds through | |
+    | chi_hat | 6 | the forecast's first wrench, as of the last event | N, N·m |
+
+    State: one discrete group per array of the model's memory (sorted by name), then chi_hat (6).
+    Event: periodic, every `model.step`.
+
+    Args:
+        horizon: N of the forecast.   stride: model steps in one step of the forecast.
+    """
+
+    def __init__(self, model: ResidualModel, *, horizon: int, stride: int):
+        super().__init__()
+        self._model, self._span = model, {"horizon": horizon, "stride": stride}
+        self._x_port = self.DeclareVectorInputPort("x", 13)
+        self._u_port = self.DeclareVectorInputPort("u", 4)
+        self._label_port = self.DeclareVectorInputPort("label", 6)
+        initial = model.initial_memory()
+        self._declare_memory(initial)
+        first = model.forecast(initial, **self._span).first
+        self._chi_index = self.DeclareDiscreteState(BasicVector(first))
+        self._step = self._declare_step(self._take_sample)
+        self.DeclareAbstractOutputPort("forecast", Value[object], self._calc_forecast, {self._step.ticket()})
+        self.DeclareVectorOutputPort("chi_hat", 6, self._calc_chi_hat, {self.xd_ticket()})
+        self.DeclarePeriodicDiscreteUpdateEvent(model.step, 0.0, self._update_memory)
+
+    def _take_sample(self, context):
+        sample = Sample(
+            self._x_port.Eval(context), self._u_port.Eval(context), self._label_port.Eval(context)
+        )
+        memory = self._model.update(self.memory(context), sample)
+        return memory, self._model.forecast(memory, **self._span)
+
+    def _calc_forecast(self, context, output) -> None:
+        output.set_value(self._step.Eval(context)[1])
+
+    def _calc_chi_hat(self, context, output) -> None:
+        output.SetFromVector(context.get_discrete_state(self._chi_index).value())
+
+    def _update_memory(self, context, discrete_state) -> None:
+        memory, forecast = self._step.Eval(context)
+        self._store_memory(memory, discrete_state)
+        discrete_state.set_value(self._chi_index, np.asarray(forecast.first))

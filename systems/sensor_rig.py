@@ -1,0 +1,37 @@
+"""Motion capture and IMU: noise sources and measurement effects as one subsystem."""
+
+from pydrake.common import RandomDistribution
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource, RandomSource, ZeroOrderHold
+
+from np_drake.effects.base import MeasurementEffect
+from np_drake.vehicle import Vehicle
+from systems.measurement_effects import MeasurementEffects
+
+# The draw changes between two sampling instants, so that controller and log read the same noise at an instant.
+_DRAW_OFFSET = 0.4  # of a period
+
+
+def make_sensor_rig(vehicle: Vehicle, effects: list[MeasurementEffect], *, period: float) -> Diagram:
+    """Ports as `MeasurementEffects`, less `white`: one draw every `period` [s], by the diagram's random seed.
+
+    The seed is set by `diagram.SetRandomContext(context, RandomGenerator(seed))`.
+    """
+    builder = DiagramBuilder()
+    readings = builder.AddNamedSystem("readings", MeasurementEffects(vehicle, effects))
+    size = readings.white_size
+    if size:
+        source = builder.AddNamedSystem("white", RandomSource(RandomDistribution.kGaussian, size, period))
+        hold = builder.AddNamedSystem("draw", ZeroOrderHold(period, size, _DRAW_OFFSET * period))
+        builder.Connect(source.get_output_port(), hold.get_input_port())
+        builder.Connect(hold.get_output_port(), readings.GetInputPort("white"))
+    else:
+        source = builder.AddNamedSystem("white", ConstantVectorSource([]))
+        builder.Connect(source.get_output_port(), readings.GetInputPort("white"))
+    for name in ("x_true", "acceleration_true", "rotor_thrust"):
+        builder.ExportInput(readings.GetInputPort(name), name)
+    for name in ("x", "acceleration", "rotor_speed"):
+        builder.ExportOutput(readings.GetOutputPort(name), name)
+    diagram = builder.Build()
+    diagram.set_name("sensor_rig")
+    return diagram

@@ -1,0 +1,198 @@
+"""Bad input gets one line with file, column, row and remedy; a few bad rows can be repaired."""
+
+import dataclasses as dc
+import gzip
+
+import numpy as np
+import pytest
+
+from np_drake.logs.columns import disassemble
+from np_drake.logs.csv_file import write_csv
+from np_drake.logs.errors import LogError
+from np_drake.logs.log_file import read_log, write_log
+from np_drake.vehicle import Vehicle
+
+
+@pytest.fixture
+def columns(flight):
+    """The file's columns, to be spoilt."""
+    return {name: value.copy() for name, value in disassemble(flight).items()}
+
+
+def set_cell(column, row, value):
+    return lambda c: c[column].__setitem__(row, value)
+
+
+def remove(name):
+    return lambda c: c.pop(name)
+
+
+def scale(names, factor):
+    return lambda c: [c.__setitem__(name, c[name] * factor) for name in names.split()]
+
+
+def cut(n):
+    return lambda c: c.update({name: value[:n] for name, value in c.items()})
+
+
+def leave_out(start, stop):
+    return lambda c: c.update({name: np.delete(value, slice(start, stop)) for name, value in c.items()})
+
+
+def stretch_quaternion(row, factor):
+    return lambda c: [c[name].__setitem__(row, c[name][row] * factor) for name in ("qw", "qx", "qy", "qz")]
+
+
+FAULTS = {  # spoil the columns: (how, what the message must say)
+    "missing column": (remove("vx"), r"made\.csv, column vx: is missing"),
+    "part of a group": (remove("alz"), r"column alz: is missing"),
+    "empty column": (scale("py", np.nan), r"column py: is empty"),
+    "NaN": (set_cell("vy", 56, np.nan), r"made\.csv, column vy, row 57 \(line 58\): .*--repair"),
+    "infinite": (set_cell("thrust", 3, np.inf), r"column thrust, row 4 \(line 5\)"),
+    "time stands": (set_cell("t", 10, 0.09), r"column t, row 11 \(line 12\): time must increase"),
+    "time jumps back": (set_cell("t", 99, 0.5), r"column t, row 100 .*--repair"),
+    "gap": (leave_out(200, 260), r"column t, row 201 .*gap; got 0\.61 s"),
+    "quaternion norm": (set_cell("qw", 5, 0.5), r"column qw, row 6 .*norm"),
+    "milliseconds": (scale("t", 1000), r"column t: .*in seconds"),
+    "millimetres": (scale("px py pz", 1000), r"column px: position.*SI units"),
+    "centimetres per second": (scale("vx vy vz", 100), r"column px: position.*SI units"),
+    "degrees per second": (scale("wx wy wz", 57.3), r"column qw: attitude.*SI units"),
+    "accelerations in g": (scale("ax ay az", 1 / 9.81), r"column vx: velocity.*SI units"),
+    "rpm": (scale("rotor1 rotor2 rotor3 rotor4", 9.55), r"column rotor1: .*rpm"),
+    "gravity left in": (lambda c: c["az"].__iadd__(9.81), r"column az: .*without gravity"),
+    "grams": (scale("thrust", 102.0), r"column thrust: .*weight of vehicle 'paper'"),
+    "throttle": (scale("thrust", 0.02), r"column thrust: .*weight"),
+    "too short": (cut(8), r"made\.csv: must have at least 20 rows; got 8"),
+    "no row": (cut(0), r"at least|is empty"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_named_with_its_place_in_one_line(columns, tmp_path, fault):
+    spoil, message = FAULTS[fault]
+    spoil(columns)
+    write_csv(tmp_path / "made.csv", columns)
+    with pytest.raises(LogError, match=message) as error:
+        read_log(tmp_path / "made.csv", vehicle=Vehicle())
+    assert "\n" not in str(error.value)
+
+
+TEXTS = {  # content of the file: what the message must say
+    "empty": ("", "empty"),
+    "no header": ("0.0,1.0\n0.1,1.0\n", "header"),
+    "semicolons": ("t;px;py\n0;1;2\n", "comma-separated"),
+    "double column": ("t,px,px\n0,1,2\n", "column px.*once"),
+}
+
+
+@pytest.mark.parametrize("case", TEXTS)
+def test_a_file_that_is_no_log_is_refused(tmp_path, case):
+    text, message = TEXTS[case]
+    (tmp_path / "made.csv").write_text(text)
+    with pytest.raises(LogError, match=f"made.csv.*{message}"):
+        read_log(tmp_path / "made.csv")
+
+
+def test_bytes_that_are_no_text_are_refused(tmp_path):
+    (tmp_path / "made.csv").write_bytes(b"\x80\x04\x95\xff\xfe")
+    with pytest.raises(LogError, match="text file"):
+        read_log(tmp_path / "made.csv")
+
+
+@pytest.mark.parametrize("content", [b"no gzip at all", gzip.compress(b"t,px\n" * 1000)[:-20]])
+def test_a_broken_gzip_is_refused(tmp_path, content):
+    (tmp_path / "made.csv.gz").write_bytes(content)
+    with pytest.raises(LogError, match="gzip"):
+        read_log(tmp_path / "made.csv.gz")
+
+
+def test_a_broken_parquet_is_refused(tmp_path):
+    pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
+    (tmp_path / "made.parquet").write_bytes(b"PAR1 but cut off")
+    with pytest.raises(LogError, match="must be a Parquet file"):
+        read_log(tmp_path / "made.parquet")
+
+
+def test_a_word_in_a_cell_is_named(flight, tmp_path):
+    write_log(flight, tmp_path / "made.csv")
+    lines = (tmp_path / "made.csv").read_text().splitlines()
+    lines[4] = "oops" + lines[4][lines[4].index(",") :]
+    (tmp_path / "made.csv").write_text("\n".join(lines))
+    with pytest.raises(LogError, match=r"column t, row 4 \(line 5\): must be a number; got 'oops'"):
+        read_log(tmp_path / "made.csv")
+
+
+def test_a_file_cut_off_is_named_and_can_be_repaired(flight, tmp_path):
+    write_log(flight, tmp_path / "made.csv")
+    text = (tmp_path / "made.csv").read_text()
+    (tmp_path / "made.csv").write_text(text[:-60])
+    with pytest.raises(LogError, match=r"row 600 \(line 601\).*cut off"):
+        read_log(tmp_path / "made.csv")
+    dut = read_log(tmp_path / "made.csv", repair=True)
+    assert len(dut) == 599
+    assert dut.notes == ["repaired: 1 of 600 rows left out (time missing or not increasing)"]
+
+
+REPAIRS = {  # spoil: what the note must say
+    "NaN": (set_cell("vy", 56, np.nan), "1 of 600 rows interpolated"),
+    "NaN in the first row": (set_cell("px", 0, np.nan), "1 of 600 rows interpolated"),
+    "a spike of infinity": (set_cell("wx", slice(100, 104), np.inf), "4 of 600 rows interpolated"),
+    "quaternion too long": (stretch_quaternion(9, 1.2), "1 of 600 rows given a unit quaternion"),
+    "quaternion of zeros": (stretch_quaternion(300, 0.0), "1 of 600 rows interpolated"),
+    "a gap": (leave_out(200, 205), "5 of 595 rows inserted in gaps"),
+    "time jumps back": (set_cell("t", 99, 0.5), "1 of 600 rows left out"),
+    "time is missing": (set_cell("t", 99, np.nan), "1 of 600 rows left out"),
+}
+
+
+@pytest.mark.parametrize("fault", REPAIRS)
+def test_a_few_bad_rows_are_repaired_only_if_asked_and_the_log_says_so(flight, columns, tmp_path, fault):
+    spoil, note = REPAIRS[fault]
+    spoil(columns)
+    write_csv(tmp_path / "made.csv", columns)
+    with pytest.raises(LogError):
+        read_log(tmp_path / "made.csv")
+    dut = read_log(tmp_path / "made.csv", repair=True)
+    at = np.searchsorted(flight.t, dut.t - 1e-9)
+    np.testing.assert_allclose(
+        dut.x, flight.x[at], atol=0.02
+    )  # a row at either end is held, not drawn on [SI]
+    assert len(dut.notes) == 1
+    assert note in dut.notes[0]
+
+
+def test_a_missing_command_is_held_not_interpolated(flight, columns, tmp_path):
+    columns["thrust"][50] = np.nan
+    write_csv(tmp_path / "made.csv", columns)
+    dut = read_log(tmp_path / "made.csv", repair=True)
+    assert dut.u[50, 0] == flight.u[49, 0]
+
+
+@pytest.mark.parametrize(
+    "spoil, message",
+    [
+        (set_cell("vx", slice(0, 600, 40), np.nan), "at most 2% of the rows; 15 of 600"),
+        (set_cell("vx", slice(100, 111), np.nan), r"column vx, row 100 .*at most 0\.1 s"),
+        (leave_out(200, 211), r"column t, row 201 .*at most 0\.1 s"),
+        (remove("px"), "column px: is missing"),
+    ],
+)
+def test_more_than_a_few_bad_rows_are_refused(columns, tmp_path, spoil, message):
+    spoil(columns)
+    write_csv(tmp_path / "made.csv", columns)
+    with pytest.raises(LogError, match=message):
+        read_log(tmp_path / "made.csv", repair=True)
+
+
+def test_biases_and_noise_are_no_wrong_units(flight, tmp_path):
+    draw = np.random.default_rng(0)
+    hover = dc.replace(
+        flight,
+        p=draw.normal(size=(600, 3)) * 0.005,
+        v=draw.normal(size=(600, 3)) * 0.02 + 0.3,
+        a=draw.normal(size=(600, 3)) * 0.5 + 0.5,
+        q=np.tile([1.0, 0, 0, 0], (600, 1)),
+        w=draw.normal(size=(600, 3)) * 0.05 + 0.2,
+    )
+    write_log(hover, tmp_path / "made.csv")
+    assert len(read_log(tmp_path / "made.csv", vehicle=Vehicle())) == 600

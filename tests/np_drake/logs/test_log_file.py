@@ -1,0 +1,106 @@
+"""Laws of flight logs as files."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as stn
+
+from np_drake.logs import csv_file, parquet_file
+from np_drake.logs.errors import LogError
+from np_drake.logs.log_file import SUFFIXES, read_log, write_log
+from np_drake.vehicle import Vehicle
+
+ARRAYS = ("t", "p", "q", "v", "w", "u", "a", "al", "rotor")
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_what_was_written_is_read_back(flight, tmp_path, suffix):
+    if suffix == ".parquet":
+        pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
+    write_log(flight, tmp_path / f"made{suffix}")
+    dut = read_log(tmp_path / f"made{suffix}", vehicle=Vehicle())
+    for name in ARRAYS:
+        np.testing.assert_allclose(getattr(dut, name), getattr(flight, name), rtol=0, atol=1e-15)  # one norm
+    assert (dut.name, dut.input, dut.notes) == ("made", "command", [])
+
+
+@given(stn.arrays(float, st.tuples(st.integers(1, 6), st.just(2)), elements=st.floats()))
+def test_every_number_survives_a_csv_bit_for_bit(tmp_path_factory, values):
+    path = tmp_path_factory.mktemp("csv") / "any.csv"
+    csv_file.write_csv(path, {"a": values[:, 0], "b": values[:, 1]})
+    dut = csv_file.read_csv(path)
+    assert not dut.unreadable
+    np.testing.assert_array_equal(dut.array(("a", "b")), values)
+
+
+@pytest.mark.parametrize("field", ["a", "al", "rotor"])
+def test_optional_columns_may_be_missing_or_empty(flight, tmp_path, field):
+    empty = dc.replace(flight, **{field: np.full_like(getattr(flight, field), np.nan)})
+    for log in (dc.replace(flight, **{field: None}), empty):
+        write_log(log, tmp_path / "made.csv")
+        assert getattr(read_log(tmp_path / "made.csv"), field) is None
+
+
+def test_columns_may_stand_in_any_order_with_blanks_and_strangers(flight, tmp_path):
+    write_log(flight, tmp_path / "made.csv")
+    rows = [line.split(",") for line in (tmp_path / "made.csv").read_text().splitlines()]
+    text = "\n".join(", ".join([*reversed(row), "1"]) for row in rows).replace("t, 1", "t, vbat", 1)
+    (tmp_path / "other.csv").write_text("\ufeff" + text + "\n\n", encoding="utf-8")
+    dut = read_log(tmp_path / "other.csv")
+    np.testing.assert_array_equal(dut.v, flight.v)
+    assert dut.notes == ["columns not used: vbat"]
+
+
+def test_without_a_command_thrust_comes_from_rotor_speed(flight, tmp_path):
+    vehicle = Vehicle()
+    write_log(dc.replace(flight, input="rotor_speed"), tmp_path / "made.csv")
+    dut = read_log(tmp_path / "made.csv", vehicle=vehicle)
+    thrust = vehicle.thrust_coefficient * np.sum(flight.rotor**2, axis=1)
+    np.testing.assert_allclose(dut.u[:, 0], thrust, rtol=1e-12)
+    assert dut.input == "rotor_speed"
+    assert any("rotor_speed" in note for note in dut.notes)
+
+
+def test_a_vehicle_file_can_ask_for_rotor_speed(flight, tmp_path):
+    write_log(flight, tmp_path / "made.csv")
+    assert read_log(tmp_path / "made.csv", vehicle=Vehicle(input="rotor_speed")).input == "rotor_speed"
+
+
+@pytest.mark.parametrize("rotor, remedy", [(True, "--vehicle"), (False, "rotor1")])
+def test_no_command_and_no_way_to_one_is_refused(flight, tmp_path, rotor, remedy):
+    log = dc.replace(flight, input="rotor_speed")
+    write_log(log, tmp_path / "made.csv")
+    if not rotor:
+        table = csv_file.read_csv(tmp_path / "made.csv").columns
+        csv_file.write_csv(tmp_path / "made.csv", {k: v for k, v in table.items() if "rotor" not in k})
+    with pytest.raises(LogError, match=f"thrust.*{remedy}"):
+        read_log(tmp_path / "made.csv")
+
+
+def test_a_rotor_log_without_rotor_speed_cannot_be_written(flight, tmp_path):
+    with pytest.raises(LogError, match="rotor speed"):
+        write_log(dc.replace(flight, input="rotor_speed", rotor=None), tmp_path / "made.csv")
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(flight, tmp_path, monkeypatch):
+    write_log(flight, tmp_path / "made.csv")
+    before = (tmp_path / "made.csv").read_bytes()
+    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
+    with pytest.raises(OSError, match="disk full"):
+        write_log(flight.rows(0, 100), tmp_path / "made.csv")
+    assert [path.name for path in tmp_path.iterdir()] == ["made.csv"]
+    assert (tmp_path / "made.csv").read_bytes() == before
+
+
+def test_an_unknown_suffix_is_refused(flight, tmp_path):
+    with pytest.raises(LogError, match=r"\.csv, \.csv\.gz, \.parquet"):
+        write_log(flight, tmp_path / "made.txt")
+
+
+def test_parquet_without_pyarrow_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
+    with pytest.raises(LogError, match="pip install pyarrow"):
+        parquet_file.read_parquet(tmp_path / "made.parquet")
