@@ -1,6 +1,7 @@
 """Controllers by name: the same MPC with another residual model."""
 
 import dataclasses as dc
+from pathlib import Path
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
@@ -13,6 +14,7 @@ from np_drake.references.base import Reference
 from np_drake.residual_models.base import ResidualModel
 from np_drake.residual_models.disturbance_observer import DisturbanceObserver
 from np_drake.residual_models.hold import Hold
+from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
 from systems.neural_predictor import NeuralPredictor
@@ -22,6 +24,7 @@ from systems.residual_predictor import ResidualPredictor
 from systems.wrench_estimator import WrenchEstimator
 from systems.wrench_oracle import WrenchOracle
 
+DEFAULT_MODEL = Path(__file__).parent / "models" / "default.safetensors"
 CONTROLLERS = ("nominal", "hold", "observer", "oracle", "np")
 
 
@@ -71,9 +74,7 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
     if config.kind == "observer":
         return DisturbanceObserver(vehicle, step=config.period)
     if config.kind == "np":
-        from np_drake.residual_models.neural_predictor import load_predictor
-
-        model = load_predictor(config.predictor or None)
+        model = NeuralPredictorModel.load(config.predictor or DEFAULT_MODEL)
         if abs(model.step - config.period) > 1e-9:
             raise ValueError(
                 f"controller: the predictor's step must equal the period; got {model.step}, {config.period}."

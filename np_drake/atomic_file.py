@@ -9,17 +9,28 @@ from pathlib import Path
 from typing import Any
 
 
-@contextmanager
-def atomic_path(path: str | Path) -> Iterator[Path]:
-    """Yields a temporary path beside `path`, same suffixes; renamed on success, removed on failure.
+def require_writable(path: str | Path) -> Path:
+    """The path, if a file can be written there; a caller can ask before long work.
 
-    Raises: OSError: if the folder does not exist or cannot be written.
+    Raises: OSError: if it is a folder, or its folder does not exist or cannot be written.
     """
     path = Path(path)
     if path.is_dir():
         raise IsADirectoryError(f"{path}: must be a file to write; it is a folder.")
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: the folder {path.parent} must exist; create it or choose another.")
+    if not os.access(path.parent, os.W_OK):
+        raise PermissionError(f"{path}: the folder {path.parent} must be writable.")
+    return path
+
+
+@contextmanager
+def atomic_path(path: str | Path) -> Iterator[Path]:
+    """Yields a temporary path beside `path`, same suffixes; renamed on success, removed on failure.
+
+    Raises: OSError: as `require_writable`.
+    """
+    path = require_writable(path)
     temporary = path.with_name(f".{secrets.token_hex(4)}_{path.name}")
     try:
         yield temporary

@@ -3,60 +3,74 @@
 import numpy as np
 
 
+def _components(r: np.ndarray) -> tuple | list:
+    """The last axis, unpacked; of a single vector as plain floats, which are ten times as fast."""
+    r = np.asarray(r)
+    return r.tolist() if r.ndim == 1 else tuple(r[..., i] for i in range(r.shape[-1]))
+
+
+def _vector(*components) -> np.ndarray:
+    """The inverse of `_components`."""
+    if isinstance(components[0], float):
+        return np.array(components)
+    out = np.empty((*np.shape(components[0]), len(components)))
+    for i, component in enumerate(components):
+        out[..., i] = component
+    return out
+
+
 def rotation_matrix(q: np.ndarray) -> np.ndarray:
     """(..., 4) unit quaternion -> (..., 3, 3) R_WB."""
-    w, x, y, z = np.moveaxis(np.asarray(q, float), -1, 0)
-    R = np.empty((*w.shape, 3, 3))
-    R[..., 0, 0] = 1 - 2 * (y * y + z * z)
-    R[..., 0, 1] = 2 * (x * y - w * z)
-    R[..., 0, 2] = 2 * (x * z + w * y)
-    R[..., 1, 0] = 2 * (x * y + w * z)
-    R[..., 1, 1] = 1 - 2 * (x * x + z * z)
-    R[..., 1, 2] = 2 * (y * z - w * x)
-    R[..., 2, 0] = 2 * (x * z - w * y)
-    R[..., 2, 1] = 2 * (y * z + w * x)
-    R[..., 2, 2] = 1 - 2 * (x * x + y * y)
-    return R
+    w, x, y, z = _components(q)
+    R = _vector(
+        1 - 2 * (y * y + z * z),
+        2 * (x * y - w * z),
+        2 * (x * z + w * y),
+        2 * (x * y + w * z),
+        1 - 2 * (x * x + z * z),
+        2 * (y * z - w * x),
+        2 * (x * z - w * y),
+        2 * (y * z + w * x),
+        1 - 2 * (x * x + y * y),
+    )
+    return R.reshape(*R.shape[:-1], 3, 3)
 
 
 def body_z(q: np.ndarray) -> np.ndarray:
     """(..., 4) quaternion -> (..., 3) body z axis in W. Quadratic in q; no normalisation."""
-    w, x, y, z = np.moveaxis(q, -1, 0)
-    return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z], axis=-1)
+    w, x, y, z = _components(q)
+    return _vector(2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z)
 
 
 def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
     """(..., 4) Hamilton product p q."""
-    pw, px, py, pz = np.moveaxis(p, -1, 0)
-    qw, qx, qy, qz = np.moveaxis(q, -1, 0)
-    return np.stack(
-        [
-            pw * qw - px * qx - py * qy - pz * qz,
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-        ],
-        axis=-1,
+    pw, px, py, pz = _components(p)
+    qw, qx, qy, qz = _components(q)
+    return _vector(
+        pw * qw - px * qx - py * qy - pz * qz,
+        pw * qx + px * qw + py * qz - pz * qy,
+        pw * qy - px * qz + py * qw + pz * qx,
+        pw * qz + px * qy - py * qx + pz * qw,
     )
 
 
 def quaternion_rate(q: np.ndarray, w_WB_B: np.ndarray) -> np.ndarray:
     """(..., 4) dq/dt = q * [0, w] / 2 [1/s]."""
-    w, x, y, z = np.moveaxis(q, -1, 0)
-    a, b, c = np.moveaxis(w_WB_B, -1, 0)
-    return 0.5 * np.stack(
-        [-x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a], axis=-1
+    w, x, y, z = _components(q)
+    a, b, c = _components(w_WB_B)
+    return 0.5 * _vector(
+        -x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a
     )
 
 
 def rotate(q: np.ndarray, r_B: np.ndarray) -> np.ndarray:
     """(..., 3) a body vector in W."""
-    return np.einsum("...ij,...j->...i", rotation_matrix(q), r_B)
+    return (rotation_matrix(q) @ r_B[..., None])[..., 0]
 
 
 def rotate_back(q: np.ndarray, r_W: np.ndarray) -> np.ndarray:
     """(..., 3) a world vector in B."""
-    return np.einsum("...ji,...j->...i", rotation_matrix(q), r_W)
+    return (r_W[..., None, :] @ rotation_matrix(q))[..., 0, :]
 
 
 def same_hemisphere(q: np.ndarray, q_near: np.ndarray) -> np.ndarray:
@@ -70,9 +84,9 @@ def quaternion_from_axes(z_B_W: np.ndarray, yaw: np.ndarray | float) -> np.ndarr
 
     The shortest tilt from world z to `z_B_W` after a turn by `yaw`; singular only upside down.
     """
-    zx, zy, zz = np.moveaxis(np.asarray(z_B_W, float), -1, 0)
+    zx, zy, zz = _components(z_B_W)
     w = np.sqrt(np.maximum(0.5 * (1 + zz), 1e-12))
-    tilt = np.stack([w, -zy / (2 * w), zx / (2 * w), np.zeros_like(w)], axis=-1)
+    tilt = _vector(w, -zy / (2 * w), zx / (2 * w), np.zeros_like(w))
     half = 0.5 * np.broadcast_to(np.asarray(yaw, float), w.shape)
-    turn = np.stack([np.cos(half), np.zeros_like(w), np.zeros_like(w), np.sin(half)], axis=-1)
+    turn = _vector(np.cos(half), np.zeros_like(w), np.zeros_like(w), np.sin(half))
     return multiply(tilt, turn)

@@ -27,10 +27,10 @@ class LinearDrag:
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) [N, N·m]; the drag acts at the centre of mass."""
         hover = np.sqrt(vehicle.mass * vehicle.gravity / 4)
-        speed = np.sqrt(np.maximum(motion.rotor_thrust, 0.0)).mean(axis=-1) / hover
+        speed = np.sqrt(np.maximum(motion.rotor_thrust, 0.0)).sum(axis=-1) / (4 * hover)
         R = attitude.rotation_matrix(motion.x[..., Q])
-        v_B = np.einsum("...ji,...j->...i", R, motion.x[..., V])
-        f_B = -speed[..., None] * np.array([self.d_x, self.d_y, self.d_z]) * v_B
-        chi = np.zeros((*f_B.shape[:-1], 6))
-        chi[..., :3] = np.einsum("...ij,...j->...i", R, f_B)
+        v_B = (motion.x[..., None, V] @ R)[..., 0, :]
+        chi = np.zeros((*v_B.shape[:-1], 6))
+        f_B = -speed[..., None] * (self.d_x, self.d_y, self.d_z) * v_B
+        chi[..., :3] = (R @ f_B[..., None])[..., 0]
         return chi

@@ -19,16 +19,18 @@ def open_log(
     """
     if str(path).endswith(".npy"):
         return read_neurobem_npy(path)
-    if str(path).endswith((".csv", ".csv.gz")) and _first_bytes(path).startswith(FIRST_COLUMNS):
+    if is_neurobem(path):
         return read_neurobem(path, vehicle=vehicle, repair=repair)
     return read_log(path, vehicle=vehicle, repair=repair)
 
 
-def _first_bytes(path: str | Path) -> bytes:
-    """The beginning of the text; nothing where the file cannot be unpacked (the reader says why)."""
+def is_neurobem(path: str | Path) -> bool:
+    """Is this file in one of the data set's own forms? Raises OSError if it cannot be opened."""
+    if not str(path).endswith((".csv", ".csv.gz")):
+        return str(path).endswith(".npy")
     opener = gzip.open if str(path).endswith(".gz") else open
     try:
         with opener(path, "rb") as stream:
-            return bytes(stream.read(len(FIRST_COLUMNS)))
+            return bool(stream.read(len(FIRST_COLUMNS)) == FIRST_COLUMNS)
     except (gzip.BadGzipFile, EOFError):
-        return b""
+        return False  # the reader says what is wrong with it

@@ -85,6 +85,7 @@ def _fill(table: Table, fields: list[str]) -> int:
     """Interpolates what is not finite, in place; returns in how many rows."""
     t = table.columns["t"]
     touched = np.zeros(len(t), bool)
+    _one_hemisphere(table)
     for field in fields:
         for name in COLUMNS[field]:
             column = table.columns[name]
@@ -100,6 +101,17 @@ def _fill(table: Table, fields: list[str]) -> int:
             table.columns[name] = np.interp(t, t[good], column[good])
     _unit_quaternions(table, touched)
     return int(touched.sum())
+
+
+def _one_hemisphere(table: Table) -> None:
+    """Turns the sign of quaternions so that neighbours are near: only then they can be interpolated."""
+    q = table.array(COLUMNS["q"])
+    rows = np.flatnonzero(np.all(np.isfinite(q), axis=1))
+    flips = np.sum(q[rows[1:]] * q[rows[:-1]], axis=1) < 0
+    sign = np.ones(len(q))
+    sign[rows[1:]] = np.cumprod(np.where(flips, -1.0, 1.0))
+    for name in COLUMNS["q"]:
+        table.columns[name] = sign * table.columns[name]
 
 
 def _unit_quaternions(table: Table, rows: np.ndarray) -> None:

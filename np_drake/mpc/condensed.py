@@ -11,19 +11,22 @@ from scipy.linalg.blas import dsyrk
 
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.horizon import Horizon, prepare
-from np_drake.mpc.objective import Objective, SoftRows
+from np_drake.mpc.objective import Objective, SoftRows, penalty
 from np_drake.mpc.problem import MpcConfig, MpcProblem
 from np_drake.vehicle import Vehicle
 
 
 @dc.dataclass(frozen=True)
 class Trajectory:
-    """A rollout: T (N, 4) [N], u (N, 4), x (N+1, 13), chi (N, 6), slacks (3,), merit = cost and penalty."""
+    """A rollout: T (N, 4) [N], u (N, 4), x (N+1, 13), chi (N, 6); tracking cost, excess (4N+1,) over the soft
+    sets with the slacks (3,) it needs, merit = cost and penalty."""
 
     T: np.ndarray
     u: np.ndarray
     x: np.ndarray
     chi: np.ndarray
+    cost: float
+    excess: np.ndarray
     slacks: np.ndarray
     merit: float
 
@@ -83,9 +86,11 @@ class Condensed:
             zeta[6 * i : 6 * i + 6] = state[7:]
             state = advance(state, inputs[i], chi[i].tolist())
             x[i + 1] = state
-        slacks = self.objective.slacks(h, x)
-        merit = self.objective.cost(h, x, u) + self.objective.penalty(slacks)
-        return Trajectory(T, u, x, chi, slacks, merit)
+        cost, excess = self.objective.cost(h, x, u), self.objective.excess(h, x)
+        slacks = self.objective.slacks(excess)
+        return Trajectory(
+            T, u, x, chi, cost, excess, slacks, cost + penalty(slacks, self.config.slack_weight)
+        )
 
     def sensitivities(self, h: Horizon, t: Trajectory) -> np.ndarray:
         """(N, 13, 4N) dx_i/dT for i = 1 … N, the reaction of the wrench to the predicted motion included."""

@@ -7,7 +7,7 @@ import numpy as np
 from np_drake import attitude, rigid_body
 from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcSolver, MpcStatus, SolverFailure
-from np_drake.references.flatness import targets
+from np_drake.references.flatness import body_rates, targets
 from np_drake.residual_models.base import WrenchForecast, no_forecast
 from np_drake.vehicle import Vehicle
 
@@ -62,8 +62,8 @@ class MpcController:
         forecast = forecast or no_forecast(N)
         chi = np.zeros((N + 1, 6))
         if self._target_shift:
-            w_ref = targets(self.vehicle, flat, chi)[0][:, rigid_body.W]
-            chi[:N] = forecast.rollout(np.concatenate([flat[1, :N], w_ref[:N]], axis=1))
+            w_ref = body_rates(self.vehicle, flat[:, :N])
+            chi[:N] = forecast.rollout(np.concatenate([flat[1, :N], w_ref], axis=1))
             chi[N] = chi[N - 1]
         x_ref, u_ref = targets(self.vehicle, flat, chi)
         x_ref[:, rigid_body.Q] = attitude.same_hemisphere(x_ref[:, rigid_body.Q], x[rigid_body.Q])

@@ -54,7 +54,9 @@ class DiscreteDynamics:
         """
         h, n = self.step, len(x)
         r0 = np.concatenate([x[:, 3:7], x[:, 10:13]], axis=1)
-        push = np.zeros((n, 7, 11))  # what dr/dt gains from tau: columns 7:10 its Jacobian, column 10 its value
+        push = np.zeros(
+            (n, 7, 11)
+        )  # what dr/dt gains from tau: columns 7:10 its Jacobian, column 10 its value
         push[:, 4:, 7:10] = self._J_inv
         push[:, 4:, 10] = (u[:, 1:4] + chi[:, 3:6]) @ self._J_inv.T
         start = np.zeros((n, 7, 11))  # [dr/d(q, w, tau) | r] of the current Runge-Kutta stage

@@ -38,5 +38,7 @@ def feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
     for i in range(len(T)):
         e = np.clip(x - h.x_ref[i], -bound, bound)
         T[i] = condensed.clip(vehicle.unmixer @ (h.u_ref[i] - gain @ e))
-        x = np.array(condensed.dynamics.advance(x.tolist(), (vehicle.mixer @ T[i]).tolist(), h.free[i].tolist()))
+        x = np.array(
+            condensed.dynamics.advance(x.tolist(), (vehicle.mixer @ T[i]).tolist(), h.free[i].tolist())
+        )
     return T

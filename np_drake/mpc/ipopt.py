@@ -5,23 +5,24 @@ which IPOPT's limited memory is told. Only rows near activity are passed; violat
 solved again until none is left. On the iteration cap the problem is preconditioned anew. Source: own measurement.
 """
 
-import dataclasses as dc
 import logging
 import time
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractValue, InitializeAutoDiff
-from pydrake.solvers import IpoptSolver, MathematicalProgram, SolutionResult, SolverOptions
+from pydrake.solvers import IpoptSolver, MathematicalProgram, SolverOptions
 from scipy.linalg import lapack
 
-from np_drake.mpc.condensed import Condensed, LocalModel, Trajectory
+from np_drake.mpc.condensed import Condensed, Trajectory
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.initial_guess import initial_trajectory
 from np_drake.mpc.objective import KINDS, QUADRATIC
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus
+from np_drake.mpc.quiet import expected_early_ends
 from np_drake.mpc.sqp import SqpSolver, as_solution
 from np_drake.vehicle import Vehicle
 
+_log = logging.getLogger(__name__)
 _NEAR = 0.05  # share of a set's size within which a row counts as near activity
 _ROUNDS = 8
 _OPTIONS = {
@@ -55,73 +56,121 @@ class IpoptCondensedSolver:
         """Raises SolverFailure on NaN, wrong shapes or a forecast that overflows."""
         start = time.perf_counter()
         deadline = start + self._time_limit
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), expected_early_ends():
             h = self.condensed.prepare(problem)
             t, cold = initial_trajectory(self.condensed, h, warm_start)
-            sqp, _, count = self._sqp.descend(h, t, steps=8 if cold else 1, deadline=start + 0.5 * self._time_limit)
-            best, status, rounds = self._converge(h, sqp, deadline)
+            sqp, _, count = self._sqp.descend(
+                h, t, steps=8 if cold else 1, deadline=start + 0.5 * self._time_limit
+            )
+            late = deadline
+            if self._crowded(sqp):
+                sqp, _, more = self._sqp.descend(h, sqp, steps=8, deadline=start + 0.8 * self._time_limit)
+                count, late = count + more, start + 0.5 * self._time_limit
+            best, status, rounds = sqp, MpcStatus.SQP_FALLBACK, 0
+            if time.perf_counter() < late:
+                best, status, rounds = self._converge(h, sqp, deadline)
         return as_solution(best, status, count + rounds, time.perf_counter() - start)
 
+    def _crowded(self, t: Trajectory) -> bool:
+        """Whether so many rows are active that SQP gains more by the second, and IPOPT is for where time abounds."""
+        at_bounds = np.count_nonzero((t.T <= 0) | (t.T >= self.condensed.vehicle.max_rotor_thrust))
+        return bool(t.slacks.any()) or at_bounds > t.T.size // 8
+
     def _converge(self, h: Horizon, sqp: Trajectory, deadline: float) -> tuple[Trajectory, MpcStatus, int]:
-        """Rounds of IPOPT from the SQP answer; a round that ends worse than it is not believed."""
-        t, local = sqp, None
-        for count in range(1, _ROUNDS + 1):
-            left = deadline - time.perf_counter()
-            if left <= 0:
-                break
-            if local is None:
-                local = Preconditioned(self.condensed, h, t)
-            result, t = local.solve(self._ipopt, left)
-            if result == SolutionResult.kSolutionFound and not local.add_violated(t):
-                if t.merit <= sqp.merit + 1e-6 * (1 + sqp.merit):
-                    return t, MpcStatus.OPTIMAL, count
-                break
-            if result != SolutionResult.kSolutionFound:
-                local = None
-                t = t if t.finite and t.merit < sqp.merit else sqp
-        logging.getLogger(__name__).debug("IPOPT gave up after %d rounds; the SQP answer flies.", count)
-        best = t if t.finite and t.merit < sqp.merit else sqp
-        return best, MpcStatus.SQP_FALLBACK, count
-
-
-@dc.dataclass
-class _Point:
-    """The last w evaluated, and everything IPOPT asks about it."""
-
-    key: bytes = b""
-    t: Trajectory | None = None
-    S: np.ndarray | None = None
+        """Rounds of IPOPT from the SQP answer; an end that is worse than it is not believed."""
+        t, problem, count = sqp, None, 0
+        while count < _ROUNDS and (left := deadline - time.perf_counter()) > 0:
+            count += 1
+            problem = problem or Preconditioned(self.condensed, h, t)
+            solved, end = problem.solve(self._ipopt, left)
+            if solved and problem.add_violated(end):
+                continue
+            t = self.condensed.rollout(h, self.condensed.clip(end.T))
+            good = t.finite and t.merit <= sqp.merit + 1e-7 * (1 + sqp.merit)
+            if solved:
+                return (t, MpcStatus.OPTIMAL, count) if good else (sqp, MpcStatus.SQP_FALLBACK, count)
+            problem, t, sqp = None, t if good else sqp, t if good else sqp
+        _log.debug("IPOPT gave up after %d rounds; the SQP answer flies.", count)
+        return sqp, MpcStatus.SQP_FALLBACK, count
 
 
 class Preconditioned:
-    """One problem in w around t_0, with the rows that are near activity."""
+    """The problem over w around t_0, with the rows that are near activity."""
 
     def __init__(self, condensed: Condensed, h: Horizon, t_0: Trajectory):
         self._c, self._h, self._T_0 = condensed, h, t_0.T.ravel()
-        S = condensed.sensitivities(h, t_0)
-        model = condensed.local_model(h, t_0)
-        factor, info = lapack.dpotrf(model.hessian, lower=1)
-        if info:
-            factor = np.diag(np.sqrt(np.diag(model.hessian)))
+        hessian = condensed.local_model(h, t_0).hessian
+        factor, info = lapack.dpotrf(hessian, lower=1)
+        factor = np.diag(np.sqrt(np.diag(hessian))) if info else factor
         self._M = lapack.dtrtri(factor, lower=1)[0].T  # L^-T
-        self._point = _Point(np.zeros(condensed.size).tobytes(), t_0, S)
         self._w = np.zeros(condensed.size)
-        self._top = condensed.vehicle.max_rotor_thrust
-        margin = _NEAR * self._top
-        self._inputs = (self._T_0 < margin) | (self._T_0 > self._top - margin)
-        self._soft = self._near(model)
+        self._key, self._point = b"", None
+        config, self._top = condensed.config, condensed.vehicle.max_rotor_thrust
+        self._kind = np.repeat(range(KINDS), [3 * config.horizon, config.horizon, 1])
+        size = np.array([config.max_speed, 1 - condensed.objective.min_cosine, config.terminal_radius])
+        near = _NEAR * self._top
+        self._inputs = (self._T_0 < near) | (self._T_0 > self._top - near)
+        self._soft = t_0.excess > -_NEAR * size[self._kind]
+        self._unit = 1 / np.sqrt(2 * QUADRATIC * config.slack_weight)  # slack scale of unit curvature
 
-    def _near(self, model: LocalModel) -> np.ndarray:
-        config = self._c.config
-        size = np.array([config.max_speed, 1 - self._c.objective.min_cosine, config.terminal_radius])
-        return model.rows.excess > -_NEAR * size[model.rows.kind]
+    def solve(self, ipopt: IpoptSolver, time_limit: float) -> tuple[bool, Trajectory]:
+        """Whether IPOPT converged, and where it ended; the rows left out may be violated there."""
+        prog = MathematicalProgram()
+        w = prog.NewContinuousVariables(len(self._w), "w")
+        prog.AddCost(self._cost, vars=w)
+        if self._inputs.any():
+            T = self._T_0[self._inputs]
+            prog.AddLinearConstraint(self._M[self._inputs], -T, self._top - T, w)
+        start = self._w
+        if self._soft.any():
+            s = prog.NewContinuousVariables(KINDS, "s")
+            prog.AddBoundingBoxConstraint(0, np.inf, s)
+            price = self._c.config.slack_weight * self._unit
+            prog.AddQuadraticCost(np.eye(KINDS), price * np.ones(KINDS), s, is_convex=True)
+            m = int(self._soft.sum())
+            prog.AddConstraint(self._rows, np.full(m, -np.inf), np.zeros(m), vars=np.concatenate([w, s]))
+            start = np.concatenate([start, self._at(start)[0].slacks / self._unit])
+        options = SolverOptions()
+        for name, value in {**_OPTIONS, "max_wall_time": time_limit}.items():
+            options.SetOption(IpoptSolver.id(), name, value)
+        result = ipopt.Solve(prog, start, options)
+        end = result.GetSolution(w)
+        self._w = end if np.isfinite(end).all() else self._w
+        return result.is_success(), self._at(self._w)[0]
 
     def add_violated(self, t: Trajectory) -> bool:
         """Whether t breaks a row that was left out; those are passed from now on."""
         T = t.T.ravel()
+        passed = np.where(self._soft, t.excess, 0.0)
+        allowed = self._c.objective.slacks(passed)[self._kind]
         inputs = ~self._inputs & ((T < -1e-6) | (T > self._top + 1e-6))
-        excess = self._excess(t)
-        rows = ~self._soft & (excess > 1e-6)
+        soft = ~self._soft & (t.excess > allowed + 1e-6)
         self._inputs |= inputs
-        self._soft |= rows
-        return bool(inputs.any() or rows.any())
+        self._soft |= soft
+        return bool(inputs.any() or soft.any())
+
+    def _at(self, w: np.ndarray) -> tuple[Trajectory, np.ndarray]:
+        """Trajectory and sensitivities at w; IPOPT asks for each point several times."""
+        if self._point is None or w.tobytes() != self._key:
+            t = self._c.rollout(self._h, (self._T_0 + self._M @ w).reshape(-1, 4))
+            self._key, self._point = w.tobytes(), (t, self._c.sensitivities(self._h, t))
+        return self._point
+
+    def _cost(self, w: np.ndarray):
+        value = ExtractValue(w).ravel() if w.dtype == object else w
+        t, S = self._at(value)
+        if w.dtype != object:
+            return t.cost
+        gradient = self._c.gradient(self._h, t, S) @ self._M
+        return AutoDiffXd(t.cost, gradient)
+
+    def _rows(self, v: np.ndarray):
+        value = ExtractValue(v).ravel() if v.dtype == object else v
+        n, kind = len(self._w), self._kind[self._soft]
+        t, S = self._at(value[:n])
+        excess = t.excess[self._soft] - self._unit * value[n:][kind]
+        if v.dtype != object:
+            return excess
+        rows = self._c.objective.rows(self._h, t.x, S)
+        jacobian = np.hstack([rows.jacobian[self._soft] @ self._M, -self._unit * np.eye(KINDS)[kind]])
+        return InitializeAutoDiff(excess, jacobian).ravel()

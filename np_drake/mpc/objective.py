@@ -44,20 +44,20 @@ class Objective:
         stages = np.sum(e[:-1] ** 2 @ self.config.Q) + np.sum(e_u**2 @ self.config.R)
         return float(stages + e[-1] @ h.P @ e[-1])
 
-    def penalty(self, slack: np.ndarray) -> float:
-        """Price of the slacks (3,)."""
-        return float(self.config.slack_weight * np.sum(slack + QUADRATIC * slack**2))
+    def excess(self, h: Horizon, x: np.ndarray) -> np.ndarray:
+        """(4N+1,) by how much x_1 … x_N leave the sets: 3N velocities, N tilts, the terminal ellipsoid.
 
-    def slacks(self, h: Horizon, x: np.ndarray) -> np.ndarray:
-        """(3,) smallest slacks that x (N+1, 13) allows; the measured x_0 is not judged."""
-        worst = np.array(
-            [
-                np.abs(x[1:, 7:10]).max() - self.config.max_speed,
-                self.min_cosine - attitude.body_z(x[1:, 3:7])[:, 2].min(),
-                self.terminal_norm(h, x[-1]) - self.config.terminal_radius,
-            ]
-        )
-        return np.maximum(worst, 0.0)
+        The measured x_0 is not judged.
+        """
+        fast = np.abs(x[1:, 7:10]) - self.config.max_speed
+        steep = self.min_cosine - attitude.body_z(x[1:, 3:7])[:, 2]
+        far = self.terminal_norm(h, x[-1]) - self.config.terminal_radius
+        return np.concatenate([fast.ravel(), steep, [far]])
+
+    def slacks(self, excess: np.ndarray) -> np.ndarray:
+        """(3,) smallest slacks that an excess (4N+1,) allows."""
+        fast, steep = np.split(excess[:-1], [3 * (len(excess) // 4)])
+        return np.maximum([fast.max(), steep.max(), excess[-1]], 0.0)
 
     def terminal_norm(self, h: Horizon, x_N: np.ndarray) -> float:
         """sqrt(e' P_f e) with P_f = P / P_xx [m], smooth at zero."""
@@ -69,21 +69,17 @@ class Objective:
 
         The velocity box has one row a component, on the side where the velocity lies.
         """
-        n = S.shape[2]
+        stages, _, n = S.shape
         sign = np.where(x[1:, 7:10] < 0, -1.0, 1.0)
-        fast = sign * x[1:, 7:10] - self.config.max_speed
-        q = x[1:, 3:7]
-        steep = self.min_cosine - attitude.body_z(q)[:, 2]
-        dq = 2 * q * [-1.0, 1.0, 1.0, -1.0]
-        norm = self.terminal_norm(h, x[-1])
-        far = (x[-1] - h.x_ref[-1]) @ h.P / (h.P[0, 0] * norm)
-        jacobian = np.concatenate(
-            [
-                (sign[:, :, None] * S[:, 7:10]).reshape(-1, n),
-                (dq[:, None, :] @ S[:, 3:7])[:, 0],
-                (far @ S[-1])[None],
-            ]
-        )
-        excess = np.concatenate([fast.ravel(), steep, [norm - self.config.terminal_radius]])
-        stages = len(q)
-        return SoftRows(excess, jacobian, np.repeat(range(KINDS), [3 * stages, stages, 1]))
+        dq = 2 * x[1:, 3:7] * [-1.0, 1.0, 1.0, -1.0]
+        far = (x[-1] - h.x_ref[-1]) @ h.P / (h.P[0, 0] * self.terminal_norm(h, x[-1]))
+        jacobian = np.empty((4 * stages + 1, n))
+        jacobian[: 3 * stages] = (sign[:, :, None] * S[:, 7:10]).reshape(-1, n)
+        jacobian[3 * stages : -1] = (dq[:, None, :] @ S[:, 3:7])[:, 0]
+        jacobian[-1] = far @ S[-1]
+        return SoftRows(self.excess(h, x), jacobian, np.repeat(range(KINDS), [3 * stages, stages, 1]))
+
+
+def penalty(slack: np.ndarray, slack_weight: float) -> float:
+    """Price of the slacks (3,) [1]."""
+    return float(slack_weight * np.sum(slack + QUADRATIC * slack**2))

@@ -45,7 +45,9 @@ class MpcConfig:
     @property
     def Q(self) -> np.ndarray:
         """(13,) diagonal stage weight."""
-        return np.array([*self.weight_position, *self.weight_attitude, *self.weight_velocity, *self.weight_rate])
+        return np.array(
+            [*self.weight_position, *self.weight_attitude, *self.weight_velocity, *self.weight_rate]
+        )
 
     @property
     def R(self) -> np.ndarray:

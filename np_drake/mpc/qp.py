@@ -8,13 +8,14 @@ OSQP's). The programs are built once and updated.
 """
 
 import dataclasses as dc
+import time
 
 import numpy as np
 from pydrake.solvers import ClarabelSolver, MathematicalProgram, OsqpSolver, SolverOptions
 from scipy.linalg import lapack
 
 from np_drake.mpc.condensed import LocalModel
-from np_drake.mpc.objective import KINDS, QUADRATIC, SoftRows
+from np_drake.mpc.objective import KINDS, QUADRATIC, SoftRows, penalty
 
 _OSQP = {
     "polishing": 0,
@@ -25,59 +26,77 @@ _OSQP = {
     "adaptive_rho_interval": 25,
     "scaling": 0,
 }
+_CLARABEL = {
+    "tol_gap_abs": 1e-5,
+    "tol_gap_rel": 1e-6,
+    "tol_feas": 1e-6,
+    "presolve_enable": 0,
+    "equilibrate_enable": 0,
+    "iterative_refinement_enable": 0,
+}
 _CRITICAL_ROWS = 24  # rows of the first attempt with soft sets
-_ACTIVE_SET_ROUNDS = 12
+_ACTIVE_SET_ROUNDS = 10
 
 
 @dc.dataclass(frozen=True)
 class Step:
-    """d (n,) within its bounds, and the slacks (3,) that the linearised rows need at d."""
+    """d (n,) within its bounds, and the decrease of the merit that the local model foretells."""
 
     d: np.ndarray
-    slacks: np.ndarray
+    decrease: float
 
 
 class QpSolver:
     """Solves one local model after another."""
 
     def __init__(self, size: int, rows: int, slack_weight: float):
-        self._osqp, self._options = OsqpSolver(), SolverOptions()
-        for name, value in _OSQP.items():
-            self._options.SetOption(OsqpSolver.id(), name, value)
-        self._clarabel = ClarabelSolver()
-        self._box = BoxProgram(size)
+        self._osqp, self._clarabel, self._options = OsqpSolver(), ClarabelSolver(), SolverOptions()
+        for solver, options in ((self._osqp, _OSQP), (self._clarabel, _CLARABEL)):
+            for name, value in options.items():
+                self._options.SetOption(solver.solver_id(), name, value)
+        self._box, self._weight = BoxProgram(size), slack_weight
         self._soft = [SoftProgram(size, m, slack_weight) for m in sorted({min(rows, _CRITICAL_ROWS), rows})]
 
-    def solve(self, model: LocalModel, lower: np.ndarray, upper: np.ndarray) -> Step:
-        """The minimiser, or the best that was found."""
+    def solve(self, model: LocalModel, lower: np.ndarray, upper: np.ndarray, time_limit: float) -> Step:
+        """The minimiser; where `time_limit` [s] is too short for the soft sets, that of the box alone."""
+        deadline = time.perf_counter() + time_limit
         H = np.tril(model.hessian) + np.tril(model.hessian, -1).T
-        d = self._solve_box(H, model.gradient, lower, upper)
-        slacks = linear_slacks(model.rows, d)
-        return self._solve_soft(H, model, lower, upper, d) if slacks.any() else Step(d, slacks)
+        d = active_set(H, model.gradient, lower, upper)
+        if d is None:  # cycled: the clipped Newton step tells whether the soft rows matter
+            d = np.clip(np.linalg.solve(H, -model.gradient), lower, upper)
+            if not linear_slacks(model.rows, d).any():
+                d = self._solve_box(H, model.gradient, lower, upper, d)
+        if linear_slacks(model.rows, d).any():
+            d = self._solve_soft(H, model, lower, upper, d, deadline)
+        return Step(d, self._decrease(H, model, d, model.rows))
 
-    def _solve_box(self, H, g, lower, upper) -> np.ndarray:
-        d = active_set(H, g, lower, upper)
-        if d is not None:
-            return d
+    def _decrease(self, H, model, d, rows) -> float:
+        before, after = linear_slacks(rows, np.zeros_like(d)), linear_slacks(rows, d)
+        gain = penalty(before, self._weight) - penalty(after, self._weight)
+        return float(gain - model.gradient @ d - 0.5 * d @ (H @ d))
+
+    def _solve_box(self, H, g, lower, upper, guess) -> np.ndarray:
         self._box.update(H, g, lower, upper)
-        guess = np.clip(np.linalg.lstsq(H, -g, rcond=None)[0], lower, upper)
-        result = self._osqp.Solve(self._box.prog, guess, self._options)
-        d = result.GetSolution(self._box.d)
+        d = self._osqp.Solve(self._box.prog, guess, self._options).GetSolution(self._box.d)
         return np.clip(d, lower, upper) if np.isfinite(d).all() else guess
 
-    def _solve_soft(self, H, model, lower, upper, box_d) -> Step:
-        rows, d = model.rows, box_d
-        level = np.maximum(rows.excess, rows.excess + rows.jacobian @ box_d)
+    def _solve_soft(self, H, model, lower, upper, d, deadline) -> np.ndarray:
+        """With the rows nearest to activity; with all, where those left out would take back half of the gain."""
+        rows = model.rows
+        level = np.maximum(rows.excess, rows.excess + rows.jacobian @ d)
         for program in self._soft:
             pick = np.sort(np.argsort(-level)[: program.rows])
             chosen = SoftRows(rows.excess[pick], rows.jacobian[pick], rows.kind[pick])
             program.update(H, model.gradient, lower, upper, chosen)
-            found = self._clarabel.Solve(program.prog, None, None).GetSolution(program.d)
-            d = np.clip(found, lower, upper) if np.isfinite(found).all() else box_d
-            slacks, seen = linear_slacks(rows, d), linear_slacks(chosen, d)
-            if np.all(slacks <= 1.02 * seen + 1e-4):
-                break
-        return Step(d, slacks)
+            left = max(deadline - time.perf_counter(), 1e-4)
+            self._options.SetOption(ClarabelSolver.id(), "time_limit", left)
+            result = self._clarabel.Solve(program.prog, None, self._options)
+            if not result.is_success():
+                return d
+            d = np.clip(result.GetSolution(program.d), lower, upper)
+            if self._decrease(H, model, d, rows) >= 0.5 * self._decrease(H, model, d, chosen):
+                return d
+        return d
 
 
 def active_set(H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray | None:
@@ -117,7 +136,9 @@ class BoxProgram:
     def __init__(self, size: int):
         self.prog = MathematicalProgram()
         self.d = self.prog.NewContinuousVariables(size, "d")
-        self._cost = self.prog.AddQuadraticCost(np.eye(size), np.zeros(size), self.d, is_convex=True).evaluator()
+        self._cost = self.prog.AddQuadraticCost(
+            np.eye(size), np.zeros(size), self.d, is_convex=True
+        ).evaluator()
         self._box = self.prog.AddBoundingBoxConstraint(np.zeros(size), np.zeros(size), self.d).evaluator()
 
     def update(self, H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:

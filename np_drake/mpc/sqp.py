@@ -4,11 +4,12 @@ import time
 
 import numpy as np
 
-from np_drake.mpc.condensed import Condensed, LocalModel, Trajectory
+from np_drake.mpc.condensed import Condensed, Trajectory
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.initial_guess import initial_trajectory
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
 from np_drake.mpc.qp import QpSolver
+from np_drake.mpc.quiet import expected_early_ends
 from np_drake.vehicle import Vehicle
 
 _BACKTRACKS = 5
@@ -31,7 +32,7 @@ class SqpSolver:
         *,
         steps: int = 1,
         cold_steps: int = 8,
-        time_limit: float = 0.015,
+        time_limit: float = 0.012,
     ):
         self.condensed = Condensed(vehicle, config)
         self._qp = QpSolver(self.condensed.size, 4 * config.horizon + 1, config.slack_weight)
@@ -40,7 +41,7 @@ class SqpSolver:
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
         """Raises SolverFailure on NaN, wrong shapes or a forecast that overflows."""
         start = time.perf_counter()
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), expected_early_ends():
             h = self.condensed.prepare(problem)
             t, cold = initial_trajectory(self.condensed, h, warm_start)
             t, status, count = self.descend(
@@ -55,7 +56,7 @@ class SqpSolver:
         longest, begin = 0.0, time.perf_counter()
         for count in range(1, steps + 1):
             before = t
-            t, miss = self.step(h, t)
+            t, miss = self.step(h, t, max(deadline - begin, 1e-3))
             scale = _TOLERANCE * (1 + t.merit)
             now = time.perf_counter()
             longest, begin = max(longest, now - begin), now
@@ -63,14 +64,13 @@ class SqpSolver:
                 break
         return t, MpcStatus.OPTIMAL if miss <= scale else MpcStatus.ITERATION_LIMIT, count
 
-    def step(self, h: Horizon, t: Trajectory) -> tuple[Trajectory, float]:
+    def step(self, h: Horizon, t: Trajectory, time_limit: float) -> tuple[Trajectory, float]:
         """One step that never raises the merit, and how far the local model missed the true decrease."""
         model = self.condensed.local_model(h, t)
         flat = t.T.ravel()
         top = self.condensed.vehicle.max_rotor_thrust
-        step = self._qp.solve(model, -flat, top - flat)
-        foretold = self._decrease(model, t, step.d, step.slacks)
-        size = 1.0
+        step = self._qp.solve(model, -flat, top - flat, time_limit)
+        foretold, size = step.decrease, 1.0
         for _ in range(_BACKTRACKS):
             new = self.condensed.rollout(h, self.condensed.clip(t.T + size * step.d.reshape(-1, 4)))
             if new.finite and new.merit <= t.merit:
@@ -78,12 +78,6 @@ class SqpSolver:
                 return new, miss
             size *= 0.35
         return t, max(foretold, 0.0)
-
-    def _decrease(self, model: LocalModel, t: Trajectory, d: np.ndarray, slacks: np.ndarray) -> float:
-        H = model.hessian
-        curvature = 2 * d @ (np.tril(H) @ d) - d @ (np.diag(H) * d)
-        penalty = self.condensed.objective.penalty
-        return float(penalty(t.slacks) - penalty(slacks) - model.gradient @ d - 0.5 * curvature)
 
 
 def as_solution(t: Trajectory, status: MpcStatus, iterations: int, solve_time: float) -> MpcSolution:

@@ -10,7 +10,20 @@ from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.problem import MpcConfig
 from np_drake.vehicle import Vehicle
 
-_CONTROLLABLE = [0, 1, 2, 4, 5, 6, 7, 8, 9, 10, 11, 12]  # all states but q_w, which hover cannot move to first order
+_CONTROLLABLE = [
+    0,
+    1,
+    2,
+    4,
+    5,
+    6,
+    7,
+    8,
+    9,
+    10,
+    11,
+    12,
+]  # all states but q_w, which hover cannot move to first order
 
 
 def terminal_weight(vehicle: Vehicle, config: MpcConfig, q_ref: np.ndarray) -> np.ndarray:
@@ -32,7 +45,14 @@ def terminal_weight(vehicle: Vehicle, config: MpcConfig, q_ref: np.ndarray) -> n
 
 def hover_solution(vehicle: Vehicle, config: MpcConfig) -> tuple[np.ndarray, np.ndarray]:
     """(13, 13) Riccati cost-to-go and (4, 13) feedback, u = u_ref - feedback @ e_x, at hover with heading 0."""
-    key = (vehicle.mass, vehicle.gravity, vehicle.J.tobytes(), config.step, config.Q.tobytes(), config.R.tobytes())
+    key = (
+        vehicle.mass,
+        vehicle.gravity,
+        vehicle.J.tobytes(),
+        config.step,
+        config.Q.tobytes(),
+        config.R.tobytes(),
+    )
     return _solve(*key)
 
 

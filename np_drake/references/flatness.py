@@ -34,6 +34,12 @@ def targets(
     return np.concatenate([p, q, v, w], axis=1), u
 
 
+def body_rates(vehicle: Vehicle, flat: np.ndarray, yaw: float = 0.0) -> np.ndarray:
+    """(n, 3) w_WB_B [rad/s] of the reference motion `flat` (5, n, 3) without any wrench."""
+    thrust = vehicle.mass * (flat[2] + [0.0, 0.0, vehicle.gravity])
+    return _attitude_and_rate(thrust, vehicle.mass * flat[3], yaw)[1]
+
+
 def _attitude_and_rate(thrust: np.ndarray, thrust_rate: np.ndarray, yaw: float):
     """(n, 3) thrust vector in W and its rate -> (n, 4) quaternion, (n, 3) body rate."""
     size = np.maximum(np.linalg.norm(thrust, axis=1, keepdims=True), 1e-6)

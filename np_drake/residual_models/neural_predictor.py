@@ -20,16 +20,16 @@ class PredictorOptions:
     torque: str = "hold"  # hold (last low-passed label) | predict
     cutoff: float = 4.0  # of the low-pass on held labels [Hz]
     refit: bool | None = None  # refit A, B on the window in flight; None: as the configuration asks
-    ridge: float = 1.0  # weight of the offline A, B in the refit, in samples of unit size [1]
+    ridge: float | None = None  # weight of the offline A, B in the refit; None: the model's [samples of unit size]
 
 
 class NeuralPredictor:
     """z = Phi(chi) or E window;  z+ = A z + B zeta;  chi_hat = C z.       Source: Jin et al. 2025, eq. (nmpc).
 
     Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); A (K, K), B (K, 6); lowpass (6,) of the labels;
-    count of samples since the start or the last gap, up to W; dropped, samples without a label so far; gap, of them
-    in a row just now. Until `count` reaches W the forecast holds `lowpass`. A missing label is filled with the
-    model's own prediction, a missing state with the last zeta; after W in a row the window starts afresh.
+    count of samples in the window, up to W; labels, dropped: samples with and without one so far; gap: dropped in a
+    row just now. Until `count` reaches W the forecast holds `lowpass`. A missing label is filled with the model's own
+    prediction, a missing state with the last zeta; after W samples in a row without, the window starts afresh.
     """
 
     def __init__(self, model: LiftedModel, options: PredictorOptions = PredictorOptions()):
@@ -47,7 +47,8 @@ class NeuralPredictor:
         if options.torque == "hold":
             self._C[3:] = 0.0
         refit = model.configuration == PAPER if options.refit is None else options.refit
-        self._refit = WindowRefit(model, options.ridge) if refit else None
+        self._refit = WindowRefit(model, options.ridge or model.ridge) if refit else None
+        self._resampled_offline: dict[int, LiftedLinearSystem] = {}  # constants, computed when first asked for
 
     @classmethod
     def load(cls, path: str | Path, options: PredictorOptions = PredictorOptions()) -> "NeuralPredictor":
@@ -57,25 +58,67 @@ class NeuralPredictor:
     def initial_memory(self) -> Memory:
         """Nothing seen yet; the forecast is zero."""
         s = self.model.system
-        scalars = {name: np.zeros(1) for name in ("count", "dropped", "gap")}
+        scalars = {name: np.zeros(1) for name in ("count", "labels", "dropped", "gap")}
         window = np.zeros((self.model.window, 12))
         return {"window": window, "z": np.zeros(s.K), "A": s.A, "B": s.B, "lowpass": np.zeros(6), **scalars}
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
         """One more sample; see the class for samples with NaN."""
-        chi, zeta, missing = self._filled(memory, sample)
-        gap = memory["gap"] + 1.0 if missing else np.zeros(1)
-        if missing and (memory["count"][0] == 0 or gap[0] >= self.model.window):
-            return {**memory, "count": np.zeros(1), "dropped": memory["dropped"] + 1.0, "gap": gap}
-        window = np.concatenate([memory["window"][1:], np.concatenate([chi, zeta])[None]])
-        started = memory["dropped"][0] < 0 or memory["lowpass"].any() or memory["count"][0] > 0
-        lowpass = memory["lowpass"] + self._blend * (chi - memory["lowpass"]) if started else chi
-        count = np.minimum(memory["count"] + 1.0, self.model.window)
-        new = {"window": window, "lowpass": lowpass, "count": count, "gap": gap}
-        new["dropped"] = memory["dropped"] + float(missing)
-        if count[0] < self.model.window:
-            return {**memory, **new}
-        new["z"] = self.model.lift(window)
+        label, zeta = np.asarray(sample.chi, float), rigid_body.zeta(np.asarray(sample.x, float))
+        labelled, seen = bool(np.isfinite(label).all()), bool(np.isfinite(zeta).all())
+        new = {**memory, **self._counted(memory, labelled, labelled and seen)}
+        if labelled:
+            blend = max(self._blend, 1.0 / new["labels"][0])
+            new["lowpass"] = memory["lowpass"] + blend * (label - memory["lowpass"])
+        if new["count"][0] == 0:
+            return new
+        chi = label if labelled else self._own_prediction(memory)
+        row = np.concatenate([chi, zeta if seen else memory["window"][-1, 6:]])
+        new["window"] = np.concatenate([memory["window"][1:], row[None]])
+        if new["count"][0] == self.model.window:
+            new["z"] = self.model.lift(new["window"])
+            if self._refit is not None:
+                new["A"], new["B"] = self._refit(new["window"])
+        return new
+
+    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
+        """A^stride, its B, C and z now; torque (unless predicted) and the time before the window is full: held."""
+        full = memory["count"][0] == self.model.window
+        offset = memory["lowpass"].copy()
+        if full:
+            offset[: 6 if self.options.torque == "predict" else 3] = 0.0
+        system = self._resampled(memory, stride)
+        B = system.B if full else np.zeros_like(system.B)
+        z = memory["z"] if full else np.zeros_like(memory["z"])
+        return WrenchForecast(system.A, B, self._C, z, np.tile(offset, (horizon, 1)))
+
+    def chi_hat(self, memory: Memory) -> np.ndarray:
+        """(6,) the wrench now, as the forecast begins [N, N·m]."""
+        return self.forecast(memory, horizon=1, stride=1).rollout(np.zeros((1, 6)))[0]
+
+    def _counted(self, memory: Memory, labelled: bool, complete: bool) -> Memory:
+        """The counters after one more sample."""
+        W = self.model.window
+        gap = np.zeros(1) if complete else memory["gap"] + 1.0
+        lost = gap[0] >= W or (not complete and memory["count"][0] == 0)
+        count = np.zeros(1) if lost else np.minimum(memory["count"] + 1.0, W)
+        labels, dropped = memory["labels"] + float(labelled), memory["dropped"] + float(not complete)
+        return {"gap": gap, "count": count, "labels": labels, "dropped": dropped}
+
+    def _own_prediction(self, memory: Memory) -> np.ndarray:
+        """(6,) what the model expected for this sample before it came."""
+        if memory["count"][0] < self.model.window:
+            return memory["lowpass"]
+        z = memory["A"] @ memory["z"] + memory["B"] @ memory["window"][-1, 6:]
+        chi = self.model.system.C @ z
+        if not self.model.predicts_torque:
+            chi[3:] = memory["lowpass"][3:]
+        return chi
+
+    def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
+        s = self.model.system
         if self._refit is not None:
-            new["A"], new["B"] = self._refit(window)
-        return {**memory, **new}
+            return LiftedLinearSystem(memory["A"], memory["B"], s.C, s.step).resample(stride)
+        if stride not in self._resampled_offline:
+            self._resampled_offline[stride] = s.resample(stride)
+        return self._resampled_offline[stride]

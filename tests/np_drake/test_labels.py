@@ -61,11 +61,13 @@ def test_the_streaming_form_equals_the_batch_form(lag, order):
 def test_a_first_order_label_answers_a_step_with_its_time_constant():
     vehicle, log, _ = flight(chi=np.zeros(6))
     log.a[200:, 0] += 1.0 / vehicle.mass
-    config = lb.LabelConfig(force_bandwidth=1.0)
-    after = lb.labels(log, vehicle, config)[200:, 0]
-    tau = 1 / (2 * np.pi * 1.0)
-    expected = 1 - np.exp(-(log.t[200:] - log.t[200] + STEP / 2) / tau)
-    np.testing.assert_allclose(after, expected, atol=2e-3)  # bilinear against exact, at 1 Hz and 100 Hz [N]
+    log.al[200:, 2] += 1.0 / vehicle.J[2, 2]
+    config = lb.LabelConfig(force_bandwidth=1.0, torque_bandwidth=0.5)
+    after = lb.labels(log, vehicle, config)[200:]
+    for channel, bandwidth in ((0, 1.0), (5, 0.5)):
+        time = log.t[200:] - log.t[200] + STEP / 2
+        expected = 1 - np.exp(-2 * np.pi * bandwidth * time)
+        np.testing.assert_allclose(after[:, channel], expected, atol=2e-3)  # bilinear against exact [N, N·m]
 
 
 def test_labels_never_use_the_future():

@@ -38,7 +38,7 @@ def test_the_derivative_has_no_phase():
 
 
 def test_the_row_pairing_of_command_and_acceleration_survives_differentiation():
-    """Thrust that changes every row: paired with its own row the label is small, with a neighbour's it is not."""
+    """Thrust that changes every row: with its own row the label is small, with a neighbour's it is not."""
     vehicle, n = Vehicle(), 2000
     draw = np.random.default_rng(3)
     command = 19.62 + np.convolve(draw.normal(size=n + 40), np.ones(41) / 41, "valid") * 10
@@ -69,7 +69,7 @@ def test_rotor_speed_and_command_are_inverse():
 
 
 def test_a_faster_left_pair_rolls_to_the_right():
-    """Rotors 1 and 4 of the paper's vehicle stand on the left (+y): more thrust there is a positive roll torque."""
+    """Rotors 1 and 4 of the paper's vehicle stand on the left (+y)."""
     u = rotor_wrench(Vehicle(), np.array([700.0, 600.0, 600.0, 700.0]))
     assert u[1] > 0
     assert abs(u[2]) < 1e-12

@@ -168,6 +168,19 @@ def test_a_missing_command_is_held_not_interpolated(flight, columns, tmp_path):
     assert dut.u[50, 0] == flight.u[49, 0]
 
 
+def test_an_attitude_is_bridged_on_the_short_way_round(flight, columns, tmp_path):
+    """Ten radians a second about x, the sign of q turned after a gap of seven rows."""
+    angle = 10 * flight.t
+    sign = np.where(np.arange(600) < 300, 1.0, -1.0)
+    columns |= {"qw": sign * np.cos(angle / 2), "qx": sign * np.sin(angle / 2), "wx": 10 + 0 * angle}
+    leave_out(297, 304)(columns)
+    columns = {name: value for name, value in columns.items() if not name.startswith("al")}
+    write_csv(tmp_path / "made.csv", columns)
+    dut = read_log(tmp_path / "made.csv", repair=True)
+    aligned = np.abs(dut.q[:, 0] * np.cos(angle / 2) + dut.q[:, 1] * np.sin(angle / 2))
+    assert aligned.min() > 0.9999  # 1.6 degrees; linear interpolation over 0.8 rad
+
+
 @pytest.mark.parametrize(
     "spoil, message",
     [

@@ -1,0 +1,40 @@
+# Set-up, main job and tests. `make demo` and `make test` do all that a fresh machine needs.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+PYTEST_ARGS ?=
+CODE := np_drake systems diagrams tests
+
+# One thread a process: small matrices are slower on more, and the tests run side by side.
+export OMP_NUM_THREADS := 1
+export MPLBACKEND := Agg
+
+.PHONY: venv demo test lint format clean
+
+venv: $(STAMP)
+
+# torch first and by its exact version, so that nothing else pulls in another build of it.
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt "$$(grep '^torch==' constraints.txt)"
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,bench,parquet]'
+	touch $@
+
+demo: venv
+	$(BIN)/np-drake demo --out out/demo
+
+lint: venv
+	$(BIN)/ruff check $(CODE)
+	$(BIN)/ruff format --check $(CODE)
+	$(BIN)/mypy
+
+test: lint
+	$(BIN)/python -m pytest -n 2 $(PYTEST_ARGS)
+
+format: venv
+	$(BIN)/ruff check --fix $(CODE)
+	$(BIN)/ruff format $(CODE)
+
+clean:
+	rm -rf $(VENV) build out .pytest_cache .mypy_cache .ruff_cache .hypothesis

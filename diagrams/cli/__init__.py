@@ -1,0 +1,1 @@
+"""The command line `np-drake`: one verb a file."""

@@ -1,0 +1,55 @@
+"""Opens the flights that a verb was given, and prepares them for a predictor."""
+
+import dataclasses as dc
+from pathlib import Path
+
+from diagrams.cli.output import say
+from np_drake.lifting.segments import Segment
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.neurobem import published_vehicle
+from np_drake.logs.open_log import is_neurobem, open_log
+from np_drake.logs.training_segments import training_segments
+from np_drake.logs.wrench_sequence import WrenchSequence
+from np_drake.vehicle import Vehicle, load_vehicle
+
+
+@dc.dataclass(frozen=True)
+class Flight:
+    """A flight as opened, and the vehicle that its labels are made with."""
+
+    data: FlightLog | WrenchSequence
+    vehicle: Vehicle
+
+    @property
+    def frame(self) -> str:
+        """Of force and velocity: world, or body (NeuroBEM arrays)."""
+        return self.data.frame if isinstance(self.data, WrenchSequence) else "world"
+
+    def segments(self, step: float) -> list[Segment]:
+        """Training input, a sample every `step` [s] (an array keeps its own step)."""
+        return training_segments(self.data, self.vehicle, step=step)
+
+
+def open_flights(paths: list[Path], vehicle_file: Path | None, *, repair: bool = False) -> list[Flight]:
+    """Every file opened and checked; what a reader derived or repaired is said.
+
+    Without a vehicle file: the published one for NeuroBEM files, the paper's for flight logs.
+    Raises: LogError, OSError: one line, at the first file that is not usable; ValueError: on a bad vehicle
+    file, or if NeuroBEM arrays are mixed with logs.
+    """
+    vehicle = None if vehicle_file is None else load_vehicle(vehicle_file)
+    flights = []
+    for path in paths:
+        data = open_log(path, vehicle=vehicle, repair=repair)
+        say(*(f"{data.name}: {note}" for note in data.notes))
+        flights.append(Flight(data, vehicle or (published_vehicle() if is_neurobem(path) else Vehicle())))
+    require_one_frame(flights)
+    return flights
+
+
+def require_one_frame(flights: list[Flight]) -> None:
+    """Raises ValueError where total wrenches in body axes are mixed with residual ones in W."""
+    if len({flight.frame for flight in flights}) > 1:
+        raise ValueError(
+            "flights: arrays (.npy) hold the total wrench in body axes, logs the residual one; give one kind."
+        )

@@ -1,0 +1,82 @@
+"""Entry point `np-drake`: the verbs, and what happens when one fails.
+
+Exit code 0; 2 for bad input (one clear line on stderr, nothing half-written); 1 for a failed run. With
+NP_DRAKE_TRACEBACK=1 in the environment the line gives way to the traceback.
+"""
+
+import logging
+import os
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from diagrams.cli import evaluate, train
+from diagrams.cli.output import FailedRun, console, say
+
+PROGRAM = "np-drake"
+BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+
+app = typer.Typer(
+    name=PROGRAM,
+    help="Neural Predictor and NP-MPC for a quadrotor with a tethered payload, on Drake.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.command("train")(train.train)
+app.command("evaluate")(evaluate.evaluate)
+
+
+@app.callback(invoke_without_command=True)
+def about(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and leave.")] = False,
+) -> None:
+    if version:
+        from importlib.metadata import version as installed
+
+        say(f"{PROGRAM} {installed('np_drake')}")
+    elif context.invoked_subcommand is None:
+        say(context.get_help())
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs the command line and leaves with its exit code."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s")
+    sys.exit(run(arguments))
+
+
+def run(arguments: list[str]) -> int:
+    """The exit code; every expected failure has become one line on stderr."""
+    try:
+        code = app(arguments, prog_name=PROGRAM, standalone_mode=False)
+        return code if isinstance(code, int) else 0
+    except (KeyboardInterrupt, typer.Abort):
+        return _report(arguments, "interrupted.", INTERRUPTED)
+    except Exception as error:
+        if os.environ.get("NP_DRAKE_TRACEBACK"):
+            raise
+        usage = getattr(error, "format_message", None)  # of a wrong option or argument
+        if usage is not None:
+            return _report(arguments, usage(), BAD_INPUT)
+        if isinstance(error, ValueError | OSError):
+            return _report(arguments, _text(error), BAD_INPUT)
+        if isinstance(error, FailedRun):
+            return _report(arguments, str(error), FAILED)
+        raise
+
+
+def _text(error: Exception) -> str:
+    """The message; of a bare operating-system error, the file and the reason."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}." if error.filename else f"{error.strerror}."
+    return str(error) or type(error).__name__
+
+
+def _report(arguments: list[str], message: str, code: int) -> int:
+    verb = next((argument for argument in arguments if not argument.startswith("-")), "")
+    line = " ".join(f"{PROGRAM} {verb}".split()) + ": " + " ".join(message.split())
+    console(stderr=True).print(line, markup=False, soft_wrap=True)
+    return code

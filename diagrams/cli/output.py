@@ -1,0 +1,102 @@
+"""What every verb prints and writes: console, progress, tables, `--json` files, figures, folders.
+
+Only the command line prints. Files appear whole or not at all (`np_drake.atomic_file`).
+"""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from np_drake.atomic_file import atomic_path, write_json
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+WIDTH = 100  # columns a table may take
+Advance = Callable[..., None]  # (done, text="")
+
+
+class FailedRun(RuntimeError):
+    """The input was good and the run failed all the same: one line, exit code 1."""
+
+
+def console(*, stderr: bool = False) -> Console:
+    """A console at most `WIDTH` columns wide, and that wide where the output is no terminal."""
+    stream = sys.stderr if stderr else sys.stdout
+    width = min(WIDTH, Console(file=stream).width) if stream.isatty() else WIDTH
+    return Console(file=stream, width=width, highlight=False)
+
+
+def say(*lines: str) -> None:
+    """Plain lines on stdout."""
+    for line in lines:
+        console().print(line, markup=False, soft_wrap=True)
+
+
+@contextmanager
+def progress(description: str, total: float) -> Iterator[Advance]:
+    """A progress bar on stderr for anything over two seconds; yields `advance(done, text)`.
+
+    `done` counts up to `total`; `text` stands behind the bar. Where stderr is no terminal nothing moves: the
+    bar is printed once, at its end.
+    """
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[text]}"),
+    )
+    with Progress(*columns, console=console(stderr=True)) as bar:
+        task = bar.add_task(description, total=total, text="")
+
+        def advance(done: float, text: str = "") -> None:
+            bar.update(task, completed=done, text=text)
+
+        yield advance
+
+
+def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    """A table in `WIDTH` columns: text to the left, numbers to the right with three digits."""
+    table = Table(title=title, title_justify="left", pad_edge=False)
+    for column, name in enumerate(header):
+        numeric = all(isinstance(row[column], float | int | None) for row in rows)
+        table.add_column(name, justify="right" if numeric else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*map(_cell, row))
+    console().print(table)
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def write_metrics(path: Path | None, verb: str, *, seed: int, config: dict, **content: Any) -> None:
+    """Writes the file of `--json` (`FORMATS`: metrics); nothing where no file was asked for."""
+    if path is None:
+        return
+    head = {"schema": f"np_drake.{verb}/1", "version": version("np_drake"), "seed": seed, "config": config}
+    write_json(path, {**head, **content})
+    say(f"metrics: {path}")
+
+
+def save_figure(figure: "Figure", path: Path) -> None:
+    """Writes a figure, whole or not at all."""
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=150)
+
+
+def make_folder(path: Path) -> Path:
+    """The folder of `--out`, created where it is missing. Raises OSError where it is a file."""
+    path.mkdir(parents=True, exist_ok=True)
+    return path

@@ -1,0 +1,101 @@
+"""`np-drake train`: Algorithm 1 on flight logs."""
+
+import dataclasses as dc
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from diagrams.cli import options
+from diagrams.cli.output import print_table, progress, save_figure, say, write_metrics
+from np_drake.atomic_file import require_writable
+
+if TYPE_CHECKING:
+    from np_drake.lifting.training import Config, TrainingResult
+
+LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
+
+
+def train(
+    logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help=LOG_HELP)],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Model file (safetensors).")],
+    configuration: options.Configuration = "default",
+    epochs: Annotated[int | None, typer.Option(min=1, help="Passes; default: the configuration's.")] = None,
+    step: options.Step = 0.02,
+    vehicle: options.VehicleFile = None,
+    repair: options.Repair = False,
+    seed: options.Seed = 0,
+    json: options.Json = None,
+) -> None:
+    """Train a predictor; writes the model, and the loss curve as a PNG beside it."""
+    curve = out.with_suffix(".png")
+    for place in (out, curve, json):
+        if place is not None:
+            require_writable(place)
+    from diagrams.cli.flights import open_flights
+    from np_drake.lifting.model_file import save_model
+
+    flights = open_flights(logs, vehicle, repair=repair)
+    config = make_config(configuration, frame=flights[0].frame, seed=seed, epochs=epochs)
+    segments = [segment for flight in flights for segment in flight.segments(step)]
+    result, wall = run_training(f"training {configuration}", segments, config)
+    save_model(result.model, out)
+    save_figure(loss_figure(result.loss), curve)
+    say(f"excitation: {result.model.summary['excitation']}")
+    report(result, wall)
+    say(f"model: {out}", f"loss curve: {curve}")
+    settings = {"configuration": configuration, "step": step, **dc.asdict(config)}
+    write_metrics(
+        json, "train", seed=seed, config=settings, loss=result.loss, wall=wall, summary=result.model.summary
+    )
+
+
+def make_config(name: str, *, frame: str = "world", seed: int = 0, epochs: int | None = None) -> "Config":
+    """The configuration called `name`; wrenches in body axes have no symmetry about the vertical.
+
+    Raises: ValueError: on another name.
+    """
+    from np_drake.lifting.default_training import DefaultConfig
+    from np_drake.lifting.paper_training import PaperConfig
+
+    if name == "paper":
+        return PaperConfig(seed=seed) if epochs is None else PaperConfig(seed=seed, epochs=epochs)
+    if name == "default":
+        body = frame == "body"
+        config = DefaultConfig(seed=seed, symmetric=not body, torque=body)
+        return config if epochs is None else dc.replace(config, iterations=epochs)
+    raise ValueError(f"--configuration: must be default or paper; got {name!r}.")
+
+
+def run_training(description: str, segments: list, config: "Config") -> tuple["TrainingResult", float]:
+    """The training's result and how long it took [s], behind a progress bar."""
+    import time
+
+    from np_drake.lifting.training import train as run
+
+    start = time.perf_counter()
+    with progress(description, 1.0) as advance:
+        result = run(
+            segments, config, on_epoch=lambda epoch, total, loss: advance(epoch / total, f"loss {loss:.4g}")
+        )
+        advance(1.0, f"loss {result.loss[-1]:.4g}")
+    return result, time.perf_counter() - start
+
+
+def report(result: "TrainingResult", wall: float) -> None:
+    """The summary of a training run."""
+    summary = result.model.summary
+    loss = summary["loss"] if isinstance(summary["loss"], dict) else {"total": summary["loss"]}
+    rows = [(name, float(value)) for name, value in loss.items()]
+    print_table(f"{summary['samples']} samples, {wall:.1f} s", ["block", "loss [1]"], rows)
+
+
+def loss_figure(loss: list[float]):
+    """Loss against epoch, as a Figure."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6, 3.5), layout="constrained")
+    axes = figure.add_subplot(xlabel="epoch [1]", ylabel="loss [1]", yscale="log")
+    axes.plot(range(1, len(loss) + 1), loss)
+    axes.grid(True, alpha=0.3)
+    return figure

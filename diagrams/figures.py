@@ -1,0 +1,102 @@
+"""Figures of flights: plane track, errors, wrench. Every function returns a Figure and shows nothing."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from diagrams.flight_result import FlightResult
+from np_drake.atomic_file import atomic_path
+
+# Okabe and Ito's palette: told apart by colour-blind readers and, with the dashes, in grey print.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), "-")
+_AXES = ("x", "y", "z")
+
+
+def new_figure(rows: int, columns: int, *, width: float, height: float):
+    """A Figure and its (rows, columns) axes; no global state, no display."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def save(figure: Figure, path: str | Path) -> None:
+    """Writes a PNG, whole or not at all."""
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=150, format="png")
+
+
+def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
+    """Track in the x-y plane of several controllers, the reference dotted; the last lap only."""
+    figure, axes = new_figure(1, 1, width=5.5, height=5.0)
+    ax = axes[0, 0]
+    first = flights[0]
+    ref = first.signals["p_ref"][first.scored][-_lap(first) :]
+    ax.plot(ref[:, 0], ref[:, 1], color="0.3", linestyle=":", linewidth=1.5, label="reference")
+    for k, flight in enumerate(flights):
+        p = flight.signals["x_true"][flight.scored][-_lap(flight) :]
+        ax.plot(p[:, 0], p[:, 1], color=PALETTE[k], linestyle=DASHES[k], linewidth=1.3, label=flight.label)
+    ax.set(xlabel="x [m]", ylabel="y [m]", title=title, aspect="equal")
+    ax.grid(alpha=0.3)
+    ax.legend(loc="center", fontsize=8)
+    return figure
+
+
+def errors(flights: Sequence[FlightResult], title: str = "") -> Figure:
+    """Position error against time, one panel an axis."""
+    figure, axes = new_figure(3, 1, width=7.0, height=5.0)
+    for i, ax in enumerate(axes[:, 0]):
+        for k, flight in enumerate(flights):
+            s = flight.signals
+            e = 100 * (s["x_true"][:, i] - s["p_ref"][:, i])
+            ax.plot(s["t"], e, color=PALETTE[k], linestyle=DASHES[k], linewidth=1.0, label=flight.label)
+        ax.axvspan(0, flights[0].config.reference.ramp, color="0.92", zorder=0)
+        ax.set_ylabel(f"$e_{_AXES[i]}$ [cm]")
+        ax.grid(alpha=0.3)
+        ax.margins(x=0)
+    axes[0, 0].set_title(title)
+    axes[0, 0].legend(loc="upper right", ncols=4, fontsize=8)
+    axes[-1, 0].set_xlabel("time [s] (grey: ramp, not scored)")
+    return figure
+
+
+def wrench(flight: FlightResult, span: float = 8.0) -> Figure:
+    """External force and torque: truth, label and prediction, over the last `span` seconds."""
+    s = flight.signals
+    rows = s["t"] > s["t"][-1] - span
+    figure, axes = new_figure(3, 2, width=9.0, height=5.5)
+    for c in range(6):
+        ax = axes[c % 3, c // 3]
+        t = s["t"][rows]
+        ax.plot(t, flight.chi_true[rows, c], color="0.55", linewidth=2.0, label="truth")
+        ax.plot(t, s["label"][rows, c], color=PALETTE[4], linestyle=":", linewidth=1.2, label="label")
+        if "chi_hat" in s:
+            ax.plot(t, s["chi_hat"][rows, c], color=PALETTE[0], linewidth=1.1, label="prediction")
+        name, unit = ("f", "N") if c < 3 else ("\\tau", "N·m")
+        ax.set_ylabel(f"${name}_{_AXES[c % 3]}$ [{unit}]")
+        ax.grid(alpha=0.3)
+        ax.margins(x=0)
+    axes[0, 0].set_title(f"external force in W · {flight.config.name} · {flight.label}", fontsize=9)
+    axes[0, 1].set_title("external torque in B", fontsize=9)
+    axes[0, 0].legend(loc="upper right", ncols=3, fontsize=8)
+    for ax in axes[-1]:
+        ax.set_xlabel("time [s]")
+    return figure
+
+
+def _lap(flight: FlightResult) -> int:
+    """Rows of one lap, or all of a motion that has none."""
+    rate = getattr(flight_reference(flight), "rate", None)
+    if not rate:
+        return int(np.sum(flight.scored))
+    return int(2 * np.pi / rate / flight.config.controller.period) + 1
+
+
+def flight_reference(flight: FlightResult):
+    """The reference motion that was flown."""
+    from np_drake.references.config import make_reference
+
+    return make_reference(flight.config.reference)

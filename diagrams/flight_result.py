@@ -1,0 +1,92 @@
+"""What a flight leaves behind: log, truth and figures of merit."""
+
+import dataclasses as dc
+from functools import cached_property
+
+import numpy as np
+
+from diagrams.flight import FlightConfig, simulate
+from np_drake import metrics, rigid_body
+from np_drake.logs.flight_log import FlightLog
+from np_drake.mpc.problem import MpcStatus
+
+
+@dc.dataclass
+class FlightResult:
+    """One simulated flight. `signals` as `Recorder.read` returns them; truth is for tests and figures only."""
+
+    config: FlightConfig
+    seed: int
+    signals: dict[str, np.ndarray]
+
+    @property
+    def label(self) -> str:
+        """`circle · np`, say."""
+        told = " + total mass" if self.config.controller.extra_mass else ""
+        return f"{self.config.controller.kind}{told}"
+
+    def log(self) -> FlightLog:
+        """What the vehicle itself recorded (`FORMATS`: flight log)."""
+        s = self.signals
+        x, a = s["x"], s["acceleration"]
+        return FlightLog(
+            t=s["t"],
+            p=x[:, 0:3],
+            q=x[:, 3:7],
+            v=x[:, 7:10],
+            w=x[:, 10:13],
+            u=self.config.vehicle.saturate(s["u"]),
+            a=a[:, :3],
+            al=a[:, 3:],
+            rotor=s["rotor_speed"],
+            name=self.config.name,
+        )
+
+    @cached_property
+    def scored(self) -> np.ndarray:
+        """(n,) rows after the ramp."""
+        return self.signals["t"] >= self.config.reference.ramp - 1e-9
+
+    @cached_property
+    def chi_true(self) -> np.ndarray:
+        """(n, 6) eq. (1) inverted from the true motion and the command, by the controller's mass [N, N·m]."""
+        s = self.signals
+        x, a = s["x_true"], s["acceleration_true"]
+        believed = self.config.controller.believed(self.config.vehicle)
+        return rigid_body.residual_wrench(
+            believed, q=x[:, 3:7], w=x[:, 10:13], a=a[:, :3], al=a[:, 3:], u=s["u"]
+        )
+
+    @cached_property
+    def payload_position(self) -> np.ndarray | None:
+        """(n, 3) of a payload on a cable, in W [m]."""
+        s = self.signals["plant_state"]
+        return s[:, 11:14] if s.shape[1] == 26 else None
+
+    def metrics(self) -> dict:
+        """Figures of merit of the scored part, as `--json` writes them."""
+        s, rows = self.signals, self.scored
+        status = s["status"][rows, 0]
+        result = {
+            **metrics.tracking_errors(s["x_true"][rows, :3], s["p_ref"][rows]),
+            "solve_ms": metrics.solve_times_ms(s["solve_time"][rows, 0]),
+            "solve_failures": int(np.sum(status >= MpcStatus.SQP_FALLBACK)),
+            "late_solves": int(np.sum(s["solve_time"][rows, 0] > self.config.controller.period)),
+        }
+        if "chi_hat" in s:
+            result["wrench_rmse"] = metrics.wrench_rmse(s["chi_hat"][rows], self.chi_true[rows])
+        return result
+
+    def summary(self) -> dict:
+        """The `fly` object of `FORMATS`."""
+        return {
+            "experiment": self.config.name,
+            "controller": self.label,
+            "seed": self.seed,
+            "metrics": self.metrics(),
+        }
+
+
+def fly(config: FlightConfig, *, seed: int, monitor=None) -> FlightResult:
+    """Simulates the experiment; see `simulate`."""
+    return FlightResult(config, seed, simulate(config, seed=seed, monitor=monitor))

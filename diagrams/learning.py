@@ -1,0 +1,42 @@
+"""From a simulated training flight to a model file."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from diagrams.flight_result import FlightResult
+from np_drake.lifting.default_training import DefaultConfig
+from np_drake.lifting.model_file import save_model
+from np_drake.lifting.paper_training import PaperConfig
+from np_drake.lifting.training import TrainingResult, train
+from np_drake.logs.training_segments import training_segments
+
+CONFIGURATIONS = {"default": DefaultConfig, "paper": PaperConfig}
+
+
+def train_predictor(
+    flight: FlightResult,
+    path: Path,
+    *,
+    configuration: str = "default",
+    seed: int = 0,
+    on_epoch: Callable[[int, int, float], None] = lambda *_: None,
+) -> TrainingResult:
+    """Trains on the flight's log after the ramp and writes the model file.
+
+    Raises: ValueError: on an unknown configuration.
+    """
+    if configuration not in CONFIGURATIONS:
+        raise ValueError(f"train_predictor: must be one of {', '.join(CONFIGURATIONS)}; got {configuration!r}.")
+    log = flight.log()
+    start = int(np.argmax(flight.scored))
+    segments = training_segments(
+        log.rows(start, len(log)),
+        flight.config.vehicle,
+        flight.config.controller.label,
+        step=flight.config.controller.period,
+    )
+    result = train(segments, CONFIGURATIONS[configuration](seed=seed), on_epoch=on_epoch)
+    save_model(result.model, path)
+    return result

@@ -1,0 +1,143 @@
+"""The tracking comparison: every controller on circle and lemniscate, several seeds, one trained model a row."""
+
+import dataclasses as dc
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from diagrams.experiments import load_experiment
+from diagrams.flight import FlightConfig
+from diagrams.flight_result import FlightResult, fly
+from diagrams.learning import train_predictor
+
+TRACKS = ("circle", "lemniscate")
+# The paper's Table II: (E_xy, E_z) [m], real flights. Source: Jin et al. 2025.
+PAPER = {
+    "nominal": {"circle": (0.1797, 0.2329), "lemniscate": (0.2029, 0.2539)},
+    "np": {"circle": (0.0837, 0.0758), "lemniscate": (0.0849, 0.0591)},
+}
+
+
+@dc.dataclass(frozen=True)
+class Row:
+    """One line of the table: a controller, what it is told, and what its predictor was trained on."""
+
+    name: str
+    kind: str
+    told_mass: bool = False
+    training: str = ""  # experiment that the predictor is trained on
+    configuration: str = ""  # of the predictor
+
+
+ROWS = (
+    Row("nominal", "nominal"),
+    Row("nominal + total mass", "nominal", told_mass=True),
+    Row("observer", "observer"),
+    Row("hold", "hold"),
+    Row("hold + total mass", "hold", told_mass=True),
+    Row("np: paper, plain circle", "np", training="plain_circle", configuration="paper"),
+    Row("np: default, plain circle", "np", training="plain_circle", configuration="default"),
+    Row("np: paper, dithered circle", "np", training="training_circle", configuration="paper"),
+    Row("np", "np", training="training_circle", configuration="default"),
+    Row("oracle", "oracle"),
+)
+
+
+def configure(track: str, row: Row, *, solver: str, model: str = "") -> FlightConfig:
+    """The experiment `track` flown by `row`."""
+    config = load_experiment(track)
+    controller = config.controller
+    controller.kind, controller.solver, controller.predictor = row.kind, solver, model
+    if row.told_mass:
+        controller.extra_mass = config.reality.payload.mass
+    return config.check()
+
+
+def training_flight(experiment: str, *, seed: int, solver: str, monitor=None) -> FlightResult:
+    """The 60 s that a predictor learns from, flown by the nominal MPC."""
+    config = load_experiment(experiment)
+    config.controller.kind, config.controller.solver = "nominal", solver
+    return fly(config, seed=seed, monitor=monitor)
+
+
+def train_models(rows: tuple[Row, ...], folder: Path, *, seed: int, solver: str) -> dict[tuple[str, str], str]:
+    """One model file for every (training experiment, configuration) that `rows` name."""
+    files: dict[tuple[str, str], str] = {}
+    flights: dict[str, FlightResult] = {}
+    for row in rows:
+        key = (row.training, row.configuration)
+        if row.kind != "np" or key in files:
+            continue
+        if row.training not in flights:
+            flights[row.training] = training_flight(row.training, seed=seed, solver=solver)
+        path = folder / f"{row.configuration}_{row.training}.safetensors"
+        train_predictor(flights[row.training], path, configuration=row.configuration, seed=seed)
+        files[key] = str(path)
+    return files
+
+
+def _fly_row(track: str, row: Row, model: str, seed: int, solver: str) -> dict:
+    summary = fly(configure(track, row, solver=solver, model=model), seed=seed).summary()
+    return {**summary, "row": row.name}
+
+
+def run_tracking(
+    folder: Path,
+    *,
+    seeds: list[int],
+    training_seed: int,
+    solver: str = "sqp",
+    rows: tuple[Row, ...] = ROWS,
+    jobs: int = 2,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[dict]:
+    """All rows on all tracks and seeds; the `fly` summaries, each with its row's name."""
+    models = train_models(rows, folder, seed=training_seed, solver=solver)
+    tasks = [
+        (track, row, models.get((row.training, row.configuration), ""), seed, solver)
+        for row in rows
+        for track in TRACKS
+        for seed in seeds
+    ]
+    results: Iterator[dict] = Parallel(n_jobs=jobs, return_as="generator_unordered")(
+        delayed(_fly_row)(*task) for task in tasks
+    )
+    summaries = []
+    for summary in results:
+        summaries.append(summary)
+        on_progress(len(summaries), len(tasks))
+    return summaries
+
+
+def table(summaries: list[dict]) -> list[dict]:
+    """Mean and 95 % interval (Student) over seeds of E_xy and E_z [m] by row and track, and the cut to nominal."""
+    lines = []
+    for row in dict.fromkeys(s["row"] for s in sorted(summaries, key=_order)):
+        for track in TRACKS:
+            line: dict = {"row": row, "track": track}
+            mine = [s["metrics"] for s in summaries if s["row"] == row and s["experiment"] == track]
+            base = [s["metrics"] for s in summaries if s["row"] == "nominal" and s["experiment"] == track]
+            for key in ("E_xy", "E_z"):
+                values = np.array([m[key] for m in mine])
+                line[key], line[f"{key}_ci95"] = float(values.mean()), _half_width(values)
+                if base:
+                    line[f"{key}_cut"] = 1.0 - line[key] / float(np.mean([m[key] for m in base]))
+            line["solve_failures"] = int(sum(m["solve_failures"] for m in mine))
+            lines.append(line)
+    return lines
+
+
+def _order(summary: dict) -> int:
+    names = [row.name for row in ROWS]
+    return names.index(summary["row"]) if summary["row"] in names else len(names)
+
+
+def _half_width(values: np.ndarray) -> float:
+    from scipy.stats import t
+
+    n = len(values)
+    if n < 2:
+        return float("nan")
+    return float(t.ppf(0.975, n - 1) * values.std(ddof=1) / np.sqrt(n))

@@ -1,0 +1,57 @@
+"""Encoders of the lifted state, in numpy, as they fly."""
+
+import dataclasses as dc
+
+import numpy as np
+
+
+@dc.dataclass(frozen=True)
+class Phi:
+    """z = W^(L+1) relu(W^L … relu(W^1 chi / scale)): no bias.       Source: Jin et al. 2025, eq. (dnn).
+
+    weights: (out, in) matrices.   scale: (6,) of chi [N, N·m]; gamma bounds the Lipschitz constant in chi / scale.
+    """
+
+    weights: tuple[np.ndarray, ...]
+    scale: np.ndarray
+
+    @property
+    def K(self) -> int:
+        """Number of lifted states."""
+        return len(self.weights[-1])
+
+    @property
+    def lipschitz_bound(self) -> float:
+        """Product of the layers' largest singular values, per unit of chi / scale [1]."""
+        return float(np.prod([np.linalg.norm(W, 2) for W in self.weights]))
+
+    def __call__(self, chi: np.ndarray) -> np.ndarray:
+        """(..., 6) chi [N, N·m] -> (..., K) z."""
+        z = chi / self.scale
+        for W in self.weights[:-1]:
+            z = np.maximum(z @ W.T, 0.0)
+        return z @ self.weights[-1].T
+
+
+@dc.dataclass(frozen=True)
+class DelayEncoder:
+    """z = E w, w the last D samples of [chi, zeta], oldest first.
+
+    E: (K, 12 D) per [N, N·m, m/s, rad/s].
+    """
+
+    E: np.ndarray
+    delay: int
+
+    def __post_init__(self):
+        if self.E.ndim != 2 or self.E.shape[1] != 12 * self.delay:
+            raise ValueError(f"DelayEncoder: E must be (K, {12 * self.delay}); got {self.E.shape}.")
+
+    @property
+    def K(self) -> int:
+        """Number of lifted states."""
+        return len(self.E)
+
+    def __call__(self, window: np.ndarray) -> np.ndarray:
+        """(..., D, 12) window -> (..., K) z."""
+        return window.reshape(window.shape[:-2] + (-1,)) @ self.E.T

@@ -1,0 +1,149 @@
+"""Fits E, A, B, C of one block to a compressed multi-step loss; A is stable by construction.
+
+A is block diagonal: 2 x 2 rotations scaled by r, and real modes r, each r = r_max exp(-exp(a)) with a = log(step / time
+constant). So |A| <= r_max < 1 whatever the parameters, slow modes are as easy to reach as fast ones, and C A^i is
+written down for all horizons at once instead of being iterated.
+"""
+
+import dataclasses as dc
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from scipy.optimize import minimize
+
+from np_drake.lifting.delay_regression import DelayRegression
+
+LONGEST_MEMORY = 200.0  # time constant of the slowest mode [s]: holds a payload's weight over any horizon
+
+
+@dc.dataclass(frozen=True)
+class BlockMatrices:
+    """Encoder E (K, D (l + p)), A (K, K), B (K, p), C (m, K) of one block, scaled units."""
+
+    E: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+
+
+class ModalBlock:
+    """The parameter vector theta = [a, angle H of pairs; a of reals; C; B] of one block and its loss."""
+
+    def __init__(self, regression: DelayRegression, *, size: int, pairs: int, step: float):
+        self.size, self.pairs, self.step = size, pairs, step
+        self.log_radius = -step / LONGEST_MEMORY
+        self._regression = regression
+        r = regression
+        self._free_u, self._free_y = torch.from_numpy(r.free_u), torch.from_numpy(r.free_y)
+        self._fixed_u, self._fixed_y = torch.from_numpy(r.fixed_u), torch.from_numpy(r.fixed_y)
+        self._weights = torch.from_numpy(r.weights)
+        H = int(r.horizons[-1])
+        self._steps = torch.arange(H, dtype=torch.float64)
+        self._horizons = torch.from_numpy(r.horizons.astype(float))
+        lag = r.horizons[:, None] - 1 - np.arange(H)  # zeta_j reaches chi_i through C A^(i-1-j) B
+        self._lag = torch.from_numpy(np.where(lag < 0, H, lag))
+
+    def initial_theta(self, generator: np.random.Generator) -> np.ndarray:
+        """Modes on a grid over the horizon's time scales, C random, B small."""
+        r = self._regression
+        H = r.horizons[-1]
+        frequency = np.minimum(0.2 / (H * self.step) * 2.2 ** np.arange(self.pairs), 0.2 / self.step)
+        frequency *= np.exp(0.2 * generator.standard_normal(self.pairs))
+        decay = 1.2 / np.maximum(frequency, 1.0 / (H * self.step))
+        real = np.geomspace(0.25 * LONGEST_MEMORY, 2 * self.step, self.size - 2 * self.pairs)
+        C = generator.standard_normal((r.outputs, self.size))
+        B = 0.01 * generator.standard_normal((self.size, r.inputs))
+        angle = 2 * np.pi * frequency * self.step * H
+        parts = [np.log(self.step / decay), angle, np.log(self.step / real), C.ravel(), B.ravel()]
+        return np.concatenate(parts)
+
+    def loss(self, theta: torch.Tensor) -> torch.Tensor:
+        """Mean squared ratio to persistence over horizons and outputs, E eliminated (its best value is taken)."""
+        O, response = self._operators(theta)
+        free = self._free_y - self._free_u @ response
+        fixed = self._fixed_y - self._fixed_u @ response
+        Q, _ = torch.linalg.qr(O)
+        free = free - (free @ Q) @ Q.T
+        return (free.square().sum() + fixed.square().sum() + self._regression.floor) / self._regression.count
+
+    def loss_and_gradient(self, theta: np.ndarray) -> tuple[float, np.ndarray]:
+        """The loss and its gradient at theta."""
+        variable = torch.tensor(theta, requires_grad=True)
+        loss = self.loss(variable)
+        loss.backward()
+        assert variable.grad is not None
+        return loss.item(), variable.grad.numpy()
+
+    def matrices(self, theta: np.ndarray) -> BlockMatrices:
+        """E, A, B, C at theta; states scaled so that each mode's column of C has length one."""
+        with torch.no_grad():
+            variable = torch.tensor(theta)
+            O, response = self._operators(variable)
+            free = self._free_y - self._free_u @ response
+            initial = torch.linalg.lstsq(O, free.T, driver="gelsd").solution.numpy()
+            a, angle, real, C, B = (part.numpy() for part in self._parts(variable))
+        E = np.linalg.solve(self._regression.whitener.T, initial.T).T
+        radius = np.exp(self.log_radius - np.exp(a))
+        A = np.diag(np.exp(self.log_radius - np.exp(np.concatenate([np.zeros(2 * len(a)), real]))))
+        for k, (r, phi) in enumerate(zip(radius, angle, strict=True)):
+            A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = r * np.array(
+                [[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]]
+            )
+        scale = self._column_length(C)
+        return BlockMatrices(E * scale[:, None], A, B * scale[:, None], C / scale)
+
+    def _column_length(self, C: np.ndarray) -> np.ndarray:
+        """(size,) length of each mode's columns of C, one value for a pair."""
+        square = np.sum(C**2, axis=0)
+        pairs = 2 * self.pairs
+        square[:pairs] = np.repeat(square[:pairs].reshape(-1, 2).sum(axis=1), 2)
+        return np.sqrt(np.maximum(square, 1e-24))
+
+    def _parts(self, theta: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        r, reals = self._regression, self.size - 2 * self.pairs
+        sizes = [self.pairs, self.pairs, reals, r.outputs * self.size, self.size * r.inputs]
+        a, angle, real, C, B = torch.split(theta, sizes)
+        return a, angle / float(r.horizons[-1]), real, C.reshape(-1, self.size), B.reshape(self.size, -1)
+
+    def _operators(self, theta: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """(ny, K) weighted observability O and (nu, ny) weighted response to the coming inputs."""
+        a, angle, real, C, B = self._parts(theta)
+        r = self._regression
+        O = self._output_powers(a, angle, real, C, self._horizons) * self._weights[:, None, None]
+        markov = self._output_powers(a, angle, real, C, self._steps) @ B
+        markov = torch.cat([markov, torch.zeros(1, r.outputs, r.inputs, dtype=markov.dtype)])
+        response = markov[self._lag] * self._weights[:, None, None, None]
+        nu = len(self._steps) * r.inputs
+        return O.reshape(-1, self.size), response.permute(1, 3, 0, 2).reshape(nu, -1)
+
+    def _output_powers(self, a, angle, real, C, powers) -> torch.Tensor:
+        """(len(powers), m, K) C A^i."""
+        i = powers[:, None]
+        radius = torch.exp(i * (self.log_radius - torch.exp(a)))
+        cosine = (radius * torch.cos(i * angle))[:, None]
+        sine = (radius * torch.sin(i * angle))[:, None]
+        pairs = C[:, : 2 * self.pairs].reshape(-1, self.pairs, 2)
+        C1, C2 = pairs[..., 0], pairs[..., 1]
+        rotated = torch.stack([C1 * cosine + C2 * sine, C2 * cosine - C1 * sine], dim=-1).flatten(-2)
+        decayed = C[:, 2 * self.pairs :] * torch.exp(i * (self.log_radius - torch.exp(real)))[:, None]
+        return torch.cat([rotated, decayed], dim=-1)
+
+
+def descend(
+    block: ModalBlock, theta: np.ndarray, *, iterations: int, on_iteration: Callable[[float], None] = lambda _: None
+) -> tuple[np.ndarray, list[float]]:
+    """L-BFGS from theta: (theta, loss after each iteration). Deterministic."""
+    history: list[float] = []
+
+    def record(intermediate_result) -> None:
+        history.append(float(intermediate_result.fun))
+        on_iteration(history[-1])
+
+    if iterations < 1:
+        return theta, history
+    options = {"maxiter": iterations, "maxcor": 30, "ftol": 1e-7, "gtol": 1e-8}
+    result = minimize(
+        block.loss_and_gradient, theta, jac=True, method="L-BFGS-B", callback=record, options=options
+    )
+    return result.x, history

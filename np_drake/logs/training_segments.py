@@ -1,0 +1,44 @@
+"""From flights as opened to what a predictor trains on."""
+
+import numpy as np
+
+from np_drake.labels import LabelConfig
+from np_drake.lifting.segments import Segment
+from np_drake.logs.accelerations import with_accelerations
+from np_drake.logs.decimate import wrench_sequence
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.wrench_sequence import WrenchSequence
+from np_drake.vehicle import Vehicle
+
+SHORTEST = 2  # samples; shorter pieces between NaN rows are left out
+
+
+def training_segments(
+    flight: FlightLog | WrenchSequence,
+    vehicle: Vehicle,
+    config: LabelConfig | None = None,
+    *,
+    step: float = 0.02,
+) -> list[Segment]:
+    """The uninterrupted pieces of one flight, a sample every `step` [s] (an array keeps its own step).
+
+    chi: causal labels, as seen in flight; target: zero-phase labels. An array's wrench is both.
+    Raises: ValueError: if the step does not fit the log.
+    """
+    if isinstance(flight, WrenchSequence):
+        return _pieces(flight.chi, flight.zeta, flight.chi, flight.step)
+    log = with_accelerations(flight)
+    causal = wrench_sequence(log, vehicle, config, step=step)
+    smooth = wrench_sequence(log, vehicle, config, step=step, zero_phase=True)
+    return _pieces(causal.chi, causal.zeta, smooth.chi, step)
+
+
+def _pieces(chi: np.ndarray, zeta: np.ndarray, target: np.ndarray, step: float) -> list[Segment]:
+    """Segments between the rows that hold a NaN."""
+    good = np.all(np.isfinite(np.hstack([chi, zeta, target])), axis=1)
+    edge = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+    return [
+        Segment(chi[start:stop], zeta[start:stop], step, target[start:stop])
+        for start, stop in zip(edge[::2], edge[1::2], strict=True)
+        if stop - start >= SHORTEST
+    ]

@@ -1,0 +1,167 @@
+"""Times the solvers against each other on the same problems in one run; figures are comparable as ratios only."""
+
+import dataclasses as dc
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from np_drake.mpc.benchmark_problems import cold_problems, infeasible_problems, tracking_problems
+from np_drake.mpc.casadi_peer import CasadiSolver
+from np_drake.mpc.ipopt import IpoptCondensedSolver
+from np_drake.mpc.plan import shift
+from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcSolver, MpcStatus, SolverFailure
+from np_drake.mpc.sqp import SqpSolver
+from np_drake.vehicle import Vehicle
+
+_WARM_UP = 3  # untimed solves of the first problem
+PEER = "casadi"
+Progress = Callable[[int, int], None]
+
+
+@dc.dataclass
+class SolverReport:
+    """One solver on one set of problems.
+
+    failures: no usable answer.   fallbacks: an answer, but not the method's own.   gap: relative cost above the best known
+    optimum, over answered problems.   ratio_to_casadi: of median times; None where the peer did not run.
+    """
+
+    name: str
+    problems: int
+    median_ms: float
+    p95_ms: float
+    max_ms: float
+    failures: int
+    fallbacks: int
+    gap_median: float
+    gap_max: float
+    violation_max: float
+    ratio_to_casadi: float | None = None
+
+
+def make_solvers(vehicle: Vehicle, config: MpcConfig) -> list[MpcSolver]:
+    """SQP with one and two steps, IPOPT, and CasADi where it is installed."""
+    two = SqpSolver(vehicle, config, steps=2)
+    two.name = "sqp_2"
+    solvers: list[MpcSolver] = [IpoptCondensedSolver(vehicle, config), SqpSolver(vehicle, config), two]
+    try:
+        solvers.append(CasadiSolver(vehicle, config))
+    except ImportError:
+        pass
+    return solvers
+
+
+def run(
+    solvers: Sequence[MpcSolver],
+    problems: Sequence[MpcProblem],
+    *,
+    step: float,
+    period: float | None = 0.02,
+    optimum: MpcSolver | None = None,
+    progress: Progress | None = None,
+) -> list[SolverReport]:
+    """Solves every problem with every solver, interleaved and in turning order so that noise meets all alike.
+
+    Args:
+        step: the MPC's step [s].   period: time between problems [s]; each solver starts from its own last plan, shifted.
+            None: every start is cold.
+        optimum: a patient solver for the gap, run untimed; without it the best answer counts as optimum.
+    """
+    for solver in solvers:
+        for _ in range(_WARM_UP):
+            _attempt(solver, problems[0], None)
+    plans: list[MpcSolution | None] = [None] * len(solvers)
+    seconds = np.zeros((len(problems), len(solvers)))
+    answers: list[list[MpcSolution | None]] = []
+    best = np.full(len(problems), np.inf)
+    for i, problem in enumerate(problems):
+        row: list[MpcSolution | None] = [None] * len(solvers)
+        for j in np.roll(np.arange(len(solvers)), i):
+            last = plans[j]
+            warm = shift(last, elapsed=period, step=step) if period is not None and last is not None else None
+            row[j], seconds[i, j] = _attempt(solvers[j], problem, warm)
+            plans[j] = row[j] or warm
+        answers.append(row)
+        patient = (
+            _attempt(optimum, problem, min((a for a in row if a), key=lambda a: a.cost, default=None))[0]
+            if optimum
+            else None
+        )
+        best[i] = min((a.cost for a in [*row, patient] if a), default=np.inf)
+        if progress:
+            progress(i + 1, len(problems))
+    reports = [
+        _report(s.name, seconds[:, j], [row[j] for row in answers], best) for j, s in enumerate(solvers)
+    ]
+    peer = next((r.median_ms for r in reports if r.name == PEER), None)
+    return [dc.replace(r, ratio_to_casadi=r.median_ms / peer) if peer else r for r in reports]
+
+
+def suite(
+    vehicle: Vehicle,
+    config: MpcConfig,
+    *,
+    recorded: Sequence[MpcProblem] | None = None,
+    period: float = 0.02,
+    count: int = 200,
+    progress: Progress | None = None,
+) -> dict[str, list[SolverReport]]:
+    """The whole bench: recorded (or generated) tracking, horizons 10, 20, 40, cold starts, infeasible starts."""
+    tracking = (
+        recorded if recorded is not None else tracking_problems(vehicle, config, count=count, period=period)
+    )
+    sets: dict[str, tuple[MpcConfig, Sequence[MpcProblem], float | None]] = {
+        "tracking": (config, tracking, period)
+    }
+    for n in (10, 20, 40):
+        other = dc.replace(config, horizon=n)
+        sets[f"N = {n}"] = (
+            other,
+            tracking_problems(vehicle, other, count=max(count // 4, 2), period=period),
+            period,
+        )
+    sets["cold start"] = (config, cold_problems(vehicle, config, count=max(count // 5, 2)), None)
+    sets["infeasible start"] = (config, infeasible_problems(vehicle, config, count=max(count // 5, 2)), None)
+    total, done = sum(len(problems) for _, problems, _ in sets.values()), 0
+    reports = {}
+    for name, (c, problems, pause) in sets.items():
+        patient = SqpSolver(vehicle, c, steps=30, cold_steps=30, time_limit=1.0)
+        before = done
+        tell = (lambda i, _, before=before: progress(before + i, total)) if progress else None
+        reports[name] = run(
+            make_solvers(vehicle, c), problems, step=c.step, period=pause, optimum=patient, progress=tell
+        )
+        done += len(problems)
+    return reports
+
+
+def _attempt(
+    solver: MpcSolver, problem: MpcProblem, warm: MpcSolution | None
+) -> tuple[MpcSolution | None, float]:
+    start = time.perf_counter()
+    try:
+        answer: MpcSolution | None = solver.solve(problem, warm)
+    except SolverFailure:
+        answer = None
+    return answer, time.perf_counter() - start
+
+
+def _report(
+    name: str, seconds: np.ndarray, answers: list[MpcSolution | None], best: np.ndarray
+) -> SolverReport:
+    given = [(a, b) for a, b in zip(answers, best, strict=True) if a is not None]
+    gaps = np.array([(a.cost - b) / max(abs(b), 1e-6) for a, b in given]) if given else np.array([np.nan])
+    ms = 1e3 * seconds
+    return SolverReport(
+        name=name,
+        problems=len(answers),
+        median_ms=float(np.median(ms)),
+        p95_ms=float(np.percentile(ms, 95)),
+        max_ms=float(ms.max()),
+        failures=len(answers) - len(given),
+        fallbacks=sum(a.status >= MpcStatus.SQP_FALLBACK for a, _ in given),
+        gap_median=float(np.median(gaps)),
+        gap_max=float(gaps.max()),
+        violation_max=float(max((a.violation for a, _ in given), default=np.nan)),
+    )

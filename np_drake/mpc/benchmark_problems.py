@@ -1,0 +1,116 @@
+"""Problems to time solvers on, without a simulator: closed-loop circle tracking, cold starts, infeasible starts."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.mpc.dynamics import DiscreteDynamics
+from np_drake.mpc.plan import shift
+from np_drake.mpc.problem import MpcConfig, MpcProblem
+from np_drake.mpc.sqp import SqpSolver
+from np_drake.residual_models.base import WrenchForecast
+from np_drake.vehicle import Vehicle
+
+_TRUE_WRENCH = np.array(
+    [0.4, -0.3, -2.0, 0.01, -0.01, 0.002]
+)  # what pulls at the benchmark's vehicle [N, N·m]
+
+
+def tracking_problems(
+    vehicle: Vehicle,
+    config: MpcConfig,
+    *,
+    count: int = 200,
+    period: float = 0.02,
+    lifted: int = 24,
+    seed: int = 0,
+) -> list[MpcProblem]:
+    """A closed loop on the circle (1 m, 1.5 m/s) with a vehicle that is 5 % heavier and pulled by a wrench that swings.
+
+    Every problem has its own A, B, C (K = `lifted`), stable, whose forecast starts at the true wrench.
+    """
+    rng = np.random.default_rng(seed)
+    plant = DiscreteDynamics(vehicle.with_mass(1.05 * vehicle.mass), period)
+    solver, plan = SqpSolver(vehicle, config), None
+    base = random_stable_matrix(rng, lifted)
+    x = circle(vehicle, np.zeros(1))[0][0]
+    problems = []
+    for k in range(count):
+        chi = _TRUE_WRENCH * (1 + 0.3 * np.sin(3.5 * k * period))
+        measured = x + rng.normal(size=13) * np.repeat([0.001, 0.0, 0.01, 0.01], [3, 4, 3, 3])
+        x_ref, u_ref = circle(vehicle, k * period + config.step * np.arange(config.horizon + 1))
+        forecast = _forecast(rng, base, chi, config.horizon)
+        problems.append(MpcProblem(measured, x_ref, u_ref[:-1], forecast))
+        warm = None if plan is None else shift(plan, elapsed=period, step=config.step)
+        plan = solver.solve(problems[-1], warm)
+        x = np.array(plant.advance(x.tolist(), plan.u[0].tolist(), chi.tolist()))
+    return problems
+
+
+def cold_problems(vehicle: Vehicle, config: MpcConfig, *, count: int = 40, seed: int = 1) -> list[MpcProblem]:
+    """Scattered starts within the sets: about 0.3 m, 0.5 m/s, 15 deg, 0.5 rad/s from the circle."""
+    rng = np.random.default_rng(seed)
+    problems = tracking_problems(vehicle, config, count=count, seed=seed)
+    return [dc.replace(p, x0=_scatter(rng, p.x0, [0.3, 0.5, 0.25, 0.5])) for p in problems]
+
+
+def infeasible_problems(
+    vehicle: Vehicle, config: MpcConfig, *, count: int = 40, seed: int = 2
+) -> list[MpcProblem]:
+    """Starts far outside every soft set: 9 m/s, 80 deg of tilt, metres away, tumbling."""
+    rng = np.random.default_rng(seed)
+    problems = []
+    for p in tracking_problems(vehicle, config, count=count, seed=seed):
+        x0 = _scatter(rng, p.x0, [4.0, 0.0, 0.0, 3.0])
+        heading = rng.normal(size=3)
+        x0[7:10] = 9.0 * heading / np.linalg.norm(heading)
+        turn = rng.uniform(0, 2 * np.pi)
+        tilt = np.radians(80.0)
+        axis = np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)])
+        x0[3:7] = attitude.quaternion_from_axes(axis, 0.0)
+        problems.append(dc.replace(p, x0=x0))
+    return problems
+
+
+def circle(vehicle: Vehicle, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """x_ref (n, 13) and u_ref (n, 4) on the circle (1 m, 1.5 m/s, z = 1.6 m) at times t (n,) [s]; thrust feed-forward only."""
+    c, s, zero = np.cos(1.5 * t), np.sin(1.5 * t), np.zeros_like(t)
+    push = np.stack([-2.25 * c, -2.25 * s, zero + vehicle.gravity], axis=1)
+    size = np.linalg.norm(push, axis=1)
+    q = attitude.quaternion_from_axes(push / size[:, None], 0.0)
+    p, v = np.stack([c, s, zero + 1.6], axis=1), np.stack([-1.5 * s, 1.5 * c, zero], axis=1)
+    u = np.zeros((len(t), 4))
+    u[:, 0] = vehicle.mass * size
+    return np.concatenate([p, q, v, np.zeros_like(p)], axis=1), u
+
+
+def random_stable_matrix(rng: np.random.Generator, size: int) -> np.ndarray:
+    """(size, size) with spectral radius 0.97."""
+    A = rng.normal(size=(size, size))
+    return A * (0.97 / np.abs(np.linalg.eigvals(A)).max()) if size else A
+
+
+def _forecast(rng: np.random.Generator, base: np.ndarray, chi: np.ndarray, horizon: int) -> WrenchForecast:
+    K = len(base)
+    if K == 0:
+        return WrenchForecast(
+            base, np.zeros((0, 6)), np.zeros((6, 0)), np.zeros(0), np.tile(chi, (horizon, 1))
+        )
+    scale = np.array([1.0, 1.0, 1.0, 0.02, 0.02, 0.02])
+    A = base + 0.02 * rng.normal(size=(K, K)) / np.sqrt(K)
+    A *= min(1.0, 0.98 / np.abs(np.linalg.eigvals(A)).max())
+    C = scale[:, None] * rng.normal(size=(6, K)) / np.sqrt(K)
+    B = 0.05 * rng.normal(size=(K, 6))
+    return WrenchForecast(A, B, C, np.linalg.pinv(C) @ chi, np.zeros((horizon, 6)))
+
+
+def _scatter(rng: np.random.Generator, x: np.ndarray, size: list[float]) -> np.ndarray:
+    """x moved by normal errors of position [m], velocity [m/s], attitude [rad] and rate [rad/s]."""
+    x = x.copy()
+    x[0:3] += size[0] * rng.normal(size=3)
+    x[7:10] += size[1] * rng.normal(size=3)
+    turn = 0.5 * size[2] * rng.normal(size=3)
+    x[3:7] = attitude.multiply(x[3:7], np.concatenate([[1.0], turn]) / np.sqrt(1 + turn @ turn))
+    x[10:13] += size[3] * rng.normal(size=3)
+    return x

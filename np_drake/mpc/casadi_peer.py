@@ -1,0 +1,148 @@
+"""The peer of the benchmark: the same problem as a CasADi user would write it. Optional extra `bench`.
+
+Multiple shooting over (T, x, z), exact Hessian, IPOPT with MUMPS, data as parameters, warm start from the last answer.
+Used by the benchmark only.
+"""
+
+import importlib
+import time
+from typing import Any
+
+import numpy as np
+
+from np_drake.mpc.condensed import Condensed
+from np_drake.mpc.horizon import Horizon
+from np_drake.mpc.initial_guess import initial_trajectory
+from np_drake.mpc.objective import QUADRATIC
+from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
+from np_drake.mpc.sqp import as_solution
+from np_drake.vehicle import Vehicle
+
+_OPTIONS = {
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "print_time": 0,
+    "ipopt.linear_solver": "mumps",
+    "ipopt.tol": 1e-6,
+    "ipopt.constr_viol_tol": 1e-6,
+    "ipopt.max_iter": 200,
+    "ipopt.warm_start_init_point": "yes",
+    "ipopt.mu_init": 1e-3,
+}
+
+
+class CasadiSolver:
+    """CasADi + IPOPT; one compiled problem for each size K of the lifted state."""
+
+    name = "casadi"
+
+    def __init__(self, vehicle: Vehicle, config: MpcConfig):
+        try:
+            self._casadi: Any = importlib.import_module("casadi")
+        except ImportError as error:
+            raise ImportError(
+                "CasadiSolver: casadi must be installed: pip install 'np_drake[bench]'."
+            ) from error
+        self.condensed = Condensed(vehicle, config)
+        self._programs: dict[int, tuple[Any, np.ndarray, np.ndarray]] = {}
+
+    def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
+        """Raises SolverFailure where IPOPT does not converge."""
+        start = time.perf_counter()
+        f = problem.forecast
+        K = len(f.z)
+        if K not in self._programs:
+            self._programs[K] = self._build(K)
+        solver, lower, upper = self._programs[K]
+        h = self.condensed.prepare(problem)
+        t, _ = initial_trajectory(self.condensed, h, warm_start)
+        z = self._lifted(problem, t.x)
+        x_init = np.concatenate([t.T.ravel(), t.x[1:].ravel(), z[1:].ravel(), t.slacks])
+        n = self.condensed.config.horizon
+        lbx, ubx = np.full(len(x_init), -np.inf), np.full(len(x_init), np.inf)
+        lbx[: 4 * n], ubx[: 4 * n] = 0.0, self.condensed.vehicle.max_rotor_thrust
+        lbx[-3:] = 0.0
+        answer = solver(x0=x_init, p=self._parameters(h, problem), lbx=lbx, ubx=ubx, lbg=lower, ubg=upper)
+        stats = solver.stats()
+        if not stats["success"]:
+            raise SolverFailure(f"MPC: casadi: {stats['return_status']}.")
+        T = self.condensed.clip(np.array(answer["x"][: 4 * n]).reshape(n, 4))
+        with np.errstate(all="ignore"):
+            end = self.condensed.rollout(h, T)
+        return as_solution(end, MpcStatus.OPTIMAL, int(stats["iter_count"]), time.perf_counter() - start)
+
+    def _lifted(self, problem: MpcProblem, x: np.ndarray) -> np.ndarray:
+        f = problem.forecast
+        z = np.empty((len(x), len(f.z)))
+        z[0] = f.z
+        for i in range(len(x) - 1):
+            z[i + 1] = f.A @ z[i] + f.B @ x[i, 7:13]
+        return z
+
+    def _parameters(self, h: Horizon, problem: MpcProblem) -> np.ndarray:
+        f = problem.forecast
+        data = [h.x0, h.x_ref.T, h.u_ref.T, h.P, f.A, f.B, f.C, f.z, np.transpose(f.offset)]
+        return np.concatenate([np.ravel(part, order="F") for part in data])
+
+    def _build(self, K: int) -> tuple[Any, np.ndarray, np.ndarray]:
+        ca, config, vehicle = self._casadi, self.condensed.config, self.condensed.vehicle
+        n, SX = config.horizon, self._casadi.SX
+        T, X, Z, s = SX.sym("T", 4, n), SX.sym("X", 13, n), SX.sym("Z", K, n), SX.sym("s", 3)
+        x0, x_ref, u_ref, P = (
+            SX.sym("x0", 13),
+            SX.sym("xr", 13, n + 1),
+            SX.sym("ur", 4, n),
+            SX.sym("P", 13, 13),
+        )
+        A, B, C = SX.sym("A", K, K), SX.sym("B", K, 6), SX.sym("C", 6, K)
+        z0, offset = SX.sym("z0", K), SX.sym("o", 6, n)
+        objective = self.condensed.objective
+        cost = config.slack_weight * ca.sum1(s + QUADRATIC * s**2)
+        equal: list[Any] = []
+        soft: list[Any] = []
+        x, z = x0, z0
+        for i in range(n):
+            u = ca.DM(vehicle.mixer) @ T[:, i]
+            e, e_u = x - x_ref[:, i], u - u_ref[:, i]
+            cost += ca.dot(config.Q, e**2) + ca.dot(config.R, e_u**2)
+            chi = offset[:, i] + (C @ z if K else 0)
+            equal.append(X[:, i] - self._step(x, u, chi))
+            if K:
+                equal.append(Z[:, i] - A @ z - B @ x[7:13])
+            x, z = X[:, i], Z[:, i]
+            soft += [x[7:10] - config.max_speed - s[0], -x[7:10] - config.max_speed - s[0]]
+            soft.append(objective.min_cosine - (x[3] ** 2 - x[4] ** 2 - x[5] ** 2 + x[6] ** 2) - s[1])
+        e = x - x_ref[:, n]
+        energy = ca.bilin(P, e, e)
+        cost += energy
+        soft.append(ca.sqrt(energy / P[0, 0] + objective.softening) - config.terminal_radius - s[2])
+        g = ca.vertcat(*equal, *soft)
+        rows = sum(part.numel() for part in equal)
+        parameters = ca.veccat(x0, x_ref, u_ref, P, A, B, C, z0, offset)
+        nlp = {"x": ca.veccat(T, X, Z, s), "f": cost, "g": g, "p": parameters}
+        lower = np.concatenate([np.zeros(rows), np.full(g.numel() - rows, -np.inf)])
+        return ca.nlpsol("peer", "ipopt", nlp, _OPTIONS), lower, np.zeros(g.numel())
+
+    def _step(self, x, u, chi):
+        h = self.condensed.config.step
+        k1 = self._derivative(x, u, chi)
+        k2 = self._derivative(x + h / 2 * k1, u, chi)
+        k3 = self._derivative(x + h / 2 * k2, u, chi)
+        k4 = self._derivative(x + h * k3, u, chi)
+        return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+    def _derivative(self, state, u, chi):
+        """Eq. (1) in CasADi's symbols; a test holds it against `rigid_body`."""
+        ca, vehicle = self._casadi, self.condensed.vehicle
+        w, x, y, z = (state[3 + i] for i in range(4))
+        v, rate = state[7:10], state[10:13]
+        axis = ca.vertcat(2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z)
+        gravity = ca.DM([0.0, 0.0, vehicle.gravity])
+        J = ca.DM(vehicle.J)
+        dv = (u[0] * axis + chi[0:3]) / vehicle.mass - gravity
+        dw = ca.DM(np.linalg.inv(vehicle.J)) @ (u[1:4] + chi[3:6] - ca.cross(rate, J @ rate))
+        a, b, c = rate[0], rate[1], rate[2]
+        dq = 0.5 * ca.vertcat(
+            -x * a - y * b - z * c, w * a + y * c - z * b, w * b + z * a - x * c, w * c + x * b - y * a
+        )
+        return ca.vertcat(v, dq, dv, dw)

@@ -1,0 +1,70 @@
+"""Where the real flights lie, and what happens when they do not.
+
+A test that takes the `neurobem` fixture is skipped without the data folder. With `--require-real-flights` a
+skipped one is a failure, and so is a run in which none was executed.
+"""
+
+import os
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+MARKER = "real_flights"
+OPTION = "--require-real-flights"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(OPTION, action="store_true", help="fail where a test on real flights does not run")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", f"{MARKER}: needs the folder of real flights (set by the fixture)")
+    if config.getoption(OPTION) and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(RealFlightsRan(), "real_flights_ran")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if "neurobem" in getattr(item, "fixturenames", ()):
+            item.add_marker(MARKER)
+
+
+def neurobem_folder() -> Path:
+    """NP_DRAKE_NEUROBEM, or `shared/neurobem` beside the repository."""
+    return Path(os.environ.get("NP_DRAKE_NEUROBEM") or ROOT.parent / "shared" / "neurobem")
+
+
+@pytest.fixture(scope="session")
+def neurobem() -> Path:
+    """The folder of real flights with csv/ and npy/."""
+    folder = neurobem_folder()
+    if not ((folder / "csv").is_dir() and (folder / "npy").is_dir()):
+        pytest.skip(f"no real flights in {folder}: set NP_DRAKE_NEUROBEM to the folder of csv/ and npy/")
+    return folder
+
+
+class RealFlightsRan:
+    """Counts the tests on real flights (in the controlling process, also under xdist)."""
+
+    def __init__(self) -> None:
+        self.ran = 0
+        self.skipped: list[str] = []
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        if MARKER not in report.keywords:
+            return
+        if report.skipped:
+            self.skipped.append(report.nodeid)
+        elif report.when == "call":
+            self.ran += 1
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
+        if exitstatus == 0 and (self.skipped or not self.ran):
+            session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        if self.skipped or not self.ran:
+            terminalreporter.section("real flights were required", red=True)
+            terminalreporter.line(f"{self.ran} tests on them ran, {len(self.skipped)} were skipped")
