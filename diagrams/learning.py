@@ -28,7 +28,9 @@ def train_predictor(
     Raises: ValueError: on an unknown configuration.
     """
     if configuration not in CONFIGURATIONS:
-        raise ValueError(f"train_predictor: must be one of {', '.join(CONFIGURATIONS)}; got {configuration!r}.")
+        raise ValueError(
+            f"train_predictor: must be one of {', '.join(CONFIGURATIONS)}; got {configuration!r}."
+        )
     log = flight.log()
     start = int(np.argmax(flight.scored))
     segments = training_segments(

@@ -42,7 +42,9 @@ def _add_quadrotor(meshcat: Meshcat, vehicle) -> None:
         meshcat.SetObject(f"quadrotor/arm{i}", Box(float(np.linalg.norm(arm)), 0.015, 0.015), _DARK)
         meshcat.SetTransform(f"quadrotor/arm{i}", RigidTransform(yaw, arm / 2))
         # The front pair is coloured, so that heading is seen.
-        meshcat.SetObject(f"quadrotor/rotor{i}", Cylinder(vehicle.rotor_radius, 0.01), _BLUE if arm[0] > 0 else _GREY)
+        meshcat.SetObject(
+            f"quadrotor/rotor{i}", Cylinder(vehicle.rotor_radius, 0.01), _BLUE if arm[0] > 0 else _GREY
+        )
         meshcat.SetTransform(f"quadrotor/rotor{i}", RigidTransform(arm + [0, 0, 0.02]))
 
 

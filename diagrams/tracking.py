@@ -62,7 +62,9 @@ def training_flight(experiment: str, *, seed: int, solver: str, monitor=None) ->
     return fly(config, seed=seed, monitor=monitor)
 
 
-def train_models(rows: tuple[Row, ...], folder: Path, *, seed: int, solver: str) -> dict[tuple[str, str], str]:
+def train_models(
+    rows: tuple[Row, ...], folder: Path, *, seed: int, solver: str
+) -> dict[tuple[str, str], str]:
     """One model file for every (training experiment, configuration) that `rows` name."""
     files: dict[tuple[str, str], str] = {}
     flights: dict[str, FlightResult] = {}
@@ -141,3 +143,8 @@ def _half_width(values: np.ndarray) -> float:
     if n < 2:
         return float("nan")
     return float(t.ppf(0.975, n - 1) * values.std(ddof=1) / np.sqrt(n))
+
+
+def frozen_weights() -> dict:
+    """The MPC configuration that every row flies with."""
+    return dc.asdict(load_experiment("circle").controller.mpc)

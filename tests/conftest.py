@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before NumPy is loaded; its threads only cost here
+
 ROOT = Path(__file__).parents[1]
 MARKER = "real_flights"
 OPTION = "--require-real-flights"

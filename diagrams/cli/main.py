@@ -12,8 +12,11 @@ from typing import Annotated
 
 import typer
 
-from diagrams.cli import evaluate, train
+from diagrams.cli import demo, evaluate, fly, reproduce, train
 from diagrams.cli.output import FailedRun, console, say
+
+# Before NumPy is loaded: its threads cost more than they bring on matrices of this size.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 PROGRAM = "np-drake"
 BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
@@ -24,8 +27,11 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.command("demo")(demo.demo)
+app.command("fly")(fly.fly)
 app.command("train")(train.train)
 app.command("evaluate")(evaluate.evaluate)
+app.command("reproduce")(reproduce.reproduce)
 
 
 @app.callback(invoke_without_command=True)
@@ -45,6 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line and leaves with its exit code."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s")
+    logging.getLogger("drake").setLevel(logging.WARNING)
     sys.exit(run(arguments))
 
 
@@ -52,9 +59,7 @@ def run(arguments: list[str]) -> int:
     """The exit code; every expected failure has become one line on stderr."""
     try:
         code = app(arguments, prog_name=PROGRAM, standalone_mode=False)
-        return code if isinstance(code, int) else 0
-    except (KeyboardInterrupt, typer.Abort):
-        return _report(arguments, "interrupted.", INTERRUPTED)
+        return _report(arguments, "interrupted.", code) if code == INTERRUPTED else int(code or 0)
     except Exception as error:
         if os.environ.get("NP_DRAKE_TRACEBACK"):
             raise

@@ -1,8 +1,9 @@
 """`np-drake train`: Algorithm 1 on flight logs."""
 
 import dataclasses as dc
+import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,6 +12,9 @@ from diagrams.cli.output import print_table, progress, save_figure, say, write_m
 from np_drake.atomic_file import require_writable
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from np_drake.lifting.segments import Segment
     from np_drake.lifting.training import Config, TrainingResult
 
 LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
@@ -21,6 +25,9 @@ def train(
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Model file (safetensors).")],
     configuration: options.Configuration = "default",
     epochs: Annotated[int | None, typer.Option(min=1, help="Passes; default: the configuration's.")] = None,
+    checkpoint: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Save the run here as it goes, and resume it.")
+    ] = None,
     step: options.Step = 0.02,
     vehicle: options.VehicleFile = None,
     repair: options.Repair = False,
@@ -29,16 +36,16 @@ def train(
 ) -> None:
     """Train a predictor; writes the model, and the loss curve as a PNG beside it."""
     curve = out.with_suffix(".png")
-    for place in (out, curve, json):
+    for place in (out, curve, json, checkpoint):
         if place is not None:
             require_writable(place)
     from diagrams.cli.flights import open_flights
     from np_drake.lifting.model_file import save_model
 
     flights = open_flights(logs, vehicle, repair=repair)
-    config = make_config(configuration, frame=flights[0].frame, seed=seed, epochs=epochs)
+    config = configure(configuration, frame=flights[0].frame, seed=seed, epochs=epochs)
     segments = [segment for flight in flights for segment in flight.segments(step)]
-    result, wall = run_training(f"training {configuration}", segments, config)
+    result, wall = run_training(f"training {configuration}", segments, config, checkpoint)
     save_model(result.model, out)
     save_figure(loss_figure(result.loss), curve)
     say(f"excitation: {result.model.summary['excitation']}")
@@ -50,35 +57,35 @@ def train(
     )
 
 
-def make_config(name: str, *, frame: str = "world", seed: int = 0, epochs: int | None = None) -> "Config":
+def configure(name: str, *, frame: str = "world", seed: int = 0, epochs: int | None = None) -> "Config":
     """The configuration called `name`; wrenches in body axes have no symmetry about the vertical.
 
     Raises: ValueError: on another name.
     """
-    from np_drake.lifting.default_training import DefaultConfig
-    from np_drake.lifting.paper_training import PaperConfig
+    from np_drake.lifting.training import make_config
 
-    if name == "paper":
-        return PaperConfig(seed=seed) if epochs is None else PaperConfig(seed=seed, epochs=epochs)
-    if name == "default":
-        body = frame == "body"
-        config = DefaultConfig(seed=seed, symmetric=not body, torque=body)
-        return config if epochs is None else dc.replace(config, iterations=epochs)
-    raise ValueError(f"--configuration: must be default or paper; got {name!r}.")
+    settings: dict[str, Any] = {"seed": seed}
+    if epochs is not None:
+        settings["epochs" if name == "paper" else "iterations"] = epochs
+    if name == "default" and frame == "body":
+        settings |= {"symmetric": False, "torque": True}
+    return make_config(name, **settings)
 
 
-def run_training(description: str, segments: list, config: "Config") -> tuple["TrainingResult", float]:
+def run_training(
+    description: str, segments: list["Segment"], config: "Config", checkpoint: Path | None = None
+) -> tuple["TrainingResult", float]:
     """The training's result and how long it took [s], behind a progress bar."""
-    import time
-
     from np_drake.lifting.training import train as run
 
     start = time.perf_counter()
     with progress(description, 1.0) as advance:
-        result = run(
-            segments, config, on_epoch=lambda epoch, total, loss: advance(epoch / total, f"loss {loss:.4g}")
-        )
-        advance(1.0, f"loss {result.loss[-1]:.4g}")
+
+        def on_epoch(epoch: int, total: int, loss: float) -> None:
+            advance(epoch / total, f"loss {loss:.4g}")
+
+        result = run(segments, config, checkpoint=checkpoint, on_epoch=on_epoch)
+        advance(1.0, f"loss {result.loss[-1]:.4g}" if result.loss else "")
     return result, time.perf_counter() - start
 
 
@@ -90,7 +97,7 @@ def report(result: "TrainingResult", wall: float) -> None:
     print_table(f"{summary['samples']} samples, {wall:.1f} s", ["block", "loss [1]"], rows)
 
 
-def loss_figure(loss: list[float]):
+def loss_figure(loss: list[float]) -> "Figure":
     """Loss against epoch, as a Figure."""
     from matplotlib.figure import Figure
 

@@ -1,9 +1,10 @@
 """Which channels one block of the lifted linear system sees, and what symmetry ties together.
 
-A block is fitted once and used once per view. About the vertical, physics in W is the same along x and along y: the
-horizontal block has two views (x; y, turned by 90 degrees), pooled in its fit. A circle flown one way round locks force
-and velocity in a fixed quarter-turn relation, which an untied fit takes for physics and carries off the circle: on
-simulated flights the tied fit has 0.15 N error 0.8 s ahead on an unseen lemniscate, the untied 1.6 N.
+A block is fitted once and used once per view. About the vertical, physics in W is the same along x and along
+y: the horizontal block has two views (x; y, turned by 90 degrees), pooled in its fit. A circle flown one way
+round locks force and velocity in a fixed quarter-turn relation, which an untied fit takes for physics and
+carries off the circle: on simulated flights the tied fit has 0.15 N error 0.8 s ahead on an unseen
+lemniscate, the untied 1.6 N.
 """
 
 import dataclasses as dc
@@ -16,7 +17,7 @@ _ZETA = {"vx": 0, "vy": 1, "vz": 2, "wx": 3, "wy": 4, "wz": 5}
 
 @dc.dataclass(frozen=True)
 class View:
-    """Signed selections: labels (l, 6) of chi, inputs (p, 6) of zeta; the first `outputs` labels are predicted."""
+    """Signed selections: labels (l, 6) of chi, inputs (p, 6) of zeta; the first `outputs` labels are fitted."""
 
     labels: np.ndarray
     inputs: np.ndarray
@@ -30,7 +31,7 @@ class View:
 
 @dc.dataclass(frozen=True)
 class Block:
-    """One fitted block: `views` share its matrices; `size` lifted states a view, `pairs` of them oscillating."""
+    """One fitted block: `views` share its matrices; `size` lifted states a view, 2 `pairs` of them oscillate."""
 
     name: str
     views: tuple[View, ...]
@@ -41,9 +42,9 @@ class Block:
 def symmetric_blocks(size: int, *, torque: bool) -> list[Block]:
     """Blocks tied by symmetry about the vertical; `size` lifted states each (x, y and z use 3 `size` in all).
 
-    Rotation by 90 degrees takes x to y and y to -x, so that w_y, t_y of the first view are -w_x, -t_x of the second.
-    It takes body rates and torques with it, which holds while the yaw angle stays small. Reflection forbids any
-    coupling between the horizontal and the vertical.
+    Rotation by 90 degrees takes x to y and y to -x, so that w_y, t_y of the first view are -w_x, -t_x of the
+    second. It takes body rates and torques with it, which holds while the yaw angle stays small. Reflection
+    forbids any coupling between the horizontal and the vertical.
     """
     horizontal = (_view("fx", "vx wy", 1), _view("fy", "vy -wx", 1))
     blocks = [

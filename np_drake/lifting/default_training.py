@@ -7,6 +7,7 @@ import numpy as np
 import scipy.linalg
 
 from np_drake.lifting.channel_views import Block, free_blocks, symmetric_blocks
+from np_drake.lifting.checkpoint import Checkpoint
 from np_drake.lifting.delay_regression import Regularisation, compress
 from np_drake.lifting.encoders import DelayEncoder
 from np_drake.lifting.excitation import Excitation, measure_excitation
@@ -15,10 +16,12 @@ from np_drake.lifting.lifted_model import DEFAULT, LiftedModel
 from np_drake.lifting.modal_fit import BlockMatrices, ModalBlock, descend
 from np_drake.lifting.segments import Segment, check_segments, group_scale
 
+OnEpoch = Callable[[int, int, float], None]
+
 
 @dc.dataclass(frozen=True)
 class DefaultConfig:
-    """`default`: what flew best. Scaled units: chi and zeta over one scale each for force, torque, v and omega."""
+    """`default`: what flew best. Force, torque, v and omega are each divided by one scale."""
 
     delay: int = 25  # samples the encoder sees [1]
     horizon: int = 40  # longest prediction in the loss [steps]
@@ -30,7 +33,7 @@ class DefaultConfig:
     starts: int = 3  # starts from different modes; the best is kept [1]
     max_origins: int = 6000  # origins are thinned beyond [1]
     zeta_noise: tuple[float, ...] | None = None  # (6,) noise of zeta [m/s, rad/s]; None: estimated
-    regularisation: Regularisation = Regularisation()
+    regularisation: Regularisation = dc.field(default_factory=Regularisation)
     seed: int = 0
 
     def blocks(self) -> list[Block]:
@@ -42,14 +45,13 @@ class DefaultConfig:
 def train_default(
     segments: list[Segment],
     config: DefaultConfig,
-    *,
-    start: list[np.ndarray] | None = None,
-    on_epoch: Callable[[int, int, float], None] = lambda *_: None,
-) -> tuple[LiftedModel, list[float], list[np.ndarray]]:
-    """(model, loss history, parameters to resume from).
+    checkpoint: Checkpoint,
+    on_epoch: OnEpoch = lambda *_: None,
+) -> tuple[LiftedModel, list[float]]:
+    """(model, loss after each iteration).
 
-    `start`: parameters of an earlier run, one vector a block; the descent goes on from there (the curvature memory
-    of L-BFGS starts afresh).
+    Finished descents are in the checkpoint; a resumed run repeats the others, which draw from seeds of their
+    own, and so ends where an uninterrupted one does.
     """
     segments = check_segments(segments, config.delay + config.horizon + 1)
     step = float(np.median([segment.step for segment in segments]))
@@ -60,19 +62,53 @@ def train_default(
         (s.chi / chi_scale, s.zeta @ excitation.shrink.T / zeta_scale, s.goal / chi_scale) for s in segments
     ]
     blocks = config.blocks()
-    progress = _Progress(len(blocks) * config.starts * config.iterations, on_epoch)
-    fitted, thetas, losses = [], [], {}
+    runs = _Runs(checkpoint, len(blocks) * config.starts * config.iterations, on_epoch)
+    fitted, losses = [], {}
     for number, block in enumerate(blocks):
         modal = _modal_block(block, scaled, config, step)
-        first = None if start is None else start[number]
-        theta = _best_descent(modal, config, number, first, progress)
-        thetas.append(theta)
+        theta, losses[block.name] = _best_descent(modal, config, number, runs)
         fitted.append(modal.matrices(theta))
-        losses[block.name] = modal.loss_and_gradient(theta)[0]
     system, encoder = _assemble(blocks, fitted, config.delay, step, chi_scale, zeta_scale, excitation)
     summary = {"samples": sum(map(len, segments)), "loss": losses, "excitation": excitation.text}
     model = LiftedModel(DEFAULT, system, encoder, config.delay, chi_scale, zeta_scale, config.torque, summary)
-    return model, progress.history, thetas
+    return model, runs.history
+
+
+class _Runs:
+    """Finished descents, by block and start, and the progress over all of them."""
+
+    def __init__(self, checkpoint: Checkpoint, total: int, on_epoch: OnEpoch):
+        self._checkpoint, self._total, self._on_epoch = checkpoint, total, on_epoch
+        self._finished = checkpoint.load()
+        self._epoch, self.history = 0, list[float]()
+
+    def descend(self, name: str, modal: ModalBlock, theta: np.ndarray, iterations: int) -> np.ndarray:
+        """The end of the descent called `name`, computed or remembered."""
+        end = self._epoch + iterations
+        if name not in self._finished:
+            found, losses = descend(modal, theta, iterations=iterations, on_iteration=self._report)
+            self._finished |= {name: found, f"{name}/loss": np.array(losses)}
+            self._checkpoint.save(self._finished)
+        self.history += self._finished[f"{name}/loss"].tolist()
+        self._epoch = end
+        return self._finished[name]
+
+    def _report(self, loss: float) -> None:
+        self._epoch += 1
+        self._on_epoch(self._epoch, self._total, loss)
+
+
+def _best_descent(
+    modal: ModalBlock, config: DefaultConfig, number: int, runs: _Runs
+) -> tuple[np.ndarray, float]:
+    """Parameters of the least loss over the starts, and that loss."""
+    found = []
+    for run in range(config.starts):
+        theta = modal.initial_theta(np.random.default_rng([config.seed, number, run]))
+        theta = runs.descend(f"{number}/{run}", modal, theta, config.iterations)
+        found.append((modal.loss_and_gradient(theta)[0], run, theta))
+    loss, _, theta = min(found, key=lambda entry: entry[:2])
+    return theta, loss
 
 
 def _excitation(segments: list[Segment], config: DefaultConfig, step: float) -> Excitation:
@@ -81,23 +117,6 @@ def _excitation(segments: list[Segment], config: DefaultConfig, step: float) -> 
     if config.symmetric:
         zeta += [piece[:, [1, 0, 2, 4, 3, 5]] * [1, -1, 1, 1, -1, 1] for piece in zeta]
     return measure_excitation(zeta, config.zeta_noise, step=step)
-
-
-class _Progress:
-    """Counts descent iterations over all blocks and starts."""
-
-    def __init__(self, total: int, on_epoch: Callable[[int, int, float], None]):
-        self.total, self.on_epoch = total, on_epoch
-        self.epoch, self.history = 0, list[float]()
-
-    def __call__(self, loss: float) -> None:
-        self.epoch += 1
-        self.history.append(loss)
-        self.on_epoch(self.epoch, self.total, loss)
-
-    def skip_to(self, epoch: int) -> None:
-        """A descent that ended early has used up its share."""
-        self.epoch = epoch
 
 
 def _modal_block(block: Block, scaled: list, config: DefaultConfig, step: float) -> ModalBlock:
@@ -112,20 +131,6 @@ def _modal_block(block: Block, scaled: list, config: DefaultConfig, step: float)
         regularisation=config.regularisation, max_origins=config.max_origins,
     )  # fmt: skip
     return ModalBlock(regression, size=block.size, pairs=block.pairs, step=step)
-
-
-def _best_descent(modal: ModalBlock, config: DefaultConfig, number: int, first, progress: _Progress) -> np.ndarray:
-    """Parameters of the least loss over the starts (`first` alone where given)."""
-    generator = np.random.default_rng([config.seed, number])
-    starts = [modal.initial_theta(generator) for _ in range(config.starts)] if first is None else [first]
-    best, least = starts[0], np.inf
-    for run, theta in enumerate(starts):
-        theta, _ = descend(modal, theta, iterations=config.iterations, on_iteration=progress)
-        progress.skip_to((number * config.starts + run + 1) * config.iterations)
-        loss = modal.loss_and_gradient(theta)[0]
-        if loss < least:
-            best, least = theta, loss
-    return best
 
 
 def _assemble(

@@ -1,9 +1,12 @@
-"""The multi-step prediction loss of a delay encoder, compressed so that its cost does not depend on the data's length.
+"""The multi-step prediction loss of a delay encoder, compressed so that its cost does not depend on the
+data's length.
 
-With h the last D samples, u the coming zeta and y the coming targets, chi_hat = O E h + M * u is linear in E and the
-loss is quadratic in the data: it depends on second moments only. The Cholesky factor of the moments of [h, u, y] stands
+With h the last D samples, u the coming zeta and y the coming targets, chi_hat = O E h + M * u is linear in E
+and the
+loss is quadratic in the data: it depends on second moments only. The Cholesky factor of the moments of [h, u,
+y] stands
 for all origins: rows along h ("free", each with an initial state of its own, out of which E follows) and rows
-orthogonal to h (initial state zero).                             Source: own choice; variable projection, Golub 1973.
+orthogonal to h (initial state zero).   Source: own choice; variable projection, Golub 1973.
 """
 
 import dataclasses as dc
@@ -28,9 +31,10 @@ class Regularisation:
 class DelayRegression:
     """Compressed loss. nh = D (l + p) history features, nu = H p coming inputs, ny = len(horizons) m goals.
 
-    whitener: (nh, nh) lower factor of the history's second moment.   free_u, free_y: (nh, nu), (nh, ny) rows with a
-    free initial state.   fixed_u, fixed_y: (nu, nu), (nu, ny) rows that start at zero.   floor: loss that no model of
-    these inputs can remove.   weights: (len(horizons),) one over the error of persistence.   count: ny x origins.
+    whitener: (nh, nh) lower factor of the history's second moment.   free_u, free_y: (nh, nu), (nh, ny) rows
+    with a free initial state.   fixed_u, fixed_y: (nu, nu), (nu, ny) rows that start at zero.   floor: loss
+    that no model of these inputs can remove.   weights: (len(horizons),) one over the error of
+    persistence.   count: ny x origins.
     """
 
     delay: int
@@ -79,7 +83,8 @@ def compress(
 def horizon_weights(pieces: list[Piece], horizons: np.ndarray) -> np.ndarray:
     """(len(horizons),) 1 / RMSE of persistence at that horizon, no larger than 1 / (2 % of the largest RMSE).
 
-    So every horizon counts by its ratio to persistence, and errors far ahead do not drown those one step ahead.
+    So every horizon counts by its ratio to persistence, and errors far ahead do not drown those one step
+    ahead.
     """
     power, count = np.zeros(len(horizons)), 0
     for labels, _, goals in pieces:

@@ -9,7 +9,8 @@ import numpy as np
 class Phi:
     """z = W^(L+1) relu(W^L … relu(W^1 chi / scale)): no bias.       Source: Jin et al. 2025, eq. (dnn).
 
-    weights: (out, in) matrices.   scale: (6,) of chi [N, N·m]; gamma bounds the Lipschitz constant in chi / scale.
+    weights: (out, in) matrices.   scale: (6,) of chi [N, N·m]; gamma bounds the Lipschitz constant in chi /
+    scale.
     """
 
     weights: tuple[np.ndarray, ...]

@@ -1,8 +1,8 @@
 """Which directions of zeta a flight excites: in the others B would be fitted to noise.
 
-On a plain circle the vertical velocity is noise and feedback; an unguarded fit answers it with 3 N per m/s, which
-triples the error off the circle. Directions are the principal axes of zeta over its noise; B and the encoder see zeta
-through `shrink`, close to one along excited directions and close to zero along the others.
+On a plain circle the vertical velocity is noise and feedback; an unguarded fit answers it with 3 N per m/s,
+which triples the error off the circle. Directions are the principal axes of zeta over its noise; B and the
+encoder see zeta through `shrink`, close to one along excited directions and close to zero along the others.
 """
 
 import dataclasses as dc
@@ -22,11 +22,13 @@ THRESHOLD = 4.0  # motion this many times its noise is half trusted [1]
 class Excitation:
     """What the flight says about each direction of zeta.
 
-    noise: (6,) motion too small to learn from: averaged noise of zeta and 1 % of the group's motion [m/s, rad/s].
+    noise: (6,) motion too small to learn from: averaged noise of zeta and 1 % of the group's motion [m/s,
+    rad/s].
     directions: (6, 6) rows of unit length in
-    zeta / noise, strongest first.   deviation: (6,) standard deviation of zeta / noise along them; 1 is pure noise.
-    gain: (6,) trust in each direction, 0 … 1.   line_frequency: strongest spectral line [Hz], and line_share, its
-    share of the motion's power: near 1, a single circle, which cannot show modes at other frequencies.
+    zeta / noise, strongest first.   deviation: (6,) standard deviation of zeta / noise along them; 1 is pure
+    noise.
+    gain: (6,) trust in each direction, 0 … 1.   line_frequency: strongest spectral line [Hz], and line_share,
+    its share of the motion's power: near 1, a single circle, which cannot show modes at other frequencies.
     """
 
     noise: np.ndarray
@@ -52,12 +54,16 @@ class Excitation:
         """One line for people."""
         weak = [
             f"{_name(direction)} ({deviation:.1f} x noise)"
-            for direction, deviation in zip(self.directions[~self.excited], self.deviation[~self.excited], strict=True)
+            for direction, deviation in zip(
+                self.directions[~self.excited], self.deviation[~self.excited], strict=True
+            )
         ]
         line = f"{self.excited.sum()} of 6 directions of zeta excited"
         line += f"; B shrunk along {', '.join(weak)}" if weak else ""
         if self.line_share > 0.8:
-            line += f"; {100 * self.line_share:.0f} % of the motion is one line at {self.line_frequency:.2f} Hz"
+            line += (
+                f"; {100 * self.line_share:.0f} % of the motion is one line at {self.line_frequency:.2f} Hz"
+            )
         return line + "."
 
 
@@ -84,15 +90,15 @@ def measure_excitation(
 def estimate_noise(zeta: list[np.ndarray]) -> np.ndarray:
     """(6,) standard deviation of white noise in zeta, from fourth differences.
 
-    A fourth difference multiplies white noise by sqrt(70) and all but removes motion slower than a tenth of the
-    sampling rate. The median is taken, so that a few jumps do not count.
+    A fourth difference multiplies white noise by sqrt(70) and all but removes motion slower than a tenth of
+    the sampling rate. The median is taken, so that a few jumps do not count.
     """
     difference = np.concatenate([np.diff(piece, n=4, axis=0) for piece in zeta])
     return np.median(np.abs(difference), axis=0) / (0.6745 * np.sqrt(70.0))
 
 
 def _strongest_line(zeta: np.ndarray, step: float) -> tuple[float, float]:
-    """Frequency [Hz] and share of power of the strongest line (three bins of a Hann window), channels pooled."""
+    """Frequency [Hz] and share of power of the strongest line (three bins, Hann window), channels pooled."""
     taper = np.hanning(len(zeta))[:, None]
     power = np.sum(np.abs(np.fft.rfft(taper * (zeta - zeta.mean(axis=0)), axis=0)) ** 2, axis=1)
     peak = int(np.argmax(power[1:])) + 1

@@ -9,7 +9,8 @@ import numpy as np
 class Mode:
     """One eigenvalue of A_c = log(A) / step (a complex pair counts once).
 
-    frequency: |Im| / 2 pi [Hz].   damping: -Re / |s| in [-1, 1] [1].   time_constant: -1 / Re, inf if undamped [s].
+    frequency: |Im| / 2 pi [Hz].   damping: -Re / |s| in [-1, 1] [1].   time_constant: -1 / Re, inf if
+    undamped [s].
     """
 
     frequency: float
@@ -58,7 +59,8 @@ class LiftedLinearSystem:
     def resample(self, stride: int) -> "LiftedLinearSystem":
         """The same system at `stride` times its step, zeta held over the longer step: A^m, sum_(i<m) A^i B.
 
-        Raises: ValueError: if stride is not a positive whole number (a matrix logarithm is for reading modes only).
+        Raises: ValueError: if stride is not a positive whole number (a matrix logarithm is for reading modes
+        only).
         """
         if stride < 1 or int(stride) != stride:
             raise ValueError(f"LiftedLinearSystem: stride must be a positive whole number; got {stride}.")
@@ -85,9 +87,9 @@ class LiftedLinearSystem:
 def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
     """A (K, K) with every |eigenvalue| <= radius; unchanged where that holds already.
 
-    Eigenvalues outside are pulled radially onto the circle and keep their eigenvectors, so that stable modes stay
-    as learned; where the eigenvectors are too ill-conditioned for that, all of A is scaled. Own choice: the
-    nearest stable matrix in the Frobenius norm is a non-convex problem, too slow for a flight.
+    Eigenvalues outside are pulled radially onto the circle and keep their eigenvectors, so that stable modes
+    stay as learned; where the eigenvectors are too ill-conditioned for that, all of A is scaled. Own choice:
+    the nearest stable matrix in the Frobenius norm is a non-convex problem, too slow for a flight.
     """
     eigenvalue, V = np.linalg.eig(A)
     magnitude = np.abs(eigenvalue)

@@ -15,8 +15,8 @@ PAPER, DEFAULT = "paper", "default"
 class LiftedModel:
     """What training yields and a model file holds. Matrices are in physical units: scales are folded in.
 
-    configuration: `paper` (Phi of the instantaneous chi, A and B refit on a window in flight) or `default` (linear
-    encoder of the last samples).   system: the offline lifted linear system at the training step.
+    configuration: `paper` (Phi of the instantaneous chi, A and B refit on a window in flight) or `default`
+    (linear encoder of the last samples).   system: the offline lifted linear system at the training step.
     window: samples the encoder or the refit needs.   chi_scale, zeta_scale: (6,) scales used in training.
     predicts_torque: whether rows 3:6 of C were trained.   summary: plain figures of the training, for people.
     ridge: weight of `system` in the refit of a window [samples of unit size]; 0 where there is no refit.
@@ -37,7 +37,9 @@ class LiftedModel:
         if self.configuration not in kinds:
             raise ValueError(f"LiftedModel: configuration must be paper | default; got {self.configuration}.")
         if not isinstance(self.encoder, kinds[self.configuration]):
-            raise ValueError(f"LiftedModel: {self.configuration} must have {kinds[self.configuration].__name__}.")
+            raise ValueError(
+                f"LiftedModel: {self.configuration} must have {kinds[self.configuration].__name__}."
+            )
         if self.encoder.K != self.system.K:
             sizes = f"{self.encoder.K} and {self.system.K}"
             raise ValueError(f"LiftedModel: encoder and system must agree on K; got {sizes}.")

@@ -1,8 +1,8 @@
 """Fits E, A, B, C of one block to a compressed multi-step loss; A is stable by construction.
 
-A is block diagonal: 2 x 2 rotations scaled by r, and real modes r, each r = r_max exp(-exp(a)) with a = log(step / time
-constant). So |A| <= r_max < 1 whatever the parameters, slow modes are as easy to reach as fast ones, and C A^i is
-written down for all horizons at once instead of being iterated.
+A is block diagonal: 2 x 2 rotations scaled by r, and real modes r, each r = r_max exp(-exp(a)) with a =
+log(step / time constant). So |A| <= r_max < 1 whatever the parameters, slow modes are as easy to reach as
+fast ones, and C A^i is written down for all horizons at once instead of being iterated.
 """
 
 import dataclasses as dc
@@ -59,7 +59,7 @@ class ModalBlock:
         return np.concatenate(parts)
 
     def loss(self, theta: torch.Tensor) -> torch.Tensor:
-        """Mean squared ratio to persistence over horizons and outputs, E eliminated (its best value is taken)."""
+        """Mean squared ratio to persistence over horizons and outputs, at the best E."""
         O, response = self._operators(theta)
         free = self._free_y - self._free_u @ response
         fixed = self._fixed_y - self._fixed_u @ response
@@ -131,7 +131,11 @@ class ModalBlock:
 
 
 def descend(
-    block: ModalBlock, theta: np.ndarray, *, iterations: int, on_iteration: Callable[[float], None] = lambda _: None
+    block: ModalBlock,
+    theta: np.ndarray,
+    *,
+    iterations: int,
+    on_iteration: Callable[[float], None] = lambda _: None,
 ) -> tuple[np.ndarray, list[float]]:
     """L-BFGS from theta: (theta, loss after each iteration). Deterministic."""
     history: list[float] = []

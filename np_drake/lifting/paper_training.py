@@ -1,10 +1,13 @@
 """Training of the `paper` configuration: Algorithm 1, made well-posed.
 
 What the paper leaves open, and what is done here:
-- The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is a ridge toward a prior A_0,
-  B_0 shared by all windows, which is trained along with Phi and C and then flies as the offline model.
+- The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is a ridge toward a
+  prior A_0,
+  B_0 shared by all windows: least squares over all of them, renewed every epoch, and in flight the offline
+  model. B is not shrunk along unexcited directions (the paper has no such step); the summary names them.
 - Stable: A_0 and each window's A are scaled into |eig| <= RADIUS before they are iterated.
-- Backward in time, A^-1 of a stable A grows like |lambda|^-40. A is inverted in the least-squares sense: the window
+- Backward in time, A^-1 of a stable A grows like |lambda|^-40. A is inverted in the least-squares sense: the
+  window
   fit of z_k on z_(k+1) and zeta_k, ridge toward a backward prior, made stable the same way.
 - mu carries the trajectory index in the paper, so that late trajectories count less; here it discounts the
   prediction step: mean over j of mu^j |z_j - z_hat_j|².
@@ -19,13 +22,15 @@ import numpy as np
 import torch
 from torch import nn
 
+from np_drake.lifting.checkpoint import Checkpoint
+from np_drake.lifting.excitation import measure_excitation
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem, stabilized
 from np_drake.lifting.lifted_model import PAPER, LiftedModel
 from np_drake.lifting.phi_module import PhiModule
 from np_drake.lifting.segments import Segment, check_segments, group_scale
-from np_drake.lifting.window_refit import RADIUS, WindowRefit
+from np_drake.lifting.window_refit import RADIUS
 
-RIDGES = tuple(10.0**e for e in range(-3, 5))  # tried for the refit in flight
+OnEpoch = Callable[[int, int, float], None]
 
 
 @dc.dataclass(frozen=True)
@@ -39,7 +44,7 @@ class PaperConfig:
     window: int = 40  # samples of a window [1]
     beta: tuple[float, float, float] = (1.0, 1.0, 1.0)  # weights: forward, backward, reconstruction [1]
     mu: float = 0.999  # discount of a prediction step, forward and backward [1]
-    ridge: float = 1.0  # weight of the prior in a window's fit, training [samples of unit size]
+    ridge: float = 3.0  # weight of the prior in a window's fit [samples of unit size]
     epochs: int = 12  # passes over the windows [1]
     batch: int = 32  # windows of a gradient step [1]
     spacing: int = 5  # samples between the starts of windows [1]
@@ -49,15 +54,16 @@ class PaperConfig:
 
 
 class PaperTrainer:
-    """The state of one training run: Phi, C, priors, optimiser, epoch. `run_epoch` until `epoch == epochs`."""
+    """The state of one training run: Phi, C, priors, optimiser, epoch."""
 
     def __init__(self, segments: list[Segment], config: PaperConfig):
         segments = check_segments(segments, config.window)
-        self.config, self._segments = config, segments
+        self.config = config
         self.step = float(np.median([segment.step for segment in segments]))
         self.samples = sum(map(len, segments))
         self.chi_scale = group_scale([segment.chi for segment in segments], centred=False)
         self.zeta_scale = group_scale([segment.zeta for segment in segments], centred=False)
+        self.excitation = measure_excitation([segment.zeta for segment in segments], step=self.step)
         self._chi, self._zeta = _windows(segments, config, self.zeta_scale)
         self.phi = PhiModule(
             width=config.width, layers=config.layers, K=config.size, gamma=config.gamma,
@@ -109,12 +115,38 @@ class PaperTrainer:
         system = LiftedLinearSystem(
             stabilized(prior[:K].T, RADIUS), prior[K:].T / self.zeta_scale, C, self.step
         )
-        summary = {"samples": self.samples, "epochs": self.epoch, "loss": self.history[-1:], "gamma": self.config.gamma}
-        model = LiftedModel(
+        summary = {
+            "samples": self.samples, "epochs": self.epoch, "loss": self.history[-1] if self.history else None,
+            "gamma": self.config.gamma, "excitation": self.excitation.text,
+        }  # fmt: skip
+        return LiftedModel(
             PAPER, system, self.phi.export(), self.config.window, self.chi_scale, self.zeta_scale, True, summary,
             ridge=self.config.ridge,
         )  # fmt: skip
-        return dc.replace(model, ridge=choose_ridge(model, self._segments))
+
+    def state(self) -> dict[str, np.ndarray]:
+        """What the next epoch depends on: parameters, Adam's moments, power iterations, history."""
+        tensors = {"history": np.array(self.history)}
+        for i, parameter in enumerate(self.parameters):
+            tensors[f"parameter{i}"] = parameter.detach().numpy()
+            for name, value in self.optimiser.state[parameter].items():
+                tensors[f"parameter{i}/{name}"] = value.numpy().astype(float)
+        return tensors | {f"right{i}": v.numpy() for i, v in enumerate(self.phi.right)}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Takes up `state()` of an earlier run; an empty one changes nothing."""
+        if not state:
+            return
+        self.history = state["history"].tolist()
+        self.epoch = len(self.history)
+        self.phi.right = [torch.from_numpy(state[f"right{i}"]) for i in range(len(self.phi.right))]
+        for i, parameter in enumerate(self.parameters):
+            parameter.data = torch.from_numpy(state[f"parameter{i}"].copy())
+            moments = {
+                name: torch.tensor(state[f"parameter{i}/{name}"]) for name in ("exp_avg", "exp_avg_sq")
+            }
+            count = torch.tensor(state[f"parameter{i}/step"].item(), dtype=torch.float32)
+            self.optimiser.state[parameter] = {"step": count, **moments}
 
     def _fit_priors(self) -> None:
         """The priors of this epoch: least squares over all windows with the present Phi."""
@@ -127,7 +159,7 @@ class PaperTrainer:
         return torch.from_numpy(self.chi_scale)
 
     def _best_readout(self, z: torch.Tensor) -> torch.Tensor:
-        """(6, K) least squares of chi / scale on z over all windows, with a ridge of 1e-6 of the mean power."""
+        """(6, K) least squares of chi / scale on z over all windows, ridge 1e-6 of the mean power."""
         Z, chi = z.reshape(-1, z.shape[-1]), (self._chi / self._scale()).reshape(-1, 6)
         normal = Z.T @ Z
         normal += 1e-6 * normal.diagonal().mean() * torch.eye(len(normal), dtype=Z.dtype)
@@ -148,52 +180,21 @@ class PaperTrainer:
 
 
 def train_paper(
-    segments: list[Segment], config: PaperConfig, on_epoch: Callable[[int, int, float], None] = lambda *_: None
-) -> PaperTrainer:
-    """A trainer that has run all its epochs."""
+    segments: list[Segment], config: PaperConfig, checkpoint: Checkpoint, on_epoch: OnEpoch = lambda *_: None
+) -> tuple[LiftedModel, list[float]]:
+    """(model, loss after each epoch), from the checkpoint on where there is one."""
     trainer = PaperTrainer(segments, config)
+    trainer.restore(checkpoint.load())
     while trainer.epoch < config.epochs:
         loss = trainer.run_epoch()
+        checkpoint.save(trainer.state())
         on_epoch(trainer.epoch, config.epochs, loss)
-    return trainer
+    return trainer.model(), trainer.history
 
 
-def choose_ridge(model: LiftedModel, segments: list[Segment], tries: int = 200) -> float:
-    """The refit's ridge that predicts the window after a window best, in the mean ratio to persistence."""
-    W = model.window
-    starts = [(s, k) for s in segments for k in range(0, len(s) - 2 * W + 1, W // 2)]
-    starts = starts[:: max(1, -(-len(starts) // tries))]
-    if not starts:
-        return model.ridge
-    seen = np.stack([np.hstack([s.chi[k : k + W], s.zeta[k : k + W]]) for s, k in starts])
-    last = seen[:, -1:]
-    coming = np.stack([np.hstack([s.chi[k + W : k + 2 * W], s.zeta[k + W : k + 2 * W]]) for s, k in starts])
-    zeta = np.concatenate([last, coming[:, :-1]], axis=1)[..., 6:]
-    naive = _mean_square((last - coming)[..., :6] / model.chi_scale)
-    ratios = {}
-    for ridge in RIDGES:
-        chi_hat = _refit_forecasts(model, ridge, seen, zeta)
-        ratios[ridge] = np.mean(np.sqrt(_mean_square((chi_hat - coming[..., :6]) / model.chi_scale) / naive))
-    return min(ratios, key=ratios.__getitem__)
-
-
-def _refit_forecasts(model: LiftedModel, ridge: float, seen: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-    """(b, W, 6) forecasts of the samples after each window `seen` (b, W, 12), zeta (b, W, 6) known."""
-    refit, forecasts = WindowRefit(model, ridge), []
-    for window, known in zip(seen, zeta, strict=True):
-        A, B = refit(window)
-        system = LiftedLinearSystem(A, B, model.system.C, model.step)
-        z = A @ model.lift(window) + B @ known[0]
-        forecasts.append(system.rollout(z, np.concatenate([known[1:], known[-1:]])))
-    return np.stack(forecasts)
-
-
-def _mean_square(error: np.ndarray) -> np.ndarray:
-    """(W,) over windows and channels, not below 1e-12."""
-    return np.maximum(np.mean(error**2, axis=(0, 2)), 1e-12)
-
-
-def _windows(segments: list[Segment], config: PaperConfig, zeta_scale: np.ndarray) -> tuple[torch.Tensor, torch.Tensor]:
+def _windows(
+    segments: list[Segment], config: PaperConfig, zeta_scale: np.ndarray
+) -> tuple[torch.Tensor, torch.Tensor]:
     """(b, W, 6) chi in physical units and scaled zeta of all windows."""
     starts = [
         (segment, k)
@@ -206,7 +207,9 @@ def _windows(segments: list[Segment], config: PaperConfig, zeta_scale: np.ndarra
     return torch.from_numpy(chi), torch.from_numpy(zeta / zeta_scale)
 
 
-def _regression(z: torch.Tensor, zeta: torch.Tensor, *, backward: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
+def _regression(
+    z: torch.Tensor, zeta: torch.Tensor, *, backward: bool = False
+) -> tuple[torch.Tensor, torch.Tensor]:
     """Regressors [z, zeta] (b, W-1, K+6) and targets (b, W-1, K): z_(k+1) from z_k, or z_k from z_(k+1)."""
     before, after = (z[:, 1:], z[:, :-1]) if backward else (z[:, :-1], z[:, 1:])
     return torch.cat([before, zeta[:, :-1]], dim=-1), after

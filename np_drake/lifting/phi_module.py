@@ -1,4 +1,6 @@
-"""Phi for training: a multilayer perceptron without bias whose Lipschitz constant is gamma by construction."""
+"""Phi for training: a perceptron without bias whose Lipschitz constant is at most gamma by construction."""
+
+import itertools
 
 import numpy as np
 import torch
@@ -10,9 +12,9 @@ from np_drake.lifting.encoders import Phi
 class PhiModule(nn.Module):
     """W_hat = W / sigma(W) gamma^(1/(L+1)) in every layer.       Source: Jin et al. 2025, eq. (sn).
 
-    The input is chi / scale, so gamma is the Lipschitz constant in those scaled coordinates; in N and N·m it is at
-    most gamma / min(scale). sigma comes from a power iteration that is run until it stands still, warm-started from
-    the last call; its gradient u v^T is exact there.
+    The input is chi / scale, so gamma is the Lipschitz constant in those scaled coordinates; in N and N·m it
+    is at most gamma / min(scale). sigma comes from a power iteration that is run until it stands still,
+    warm-started from the last call; its gradient u v^T is exact there.
     """
 
     def __init__(self, *, width: int, layers: int, K: int, gamma: float, scale: np.ndarray, seed: int):
@@ -20,12 +22,12 @@ class PhiModule(nn.Module):
         sizes = [6] + [width] * layers + [K]
         generator = torch.Generator().manual_seed(seed)
         self.raw = nn.ParameterList()
-        for inputs, outputs in zip(sizes, sizes[1:], strict=False):
+        for inputs, outputs in itertools.pairwise(sizes):
             raw = torch.randn(outputs, inputs, generator=generator, dtype=torch.float64)
             self.raw.append(nn.Parameter(raw * np.sqrt(2.0 / inputs)))
         self._layer_gain = gamma ** (1.0 / len(self.raw))
         self._scale = torch.from_numpy(scale)
-        self._right = [torch.ones(raw.shape[1], dtype=torch.float64) for raw in self.raw]
+        self.right = [torch.ones(raw.shape[1], dtype=torch.float64) for raw in self.raw]
 
     def weights(self) -> list[torch.Tensor]:
         """The normalised weights, each of largest singular value gamma^(1/(L+1))."""
@@ -49,8 +51,8 @@ class PhiModule(nn.Module):
 
     def _normalised(self, layer: int, W: torch.Tensor) -> torch.Tensor:
         with torch.no_grad():
-            u, v = _leading_singular_vectors(W, self._right[layer])
-            self._right[layer] = v
+            u, v = _leading_singular_vectors(W, self.right[layer])
+            self.right[layer] = v
         return W * (self._layer_gain / (u @ W @ v))
 
 

@@ -10,8 +10,8 @@ class Segment:
     """One uninterrupted piece of flight, a sample every `step` seconds.
 
     chi: (n, 6) labels as the encoder will see them in flight [N, N·m].   zeta: (n, 6) [m/s, rad/s].
-    target: (n, 6) what is to be predicted, where that is better known afterwards (a zero-phase smoothed label): the
-    lifted linear system then learns to undo delay and noise of the label. Default: chi.
+    target: (n, 6) what is to be predicted, where that is better known afterwards (a zero-phase smoothed
+    label): the lifted linear system then learns to undo delay and noise of the label. Default: chi.
     """
 
     chi: np.ndarray
@@ -38,7 +38,9 @@ def check_segments(segments: list[Segment], shortest: int) -> list[Segment]:
     checked = [_checked(segment, number) for number, segment in enumerate(segments)]
     steps = np.array([segment.step for segment in checked])
     if np.ptp(steps) > 0.02 * steps.min():
-        raise ValueError(f"Segment: all segments must share one step [s]; got {steps.min()} to {steps.max()}.")
+        raise ValueError(
+            f"Segment: all segments must share one step [s]; got {steps.min()} to {steps.max()}."
+        )
     long = [segment for segment in checked if len(segment) >= shortest]
     if not long:
         longest = max(map(len, checked))
@@ -63,8 +65,8 @@ def _checked(segment: Segment, number: int) -> Segment:
 def group_scale(values: list[np.ndarray], *, centred: bool) -> np.ndarray:
     """(6,) one scale for channels 0:3 and one for 3:6: root mean square over all samples of a group.
 
-    One scale a group keeps lengths and angles as they are; scaling every channel to unit size would turn the noise
-    of an unexcited channel into signal. `centred`: about each channel's mean, else about zero.
+    One scale a group keeps lengths and angles as they are; scaling every channel to unit size would turn the
+    noise of an unexcited channel into signal. `centred`: about each channel's mean, else about zero.
     """
     stacked = np.concatenate(values)
     if centred:

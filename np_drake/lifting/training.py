@@ -1,13 +1,21 @@
-"""Algorithm 1: training of a predictor from plain arrays, configurations by name."""
+"""Training of a predictor from plain arrays, configurations by name."""
 
 import dataclasses as dc
 from collections.abc import Callable
+from pathlib import Path
 
+from np_drake.lifting.checkpoint import Checkpoint
 from np_drake.lifting.default_training import DefaultConfig, train_default
-from np_drake.lifting.lifted_model import LiftedModel
+from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
+from np_drake.lifting.paper_training import PaperConfig, train_paper
 from np_drake.lifting.segments import Segment
 
-Config = DefaultConfig
+Config = DefaultConfig | PaperConfig
+CONFIGURATIONS: dict[str, type[DefaultConfig] | type[PaperConfig]] = {
+    DEFAULT: DefaultConfig,
+    PAPER: PaperConfig,
+}
+DEFAULT_CONFIG = DefaultConfig()
 
 
 @dc.dataclass(frozen=True)
@@ -20,10 +28,35 @@ class TrainingResult:
 
 def train(
     segments: list[Segment],
-    config: Config = DefaultConfig(),
+    config: Config = DEFAULT_CONFIG,
     *,
+    checkpoint: str | Path | None = None,
     on_epoch: Callable[[int, int, float], None] = lambda *_: None,
 ) -> TrainingResult:
-    """Trains the configuration that `config` belongs to; deterministic by `config.seed`."""
-    model, loss, _ = train_default(segments, config, on_epoch=on_epoch)
-    return TrainingResult(model, loss)
+    """Trains the configuration that `config` belongs to; deterministic by `config.seed`.
+
+    Args:
+        segments: uninterrupted flights at one step.
+        checkpoint: file that the run is saved to as it goes, and taken up from where it exists (same
+        configuration
+            and data); the result is that of an uninterrupted run.
+        on_epoch: called with (epoch, total, loss); for `default` an epoch is one L-BFGS iteration, and
+        descents that
+            converge early skip ahead.
+    Raises: ValueError: if the segments are unusable or the checkpoint is of another run.
+    """
+    saved = Checkpoint(checkpoint, config, segments)
+    if isinstance(config, PaperConfig):
+        return TrainingResult(*train_paper(segments, config, saved, on_epoch))
+    return TrainingResult(*train_default(segments, config, saved, on_epoch))
+
+
+def make_config(configuration: str, **settings) -> Config:
+    """The configuration of that name. Raises ValueError on an unknown name or setting."""
+    if configuration not in CONFIGURATIONS:
+        raise ValueError(f"train: configuration must be {' | '.join(CONFIGURATIONS)}; got {configuration}.")
+    kind = CONFIGURATIONS[configuration]
+    unknown = set(settings) - {field.name for field in dc.fields(kind)}
+    if unknown:
+        raise ValueError(f"train: {configuration} has no setting {', '.join(sorted(unknown))}.")
+    return kind(**settings)

@@ -126,7 +126,7 @@ def suite(
     total, done = sum(len(problems) for _, problems, _ in sets.values()), 0
     reports = {}
     for name, (c, problems, pause) in sets.items():
-        patient = SqpSolver(vehicle, c, steps=30, cold_steps=30, time_limit=1.0)
+        patient = SqpSolver(vehicle, c, steps=30, max_steps=30, time_limit=1.0)
         before = done
         tell = (lambda i, _, before=before: progress(before + i, total)) if progress else None
         reports[name] = run(

@@ -33,7 +33,7 @@ def tracking_problems(
     rng = np.random.default_rng(seed)
     plant = DiscreteDynamics(vehicle.with_mass(1.05 * vehicle.mass), period)
     solver, plan = SqpSolver(vehicle, config), None
-    base = random_stable_matrix(rng, lifted)
+    base = _base_model(rng, lifted)
     x = circle(vehicle, np.zeros(1))[0][0]
     problems = []
     for k in range(count):
@@ -85,23 +85,20 @@ def circle(vehicle: Vehicle, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([p, q, v, np.zeros_like(p)], axis=1), u
 
 
-def random_stable_matrix(rng: np.random.Generator, size: int) -> np.ndarray:
-    """(size, size) with spectral radius 0.97."""
-    A = rng.normal(size=(size, size))
-    return A * (0.97 / np.abs(np.linalg.eigvals(A)).max()) if size else A
-
-
-def _forecast(rng: np.random.Generator, base: np.ndarray, chi: np.ndarray, horizon: int) -> WrenchForecast:
-    K = len(base)
-    if K == 0:
-        return WrenchForecast(
-            base, np.zeros((0, 6)), np.zeros((6, 0)), np.zeros(0), np.tile(chi, (horizon, 1))
-        )
+def _base_model(rng: np.random.Generator, K: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A with spectral radius 0.97, B, C: wrenches of newtons and hundredths of newton metres."""
+    A = rng.normal(size=(K, K))
+    A *= 0.97 / np.abs(np.linalg.eigvals(A)).max() if K else 1.0
     scale = np.array([1.0, 1.0, 1.0, 0.02, 0.02, 0.02])
-    A = base + 0.02 * rng.normal(size=(K, K)) / np.sqrt(K)
+    return A, 0.05 * rng.normal(size=(K, 6)), scale[:, None] * rng.normal(size=(6, K)) / np.sqrt(max(K, 1))
+
+
+def _forecast(rng: np.random.Generator, base, chi: np.ndarray, horizon: int) -> WrenchForecast:
+    """The base model refitted: each matrix 1 % off at every step, z the least lifted state whose wrench is chi."""
+    A, B, C = (M * (1 + 0.01 * rng.normal(size=M.shape)) for M in base)
+    if len(A) == 0:
+        return WrenchForecast(A, B, C, np.zeros(0), np.tile(chi, (horizon, 1)))
     A *= min(1.0, 0.98 / np.abs(np.linalg.eigvals(A)).max())
-    C = scale[:, None] * rng.normal(size=(6, K)) / np.sqrt(K)
-    B = 0.05 * rng.normal(size=(K, 6))
     return WrenchForecast(A, B, C, np.linalg.pinv(C) @ chi, np.zeros((horizon, 6)))
 
 

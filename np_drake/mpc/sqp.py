@@ -13,14 +13,16 @@ from np_drake.mpc.quiet import expected_early_ends
 from np_drake.vehicle import Vehicle
 
 _BACKTRACKS = 5
-_SETTLED = 1e-3  # of the tolerance: further steps would change nothing
 _TOLERANCE = 1e-4  # of the cost: how far the local model may have missed the true decrease
+_SETTLED = 1e-3  # of the tolerance: further steps would change nothing
 
 
 class SqpSolver:
-    """Gauss-Newton SQP with a merit check; `steps` when warm, `cold_steps` without a warm start.
+    """Gauss-Newton SQP with a merit check: a real-time iteration of `steps` steps.
 
-    Status OPTIMAL: the last step was full (or nil) and the local model foretold its decrease to 1e-4 of the cost.
+    More steps, up to `max_steps`, follow a cold start and a step whose local model missed the true decrease. Status
+    OPTIMAL: the last step was full and the local model foretold its decrease to 1e-4 of the cost. With `time_limit` [s]
+    = inf the answer does not depend on the machine.
     """
 
     name = "sqp"
@@ -31,12 +33,12 @@ class SqpSolver:
         config: MpcConfig,
         *,
         steps: int = 1,
-        cold_steps: int = 8,
+        max_steps: int = 8,
         time_limit: float = 0.012,
     ):
         self.condensed = Condensed(vehicle, config)
         self._qp = QpSolver(self.condensed.size, 4 * config.horizon + 1, config.slack_weight)
-        self._steps, self._cold_steps, self._time_limit = steps, cold_steps, time_limit
+        self._steps, self._max_steps, self._time_limit = steps, max(steps, max_steps), time_limit
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
         """Raises SolverFailure on NaN, wrong shapes or a forecast that overflows."""
@@ -44,25 +46,26 @@ class SqpSolver:
         with np.errstate(all="ignore"), expected_early_ends():
             h = self.condensed.prepare(problem)
             t, cold = initial_trajectory(self.condensed, h, warm_start)
-            t, status, count = self.descend(
-                h, t, steps=self._cold_steps if cold else self._steps, deadline=start + self._time_limit
-            )
+            steps = range(self._max_steps if cold else self._steps, self._max_steps + 1)
+            t, status, count = self.descend(h, t, steps=steps, deadline=start + self._time_limit)
         return as_solution(t, status, count, time.perf_counter() - start)
 
     def descend(
-        self, h: Horizon, t: Trajectory, *, steps: int, deadline: float
+        self, h: Horizon, t: Trajectory, *, steps: range, deadline: float
     ) -> tuple[Trajectory, MpcStatus, int]:
-        """Up to `steps` steps from t; stops where converged, stuck, or when the next step would be late."""
-        longest, begin = 0.0, time.perf_counter()
-        for count in range(1, steps + 1):
+        """As many steps as `steps` starts with, and up to its last while the local model misses.
+
+        Stops where settled, stuck, or when the next step would be late.
+        """
+        longest, begin, count = 0.0, time.perf_counter(), 0
+        while True:
             before = t
             t, miss = self.step(h, t, max(deadline - begin, 1e-3))
-            scale = _TOLERANCE * (1 + t.merit)
-            now = time.perf_counter()
+            count, now, scale = count + 1, time.perf_counter(), _TOLERANCE * (1 + t.merit)
             longest, begin = max(longest, now - begin), now
-            if t is before or miss <= _SETTLED * scale or now + longest > deadline:
-                break
-        return t, MpcStatus.OPTIMAL if miss <= scale else MpcStatus.ITERATION_LIMIT, count
+            done = miss <= _SETTLED * scale or (miss <= scale and count >= steps[0])
+            if done or t is before or count >= steps[-1] or now + longest > deadline:
+                return t, MpcStatus.OPTIMAL if miss <= scale else MpcStatus.ITERATION_LIMIT, count
 
     def step(self, h: Horizon, t: Trajectory, time_limit: float) -> tuple[Trajectory, float]:
         """One step that never raises the merit, and how far the local model missed the true decrease."""

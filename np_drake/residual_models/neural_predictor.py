@@ -20,16 +20,19 @@ class PredictorOptions:
     torque: str = "hold"  # hold (last low-passed label) | predict
     cutoff: float = 4.0  # of the low-pass on held labels [Hz]
     refit: bool | None = None  # refit A, B on the window in flight; None: as the configuration asks
-    ridge: float | None = None  # weight of the offline A, B in the refit; None: the model's [samples of unit size]
+    ridge: float | None = (
+        None  # weight of the offline A, B in the refit; None: the model's [samples of unit size]
+    )
 
 
 class NeuralPredictor:
-    """z = Phi(chi) or E window;  z+ = A z + B zeta;  chi_hat = C z.       Source: Jin et al. 2025, eq. (nmpc).
+    """z = Phi(chi) or E window;  z+ = A z + B zeta;  chi_hat = C z.   Source: Jin et al. 2025, eq. (nmpc).
 
-    Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); A (K, K), B (K, 6); lowpass (6,) of the labels;
-    count of samples in the window, up to W; labels, dropped: samples with and without one so far; gap: dropped in a
-    row just now. Until `count` reaches W the forecast holds `lowpass`. A missing label is filled with the model's own
-    prediction, a missing state with the last zeta; after W samples in a row without, the window starts afresh.
+    Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); A (K, K), B (K, 6); lowpass (6,) of the
+    labels; count of samples in the window, up to W; labels, dropped: samples with and without one so far;
+    gap: dropped in a row just now. Until `count` reaches W the forecast holds `lowpass`. A missing label is
+    filled with the model's own prediction, a missing state with the last zeta; after W samples in a row
+    without, the window starts afresh.
     """
 
     def __init__(self, model: LiftedModel, options: PredictorOptions = PredictorOptions()):
@@ -48,7 +51,9 @@ class NeuralPredictor:
             self._C[3:] = 0.0
         refit = model.configuration == PAPER if options.refit is None else options.refit
         self._refit = WindowRefit(model, options.ridge or model.ridge) if refit else None
-        self._resampled_offline: dict[int, LiftedLinearSystem] = {}  # constants, computed when first asked for
+        self._resampled_offline: dict[
+            int, LiftedLinearSystem
+        ] = {}  # constants, computed when first asked for
 
     @classmethod
     def load(cls, path: str | Path, options: PredictorOptions = PredictorOptions()) -> "NeuralPredictor":
@@ -82,7 +87,7 @@ class NeuralPredictor:
         return new
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """A^stride, its B, C and z now; torque (unless predicted) and the time before the window is full: held."""
+        """Torque (unless predicted), and everything before the window is full, is held in `offset`."""
         full = memory["count"][0] == self.model.window
         offset = memory["lowpass"].copy()
         if full:

@@ -1,0 +1,87 @@
+"""`np-drake reproduce`: a table of the paper beside ours."""
+
+import tempfile
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from diagrams.cli import options
+from diagrams.cli.output import make_folder, print_table, progress, write_metrics
+from np_drake.atomic_file import require_writable
+
+TABLES = ("tracking",)
+
+
+def reproduce(
+    table: Annotated[str, typer.Argument(help="tracking")],
+    seeds: Annotated[int, typer.Option(min=1, help="Evaluation flights a row and track.")] = 5,
+    solver: Annotated[str, typer.Option(help="ipopt | sqp")] = "sqp",
+    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    only: Annotated[
+        list[str] | None, typer.Option(help="Only rows of these names (nominal is always flown).")
+    ] = None,
+    seed: options.Seed = 1000,
+    out: options.Out = None,
+    json: options.Json = None,
+) -> None:
+    """Fly every controller on circle and lemniscate; training flights draw `seed`, evaluations seed + 1, …"""
+    if table not in TABLES:
+        raise ValueError(f"table: must be one of {', '.join(TABLES)}; got {table!r}.")
+    if json is not None:
+        require_writable(json)
+    from diagrams import tracking
+
+    rows = tuple(r for r in tracking.ROWS if not only or r.name in only or r.name == "nominal")
+    unknown = set(only or ()) - {r.name for r in tracking.ROWS}
+    if unknown:
+        names = "; ".join(r.name for r in tracking.ROWS)
+        raise ValueError(f"--only: must name rows of the table ({names}); got {', '.join(sorted(unknown))}.")
+    evaluation = [seed + 1 + k for k in range(seeds)]
+    with tempfile.TemporaryDirectory() as scratch, progress("tracking", 1.0) as advance:
+        summaries = tracking.run_tracking(
+            make_folder(out) if out else Path(scratch),
+            seeds=evaluation,
+            training_seed=seed,
+            solver=solver,
+            rows=rows,
+            jobs=jobs,
+            on_progress=lambda done, total: advance(done / total, f"{done} of {total} flights"),
+        )
+    lines = tracking.table(summaries)
+    _print(
+        lines,
+        f"{seeds} flights a row, seeds {evaluation[0]} … {evaluation[-1]}, trained on seed {seed}, {solver}",
+    )
+    config = {"solver": solver, "seeds": evaluation, "training_seed": seed, "mpc": tracking.frozen_weights()}
+    write_metrics(json, "reproduce", seed=seed, config=config, table=lines, runs=summaries)
+
+
+def _print(lines: list[dict], title: str) -> None:
+    from diagrams.tracking import PAPER
+
+    def cell(line: dict, key: str) -> str:
+        return f"{100 * line[key]:.2f} ± {100 * line[key + '_ci95']:.2f}"
+
+    def cut(line: dict, key: str) -> str:
+        return f"{100 * line[key + '_cut']:.1f} %" if key + "_cut" in line else "–"
+
+    def paper(line: dict) -> str:
+        pair = PAPER.get(line["row"], {}).get(line["track"])
+        return f"{100 * pair[0]:.1f} / {100 * pair[1]:.1f}" if pair else "–"
+
+    rows = [
+        (
+            line["track"],
+            line["row"],
+            cell(line, "E_xy"),
+            cut(line, "E_xy"),
+            cell(line, "E_z"),
+            cut(line, "E_z"),
+            paper(line),
+            line["solve_failures"],
+        )
+        for line in sorted(lines, key=lambda line: line["track"])
+    ]
+    header = ["track", "controller", "E_xy [cm]", "cut", "E_z [cm]", "cut", "paper xy / z", "failed"]
+    print_table(title, header, rows)

@@ -1,0 +1,71 @@
+"""The main job: fly, learn, fly again."""
+
+import dataclasses as dc
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from joblib import Parallel, delayed
+
+from diagrams.flight_result import FlightResult, fly
+from diagrams.learning import train_predictor
+from diagrams.tracking import TRACKS, Row, configure, training_flight
+from np_drake.lifting.training import TrainingResult
+
+ROWS = (Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np"))
+
+
+@dc.dataclass
+class Demo:
+    """What the demo leaves: the training flight, the training, and flights by track and controller."""
+
+    training: FlightResult
+    result: TrainingResult
+    model: Path
+    flights: list[FlightResult]
+
+    def reduction(self) -> dict[str, dict[str, float]]:
+        """Fraction by which NP-MPC cuts the nominal MPC's error, by track."""
+        cuts = {}
+        for track in TRACKS:
+            m = {f.config.controller.kind: f.metrics() for f in self.flights if f.config.name == track}
+            cuts[track] = {key: 1.0 - m["np"][key] / m["nominal"][key] for key in ("E_xy", "E_z")}
+        return cuts
+
+
+def run_demo(
+    folder: Path,
+    *,
+    seed: int,
+    solver: str = "sqp",
+    jobs: int = 2,
+    on_progress: Callable[[float, str], None] = lambda fraction, text: None,
+) -> Demo:
+    """Flies the training circle with the nominal MPC, trains, then flies both tracks with all three controllers.
+
+    The evaluation flights draw other noise (seed + 1) than the training flight. Writes the model into `folder`.
+    """
+    on_progress(0.0, "training flight")
+    training = training_flight(
+        "training_circle",
+        seed=seed,
+        solver=solver,
+        monitor=lambda t: on_progress(0.2 * t / 65, "training flight"),
+    )
+    on_progress(0.2, "training")
+    model = folder / "predictor.safetensors"
+    result = train_predictor(training, model, seed=seed)
+    tasks = [(track, row) for track in TRACKS for row in ROWS]
+    done: Iterator[tuple[int, dict]] = Parallel(n_jobs=jobs, return_as="generator_unordered")(
+        delayed(_signals)(i, track, row, str(model), seed + 1, solver) for i, (track, row) in enumerate(tasks)
+    )
+    flights: dict[int, FlightResult] = {}
+    for i, signals in done:
+        config = configure(tasks[i][0], tasks[i][1], solver=solver, model=str(model))
+        flights[i] = FlightResult(config, seed + 1, signals)
+        on_progress(0.25 + 0.75 * len(flights) / len(tasks), f"{len(flights)} of {len(tasks)} flights")
+    return Demo(training, result, model, [flights[i] for i in sorted(flights)])
+
+
+def _signals(index: int, track: str, row: Row, model: str, seed: int, solver: str) -> tuple[int, dict]:
+    """Only arrays travel between processes."""
+    return index, fly(configure(track, row, solver=solver, model=model), seed=seed).signals

@@ -1,0 +1,135 @@
+"""Multi-step prediction error of residual models on one flight, beside the naive rows, at every origin."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake.residual_models.base import ResidualModel, Sample, WrenchForecast
+
+NAIVE = ("persistence", "linear", "mean")
+
+
+@dc.dataclass(frozen=True)
+class SkillRow:
+    """Errors of one model at one horizon; RMSE of the norm over all origins.
+
+    skill: RMSE over that of the best naive row at that horizon.   ratio: over that of persistence [1].
+    """
+
+    flight: str
+    model: str
+    horizon: int  # [steps]
+    force_rmse: float  # [N]
+    torque_rmse: float  # [N·m]
+    force_skill: float
+    torque_skill: float
+    force_ratio: float
+    torque_ratio: float
+
+
+def skill_table(
+    models: dict[str, ResidualModel],
+    chi: np.ndarray,
+    zeta: np.ndarray,
+    *,
+    horizons: list[int],
+    training_mean: np.ndarray,
+    target: np.ndarray | None = None,
+    zeta_known: bool = True,
+    warm_up: int = 40,
+    flight: str = "flight",
+) -> list[SkillRow]:
+    """Rows of all models and naive predictors, horizon by horizon.
+
+    Args:
+        chi: (n, 6) labels as the models see them.   zeta: (n, 6).   target: (n, 6) what counts; default chi.
+        horizons: steps ahead: origin k predicts sample k + horizon.   training_mean: (6,) of chi in training.
+        zeta_known: feed the true coming zeta, else hold the last one.   warm_up: samples before the first origin.
+    Raises: ValueError: if the flight is too short for one origin.
+    """
+    horizons = sorted(set(horizons))
+    origins = np.arange(warm_up, len(chi) - horizons[-1])
+    if len(origins) == 0 or horizons[0] < 0:
+        raise ValueError(f"skill_table: more than {warm_up + horizons[-1]} samples are needed; got {len(chi)}.")
+    goal = (chi if target is None else target)[origins[:, None] + horizons]
+    predictions = naive_predictions(chi, origins, horizons, training_mean)
+    for name, model in models.items():
+        predictions[name] = model_predictions(model, chi, zeta, origins, horizons, zeta_known=zeta_known)
+    rmse = {name: _rmse(prediction - goal) for name, prediction in predictions.items()}
+    best = np.min([rmse[name] for name in NAIVE], axis=0)
+    return [
+        SkillRow(
+            flight,
+            name,
+            horizon,
+            *map(float, error[i]),
+            *map(float, error[i] / np.maximum(best[i], 1e-300)),
+            *map(float, error[i] / np.maximum(rmse["persistence"][i], 1e-300)),
+        )
+        for name, error in rmse.items()
+        for i, horizon in enumerate(horizons)
+    ]
+
+
+def naive_predictions(
+    chi: np.ndarray, origins: np.ndarray, horizons: list[int], training_mean: np.ndarray
+) -> dict[str, np.ndarray]:
+    """(o, len(horizons), 6) of persistence, linear extrapolation of the last two samples, and training mean."""
+    last = chi[origins][:, None]
+    slope = last - chi[origins - 1][:, None]
+    steps = np.array(horizons, float)[:, None]
+    shape = (len(origins), len(horizons), 6)
+    return {
+        "persistence": np.broadcast_to(last, shape),
+        "linear": last + steps * slope,
+        "mean": np.broadcast_to(training_mean, shape),
+    }
+
+
+def model_predictions(
+    model: ResidualModel,
+    chi: np.ndarray,
+    zeta: np.ndarray,
+    origins: np.ndarray,
+    horizons: list[int],
+    *,
+    zeta_known: bool,
+) -> np.ndarray:
+    """(o, len(horizons), 6) chi_hat: the model is fed sample by sample as in flight, its forecasts rolled out at once."""
+    memory, wanted, forecasts = model.initial_memory(), set(origins.tolist()), []
+    for k in range(origins[-1] + 1):
+        x = np.zeros(13)
+        x[3], x[7:] = 1.0, zeta[k]
+        memory = model.update(memory, Sample(x, np.zeros(4), chi[k]))
+        if k in wanted:
+            forecasts.append(model.forecast(memory, horizon=horizons[-1] + 1, stride=1))
+    return _rollouts(forecasts, zeta, origins, horizons, zeta_known)
+
+
+def _rollouts(
+    forecasts: list[WrenchForecast], zeta: np.ndarray, origins: np.ndarray, horizons: list[int], zeta_known: bool
+) -> np.ndarray:
+    """(o, len(horizons), 6) of all forecasts together, one step of all origins at a time."""
+    A, B, C = (_stacked([getattr(f, name).T for f in forecasts]) for name in "ABC")
+    z = np.stack([f.z for f in forecasts])[:, None]
+    chi_hat = np.stack([f.offset[horizons] for f in forecasts])
+    for i in range(horizons[-1] + 1):
+        if i in horizons:
+            chi_hat[:, horizons.index(i)] += (z @ C)[:, 0]
+        row = origins + i if zeta_known else origins
+        z = z @ A + zeta[row][:, None] @ B
+    return chi_hat
+
+
+def _stacked(matrices: list[np.ndarray]) -> np.ndarray:
+    """(o, …) or, where all are one and the same, that one."""
+    first = matrices[0]
+    if all(m is first or np.shares_memory(m, first) for m in matrices):
+        return first
+    return np.stack(matrices)
+
+
+def _rmse(error: np.ndarray) -> np.ndarray:
+    """(len(horizons), 2) root mean square norm of force [N] and torque [N·m]."""
+    square = error**2
+    return np.sqrt(np.stack([square[..., :3].sum(-1).mean(0), square[..., 3:].sum(-1).mean(0)], axis=-1))

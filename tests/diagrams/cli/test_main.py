@@ -1,0 +1,80 @@
+"""Laws of the command line as a whole."""
+
+import subprocess
+import sys
+
+import pytest
+import typer
+
+from diagrams.cli import main as dut
+from diagrams.cli.output import FailedRun
+
+
+def failing(error):
+    """An application whose only verb raises."""
+    app = typer.Typer()
+
+    @app.command("verb")
+    def verb() -> None:
+        raise error
+
+    app.callback()(lambda: None)
+    return app
+
+
+@pytest.mark.parametrize(
+    "error, code, line",
+    [
+        (ValueError("mass must be\npositive"), 2, "np-drake verb: mass must be positive\n"),
+        (FileNotFoundError(2, "No such file", "a.csv"), 2, "np-drake verb: a.csv: No such file.\n"),
+        (FailedRun("the vehicle fell."), 1, "np-drake verb: the vehicle fell.\n"),
+        (KeyboardInterrupt(), 130, "np-drake verb: interrupted.\n"),
+    ],
+)
+def test_an_expected_failure_is_one_line_and_an_exit_code(monkeypatch, capsys, error, code, line):
+    monkeypatch.setattr(dut, "app", failing(error))
+    assert dut.run(["verb"]) == code
+    assert capsys.readouterr().err == line
+
+
+def test_a_fault_of_the_program_keeps_its_traceback(monkeypatch):
+    monkeypatch.setattr(dut, "app", failing(ZeroDivisionError("fault")))
+    with pytest.raises(ZeroDivisionError):
+        dut.run(["verb"])
+
+
+def test_a_developer_can_ask_for_the_traceback(monkeypatch):
+    monkeypatch.setattr(dut, "app", failing(ValueError("bad")))
+    monkeypatch.setenv("NP_DRAKE_TRACEBACK", "1")
+    with pytest.raises(ValueError, match="bad"):
+        dut.run(["verb"])
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        (["fry"], "No such command 'fry'"),
+        (["train", "a.csv"], "Missing option '--out'"),
+        (["train", "--nonsense"], "No such option"),
+        (["train", "a.csv", "--out", "m.safetensors", "--seed", "x"], "--seed"),
+    ],
+)
+def test_a_wrong_command_line_is_one_line_and_exit_code_2(capsys, arguments, message):
+    assert dut.run(arguments) == 2
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert captured.err.count("\n") == 1
+
+
+def test_the_program_says_its_version_and_its_verbs(capsys):
+    assert dut.run(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("np-drake 0.")
+    assert dut.run([]) == 0
+    assert "train" in capsys.readouterr().out
+
+
+def test_startup_waits_for_neither_torch_nor_drake():
+    slow = "{'torch', 'pydrake', 'scipy', 'matplotlib'}"
+    code = f"import sys, diagrams.cli.main; print(sorted({slow} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,52 @@
+"""Laws of what verbs print and write."""
+
+import json
+
+import numpy as np
+
+from diagrams.cli import output as dut
+
+
+def test_a_table_fits_a_hundred_columns(capsys):
+    rows = [("a flight with a rather long name indeed " * 3, "np", 0.02, 1.23456, None, 3)] * 2
+    dut.print_table("skill", ["flight", "model", "horizon [s]", "force [N]", "torque [N·m]", "n"], rows)
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 100
+    assert any("1.23 " in line for line in lines)
+    assert any("–" in line for line in lines)
+
+
+def test_a_metrics_file_names_its_schema_version_and_seed(tmp_path):
+    dut.write_metrics(tmp_path / "m.json", "fly", seed=3, config={"a": 1}, metrics={"E_z": np.float64(0.5)})
+    content = json.loads((tmp_path / "m.json").read_text())
+    assert content["schema"] == "np_drake.fly/1"
+    assert (content["seed"], content["config"], content["metrics"]) == (3, {"a": 1}, {"E_z": 0.5})
+    assert content["version"].count(".") == 2
+
+
+def test_without_a_file_no_metrics_are_written(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    dut.write_metrics(None, "fly", seed=0, config={})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_progress_ends_at_a_hundred_percent(capsys):
+    with dut.progress("working", 10) as advance:
+        advance(5, "half")
+        advance(10)
+    err = capsys.readouterr().err
+    assert "working" in err
+    assert "100 %" in err
+
+
+def test_a_long_line_is_not_wrapped(capsys):
+    dut.say("x" * 300, "[bold] is no markup")
+    assert capsys.readouterr().out == "x" * 300 + "\n[bold] is no markup\n"
+
+
+def test_a_figure_appears_whole(tmp_path):
+    from matplotlib.figure import Figure
+
+    dut.save_figure(Figure(), tmp_path / "curve.png")
+    assert [path.name for path in tmp_path.iterdir()] == ["curve.png"]
+    assert (tmp_path / "curve.png").read_bytes().startswith(b"\x89PNG")

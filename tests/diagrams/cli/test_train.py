@@ -1,0 +1,82 @@
+"""Laws of `np-drake train`."""
+
+import json
+
+import numpy as np
+import pytest
+
+from diagrams.cli.main import run
+from np_drake.lifting.model_file import load_model
+
+
+def test_training_leaves_a_model_a_curve_and_figures(logs, tmp_path, capsys):
+    out = tmp_path / "np.safetensors"
+    metrics = tmp_path / "train.json"
+    code = run(["train", str(logs[0]), "--out", str(out), "--epochs", "20", "--json", str(metrics)])
+    captured = capsys.readouterr()
+    assert code == 0, captured.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["np.png", "np.safetensors", "train.json"]
+    assert load_model(out).configuration == "default"
+    assert "excitation" in captured.out
+    content = json.loads(metrics.read_text())
+    assert content["config"]["configuration"] == "default"
+    assert len(content["loss"]) > 0
+
+
+def test_the_paper_configuration_is_trained_by_name(logs, tmp_path, capsys):
+    out = tmp_path / "np.safetensors"
+    code = run(["train", str(logs[0]), "--out", str(out), "--configuration", "paper", "--epochs", "1"])
+    assert code == 0, capsys.readouterr().err
+    assert load_model(out).configuration == "paper"
+
+
+def test_the_same_seed_trains_the_same_model(logs, tmp_path):
+    files = [tmp_path / f"{name}.safetensors" for name in ("a", "b")]
+    for out in files:
+        run(["train", str(logs[0]), "--out", str(out), "--epochs", "5", "--seed", "4"])
+    first, second = map(load_model, files)
+    for name in ("A", "B", "C"):
+        np.testing.assert_array_equal(getattr(first.system, name), getattr(second.system, name))
+
+
+BAD = {  # extra arguments: what the line must say
+    "no file": (["missing.csv"], "missing.csv: No such file"),
+    "configuration": (["LOG", "--configuration", "papier"], "configuration must be.*got papier"),
+    "folder": (["LOG", "--json", "nowhere/x.json"], "nowhere must exist"),
+    "vehicle": (["LOG", "--vehicle", "missing.yaml"], "missing.yaml"),
+    "step": (["LOG", "--step", "0.001"], "step must be at least"),
+    "too short": (["LOG", "--step", "0.9"], "samples in one piece"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line_and_leaves_nothing(logs, tmp_path, monkeypatch, capsys, case):
+    monkeypatch.chdir(tmp_path)
+    arguments, message = BAD[case]
+    arguments = [str(logs[0]) if argument == "LOG" else argument for argument in arguments]
+    assert run(["train", *arguments, "--out", "np.safetensors"]) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert err.splitlines()[-1].startswith("np-drake train: ")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_log_with_a_bad_row_is_refused_and_repaired_if_asked(logs, tmp_path, capsys):
+    lines = logs[0].read_text().splitlines()
+    lines[40] = "nan" + lines[40][lines[40].index(",", 20) :]
+    bad = tmp_path / "bad.csv"
+    bad.write_text("\n".join(lines))
+    command = ["train", str(bad), "--out", str(tmp_path / "np.safetensors"), "--epochs", "2"]
+    assert run(command) == 2
+    assert "--repair" in capsys.readouterr().err
+    assert run([*command, "--repair"]) == 0
+    assert "repaired: 1 of 1500 rows" in capsys.readouterr().out
+
+
+def test_arrays_and_logs_are_not_mixed(logs, tmp_path, capsys):
+    np.save(tmp_path / "array.npy", np.zeros((500, 12)))
+    code = run(
+        ["train", str(logs[0]), str(tmp_path / "array.npy"), "--out", str(tmp_path / "np.safetensors")]
+    )
+    assert code == 2
+    assert "one kind" in capsys.readouterr().err
