@@ -105,7 +105,7 @@ def add_controller(
     estimator = builder.AddNamedSystem(
         "wrench_estimator", WrenchEstimator(believed, config.label, step=period)
     )
-    solver = make_solver(config.solver, believed, config.mpc)
+    solver = make_solver(config.solver, believed, config.mpc, time_limit=config.deadline)
     mpc = builder.AddNamedSystem(
         "np_mpc",
         NpMpc(MpcController(believed, config.mpc, solver, period=period, deadline=config.deadline)),

@@ -4,7 +4,6 @@ import dataclasses as dc
 
 import numpy as np
 from pydrake.common import RandomGenerator
-from pydrake.common.yaml import yaml_load_typed
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
@@ -18,6 +17,7 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.references.config import ReferenceConfig, make_reference
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.yaml_file import load_checked
 from systems.initial_state import set_hover
 from systems.recorder import Recorder, add_recorder
 from systems.sensor_rig import make_sensor_rig
@@ -94,10 +94,7 @@ class FlightConfig:
 
 def load_flight(filename: str) -> FlightConfig:
     """Reads a scenario file (YAML). Raises ValueError with file and field on bad content."""
-    try:
-        return yaml_load_typed(schema=FlightConfig, filename=filename, defaults=FlightConfig()).check()
-    except (OSError, RuntimeError, ValueError, TypeError, KeyError) as error:
-        raise ValueError(f"{filename}: not a scenario file: {str(error).splitlines()[0]}") from error
+    return load_checked(FlightConfig, filename, "scenario file")
 
 
 def make_flight_diagram(config: FlightConfig) -> tuple[Diagram, Recorder]:

@@ -5,7 +5,8 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from pydrake.common.yaml import yaml_load_typed
+
+from np_drake.yaml_file import load_checked
 
 
 def _paper_rotors() -> list[list[float]]:
@@ -107,10 +108,7 @@ class Vehicle:
 
 def load_vehicle(path: str | Path) -> Vehicle:
     """Reads a vehicle file (YAML). Raises ValueError with file and field on bad content."""
-    try:
-        return yaml_load_typed(schema=Vehicle, filename=str(path), defaults=Vehicle()).check()
-    except (OSError, RuntimeError, ValueError, TypeError, KeyError) as error:
-        raise ValueError(f"{path}: not a vehicle file: {str(error).splitlines()[0]}") from error
+    return load_checked(Vehicle, path, "vehicle file")
 
 
 def _require(condition: bool, message: str) -> None:

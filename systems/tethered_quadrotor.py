@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant, Propeller, PropellerInfo
-from pydrake.multibody.tree import FixedOffsetFrame, SpatialInertia, UniversalJoint, UnitInertia
+from pydrake.multibody.tree import FixedOffsetFrame, SpatialInertia, UnitInertia, UniversalJoint
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Adder, MatrixGain, Saturation
 

@@ -1,2 +1,120 @@
-def evaluate() -> None:
-    """x"""
+"""`np-drake evaluate`: prediction skill against the horizon, naive rows included."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from diagrams.cli import options
+from diagrams.cli.output import FailedRun, progress, say, write_metrics
+from diagrams.cli.train import LOG_HELP, configure, run_training
+from np_drake.atomic_file import require_writable
+
+if TYPE_CHECKING:
+    from diagrams.cli.flights import Flight
+    from np_drake.lifting.lifted_model import LiftedModel
+
+CONFIGURATIONS = ("paper", "default")
+HORIZONS = "1,5,10,20,40"
+
+
+def evaluate(
+    logs: Annotated[list[Path] | None, typer.Argument(metavar="[LOG…]", help=LOG_HELP)] = None,
+    predictor: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A trained model; default: train both configurations.")
+    ] = None,
+    train: Annotated[
+        list[Path] | None, typer.Option(metavar="LOG", help="Flight to train on (may be repeated).")
+    ] = None,
+    neurobem: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),
+    ] = None,
+    horizons: Annotated[str, typer.Option(help="Steps ahead, comma-separated.")] = HORIZONS,
+    hold_zeta: Annotated[
+        bool, typer.Option(help="Hold the last motion instead of the true coming one.")
+    ] = False,
+    epochs: Annotated[int | None, typer.Option(min=1, help="Passes; default: the configuration's.")] = None,
+    step: options.Step = 0.02,
+    vehicle: options.VehicleFile = None,
+    repair: options.Repair = False,
+    seed: options.Seed = 0,
+    json: options.Json = None,
+) -> None:
+    """Score predictors on flights; without any: train on the paper's segment, score on race track 1."""
+    if json is not None:
+        require_writable(json)
+    steps = parse_horizons(horizons)
+    train, logs = choose_flights(list(train or ()), list(logs or ()), predictor, neurobem)
+    from diagrams.cli.flights import open_flights, require_one_frame
+
+    tests = open_flights(logs, vehicle, repair=repair)
+    training = open_flights(train, vehicle, repair=repair)
+    require_one_frame([*training, *tests])
+    models = load(predictor) if predictor else train_all(training, step=step, seed=seed, epochs=epochs)
+    from diagrams.cli.scoring import finite, score, show
+
+    with progress("scoring", 1.0) as advance:
+        rows = score(
+            models, tests, steps, hold_zeta=hold_zeta, on_model=lambda done, total: advance(done / total)
+        )
+    show(rows, "held" if hold_zeta else "known")
+    settings = {"configurations": list(models), "hold_zeta": hold_zeta, "horizons": steps, "step": step}
+    write_metrics(json, "evaluate", seed=seed, config=settings, rows=rows)
+    if not finite(rows):
+        raise FailedRun("a forecast diverged: not every RMSE is finite.")
+
+
+def parse_horizons(text: str) -> list[int]:
+    """Steps ahead, ascending. Raises ValueError where one is no positive whole number."""
+    parts = [part.strip() for part in text.split(",")]
+    if not all(part.isdecimal() and int(part) > 0 for part in parts):
+        raise ValueError(f"--horizons: must be positive whole numbers of steps, as {HORIZONS}; got {text!r}.")
+    return sorted({int(part) for part in parts})
+
+
+def choose_flights(
+    train: list[Path], logs: list[Path], predictor: Path | None, neurobem: Path | None
+) -> tuple[list[Path], list[Path]]:
+    """Flights to train on and to score; the paper's where none are given.
+
+    Raises: ValueError: if what is given does not fit together.
+    """
+    if predictor and train:
+        raise ValueError("--predictor is trained already; leave out --train.")
+    if logs:
+        if not (predictor or train):
+            raise ValueError("give --predictor FILE, or --train LOG to train on.")
+        return train, logs
+    if predictor or train:
+        raise ValueError("give the flights to score: np-drake evaluate LOG….")
+    if neurobem is None:
+        raise ValueError(
+            "give flights, or the folder of the NeuroBEM flights as --neurobem DIR or NP_DRAKE_NEUROBEM."
+        )
+    from np_drake.logs.neurobem import RACE_TRACK, TRAINING
+
+    say("the paper prints 0.057 N and 0.006 N·m for race track 1 (one step ahead).")
+    return [neurobem / "npy" / f"{TRAINING}.npy"], [neurobem / "npy" / f"{RACE_TRACK}.npy"]
+
+
+def load(path: Path) -> dict[str, "LiftedModel"]:
+    """The model of a file by its configuration. Raises ValueError on a bad file."""
+    from np_drake.lifting.model_file import load_model
+
+    model = load_model(path)
+    return {model.configuration: model}
+
+
+def train_all(
+    flights: list["Flight"], *, step: float, seed: int, epochs: int | None
+) -> dict[str, "LiftedModel"]:
+    """Both configurations, trained on the same flights."""
+    segments = [segment for flight in flights for segment in flight.segments(step)]
+    models = {}
+    for name in CONFIGURATIONS:
+        config = configure(name, frame=flights[0].frame, seed=seed, epochs=epochs)
+        result, wall = run_training(f"training {name}", segments, config)
+        say(f"{name}: {wall:.1f} s, {result.model.summary.get('excitation', '')}")
+        models[name] = result.model
+    return models

@@ -48,23 +48,23 @@ def symmetric_blocks(size: int, *, torque: bool) -> list[Block]:
     """
     horizontal = (_view("fx", "vx wy", 1), _view("fy", "vy -wx", 1))
     blocks = [
-        Block("horizontal force", horizontal, size, size // 2),
-        Block("vertical force", (_view("fz", "vz", 1),), size, max(size // 2 - 1, 0)),
+        Block("horizontal force", horizontal, size, (size - 1) // 2),
+        Block("vertical force", (_view("fz", "vz", 1),), size, (size - 1) // 2),
     ]
     if torque:
         tilting = (_view("ty fx", "vx wy", 1), _view("-tx fy", "vy -wx", 1))
-        blocks.append(Block("tilting torque", tilting, size, size // 2))
-        blocks.append(Block("yaw torque", (_view("tz", "wz", 1),), size, max(size // 2 - 1, 0)))
+        blocks.append(Block("tilting torque", tilting, size, (size - 1) // 2))
+        blocks.append(Block("yaw torque", (_view("tz", "wz", 1),), size, (size - 1) // 2))
     return blocks
 
 
 def free_blocks(size: int, *, torque: bool) -> list[Block]:
     """Untied blocks of `size` lifted states: all of zeta, three outputs each (chi in any frame)."""
     force = "fx fy fz tx ty tz" if torque else "fx fy fz"
-    blocks = [Block("force", (_view(force, "vx vy vz wx wy wz", 3),), size, size // 3)]
+    blocks = [Block("force", (_view(force, "vx vy vz wx wy wz", 3),), size, (size - 3) // 3)]
     if torque:
         view = _view("tx ty tz fx fy fz", "vx vy vz wx wy wz", 3)
-        blocks.append(Block("torque", (view,), size, size // 3))
+        blocks.append(Block("torque", (view,), size, (size - 3) // 3))
     return blocks
 
 

@@ -14,7 +14,8 @@ from scipy.optimize import minimize
 
 from np_drake.lifting.delay_regression import DelayRegression
 
-LONGEST_MEMORY = 200.0  # time constant of the slowest mode [s]: holds a payload's weight over any horizon
+LEVEL_MEMORY = 200.0  # time constant of the levels [s]: they hold a payload's weight over any horizon
+FADING = 2.5  # longest time constant of the other modes [horizons of the loss]
 
 
 @dc.dataclass(frozen=True)
@@ -28,17 +29,25 @@ class BlockMatrices:
 
 
 class ModalBlock:
-    """The parameter vector theta = [a, angle H of pairs; a of reals; C; B] of one block and its loss."""
+    """The parameter vector theta = [a, angle H of pairs; a of reals; C; B] of one block and its loss.
+
+    The last `outputs` modes are levels: real, almost integrators, not driven by zeta. All others die out within
+    a few horizons of the loss, so that a forecast beyond what was trained fades into a constant.
+    """
 
     def __init__(self, regression: DelayRegression, *, size: int, pairs: int, step: float):
         self.size, self.pairs, self.step = size, pairs, step
-        self.log_radius = -step / LONGEST_MEMORY
         self._regression = regression
         r = regression
         self._free_u, self._free_y = torch.from_numpy(r.free_u), torch.from_numpy(r.free_y)
         self._fixed_u, self._fixed_y = torch.from_numpy(r.fixed_u), torch.from_numpy(r.fixed_y)
         self._weights = torch.from_numpy(r.weights)
         H = int(r.horizons[-1])
+        self.reals = size - 2 * pairs - r.outputs
+        if self.reals < 0:
+            raise ValueError(f"ModalBlock: size must be at least {2 * pairs + r.outputs}; got {size}.")
+        self._log_radius = -1.0 / (FADING * H)
+        self._level = -step / LEVEL_MEMORY
         self._steps = torch.arange(H, dtype=torch.float64)
         self._horizons = torch.from_numpy(r.horizons.astype(float))
         lag = r.horizons[:, None] - 1 - np.arange(H)  # zeta_j reaches chi_i through C A^(i-1-j) B
@@ -51,9 +60,9 @@ class ModalBlock:
         frequency = np.minimum(0.2 / (H * self.step) * 2.2 ** np.arange(self.pairs), 0.2 / self.step)
         frequency *= np.exp(0.2 * generator.standard_normal(self.pairs))
         decay = 1.2 / np.maximum(frequency, 1.0 / (H * self.step))
-        real = np.geomspace(0.25 * LONGEST_MEMORY, 2 * self.step, self.size - 2 * self.pairs)
+        real = np.geomspace(H * self.step, 2 * self.step, self.reals)
         C = generator.standard_normal((r.outputs, self.size))
-        B = 0.01 * generator.standard_normal((self.size, r.inputs))
+        B = 0.01 * generator.standard_normal((self.size - r.outputs, r.inputs))
         angle = 2 * np.pi * frequency * self.step * H
         parts = [np.log(self.step / decay), angle, np.log(self.step / real), C.ravel(), B.ravel()]
         return np.concatenate(parts)
@@ -84,8 +93,10 @@ class ModalBlock:
             initial = torch.linalg.lstsq(O, free.T, driver="gelsd").solution.numpy()
             a, angle, real, C, B = (part.numpy() for part in self._parts(variable))
         E = np.linalg.solve(self._regression.whitener.T, initial.T).T
-        radius = np.exp(self.log_radius - np.exp(a))
-        A = np.diag(np.exp(self.log_radius - np.exp(np.concatenate([np.zeros(2 * len(a)), real]))))
+        radius = np.exp(self._log_radius - np.exp(a))
+        reals = np.exp(self._log_radius - np.exp(real))
+        levels = np.full(self._regression.outputs, np.exp(self._level))
+        A = np.diag(np.concatenate([np.zeros(2 * self.pairs), reals, levels]))
         for k, (r, phi) in enumerate(zip(radius, angle, strict=True)):
             A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = r * np.array(
                 [[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]]
@@ -101,10 +112,12 @@ class ModalBlock:
         return np.sqrt(np.maximum(square, 1e-24))
 
     def _parts(self, theta: torch.Tensor) -> tuple[torch.Tensor, ...]:
-        r, reals = self._regression, self.size - 2 * self.pairs
-        sizes = [self.pairs, self.pairs, reals, r.outputs * self.size, self.size * r.inputs]
+        r = self._regression
+        driven = self.size - r.outputs
+        sizes = [self.pairs, self.pairs, self.reals, r.outputs * self.size, driven * r.inputs]
         a, angle, real, C, B = torch.split(theta, sizes)
-        return a, angle / float(r.horizons[-1]), real, C.reshape(-1, self.size), B.reshape(self.size, -1)
+        B = torch.cat([B.reshape(driven, -1), torch.zeros(r.outputs, r.inputs, dtype=B.dtype)])
+        return a, angle / float(r.horizons[-1]), real, C.reshape(-1, self.size), B
 
     def _operators(self, theta: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """(ny, K) weighted observability O and (nu, ny) weighted response to the coming inputs."""
@@ -120,13 +133,15 @@ class ModalBlock:
     def _output_powers(self, a, angle, real, C, powers) -> torch.Tensor:
         """(len(powers), m, K) C A^i."""
         i = powers[:, None]
-        radius = torch.exp(i * (self.log_radius - torch.exp(a)))
+        radius = torch.exp(i * (self._log_radius - torch.exp(a)))
         cosine = (radius * torch.cos(i * angle))[:, None]
         sine = (radius * torch.sin(i * angle))[:, None]
         pairs = C[:, : 2 * self.pairs].reshape(-1, self.pairs, 2)
         C1, C2 = pairs[..., 0], pairs[..., 1]
         rotated = torch.stack([C1 * cosine + C2 * sine, C2 * cosine - C1 * sine], dim=-1).flatten(-2)
-        decayed = C[:, 2 * self.pairs :] * torch.exp(i * (self.log_radius - torch.exp(real)))[:, None]
+        levels = torch.full((self._regression.outputs,), self._level, dtype=C.dtype)
+        logs = torch.cat([self._log_radius - torch.exp(real), levels])
+        decayed = C[:, 2 * self.pairs :] * torch.exp(i * logs)[:, None]
         return torch.cat([rotated, decayed], dim=-1)
 
 

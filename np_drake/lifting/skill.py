@@ -50,7 +50,9 @@ def skill_table(
     horizons = sorted(set(horizons))
     origins = np.arange(warm_up, len(chi) - horizons[-1])
     if len(origins) == 0 or horizons[0] < 0:
-        raise ValueError(f"skill_table: more than {warm_up + horizons[-1]} samples are needed; got {len(chi)}.")
+        raise ValueError(
+            f"skill_table: more than {warm_up + horizons[-1]} samples are needed; got {len(chi)}."
+        )
     goal = (chi if target is None else target)[origins[:, None] + horizons]
     predictions = naive_predictions(chi, origins, horizons, training_mean)
     for name, model in models.items():
@@ -107,7 +109,11 @@ def model_predictions(
 
 
 def _rollouts(
-    forecasts: list[WrenchForecast], zeta: np.ndarray, origins: np.ndarray, horizons: list[int], zeta_known: bool
+    forecasts: list[WrenchForecast],
+    zeta: np.ndarray,
+    origins: np.ndarray,
+    horizons: list[int],
+    zeta_known: bool,
 ) -> np.ndarray:
     """(o, len(horizons), 6) of all forecasts together, one step of all origins at a time."""
     A, B, C = (_stacked([getattr(f, name).T for f in forecasts]) for name in "ABC")

@@ -24,6 +24,16 @@ from np_drake.vehicle import Vehicle
 
 GRAVITY = 9.81  # [m/s²]; the CSV's hover reading of specific force
 NPY_STEP = 0.0025  # of the arrays [s]
+TRAINING = "merged_2021-02-03-13-44-49_seg_3"  # of the paper's estimation table: a 10 s wobbly circle
+RACE_TRACK = "merged_2021-02-18-17-19-08_seg_2"
+TESTS = {  # file stem: the paper's name of the flight
+    "merged_2021-02-18-16-53-35_seg_2": "linear oscillation",
+    RACE_TRACK: "race track 1",
+    "merged_2021-02-18-18-08-45_seg_1": "3D circle 2",
+    "merged_2021-02-23-14-21-48_seg_3": "figure-8 3",
+    "merged_2021-02-23-19-45-06_seg_2": "melon 2",
+    "merged_2021-02-23-22-26-25_seg_2": "random points",
+}
 FIRST_COLUMNS = b"t,ang acc x,"  # how such a CSV begins
 _AXES = "xyz"
 SOURCE_COLUMNS: dict[str, tuple[str, ...]] = {

@@ -1,5 +1,6 @@
-"""Times the solvers against each other on the same problems in one run; figures are comparable as ratios only."""
+"""Times the solvers against each other on the same problems in one run; only ratios compare across runs."""
 
+import contextlib
 import dataclasses as dc
 import time
 from collections.abc import Callable, Sequence
@@ -23,8 +24,9 @@ Progress = Callable[[int, int], None]
 class SolverReport:
     """One solver on one set of problems.
 
-    failures: no usable answer.   fallbacks: an answer, but not the method's own.   gap: relative cost above the best known
-    optimum, over answered problems.   ratio_to_casadi: of median times; None where the peer did not run.
+    failures: no usable answer.   fallbacks: an answer, but not the method's own.   gap: relative cost above
+    the best known optimum, over answered problems.   ratio_to_casadi: of median times; None where the peer
+    did not run.
     """
 
     name: str
@@ -45,10 +47,8 @@ def make_solvers(vehicle: Vehicle, config: MpcConfig) -> list[MpcSolver]:
     two = SqpSolver(vehicle, config, steps=2)
     two.name = "sqp_2"
     solvers: list[MpcSolver] = [IpoptCondensedSolver(vehicle, config), SqpSolver(vehicle, config), two]
-    try:
+    with contextlib.suppress(ImportError):
         solvers.append(CasadiSolver(vehicle, config))
-    except ImportError:
-        pass
     return solvers
 
 
@@ -64,8 +64,8 @@ def run(
     """Solves every problem with every solver, interleaved and in turning order so that noise meets all alike.
 
     Args:
-        step: the MPC's step [s].   period: time between problems [s]; each solver starts from its own last plan, shifted.
-            None: every start is cold.
+        step: the MPC's step [s].   period: time between problems [s]; each solver starts from its own last
+            plan, shifted. None: every start is cold.
         optimum: a patient solver for the gap, run untimed; without it the best answer counts as optimum.
     """
     for solver in solvers:
@@ -77,7 +77,7 @@ def run(
     best = np.full(len(problems), np.inf)
     for i, problem in enumerate(problems):
         row: list[MpcSolution | None] = [None] * len(solvers)
-        for j in np.roll(np.arange(len(solvers)), i):
+        for j in np.roll(np.arange(len(solvers)), i).tolist():
             last = plans[j]
             warm = shift(last, elapsed=period, step=step) if period is not None and last is not None else None
             row[j], seconds[i, j] = _attempt(solvers[j], problem, warm)
@@ -107,7 +107,7 @@ def suite(
     count: int = 200,
     progress: Progress | None = None,
 ) -> dict[str, list[SolverReport]]:
-    """The whole bench: recorded (or generated) tracking, horizons 10, 20, 40, cold starts, infeasible starts."""
+    """The whole bench: recorded (or generated) tracking, horizons 10, 20, 40, cold and infeasible starts."""
     tracking = (
         recorded if recorded is not None else tracking_problems(vehicle, config, count=count, period=period)
     )

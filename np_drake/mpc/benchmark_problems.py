@@ -1,4 +1,4 @@
-"""Problems to time solvers on, without a simulator: closed-loop circle tracking, cold starts, infeasible starts."""
+"""Problems to time solvers on, without a simulator: closed-loop tracking, cold starts, infeasible starts."""
 
 import dataclasses as dc
 
@@ -7,14 +7,12 @@ import numpy as np
 from np_drake import attitude
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.plan import shift
-from np_drake.mpc.problem import MpcConfig, MpcProblem
+from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.residual_models.base import WrenchForecast
 from np_drake.vehicle import Vehicle
 
-_TRUE_WRENCH = np.array(
-    [0.4, -0.3, -2.0, 0.01, -0.01, 0.002]
-)  # what pulls at the benchmark's vehicle [N, N·m]
+_TRUE_WRENCH = np.array([0.4, -0.3, -2.0, 0.01, -0.01, 0.002])  # that pulls at the vehicle [N, N·m]
 
 
 def tracking_problems(
@@ -26,13 +24,14 @@ def tracking_problems(
     lifted: int = 24,
     seed: int = 0,
 ) -> list[MpcProblem]:
-    """A closed loop on the circle (1 m, 1.5 m/s) with a vehicle that is 5 % heavier and pulled by a wrench that swings.
+    """A closed loop on the circle; the vehicle is 5 % heavier and pulled by a wrench that swings.
 
     Every problem has its own A, B, C (K = `lifted`), stable, whose forecast starts at the true wrench.
     """
     rng = np.random.default_rng(seed)
     plant = DiscreteDynamics(vehicle.with_mass(1.05 * vehicle.mass), period)
-    solver, plan = SqpSolver(vehicle, config), None
+    solver = SqpSolver(vehicle, config, time_limit=np.inf)
+    plan: MpcSolution | None = None
     base = _base_model(rng, lifted)
     x = circle(vehicle, np.zeros(1))[0][0]
     problems = []
@@ -74,7 +73,7 @@ def infeasible_problems(
 
 
 def circle(vehicle: Vehicle, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """x_ref (n, 13) and u_ref (n, 4) on the circle (1 m, 1.5 m/s, z = 1.6 m) at times t (n,) [s]; thrust feed-forward only."""
+    """x_ref (n, 13) and u_ref (n, 4) at times t (n,) [s] on a circle of 1 m at 1.5 m/s, z = 1.6 m; no torques."""
     c, s, zero = np.cos(1.5 * t), np.sin(1.5 * t), np.zeros_like(t)
     push = np.stack([-2.25 * c, -2.25 * s, zero + vehicle.gravity], axis=1)
     size = np.linalg.norm(push, axis=1)
@@ -94,7 +93,7 @@ def _base_model(rng: np.random.Generator, K: int) -> tuple[np.ndarray, np.ndarra
 
 
 def _forecast(rng: np.random.Generator, base, chi: np.ndarray, horizon: int) -> WrenchForecast:
-    """The base model refitted: each matrix 1 % off at every step, z the least lifted state whose wrench is chi."""
+    """The base model refitted: each matrix 1 % off at every step, z the least one whose wrench is chi."""
     A, B, C = (M * (1 + 0.01 * rng.normal(size=M.shape)) for M in base)
     if len(A) == 0:
         return WrenchForecast(A, B, C, np.zeros(0), np.tile(chi, (horizon, 1)))

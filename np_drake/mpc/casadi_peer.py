@@ -1,7 +1,7 @@
 """The peer of the benchmark: the same problem as a CasADi user would write it. Optional extra `bench`.
 
-Multiple shooting over (T, x, z), exact Hessian, IPOPT with MUMPS, data as parameters, warm start from the last answer.
-Used by the benchmark only.
+Multiple shooting over (T, x, z), exact Hessian, IPOPT with MUMPS, data as parameters, warm start from the
+last answer. Used by the benchmark only.
 """
 
 import importlib

@@ -1,7 +1,7 @@
 """Single shooting over the rotor thrusts: rollout, exact sensitivities and the Gauss-Newton model.
 
-The decision is T (N, 4), u = mixer T, so that the hard input set is a plain box. The lifted linear system is linear in the
-predicted zeta and is eliminated exactly (`horizon.eliminate`); nothing here grows with K.
+The decision is T (N, 4), u = mixer T, so that the hard input set is a plain box. The lifted linear system is
+linear in the predicted zeta and is eliminated exactly (`horizon.eliminate`); nothing here grows with K.
 """
 
 import dataclasses as dc

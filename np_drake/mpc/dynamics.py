@@ -1,8 +1,8 @@
 """The discrete nominal dynamics inside the MPC, and their Jacobians for all stages at once.
 
-Rotation r = (q, w) drives translation and not the other way round, and dr/dt is a homogeneous quadratic of r plus
-J^-1 tau. One constant tensor therefore gives value and Jacobian together, M(r) = d(dr/dt)/dr and dr/dt = M(r) r / 2;
-the same holds for the body z axis in q.
+Rotation r = (q, w) drives translation and not the other way round, and dr/dt is a homogeneous quadratic of r
+plus J^-1 tau. One constant tensor therefore gives value and Jacobian together, M(r) = d(dr/dt)/dr and
+dr/dt = M(r) r / 2; the same holds for the body z axis in q.
 """
 
 import dataclasses as dc
@@ -29,8 +29,8 @@ class Linearisation:
 class DiscreteDynamics:
     """x_(i+1) = RK4(x_i, u_i, chi_i; step), input and wrench held over the step.
 
-    Source: Jin et al. 2025, eq. (1); classical Runge-Kutta, own choice. The quaternion is not renormalised: the
-    drift over a horizon is of the integrator's order, and every solver shares it.
+    Source: Jin et al. 2025, eq. (1); classical Runge-Kutta, own choice. The quaternion is not renormalised:
+    its drift over a horizon is of the integrator's order, and every solver shares it.
     """
 
     def __init__(self, vehicle: Vehicle, step: float):
@@ -139,7 +139,7 @@ class DiscreteDynamics:
 
 
 def _gradient_tensor(f: Callable[[np.ndarray], np.ndarray], size: int) -> np.ndarray:
-    """(size, m*size) T with (r @ T).reshape(m, size) = df/dr, for a homogeneous quadratic f: R^size -> R^m."""
+    """(size, m*size) T with (r @ T).reshape(m, size) = df/dr, for a homogeneous quadratic f of r (size,)."""
     e = np.eye(size)
     columns = [[f(e[j] + e[k]) - f(e[j]) - f(e[k]) for j in range(size)] for k in range(size)]
     return np.moveaxis(np.array(columns), 2, 1).reshape(size, -1)

@@ -28,7 +28,7 @@ def initial_trajectory(
 
 
 def feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
-    """(N, 4) rotor thrusts of the hover feedback law on saturated errors [N], followed without wrench feedback."""
+    """(N, 4) rotor thrusts [N] of the hover feedback on saturated errors, with the wrench of zero zeta."""
     vehicle = condensed.vehicle
     gain = hover_solution(vehicle, condensed.config)[1]
     bound = np.full(13, np.inf)

@@ -1,7 +1,7 @@
 """The reference solver: IPOPT on the condensed problem, preconditioned, with lazy rows.
 
-A single-shooting problem with 4N variables and few rows is what IPOPT's linear solver in Drake is fast at; see
-`preconditioned`. Source: own measurement.
+A single-shooting problem with 4N variables and few rows is what IPOPT's linear solver in Drake is fast at;
+see `preconditioned`. Source: own measurement.
 """
 
 import logging
@@ -11,11 +11,11 @@ import numpy as np
 from pydrake.solvers import IpoptSolver
 
 from np_drake.mpc.condensed import Trajectory
+from np_drake.mpc.drake_solvers import expected_early_ends
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.initial_guess import initial_trajectory
 from np_drake.mpc.preconditioned import Preconditioned
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus
-from np_drake.mpc.quiet import expected_early_ends
 from np_drake.mpc.sqp import SqpSolver, as_solution
 from np_drake.vehicle import Vehicle
 
@@ -29,9 +29,9 @@ _ACTIVE = -1e-3  # excess from which a soft set counts as active
 class IpoptCondensedSolver:
     """Starts from SQP steps, converges with IPOPT.
 
-    Past `time_limit` [s], and where sets are active on which SQP does better, the SQP answer flies (SQP_FALLBACK).
-    Rows that turn out violated are added and the problem is solved again; on the iteration cap it is preconditioned anew.
-    With `time_limit` = inf the answer does not depend on the machine.
+    Past `time_limit` [s], and where sets are active on which SQP does better, the SQP answer flies
+    (SQP_FALLBACK). Rows that turn out violated are added and the problem is solved again; on the iteration
+    cap it is preconditioned anew. With `time_limit` = inf the answer does not depend on the machine.
     """
 
     name = "ipopt"
@@ -61,7 +61,7 @@ class IpoptCondensedSolver:
         return as_solution(t, status, count + rounds, time.perf_counter() - start)
 
     def _crowded(self, t: Trajectory) -> bool:
-        """Whether a soft set or many rotor limits are active: IPOPT's dense rows then cost more than they bring."""
+        """Whether a soft set or many rotor limits are active: dense rows then cost more than IPOPT brings."""
         at_bounds = np.mean((t.T <= 0) | (t.T >= self.condensed.vehicle.max_rotor_thrust))  # noqa: SIM300
         return bool(t.excess.max() > _ACTIVE or at_bounds > _CROWDED)
 

@@ -1,9 +1,10 @@
-"""The formulation of record and the tests' oracle: multiple shooting over (u, x, chi), IPOPT on MathematicalProgram.
+"""The formulation of record and the tests' oracle: multiple shooting over (u, x, chi), IPOPT on
+MathematicalProgram.
 
     x_(i+1) = F(x_i, u_i, chi_i),     chi_i = free_i + sum_(j<i) C A^(i-1-j) B zeta_j
 
-One constraint holds all stages, with a hand Jacobian and its sparsity pattern; each variable is scaled to unit
-curvature of the cost. Slow, and nothing clever happens here.
+One constraint holds all stages, with a hand Jacobian and its sparsity pattern; each variable is scaled to
+unit curvature of the cost. Slow, and nothing clever happens here.
 """
 
 import time
@@ -11,14 +12,14 @@ from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import ExtractValue, InitializeAutoDiff
-from pydrake.solvers import IpoptSolver, MathematicalProgram, SolverOptions
+from pydrake.solvers import IpoptSolver
 
 from np_drake.mpc.condensed import Condensed
+from np_drake.mpc.drake_solvers import expected_early_ends, new_program, solver_options
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.initial_guess import initial_trajectory
-from np_drake.mpc.objective import KINDS, QUADRATIC
+from np_drake.mpc.objective import QUADRATIC
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
-from np_drake.mpc.quiet import expected_early_ends
 from np_drake.mpc.sqp import as_solution
 from np_drake.mpc.stacked_stages import StackedStages
 from np_drake.vehicle import Vehicle
@@ -73,7 +74,7 @@ class IpoptMultipleShootingSolver:
 
     def _build(self) -> None:
         stages, n = self._stages, self.condensed.config.horizon
-        self._prog: Any = MathematicalProgram()
+        self._prog = new_program()
         self._y = y = self._prog.NewContinuousVariables(stages.size, "y")
         eye, zero = np.eye(stages.size), np.zeros(stages.size)
         self._cost = self._prog.AddQuadraticCost(eye, zero, y, is_convex=True).evaluator()
@@ -84,9 +85,7 @@ class IpoptMultipleShootingSolver:
         lower, upper = stages.bounds()
         rows = self._prog.AddConstraint(self._constraint, lower, upper, vars=y).evaluator()
         rows.SetGradientSparsityPattern([(int(i), int(j)) for i, j in np.argwhere(stages.pattern())])
-        self._options: Any = SolverOptions()
-        for name, value in _OPTIONS.items():
-            self._options.SetOption(IpoptSolver.id(), name, value)
+        self._options = solver_options({IpoptSolver.id(): _OPTIONS})
 
     def _load(self, h: Horizon) -> None:
         """Scales, centres, cost and input bounds of one problem."""

@@ -2,9 +2,9 @@
 
     sum_i e_x' Q e_x + e_u' R e_u  +  e_N' P e_N  +  sum_k slack_weight (s_k + s_k² / 10)
 
-with one slack a kind of set, s_k >= every excess of that kind over the horizon: an exact penalty, so that every start has
-an answer and the sets hold wherever they can. Kinds: velocity box [m/s], tilt as cosine [1], terminal ellipsoid [m].
-Source: Jin et al. 2025, eq. (nmpc); the slacks are our own choice.
+with one slack a kind of set, s_k >= every excess of that kind over the horizon: an exact penalty, so that
+every start has an answer and the sets hold wherever they can. Kinds: velocity box [m/s], tilt as cosine [1],
+terminal ellipsoid [m]. Source: Jin et al. 2025, eq. (nmpc); the slacks are our own choice.
 """
 
 import dataclasses as dc

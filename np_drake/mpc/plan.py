@@ -8,9 +8,9 @@ from np_drake.mpc.problem import MpcSolution, MpcStatus
 def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
     """The same plan seen `elapsed` seconds later, on a grid of the same `step` [s].
 
-    Inputs and wrenches are held over a stage, so a new stage takes their time average over its own span: exact for whole
-    steps, and within the input set for any, which is convex. States are interpolated (quaternions normalised).
-    Beyond its end the plan holds its last input and state.
+    Inputs and wrenches are held over a stage, so a new stage takes their time average over its own span:
+    exact for whole steps, and within the input set for any, which is convex. States are interpolated
+    (quaternions normalised). Beyond its end the plan holds its last input and state.
 
     Raises: ValueError: if elapsed is negative or step is not positive.
     """

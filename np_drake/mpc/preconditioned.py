@@ -5,10 +5,11 @@ from typing import Any
 
 import numpy as np
 from pydrake.autodiffutils import AutoDiffXd, ExtractValue, InitializeAutoDiff
-from pydrake.solvers import IpoptSolver, MathematicalProgram, SolverOptions
+from pydrake.solvers import IpoptSolver
 from scipy.linalg import lapack
 
 from np_drake.mpc.condensed import Condensed, Trajectory
+from np_drake.mpc.drake_solvers import new_program, solver_options
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.objective import KINDS, QUADRATIC
 
@@ -33,8 +34,8 @@ _OPTIONS: dict[str, Any] = {
 class Preconditioned:
     """One problem around t_0; L is the Cholesky factor of the Gauss-Newton Hessian there.
 
-    The Hessian over w starts as the identity, which IPOPT's limited memory is told. Slacks are scaled to unit curvature
-    too, and only come in where a soft row is near activity.
+    The Hessian over w starts as the identity, which IPOPT's limited memory is told. Slacks are scaled to unit
+    curvature too, and only come in where a soft row is near activity.
     """
 
     def __init__(self, condensed: Condensed, h: Horizon, t_0: Trajectory):
@@ -53,9 +54,9 @@ class Preconditioned:
         self._soft = t_0.excess > -_NEAR * size[self._kind]
         self._unit = 1 / math.sqrt(2 * QUADRATIC * config.slack_weight)
 
-    def solve(self, ipopt: IpoptSolver, time_limit: float) -> tuple[bool, Trajectory]:
+    def solve(self, ipopt: Any, time_limit: float) -> tuple[bool, Trajectory]:
         """Whether IPOPT converged, and where it ended; the rows left out may be violated there."""
-        prog: Any = MathematicalProgram()
+        prog = new_program()
         w = prog.NewContinuousVariables(len(self._w), "w")
         prog.AddCost(self._cost, vars=w)
         start = self._w
@@ -65,10 +66,8 @@ class Preconditioned:
         if self._soft.any():
             self._add_soft_rows(prog, w)
             start = np.concatenate([start, self._at(start)[0].slacks / self._unit])
-        options: Any = SolverOptions()
-        for name, value in {**_OPTIONS, "max_wall_time": min(time_limit, 100.0)}.items():
-            options.SetOption(IpoptSolver.id(), name, value)
-        result: Any = ipopt.Solve(prog, start, options)
+        options = solver_options({IpoptSolver.id(): {**_OPTIONS, "max_wall_time": min(time_limit, 100.0)}})
+        result = ipopt.Solve(prog, start, options)
         end = result.GetSolution(w)
         self._w = end if np.isfinite(end).all() else self._w
         return result.is_success(), self._at(self._w)[0]

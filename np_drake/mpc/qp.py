@@ -2,19 +2,20 @@
 
     min_d,s  d'Hd/2 + g'd + penalty(s)    s.t.   lower <= d <= upper,   excess + D d <= s_kind,   s >= 0
 
-Tried in this order, each verified before it is believed: the Newton step; the box alone by an active-set iteration
-(exact), by OSQP where that cycles; all rows near activity, with Clarabel (on infeasible starts its p95 is a fifth of
-OSQP's). The programs are built once and updated.
+Tried in this order, each verified before it is believed: the box alone by an active-set iteration (exact,
+and one round where nothing is active), by OSQP where that cycles; the rows near activity, with Clarabel (on
+infeasible starts its p95 is a fifth of OSQP's). The programs are built once and updated.
 """
 
 import dataclasses as dc
 import time
 
 import numpy as np
-from pydrake.solvers import ClarabelSolver, MathematicalProgram, OsqpSolver, SolverOptions
+from pydrake.solvers import ClarabelSolver, OsqpSolver
 from scipy.linalg import lapack
 
 from np_drake.mpc.condensed import LocalModel
+from np_drake.mpc.drake_solvers import new_program, solver_options
 from np_drake.mpc.objective import KINDS, QUADRATIC, SoftRows, penalty
 
 _OSQP = {
@@ -50,10 +51,8 @@ class QpSolver:
     """Solves one local model after another."""
 
     def __init__(self, size: int, rows: int, slack_weight: float):
-        self._osqp, self._clarabel, self._options = OsqpSolver(), ClarabelSolver(), SolverOptions()
-        for solver, options in ((self._osqp, _OSQP), (self._clarabel, _CLARABEL)):
-            for name, value in options.items():
-                self._options.SetOption(solver.solver_id(), name, value)
+        self._osqp, self._clarabel = OsqpSolver(), ClarabelSolver()
+        self._options = solver_options({OsqpSolver.id(): _OSQP, ClarabelSolver.id(): _CLARABEL})
         self._box, self._weight = BoxProgram(size), slack_weight
         self._soft = [SoftProgram(size, m, slack_weight) for m in sorted({min(rows, _CRITICAL_ROWS), rows})]
 
@@ -81,7 +80,7 @@ class QpSolver:
         return np.clip(d, lower, upper) if np.isfinite(d).all() else guess
 
     def _solve_soft(self, H, model, lower, upper, d, deadline) -> np.ndarray:
-        """With the rows nearest to activity; with all, where those left out would take back half of the gain."""
+        """With the rows nearest to activity; with all, where those left out would take half of the gain."""
         rows = model.rows
         level = np.maximum(rows.excess, rows.excess + rows.jacobian @ d)
         for program in self._soft:
@@ -100,7 +99,7 @@ class QpSolver:
 
 
 def active_set(H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray | None:
-    """(n,) exact minimiser of d'Hd/2 + g'd in a box by the primal-dual active-set iteration; None if it cycles.
+    """(n,) exact minimiser of d'Hd/2 + g'd in a box by primal-dual active sets; None if they cycle.
 
     Starts from the Newton step, hence ends in one round where no bound is active.
     Source: Hintermüller, Ito, Kunisch 2002, SIAM J. Optim. 13(3).
@@ -134,7 +133,7 @@ class BoxProgram:
     """min d'Hd/2 + g'd over a box."""
 
     def __init__(self, size: int):
-        self.prog = MathematicalProgram()
+        self.prog = new_program()
         self.d = self.prog.NewContinuousVariables(size, "d")
         self._cost = self.prog.AddQuadraticCost(
             np.eye(size), np.zeros(size), self.d, is_convex=True

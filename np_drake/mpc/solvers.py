@@ -6,16 +6,21 @@ from np_drake.vehicle import Vehicle
 SOLVERS = ("ipopt", "sqp", "ipopt_multiple_shooting")
 
 
-def make_solver(name: str, vehicle: Vehicle, config: MpcConfig) -> MpcSolver:
-    """The solver called `name`. Raises ValueError on an unknown name."""
+def make_solver(
+    name: str, vehicle: Vehicle, config: MpcConfig, *, time_limit: float = float("inf")
+) -> MpcSolver:
+    """The solver called `name`. Raises ValueError on an unknown name.
+
+    Args: time_limit: wall time after which iterations stop [s]; without one, results repeat on any machine.
+    """
     if name == "sqp":
         from np_drake.mpc.sqp import SqpSolver
 
-        return SqpSolver(vehicle, config)
+        return SqpSolver(vehicle, config, time_limit=time_limit)
     if name == "ipopt":
         from np_drake.mpc.ipopt import IpoptCondensedSolver
 
-        return IpoptCondensedSolver(vehicle, config)
+        return IpoptCondensedSolver(vehicle, config, time_limit=time_limit)
     if name == "ipopt_multiple_shooting":
         from np_drake.mpc.ipopt_multiple_shooting import IpoptMultipleShootingSolver
 

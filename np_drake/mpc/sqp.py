@@ -5,11 +5,11 @@ import time
 import numpy as np
 
 from np_drake.mpc.condensed import Condensed, Trajectory
+from np_drake.mpc.drake_solvers import expected_early_ends
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.initial_guess import initial_trajectory
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
 from np_drake.mpc.qp import QpSolver
-from np_drake.mpc.quiet import expected_early_ends
 from np_drake.vehicle import Vehicle
 
 _BACKTRACKS = 5
@@ -20,9 +20,9 @@ _SETTLED = 1e-3  # of the tolerance: further steps would change nothing
 class SqpSolver:
     """Gauss-Newton SQP with a merit check: a real-time iteration of `steps` steps.
 
-    More steps, up to `max_steps`, follow a cold start and a step whose local model missed the true decrease. Status
-    OPTIMAL: the last step was full and the local model foretold its decrease to 1e-4 of the cost. With `time_limit` [s]
-    = inf the answer does not depend on the machine.
+    More steps, up to `max_steps`, follow a cold start and a step whose local model missed the true decrease.
+    Status OPTIMAL: the local model foretold the decrease of the last step to 1e-4 of the cost. With
+    `time_limit` [s] = inf the answer does not depend on the machine.
     """
 
     name = "sqp"
@@ -77,8 +77,7 @@ class SqpSolver:
         for _ in range(_BACKTRACKS):
             new = self.condensed.rollout(h, self.condensed.clip(t.T + size * step.d.reshape(-1, 4)))
             if new.finite and new.merit <= t.merit:
-                miss = abs(foretold - (t.merit - new.merit)) if size == 1.0 else np.inf
-                return new, miss
+                return new, abs(foretold - (t.merit - new.merit))
             size *= 0.35
         return t, max(foretold, 0.0)
 

@@ -29,8 +29,9 @@ _CONTROLLABLE = [
 def terminal_weight(vehicle: Vehicle, config: MpcConfig, q_ref: np.ndarray) -> np.ndarray:
     """(13, 13) P for a horizon that ends at the attitude `q_ref`.
 
-    `riccati`: the hover solution holds in the frame of the reference: position and velocity errors are turned into
-    its heading, the attitude error is q_ref^* (q - q_ref), whose vector part the controllable states hold.
+    `riccati`: the hover solution holds in the frame of the reference: position and velocity errors are turned
+    into its heading, the attitude error is q_ref^* (q - q_ref); its vector part is among the controllable
+    states.
     """
     if config.terminal == "scaled":
         return np.diag(config.P)
@@ -44,7 +45,7 @@ def terminal_weight(vehicle: Vehicle, config: MpcConfig, q_ref: np.ndarray) -> n
 
 
 def hover_solution(vehicle: Vehicle, config: MpcConfig) -> tuple[np.ndarray, np.ndarray]:
-    """(13, 13) Riccati cost-to-go and (4, 13) feedback, u = u_ref - feedback @ e_x, at hover with heading 0."""
+    """(13, 13) Riccati cost-to-go and (4, 13) feedback, u = u_ref - feedback @ e_x, at hover, heading 0."""
     key = (
         vehicle.mass,
         vehicle.gravity,

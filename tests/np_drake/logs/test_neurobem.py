@@ -5,10 +5,16 @@ import pytest
 
 from np_drake import attitude, labels
 from np_drake.logs.errors import LogError
-from np_drake.logs.neurobem import published_vehicle, read_neurobem, read_neurobem_npy
+from np_drake.logs.neurobem import (
+    RACE_TRACK,
+    TESTS,
+    TRAINING,
+    published_vehicle,
+    read_neurobem,
+    read_neurobem_npy,
+)
 from np_drake.logs.open_log import open_log
 
-RACE_TRACK = "merged_2021-02-18-17-19-08_seg_2"
 MELON = "merged_2021-02-23-11-41-38_seg_3"
 
 
@@ -50,6 +56,15 @@ def test_rotor_speed_carries_the_weight_and_turns_the_way_the_vehicle_turns(agil
     for axis in range(3):
         assert np.corrcoef(measured[:, axis], agile.u[:, 1 + axis])[0, 1] > 0.15
     assert agile.input == "rotor_speed"
+
+
+def test_the_arrays_of_the_papers_table_are_there(neurobem):
+    training = read_neurobem_npy(neurobem / "npy" / f"{TRAINING}.npy")
+    assert len(training) == 4000
+    speed = np.linalg.norm(training.zeta[:, :3], axis=1)
+    assert speed.max() == pytest.approx(5.18, abs=0.01)  # as the paper says [m/s]
+    for stem in TESTS:
+        assert len(read_neurobem_npy(neurobem / "npy" / f"{stem}.npy")) > 10_000
 
 
 def test_every_real_flight_passes_the_checks(neurobem):

@@ -1,0 +1,34 @@
+"""What every program on Drake's solvers here needs: a program, options, and a quiet log."""
+
+import contextlib
+import logging
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydrake.solvers import MathematicalProgram, SolverId, SolverOptions
+
+
+def new_program() -> Any:
+    """A MathematicalProgram; `Any`, because the stubs' array types do not admit NumPy's own."""
+    return MathematicalProgram()
+
+
+def solver_options(options: Mapping[SolverId, Mapping[str, float | int | str]]) -> Any:
+    """Options by solver and name."""
+    result = SolverOptions()
+    for solver, entries in options.items():
+        for name, value in entries.items():
+            result.SetOption(solver, name, value)
+    return result
+
+
+@contextlib.contextmanager
+def expected_early_ends() -> Iterator[None]:
+    """Mutes Drake's log below ERROR: an iteration cap that the caller handles is an answer, not a warning."""
+    log = logging.getLogger("drake")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)

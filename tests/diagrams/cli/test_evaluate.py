@@ -1,0 +1,113 @@
+"""Laws of `np-drake evaluate`."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from diagrams.cli.evaluate import parse_horizons
+from diagrams.cli.main import run
+from np_drake.logs.neurobem import RACE_TRACK, TRAINING
+
+
+@pytest.fixture(scope="module")
+def model(logs, tmp_path_factory):
+    """A predictor trained on the first log."""
+    out = tmp_path_factory.mktemp("model") / "np.safetensors"
+    assert run(["train", str(logs[0]), "--out", str(out), "--epochs", "30"]) == 0
+    return out
+
+
+def command(logs, model, horizons, out):
+    """Score the model on the second log."""
+    return ["evaluate", str(logs[1]), "--predictor", str(model), "--horizons", horizons, "--json", str(out)]
+
+
+def rows_of(path):
+    return json.loads(path.read_text())["rows"]
+
+
+def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, capsys):
+    out = tmp_path / "rows.json"
+    code = run(
+        ["evaluate", str(logs[1]), "--predictor", str(model), "--horizons", "1,10", "--json", str(out)]
+    )
+    captured = capsys.readouterr()
+    assert code == 0, captured.err
+    rows = rows_of(out)
+    assert {row["model"] for row in rows} == {"persistence", "linear", "mean", "default"}
+    assert {row["horizon"] for row in rows} == {0.02, 0.2}
+    assert set(rows[0]) >= {"flight", "force_rmse", "torque_rmse", "force_skill", "torque_skill"}
+    for horizon in (0.02, 0.2):
+        naive = [r["force_skill"] for r in rows if r["horizon"] == horizon and r["model"] != "default"]
+        assert min(naive) == pytest.approx(1.0)
+    assert "force RMSE [N]" in captured.out
+    assert max(map(len, captured.out.splitlines())) <= 100
+
+
+def test_motion_that_makes_the_force_is_predicted_better_than_by_any_naive_row(logs, model, tmp_path):
+    """The force is mass times dv/dt of a multisine: its past tells its future, persistence does not."""
+    out = tmp_path / "rows.json"
+    assert (
+        run(["evaluate", str(logs[1]), "--predictor", str(model), "--json", str(out), "--horizons", "10"])
+        == 0
+    )
+    assert next(row for row in rows_of(out) if row["model"] == "default")["force_skill"] < 1.0
+
+
+def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
+    out = tmp_path / "rows.json"
+    arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--epochs", "1", "--json", str(out)]
+    assert run(arguments) == 0, capsys.readouterr().err
+    assert {row["model"] for row in rows_of(out)} >= {"paper", "default"}
+
+
+def test_without_arguments_it_is_race_track_1(neurobem, tmp_path, monkeypatch, capsys):
+    """On the first 3 s of the flight, so that it takes seconds."""
+    (tmp_path / "npy").mkdir()
+    shutil.copy(neurobem / "npy" / f"{TRAINING}.npy", tmp_path / "npy")
+    np.save(tmp_path / "npy" / f"{RACE_TRACK}.npy", np.load(neurobem / "npy" / f"{RACE_TRACK}.npy")[:1200])
+    monkeypatch.setenv("NP_DRAKE_NEUROBEM", str(tmp_path))
+    assert run(["evaluate", "--epochs", "1", "--json", str(tmp_path / "rows.json")]) == 0
+    captured = capsys.readouterr()
+    assert "race track 1: force" in captured.out
+    assert "0.057 N" in captured.out
+    assert {row["model"] for row in rows_of(tmp_path / "rows.json")} >= {"paper", "default", "linear", "mean"}
+
+
+BAD = {  # arguments: what the line must say
+    "nothing": ([], "NP_DRAKE_NEUROBEM"),
+    "no predictor": (["LOG"], "--predictor FILE"),
+    "two sources": (["LOG", "--predictor", "MODEL", "--train", "LOG"], "leave out --train"),
+    "no flight": (["--predictor", "MODEL"], "flights to score"),
+    "no model": (["LOG", "--predictor", "LOG"], "not a model file"),
+    "no folder": (["--neurobem", "nowhere"], "nowhere"),
+    "horizon": (["LOG", "--predictor", "MODEL", "--horizons", "1,-2"], "--horizons"),
+    "too far": (["LOG", "--predictor", "MODEL", "--horizons", "5000"], "samples are needed"),
+    "another step": (["ARRAY", "--predictor", "MODEL"], "step must be the model's, 0.02 s; got 0.0025 s"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, monkeypatch, capsys, case):
+    monkeypatch.delenv("NP_DRAKE_NEUROBEM", raising=False)
+    array = tmp_path / "array.npy"
+    np.save(array, np.zeros((500, 12)))
+    words = {"LOG": str(logs[1]), "MODEL": str(model), "ARRAY": str(array)}
+    arguments, message = BAD[case]
+    command = [
+        "evaluate",
+        *(words.get(word, word) for word in arguments),
+        "--json",
+        str(tmp_path / "rows.json"),
+    ]
+    assert run(command) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith("np-drake evaluate: ")
+    assert message in last
+    assert list(tmp_path.iterdir()) == [array]
+
+
+def test_horizons_are_sorted_and_counted_once():
+    assert parse_horizons("10, 1,10") == [1, 10]

@@ -1,0 +1,156 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from diagrams.circle import make_circle_diagram
+from diagrams.experiments import EXPERIMENTS, load_experiment
+from diagrams.flight import RealityConfig, load_flight
+from diagrams.flight_result import fly
+from np_drake import rigid_body
+from np_drake.labels import labels
+from np_drake.vehicle import MeasurementNoise
+from systems.tethered_quadrotor import PayloadConfig
+
+
+def short(track="circle", kind="nominal", **changes):
+    config = load_experiment(track)
+    config.duration, config.reference.ramp = 2.0, 1.5
+    config.controller.kind, config.controller.solver = kind, "sqp"
+    for name, value in changes.items():
+        setattr(config, name, value)
+    return config
+
+
+@pytest.fixture(scope="module")
+def nominal_flight():
+    return fly(short(), seed=3)
+
+
+def test_same_seed_same_flight(nominal_flight):
+    again = fly(short(), seed=3)
+    np.testing.assert_array_equal(again.signals["x_true"], nominal_flight.signals["x_true"])
+    other = fly(short(), seed=4)
+    assert not np.array_equal(other.signals["x_true"], nominal_flight.signals["x_true"])
+
+
+def test_log_rows_pair_each_command_with_the_acceleration_under_it():
+    # Without lag, drag or noise eq. (1) holds row by row: the residual wrench is that of the cable alone.
+    reality = RealityConfig(
+        payload=PayloadConfig(tether="none"),
+        rotor_drag=0.0,
+        motor_lag=0.0,
+        thrust_scale=1.0,
+        noise=MeasurementNoise(0, 0, 0, 0, 0, 0),
+    )
+    log = fly(short(reality=reality), seed=0).log()
+    chi = rigid_body.residual_wrench(
+        load_experiment("circle").vehicle, q=log.q, w=log.w, a=log.a, al=log.al, u=log.u
+    )
+    np.testing.assert_allclose(chi, 0.0, atol=1e-6)  # [N, N·m]; the instants differ by a microsecond
+    wrong = rigid_body.residual_wrench(
+        load_experiment("circle").vehicle, q=log.q, w=log.w, a=log.a, al=log.al, u=np.roll(log.u, 1, axis=0)
+    )
+    assert np.abs(wrong[5:]).max() > 1e-3
+
+
+def test_log_starts_at_zero_and_holds_a_row_a_period(nominal_flight):
+    log = nominal_flight.log()
+    np.testing.assert_allclose(np.diff(log.t), 0.02, atol=1e-12)
+    assert len(log) == round(nominal_flight.config.end / 0.02)
+    np.testing.assert_allclose(np.linalg.norm(log.q, axis=1), 1.0, atol=1e-9)
+
+
+def test_labels_follow_the_true_wrench(nominal_flight, record_property):
+    """Reports the label's error against the simulator's truth, per axis, after its low-pass."""
+    chi = labels(nominal_flight.log(), nominal_flight.config.vehicle, nominal_flight.config.controller.label)
+    rows = nominal_flight.scored
+    rmse = np.sqrt(np.mean((chi - nominal_flight.chi_true)[rows] ** 2, axis=0))
+    record_property("label_rmse", rmse.tolist())
+    print("label error [N, N·m] x, y, z:", np.round(rmse, 4).tolist())
+    assert np.all(rmse[:3] < [0.25, 0.25, 0.35])  # [N]; a 4 Hz low-pass of 0.2 N white noise, and its delay
+    # [N·m]: J times 0.5 rad/s² of noise, low-passed, and the share of the lag that is faster than the label.
+    assert np.all(rmse[3:] < [0.035, 0.035, 0.015])
+
+
+def test_online_labels_are_those_of_the_log(nominal_flight):
+    online = nominal_flight.signals["label"]
+    offline = labels(
+        nominal_flight.log(), nominal_flight.config.vehicle, nominal_flight.config.controller.label
+    )
+    # The estimator pairs a with the command before, the log with the command after: the lag's share, low-passed.
+    difference = np.sqrt(np.mean((online - offline)[10:] ** 2, axis=0))
+    assert np.all(difference[:3] < 0.2)  # [N]
+    assert np.all(difference[3:] < 0.02)  # [N·m]
+
+
+def test_a_residual_model_flies_better_than_none(nominal_flight):
+    hold = fly(short(kind="hold"), seed=3).metrics()
+    assert hold["E_z"] < 0.2 * nominal_flight.metrics()["E_z"]
+    assert hold["solve_failures"] == 0
+
+
+def test_the_oracle_flies_within_a_centimetre():
+    m = fly(short(kind="oracle"), seed=3).metrics()
+    assert m["E_xy"] < 0.01
+    assert m["E_z"] < 0.005
+
+
+def test_without_gap_and_payload_the_nominal_mpc_tracks():
+    reality = RealityConfig(
+        payload=PayloadConfig(tether="none"), rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0
+    )
+    m = fly(short("lemniscate", reality=reality), seed=1).metrics()
+    assert m["position_rmse"] < 0.005  # [m]
+
+
+@pytest.mark.parametrize("tether", ["cable", "rod", "none"])
+def test_every_tether_flies(tether):
+    config = short()
+    config.reality.payload.tether = tether
+    assert fly(config, seed=0).metrics()["E_xy"] < 0.1
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_experiment_file_loads(name):
+    assert load_experiment(name).name == name
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "spede: 1.0",
+        "duration: -1.0",
+        "reality: {payload: {mass: -0.2}}",
+        "reference: {track: spiral}",
+        "controller: {kind: pid}",
+        "controller: {mpc: {step: 0.05}}",
+        "controller: {mpc: {weight_input: [1.0]}}",
+        "vehicle: {mass: 0.0}",
+        "{{",
+    ],
+)
+def test_bad_scenario_gives_one_line_with_the_file(tmp_path, text):
+    file = tmp_path / "mine.yaml"
+    file.write_text(text)
+    with pytest.raises(ValueError, match=r"mine\.yaml") as caught:
+        load_flight(str(file))
+    assert "\n" not in str(caught.value)
+
+
+def test_unknown_experiment_names_the_known_ones():
+    with pytest.raises(ValueError, match="circle, lemniscate"):
+        load_experiment("spiral")
+
+
+def test_the_diagram_is_named_and_complete():
+    diagram, _ = make_circle_diagram()
+    for name in ("tethered_quadrotor", "sensor_rig", "reference", "wrench_estimator", "np_mpc", "recorder"):
+        assert diagram.GetSubsystemByName(name) is not None
+
+
+def test_told_mass_reaches_controller_and_truth():
+    config = short(kind="hold")
+    config.controller = dc.replace(config.controller, extra_mass=0.26)
+    flight = fly(config, seed=3)
+    assert abs(flight.chi_true[flight.scored, 2].mean()) < 1.5  # [N]; the 4 % of thrust stay

@@ -1,0 +1,72 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.mpc import benchmark, benchmark_problems
+from np_drake.mpc.problem import MpcConfig, SolverFailure
+from np_drake.mpc.sqp import SqpSolver
+
+
+class AlwaysFails:
+    name = "always_fails"
+
+    def solve(self, problem, warm_start=None):
+        raise SolverFailure("on purpose")
+
+
+@pytest.fixture(scope="module")
+def problems(vehicle, config):
+    return benchmark_problems.tracking_problems(vehicle, config, count=12)
+
+
+def test_reports_have_times_gaps_and_failures(vehicle, config, problems):
+    patient = SqpSolver(vehicle, config, steps=30, max_steps=30, time_limit=np.inf)
+    good, bad = benchmark.run(
+        [SqpSolver(vehicle, config), AlwaysFails()], problems, step=config.step, optimum=patient
+    )
+    assert (good.failures, bad.failures) == (0, 12)
+    assert 0 < good.median_ms <= good.p95_ms <= good.max_ms
+    assert -1e-8 <= good.gap_median <= good.gap_max < 0.05
+    assert np.isnan(bad.gap_max)
+    assert good.ratio_to_casadi is None  # the peer did not run
+
+
+def test_the_ratio_is_of_median_times(vehicle, config, problems):
+    peer = SqpSolver(vehicle, config)
+    peer.name = benchmark.PEER
+    a, b = benchmark.run([SqpSolver(vehicle, config, steps=2), peer], problems, step=config.step)
+    assert a.ratio_to_casadi == pytest.approx(a.median_ms / b.median_ms)
+    assert b.ratio_to_casadi == 1.0
+
+
+def test_every_problem_has_its_own_stable_model(problems):
+    radii = [np.abs(np.linalg.eigvals(p.forecast.A)).max() for p in problems]
+    assert max(radii) < 1.0
+    assert not np.array_equal(problems[0].forecast.C, problems[1].forecast.C)
+    assert problems[0].forecast.A.shape == (24, 24)
+
+
+def test_the_benchmark_vehicle_stays_on_the_circle(problems):
+    errors = [np.linalg.norm(p.x0[:3] - p.x_ref[0, :3]) for p in problems]
+    assert max(errors) < 0.1  # [m]
+
+
+def test_infeasible_starts_break_every_soft_set(vehicle, config):
+    for p in benchmark_problems.infeasible_problems(vehicle, config, count=3):
+        w, x, y, z = p.x0[3:7]
+        assert np.linalg.norm(p.x0[7:10]) == pytest.approx(9.0)  # [m/s]
+        assert np.degrees(np.arccos(w * w - x * x - y * y + z * z)) == pytest.approx(80.0)  # [deg]
+
+
+def test_the_suite_covers_horizons_cold_and_infeasible_starts(vehicle, monkeypatch):
+    config = MpcConfig(horizon=5).check()
+    monkeypatch.setattr(benchmark, "make_solvers", lambda v, c: [SqpSolver(v, c)])
+    seen = []
+    reports = benchmark.suite(
+        vehicle, config, count=4, progress=lambda done, total: seen.append((done, total))
+    )
+    assert list(reports) == ["tracking", "N = 10", "N = 20", "N = 40", "cold start", "infeasible start"]
+    assert seen[-1][0] == seen[-1][1] == sum(r[0].problems for r in reports.values())
+    assert all(r[0].failures == 0 for r in reports.values())
+    assert dc.asdict(reports["tracking"][0])["name"] == "sqp"

@@ -1,0 +1,72 @@
+import numpy as np
+import pytest
+
+from np_drake.mpc.condensed import Condensed
+from np_drake.mpc.dynamics import DiscreteDynamics
+
+
+@pytest.fixture(params=[0, 24], ids=["K=0", "K=24"])
+def setup(request, vehicle, config, make_problem):
+    """(condensed, horizon, thrusts, problem) away from any special point."""
+    dut = Condensed(vehicle, config)
+    problem = make_problem(config, K=request.param, offset=0.4, tilt=0.3)
+    T = 4.9 + np.random.default_rng(1).normal(size=(config.horizon, 4))
+    return dut, dut.prepare(problem), T, problem
+
+
+def test_the_rollout_obeys_dynamics_and_forecast(setup, vehicle, config):
+    dut, h, T, problem = setup
+    t = dut.rollout(h, T)
+    steps = DiscreteDynamics(vehicle, config.step).linearise(t.x[:-1], t.u, t.chi)
+    np.testing.assert_allclose(steps.x_next, t.x[1:], atol=1e-12)  # round-off
+    np.testing.assert_allclose(
+        problem.forecast.rollout(t.x[:-1, 7:13]), t.chi, atol=1e-12
+    )  # zeta is the predicted one
+    np.testing.assert_allclose(t.u @ vehicle.unmixer.T, T, atol=1e-12)  # [N]
+
+
+def test_sensitivities_match_finite_differences_of_the_rollout(setup):
+    dut, h, T, _ = setup
+    S, eps = dut.sensitivities(h, dut.rollout(h, T)), 1e-5
+    for k in range(T.size):
+        e = np.zeros(T.size)
+        e[k] = eps
+        up, down = (dut.rollout(h, T + sign * e.reshape(-1, 4)).x[1:] for sign in (1, -1))
+        np.testing.assert_allclose(S[:, :, k], (up - down) / (2 * eps), atol=1e-7)  # central differences
+
+
+def test_the_gradient_matches_finite_differences_of_the_cost(setup):
+    dut, h, T, _ = setup
+    gradient, eps = dut.local_model(h, dut.rollout(h, T)).gradient, 1e-5
+    e = np.random.default_rng(2).normal(size=T.shape)
+    slope = (dut.rollout(h, T + eps * e).cost - dut.rollout(h, T - eps * e).cost) / (2 * eps)
+    assert gradient @ e.ravel() == pytest.approx(slope, rel=1e-6)
+
+
+def test_rows_match_finite_differences_of_the_excess(setup):
+    dut, h, T, _ = setup
+    rows, eps = dut.local_model(h, dut.rollout(h, T)).rows, 1e-5
+    e = np.random.default_rng(3).normal(size=T.shape)
+    slope = (dut.rollout(h, T + eps * e).excess - dut.rollout(h, T - eps * e).excess) / (2 * eps)
+    np.testing.assert_allclose(rows.jacobian @ e.ravel(), slope, atol=1e-6)
+
+
+def test_the_hessian_is_the_cost_of_the_sensitivities(setup, vehicle, config):
+    dut, h, T, _ = setup
+    t = dut.rollout(h, T)
+    H = dut.local_model(h, t).hessian
+    d = np.random.default_rng(4).normal(size=T.shape)
+    dx = dut.sensitivities(h, t) @ d.ravel()
+    du = d @ vehicle.mixer.T
+    expected = np.sum(dx[:-1] ** 2 @ config.Q) + dx[-1] @ h.P @ dx[-1] + np.sum(du**2 @ config.R)
+    full = np.tril(H) + np.tril(H, -1).T
+    assert 0.5 * d.ravel() @ full @ d.ravel() == pytest.approx(expected, rel=1e-10)
+
+
+def test_slacks_are_the_largest_excess_of_each_kind(setup, config):
+    dut, h, T, _ = setup
+    t = dut.rollout(h, T)
+    speed = max(0.0, np.abs(t.x[1:, 7:10]).max() - config.max_speed)
+    np.testing.assert_allclose(t.slacks[0], speed, atol=1e-12)  # [m/s]
+    assert t.merit >= t.cost
+    assert t.merit == pytest.approx(t.cost + config.slack_weight * np.sum(t.slacks + 0.1 * t.slacks**2))

@@ -1,0 +1,95 @@
+import dataclasses as dc
+import time
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from np_drake import attitude
+from np_drake.mpc.benchmark_problems import infeasible_problems
+from np_drake.mpc.dynamics import DiscreteDynamics
+from np_drake.mpc.plan import shift
+from np_drake.mpc.problem import MpcConfig, MpcStatus
+from np_drake.mpc.sqp import SqpSolver
+from np_drake.vehicle import Vehicle
+
+VEHICLE = Vehicle().check()
+CONFIG = MpcConfig(horizon=10).check()
+PATIENT = SqpSolver(VEHICLE, CONFIG, time_limit=np.inf)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10_000), offset=st.floats(0.0, 3.0), tilt=st.floats(-1.4, 1.4))
+def test_a_step_never_raises_the_merit(make_problem, seed, offset, tilt):
+    dut = PATIENT
+    h = dut.condensed.prepare(make_problem(CONFIG, seed=seed, offset=offset, tilt=tilt))
+    T = np.random.default_rng(seed).uniform(0.0, 12.0, size=(CONFIG.horizon, 4))
+    before = dut.condensed.rollout(h, T)
+    with np.errstate(all="ignore"):
+        after, _ = dut.step(h, before, 1.0)
+    assert after.merit <= before.merit
+
+
+def test_one_warm_step_is_near_the_optimum(make_problem):
+    problem = make_problem(CONFIG, offset=0.2)
+    exact = SqpSolver(VEHICLE, CONFIG, steps=30, max_steps=30, time_limit=np.inf)
+    warm = exact.solve(problem)
+    moved = dc.replace(problem, x0=problem.x0 + 0.005 * np.repeat([1, 0, 1], [3, 4, 6]))
+    once = SqpSolver(VEHICLE, CONFIG, steps=1, max_steps=1, time_limit=np.inf).solve(moved, warm)
+    assert once.iterations == 1
+    assert once.cost == pytest.approx(exact.solve(moved).cost, rel=1e-4)
+
+
+def test_a_warm_start_that_leads_nowhere_counts_as_none(make_problem):
+    problem = make_problem(CONFIG)
+    plan = PATIENT.solve(problem)
+    broken = dc.replace(plan, u=np.full_like(plan.u, np.nan))
+    np.testing.assert_array_equal(PATIENT.solve(problem, broken).u, plan.u)
+
+
+def test_the_effort_is_reported(make_problem):
+    start = time.perf_counter()
+    solution = PATIENT.solve(make_problem(CONFIG))
+    assert 0 < solution.solve_time <= time.perf_counter() - start
+    assert 1 <= solution.iterations <= 8
+
+
+@pytest.mark.parametrize("index", range(4))
+def test_an_infeasible_start_degrades(index):
+    problem = infeasible_problems(VEHICLE, CONFIG, count=4)[index]
+    solution = PATIENT.solve(problem)
+    hover = PATIENT.condensed.rollout(
+        PATIENT.condensed.prepare(problem),
+        np.tile(VEHICLE.unmixer @ VEHICLE.hover_input, (CONFIG.horizon, 1)),
+    )
+    assert np.isfinite(solution.u).all()
+    assert solution.status in (MpcStatus.OPTIMAL, MpcStatus.ITERATION_LIMIT)
+    assert solution.violation > 0  # said, not swallowed
+    assert solution.cost < hover.merit
+
+
+def test_from_an_infeasible_start_the_loop_comes_back():
+    x = np.zeros(13)
+    x[:3], x[7:10] = [2.0, -2.0, 1.0], [6.5, -6.5, -2.0]
+    x[3:7] = attitude.quaternion_from_axes(np.array([np.sin(1.4), 0.0, np.cos(1.4)]), 0.0)
+    x_ref = np.zeros((CONFIG.horizon + 1, 13))
+    x_ref[:, 3] = 1.0
+    u_ref = np.tile(VEHICLE.hover_input, (CONFIG.horizon, 1))
+    from np_drake.mpc.problem import MpcProblem
+    from np_drake.residual_models.base import no_forecast
+
+    plant, plan = DiscreteDynamics(VEHICLE, 0.02), None
+    for _ in range(250):
+        warm = None if plan is None else shift(plan, elapsed=0.02, step=CONFIG.step)
+        plan = PATIENT.solve(MpcProblem(x, x_ref, u_ref, no_forecast(CONFIG.horizon)), warm)
+        x = np.array(plant.advance(x.tolist(), plan.u[0].tolist(), [0.0] * 6))
+    assert np.linalg.norm(x[:3]) < 0.05  # [m] after 5 s
+    assert plan.status == MpcStatus.OPTIMAL
+
+
+def test_time_that_has_run_out_still_gives_a_plan(make_problem):
+    dut = SqpSolver(VEHICLE, CONFIG, time_limit=0.0)
+    solution = dut.solve(make_problem(CONFIG, offset=1.0))
+    assert solution.iterations == 1
+    assert np.isfinite(solution.cost)

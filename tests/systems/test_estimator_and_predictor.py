@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+
+from np_drake import rigid_body
+from np_drake.labels import LabelConfig, LabelFilter
+from np_drake.residual_models.base import Sample
+from np_drake.residual_models.hold import Hold
+from np_drake.vehicle import Vehicle
+from systems.residual_predictor import ResidualPredictor
+from systems.wrench_estimator import WrenchEstimator
+
+VEHICLE = Vehicle()
+LEVEL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0])
+CHI = np.array([0.5, -0.3, -2.5, 0.01, -0.02, 0.005])
+
+
+def event(dut, context):
+    """Runs the periodic update once."""
+    context.SetDiscreteState(dut.EvalUniquePeriodicDiscreteUpdate(context))
+
+
+def estimator_under(chi):
+    dut = WrenchEstimator(VEHICLE, LabelConfig(), step=0.02)
+    context = dut.CreateDefaultContext()
+    rate = rigid_body.state_derivative(VEHICLE, LEVEL, VEHICLE.hover_input, chi)
+    dut.GetInputPort("x").FixValue(context, LEVEL)
+    dut.GetInputPort("acceleration").FixValue(context, np.concatenate([rate[7:10], rate[10:13]]))
+    dut.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
+    return dut, context
+
+
+def test_estimator_finds_the_wrench_that_acts():
+    dut, context = estimator_under(CHI)
+    np.testing.assert_allclose(dut.GetOutputPort("label").Eval(context), CHI, atol=1e-12)
+
+
+def test_estimator_output_and_event_take_a_sample_in_once():
+    dut, context = estimator_under(CHI)
+    event(dut, context)
+    dut.GetInputPort("u").FixValue(context, VEHICLE.hover_input + [1.0, 0, 0, 0])
+    seen = dut.GetOutputPort("label").Eval(context).copy()
+    assert not np.allclose(seen, dut.GetOutputPort("last_label").Eval(context))
+    event(dut, context)
+    np.testing.assert_array_equal(dut.GetOutputPort("last_label").Eval(context), seen)
+
+
+def test_estimator_is_the_label_filter_in_a_context():
+    dut, context = estimator_under(CHI)
+    pure, rng = LabelFilter(VEHICLE, LabelConfig(), step=0.02), np.random.default_rng(0)
+    memory = pure.initial_memory()
+    for _ in range(5):
+        u = VEHICLE.hover_input + rng.normal(size=4)
+        dut.GetInputPort("u").FixValue(context, u)
+        acceleration = dut.GetInputPort("acceleration").Eval(context)
+        memory, expected = pure.step(memory, x=LEVEL, a=acceleration[:3], al=acceleration[3:], u=u)
+        event(dut, context)
+        np.testing.assert_allclose(dut.GetOutputPort("last_label").Eval(context), expected, atol=1e-14)
+
+
+def test_nan_reading_gives_a_nan_label_and_the_filter_carries_on():
+    dut, context = estimator_under(CHI)
+    event(dut, context)
+    good = dut.GetInputPort("acceleration").Eval(context).copy()
+    dut.GetInputPort("acceleration").FixValue(context, np.full(6, np.nan))
+    event(dut, context)
+    assert np.isnan(dut.GetOutputPort("last_label").Eval(context)).all()
+    dut.GetInputPort("acceleration").FixValue(context, good)
+    event(dut, context)
+    np.testing.assert_allclose(dut.GetOutputPort("last_label").Eval(context), CHI, atol=1e-12)
+
+
+def predictor_on(label):
+    dut = ResidualPredictor(Hold(step=0.02), horizon=4, stride=2)
+    context = dut.CreateDefaultContext()
+    dut.GetInputPort("x").FixValue(context, LEVEL)
+    dut.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
+    dut.GetInputPort("label").FixValue(context, label)
+    return dut, context
+
+
+def test_forecast_feeds_through_and_chi_hat_waits_for_the_event():
+    dut, context = predictor_on(CHI)
+    np.testing.assert_allclose(dut.GetOutputPort("forecast").Eval(context).first, CHI)
+    np.testing.assert_allclose(dut.GetOutputPort("chi_hat").Eval(context), 0.0)
+    event(dut, context)
+    np.testing.assert_allclose(dut.GetOutputPort("chi_hat").Eval(context), CHI)
+
+
+def test_predictor_is_the_model_in_a_context():
+    dut, context = predictor_on(CHI)
+    model, rng = Hold(step=0.02, force_bandwidth=2.0, torque_bandwidth=1.0), np.random.default_rng(0)
+    dut = ResidualPredictor(model, horizon=4, stride=2)
+    context = dut.CreateDefaultContext()
+    memory = model.initial_memory()
+    dut.GetInputPort("x").FixValue(context, LEVEL)
+    dut.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
+    for _ in range(6):
+        label = rng.normal(size=6)
+        dut.GetInputPort("label").FixValue(context, label)
+        memory = model.update(memory, Sample(LEVEL, VEHICLE.hover_input, label))
+        event(dut, context)
+        np.testing.assert_allclose(dut.memory(context)["chi"], memory["chi"], atol=1e-14)
+
+
+@pytest.mark.parametrize("make", [lambda: estimator_under(CHI), lambda: predictor_on(CHI)])
+def test_two_contexts_of_one_system_never_influence_each_other(make):
+    dut, first = make()
+    second = first.Clone()
+    event(dut, first)
+    untouched = [
+        second.get_discrete_state(i).CopyToVector() for i in range(second.num_discrete_state_groups())
+    ]
+    fresh = dut.CreateDefaultContext()
+    for i, value in enumerate(untouched):
+        np.testing.assert_array_equal(value, fresh.get_discrete_state(i).value())
