@@ -1,5 +1,7 @@
 """The actuator wrapper: effects between commanded and actual rotor thrust."""
 
+import itertools
+
 import numpy as np
 from pydrake.systems.framework import BasicVector, LeafSystem
 
@@ -30,7 +32,7 @@ class ActuatorEffects(LeafSystem):
         super().__init__()
         self._vehicle, self._effects = vehicle, list(effects)
         ends = np.cumsum([0] + [e.state_size for e in effects])
-        self._slices = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        self._slices = [slice(a, b) for a, b in itertools.pairwise(ends)]
         self._command_port = self.DeclareVectorInputPort("command", 4)
         self.DeclareContinuousState(BasicVector(self._resting_state(hover_thrust)))
         feeds_through = not any(e.state_size for e in effects)

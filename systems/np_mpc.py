@@ -42,7 +42,7 @@ class NpMpc(LeafSystem):
 
     def __init__(self, controller: MpcController):
         super().__init__()
-        self._controller = controller
+        self.controller = controller
         N = controller.config.horizon
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._flat_port = self.DeclareVectorInputPort("flat", 15 * (N + 1))
@@ -63,12 +63,12 @@ class NpMpc(LeafSystem):
 
     def _memory(self, context) -> ControllerMemory:
         values = [context.get_discrete_state(i).CopyToVector() for i in range(4)]
-        arrays = [v.reshape(shape) for v, shape in zip(values, self._shapes, strict=False)]
-        return ControllerMemory(*arrays, flags=values[3])
+        u, x, chi = (v.reshape(shape) for v, shape in zip(values[:3], self._shapes, strict=True))
+        return ControllerMemory(u, x, chi, flags=values[3])
 
     def _update_plan(self, context, discrete_state) -> None:
         forecast = self._forecast_port.Eval(context) if self._forecast_port.HasValue(context) else None
-        memory = self._controller.step(
+        memory = self.controller.step(
             self._memory(context),
             x=self._x_port.Eval(context),
             flat=self._flat_port.Eval(context).reshape(5, -1, 3),

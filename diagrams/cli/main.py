@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from diagrams.cli import demo, evaluate, fly, reproduce, train
+from diagrams.cli import bench, demo, evaluate, fly, reproduce, train
 from diagrams.cli.output import FailedRun, console, say
 
 # Before NumPy is loaded: its threads cost more than they bring on matrices of this size.
@@ -32,6 +32,7 @@ app.command("fly")(fly.fly)
 app.command("train")(train.train)
 app.command("evaluate")(evaluate.evaluate)
 app.command("reproduce")(reproduce.reproduce)
+app.command("bench")(bench.bench)
 
 
 @app.callback(invoke_without_command=True)

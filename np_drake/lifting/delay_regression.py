@@ -14,6 +14,8 @@ import dataclasses as dc
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from np_drake.lifting.segments import white_noise
+
 Piece = tuple[np.ndarray, np.ndarray, np.ndarray]  # labels (n, l), inputs (n, p), goals (n, m), scaled
 
 
@@ -21,10 +23,11 @@ Piece = tuple[np.ndarray, np.ndarray, np.ndarray]  # labels (n, l), inputs (n, p
 class Regularisation:
     """Pseudo-data that keeps the fit sane where the flight says little; deviations in scaled units."""
 
-    label_noise: float = 0.1  # white noise added to the labels the encoder sees
-    zeta_noise: float = 0.03  # white noise added to the zeta the encoder sees
-    input_noise: float = 0.03  # white noise added to the coming zeta: keeps B from amplifying it
-    unknown_constant: float = 0.5  # constants added to label and target: an unknown constant wrench is held
+    label_noise: float = 1.0  # white noise added to the encoder's labels, multiples of the noise they have
+    smallest_label_noise: float = 3e-4  # but at least this
+    zeta_noise: float = 0.01  # white noise added to the zeta the encoder sees
+    input_noise: float = 0.01  # white noise added to the coming zeta: keeps B from amplifying it
+    unknown_constant: float = 0.2  # constants added to label and target: an unknown constant wrench is held
 
 
 @dc.dataclass(frozen=True)
@@ -67,7 +70,9 @@ def compress(
         gram, origins = gram + X.T @ X, origins + len(X)
     S = np.asarray(gram) / origins
     nh, nu = delay * (pieces[0][0].shape[1] + p), horizons[-1] * p
-    _add_pseudo_data(S, pieces[0], delay, horizons, weights, regularisation)
+    noise = regularisation.label_noise * white_noise([labels for labels, _, _ in pieces])
+    noise = np.maximum(noise, regularisation.smallest_label_noise)
+    _add_pseudo_data(S, noise, (m, p), delay, horizons, weights, regularisation)
     L = np.linalg.cholesky(S[:nh, :nh])
     free = np.linalg.solve(L, S[:nh, nh:])
     rest = S[nh:, nh:] - free.T @ free
@@ -105,9 +110,17 @@ def _rows(piece: Piece, delay: int, horizons: np.ndarray, stride: int):
     return h.reshape(len(origin), -1), u.reshape(len(origin), -1), goals[origin[:, None] + horizons]
 
 
-def _add_pseudo_data(S, piece: Piece, delay: int, horizons, weights, regularisation: Regularisation) -> None:
-    """Adds the second moments of `regularisation` to S, in place."""
-    (_, l), (_, p), (_, m) = (array.shape for array in piece)
+def _add_pseudo_data(
+    S: np.ndarray,
+    label_noise: np.ndarray,
+    sizes: tuple[int, int],
+    delay: int,
+    horizons: np.ndarray,
+    weights: np.ndarray,
+    regularisation: Regularisation,
+) -> None:
+    """Adds the second moments of `regularisation` to S, in place; sizes: outputs m and inputs p."""
+    l, (m, p) = len(label_noise), sizes
     nh, nu = delay * (l + p), horizons[-1] * p
     for j in range(l):
         row = np.zeros(len(S))
@@ -115,6 +128,6 @@ def _add_pseudo_data(S, piece: Piece, delay: int, horizons, weights, regularisat
         if j < m:
             row[nh + nu :].reshape(len(horizons), m)[:, j] = regularisation.unknown_constant * weights
         S += np.outer(row, row)
-    noise = np.repeat([regularisation.label_noise, regularisation.zeta_noise], [l, p])
+    noise = np.concatenate([label_noise, np.full(p, regularisation.zeta_noise)])
     diagonal = np.concatenate([np.tile(noise, delay), np.full(nu, regularisation.input_noise)])
     S[np.arange(nh + nu), np.arange(nh + nu)] += diagonal**2

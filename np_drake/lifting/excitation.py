@@ -10,7 +10,7 @@ import dataclasses as dc
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from np_drake.lifting.segments import group_scale
+from np_drake.lifting.segments import group_scale, white_noise
 
 CHANNELS = ("vx", "vy", "vz", "wx", "wy", "wz")
 AVERAGE = 8  # samples averaged before motion is compared with noise: dynamics are slower than noise [1]
@@ -74,7 +74,7 @@ def measure_excitation(
 
     noise: (6,) standard deviation of white noise in zeta [m/s, rad/s]; None: estimated from the data.
     """
-    white = estimate_noise(zeta) if noise is None else np.asarray(noise, float)
+    white = white_noise(zeta) if noise is None else np.asarray(noise, float)
     sigma = np.hypot(white / np.sqrt(AVERAGE), RELEVANT * group_scale(zeta, centred=True))
     sigma = np.maximum(sigma, 1e-9)
     smooth = np.concatenate([uniform_filter1d(piece, AVERAGE, axis=0) for piece in zeta])
@@ -85,16 +85,6 @@ def measure_excitation(
     gain = 1.0 / (1.0 + (THRESHOLD / signal) ** 4)
     frequency, share = _strongest_line(max(zeta, key=len) / sigma, step)
     return Excitation(sigma, directions, np.sqrt(variance), gain, frequency, share)
-
-
-def estimate_noise(zeta: list[np.ndarray]) -> np.ndarray:
-    """(6,) standard deviation of white noise in zeta, from fourth differences.
-
-    A fourth difference multiplies white noise by sqrt(70) and all but removes motion slower than a tenth of
-    the sampling rate. The median is taken, so that a few jumps do not count.
-    """
-    difference = np.concatenate([np.diff(piece, n=4, axis=0) for piece in zeta])
-    return np.median(np.abs(difference), axis=0) / (0.6745 * np.sqrt(70.0))
 
 
 def _strongest_line(zeta: np.ndarray, step: float) -> tuple[float, float]:

@@ -73,7 +73,7 @@ def infeasible_problems(
 
 
 def circle(vehicle: Vehicle, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """x_ref (n, 13) and u_ref (n, 4) at times t (n,) [s] on a circle of 1 m at 1.5 m/s, z = 1.6 m; no torques."""
+    """x_ref (n, 13) and u_ref (n, 4) at times t (n,) [s] on a circle of 1 m at 1.5 m/s, 1.6 m high."""
     c, s, zero = np.cos(1.5 * t), np.sin(1.5 * t), np.zeros_like(t)
     push = np.stack([-2.25 * c, -2.25 * s, zero + vehicle.gravity], axis=1)
     size = np.linalg.norm(push, axis=1)

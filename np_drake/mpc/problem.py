@@ -36,6 +36,7 @@ class MpcConfig:
             _require(weight.shape == (size,), f"weight_{name} must have {size} entries; got {weight.shape}")
             _require(bool(np.all(weight >= 0)), f"weight_{name} must not be negative; got {weight.tolist()}")
         _require(min(self.weight_input) > 0, "weight_input must be positive")
+        _require(min(self.weight_position) > 0, "weight_position must be positive: the terminal set needs it")
         for name in ("terminal_scale", "max_speed", "max_tilt", "terminal_radius", "slack_weight"):
             _require(getattr(self, name) > 0, f"{name} must be positive; got {getattr(self, name)}")
         _require(self.terminal in ("riccati", "scaled"), f"terminal: riccati | scaled; got {self.terminal}")

@@ -1,5 +1,6 @@
 """All constraints of multiple shooting in one vector: dynamics, wrench, soft sets; with a hand Jacobian."""
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ class StackedStages:
     def __init__(self, condensed: Condensed):
         self._c, self._n = condensed, condensed.config.horizon
         cuts = np.cumsum([0, 4 * self._n, 13 * self._n, 6 * self._n, KINDS]).tolist()
-        self.u, self.x, self.chi, self.s = (slice(a, b) for a, b in zip(cuts, cuts[1:], strict=False))
+        self.u, self.x, self.chi, self.s = (slice(a, b) for a, b in itertools.pairwise(cuts))
         self.size = cuts[-1]
 
     def x_stage(self, i: int) -> slice:
@@ -33,7 +34,7 @@ class StackedStages:
         return lower, upper
 
     def pattern(self) -> np.ndarray:
-        """(rows, size) where the Jacobian can be nonzero: where it is, at a random point of a random problem."""
+        """(rows, size) where the Jacobian can be nonzero: where it is at a random point."""
         n, rng = self._n, np.random.default_rng(0)
         h = Horizon(
             x0=rng.normal(size=13),

@@ -10,20 +10,8 @@ from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.problem import MpcConfig
 from np_drake.vehicle import Vehicle
 
-_CONTROLLABLE = [
-    0,
-    1,
-    2,
-    4,
-    5,
-    6,
-    7,
-    8,
-    9,
-    10,
-    11,
-    12,
-]  # all states but q_w, which hover cannot move to first order
+_CONTROLLABLE = np.delete(np.arange(13), 3)  # all states but q_w, which no input moves at hover
+_FLOOR = 1e-4  # of a weight, where zero would leave the Riccati equation without a stabilising solution
 
 
 def terminal_weight(vehicle: Vehicle, config: MpcConfig, q_ref: np.ndarray) -> np.ndarray:
@@ -64,11 +52,11 @@ def _solve(mass, gravity, J, step, Q, R) -> tuple[np.ndarray, np.ndarray]:
     x = np.zeros((1, 13))
     x[0, 3] = 1.0
     model = DiscreteDynamics(vehicle, step).linearise(x, vehicle.hover_input[None], np.zeros((1, 6)))
-    keep = np.array(_CONTROLLABLE)
+    keep = _CONTROLLABLE
     A, B = model.Fx[0][np.ix_(keep, keep)], model.Fu[0][keep]
     P = np.zeros((13, 13))
     P[3, 3] = q[3]
-    P[np.ix_(keep, keep)] = S = solve_discrete_are(A, B, np.diag(q[keep]), r)
+    P[np.ix_(keep, keep)] = S = solve_discrete_are(A, B, np.diag(np.maximum(q[keep], _FLOOR)), r)
     feedback = np.zeros((4, 13))
     feedback[:, keep] = np.linalg.solve(r + B.T @ S @ B, B.T @ S @ A)
     return P, feedback

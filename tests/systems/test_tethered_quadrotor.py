@@ -67,7 +67,7 @@ def test_small_swing_has_the_period_of_the_coupled_system(tether):
     # Hook at the centre of mass: the pair swings about its common centre of mass under constant vertical thrust,
     # with reduced mass mu: mu L² phi'' = -T_static L phi, T_static = m g, so w² = (g/L) (1 + m/M).
     payload = PayloadConfig(tether=tether, hook=[0.0, 0.0, 0.0], radius=1e-3)
-    simulator, dut, plant, plant_context = simulator_of(payload, u=[WEIGHT, 0, 0, 0])
+    simulator, _dut, plant, plant_context = simulator_of(payload, u=[WEIGHT, 0, 0, 0])
     dv = 0.02  # [m/s]
     if tether == "cable":
         apply_impulse(plant, plant_context, [payload.mass * dv, 0, 0])
@@ -163,7 +163,7 @@ def test_rotor_thrust_saturates():
 
 def test_lagging_rotors_reach_63_percent_of_a_speed_step_after_one_time_constant():
     lag = MotorLag(0.03)
-    simulator, dut, *_ = simulator_of(PayloadConfig(tether="none"), actuator_effects=[lag])
+    simulator, _dut, *_ = simulator_of(PayloadConfig(tether="none"), actuator_effects=[lag])
     start = np.sqrt(evaluate(simulator, "rotor_thrust"))
     simulator.AdvanceTo(0.03)
     ratio = np.sqrt(evaluate(simulator, "rotor_thrust")) / start

@@ -45,3 +45,8 @@ def test_the_scaled_weight_is_a_multiple_of_q(vehicle, config):
 def test_an_unknown_terminal_weight_is_refused(config):
     with pytest.raises(ValueError, match="riccati"):
         dc.replace(config, terminal="best").check()
+
+
+def test_without_a_weight_on_heading_the_equation_still_has_a_solution(vehicle, config):
+    lazy = dc.replace(config, weight_attitude=[0.0] * 4, weight_rate=[0.0] * 3).check()
+    assert np.isfinite(terminal_weight(vehicle, lazy, HOVER)).all()

@@ -1,0 +1,121 @@
+"""What speed is measured on: recorded MPC problems, predictor, simulator, training."""
+
+import dataclasses as dc
+import time
+from pathlib import Path
+
+import numpy as np
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+
+from diagrams.controllers import DEFAULT_MODEL
+from diagrams.experiments import load_experiment
+from diagrams.flight import FlightConfig, initialise, make_flight_diagram
+from diagrams.flight_result import fly
+from diagrams.learning import train_predictor
+from diagrams.tracking import training_flight
+from np_drake.mpc.problem import MpcProblem, MpcSolution, MpcSolver
+from np_drake.residual_models.base import Sample
+from np_drake.residual_models.neural_predictor import NeuralPredictor
+from systems.initial_state import set_hover
+from systems.tethered_quadrotor import make_tethered_quadrotor
+
+
+class RecordingSolver:
+    """Passes problems on to a solver and keeps them."""
+
+    def __init__(self, solver: MpcSolver):
+        self.name, self._solver = solver.name, solver
+        self.problems: list[MpcProblem] = []
+
+    def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
+        """As the wrapped solver."""
+        self.problems.append(problem)
+        return self._solver.solve(problem, warm_start)
+
+
+def record_problems(count: int, *, seed: int) -> tuple[FlightConfig, list[MpcProblem]]:
+    """The NP-MPC problems of `count` periods in a row on the lemniscate, from the end of the ramp on."""
+    config = load_experiment("lemniscate")
+    config.controller.kind, config.controller.solver = "np", "sqp"
+    config.duration = count * config.controller.period
+    diagram, _ = make_flight_diagram(config)
+    controller = diagram.GetSubsystemByName("np_mpc").controller
+    controller.solver = recorder = RecordingSolver(controller.solver)
+    simulator = Simulator(diagram)
+    ApplySimulatorConfig(config.simulator, simulator)
+    initialise(diagram, simulator.get_mutable_context(), config, seed)
+    simulator.AdvanceTo(config.end - 0.5 * config.controller.period)
+    return config, recorder.problems[-count:]
+
+
+def time_predictor(
+    model: NeuralPredictor, *, horizon: int, stride: int, repeats: int = 500
+) -> dict[str, float]:
+    """Median and p95 [ms] of one sample: lift, refit where there is one, and forecast."""
+    rng, memory, spent = np.random.default_rng(0), model.initial_memory(), []
+    for _ in range(repeats + model.model.window):
+        x = np.concatenate([np.zeros(3), [1.0, 0, 0, 0], rng.normal(size=6)])
+        sample = Sample(x, np.zeros(4), rng.normal(size=6))
+        start = time.perf_counter()
+        memory = model.update(memory, sample)
+        model.forecast(memory, horizon=horizon, stride=stride)
+        spent.append(1e3 * (time.perf_counter() - start))
+    tail = spent[-repeats:]
+    return {"median": float(np.median(tail)), "p95": float(np.quantile(tail, 0.95))}
+
+
+def real_time_factors(*, seconds: float, seed: int) -> dict[str, float]:
+    """Simulated over wall time: the bare cable plant, with every effect, and with NP-MPC (SQP) in the loop."""
+    config = load_experiment("circle")
+    bare = dc.replace(
+        config, reality=dc.replace(config.reality, rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0)
+    )
+    config.controller.kind, config.controller.solver = "np", "sqp"
+    config.duration = max(seconds / 4, 1.0)
+    start = time.perf_counter()
+    fly(config, seed=seed)
+    closed = config.end / (time.perf_counter() - start)
+    return {
+        "plant": _plant_factor(bare, seconds),
+        "plant_with_effects": _plant_factor(config, seconds),
+        "closed_loop": closed,
+    }
+
+
+def _plant_factor(config: FlightConfig, seconds: float) -> float:
+    reality = config.reality
+    vehicle = make_tethered_quadrotor(
+        config.vehicle,
+        reality.payload,
+        wrench_effects=reality.wrench_effects(),
+        actuator_effects=reality.actuator_effects(),
+    )
+    simulator = Simulator(vehicle)
+    ApplySimulatorConfig(config.simulator, simulator)
+    context = simulator.get_mutable_context()
+    weight = (config.vehicle.mass + reality.payload.mass) * config.vehicle.gravity
+    vehicle.GetInputPort("u").FixValue(context, [weight, 0.0, 0.0, 0.0])
+    plant = vehicle.GetSubsystemByName("plant")
+    set_hover(plant, plant.GetMyMutableContextFromRoot(context), reality.payload, [0, 0, 2])
+    simulator.Initialize()
+    start = time.perf_counter()
+    simulator.AdvanceTo(seconds)
+    return seconds / (time.perf_counter() - start)
+
+
+def time_training(folder: Path, *, seed: int) -> dict[str, float]:
+    """Wall time [s] of both configurations on the 3000 points of one training flight."""
+    flight = training_flight("training_circle", seed=seed, solver="sqp")
+    walls = {}
+    for configuration in ("default", "paper"):
+        start = time.perf_counter()
+        train_predictor(
+            flight, folder / f"{configuration}.safetensors", configuration=configuration, seed=seed
+        )
+        walls[configuration] = time.perf_counter() - start
+    return walls
+
+
+def load_predictor(path: Path = DEFAULT_MODEL) -> NeuralPredictor:
+    """A model from its file; the one that ships with the package by default."""
+    return NeuralPredictor.load(path)

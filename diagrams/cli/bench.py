@@ -1,0 +1,106 @@
+"""`np-drake bench`: speed, as ratios measured in one run."""
+
+import dataclasses as dc
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from diagrams.cli import options
+from diagrams.cli.output import print_table, progress, say, write_metrics
+from np_drake.atomic_file import require_writable
+
+if TYPE_CHECKING:
+    from np_drake.mpc.benchmark import SolverReport
+
+
+def bench(
+    problems: Annotated[int, typer.Option(min=10, help="Recorded NP-MPC problems.")] = 200,
+    seconds: Annotated[
+        float, typer.Option(min=1.0, help="Simulated time of the simulator's figures [s].")
+    ] = 40.0,
+    seed: options.Seed = 0,
+    json: options.Json = None,
+) -> None:
+    """Time solvers, predictor, simulator and training; CasADi + IPOPT (extra `bench`) is the peer."""
+    if json is not None:
+        require_writable(json)
+    if os.environ.get("OMP_NUM_THREADS") != "1":
+        say("OMP_NUM_THREADS is not 1: small matrices run two to three times slower on several threads.")
+    from diagrams import bench as measure
+    from np_drake.mpc.benchmark import suite
+
+    with progress("recording problems", 1.0):
+        config, recorded = measure.record_problems(problems, seed=seed)
+    with progress("solvers", 1.0) as advance:
+        reports = suite(
+            config.vehicle,
+            config.controller.mpc,
+            recorded=recorded,
+            period=config.controller.period,
+            progress=lambda done, total: advance(done / total, f"{done} of {total}"),
+        )
+    _print_solvers(reports)
+    mpc_config = dc.asdict(config.controller.mpc)
+    content = _other_figures(measure, seconds=seconds, seed=seed)
+    growth = [
+        {"N": int(name.split("=")[1]), "solver": r.name, **_fields(r)}
+        for name, rows in reports.items()
+        if name.startswith("N =")
+        for r in rows
+    ]
+    starts = {name: [_fields(r) for r in rows] for name, rows in reports.items() if "start" in name}
+    mpc = {r.name: {"N": config.controller.mpc.horizon, **_fields(r)} for r in reports["tracking"]}
+    write_metrics(
+        json, "bench", seed=seed, config=mpc_config, mpc=mpc, mpc_growth=growth, mpc_starts=starts, **content
+    )
+
+
+def _fields(report: "SolverReport") -> dict[str, Any]:
+    return dc.asdict(report)
+
+
+def _print_solvers(reports: "dict[str, list[SolverReport]]") -> None:
+    rows = [
+        (
+            name,
+            r.name,
+            r.problems,
+            r.median_ms,
+            r.p95_ms,
+            r.max_ms,
+            r.ratio_to_casadi,
+            r.failures,
+            r.fallbacks,
+            f"{r.gap_median:.1e}",
+        )
+        for name, solvers in reports.items()
+        for r in solvers
+    ]
+    header = ["problems", "solver", "n", "median [ms]", "p95", "max", "ratio", "failed", "fell back", "gap"]
+    print_table("NP-MPC solvers; ratio: to CasADi + IPOPT in this run", header, rows)
+
+
+def _other_figures(measure: Any, *, seconds: float, seed: int) -> dict[str, Any]:
+    """Predictor, simulator and training, printed and as `--json` has them."""
+    mpc = {"horizon": 20, "stride": 2}
+    with progress("simulator, predictor, training", 1.0) as advance, tempfile.TemporaryDirectory() as folder:
+        update = {"default": measure.time_predictor(measure.load_predictor(), **mpc)}
+        factors = measure.real_time_factors(seconds=seconds, seed=seed)
+        advance(0.5, "training")
+        walls = measure.time_training(Path(folder), seed=seed)
+        paper = measure.load_predictor(Path(folder) / "paper.safetensors")
+        update["paper"] = measure.time_predictor(paper, **mpc)
+    rows: list[tuple[str, float, str]] = []
+    for name, value in update.items():
+        rows += [(f"predictor `{name}`: lift, refit, forecast", value["median"], "ms (median)")]
+    rows += [(f"simulator: {name}", value, "x real time") for name, value in factors.items()]
+    rows += [(f"training `{name}`, 3000 points", value, "s") for name, value in walls.items()]
+    print_table("the rest", ["what", "figure", "unit"], rows)
+    return {
+        "predictor": {"update_ms": update["default"], "update_ms_paper": update["paper"]},
+        "simulator": {"real_time_factor": factors},
+        "training": {"wall": walls["default"], "wall_paper": walls["paper"]},
+    }
