@@ -20,7 +20,7 @@ from np_drake.vehicle import MeasurementNoise, Vehicle
 from np_drake.yaml_file import load_checked
 from systems.initial_state import set_hover
 from systems.recorder import Recorder, add_recorder
-from systems.sensor_rig import make_sensor_rig
+from systems.sensor_rig import add_sensor_rig
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
 
@@ -103,15 +103,8 @@ def make_flight_diagram(config: FlightConfig) -> tuple[Diagram, Recorder]:
     builder = DiagramBuilder()
     vehicle = builder.AddSystem(make_real_vehicle(config.vehicle, config.reality))
     period = config.controller.period
-    rig = builder.AddSystem(
-        make_sensor_rig(config.vehicle, [SensorNoise(config.reality.noise)], period=period)
-    )
-    for source, target in (
-        ("x", "x_true"),
-        ("acceleration", "acceleration_true"),
-        ("rotor_thrust", "rotor_thrust"),
-    ):
-        builder.Connect(vehicle.GetOutputPort(source), rig.GetInputPort(target))
+    noise = [SensorNoise(config.reality.noise)]
+    rig = add_sensor_rig(builder, vehicle, config.vehicle, noise, period=period)
     ports = add_controller(
         builder,
         config.controller,

@@ -6,13 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.flight_result import FlightResult
-from np_drake.lifting.default_training import DefaultConfig
 from np_drake.lifting.model_file import save_model
-from np_drake.lifting.paper_training import PaperConfig
-from np_drake.lifting.training import TrainingResult, train
+from np_drake.lifting.training import TrainingResult, make_config, train
 from np_drake.logs.training_segments import training_segments
-
-CONFIGURATIONS = {"default": DefaultConfig, "paper": PaperConfig}
 
 
 def train_predictor(
@@ -27,10 +23,6 @@ def train_predictor(
 
     Raises: ValueError: on an unknown configuration.
     """
-    if configuration not in CONFIGURATIONS:
-        raise ValueError(
-            f"train_predictor: must be one of {', '.join(CONFIGURATIONS)}; got {configuration!r}."
-        )
     log = flight.log()
     start = int(np.argmax(flight.scored))
     segments = training_segments(
@@ -39,6 +31,6 @@ def train_predictor(
         flight.config.controller.label,
         step=flight.config.controller.period,
     )
-    result = train(segments, CONFIGURATIONS[configuration](seed=seed), on_epoch=on_epoch)
+    result = train(segments, make_config(configuration, seed=seed), on_epoch=on_epoch)
     save_model(result.model, path)
     return result

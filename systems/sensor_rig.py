@@ -35,3 +35,22 @@ def make_sensor_rig(vehicle: Vehicle, effects: list[MeasurementEffect], *, perio
     diagram = builder.Build()
     diagram.set_name("sensor_rig")
     return diagram
+
+
+def add_sensor_rig(
+    builder: DiagramBuilder,
+    real_vehicle: Diagram,
+    vehicle: Vehicle,
+    effects: list[MeasurementEffect],
+    *,
+    period: float,
+) -> Diagram:
+    """Adds a sensor rig and connects it to the real vehicle (`make_tethered_quadrotor`)."""
+    rig = builder.AddSystem(make_sensor_rig(vehicle, effects, period=period))
+    for source, target in (
+        ("x", "x_true"),
+        ("acceleration", "acceleration_true"),
+        ("rotor_thrust", "rotor_thrust"),
+    ):
+        builder.Connect(real_vehicle.GetOutputPort(source), rig.GetInputPort(target))
+    return rig

@@ -25,8 +25,8 @@ class DefaultConfig:
 
     delay: int = 25  # samples the encoder sees [1]
     horizon: int = 40  # longest prediction in the loss [steps]
-    horizons: int = 41  # how many horizons of it are in the loss, closer together near 0 [1]
-    size: int = 4  # lifted states of a block [1]
+    horizons: int = 25  # how many horizons of it are in the loss, closer together near 0 [1]
+    size: int | None = None  # lifted states of a block; None: 4 tied (12 in all), 24 untied [1]
     symmetric: bool = True  # tie x and y (force in W, yaw near zero); False for wrenches in other frames
     torque: bool = False  # predict the torque too; else the predictor holds it
     iterations: int = 150  # L-BFGS iterations at most, a block and a start [1]
@@ -38,8 +38,9 @@ class DefaultConfig:
 
     def blocks(self) -> list[Block]:
         """The blocks that are fitted, in the order of their states in z."""
-        make = symmetric_blocks if self.symmetric else free_blocks
-        return make(self.size, torque=self.torque)
+        if self.symmetric:
+            return symmetric_blocks(self.size or 4, torque=self.torque)
+        return free_blocks(self.size or 24, torque=self.torque)
 
 
 def train_default(

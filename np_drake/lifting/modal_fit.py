@@ -15,7 +15,8 @@ from scipy.optimize import minimize
 from np_drake.lifting.delay_regression import DelayRegression
 
 LEVEL_MEMORY = 200.0  # time constant of the levels [s]: they hold a payload's weight over any horizon
-FADING = 2.5  # longest time constant of the other modes [horizons of the loss]
+FADING = 2.0  # longest time constant of the other modes [horizons of the loss]
+RIDGE = 1e-2  # weight of the modes' amplitudes: keeps modes from cancelling one another [1]
 
 
 @dc.dataclass(frozen=True)
@@ -31,8 +32,8 @@ class BlockMatrices:
 class ModalBlock:
     """The parameter vector theta = [a, angle H of pairs; a of reals; C; B] of one block and its loss.
 
-    The last `outputs` modes are levels: real, almost integrators, not driven by zeta. All others die out within
-    a few horizons of the loss, so that a forecast beyond what was trained fades into a constant.
+    The last `outputs` modes are levels: real, almost integrators, not driven by zeta. All others die out within a few
+    horizons of the loss, so that a forecast beyond what was trained fades into a constant.
     """
 
     def __init__(self, regression: DelayRegression, *, size: int, pairs: int, step: float):
@@ -69,12 +70,14 @@ class ModalBlock:
 
     def loss(self, theta: torch.Tensor) -> torch.Tensor:
         """Mean squared ratio to persistence over horizons and outputs, at the best E."""
-        O, response = self._operators(theta)
+        O, response, amplitudes = self._operators(theta)
         free = self._free_y - self._free_u @ response
         fixed = self._fixed_y - self._fixed_u @ response
-        Q, _ = torch.linalg.qr(O)
-        free = free - (free @ Q) @ Q.T
-        return (free.square().sum() + fixed.square().sum() + self._regression.floor) / self._regression.count
+        Q, _ = torch.linalg.qr(O)  # of the ridged problem: min |free - O z|² + ridge |amplitude of z|²
+        projected = free @ Q[: free.shape[1]]
+        rest = free.square().sum() - projected.square().sum()
+        rest = rest + fixed.square().sum() + self._regression.floor + amplitudes
+        return rest / self._regression.count
 
     def loss_and_gradient(self, theta: np.ndarray) -> tuple[float, np.ndarray]:
         """The loss and its gradient at theta."""
@@ -88,10 +91,13 @@ class ModalBlock:
         """E, A, B, C at theta; states scaled so that each mode's column of C has length one."""
         with torch.no_grad():
             variable = torch.tensor(theta)
-            O, response = self._operators(variable)
-            free = self._free_y - self._free_u @ response
-            initial = torch.linalg.lstsq(O, free.T, driver="gelsd").solution.numpy()
-            a, angle, real, C, B = (part.numpy() for part in self._parts(variable))
+            O, response, _ = self._operators(variable)
+            free = (self._free_y - self._free_u @ response).T
+            free = torch.cat([free, torch.zeros(self.size, free.shape[1], dtype=free.dtype)])
+            initial = torch.linalg.lstsq(O, free, driver="gelsd").solution.numpy()
+            parts = self._parts(variable)
+            scale = self._column_length(parts[3]).numpy()
+            a, angle, real, C, B = (part.numpy() for part in parts)
         E = np.linalg.solve(self._regression.whitener.T, initial.T).T
         radius = np.exp(self._log_radius - np.exp(a))
         reals = np.exp(self._log_radius - np.exp(real))
@@ -101,15 +107,13 @@ class ModalBlock:
             A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = r * np.array(
                 [[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]]
             )
-        scale = self._column_length(C)
         return BlockMatrices(E * scale[:, None], A, B * scale[:, None], C / scale)
 
-    def _column_length(self, C: np.ndarray) -> np.ndarray:
-        """(size,) length of each mode's columns of C, one value for a pair."""
-        square = np.sum(C**2, axis=0)
-        pairs = 2 * self.pairs
-        square[:pairs] = np.repeat(square[:pairs].reshape(-1, 2).sum(axis=1), 2)
-        return np.sqrt(np.maximum(square, 1e-24))
+    def _column_length(self, C: torch.Tensor) -> torch.Tensor:
+        """(size,) length of each mode's columns of C, one value for a pair: a mode's output per unit of state."""
+        square = C.square().sum(dim=0)
+        pairs = square[: 2 * self.pairs].reshape(-1, 2).sum(dim=1).repeat_interleave(2)
+        return torch.sqrt(torch.cat([pairs, square[2 * self.pairs :]]) + 1e-24)
 
     def _parts(self, theta: torch.Tensor) -> tuple[torch.Tensor, ...]:
         r = self._regression
@@ -119,8 +123,10 @@ class ModalBlock:
         B = torch.cat([B.reshape(driven, -1), torch.zeros(r.outputs, r.inputs, dtype=B.dtype)])
         return a, angle / float(r.horizons[-1]), real, C.reshape(-1, self.size), B
 
-    def _operators(self, theta: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """(ny, K) weighted observability O and (nu, ny) weighted response to the coming inputs."""
+    def _operators(self, theta: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Weighted observability O over its ridge (ny + K, K), weighted response to the coming inputs (nu, ny), and
+        the ridge on that response (a number).
+        """
         a, angle, real, C, B = self._parts(theta)
         r = self._regression
         O = self._output_powers(a, angle, real, C, self._horizons) * self._weights[:, None, None]
@@ -128,7 +134,10 @@ class ModalBlock:
         markov = torch.cat([markov, torch.zeros(1, r.outputs, r.inputs, dtype=markov.dtype)])
         response = markov[self._lag] * self._weights[:, None, None, None]
         nu = len(self._steps) * r.inputs
-        return O.reshape(-1, self.size), response.permute(1, 3, 0, 2).reshape(nu, -1)
+        length = self._column_length(C)
+        ridged = torch.cat([O.reshape(-1, self.size), np.sqrt(RIDGE) * torch.diag(length)])
+        amplitudes = RIDGE * (length[:, None] * B).square().sum()
+        return ridged, response.permute(1, 3, 0, 2).reshape(nu, -1), amplitudes
 
     def _output_powers(self, a, angle, real, C, powers) -> torch.Tensor:
         """(len(powers), m, K) C A^i."""

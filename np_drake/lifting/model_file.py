@@ -1,8 +1,6 @@
 """Model files: safetensors with the configuration in the header. Nothing pickled is ever read."""
 
 import json
-import os
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +8,7 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
+from np_drake.atomic_file import atomic_path
 from np_drake.lifting.encoders import DelayEncoder, Phi
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
@@ -18,7 +17,7 @@ SCHEMA = "np_drake.lifted_model/1"
 
 
 def save_model(model: LiftedModel, path: str | Path) -> None:
-    """Writes the model beside `path` and renames it, so that `path` is whole or untouched."""
+    """Writes the model file, whole or not at all. Raises OSError where it cannot be written."""
     s = model.system
     tensors = {"A": s.A, "B": s.B, "C": s.C, "chi_scale": model.chi_scale, "zeta_scale": model.zeta_scale}
     if isinstance(model.encoder, Phi):
@@ -33,17 +32,9 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
 
 
 def write_tensors(tensors: dict[str, np.ndarray], metadata: dict[str, str], path: str | Path) -> None:
-    """A safetensors file by way of a temporary file in the same folder."""
-    path = Path(path)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    os.close(handle)
-    try:
+    """A safetensors file, whole or not at all."""
+    with atomic_path(path) as temporary:
         save_file({name: np.ascontiguousarray(value) for name, value in tensors.items()}, temporary, metadata)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
 
 
 def read_tensors(path: str | Path, schema: str) -> tuple[dict[str, np.ndarray], dict[str, str]]:

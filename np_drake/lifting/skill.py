@@ -44,7 +44,8 @@ def skill_table(
     Args:
         chi: (n, 6) labels as the models see them.   zeta: (n, 6).   target: (n, 6) what counts; default chi.
         horizons: steps ahead: origin k predicts sample k + horizon.   training_mean: (6,) of chi in training.
-        zeta_known: feed the true coming zeta, else hold the last one.   warm_up: samples before the first origin.
+        zeta_known: feed the true coming zeta, else hold the last one.   warm_up: samples before the first
+        origin.
     Raises: ValueError: if the flight is too short for one origin.
     """
     horizons = sorted(set(horizons))
@@ -97,7 +98,7 @@ def model_predictions(
     *,
     zeta_known: bool,
 ) -> np.ndarray:
-    """(o, len(horizons), 6) chi_hat: the model is fed sample by sample as in flight, its forecasts rolled out at once."""
+    """(o, len(horizons), 6) chi_hat: the model is fed sample by sample as in flight, its forecasts rolled out."""
     memory, wanted, forecasts = model.initial_memory(), set(origins.tolist()), []
     for k in range(origins[-1] + 1):
         x = np.zeros(13)

@@ -1,0 +1,68 @@
+"""Laws of `np-drake fly`, `demo`, `reproduce` and `bench`."""
+
+import json
+
+import numpy as np
+import pytest
+
+from diagrams.cli.main import run
+from np_drake.logs.log_file import read_log
+
+
+def test_a_flight_leaves_log_figures_replay_and_metrics(tmp_path, capsys):
+    out, metrics = tmp_path / "out", tmp_path / "fly.json"
+    arguments = ["fly", "circle", "--controller", "hold", "--solver", "sqp", "--duration", "1", "--seed", "7"]
+    assert run([*arguments, "--out", str(out), "--json", str(metrics)]) == 0, capsys.readouterr().err
+    names = {path.name for path in out.iterdir()}
+    kinds = ("track.png", "errors.png", "wrench.png", "replay.html")
+    assert names == {"circle_hold.csv", *(f"circle_hold_{kind}" for kind in kinds)}
+    content = json.loads(metrics.read_text())
+    assert content["schema"] == "np_drake.fly/1"
+    assert (content["experiment"], content["controller"], content["seed"]) == ("circle", "hold", 7)
+    assert content["metrics"]["solve_failures"] == 0
+    log = read_log(out / "circle_hold.csv")
+    np.testing.assert_allclose(np.diff(log.t), 0.02, atol=1e-6)
+    assert "<html" in (out / "circle_hold_replay.html").read_text()[:2000].lower()
+
+
+def test_a_scenario_file_flies(tmp_path, capsys):
+    scenario = tmp_path / "mine.yaml"
+    scenario.write_text("name: mine\nduration: 0.5\nreference: {track: hover, ramp: 0.5}\n")
+    assert run(["fly", str(scenario), "--controller", "nominal"]) == 0, capsys.readouterr().err
+    assert "mine" in capsys.readouterr().out
+
+
+BAD = {  # arguments: what the line must say
+    "experiment": (["fly", "spiral"], "circle, lemniscate"),
+    "controller": (["fly", "circle", "--controller", "pid"], "nominal, hold"),
+    "solver": (["fly", "circle", "--solver", "snopt"], "ipopt"),
+    "duration": (["fly", "circle", "--duration", "-1"], "duration must be positive"),
+    "missing scenario": (["fly", "missing.yaml"], "missing.yaml"),
+    "missing model": (["fly", "circle", "--predictor", "missing.safetensors"], "missing.safetensors"),
+    "folder of metrics": (["fly", "circle", "--json", "nowhere/x.json"], "nowhere must exist"),
+    "vehicle": (["fly", "circle", "--vehicle", "missing.yaml"], "missing.yaml"),
+    "table": (["reproduce", "tea"], "tracking"),
+    "row": (["reproduce", "tracking", "--only", "pid"], "--only"),
+    "demo folder": (["demo", "--out", "taken"], "taken"),
+    "bench metrics": (["bench", "--json", "nowhere/x.json"], "nowhere must exist"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, monkeypatch, capsys, case):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "taken").write_text("a file, not a folder")
+    arguments, message = BAD[case]
+    assert run(arguments) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert err.splitlines()[-1].startswith(f"np-drake {arguments[0]}: ")
+    assert [path.name for path in tmp_path.iterdir()] == ["taken"]
+
+
+@pytest.mark.parametrize("content", [b"", b"\x80\x04\x95pickle", b"\x00" * 64])
+def test_a_file_that_is_no_model_is_refused_in_one_line(tmp_path, capsys, content):
+    file = tmp_path / "model.safetensors"
+    file.write_bytes(content)
+    assert run(["fly", "circle", "--predictor", str(file), "--duration", "1"]) == 2
+    assert "model.safetensors" in capsys.readouterr().err.splitlines()[-1]

@@ -1,0 +1,77 @@
+import numpy as np
+import pytest
+
+from diagrams import demo, tracking
+from diagrams.experiments import load_experiment
+
+
+@pytest.fixture
+def short_experiments(monkeypatch):
+    """Every experiment cut to seconds, training included."""
+
+    def load(name):
+        config = load_experiment(name)
+        config.duration, config.reference.ramp = (
+            (6.0, 1.5) if "circle" in name and name != "circle" else (1.0, 1.0)
+        )
+        return config
+
+    monkeypatch.setattr(tracking, "load_experiment", load)
+
+
+def summary(row, track, seed, e_xy):
+    return {
+        "row": row,
+        "experiment": track,
+        "seed": seed,
+        "metrics": {"E_xy": e_xy, "E_z": 2 * e_xy, "solve_failures": 1},
+    }
+
+
+def test_table_states_mean_interval_and_cut():
+    runs = [summary("nominal", t, s, 0.10 + 0.01 * s) for t in tracking.TRACKS for s in (-1, 0, 1)]
+    runs += [summary("np", t, s, 0.02) for t in tracking.TRACKS for s in (-1, 0, 1)]
+    lines = {(line["row"], line["track"]): line for line in tracking.table(runs)}
+    nominal, np_row = lines["nominal", "circle"], lines["np", "circle"]
+    assert nominal["E_xy"] == pytest.approx(0.10)
+    assert nominal["E_xy_ci95"] == pytest.approx(4.303 * 0.01 / np.sqrt(3), rel=1e-3)  # Student, 2 degrees
+    assert np_row["E_xy_cut"] == pytest.approx(0.8)
+    assert np_row["E_z"] == pytest.approx(0.04)
+    assert nominal["solve_failures"] == 3
+
+
+def test_every_row_configures_a_flight_of_the_same_vehicle_and_weights():
+    weights = tracking.frozen_weights()
+    for row in tracking.ROWS:
+        for track in tracking.TRACKS:
+            config = tracking.configure(track, row, solver="sqp", model="x")
+            assert vars(config.controller.mpc) == weights
+            assert config.reality == load_experiment(track).reality
+            assert config.controller.extra_mass == (0.26 if row.told_mass else 0.0)
+
+
+def test_a_campaign_trains_once_a_model_and_flies_every_row(tmp_path, short_experiments):
+    rows = tuple(r for r in tracking.ROWS if r.name in ("nominal", "np"))
+    seen = []
+    runs = tracking.run_tracking(
+        tmp_path,
+        seeds=[3],
+        training_seed=1,
+        rows=rows,
+        jobs=1,
+        on_progress=lambda done, total: seen.append((done, total)),
+    )
+    assert [path.name for path in tmp_path.iterdir()] == ["default_training_circle.safetensors"]
+    assert seen == [(k, 4) for k in (1, 2, 3, 4)]
+    assert {(r["row"], r["experiment"]) for r in runs} == {
+        (row, track) for row in ("nominal", "np") for track in tracking.TRACKS
+    }
+
+
+def test_the_demo_flies_learns_and_flies_again(tmp_path, short_experiments):
+    seen = []
+    result = demo.run_demo(tmp_path, seed=2, jobs=1, on_progress=lambda fraction, text: seen.append(fraction))
+    assert [f.label for f in result.flights] == ["nominal", "hold", "np"] * 2
+    assert seen == sorted(seen)
+    assert result.reduction()["circle"]["E_z"] > 0.5
+    assert result.model.exists()
