@@ -2,7 +2,8 @@
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.multibody.math import SpatialAcceleration
+from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialAcceleration, SpatialForce
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import LeafSystem
 
@@ -75,3 +76,45 @@ class BodyAcceleration(LeafSystem):
         output.SetFromVector(
             np.concatenate([A_WB.translational(), attitude.rotate_back(q, A_WB.rotational())])
         )
+
+
+class RodWrench(LeafSystem):
+    """The rod's true wrench on the quadrotor, from the joint's reaction force.
+
+    .. pydrake_system::
+
+        name: RodWrench
+        input_ports:
+        - reaction_forces
+        - body_poses
+        output_ports:
+        - tether_wrench
+
+    | port | size | meaning | unit |
+    |---|---|---|---|
+    | reaction_forces | list | the plant's F on the child at the joint, in the joint's frame on the child | |
+    | body_poses | list | the plant's X_WB of every body | |
+    | tether_wrench | 6 | chi order: [force on B in W, moment about Bo in B] | N, N·m |
+    """
+
+    def __init__(self, plant: MultibodyPlant, joint: str):
+        super().__init__()
+        rod = plant.GetJointByName(joint)
+        self._ordinal = plant.GetJointIndices().index(rod.index())
+        self._parent, self._child = int(rod.parent_body().index()), int(rod.child_body().index())
+        self._X_PM = rod.frame_on_child().GetFixedPoseInBodyFrame()
+        self._p_BoTo_B = rod.frame_on_parent().GetFixedPoseInBodyFrame().translation()
+        self._forces_port = self.DeclareAbstractInputPort("reaction_forces", Value[list[SpatialForce]]())
+        self._poses_port = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
+        prerequisites = {self._forces_port.ticket(), self._poses_port.ticket()}
+        self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, prerequisites)
+
+    def _calc_wrench(self, context, output) -> None:
+        F_PM_M = self._forces_port.Eval(context)[self._ordinal]
+        poses = self._poses_port.Eval(context)
+        R_WM = (poses[self._child] @ self._X_PM).rotation()
+        R_WB = poses[self._parent].rotation()
+        f_B_W = -(R_WM @ F_PM_M.translational())
+        tau_B = -(R_WB.inverse() @ (R_WM @ F_PM_M.rotational()))
+        tau_B = tau_B + np.cross(self._p_BoTo_B, R_WB.inverse() @ f_B_W)
+        output.SetFromVector(np.concatenate([f_B_W, tau_B]))

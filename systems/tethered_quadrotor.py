@@ -14,7 +14,7 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.vehicle import Vehicle
 from systems.actuator_effects import ActuatorEffects
 from systems.cable import Cable
-from systems.plant_readings import BodyAcceleration, VehicleState
+from systems.plant_readings import BodyAcceleration, RodWrench, VehicleState
 from systems.wrench_effects import WrenchEffects
 
 
@@ -78,7 +78,7 @@ def make_tethered_quadrotor(
     | acceleration | 6 | true [a in W, al in B] | m/s², rad/s² |
     | rotor_thrust | 4 | actual rotor thrust | N |
     | plant_state | nq + nv | Drake's own | |
-    | tether_wrench | 6 | true wrench of the cable on B (cable only), chi order | N, N·m |
+    | tether_wrench | 6 | true wrench of cable or rod on B, chi order (with a payload only) | N, N·m |
     """
     payload.check()
     builder = DiagramBuilder()
@@ -116,6 +116,11 @@ def make_tethered_quadrotor(
     builder.ExportOutput(plant.get_state_output_port(), "plant_state")
     if cable is not None:
         builder.ExportOutput(cable.GetOutputPort("tether_wrench"), "tether_wrench")
+    elif payload.tether == "rod":
+        rod = builder.AddNamedSystem("rod_wrench", RodWrench(plant, "rod"))
+        builder.Connect(plant.get_reaction_forces_output_port(), rod.GetInputPort("reaction_forces"))
+        builder.Connect(plant.get_body_poses_output_port(), rod.GetInputPort("body_poses"))
+        builder.ExportOutput(rod.get_output_port(), "tether_wrench")
     diagram = builder.Build()
     diagram.set_name("tethered_quadrotor")
     return diagram

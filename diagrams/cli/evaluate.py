@@ -19,12 +19,12 @@ HORIZONS = "1,5,10,20,40"
 
 
 def evaluate(
-    logs: Annotated[list[Path] | None, typer.Argument(metavar="[LOG…]", help=LOG_HELP)] = None,
+    logs: Annotated[list[Path] | None, typer.Argument(metavar="LOG…", help=LOG_HELP)] = None,
     predictor: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="A trained model; default: train both configurations.")
+        Path | None, typer.Option(metavar="FILE", help="Model file; default: the one in the package.")
     ] = None,
     train: Annotated[
-        list[Path] | None, typer.Option(metavar="LOG", help="Flight to train on (may be repeated).")
+        list[Path] | None, typer.Option(metavar="LOG", help="Train both configurations on it; repeatable.")
     ] = None,
     neurobem: Annotated[
         Path | None,
@@ -32,7 +32,7 @@ def evaluate(
     ] = None,
     horizons: Annotated[str, typer.Option(help="Steps ahead, comma-separated.")] = HORIZONS,
     hold_zeta: Annotated[
-        bool, typer.Option(help="Hold the last motion instead of the true coming one.")
+        bool, typer.Option("--hold-zeta", help="Hold the last motion instead of the true coming one.")
     ] = False,
     epochs: Annotated[int | None, typer.Option(min=1, help="Passes; default: the configuration's.")] = None,
     step: options.Step = 0.02,
@@ -46,6 +46,8 @@ def evaluate(
         require_writable(json)
     steps = parse_horizons(horizons)
     train, logs = choose_flights(list(train or ()), list(logs or ()), predictor, neurobem)
+    if not train:
+        predictor = predictor or packaged_model()
     from diagrams.cli.flights import open_flights, require_one_frame
 
     tests = open_flights(logs, vehicle, repair=repair)
@@ -60,6 +62,7 @@ def evaluate(
         )
     show(rows, "held" if hold_zeta else "known")
     settings = {"configurations": list(models), "hold_zeta": hold_zeta, "horizons": steps, "step": step}
+    settings |= {"training": [flight.data.name for flight in training]}
     write_metrics(json, "evaluate", seed=seed, config=settings, rows=rows)
     if not finite(rows):
         raise FailedRun("a forecast diverged: not every RMSE is finite.")
@@ -83,8 +86,6 @@ def choose_flights(
     if predictor and train:
         raise ValueError("--predictor is trained already; leave out --train.")
     if logs:
-        if not (predictor or train):
-            raise ValueError("give --predictor FILE, or --train LOG to train on.")
         return train, logs
     if predictor or train:
         raise ValueError("give the flights to score: np-drake evaluate LOG….")
@@ -96,6 +97,15 @@ def choose_flights(
 
     say("the paper prints 0.057 N and 0.006 N·m for race track 1 (one step ahead).")
     return [neurobem / "npy" / f"{TRAINING}.npy"], [neurobem / "npy" / f"{RACE_TRACK}.npy"]
+
+
+def packaged_model() -> Path:
+    """The model that ships with the package. Raises ValueError where there is none."""
+    from diagrams.controllers import DEFAULT_MODEL
+
+    if not DEFAULT_MODEL.is_file():
+        raise ValueError("the package holds no model; give --predictor FILE, or --train LOG to train on.")
+    return DEFAULT_MODEL
 
 
 def load(path: Path) -> dict[str, "LiftedModel"]:

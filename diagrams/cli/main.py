@@ -25,6 +25,7 @@ app = typer.Typer(
     name=PROGRAM,
     help="Neural Predictor and NP-MPC for a quadrotor with a tethered payload, on Drake.",
     add_completion=False,
+    rich_markup_mode=None,  # units stand in brackets, which markup would swallow
     pretty_exceptions_enable=False,
 )
 app.command("demo")(demo.demo)

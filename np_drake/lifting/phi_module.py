@@ -56,8 +56,8 @@ class PhiModule(nn.Module):
 def _initial_weights(sizes: list[int], generator: torch.Generator) -> list[torch.Tensor]:
     """Layers whose first outputs carry chi itself, as relu(chi) - relu(-chi), beside random features.
 
-    So chi = C z holds from the start and training need not find the identity first (own choice: from a plain random
-    start C Phi(chi) still misses 0.06 N of 1 N after the training that a flight has time for).
+    So chi = C z holds from the start and training need not find the identity first. Own choice: one step ahead on a
+    real flight the error is 0.8 of persistence's this way, and 8 times it from a plain random start.
     """
     weights = []
     for layer, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):

@@ -17,10 +17,9 @@ def initial_trajectory(
     """The start and whether it is cold. A warm start that leads nowhere counts as none."""
     if warm_start is not None and np.shape(warm_start.u) == h.u_ref.shape:
         T = condensed.clip(warm_start.u @ condensed.vehicle.unmixer.T)
-        if np.isfinite(T).all():
-            t = condensed.rollout(h, T)
-            if t.finite:
-                return t, False
+        t = condensed.rollout(h, T)
+        if t.finite:
+            return t, False
     t = condensed.rollout(h, feedback_thrusts(condensed, h))
     if not t.finite:
         raise SolverFailure("MPC: no finite prediction from this state; check the forecast and the state.")

@@ -20,7 +20,7 @@ from np_drake.mpc.sqp import SqpSolver, as_solution
 from np_drake.vehicle import Vehicle
 
 _log = logging.getLogger(__name__)
-_ROUNDS = 3
+_ROUNDS, _MISSES = 6, 2  # solves in all, and those that may end without an answer
 _WARM, _COLD, _PATIENT = range(1, 2), range(8, 9), range(30, 31)  # steps of SQP
 _CROWDED = 1 / 8  # share of rotor thrusts at their bounds
 _ACTIVE = -1e-3  # excess from which a soft set counts as active
@@ -67,8 +67,8 @@ class IpoptCondensedSolver:
 
     def _converge(self, h: Horizon, sqp: Trajectory, deadline: float) -> tuple[Trajectory, MpcStatus, int]:
         """Rounds of IPOPT from the SQP answer; an end that is worse than it is not believed."""
-        t, problem, count = sqp, None, 0
-        while count < _ROUNDS and (left := deadline - time.perf_counter()) > 0:
+        t, problem, count, misses = sqp, None, 0, 0
+        while count < _ROUNDS and misses < _MISSES and (left := deadline - time.perf_counter()) > 0:
             count += 1
             problem = problem or Preconditioned(self.condensed, h, t)
             solved, end = problem.solve(self._ipopt, left)
@@ -78,6 +78,7 @@ class IpoptCondensedSolver:
             good = t.finite and t.merit <= sqp.merit + 1e-7 * (1 + sqp.merit)
             if solved:
                 return (t, MpcStatus.OPTIMAL, count) if good else (sqp, MpcStatus.SQP_FALLBACK, count)
-            problem, t, sqp = None, t if good else sqp, t if good else sqp
+            t = sqp = t if good else sqp
+            problem, misses = None, misses + 1
         _log.debug("IPOPT gave up after %d rounds; the SQP answer flies.", count)
         return sqp, MpcStatus.SQP_FALLBACK, count

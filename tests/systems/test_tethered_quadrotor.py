@@ -5,6 +5,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.rigid_body import residual_wrench
 from np_drake.vehicle import Vehicle
 from systems.initial_state import apply_impulse, set_hover, set_payload_mass
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
@@ -56,8 +57,9 @@ def test_hover_thrust_carries_both_weights(tether):
     np.testing.assert_allclose(evaluate(simulator, "acceleration"), np.zeros(6), atol=1e-5)
 
 
-def test_static_tension_is_the_payloads_weight():
-    simulator, *_ = simulator_of(PayloadConfig(), u=[WEIGHT, 0, 0, 0])
+@pytest.mark.parametrize("tether", ["cable", "rod"])
+def test_static_tension_is_the_payloads_weight(tether):
+    simulator, *_ = simulator_of(PayloadConfig(tether=tether), u=[WEIGHT, 0, 0, 0])
     simulator.AdvanceTo(0.2)
     np.testing.assert_allclose(evaluate(simulator, "tether_wrench")[:3], [0, 0, -0.26 * 9.81], atol=1e-6)
 
@@ -83,6 +85,30 @@ def test_small_swing_has_the_period_of_the_coupled_system(tether):
     period = np.mean(np.diff(zeros))
     expected = 2 * np.pi / np.sqrt(9.81 / 0.8 * (1 + 0.26 / 2.0))
     assert period == pytest.approx(expected, rel=1e-3)
+
+
+def test_tether_wrench_is_what_the_equation_of_motion_misses():
+    # Eq. (1) inverted from the true motion leaves the tether alone, force and torque, for rod and cable alike.
+    for tether in ("cable", "rod"):
+        simulator, _, _plant, _plant_context = simulator_of(
+            PayloadConfig(tether=tether), u=[WEIGHT, 0.01, 0.02, 0]
+        )
+        simulator.AdvanceTo(0.3)
+        x, a = evaluate(simulator, "x"), evaluate(simulator, "acceleration")
+        u = np.array([WEIGHT, 0.01, 0.02, 0])
+        chi = residual_wrench(VEHICLE, q=x[3:7], w=x[10:13], a=a[:3], al=a[3:], u=u)
+        wrench = evaluate(simulator, "tether_wrench")
+        np.testing.assert_allclose(chi, wrench, atol=1e-9)  # [N, N·m]
+        assert np.linalg.norm(wrench[3:]) > 1e-4
+
+
+def test_taut_cable_and_rod_swing_alike():
+    ends = []
+    for tether in ("cable", "rod"):
+        simulator, *_ = simulator_of(PayloadConfig(tether=tether), u=[WEIGHT, 0.001, 0.0005, 0])
+        simulator.AdvanceTo(1.0)
+        ends.append(evaluate(simulator, "x")[:3])
+    np.testing.assert_allclose(ends[0], ends[1], atol=1e-4)  # [m]; the cable stretches by 0.1 mm
 
 
 def test_slack_cable_pulls_taut_after_its_slack_is_fallen_through():

@@ -78,7 +78,6 @@ def test_without_arguments_it_is_race_track_1(neurobem, tmp_path, monkeypatch, c
 
 BAD = {  # arguments: what the line must say
     "nothing": ([], "NP_DRAKE_NEUROBEM"),
-    "no predictor": (["LOG"], "--predictor FILE"),
     "two sources": (["LOG", "--predictor", "MODEL", "--train", "LOG"], "leave out --train"),
     "no flight": (["--predictor", "MODEL"], "flights to score"),
     "no model": (["LOG", "--predictor", "LOG"], "not a model file"),
@@ -107,6 +106,15 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, monkeyp
     assert last.startswith("np-drake evaluate: ")
     assert message in last
     assert list(tmp_path.iterdir()) == [array]
+
+
+def test_without_a_predictor_it_is_the_packaged_one(logs, model, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("diagrams.controllers.DEFAULT_MODEL", tmp_path / "none.safetensors")
+    assert run(["evaluate", str(logs[1])]) == 2
+    assert "--predictor FILE" in capsys.readouterr().err
+    monkeypatch.setattr("diagrams.controllers.DEFAULT_MODEL", model)
+    assert run(["evaluate", str(logs[1]), "--horizons", "2"]) == 0
+    assert "default" in capsys.readouterr().out
 
 
 def test_horizons_are_sorted_and_counted_once():

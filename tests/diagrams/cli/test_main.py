@@ -73,6 +73,11 @@ def test_the_program_says_its_version_and_its_verbs(capsys):
     assert "train" in capsys.readouterr().out
 
 
+def test_help_keeps_the_units_in_brackets(capsys):
+    assert dut.run(["train", "--help"]) == 0
+    assert "flight logs [s]" in " ".join(capsys.readouterr().out.split())
+
+
 def test_startup_waits_for_neither_torch_nor_drake():
     slow = "{'torch', 'pydrake', 'scipy', 'matplotlib'}"
     code = f"import sys, diagrams.cli.main; print(sorted({slow} & set(sys.modules)))"

@@ -80,3 +80,13 @@ def test_arrays_and_logs_are_not_mixed(logs, tmp_path, capsys):
     )
     assert code == 2
     assert "one kind" in capsys.readouterr().err
+
+
+def test_a_run_can_be_resumed_but_not_as_another(logs, tmp_path, capsys):
+    arguments = ["train", str(logs[0]), "--out", str(tmp_path / "np.safetensors"), "--epochs", "3"]
+    arguments += ["--configuration", "paper", "--checkpoint", str(tmp_path / "run.ckpt")]
+    assert run(arguments) == 0
+    assert (tmp_path / "run.ckpt").is_file()
+    assert run(arguments) == 0
+    assert run([*arguments, "--seed", "1"]) == 2
+    assert "run.ckpt" in capsys.readouterr().err

@@ -63,6 +63,13 @@ def test_the_hessian_is_the_cost_of_the_sensitivities(setup, vehicle, config):
     assert 0.5 * d.ravel() @ full @ d.ravel() == pytest.approx(expected, rel=1e-10)
 
 
+def test_the_velocity_box_has_two_sides(setup, config):
+    dut, h, T, _ = setup
+    x = dut.rollout(h, T).x.copy()
+    x[3, 8] = -config.max_speed - 2.0
+    assert dut.objective.slacks(dut.objective.excess(h, x))[0] == pytest.approx(2.0)  # [m/s]
+
+
 def test_slacks_are_the_largest_excess_of_each_kind(setup, config):
     dut, h, T, _ = setup
     t = dut.rollout(h, T)

@@ -1,7 +1,6 @@
-import logging
-
 import numpy as np
 import pytest
+from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 
 from np_drake.mpc.condensed import Condensed
 from np_drake.mpc.ipopt import IpoptCondensedSolver
@@ -38,8 +37,43 @@ def test_rows_left_out_are_added_once_violated(vehicle, config, make_problem):
     assert not dut.add_violated(beyond)  # now they are in
 
 
-@pytest.mark.parametrize("offset", [0.1, 1.0, 3.0])
-def test_an_iteration_cap_is_no_news(vehicle, config, make_problem, caplog, offset):
-    with caplog.at_level(logging.WARNING):
-        IpoptCondensedSolver(vehicle, config, time_limit=0.2).solve(make_problem(config, offset=offset))
-    assert not caplog.records
+def test_an_end_that_is_worse_than_the_sqp_answer_is_not_believed(vehicle, config, make_problem, monkeypatch):
+    def bad_end(self, *_):
+        return True, self._c.rollout(self._h, np.full((config.horizon, 4), 6.0))
+
+    problem, dut = make_problem(config), IpoptCondensedSolver(vehicle, config, time_limit=np.inf)
+    monkeypatch.setattr(Preconditioned, "solve", bad_end)
+    solution = dut.solve(problem)
+    assert solution.status == MpcStatus.SQP_FALLBACK
+    assert solution.cost == SqpSolver(vehicle, config, steps=8, time_limit=np.inf).solve(problem).cost
+
+
+def test_where_soft_sets_are_active_the_sqp_answer_flies(vehicle, config, make_problem):
+    dut = IpoptCondensedSolver(vehicle, config, time_limit=np.inf)
+    assert dut.solve(make_problem(config, offset=3.0)).status == MpcStatus.SQP_FALLBACK
+
+
+def test_a_solution_that_leaves_the_input_set_is_solved_again(vehicle, config, make_problem, monkeypatch):
+    problem, answers = make_problem(config, offset=0.1, tilt=0.6), []
+    dut = IpoptCondensedSolver(vehicle, config, time_limit=np.inf)
+    add = Preconditioned.add_violated
+    monkeypatch.setattr(Preconditioned, "add_violated", lambda *a: answers.append(add(*a)) or answers[-1])
+    monkeypatch.setattr("np_drake.mpc.preconditioned._NEAR", -1e-3)  # no row is passed at first
+    solution = dut.solve(problem)
+    assert answers[0]
+    assert not answers[-1]
+    assert solution.status == MpcStatus.OPTIMAL
+    patient = SqpSolver(vehicle, config, steps=30, max_steps=30, time_limit=np.inf)
+    assert solution.cost == pytest.approx(patient.solve(problem).cost, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["_cost", "_rows"])
+def test_what_ipopt_sees_has_the_right_gradient(vehicle, config, make_problem, name):
+    condensed = Condensed(vehicle, config)
+    h = condensed.prepare(make_problem(config, offset=0.3, tilt=0.3))
+    dut = Preconditioned(condensed, h, condensed.rollout(h, np.full((config.horizon, 4), 5.5)))
+    dut._soft[:] = True
+    f, size = getattr(dut, name), condensed.size + (3 if name == "_rows" else 0)
+    v, e = (scale * np.random.default_rng(0).normal(size=size) for scale in (0.1, 1e-5))
+    gradient = ExtractGradient(np.atleast_1d(f(InitializeAutoDiff(v).ravel())))
+    np.testing.assert_allclose(gradient @ e, 0.5 * np.atleast_1d(f(v + e) - f(v - e)), rtol=1e-5, atol=1e-11)

@@ -48,6 +48,13 @@ def test_a_warm_start_that_leads_nowhere_counts_as_none(make_problem):
     np.testing.assert_array_equal(PATIENT.solve(problem, broken).u, plan.u)
 
 
+def test_a_cold_start_is_followed_until_it_settles(make_problem):
+    problem = make_problem(CONFIG, offset=0.05)
+    cold = PATIENT.solve(problem)
+    assert cold.iterations > 1
+    assert PATIENT.solve(problem, cold).iterations == 1
+
+
 def test_the_effort_is_reported(make_problem):
     start = time.perf_counter()
     solution = PATIENT.solve(make_problem(CONFIG))

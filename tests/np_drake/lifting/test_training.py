@@ -1,0 +1,153 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.lifting.default_training import DefaultConfig
+from np_drake.lifting.segments import Segment, group_scale, white_noise
+from np_drake.lifting.skill import SkillRow, skill_table
+from np_drake.lifting.training import make_config, train
+from np_drake.residual_models.neural_predictor import NeuralPredictor
+
+HORIZONS = [0, 5, 10, 20, 40]
+
+
+def force_rows(model, flight, name: str = "np") -> list[SkillRow]:
+    rows = skill_table(
+        {"np": NeuralPredictor(model)}, flight.chi, flight.zeta, target=flight.truth, horizons=HORIZONS,
+        training_mean=np.zeros(6),
+    )  # fmt: skip
+    return [row for row in rows if row.model == name]
+
+
+def same(a, b) -> bool:
+    pairs = [(a.system.A, b.system.A), (a.system.B, b.system.B), (a.system.C, b.system.C)]
+    return all(np.array_equal(x, y) for x, y in pairs) and np.array_equal(a.encoder.E, b.encoder.E)
+
+
+def test_on_an_unseen_path_it_predicts_far_better_than_holding(trained, lemniscate):
+    found = {row.horizon: row.force_ratio for row in force_rows(trained.model, lemniscate)}
+    for horizon, ratio in {0: 0.7, 5: 0.6, 10: 0.5, 20: 0.35, 40: 0.25}.items():
+        assert found[horizon] < ratio
+
+
+def test_a_tenfold_run_is_no_better(trained, dithered, lemniscate):
+    config = DefaultConfig(iterations=10 * DefaultConfig().iterations, starts=3)
+    longer = train([dithered.segment], config).model
+    for short, long in zip(
+        force_rows(trained.model, lemniscate), force_rows(longer, lemniscate), strict=True
+    ):
+        assert short.force_rmse < 1.05 * long.force_rmse
+
+
+def test_twelve_states_stable_by_construction(trained):
+    assert trained.model.system.K == 12
+    assert np.linalg.norm(trained.model.system.A, 2) < 1.0
+
+
+def test_the_same_seed_gives_the_same_model(trained, dithered):
+    assert same(train([dithered.segment], DefaultConfig()).model, trained.model)
+
+
+def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(trained, dithered, tmp_path):
+    class Stop(Exception):
+        pass
+
+    def stop(epoch, total, loss):
+        if epoch > total // 2:
+            raise Stop
+
+    checkpoint = tmp_path / "run.safetensors"
+    with pytest.raises(Stop):
+        train([dithered.segment], DefaultConfig(), checkpoint=checkpoint, on_epoch=stop)
+    resumed = train([dithered.segment], DefaultConfig(), checkpoint=checkpoint)
+    assert same(resumed.model, trained.model)
+    assert resumed.loss == trained.loss
+
+
+def test_a_checkpoint_of_another_run_is_refused(dithered, plain, tmp_path):
+    checkpoint = tmp_path / "run.safetensors"
+    config = DefaultConfig(iterations=2, starts=1)
+    train([dithered.segment], config, checkpoint=checkpoint)
+    for segments, other in (([plain.segment], config), ([dithered.segment], dc.replace(config, seed=1))):
+        with pytest.raises(ValueError, match="checkpoint must be of this configuration and data"):
+            train(segments, other, checkpoint=checkpoint)
+
+
+def test_progress_ascends_to_its_total(dithered):
+    calls: list[tuple[int, int, float]] = []
+    train([dithered.segment], DefaultConfig(iterations=5), on_epoch=lambda *call: calls.append(call))
+    epochs = [epoch for epoch, _, _ in calls]
+    assert epochs == sorted(set(epochs))
+    assert epochs[-1] <= calls[0][1]
+    assert all(np.isfinite(loss) for _, _, loss in calls)
+
+
+def test_turning_the_flight_turns_the_forecast(trained, lemniscate):
+    turn = np.zeros((12, 12))  # 90 degrees about the vertical, of [chi, zeta]
+    for start in (0, 3, 6, 9):
+        turn[start, start + 1], turn[start + 1, start], turn[start + 2, start + 2] = -1.0, 1.0, 1.0
+    window = np.hstack([lemniscate.chi, lemniscate.zeta])[100:125]
+    system, zeta = trained.model.system, lemniscate.zeta[125:135]
+    straight = system.rollout(trained.model.lift(window), zeta)
+    turned = system.rollout(trained.model.lift(window @ turn.T), zeta @ turn[6:, 6:].T)
+    np.testing.assert_allclose(turned, straight @ turn[:6, :6].T, atol=1e-9)
+
+
+def test_an_unknown_constant_force_is_held(trained):
+    window = np.zeros((25, 12))
+    window[:, :3] = [0.5, -0.3, -2.0]  # [N], hovering
+    chi = trained.model.system.rollout(trained.model.lift(window), np.zeros((41, 6)))
+    assert np.abs(chi[:, :3] - [0.5, -0.3, -2.0]).max() < 0.25  # [N] the prior for constants is soft
+
+
+def test_it_learns_to_undo_the_delay_of_the_label(trained, lemniscate):
+    now = force_rows(trained.model, lemniscate)[0]
+    label_error = np.sqrt(np.mean(np.sum((lemniscate.chi - lemniscate.truth)[:, :3] ** 2, axis=1)))
+    assert now.force_rmse < 0.7 * label_error
+
+
+@pytest.mark.parametrize(
+    "change, match",
+    [
+        ({"chi": np.zeros((100, 5))}, r"chi must be \(n, 6\)"),
+        ({"zeta": np.zeros((99, 6))}, r"zeta must be \(n, 6\)"),
+        ({"chi": np.full((100, 6), np.nan)}, "chi must be finite; row 0"),
+        ({"step": 0.0}, "step must be positive"),
+    ],
+)
+def test_unusable_segments_are_named(change, match):
+    segment = Segment(np.zeros((100, 6)), np.zeros((100, 6)), 0.02)
+    with pytest.raises(ValueError, match=match):
+        train([dc.replace(segment, **change)])
+
+
+def test_too_little_or_mixed_data_is_refused():
+    short = Segment(np.zeros((50, 6)), np.zeros((50, 6)), 0.02)
+    with pytest.raises(ValueError, match="at least 66 samples"):
+        train([short])
+    with pytest.raises(ValueError, match="share one step"):
+        train([short, dc.replace(short, step=0.04)])
+    with pytest.raises(ValueError, match="at least one"):
+        train([])
+
+
+def test_configurations_go_by_name():
+    assert make_config("paper", epochs=3).epochs == 3
+    with pytest.raises(ValueError, match="default | paper; got theirs"):
+        make_config("theirs")
+    with pytest.raises(ValueError, match="has no setting epocs"):
+        make_config("paper", epocs=3)
+
+
+def test_white_noise_is_told_from_motion():
+    t = np.arange(2000) * 0.02
+    noise = 0.03 * np.random.default_rng(0).standard_normal((2000, 1))
+    assert white_noise([np.sin(3.0 * t)[:, None] + noise]) == pytest.approx(0.03, rel=0.1)
+
+
+def test_a_group_of_channels_has_one_scale():
+    values = np.random.default_rng(0).standard_normal((500, 6)) * [3, 4, 0, 1, 1, 1] + 5.0
+    scale = group_scale([values], centred=True)
+    np.testing.assert_allclose(scale[:3], np.sqrt(25 / 3), rtol=0.1)
+    assert group_scale([np.zeros((10, 6))], centred=True).tolist() == [1.0] * 6
