@@ -118,22 +118,38 @@ def add_controller(
     ports = {"u": mpc.GetOutputPort("u"), "label": estimator.GetOutputPort("last_label")}
     model = make_residual_model(config, believed)
     if model is not None:
-        kind = NeuralPredictor if config.kind == "np" else ResidualPredictor
-        predictor = builder.AddNamedSystem("predictor", kind(model, horizon=N, stride=config.stride))
-        builder.Connect(rig.GetOutputPort("x"), predictor.GetInputPort("x"))
-        builder.Connect(mpc.GetOutputPort("u"), predictor.GetInputPort("u"))
-        builder.Connect(estimator.GetOutputPort("label"), predictor.GetInputPort("label"))
-        builder.Connect(predictor.GetOutputPort("forecast"), mpc.GetInputPort("forecast"))
-        ports["chi_hat"] = predictor.GetOutputPort("chi_hat")
+        ports["chi_hat"] = _add_predictor(builder, model, config, rig, estimator, mpc)
     elif config.kind == "oracle":
         if truth is None or true_model is None:
             raise ValueError("controller: the oracle needs the real vehicle; there is none here.")
-        oracle = builder.AddNamedSystem("oracle", WrenchOracle(true_model, config.mpc, period=period))
-        builder.Connect(truth.GetOutputPort("plant_state"), oracle.GetInputPort("plant_state"))
-        builder.Connect(truth.GetOutputPort("rotor_thrust"), oracle.GetInputPort("rotor_thrust"))
-        for name in ("plan_u", "plan_x"):
-            builder.Connect(mpc.GetOutputPort(name), oracle.GetInputPort(name))
-        builder.Connect(oracle.GetOutputPort("forecast"), mpc.GetInputPort("forecast"))
+        _add_oracle(builder, true_model, config, truth, mpc)
     ports |= {name: mpc.GetOutputPort(name) for name in ("status", "solve_time", "plan_x", "plan_chi")}
     ports["p_ref"] = source.GetOutputPort("position")
     return ports
+
+
+def _add_predictor(
+    builder, model: ResidualModel, config: ControllerConfig, rig, estimator, mpc
+) -> OutputPort:
+    """Adds the residual model between estimator and MPC; returns its chi_hat."""
+    span = {"horizon": config.mpc.horizon, "stride": config.stride}
+    system: ResidualPredictor
+    if isinstance(model, NeuralPredictorModel):
+        system = NeuralPredictor(model, **span)
+    else:
+        system = ResidualPredictor(model, **span)
+    predictor = builder.AddNamedSystem("predictor", system)
+    builder.Connect(rig.GetOutputPort("x"), predictor.GetInputPort("x"))
+    builder.Connect(mpc.GetOutputPort("u"), predictor.GetInputPort("u"))
+    builder.Connect(estimator.GetOutputPort("label"), predictor.GetInputPort("label"))
+    builder.Connect(predictor.GetOutputPort("forecast"), mpc.GetInputPort("forecast"))
+    return predictor.GetOutputPort("chi_hat")
+
+
+def _add_oracle(builder, model: TrueModel, config: ControllerConfig, truth: Diagram, mpc) -> None:
+    """Adds the oracle between the real vehicle and the MPC."""
+    oracle = builder.AddNamedSystem("oracle", WrenchOracle(model, config.mpc, period=config.period))
+    for source, names in ((truth, ("plant_state", "rotor_thrust")), (mpc, ("plan_u", "plan_x"))):
+        for name in names:
+            builder.Connect(source.GetOutputPort(name), oracle.GetInputPort(name))
+    builder.Connect(oracle.GetOutputPort("forecast"), mpc.GetInputPort("forecast"))

@@ -8,7 +8,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from diagrams.controllers import ControllerConfig, add_controller
-from np_drake.effects.base import ActuatorEffect, WrenchEffect
+from np_drake.effects.base import ActuatorEffect, MeasurementEffect, WrenchEffect
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.pendulum import Payload
@@ -103,7 +103,7 @@ def make_flight_diagram(config: FlightConfig) -> tuple[Diagram, Recorder]:
     builder = DiagramBuilder()
     vehicle = builder.AddSystem(make_real_vehicle(config.vehicle, config.reality))
     period = config.controller.period
-    noise = [SensorNoise(config.reality.noise)]
+    noise: list[MeasurementEffect] = [SensorNoise(config.reality.noise)]
     rig = add_sensor_rig(builder, vehicle, config.vehicle, noise, period=period)
     ports = add_controller(
         builder,

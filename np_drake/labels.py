@@ -22,10 +22,11 @@ FORCE, TORQUE = slice(0, 3), slice(3, 6)
 
 @dc.dataclass
 class LabelConfig:
-    """The causal low-pass on the raw labels. Source of the 4 Hz: prototype flights, own choice."""
+    """The causal low-pass on the raw labels. Own choice: what flew best; torque labels are poisoned by
+    motor lag above 2 Hz (CONTROL_NOTES), so that they are slower."""
 
     force_bandwidth: float = 4.0  # [Hz], -3 dB
-    torque_bandwidth: float = 4.0  # [Hz], -3 dB
+    torque_bandwidth: float = 1.0  # [Hz], -3 dB
     order: int = 1  # Butterworth; 1 is the first-order lag
 
     def check(self) -> "LabelConfig":

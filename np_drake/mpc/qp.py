@@ -57,12 +57,14 @@ class QpSolver:
         self._soft = [SoftProgram(size, m, slack_weight) for m in sorted({min(rows, _CRITICAL_ROWS), rows})]
 
     def solve(self, model: LocalModel, lower: np.ndarray, upper: np.ndarray, time_limit: float) -> Step:
-        """The minimiser; where `time_limit` [s] is too short for the soft sets, that of the box alone."""
+        """The minimiser; that of the box alone where `time_limit` [s] is too short for the soft sets."""
         deadline = time.perf_counter() + time_limit
         H = np.tril(model.hessian) + np.tril(model.hessian, -1).T
+        if not (np.isfinite(H).all() and np.isfinite(model.rows.jacobian).all()):
+            return Step(np.zeros_like(lower), 0.0)  # a tumble that overflows: no model to go by
         d = active_set(H, model.gradient, lower, upper)
         if d is None:  # cycled: the clipped Newton step tells whether the soft rows matter
-            d = np.clip(np.linalg.solve(H, -model.gradient), lower, upper)
+            d = np.clip(np.linalg.lstsq(H, -model.gradient)[0], lower, upper)
             if not linear_slacks(model.rows, d).any():
                 d = self._solve_box(H, model.gradient, lower, upper, d)
         if linear_slacks(model.rows, d).any():

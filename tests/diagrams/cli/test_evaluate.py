@@ -60,7 +60,9 @@ def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
     arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--epochs", "1", "--json", str(out)]
     assert run(arguments) == 0, capsys.readouterr().err
-    assert {row["model"] for row in rows_of(out)} >= {"paper", "default"}
+    rows = [(row["model"], row["horizon"]) for row in rows_of(out)]
+    assert {model for model, _ in rows} == {"paper", "default", "persistence", "linear", "mean"}
+    assert len(rows) == len(set(rows))
 
 
 def test_without_arguments_it_is_race_track_1(neurobem, tmp_path, monkeypatch, capsys):
@@ -84,6 +86,7 @@ BAD = {  # arguments: what the line must say
     "no folder": (["--neurobem", "nowhere"], "nowhere"),
     "horizon": (["LOG", "--predictor", "MODEL", "--horizons", "1,-2"], "--horizons"),
     "too far": (["LOG", "--predictor", "MODEL", "--horizons", "5000"], "samples are needed"),
+    "two kinds": (["LOG", "--train", "ARRAY"], "give one kind"),
     "another step": (["ARRAY", "--predictor", "MODEL"], "step must be the model's, 0.02 s; got 0.0025 s"),
 }
 

@@ -70,10 +70,14 @@ def test_the_velocity_box_has_two_sides(setup, config):
     assert dut.objective.slacks(dut.objective.excess(h, x))[0] == pytest.approx(2.0)  # [m/s]
 
 
-def test_slacks_are_the_largest_excess_of_each_kind(setup, config):
-    dut, h, T, _ = setup
+def test_slacks_are_the_largest_excess_of_each_kind(setup, config, make_problem):
+    dut, _, T, _ = setup
+    h = dut.prepare(make_problem(config, offset=15.0, tilt=1.2))  # 7.5 m/s, 69 deg
     t = dut.rollout(h, T)
-    speed = max(0.0, np.abs(t.x[1:, 7:10]).max() - config.max_speed)
-    np.testing.assert_allclose(t.slacks[0], speed, atol=1e-12)  # [m/s]
+    w, x, y, z = t.x[1:, 3:7].T
+    speed = np.abs(t.x[1:, 7:10]).max() - config.max_speed
+    tilt = np.cos(config.max_tilt) - (w * w - x * x - y * y + z * z).min()
+    np.testing.assert_allclose(t.slacks[:2], [speed, tilt], atol=1e-12)  # [m/s, 1]
+    assert t.slacks[2] > 10.0  # [m]
     assert t.merit >= t.cost
     assert t.merit == pytest.approx(t.cost + config.slack_weight * np.sum(t.slacks + 0.1 * t.slacks**2))

@@ -6,10 +6,11 @@ from pydrake.solvers import IpoptSolver
 from np_drake.mpc.drake_solvers import expected_early_ends, new_program, solver_options
 
 
-def test_drakes_log_is_muted_inside_and_restored_after():
-    log = logging.getLogger("drake")
+def test_drakes_log_is_muted_inside_and_restored_after(monkeypatch):
+    log, inside = logging.getLogger("drake"), []
     level = log.level
-    inside = []
+    monkeypatch.setattr(log, "level", level)  # put back whatever happens
+    log.setLevel(logging.WARNING)
 
     def fail():
         with expected_early_ends():
@@ -19,7 +20,8 @@ def test_drakes_log_is_muted_inside_and_restored_after():
     with pytest.raises(KeyError):
         fail()
     assert inside == [False]
-    assert log.level == level
+    assert log.level == logging.WARNING
+    log.setLevel(level)
 
 
 def test_options_reach_their_solver():

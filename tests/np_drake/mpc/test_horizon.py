@@ -23,6 +23,7 @@ def test_the_eliminated_system_forecasts_what_the_lifted_one_does(K, N, seed):
     )
     zeta = rng.normal(size=(N, 6))
     free, markov = eliminate(dut)
+    assert markov.shape == (6, 6 * (N - 1) if K else 0)
     chi = free.copy()
     for i in range(1, N if K else 1):
         chi[i] += markov[:, -6 * i :] @ zeta[:i].ravel()

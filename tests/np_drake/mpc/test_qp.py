@@ -1,3 +1,5 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
@@ -77,3 +79,22 @@ def test_without_time_the_step_still_keeps_the_box():
     model = random_model(2, level=1.0)
     step = qp.QpSolver(12, 9, WEIGHT).solve(model, np.full(12, -0.1), np.full(12, 0.1), time_limit=-1.0)
     assert np.all(np.abs(step.d) <= 0.1)
+
+
+def test_a_singular_model_still_gives_a_step():
+    model = random_model(4, level=-20.0)
+    flat = LocalModel(np.zeros((12, 12)), model.gradient, model.rows)
+    step = qp.QpSolver(12, 9, WEIGHT).solve(flat, np.full(12, -0.1), np.full(12, 0.1), time_limit=1.0)
+    assert np.all(np.abs(step.d) <= 0.1)
+    assert np.isfinite(step.decrease)
+
+
+@pytest.mark.parametrize("where", ["hessian", "rows"])
+def test_a_model_that_overflows_gives_no_step(where):
+    model = random_model(4)
+    bad_rows = dc.replace(model.rows, jacobian=np.full((9, 12), np.inf))
+    bad = {"hessian": np.full((12, 12), np.nan)} if where == "hessian" else {"rows": bad_rows}
+    dut, bounds = qp.QpSolver(12, 9, WEIGHT), (np.full(12, -1.0), np.full(12, 1.0))
+    with np.errstate(invalid="ignore"):
+        step = dut.solve(dc.replace(model, **bad), *bounds, time_limit=1.0)
+    assert not step.d.any()

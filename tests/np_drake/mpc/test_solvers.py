@@ -4,12 +4,15 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from np_drake.mpc.ipopt import IpoptCondensedSolver
 from np_drake.mpc.ipopt_multiple_shooting import IpoptMultipleShootingSolver
-from np_drake.mpc.problem import MpcStatus, SolverFailure
+from np_drake.mpc.problem import MpcConfig, MpcStatus, SolverFailure
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.residual_models.base import no_forecast
+from np_drake.vehicle import Vehicle
 
 
 @pytest.fixture(scope="module")
@@ -24,6 +27,10 @@ def solvers(vehicle, config, oracle):
     return {"sqp": sqp, "ipopt": IpoptCondensedSolver(vehicle, config, time_limit=np.inf), "oracle": oracle}
 
 
+IMPATIENT = [
+    make(Vehicle().check(), MpcConfig(horizon=10).check(), time_limit=0.01)
+    for make in (SqpSolver, IpoptCondensedSolver)
+]
 SOLVERS = pytest.mark.parametrize("name", ["sqp", "ipopt", "oracle"])
 
 
@@ -99,6 +106,22 @@ def test_the_sign_of_the_reference_quaternion_does_not_matter(solvers, make_prob
     x_ref[:, 3:7] *= -1
     flipped = solvers[name].solve(dc.replace(problem, x_ref=x_ref))
     np.testing.assert_array_equal(flipped.u, solvers[name].solve(problem).u)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10_000), magnitude=st.floats(-1.0, 12.0), part=st.integers(0, 3))
+def test_any_state_has_a_finite_plan_or_a_typed_failure(make_problem, seed, magnitude, part):
+    problem, rng = make_problem(IMPATIENT[0].condensed.config, seed=seed), np.random.default_rng(seed)
+    cut = (slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13))[part]
+    x0 = problem.x0.copy()
+    x0[cut] += 10**magnitude * rng.normal(size=cut.stop - cut.start)
+    for dut in IMPATIENT:
+        try:
+            solution = dut.solve(dc.replace(problem, x0=x0))
+        except SolverFailure:
+            continue
+        assert np.isfinite(solution.cost)
+        assert np.isfinite(solution.u).all()
 
 
 @pytest.mark.parametrize("name", ["sqp", "ipopt"])
