@@ -31,17 +31,18 @@ def save(figure: Figure, path: str | Path) -> None:
 
 def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
     """Track in the x-y plane of several controllers, the reference dotted; the last lap only."""
-    figure, axes = new_figure(1, 1, width=5.5, height=5.0)
-    ax = axes[0, 0]
     first = flights[0]
     ref = first.signals["p_ref"][first.scored][-_lap(first) :]
+    span = np.ptp(ref[:, :2], axis=0) + 0.3
+    figure, axes = new_figure(1, 1, width=6.0, height=1.1 + 5.0 * min(span[1] / span[0], 1.0))
+    ax = axes[0, 0]
     ax.plot(ref[:, 0], ref[:, 1], color="0.3", linestyle=":", linewidth=1.5, label="reference")
     for k, flight in enumerate(flights):
         p = flight.signals["x_true"][flight.scored][-_lap(flight) :]
         ax.plot(p[:, 0], p[:, 1], color=PALETTE[k], linestyle=DASHES[k], linewidth=1.3, label=flight.label)
     ax.set(xlabel="x [m]", ylabel="y [m]", title=title, aspect="equal")
     ax.grid(alpha=0.3)
-    ax.legend(loc="center", fontsize=8)
+    figure.legend(loc="outside lower center", ncols=4, fontsize=8)
     return figure
 
 
@@ -58,7 +59,7 @@ def errors(flights: Sequence[FlightResult], title: str = "") -> Figure:
         ax.grid(alpha=0.3)
         ax.margins(x=0)
     axes[0, 0].set_title(title)
-    axes[0, 0].legend(loc="upper right", ncols=4, fontsize=8)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
     axes[-1, 0].set_xlabel("time [s] (grey: ramp, not scored)")
     return figure
 
@@ -81,7 +82,7 @@ def wrench(flight: FlightResult, span: float = 8.0) -> Figure:
         ax.margins(x=0)
     axes[0, 0].set_title(f"external force in W · {flight.config.name} · {flight.label}", fontsize=9)
     axes[0, 1].set_title("external torque in B", fontsize=9)
-    axes[0, 0].legend(loc="upper right", ncols=3, fontsize=8)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
     for ax in axes[-1]:
         ax.set_xlabel("time [s]")
     return figure

@@ -26,7 +26,7 @@ class FlightResult:
         return f"{self.config.controller.kind}{told}"
 
     def log(self) -> FlightLog:
-        """What the vehicle itself recorded (`FORMATS`: flight log)."""
+        """What the vehicle itself recorded (docs/files.md: flight log)."""
         s = self.signals
         x, a = s["x"], s["acceleration"]
         return FlightLog(
@@ -78,7 +78,7 @@ class FlightResult:
         return result
 
     def summary(self) -> dict:
-        """The `fly` object of `FORMATS`."""
+        """The `fly` object of `--json` (docs/files.md)."""
         return {
             "experiment": self.config.name,
             "controller": self.label,

@@ -19,6 +19,8 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
     meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
     _add_quadrotor(meshcat, flight.config.vehicle)
     s = flight.signals
+    middle = s["p_ref"].mean(axis=0) - [0.0, 0.0, 0.4]
+    meshcat.SetCameraPose(middle + [1.2, -3.2, 1.4], middle)
     meshcat.SetLine("reference", s["p_ref"][flight.scored].T, 2.0, _BLUE)
     if flight.payload_position is not None:
         radius = max(flight.config.reality.payload.radius, 0.04)

@@ -14,6 +14,8 @@ POSITION = (0.5, 1.0, 2.0)  # factors on weight_position [1]
 RATE = (0.3, 1.0, 3.0)  # factors on weight_rate [1]
 TORQUE = (0.3, 1.0, 3.0)  # factors on the torque part of weight_input [1]
 
+EFFORT = 1.0  # what a newton metre of RMS torque costs in error; own choice [m/(N·m)]
+
 
 def _score(position: float, rate: float, torque: float, seed: int, duration: float) -> dict:
     """Error and effort of the nominal MPC on the bare lemniscate, everything else as in the experiments."""
@@ -31,7 +33,8 @@ def _score(position: float, rate: float, torque: float, seed: int, duration: flo
     m, rows = flight.metrics(), flight.scored
     effort = np.sqrt(np.mean(np.sum(flight.signals["u"][rows, 1:3] ** 2, axis=1)))
     factors = {"position": position, "rate": rate, "torque": torque}
-    return {**factors, "E_xy": m["E_xy"], "E_z": m["E_z"], "torque_rms": float(effort)}
+    score = m["E_xy"] + m["E_z"] + EFFORT * effort
+    return {**factors, "E_xy": m["E_xy"], "E_z": m["E_z"], "torque_rms": float(effort), "score": float(score)}
 
 
 def weight_table(

@@ -23,7 +23,7 @@ FORCE, TORQUE = slice(0, 3), slice(3, 6)
 @dc.dataclass
 class LabelConfig:
     """The causal low-pass on the raw labels. Own choice: what flew best; torque labels are poisoned by
-    motor lag above 2 Hz (CONTROL_NOTES), so that they are slower."""
+    motor lag above 2 Hz, so that they are slower."""
 
     force_bandwidth: float = 4.0  # [Hz], -3 dB
     torque_bandwidth: float = 1.0  # [Hz], -3 dB

@@ -7,14 +7,14 @@ from typing import Annotated
 import typer
 
 from diagrams.cli import options
-from diagrams.cli.output import make_folder, print_table, progress, write_metrics
+from diagrams.cli.output import make_folder, print_table, progress, say, write_metrics
 from np_drake.atomic_file import require_writable
 
-TABLES = ("tracking",)
+TABLES = ("tracking", "weights")
 
 
 def reproduce(
-    table: Annotated[str, typer.Argument(help="tracking")],
+    table: Annotated[str, typer.Argument(help="tracking | weights")],
     seeds: Annotated[int, typer.Option(min=1, help="Evaluation flights a row and track.")] = 5,
     solver: Annotated[str, typer.Option(help="ipopt | sqp")] = "sqp",
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
@@ -25,18 +25,30 @@ def reproduce(
     out: options.Out = None,
     json: options.Json = None,
 ) -> None:
-    """Fly every controller on circle and lemniscate; training flights draw `seed`, evaluations seed + 1, …"""
+    """Tracking: every controller on circle and lemniscate (training flights draw `seed`, evaluations seed + 1, …).
+
+    Weights: how the MPC's weights were chosen, on the vehicle without payload.
+    """
     if table not in TABLES:
         raise ValueError(f"table: must be one of {', '.join(TABLES)}; got {table!r}.")
     if json is not None:
         require_writable(json)
+    if table == "weights":
+        _weights(seed=seed, jobs=jobs, json=json)
+    else:
+        _tracking(seeds=seeds, solver=solver, jobs=jobs, only=only or [], seed=seed, out=out, json=json)
+
+
+def _tracking(
+    *, seeds: int, solver: str, jobs: int, only: list[str], seed: int, out: Path | None, json: Path | None
+) -> None:
     from diagrams import tracking
 
-    rows = tuple(r for r in tracking.ROWS if not only or r.name in only or r.name == "nominal")
-    unknown = set(only or ()) - {r.name for r in tracking.ROWS}
+    unknown = set(only) - {r.name for r in tracking.ROWS}
     if unknown:
         names = "; ".join(r.name for r in tracking.ROWS)
         raise ValueError(f"--only: must name rows of the table ({names}); got {', '.join(sorted(unknown))}.")
+    rows = tuple(r for r in tracking.ROWS if not only or r.name in only or r.name == "nominal")
     evaluation = [seed + 1 + k for k in range(seeds)]
     with tempfile.TemporaryDirectory() as scratch, progress("tracking", 1.0) as advance:
         summaries = tracking.run_tracking(
@@ -49,12 +61,30 @@ def reproduce(
             on_progress=lambda done, total: advance(done / total, f"{done} of {total} flights"),
         )
     lines = tracking.table(summaries)
-    _print(
-        lines,
-        f"{seeds} flights a row, seeds {evaluation[0]} … {evaluation[-1]}, trained on seed {seed}, {solver}",
+    title = (
+        f"{seeds} flights a row, seeds {evaluation[0]} … {evaluation[-1]}, trained on seed {seed}, {solver}"
     )
-    config = {"solver": solver, "seeds": evaluation, "training_seed": seed, "mpc": tracking.frozen_weights()}
+    _print(lines, title)
+    weights = tracking.frozen_weights()
+    say(f"MPC of every row: {weights}")
+    config = {"solver": solver, "seeds": evaluation, "training_seed": seed, "mpc": weights}
     write_metrics(json, "reproduce", seed=seed, config=config, table=lines, runs=summaries)
+
+
+def _weights(*, seed: int, jobs: int, json: Path | None) -> None:
+    from diagrams.tuning import weight_table
+
+    with progress("weights", 1.0) as advance:
+        lines = weight_table(
+            seed=seed, jobs=jobs, on_progress=lambda done, total: advance(done / total, f"{done} of {total}")
+        )
+    lines.sort(key=lambda line: line["score"])
+    rows = [tuple(round(v, 4) for v in line.values()) for line in lines]
+    header = ["position", "rate", "torque", "E_xy [m]", "E_z [m]", "torque RMS [N·m]", "score [m]"]
+    print_table(
+        f"factors on the frozen weights; lemniscate without payload, nominal MPC, seed {seed}", header, rows
+    )
+    write_metrics(json, "reproduce", seed=seed, config={}, table=lines)
 
 
 def _print(lines: list[dict], title: str) -> None:

@@ -26,7 +26,7 @@ def score(
     hold_zeta: bool = False,
     on_model: Callable[[int, int], None] = lambda *_: None,
 ) -> list[dict[str, Any]]:
-    """The rows of `FORMATS`: every model and naive row on every flight, horizon in seconds.
+    """The rows of `--json`: every model and naive row on every flight, horizon in seconds.
 
     The mean is the flight's own. `on_model` is called with (done, total) after every model.
     Raises: ValueError: if a step is not the model's, or a flight too short.

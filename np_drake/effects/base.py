@@ -1,6 +1,6 @@
 """What an effect is: where it acts decides which pure functions it has.
 
-An effect is a dataclass of its parameters (names and units as in `FORMATS`). The simulator adds it through one of the
+An effect is a dataclass of its parameters (names and units of its own file). The simulator adds it through one of the
 wrappers in `systems/`; a diagnosis fits the same object to logs. All functions are vectorised over leading axes.
 """
 

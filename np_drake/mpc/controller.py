@@ -29,7 +29,7 @@ class MpcController:
         vehicle: what the controller believes.   period: time between solves [s].
         deadline: a solve that takes longer [s] is discarded as late; inf accepts every answer, so that a
             simulation does not depend on the machine it runs on.
-        target_shift: move the attitude and input references with chi_hat (CONTROL_NOTES).
+        target_shift: move the attitude and input references with chi_hat.
     """
 
     def __init__(

@@ -8,7 +8,7 @@ from np_drake.references.ramp import compose, ramped_phase
 class Multisine:
     """Per axis a sum of sines at incommensurate frequencies; faded in with the ramp by its phase.
 
-    Source: own choice; CONTROL_NOTES finds that a circle without it teaches a spurious force per vz.
+    Source: own choice: a circle without it teaches a spurious force per vz.
 
     Args:
         amplitude: (3,) RMS of the dither per axis [m].   frequencies: Hz of the tones of x; y and z take tones
