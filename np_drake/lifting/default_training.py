@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import scipy.linalg
 
-from np_drake.lifting.channel_views import Block, free_blocks, symmetric_blocks
+from np_drake.lifting.channel_views import Block, free_blocks, symmetric_blocks, turns
 from np_drake.lifting.checkpoint import Checkpoint
 from np_drake.lifting.delay_regression import Regularisation, compress
 from np_drake.lifting.encoders import DelayEncoder
@@ -91,7 +91,9 @@ class _Runs:
             self._finished |= {name: found, f"{name}/loss": np.array(losses)}
             self._checkpoint.save(self._finished)
         self.history += self._finished[f"{name}/loss"].tolist()
-        self._epoch = end
+        if self._epoch < end:
+            self._epoch = end - 1
+            self._report(self.history[-1] if self.history else np.inf)
         return self._finished[name]
 
     def _report(self, loss: float) -> None:
@@ -113,10 +115,10 @@ def _best_descent(
 
 
 def _excitation(segments: list[Segment], config: DefaultConfig, step: float) -> Excitation:
-    """Of the segments; where x and y are tied, of the segments turned by 90 degrees too."""
+    """Of the segments; where x and y are tied, of the segments turned and mirrored as well."""
     zeta = [segment.zeta for segment in segments]
     if config.symmetric:
-        zeta += [piece[:, [1, 0, 2, 4, 3, 5]] * [1, -1, 1, 1, -1, 1] for piece in zeta]
+        zeta = [turned for piece in zeta for turned in turns(piece)]
     return measure_excitation(zeta, config.zeta_noise, step=step)
 
 

@@ -91,10 +91,10 @@ def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
     stay as learned; where the eigenvectors are too ill-conditioned for that, all of A is scaled. Own choice:
     the nearest stable matrix in the Frobenius norm is a non-convex problem, too slow for a flight.
     """
+    if np.abs(np.linalg.eigvals(A)).max(initial=0.0) <= radius:
+        return A
     eigenvalue, V = np.linalg.eig(A)
     magnitude = np.abs(eigenvalue)
-    if magnitude.max(initial=0.0) <= radius:
-        return A
     target = radius * (1.0 - 1e-9)
     if np.linalg.cond(V) < 1e8:
         pulled = eigenvalue * np.minimum(1.0, target / np.maximum(magnitude, 1e-300))

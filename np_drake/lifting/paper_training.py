@@ -162,7 +162,7 @@ class PaperTrainer:
         """(6, K) least squares of chi / scale on z over all windows, ridge 1e-6 of the mean power."""
         Z, chi = z.reshape(-1, z.shape[-1]), (self._chi / self._scale()).reshape(-1, 6)
         normal = Z.T @ Z
-        normal += 1e-6 * normal.diagonal().mean() * torch.eye(len(normal), dtype=Z.dtype)
+        normal += (1e-6 * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=Z.dtype)
         return torch.linalg.solve(normal, Z.T @ chi).T
 
     def _rollout_error(self, z, zeta, prior, *, backward: bool) -> torch.Tensor:
@@ -219,7 +219,7 @@ def _global_fit(X: torch.Tensor, Y: torch.Tensor) -> torch.Tensor:
     """(K+6, K) ridge fit over all windows: where the priors start."""
     X, Y = X.reshape(-1, X.shape[-1]), Y.reshape(-1, Y.shape[-1])
     normal = X.T @ X
-    normal += 1e-4 * normal.diagonal().mean() * torch.eye(len(normal), dtype=X.dtype)
+    normal += (1e-4 * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=X.dtype)
     return torch.linalg.solve(normal, X.T @ Y)
 
 

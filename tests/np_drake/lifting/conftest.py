@@ -1,4 +1,4 @@
-"""A small flight to train on: quadrotor on a circle or lemniscate, taut payload below, drag, weak thrust, label noise."""
+"""A small flight to train on: taut payload below a quadrotor on a circle or lemniscate, drag, noisy labels."""
 
 import dataclasses as dc
 

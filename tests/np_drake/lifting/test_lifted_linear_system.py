@@ -61,6 +61,12 @@ def test_a_defective_matrix_is_stabilized_too():
     assert np.abs(np.linalg.eigvals(stabilized(jordan, 0.99))).max() <= 0.99
 
 
+def test_stabilizing_does_not_blow_up_where_eigenvectors_nearly_coincide():
+    J = np.eye(3, k=1)
+    A = np.block([[1.1 * np.eye(3) + J, np.ones((3, 3))], [np.zeros((3, 3)), 0.9 * np.eye(3) + J]])
+    assert np.linalg.norm(stabilized(A, 0.99), 2) <= np.linalg.norm(A, 2)
+
+
 def test_what_is_stable_stays_as_it_is():
     dut = random_system(3)
     assert dut.stabilized(0.95 + 1e-9).A is dut.A

@@ -25,9 +25,9 @@ def piece(n: int = 400, seed: int = 0):
     return labels, inputs, goal
 
 
-def block(regularisation: Regularisation = NOTHING, pieces=None) -> ModalBlock:
+def block(regularisation: Regularisation = NOTHING, horizons: np.ndarray = HORIZONS) -> ModalBlock:
     regression = compress(
-        pieces or [piece()], delay=DELAY, horizons=HORIZONS, regularisation=regularisation, max_origins=10_000
+        [piece()], delay=DELAY, horizons=horizons, regularisation=regularisation, max_origins=10_000
     )
     return ModalBlock(regression, size=4, pairs=1, step=0.02)
 
@@ -106,7 +106,7 @@ def test_the_rollout_of_the_matrices_is_what_the_loss_sees():
 
 
 def test_an_oscillator_is_identified():
-    dut = block(NOTHING)
+    dut = block(NOTHING, np.arange(21))
     theta, losses = descend(dut, dut.initial_theta(np.random.default_rng(0)), iterations=200)
     assert losses[-1] < 0.1  # persistence: 1
     eigenvalues = np.linalg.eigvals(dut.matrices(theta).A)
