@@ -1,5 +1,6 @@
 """A stand-alone 3-D replay page of a flight (Meshcat recording)."""
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ _DARK, _RED, _BLUE, _GREY = Rgba(0.2, 0.2, 0.22), Rgba(0.84, 0.37, 0), Rgba(0, 0
 
 def write_replay(flight: FlightResult, path: str | Path) -> None:
     """Writes an HTML page that plays the flight: quadrotor, tether, payload, and the reference as a line."""
+    logging.getLogger("drake").setLevel(logging.WARNING)  # its address is of no use: the page is a file
     meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
     _add_quadrotor(meshcat, flight.config.vehicle)
     s = flight.signals

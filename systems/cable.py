@@ -8,7 +8,8 @@ from pydrake.systems.framework import LeafSystem
 class Cable(LeafSystem):
     """Spring-damper along the line from the hook to the payload; it pulls and never pushes.
 
-    T = max(0, k (l - L) + c dl/dt) for l > L, else 0.          Source: own choice; k and c keep a taut flight within 0.01 mm of a rod.
+    T = max(0, k (l - L) + c dl/dt) for l > L, else 0.
+    Source: own choice; k and c keep a taut flight within 0.01 mm of a rod.
 
     .. pydrake_system::
 

@@ -72,19 +72,29 @@ def _tracking(
 
 
 def _weights(*, seed: int, jobs: int, json: Path | None) -> None:
-    from diagrams.tuning import weight_table
+    from diagrams.tuning import EFFORT, LAG, weight_table
 
     with progress("weights", 1.0) as advance:
         lines = weight_table(
             seed=seed, jobs=jobs, on_progress=lambda done, total: advance(done / total, f"{done} of {total}")
         )
-    lines.sort(key=lambda line: line["score"])
-    rows = [tuple(round(v, 4) for v in line.values()) for line in lines]
-    header = ["position", "rate", "torque", "E_xy [m]", "E_z [m]", "torque RMS [N·m]", "score [m]"]
-    print_table(
-        f"factors on the frozen weights; lemniscate without payload, nominal MPC, seed {seed}", header, rows
+    rows = [
+        (
+            line["position"],
+            line["torque"],
+            round(100 * line["E_xy"], 2),
+            round(100 * line["E_z"], 2),
+            round(line["torque_rms"], 4),
+            "yes" if line["allowed"] else "no",
+        )
+        for line in lines
+    ]
+    header = ["position", "torque", "E_xy [cm]", "E_z [cm]", "torque RMS [N·m]", "allowed"]
+    title = f"factors on the frozen weights; lemniscate, no payload, motor lag {LAG} s, seed {seed}"
+    print_table(title, header, rows)
+    write_metrics(
+        json, "reproduce", seed=seed, config={"allowed_torque_rms": EFFORT, "motor_lag": LAG}, table=lines
     )
-    write_metrics(json, "reproduce", seed=seed, config={}, table=lines)
 
 
 def _print(lines: list[dict], title: str) -> None:

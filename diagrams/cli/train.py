@@ -68,7 +68,7 @@ def configure(name: str, *, frame: str = "world", seed: int = 0, epochs: int | N
     if epochs is not None:
         settings["epochs" if name == "paper" else "iterations"] = epochs
     if name == "default" and frame == "body":
-        settings |= {"symmetric": False, "torque": True}
+        settings |= {"symmetric": False, "torque": True, "delay": 25}  # 60 ms at the arrays' 400 Hz
     return make_config(name, **settings)
 
 

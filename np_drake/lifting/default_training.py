@@ -23,7 +23,7 @@ OnEpoch = Callable[[int, int, float], None]
 class DefaultConfig:
     """`default`: what flew best. Force, torque, v and omega are each divided by one scale."""
 
-    delay: int = 25  # samples the encoder sees [1]
+    delay: int = 60  # samples the encoder sees [1]
     horizon: int = 40  # longest prediction in the loss [steps]
     horizons: int = 25  # how many horizons of it are in the loss, closer together near 0 [1]
     size: int | None = None  # lifted states of a block; None: 4 tied (12 in all), 24 untied [1]

@@ -11,15 +11,18 @@ from np_drake.residual_models.base import WrenchForecast
 
 @dc.dataclass
 class MpcConfig:
-    """Weights and sets of problem (nmpc). The error e_x is x - x* in the 13 state components."""
+    """Weights and sets of problem (nmpc). The error e_x is x - x* in the 13 state components.
+
+    Source of the weights: tuned on the vehicle without payload, then frozen (`np-drake reproduce weights`).
+    """
 
     horizon: int = 20  # N [1]
     step: float = 0.04  # [s]
-    weight_position: list[float] = dc.field(default_factory=lambda: [20.0, 20.0, 40.0])  # [1/m²]
+    weight_position: list[float] = dc.field(default_factory=lambda: [160.0, 160.0, 320.0])  # [1/m²]
     weight_attitude: list[float] = dc.field(default_factory=lambda: [1.0, 5.0, 5.0, 5.0])  # per q component
     weight_velocity: list[float] = dc.field(default_factory=lambda: [2.0, 2.0, 2.0])  # [s²/m²]
-    weight_rate: list[float] = dc.field(default_factory=lambda: [0.1, 0.1, 0.1])  # [s²/rad²]
-    weight_input: list[float] = dc.field(default_factory=lambda: [0.02, 2.0, 2.0, 5.0])  # [1/N², 1/(N·m)²]
+    weight_rate: list[float] = dc.field(default_factory=lambda: [0.03, 0.03, 0.03])  # [s²/rad²]
+    weight_input: list[float] = dc.field(default_factory=lambda: [0.02, 18.0, 18.0, 45.0])  # [1/N², 1/(N·m)²]
     terminal: str = "riccati"  # P: riccati = cost-to-go at hover | scaled = terminal_scale * Q
     terminal_scale: float = 5.0  # of Q on position and velocity, where terminal is `scaled` [1]
     max_speed: float = 6.0  # soft box on each component of v_WB [m/s]

@@ -40,7 +40,7 @@ def test_b_is_shrunk_where_the_flight_said_nothing(plain, trained):
 def test_unguarded_the_same_flight_teaches_nonsense(plain, monkeypatch):
     """What the guard is for: believed in every direction, the fit answers v_z with force."""
     monkeypatch.setattr(excitation, "THRESHOLD", 0.0)
-    assert vertical_gain(train([plain.segment], DefaultConfig()).model) > 1.0
+    assert vertical_gain(train([plain.segment], DefaultConfig(delay=25)).model) > 1.0
 
 
 @given(st.integers(0, 1000), st.floats(0.05, 20.0))

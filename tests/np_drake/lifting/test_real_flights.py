@@ -22,7 +22,7 @@ def arrays(folder, name: str) -> tuple[np.ndarray, np.ndarray]:
 @pytest.fixture(scope="module")
 def rows(neurobem):
     chi, zeta = arrays(neurobem, TRAINING)
-    config = DefaultConfig(symmetric=False, torque=True, starts=1)
+    config = DefaultConfig(delay=25, symmetric=False, torque=True, starts=1)
     model = train([Segment(chi, zeta, 1 / 400)], config).model
     dut = NeuralPredictor(model, PredictorOptions(torque="predict"))
     mean = chi.mean(axis=0)
