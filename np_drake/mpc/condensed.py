@@ -5,6 +5,7 @@ linear in the predicted zeta and is eliminated exactly (`horizon.eliminate`); no
 """
 
 import dataclasses as dc
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg.blas import dsyrk
@@ -18,17 +19,33 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class Trajectory:
-    """A rollout: T (N, 4) [N], u (N, 4), x (N+1, 13), chi (N, 6); tracking cost, excess (4N+1,) over the soft
-    sets with the slacks (3,) it needs, merit = cost and penalty."""
+    """A rollout: T (N, 4) [N], u (N, 4), x (N+1, 13), chi (N, 6) and its tracking cost.
+
+    What it does to the soft sets of `objective` is computed when asked for.
+    """
 
     T: np.ndarray
     u: np.ndarray
     x: np.ndarray
     chi: np.ndarray
     cost: float
-    excess: np.ndarray
-    slacks: np.ndarray
-    merit: float
+    horizon: Horizon
+    objective: Objective
+
+    @cached_property
+    def excess(self) -> np.ndarray:
+        """(4N+1,) excess over the soft sets."""
+        return self.objective.excess(self.horizon, self.x)
+
+    @cached_property
+    def slacks(self) -> np.ndarray:
+        """(3,) slacks that the excess needs."""
+        return self.objective.slacks(self.excess)
+
+    @cached_property
+    def merit(self) -> float:
+        """Cost and penalty."""
+        return self.cost + penalty(self.slacks, self.objective.config.slack_weight)
 
     @property
     def finite(self) -> bool:
@@ -86,11 +103,7 @@ class Condensed:
             zeta[6 * i : 6 * i + 6] = state[7:]
             state = advance(state, inputs[i], chi[i].tolist())
             x[i + 1] = state
-        cost, excess = self.objective.cost(h, x, u), self.objective.excess(h, x)
-        slacks = self.objective.slacks(excess)
-        return Trajectory(
-            T, u, x, chi, cost, excess, slacks, cost + penalty(slacks, self.config.slack_weight)
-        )
+        return Trajectory(T, u, x, chi, self.objective.cost(h, x, u), h, self.objective)
 
     def sensitivities(self, h: Horizon, t: Trajectory) -> np.ndarray:
         """(N, 13, 4N) dx_i/dT for i = 1 … N, the reaction of the wrench to the predicted motion included."""
@@ -114,10 +127,13 @@ class Condensed:
     def local_model(self, h: Horizon, t: Trajectory) -> LocalModel:
         """Gauss-Newton Hessian and exact gradient of the cost at t; the rows linearised."""
         S = self.sensitivities(h, t)
+        return LocalModel(self.hessian(h, S), self.gradient(h, t, S), self.objective.rows(h, t.x, S))
+
+    def hessian(self, h: Horizon, S: np.ndarray) -> np.ndarray:
+        """(4N, 4N) Gauss-Newton Hessian over T, lower triangle [1/N²]."""
         G = self._Q_root[:, None] * S
         G[-1] = h.P_root @ S[-1]
-        hessian = dsyrk(2.0, G.reshape(-1, self.size).T, beta=1.0, c=self._R, lower=1)
-        return LocalModel(hessian, self.gradient(h, t, S), self.objective.rows(h, t.x, S))
+        return dsyrk(2.0, G.reshape(-1, self.size).T, beta=1.0, c=self._R, lower=1)
 
     def gradient(self, h: Horizon, t: Trajectory, S: np.ndarray) -> np.ndarray:
         """(4N,) of the tracking cost over T [1/N]."""

@@ -22,13 +22,28 @@ def solver_options(options: Mapping[SolverId, Mapping[str, float | int | str]]) 
     return result
 
 
+class _ExpectedEarlyEnds(logging.Filter):
+    """Drops Drake's warnings while `muted`."""
+
+    muted = False
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether the record passes."""
+        return not self.muted or record.levelno >= logging.ERROR
+
+
+_FILTER = _ExpectedEarlyEnds()
+logging.getLogger("drake").addFilter(_FILTER)
+
+
 @contextlib.contextmanager
 def expected_early_ends() -> Iterator[None]:
-    """Mutes Drake's log below ERROR: an iteration cap that the caller handles is an answer, not a warning."""
-    log = logging.getLogger("drake")
-    level = log.level
-    log.setLevel(logging.ERROR)
+    """Mutes Drake's log below ERROR: an iteration cap that the caller handles is an answer, not a warning.
+
+    A filter, because setting the logger's level empties every logger's cache at each solve.
+    """
+    before, _FILTER.muted = _FILTER.muted, True
     try:
         yield
     finally:
-        log.setLevel(level)
+        _FILTER.muted = before

@@ -31,9 +31,8 @@ class Horizon:
 
     @cached_property
     def P_root(self) -> np.ndarray:
-        """(13, 13) F with F'F = P."""
-        value, vector = np.linalg.eigh(self.P)
-        return np.sqrt(np.maximum(value, 0.0))[:, None] * vector.T
+        """(13, 13) F with F'F = P (up to 1e-12 of its largest entry)."""
+        return np.linalg.cholesky(self.P + 1e-12 * self.P.max() * np.eye(len(self.P))).T
 
 
 def prepare(problem: MpcProblem, vehicle: Vehicle, config: MpcConfig) -> Horizon:

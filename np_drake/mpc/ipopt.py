@@ -21,7 +21,7 @@ from np_drake.vehicle import Vehicle
 
 _log = logging.getLogger(__name__)
 _ROUNDS, _MISSES = 6, 2  # solves in all, and those that may end without an answer
-_WARM, _COLD, _PATIENT = range(1, 2), range(8, 9), range(30, 31)  # steps of SQP
+_WARM, _COLD, _PATIENT = range(2, 3), range(8, 9), range(30, 31)  # steps of SQP
 _CROWDED = 1 / 8  # share of rotor thrusts at their bounds
 _ACTIVE = -1e-3  # excess from which a soft set counts as active
 
@@ -74,7 +74,8 @@ class IpoptCondensedSolver:
             solved, end = problem.solve(self._ipopt, left)
             if solved and problem.add_violated(end):
                 continue
-            t = self.condensed.rollout(h, self.condensed.clip(end.T))
+            inside = self.condensed.clip(end.T)
+            t = end if np.array_equal(inside, end.T) else self.condensed.rollout(h, inside)
             good = t.finite and t.merit <= sqp.merit + 1e-7 * (1 + sqp.merit)
             if solved:
                 return (t, MpcStatus.OPTIMAL, count) if good else (sqp, MpcStatus.SQP_FALLBACK, count)

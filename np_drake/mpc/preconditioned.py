@@ -40,12 +40,13 @@ class Preconditioned:
 
     def __init__(self, condensed: Condensed, h: Horizon, t_0: Trajectory):
         self._c, self._h, self._T_0 = condensed, h, t_0.T.ravel()
-        hessian = condensed.local_model(h, t_0).hessian
+        S = condensed.sensitivities(h, t_0)
+        hessian = condensed.hessian(h, S)
         factor, info = lapack.dpotrf(hessian, lower=1)
         factor = np.diag(np.sqrt(np.diag(hessian))) if info else factor
         self._M = lapack.dtrtri(factor, lower=1)[0].T  # L^-T
         self._w: np.ndarray = np.zeros(condensed.size)
-        self._key, self._point = b"", (t_0, np.empty(0))
+        self._key, self._point = self._w.tobytes(), (t_0, S)
         config, self._top = condensed.config, condensed.vehicle.max_rotor_thrust
         self._kind = np.repeat(range(KINDS), [3 * config.horizon, config.horizon, 1])
         size = np.array([config.max_speed, 1 - condensed.objective.min_cosine, config.terminal_radius])
