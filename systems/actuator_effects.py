@@ -48,25 +48,26 @@ class ActuatorEffects(LeafSystem):
             passed = effect.thrust(self._vehicle, states[-1], passed)
         return np.concatenate(states) if states else np.zeros(0)
 
-    def _chain(self, context):
-        """Yields (effect, its state, its command); the thrust after the last is the return value."""
+    def _chain(self, context) -> tuple[list[np.ndarray], np.ndarray]:
+        """What each effect is commanded, and the thrust after the last [N]."""
         state = context.get_continuous_state_vector().CopyToVector()
-        command = self._command_port.Eval(context)
+        commands, thrust = [], self._command_port.Eval(context)
         for effect, where in zip(self._effects, self._slices, strict=True):
-            yield effect, state[where], command
-            command = effect.thrust(self._vehicle, state[where], command)
+            commands.append(thrust)
+            thrust = effect.thrust(self._vehicle, state[where], thrust)
+        return commands, thrust
 
     def DoCalcTimeDerivatives(self, context, derivatives) -> None:
         """Drake's hook: the effects' own state rates."""
+        state = context.get_continuous_state_vector().CopyToVector()
+        commands, _ = self._chain(context)
         rates = [
-            effect.state_rate(self._vehicle, state, command)
-            for effect, state, command in self._chain(context)
+            effect.state_rate(self._vehicle, state[where], command)
+            for effect, where, command in zip(self._effects, self._slices, commands, strict=True)
+            if effect.state_size
         ]
         if rates:
-            derivatives.SetFromVector(np.concatenate(rates))
+            derivatives.SetFromVector(rates[0] if len(rates) == 1 else np.concatenate(rates))
 
     def _calc_thrust(self, context, output) -> None:
-        thrust = np.zeros(4)
-        for effect, state, command in self._chain(context):
-            thrust = effect.thrust(self._vehicle, state, command)
-        output.SetFromVector(thrust)
+        output.SetFromVector(self._chain(context)[1])

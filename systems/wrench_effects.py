@@ -31,7 +31,8 @@ class WrenchEffects(LeafSystem):
 
     def __init__(self, vehicle: Vehicle, effects: list[WrenchEffect], num_velocities: int):
         super().__init__()
-        self._vehicle, self._effects, self._rest = vehicle, list(effects), np.zeros(num_velocities - 6)
+        self._vehicle, self._effects = vehicle, list(effects)
+        self._force = np.zeros(num_velocities)  # workspace; only the first six entries are ever written
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
         prerequisites = {self._x_port.ticket(), self._thrust_port.ticket(), self.time_ticket()}
@@ -40,11 +41,15 @@ class WrenchEffects(LeafSystem):
 
     def _chi(self, context) -> np.ndarray:
         motion = Motion(context.get_time(), self._x_port.Eval(context), self._thrust_port.Eval(context))
-        return np.sum([effect.wrench(self._vehicle, motion) for effect in self._effects], axis=0)
+        chi = self._effects[0].wrench(self._vehicle, motion)
+        for effect in self._effects[1:]:
+            chi = chi + effect.wrench(self._vehicle, motion)
+        return chi
 
     def _calc_force(self, context, output) -> None:
-        q = self._x_port.Eval(context)[3:7]
-        output.SetFromVector(np.concatenate([to_spatial_force(self._chi(context), q), self._rest]))
+        chi = self._chi(context)
+        self._force[:6] = to_spatial_force(chi, self._x_port.Eval(context)[3:7])
+        output.SetFromVector(self._force)
 
     def _calc_chi(self, context, output) -> None:
         output.SetFromVector(self._chi(context))

@@ -1,6 +1,7 @@
 """Rotor drag, linear in the body's air speed."""
 
 import dataclasses as dc
+import math
 from typing import ClassVar
 
 import numpy as np
@@ -26,11 +27,11 @@ class LinearDrag:
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) [N, N·m]; the drag acts at the centre of mass."""
-        hover = np.sqrt(vehicle.mass * vehicle.gravity / 4)
+        hover = math.sqrt(vehicle.mass * vehicle.gravity / 4)
         speed = np.sqrt(np.maximum(motion.rotor_thrust, 0.0)).sum(axis=-1) / (4 * hover)
         R = attitude.rotation_matrix(motion.x[..., Q])
         v_B = (motion.x[..., None, V] @ R)[..., 0, :]
+        f_B = np.array([-self.d_x, -self.d_y, -self.d_z]) * v_B * speed[..., None]
         chi = np.zeros((*v_B.shape[:-1], 6))
-        f_B = -speed[..., None] * (self.d_x, self.d_y, self.d_z) * v_B
         chi[..., :3] = (R @ f_B[..., None])[..., 0]
         return chi
