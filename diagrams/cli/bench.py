@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from diagrams.cli import options
-from diagrams.cli.output import print_table, progress, say, write_metrics
+from diagrams.cli.output import print_table, progress, say, write_markdown, write_metrics
 from np_drake.atomic_file import require_writable
 
 if TYPE_CHECKING:
@@ -23,10 +23,12 @@ def bench(
     ] = 40.0,
     seed: options.Seed = 0,
     json: options.Json = None,
+    markdown: options.Markdown = None,
 ) -> None:
     """Time solvers, predictor, simulator and training; CasADi + IPOPT (extra `bench`) is the peer."""
-    if json is not None:
-        require_writable(json)
+    for file in (json, markdown):
+        if file is not None:
+            require_writable(file)
     if os.environ.get("OMP_NUM_THREADS") != "1":
         say("OMP_NUM_THREADS is not 1: small matrices run two to three times slower on several threads.")
     from diagrams import bench as measure
@@ -42,7 +44,9 @@ def bench(
             period=config.controller.period,
             progress=lambda done, total: advance(done / total, f"{done} of {total}"),
         )
-    _print_solvers(reports)
+    solvers = _solver_table(reports)
+    print_table(*solvers)
+    write_markdown(markdown, *solvers)
     mpc_config = dc.asdict(config.controller.mpc)
     content = _other_figures(measure, seconds=seconds, seed=seed)
     growth = [
@@ -62,7 +66,7 @@ def _fields(report: "SolverReport") -> dict[str, Any]:
     return dc.asdict(report)
 
 
-def _print_solvers(reports: "dict[str, list[SolverReport]]") -> None:
+def _solver_table(reports: "dict[str, list[SolverReport]]") -> tuple[str, list[str], list[tuple]]:
     rows = [
         (
             name,
@@ -80,7 +84,7 @@ def _print_solvers(reports: "dict[str, list[SolverReport]]") -> None:
         for r in solvers
     ]
     header = ["problems", "solver", "n", "median [ms]", "p95", "max", "ratio", "failed", "fell back", "gap"]
-    print_table("NP-MPC solvers; ratio: to CasADi + IPOPT in this run", header, rows)
+    return "NP-MPC solvers; ratio: to CasADi + IPOPT in this run", header, rows
 
 
 def _other_figures(measure: Any, *, seconds: float, seed: int) -> dict[str, Any]:

@@ -18,3 +18,6 @@ Configuration = Annotated[
     str, typer.Option("--configuration", metavar="NAME", help="Predictor: default | paper.")
 ]
 Step = Annotated[float, typer.Option("--step", min=1e-4, max=1.0, help="Predictor step for flight logs [s].")]
+Markdown = Annotated[
+    Path | None, typer.Option("--markdown", metavar="FILE", help="Write the table as Markdown.")
+]

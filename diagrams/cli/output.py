@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from np_drake.atomic_file import atomic_path, write_json
+from np_drake.atomic_file import atomic_path, write_json, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -74,6 +74,18 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]
     for row in rows:
         table.add_row(*(escape(_cell(value)) for value in row))
     console().print(table)
+
+
+def write_markdown(
+    path: Path | None, title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]
+) -> None:
+    """The same table as a Markdown file; nothing where no file was asked for."""
+    if path is None:
+        return
+    lines = [title + ":", "", "| " + " | ".join(header) + " |", "|---" * len(header) + "|"]
+    lines += ["| " + " | ".join(map(_cell, row)) + " |" for row in rows]
+    write_text(path, "\n".join(lines) + "\n")
+    say(f"table: {path}")
 
 
 def _cell(value: Any) -> str:

@@ -7,10 +7,11 @@ from typing import Annotated
 import typer
 
 from diagrams.cli import options
-from diagrams.cli.output import make_folder, print_table, progress, say, write_metrics
+from diagrams.cli.output import make_folder, print_table, progress, say, write_markdown, write_metrics
 from np_drake.atomic_file import require_writable
 
 TABLES = ("tracking", "weights")
+Table = tuple[str, list[str], list[tuple]]
 
 
 def reproduce(
@@ -24,6 +25,7 @@ def reproduce(
     seed: options.Seed = 1000,
     out: options.Out = None,
     json: options.Json = None,
+    markdown: options.Markdown = None,
 ) -> None:
     """Tracking: every controller on circle and lemniscate (training flights draw `seed`, evaluations seed + 1, …).
 
@@ -31,17 +33,22 @@ def reproduce(
     """
     if table not in TABLES:
         raise ValueError(f"table: must be one of {', '.join(TABLES)}; got {table!r}.")
-    if json is not None:
-        require_writable(json)
+    for file in (json, markdown):
+        if file is not None:
+            require_writable(file)
     if table == "weights":
-        _weights(seed=seed, jobs=jobs, json=json)
+        result = _weights(seed=seed, jobs=jobs, json=json)
     else:
-        _tracking(seeds=seeds, solver=solver, jobs=jobs, only=only or [], seed=seed, out=out, json=json)
+        result = _tracking(
+            seeds=seeds, solver=solver, jobs=jobs, only=only or [], seed=seed, out=out, json=json
+        )
+    print_table(*result)
+    write_markdown(markdown, *result)
 
 
 def _tracking(
     *, seeds: int, solver: str, jobs: int, only: list[str], seed: int, out: Path | None, json: Path | None
-) -> None:
+) -> Table:
     from diagrams import tracking
 
     unknown = set(only) - {r.name for r in tracking.ROWS}
@@ -64,14 +71,14 @@ def _tracking(
     title = (
         f"{seeds} flights a row, seeds {evaluation[0]} … {evaluation[-1]}, trained on seed {seed}, {solver}"
     )
-    _print(lines, title)
     weights = tracking.frozen_weights()
     say(f"MPC of every row: {weights}")
     config = {"solver": solver, "seeds": evaluation, "training_seed": seed, "mpc": weights}
     write_metrics(json, "reproduce", seed=seed, config=config, table=lines, runs=summaries)
+    return tracking_table(lines, title)
 
 
-def _weights(*, seed: int, jobs: int, json: Path | None) -> None:
+def _weights(*, seed: int, jobs: int, json: Path | None) -> Table:
     from diagrams.tuning import EFFORT, LAG, weight_table
 
     with progress("weights", 1.0) as advance:
@@ -91,13 +98,13 @@ def _weights(*, seed: int, jobs: int, json: Path | None) -> None:
     ]
     header = ["position", "torque", "E_xy [cm]", "E_z [cm]", "torque RMS [N·m]", "allowed"]
     title = f"factors on the frozen weights; lemniscate, no payload, motor lag {LAG} s, seed {seed}"
-    print_table(title, header, rows)
-    write_metrics(
-        json, "reproduce", seed=seed, config={"allowed_torque_rms": EFFORT, "motor_lag": LAG}, table=lines
-    )
+    config = {"allowed_torque_rms": EFFORT, "motor_lag": LAG}
+    write_metrics(json, "reproduce", seed=seed, config=config, table=lines)
+    return title, header, rows
 
 
-def _print(lines: list[dict], title: str) -> None:
+def tracking_table(lines: list[dict], title: str) -> Table:
+    """Title, header and rows of the lines that `tracking.table` gives."""
     from diagrams.tracking import PAPER
 
     def cell(line: dict, key: str) -> str:
@@ -124,4 +131,4 @@ def _print(lines: list[dict], title: str) -> None:
         for line in sorted(lines, key=lambda line: line["track"])
     ]
     header = ["track", "controller", "E_xy [cm]", "cut", "E_z [cm]", "cut", "paper xy / z", "failed"]
-    print_table(title, header, rows)
+    return title, header, rows

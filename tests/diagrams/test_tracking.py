@@ -1,7 +1,10 @@
+import json
+
 import numpy as np
 import pytest
 
 from diagrams import demo, tracking
+from diagrams.cli.main import run
 from diagrams.experiments import load_experiment
 
 
@@ -75,3 +78,15 @@ def test_the_demo_flies_learns_and_flies_again(tmp_path, short_experiments):
     assert seen == sorted(seen)
     assert result.reduction()["circle"]["E_z"] > 0.5
     assert result.model.exists()
+
+
+def test_the_verb_prints_and_writes_the_same_table(tmp_path, short_experiments, capsys):
+    table, metrics = tmp_path / "table.md", tmp_path / "table.json"
+    arguments = ["reproduce", "tracking", "--seeds", "1", "--only", "np", "--jobs", "1", "--seed", "40"]
+    assert run([*arguments, "--markdown", str(table), "--json", str(metrics)]) == 0, capsys.readouterr().err
+    rows = [line.split(" | ") for line in table.read_text().splitlines() if line.startswith("| ")]
+    assert [row[1] for row in rows] == ["controller", "nominal", "np", "nominal", "np"]
+    content = json.loads(metrics.read_text())
+    assert (content["config"]["training_seed"], content["config"]["seeds"]) == (40, [41])
+    assert f"{100 * content['table'][0]['E_xy']:.2f}" in rows[1][2]
+    assert rows[1][2] in capsys.readouterr().out
