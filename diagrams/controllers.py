@@ -7,6 +7,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
 from np_drake.labels import LabelConfig
+from np_drake.lifting.origin import origin_of, require_origin
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.solvers import SOLVERS, make_solver
@@ -25,6 +26,7 @@ from systems.wrench_estimator import WrenchEstimator
 from systems.wrench_oracle import WrenchOracle
 
 DEFAULT_MODEL = Path(__file__).parent / "models" / "default.safetensors"
+SOLVER_SHARE = 0.5  # of the deadline, after which a solver wraps up with what it has [1]
 CONTROLLERS = ("nominal", "hold", "observer", "oracle", "np")
 
 
@@ -37,7 +39,7 @@ class ControllerConfig:
     predictor: str = ""  # model file of kind np; empty for the one that ships with the package
     period: float = 0.02  # between solves, and between samples of the predictor [s]
     solver: str = "ipopt"  # ipopt | sqp | ipopt_multiple_shooting
-    deadline: float = np.inf  # a solve that takes longer is discarded as late [s]
+    deadline: float = np.inf  # a later answer is discarded; solvers wrap up at half of it [s]
     mpc: MpcConfig = dc.field(default_factory=MpcConfig)
     label: LabelConfig = dc.field(default_factory=LabelConfig)
 
@@ -75,6 +77,7 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
         return DisturbanceObserver(vehicle, step=config.period)
     if config.kind == "np":
         model = NeuralPredictorModel.load(config.predictor or DEFAULT_MODEL)
+        require_origin(model.model, origin_of("world", vehicle, config.label))
         if abs(model.step - config.period) > 1e-9:
             raise ValueError(
                 f"controller: the predictor's step must equal the period; got {model.step}, {config.period}."
@@ -105,7 +108,7 @@ def add_controller(
     estimator = builder.AddNamedSystem(
         "wrench_estimator", WrenchEstimator(believed, config.label, step=period)
     )
-    solver = make_solver(config.solver, believed, config.mpc, time_limit=config.deadline)
+    solver = make_solver(config.solver, believed, config.mpc, time_limit=SOLVER_SHARE * config.deadline)
     mpc = builder.AddNamedSystem(
         "np_mpc",
         NpMpc(MpcController(believed, config.mpc, solver, period=period, deadline=config.deadline)),

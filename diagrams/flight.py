@@ -8,6 +8,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from diagrams.controllers import ControllerConfig, add_controller
+from diagrams.failed_run import FailedRun
 from np_drake.effects.base import ActuatorEffect, MeasurementEffect, WrenchEffect
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
@@ -23,6 +24,8 @@ from systems.recorder import Recorder, add_recorder
 from systems.sensor_rig import add_sensor_rig
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
+ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
+
 
 @dc.dataclass
 class RealityConfig:
@@ -37,8 +40,9 @@ class RealityConfig:
     def check(self) -> "RealityConfig":
         """Returns self; raises ValueError on an impossible effect."""
         self.payload.check()
+        self.noise.check()
         for name in ("rotor_drag", "motor_lag"):
-            if not getattr(self, name) >= 0:
+            if not 0 <= getattr(self, name) < np.inf:
                 raise ValueError(f"RealityConfig: {name} must not be negative; got {getattr(self, name)}.")
         if not self.thrust_scale > 0:
             raise ValueError(f"RealityConfig: thrust_scale must be positive; got {self.thrust_scale}.")
@@ -75,9 +79,38 @@ class FlightConfig:
         """Returns self; raises ValueError where a figure is impossible."""
         for part in (self.vehicle, self.reality, self.reference, self.controller):
             part.check()
-        if not self.duration > 0:
-            raise ValueError(f"FlightConfig: duration must be positive [s]; got {self.duration}.")
+        if not 0 < self.duration < np.inf:
+            raise ValueError(f"FlightConfig: duration must be positive and finite [s]; got {self.duration}.")
+        if self.controller.kind == "oracle" and self.reality.payload.tether == "rod":
+            raise ValueError("FlightConfig: the oracle knows cable and no tether; got a rod.")
+        lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_scale
+        if self.carried_mass * self.vehicle.gravity > 0.9 * lift:
+            raise ValueError(
+                f"FlightConfig: {self.carried_mass} kg are more than the rotors can carry ({lift:.0f} N)."
+            )
+        step = self.simulator.max_step_size
+        if not self.simulator.use_error_control and step > self.largest_step:
+            raise ValueError(
+                f"FlightConfig: simulator.max_step_size must be at most {self.largest_step:.2g} s for this cable and "
+                f"these motors; got {step}. Take a smaller step or error control."
+            )
         return self
+
+    @property
+    def carried_mass(self) -> float:
+        """Quadrotor and payload [kg]."""
+        payload = self.reality.payload
+        return self.vehicle.mass + (payload.mass if payload.tether != "none" else 0.0)
+
+    @property
+    def largest_step(self) -> float:
+        """Below it a fixed-step runge_kutta3 is stable: 1.7 over the fastest rate of cable and motors [s]."""
+        payload, rates = self.reality.payload, [1e-3]
+        if payload.tether == "cable":
+            reduced = payload.mass * self.vehicle.mass / self.carried_mass
+            rates += [np.sqrt(payload.stiffness / reduced), payload.damping / reduced]
+        rates += [1 / lag for lag in (self.reality.motor_lag, self.vehicle.rotor_time_constant) if lag > 0]
+        return float(1.7 / max(rates))
 
     def true_model(self) -> TrueModel:
         """What the oracle is told."""
@@ -153,6 +186,7 @@ def simulate(config: FlightConfig, *, seed: int, monitor=None) -> dict[str, np.n
     """Flies the experiment; returns the recorded signals (see `Recorder.read`).
 
     Args: monitor: called with the flight's time [s] about every second, for progress.
+    Raises: FailedRun: if the integrator gives up or the vehicle leaves the arena.
     """
     diagram, recorder = make_flight_diagram(config)
     simulator = Simulator(diagram)
@@ -161,8 +195,15 @@ def simulate(config: FlightConfig, *, seed: int, monitor=None) -> dict[str, np.n
     initialise(diagram, context, config, seed)
     # Half a period beyond the end: the recorder passes the last row on at the end itself.
     end = config.end + 0.5 * config.controller.period
+    vehicle = diagram.GetSubsystemByName("tethered_quadrotor")
     for t in [*np.arange(1.0, config.end, 1.0), end]:
-        simulator.AdvanceTo(t)
+        try:
+            simulator.AdvanceTo(t)
+        except RuntimeError as error:
+            raise FailedRun(f"{config.name}: the simulation ended before {t:.1f} s: {error}") from error
+        p_WB = vehicle.GetOutputPort("x").Eval(vehicle.GetMyContextFromRoot(context))[:3]
+        if not np.linalg.norm(p_WB) < ARENA:
+            raise FailedRun(f"{config.name}: {config.controller.kind} lost the vehicle before {t:.1f} s.")
         if monitor is not None:
             monitor(min(t, config.end))
     return recorder.read(diagram, context)

@@ -8,6 +8,7 @@ import numpy as np
 from diagrams.flight import FlightConfig, simulate
 from np_drake import metrics, rigid_body
 from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.rotor_input import acting_command
 from np_drake.mpc.problem import MpcStatus
 
 
@@ -49,13 +50,15 @@ class FlightResult:
 
     @cached_property
     def chi_true(self) -> np.ndarray:
-        """(n, 6) eq. (1) inverted from the true motion and the command, by the controller's mass [N, N·m]."""
+        """(n, 6) eq. (1) inverted from the true motion and the command, as labels do, for the controller's mass.
+
+        The command goes through the vehicle file's lag, as in the labels [N, N·m].
+        """
         s = self.signals
         x, a = s["x_true"], s["acceleration_true"]
         believed = self.config.controller.believed(self.config.vehicle)
-        return rigid_body.residual_wrench(
-            believed, q=x[:, 3:7], w=x[:, 10:13], a=a[:, :3], al=a[:, 3:], u=s["u"]
-        )
+        u = acting_command(self.log(), believed)
+        return rigid_body.residual_wrench(believed, q=x[:, 3:7], w=x[:, 10:13], a=a[:, :3], al=a[:, 3:], u=u)
 
     @cached_property
     def payload_position(self) -> np.ndarray | None:
@@ -72,6 +75,7 @@ class FlightResult:
             "solve_ms": metrics.solve_times_ms(s["solve_time"][rows, 0]),
             "solve_failures": int(np.sum(status >= MpcStatus.SQP_FALLBACK)),
             "late_solves": int(np.sum(s["solve_time"][rows, 0] > self.config.controller.period)),
+            "fallbacks": int(np.sum(status >= MpcStatus.SHIFTED_PLAN)),
         }
         if "chi_hat" in s:
             result["wrench_rmse"] = metrics.wrench_rmse(s["chi_hat"][rows], self.chi_true[rows])

@@ -7,6 +7,7 @@ import numpy as np
 
 from diagrams.flight_result import FlightResult
 from np_drake.lifting.model_file import save_model
+from np_drake.lifting.origin import origin_of, with_origin
 from np_drake.lifting.training import TrainingResult, make_config, train
 from np_drake.logs.training_segments import training_segments
 
@@ -32,5 +33,7 @@ def train_predictor(
         step=flight.config.controller.period,
     )
     result = train(segments, make_config(configuration, seed=seed), on_epoch=on_epoch)
-    save_model(result.model, path)
-    return result
+    origin = origin_of("world", flight.config.vehicle, flight.config.controller.label)
+    model = with_origin(result.model, origin)
+    save_model(model, path)
+    return TrainingResult(model, result.loss)

@@ -35,6 +35,7 @@ ROWS = (
     Row("nominal", "nominal"),
     Row("nominal + total mass", "nominal", told_mass=True),
     Row("observer", "observer"),
+    Row("observer + total mass", "observer", told_mass=True),
     Row("hold", "hold"),
     Row("hold + total mass", "hold", told_mass=True),
     Row("np: paper, plain circle", "np", training="plain_circle", configuration="paper"),

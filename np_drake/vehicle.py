@@ -24,6 +24,13 @@ class MeasurementNoise:
     acceleration: float = 0.1  # [m/s²]
     angular_acceleration: float = 0.5  # [rad/s²]
 
+    def check(self) -> "MeasurementNoise":
+        """Returns self; raises ValueError where a deviation is negative or not finite."""
+        for name, value in dc.asdict(self).items():
+            if not 0 <= value < np.inf:
+                raise ValueError(f"MeasurementNoise: {name} must be finite and not negative; got {value}.")
+        return self
+
 
 @dc.dataclass
 class Vehicle:
@@ -67,9 +74,8 @@ class Vehicle:
         _require(moments[2] <= moments[0] + moments[1] + 1e-12, "inertia must meet the triangle inequality")
         _require(self.logged_point in ("origin", "center_of_mass"), "logged_point: origin | center_of_mass")
         _require(self.input in ("command", "rotor_speed"), "input: command | rotor_speed")
-        noise = dc.astuple(self.measurement_noise)
-        _require(min(noise) >= 0, "measurement_noise must not be negative")
-        numbers = [self.mass, self.gravity, self.thrust_coefficient, self.torque_coefficient, *noise]
+        self.measurement_noise.check()
+        numbers = [self.mass, self.gravity, self.thrust_coefficient, self.torque_coefficient]
         _require(bool(np.all(np.isfinite(numbers))), "every number must be finite")
         _require(abs(np.linalg.det(self.mixer)) > 1e-12, "the rotors must span thrust and three torques")
         return self

@@ -19,11 +19,13 @@ class ActuatorEffects(LeafSystem):
         - command
         output_ports:
         - thrust
+        - nominal_thrust
 
     | port | size | meaning | unit |
     |---|---|---|---|
     | command | 4 | commanded rotor thrust after saturation | N |
     | thrust | 4 | actual rotor thrust | N |
+    | nominal_thrust | 4 | what a nominal rotor would give at the actual rotor speed | N |
 
     Continuous state: the effects' states one after the other; it starts at rest under hover thrust.
     """
@@ -35,11 +37,9 @@ class ActuatorEffects(LeafSystem):
         self._slices = [slice(a, b) for a, b in itertools.pairwise(ends)]
         self._command_port = self.DeclareVectorInputPort("command", 4)
         self.DeclareContinuousState(BasicVector(self._resting_state(hover_thrust)))
-        feeds_through = not any(e.state_size for e in effects)
-        prerequisites = {self._command_port.ticket()} if feeds_through else {self.all_state_ticket()}
-        if any(e.state_size == 0 for e in effects) and not feeds_through:
-            prerequisites.add(self._command_port.ticket())
+        prerequisites = {self._command_port.ticket(), self.all_state_ticket()}
         self.DeclareVectorOutputPort("thrust", 4, self._calc_thrust, prerequisites)
+        self.DeclareVectorOutputPort("nominal_thrust", 4, self._calc_nominal_thrust, prerequisites)
 
     def _resting_state(self, thrust: np.ndarray) -> np.ndarray:
         states, passed = [], np.asarray(thrust, float)
@@ -71,3 +71,11 @@ class ActuatorEffects(LeafSystem):
 
     def _calc_thrust(self, context, output) -> None:
         output.SetFromVector(self._chain(context)[1])
+
+    def _calc_nominal_thrust(self, context, output) -> None:
+        state = context.get_continuous_state_vector().CopyToVector()
+        thrust = self._command_port.Eval(context)
+        for effect, where in zip(self._effects, self._slices, strict=True):
+            if effect.turns_rotor:
+                thrust = effect.thrust(self._vehicle, state[where], thrust)
+        output.SetFromVector(thrust)

@@ -16,7 +16,7 @@ class MeasurementEffects(LeafSystem):
         input_ports:
         - x_true
         - acceleration_true
-        - rotor_thrust
+        - nominal_rotor_thrust
         - white
         output_ports:
         - x
@@ -27,7 +27,7 @@ class MeasurementEffects(LeafSystem):
     |---|---|---|---|
     | x_true, x | 13 | state, true and as read | |
     | acceleration_true, acceleration | 6 | [a in W, al in B] | m/s², rad/s² |
-    | rotor_thrust | 4 | actual rotor thrust | N |
+    | nominal_rotor_thrust | 4 | thrust coefficient times the square of the actual rotor speed | N |
     | white | sum of white_size | standard normal draws, held between samples | 1 |
     | rotor_speed | 4 | as read | rad/s |
     """
@@ -38,7 +38,7 @@ class MeasurementEffects(LeafSystem):
         self.white_size = sum(e.white_size for e in effects)
         self._x_port = self.DeclareVectorInputPort("x_true", 13)
         self._acceleration_port = self.DeclareVectorInputPort("acceleration_true", 6)
-        self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
+        self._thrust_port = self.DeclareVectorInputPort("nominal_rotor_thrust", 4)
         self._white_port = self.DeclareVectorInputPort("white", self.white_size)
         inputs = {self.all_input_ports_ticket()}
         # x alone must not pull accelerations: they feed through from the forces.

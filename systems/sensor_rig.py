@@ -28,7 +28,7 @@ def make_sensor_rig(vehicle: Vehicle, effects: list[MeasurementEffect], *, perio
     else:
         source = builder.AddNamedSystem("white", ConstantVectorSource([]))
         builder.Connect(source.get_output_port(), readings.GetInputPort("white"))
-    for name in ("x_true", "acceleration_true", "rotor_thrust"):
+    for name in ("x_true", "acceleration_true", "nominal_rotor_thrust"):
         builder.ExportInput(readings.GetInputPort(name), name)
     for name in ("x", "acceleration", "rotor_speed"):
         builder.ExportOutput(readings.GetOutputPort(name), name)
@@ -50,7 +50,7 @@ def add_sensor_rig(
     for source, target in (
         ("x", "x_true"),
         ("acceleration", "acceleration_true"),
-        ("rotor_thrust", "rotor_thrust"),
+        ("nominal_rotor_thrust", "nominal_rotor_thrust"),
     ):
         builder.Connect(real_vehicle.GetOutputPort(source), rig.GetInputPort(target))
     return rig

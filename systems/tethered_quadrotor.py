@@ -77,6 +77,7 @@ def make_tethered_quadrotor(
     | x | 13 | true state [p_WB, q_WB, v_WB, w_WB_B] | |
     | acceleration | 6 | true [a in W, al in B] | m/s², rad/s² |
     | rotor_thrust | 4 | actual rotor thrust | N |
+    | nominal_rotor_thrust | 4 | what nominal rotors would give at the actual rotor speed | N |
     | plant_state | nq + nv | Drake's own | |
     | tether_wrench | 6 | true wrench of cable or rod on B, chi order (with a payload only) | N, N·m |
     """
@@ -85,7 +86,7 @@ def make_tethered_quadrotor(
     plant = builder.AddSystem(make_plant(vehicle, payload))
     state = builder.AddNamedSystem("state", VehicleState(plant))
     builder.Connect(plant.get_state_output_port(), state.get_input_port())
-    thrust = _add_rotors(builder, plant, vehicle, payload, actuator_effects or [])
+    thrust, nominal_thrust = _add_rotors(builder, plant, vehicle, payload, actuator_effects or [])
     forces = []
     if wrench_effects:
         effects = builder.AddNamedSystem(
@@ -113,6 +114,7 @@ def make_tethered_quadrotor(
     builder.ExportOutput(state.get_output_port(), "x")
     builder.ExportOutput(acceleration.get_output_port(), "acceleration")
     builder.ExportOutput(thrust, "rotor_thrust")
+    builder.ExportOutput(nominal_thrust, "nominal_rotor_thrust")
     builder.ExportOutput(plant.get_state_output_port(), "plant_state")
     if cable is not None:
         builder.ExportOutput(cable.GetOutputPort("tether_wrench"), "tether_wrench")
@@ -127,7 +129,7 @@ def make_tethered_quadrotor(
 
 
 def _add_rotors(builder, plant, vehicle: Vehicle, payload: PayloadConfig, effects):
-    """Mixer, saturation, lag and propellers; returns the port of the actual rotor thrust."""
+    """Mixer, saturation, lag and propellers; returns the ports of actual and of nominal rotor thrust."""
     mixer = builder.AddNamedSystem("mixer", MatrixGain(vehicle.unmixer))
     limit = builder.AddNamedSystem(
         "saturation", Saturation(np.zeros(4), np.full(4, vehicle.max_rotor_thrust))
@@ -135,15 +137,17 @@ def _add_rotors(builder, plant, vehicle: Vehicle, payload: PayloadConfig, effect
     builder.ExportInput(mixer.get_input_port(), "u")
     builder.Connect(mixer.get_output_port(), limit.get_input_port())
     chain = list(effects)
-    if vehicle.rotor_time_constant > 0:
+    # The nominal lag of the vehicle file, unless reality brings a lag of its own.
+    if vehicle.rotor_time_constant > 0 and not any(isinstance(effect, MotorLag) for effect in chain):
         chain.insert(0, MotorLag(vehicle.rotor_time_constant))
-    thrust = limit.get_output_port()
+    thrust = nominal_thrust = limit.get_output_port()
     if chain:
         carried = vehicle.mass + (payload.mass if payload.tether != "none" else 0.0)
         hover = np.full(4, carried * vehicle.gravity / 4)
         actuators = builder.AddNamedSystem("actuators", ActuatorEffects(vehicle, chain, hover))
         builder.Connect(thrust, actuators.get_input_port())
-        thrust = actuators.get_output_port()
+        thrust = actuators.GetOutputPort("thrust")
+        nominal_thrust = actuators.GetOutputPort("nominal_thrust")
     kappa = vehicle.torque_coefficient / vehicle.thrust_coefficient
     body = plant.GetBodyByName("quadrotor").index()
     info = [
@@ -154,7 +158,7 @@ def _add_rotors(builder, plant, vehicle: Vehicle, payload: PayloadConfig, effect
     builder.Connect(thrust, propellers.get_command_input_port())
     builder.Connect(plant.get_body_poses_output_port(), propellers.get_body_poses_input_port())
     builder.Connect(propellers.get_spatial_forces_output_port(), plant.get_applied_spatial_force_input_port())
-    return thrust
+    return thrust, nominal_thrust
 
 
 def _sum_forces(builder, plant, forces) -> None:

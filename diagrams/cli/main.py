@@ -13,7 +13,8 @@ from typing import Annotated
 import typer
 
 from diagrams.cli import bench, demo, evaluate, fly, reproduce, train
-from diagrams.cli.output import FailedRun, console, say
+from diagrams.cli.output import console, say
+from diagrams.failed_run import FailedRun
 
 # Before NumPy is loaded: its threads cost more than they bring on matrices of this size.
 os.environ.setdefault("OMP_NUM_THREADS", "1")

@@ -24,10 +24,6 @@ WIDTH = 100  # columns a table may take
 Advance = Callable[..., None]  # (done, text="")
 
 
-class FailedRun(RuntimeError):
-    """The input was good and the run failed all the same: one line, exit code 1."""
-
-
 def console(*, stderr: bool = False) -> Console:
     """A console at most `WIDTH` columns wide, and that wide where the output is no terminal."""
     stream = sys.stderr if stderr else sys.stdout

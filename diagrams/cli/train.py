@@ -35,18 +35,25 @@ def train(
     json: options.Json = None,
 ) -> None:
     """Train a predictor; writes the model, and the loss curve as a PNG beside it."""
+    if out.suffix != ".safetensors":
+        raise ValueError(f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
-    for place in (out, curve, json, checkpoint):
-        if place is not None:
-            require_writable(place)
+    places = [place for place in (out, curve, json, checkpoint) if place is not None]
+    if len(set(places)) < len(places):
+        raise ValueError("--out, its loss curve, --json and --checkpoint must be different files.")
+    for place in places:
+        require_writable(place)
     from diagrams.cli.flights import open_flights
+    from np_drake.labels import LabelConfig
     from np_drake.lifting.model_file import save_model
+    from np_drake.lifting.origin import origin_of, with_origin
 
     flights = open_flights(logs, vehicle, repair=repair)
     config = configure(configuration, frame=flights[0].frame, seed=seed, epochs=epochs)
     segments = [segment for flight in flights for segment in flight.segments(step)]
     result, wall = run_training(f"training {configuration}", segments, config, checkpoint)
-    save_model(result.model, out)
+    origin = origin_of(flights[0].frame, flights[0].vehicle, LabelConfig())
+    save_model(with_origin(result.model, origin), out)
     save_figure(loss_figure(result.loss), curve)
     say(f"excitation: {result.model.summary['excitation']}")
     report(result, wall)

@@ -32,10 +32,14 @@ class WrenchEffect(Protocol):
 
 
 class ActuatorEffect(Protocol):
-    """Stands between commanded and actual rotor thrust. A memoryless effect has state_size 0."""
+    """Stands between commanded and actual rotor thrust. A memoryless effect has state_size 0.
+
+    turns_rotor: whether it changes how fast the rotor turns (a motor), or what a turning rotor gives (a propeller).
+    """
 
     identifier: ClassVar[str]
     state_size: ClassVar[int]
+    turns_rotor: ClassVar[bool]
 
     def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
         """(state_size,) state at which a constant command `thrust` (4,) [N] rests."""

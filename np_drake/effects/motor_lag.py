@@ -16,6 +16,7 @@ class MotorLag:
 
     identifier: ClassVar[str] = "motor_lag"
     state_size: ClassVar[int] = 4
+    turns_rotor: ClassVar[bool] = True
 
     def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
         """(4,) rotor speed [rad/s] that holds `thrust` (4,) [N]."""

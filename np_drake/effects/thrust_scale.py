@@ -16,6 +16,7 @@ class ThrustScale:
 
     identifier: ClassVar[str] = "thrust_scale"
     state_size: ClassVar[int] = 0
+    turns_rotor: ClassVar[bool] = False
 
     def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
         """(0,): no memory."""

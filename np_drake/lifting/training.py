@@ -38,17 +38,16 @@ def train(
     Args:
         segments: uninterrupted flights at one step.
         checkpoint: file that the run is saved to as it goes, and taken up from where it exists (same
-        configuration
-            and data); the result is that of an uninterrupted run.
+            configuration and data); the result is that of an uninterrupted run.
         on_epoch: called with (epoch, total, loss); for `default` an epoch is one L-BFGS iteration, and
-        descents that
-            converge early skip ahead.
+            descents that converge early skip ahead.
     Raises: ValueError: if the segments are unusable or the checkpoint is of another run.
     """
     saved = Checkpoint(checkpoint, config, segments)
-    if isinstance(config, PaperConfig):
-        return TrainingResult(*train_paper(segments, config, saved, on_epoch))
-    return TrainingResult(*train_default(segments, config, saved, on_epoch))
+    run = train_paper if isinstance(config, PaperConfig) else train_default
+    model, loss = run(segments, config, saved, on_epoch)  # type: ignore[arg-type]
+    summary = {**model.summary, "settings": dc.asdict(config)}
+    return TrainingResult(dc.replace(model, summary=summary), loss)
 
 
 def make_config(configuration: str, **settings) -> Config:

@@ -90,19 +90,19 @@ class Condensed:
         """Follows the thrusts T (N, 4) [N] from h.x0."""
         n = self.config.horizon
         u = T @ self.vehicle.mixer.T
-        x = np.empty((n + 1, 13))
         chi = h.free.copy()
         zeta = np.empty(6 * n)
         coupled = h.markov.size > 0
-        x[0] = h.x0
         state, inputs = h.x0.tolist(), u.tolist()
+        states = [state]
         advance = self.dynamics.advance
         for i in range(n):
             if coupled and i:
                 chi[i] += h.markov[:, -6 * i :] @ zeta[: 6 * i]
             zeta[6 * i : 6 * i + 6] = state[7:]
             state = advance(state, inputs[i], chi[i].tolist())
-            x[i + 1] = state
+            states.append(state)
+        x = np.array(states)
         return Trajectory(T, u, x, chi, self.objective.cost(h, x, u), h, self.objective)
 
     def sensitivities(self, h: Horizon, t: Trajectory) -> np.ndarray:

@@ -39,7 +39,7 @@ class DiscreteDynamics:
         self._J_inv = np.linalg.inv(vehicle.J)
         self._rotation = _gradient_tensor(self._free_rotation, 7)
         self._body_z = _gradient_tensor(attitude.body_z, 4)
-        self._spin = _angular_acceleration(vehicle.J)
+        self._spin, self._principal = _angular_acceleration(vehicle.J), _principal_axes(vehicle.J)
 
     def _free_rotation(self, r: np.ndarray) -> np.ndarray:
         w = r[4:]
@@ -114,13 +114,19 @@ class DiscreteDynamics:
         h, m = self.step, self.vehicle.mass
         thrust = u[0] / m
         spin, torque = self._spin, (u[1] + chi[3], u[2] + chi[4], u[3] + chi[5])
+        if self._principal:  # three times as fast as the call
+            ia, ib, ic, ka, kb, kc = self._principal
+            ta, tb, tc = ia * torque[0], ib * torque[1], ic * torque[2]
         w, i, j, k, a, b, c = w0, x0, y0, z0, a0, b0, c0
         dvx = dvy = dvz = dpx = dpy = dpz = dw = di = dj = dk = da = db = dc_ = 0.0
         for ahead, weight, in_p in _STAGES:
             zx, zy, zz = 2 * (i * k + w * j), 2 * (j * k - w * i), w * w - i * i - j * j + k * k
             qw, qi = 0.5 * (-i * a - j * b - k * c), 0.5 * (w * a + j * c - k * b)
             qj, qk = 0.5 * (w * b + k * a - i * c), 0.5 * (w * c + i * b - j * a)
-            sa, sb, sc = spin(a, b, c, torque)
+            if self._principal:
+                sa, sb, sc = ta + ka * b * c, tb + kb * c * a, tc + kc * a * b
+            else:
+                sa, sb, sc = spin(a, b, c, torque)
             dvx, dvy, dvz = dvx + weight * zx, dvy + weight * zy, dvz + weight * zz
             dpx, dpy, dpz = dpx + in_p * zx, dpy + in_p * zy, dpz + in_p * zz
             dw, di, dj, dk = dw + weight * qw, di + weight * qi, dj + weight * qj, dk + weight * qk
@@ -145,14 +151,18 @@ def _gradient_tensor(f: Callable[[np.ndarray], np.ndarray], size: int) -> np.nda
     return np.moveaxis(np.array(columns), 2, 1).reshape(size, -1)
 
 
+def _principal_axes(J: np.ndarray) -> tuple[float, ...]:
+    """1/J_i and (J_j - J_k)/J_i for i = x, y, z of a diagonal inertia; empty for another."""
+    if np.count_nonzero(J - np.diag(np.diag(J))):
+        return ()
+    x, y, z = np.diag(J).tolist()
+    return 1 / x, 1 / y, 1 / z, (y - z) / x, (z - x) / y, (x - y) / z
+
+
 def _angular_acceleration(J: np.ndarray) -> Callable[..., tuple[float, float, float]]:
     """dw/dt = J^-1 (torque - w x J w) in plain floats [rad/s²]."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = J.tolist()
     (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = np.linalg.inv(J).tolist()
-
-    def principal(a, b, c, torque):
-        t1, t2, t3 = torque
-        return ixx * (t1 + (yy - zz) * b * c), iyy * (t2 + (zz - xx) * c * a), izz * (t3 + (xx - yy) * a * b)
 
     def general(a, b, c, torque):
         h1, h2, h3 = xx * a + xy * b + xz * c, xy * a + yy * b + yz * c, xz * a + yz * b + zz * c
@@ -163,4 +173,4 @@ def _angular_acceleration(J: np.ndarray) -> Callable[..., tuple[float, float, fl
             ixz * t1 + iyz * t2 + izz * t3,
         )
 
-    return principal if np.count_nonzero(J - np.diag(np.diag(J))) == 0 else general
+    return general

@@ -8,7 +8,8 @@ from np_drake.references.ramp import compose, ramped_phase
 class Multisine:
     """Per axis a sum of sines at incommensurate frequencies; faded in with the ramp by its phase.
 
-    Source: own choice: a circle without it teaches a spurious force per vz.
+    All tones of an axis have the same velocity amplitude, and their sum the RMS asked (about its own mean; it
+    starts at zero offset). Source: own choice: a circle without it teaches a spurious force per vz.
 
     Args:
         amplitude: (3,) RMS of the dither per axis [m].   frequencies: Hz of the tones of x; y and z take tones
@@ -16,12 +17,10 @@ class Multisine:
     """
 
     def __init__(self, amplitude, *, frequencies=(0.23, 0.41, 0.67, 0.97), ramp: float = 5.0, seed: int = 0):
-        tones = len(frequencies)
         self.frequencies = np.array(frequencies)[:, None] * np.array([1.0, 1.13, 1.27])
-        self.amplitude = np.array(amplitude, float) * np.sqrt(2.0 / tones) * np.ones((tones, 1))
-        # Fast tones get less amplitude: equal velocity of all tones, not equal acceleration.
-        self.amplitude = self.amplitude * self.frequencies.mean(axis=0) / self.frequencies
-        self.shift = np.random.default_rng(seed).uniform(0, 2 * np.pi, (tones, 3))
+        share = 1 / self.frequencies
+        self.amplitude = np.array(amplitude, float) * share / np.sqrt(0.5 * np.sum(share**2, axis=0))
+        self.shift = np.random.default_rng(seed).uniform(0, 2 * np.pi, share.shape)
         self.ramp = ramp
 
     def sample(self, t: np.ndarray) -> np.ndarray:

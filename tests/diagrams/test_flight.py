@@ -3,10 +3,14 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from diagrams import flight
 from diagrams.circle import make_circle_diagram
 from diagrams.experiments import EXPERIMENTS, load_experiment
+from diagrams.failed_run import FailedRun
 from diagrams.flight import RealityConfig, load_flight
 from diagrams.flight_result import fly
+from diagrams.hover import make_hover_diagram
+from diagrams.lemniscate import make_lemniscate_diagram
 from np_drake import rigid_body
 from np_drake.labels import labels
 from np_drake.vehicle import MeasurementNoise
@@ -52,6 +56,11 @@ def test_log_rows_pair_each_command_with_the_acceleration_under_it():
         load_experiment("circle").vehicle, q=log.q, w=log.w, a=log.a, al=log.al, u=np.roll(log.u, 1, axis=0)
     )
     assert np.abs(wrong[5:]).max() > 1e-3
+
+
+def test_measured_rotor_speed_does_not_give_the_lost_thrust_away(nominal_flight):
+    nominal = nominal_flight.config.vehicle.thrust_coefficient * nominal_flight.log().rotor ** 2
+    np.testing.assert_allclose(nominal_flight.signals["rotor_thrust"], 0.96 * nominal, rtol=1e-9)
 
 
 def test_log_starts_at_zero_and_holds_a_row_a_period(nominal_flight):
@@ -127,6 +136,13 @@ def test_every_experiment_file_loads(name):
         "controller: {mpc: {step: 0.05}}",
         "controller: {mpc: {weight_input: [1.0]}}",
         "vehicle: {mass: 0.0}",
+        "duration: .inf",
+        "reality: {motor_lag: 0.001}",
+        "reality: {payload: {stiffness: 1.0e9}}",
+        "reality: {payload: {mass: 50.0}}",
+        "reality: {noise: {position: -1.0}}",
+        "reality: {noise: {velocity: .nan}}",
+        "{reality: {payload: {tether: rod}}, controller: {kind: oracle}}",
         "{{",
     ],
 )
@@ -154,3 +170,23 @@ def test_told_mass_reaches_controller_and_truth():
     config.controller = dc.replace(config.controller, extra_mass=0.26)
     flight = fly(config, seed=3)
     assert abs(flight.chi_true[flight.scored, 2].mean()) < 1.5  # [N]; the 4 % of thrust stay
+
+
+def test_a_lost_vehicle_is_a_failed_run_and_no_result(monkeypatch):
+    monkeypatch.setattr(flight, "ARENA", 0.5)  # [m], and the circle has a radius of 1 m
+    with pytest.raises(FailedRun, match="nominal lost the vehicle before 1"):
+        fly(short(), seed=0)
+
+
+def test_a_predictor_trained_on_other_labels_does_not_fly():
+    config = short(kind="np")
+    config.controller.extra_mass = 0.26
+    with pytest.raises(ValueError, match="was trained with mass"):
+        fly(config, seed=0)
+
+
+@pytest.mark.parametrize("make", [make_circle_diagram, make_lemniscate_diagram, make_hover_diagram])
+def test_every_experiment_builds_a_diagram_of_its_name(make):
+    diagram, recorder = make()
+    assert f"make_{diagram.get_name()}_diagram" == make.__name__
+    assert {"x", "u", "status"} <= set(recorder.slices)

@@ -49,8 +49,10 @@ def test_retraining_reproduces_the_shipped_models_quality(rows):
 
 
 def test_the_shipped_model_predicts_an_unseen_track_better_than_any_naive_row(rows):
-    for horizon in (0, 5, 20, 40):
+    for horizon in (5, 20, 40):
         assert rows["shipped", horizon].force_skill < 0.85
+    # Now, there is hardly anything to predict: the label is 40 ms old.
+    assert rows["shipped", 0].force_skill < 1.0
 
 
 def test_the_shipped_model_is_stable_and_small():

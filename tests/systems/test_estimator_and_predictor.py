@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -5,10 +7,13 @@ from np_drake import rigid_body
 from np_drake.labels import LabelConfig, LabelFilter
 from np_drake.residual_models.base import Sample
 from np_drake.residual_models.hold import Hold
+from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.vehicle import Vehicle
+from systems.neural_predictor import NeuralPredictor
 from systems.residual_predictor import ResidualPredictor
 from systems.wrench_estimator import WrenchEstimator
 
+DEFAULT_MODEL = Path(__file__).parents[2] / "diagrams" / "models" / "default.safetensors"
 VEHICLE = Vehicle()
 LEVEL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0])
 CHI = np.array([0.5, -0.3, -2.5, 0.01, -0.02, 0.005])
@@ -102,14 +107,71 @@ def test_predictor_is_the_model_in_a_context():
         np.testing.assert_allclose(dut.memory(context)["chi"], memory["chi"], atol=1e-14)
 
 
-@pytest.mark.parametrize("make", [lambda: estimator_under(CHI), lambda: predictor_on(CHI)])
-def test_two_contexts_of_one_system_never_influence_each_other(make):
+def neural_predictor_on_labels():
+    dut = NeuralPredictor(NeuralPredictorModel.load(DEFAULT_MODEL), horizon=4, stride=2)
+    context = dut.CreateDefaultContext()
+    dut.GetInputPort("x").FixValue(context, LEVEL)
+    dut.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
+    dut.GetInputPort("label").FixValue(context, CHI)
+    return dut, context
+
+
+@pytest.mark.parametrize(
+    "make, port, output",
+    [
+        (lambda: estimator_under(CHI), "u", "last_label"),
+        (lambda: predictor_on(CHI), "label", "chi_hat"),
+        (neural_predictor_on_labels, "label", "chi_hat"),
+    ],
+)
+def test_two_contexts_of_one_system_never_influence_each_other(make, port, output):
+    def fly(context, inputs):
+        for value in inputs:
+            dut.GetInputPort(port).FixValue(context, value)
+            event(dut, context)
+            yield dut.GetOutputPort(output).Eval(context).copy()
+
     dut, first = make()
-    second = first.Clone()
-    event(dut, first)
-    untouched = [
-        second.get_discrete_state(i).CopyToVector() for i in range(second.num_discrete_state_groups())
-    ]
-    fresh = dut.CreateDefaultContext()
-    for i, value in enumerate(untouched):
-        np.testing.assert_array_equal(value, fresh.get_discrete_state(i).value())
+    second = dut.CreateDefaultContext()
+    for i in range(dut.num_input_ports()):
+        dut.get_input_port(i).FixValue(second, dut.get_input_port(i).Eval(first))
+    rng = np.random.default_rng(0)
+    one, other = rng.normal(size=(2, 70, dut.GetInputPort(port).size()))
+    alone = list(fly(first.Clone(), one))
+    interleaved = [a for a, _ in zip(fly(first, one), fly(second, other), strict=True)]
+    np.testing.assert_array_equal(interleaved, alone)
+
+
+def test_the_neural_predictor_is_its_model_in_a_context():
+    dut, context = neural_predictor_on_labels()
+    model, rng = NeuralPredictorModel.load(DEFAULT_MODEL), np.random.default_rng(1)
+    memory = model.initial_memory()
+    for _ in range(model.model.window + 3):
+        label = CHI + 0.1 * rng.normal(size=6)
+        dut.GetInputPort("label").FixValue(context, label)
+        memory = model.update(memory, Sample(LEVEL, VEHICLE.hover_input, label))
+        expected = model.forecast(memory, horizon=4, stride=2)
+        forecast = dut.GetOutputPort("forecast").Eval(context)
+        np.testing.assert_allclose(forecast.z, expected.z, atol=1e-12)
+        event(dut, context)
+        np.testing.assert_allclose(dut.GetOutputPort("chi_hat").Eval(context), expected.first, atol=1e-12)
+    np.testing.assert_allclose(dut.memory(context)["window"], memory["window"])
+
+
+def test_the_neural_predictor_shows_its_lifted_linear_system():
+    dut, context = neural_predictor_on_labels()
+    system = dut.GetOutputPort("lifted_linear_system").Eval(context)
+    trained = NeuralPredictorModel.load(DEFAULT_MODEL).model.system
+    np.testing.assert_array_equal(system.A, trained.A)
+    np.testing.assert_array_equal(system.C, trained.C)
+    assert system.step == 0.02
+
+
+def test_the_neural_predictor_survives_missing_labels():
+    dut, context = neural_predictor_on_labels()
+    for k in range(80):
+        dut.GetInputPort("label").FixValue(context, np.full(6, np.nan) if k % 7 == 3 else CHI)
+        event(dut, context)
+    chi_hat = dut.GetOutputPort("chi_hat").Eval(context)
+    assert np.isfinite(chi_hat).all()
+    assert dut.memory(context)["dropped"][0] == 11.0

@@ -1,3 +1,5 @@
+import time
+
 import numpy as np
 import pytest
 from pydrake.common.value import Value
@@ -100,10 +102,37 @@ def test_a_solver_that_never_answers_leaves_hover():
     assert evaluate(dut, context, "status")[0] == MpcStatus.HOVER
 
 
-def test_a_late_answer_is_discarded():
+class Slow:
+    """A solver that takes its time, and sometimes more."""
+
+    name = "slow"
+
+    def __init__(self, *delays):
+        self._inner, self._delays = SqpSolver(VEHICLE, CONFIG), list(delays)
+
+    def solve(self, problem, warm_start=None):
+        time.sleep(self._delays.pop(0))
+        return self._inner.solve(problem, warm_start)
+
+
+def test_a_late_answer_is_discarded_and_its_time_is_told():
+    dut, context = mpc_at(LEVEL, solver=Slow(0.0, 0.06, 0.0), deadline=0.05)
+    statuses, times = [], []
+    for _ in range(3):
+        event(dut, context)
+        statuses.append(int(evaluate(dut, context, "status")[0]))
+        times.append(evaluate(dut, context, "solve_time")[0])
+    assert statuses[1] == MpcStatus.SHIFTED_PLAN
+    assert max(statuses[0], statuses[2]) <= MpcStatus.ITERATION_LIMIT
+    assert times[1] >= 0.06  # [s]
+    assert max(times[0], times[2]) < 0.05
+
+
+def test_a_late_first_answer_leaves_hover():
     dut, context = mpc_at(LEVEL, deadline=1e-9)
     event(dut, context)
     assert evaluate(dut, context, "status")[0] == MpcStatus.HOVER
+    assert evaluate(dut, context, "solve_time")[0] > 0
 
 
 def test_two_contexts_of_one_controller_never_influence_each_other():

@@ -19,7 +19,7 @@ def rig_with(effects):
     context = simulator.get_mutable_context()
     dut.GetInputPort("x_true").FixValue(context, LEVEL)
     dut.GetInputPort("acceleration_true").FixValue(context, np.zeros(6))
-    dut.GetInputPort("rotor_thrust").FixValue(context, np.full(4, 4.0))
+    dut.GetInputPort("nominal_rotor_thrust").FixValue(context, np.full(4, 4.0))
     return dut, simulator, context
 
 

@@ -61,7 +61,7 @@ def test_infeasible_starts_break_every_soft_set(vehicle, config):
 
 def test_the_suite_covers_horizons_cold_and_infeasible_starts(vehicle, monkeypatch):
     config = MpcConfig(horizon=5).check()
-    monkeypatch.setattr(benchmark, "make_solvers", lambda v, c: [SqpSolver(v, c)])
+    monkeypatch.setattr(benchmark, "make_solvers", lambda v, c, **limit: [SqpSolver(v, c, **limit)])
     seen = []
     reports = benchmark.suite(
         vehicle, config, count=4, progress=lambda done, total: seen.append((done, total))

@@ -5,6 +5,7 @@ from scipy.integrate import solve_ivp
 from np_drake import rigid_body
 from np_drake.references.config import ReferenceConfig, make_reference
 from np_drake.references.flatness import targets
+from np_drake.references.multisine import Multisine
 from np_drake.vehicle import Vehicle
 
 MOTIONS = [
@@ -63,3 +64,10 @@ def test_feed_forward_flies_the_reference_open_loop(config):
 def test_impossible_reference_is_refused(bad):
     with pytest.raises(ValueError, match="ReferenceConfig"):
         make_reference(ReferenceConfig(**bad))
+
+
+def test_dither_has_the_rms_asked_and_starts_without_offset():
+    flat = Multisine([0.1, 0.05, 0.02], ramp=1.0).sample(np.arange(1.0, 400.0, 0.05))
+    np.testing.assert_allclose(flat[0].std(axis=0), [0.1, 0.05, 0.02], rtol=0.02)
+    start = Multisine([0.1, 0.05, 0.02], ramp=1.0).sample(np.zeros(1))
+    np.testing.assert_allclose(start, 0.0, atol=1e-12)

@@ -56,12 +56,22 @@ def test_observer_finds_a_constant_wrench_from_motion_and_command_alone():
     np.testing.assert_allclose(memory["chi"][:3], CHI[:3], rtol=0.1, atol=0.05)  # [N]; the body turns
 
 
-def test_observer_survives_a_dropped_sample():
+def test_a_gap_in_the_samples_makes_no_phantom_wrench():
     dut = DisturbanceObserver(VEHICLE, step=0.02)
-    first, *_ = samples(CHI, 2)
-    memory = dut.update(dut.initial_memory(), first)
-    after = dut.update(memory, Sample(np.full(13, np.nan), np.zeros(4), CHI))
-    assert all(np.isfinite(a).all() for a in after.values())
+    memory, lost = dut.initial_memory(), Sample(np.full(13, np.nan), 0.5 * VEHICLE.hover_input, np.zeros(6))
+    x = LEVEL.copy()
+    for k in range(20):  # half a g of fall, as the model expects
+        seen = Sample(x, 0.5 * VEHICLE.hover_input, np.zeros(6))
+        memory = dut.update(memory, lost if 8 <= k < 13 else seen)
+        x = x.copy()
+        x[9] -= 0.5 * 9.81 * 0.02
+    np.testing.assert_allclose(memory["chi"], 0.0, atol=1e-9)
+
+
+def test_observer_waits_for_a_first_sample():
+    dut = DisturbanceObserver(VEHICLE, step=0.02)
+    memory = dut.update(dut.initial_memory(), Sample(np.full(13, np.nan), np.zeros(4), CHI))
+    assert memory["started"][0] == 0.0
 
 
 def test_forecast_rollout_is_the_recursion_written_out():

@@ -1,0 +1,28 @@
+"""What a trained predictor was trained on, and whether a controller may fly it."""
+
+import dataclasses as dc
+from typing import Any
+
+from np_drake.labels import LabelConfig
+from np_drake.lifting.lifted_model import LiftedModel
+from np_drake.vehicle import Vehicle
+
+
+def origin_of(frame: str, vehicle: Vehicle, label: LabelConfig) -> dict[str, Any]:
+    """Frame of force and velocity, the mass that labels reckon with [kg], and their low-pass."""
+    return {"frame": frame, "mass": vehicle.mass, "label": dc.asdict(label)}
+
+
+def with_origin(model: LiftedModel, origin: dict[str, Any]) -> LiftedModel:
+    """The model with `origin` in its summary, and so in its file."""
+    return dc.replace(model, summary={**model.summary, "origin": origin})
+
+
+def require_origin(model: LiftedModel, origin: dict[str, Any]) -> None:
+    """Raises ValueError where the model was trained on other labels than it would be fed; silent where unknown."""
+    trained = model.summary.get("origin", {})
+    for name, value in origin.items():
+        if name in trained and trained[name] != value:
+            raise ValueError(
+                f"predictor: was trained with {name} {trained[name]}; here it is {value}. Train it on such labels."
+            )
