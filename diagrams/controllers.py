@@ -10,7 +10,7 @@ from np_drake.labels import LabelConfig
 from np_drake.lifting.origin import origin_of, require_origin
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcConfig
-from np_drake.mpc.solvers import SOLVERS, make_solver
+from np_drake.mpc.solvers import make_solver, require_solver
 from np_drake.references.base import Reference
 from np_drake.residual_models.base import ResidualModel
 from np_drake.residual_models.disturbance_observer import DisturbanceObserver
@@ -36,6 +36,7 @@ class ControllerConfig:
 
     kind: str = "nominal"  # nominal | hold | observer | oracle | np
     extra_mass: float = 0.0  # that controller and estimator are told to add to the vehicle's [kg]
+    hold_bandwidth: float = np.inf  # of kind hold: a low-pass on top of the labels' own [Hz]
     predictor: str = ""  # model file of kind np; empty for the one that ships with the package
     period: float = 0.02  # between solves, and between samples of the predictor [s]
     solver: str = "ipopt"  # ipopt | sqp | ipopt_multiple_shooting
@@ -49,10 +50,15 @@ class ControllerConfig:
         self.label.check()
         if self.kind not in CONTROLLERS:
             raise ValueError(f"controller: must be one of {', '.join(CONTROLLERS)}; got {self.kind!r}.")
-        if self.solver not in SOLVERS:
-            raise ValueError(f"controller: solver must be one of {', '.join(SOLVERS)}; got {self.solver!r}.")
-        if not self.period > 0 or not self.deadline > 0:
-            raise ValueError("controller: period and deadline must be positive [s].")
+        require_solver(self.solver)
+        if not 0 < self.period < np.inf or not self.deadline > 0 or not self.hold_bandwidth > 0:
+            raise ValueError("controller: period, deadline [s] and hold_bandwidth [Hz] must be positive.")
+        if not 0 <= self.extra_mass < np.inf:
+            raise ValueError(
+                f"controller: extra_mass must be finite and not negative [kg]; got {self.extra_mass}."
+            )
+        if self.predictor and self.kind != "np":
+            raise ValueError(f"controller: a predictor is for kind np; got {self.kind}.")
         if abs(self.stride * self.period - self.mpc.step) > 1e-9:
             raise ValueError(
                 f"controller: mpc.step must be a whole multiple of period; got {self.mpc.step}, {self.period}."
@@ -72,7 +78,8 @@ class ControllerConfig:
 def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel | None:
     """The residual model of `config.kind`; None for nominal and for the oracle, which is no model."""
     if config.kind == "hold":
-        return Hold(step=config.period)
+        band = config.hold_bandwidth
+        return Hold(step=config.period, force_bandwidth=band, torque_bandwidth=band)
     if config.kind == "observer":
         return DisturbanceObserver(vehicle, step=config.period)
     if config.kind == "np":

@@ -1,10 +1,11 @@
 """What every tracking experiment shares: its configuration and its closed loop."""
 
 import dataclasses as dc
+import re
 
 import numpy as np
 from pydrake.common import RandomGenerator
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.analysis import ApplySimulatorConfig, GetIntegrationSchemes, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from diagrams.controllers import ControllerConfig, add_controller
@@ -79,6 +80,15 @@ class FlightConfig:
         """Returns self; raises ValueError where a figure is impossible."""
         for part in (self.vehicle, self.reality, self.reference, self.controller):
             part.check()
+        if not re.fullmatch(r"\w[\w.-]*", self.name):
+            raise ValueError(
+                f"FlightConfig: name must be letters, digits, '_', '-' and '.'; got {self.name!r}."
+            )
+        scheme, step = self.simulator.integration_scheme, self.simulator.max_step_size
+        if scheme not in GetIntegrationSchemes() or not 0 < step < np.inf:
+            raise ValueError(
+                f"FlightConfig: simulator must name a scheme of Drake's and a positive step; got {scheme}, {step}."
+            )
         if not 0 < self.duration < np.inf:
             raise ValueError(f"FlightConfig: duration must be positive and finite [s]; got {self.duration}.")
         if self.controller.kind == "oracle" and self.reality.payload.tether == "rod":
@@ -88,7 +98,6 @@ class FlightConfig:
             raise ValueError(
                 f"FlightConfig: {self.carried_mass} kg are more than the rotors can carry ({lift:.0f} N)."
             )
-        step = self.simulator.max_step_size
         if not self.simulator.use_error_control and step > self.largest_step:
             raise ValueError(
                 f"FlightConfig: simulator.max_step_size must be at most {self.largest_step:.2g} s for this cable and "

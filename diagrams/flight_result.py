@@ -72,6 +72,7 @@ class FlightResult:
         status = s["status"][rows, 0]
         result = {
             **metrics.tracking_errors(s["x_true"][rows, :3], s["p_ref"][rows]),
+            "growth": metrics.error_growth(s["x_true"][rows, :3], s["p_ref"][rows]),
             "solve_ms": metrics.solve_times_ms(s["solve_time"][rows, 0]),
             "solve_failures": int(np.sum(status >= MpcStatus.SQP_FALLBACK)),
             "late_solves": int(np.sum(s["solve_time"][rows, 0] > self.config.controller.period)),

@@ -27,6 +27,7 @@ class Row:
     name: str
     kind: str
     told_mass: bool = False
+    hold_bandwidth: float = np.inf  # of kind hold [Hz]
     training: str = ""  # experiment that the predictor is trained on
     configuration: str = ""  # of the predictor
 
@@ -38,6 +39,7 @@ ROWS = (
     Row("observer + total mass", "observer", told_mass=True),
     Row("hold", "hold"),
     Row("hold + total mass", "hold", told_mass=True),
+    Row("hold at 1 Hz + total mass", "hold", told_mass=True, hold_bandwidth=1.0),
     Row("np: paper, plain circle", "np", training="plain_circle", configuration="paper"),
     Row("np: default, plain circle", "np", training="plain_circle", configuration="default"),
     Row("np: paper, dithered circle", "np", training="training_circle", configuration="paper"),
@@ -50,7 +52,9 @@ def configure(track: str, row: Row, *, solver: str, model: str = "") -> FlightCo
     """The experiment `track` flown by `row`."""
     config = load_experiment(track)
     controller = config.controller
-    controller.kind, controller.solver, controller.predictor = row.kind, solver, model
+    controller.kind, controller.solver = row.kind, solver
+    controller.predictor = model if row.kind == "np" else ""
+    controller.hold_bandwidth = row.hold_bandwidth
     if row.told_mass:
         controller.extra_mass = config.reality.payload.mass
     return config.check()
@@ -127,6 +131,7 @@ def table(summaries: list[dict]) -> list[dict]:
                 line[key], line[f"{key}_ci95"] = float(values.mean()), _half_width(values)
                 if base:
                     line[f"{key}_cut"] = 1.0 - line[key] / float(np.mean([m[key] for m in base]))
+            line["growth"] = float(np.mean([m["growth"] for m in mine]))
             line["solve_failures"] = int(sum(m["solve_failures"] for m in mine))
             lines.append(line)
     return lines

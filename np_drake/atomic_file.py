@@ -34,6 +34,9 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     temporary = path.with_name(f".{secrets.token_hex(4)}_{path.name}")
     try:
         yield temporary
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)  # some writers are stricter than open() would be
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)

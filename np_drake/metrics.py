@@ -13,6 +13,13 @@ def tracking_errors(p: np.ndarray, p_ref: np.ndarray) -> dict[str, float]:
     }
 
 
+def error_growth(p: np.ndarray, p_ref: np.ndarray) -> float:
+    """E_xy of the last third of a flight over that of its first third [1]; well above 1: the swing grows."""
+    third = max(len(p) // 3, 1)
+    first = tracking_errors(p[:third], p_ref[:third])["E_xy"]
+    return tracking_errors(p[-third:], p_ref[-third:])["E_xy"] / max(first, 1e-12)
+
+
 def wrench_rmse(chi_hat: np.ndarray, chi: np.ndarray) -> dict[str, float]:
     """Root mean square of the error's norm, force [N] and torque [N·m], of (n, 6) wrenches."""
     error = chi_hat - chi

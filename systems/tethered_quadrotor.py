@@ -35,8 +35,10 @@ class PayloadConfig:
         if self.tether not in ("cable", "rod", "none"):
             raise ValueError(f"PayloadConfig: tether must be cable, rod or none; got {self.tether!r}.")
         for name in ("mass", "length", "radius", "stiffness"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"PayloadConfig: {name} must be positive; got {getattr(self, name)}.")
+            if not 0 < getattr(self, name) < np.inf:
+                raise ValueError(
+                    f"PayloadConfig: {name} must be positive and finite; got {getattr(self, name)}."
+                )
         if not self.damping >= 0 or np.shape(self.hook) != (3,):
             raise ValueError("PayloadConfig: damping must not be negative and hook must be (3,) [m].")
         return self

@@ -26,6 +26,9 @@ def demo(
     """Fly the training circle, learn, fly circle and lemniscate with nominal MPC, hold and NP-MPC."""
     if json is not None:
         require_writable(json)
+    from np_drake.mpc.solvers import require_solver
+
+    require_solver(solver)
     make_folder(out)
     from diagrams.cli.fly import as_config, print_flights, write_flight
     from diagrams.demo import run_demo

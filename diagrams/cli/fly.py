@@ -19,8 +19,14 @@ def fly(
     experiment: Annotated[
         str, typer.Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")
     ],
-    controller: Annotated[str, typer.Option(help="nominal | hold | observer | oracle | np")] = "np",
-    solver: Annotated[str | None, typer.Option(help="ipopt | sqp | ipopt_multiple_shooting")] = None,
+    controller: Annotated[
+        str | None,
+        typer.Option(help="nominal | hold | observer | oracle | np; default: the scenario's, or np."),
+    ] = None,
+    solver: Annotated[
+        str | None,
+        typer.Option(help="ipopt | sqp | ipopt_multiple_shooting (the test oracle: 0.2 to 1 s a solve)"),
+    ] = None,
     predictor: Annotated[Path | None, typer.Option(help="Model file of controller np.")] = None,
     told_mass: Annotated[
         bool, typer.Option("--told-mass", help="Tell controller and estimator the payload's mass.")
@@ -34,12 +40,14 @@ def fly(
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
     if json is not None:
         require_writable(json)
-    from diagrams.experiments import load_experiment
+    from diagrams.controllers import make_residual_model
+    from diagrams.experiments import EXPERIMENTS, load_experiment
     from diagrams.flight_result import fly as run
     from np_drake.vehicle import load_vehicle
 
     config = load_experiment(experiment)
-    config.controller.kind = controller
+    if controller is not None or experiment in EXPERIMENTS:
+        config.controller.kind = controller or "np"
     if solver is not None:
         config.controller.solver = solver
     if predictor is not None:
@@ -51,9 +59,12 @@ def fly(
     if vehicle is not None:
         config.vehicle = load_vehicle(vehicle)
     config.check()
+    make_residual_model(
+        config.controller, config.controller.believed(config.vehicle)
+    )  # refused before any work
     if out is not None:
         make_folder(out)
-    with progress(f"flying {config.name} with {controller}", config.end) as advance:
+    with progress(f"flying {config.name} with {config.controller.kind}", config.end) as advance:
         flight = run(config, seed=seed, monitor=advance)
     print_flights([flight])
     if out is not None:

@@ -9,7 +9,7 @@ Json = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Write the figures as JSON for machines.")
 ]
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for logs and figures.")]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of every random draw.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Seed of every random draw.")]
 VehicleFile = Annotated[
     Path | None, typer.Option("--vehicle", metavar="FILE", help="Vehicle file (YAML); default: the paper's.")
 ]

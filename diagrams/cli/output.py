@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from np_drake.atomic_file import atomic_path, write_json, write_text
+from np_drake.atomic_file import atomic_path, require_writable, write_json, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -106,6 +106,7 @@ def save_figure(figure: "Figure", path: Path) -> None:
 
 
 def make_folder(path: Path) -> Path:
-    """The folder of `--out`, created where it is missing. Raises OSError where it is a file."""
+    """The folder of `--out`, created where it is missing. Raises OSError where nothing can be written in it."""
     path.mkdir(parents=True, exist_ok=True)
+    require_writable(path / "any")
     return path

@@ -108,7 +108,8 @@ def tracking_table(lines: list[dict], title: str) -> Table:
     from diagrams.tracking import PAPER
 
     def cell(line: dict, key: str) -> str:
-        return f"{100 * line[key]:.2f} ± {100 * line[key + '_ci95']:.2f}"
+        spread = line[key + "_ci95"]
+        return f"{100 * line[key]:.2f}" + (f" ± {100 * spread:.2f}" if spread == spread else "")
 
     def cut(line: dict, key: str) -> str:
         return f"{100 * line[key + '_cut']:.1f} %" if key + "_cut" in line else "–"
@@ -125,10 +126,21 @@ def tracking_table(lines: list[dict], title: str) -> Table:
             cut(line, "E_xy"),
             cell(line, "E_z"),
             cut(line, "E_z"),
+            f"{line['growth']:.2f}",
             paper(line),
             line["solve_failures"],
         )
         for line in sorted(lines, key=lambda line: line["track"])
     ]
-    header = ["track", "controller", "E_xy [cm]", "cut", "E_z [cm]", "cut", "paper xy / z", "failed"]
+    header = [
+        "track",
+        "controller",
+        "E_xy [cm]",
+        "cut",
+        "E_z [cm]",
+        "cut",
+        "growth",
+        "paper xy / z",
+        "failed",
+    ]
     return title, header, rows

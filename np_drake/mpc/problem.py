@@ -33,11 +33,14 @@ class MpcConfig:
     def check(self) -> "MpcConfig":
         """Returns self; raises ValueError on an impossible weight, set or horizon."""
         _require(self.horizon >= 1, f"horizon must be at least 1; got {self.horizon}")
-        _require(self.step > 0, f"step must be positive [s]; got {self.step}")
+        _require(0 < self.step < np.inf, f"step must be positive [s]; got {self.step}")
         for name, size in (("position", 3), ("attitude", 4), ("velocity", 3), ("rate", 3), ("input", 4)):
             weight = np.array(getattr(self, f"weight_{name}"), float)
             _require(weight.shape == (size,), f"weight_{name} must have {size} entries; got {weight.shape}")
-            _require(bool(np.all(weight >= 0)), f"weight_{name} must not be negative; got {weight.tolist()}")
+            _require(
+                bool(np.all((weight >= 0) & (weight < np.inf))),
+                f"weight_{name} must be finite and not negative; got {weight.tolist()}",
+            )
         _require(min(self.weight_input) > 0, "weight_input must be positive")
         _require(min(self.weight_position) > 0, "weight_position must be positive: the terminal set needs it")
         for name in ("terminal_scale", "max_speed", "max_tilt", "terminal_radius", "slack_weight"):

@@ -6,6 +6,12 @@ from np_drake.vehicle import Vehicle
 SOLVERS = ("ipopt", "sqp", "ipopt_multiple_shooting")
 
 
+def require_solver(name: str) -> None:
+    """Raises ValueError on an unknown name."""
+    if name not in SOLVERS:
+        raise ValueError(f"solver: must be one of {', '.join(SOLVERS)}; got {name!r}.")
+
+
 def make_solver(
     name: str, vehicle: Vehicle, config: MpcConfig, *, time_limit: float = float("inf")
 ) -> MpcSolver:
@@ -13,6 +19,7 @@ def make_solver(
 
     Args: time_limit: wall time after which iterations stop [s]; without one, results repeat on any machine.
     """
+    require_solver(name)
     if name == "sqp":
         from np_drake.mpc.sqp import SqpSolver
 
@@ -21,8 +28,6 @@ def make_solver(
         from np_drake.mpc.ipopt import IpoptCondensedSolver
 
         return IpoptCondensedSolver(vehicle, config, time_limit=time_limit)
-    if name == "ipopt_multiple_shooting":
-        from np_drake.mpc.ipopt_multiple_shooting import IpoptMultipleShootingSolver
+    from np_drake.mpc.ipopt_multiple_shooting import IpoptMultipleShootingSolver
 
-        return IpoptMultipleShootingSolver(vehicle, config)
-    raise ValueError(f"make_solver: must be one of {', '.join(SOLVERS)}; got {name!r}.")
+    return IpoptMultipleShootingSolver(vehicle, config)

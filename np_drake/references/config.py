@@ -30,9 +30,11 @@ class ReferenceConfig:
                 f"ReferenceConfig: track must be circle, lemniscate or hover; got {self.track!r}."
             )
         for name in ("radius", "length", "width", "height", "speed"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"ReferenceConfig: {name} must be positive; got {getattr(self, name)}.")
-        if not self.ramp >= 0:
+            if not 0 < getattr(self, name) < np.inf:
+                raise ValueError(
+                    f"ReferenceConfig: {name} must be positive and finite; got {getattr(self, name)}."
+                )
+        if not 0 <= self.ramp < np.inf:
             raise ValueError(f"ReferenceConfig: ramp must not be negative [s]; got {self.ramp}.")
         if np.shape(self.dither) != (3,) or min(self.dither) < 0:
             raise ValueError(f"ReferenceConfig: dither must be three RMS values [m]; got {self.dither}.")

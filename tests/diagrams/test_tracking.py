@@ -27,7 +27,7 @@ def summary(row, track, seed, e_xy):
         "row": row,
         "experiment": track,
         "seed": seed,
-        "metrics": {"E_xy": e_xy, "E_z": 2 * e_xy, "solve_failures": 1},
+        "metrics": {"E_xy": e_xy, "E_z": 2 * e_xy, "growth": 1.0, "solve_failures": 1},
     }
 
 

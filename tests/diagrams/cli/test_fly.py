@@ -32,6 +32,17 @@ def test_a_scenario_file_flies(tmp_path, capsys):
     assert "mine" in capsys.readouterr().out
 
 
+def test_the_scenarios_controller_flies_unless_another_is_asked_for(tmp_path, capsys):
+    scenario = tmp_path / "mine.yaml"
+    scenario.write_text(
+        "name: mine\nduration: 0.2\nreference: {track: hover, ramp: 0.2}\ncontroller: {kind: hold, solver: sqp}\n"
+    )
+    for arguments, kind in (([], "hold"), (["--controller", "nominal"], "nominal")):
+        file = tmp_path / "m.json"
+        assert run(["fly", str(scenario), *arguments, "--json", str(file)]) == 0, capsys.readouterr().err
+        assert json.loads(file.read_text())["controller"] == kind
+
+
 BAD = {  # arguments: what the line must say
     "experiment": (["fly", "spiral"], "circle, lemniscate"),
     "controller": (["fly", "circle", "--controller", "pid"], "nominal, hold"),
@@ -40,6 +51,10 @@ BAD = {  # arguments: what the line must say
     "missing scenario": (["fly", "missing.yaml"], "missing.yaml"),
     "missing model": (["fly", "circle", "--predictor", "missing.safetensors"], "missing.safetensors"),
     "folder of metrics": (["fly", "circle", "--json", "nowhere/x.json"], "nowhere must exist"),
+    "seed": (["fly", "circle", "--seed", "99999999999999999999"], "--seed"),
+    "solver of demo": (["demo", "--out", "dd", "--solver", "nope"], "ipopt"),
+    "predictor for another": (["fly", "circle", "--controller", "hold", "--predictor", "x"], "for kind np"),
+    "bad model and a folder": (["fly", "circle", "--predictor", "taken", "--out", "dd"], "taken"),
     "vehicle": (["fly", "circle", "--vehicle", "missing.yaml"], "missing.yaml"),
     "table": (["reproduce", "tea"], "tracking"),
     "row": (["reproduce", "tracking", "--only", "pid"], "--only"),

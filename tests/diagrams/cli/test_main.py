@@ -7,7 +7,7 @@ import pytest
 import typer
 
 from diagrams.cli import main as dut
-from diagrams.cli.output import FailedRun
+from diagrams.failed_run import FailedRun
 
 
 def failing(error):
