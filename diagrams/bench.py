@@ -33,10 +33,13 @@ class RecordingSolver:
         return self._solver.solve(problem, warm_start)
 
 
-def record_problems(count: int, *, seed: int) -> tuple[FlightConfig, list[MpcProblem]]:
-    """The NP-MPC problems of `count` periods in a row on the lemniscate, from the end of the ramp on."""
+def record_problems(count: int, *, seed: int, predictor: str = "") -> tuple[FlightConfig, list[MpcProblem]]:
+    """The NP-MPC problems of `count` periods in a row on the lemniscate, from the end of the ramp on.
+
+    Args: predictor: model file; the one that ships with the package by default.
+    """
     config = load_experiment("lemniscate")
-    config.controller.kind, config.controller.solver = "np", "sqp"
+    config.controller.kind, config.controller.solver, config.controller.predictor = "np", "sqp", predictor
     config.duration = count * config.controller.period
     diagram, _ = make_flight_diagram(config)
     controller = diagram.GetSubsystemByName("np_mpc").controller
@@ -104,16 +107,19 @@ def _plant_factor(config: FlightConfig, seconds: float) -> float:
 
 
 def time_training(folder: Path, *, seed: int) -> dict[str, float]:
-    """Wall time [s] of both configurations on the 3000 points of one training flight."""
+    """Wall time [s] of both configurations on the 3000 points of one training flight; leaves their model files."""
     flight = training_flight("training_circle", seed=seed, solver="sqp")
     walls = {}
     for configuration in ("default", "paper"):
         start = time.perf_counter()
-        train_predictor(
-            flight, folder / f"{configuration}.safetensors", configuration=configuration, seed=seed
-        )
+        train_predictor(flight, model_file(folder, configuration), configuration=configuration, seed=seed)
         walls[configuration] = time.perf_counter() - start
     return walls
+
+
+def model_file(folder: Path, configuration: str) -> Path:
+    """Where `time_training` leaves a model."""
+    return folder / f"{configuration}.safetensors"
 
 
 def load_predictor(path: Path = DEFAULT_MODEL) -> NeuralPredictor:

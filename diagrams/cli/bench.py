@@ -32,38 +32,65 @@ def bench(
     if os.environ.get("OMP_NUM_THREADS") != "1":
         say("OMP_NUM_THREADS is not 1: small matrices run two to three times slower on several threads.")
     from diagrams import bench as measure
+
+    with tempfile.TemporaryDirectory() as folder:
+        _run(
+            measure, Path(folder), problems=problems, seconds=seconds, seed=seed, json=json, markdown=markdown
+        )
+
+
+def _run(
+    measure: Any,
+    folder: Path,
+    *,
+    problems: int,
+    seconds: float,
+    seed: int,
+    json: Path | None,
+    markdown: Path | None,
+) -> None:
     from np_drake.mpc.benchmark import suite
 
-    with progress("recording problems", 1.0):
+    with progress("training, recording problems", 1.0) as advance:
+        walls = measure.time_training(folder, seed=seed)
+        advance(0.5, "recording")
         config, recorded = measure.record_problems(problems, seed=seed)
+        paper = str(measure.model_file(folder, "paper"))
+        _, refit = measure.record_problems(problems, seed=seed, predictor=paper)
+        advance(1.0, "")
     with progress("solvers", 1.0) as advance:
         reports = suite(
             config.vehicle,
             config.controller.mpc,
-            recorded=recorded,
+            recorded={"default, K = 12": recorded, "paper, K = 24": refit},
             period=config.controller.period,
             progress=lambda done, total: advance(done / total, f"{done} of {total}"),
         )
     solvers = _solver_table(reports)
     print_table(*solvers)
     write_markdown(markdown, *solvers)
-    mpc_config = dc.asdict(config.controller.mpc)
-    content = _other_figures(measure, seconds=seconds, seed=seed)
+    content = _other_figures(measure, config, folder, walls, seconds=seconds, seed=seed)
+    mpc = {
+        name: {r.name: {"N": config.controller.mpc.horizon, **dc.asdict(r)} for r in reports[name]}
+        for name in ("default, K = 12", "paper, K = 24")
+    }
     growth = [
-        {"N": int(name.split("=")[1]), "solver": r.name, **_fields(r)}
+        {"N": int(name.split("=")[1]), "solver": r.name, **dc.asdict(r)}
         for name, rows in reports.items()
         if name.startswith("N =")
         for r in rows
     ]
-    starts = {name: [_fields(r) for r in rows] for name, rows in reports.items() if "start" in name}
-    mpc = {r.name: {"N": config.controller.mpc.horizon, **_fields(r)} for r in reports["tracking"]}
     write_metrics(
-        json, "bench", seed=seed, config=mpc_config, mpc=mpc, mpc_growth=growth, mpc_starts=starts, **content
+        json,
+        "bench",
+        seed=seed,
+        config=dc.asdict(config.controller.mpc),
+        mpc=mpc["default, K = 12"],
+        mpc_refit=mpc["paper, K = 24"],
+        mpc_growth=growth,
+        mpc_starts={name: [dc.asdict(r) for r in rows] for name, rows in reports.items() if "start" in name},
+        **content,
     )
-
-
-def _fields(report: "SolverReport") -> dict[str, Any]:
-    return dc.asdict(report)
 
 
 def _solver_table(reports: "dict[str, list[SolverReport]]") -> tuple[str, list[str], list[tuple]]:
@@ -87,16 +114,17 @@ def _solver_table(reports: "dict[str, list[SolverReport]]") -> tuple[str, list[s
     return "NP-MPC solvers; ratio: to CasADi + IPOPT in this run", header, rows
 
 
-def _other_figures(measure: Any, *, seconds: float, seed: int) -> dict[str, Any]:
+def _other_figures(
+    measure: Any, config: Any, folder: Path, walls: dict[str, float], *, seconds: float, seed: int
+) -> dict[str, Any]:
     """Predictor, simulator and training, printed and as `--json` has them."""
-    mpc = {"horizon": 20, "stride": 2}
-    with progress("simulator, predictor, training", 1.0) as advance, tempfile.TemporaryDirectory() as folder:
-        update = {"default": measure.time_predictor(measure.load_predictor(), **mpc)}
+    span = {"horizon": config.controller.mpc.horizon, "stride": config.controller.stride}
+    with progress("predictor, simulator", 1.0):
+        update = {
+            name: measure.time_predictor(measure.load_predictor(measure.model_file(folder, name)), **span)
+            for name in ("default", "paper")
+        }
         factors = measure.real_time_factors(seconds=seconds, seed=seed)
-        advance(0.5, "training")
-        walls = measure.time_training(Path(folder), seed=seed)
-        paper = measure.load_predictor(Path(folder) / "paper.safetensors")
-        update["paper"] = measure.time_predictor(paper, **mpc)
     rows: list[tuple[str, float, str]] = []
     for name, value in update.items():
         rows += [(f"predictor `{name}`: lift, refit, forecast", value["median"], "ms (median)")]

@@ -3,7 +3,7 @@
 import contextlib
 import dataclasses as dc
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -107,17 +107,15 @@ def suite(
     vehicle: Vehicle,
     config: MpcConfig,
     *,
-    recorded: Sequence[MpcProblem] | None = None,
+    recorded: Mapping[str, Sequence[MpcProblem]] | None = None,
     period: float = 0.02,
     count: int = 200,
     progress: Progress | None = None,
 ) -> dict[str, list[SolverReport]]:
-    """The whole bench: recorded (or generated) tracking, horizons 10, 20, 40, cold and infeasible starts."""
-    tracking = (
-        recorded if recorded is not None else tracking_problems(vehicle, config, count=count, period=period)
-    )
+    """The whole bench: recorded (or generated) tracking by name, horizons 10, 20, 40, cold and infeasible starts."""
+    tracking = recorded or {"tracking": tracking_problems(vehicle, config, count=count, period=period)}
     sets: dict[str, tuple[MpcConfig, Sequence[MpcProblem], float | None]] = {
-        "tracking": (config, tracking, period)
+        name: (config, problems, period) for name, problems in tracking.items()
     }
     for n in (10, 20, 40):
         other = dc.replace(config, horizon=n)
