@@ -32,9 +32,6 @@ def evaluate(
         typer.Option(metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),
     ] = None,
     horizons: Annotated[str, typer.Option(help="Steps ahead, comma-separated.")] = HORIZONS,
-    hold_zeta: Annotated[
-        bool, typer.Option("--hold-zeta", help="Hold the last motion instead of the true coming one.")
-    ] = False,
     epochs: Annotated[int | None, typer.Option(min=1, help="Passes; default: the configuration's.")] = None,
     step: options.Step = 0.02,
     vehicle: options.VehicleFile = None,
@@ -42,7 +39,10 @@ def evaluate(
     seed: options.Seed = 0,
     json: options.Json = None,
 ) -> None:
-    """Score predictors on flights; without any: train on the paper's segment, score on race track 1."""
+    """Score predictors on flights; without any: train on the paper's segment, score on race track 1.
+
+    Twice: with the coming motion (zeta) held at its last value, as a predictor alone would have to, and known.
+    """
     if json is not None:
         require_writable(json)
     steps = parse_horizons(horizons)
@@ -55,14 +55,17 @@ def evaluate(
     training = open_flights(train, vehicle, repair=repair)
     require_one_frame([*training, *tests])
     models = load(predictor) if predictor else train_all(training, step=step, seed=seed, epochs=epochs)
-    from diagrams.cli.scoring import finite, score, show
+    from diagrams.cli.scoring import MOTIONS, finite, score, show
 
-    with progress("scoring", 1.0) as advance:
-        rows = score(
-            models, tests, steps, hold_zeta=hold_zeta, on_model=lambda done, total: advance(done / total)
-        )
-    show(rows, "held" if hold_zeta else "known")
-    settings = {"configurations": list(models), "hold_zeta": hold_zeta, "horizons": steps, "step": step}
+    rows: list[dict] = []
+    for zeta in MOTIONS:
+        with progress(f"scoring, coming motion {zeta}", 1.0) as advance:
+            scored = score(
+                models, tests, steps, zeta=zeta, on_model=lambda done, total: advance(done / total)
+            )
+        show(scored, zeta)
+        rows += scored
+    settings = {"configurations": list(models), "horizons": steps, "step": step}
     settings |= {"training": [flight.data.name for flight in training]}
     write_metrics(json, "evaluate", seed=seed, config=settings, rows=rows)
     if not finite(rows):

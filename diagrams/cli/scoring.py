@@ -9,12 +9,14 @@ import numpy as np
 from diagrams.cli.flights import Flight
 from diagrams.cli.output import print_table
 from np_drake.lifting.lifted_model import LiftedModel
+from np_drake.lifting.origin import require_origin
 from np_drake.lifting.segments import Segment
 from np_drake.lifting.skill import NAIVE, skill_table
 from np_drake.logs.neurobem import TESTS
 from np_drake.logs.wrench_sequence import WrenchSequence
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 
+MOTIONS = ("held", "known")  # what a forecast is told of the coming zeta
 STEP_TOLERANCE = 0.02  # between a model's step and an array's [1]
 
 
@@ -23,18 +25,20 @@ def score(
     flights: Sequence[Flight],
     horizons: list[int],
     *,
-    hold_zeta: bool = False,
+    zeta: str,
     on_model: Callable[[int, int], None] = lambda *_: None,
 ) -> list[dict[str, Any]]:
     """The rows of `--json`: every model and naive row on every flight, horizon in seconds.
 
-    The mean is the flight's own. `on_model` is called with (done, total) after every model.
+    The mean is the flight's own. zeta: `held` at its last value, or `known`.
+    `on_model` is called with (done, total) after every model.
     Raises: ValueError: if a step is not the model's, or a flight too short.
     """
     rows: list[dict[str, Any]] = []
     for number, flight in enumerate(flights):
         name = flight_name(flight)
         for place, (label, model) in enumerate(models.items()):
+            require_origin(model, {"frame": flight.frame})
             segment = longest_piece(flight, model.step)
             predictor = NeuralPredictor(model, options_for(model))
             table = skill_table(
@@ -42,14 +46,14 @@ def score(
                 segment.chi,
                 segment.zeta,
                 horizons=horizons,
-                training_mean=segment.chi.mean(axis=0),
+                mean=segment.chi.mean(axis=0),
                 target=segment.goal,
-                zeta_known=not hold_zeta,
+                zeta_known=zeta == "known",
                 warm_up=max(40, model.window),
                 flight=name,
             )
             rows += [
-                {**dc.asdict(row), "horizon": row.horizon * segment.step}
+                {**dc.asdict(row), "horizon": row.horizon * segment.step, "zeta": zeta}
                 for row in table
                 if place == 0 or row.model not in NAIVE
             ]

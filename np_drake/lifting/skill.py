@@ -33,7 +33,7 @@ def skill_table(
     zeta: np.ndarray,
     *,
     horizons: list[int],
-    training_mean: np.ndarray,
+    mean: np.ndarray,
     target: np.ndarray | None = None,
     zeta_known: bool = True,
     warm_up: int = 40,
@@ -43,7 +43,7 @@ def skill_table(
 
     Args:
         chi: (n, 6) labels as the models see them.   zeta: (n, 6).   target: (n, 6) what counts; default chi.
-        horizons: steps ahead: origin k predicts sample k + horizon.   training_mean: (6,) of chi in training.
+        horizons: steps ahead: origin k predicts sample k + horizon.   mean: (6,) of chi in training.
         zeta_known: feed the true coming zeta, else hold the last one.   warm_up: samples before the first
         origin.
     Raises: ValueError: if the flight is too short for one origin.
@@ -55,7 +55,7 @@ def skill_table(
             f"skill_table: more than {warm_up + horizons[-1]} samples are needed; got {len(chi)}."
         )
     goal = (chi if target is None else target)[origins[:, None] + horizons]
-    predictions = naive_predictions(chi, origins, horizons, training_mean)
+    predictions = naive_predictions(chi, origins, horizons, mean)
     for name, model in models.items():
         predictions[name] = model_predictions(model, chi, zeta, origins, horizons, zeta_known=zeta_known)
     rmse = {name: _rmse(prediction - goal) for name, prediction in predictions.items()}
@@ -66,16 +66,21 @@ def skill_table(
             name,
             horizon,
             *map(float, error[i]),
-            *map(float, error[i] / np.maximum(best[i], 1e-300)),
-            *map(float, error[i] / np.maximum(rmse["persistence"][i], 1e-300)),
+            *map(float, _ratio(error[i], best[i])),
+            *map(float, _ratio(error[i], rmse["persistence"][i])),
         )
         for name, error in rmse.items()
         for i, horizon in enumerate(horizons)
     ]
 
 
+def _ratio(error: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """NaN where the reference makes no error at all (persistence of the sample itself)."""
+    return np.divide(error, reference, out=np.full_like(error, np.nan), where=reference > 0)
+
+
 def naive_predictions(
-    chi: np.ndarray, origins: np.ndarray, horizons: list[int], training_mean: np.ndarray
+    chi: np.ndarray, origins: np.ndarray, horizons: list[int], mean: np.ndarray
 ) -> dict[str, np.ndarray]:
     """(o, len(horizons), 6) of persistence, linear extrapolation of the last two samples, and training mean."""
     last = chi[origins][:, None]
@@ -85,7 +90,7 @@ def naive_predictions(
     return {
         "persistence": np.broadcast_to(last, shape),
         "linear": last + steps * slope,
-        "mean": np.broadcast_to(training_mean, shape),
+        "mean": np.broadcast_to(mean, shape),
     }
 
 

@@ -35,7 +35,7 @@ def rows(retrained):
         flight.signals["label"],
         zeta(log.x),
         horizons=[0, 5, 20, 40],
-        training_mean=flight.signals["label"].mean(axis=0),
+        mean=flight.signals["label"].mean(axis=0),
         target=smooth_labels(log, config.vehicle, config.controller.label),
         warm_up=250,
     )

@@ -60,7 +60,7 @@ def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
     out = tmp_path / "rows.json"
     arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--epochs", "1", "--json", str(out)]
     assert run(arguments) == 0, capsys.readouterr().err
-    rows = [(row["model"], row["horizon"]) for row in rows_of(out)]
+    rows = [(row["model"], (row["horizon"], row["zeta"])) for row in rows_of(out)]
     assert {model for model, _ in rows} == {"paper", "default", "persistence", "linear", "mean"}
     assert len(rows) == len(set(rows))
 
@@ -87,7 +87,7 @@ BAD = {  # arguments: what the line must say
     "horizon": (["LOG", "--predictor", "MODEL", "--horizons", "1,-2"], "--horizons"),
     "too far": (["LOG", "--predictor", "MODEL", "--horizons", "5000"], "samples are needed"),
     "two kinds": (["LOG", "--train", "ARRAY"], "give one kind"),
-    "another step": (["ARRAY", "--predictor", "MODEL"], "step must be the model's, 0.02 s; got 0.0025 s"),
+    "another frame": (["ARRAY", "--predictor", "MODEL"], "trained with frame world; here it is body"),
 }
 
 

@@ -27,7 +27,7 @@ def rows(neurobem):
     dut = NeuralPredictor(model, PredictorOptions(torque="predict"))
     mean = chi.mean(axis=0)
     chi, zeta = arrays(neurobem, RACE_TRACK)
-    return skill_table({"np": dut}, chi[:6000], zeta[:6000], horizons=HORIZONS, training_mean=mean)
+    return skill_table({"np": dut}, chi[:6000], zeta[:6000], horizons=HORIZONS, mean=mean)
 
 
 def test_one_step_ahead_it_is_better_than_the_paper(rows):

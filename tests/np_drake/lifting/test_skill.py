@@ -37,9 +37,7 @@ class Hold(Linear):
 
 
 def table(models, chi, zeta, **settings):
-    rows = skill_table(
-        models, chi, zeta, horizons=HORIZONS, training_mean=np.full(6, 2.0), warm_up=5, **settings
-    )
+    rows = skill_table(models, chi, zeta, horizons=HORIZONS, mean=np.full(6, 2.0), warm_up=5, **settings)
     return {(row.model, row.horizon): row for row in rows}
 
 

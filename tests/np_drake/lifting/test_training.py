@@ -17,7 +17,7 @@ HORIZONS = [0, 5, 10, 20, 40]
 def force_rows(model, flight, name: str = "np") -> list[SkillRow]:
     rows = skill_table(
         {"np": NeuralPredictor(model)}, flight.chi, flight.zeta, target=flight.truth, horizons=HORIZONS,
-        training_mean=np.zeros(6),
+        mean=np.zeros(6),
     )  # fmt: skip
     return [row for row in rows if row.model == name]
 
