@@ -1,14 +1,13 @@
 """Figures of flights: plane track, errors, wrench. Every function returns a Figure and shows nothing."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from diagrams.figure_file import new_figure
 from diagrams.flight_result import FlightResult
-from np_drake.atomic_file import atomic_path
+from np_drake.references.config import make_reference
 
 # Okabe and Ito's palette: told apart by colour-blind readers and, with the dashes, in grey print.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -16,21 +15,11 @@ DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), "-")
 _AXES = ("x", "y", "z")
 
 
-def new_figure(rows: int, columns: int, *, width: float, height: float):
-    """A Figure and its (rows, columns) axes; no global state, no display."""
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure, figure.subplots(rows, columns, squeeze=False)
-
-
-def save(figure: Figure, path: str | Path) -> None:
-    """Writes a PNG, whole or not at all."""
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=150, format="png")
-
-
 def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
-    """Track in the x-y plane of several controllers, the reference dotted; the last lap only."""
+    """Track in the x-y plane of several controllers, the reference dotted; the last lap only.
+
+    An error along the track does not show here; `errors` has it.
+    """
     first = flights[0]
     ref = first.signals["p_ref"][first.scored][-_lap(first) :]
     span = np.ptp(ref[:, :2], axis=0) + 0.3
@@ -40,7 +29,7 @@ def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
     for k, flight in enumerate(flights):
         p = flight.signals["x_true"][flight.scored][-_lap(flight) :]
         ax.plot(p[:, 0], p[:, 1], color=PALETTE[k], linestyle=DASHES[k], linewidth=1.3, label=flight.label)
-    ax.set(xlabel="x [m]", ylabel="y [m]", title=title, aspect="equal")
+    ax.set(xlabel="x [m]", ylabel="y [m]", title=f"{title} · last lap", aspect="equal")
     ax.grid(alpha=0.3)
     figure.legend(loc="outside lower center", ncols=4, fontsize=8)
     return figure
@@ -90,14 +79,7 @@ def wrench(flight: FlightResult, span: float = 8.0) -> Figure:
 
 def _lap(flight: FlightResult) -> int:
     """Rows of one lap, or all of a motion that has none."""
-    rate = getattr(flight_reference(flight), "rate", None)
+    rate = getattr(make_reference(flight.config.reference), "rate", None)
     if not rate:
         return int(np.sum(flight.scored))
     return int(2 * np.pi / rate / flight.config.controller.period) + 1
-
-
-def flight_reference(flight: FlightResult):
-    """The reference motion that was flown."""
-    from np_drake.references.config import make_reference
-
-    return make_reference(flight.config.reference)

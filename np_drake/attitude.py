@@ -73,10 +73,11 @@ def rotate_back(q: np.ndarray, r_W: np.ndarray) -> np.ndarray:
     return (r_W[..., None, :] @ rotation_matrix(q))[..., 0, :]
 
 
-def same_hemisphere(q: np.ndarray, q_near: np.ndarray) -> np.ndarray:
-    """(..., 4) q or -q, whichever lies nearer to `q_near`."""
-    sign = np.where(np.sum(q * q_near, axis=-1, keepdims=True) < 0, -1.0, 1.0)
-    return sign * q
+def one_hemisphere(q: np.ndarray, q_near: np.ndarray) -> np.ndarray:
+    """(n, 4) signs turned so that each quaternion lies near its predecessor, the first near `q_near` (4,)."""
+    chain = np.vstack([q_near, q])
+    flips = np.where(np.sum(chain[1:] * chain[:-1], axis=1) < 0, -1.0, 1.0)
+    return q * np.cumprod(flips)[:, None]
 
 
 def quaternion_from_axes(z_B_W: np.ndarray, yaw: np.ndarray | float) -> np.ndarray:

@@ -66,10 +66,11 @@ def _print_reduction(result: "Demo") -> None:
 
 def _write_comparison(result: "Demo", out: Path) -> None:
     from diagrams import figures
+    from diagrams.figure_file import save
     from diagrams.tracking import TRACKS
 
     for track in TRACKS:
         flights = [f for f in result.flights if f.config.name == track]
         title = f"{track} · seed {flights[0].seed}"
-        figures.save(figures.plane_track(flights, title), out / f"{track}_track.png")
-        figures.save(figures.errors(flights, title), out / f"{track}_errors.png")
+        save(figures.plane_track(flights, title), out / f"{track}_track.png")
+        save(figures.errors(flights, title), out / f"{track}_errors.png")

@@ -117,14 +117,15 @@ def print_flights(flights: "list[FlightResult]") -> None:
 def write_flight(flight: "FlightResult", folder: Path) -> None:
     """Flight log, track, errors, wrench and replay page, named by experiment and controller."""
     from diagrams import figures
+    from diagrams.figure_file import save
     from diagrams.replay import write_replay
     from np_drake.logs.log_file import write_log
 
     stem = f"{flight.config.name}_{flight.label.replace(' + ', '_').replace(' ', '_')}"
     write_log(flight.log(), folder / f"{stem}.csv")
     title = f"{flight.config.name} · {flight.label} · seed {flight.seed}"
-    figures.save(figures.plane_track([flight], title), folder / f"{stem}_track.png")
-    figures.save(figures.errors([flight], title), folder / f"{stem}_errors.png")
-    figures.save(figures.wrench(flight), folder / f"{stem}_wrench.png")
+    save(figures.plane_track([flight], title), folder / f"{stem}_track.png")
+    save(figures.errors([flight], title), folder / f"{stem}_errors.png")
+    save(figures.wrench(flight), folder / f"{stem}_wrench.png")
     write_replay(flight, folder / f"{stem}_replay.html")
     say(f"log, figures, replay: {folder}/{stem}*")

@@ -15,10 +15,10 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from np_drake.atomic_file import atomic_path, require_writable, write_json, write_text
+from np_drake.atomic_file import require_writable, write_json, write_text
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    pass
 
 WIDTH = 100  # columns a table may take
 Advance = Callable[..., None]  # (done, text="")
@@ -97,12 +97,6 @@ def write_metrics(path: Path | None, verb: str, *, seed: int, config: dict, **co
     head = {"schema": f"np_drake.{verb}/1", "version": version("np_drake"), "seed": seed, "config": config}
     write_json(path, {**head, **content})
     say(f"metrics: {path}")
-
-
-def save_figure(figure: "Figure", path: Path) -> None:
-    """Writes a figure, whole or not at all."""
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=150)
 
 
 def make_folder(path: Path) -> Path:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from diagrams.cli import options
-from diagrams.cli.output import print_table, progress, save_figure, say, write_metrics
+from diagrams.cli.output import print_table, progress, say, write_metrics
 from np_drake.atomic_file import require_writable
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ def train(
     for place in places:
         require_writable(place)
     from diagrams.cli.flights import open_flights
+    from diagrams.figure_file import save
     from np_drake.labels import LabelConfig
     from np_drake.lifting.model_file import save_model
     from np_drake.lifting.origin import origin_of, with_origin
@@ -54,7 +55,7 @@ def train(
     result, wall = run_training(f"training {configuration}", segments, config, checkpoint)
     origin = origin_of(flights[0].frame, flights[0].vehicle, LabelConfig())
     save_model(with_origin(result.model, origin), out)
-    save_figure(loss_figure(result.loss), curve)
+    save(loss_figure(result.loss), curve)
     say(f"excitation: {result.model.summary['excitation']}")
     report(result, wall)
     say(f"model: {out}", f"loss curve: {curve}")
@@ -106,10 +107,11 @@ def report(result: "TrainingResult", wall: float) -> None:
 
 def loss_figure(loss: list[float]) -> "Figure":
     """Loss against epoch, as a Figure."""
-    from matplotlib.figure import Figure
+    from diagrams.figure_file import new_figure
 
-    figure = Figure(figsize=(6, 3.5), layout="constrained")
-    axes = figure.add_subplot(xlabel="epoch [1]", ylabel="loss [1]", yscale="log")
+    figure, grid = new_figure(1, 1, width=6.0, height=3.5)
+    axes = grid[0, 0]
+    axes.set(xlabel="epoch [1]", ylabel="loss [1]", yscale="log")
     axes.plot(range(1, len(loss) + 1), loss)
     axes.grid(True, alpha=0.3)
     return figure

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from np_drake import attitude
 from np_drake.logs.checks import GAP, LEAST_ROWS, NORM_TOLERANCE, quaternion_norm
 from np_drake.logs.columns import COLUMNS
 from np_drake.logs.table import Table
@@ -107,11 +108,11 @@ def _one_hemisphere(table: Table) -> None:
     """Turns the sign of quaternions so that neighbours are near: only then they can be interpolated."""
     q = table.array(COLUMNS["q"])
     rows = np.flatnonzero(np.all(np.isfinite(q), axis=1))
-    flips = np.sum(q[rows[1:]] * q[rows[:-1]], axis=1) < 0
-    sign = np.ones(len(q))
-    sign[rows[1:]] = np.cumprod(np.where(flips, -1.0, 1.0))
-    for name in COLUMNS["q"]:
-        table.columns[name] = sign * table.columns[name]
+    if len(rows) == 0:
+        return
+    q[rows] = attitude.one_hemisphere(q[rows], q[rows[0]])
+    for name, column in zip(COLUMNS["q"], q.T, strict=True):
+        table.columns[name] = column
 
 
 def _unit_quaternions(table: Table, rows: np.ndarray) -> None:

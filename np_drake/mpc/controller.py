@@ -5,7 +5,6 @@ import time
 
 import numpy as np
 
-from np_drake import attitude, rigid_body
 from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcSolver, MpcStatus, SolverFailure
 from np_drake.references.flatness import body_rates, targets
@@ -67,7 +66,6 @@ class MpcController:
             chi[:N] = forecast.rollout(np.concatenate([flat[1, :N], w_ref], axis=1))
             chi[N] = chi[N - 1]
         x_ref, u_ref = targets(self.vehicle, flat, chi)
-        x_ref[:, rigid_body.Q] = attitude.same_hemisphere(x_ref[:, rigid_body.Q], x[rigid_body.Q])
         return MpcProblem(x0=x, x_ref=x_ref, u_ref=self.vehicle.saturate(u_ref[:N]), forecast=forecast)
 
     def step(

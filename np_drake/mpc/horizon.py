@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from np_drake import attitude
 from np_drake.mpc.problem import MpcConfig, MpcProblem, SolverFailure
 from np_drake.mpc.terminal import terminal_weight
 from np_drake.residual_models.base import WrenchForecast
@@ -44,7 +45,7 @@ def prepare(problem: MpcProblem, vehicle: Vehicle, config: MpcConfig) -> Horizon
         raise SolverFailure("MPC: the quaternion of x0 must not be zero; check the state estimate.")
     x0[3:7] /= norm
     x_ref = np.array(problem.x_ref, float)
-    x_ref[:, 3:7] = _one_hemisphere(x_ref[:, 3:7], x0[3:7])
+    x_ref[:, 3:7] = attitude.one_hemisphere(x_ref[:, 3:7], x0[3:7])
     free, markov = eliminate(problem.forecast)
     if not (np.isfinite(free).all() and np.isfinite(markov).all()):
         raise SolverFailure("MPC: the forecast overflows within the horizon; its A must be stable.")
@@ -69,13 +70,6 @@ def eliminate(forecast: WrenchForecast) -> tuple[np.ndarray, np.ndarray]:
     free += response[:, :, WRENCH_SIZE]
     blocks = response[n - 2 :: -1, :, :WRENCH_SIZE] if n > 1 else np.zeros((0, 6, 6))
     return free, np.ascontiguousarray(blocks.transpose(1, 0, 2)).reshape(WRENCH_SIZE, -1)
-
-
-def _one_hemisphere(q: np.ndarray, q_near: np.ndarray) -> np.ndarray:
-    """(N+1, 4) each quaternion near its predecessor, the first near `q_near`."""
-    chain = np.vstack([q_near, q])
-    flips = np.where(np.sum(chain[1:] * chain[:-1], axis=1) < 0, -1.0, 1.0)
-    return q * np.cumprod(flips)[:, None]
 
 
 def _check(problem: MpcProblem, config: MpcConfig) -> None:

@@ -2,6 +2,7 @@ import pytest
 
 from diagrams import figures
 from diagrams.experiments import load_experiment
+from diagrams.figure_file import save
 from diagrams.flight_result import fly
 from diagrams.replay import write_replay
 
@@ -26,7 +27,7 @@ def test_every_axis_has_a_label_with_its_unit_and_the_figure_a_legend(flight, dr
 
 
 def test_a_figure_is_written_as_png(flight, tmp_path):
-    figures.save(figures.plane_track([flight]), tmp_path / "track.png")
+    save(figures.plane_track([flight]), tmp_path / "track.png")
     assert (tmp_path / "track.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -42,11 +42,3 @@ def test_progress_ends_at_a_hundred_percent(capsys):
 def test_a_long_line_is_not_wrapped(capsys):
     dut.say("x" * 300, "[bold] is no markup")
     assert capsys.readouterr().out == "x" * 300 + "\n[bold] is no markup\n"
-
-
-def test_a_figure_appears_whole(tmp_path):
-    from matplotlib.figure import Figure
-
-    dut.save_figure(Figure(), tmp_path / "curve.png")
-    assert [path.name for path in tmp_path.iterdir()] == ["curve.png"]
-    assert (tmp_path / "curve.png").read_bytes().startswith(b"\x89PNG")
