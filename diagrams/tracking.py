@@ -8,6 +8,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from diagrams.experiments import load_experiment
+from diagrams.failed_run import FailedRun
 from diagrams.flight import FlightConfig
 from diagrams.flight_result import FlightResult, fly
 from diagrams.learning import train_predictor
@@ -86,7 +87,13 @@ def train_models(
 
 
 def _fly_row(track: str, row: Row, model: str, seed: int, solver: str) -> dict:
-    summary = fly(configure(track, row, solver=solver, model=model), seed=seed).summary()
+    """The `fly` summary; of a lost vehicle infinite errors, so that one lost flight loses no other."""
+    try:
+        summary = fly(configure(track, row, solver=solver, model=model), seed=seed).summary()
+    except FailedRun as error:
+        metrics = {"E_xy": np.inf, "E_z": np.inf, "growth": np.inf, "solve_failures": 0}
+        summary = {"experiment": track, "controller": row.kind, "seed": seed, "metrics": metrics}
+        summary["lost"] = str(error)
     return {**summary, "row": row.name}
 
 
@@ -146,7 +153,7 @@ def _half_width(values: np.ndarray) -> float:
     from scipy.stats import t
 
     n = len(values)
-    if n < 2:
+    if n < 2 or not np.isfinite(values).all():
         return float("nan")
     return float(t.ppf(0.975, n - 1) * values.std(ddof=1) / np.sqrt(n))
 

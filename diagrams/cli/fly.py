@@ -88,14 +88,12 @@ def print_flights(flights: "list[FlightResult]") -> None:
     rows = []
     for flight in flights:
         m = flight.metrics()
-        wrench = m.get("wrench_rmse", {})
         rows.append(
             (
                 flight.config.name,
                 flight.label,
                 round(100 * m["E_xy"], 2),
                 round(100 * m["E_z"], 2),
-                wrench.get("force"),
                 m["solve_ms"]["median"],
                 m["solve_ms"]["p95"],
                 m["solve_failures"],
@@ -106,7 +104,6 @@ def print_flights(flights: "list[FlightResult]") -> None:
         "controller",
         "E_xy [cm]",
         "E_z [cm]",
-        "chi_hat f [N]",
         "solve [ms]",
         "p95 [ms]",
         "failed",

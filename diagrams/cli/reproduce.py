@@ -108,6 +108,8 @@ def tracking_table(lines: list[dict], title: str) -> Table:
     from diagrams.tracking import PAPER
 
     def cell(line: dict, key: str) -> str:
+        if line[key] == float("inf"):
+            return "lost"
         spread = line[key + "_ci95"]
         return f"{100 * line[key]:.2f}" + (f" ± {100 * spread:.2f}" if spread == spread else "")
 

@@ -5,7 +5,9 @@ import pytest
 
 from diagrams import demo, tracking
 from diagrams.cli.main import run
+from diagrams.cli.reproduce import tracking_table
 from diagrams.experiments import load_experiment
+from diagrams.failed_run import FailedRun
 
 
 @pytest.fixture
@@ -90,3 +92,25 @@ def test_the_verb_prints_and_writes_the_same_table(tmp_path, short_experiments, 
     assert (content["config"]["training_seed"], content["config"]["seeds"]) == (40, [41])
     assert f"{100 * content['table'][0]['E_xy']:.2f}" in rows[1][2]
     assert rows[1][2] in capsys.readouterr().out
+
+
+def test_a_lost_flight_is_a_lost_cell_and_loses_no_other(monkeypatch):
+    def crash(config, *, seed):
+        raise FailedRun("lemniscate: hold lost the vehicle before 3.0 s.")
+
+    monkeypatch.setattr(tracking, "fly", crash)
+    hold = next(row for row in tracking.ROWS if row.name == "hold")
+    lost = tracking._fly_row("lemniscate", hold, "", 1, "sqp")
+    assert "lost the vehicle" in lost["lost"]
+    lines = tracking.table(
+        [
+            summary("nominal", "lemniscate", 1, 0.1),
+            summary("nominal", "circle", 1, 0.1),
+            lost,
+            summary("hold", "circle", 1, 0.1),
+        ]
+    )
+    _, _, rows = tracking_table(lines, "title")
+    cells = {(row[0], row[1]): row[2] for row in rows}
+    assert cells["lemniscate", "hold"] == "lost"
+    assert cells["circle", "hold"] == "10.00"
