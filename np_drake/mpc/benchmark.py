@@ -15,6 +15,7 @@ from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcSolver, 
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.vehicle import Vehicle
 
+_BLOCK = 20  # problems that a solver takes in a row [1]
 _WARM_UP = 3  # untimed solves of the first problem
 PEER = "casadi"
 START_LIMIT = 0.015  # wall time that a cold or infeasible start may take; tracking is not limited [s]
@@ -66,7 +67,10 @@ def run(
     optimum: MpcSolver | None = None,
     progress: Progress | None = None,
 ) -> list[SolverReport]:
-    """Solves every problem with every solver, interleaved and in turning order so that noise meets all alike.
+    """Solves every problem with every solver.
+
+    The solvers take turns, in turning order, at blocks of problems: short enough that noise meets all alike, long
+    enough that each flies with its own warm caches.
 
     Args:
         step: the MPC's step [s].   period: time between problems [s]; each solver starts from its own last
@@ -78,29 +82,35 @@ def run(
             _attempt(solver, problems[0], None)
     plans: list[MpcSolution | None] = [None] * len(solvers)
     seconds = np.zeros((len(problems), len(solvers)))
-    answers: list[list[MpcSolution | None]] = []
-    best = np.full(len(problems), np.inf)
-    for i, problem in enumerate(problems):
-        row: list[MpcSolution | None] = [None] * len(solvers)
-        for j in np.roll(np.arange(len(solvers)), i).tolist():
-            last = plans[j]
-            warm = shift(last, elapsed=period, step=step) if period is not None and last is not None else None
-            row[j], seconds[i, j] = _attempt(solvers[j], problem, warm)
-            plans[j] = row[j] or warm
-        answers.append(row)
-        patient = (
-            _attempt(optimum, problem, min((a for a in row if a), key=lambda a: a.cost, default=None))[0]
-            if optimum
-            else None
-        )
-        best[i] = min((a.cost for a in [*row, patient] if a), default=np.inf)
+    answers: list[list[MpcSolution | None]] = [[None] * len(solvers) for _ in problems]
+    for turn, block in enumerate(np.array_split(np.arange(len(problems)), max(len(problems) // _BLOCK, 1))):
+        for j in np.roll(np.arange(len(solvers)), turn).tolist():
+            for i in block.tolist():
+                last = plans[j]
+                warm = (
+                    shift(last, elapsed=period, step=step)
+                    if period is not None and last is not None
+                    else None
+                )
+                answers[i][j], seconds[i, j] = _attempt(solvers[j], problems[i], warm)
+                plans[j] = answers[i][j] or warm
         if progress:
-            progress(i + 1, len(problems))
+            progress(int(block[-1]) + 1, len(problems))
+    best = np.array(
+        [_best_cost(problem, row, optimum) for problem, row in zip(problems, answers, strict=True)]
+    )
     reports = [
         _report(s.name, seconds[:, j], [row[j] for row in answers], best) for j, s in enumerate(solvers)
     ]
     peer = next((r.median_ms for r in reports if r.name == PEER), None)
     return [dc.replace(r, ratio_to_casadi=r.median_ms / peer) if peer else r for r in reports]
+
+
+def _best_cost(problem: MpcProblem, row: list[MpcSolution | None], optimum: MpcSolver | None) -> float:
+    """The least cost known: of the answers, and of a patient solver that starts from the best of them."""
+    given = min((a for a in row if a), key=lambda a: a.cost, default=None)
+    patient = _attempt(optimum, problem, given)[0] if optimum else None
+    return min((a.cost for a in (given, patient) if a), default=np.inf)
 
 
 def suite(
