@@ -133,7 +133,7 @@ def add_controller(
         if truth is None or true_model is None:
             raise ValueError("controller: the oracle needs the real vehicle; there is none here.")
         _add_oracle(builder, true_model, config, truth, mpc)
-    ports |= {name: mpc.GetOutputPort(name) for name in ("status", "solve_time", "plan_x", "plan_chi")}
+    ports |= {name: mpc.GetOutputPort(name) for name in ("status", "solve_time")}
     ports["p_ref"] = source.GetOutputPort("position")
     return ports
 

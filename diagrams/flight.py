@@ -84,11 +84,6 @@ class FlightConfig:
             raise ValueError(
                 f"FlightConfig: name must be letters, digits, '_', '-' and '.'; got {self.name!r}."
             )
-        scheme, step = self.simulator.integration_scheme, self.simulator.max_step_size
-        if scheme not in GetIntegrationSchemes() or not 0 < step < np.inf:
-            raise ValueError(
-                f"FlightConfig: simulator must name a scheme of Drake's and a positive step; got {scheme}, {step}."
-            )
         if not 0 < self.duration < np.inf:
             raise ValueError(f"FlightConfig: duration must be positive and finite [s]; got {self.duration}.")
         if self.controller.kind == "oracle" and self.reality.payload.tether == "rod":
@@ -98,12 +93,20 @@ class FlightConfig:
             raise ValueError(
                 f"FlightConfig: {self.carried_mass} kg are more than the rotors can carry ({lift:.0f} N)."
             )
+        self._check_simulator()
+        return self
+
+    def _check_simulator(self) -> None:
+        scheme, step = self.simulator.integration_scheme, self.simulator.max_step_size
+        if scheme not in GetIntegrationSchemes() or not 0 < step < np.inf:
+            raise ValueError(
+                f"FlightConfig: simulator must name a scheme of Drake's and a positive step; got {scheme}, {step}."
+            )
         if not self.simulator.use_error_control and step > self.largest_step:
             raise ValueError(
                 f"FlightConfig: simulator.max_step_size must be at most {self.largest_step:.2g} s for this cable and "
                 f"these motors; got {step}. Take a smaller step or error control."
             )
-        return self
 
     @property
     def carried_mass(self) -> float:

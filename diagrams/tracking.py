@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, delayed
+from scipy.stats import t
 
 from diagrams.experiments import load_experiment
 from diagrams.failed_run import FailedRun
@@ -150,8 +151,7 @@ def _order(summary: dict) -> int:
 
 
 def _half_width(values: np.ndarray) -> float:
-    from scipy.stats import t
-
+    """Half width of the 95 % interval of the mean; NaN for a single or a lost flight."""
     n = len(values)
     if n < 2 or not np.isfinite(values).all():
         return float("nan")

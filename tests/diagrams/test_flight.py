@@ -77,9 +77,10 @@ def test_labels_follow_the_true_wrench(nominal_flight, record_property):
     rmse = np.sqrt(np.mean((chi - nominal_flight.chi_true)[rows] ** 2, axis=0))
     record_property("label_rmse", rmse.tolist())
     print("label error [N, N·m] x, y, z:", np.round(rmse, 4).tolist())
-    assert np.all(rmse[:3] < [0.25, 0.25, 0.35])  # [N]; a 4 Hz low-pass of 0.2 N white noise, and its delay
+    # [N]: a 4 Hz low-pass of 0.2 N white noise and its delay; in z the lag's share of every thrust step too.
+    assert np.all(rmse[:3] < [0.16, 0.16, 0.38])
     # [N·m]: J times 0.5 rad/s² of noise, low-passed, and the share of the lag that is faster than the label.
-    assert np.all(rmse[3:] < [0.035, 0.035, 0.015])
+    assert np.all(rmse[3:] < [0.027, 0.027, 0.008])
 
 
 @pytest.mark.parametrize("track, force", [("circle", 0.15), ("training_circle", 0.25)])
