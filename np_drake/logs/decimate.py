@@ -1,7 +1,5 @@
 """From a log's own rate to a predictor's step."""
 
-import dataclasses as dc
-
 import numpy as np
 
 from np_drake.labels import LabelConfig, labels, smooth_labels
@@ -10,27 +8,11 @@ from np_drake.logs.wrench_sequence import WrenchSequence
 from np_drake.vehicle import Vehicle
 
 
-def decimated(log: FlightLog, step: float) -> FlightLog:
-    """The log's rows nearest to every multiple of `step` [s].
-
-    Rows are picked, not averaged: each keeps its command and the accelerations that this command makes, so
-    labels of the new log are right; its command does not act until the next row any more. Quantities with
-    content above the new rate must be filtered before (`labels` are).
-    Raises: ValueError: if the step is shorter than the log's, or leaves fewer than two rows.
-    """
-    rows = rows_at(log, step)
-    arrays = {
-        field.name: value[rows]
-        for field in dc.fields(log)
-        if isinstance(value := getattr(log, field.name), np.ndarray)
-    }
-    return dc.replace(log, **arrays, notes=[*log.notes, f"every {step:g} s of {log.step:g} s"])
-
-
 def rows_at(log: FlightLog, step: float) -> np.ndarray:
     """(m,) the rows nearest to t_0, t_0 + step, ….
 
-    Raises: ValueError: as `decimated`.
+    Rows are picked, not averaged; quantities with content above the new rate must be filtered before (`labels` are).
+    Raises: ValueError: if the step is shorter than the log's, or leaves fewer than two rows.
     """
     if not step > 0.999 * log.step:
         raise ValueError(
