@@ -7,14 +7,14 @@ from typing import ClassVar
 import numpy as np
 
 from np_drake import attitude
-from np_drake.effects.base import Motion
+from np_drake.effects.base import Motion, Parameter, WrenchEffect
 from np_drake.rigid_body import Q, V
 from np_drake.vehicle import Vehicle
 
 
 @dc.dataclass(frozen=True)
-class LinearDrag:
-    """f_B = -s diag(d) v_B, with s = mean rotor speed / hover rotor speed.
+class LinearDrag(WrenchEffect):
+    """f_B = -s diag(d) R^T (v - wind), with s = mean rotor speed / hover rotor speed.
 
     Source: blade-flapping and induced drag, lumped; the induced part grows with rotor speed (own choice: linearly).
     """
@@ -24,13 +24,16 @@ class LinearDrag:
     d_z: float = 0.25
 
     identifier: ClassVar[str] = "linear_drag"
+    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
+        Parameter(name, "N·s/m", 0.0, -0.2, 3.0, 0.3) for name in ("d_x", "d_y", "d_z")
+    )
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) [N, N·m]; the drag acts at the centre of mass."""
         hover = math.sqrt(vehicle.mass * vehicle.gravity / 4)
         speed = np.sqrt(np.maximum(motion.rotor_thrust, 0.0)).sum(axis=-1) / (4 * hover)
         R = attitude.rotation_matrix(motion.x[..., Q])
-        v_B = (motion.x[..., None, V] @ R)[..., 0, :]
+        v_B = ((motion.x[..., V] - motion.wind)[..., None, :] @ R)[..., 0, :]
         f_B = np.array([-self.d_x, -self.d_y, -self.d_z]) * v_B * speed[..., None]
         chi = np.zeros((*v_B.shape[:-1], 6))
         chi[..., :3] = (R @ f_B[..., None])[..., 0]

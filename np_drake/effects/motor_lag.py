@@ -4,17 +4,21 @@ import dataclasses as dc
 from typing import ClassVar
 
 import numpy as np
+from scipy import signal
 
+from np_drake.effects.base import ActuatorEffect, Parameter
 from np_drake.vehicle import Vehicle
 
 
 @dc.dataclass(frozen=True)
-class MotorLag:
+class MotorLag(ActuatorEffect):
     """T d omega/dt = omega_command - omega, on rotor speed; f = k omega².   Source: first-order ESC and motor."""
 
     time_constant: float = 0.03  # [s]
 
     identifier: ClassVar[str] = "motor_lag"
+    linear: ClassVar[bool] = False
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("time_constant", "s", 0.0, 0.0, 0.3, 0.03),)
     state_size: ClassVar[int] = 4
     turns_rotor: ClassVar[bool] = True
 
@@ -26,6 +30,19 @@ class MotorLag:
         """(..., 4) [rad/s²]."""
         return (self.state_at(vehicle, command) - state) / self.time_constant
 
-    def thrust(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
+    def thrust(
+        self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
+    ) -> np.ndarray:
         """(..., 4) [N]."""
         return vehicle.thrust_coefficient * state**2
+
+    def respond(self, vehicle: Vehicle, t: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """(n, 4) mean thrusts [N]: the lag is exact between rows; the mean is Simpson's."""
+        if self.time_constant <= 0 or len(t) < 2:
+            return command
+        target = self.state_at(vehicle, command)
+        decay, half = np.exp(-(t[1] - t[0]) / self.time_constant * np.array([1.0, 0.5]))
+        end, _ = signal.lfilter([1 - decay], [1, -decay], target, axis=0, zi=decay * target[:1])
+        start = np.concatenate([target[:1], end[:-1]])
+        middle = target + (start - target) * half
+        return vehicle.thrust_coefficient * (start**2 + 4 * middle**2 + end**2) / 6

@@ -5,27 +5,21 @@ from typing import ClassVar
 
 import numpy as np
 
+from np_drake.effects.base import ActuatorEffect, Parameter
 from np_drake.vehicle import Vehicle
 
 
 @dc.dataclass(frozen=True)
-class ThrustScale:
-    """f = scale * f_command on every rotor (worn propellers, thin air, battery sag)."""
+class ThrustScale(ActuatorEffect):
+    """f = scale * f_command on every rotor (worn propellers, thin air, battery sag).   Source: own choice."""
 
     scale: float = 0.96  # [1]
 
     identifier: ClassVar[str] = "thrust_scale"
-    state_size: ClassVar[int] = 0
-    turns_rotor: ClassVar[bool] = False
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("scale", "1", 1.0, 0.4, 1.6, 0.1),)
 
-    def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
-        """(0,): no memory."""
-        return np.zeros(0)
-
-    def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(..., 0): no memory."""
-        return np.zeros((*np.shape(command)[:-1], 0))
-
-    def thrust(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
+    def thrust(
+        self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
+    ) -> np.ndarray:
         """(..., 4) [N]."""
         return self.scale * command

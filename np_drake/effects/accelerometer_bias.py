@@ -1,0 +1,31 @@
+"""A constant error of the accelerometer."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.effects.base import Measurement, Parameter, SensorEffect
+from np_drake.rigid_body import Q
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class AccelerometerBias(SensorEffect):
+    """a_read = a + R [x, y, z]: constant in body axes.   Source: the usual IMU model."""
+
+    x: float = 0.2  # [m/s²]
+    y: float = 0.0
+    z: float = 0.0
+
+    identifier: ClassVar[str] = "accelerometer_bias"
+    corrupts: ClassVar[tuple[str, ...]] = ("ax", "ay", "az")
+    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
+        Parameter(axis, "m/s²", 0.0, -3.0, 3.0, 0.3) for axis in "xyz"
+    )
+
+    def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
+        """With the bias on `a`."""
+        bias_B = np.broadcast_to([self.x, self.y, self.z], truth.a.shape)
+        return dc.replace(truth, a=truth.a + attitude.rotate(truth.x[..., Q], bias_B))

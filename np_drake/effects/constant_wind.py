@@ -1,0 +1,28 @@
+"""A steady wind, felt through a drag."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake.effects.base import Parameter, WrenchEffect
+
+
+@dc.dataclass(frozen=True)
+class ConstantWind(WrenchEffect):
+    """The air moves with [x, y, z] in W; drags act on v - wind.   Source: own choice: uniform and steady."""
+
+    x: float = 2.0  # [m/s]
+    y: float = 0.0
+    z: float = 0.0
+
+    identifier: ClassVar[str] = "constant_wind"
+    needs: ClassVar[tuple[str, ...]] = ("linear_drag", "quadratic_drag")
+    linear: ClassVar[bool] = False
+    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
+        Parameter(axis, "m/s", 0.0, -15.0, 15.0, 2.0) for axis in "xyz"
+    )
+
+    def air_velocity(self, t: np.ndarray | float) -> np.ndarray:
+        """(..., 3) in W [m/s]."""
+        return np.broadcast_to([self.x, self.y, self.z], (*np.shape(t), 3))
