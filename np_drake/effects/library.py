@@ -1,17 +1,36 @@
-"""Every effect by its identifier: the list that a diagnosis goes through. A new effect is one file and one line here."""
+"""Every effect by its identifier: what a diagnosis goes through. A new effect is one file and one line here."""
 
 from np_drake.effects.accelerometer_bias import AccelerometerBias
+from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.base import Effect
+from np_drake.effects.blade_flapping import BladeFlapping
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
+from np_drake.effects.clock_offset import ClockOffset
+from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.ground_effect import GroundEffect
+from np_drake.effects.gusty_wind import GustyWind
+from np_drake.effects.gyro_bias import GyroBias
+from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.quadratic_drag import QuadraticDrag
+from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.effects.translational_lift import TranslationalLift
+from np_drake.effects.velocity_bias import VelocityBias
+from np_drake.effects.weak_rotor import WeakRotor
 
-LIBRARY: dict[str, type[Effect]] = {
-    effect.identifier: effect
-    for effect in (MassError, ThrustScale, MotorLag, LinearDrag, ConstantWind, AccelerometerBias)
-}
+_OURS: tuple[type[Effect], ...] = (
+    *(MassError, InertiaError, CenterOfMassOffset, SuspendedPayload),
+    *(ThrustScale, ThrustDrift, WeakRotor, MotorLag, CommandDelay),
+    *(LinearDrag, QuadraticDrag, BladeFlapping, TranslationalLift, ConstantWind, GustyWind, GroundEffect),
+    *(RotorGyroscopic, AccelerometerBias, GyroBias, VelocityBias, AttitudeBias, ClockOffset),
+)
+LIBRARY: dict[str, type[Effect]] = {effect.identifier: effect for effect in _OURS}
 
 
 def register(effect: type[Effect]) -> type[Effect]:

@@ -1,10 +1,11 @@
-"""A taut payload under a moving hook: the wrench it puts on the quadrotor."""
+"""A payload under a moving hook: the wrench it puts on the quadrotor, for one pendulum or many at once."""
 
 import dataclasses as dc
 
 import numpy as np
 
 from np_drake import attitude
+from np_drake.rigid_body import Q, W
 
 
 @dc.dataclass(frozen=True)
@@ -30,25 +31,91 @@ def tether_force(
     return payload.mass * np.maximum(specific, 0.0)[..., None] * n
 
 
+def swing_many(
+    lengths: np.ndarray, r: np.ndarray, r_rate: np.ndarray, a_hook: np.ndarray, step: float, gravity: float
+) -> np.ndarray:
+    """(n, m, 3) force on the hook per mass of the payload [m/s²] in the middle of n steps, of m pendulums.
+
+    Leapfrog: positions in the middle of steps, velocities between; the tether's pull along r is the least that keeps
+    the next position within |r| <= L, so a slack payload flies freely and a tether that snaps taut takes the outward
+    speed. Second order in the step; no drift of energy.   Source: SHAKE, its quadratic solved in closed form.
+
+    Args:
+        lengths: (m,) [m].   r, r_rate: (m, 3) p_ToPo_W and its rate at the start [m, m/s].
+        a_hook: (n, 3) of the one hook, or (n, m, 3), held over each step [m/s²].   step: [s].
+    """
+    limit = np.square(lengths)
+    now, move = _start(lengths, np.transpose(r), np.transpose(r_rate), step)
+    kicks = (-(step**2) * (a_hook + np.array([0.0, 0.0, gravity]))).reshape(len(a_hook), -1, 3)
+    kicks = np.ascontiguousarray(kicks.transpose(0, 2, 1))
+    pulls = np.empty((len(a_hook), *now.shape))
+    with np.errstate(
+        divide="ignore", invalid="ignore"
+    ):  # a slack payload at the hook itself: -inf is no pull
+        _leapfrog(limit, now, move, kicks, pulls)
+    pulls /= step**2
+    return pulls.transpose(0, 2, 1)
+
+
+def _start(lengths, r, r_rate, step) -> tuple[np.ndarray, np.ndarray]:
+    """(3, m) position half a step later, within reach, and way per step [m]; a taut tether takes outward speed."""
+    span = np.linalg.norm(r, axis=0)
+    n = r / np.maximum(span, 1e-12)
+    outward = np.maximum(np.sum(n * r_rate, axis=0), 0.0)
+    move = step * (r_rate - np.where(span >= lengths * (1 - 1e-9), outward, 0.0) * n)
+    middle = np.minimum(span, lengths) * n + 0.5 * move
+    reach = np.minimum(1.0, lengths / np.maximum(np.linalg.norm(middle, axis=0), 1e-12))
+    return np.ascontiguousarray(middle * reach), np.ascontiguousarray(move)
+
+
+def _leapfrog(limit, now, move, kicks, pulls) -> None:
+    """Writes pull = mu now (n, 3, m) [m], the least mu >= 0 with |now + move + kick - mu now|² <= limit = L².
+
+    With b = now + move + kick:  mu = (b² - L²) / (now·b + sqrt((now·b)² - now² (b² - L²))).  Changes now and move.
+    """
+    b, product = np.empty_like(now), np.empty_like(now)
+    square = np.sum(now * now, axis=0)  # now²
+    along, excess, root = np.empty_like(limit), np.empty_like(limit), np.empty_like(limit)
+    for kick, pull in zip(kicks, pulls, strict=True):
+        np.add(move, kick, out=move)
+        np.add(now, move, out=b)
+        np.multiply(now, b, out=product)
+        np.add.reduce(product, axis=0, out=along)
+        np.multiply(b, b, out=product)
+        np.add.reduce(product, axis=0, out=excess)
+        np.minimum(excess, limit, out=root)  # now² of the next step
+        np.subtract(excess, limit, out=excess)
+        np.multiply(square, excess, out=square)
+        square, root = root, square
+        np.subtract(along * along, root, out=root)
+        np.maximum(root, 0.0, out=root)
+        np.sqrt(root, out=root)
+        np.add(root, along, out=root)
+        np.divide(excess, root, out=root)
+        np.maximum(root, 0.0, out=root)
+        np.multiply(now, root, out=pull)
+        np.subtract(move, pull, out=move)
+        np.add(now, move, out=now)
+
+
 def swing(
     payload: Payload, r: np.ndarray, r_rate: np.ndarray, a_hook: np.ndarray, step: float, gravity: float
 ) -> np.ndarray:
-    """(n, 3) force on the hook [N] in the middle of n steps with hook acceleration `a_hook` (n, 3).
+    """(n, 3) force on the hook [N] in the middle of n steps with hook acceleration `a_hook` (n, 3) [m/s²].
 
-    From r, r_rate (3,) at the start; explicit midpoint, returned to the sphere |r| = L after every step.
+    From r, r_rate (3,) at the start [m, m/s]; `swing_many` of one.
     """
-    forces = np.empty_like(a_hook)
-    weight = np.array([0.0, 0.0, gravity])
-    for i, a in enumerate(a_hook):
-        pull = tether_force(payload, r, r_rate, a, gravity)
-        r_mid = r + 0.5 * step * r_rate
-        rate_mid = r_rate + 0.5 * step * (-pull / payload.mass - a - weight)
-        forces[i] = tether_force(payload, r_mid, rate_mid, a, gravity)
-        r = r + step * rate_mid
-        r_rate = r_rate + step * (-forces[i] / payload.mass - a - weight)
-        r = r * (payload.length / np.linalg.norm(r))
-        r_rate = r_rate - r * (r @ r_rate) / payload.length**2
-    return forces
+    length = np.array([payload.length])
+    return payload.mass * swing_many(length, r[None], r_rate[None], a_hook, step, gravity)[:, 0]
+
+
+def hook_acceleration(hook, x: np.ndarray, a: np.ndarray, al: np.ndarray) -> np.ndarray:
+    """(..., 3) acceleration of the hook p_BoTo_B (3,) in W [m/s²].
+
+    Args: x (..., 13); a (..., 3) of Bo in W [m/s²]; al (..., 3) in B [rad/s²].
+    """
+    p_BoTo_B, w = np.asarray(hook, float), x[..., W]
+    return a + attitude.rotate(x[..., Q], np.cross(al, p_BoTo_B) + np.cross(w, np.cross(w, p_BoTo_B)))
 
 
 def hook_wrench(payload: Payload, q: np.ndarray, force_W: np.ndarray) -> np.ndarray:

@@ -1,0 +1,249 @@
+"""Every effect of the library as columns of a linear regression, some at several values of what is not linear."""
+
+import dataclasses as dc
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from np_drake.diagnosis import evidence as ev
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.hidden_swing import STATE, specific_pull
+from np_drake.diagnosis.signature import NEVER, Term, gate, signature
+from np_drake.effects.base import Effect, SensorEffect
+from np_drake.effects.library import LIBRARY
+
+ROTOR_SPEED_BLIND = ("motor_lag", "command_delay", "clock_offset")
+LENGTHS = np.geomspace(0.12, 3.0, 30)  # starts of a payload's tether [m]
+SWING = 0.15  # prior deviation of an initial swing [rad]
+HOOK = 0.1  # prior deviation of the hook [m]
+Onset = dict[str, float | None]
+
+
+@dc.dataclass(frozen=True)
+class Candidate:
+    """Columns (m, 15, k) by flight with prior N(0, 1) on their coefficients, and the terms that coefficients mean.
+
+    identifiers: of the effects (wind comes with its drag).   log_prior: of this variant among its sisters.
+    """
+
+    identifiers: tuple[str, ...]
+    variant: str
+    columns: dict[str, np.ndarray]
+    terms: Callable[[np.ndarray], list[Term]]
+    log_prior: float = 0.0
+    onset: Onset = dc.field(default_factory=dict)
+
+    @property
+    def size(self) -> int:
+        """Number of columns."""
+        return next(iter(self.columns.values())).shape[-1]
+
+
+def nonlinear_grid(effect: type[Effect], flight: Evidence) -> list[dict[str, float]]:
+    """Values at which an effect that is not linear is tried; [] where it has its own treatment."""
+    h = flight.log.step
+    grids: dict[str, list[dict[str, float]]] = {
+        "motor_lag": [
+            {"time_constant": flight.vehicle.rotor_time_constant + v} for v in (0.012, 0.03, 0.06, 0.12)
+        ],
+        "command_delay": [{"delay": v} for v in (0.006, 0.015, 0.03, 0.06)],
+        "clock_offset": [{"offset": v} for v in (-0.05, -0.015, 0.015, 0.05)],
+        "ground_effect": [
+            {"effective_radius": v * flight.vehicle.rotor_radius} for v in (1.0, 2.0, 3.5, 5.0)
+        ],
+    }
+    if effect.identifier in grids:
+        return grids[effect.identifier]
+    if effect.linear or effect.needs or h <= 0:
+        return []
+    free = [p for p in effect.parameters if not p.choices]
+    return [{p.name: p.neutral + sign * p.typical for p in free} for sign in (0.5, 1.0, -0.5)]
+
+
+def library_candidates(flights: Sequence[Evidence], onset: Onset | None = None) -> list[Candidate]:
+    """All effects of the library but wind and payload, which act through others and have hidden states.
+
+    onset: begin there; effects that cannot begin in flight are left out then.
+    """
+    found: list[Candidate] = []
+    blind = flights[0].log.input == "rotor_speed"
+    for identifier, effect in LIBRARY.items():
+        if effect.needs or identifier == "suspended_payload" or (onset and not effect.begins):
+            continue
+        if blind and identifier in ROTOR_SPEED_BLIND:
+            continue
+        if not _readable(effect, flights):
+            continue
+        found += effect_candidates(effect, flights, onset or {})
+    return found
+
+
+def _readable(effect: type[Effect], flights: Sequence[Evidence]) -> bool:
+    """Are the columns that a sensor effect corrupts in these logs?"""
+    if not issubclass(effect, SensorEffect):
+        return True
+    return not (flights[0].log.a is None and set(effect.corrupts) == {"ax", "ay", "az"})
+
+
+def effect_candidates(effect: type[Effect], flights: Sequence[Evidence], onset: Onset) -> list[Candidate]:
+    """The variants of one effect."""
+    discrete = [p for p in effect.parameters if p.choices]
+    settings: list[dict[str, float]] = [{}]
+    for p in discrete:
+        settings = [{**s, p.name: choice} for s in settings for choice in p.choices]
+    if effect.linear or discrete:
+        return [_linear(effect, flights, onset, s, len(settings)) for s in settings]
+    grid = nonlinear_grid(effect, flights[0])
+    return [_at_value(effect, flights, onset, values, len(grid)) for values in grid]
+
+
+def _linear(effect, flights, onset, fixed: dict[str, float], variants: int) -> Candidate:
+    free = [p for p in effect.parameters if not p.choices]
+    neutral = {p.name: p.neutral for p in free} | fixed
+
+    def one(evidence: Evidence) -> np.ndarray:
+        columns = []
+        for p in free:
+            step = _step_of(effect, p)
+            values = {**neutral, p.name: p.neutral + step}
+            columns.append(signature(evidence, [Term(effect.of(values), onset)]) * (p.typical / step))
+        return np.stack(columns, axis=-1)
+
+    def terms(c: np.ndarray) -> list[Term]:
+        values = {
+            p.name: float(np.clip(p.neutral + v * p.typical, p.lower, p.upper))
+            for p, v in zip(free, c, strict=True)
+        }
+        return [Term(effect.of({**fixed, **values}), onset)]
+
+    label = ",".join(f"{k}={v:g}" for k, v in fixed.items())
+    columns = {e.name: one(e) for e in flights}
+    return Candidate((effect.identifier,), label, columns, terms, -math.log(variants), onset)
+
+
+def _step_of(effect: type[Effect], p) -> float:
+    """Small for what is linear only to first order (angles, scales of inertia), typical otherwise."""
+    step = 0.1 * p.typical if effect.place in ("mass", "measurement") else p.typical
+    return step if p.neutral + step <= p.upper else -step
+
+
+def _at_value(effect, flights, onset, values: dict[str, float], variants: int) -> Candidate:
+    term = Term(effect.of(values), onset)
+    columns = {e.name: 2.0 * signature(e, [term])[..., None] for e in flights}
+
+    def terms(c: np.ndarray) -> list[Term]:
+        scaled = {
+            p.name: float(
+                np.clip(p.neutral + 2.0 * c[0] * (values[p.name] - p.neutral), p.lower, p.upper)
+            )
+            for p in effect.parameters
+        }
+        return [Term(effect.of(scaled), onset)]
+
+    label = ",".join(f"{k}={v:.3g}" for k, v in values.items())
+    return Candidate((effect.identifier,), label, columns, terms, -math.log(variants), onset)
+
+
+def wind_candidates(flights: Sequence[Evidence], drags: list[Candidate], onset: Onset | None = None) -> list[Candidate]:
+    """Steady wind with its drag: v - wind through linear drag is the drag and three more columns."""
+    if "constant_wind" not in LIBRARY or "linear_drag" not in LIBRARY:
+        return []
+    wind_class, drag_class = LIBRARY["constant_wind"], LIBRARY["linear_drag"]
+    onset = onset or {}
+    typical = drag_class.parameters[0].typical
+    out = []
+    for drag in drags:
+        if drag.identifiers != ("linear_drag",):
+            continue
+        columns = {}
+        for e in flights:
+            unit = Term(drag_class.of(dict.fromkeys(("d_x", "d_y", "d_z"), typical)), drag.onset)
+            still = signature(e, [unit])
+            blown = [
+                signature(e, [unit, Term(wind_class.of({"x": 0.0, "y": 0.0, "z": 0.0, axis: 1.0}), onset)])
+                for axis in "xyz"
+            ]
+            extra = np.stack([2.0 * (b - still) for b in blown], axis=-1)
+            columns[e.name] = np.concatenate([drag.columns[e.name], extra], axis=-1)
+
+        def terms(c: np.ndarray, drag: Candidate = drag) -> list[Term]:
+            drags = drag.terms(c[:3])
+            d = np.array(list(drags[0].effect.values.values()))
+            wind = 2.0 * c[3:] * typical / np.maximum(np.abs(d), 0.2 * typical)
+            values = dict(zip("xyz", np.clip(wind, -14.0, 14.0).tolist(), strict=True))
+            return [*drags, Term(wind_class.of(values), onset)]
+
+        out.append(Candidate(("linear_drag", "constant_wind"), drag.variant, columns, terms, drag.log_prior, onset))
+    return out
+
+
+def payload_candidates(
+    flights: Sequence[Evidence], lengths: np.ndarray, onset: Onset | None = None
+) -> list[Candidate]:
+    """A payload at each tether length: mass, hook (through torque), and the initial swing of every flight."""
+    if "suspended_payload" not in LIBRARY:
+        return []
+    onset = onset or {}
+    effect = LIBRARY["suspended_payload"]
+    mass = 0.1 * flights[0].vehicle.mass
+    rates = np.sqrt(flights[0].vehicle.gravity / lengths)
+    pulls = {e.name: _pulls(e, lengths, rates, onset.get(e.name)) for e in flights}
+    total = 1 + 3 + STATE * len(flights)
+    out = []
+    for i, length in enumerate(lengths):
+        columns = {}
+        for position, e in enumerate(flights):
+            X = np.zeros((*e.y.shape, total))
+            at_rest = mass * pulls[e.name][:, i, 0]
+            X[:, ev.FORCE, 0] = at_rest
+            for axis in range(3):
+                X[:, ev.TORQUE, 1 + axis] = np.cross(HOOK * np.eye(3)[axis], at_rest)
+            start = 4 + STATE * position
+            for k in range(STATE):
+                moved = mass * (pulls[e.name][:, i, 1 + k] - pulls[e.name][:, i, 0])
+                X[:, ev.FORCE, start + k] = moved * (SWING / 0.02)
+            columns[e.name] = X
+
+        def terms(c: np.ndarray, length: float = float(length), rate: float = float(rates[i])) -> list[Term]:
+            share = max(c[0], 0.02)
+            hook = np.clip(c[1:4] / share * HOOK, -0.5, 0.5)
+            scale = SWING * np.array([1.0, 1.0, rate, rate]) / share
+            hidden = {
+                e.name: np.clip(c[4 + STATE * j : 4 + STATE * (j + 1)], -4, 4) * scale
+                for j, e in enumerate(flights)
+            }
+            hidden = {name: np.clip(v, -1.2 * np.array([1, 1, rate, rate]), 1.2 * np.array([1, 1, rate, rate])) for name, v in hidden.items()}
+            values = {"mass": share * mass, "length": length}
+            values |= dict(zip(("hook_x", "hook_y", "hook_z"), hook.tolist(), strict=True))
+            return [Term(effect.of(values), onset, hidden)]
+
+        out.append(
+            Candidate(("suspended_payload",), f"length={length:.3g}", columns, terms, -math.log(len(lengths)), onset)
+        )
+    return out
+
+
+def _pulls(evidence: Evidence, lengths: np.ndarray, rates: np.ndarray, onset: float | None) -> np.ndarray:
+    """(m, lengths, 1 + STATE, 3): pull at rest, and with 0.02 rad (or rad times the natural rate) in each swing."""
+    if onset == NEVER:
+        return np.zeros((len(evidence.t), len(lengths), 1 + STATE, 3))
+    small = np.concatenate([np.zeros((1, STATE)), 0.02 * np.eye(STATE)])
+    swing = np.repeat(small[None], len(lengths), axis=0)
+    swing[:, :, 2:] *= rates[:, None, None]
+    many = specific_pull(
+        evidence, np.repeat(lengths, 1 + STATE), swing.reshape(-1, STATE), np.zeros((1, 3)), onset
+    )
+    return many.reshape(len(evidence.t), len(lengths), 1 + STATE, 3)
+
+
+def gated(candidate: Candidate, flights: Sequence[Evidence], onset: Onset) -> Candidate:
+    """The candidate from its onsets on (not for hidden states, which begin anew)."""
+    columns = {
+        e.name: candidate.columns[e.name] * gate(e.t, onset.get(e.name))[:, :, None] for e in flights
+    }
+
+    def terms(c: np.ndarray) -> list[Term]:
+        return [dc.replace(term, onset=onset) for term in candidate.terms(c)]
+
+    return Candidate(candidate.identifiers, candidate.variant, columns, terms, candidate.log_prior, onset)

@@ -1,0 +1,175 @@
+"""What a flight says against the nominal model: residual wrench and kinematic disagreement, on a uniform grid.
+
+Channels, all in body axes:
+    0-2   force   m s - thrust, s = R^T (a + g): specific force [N]
+    3-5   torque  J dw/dt + w x J w - torque of the command [N·m]
+    6-8   dp/dt - v [m/s]      9-11  dv/dt - a [m/s²]      12-14  rate of q - w [rad/s]
+Derivatives are differences over the interval between two rows, over which exactly one command acts: no command is
+mixed with the next, and a log without accelerations needs no other path.
+"""
+
+import dataclasses as dc
+
+import numpy as np
+from scipy import signal
+
+from np_drake import attitude
+from np_drake.diagnosis.grid import Grid, make_grid, to_grid
+from np_drake.diagnosis.smooth_attitude import conjugate, rotation_vector, smooth_attitude
+from np_drake.logs.flight_log import FlightLog
+from np_drake.rigid_body import Q
+from np_drake.vehicle import Vehicle
+
+FORCE, TORQUE, WRENCH = slice(0, 3), slice(3, 6), slice(0, 6)
+POSITION, VELOCITY, ATTITUDE = slice(6, 9), slice(9, 12), slice(12, 15)
+SIZE = 15
+REGRESSOR_BAND = 8.0  # low-pass on accelerations that enter as regressors [Hz]; own choice
+
+
+@dc.dataclass(frozen=True)
+class Instants:
+    """States at some instants of a flight: t (n,), x (n, 13), s (n, 3) and al (n, 3) smoothed (regressors)."""
+
+    t: np.ndarray
+    x: np.ndarray
+    s: np.ndarray
+    al: np.ndarray
+
+    @property
+    def q(self) -> np.ndarray:
+        """(n, 4) attitude."""
+        return self.x[:, Q]
+
+
+@dc.dataclass(frozen=True)
+class Evidence:
+    """One flight: y (m, 15) on `grid`; the instants at which force (rows) and torque (mids) are measured.
+
+    thrust_rows (n, 4), thrust_mids (n-1, 4): what nominal rotors give there [N]; the latter in the mean.
+    nominal (m, 6): their wrench in body axes, w (m, 3): body rates, both on the grid.
+    attitude_noise: white, as found [rad]; turned: `a` was turned to W with the attitude that was read.
+    """
+
+    log: FlightLog
+    vehicle: Vehicle
+    grid: Grid
+    y: np.ndarray
+    rows: Instants
+    mids: Instants
+    thrust_rows: np.ndarray
+    thrust_mids: np.ndarray
+    nominal: np.ndarray
+    w: np.ndarray
+    attitude_noise: float
+    turned: bool
+
+    @property
+    def name(self) -> str:
+        """Of the flight."""
+        return self.log.name
+
+    @property
+    def t(self) -> np.ndarray:
+        """(m,) of the grid [s]."""
+        return self.grid.t
+
+    def on_grid(self, at_rows: np.ndarray, at_mids: np.ndarray) -> np.ndarray:
+        """(m, 6) force (n, 3) at rows and torque (n-1, 3) at mids, on the grid."""
+        return np.concatenate(
+            [to_grid(self.grid, self.rows.t, at_rows), to_grid(self.grid, self.mids.t, at_mids)], axis=1
+        )
+
+
+def make_evidence(log: FlightLog, vehicle: Vehicle) -> Evidence:
+    """Residuals of one flight. Raises ValueError: if it is too short for a grid."""
+    from np_drake.diagnosis.thrust import nominal_thrust
+
+    if log.t[-1] - log.t[0] < 3.0:
+        raise ValueError(
+            f"diagnose: {log.name} must last at least 3 s; got {log.t[-1] - log.t[0]:.3g} s. Give a longer flight."
+        )
+    smooth, noise = smooth_attitude(log.t, log.q, log.w)
+    q, turned = _attitude_for_force(log, smooth)
+    grid = make_grid(log.t)
+    rows, mids = _instants(log, q, smooth, vehicle.gravity)
+    thrust_rows, thrust_mids = nominal_thrust(log, vehicle)
+    y = _channels(log, vehicle, grid, q, mids, thrust_rows, thrust_mids)
+    u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T
+    f = u_mids[:, :1] if log.a is None else u_rows[:, :1]
+    nominal = np.concatenate(
+        [np.zeros((len(grid), 2)), to_grid(grid, rows.t, f), to_grid(grid, mids.t, u_mids[:, 1:])], axis=1
+    )
+    w = to_grid(grid, mids.t, mids.x[:, 10:13])
+    return Evidence(
+        log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned
+    )
+
+
+def _attitude_for_force(log: FlightLog, smooth: np.ndarray) -> tuple[np.ndarray, bool]:
+    """The attitude that turns `a` back into what an accelerometer read, with the least noise."""
+    if log.a is None or smooth is log.q:
+        return smooth, False
+    g = np.array([0.0, 0.0, 9.81])
+    roughness = [
+        np.mean(np.diff(attitude.rotate_back(q, log.a + g)[:, :2], n=2, axis=0) ** 2) for q in (log.q, smooth)
+    ]
+    turned = roughness[0] < roughness[1]
+    return (log.q if turned else smooth), bool(turned)
+
+
+def low_pass(values: np.ndarray, step: float, band: float) -> np.ndarray:
+    """(n, m) zero-phase second-order low-pass [Hz]; as it is where the band is beyond the rate."""
+    if band >= 0.45 / step or len(values) < 20:
+        return values
+    sos = signal.butter(2, band * 2 * step, output="sos")
+    return signal.sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(2 / (band * step))))
+
+
+def _instants(log: FlightLog, q: np.ndarray, smooth: np.ndarray, gravity: float) -> tuple[Instants, Instants]:
+    g = np.array([0.0, 0.0, gravity])
+    dt, step = np.diff(log.t)[:, None], log.step
+    t_mid = 0.5 * (log.t[1:] + log.t[:-1])
+    al = low_pass(np.diff(log.w, axis=0) / dt, step, REGRESSOR_BAND)
+    al_rows = np.stack([np.interp(log.t, t_mid, al[:, i]) for i in range(3)], axis=1)
+    x = np.concatenate([log.p, smooth, log.v, log.w], axis=1)
+    x_mid = 0.5 * (x[1:] + x[:-1])
+    x_mid[:, Q] /= np.linalg.norm(x_mid[:, Q], axis=1, keepdims=True)
+    if log.a is None:
+        s_mid = low_pass(
+            attitude.rotate_back(x_mid[:, Q], np.diff(log.v, axis=0) / dt + g), step, REGRESSOR_BAND
+        )
+        s = np.stack([np.interp(log.t, t_mid, s_mid[:, i]) for i in range(3)], axis=1)
+    else:
+        s = low_pass(attitude.rotate_back(q, log.a + g), step, REGRESSOR_BAND)
+        s_mid = s[:-1]
+    rows, mids = Instants(log.t, x, s, al_rows), Instants(t_mid, x_mid, s_mid, al)
+    return (mids if log.a is None else rows), mids
+
+
+def _channels(log, vehicle, grid, q, mids, thrust_rows, thrust_mids) -> np.ndarray:
+    dt = np.diff(log.t)[:, None]
+    g = np.array([0.0, 0.0, vehicle.gravity])
+    rate = np.diff(log.v, axis=0) / dt
+    from_v = attitude.rotate_back(mids.q, rate + g)
+    u_mids = thrust_mids @ vehicle.mixer.T
+    if log.a is None:
+        t_force, s, f = mids.t, from_v, u_mids[:, 0]
+        e_a = np.zeros((len(mids.t), 3))
+    else:
+        t_force, s = log.t, attitude.rotate_back(q, log.a + g)
+        f = (thrust_rows @ vehicle.mixer.T)[:, 0]
+        e_a = from_v - s[:-1]
+    force = vehicle.mass * s
+    force[:, 2] -= f
+    w = mids.x[:, 10:13]
+    al = np.diff(log.w, axis=0) / dt
+    torque = al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T) - u_mids[:, 1:]
+    e_v = attitude.rotate_back(mids.q, np.diff(log.p, axis=0) / dt - mids.x[:, 7:10])
+    turn = rotation_vector(attitude.multiply(conjugate(log.q[:-1]), log.q[1:])) / dt
+    return np.concatenate(
+        [
+            to_grid(grid, t_force, force),
+            to_grid(grid, mids.t, np.concatenate([torque, e_v, e_a, turn - w], axis=1)),
+        ],
+        axis=1,
+    )

@@ -1,0 +1,48 @@
+"""A flight's own instants to a uniform grid: interpolation, then a zero-phase low-pass and decimation."""
+
+import dataclasses as dc
+
+import numpy as np
+from scipy import signal
+
+STEP = 0.02  # of the grid [s]; own choice: rigid-body effects live below 15 Hz
+TAPS = 10  # of the low-pass, in grid steps to either side
+
+
+@dc.dataclass(frozen=True)
+class Grid:
+    """t (m,) [s] equally spaced; fine: the intermediate spacing is step / factor."""
+
+    t: np.ndarray
+    step: float
+    factor: int
+    fine: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+
+def make_grid(t: np.ndarray) -> Grid:
+    """The grid of a flight with row times t (n,) [s]: a row every `STEP`, or the log's own rate if that is lower."""
+    step = float(np.median(np.diff(t)))
+    factor = max(1, int(STEP / step + 1e-6))
+    fine = np.arange(t[0], t[-1] + 1e-9, step)
+    return Grid(fine[::factor], factor * step, factor, fine)
+
+
+def to_grid(grid: Grid, t: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(m, ...) values (n, ...) at times t (n,) on the grid; the ends are held."""
+    flat = values.reshape(len(values), -1)
+    after = np.clip(np.searchsorted(t, grid.fine), 1, len(t) - 1)
+    share = np.clip((grid.fine - t[after - 1]) / (t[after] - t[after - 1]), 0.0, 1.0)[:, None]
+    fine = flat[after - 1] * (1 - share) + flat[after] * share
+    return _decimate(fine, grid.factor).reshape(-1, *values.shape[1:])
+
+
+def _decimate(fine: np.ndarray, factor: int) -> np.ndarray:
+    if factor == 1:
+        return fine
+    half = TAPS * factor
+    taps = signal.firwin(2 * half + 1, 0.8 / factor)
+    padded = np.concatenate([np.repeat(fine[:1], half, 0), fine, np.repeat(fine[-1:], half, 0)])
+    return signal.upfirdn(taps, padded, 1, factor, axis=0)[2 * half // factor :][: -(-len(fine) // factor)]

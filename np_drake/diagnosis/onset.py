@@ -1,0 +1,70 @@
+"""When an effect begins: the best instant of every flight, from suffix sums of Gram matrices."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake.diagnosis.candidates import Candidate, gated, payload_candidates
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.search import Problem
+
+SPACING = 0.1  # of instants tried [s]
+MARGIN = 0.7  # from either end of a flight, in which no onset is looked for [s]
+ONSET_PRIOR = -7.0  # log prior of one onset at one instant: one in six flights, one in 160 instants; own choice
+LARGEST = 8  # columns of a candidate that is scanned
+
+
+def gated_candidates(problem: Problem) -> list[Candidate]:
+    """For every effect that may begin in flight and gains by it: the candidate from its best onsets on."""
+    found = []
+    from np_drake.effects.library import LIBRARY
+
+    for candidate in problem.candidates:
+        if candidate.size > LARGEST or candidate.onset:
+            continue
+        if not all(LIBRARY[name].begins for name in candidate.identifiers):
+            continue
+        onset, gain = best_onsets(problem, candidate)
+        if onset:
+            late = gated(candidate, problem.flights, onset)
+            found.append(dc.replace(late, log_prior=late.log_prior + ONSET_PRIOR * len(onset)))
+    steps = [c for c in found if c.identifiers in (("mass_error",), ("thrust_scale",))]
+    if steps:
+        from np_drake.diagnosis.candidates import LENGTHS
+
+        onset = steps[0].onset
+        late_payloads = payload_candidates(problem.flights, LENGTHS[::2], onset)
+        found += [dc.replace(c, log_prior=c.log_prior + ONSET_PRIOR * len(onset)) for c in late_payloads]
+    return found
+
+
+def best_onsets(problem: Problem, candidate: Candidate) -> tuple[dict[str, float | None], float]:
+    """By flight where it helps: the onset [s], and the gain in log evidence of all of them."""
+    onsets: dict[str, float | None] = {}
+    total = 0.0
+    for e in problem.flights:
+        t, profile = onset_profile(problem, candidate, e)
+        k = int(np.argmax(profile))
+        gain = float(profile[k] - profile[0])
+        if k > 0 and gain + ONSET_PRIOR > 2.0:
+            onsets[e.name] = float(t[k])
+            total += gain
+    return onsets, total
+
+
+def onset_profile(problem: Problem, candidate: Candidate, e: Evidence) -> tuple[np.ndarray, np.ndarray]:
+    """Instants (n,) [s], the first the flight's start, and the log evidence of the candidate from each on (n,)."""
+    X = problem.noise.whiten(candidate.columns[e.name])
+    y = problem.noise.whiten(e.y)
+    skipped = len(e.t) - len(y)
+    t = e.t[skipped:]
+    XX = np.einsum("mci,mcj->mij", X, X) / problem.temperature
+    Xy = np.einsum("mci,mc->mi", X, y) / problem.temperature
+    XX, Xy = (np.cumsum(a[::-1], axis=0)[::-1] for a in (XX, Xy))
+    stride = max(1, round(SPACING / e.grid.step))
+    inside = np.flatnonzero((t > t[0] + MARGIN) & (t < t[-1] - MARGIN))[::stride]
+    rows = np.concatenate([[0], inside])
+    A = XX[rows] + np.eye(candidate.size)
+    b = Xy[rows]
+    evidence = 0.5 * np.einsum("mi,mi->m", b, np.linalg.solve(A, b[..., None])[..., 0])
+    return t[rows], evidence - 0.5 * np.linalg.slogdet(A)[1]

@@ -1,0 +1,206 @@
+"""All parameters of a set of effects at once: nonlinear least squares in the whitened channels, with priors."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import optimize
+
+from np_drake.diagnosis.candidates import SWING
+from np_drake.diagnosis.evidence import WRENCH, Evidence
+from np_drake.diagnosis.hidden_swing import STATE, swing_wrenches
+from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.signature import NEVER, Term, signature
+from np_drake.effects.base import SensorEffect
+
+BLOCK = 1.0  # over which residuals may hang together, for the robust covariance [s]
+
+
+@dc.dataclass(frozen=True)
+class Free:
+    """One free figure: of term `term`, a parameter by name or an entry of the hidden state of a flight."""
+
+    term: int
+    name: str
+    scale: float
+    neutral: float
+    lower: float
+    upper: float
+    flight: str = ""
+    entry: int = 0
+
+
+@dc.dataclass(frozen=True)
+class Fit:
+    """A fitted model. covariance (k, k) of `free` in physical units; loss: whitened sum of squares on its flights."""
+
+    terms: tuple[Term, ...]
+    calibration: tuple[Term, ...]
+    free: tuple[Free, ...]
+    values: np.ndarray
+    covariance: np.ndarray
+    log_evidence: float
+    loss: float
+    samples: int
+
+    @property
+    def everything(self) -> list[Term]:
+        """Terms and calibration: what predicts the channels."""
+        return [*self.terms, *self.calibration]
+
+
+def free_figures(terms: Sequence[Term], flights: Sequence[Evidence], scales: dict[int, float]) -> list[Free]:
+    """What may move. scales: of calibration terms, by position: the prior deviation instead of the typical one."""
+    found = []
+    for i, term in enumerate(terms):
+        for p in term.effect.parameters:
+            if not p.choices:
+                scale = scales.get(i, p.typical)
+                neutral = p.neutral
+                found.append(Free(i, p.name, scale, neutral, p.lower, p.upper))
+        if not hasattr(term.effect, "payload"):
+            continue
+        for e in flights:
+            if term.begins(e.name) != NEVER:
+                found += [Free(i, "swing", SWING * (1 if k < 2 else 3), 0.0, -4.0, 4.0, e.name, k) for k in range(STATE)]
+    return found
+
+
+def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
+    """(k,) the free figures' values."""
+    return np.array(
+        [
+            terms[f.term].hidden.get(f.flight, np.zeros(STATE))[f.entry]
+            if f.flight
+            else getattr(terms[f.term].effect, f.name)
+            for f in free
+        ]
+    )
+
+
+def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> list[Term]:
+    """The terms with the free figures set."""
+    fields: list[dict[str, float]] = [{} for _ in terms]
+    hidden: list[dict[str, np.ndarray]] = [{k: np.array(v) for k, v in t.hidden.items()} for t in terms]
+    for f, value in zip(free, values, strict=True):
+        if f.flight:
+            hidden[f.term].setdefault(f.flight, np.zeros(STATE))[f.entry] = value
+        else:
+            fields[f.term][f.name] = float(value)
+    return [
+        dc.replace(t, effect=dc.replace(t.effect, **fields[i]), hidden=hidden[i])  # type: ignore[type-var]
+        for i, t in enumerate(terms)
+    ]
+
+
+def refine(
+    terms: Sequence[Term],
+    calibration: Sequence[tuple[Term, float]],
+    flights: Sequence[Evidence],
+    noise: NoiseModel,
+    *,
+    temperature: float,
+    evaluations: int = 12,
+) -> Fit:
+    """Fits terms and calibration (each with its prior deviation) to the flights, from the terms' values."""
+    everything = [*terms, *(t for t, _ in calibration)]
+    scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
+    free = free_figures(everything, flights, scales)
+    scale = np.array([f.scale for f in free])
+    neutral = np.array([f.neutral for f in free])
+    root = 1.0 / np.sqrt(temperature)
+
+    def residual(z: np.ndarray) -> np.ndarray:
+        now = write(everything, free, z * scale)
+        parts = [root * noise.whiten(e.y - signature(e, now)).ravel() for e in flights]
+        return np.concatenate([*parts, z - neutral / scale])
+
+    def jacobian(z: np.ndarray) -> np.ndarray:
+        now = write(everything, free, z * scale)
+        parts = [_jacobian(now, free, e, noise, z, scale) * root for e in flights]
+        return np.concatenate([*(-p for p in parts), np.eye(len(free))])
+
+    lower = np.array([f.lower for f in free]) / scale
+    upper = np.array([f.upper for f in free]) / scale
+    start = np.clip(read(everything, free) / scale, lower + 1e-6, upper - 1e-6)
+    if len(free) == 0:
+        loss = float(np.sum(residual(start) ** 2))
+        return Fit(tuple(terms), (), (), start, np.zeros((0, 0)), -0.5 * loss, loss, 0)
+    answer = optimize.least_squares(
+        residual, start, jacobian, bounds=(lower, upper), max_nfev=evaluations, xtol=1e-5, ftol=1e-7
+    )
+    fitted = write(everything, free, answer.x * scale)
+    J = answer.jac
+    information = J.T @ J
+    covariance = np.linalg.inv(information)
+    robust = _robust(covariance, J, answer.fun, flights, noise)
+    covariance = covariance * np.sqrt(np.outer(robust, robust))
+    sign, logdet = np.linalg.slogdet(information)
+    loss = float(np.sum(answer.fun[: -len(free)] ** 2))
+    return Fit(
+        tuple(fitted[: len(terms)]),
+        tuple(fitted[len(terms) :]),
+        tuple(free),
+        answer.x * scale,
+        covariance * np.outer(scale, scale),
+        float(-answer.cost - 0.5 * logdet),
+        loss,
+        sum(len(e.t) for e in flights),
+    )
+
+
+def _jacobian(now, free, evidence: Evidence, noise: NoiseModel, z: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Whitened derivative of the signature by finite differences; only terms that feel each other are evaluated."""
+    columns = np.zeros((*evidence.y.shape, len(free)))
+    base: dict[tuple[int, ...], np.ndarray] = {}
+    swinging: dict[int, list[tuple[int, float, Term]]] = {}
+    for k, f in enumerate(free):
+        if f.flight and f.flight != evidence.name:
+            continue
+        step = 0.01 * scale[k]
+        if z[k] * scale[k] + step > f.upper:
+            step = -step
+        moved = write(now, [f], np.array([z[k] * scale[k] + step]))
+        group = _group(now, f.term)
+        if hasattr(now[f.term].effect, "payload") and len(group) == 1:
+            swinging.setdefault(f.term, []).append((k, step, moved[f.term]))
+            continue
+        if group not in base:
+            base[group] = signature(evidence, [now[i] for i in group])
+        columns[..., k] = (signature(evidence, [moved[i] for i in group]) - base[group]) / step * scale[k]
+    for term, moves in swinging.items():
+        wrench = swing_wrenches(evidence, [now[term], *(m for _, _, m in moves)])
+        for i, (k, step, _) in enumerate(moves, start=1):
+            columns[:, WRENCH, k] = (wrench[:, i] - wrench[:, 0]) / step * scale[k]
+    white = noise.whiten(columns)
+    return white.reshape(-1, len(free))
+
+
+def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
+    """The terms whose signatures hang together with term i's (a payload's with other mass: to second order)."""
+
+    def alone(t: Term) -> bool:
+        sensor = isinstance(t.effect, SensorEffect) and not t.effect.clock_shift
+        return sensor or hasattr(t.effect, "payload")
+
+    if alone(terms[i]):
+        return (i,)
+    return tuple(j for j, t in enumerate(terms) if not alone(t))
+
+
+def _robust(covariance, J, fun, flights, noise) -> np.ndarray:
+    """(k,) by how much the variances grow when residuals hang together within blocks (at least 1)."""
+    step = flights[0].grid.step
+    p, channels = noise.phi.shape[1], noise.phi.shape[0]
+    rows = max(1, round(BLOCK / step)) * channels
+    meat = np.zeros_like(covariance)
+    start = 0
+    for e in flights:
+        stop = start + (len(e.t) - p) * channels
+        for a in range(start, stop, rows):
+            b = min(a + rows, stop)
+            g = J[a:b].T @ fun[a:b]
+            meat += np.outer(g, g)
+        start = stop
+    sandwich = np.diag(covariance @ meat @ covariance)
+    return np.maximum(1.0, sandwich / np.maximum(np.diag(covariance), 1e-300))

@@ -1,0 +1,111 @@
+"""From a logged flight to the states that a replay starts from and is compared with."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy import signal
+
+from np_drake import attitude
+from np_drake.diagnosis.smooth_attitude import smooth_attitude
+from np_drake.effects.base import Measurement, SensorEffect
+from np_drake.logs.flight_log import FlightLog
+from np_drake.rigid_body import P, Q, V, W
+from np_drake.vehicle import Vehicle
+
+VELOCITY_SPAN = 0.05  # half width of the cubic through the velocity [s]
+RATE_SPAN = 0.03  # half width of the cubic through the body rates [s]
+PULL_SPAN = 0.1  # half width of the parabola whose slope is the acceleration that a payload hangs along [s]
+_SWEEPS = 3  # fixed-point steps that undo a sensor effect; a bias is exact after one or two
+
+
+@dc.dataclass(frozen=True)
+class States:
+    """What the vehicle did: t (n,) [s] on the clock of the commands, x (n, 13) of Bo."""
+
+    t: np.ndarray
+    x: np.ndarray
+
+    def about(self, p_BoLo_B: np.ndarray) -> "States":
+        """The states of Bo where those of another point of the body, p_BoLo_B (3,) [m], are given."""
+        if not np.any(p_BoLo_B):
+            return self
+        x, R = self.x.copy(), attitude.rotation_matrix(self.x[:, Q])
+        x[:, P] -= R @ p_BoLo_B
+        x[:, V] -= (R @ np.cross(x[:, W], p_BoLo_B)[..., None])[..., 0]
+        return States(self.t, x)
+
+    def acceleration_at(self, time: float) -> np.ndarray:
+        """(3,) mean dv/dt in W over the rows around `time` [m/s²]."""
+        k = int(np.clip(np.searchsorted(self.t, time), 1, len(self.t) - 2))
+        return (self.x[k + 1, V] - self.x[k - 1, V]) / (self.t[k + 1] - self.t[k - 1])
+
+
+class Track(NamedTuple):
+    """Payload from hook in W: t (n,) [s], r (n, 3) [m], r_rate (n, 3) [m/s]."""
+
+    t: np.ndarray
+    r: np.ndarray
+    r_rate: np.ndarray
+
+    def at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """(3,) r and (3,) r_rate at `time`; between two rows on a straight line."""
+        r, rate = (np.array([np.interp(time, self.t, column) for column in value.T]) for value in self[1:])
+        return r, rate
+
+
+def true_states(log: FlightLog, vehicle: Vehicle, effects: Sequence[SensorEffect], *, smooth: bool) -> States:
+    """The log's states without what the sensor effects did to them, lightly smoothed."""
+    x = unread(vehicle, log.x, effects)
+    shift = sum(effect.clock_shift for effect in effects)
+    return States(log.t + shift, smooth_states(log.t, x) if smooth else x)
+
+
+def unread(vehicle: Vehicle, x: np.ndarray, effects: Sequence[SensorEffect]) -> np.ndarray:
+    """(n, 13) the states that, measured through the effects, read `x` (n, 13)."""
+    truth = x
+    still = np.zeros((len(x), 3))
+    for _ in range(_SWEEPS if effects else 0):
+        reading = Measurement(truth, still, still, np.zeros((len(x), 4)))
+        for effect in effects:
+            reading = effect.measure(vehicle, reading, np.zeros((len(x), 0)))
+        truth = truth + x - reading.x
+        truth[:, Q] /= np.linalg.norm(truth[:, Q], axis=1, keepdims=True)
+    return truth
+
+
+def smooth_states(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """(n, 13) with less noise in attitude, velocity and rates; zero phase; the position is as logged.
+
+    A start state's attitude error grows into a position error g θ t² / 2, so that attitude is the one that counts.
+    """
+    smooth, step = x.copy(), float(np.median(np.diff(t)))
+    smooth[:, Q], _ = smooth_attitude(t, x[:, Q], x[:, W])
+    smooth[:, V] = _local_polynomial(x[:, V], step, VELOCITY_SPAN, order=3)
+    smooth[:, W] = _local_polynomial(x[:, W], step, RATE_SPAN, order=3)
+    return smooth
+
+
+def hanging_payload(log: FlightLog, gravity: float, length: float) -> Track:
+    """The track of a payload that hangs along the apparent gravity of the flight.
+
+    The relative equilibrium: in steady hover or on a steady circle it is exact.
+    """
+    a = _local_polynomial(log.v, log.step, PULL_SPAN, order=2, derivative=1)
+    down = -(a + [0.0, 0.0, gravity])
+    r = length * down / np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-6)
+    return Track(log.t, r, np.gradient(r, log.t, axis=0))
+
+
+def _local_polynomial(
+    value: np.ndarray, step: float, span: float, *, order: int, derivative: int = 0
+) -> np.ndarray:
+    """(n, m) centred local polynomial fit over ± span [s]; as it is where too few rows lie in the span."""
+    window = 2 * int(span / step + 1e-6) + 1
+    window = min(window, len(value) - (len(value) + 1) % 2)
+    if derivative:
+        window = max(window, order + 2 - order % 2 + 1)
+    if window <= order:
+        return value
+    return signal.savgol_filter(value, window, order, deriv=derivative, delta=step, axis=0)

@@ -1,0 +1,137 @@
+"""Which effects: a beam search over sets of candidates by Bayesian evidence, with removals and swaps."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.candidates import Candidate
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.linear_bayes import Gram, gram
+from np_drake.diagnosis.noise import NoiseModel
+
+EFFECT_PRIOR = -3.0  # log prior of every effect named: about one in twenty; own choice
+BEAM = 6
+MOST_EFFECTS = 5
+
+
+@dc.dataclass(frozen=True)
+class Model:
+    """A set of candidates by position, and its log evidence, prior included, over the empty model."""
+
+    members: tuple[int, ...]
+    score: float
+
+
+class Problem:
+    """Flights whitened, candidates as columns, Gram matrices by flight.
+
+    nuisance: columns that every model has (calibration within its tolerance).
+    """
+
+    def __init__(
+        self,
+        flights: Sequence[Evidence],
+        noise: NoiseModel,
+        nuisance: list[Candidate],
+        candidates: list[Candidate],
+        *,
+        temperature: float,
+    ):
+        self.flights, self.noise, self.temperature = list(flights), noise, temperature
+        self.nuisance, self.candidates = nuisance, candidates
+        everything = [*nuisance, *candidates]
+        ends = np.cumsum([0] + [c.size for c in everything])
+        self._index = [np.arange(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        self.grams: dict[str, Gram] = {}
+        for e in flights:
+            X = np.concatenate([c.columns[e.name] for c in everything], axis=-1)
+            self.grams[e.name] = gram(noise.whiten(X), noise.whiten(e.y)).tempered(temperature)
+        self.total = sum_grams(list(self.grams.values()))
+        self._base = self.total.log_evidence(self.columns(()))
+
+    def columns(self, members: Sequence[int]) -> np.ndarray:
+        """Columns of nuisance and members."""
+        n = len(self.nuisance)
+        parts = [*self._index[:n], *(self._index[n + i] for i in members)]
+        return np.concatenate(parts) if parts else np.zeros(0, int)
+
+    def score(self, members: Sequence[int]) -> float:
+        """Log evidence and prior of a set."""
+        chosen = [self.candidates[i] for i in members]
+        effects = {name for c in chosen for name in c.identifiers}
+        prior = EFFECT_PRIOR * len(effects) + sum(c.log_prior for c in chosen)
+        return self.total.log_evidence(self.columns(members)) - self._base + prior
+
+    def fits_together(self, members: Sequence[int]) -> bool:
+        """No effect twice."""
+        names = [name for i in members for name in self.candidates[i].identifiers]
+        return len(names) == len(set(names))
+
+
+def sum_grams(grams: list[Gram]) -> Gram:
+    """Of all flights."""
+    total = grams[0]
+    for g in grams[1:]:
+        total = total + g
+    return total
+
+
+def search(problem: Problem, *, beam: int = BEAM, most: int = MOST_EFFECTS) -> list[Model]:
+    """All models met, best first. Grows a beam by one candidate at a time, then swaps and removes until it rests."""
+    seen: dict[tuple[int, ...], float] = {(): 0.0}
+
+    def score(members: tuple[int, ...]) -> float:
+        key = tuple(sorted(members))
+        if key not in seen:
+            seen[key] = problem.score(key)
+        return seen[key]
+
+    everyone = range(len(problem.candidates))
+    layer: list[tuple[int, ...]] = [()]
+    for _ in range(most):
+        grown = {
+            tuple(sorted((*m, i)))
+            for m in layer
+            for i in everyone
+            if i not in m and problem.fits_together((*m, i))
+        }
+        if not grown:
+            break
+        ranked = sorted(grown, key=score, reverse=True)
+        best = max(seen.values())
+        layer = _diverse(problem, ranked, beam)
+        if score(layer[0]) < best - 8.0:
+            break
+    current = max(seen, key=lambda m: seen[m])
+    while True:
+        better = _neighbours(problem, current)
+        candidate = max(better, key=score, default=current)
+        if score(candidate) <= score(current):
+            break
+        current = candidate
+    return [Model(m, s) for m, s in sorted(seen.items(), key=lambda item: -item[1])]
+
+
+def _diverse(problem: Problem, ranked: list[tuple[int, ...]], beam: int) -> list[tuple[int, ...]]:
+    """The best of each set of effects: variants of one effect must not fill the beam."""
+    kept: dict[tuple[str, ...], tuple[int, ...]] = {}
+    for members in ranked:
+        names = tuple(sorted(name for i in members for name in problem.candidates[i].identifiers))
+        kept.setdefault(names, members)
+        if len(kept) == beam:
+            break
+    return list(kept.values())
+
+
+def _neighbours(problem: Problem, members: tuple[int, ...]) -> set[tuple[int, ...]]:
+    """One candidate fewer, or one exchanged."""
+    found = set()
+    for out in members:
+        rest = tuple(i for i in members if i != out)
+        found.add(rest)
+        for i in range(len(problem.candidates)):
+            new = tuple(sorted((*rest, i)))
+            if i not in members and problem.fits_together(new):
+                found.add(new)
+    return found

@@ -1,0 +1,206 @@
+"""What a set of effects would leave in the channels of `Evidence`, if they were real: one function for all four places."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.diagnosis import evidence as ev
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.hidden_swing import swing_wrench
+from np_drake.diagnosis.thrust import rotor_thrust
+from np_drake.effects.base import (
+    ActuatorEffect,
+    Effect,
+    MassEffect,
+    MassProperties,
+    Measurement,
+    Motion,
+    SensorEffect,
+    WrenchEffect,
+)
+from np_drake.effects.motor_lag import MotorLag
+from np_drake.rigid_body import Q, V, W
+
+NEVER = float("inf")  # onset of an effect that is absent from a flight [s]
+
+
+@dc.dataclass(frozen=True)
+class Term:
+    """An effect in a model of the logs.
+
+    onset: by flight, the time at which it begins [s]; missing or None: from the start; `NEVER`: not at all.
+    hidden: by flight, the initial hidden state (a payload's swing).
+    """
+
+    effect: Effect
+    onset: dict[str, float | None] = dc.field(default_factory=dict)
+    hidden: dict[str, np.ndarray] = dc.field(default_factory=dict)
+
+    def begins(self, flight: str) -> float | None:
+        """Onset in this flight [s]."""
+        return self.onset.get(flight)
+
+
+def signature(evidence: Evidence, terms: Sequence[Term]) -> np.ndarray:
+    """(m, 15) sum of what the terms leave in the channels.   Wind acts through the drags among the terms."""
+    y = np.zeros_like(evidence.y)
+    thrust = _thrust(evidence, terms)
+    added = _actuators(evidence, thrust) + _wrenches(evidence, terms, thrust)
+    for term in terms:
+        if getattr(term.effect, "payload", None) is not None:
+            added += swing_wrench(evidence, term)
+        elif isinstance(term.effect, SensorEffect):
+            y += _sensor(evidence, term)
+    y[:, ev.WRENCH] += _through_mass(evidence, terms, added)
+    return y
+
+
+def gate(t: np.ndarray, onset: float | None) -> np.ndarray:
+    """(n, 1) one from the onset on."""
+    return np.ones((len(t), 1)) if onset is None else (np.asarray(t) >= onset).astype(float)[:, None]
+
+
+Thrust = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # rows, mids [N]; their rotor rates [rad/s²]
+
+
+def _thrust(evidence: Evidence, terms: Sequence[Term]) -> Thrust:
+    """Actual thrust: effects that begin later are switched in, one after the other."""
+    log, vehicle = evidence.log, evidence.vehicle
+    acting = [t for t in terms if isinstance(t.effect, ActuatorEffect)]
+    acting.sort(key=lambda t: not t.effect.turns_rotor)  # the motor comes before the propeller
+    shift = sum(t.effect.clock_shift for t in terms if isinstance(t.effect, SensorEffect))
+    onsets = sorted({-NEVER, *(t.begins(log.name) or -NEVER for t in acting)} - {NEVER})
+    rows = mids = None
+    for onset in onsets:
+        now = [t.effect for t in acting if (t.begins(log.name) or -NEVER) <= onset]
+        dead = sum(e.dead_time for e in now)
+        new = rotor_thrust(log, vehicle, now, shift=dead - shift)
+        if rows is None:
+            rows, mids = new
+        else:
+            rows, mids = (
+                np.where(gate(i, onset) > 0, a, b)
+                for i, a, b in zip((log.t, evidence.mids.t), new, (rows, mids), strict=True)
+            )
+    assert rows is not None and mids is not None
+    lagged = (
+        log.input == "rotor_speed"
+        or vehicle.rotor_time_constant > 0
+        or any(isinstance(t.effect, MotorLag) for t in acting)
+    )
+    speed = np.sqrt(np.maximum(rows, 0.0) / vehicle.thrust_coefficient)
+    rate = np.diff(speed, axis=0) / np.diff(log.t)[:, None] if lagged else np.zeros_like(mids)
+    return rows, mids, np.concatenate([rate, rate[-1:]]), rate
+
+
+def _actuators(evidence: Evidence, thrust: Thrust) -> np.ndarray:
+    mixer = evidence.vehicle.mixer
+    du_rows = (thrust[0] - evidence.thrust_rows) @ mixer.T
+    du_mids = (thrust[1] - evidence.thrust_mids) @ mixer.T
+    du_force = du_mids if evidence.log.a is None else du_rows
+    force = np.zeros((len(du_force), 3))
+    force[:, 2] = du_force[:, 0]
+    return evidence.on_grid(force, du_mids[:, 1:])
+
+
+def _wrenches(evidence: Evidence, terms: Sequence[Term], thrust: Thrust) -> np.ndarray:
+    acting = [t for t in terms if isinstance(t.effect, WrenchEffect) and not hasattr(t.effect, "payload")]
+    if not acting:
+        return np.zeros((len(evidence.t), 6))
+    name, vehicle = evidence.name, evidence.vehicle
+    mids_only = evidence.log.a is None
+    parts = []
+    for instants, f, rate in (
+        (evidence.rows, thrust[1] if mids_only else thrust[0], thrust[3] if mids_only else thrust[2]),
+        (evidence.mids, thrust[1], thrust[3]),
+    ):
+        wind = np.zeros((len(instants.t), 3))
+        for term in acting:
+            effect = term.effect
+            assert isinstance(effect, WrenchEffect)
+            wind = wind + effect.air_velocity(instants.t) * gate(instants.t, term.begins(name))
+        motion = Motion(instants.t, instants.x, f, wind, rate)
+        chi = sum(t.effect.wrench(vehicle, motion) * gate(instants.t, t.begins(name)) for t in acting)  # type: ignore[attr-defined]
+        parts.append(np.asarray(chi))
+    force = attitude.rotate_back(evidence.rows.q, parts[0][:, :3])
+    return evidence.on_grid(force, parts[1][:, 3:])
+
+
+def _through_mass(evidence: Evidence, terms: Sequence[Term], added: np.ndarray) -> np.ndarray:
+    """(m, 6) what nominal inverse dynamics make of the motion under the nominal wrench and `added` (m, 6).
+
+    The motion is that of the real mass properties m', c, J' (forward dynamics), so that no measured acceleration
+    enters: al = J'^-1 (tau - c x F - w x J' w), s = F / m' - al x c - w x (w x c); residual m s - thrust and
+    J al + w x J w - tau_nominal. Where the log follows the centre of mass, s = F / m'.
+    """
+    acting = [t for t in terms if isinstance(t.effect, MassEffect)]
+    onsets = sorted({t.begins(evidence.name) or -NEVER for t in acting} - {NEVER})
+    out = added
+    for onset in onsets:
+        now = [t.effect for t in acting if (t.begins(evidence.name) or -NEVER) <= onset]
+        out = np.where(gate(evidence.t, onset) > 0, _moved(evidence, now, added), out)
+    return out
+
+
+def _moved(evidence: Evidence, effects: list, added: np.ndarray) -> np.ndarray:
+    vehicle = evidence.vehicle
+    real = MassProperties.of(vehicle)
+    for effect in effects:
+        real = effect.properties(real)
+    c, w = np.asarray(real.p_BoBcm_B, float), evidence.w
+    wrench = evidence.nominal + added
+    F = wrench[:, :3]
+    tau = wrench[:, 3:] - np.cross(c, F) - np.cross(w, w @ real.J.T)
+    al = tau @ np.linalg.inv(real.J).T
+    s = F / real.mass
+    if vehicle.logged_point == "origin":
+        s = s - np.cross(al, c) - np.cross(w, np.cross(w, c))
+    needed = np.concatenate([vehicle.mass * s, al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)], axis=1)
+    return needed - evidence.nominal
+
+
+def _sensor(evidence: Evidence, term: Term) -> np.ndarray:
+    """The channels of the log once more corrupted, less those of the log: exact to first order in the error."""
+    effect, log = term.effect, evidence.log
+    assert isinstance(effect, SensorEffect)
+    y = np.zeros_like(evidence.y)
+    if not effect.corrupts or effect.clock_shift:
+        return y
+    a = np.zeros((len(log), 3)) if log.a is None else log.a
+    truth = Measurement(evidence_state(evidence), a, np.zeros((len(log), 3)), np.zeros((len(log), 4)))
+    read = effect.measure(evidence.vehicle, truth, np.zeros((len(log), 0)))
+    q, w = truth.x[:, Q], truth.x[:, W]
+    dv = attitude.rotate_back(q, read.x[:, V] - truth.x[:, V])
+    dw = read.x[:, W] - w
+    g = np.array([0.0, 0.0, evidence.vehicle.gravity])
+    ds = attitude.rotate_back(read.x[:, Q], read.a + g) - attitude.rotate_back(q, truth.a + g)
+    if log.a is None:
+        s_mid = np.concatenate([evidence.rows.s, evidence.rows.s[-1:]])
+        ds = attitude.rotate_back(read.x[:, Q], attitude.rotate(q, s_mid)) - s_mid
+    from np_drake.diagnosis.grid import to_grid
+    from np_drake.diagnosis.smooth_attitude import conjugate, rotation_vector
+
+    def turn(quaternion: np.ndarray) -> np.ndarray:
+        return rotation_vector(attitude.multiply(conjugate(quaternion[:-1]), quaternion[1:]))
+
+    dt = np.diff(log.t)[:, None]
+    d_turn = (turn(read.x[:, Q]) - turn(q)) / dt
+    rows = np.concatenate([evidence.vehicle.mass * ds, -dv, dw], axis=1)
+    on_rows = to_grid(evidence.grid, log.t, rows)
+    y[:, ev.FORCE] = on_rows[:, 0:3]
+    y[:, ev.POSITION] = on_rows[:, 3:6]
+    y[:, ev.ATTITUDE] = to_grid(evidence.grid, evidence.mids.t, d_turn) - on_rows[:, 6:9]
+    if log.a is not None:
+        accelerometer = attitude.rotate_back(q, read.a - truth.a)
+        y[:, ev.VELOCITY] = -to_grid(evidence.grid, log.t, accelerometer)
+    return y
+
+
+def evidence_state(evidence: Evidence) -> np.ndarray:
+    """(n, 13) states at the log's rows, with the attitude that the channels use."""
+    if evidence.log.a is not None:
+        return evidence.rows.x
+    log = evidence.log
+    return np.concatenate([log.p, log.q, log.v, log.w], axis=1)

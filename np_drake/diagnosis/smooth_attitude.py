@@ -1,0 +1,65 @@
+"""Attitude without its white noise: the gyro carries it over the short time, the reading over the long."""
+
+import numpy as np
+from scipy import signal
+
+from np_drake import attitude
+
+CROSSOVER = 1.0  # [Hz]; own choice: above it the gyro is better than a reading of 1 mrad or worse
+QUIET = 1e-3  # attitude noise below which readings are used as they are [rad]
+
+
+def rotation_vector(q: np.ndarray) -> np.ndarray:
+    """(..., 3) rotation vector [rad] of a unit quaternion (..., 4), below half a turn."""
+    q = np.where(q[..., :1] < 0, -q, q)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    angle = 2 * np.arctan2(sine, q[..., :1])
+    return q[..., 1:] * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 2.0)
+
+
+def from_rotation_vector(r: np.ndarray) -> np.ndarray:
+    """(..., 4) unit quaternion of a rotation vector (..., 3) [rad]."""
+    angle = np.linalg.norm(r, axis=-1, keepdims=True)
+    scale = 0.5 * np.sinc(angle / (2 * np.pi))
+    return np.concatenate([np.cos(0.5 * angle), scale * r], axis=-1)
+
+
+def conjugate(q: np.ndarray) -> np.ndarray:
+    """(..., 4) the inverse rotation."""
+    return q * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def gyro_attitude(t: np.ndarray, q0: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """(n, 4) body rates (n, 3) [rad/s] integrated from q0 (4,): trapezoidal rotation vectors."""
+    turns = from_rotation_vector(0.5 * (w[1:] + w[:-1]) * np.diff(t)[:, None])
+    out = np.empty((len(t), 4))
+    pw, px, py, pz = (float(v) for v in q0)
+    out[0] = q0
+    for i, (w0, x, y, z) in enumerate(turns.tolist(), start=1):
+        pw, px, py, pz = (
+            pw * w0 - px * x - py * y - pz * z,
+            pw * x + px * w0 + py * z - pz * y,
+            pw * y - px * z + py * w0 + pz * x,
+            pw * z + px * y - py * x + pz * w0,
+        )
+        out[i] = (pw, px, py, pz)
+    return out / np.linalg.norm(out, axis=1, keepdims=True)
+
+
+def smooth_attitude(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, float]:
+    """(n, 4) attitude, and the white attitude noise found [rad].
+
+    q = q_gyro * exp(low-pass(log(q_gyro^-1 q_read))): complementary, zero phase. Readings that are quieter than
+    `QUIET` are returned as they are.   Source: the complementary filter, run both ways; own choice of the crossover.
+    """
+    step = float(np.median(np.diff(t)))
+    carried = gyro_attitude(t, q[0], w)
+    error = np.unwrap(rotation_vector(attitude.multiply(conjugate(carried), q)), axis=0)
+    if 0.5 / step <= 2 * CROSSOVER or len(t) < 30:
+        return q, 0.0
+    sos = signal.butter(2, CROSSOVER * 2 * step, output="sos")
+    slow = signal.sosfiltfilt(sos, error, axis=0, padlen=min(len(t) - 1, int(1 / step)))
+    noise = float(np.sqrt(np.mean((error - slow) ** 2)))
+    if noise < QUIET:
+        return q, noise
+    return attitude.multiply(carried, from_rotation_vector(slow)), noise

@@ -1,0 +1,162 @@
+"""Step 3: which effects. Noise from the logs, search by evidence, onsets, refinement of all parameters."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.candidates import (
+    LENGTHS,
+    Candidate,
+    library_candidates,
+    payload_candidates,
+    wind_candidates,
+)
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.linear_bayes import gram
+from np_drake.diagnosis.noise import NoiseModel, fit_noise
+from np_drake.diagnosis.onset import gated_candidates
+from np_drake.diagnosis.refine import Fit, refine
+from np_drake.diagnosis.search import Model, Problem, search
+from np_drake.diagnosis.signature import Term, signature
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.thrust_scale import ThrustScale
+
+TEMPERATURE = 2.0  # noise is never quite its model: its variance counts this many times; own choice
+TOLERANCE = 0.006  # calibration of mass and thrust of a real vehicle, standard deviation [1]
+LABORATORY = 0.0005  # of a log without attitude noise
+REFINED = 4  # models that are refined
+
+
+@dc.dataclass(frozen=True)
+class Ranking:
+    """Models refined, best first, with the probability of every effect and the noise they were judged with."""
+
+    fits: tuple[Fit, ...]
+    probability: dict[str, float]
+    noise: NoiseModel
+    problem: Problem
+    models: tuple[Model, ...]
+    tolerance: float
+
+
+def calibration_terms(vehicle, tolerance: float) -> list[tuple[Term, float]]:
+    """Mass and thrust within their tolerance: part of every model."""
+    return [
+        (Term(ThrustScale(1.0)), tolerance),
+        (Term(MassError(0.0)), tolerance * vehicle.mass),
+    ]
+
+
+def calibration_candidates(flights: Sequence[Evidence], tolerance: float) -> list[Candidate]:
+    """The same as columns."""
+    out = []
+    for term, deviation in calibration_terms(flights[0].vehicle, tolerance):
+        p = term.effect.parameters[0]
+        moved = Term(type(term.effect).of({p.name: p.neutral + p.typical}))
+        columns = {e.name: signature(e, [moved])[..., None] * (deviation / p.typical) for e in flights}
+        out.append(Candidate((), "calibration", columns, lambda c: []))
+    return out
+
+
+def default_tolerance(flights: Sequence[Evidence]) -> float:
+    """Of mass and thrust: a log with attitude noise comes from a real rig, one without from a laboratory."""
+    return TOLERANCE if max(e.attitude_noise for e in flights) > 1e-3 else LABORATORY
+
+
+def rank(flights: Sequence[Evidence], *, tolerance: float | None = None) -> Ranking:
+    """The models of these (training) flights, best first."""
+    tolerance = default_tolerance(flights) if tolerance is None else tolerance
+    nuisance = calibration_candidates(flights, tolerance)
+    plain = library_candidates(flights)
+    drags = [c for c in plain if c.identifiers == ("linear_drag",)]
+    candidates = [*plain, *wind_candidates(flights, drags)]
+    step = flights[0].grid.step
+    noise = fit_noise([e.y for e in flights], step)
+    swinging = payload_candidates(flights, LENGTHS)
+    for _ in range(2):
+        noise = fit_noise(_rich_residuals(flights, noise, nuisance, [*candidates, *swinging]), step)
+    candidates += swinging
+    fits: list[Fit] = []
+    for round_ in range(2):
+        problem = Problem(flights, noise, nuisance, candidates, temperature=TEMPERATURE)
+        late = gated_candidates(problem)
+        if late:
+            problem = Problem(flights, noise, nuisance, [*candidates, *late], temperature=TEMPERATURE)
+        models = search(problem)
+        best = _refine(problem, models[0], tolerance)
+        residuals = [e.y - signature(e, best.everything) for e in flights]
+        noise = fit_noise(residuals, step)
+    fits = [_refine(problem, m, tolerance, noise) for m in _distinct(problem, models)[:REFINED]]
+    fits.sort(key=lambda f: -_score(f))
+    return Ranking(tuple(fits), _probabilities(problem, models, fits), noise, problem, tuple(models), tolerance)
+
+
+def _rich_residuals(flights, noise, nuisance, candidates) -> list[np.ndarray]:
+    """What is left of the channels when every effect helps, each in its best single variant."""
+    best: dict[tuple[str, ...], tuple[float, Candidate]] = {}
+    for c in candidates:
+        total = None
+        for e in flights:
+            g = gram(noise.whiten(c.columns[e.name]), noise.whiten(e.y))
+            total = g if total is None else total + g
+        gain = total.log_evidence(np.arange(c.size))
+        if c.identifiers not in best or gain > best[c.identifiers][0]:
+            best[c.identifiers] = (gain, c)
+    chosen = [*nuisance, *(c for _, c in best.values())]
+    total = None
+    for e in flights:
+        X = np.concatenate([c.columns[e.name] for c in chosen], axis=-1)
+        g = gram(noise.whiten(X), noise.whiten(e.y))
+        total = g if total is None else total + g
+    mean, _ = total.posterior(np.arange(len(total.Xy)))
+    return [
+        e.y - np.concatenate([c.columns[e.name] for c in chosen], axis=-1) @ mean for e in flights
+    ]
+
+
+def _refine(problem: Problem, model: Model, tolerance: float, noise: NoiseModel | None = None) -> Fit:
+    index = problem.columns(model.members)
+    mean, _ = problem.total.posterior(index)
+    at = sum(c.size for c in problem.nuisance)
+    terms: list[Term] = []
+    for i in model.members:
+        candidate = problem.candidates[i]
+        terms += candidate.terms(mean[at : at + candidate.size])
+        at += candidate.size
+    calibration = calibration_terms(problem.flights[0].vehicle, tolerance)
+    return refine(
+        terms, calibration, problem.flights, noise or problem.noise, temperature=problem.temperature
+    )
+
+
+def _score(fit: Fit) -> float:
+    from np_drake.diagnosis.search import EFFECT_PRIOR
+
+    return fit.log_evidence + EFFECT_PRIOR * len(fit.terms)
+
+
+def _distinct(problem: Problem, models: Sequence[Model]) -> list[Model]:
+    """The best variant of each set of effects."""
+    kept: dict[tuple[str, ...], Model] = {}
+    for m in models:
+        kept.setdefault(names_of(problem, m), m)
+    return list(kept.values())
+
+
+def names_of(problem: Problem, model: Model) -> tuple[str, ...]:
+    """Identifiers of a model, sorted."""
+    return tuple(sorted(name for i in model.members for name in problem.candidates[i].identifiers))
+
+
+def _probabilities(problem: Problem, models: Sequence[Model], fits: Sequence[Fit]) -> dict[str, float]:
+    """Of every effect: the share of the models that hold it, each with its (refined, where it is) evidence."""
+    refined = {tuple(sorted(t.effect.identifier for t in f.terms)): _score(f) for f in fits}
+    linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}
+    shift = max(refined.values()) - max(linear[n] for n in refined)
+    scores = {n: refined.get(n, s + min(shift, 0.0)) for n, s in linear.items()}
+    top = max(scores.values())
+    weight = {n: np.exp(s - top) for n, s in scores.items()}
+    total = sum(weight.values())
+    names = {name for n in weight for name in n}
+    return {name: float(sum(w for n, w in weight.items() if name in n) / total) for name in names}

@@ -1,0 +1,46 @@
+"""A constant error of the attitude estimate."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.effects.base import Measurement, Parameter, SensorEffect
+from np_drake.rigid_body import Q
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class AttitudeBias(SensorEffect):
+    """q_read = q dq on the body's side, dq = yaw about z, then pitch about y, then roll about x, each turned axis.
+
+    Source: own choice: markers or an IMU that are mounted askew.
+    """
+
+    roll: float = 0.02  # [rad]
+    pitch: float = 0.0
+    yaw: float = 0.0
+
+    identifier: ClassVar[str] = "attitude_bias"
+    linear: ClassVar[bool] = False
+    corrupts: ClassVar[tuple[str, ...]] = ("qw", "qx", "qy", "qz")
+    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
+        Parameter(name, "rad", 0.0, -0.4, 0.4, 0.03) for name in ("roll", "pitch", "yaw")
+    )
+
+    @property
+    def dq(self) -> np.ndarray:
+        """(4,) unit quaternion of the error."""
+        dq = np.array([1.0, 0.0, 0.0, 0.0])
+        for axis, angle in ((3, self.yaw), (2, self.pitch), (1, self.roll)):
+            turn = np.zeros(4)
+            turn[0], turn[axis] = np.cos(0.5 * angle), np.sin(0.5 * angle)
+            dq = attitude.multiply(dq, turn)
+        return dq
+
+    def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
+        """With the attitude turned."""
+        x = np.array(truth.x, float)
+        x[..., Q] = attitude.multiply(x[..., Q], np.broadcast_to(self.dq, x[..., Q].shape))
+        return dc.replace(truth, x=x)

@@ -1,0 +1,29 @@
+"""Pitch and roll moment of rotors in lateral flow."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake.effects.air_speed import air_velocity_B, chi_from_body
+from np_drake.effects.base import Motion, Parameter, WrenchEffect
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class BladeFlapping(WrenchEffect):
+    """tau_B = moment [v_y, -v_x, 0] with v = R^T (v_WB - wind): nose up in forward flight.
+
+    Source: hub moment of a rotor that leans back in lateral flow, to first order in speed.
+    """
+
+    moment: float = 0.02  # [N·m·s/m]
+
+    identifier: ClassVar[str] = "blade_flapping"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("moment", "N·m·s/m", 0.0, -0.2, 0.2, 0.02),)
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """(..., 6) [N, N·m]."""
+        v_B = air_velocity_B(motion)
+        tau_B = self.moment * np.stack([v_B[..., 1], -v_B[..., 0], np.zeros_like(v_B[..., 0])], axis=-1)
+        return chi_from_body(motion, np.zeros_like(v_B), tau_B)

@@ -1,0 +1,32 @@
+"""A centre of mass beside the point where the vehicle file has it."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake.effects.base import MassEffect, MassProperties, Parameter
+
+
+@dc.dataclass(frozen=True)
+class CenterOfMassOffset(MassEffect):
+    """p_BoBcm_B = nominal + [x, y, z]; J stays that about the (new) centre of mass.
+
+    With c = p_BoBcm_B and F the force on the body, all at Bo, which stays the logged point:
+        m (a_Bo + R (al x c + w x (w x c)) + g z) = F,    J al + w x J w = tau_Bo - c x R^T F.
+    Source: Newton and Euler about the centre of mass. In measured motion the torque has a term of second order in c.
+    """
+
+    x: float = 0.01  # [m], body axes
+    y: float = 0.0
+    z: float = 0.0
+
+    identifier: ClassVar[str] = "center_of_mass_offset"
+    linear: ClassVar[bool] = False
+    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
+        Parameter(axis, "m", 0.0, -0.15, 0.15, 0.01) for axis in "xyz"
+    )
+
+    def properties(self, nominal: MassProperties) -> MassProperties:
+        """With the centre of mass moved."""
+        return dc.replace(nominal, p_BoBcm_B=nominal.p_BoBcm_B + np.array([self.x, self.y, self.z]))

@@ -1,0 +1,70 @@
+"""Several effects at once: sorted by where they act, and summed."""
+
+import dataclasses as dc
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from np_drake.effects.base import (
+    ActuatorEffect,
+    MassEffect,
+    MassProperties,
+    MeasurementEffect,
+    Motion,
+    WrenchEffect,
+)
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass
+class EffectsByPlace:
+    """Effects by where they act, each list in the given order. The payload stands alone: it is a body."""
+
+    wrench: list[WrenchEffect] = dc.field(default_factory=list)
+    actuator: list[ActuatorEffect] = dc.field(default_factory=list)
+    mass: list[MassEffect] = dc.field(default_factory=list)
+    measurement: list[MeasurementEffect] = dc.field(default_factory=list)
+    payload: SuspendedPayload | None = None
+
+
+def split_effects(effects: Iterable[Any]) -> EffectsByPlace:
+    """Sorts effects by where they act.
+
+    Raises: ValueError: if two payloads are given, or something that acts nowhere.
+    """
+    out = EffectsByPlace()
+    for effect in effects:
+        if isinstance(effect, SuspendedPayload):
+            if out.payload is not None:
+                raise ValueError("split_effects: there must be one suspended_payload at most; got two.")
+            out.payload = effect
+        elif isinstance(effect, WrenchEffect):
+            out.wrench.append(effect)
+        elif isinstance(effect, ActuatorEffect):
+            out.actuator.append(effect)
+        elif isinstance(effect, MassEffect):
+            out.mass.append(effect)
+        elif hasattr(effect, "measure"):
+            out.measurement.append(effect)
+        else:
+            raise ValueError(f"split_effects: an effect must be of a class of effects.base; got {effect!r}.")
+    return out
+
+
+def total_wrench(vehicle: Vehicle, effects: Sequence[WrenchEffect], motion: Motion):
+    """(..., 6) chi of all effects [N, N·m]: the air that some of them move is felt by all."""
+    for effect in effects:
+        if type(effect).air_velocity is not WrenchEffect.air_velocity:
+            motion = dc.replace(motion, wind=motion.wind + effect.air_velocity(motion.t))
+    chi = effects[0].wrench(vehicle, motion)
+    for effect in effects[1:]:
+        chi = chi + effect.wrench(vehicle, motion)
+    return chi
+
+
+def mass_properties(vehicle: Vehicle, effects: Iterable[MassEffect]) -> MassProperties:
+    """The vehicle's mass properties with all effects, first to last."""
+    properties = MassProperties.of(vehicle)
+    for effect in effects:
+        properties = effect.properties(properties)
+    return properties

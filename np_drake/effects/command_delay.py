@@ -1,0 +1,42 @@
+"""Commands that arrive late."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake.effects.base import ActuatorEffect, Parameter
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class CommandDelay(ActuatorEffect):
+    """f(t) = f_command(t - delay): a pure dead time.   Source: own choice: radio, bus and ESC."""
+
+    delay: float = 0.02  # [s]
+
+    identifier: ClassVar[str] = "command_delay"
+    linear: ClassVar[bool] = False
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay", "s", 0.0, 0.0, 0.3, 0.02),)
+    turns_rotor: ClassVar[bool] = True
+
+    @property
+    def dead_time(self) -> float:
+        """[s]."""
+        return self.delay
+
+    def thrust(
+        self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
+    ) -> np.ndarray:
+        """(..., 4) [N]: of a command that is delayed already (`dead_time`)."""
+        return command
+
+    def respond(self, vehicle: Vehicle, t: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """(n, 4) mean thrusts [N], exact: every interval sees the ends of two; the first command held before."""
+        if len(t) < 2:
+            return command
+        rows = self.delay * (len(t) - 1) / (t[-1] - t[0])
+        whole = int(np.floor(rows))
+        part, k = rows - whole, np.arange(len(t)) - whole
+        late, later = (np.clip(i, 0, len(t) - 1) for i in (k, k - 1))
+        return (1.0 - part) * command[late] + part * command[later]

@@ -1,0 +1,54 @@
+"""A gusty wind, felt through a drag."""
+
+import dataclasses as dc
+from functools import lru_cache
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake.effects.base import Parameter, WrenchEffect
+
+_LINES = 60  # sinusoids an axis: the spectrum is that of the process, in lines of equal power
+
+
+@lru_cache(maxsize=64)
+def _draws(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """(3, lines) angular frequency times correlation time [1], and phase [rad].
+
+    The share (2/π) atan(w T) of a first-order process' power lies below w: one line in each of `_LINES` equal shares.
+    """
+    rng = np.random.default_rng(seed)
+    share = (np.arange(_LINES) + rng.uniform(0.1, 0.9, (3, _LINES))) / _LINES
+    return np.tan(0.5 * np.pi * share), rng.uniform(0.0, 2 * np.pi, (3, _LINES))
+
+
+@dc.dataclass(frozen=True)
+class GustyWind(WrenchEffect):
+    """The air moves with mean + gust(t) in W; every axis of the gust is first-order Gauss-Markov.
+
+    Spectrum 2 deviation² T / (1 + w² T²), T = correlation_time; a sum of sinusoids with phases by `seed`, so that
+    the same wind can be asked for at any t.   Source: own choice: Ornstein-Uhlenbeck, not Dryden.
+    """
+
+    mean_x: float = 2.0  # [m/s]
+    mean_y: float = 0.0
+    mean_z: float = 0.0
+    deviation: float = 1.0  # of each axis [m/s]
+    correlation_time: float = 1.0  # [s]
+    seed: int = 0
+
+    identifier: ClassVar[str] = "gusty_wind"
+    needs: ClassVar[tuple[str, ...]] = ("linear_drag", "quadratic_drag")
+    linear: ClassVar[bool] = False
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        *(Parameter(f"mean_{axis}", "m/s", 0.0, -15.0, 15.0, 2.0) for axis in "xyz"),
+        Parameter("deviation", "m/s", 0.0, 0.0, 8.0, 1.0),
+        Parameter("correlation_time", "s", 1.0, 0.05, 20.0, 1.0),
+    )
+
+    def air_velocity(self, t: np.ndarray | float) -> np.ndarray:
+        """(..., 3) in W [m/s]."""
+        frequency, phase = _draws(self.seed)
+        angle = np.asarray(t, float)[..., None, None] * (frequency / self.correlation_time) + phase
+        gust = self.deviation * np.sqrt(2.0 / _LINES) * np.cos(angle).sum(axis=-1)
+        return np.array([self.mean_x, self.mean_y, self.mean_z]) + gust

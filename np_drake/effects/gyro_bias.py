@@ -1,0 +1,31 @@
+"""A constant error of the gyroscope."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake.effects.base import Measurement, Parameter, SensorEffect
+from np_drake.rigid_body import W
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class GyroBias(SensorEffect):
+    """w_read = w + [x, y, z] in body axes.   Source: the usual IMU model."""
+
+    x: float = 0.05  # [rad/s]
+    y: float = 0.0
+    z: float = 0.0
+
+    identifier: ClassVar[str] = "gyro_bias"
+    corrupts: ClassVar[tuple[str, ...]] = ("wx", "wy", "wz")
+    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
+        Parameter(axis, "rad/s", 0.0, -1.0, 1.0, 0.05) for axis in "xyz"
+    )
+
+    def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
+        """With the bias on the body rates."""
+        x = np.array(truth.x, float)
+        x[..., W] += [self.x, self.y, self.z]
+        return dc.replace(truth, x=x)

@@ -1,0 +1,32 @@
+"""Drag of the airframe, quadratic in the body's air speed."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake.effects.air_speed import air_velocity_B, chi_from_body
+from np_drake.effects.base import Motion, Parameter, WrenchEffect
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class QuadraticDrag(WrenchEffect):
+    """f_B,i = -c_i |v_i| v_i with v = R^T (v_WB - wind), axis by axis; it acts at Bo.
+
+    Source: form drag of a bluff body; own choice: the axes do not mix.
+    """
+
+    c_x: float = 0.05  # [N·s²/m²]
+    c_y: float = 0.05
+    c_z: float = 0.05
+
+    identifier: ClassVar[str] = "quadratic_drag"
+    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
+        Parameter(name, "N·s²/m²", 0.0, -0.1, 2.0, 0.08) for name in ("c_x", "c_y", "c_z")
+    )
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """(..., 6) [N, N·m]."""
+        v_B = air_velocity_B(motion)
+        return chi_from_body(motion, np.array([-self.c_x, -self.c_y, -self.c_z]) * np.abs(v_B) * v_B)

@@ -1,0 +1,36 @@
+"""Angular momentum of the turning rotors."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake.effects.base import Motion, Parameter, WrenchEffect
+from np_drake.rigid_body import W
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class RotorGyroscopic(WrenchEffect):
+    """tau_B = -w x h - dh/dt with h = -I_r sum_i(direction_i omega_i) z_B, omega_i = sqrt(f_i / k).
+
+    A rotor turns against its reaction torque, whose sign the vehicle file gives; hence the minus.
+    Source: rate of change of the rotors' angular momentum, seen from the turning body.
+    """
+
+    rotor_inertia: float = 6.0e-5  # of one rotor about its axis [kg·m²]
+
+    identifier: ClassVar[str] = "rotor_gyroscopic"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("rotor_inertia", "kg·m²", 0.0, -2e-4, 3e-3, 1e-4),
+    )
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """(..., 6) [N, N·m]; no force."""
+        spin = -self.rotor_inertia * np.array(vehicle.rotor_directions)
+        h = np.sqrt(np.maximum(motion.rotor_thrust, 0.0) / vehicle.thrust_coefficient) @ spin
+        w = motion.x[..., W]
+        chi = np.zeros((*motion.x.shape[:-1], 6))
+        chi[..., 3], chi[..., 4] = -w[..., 1] * h, w[..., 0] * h  # -w x (h z)
+        chi[..., 5] = -(motion.rotor_rate @ spin)
+        return chi

@@ -1,0 +1,65 @@
+"""A payload on a tether."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake.effects.base import Motion, Parameter, WrenchEffect
+from np_drake.effects.pendulum import Payload, hook_acceleration, hook_wrench, swing_many
+from np_drake.rigid_body import Q
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class SuspendedPayload(WrenchEffect):
+    """A point mass on a massless, inextensible tether that may go slack; the hook is p_BoTo_B.
+
+    It has a hidden state, (r, r_rate) of the payload from the hook in W: no momentary wrench. Over a log the measured
+    motion of the hook drives it (`wrench_along`). In a diagram it is a body.   Source: Newton on the payload.
+    """
+
+    mass: float = 0.26  # [kg]
+    length: float = 0.8  # [m]
+    hook_x: float = 0.0  # [m], body axes
+    hook_y: float = 0.0
+    hook_z: float = -0.025
+
+    identifier: ClassVar[str] = "suspended_payload"
+    linear: ClassVar[bool] = False
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("mass", "kg", 0.0, 0.0, 2.0, 0.2),
+        Parameter("length", "m", 0.8, 0.1, 4.0, 0.5),
+        *(Parameter(f"hook_{axis}", "m", 0.0, -0.3, 0.3, 0.03) for axis in "xyz"),
+    )
+
+    @property
+    def payload(self) -> Payload:
+        """As the pendulum's functions want it."""
+        return Payload(self.mass, self.length, (self.hook_x, self.hook_y, self.hook_z))
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Raises NotImplementedError: the wrench depends on the payload's own motion."""
+        raise NotImplementedError("SuspendedPayload: has a state of its own; use wrench_along.")
+
+    def wrench_along(
+        self,
+        vehicle: Vehicle,
+        *,
+        x: np.ndarray,
+        a: np.ndarray,
+        al: np.ndarray,
+        step: float,
+        r: np.ndarray,
+        r_rate: np.ndarray,
+    ) -> np.ndarray:
+        """(n, 6) chi in the middle of each interval of `step` [s] that begins at a row of a log [N, N·m].
+
+        Args: x (n, 13), a (n, 3) in W [m/s²], al (n, 3) in B [rad/s²]; r, r_rate (3,): payload from hook in W at the
+        first row [m, m/s].
+        """
+        payload = self.payload
+        a_hook = hook_acceleration(payload.hook, x, a, al)
+        length = np.array([payload.length])
+        pull = swing_many(length, r[None], r_rate[None], a_hook, step, vehicle.gravity)[:, 0]
+        return hook_wrench(payload, x[:, Q], payload.mass * pull)

@@ -1,0 +1,30 @@
+"""Additional thrust of rotors in lateral flow."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake.effects.air_speed import air_velocity_B, chi_from_body
+from np_drake.effects.base import Motion, Parameter, WrenchEffect
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class TranslationalLift(WrenchEffect):
+    """f_B = lift (v_x² + v_y²) z_B with v = R^T (v_WB - wind).
+
+    Source: lateral flow lowers the induced velocity of a rotor; own choice: the leading, quadratic term.
+    """
+
+    lift: float = 0.05  # [N·s²/m²]
+
+    identifier: ClassVar[str] = "translational_lift"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("lift", "N·s²/m²", 0.0, -0.3, 1.0, 0.05),)
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """(..., 6) [N, N·m]."""
+        v_B = air_velocity_B(motion)
+        f_B = np.zeros_like(v_B)
+        f_B[..., 2] = self.lift * np.sum(v_B[..., :2] ** 2, axis=-1)
+        return chi_from_body(motion, f_B)

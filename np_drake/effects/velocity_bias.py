@@ -1,0 +1,33 @@
+"""A constant error of the velocity estimate."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.effects.base import Measurement, Parameter, SensorEffect
+from np_drake.rigid_body import Q, V
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class VelocityBias(SensorEffect):
+    """v_read = v + R [x, y, z]: constant in body axes.   Source: own choice: an optical-flow or air-data error."""
+
+    x: float = 0.2  # [m/s]
+    y: float = 0.0
+    z: float = 0.0
+
+    identifier: ClassVar[str] = "velocity_bias"
+    corrupts: ClassVar[tuple[str, ...]] = ("vx", "vy", "vz")
+    parameters: ClassVar[tuple[Parameter, ...]] = tuple(
+        Parameter(axis, "m/s", 0.0, -3.0, 3.0, 0.2) for axis in "xyz"
+    )
+
+    def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
+        """With the bias on the velocity."""
+        x = np.array(truth.x, float)
+        bias_B = np.broadcast_to([self.x, self.y, self.z], (*x.shape[:-1], 3))
+        x[..., V] += attitude.rotate(x[..., Q], bias_B)
+        return dc.replace(truth, x=x)

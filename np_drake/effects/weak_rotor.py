@@ -1,0 +1,34 @@
+"""One rotor that gives less than the others."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake.effects.base import ActuatorEffect, Parameter
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class WeakRotor(ActuatorEffect):
+    """f_rotor = efficiency f_command on one rotor, thrust and reaction torque alike; linear once the rotor is chosen.
+
+    Source: own choice: a chipped or loose propeller.
+    """
+
+    rotor: float = 1  # 1..4, as in the vehicle file
+    efficiency: float = 0.85  # [1]
+
+    identifier: ClassVar[str] = "weak_rotor"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("rotor", "", 1.0, 1.0, 4.0, 1.0, choices=(1.0, 2.0, 3.0, 4.0)),
+        Parameter("efficiency", "1", 1.0, 0.0, 1.5, 0.1),
+    )
+
+    def thrust(
+        self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
+    ) -> np.ndarray:
+        """(..., 4) [N]."""
+        gain = np.ones(4)
+        gain[round(self.rotor) - 1] = self.efficiency
+        return gain * command
