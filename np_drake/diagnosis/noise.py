@@ -7,7 +7,7 @@ squares generalised least squares.   Source: Yule-Walker equations; the order is
 import dataclasses as dc
 
 import numpy as np
-from scipy import linalg, signal
+from scipy import linalg
 
 ORDER = 20  # 0.4 s at 50 Hz
 RIDGE = 1e-3  # white share added to every channel, for what the low-pass took from the highest frequencies
@@ -31,14 +31,17 @@ class NoiseModel:
 
     def whiten(self, values: np.ndarray) -> np.ndarray:
         """(m - p, c, ...) white with unit variance, of channels (m, c, ...); the first p rows go."""
-        p = self.phi.shape[1]
-        out = np.empty_like(values, dtype=float)
-        for c in range(values.shape[1]):
-            taps = np.concatenate([[1.0], -self.phi[c]])
-            out[:, c] = signal.lfilter(taps, [1.0], values[:, c], axis=0) if self.active[c] else 0.0
-        out = out[p:]
-        flat = out.reshape(*out.shape[:2], -1)
-        return np.einsum("dc,mck->mdk", self.mixing, flat).reshape(out.shape)
+        p, n = self.phi.shape[1], len(values)
+        flat = np.asarray(values, float).reshape(n, values.shape[1], -1)
+        driven = np.zeros((n - p, *flat.shape[1:]))
+        for c in np.flatnonzero(self.active):
+            some = np.flatnonzero(flat[:, c].any(axis=0))
+            X = np.ascontiguousarray(flat[:, c, some])
+            left = X[p:].copy()
+            for i, phi in enumerate(self.phi[c], start=1):
+                left -= phi * X[p - i : n - i]
+            driven[:, c, some] = left
+        return np.matmul(self.mixing, driven).reshape(n - p, *values.shape[1:])
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:
         """(c, f) one-sided power spectral density [unit²/Hz] at `frequency` (f,) [Hz]."""

@@ -100,7 +100,7 @@ def refine(
     noise: NoiseModel,
     *,
     temperature: float,
-    evaluations: int = 12,
+    evaluations: int = 8,
 ) -> Fit:
     """Fits terms and calibration (each with its prior deviation) to the flights, from the terms' values."""
     everything = [*terms, *(t for t, _ in calibration)]

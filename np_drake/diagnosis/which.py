@@ -25,7 +25,7 @@ from np_drake.effects.thrust_scale import ThrustScale
 TEMPERATURE = 2.0  # noise is never quite its model: its variance counts this many times; own choice
 TOLERANCE = 0.006  # calibration of mass and thrust of a real vehicle, standard deviation [1]
 LABORATORY = 0.0005  # of a log without attitude noise
-REFINED = 4  # models that are refined
+REFINED = 3  # models that are refined
 
 
 @dc.dataclass(frozen=True)

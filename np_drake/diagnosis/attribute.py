@@ -1,0 +1,167 @@
+"""From a ranking of models to causes: material ones, minor ones, what cannot be told from them, and the unknown."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis import evidence as ev
+from np_drake.diagnosis.answer import Cause, Estimate, Finding
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.held_out import adapt, scored
+from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.search import Model
+from np_drake.diagnosis.signature import NEVER, Term, signature
+from np_drake.diagnosis.which import Ranking, names_of
+
+MATERIAL_FORCE = 0.02  # of weight [1]
+MATERIAL_TORQUE = 0.02  # of RMS commanded torque [1]
+MATERIAL_GAP = 0.10  # of the gap above the noise [1]
+CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
+SAME = 3.5  # difference of log evidence below which two explanations are the same in these data
+MOST_LIKE = 2  # names beside a cause's own
+
+
+@dc.dataclass(frozen=True)
+class Size:
+    """How large a term is: force over weight, torque over RMS commanded torque, share of the gap above noise [1]."""
+
+    force: float
+    torque: float
+    gap: float
+    sensor: float
+
+    def material(self, *, calibration: bool) -> bool:
+        """Does it matter?"""
+        if calibration:
+            return self.force >= MATERIAL_FORCE
+        return (
+            self.force >= MATERIAL_FORCE or self.torque >= MATERIAL_TORQUE or self.gap >= MATERIAL_GAP
+        )
+
+
+@dc.dataclass(frozen=True)
+class HeldOut:
+    """Unseen flights under a fit: its terms adapted to each, what is left (m, 15), and rows that count."""
+
+    terms: dict[str, list[Term]]
+    left: dict[str, np.ndarray]
+    rows: dict[str, np.ndarray]
+
+
+def size_of(fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel) -> Size:
+    """Of the fit's term i, over the flights in which it acts."""
+    force = torque = command = rows = own = gap = sensor = 0.0
+    inverse = np.where(noise.rms > 0, 1.0 / np.maximum(noise.rms, 1e-12), 0.0)
+    for e in flights:
+        whole = signature(e, fit.everything)
+        part = whole - signature(e, [t for j, t in enumerate(fit.everything) if j != i])
+        force += np.sum(part[:, ev.FORCE] ** 2)
+        torque += np.sum(part[:, ev.TORQUE] ** 2)
+        command += np.sum((e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0)) ** 2)
+        rows += len(part)
+        own += np.sum((part * inverse) ** 2)
+        gap += np.sum((e.y * inverse) ** 2) - e.y.shape[0] * np.sum(noise.rms > 0)
+        sensor = max(sensor, float(np.max(np.sqrt(np.mean((part * inverse)[:, 6:] ** 2, axis=0)))))
+    weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
+    return Size(
+        float(np.sqrt(force / rows)) / weight,
+        float(np.sqrt(torque / max(command, 1e-12))),
+        float(own / max(gap, own, 1e-9)),
+        sensor,
+    )
+
+
+def alike(ranking: Ranking, model: Model) -> dict[str, tuple[str, ...]]:
+    """By effect of the best model: effects which in its place explain the logs as well."""
+    problem = ranking.problem
+    out: dict[str, tuple[str, ...]] = {}
+    for i in model.members:
+        own = problem.candidates[i].identifiers
+        rest = tuple(j for j in model.members if j != i)
+        found: dict[str, float] = {}
+        for k, other in enumerate(problem.candidates):
+            members = (*rest, k)
+            if set(other.identifiers) & set(own) or not problem.fits_together(members):
+                continue
+            loss = model.score - problem.score(members)
+            if loss < SAME:
+                name = other.identifiers[-1]
+                found[name] = min(loss, found.get(name, np.inf))
+        names = sorted(found, key=lambda n: found[n])[:MOST_LIKE]
+        for name in own:
+            out[name] = tuple(names)
+    return out
+
+
+def causes_of(
+    ranking: Ranking, fit: Fit, flights: Sequence[Evidence], held_out: Sequence[Evidence], held: HeldOut
+) -> tuple[list[Cause], list[Finding]]:
+    """Causes and minor findings of a fit: a cause is material, and helps on flights that the fit has not seen."""
+    members = {names_of(ranking.problem, m): m for m in reversed(ranking.models)}
+    key = tuple(sorted(t.effect.identifier for t in fit.terms))
+    same = alike(ranking, members[key]) if key in members else {}
+    causes, minor = [], []
+    for i, term in enumerate(fit.terms):
+        size = size_of(fit, i, flights, ranking.noise)
+        cause = _cause(ranking, fit, i, term, [*flights, *held_out], same, size, held)
+        calibration = term.effect.identifier in CALIBRATION and ranking.tolerance > 0.003
+        confirmed = helps(fit, i, held_out, ranking.noise, held) > -2.0
+        if confirmed and size.material(calibration=calibration):
+            causes.append(cause)
+        else:
+            minor.append(_minor(cause, size, confirmed))
+    return causes, minor
+
+
+def _minor(cause: Cause, size: Size, confirmed: bool) -> Finding:
+    values = ", ".join(f"{n} {e.value:.3g} {e.unit}" for n, e in cause.parameters.items())
+    why = "immaterial" if confirmed else "not confirmed by the held-out flights"
+    text = f"{values}: {why} ({100 * size.force:.2g} % of weight, {100 * size.torque:.2g} % of torque)"
+    return Finding(cause.identifier, text, size.gap, {"force": size.force, "torque": size.torque})
+
+
+def _cause(ranking, fit: Fit, i: int, term: Term, flights, same, size: Size, held) -> Cause:
+    effect = term.effect
+    parameters = {}
+    for p in effect.parameters:
+        value = float(getattr(effect, p.name))
+        half = 0.0
+        for k, free in enumerate(fit.free):
+            if free.term == i and free.name == p.name and not free.flight:
+                half = 1.96 * float(np.sqrt(fit.covariance[k, k]))
+        parameters[p.name] = Estimate(value, p.unit, (value - half, value + half))
+    return Cause(
+        effect.identifier,
+        float(ranking.probability.get(effect.identifier, 0.0)),
+        parameters,
+        {e.name: held.terms.get(e.name, fit.everything)[i].begins(e.name) for e in flights},
+        same.get(effect.identifier, ()),
+        size.gap,
+        effect,
+    )
+
+
+def on_held_out(fit: Fit, flights: Sequence[Evidence], noise: NoiseModel) -> HeldOut:
+    """The fit's terms on flights that it has not seen."""
+    terms, left, rows = {}, {}, {}
+    for e in flights:
+        terms[e.name] = adapt(fit.everything, e, noise)
+        left[e.name] = e.y - signature(e, terms[e.name])
+        rows[e.name] = scored(terms[e.name], e)
+    return HeldOut(terms, left, rows)
+
+
+def helps(fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, held: HeldOut) -> float:
+    """Log likelihood that term i brings on the held-out flights."""
+    total = 0.0
+    for e in flights:
+        terms = held.terms[e.name]
+        if terms[i].begins(e.name) == NEVER:
+            continue
+        without = e.y - signature(e, [t for j, t in enumerate(terms) if j != i])
+        rows = held.rows[e.name][noise.phi.shape[1] :]
+        losses = [np.sum(noise.whiten(r)[rows] ** 2) for r in (without, held.left[e.name])]
+        total += 0.5 * (losses[0] - losses[1])
+    return float(total)

@@ -1,0 +1,107 @@
+"""Step 1: is the log usable, what does it excite, and which effects can it not see or not tell apart?"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.diagnosis.answer import CHANNELS, Check, Confusable
+from np_drake.diagnosis.candidates import Candidate
+from np_drake.diagnosis.evidence import WRENCH, Evidence
+from np_drake.diagnosis.manoeuvres import manoeuvre
+from np_drake.diagnosis.noise import NoiseModel
+
+LEAST = {"speed": 0.08, "rate": 0.05, "tilt": 1.0, "thrust variation": 0.01}  # [m/s, rad/s, deg, 1]; own choice
+BARELY = 10.0  # whitened size of an effect that is just visible [1]
+SAME = 9.0  # squared whitened distance below which two just visible effects are the same
+
+
+def excitation(flights: Sequence[Evidence]) -> dict[str, float]:
+    """RMS and spans over all flights, unit in the name."""
+    v = np.concatenate([e.mids.x[:, 7:10] for e in flights])
+    w = np.concatenate([e.w for e in flights])
+    tilt = np.degrees(
+        np.concatenate([np.arccos(np.clip(attitude.body_z(e.mids.q)[:, 2], -1, 1)) for e in flights])
+    )
+    f = np.concatenate([e.nominal[:, 2] for e in flights])
+    tau = np.concatenate([e.nominal[:, 3:] for e in flights])
+    z = np.concatenate([e.mids.x[:, 2] for e in flights])
+
+    def rms(a: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(np.sum(np.atleast_2d(a.T).T ** 2, axis=1))))
+
+    return {
+        "speed [m/s]": rms(v),
+        "rate [rad/s]": rms(w),
+        "tilt [deg]": rms(tilt),
+        "thrust variation [1]": float(f.std() / max(abs(f.mean()), 1e-9)),
+        "torque [N·m]": rms(tau),
+        "height span [m]": float(np.ptp(z)),
+        "duration [s]": float(sum(e.t[-1] - e.t[0] for e in flights)),
+    }
+
+
+def excited(figures: dict[str, float]) -> bool:
+    """Does anything move enough to tell one effect from another?"""
+    named = {key.split(" [")[0]: value for key, value in figures.items()}
+    return any(named[key] >= least for key, least in LEAST.items())
+
+
+def confusables(flights: Sequence[Evidence], candidates: Sequence[Candidate], noise: NoiseModel) -> list[Confusable]:
+    """Effects that cannot be seen at their usual size, and pairs that are the same when just visible.
+
+    An effect a, scaled to `BARELY` whitened units, is the same as b if the distance to b's columns is below `SAME`.
+    """
+    blocks: dict[str, np.ndarray] = {}
+    for c in candidates:
+        name = c.identifiers[-1]
+        if name in blocks or len(c.identifiers) > 1:
+            continue
+        parts = [noise.whiten(c.columns[e.name]).reshape(-1, c.size) for e in flights]
+        blocks[name] = np.concatenate(parts)
+    sizes = {n: float(np.sqrt(np.max(np.sum(X**2, axis=0)))) for n, X in blocks.items()}
+    unseen = tuple(n for n, s in sizes.items() if s < 3.0)
+    out = [
+        Confusable((n,), "at its usual size it leaves no trace in these flights", manoeuvre((n,)))
+        for n in unseen
+    ]
+    bases = {n: np.linalg.qr(X[:, np.linalg.norm(X, axis=0) > 1e-9])[0] for n, X in blocks.items() if n not in unseen}
+    found: set[tuple[str, str]] = set()
+    for a, X in blocks.items():
+        if a in unseen:
+            continue
+        direction = X[:, np.argmax(np.sum(X**2, axis=0))]
+        direction = BARELY * direction / np.linalg.norm(direction)
+        for b, Q in bases.items():
+            if a != b and float(np.sum((direction - Q @ (Q.T @ direction)) ** 2)) < SAME:
+                found.add((a, b) if a < b else (b, a))
+    out += [
+        Confusable(pair, "their traces in these flights are collinear", manoeuvre(pair)) for pair in sorted(found)
+    ]
+    return out
+
+
+def check(
+    train: Sequence[Evidence],
+    held_out: Sequence[Evidence],
+    candidates: Sequence[Candidate],
+    noise: NoiseModel,
+) -> Check:
+    """The first step's answer."""
+    figures = excitation(train)
+    warnings = [f"{e.name}: {note}" for e in [*train, *held_out] for note in e.log.notes]
+    if train[0].log.input == "rotor_speed":
+        warnings.append("rotor speed is the input: motor_lag, command_delay and clock_offset cannot be told.")
+    for e in [*train, *held_out]:
+        if e.log.a is None:
+            warnings.append(f"{e.name}: no acceleration; velocity is differentiated, accelerometer_bias cannot be told.")
+        if e.attitude_noise > 1e-3:
+            how = "turned with it" if e.turned else "free of it"
+            warnings.append(f"{e.name}: attitude noise of {1e3 * e.attitude_noise:.1f} mrad; acceleration is {how}.")
+    return Check(
+        usable=True,
+        excitation=figures,
+        noise_floor={name: float(noise.rms[WRENCH][c]) for c, name in enumerate(CHANNELS)},
+        not_identifiable=tuple(confusables(train, candidates, noise)),
+        warnings=tuple(warnings),
+    )

@@ -1,0 +1,117 @@
+"""`diagnose`: the five steps in a row. Each can be used alone: check, where, which (rank), how far, unknown."""
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.answer import UNKNOWN, Check, Diagnosis, Finding, Replay, Shrink, Where
+from np_drake.diagnosis.attribute import causes_of, on_held_out
+from np_drake.diagnosis.check import check, confusables, excitation, excited
+from np_drake.diagnosis.evidence import Evidence, make_evidence
+from np_drake.diagnosis.how_far import how_far
+from np_drake.diagnosis.noise import fit_noise
+from np_drake.diagnosis.remains import Remains, remains
+from np_drake.diagnosis.where import where
+from np_drake.diagnosis.which import Ranking, rank
+from np_drake.logs.flight_log import FlightLog
+from np_drake.vehicle import Vehicle
+
+Progress = Callable[[float, str], None]
+
+
+def diagnose(
+    vehicle: Vehicle,
+    train: Sequence[FlightLog],
+    held_out: Sequence[FlightLog],
+    replay: Replay | None = None,
+    *,
+    on_progress: Progress | None = None,
+) -> Diagnosis:
+    """Where the nominal model of `vehicle` and the flights part, which effect causes it, how far it shrinks.
+
+    Args:
+        train: flights that effects are fitted to.   held_out: flights that judge them; not fitted to.
+        replay: the simulator as a callable (`diagrams.gap_replay.DrakeReplay`); without it, that figure is left out.
+        on_progress: called with the share done [1] and what is going on.
+    Raises: ValueError: on logs that cannot be used, one line with the remedy.
+    """
+    start = time.perf_counter()
+    tell = on_progress or (lambda share, text: None)
+    _require_flights(train, held_out)
+    tell(0.0, "residuals")
+    flights = [make_evidence(log, vehicle) for log in train]
+    unseen = [make_evidence(log, vehicle) for log in held_out]
+    names = {"vehicle": vehicle.name, "train": _names(flights), "held_out": _names(unseen)}
+    if not excited(excitation(flights)):
+        answer = _cannot_tell(flights, unseen)
+        return Diagnosis(**names, **answer, cannot_tell=True, wall=time.perf_counter() - start)
+    tell(0.1, "effects")
+    ranking = rank(flights)
+    fit = ranking.fits[0]
+    tell(0.6, "held-out flights")
+    left = remains(ranking, fit, flights, unseen)
+    causes, minor = causes_of(ranking, fit, flights, unseen, left.held)
+    held = left.held
+    checked = check(flights, unseen, ranking.problem.candidates, ranking.noise)
+    found = where(unseen, held.left, ranking.noise, held.rows)
+    tell(0.7, "replay")
+    shrunk = how_far(fit, causes, unseen, ranking.noise, held, replay)
+    verdict = tuple(c.identifier for c in causes) + ((UNKNOWN,) if left.unknown else ())
+    return Diagnosis(
+        **names,
+        verdict=verdict,
+        causes=tuple(causes),
+        check=checked,
+        where=found,
+        shrink=shrunk,
+        minor=tuple(minor),
+        remains=left.findings,
+        unknown_probability=left.probability,
+        warnings=checked.warnings,
+        wall=time.perf_counter() - start,
+    )
+
+
+def _names(flights: Sequence[Evidence]) -> tuple[str, ...]:
+    return tuple(e.name for e in flights)
+
+
+def _require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> None:
+    for name, logs in (("train", train), ("held_out", held_out)):
+        if not logs:
+            raise ValueError(f"diagnose: {name} must hold at least one flight; got none.")
+    names = [log.name for log in [*train, *held_out]]
+    twice = {n for n in names if names.count(n) > 1}
+    if twice:
+        raise ValueError(f"diagnose: flights must have different names; got {sorted(twice)[0]!r} twice.")
+    if len({log.input for log in [*train, *held_out]}) > 1:
+        raise ValueError("diagnose: all flights must have the same input; got command and rotor_speed.")
+    present = {log.name: log.a is not None for log in [*train, *held_out]}
+    if len(set(present.values())) > 1:
+        without = next(n for n, there in present.items() if not there)
+        raise ValueError(f"diagnose: all flights or none must have accelerations; {without} has none.")
+
+
+def _cannot_tell(flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> dict:
+    """Nothing moves: the residual is shown, no cause is named."""
+    from np_drake.diagnosis.candidates import library_candidates
+
+    noise = fit_noise([e.y - e.y.mean(axis=0) for e in flights], flights[0].grid.step)
+    pairs = confusables(flights, library_candidates(flights), noise)
+    rows = {e.name: np.ones(len(e.t), bool) for e in unseen}
+    found: Where = where(unseen, {e.name: e.y for e in unseen}, noise, rows)
+    checked = Check(False, excitation(flights), {}, tuple(pairs), ("nothing is excited: these logs cannot tell.",))
+    size = float(np.sqrt(np.mean(np.concatenate([e.y[:, :6] for e in unseen]) ** 2 / noise.rms[:6] ** 2)))
+    shrunk = Shrink(size, size, 1.0, 0.0, (0.0, 0.0), ())
+    return {
+        "verdict": (),
+        "causes": (),
+        "check": checked,
+        "where": found,
+        "shrink": shrunk,
+        "warnings": checked.warnings,
+    }
+
+
+__all__ = ["Finding", "Ranking", "Remains", "diagnose", "on_held_out"]

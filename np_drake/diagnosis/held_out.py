@@ -1,0 +1,105 @@
+"""A model on flights that its fit has not seen: hidden starts from the first seconds, onsets by scan, nothing else."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.hidden_swing import STATE, swing_wrenches
+from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.signature import NEVER, Term, gate, signature
+
+HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
+ONSET_GAIN = 8.0  # log likelihood that an onset must bring; own choice
+SWING_PRIOR = np.array([0.15, 0.15, 0.5, 0.5])  # [rad, rad/s]
+
+
+def adapt(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list[Term]:
+    """The terms on an unseen flight: onset (none, from the start, in flight) and initial swing found, figures kept."""
+    terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
+    terms = [_with_swing(terms, i, flight, noise) for i in range(len(terms))]
+    for i, term in enumerate(terms):
+        if type(term.effect).begins:
+            terms[i] = _with_onset(terms, i, flight, noise)
+    return terms
+
+
+def scored(terms: Sequence[Term], flight: Evidence) -> np.ndarray:
+    """(m,) rows that count: not those that a hidden start was fitted to."""
+    starts = [
+        (t.begins(flight.name) or flight.t[0]) for t in terms if hasattr(t.effect, "payload")
+    ]
+    rows = np.ones(len(flight.t), bool)
+    for start in starts:
+        if start != NEVER:
+            rows &= (flight.t < start) | (flight.t >= start + HIDDEN_SPAN)
+    return rows
+
+
+def _with_swing(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel) -> Term:
+    """Gauss-Newton on the four figures of a payload's initial swing, from the first seconds after its onset."""
+    term = terms[i]
+    if not hasattr(term.effect, "payload"):
+        return term
+    onset = term.begins(flight.name)
+    if onset == NEVER:
+        return term
+    others = [t for j, t in enumerate(terms) if j != i]
+    target = flight.y - signature(flight, others)
+    start = flight.t[0] if onset is None else onset
+    white_rows = slice(noise.phi.shape[1], None)
+    inside = ((flight.t >= start) & (flight.t < start + HIDDEN_SPAN))[white_rows]
+    swing = np.zeros(STATE)
+    for _ in range(3):
+        moved = [
+            dc.replace(term, hidden={flight.name: swing + 0.02 * d})
+            for d in np.concatenate([np.zeros((1, STATE)), np.eye(STATE)])
+        ]
+        wrench = swing_wrenches(flight, moved)
+        error = np.array(target)
+        error[:, :6] -= wrench[:, 0]
+        columns = np.zeros((*target.shape, STATE))
+        columns[:, :6] = np.moveaxis(wrench[:, 1:] - wrench[:, :1], 1, 2) / 0.02
+        X = noise.whiten(columns)[inside].reshape(-1, STATE)
+        e = noise.whiten(error)[inside].ravel()
+        A = X.T @ X + np.diag(SWING_PRIOR**-2)
+        swing = np.clip(swing + np.linalg.solve(A, X.T @ e - swing / SWING_PRIOR**2), -1.5, 1.5)
+    return dc.replace(term, hidden={flight.name: swing})
+
+
+def _with_onset(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel) -> Term:
+    """Where in this flight the term begins, its figures being known."""
+    term = terms[i]
+    rest = signature(flight, [t for j, t in enumerate(terms) if j != i])
+    own = signature(flight, terms) - rest
+    target = flight.y - rest
+    t, profile = known_onset_profile(flight, noise, target, own)
+    k = int(np.argmax(profile))
+    if k == 0 or profile[k] - profile[0] < ONSET_GAIN:
+        return term
+    onset = NEVER if k == len(t) - 1 else float(t[k])
+    late = dc.replace(term, onset={flight.name: onset}, hidden={})
+    return _with_swing([*terms[:i], late, *terms[i + 1 :]], i, flight, noise)
+
+
+def known_onset_profile(
+    flight: Evidence, noise: NoiseModel, target: np.ndarray, own: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n,) instants of the grid, the last one "not at all", and log likelihoods if `own` begins there."""
+    y, s = noise.whiten(target), noise.whiten(own)
+    t = flight.t[len(flight.t) - len(y) :]
+    gain = np.sum(y * s - 0.5 * s**2, axis=1)
+    after = np.concatenate([np.cumsum(gain[::-1])[::-1], [0.0]])
+    times = np.append(t, t[-1] + flight.grid.step)
+    usable = (times < t[0] + 0.3) & (times > t[0])
+    after[usable] = -np.inf
+    return times, after
+
+
+def residuals(terms: Sequence[Term], flights: Sequence[Evidence]) -> dict[str, np.ndarray]:
+    """(m, 15) by flight: what the terms leave."""
+    return {e.name: e.y - signature(e, terms) for e in flights}
+
+
+__all__ = ["adapt", "gate", "known_onset_profile", "residuals", "scored"]

@@ -1,0 +1,102 @@
+"""Step 4: how far the gap shrinks on held-out flights, as a ladder, and in the simulator's replay."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.answer import Cause, Replay, Rung, Shrink
+from np_drake.diagnosis.attribute import HeldOut
+from np_drake.diagnosis.evidence import WRENCH, Evidence
+from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.signature import signature
+
+BLOCK = 1.0  # of the bootstrap [s]
+DRAWS = 400
+SEED = 1
+
+
+def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:
+    """RMS over rows and wrench channels, channels divided by their noise [1]."""
+    rows = np.concatenate(parts)[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)
+    return float(np.sqrt(np.mean(rows**2)))
+
+
+def how_far(
+    fit: Fit,
+    causes: Sequence[Cause],
+    flights: Sequence[Evidence],
+    noise: NoiseModel,
+    held: HeldOut,
+    replay: Replay | None,
+) -> Shrink:
+    """Held-out shrink with a block-bootstrap interval, the ladder, and the replay before and after."""
+    before = {e.name: e.y[held.rows[e.name]] for e in flights}
+    named = {c.identifier for c in causes}
+    kept = {n: [t for t in terms if t.effect.identifier in named] for n, terms in held.terms.items()}
+    after = {e.name: (e.y - signature(e, kept[e.name]))[held.rows[e.name]] for e in flights}
+    floor = 1.0
+    ladder = _ladder(causes, flights, noise, held)
+    fraction = shrink_fraction(pooled(list(before.values()), noise), pooled(list(after.values()), noise), floor)
+    interval = _bootstrap(before, after, noise, flights[0].grid.step)
+    replays = (None, None)
+    if replay is not None:
+        logs = [e.log for e in flights]
+        effects = [
+            (c.effect, {e.name: _onset_of(kept[e.name], c.identifier, e.name) for e in flights})
+            for c in causes
+            if c.effect is not None
+        ]
+        replays = (replay(logs, []), replay(logs, effects) if effects else None)
+    return Shrink(
+        pooled(list(before.values()), noise),
+        pooled(list(after.values()), noise),
+        floor,
+        fraction,
+        interval,
+        ladder,
+        *replays,
+    )
+
+
+def shrink_fraction(before: float, after: float, floor: float) -> float:
+    """1 - (after² - floor²) / (before² - floor²); zero where there was no gap."""
+    gap = before**2 - floor**2
+    return float(1 - (after**2 - floor**2) / gap) if gap > 1e-3 else 0.0
+
+
+def _onset_of(terms, identifier: str, flight: str) -> float | None:
+    return next((t.begins(flight) for t in terms if t.effect.identifier == identifier), None)
+
+
+def _ladder(causes, flights, noise, held: HeldOut) -> tuple[Rung, ...]:
+    """Nominal, then effect by effect in order of share, then the noise floor."""
+    rungs = [Rung("nominal", pooled([e.y[held.rows[e.name]] for e in flights], noise))]
+    so_far: list[str] = []
+    for cause in sorted(causes, key=lambda c: -c.share):
+        so_far.append(cause.identifier)
+        parts = []
+        for e in flights:
+            terms = [t for t in held.terms[e.name] if t.effect.identifier in so_far]
+            parts.append((e.y - signature(e, terms))[held.rows[e.name]])
+        rungs.append(Rung(f"+ {cause.identifier}", pooled(parts, noise)))
+    return (*rungs, Rung("noise floor", 1.0))
+
+
+def _bootstrap(before, after, noise: NoiseModel, step: float) -> tuple[float, float]:
+    """95 % interval of the fraction over blocks of a second."""
+    size = max(1, round(BLOCK / step))
+
+    def blocks(parts: dict[str, np.ndarray]) -> np.ndarray:
+        out = []
+        for rows in parts.values():
+            power = np.mean((rows[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)) ** 2, axis=1)
+            out += [power[i : i + size].mean() for i in range(0, max(len(power) - size + 1, 1), size)]
+        return np.array(out)
+
+    b, a = blocks(before), blocks(after)
+    pick = np.random.default_rng(SEED).integers(0, len(b), (DRAWS, len(b)))
+    pairs = np.sqrt(np.stack([b[pick].mean(axis=1), a[pick].mean(axis=1)], axis=1))
+    fractions = [shrink_fraction(x, y, 1.0) for x, y in pairs]
+    low, high = np.quantile(fractions, [0.025, 0.975])
+    return float(low), float(high)

@@ -1,0 +1,68 @@
+"""Figures of how far: the ladder, and the error of the replay against its horizon."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from np_drake.diagnosis.answer import ReplayGap, Shrink
+from np_drake.diagnosis.report.words import number, title_of
+from np_drake.figure_file import PALETTE, new_figure
+
+BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"
+
+
+def ladder_figure(shrink: Shrink) -> Figure:
+    """Residual in noise units, a bar a rung; the floor of the noise is a line."""
+    rungs = shrink.ladder
+    figure, grid = new_figure(1, 1, width=7.2, height=0.95 + 0.42 * len(rungs))
+    ax = grid[0, 0]
+    for place, rung in enumerate(rungs):
+        ax.barh(place, rung.residual, height=0.62, color=BEFORE if place == 0 else AFTER)
+        ax.annotate(
+            number(rung.residual, 3),
+            (rung.residual, place),
+            (4, 0),
+            textcoords="offset points",
+            va="center",
+            bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85},
+            zorder=4,
+        )
+    ax.axvline(shrink.floor, color=NOISE, linestyle="--", linewidth=1.2, zorder=3, label="noise alone")
+    ax.set_yticks(range(len(rungs)), [_rung_name(rung.name, place) for place, rung in enumerate(rungs)])
+    ax.invert_yaxis()
+    ax.set_xlabel("held-out residual [noise units]")
+    ax.set_xlim(0, 1.12 * max([rung.residual for rung in rungs] + [shrink.floor]))
+    _tidy(ax, "x")
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside upper right", frameon=False)
+    return figure
+
+
+def _rung_name(name: str, place: int) -> str:
+    title = title_of(name.removeprefix("+ "))
+    return title if place == 0 else f"+ {title[:1].lower()}{title[1:]}"
+
+
+def replay_figure(before: ReplayGap | None, after: ReplayGap | None) -> Figure:
+    """Median error of position, velocity and attitude with its 95 % interval, a panel each."""
+    figure, grid = new_figure(1, 3, width=9.0, height=3.1)
+    panels = (("position", "position [m]"), ("velocity", "velocity [m/s]"), ("attitude", "attitude [deg]"))
+    for ax, (name, label) in zip(grid[0], panels, strict=True):
+        curves = ((before, "nominal", BEFORE, "o", "--"), (after, "with the causes", AFTER, "s", "-"))
+        for gap, legend, colour, marker, dash in curves:
+            if gap is None:
+                continue
+            values = np.asarray(getattr(gap, name), float)
+            ax.fill_between(gap.horizon, values[:, 1], values[:, 2], color=colour, alpha=0.2, linewidth=0)
+            ax.plot(gap.horizon, values[:, 0], color=colour, marker=marker, linestyle=dash, label=legend)
+        ax.set(xlabel="horizon [s]", ylabel=f"error of {label}")
+        ax.set_ylim(bottom=0)
+        ax.set_xlim(left=0)
+        _tidy(ax, "both")
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper right", ncols=2, frameon=False)
+    return figure
+
+
+def _tidy(ax, axis: str) -> None:
+    ax.grid(axis=axis, alpha=0.3, linewidth=0.6)
+    ax.set_axisbelow(True)
+    ax.spines[["top", "right"]].set_visible(False)

@@ -1,0 +1,135 @@
+"""The page: what the template shows, as plain text; figures and style are inside, nothing is fetched."""
+
+import base64
+from collections.abc import Mapping
+from importlib import resources
+from importlib.metadata import version
+from typing import Any
+
+from jinja2 import Environment, StrictUndefined
+
+from np_drake.diagnosis.answer import Cause, Diagnosis, ReplayGap
+from np_drake.diagnosis.report import words
+from np_drake.diagnosis.report.verdict import headline, verdict_sentences
+
+TEMPLATE = "report.html.j2"
+
+
+def render(diagnosis: Diagnosis, figures: Mapping[str, bytes], *, seed: int = 0) -> str:
+    """The whole page. figures: PNG by name."""
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    source = resources.files("np_drake.diagnosis.report").joinpath(TEMPLATE).read_text(encoding="utf-8")
+    pictures = {name: base64.b64encode(png).decode("ascii") for name, png in figures.items()}
+    return environment.from_string(source).render(**content(diagnosis, seed), figures=pictures)
+
+
+def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
+    """Everything that the template names, numbers already as text."""
+    check, shrink = diagnosis.check, diagnosis.shrink
+    return {
+        "headline": headline(diagnosis),
+        "sentences": verdict_sentences(diagnosis),
+        "tiles": _tiles(diagnosis),
+        "channels": [_channel_row(c) for c in diagnosis.where.channels],
+        "causes": [_cause(cause, len(diagnosis.train + diagnosis.held_out)) for cause in diagnosis.causes],
+        "confusables": [
+            {
+                "effects": words.listed([words.name_of(e) for e in item.effects], "or"),
+                "because": item.because,
+                "manoeuvre": item.manoeuvre,
+            }
+            for item in check.not_identifiable
+        ],
+        "replay": _replay_rows(shrink.replay_before, shrink.replay_after),
+        "starts": next((g.starts for g in (shrink.replay_before, shrink.replay_after) if g), 0),
+        "remains": [_finding(finding) for finding in diagnosis.remains],
+        "minor": [_finding(finding) for finding in diagnosis.minor],
+        "unknown": words.percent(diagnosis.unknown_probability),
+        "usable": check.usable,
+        "excitation": [(name, words.number(value)) for name, value in check.excitation.items()],
+        "noise_floor": [(name, words.number(value)) for name, value in check.noise_floor.items()],
+        "warnings": [*check.warnings, *diagnosis.warnings],
+        "flights": [("train", name) for name in diagnosis.train] + [("held out", n) for n in diagnosis.held_out],
+        "vehicle": diagnosis.vehicle,
+        "facts": [
+            ("vehicle", diagnosis.vehicle),
+            ("np_drake", version("np_drake")),
+            ("seed", str(seed)),
+            ("computed in", f"{words.number(diagnosis.wall)} s"),
+        ],
+    }
+
+
+def _tiles(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
+    """(label, figure, note): the four figures that count."""
+    shrink = diagnosis.shrink
+    before, after = words.number(shrink.before, 2), words.number(shrink.after, 2)
+    changed = [c for c in diagnosis.causes if c.identifier in diagnosis.verdict]
+    tiles = [("residual", f"{before} → {after}" if changed else before, "times the noise, on held-out flights")]
+    if changed:
+        note = f"95 % interval {words.interval(shrink.ci95, words.percent)}"
+        tiles.append(("of the gap closed", words.percent(shrink.fraction), note))
+    first, last = shrink.replay_before, shrink.replay_after
+    if first is not None:
+        figure = words.number(first.position[-1, 0], 2)
+        if changed and last is not None:
+            figure += f" → {words.number(last.position[-1, 0], 2)}"
+        tiles.append(("replay error", f"{figure} m", f"position after {first.horizon[-1]:g} s, median"))
+    tiles.append(("something unknown", words.percent(diagnosis.unknown_probability), "probability"))
+    return tiles
+
+
+def _channel_row(channel) -> list[str]:
+    figures = [words.number(v) for v in (channel.rms, channel.after, channel.noise_floor)]
+    return [channel.channel, channel.unit, *figures, words.percent(channel.explained)]
+
+
+def _cause(cause: Cause, flights: int) -> dict[str, Any]:
+    """One card."""
+    rows = []
+    for name, parameter in cause.parameters.items():
+        value, bounds = words.estimate(parameter)
+        rows.append((name.replace("_", " "), value, bounds, words.unit_of(parameter.unit) or "1"))
+    begins = [f"at {words.number(t)} s in {name}" for name, t in cause.onset.items() if t is not None]
+    acting = len(cause.onset) or flights
+    always = acting - len(begins)
+    onset = ["from the start" if not begins else f"from the start in {always} of {acting} flights"] if always else []
+    return {
+        "title": words.title_of(cause.identifier),
+        "identifier": cause.identifier,
+        "probability": words.percent(cause.probability),
+        "share": words.percent(cause.share),
+        "rows": rows,
+        "onset": "; ".join([*begins, *onset]),
+        "others": words.listed([words.name_of(other) for other in cause.indistinguishable_from], "or"),
+    }
+
+
+def _replay_rows(before: ReplayGap | None, after: ReplayGap | None) -> list[list[str]]:
+    """Horizon, then position, velocity and attitude, each before and after with intervals."""
+    gap = before or after
+    rows = []
+    for k, horizon in enumerate(gap.horizon if gap else ()):
+        row = [f"{horizon:g}"]
+        for name in ("position", "velocity", "attitude"):
+            for figures in (before, after):
+                row.append(words.NOTHING if figures is None else _with_interval(getattr(figures, name)[k]))
+        rows.append(row)
+    return rows
+
+
+def _with_interval(figures) -> str:
+    value, lower, upper = (words.number(float(v), 2) for v in figures)
+    return f"{value} ({lower} … {upper})"
+
+
+def _finding(finding) -> dict[str, str]:
+    figures = [f"{name} {words.number(value)}" for name, value in finding.figures.items()]
+    return {
+        "title": words.title_of(finding.name),
+        "text": finding.text,
+        "size": words.percent(finding.size) if abs(finding.size) <= 1 else words.number(finding.size),
+        "figures": ", ".join(figures),
+    }

@@ -1,0 +1,91 @@
+"""The verdict in two sentences: what is missing, and what adding it brings."""
+
+from np_drake.diagnosis.answer import UNKNOWN, Cause, Diagnosis
+from np_drake.diagnosis.report.words import estimate, interval, listed, name_of, number, percent, unit_of
+
+
+def verdict_sentences(diagnosis: Diagnosis) -> tuple[str, str]:
+    """What is missing; how far it closes the gap, or what to do next."""
+    if diagnosis.cannot_tell:
+        return _cannot_tell(diagnosis)
+    named = [cause for cause in diagnosis.causes if cause.identifier in diagnosis.verdict]
+    if UNKNOWN in diagnosis.verdict:
+        return _partly_known(diagnosis, named) if named else _unknown(diagnosis)
+    return _named(diagnosis, named) if named else _nothing(diagnosis)
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """The shortest answer: a few words."""
+    if diagnosis.cannot_tell:
+        return "These logs cannot tell"
+    if not diagnosis.verdict:
+        return "Nothing material is missing"
+    names = listed([name_of(identifier) for identifier in diagnosis.verdict])
+    return names[:1].upper() + names[1:]
+
+
+def _cannot_tell(diagnosis: Diagnosis) -> tuple[str, str]:
+    first = "These logs cannot tell what the simulator lacks: they excite too little of it."
+    manoeuvres = list(dict.fromkeys(item.manoeuvre for item in diagnosis.check.not_identifiable if item.manoeuvre))
+    if not manoeuvres:
+        return first, "Fly with more motion in every axis, and diagnose again."
+    return first, f"What would tell: {manoeuvres[0].rstrip('.')}."
+
+
+def _nothing(diagnosis: Diagnosis) -> tuple[str, str]:
+    shrink = diagnosis.shrink
+    first = "Nothing material is missing: on flights it has not seen, the simulator agrees with the logs."
+    second = (
+        f"What is left is {number(shrink.before, 2)} times the noise, where noise alone would give "
+        f"{number(shrink.floor, 2)}"
+    )
+    minor = len(diagnosis.minor)
+    return first, second + (f"; {minor} minor finding{'s' * (minor > 1)} below." if minor else ".")
+
+
+def _named(diagnosis: Diagnosis, causes: list[Cause]) -> tuple[str, str]:
+    first = f"The simulator lacks {listed([_with_figures(cause, len(causes)) for cause in causes])}."
+    return first, _closes(diagnosis, "Adding it" if len(causes) == 1 else "Adding them") + "."
+
+
+def _partly_known(diagnosis: Diagnosis, causes: list[Cause]) -> tuple[str, str]:
+    known = listed([_with_figures(cause, len(causes) + 1) for cause in causes])
+    first = (
+        f"The simulator lacks {known}, and something else that no effect of the library explains "
+        f"(probability {percent(diagnosis.unknown_probability)})."
+    )
+    added = "it" if len(causes) == 1 else "them"
+    return first, _closes(diagnosis, f"Adding {added}") + "; what remains is described below."
+
+
+def _unknown(diagnosis: Diagnosis) -> tuple[str, str]:
+    first = (
+        "Something is missing that no effect of the library explains "
+        f"(probability {percent(diagnosis.unknown_probability)})."
+    )
+    if not diagnosis.remains:
+        return first, f"The residual is {number(diagnosis.shrink.before, 2)} times the noise."
+    return first, f"Its clearest trace: {diagnosis.remains[0].text.rstrip('.')}."
+
+
+def _with_figures(cause: Cause, count: int) -> str:
+    """The cause with its probability and, where it has few, its parameters."""
+    details = []
+    if len(cause.parameters) == 1 or (count == 1 and len(cause.parameters) <= 3):
+        for name, parameter in cause.parameters.items():
+            value, bounds = estimate(parameter)
+            unit = unit_of(parameter.unit)
+            details.append(f"{name.replace('_', ' ')} {value}{' ' * bool(unit)}{unit}, 95 % interval {bounds}")
+    details.append(f"probability {percent(cause.probability)}")
+    others = [name_of(other) for other in cause.indistinguishable_from]
+    doubt = f", or {listed(others, 'or')}, which these logs cannot tell from it," if others else ""
+    return f"{name_of(cause.identifier)}{doubt} ({'; '.join(details)})"
+
+
+def _closes(diagnosis: Diagnosis, subject: str) -> str:
+    shrink = diagnosis.shrink
+    return (
+        f"{subject} closes {percent(shrink.fraction)} of the gap on held-out flights "
+        f"(95 % interval {interval(shrink.ci95, percent)}): from {number(shrink.before, 2)} to "
+        f"{number(shrink.after, 2)} times the noise"
+    )

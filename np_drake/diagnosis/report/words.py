@@ -1,0 +1,102 @@
+"""Numbers, names and file names as a person reads them."""
+
+import math
+
+from np_drake.diagnosis.answer import Estimate
+
+NAMES = {  # identifier: what is missing, in a sentence
+    "mass_error": "a mass error",
+    "inertia_error": "an inertia error",
+    "center_of_mass_offset": "an offset of the centre of mass",
+    "suspended_payload": "a suspended payload",
+    "thrust_scale": "a thrust scale",
+    "thrust_drift": "a drift of thrust",
+    "weak_rotor": "a weak rotor",
+    "motor_lag": "motor lag",
+    "command_delay": "a command delay",
+    "linear_drag": "linear drag",
+    "quadratic_drag": "quadratic drag",
+    "blade_flapping": "blade flapping",
+    "translational_lift": "translational lift",
+    "constant_wind": "a constant wind",
+    "gusty_wind": "a gusty wind",
+    "ground_effect": "ground effect",
+    "rotor_gyroscopic": "the rotors' gyroscopic moment",
+    "accelerometer_bias": "an accelerometer bias",
+    "gyro_bias": "a gyroscope bias",
+    "velocity_bias": "a velocity bias",
+    "attitude_bias": "an attitude bias",
+    "clock_offset": "a clock offset",
+    "unknown": "something unknown",
+}
+NOTHING = "–"
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def name_of(identifier: str) -> str:
+    """What is missing, with its article; a user's own effect by its identifier."""
+    return NAMES.get(identifier, identifier.replace("_", " "))
+
+
+def title_of(identifier: str) -> str:
+    """The same as a heading."""
+    name = name_of(identifier).removeprefix("a ").removeprefix("an ").removeprefix("the ")
+    return name[:1].upper() + name[1:]
+
+
+def listed(names: list[str], last: str = "and") -> str:
+    """'x', 'x and y', 'x, y and z'."""
+    return f" {last} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Significant digits, powers of ten where they are shorter; a dash for what is not finite."""
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    if value == 0:
+        return "0"
+    power = math.floor(math.log10(abs(value)))
+    if -4 <= power < 5:
+        return f"{value:.{max(digits - 1 - power, 0)}f}".replace("-", "−")
+    mantissa = f"{value / 10.0**power:.{digits - 1}f}".replace("-", "−")
+    return f"{mantissa} × 10{str(power).translate(_RAISED)}"
+
+
+def percent(share: float | None) -> str:
+    """A share as whole per cent; never 100 % or 0 % of what is not."""
+    if share is None or not math.isfinite(share):
+        return NOTHING
+    if 0.99 < share < 1:
+        return "> 99 %"
+    if 0 < share < 0.01:
+        return "< 1 %"
+    return f"{100 * share:.0f} %".replace("-", "−")
+
+
+def unit_of(unit: str) -> str:
+    """A unit behind a number; nothing behind a pure one."""
+    return "" if unit in ("", "1") else unit
+
+
+def estimate(parameter: Estimate) -> tuple[str, str]:
+    """Value and interval, to the digits that the interval warrants."""
+    lower, upper = parameter.ci95
+    half = 0.5 * (upper - lower)
+    if not (math.isfinite(half) and half > 0):
+        return number(parameter.value), NOTHING
+    decimals = 1 - math.floor(math.log10(half))
+    if not 0 <= decimals <= 6:
+        return number(parameter.value), f"{number(lower)} … {number(upper)}"
+    value, lower, upper = (f"{v:.{decimals}f}".replace("-", "−") for v in (parameter.value, lower, upper))
+    return value, f"{lower} … {upper}"
+
+
+def interval(bounds: tuple[float, float] | list[float], how=number) -> str:
+    """'lower … upper'."""
+    return f"{how(bounds[0])} … {how(bounds[1])}"
+
+
+def plain_name(name: str, longest: int = 36) -> str:
+    """A file name for a figure: fonts do not have every sign, and a figure not every width."""
+    shown = "".join(sign if sign.isprintable() and ord(sign) < 0x250 else "?" for sign in name)
+    return shown if len(shown) <= longest else f"{shown[: longest - 10]}…{shown[-9:]}"

@@ -1,0 +1,69 @@
+"""Writes the report's folder: page, JSON, pictures. Everything is made before anything is written."""
+
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from np_drake.atomic_file import atomic_path, write_json, write_text
+from np_drake.diagnosis.answer import Diagnosis
+from np_drake.diagnosis.answer_json import as_json
+from np_drake.diagnosis.report.gap_figures import ladder_figure, replay_figure
+from np_drake.diagnosis.report.page import render
+from np_drake.diagnosis.report.where_figures import regime_figure, spectrum_figure, timeline_figure
+from np_drake.figure_file import png
+
+PAGE, DATA = "report.html", "diagnosis.json"
+
+
+def write_report(
+    diagnosis: Diagnosis, folder: str | Path, *, seed: int = 0, config: dict[str, Any] | None = None
+) -> Path:
+    """The page `report.html`, with `diagnosis.json` and the pictures beside it; returns the page's path.
+
+    Args: folder: must exist.   seed, config: what the diagnosis was made with, for the JSON's head.
+    Raises: OSError: if nothing can be written there.
+    """
+    folder = Path(folder)
+    pictures = {name: png(figure) for name, figure in figures(diagnosis).items()}
+    page = render(diagnosis, pictures, seed=seed)
+    for name, picture in pictures.items():
+        with atomic_path(folder / f"{name}.png") as temporary:
+            temporary.write_bytes(picture)
+    write_json(folder / DATA, with_head(as_json(diagnosis), seed=seed, config=config or {}))
+    write_text(folder / PAGE, page)
+    return folder / PAGE
+
+
+def with_head(content: dict[str, Any], *, seed: int, config: dict[str, Any]) -> dict[str, Any]:
+    """The content behind what every file of the project begins with (docs/files.md: metrics)."""
+    head = {"schema": content["schema"], "version": version("np_drake"), "seed": seed, "config": config}
+    return {**head, **content}
+
+
+def figures(diagnosis: Diagnosis) -> dict[str, Figure]:
+    """By name: those that the diagnosis has figures for."""
+    where, shrink = diagnosis.where, diagnosis.shrink
+    out: dict[str, Figure] = {}
+    if shrink.ladder:
+        out["ladder"] = ladder_figure(shrink)
+    if where.regimes:
+        out["regimes"] = regime_figure(where.regimes)
+    if where.times:
+        out["timeline"] = timeline_figure(where, _onsets(diagnosis))
+    if where.bands:
+        out["spectrum"] = spectrum_figure(where.bands)
+    if shrink.replay_before is not None or shrink.replay_after is not None:
+        out["replay"] = replay_figure(shrink.replay_before, shrink.replay_after)
+    return out
+
+
+def _onsets(diagnosis: Diagnosis) -> dict[str, list[tuple[str, float]]]:
+    """By flight: (effect, time) of every cause that begins in it."""
+    out: dict[str, list[tuple[str, float]]] = {}
+    for cause in diagnosis.causes:
+        for flight, time in cause.onset.items():
+            if time is not None:
+                out.setdefault(flight, []).append((cause.identifier, time))
+    return out

@@ -1,0 +1,135 @@
+"""Step 2: where the gap lies: channels, time, flight regime, frequency."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import ruptures
+from scipy import signal
+
+from np_drake import attitude
+from np_drake.diagnosis.answer import CHANNELS, Band, ChannelGap, Regime, Segment, Where
+from np_drake.diagnosis.evidence import WRENCH, Evidence
+from np_drake.diagnosis.grid import to_grid
+from np_drake.diagnosis.noise import NoiseModel
+
+UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
+BINS = 4  # of a regime
+COARSE = 0.2  # time resolution of change points [s]
+PENALTY = 12.0  # of a change point, in units of the noise's variance times channels; own choice
+LEAST_SPAN = 1e-3
+
+
+def where(
+    flights: Sequence[Evidence], after: dict[str, np.ndarray], noise: NoiseModel, rows: dict[str, np.ndarray]
+) -> Where:
+    """Of flights with what is left of them (m, 15) after the causes; `rows` (m,) are the ones that count."""
+    before = {e.name: e.y[:, WRENCH] for e in flights}
+    left = {e.name: after[e.name][:, WRENCH] for e in flights}
+    return Where(
+        channels=channel_gaps(before, left, noise, rows),
+        segments=tuple(s for e in flights for s in segments(e, noise)),
+        regimes=regimes(flights, left, noise),
+        bands=bands(flights, left, noise),
+        times={e.name: e.t for e in flights},
+        before=before,
+        after=left,
+    )
+
+
+def channel_gaps(before, after, noise: NoiseModel, rows) -> tuple[ChannelGap, ...]:
+    """RMS before and after by channel, pooled over the rows that count."""
+
+    def rms(parts: dict[str, np.ndarray], c: int) -> float:
+        return float(np.sqrt(np.mean(np.concatenate([parts[n][rows[n], c] for n in parts]) ** 2)))
+
+    out = []
+    for c, name in enumerate(CHANNELS):
+        b, a, floor = rms(before, c), rms(after, c), float(noise.rms[c])
+        gap = b**2 - floor**2
+        explained = float(np.clip(1 - (a**2 - floor**2) / gap, -1.0, 1.0)) if gap > 0.02 * floor**2 else 0.0
+        out.append(ChannelGap(name, UNITS[c], b, floor, a, explained))
+    return tuple(out)
+
+
+def segments(flight: Evidence, noise: NoiseModel) -> list[Segment]:
+    """Stretches between change points of the residual's mean (exact segmentation by dynamic programming, PELT).
+
+    Source: Killick et al. 2012, as in ruptures; the penalty is own choice.
+    """
+    scaled = flight.y[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)
+    bin_ = max(1, round(COARSE / flight.grid.step))
+    n = len(scaled) // bin_
+    coarse = scaled[: n * bin_].reshape(n, bin_, 6).mean(axis=1)
+    spread = np.maximum(coarse.std(axis=0), 1e-9)
+    model = ruptures.Pelt(model="l2", min_size=5, jump=1).fit(coarse / spread)
+    ends = model.predict(pen=PENALTY)
+    edges = [0, *ends]
+    out = []
+    for a, b in zip(edges[:-1], edges[1:], strict=True):
+        part = scaled[a * bin_ : b * bin_]
+        start, end = flight.t[a * bin_], flight.t[min(b * bin_, len(flight.t) - 1)]
+        out.append(
+            Segment(
+                flight.name, float(start), float(end), tuple(np.sqrt(np.mean(part**2, axis=0)).tolist())
+            )
+        )
+    return out
+
+
+def quantities(flight: Evidence) -> dict[str, tuple[np.ndarray, str]]:
+    """What a regime is: by name, values on the grid (m,) and unit."""
+    mids = flight.mids
+    tilt = np.degrees(np.arccos(np.clip(attitude.body_z(mids.q)[:, 2], -1, 1)))
+    raw = np.stack(
+        [
+            np.linalg.norm(mids.x[:, 7:10], axis=1),
+            mids.x[:, 2],
+            tilt,
+            np.linalg.norm(mids.x[:, 10:13], axis=1),
+        ],
+        axis=1,
+    )
+    on = to_grid(flight.grid, mids.t, raw)
+    return {
+        "speed": (on[:, 0], "m/s"),
+        "thrust": (flight.nominal[:, 2], "N"),
+        "height": (on[:, 1], "m"),
+        "tilt": (on[:, 2], "deg"),
+        "rate": (on[:, 3], "rad/s"),
+    }
+
+
+def regimes(flights: Sequence[Evidence], after, noise: NoiseModel) -> tuple[Regime, ...]:
+    """Rows in quarters of each quantity, equally many in each, with their RMS residual."""
+    all_of = [quantities(e) for e in flights]
+    before = np.concatenate([e.y[:, WRENCH] for e in flights]) / np.maximum(noise.rms[WRENCH], 1e-12)
+    left = np.concatenate([after[e.name] for e in flights]) / np.maximum(noise.rms[WRENCH], 1e-12)
+    out = []
+    for name in all_of[0]:
+        value = np.concatenate([q[name][0] for q in all_of])
+        edges = np.quantile(value, np.linspace(0, 1, BINS + 1))
+        if edges[-1] - edges[0] < LEAST_SPAN:
+            continue
+        for i in range(BINS):
+            inside = (value >= edges[i]) & ((value < edges[i + 1]) | (i == BINS - 1))
+            if not inside.any():
+                continue
+            rms = [tuple(np.sqrt(np.mean(part[inside] ** 2, axis=0)).tolist()) for part in (before, left)]
+            unit = all_of[0][name][1]
+            out.append(Regime(name, unit, float(edges[i]), float(edges[i + 1]), int(inside.sum()), *rms))
+    return tuple(out)
+
+
+def bands(flights: Sequence[Evidence], after, noise: NoiseModel) -> tuple[Band, ...]:
+    """Welch spectra by channel, averaged over flights, beside the noise model's."""
+    rate = 1.0 / flights[0].grid.step
+    length = min(256, *(len(e.t) for e in flights))
+
+    def spectrum(parts: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        found = [signal.welch(p, rate, nperseg=length, axis=0, detrend=False) for p in parts]
+        return found[0][0], np.mean([s for _, s in found], axis=0)
+
+    frequency, b = spectrum([e.y[:, WRENCH] for e in flights])
+    _, a = spectrum([after[e.name] for e in flights])
+    model = noise.spectrum(frequency)
+    return tuple(Band(name, frequency, b[:, c], a[:, c], model[c]) for c, name in enumerate(CHANNELS))
