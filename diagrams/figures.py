@@ -5,13 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagrams.figure_file import new_figure
 from diagrams.flight_result import FlightResult
+from np_drake.figure_file import DASHES, PALETTE, new_figure
 from np_drake.references.config import make_reference
 
-# Okabe and Ito's palette: told apart by colour-blind readers and, with the dashes, in grey print.
-PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), "-")
 _AXES = ("x", "y", "z")
 
 

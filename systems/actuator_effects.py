@@ -1,6 +1,7 @@
 """The actuator wrapper: effects between commanded and actual rotor thrust."""
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, LeafSystem
@@ -12,6 +13,8 @@ from np_drake.vehicle import Vehicle
 class ActuatorEffects(LeafSystem):
     """Passes rotor thrust through a chain of actuator effects, first to last.
 
+    Their dead times are not in it: they belong on the command (`CommandBuffer`), of which all of them only see more.
+
     .. pydrake_system::
 
         name: ActuatorEffects
@@ -20,26 +23,30 @@ class ActuatorEffects(LeafSystem):
         output_ports:
         - thrust
         - nominal_thrust
+        - rotor_rate
 
     | port | size | meaning | unit |
     |---|---|---|---|
-    | command | 4 | commanded rotor thrust after saturation | N |
+    | command | 4 | commanded rotor thrust after saturation and dead time | N |
     | thrust | 4 | actual rotor thrust | N |
     | nominal_thrust | 4 | what a nominal rotor would give at the actual rotor speed | N |
+    | rotor_rate | 4 | time derivative of rotor speed; zero where nothing lags | rad/s² |
 
-    Continuous state: the effects' states one after the other; it starts at rest under hover thrust.
+    Continuous state: the effects' states one after the other; it starts at rest under hover thrust. The state of the
+    last effect that turns the rotors and has four states is rotor speed.
     """
 
-    def __init__(self, vehicle: Vehicle, effects: list[ActuatorEffect], hover_thrust: np.ndarray):
+    def __init__(self, vehicle: Vehicle, effects: Sequence[ActuatorEffect], hover_thrust: np.ndarray):
         super().__init__()
         self._vehicle, self._effects = vehicle, list(effects)
         ends = np.cumsum([0] + [e.state_size for e in effects])
         self._slices = [slice(a, b) for a, b in itertools.pairwise(ends)]
         self._command_port = self.DeclareVectorInputPort("command", 4)
         self.DeclareContinuousState(BasicVector(self._resting_state(hover_thrust)))
-        prerequisites = {self._command_port.ticket(), self.all_state_ticket()}
+        prerequisites = {self._command_port.ticket(), self.all_state_ticket(), self.time_ticket()}
         self.DeclareVectorOutputPort("thrust", 4, self._calc_thrust, prerequisites)
         self.DeclareVectorOutputPort("nominal_thrust", 4, self._calc_nominal_thrust, prerequisites)
+        self.DeclareVectorOutputPort("rotor_rate", 4, self._calc_rotor_rate, prerequisites)
 
     def _resting_state(self, thrust: np.ndarray) -> np.ndarray:
         states, passed = [], np.asarray(thrust, float)
@@ -48,13 +55,17 @@ class ActuatorEffects(LeafSystem):
             passed = effect.thrust(self._vehicle, states[-1], passed)
         return np.concatenate(states) if states else np.zeros(0)
 
+    def rest_at(self, context, thrust: np.ndarray) -> None:
+        """Sets the state at which a constant command `thrust` (4,) [N] rests; `context` is the system's own."""
+        context.SetContinuousState(self._resting_state(thrust))
+
     def _chain(self, context) -> tuple[list[np.ndarray], np.ndarray]:
         """What each effect is commanded, and the thrust after the last [N]."""
         state = context.get_continuous_state_vector().CopyToVector()
-        commands, thrust = [], self._command_port.Eval(context)
+        commands, thrust, t = [], self._command_port.Eval(context), context.get_time()
         for effect, where in zip(self._effects, self._slices, strict=True):
             commands.append(thrust)
-            thrust = effect.thrust(self._vehicle, state[where], thrust)
+            thrust = effect.thrust(self._vehicle, state[where], thrust, t)
         return commands, thrust
 
     def DoCalcTimeDerivatives(self, context, derivatives) -> None:
@@ -77,5 +88,14 @@ class ActuatorEffects(LeafSystem):
         thrust = self._command_port.Eval(context)
         for effect, where in zip(self._effects, self._slices, strict=True):
             if effect.turns_rotor:
-                thrust = effect.thrust(self._vehicle, state[where], thrust)
+                thrust = effect.thrust(self._vehicle, state[where], thrust, context.get_time())
         output.SetFromVector(thrust)
+
+    def _calc_rotor_rate(self, context, output) -> None:
+        state = context.get_continuous_state_vector().CopyToVector()
+        commands, _ = self._chain(context)
+        rate = np.zeros(4)
+        for effect, where, command in zip(self._effects, self._slices, commands, strict=True):
+            if effect.turns_rotor and effect.state_size == 4:
+                rate = effect.state_rate(self._vehicle, state[where], command)
+        output.SetFromVector(rate)

@@ -1,5 +1,7 @@
 """The measurement wrapper: what the rig reads of the truth."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
@@ -30,10 +32,18 @@ class MeasurementEffects(LeafSystem):
     | nominal_rotor_thrust | 4 | thrust coefficient times the square of the actual rotor speed | N |
     | white | sum of white_size | standard normal draws, held between samples | 1 |
     | rotor_speed | 4 | as read | rad/s |
+
+    Raises: ValueError: on an effect that shifts the clock, which no causal rig can do.
     """
 
-    def __init__(self, vehicle: Vehicle, effects: list[MeasurementEffect]):
+    def __init__(self, vehicle: Vehicle, effects: Sequence[MeasurementEffect]):
         super().__init__()
+        shifted = [e.identifier for e in effects if getattr(e, "clock_shift", 0.0) != 0.0]
+        if shifted:
+            raise ValueError(
+                f"MeasurementEffects: a reading must not look into the future; got {', '.join(shifted)}. "
+                "Shift the recorded log instead (np_drake.logs.clock.shift_state)."
+            )
         self._vehicle, self._effects = vehicle, list(effects)
         self.white_size = sum(e.white_size for e in effects)
         self._x_port = self.DeclareVectorInputPort("x_true", 13)

@@ -1,5 +1,7 @@
 """Motion capture and IMU: noise sources and measurement effects as one subsystem."""
 
+from collections.abc import Sequence
+
 from pydrake.common import RandomDistribution
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, RandomSource, ZeroOrderHold
@@ -12,7 +14,7 @@ from systems.measurement_effects import MeasurementEffects
 _DRAW_OFFSET = 0.4  # of a period
 
 
-def make_sensor_rig(vehicle: Vehicle, effects: list[MeasurementEffect], *, period: float) -> Diagram:
+def make_sensor_rig(vehicle: Vehicle, effects: Sequence[MeasurementEffect], *, period: float) -> Diagram:
     """Ports as `MeasurementEffects`, less `white`: one draw every `period` [s], by the diagram's random seed.
 
     The seed is set by `diagram.SetRandomContext(context, RandomGenerator(seed))`.
@@ -41,7 +43,7 @@ def add_sensor_rig(
     builder: DiagramBuilder,
     real_vehicle: Diagram,
     vehicle: Vehicle,
-    effects: list[MeasurementEffect],
+    effects: Sequence[MeasurementEffect],
     *,
     period: float,
 ) -> Diagram:

@@ -1,9 +1,13 @@
 """The wrench wrapper: effects that push and twist the body."""
 
+import dataclasses as dc
+from collections.abc import Sequence
+
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from np_drake.effects.base import Motion, WrenchEffect
+from np_drake.effects.combine import total_wrench
 from np_drake.rigid_body import to_spatial_force
 from np_drake.vehicle import Vehicle
 
@@ -17,6 +21,7 @@ class WrenchEffects(LeafSystem):
         input_ports:
         - x
         - rotor_thrust
+        - rotor_rate (optional)
         output_ports:
         - generalized_force
         - chi
@@ -25,26 +30,27 @@ class WrenchEffects(LeafSystem):
     |---|---|---|---|
     | x | 13 | true state | |
     | rotor_thrust | 4 | actual rotor thrust | N |
+    | rotor_rate | 4 | time derivative of rotor speed; zero where not connected | rad/s² |
     | generalized_force | nv | [moment about Bo, force] on B in W, zeros for other bodies | N·m, N |
     | chi | 6 | [force in W, torque in B] | N, N·m |
     """
 
-    def __init__(self, vehicle: Vehicle, effects: list[WrenchEffect], num_velocities: int):
+    def __init__(self, vehicle: Vehicle, effects: Sequence[WrenchEffect], num_velocities: int):
         super().__init__()
         self._vehicle, self._effects = vehicle, list(effects)
         self._force = np.zeros(num_velocities)  # workspace; only the first six entries are ever written
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
-        prerequisites = {self._x_port.ticket(), self._thrust_port.ticket(), self.time_ticket()}
+        self._rate_port = self.DeclareVectorInputPort("rotor_rate", 4)
+        prerequisites = {self.all_input_ports_ticket(), self.time_ticket()}
         self.DeclareVectorOutputPort("generalized_force", num_velocities, self._calc_force, prerequisites)
         self.DeclareVectorOutputPort("chi", 6, self._calc_chi, prerequisites)
 
     def _chi(self, context) -> np.ndarray:
         motion = Motion(context.get_time(), self._x_port.Eval(context), self._thrust_port.Eval(context))
-        chi = self._effects[0].wrench(self._vehicle, motion)
-        for effect in self._effects[1:]:
-            chi = chi + effect.wrench(self._vehicle, motion)
-        return chi
+        if self._rate_port.HasValue(context):
+            motion = dc.replace(motion, rotor_rate=self._rate_port.Eval(context))
+        return total_wrench(self._vehicle, self._effects, motion)
 
     def _calc_force(self, context, output) -> None:
         chi = self._chi(context)

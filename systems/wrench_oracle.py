@@ -45,7 +45,10 @@ class WrenchOracle(LeafSystem):
         self._u_port = self.DeclareVectorInputPort("plan_u", 4 * N)
         self._x_port = self.DeclareVectorInputPort("plan_x", 13 * (N + 1))
         self.DeclareAbstractOutputPort(
-            "forecast", Value[object], self._calc_forecast, {self.all_input_ports_ticket()}
+            "forecast",
+            Value[object],
+            self._calc_forecast,
+            {self.all_input_ports_ticket(), self.time_ticket()},
         )
 
     def _calc_forecast(self, context, output) -> None:
@@ -58,6 +61,7 @@ class WrenchOracle(LeafSystem):
             plan.x,
             plan.u,
             step,
+            t=context.get_time(),
             rotor_thrust=self._thrust_port.Eval(context),
             swing_state=self._swing_state(self._state_port.Eval(context)),
         )

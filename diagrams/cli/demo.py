@@ -66,8 +66,8 @@ def _print_reduction(result: "Demo") -> None:
 
 def _write_comparison(result: "Demo", out: Path) -> None:
     from diagrams import figures
-    from diagrams.figure_file import save
     from diagrams.tracking import TRACKS
+    from np_drake.figure_file import save
 
     for track in TRACKS:
         flights = [f for f in result.flights if f.config.name == track]

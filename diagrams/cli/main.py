@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from diagrams.cli import bench, demo, evaluate, fly, reproduce, train
+from diagrams.cli import bench, challenge, demo, diagnose, evaluate, fly, reproduce, train
 from diagrams.cli.output import console, say
 from diagrams.failed_run import FailedRun
 
@@ -33,8 +33,10 @@ app.command("demo")(demo.demo)
 app.command("fly")(fly.fly)
 app.command("train")(train.train)
 app.command("evaluate")(evaluate.evaluate)
+app.command("diagnose")(diagnose.diagnose)
 app.command("reproduce")(reproduce.reproduce)
 app.command("bench")(bench.bench)
+app.add_typer(challenge.challenge, name="challenge")
 
 
 @app.callback(invoke_without_command=True)

@@ -99,6 +99,14 @@ def write_metrics(path: Path | None, verb: str, *, seed: int, config: dict, **co
     say(f"metrics: {path}")
 
 
+def require_folder(path: Path) -> None:
+    """Asks before long work whether `make_folder` will succeed, and creates nothing. Raises OSError if not."""
+    there = next(folder for folder in (path.absolute(), *path.absolute().parents) if folder.exists())
+    if not there.is_dir():
+        raise NotADirectoryError(f"{there}: must be a folder; it is a file.")
+    require_writable(there / "any")
+
+
 def make_folder(path: Path) -> Path:
     """The folder of `--out`, created where it is missing. Raises OSError where nothing can be written in it."""
     path.mkdir(parents=True, exist_ok=True)

@@ -44,7 +44,7 @@ def train(
     for place in places:
         require_writable(place)
     from diagrams.cli.flights import open_flights
-    from diagrams.figure_file import save
+    from np_drake.figure_file import save
     from np_drake.labels import LabelConfig
     from np_drake.lifting.model_file import save_model
     from np_drake.lifting.origin import origin_of, with_origin
@@ -107,7 +107,7 @@ def report(result: "TrainingResult", wall: float) -> None:
 
 def loss_figure(loss: list[float]) -> "Figure":
     """Loss against epoch, as a Figure."""
-    from diagrams.figure_file import new_figure
+    from np_drake.figure_file import new_figure
 
     figure, grid = new_figure(1, 1, width=6.0, height=3.5)
     axes = grid[0, 0]

@@ -56,7 +56,9 @@ def _gap(where: Where, replay: ReplayGap | None) -> dict[str, Any]:
     gap: dict[str, Any] = {"force": {}, "torque": {}}
     for channel in where.channels:
         kind, axis = channel.channel.split()
-        figures = {name: getattr(channel, name) for name in ("unit", "rms", "noise_floor", "after", "explained")}
+        figures = {
+            name: getattr(channel, name) for name in ("unit", "rms", "noise_floor", "after", "explained")
+        }
         gap.setdefault(kind, {})[axis] = figures
     gap["replay"] = None if replay is None else {"horizon": replay.horizon, **_medians(replay)}
     for name in ("segments", "regimes", "bands"):
@@ -70,7 +72,9 @@ def _both_replays(before: ReplayGap | None, after: ReplayGap | None) -> dict[str
     if known is None:
         return None
     both = {"before": before, "after": after}
-    figures = {name: None if gap is None else {**_medians(gap), **_intervals(gap)} for name, gap in both.items()}
+    figures = {
+        name: None if gap is None else {**_medians(gap), **_intervals(gap)} for name, gap in both.items()
+    }
     return {"horizon": known.horizon, "starts": known.starts, **figures}
 
 

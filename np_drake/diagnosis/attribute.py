@@ -18,6 +18,7 @@ from np_drake.diagnosis.which import Ranking, names_of
 MATERIAL_FORCE = 0.02  # of weight [1]
 MATERIAL_TORQUE = 0.02  # of RMS commanded torque [1]
 MATERIAL_GAP = 0.10  # of the gap above the noise [1]
+MATERIAL_SENSOR = 0.25  # of the noise in the kinematic channel that a sensor error shows in [1]
 CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
 SAME = 3.5  # difference of log evidence below which two explanations are the same in these data
 MOST_LIKE = 2  # names beside a cause's own
@@ -25,7 +26,10 @@ MOST_LIKE = 2  # names beside a cause's own
 
 @dc.dataclass(frozen=True)
 class Size:
-    """How large a term is: force over weight, torque over RMS commanded torque, share of the gap above noise [1]."""
+    """How large a term is: force over weight, torque over RMS commanded torque, share of the gap above noise,
+
+    and the largest share of a kinematic channel's noise [1].
+    """
 
     force: float
     torque: float
@@ -36,9 +40,8 @@ class Size:
         """Does it matter?"""
         if calibration:
             return self.force >= MATERIAL_FORCE
-        return (
-            self.force >= MATERIAL_FORCE or self.torque >= MATERIAL_TORQUE or self.gap >= MATERIAL_GAP
-        )
+        seen = self.gap >= MATERIAL_GAP or self.sensor >= MATERIAL_SENSOR
+        return self.force >= MATERIAL_FORCE or self.torque >= MATERIAL_TORQUE or seen
 
 
 @dc.dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Every effect of the library as columns of a linear regression, some at several values of what is not linear."""
+"""Every effect of the library as columns of a linear regression, some at several values of what is not linear"""
 
 import dataclasses as dc
 import math
@@ -42,7 +42,6 @@ class Candidate:
 
 def nonlinear_grid(effect: type[Effect], flight: Evidence) -> list[dict[str, float]]:
     """Values at which an effect that is not linear is tried; [] where it has its own treatment."""
-    h = flight.log.step
     grids: dict[str, list[dict[str, float]]] = {
         "motor_lag": [
             {"time_constant": flight.vehicle.rotor_time_constant + v} for v in (0.012, 0.03, 0.06, 0.12)
@@ -55,7 +54,7 @@ def nonlinear_grid(effect: type[Effect], flight: Evidence) -> list[dict[str, flo
     }
     if effect.identifier in grids:
         return grids[effect.identifier]
-    if effect.linear or effect.needs or h <= 0:
+    if effect.linear or effect.needs or effect.place in ("mass", "measurement"):
         return []
     free = [p for p in effect.parameters if not p.choices]
     return [{p.name: p.neutral + sign * p.typical for p in free} for sign in (0.5, 1.0, -0.5)]
@@ -92,9 +91,9 @@ def effect_candidates(effect: type[Effect], flights: Sequence[Evidence], onset: 
     settings: list[dict[str, float]] = [{}]
     for p in discrete:
         settings = [{**s, p.name: choice} for s in settings for choice in p.choices]
-    if effect.linear or discrete:
-        return [_linear(effect, flights, onset, s, len(settings)) for s in settings]
     grid = nonlinear_grid(effect, flights[0])
+    if effect.linear or discrete or not grid:
+        return [_linear(effect, flights, onset, s, len(settings)) for s in settings]
     return [_at_value(effect, flights, onset, values, len(grid)) for values in grid]
 
 

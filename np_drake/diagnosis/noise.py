@@ -50,8 +50,24 @@ class NoiseModel:
         return 2 * self.step * self.innovation[:, None] / np.abs(1 - self.phi @ powers) ** 2
 
 
+def scale_only(residuals: list[np.ndarray], step: float) -> NoiseModel:
+    """White noise as large as the residuals: ordinary least squares with channels made comparable."""
+    rms = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
+    rms[rms**2 < ACTIVE] = 0.0
+    mixing = np.diag(np.where(rms > 0, 1.0 / np.maximum(rms, 1e-12), 0.0))
+    return NoiseModel(np.zeros((len(rms), 1)), mixing, rms, rms**2, step)
+
+
+def no_worse(residuals: list[np.ndarray], before: list[np.ndarray]) -> list[np.ndarray]:
+    """Residuals, but channel by channel those `before` where a fit has made it worse: noise must not excuse a fit."""
+    now = np.concatenate(residuals).std(axis=0)
+    then = np.sqrt(np.mean(np.concatenate(before) ** 2, axis=0))
+    return [np.where(now > then, b, r) for r, b in zip(residuals, before, strict=True)]
+
+
 def fit_noise(residuals: list[np.ndarray], step: float, order: int = ORDER) -> NoiseModel:
-    """From residuals (m, c) of one or more flights."""
+    """From residuals (m, c) of one or more flights. Noise has no mean: a mean is a finding."""
+    residuals = [r - r.mean(axis=0) for r in residuals]
     channels = residuals[0].shape[1]
     phi = np.zeros((channels, order))
     innovation = np.zeros(channels)

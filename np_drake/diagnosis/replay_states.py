@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy import signal
@@ -16,7 +15,6 @@ from np_drake.vehicle import Vehicle
 
 VELOCITY_SPAN = 0.05  # half width of the cubic through the velocity [s]
 RATE_SPAN = 0.03  # half width of the cubic through the body rates [s]
-PULL_SPAN = 0.1  # half width of the parabola whose slope is the acceleration that a payload hangs along [s]
 _SWEEPS = 3  # fixed-point steps that undo a sensor effect; a bias is exact after one or two
 
 
@@ -40,19 +38,6 @@ class States:
         """(3,) mean dv/dt in W over the rows around `time` [m/s²]."""
         k = int(np.clip(np.searchsorted(self.t, time), 1, len(self.t) - 2))
         return (self.x[k + 1, V] - self.x[k - 1, V]) / (self.t[k + 1] - self.t[k - 1])
-
-
-class Track(NamedTuple):
-    """Payload from hook in W: t (n,) [s], r (n, 3) [m], r_rate (n, 3) [m/s]."""
-
-    t: np.ndarray
-    r: np.ndarray
-    r_rate: np.ndarray
-
-    def at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """(3,) r and (3,) r_rate at `time`; between two rows on a straight line."""
-        r, rate = (np.array([np.interp(time, self.t, column) for column in value.T]) for value in self[1:])
-        return r, rate
 
 
 def true_states(log: FlightLog, vehicle: Vehicle, effects: Sequence[SensorEffect], *, smooth: bool) -> States:
@@ -82,23 +67,12 @@ def smooth_states(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     """
     smooth, step = x.copy(), float(np.median(np.diff(t)))
     smooth[:, Q], _ = smooth_attitude(t, x[:, Q], x[:, W])
-    smooth[:, V] = _local_polynomial(x[:, V], step, VELOCITY_SPAN, order=3)
-    smooth[:, W] = _local_polynomial(x[:, W], step, RATE_SPAN, order=3)
+    smooth[:, V] = local_polynomial(x[:, V], step, VELOCITY_SPAN, order=3)
+    smooth[:, W] = local_polynomial(x[:, W], step, RATE_SPAN, order=3)
     return smooth
 
 
-def hanging_payload(log: FlightLog, gravity: float, length: float) -> Track:
-    """The track of a payload that hangs along the apparent gravity of the flight.
-
-    The relative equilibrium: in steady hover or on a steady circle it is exact.
-    """
-    a = _local_polynomial(log.v, log.step, PULL_SPAN, order=2, derivative=1)
-    down = -(a + [0.0, 0.0, gravity])
-    r = length * down / np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-6)
-    return Track(log.t, r, np.gradient(r, log.t, axis=0))
-
-
-def _local_polynomial(
+def local_polynomial(
     value: np.ndarray, step: float, span: float, *, order: int, derivative: int = 0
 ) -> np.ndarray:
     """(n, m) centred local polynomial fit over ± span [s]; as it is where too few rows lie in the span."""

@@ -13,6 +13,7 @@ from np_drake.diagnosis.noise import NoiseModel
 EFFECT_PRIOR = -3.0  # log prior of every effect named: about one in twenty; own choice
 BEAM = 6
 MOST_EFFECTS = 5
+SHIFTS = ("command_delay", "clock_offset")  # the same but for the sign
 
 
 @dc.dataclass(frozen=True)
@@ -64,9 +65,9 @@ class Problem:
         return self.total.log_evidence(self.columns(members)) - self._base + prior
 
     def fits_together(self, members: Sequence[int]) -> bool:
-        """No effect twice."""
+        """No effect twice, and at most one that shifts commands against states."""
         names = [name for i in members for name in self.candidates[i].identifiers]
-        return len(names) == len(set(names))
+        return len(names) == len(set(names)) and sum(name in SHIFTS for name in names) < 2
 
 
 def sum_grams(grams: list[Gram]) -> Gram:

@@ -14,7 +14,7 @@ from np_drake.diagnosis.candidates import (
 )
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.linear_bayes import gram
-from np_drake.diagnosis.noise import NoiseModel, fit_noise
+from np_drake.diagnosis.noise import NoiseModel, fit_noise, no_worse, scale_only
 from np_drake.diagnosis.onset import gated_candidates
 from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.search import Model, Problem, search
@@ -72,10 +72,12 @@ def rank(flights: Sequence[Evidence], *, tolerance: float | None = None) -> Rank
     drags = [c for c in plain if c.identifiers == ("linear_drag",)]
     candidates = [*plain, *wind_candidates(flights, drags)]
     step = flights[0].grid.step
-    noise = fit_noise([e.y for e in flights], step)
+    raw = [e.y for e in flights]
+    noise = scale_only(raw, step)
     swinging = payload_candidates(flights, LENGTHS)
     for _ in range(2):
-        noise = fit_noise(_rich_residuals(flights, noise, nuisance, [*candidates, *swinging]), step)
+        rich = _rich_residuals(flights, noise, nuisance, [*candidates, *swinging])
+        noise = fit_noise(no_worse(rich, raw), step)
     candidates += swinging
     fits: list[Fit] = []
     for round_ in range(2):
@@ -86,7 +88,7 @@ def rank(flights: Sequence[Evidence], *, tolerance: float | None = None) -> Rank
         models = search(problem)
         best = _refine(problem, models[0], tolerance)
         residuals = [e.y - signature(e, best.everything) for e in flights]
-        noise = fit_noise(residuals, step)
+        noise = fit_noise(no_worse(residuals, raw), step)
     fits = [_refine(problem, m, tolerance, noise) for m in _distinct(problem, models)[:REFINED]]
     fits.sort(key=lambda f: -_score(f))
     return Ranking(tuple(fits), _probabilities(problem, models, fits), noise, problem, tuple(models), tolerance)

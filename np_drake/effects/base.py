@@ -80,6 +80,7 @@ class WrenchEffect(Effect):
     """Adds a wrench to the body, or moves the air (`air_velocity`), which the drags of the same model feel."""
 
     place = "wrench"
+    feels_rotor_rate: ClassVar[bool] = True  # False spares the simulator its evaluation
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) its part of chi = [f in W, tau in B] [N, N·m]; the force acts at Bo."""

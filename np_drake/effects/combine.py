@@ -4,6 +4,8 @@ import dataclasses as dc
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
 from np_drake.effects.base import (
     ActuatorEffect,
     MassEffect,
@@ -51,13 +53,13 @@ def split_effects(effects: Iterable[Any]) -> EffectsByPlace:
     return out
 
 
-def total_wrench(vehicle: Vehicle, effects: Sequence[WrenchEffect], motion: Motion):
+def total_wrench(vehicle: Vehicle, effects: Sequence[WrenchEffect], motion: Motion) -> np.ndarray:
     """(..., 6) chi of all effects [N, N·m]: the air that some of them move is felt by all."""
     for effect in effects:
         if type(effect).air_velocity is not WrenchEffect.air_velocity:
             motion = dc.replace(motion, wind=motion.wind + effect.air_velocity(motion.t))
-    chi = effects[0].wrench(vehicle, motion)
-    for effect in effects[1:]:
+    chi = np.zeros((*motion.x.shape[:-1], 6))
+    for effect in effects:
         chi = chi + effect.wrench(vehicle, motion)
     return chi
 

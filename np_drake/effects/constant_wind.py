@@ -17,6 +17,7 @@ class ConstantWind(WrenchEffect):
     z: float = 0.0
 
     identifier: ClassVar[str] = "constant_wind"
+    feels_rotor_rate: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ("linear_drag", "quadratic_drag")
     linear: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(

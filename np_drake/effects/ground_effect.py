@@ -23,6 +23,7 @@ class GroundEffect(WrenchEffect):
     effective_radius: float = 0.25  # [m]
 
     identifier: ClassVar[str] = "ground_effect"
+    feels_rotor_rate: ClassVar[bool] = False
     linear: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("effective_radius", "m", 0.0, 0.0, 2.0, 0.2),)
 

@@ -38,6 +38,7 @@ class GustyWind(WrenchEffect):
     seed: int = 0
 
     identifier: ClassVar[str] = "gusty_wind"
+    feels_rotor_rate: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ("linear_drag", "quadratic_drag")
     linear: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (

@@ -24,6 +24,7 @@ class LinearDrag(WrenchEffect):
     d_z: float = 0.25
 
     identifier: ClassVar[str] = "linear_drag"
+    feels_rotor_rate: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(name, "N·s/m", 0.0, -0.2, 3.0, 0.3) for name in ("d_x", "d_y", "d_z")
     )

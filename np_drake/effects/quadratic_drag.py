@@ -22,6 +22,7 @@ class QuadraticDrag(WrenchEffect):
     c_z: float = 0.05
 
     identifier: ClassVar[str] = "quadratic_drag"
+    feels_rotor_rate: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(name, "N·s²/m²", 0.0, -0.1, 2.0, 0.08) for name in ("c_x", "c_y", "c_z")
     )

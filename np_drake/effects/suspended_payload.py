@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.effects.pendulum import Payload, hook_acceleration, hook_wrench, swing_many
+from np_drake.effects.pendulum import Payload, hook_acceleration, hook_wrench, swing
 from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
 
@@ -60,6 +60,4 @@ class SuspendedPayload(WrenchEffect):
         """
         payload = self.payload
         a_hook = hook_acceleration(payload.hook, x, a, al)
-        length = np.array([payload.length])
-        pull = swing_many(length, r[None], r_rate[None], a_hook, step, vehicle.gravity)[:, 0]
-        return hook_wrench(payload, x[:, Q], payload.mass * pull)
+        return hook_wrench(payload, x[:, Q], swing(payload, r, r_rate, a_hook, step, vehicle.gravity))

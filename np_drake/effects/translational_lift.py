@@ -20,6 +20,7 @@ class TranslationalLift(WrenchEffect):
     lift: float = 0.05  # [N·s²/m²]
 
     identifier: ClassVar[str] = "translational_lift"
+    feels_rotor_rate: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("lift", "N·s²/m²", 0.0, -0.3, 1.0, 0.05),)
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:

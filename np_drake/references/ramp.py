@@ -24,6 +24,13 @@ def ramped_phase(t: np.ndarray, rate: float, ramp: float) -> np.ndarray:
     return np.stack([phase, *(rate * _RATE[k](s) / ramp**k for k in range(4))])
 
 
+def rest_to_rest(s: np.ndarray, duration: float) -> np.ndarray:
+    """(5, n) a step from 0 to 1 while s (n,) goes from 0 to 1 [1], and its derivatives by time [1/s^k]."""
+    s = np.clip(s, 0.0, 1.0)
+    slopes = [_RATE[0], *_RATE[1:], _RATE[0].deriv(4)]
+    return np.stack([slope(s) / duration**k for k, slope in enumerate(slopes)])
+
+
 def compose(path: np.ndarray, phase: np.ndarray) -> np.ndarray:
     """Time derivatives of path(phase(t)) up to the fourth (Faà di Bruno).
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.effects.base import ActuatorEffect, Motion, WrenchEffect
+from np_drake.effects.combine import total_wrench
 from np_drake.effects.pendulum import Payload, hook_wrench, swing
 from np_drake.rigid_body import Q, V, W
 from np_drake.vehicle import Vehicle
@@ -28,22 +29,24 @@ class TrueModel:
         u: np.ndarray,
         step: float,
         *,
+        t: float = 0.0,
         rotor_thrust: np.ndarray,
         swing_state: tuple[np.ndarray, np.ndarray] | None,
     ) -> np.ndarray:
         """(N, 6) chi over a plan: tether, drag and whatever the actuators do with the planned commands.
 
         Args:
-            x: (N+1, 13) planned states; u: (N, 4) planned commands; step: of the plan [s].
+            x: (N+1, 13) planned states from time `t` [s] on; u: (N, 4) planned commands; step: of the plan [s].
             rotor_thrust: (4,) actual now [N].   swing_state: (r, r_rate) of the payload from the hook, in W.
         """
-        thrust, command = self._thrusts(u, step, rotor_thrust)
+        starts = t + step * np.arange(len(u))
+        thrust, command = self._thrusts(u, starts, step, rotor_thrust)
         middle = 0.5 * (x[:-1] + x[1:])
         middle[:, Q] /= np.linalg.norm(middle[:, Q], axis=1, keepdims=True)
         wrong = (thrust - command) @ self.believed.mixer.T
         chi = np.concatenate([wrong[:, :1] * attitude.body_z(middle[:, Q]), wrong[:, 1:]], axis=1)
-        for effect in self.wrench_effects:
-            chi += effect.wrench(self.believed, Motion(0.0, middle, thrust))
+        motion = Motion(starts + 0.5 * step, middle, thrust)
+        chi += total_wrench(self.believed, self.wrench_effects, motion)
         if self.payload is not None and swing_state is not None:
             force = swing(
                 self.payload, *swing_state, self._hook_acceleration(x, step), step, self.believed.gravity
@@ -56,21 +59,31 @@ class TrueModel:
         lever = np.cross(x[:, W], np.array(self.payload.hook))
         return np.diff(x[:, V] + attitude.rotate(x[:, Q], lever), axis=0) / step
 
-    def _thrusts(self, u: np.ndarray, step: float, now: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(N, 4) mean actual and commanded rotor thrust of each step [N]."""
+    def _thrusts(
+        self, u: np.ndarray, starts: np.ndarray, step: float, now: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 4) mean actual and commanded rotor thrust of the steps that begin at `starts` (N,) [N]."""
         command = np.clip(u @ self.believed.unmixer.T, 0.0, self.believed.max_rotor_thrust)
-        thrust = command
-        gain = 1.0
+        gain = np.ones(4)
         for effect in self.actuator_effects:
             ones = np.ones(4)
-            gain *= effect.thrust(self.believed, effect.state_at(self.believed, ones), ones)[0]
-        resting = np.asarray(now, float) / gain
+            gain *= effect.thrust(self.believed, effect.state_at(self.believed, ones), ones, starts[0])
+        resting = np.asarray(now, float) / np.maximum(gain, 1e-3)
+        thrust = command
         for effect in self.actuator_effects:
-            state = effect.state_at(self.believed, resting)
-            passed = np.zeros_like(thrust)
-            for i, c in enumerate(thrust):
-                for _ in range(_SUBSTEPS):
-                    passed[i] += effect.thrust(self.believed, state, c) / _SUBSTEPS
-                    state = state + step / _SUBSTEPS * effect.state_rate(self.believed, state, c)
-            thrust = passed
+            thrust = self._through(effect, thrust, starts, step, resting)
         return thrust, command
+
+    def _through(self, effect: ActuatorEffect, command, starts, step: float, resting) -> np.ndarray:
+        """(N, 4) mean thrusts [N] of one effect that rests at `resting` (4,) [N] before the first command."""
+        if effect.dead_time > 0.0:
+            before = np.concatenate([[starts[0] - step], starts])
+            return effect.respond(self.believed, before, np.vstack([resting, command]))[1:]
+        state = effect.state_at(self.believed, resting)
+        passed = np.zeros_like(command)
+        for i, c in enumerate(command):
+            for j in range(_SUBSTEPS):
+                t = starts[i] + step * j / _SUBSTEPS
+                passed[i] += effect.thrust(self.believed, state, c, t) / _SUBSTEPS
+                state = state + step / _SUBSTEPS * effect.state_rate(self.believed, state, c)
+        return passed

@@ -2,9 +2,9 @@ import pytest
 
 from diagrams import figures
 from diagrams.experiments import load_experiment
-from diagrams.figure_file import save
 from diagrams.flight_result import fly
 from diagrams.replay import write_replay
+from np_drake.figure_file import save
 
 
 @pytest.fixture(scope="module")

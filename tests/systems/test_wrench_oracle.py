@@ -1,6 +1,7 @@
 import numpy as np
 
 from np_drake.effects.pendulum import Payload
+from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.mpc.problem import MpcConfig
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
@@ -49,3 +50,15 @@ def test_without_payload_and_effects_there_is_nothing_to_foresee():
     dut, context = oracle_over(None)
     dut.GetInputPort("plant_state").FixValue(context, np.array([1.0, *np.zeros(12)]))
     np.testing.assert_allclose(dut.GetOutputPort("forecast").Eval(context).offset, 0.0, atol=1e-12)
+
+
+def test_a_drift_is_foreseen_from_the_flights_own_time():
+    dut = WrenchOracle(TrueModel(VEHICLE, None, [], [ThrustDrift(1.0, -0.01)]), CONFIG, period=0.02)
+    context = dut.CreateDefaultContext()
+    context.SetTime(10.0)
+    dut.GetInputPort("rotor_thrust").FixValue(context, np.full(4, 0.9 * VEHICLE.hover_input[0] / 4))
+    dut.GetInputPort("plan_u").FixValue(context, np.tile(VEHICLE.hover_input, 5))
+    dut.GetInputPort("plan_x").FixValue(context, np.tile(LEVEL, 6))
+    dut.GetInputPort("plant_state").FixValue(context, np.array([1.0, *np.zeros(12)]))
+    chi = dut.GetOutputPort("forecast").Eval(context).offset
+    np.testing.assert_allclose(chi[0, 2], -0.1 * VEHICLE.hover_input[0], rtol=0.01)

@@ -2,6 +2,7 @@
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from np_drake.diagnosis.answer import ReplayGap, Shrink
 from np_drake.diagnosis.report.words import number, title_of
@@ -11,12 +12,12 @@ BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"
 
 
 def ladder_figure(shrink: Shrink) -> Figure:
-    """Residual in noise units, a bar a rung; the floor of the noise is a line."""
+    """Residual in noise units, a bar a rung (nominal, + effect, …, noise floor); the floor is a line too."""
     rungs = shrink.ladder
     figure, grid = new_figure(1, 1, width=7.2, height=0.95 + 0.42 * len(rungs))
     ax = grid[0, 0]
     for place, rung in enumerate(rungs):
-        ax.barh(place, rung.residual, height=0.62, color=BEFORE if place == 0 else AFTER)
+        ax.barh(place, rung.residual, height=0.62, color=_rung_colour(rung.name, place))
         ax.annotate(
             number(rung.residual, 3),
             (rung.residual, place),
@@ -27,7 +28,7 @@ def ladder_figure(shrink: Shrink) -> Figure:
             zorder=4,
         )
     ax.axvline(shrink.floor, color=NOISE, linestyle="--", linewidth=1.2, zorder=3, label="noise alone")
-    ax.set_yticks(range(len(rungs)), [_rung_name(rung.name, place) for place, rung in enumerate(rungs)])
+    ax.set_yticks(range(len(rungs)), [_rung_name(rung.name) for rung in rungs])
     ax.invert_yaxis()
     ax.set_xlabel("held-out residual [noise units]")
     ax.set_xlim(0, 1.12 * max([rung.residual for rung in rungs] + [shrink.floor]))
@@ -36,30 +37,43 @@ def ladder_figure(shrink: Shrink) -> Figure:
     return figure
 
 
-def _rung_name(name: str, place: int) -> str:
+def _rung_name(name: str) -> str:
     title = title_of(name.removeprefix("+ "))
-    return title if place == 0 else f"+ {title[:1].lower()}{title[1:]}"
+    return f"+ {title[:1].lower()}{title[1:]}" if name.startswith("+") else title
+
+
+def _rung_colour(name: str, place: int) -> str:
+    if place == 0:
+        return BEFORE
+    return AFTER if name.startswith("+") else "0.6"
 
 
 def replay_figure(before: ReplayGap | None, after: ReplayGap | None) -> Figure:
-    """Median error of position, velocity and attitude with its 95 % interval, a panel each."""
+    """Median error of position, velocity and attitude with its 95 % interval, a panel each; both axes logarithmic."""
     figure, grid = new_figure(1, 3, width=9.0, height=3.1)
     panels = (("position", "position [m]"), ("velocity", "velocity [m/s]"), ("attitude", "attitude [deg]"))
+    curves = ((before, "before", BEFORE, "o", "--"), (after, "after", AFTER, "s", "-"))
     for ax, (name, label) in zip(grid[0], panels, strict=True):
-        curves = ((before, "nominal", BEFORE, "o", "--"), (after, "with the causes", AFTER, "s", "-"))
+        ax.set(xscale="log", yscale="log", xlabel="horizon [s]", ylabel=f"error of {label}")
         for gap, legend, colour, marker, dash in curves:
             if gap is None:
                 continue
             values = np.asarray(getattr(gap, name), float)
-            ax.fill_between(gap.horizon, values[:, 1], values[:, 2], color=colour, alpha=0.2, linewidth=0)
+            values = np.where(np.isfinite(values) & (values > 0), values, np.nan)
+            ax.fill_between(gap.horizon, values[:, 1], values[:, 2], color=colour, alpha=0.22, linewidth=0)
             ax.plot(gap.horizon, values[:, 0], color=colour, marker=marker, linestyle=dash, label=legend)
-        ax.set(xlabel="horizon [s]", ylabel=f"error of {label}")
-        ax.set_ylim(bottom=0)
-        ax.set_xlim(left=0)
+            ax.set_xticks(gap.horizon, [f"{h:g}" for h in gap.horizon])
+            ax.set_xticks([], minor=True)
+        ax.yaxis.set_major_formatter(plain_ticks())
         _tidy(ax, "both")
     handles, labels = grid[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=2, frameon=False)
     return figure
+
+
+def plain_ticks() -> FuncFormatter:
+    """0.01, 0.1, 1 instead of powers of ten."""
+    return FuncFormatter(lambda value, _: f"{value:g}")
 
 
 def _tidy(ax, axis: str) -> None:

@@ -1,14 +1,14 @@
 """The page: what the template shows, as plain text; figures and style are inside, nothing is fetched."""
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from importlib.metadata import version
 from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
-from np_drake.diagnosis.answer import Cause, Diagnosis, ReplayGap
+from np_drake.diagnosis.answer import Cause, ChannelGap, Diagnosis, Finding, ReplayGap
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.verdict import headline, verdict_sentences
 
@@ -32,6 +32,8 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
         "headline": headline(diagnosis),
         "sentences": verdict_sentences(diagnosis),
         "tiles": _tiles(diagnosis),
+        "cannot_tell": diagnosis.cannot_tell,
+        "largest": _largest(diagnosis.where.channels),
         "channels": [_channel_row(c) for c in diagnosis.where.channels],
         "causes": [_cause(cause, len(diagnosis.train + diagnosis.held_out)) for cause in diagnosis.causes],
         "confusables": [
@@ -46,12 +48,13 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
         "starts": next((g.starts for g in (shrink.replay_before, shrink.replay_after) if g), 0),
         "remains": [_finding(finding) for finding in diagnosis.remains],
         "minor": [_finding(finding) for finding in diagnosis.minor],
-        "unknown": words.percent(diagnosis.unknown_probability),
+        "unknown": words.probability(diagnosis.unknown_probability),
         "usable": check.usable,
         "excitation": [(name, words.number(value)) for name, value in check.excitation.items()],
         "noise_floor": [(name, words.number(value)) for name, value in check.noise_floor.items()],
-        "warnings": [*check.warnings, *diagnosis.warnings],
-        "flights": [("train", name) for name in diagnosis.train] + [("held out", n) for n in diagnosis.held_out],
+        "warnings": list(dict.fromkeys([*check.warnings, *diagnosis.warnings])),
+        "flights": [("train", name) for name in diagnosis.train]
+        + [("held out", n) for n in diagnosis.held_out],
         "vehicle": diagnosis.vehicle,
         "facts": [
             ("vehicle", diagnosis.vehicle),
@@ -67,21 +70,34 @@ def _tiles(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     shrink = diagnosis.shrink
     before, after = words.number(shrink.before, 2), words.number(shrink.after, 2)
     changed = [c for c in diagnosis.causes if c.identifier in diagnosis.verdict]
-    tiles = [("residual", f"{before} → {after}" if changed else before, "times the noise, on held-out flights")]
+    tiles = [
+        ("residual", f"{before} → {after}" if changed else before, "times the noise, on held-out flights")
+    ]
     if changed:
-        note = f"95 % interval {words.interval(shrink.ci95, words.percent)}"
+        note = f"95\u00a0% interval {words.percent_interval(shrink.ci95)}"
         tiles.append(("of the gap closed", words.percent(shrink.fraction), note))
     first, last = shrink.replay_before, shrink.replay_after
     if first is not None:
         figure = words.number(first.position[-1, 0], 2)
         if changed and last is not None:
             figure += f" → {words.number(last.position[-1, 0], 2)}"
-        tiles.append(("replay error", f"{figure} m", f"position after {first.horizon[-1]:g} s, median"))
-    tiles.append(("something unknown", words.percent(diagnosis.unknown_probability), "probability"))
+        tiles.append(("replay error [m]", figure, f"of position after {first.horizon[-1]:g} s, median"))
+    if not diagnosis.cannot_tell:
+        tiles.append(("something unknown", words.probability(diagnosis.unknown_probability), "probability"))
     return tiles
 
 
-def _channel_row(channel) -> list[str]:
+def _largest(channels: Sequence[ChannelGap]) -> str:
+    """One sentence: the channel that stands out of its noise most."""
+    known = [channel for channel in channels if channel.noise_floor > 0]
+    if not known:
+        return ""
+    worst = max(known, key=lambda channel: channel.rms / channel.noise_floor)
+    before, after = (words.number(size / worst.noise_floor, 2) for size in (worst.rms, worst.after))
+    return f"The gap is largest in {worst.channel}: {before} times its noise before, {after} after."
+
+
+def _channel_row(channel: ChannelGap) -> list[str]:
     figures = [words.number(v) for v in (channel.rms, channel.after, channel.noise_floor)]
     return [channel.channel, channel.unit, *figures, words.percent(channel.explained)]
 
@@ -91,15 +107,19 @@ def _cause(cause: Cause, flights: int) -> dict[str, Any]:
     rows = []
     for name, parameter in cause.parameters.items():
         value, bounds = words.estimate(parameter)
-        rows.append((name.replace("_", " "), value, bounds, words.unit_of(parameter.unit) or "1"))
-    begins = [f"at {words.number(t)} s in {name}" for name, t in cause.onset.items() if t is not None]
+        rows.append((name, value, bounds, words.unit_of(parameter.unit) or "1"))
+    begins = [f"at {words.number(t)}\u00a0s in {name}" for name, t in cause.onset.items() if t is not None]
     acting = len(cause.onset) or flights
     always = acting - len(begins)
-    onset = ["from the start" if not begins else f"from the start in {always} of {acting} flights"] if always else []
+    onset = (
+        ["from the start" if not begins else f"from the start in {always} of {acting} flights"]
+        if always
+        else []
+    )
     return {
         "title": words.title_of(cause.identifier),
         "identifier": cause.identifier,
-        "probability": words.percent(cause.probability),
+        "probability": words.probability(cause.probability),
         "share": words.percent(cause.share),
         "rows": rows,
         "onset": "; ".join([*begins, *onset]),
@@ -107,25 +127,29 @@ def _cause(cause: Cause, flights: int) -> dict[str, Any]:
     }
 
 
-def _replay_rows(before: ReplayGap | None, after: ReplayGap | None) -> list[list[str]]:
-    """Horizon, then position, velocity and attitude, each before and after with intervals."""
+def _replay_rows(
+    before: ReplayGap | None, after: ReplayGap | None
+) -> list[tuple[str, list[tuple[str, str]]]]:
+    """(horizon, (median, interval) of position, velocity and attitude, each before and after)."""
     gap = before or after
     rows = []
     for k, horizon in enumerate(gap.horizon if gap else ()):
-        row = [f"{horizon:g}"]
+        cells = []
         for name in ("position", "velocity", "attitude"):
             for figures in (before, after):
-                row.append(words.NOTHING if figures is None else _with_interval(getattr(figures, name)[k]))
-        rows.append(row)
+                cells.append(_with_interval([] if figures is None else getattr(figures, name)[k].tolist()))
+        rows.append((f"{horizon:g}", cells))
     return rows
 
 
-def _with_interval(figures) -> str:
-    value, lower, upper = (words.number(float(v), 2) for v in figures)
-    return f"{value} ({lower} … {upper})"
+def _with_interval(figures: list[float]) -> tuple[str, str]:
+    if not figures:
+        return words.NOTHING, ""
+    value, lower, upper = (words.number(figure, 2) for figure in figures)
+    return value, f"{lower} … {upper}"
 
 
-def _finding(finding) -> dict[str, str]:
+def _finding(finding: Finding) -> dict[str, str]:
     figures = [f"{name} {words.number(value)}" for name, value in finding.figures.items()]
     return {
         "title": words.title_of(finding.name),

@@ -1,7 +1,17 @@
 """The verdict in two sentences: what is missing, and what adding it brings."""
 
 from np_drake.diagnosis.answer import UNKNOWN, Cause, Diagnosis
-from np_drake.diagnosis.report.words import estimate, interval, listed, name_of, number, percent, unit_of
+from np_drake.diagnosis.report.words import (
+    NBSP,
+    estimate,
+    listed,
+    name_of,
+    number,
+    percent,
+    percent_interval,
+    probability,
+    unit_of,
+)
 
 
 def verdict_sentences(diagnosis: Diagnosis) -> tuple[str, str]:
@@ -21,12 +31,14 @@ def headline(diagnosis: Diagnosis) -> str:
     if not diagnosis.verdict:
         return "Nothing material is missing"
     names = listed([name_of(identifier) for identifier in diagnosis.verdict])
-    return names[:1].upper() + names[1:]
+    return f"Missing: {names}"
 
 
 def _cannot_tell(diagnosis: Diagnosis) -> tuple[str, str]:
     first = "These logs cannot tell what the simulator lacks: they excite too little of it."
-    manoeuvres = list(dict.fromkeys(item.manoeuvre for item in diagnosis.check.not_identifiable if item.manoeuvre))
+    manoeuvres = list(
+        dict.fromkeys(item.manoeuvre for item in diagnosis.check.not_identifiable if item.manoeuvre)
+    )
     if not manoeuvres:
         return first, "Fly with more motion in every axis, and diagnose again."
     return first, f"What would tell: {manoeuvres[0].rstrip('.')}."
@@ -52,7 +64,7 @@ def _partly_known(diagnosis: Diagnosis, causes: list[Cause]) -> tuple[str, str]:
     known = listed([_with_figures(cause, len(causes) + 1) for cause in causes])
     first = (
         f"The simulator lacks {known}, and something else that no effect of the library explains "
-        f"(probability {percent(diagnosis.unknown_probability)})."
+        f"(probability {probability(diagnosis.unknown_probability)})."
     )
     added = "it" if len(causes) == 1 else "them"
     return first, _closes(diagnosis, f"Adding {added}") + "; what remains is described below."
@@ -61,7 +73,7 @@ def _partly_known(diagnosis: Diagnosis, causes: list[Cause]) -> tuple[str, str]:
 def _unknown(diagnosis: Diagnosis) -> tuple[str, str]:
     first = (
         "Something is missing that no effect of the library explains "
-        f"(probability {percent(diagnosis.unknown_probability)})."
+        f"(probability {probability(diagnosis.unknown_probability)})."
     )
     if not diagnosis.remains:
         return first, f"The residual is {number(diagnosis.shrink.before, 2)} times the noise."
@@ -70,22 +82,31 @@ def _unknown(diagnosis: Diagnosis) -> tuple[str, str]:
 
 def _with_figures(cause: Cause, count: int) -> str:
     """The cause with its probability and, where it has few, its parameters."""
-    details = []
-    if len(cause.parameters) == 1 or (count == 1 and len(cause.parameters) <= 3):
-        for name, parameter in cause.parameters.items():
-            value, bounds = estimate(parameter)
-            unit = unit_of(parameter.unit)
-            details.append(f"{name.replace('_', ' ')} {value}{' ' * bool(unit)}{unit}, 95 % interval {bounds}")
-    details.append(f"probability {percent(cause.probability)}")
+    details = _figures(cause) if len(cause.parameters) == 1 or count == 1 else []
+    details.append(f"probability {probability(cause.probability)}")
     others = [name_of(other) for other in cause.indistinguishable_from]
-    doubt = f", or {listed(others, 'or')}, which these logs cannot tell from it," if others else ""
-    return f"{name_of(cause.identifier)}{doubt} ({'; '.join(details)})"
+    if others:
+        details.append(f"these logs cannot tell it from {listed(others, 'or')}")
+    return f"{name_of(cause.identifier)} ({'; '.join(details)})"
+
+
+def _figures(cause: Cause) -> list[str]:
+    """One parameter with its interval, two or three without; more are for the table."""
+    if len(cause.parameters) > 3:
+        return []
+    shown = []
+    for name, parameter in cause.parameters.items():
+        value, bounds = estimate(parameter)
+        unit = unit_of(parameter.unit)
+        text = f"{name} {value}{NBSP * bool(unit)}{unit}"
+        shown.append(f"{text}, 95{NBSP}% interval {bounds}" if len(cause.parameters) == 1 else text)
+    return [", ".join(shown)]
 
 
 def _closes(diagnosis: Diagnosis, subject: str) -> str:
     shrink = diagnosis.shrink
     return (
         f"{subject} closes {percent(shrink.fraction)} of the gap on held-out flights "
-        f"(95 % interval {interval(shrink.ci95, percent)}): from {number(shrink.before, 2)} to "
+        f"(95{NBSP}% interval {percent_interval(shrink.ci95)}): from {number(shrink.before, 2)} to "
         f"{number(shrink.after, 2)} times the noise"
     )

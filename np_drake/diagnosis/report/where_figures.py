@@ -5,9 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from np_drake.diagnosis.answer import CHANNELS, Band, Regime, Where
-from np_drake.diagnosis.report.gap_figures import AFTER, BEFORE, NOISE
+from np_drake.diagnosis.report.gap_figures import AFTER, BEFORE, NOISE, plain_ticks
 from np_drake.diagnosis.report.words import number, plain_name
 from np_drake.figure_file import PALETTE, new_figure
 
@@ -25,7 +26,7 @@ def regime_figure(regimes: Sequence[Regime]) -> Figure:
     if all(regime.rms_after for regime in regimes):
         rows.append(("after", [r.rms_after for r in regimes]))
     values = np.concatenate([np.ravel(figures) for _, figures in rows])
-    scale = LogNorm(1.0, max(3.0, float(np.nanmax(values))), clip=True)
+    scale = LogNorm(1.0, max([3.0, *values[np.isfinite(values)]]), clip=True)
     widths = {"width_ratios": [len(group) for group in groups]}
     columns = sum(map(len, groups))
     figure, grid = new_figure(
@@ -39,31 +40,38 @@ def regime_figure(regimes: Sequence[Regime]) -> Figure:
     for axes, (when, _) in zip(grid, rows, strict=True):
         for ax, group in zip(axes, groups, strict=True):
             shown = _heat(ax, group, when, scale)
-        axes[0].set_ylabel(f"{when}\nchannel of the residual [axis]")
         axes[0].set_yticks(range(6), CHANNELS)
+        axes[0].set_ylabel(f"{when} [channel]", fontweight="bold")
     for ax, group in zip(grid[-1], groups, strict=True):
-        ax.set_xticks(range(len(group)), [_range(r) for r in group], rotation=55, ha="right", fontsize=7)
+        ax.set_xticks(range(len(group)), _ranges(group), rotation=60, ha="right", fontsize=7.5)
+        ax.tick_params(axis="x", pad=1)
         ax.set_xlabel(f"{group[0].quantity} [{group[0].unit}]")
+    figure.align_xlabels(grid[-1])
     bar = figure.colorbar(shown, ax=grid, pad=0.01, aspect=30)
     bar.set_label("RMS residual [noise units]")
+    bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    bar.ax.yaxis.set_major_formatter(plain_ticks())
+    bar.ax.yaxis.set_minor_locator(NullLocator())
     return figure
 
 
 def _heat(ax, group: Sequence[Regime], when: str, scale: LogNorm):
     """One panel with its numbers."""
     values = np.array([r.rms if when == "before" else r.rms_after for r in group], float).T
-    shown = ax.imshow(np.maximum(values, 1.0), cmap="cividis_r", norm=scale, aspect="auto")
+    shown = ax.imshow(np.maximum(values, 1.0), cmap="Blues", norm=scale, aspect="auto")
     for (row, column), value in np.ndenumerate(values):
-        dark = scale(max(value, 1.0)) > 0.55
-        colour = "white" if dark else "black"
-        ax.text(column, row, number(value, 2), ha="center", va="center", fontsize=6.5, color=colour)
+        colour = "white" if np.isfinite(value) and scale(max(value, 1.0)) > 0.6 else "black"
+        ax.text(column, row, number(value, 2), ha="center", va="center", fontsize=7, color=colour)
     ax.set_xticks([])
     ax.tick_params(length=0)
     return shown
 
 
-def _range(regime: Regime) -> str:
-    return f"{number(regime.lower, 2)} … {number(regime.upper, 2)}"
+def _ranges(group: Sequence[Regime]) -> list[str]:
+    """'lower … upper' of regimes of one quantity, with the decimals that tell them apart."""
+    span = max(regime.upper for regime in group) - min(regime.lower for regime in group)
+    decimals = int(np.clip(-np.floor(np.log10(max(span, 1e-6) / 30)), 0, 6))
+    return [f"{r.lower:.{decimals}f} … {r.upper:.{decimals}f}".replace("-", "−") for r in group]
 
 
 def timeline_figure(where: Where, onsets: Onsets) -> Figure:
@@ -80,7 +88,11 @@ def timeline_figure(where: Where, onsets: Onsets) -> Figure:
             ax.set_title(plain_name(flight), fontsize=8, loc="left", parse_math=False)
     for ax in grid[-1]:
         ax.set_xlabel("time [s]")
-    handles = {label: handle for ax in grid.flat for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    handles = {
+        label: handle
+        for ax in grid.flat
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
+    }
     figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=4, frameon=False)
     return figure
 
@@ -93,6 +105,7 @@ def _trace(ax, where: Where, flight: str, channels: slice) -> None:
             size = np.linalg.norm(traces[flight][:, channels], axis=1)
             ax.plot(t, _running_rms(size, t), color=colour, linewidth=width, label=label)
     ax.margins(x=0)
+    ax.xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 5, 10]))
     ax.set_ylim(bottom=0)
     ax.grid(alpha=0.3, linewidth=0.6)
 
@@ -133,10 +146,18 @@ def spectrum_figure(bands: Sequence[Band]) -> Figure:
         )
         for density, label, colour, dash in curves:
             ax.loglog(
-                band.frequency[inside], density[inside], color=colour, linestyle=dash, linewidth=1.2, label=label
+                band.frequency[inside],
+                density[inside],
+                color=colour,
+                linestyle=dash,
+                linewidth=1.2,
+                label=label,
             )
         unit = "N²/Hz" if band.channel.startswith("force") else "(N·m)²/Hz"
         ax.set_ylabel(f"{band.channel} [{unit}]")
+        if np.any(band.noise > 0):  # below it there is nothing but the roll-off of a filter
+            ax.set_ylim(bottom=0.05 * np.quantile(band.noise[band.noise > 0], 0.1))
+        ax.xaxis.set_major_formatter(plain_ticks())
         ax.grid(alpha=0.3, linewidth=0.6)
     for ax in grid.flat[len(bands) :]:
         ax.set_visible(False)

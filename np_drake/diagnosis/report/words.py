@@ -30,6 +30,7 @@ NAMES = {  # identifier: what is missing, in a sentence
     "unknown": "something unknown",
 }
 NOTHING = "–"
+NBSP = "\u00a0"  # a number and its unit stay on one line
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -63,14 +64,16 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def percent(share: float | None) -> str:
-    """A share as whole per cent; never 100 % or 0 % of what is not."""
+    """A share in per cent; near 0 % and 100 % with a decimal, and never either of what is not."""
     if share is None or not math.isfinite(share):
         return NOTHING
-    if 0.99 < share < 1:
-        return "> 99 %"
-    if 0 < share < 0.01:
-        return "< 1 %"
-    return f"{100 * share:.0f} %".replace("-", "−")
+    if 0.9995 <= share < 1:
+        return f"> 99.9{NBSP}%"
+    if 0 < share < 0.001:
+        return f"< 0.1{NBSP}%"
+    share = 0.0 if abs(share) < 0.005 and share < 0 else share
+    near = 0 < share < 0.0095 or 0.985 < share < 1
+    return f"{100 * share:.{1 if near else 0}f}{NBSP}%".replace("-", "−")
 
 
 def unit_of(unit: str) -> str:
@@ -84,16 +87,22 @@ def estimate(parameter: Estimate) -> tuple[str, str]:
     half = 0.5 * (upper - lower)
     if not (math.isfinite(half) and half > 0):
         return number(parameter.value), NOTHING
-    decimals = 1 - math.floor(math.log10(half))
+    decimals = -math.floor(math.log10(0.5 * half))
     if not 0 <= decimals <= 6:
         return number(parameter.value), f"{number(lower)} … {number(upper)}"
-    value, lower, upper = (f"{v:.{decimals}f}".replace("-", "−") for v in (parameter.value, lower, upper))
-    return value, f"{lower} … {upper}"
+    value, low, high = (f"{v:.{decimals}f}".replace("-", "−") for v in (parameter.value, lower, upper))
+    return value, f"{low} … {high}"
 
 
-def interval(bounds: tuple[float, float] | list[float], how=number) -> str:
-    """'lower … upper'."""
-    return f"{how(bounds[0])} … {how(bounds[1])}"
+def probability(value: float) -> str:
+    """A probability in per cent: nothing that was inferred is certain."""
+    return percent(min(max(value, 1e-9), 1 - 1e-9)) if math.isfinite(value) else NOTHING
+
+
+def percent_interval(bounds: tuple[float, float]) -> str:
+    """'91 … 97 %' of a share; it ends at 100 %."""
+    lower, upper = percent(bounds[0]), percent(min(bounds[1], 1.0))
+    return f"{lower.removesuffix(NBSP + '%')} … {upper}"
 
 
 def plain_name(name: str, longest: int = 36) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from np_drake.atomic_file import atomic_path, write_json, write_text
+from np_drake.atomic_file import atomic_path, require_writable, write_json, write_text
 from np_drake.diagnosis.answer import Diagnosis
 from np_drake.diagnosis.answer_json import as_json
 from np_drake.diagnosis.report.gap_figures import ladder_figure, replay_figure
@@ -15,6 +15,7 @@ from np_drake.diagnosis.report.where_figures import regime_figure, spectrum_figu
 from np_drake.figure_file import png
 
 PAGE, DATA = "report.html", "diagnosis.json"
+PICTURES = ("ladder", "regimes", "timeline", "spectrum", "replay")
 
 
 def write_report(
@@ -26,8 +27,11 @@ def write_report(
     Raises: OSError: if nothing can be written there.
     """
     folder = Path(folder)
+    require_writable(folder / PAGE)
     pictures = {name: png(figure) for name, figure in figures(diagnosis).items()}
     page = render(diagnosis, pictures, seed=seed)
+    for name in set(PICTURES) - set(pictures):
+        (folder / f"{name}.png").unlink(missing_ok=True)  # of an earlier diagnosis
     for name, picture in pictures.items():
         with atomic_path(folder / f"{name}.png") as temporary:
             temporary.write_bytes(picture)

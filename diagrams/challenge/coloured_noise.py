@@ -1,0 +1,24 @@
+"""Coloured noise: Gauss-Markov processes and their sums."""
+
+import numpy as np
+from scipy import signal
+
+
+def gauss_markov(
+    rng: np.random.Generator, t: np.ndarray, channels: int, *, rms: float, tau: float
+) -> np.ndarray:
+    """(n, channels) first-order process of `rms` and correlation time `tau` [s] at instants t (n,) [s].
+
+    Exact for equal steps; the median step stands for all. Starts in its stationary distribution.
+    """
+    decay = np.exp(-float(np.median(np.diff(t))) / tau)
+    white = rng.normal(size=(len(t), channels))
+    white[1:] *= np.sqrt(1 - decay**2)
+    return rms * signal.lfilter([1.0], [1.0, -decay], white, axis=0)
+
+
+def flicker(rng: np.random.Generator, t: np.ndarray, channels: int, *, rms: float) -> np.ndarray:
+    """(n, channels) about 1/f between 0.02 and 10 Hz: Gauss-Markov processes of equal power, one a decade."""
+    taus = (0.016, 0.16, 1.6, 8.0)  # [s]
+    parts = [gauss_markov(rng, t, channels, rms=rms / np.sqrt(len(taus)), tau=tau) for tau in taus]
+    return np.sum(parts, axis=0)

@@ -1,0 +1,52 @@
+"""Which cases a challenge set holds."""
+
+from itertools import combinations
+
+import numpy as np
+
+from diagrams.challenge.case import CaseDraw
+from diagrams.challenge.foreign import FOREIGN
+from np_drake.effects.library import LIBRARY
+
+SHARES = {"pair": 0.15, "triple": 0.08, "onset": 0.12, "foreign": 0.15}  # the rest are single effects
+# Physically the same, or nearly so: never in one case together.
+SAME = (
+    {"mass_error", "thrust_scale", "thrust_drift", "translational_lift", "ground_effect"},
+    {"motor_lag", "command_delay", "clock_offset"},
+    {"linear_drag", "quadratic_drag", "constant_wind", "gusty_wind"},
+    {"center_of_mass_offset", "weak_rotor", "suspended_payload"},
+    {"mass_error", "suspended_payload"},
+)
+
+
+def compatible(names: tuple[str, ...]) -> bool:
+    """Whether effects can be told apart in principle, and act at different places."""
+    if any(len(group & set(names)) > 1 for group in SAME):
+        return False
+    return len({LIBRARY[name].place for name in names}) == len(names)
+
+
+def compose(cases: int, clean: int, seed: int) -> list[CaseDraw]:
+    """`cases` with an effect and `clean` without, in shuffled order; single effects cycle through the library."""
+    rng = np.random.default_rng([seed, 7])
+    counts = {kind: round(share * cases) for kind, share in SHARES.items()}
+    kinds = ["single"] * (cases - sum(counts.values()))
+    kinds += [kind for kind, count in counts.items() for _ in range(count)] + ["clean"] * clean
+    names = {
+        "single": _cycle(rng, [(name,) for name in LIBRARY]),
+        "onset": _cycle(rng, [(name,) for name, effect in LIBRARY.items() if effect.begins]),
+        "foreign": _cycle(rng, [(name,) for name in FOREIGN]),
+        "pair": _cycle(rng, [c for c in combinations(LIBRARY, 2) if compatible(c)]),
+        "triple": _cycle(rng, [c for c in combinations(LIBRARY, 3) if compatible(c)]),
+        "clean": _cycle(rng, [()]),
+    }
+    drawn = [(kind, next(names[kind])) for kind in kinds]
+    order = rng.permutation(len(drawn))
+    return [CaseDraw(index, *drawn[i]) for index, i in enumerate(order)]
+
+
+def _cycle(rng: np.random.Generator, items: list):
+    """Every item once in random order, then again in another."""
+    while True:
+        for i in rng.permutation(len(items)):
+            yield items[i]

@@ -1,0 +1,160 @@
+"""The vehicle under its controller in Drake, advanced from row to row of a log."""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.math import SpatialVelocity
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.framework import Context, DiagramBuilder
+
+from diagrams.challenge.drake_settings import in_order, largest_step, springy
+from diagrams.challenge.drake_signals import unpack
+from diagrams.failed_run import FailedRun
+from np_drake import attitude
+from np_drake.effects.base import Effect
+from np_drake.effects.combine import split_effects
+from np_drake.vehicle import Vehicle
+from systems.cascaded_controller import CascadedController
+from systems.tethered_quadrotor import make_tethered_quadrotor
+
+LOST = 6.0  # farther than this from the plan a vehicle counts as lost [m]
+FLOOR = 0.03  # lower than this it has crashed [m]
+STEEPEST = -0.2  # cosine of the tilt at which it counts as lost [1]
+
+
+class DrakeLoop:
+    """Plant and controller with one set of effects; a flight with an onset takes two, one after the other.
+
+    The command goes through this loop, which keeps it back by the effects' dead time: exact for rows at any instants.
+    """
+
+    def __init__(self, vehicle: Vehicle, effects: Sequence[Effect]):
+        places = split_effects(effects)
+        self._vehicle, self._payload = vehicle, springy(places.payload, vehicle)
+        self._dead_time = sum(effect.dead_time for effect in places.actuator)
+        self._on_the_way: list[tuple[float, np.ndarray]] = []  # commands, and when they arrive [s]
+        builder = DiagramBuilder()
+        self._real = make_tethered_quadrotor(
+            vehicle,
+            self._payload,
+            wrench_effects=places.wrench,
+            actuator_effects=in_order([e for e in places.actuator if e.dead_time == 0.0]),
+            mass_effects=places.mass,
+        )
+        builder.AddSystem(self._real)
+        self._controller = builder.AddNamedSystem("controller", CascadedController(vehicle, period=None))
+        builder.Connect(self._real.GetOutputPort("x"), self._controller.GetInputPort("x"))
+        builder.ExportInput(self._real.GetInputPort("u"), "u")
+        self._plant = self._real.GetSubsystemByName("plant")
+        self._simulator = Simulator(builder.Build())
+        config = SimulatorConfig(
+            integration_scheme="runge_kutta3",
+            max_step_size=largest_step(vehicle, places),
+            use_error_control=False,
+        )
+        ApplySimulatorConfig(config, self._simulator)
+        self._root = self._simulator.get_mutable_context()
+        self._command(vehicle.hover_input)
+
+    def start(self, t: float, x: np.ndarray, before: "DrakeLoop | None" = None) -> None:
+        """Puts the vehicle into state `x` (13,) at `t` [s]; a payload hangs still under the moving hook.
+
+        Args: before: whose controller, commands under way and rotors carry on in this loop.
+        """
+        self._root.SetTime(t)
+        q, v, w_W = x[3:7], x[7:10], attitude.rotate(x[3:7], x[10:13])
+        R_WB = RotationMatrix(Quaternion(q / np.linalg.norm(q)))
+        self._place("quadrotor", RigidTransform(R_WB, x[0:3]), SpatialVelocity(w_W, v))
+        if self._payload.tether == "cable":
+            hook_W = attitude.rotate(q, np.array(self._payload.hook))
+            stretch = self._payload.mass * self._vehicle.gravity / self._payload.stiffness
+            p_WP = x[0:3] + hook_W - [0.0, 0.0, self._payload.length + stretch]
+            v_WP = v + np.cross(w_W, hook_W)
+            self._place("payload", RigidTransform(p_WP), SpatialVelocity(np.zeros(3), v_WP))
+        if before is not None:
+            held = before._context(before._controller).get_discrete_state(0).CopyToVector()
+            self._context(self._controller).SetDiscreteState(0, held)
+            self._command(before._acting)
+            self._on_the_way = list(before._on_the_way)
+            self._keep_rotors(before._eval(before._real, "nominal_rotor_thrust"))
+
+    def _place(self, body: str, X_WB: RigidTransform, V_WB: SpatialVelocity) -> None:
+        context, body = self._context(self._plant), self._plant.GetBodyByName(body)
+        self._plant.SetFreeBodyPose(context, body, X_WB)
+        self._plant.SetFreeBodySpatialVelocity(context=context, body=body, V_JpJc=V_WB)
+
+    def _keep_rotors(self, thrust: np.ndarray) -> None:
+        """Rotors turn on as fast as they do at `thrust` (4,) [N]."""
+        if self._real.HasSubsystemNamed("actuators"):
+            actuators = self._real.GetSubsystemByName("actuators")
+            actuators.rest_at(self._context(actuators), thrust)
+
+    def fly(self, t: np.ndarray, targets: np.ndarray, end: float) -> dict[str, np.ndarray]:
+        """Flies the rows at t (n,) [s] with their targets (n, 16), then on to `end`.
+
+        Returns: x (n, 13), a in W, al in B (n, 3), nominal_thrust, u (n, 4), each right after the row's command.
+        Raises: FailedRun: if the vehicle is lost or the integrator gives up.
+        """
+        rows: list[np.ndarray] = []
+        target_port, context = self._controller.GetInputPort("target"), self._context(self._controller)
+        for i, target in enumerate(targets):
+            target_port.FixValue(context, target)
+            self._controller.update(context)
+            u = self._controller.GetOutputPort("u").Eval(context).copy()
+            self._on_the_way.append((self._root.get_time() + self._dead_time, u))
+            self._deliver()
+            rows.append(np.concatenate([u, self._reading()]))
+            if not i % 10:
+                self._require_flying(target)
+            self._advance(t[i + 1] if i + 1 < len(t) else end)
+        return unpack(np.array(rows), self._plant.num_positions())
+
+    def state(self) -> np.ndarray:
+        """(13,) now."""
+        return self._eval(self._real, "x").copy()
+
+    def _context(self, system) -> Context:
+        return system.GetMyMutableContextFromRoot(self._root)
+
+    def _eval(self, system, port: str) -> np.ndarray:
+        return system.GetOutputPort(port).Eval(self._context(system))
+
+    @cached_property
+    def _ports(self) -> list:
+        """(port, context) of what a row holds beside the command."""
+        instance = self._plant.GetBodyByName("quadrotor").model_instance()
+        return [
+            (self._real.GetOutputPort("nominal_rotor_thrust"), self._context(self._real)),
+            (self._plant.get_state_output_port(), self._context(self._plant)),
+            (self._plant.get_generalized_acceleration_output_port(instance), self._context(self._plant)),
+        ]
+
+    def _reading(self) -> np.ndarray:
+        return np.concatenate([port.Eval(context) for port, context in self._ports])
+
+    def _command(self, u: np.ndarray) -> None:
+        self._acting = u
+        self._simulator.get_system().GetInputPort("u").FixValue(self._root, u)
+
+    def _deliver(self) -> None:
+        """Hands on the commands that have arrived by now."""
+        while self._on_the_way and self._on_the_way[0][0] <= self._root.get_time() + 1e-9:
+            self._command(self._on_the_way.pop(0)[1])
+
+    def _advance(self, t: float) -> None:
+        try:
+            while self._on_the_way and self._on_the_way[0][0] < t - 1e-9:
+                self._simulator.AdvanceTo(self._on_the_way[0][0])
+                self._deliver()
+            self._simulator.AdvanceTo(t)
+        except RuntimeError as error:
+            raise FailedRun(f"challenge: the simulation ended before {t:.2f} s: {error}") from error
+
+    def _require_flying(self, target: np.ndarray) -> None:
+        x = self.state()
+        upright = 1 - 2 * (x[4] ** 2 + x[5] ** 2)
+        if not (np.linalg.norm(x[:3] - target[:3]) < LOST and x[2] > FLOOR and upright > STEEPEST):
+            raise FailedRun(f"challenge: the vehicle was lost at {self._root.get_time():.2f} s.")

@@ -1,0 +1,85 @@
+"""Effects that the library does not have, drawn to be seen: what a diagnosis should call unknown."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from diagrams.challenge.foreign_actuators import BentThrustCurve, LiquidSlosh, ThrustRateTorque, YawBacklash
+from diagrams.challenge.foreign_wrenches import (
+    FanJet,
+    GroundTether,
+    MagnusForce,
+    PeriodicForce,
+    RotationalDamping,
+    SideLift,
+    StickingAxis,
+    WallSuction,
+)
+from diagrams.challenge.strengths import arm, direction, log_uniform
+from np_drake.effects.base import Effect
+from np_drake.vehicle import Vehicle
+
+Draw = Callable[[np.random.Generator, Vehicle], Effect]
+
+
+def _weight(vehicle: Vehicle) -> float:
+    return vehicle.mass * vehicle.gravity
+
+
+def _fan_jet(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    force = log_uniform(rng, 0.04, 0.3) * _weight(vehicle) * direction(rng, 0.2)
+    center = rng.uniform([-1.0, -1.0, 1.0], [1.0, 1.0, 2.5])
+    return FanJet(tuple(force), tuple(center), rng.uniform(0.5, 1.2))
+
+
+def _periodic(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    force = log_uniform(rng, 0.03, 0.2) * _weight(vehicle) * direction(rng)
+    return PeriodicForce(tuple(force), log_uniform(rng, 0.4, 4.0), rng.uniform(0, 2 * np.pi))
+
+
+def _tether(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    anchor = (*rng.uniform(-1.5, 1.5, 2), 0.0)
+    return GroundTether(log_uniform(rng, 0.3, 2.0) * vehicle.mass, rng.uniform(0.3, 1.2), anchor)
+
+
+def _sticking(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    axis = int(rng.integers(3))
+    torque = rng.choice([-1, 1]) * log_uniform(rng, 0.6, 4.0) * vehicle.J[axis, axis]
+    drag = log_uniform(rng, 0.5, 4.0) * vehicle.J[axis, axis]
+    return StickingAxis(axis, drag, float(torque), rng.uniform(1.5, 5.0), rng.uniform(0.15, 0.5))
+
+
+def _wall(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    course = rng.uniform(-np.pi, np.pi)
+    normal = (np.cos(course), np.sin(course), 0.0)
+    return WallSuction(log_uniform(rng, 0.04, 0.25), rng.uniform(0.3, 1.0), normal, rng.uniform(0.8, 2.5))
+
+
+def _slosh(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    return LiquidSlosh(rng.uniform(1.0, 4.0), rng.uniform(0.05, 0.2), log_uniform(rng, 0.1, 0.35))
+
+
+def _rate_torque(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    x, y = log_uniform(rng, 0.03, 0.2) * arm(vehicle) * direction(rng, 0.0)[:2]
+    return ThrustRateTorque(float(x), float(y), rng.uniform(0.08, 0.3))
+
+
+FOREIGN: dict[str, Draw] = {
+    "fan_jet": _fan_jet,
+    "periodic_force": _periodic,
+    "rotational_damping": lambda rng, v: RotationalDamping(log_uniform(rng, 0.5, 5.0) * v.J[0, 0]),
+    "magnus_force": lambda rng, v: MagnusForce(log_uniform(rng, 0.03, 0.4) * v.mass),
+    "ground_tether": _tether,
+    "sticking_axis": _sticking,
+    "wall_suction": _wall,
+    "side_lift": lambda rng, v: SideLift(log_uniform(rng, 0.05, 0.6) * v.mass),
+    "bent_thrust_curve": lambda rng, v: BentThrustCurve(log_uniform(rng, 0.02, 0.12)),
+    "thrust_rate_torque": _rate_torque,
+    "yaw_backlash": lambda rng, v: YawBacklash(log_uniform(rng, 0.3, 2.0) * v.J[2, 2]),
+    "liquid_slosh": _slosh,
+}
+
+
+def draw_foreign(name: str, rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    """The foreign effect `name` at a random strength."""
+    return FOREIGN[name](rng, vehicle)

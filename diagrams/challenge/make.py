@@ -1,0 +1,150 @@
+"""Makes a challenge set: case folders here, their truth elsewhere."""
+
+import dataclasses as dc
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from joblib import Parallel, delayed
+
+from diagrams.challenge.case import FILES, NOISE, Case, CaseDraw, draw_case
+from diagrams.challenge.composition import compose
+from diagrams.challenge.quality import kept_rows, measured, rows_of
+from diagrams.challenge.truth import truth, write_truth
+from diagrams.challenge.vehicles import vehicle_file
+from diagrams.failed_run import FailedRun
+from np_drake.atomic_file import write_text
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.log_file import write_log
+
+ATTEMPTS = 12  # draws of one case before the set fails
+QUALITIES = ("clean", "real")
+
+
+def simulators() -> dict[str, Callable]:
+    """Simulators by name: fly(vehicle, plan, effects, *, t, onset, background) -> the exact FlightLog."""
+    from diagrams.challenge.drake_simulator import fly
+
+    return {"drake": fly}
+
+
+def make(
+    out: Path,
+    truth: Path,
+    *,
+    simulator: str = "drake",
+    quality: str = "clean",
+    cases: int = 44,
+    clean: int = 20,
+    seconds: float = 20.0,
+    seed: int = 0,
+    jobs: int = 1,
+    on_progress: Callable[[int], None] | None = None,
+) -> dict:
+    """Writes `cases` + `clean` case folders into `out` and as many truths into `truth`.
+
+    Returns: {"written", "redrawn": how many draws were lost on the way, "kinds": {kind: count}}.
+    Raises: ValueError: on impossible arguments; FailedRun: where a case cannot be flown in any draw.
+    """
+    check_request(out, truth, simulator=simulator, quality=quality, seconds=seconds, cases=cases + clean)
+    for folder in (out, truth):
+        folder.mkdir(parents=True, exist_ok=True)
+    draws = compose(cases, clean, seed)
+    options = {"simulator": simulator, "quality": quality, "seconds": seconds, "seed": seed}
+    work = (delayed(make_case)(draw, out, truth, **options) for draw in draws)
+    redrawn = 0
+    for done, attempts in enumerate(Parallel(n_jobs=jobs, return_as="generator_unordered")(work), start=1):
+        redrawn += attempts
+        if on_progress is not None:
+            on_progress(done)
+    kinds = {kind: sum(draw.kind == kind for draw in draws) for kind in sorted({d.kind for d in draws})}
+    return {"written": len(draws), "redrawn": redrawn, "kinds": kinds}
+
+
+def make_case(
+    draw: CaseDraw, out: Path, truth: Path, *, simulator: str, quality: str, seconds: float, seed: int
+) -> int:
+    """Draws a case until its vehicle comes home, and writes it. Returns how many draws were lost."""
+    last: FailedRun | None = None
+    for attempt in range(ATTEMPTS):
+        case = draw_case(dc.replace(draw, attempt=attempt), quality=quality, seed=seed, seconds=seconds)
+        try:
+            exact, noisy = fly_case(case, simulator)
+        except FailedRun as error:
+            last = error
+            continue
+        write_case(case, simulator, exact, noisy, out, truth)
+        return attempt
+    raise FailedRun(f"make: no draw of {draw.names} could be flown; the last: {last}")
+
+
+def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str, FlightLog]]:
+    """The exact and the noisy logs of a case by file, with the same rows."""
+    fly, exact, noisy = simulators()[simulator], {}, {}
+    background = case.quality.background(case.vehicle)
+    for flight, (file, plan) in enumerate(case.plans.items()):
+        log = fly(
+            case.vehicle,
+            plan,
+            case.effects_of(file),
+            t=case.instants(file),
+            onset=case.onset[file],
+            background=background,
+        )
+        rng = case.stream(NOISE, flight)
+        log.name = file.removesuffix(".csv")
+        rows = kept_rows(rng, case.quality, len(log))
+        noisy[file] = rows_of(measured(log, case.vehicle, case.quality, rng), rows)
+        exact[file] = rows_of(log, rows)
+    return exact, noisy
+
+
+def write_case(
+    case: Case,
+    simulator: str,
+    exact: dict[str, FlightLog],
+    noisy: dict[str, FlightLog],
+    out: Path,
+    truth_folder: Path,
+) -> None:
+    """Both folders, each whole or not at all."""
+    with whole_folder(truth_folder / case.name) as folder:
+        write_truth(truth(case, simulator, exact, noisy), folder)
+    with whole_folder(out / case.name) as folder:
+        write_text(folder / "vehicle.yaml", vehicle_file(case.vehicle))
+        for file in FILES:
+            write_log(noisy[file], folder / file)
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """A temporary folder beside `path` that takes its name at the end; an older folder gives way."""
+    temporary = Path(tempfile.mkdtemp(prefix=".", dir=path.parent))
+    try:
+        yield temporary
+        temporary.chmod(0o755)
+        if path.exists():
+            shutil.rmtree(path)
+        os.replace(temporary, path)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def check_request(
+    out: Path, truth: Path, *, simulator: str, quality: str, seconds: float, cases: int
+) -> None:
+    """Raises ValueError where `make` would, before any work."""
+    here, there = out.resolve(), truth.resolve()
+    if here == there or here in there.parents or there in here.parents:
+        raise ValueError(f"make: neither of cases and truth may lie in the other; got {out} and {truth}.")
+    if simulator not in simulators():
+        raise ValueError(f"make: simulator must be one of {', '.join(simulators())}; got {simulator!r}.")
+    if quality not in QUALITIES:
+        raise ValueError(f"make: quality must be one of {', '.join(QUALITIES)}; got {quality!r}.")
+    if not 5 <= seconds <= 300:
+        raise ValueError(f"make: seconds must be 5 … 300 [s]; got {seconds}.")
+    if cases < 1:
+        raise ValueError("make: there must be at least one case; got none.")

@@ -1,0 +1,139 @@
+"""From an exact log to what a rig would have logged: laboratory-clean, or of real quality."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from diagrams.challenge.coloured_noise import flicker, gauss_markov
+from np_drake import attitude
+from np_drake.effects.base import Effect
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.logs.flight_log import FlightLog
+from np_drake.vehicle import MeasurementNoise, Vehicle
+
+JITTER = 0.05  # of the instants, of the interval [1]
+
+
+@dc.dataclass(frozen=True)
+class Quality:
+    """The rig of one case. `clean` has white noise as the vehicle file states and a constant rate.
+
+    Deviations of white noise, RMS of the coloured part, correlation times [s]. Source: own choice, the size of
+    motion capture, MEMS sensors and a Kalman filter's velocity.
+    """
+
+    name: str = "clean"  # clean | real
+    attitude: float = 0.0  # white [rad]
+    wander: float = 0.0  # RMS [rad]
+    wander_time: float = 10.0
+    velocity_wander: float = 0.0  # [m/s]
+    velocity_time: float = 1.0
+    rate_flicker: float = 0.0  # [rad/s]
+    acceleration_flicker: float = 0.0  # [m/s²]
+    rotor: float = 2.0  # [rad/s]; negative: no rotor columns
+    drops: float = 0.0  # share of rows that are missing [1]
+    turned: bool = False  # `a` was turned to W with the measured attitude
+    mass_off: float = 0.0  # of the vehicle file [1]
+    thrust_off: float = 0.0
+
+    @property
+    def real(self) -> bool:
+        """Not from a laboratory."""
+        return self.name == "real"
+
+    def background(self, vehicle: Vehicle) -> list[Effect]:
+        """What the vehicle file is off by; acts throughout and is no cause."""
+        if not self.real:
+            return []
+        return [MassError(self.mass_off * vehicle.mass), ThrustScale(1 + self.thrust_off)]
+
+    def stated_noise(self) -> MeasurementNoise:
+        """What the vehicle file says of white noise."""
+        return MeasurementNoise(attitude=0.005) if self.real else MeasurementNoise()
+
+    def instants(self, rng: np.random.Generator, seconds: float, rate: float) -> np.ndarray:
+        """(n,) when rows are taken [s]."""
+        t = np.arange(round(seconds * rate)) / rate
+        return t + (JITTER / rate * rng.uniform(-1, 1, len(t)) if self.real else 0.0)
+
+
+def draw_quality(name: str, rng: np.random.Generator, spin: float) -> Quality:
+    """A rig of that name. spin: rotor speed in hover [rad/s]."""
+    if name == "clean":
+        return Quality()
+    return Quality(
+        name="real",
+        attitude=rng.uniform(0.005, 0.010),
+        wander=np.deg2rad(rng.uniform(0.35, 0.65)),
+        wander_time=rng.uniform(5.0, 20.0),
+        velocity_wander=rng.uniform(0.02, 0.04),
+        velocity_time=rng.uniform(0.5, 2.0),
+        rate_flicker=rng.uniform(0.006, 0.015),
+        acceleration_flicker=rng.uniform(0.05, 0.12),
+        rotor=float(rng.choice([0.01 * spin, -1.0])),
+        drops=rng.uniform(0.005, 0.01),
+        turned=bool(rng.integers(2)),
+        mass_off=rng.uniform(-0.01, 0.01),
+        thrust_off=rng.uniform(-0.01, 0.01),
+    )
+
+
+def kept_rows(rng: np.random.Generator, quality: Quality, n: int) -> np.ndarray:
+    """(m,) rows of n that are not dropped; never two in succession, never the first or the last."""
+    count = round(quality.drops * n)
+    dropped: set[int] = set()
+    while len(dropped) < count:
+        row = int(rng.integers(2, n - 2))
+        if not {row - 2, row - 1, row, row + 1, row + 2} & dropped:
+            dropped.add(row)
+    return np.setdiff1d(np.arange(n), sorted(dropped))
+
+
+def measured(log: FlightLog, vehicle: Vehicle, quality: Quality, rng: np.random.Generator) -> FlightLog:
+    """The exact `log` (all rows) with the rig's noise; every sensor has draws of its own.
+
+    The accelerometer reads R^T (a + g z) + n in body axes; it comes to W with the true attitude or, on a `turned`
+    rig, with the measured one.
+    """
+    if log.a is None or log.al is None or log.rotor is None:
+        raise ValueError("measured: the exact log must have accelerations and rotor speed.")
+    white, n = vehicle.measurement_noise, len(log)
+    parts = rng.spawn(7)
+    draw = [part.normal(size=(n, 3)) for part in parts[:6]]
+    turn = quality.attitude * draw[0]
+    v, w = white.velocity * draw[1], white.rate * draw[2]
+    n_B = white.acceleration * draw[3]
+    if quality.real:
+        turn += gauss_markov(parts[0], log.t, 3, rms=quality.wander, tau=quality.wander_time)
+        v += gauss_markov(parts[1], log.t, 3, rms=quality.velocity_wander, tau=quality.velocity_time)
+        w += flicker(parts[2], log.t, 3, rms=quality.rate_flicker)
+        n_B += flicker(parts[3], log.t, 3, rms=quality.acceleration_flicker)
+    q = turned_by(log.q, turn)
+    g = np.array([0.0, 0.0, vehicle.gravity])
+    specific = attitude.rotate_back(log.q, log.a + g) + n_B
+    rotor = None if quality.rotor < 0 else log.rotor + quality.rotor * parts[6].normal(size=(n, 4))
+    return dc.replace(
+        log,
+        p=log.p + white.position * draw[5],
+        q=q,
+        v=log.v + v,
+        w=log.w + w,
+        a=attitude.rotate(q if quality.turned else log.q, specific) - g,
+        al=None if quality.real else log.al + white.angular_acceleration * draw[4],
+        rotor=rotor,
+    )
+
+
+def turned_by(q: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """(n, 4) q after a small turn (n, 3) in body axes [rad]."""
+    small = np.concatenate([np.ones((len(turn), 1)), 0.5 * turn], axis=1)
+    out = attitude.multiply(q, small)
+    return out / np.linalg.norm(out, axis=1, keepdims=True)
+
+
+def rows_of(log: FlightLog, rows: np.ndarray) -> FlightLog:
+    """The log with these rows alone."""
+    arrays = {f.name: getattr(log, f.name) for f in dc.fields(log)}
+    cut = {name: value[rows] for name, value in arrays.items() if isinstance(value, np.ndarray)}
+    return dc.replace(log, **cut)

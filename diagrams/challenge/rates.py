@@ -1,0 +1,55 @@
+"""Shares with their intervals, and precision and recall of names."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import beta
+
+LEVEL = 0.95
+
+
+def rate(outcomes: Iterable[bool]) -> dict[str, Any]:
+    """{"count", "n", "rate", "ci95"}; the rate of none is None.
+
+    ci95: the exact binomial interval, from quantiles of the beta distribution. Source: Clopper and Pearson 1934.
+    """
+    values = [bool(outcome) for outcome in outcomes]
+    k, n = sum(values), len(values)
+    tail = (1 - LEVEL) / 2
+    low = float(beta.ppf(tail, k, n - k + 1)) if k else 0.0
+    high = float(beta.ppf(1 - tail, k + 1, n - k)) if k < n else 1.0
+    return {"count": k, "n": n, "rate": k / n if n else None, "ci95": [low, high]}
+
+
+def name_rates(counts: Sequence[tuple[int, int, int]]) -> dict[str, Any]:
+    """Precision, recall and F1, pooled over cases of (right, too many, missing); None where undefined."""
+    right, extra, missing = (int(total) for total in np.sum(np.reshape(counts, (-1, 3)), axis=0))
+    return {
+        "cases": len(counts),
+        "right": right,
+        "extra": extra,
+        "missing": missing,
+        "precision": _share(right, right + extra),
+        "recall": _share(right, right + missing),
+        "f1": _share(2 * right, 2 * right + extra + missing),
+    }
+
+
+def median(values: Iterable[float | None]) -> float | None:
+    """Of the finite ones; None where there are none."""
+    return _statistic(np.median, values)
+
+
+def mean(values: Iterable[float | None]) -> float | None:
+    """As `median`."""
+    return _statistic(np.mean, values)
+
+
+def _statistic(of: Any, values: Iterable[float | None]) -> float | None:
+    finite = [v for v in values if v is not None and np.isfinite(v)]
+    return float(of(finite)) if finite else None
+
+
+def _share(part: int, whole: int) -> float | None:
+    return part / whole if whole else None

@@ -1,0 +1,154 @@
+"""Scores answers to a challenge set against its truth: a pure function of the two."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from diagrams.challenge import score_onset as onset
+from diagrams.challenge import score_parameters as parameters
+from diagrams.challenge.matching import exact, matches, right_class
+from diagrams.challenge.rates import median
+from diagrams.challenge.score_confusion import confusion, reliability
+from diagrams.challenge.score_detection import detection
+from diagrams.challenge.score_names import clean, foreign, of_effect, several, singles, wrong_and_sure
+from diagrams.challenge.score_shrink import (
+    relative_shrink,
+    replay_reduction,
+    replay_summary,
+    shrink_summary,
+)
+from diagrams.challenge.solved import Solved
+from np_drake.diagnosis.answer import UNKNOWN
+from np_drake.effects.library import LIBRARY
+
+VISIBLE = 1.5  # least visibility of cases that count as visible [1]
+SEED = 0  # of the bootstrap
+
+
+def score(cases: Sequence[Solved], *, least: float = VISIBLE, seed: int = SEED) -> dict[str, Any]:
+    """All figures; `groups` has them for every simulator and quality where the set mixes them.
+
+    Args: least: visibility from which a case counts as visible [1].
+    """
+    groups = sorted({case.group for case in cases})
+    whole = score_group(cases, least=least, seed=seed)
+    parts = {name: [case for case in cases if case.group == name] for name in groups}
+    whole["groups"] = (
+        {name: score_group(part, least=least, seed=seed) for name, part in parts.items()}
+        if len(groups) > 1
+        else {}
+    )
+    whole["sets"] = [
+        {"group": name, "cases": len(part), "seeds": sorted({int(case.truth["seed"]) for case in part})}
+        for name, part in parts.items()
+    ]
+    whole["warnings"] = warnings(cases)
+    whole["cases"] = [case_row(case, least) for case in cases]
+    return whole
+
+
+def score_group(cases: Sequence[Solved], *, least: float, seed: int) -> dict[str, Any]:
+    """All figures of cases that are taken together."""
+    kinds = {kind: [c for c in cases if c.kind == kind] for kind in ("single", "onset", "clean", "foreign")}
+    many = [c for c in cases if c.kind in ("pair", "triple")]
+    visible = [c for c in cases if c.visibility >= least]
+    known = [c for c in cases if c.kind not in ("clean", "foreign")]
+    rates = {
+        "single": singles([c for c in visible if c.kind == "single"]),
+        "onset": singles([c for c in visible if c.kind == "onset"]),
+        "pair": several([c for c in many if c.kind == "pair"], least),
+        "triple": several([c for c in many if c.kind == "triple"], least),
+        "several": several(many, least),
+        "clean": clean(kinds["clean"]),
+        "foreign": foreign(kinds["foreign"], least),
+    }
+    errors = [error for c in known if c.visibility >= least for error in parameters.errors_of(c)]
+    return {
+        "accuracy": accuracy(rates),
+        "rates": rates,
+        "parameters": parameters_of(errors),
+        "onset": onset.summary(known),
+        "shrink_relative": shrink_summary(known),
+        "shrink_relative_foreign": shrink_summary(kinds["foreign"]),
+        "replay": replay_summary(known, least),
+        "detection": detection([*kinds["single"], *kinds["onset"]], seed),
+        "reliability": reliability(cases),
+        "effects": effect_rows(cases, errors, least),
+        "confusion": confusion(cases, least),
+        "wall": median(c.answer.get("wall") for c in cases if c.answer is not None),
+    }
+
+
+def accuracy(rates: dict[str, Any]) -> dict[str, Any]:
+    """The plain figures: share of visible singles with the right class and name, F1 of pairs, and so on."""
+    return {
+        "single": rates["single"]["class"]["rate"],
+        "single_exact": rates["single"]["exact"]["rate"],
+        "pair": rates["pair"]["all"]["f1"],
+        "triple": rates["triple"]["all"]["f1"],
+        "clean_false_alarm": rates["clean"]["false_alarm"]["rate"],
+        "unknown": rates["foreign"]["unknown"]["rate"],
+    }
+
+
+def parameters_of(errors: Sequence[parameters.Error]) -> dict[str, Any]:
+    """Summary, `coverage` as a plain figure, and a row a parameter."""
+    found = parameters.summary(errors)
+    return {
+        **found,
+        "coverage": found["coverage"]["rate"],
+        "coverage_rate": found["coverage"],
+        "rows": parameters.by_parameter(errors),
+    }
+
+
+def effect_rows(
+    cases: Sequence[Solved], errors: Sequence[parameters.Error], least: float
+) -> list[dict[str, Any]]:
+    """A row an effect of the library that acts or is named in the set."""
+    seen = {name for c in cases for name in (*c.true_names, *c.verdict)}
+    rows = []
+    for name in (n for n in LIBRARY if n in seen):
+        found = parameters.summary(e for e in errors if e.effect == name)
+        figures = {key: found[key] for key in ("median_error", "coverage")}
+        rows.append({"effect": name, **of_effect(name, cases, least), **figures})
+    return rows
+
+
+def case_row(case: Solved, least: float) -> dict[str, Any]:
+    """What became of one case."""
+    return {
+        "case": case.name,
+        "group": case.group,
+        "kind": case.kind,
+        "visibility": case.visibility,
+        "true": case.true_names,
+        "class": case.truth["class"],
+        "verdict": case.verdict,
+        "probability": {name: cause.get("probability") for name, cause in case.causes.items()},
+        "answered": case.answer is not None,
+        "exact": exact(case),
+        "right_class": right_class(case),
+        "matched": sorted(set(matches(case).values())),
+        "missed": missed(case, least),
+        "onset": onset.onset_errors(case),
+        "shrink_relative": relative_shrink(case),
+        "replay_reduction": replay_reduction(case),
+    }
+
+
+def missed(case: Solved, least: float) -> bool:
+    """Is it a miss that counts: a false alarm, a visible case with a wrong class, a foreign effect not called unknown?"""
+    if case.kind == "clean":
+        return bool(case.verdict) or case.answer is None
+    if case.kind == "foreign":
+        silent = UNKNOWN not in case.verdict and case.visibility >= least
+        return silent or bool(wrong_and_sure(case))
+    return case.visibility >= least and not right_class(case)
+
+
+def warnings(cases: Iterable[Solved]) -> list[str]:
+    """One line for cases without an answer."""
+    without = [case.name for case in cases if case.answer is None]
+    if not without:
+        return []
+    return [f"{len(without)} cases have no answer and count as misses: {', '.join(without[:5])}"]

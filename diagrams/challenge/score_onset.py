@@ -1,0 +1,39 @@
+"""Onset times of effects that begin in mid-flight."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from diagrams.challenge.matching import matches
+from diagrams.challenge.rates import median, rate
+from diagrams.challenge.solved import Solved, same_flight
+
+TOLERANCE = 0.2  # [s]
+
+
+def onset_errors(case: Solved) -> list[dict[str, Any]]:
+    """A row a flight and effect that begins in it: error [s], None where no cause with an onset stands for it."""
+    found, rows = matches(case), []
+    for i, effect in enumerate(case.truth["effects"]):
+        cause = case.causes.get(found[i]) if i in found else None
+        estimates = {same_flight(f): t for f, t in (cause or {}).get("onset", {}).items()}
+        for flight, true in (effect.get("onset") or {}).items():
+            if true is not None:
+                given = estimates.get(same_flight(flight))
+                error = None if given is None else given - true
+                rows.append({"flight": flight, "named": cause is not None, "error": error})
+    return rows
+
+
+def within(row: dict[str, Any]) -> bool:
+    """Is the onset right?"""
+    return row["error"] is not None and abs(row["error"]) <= TOLERANCE
+
+
+def summary(cases: Sequence[Solved]) -> dict[str, Any]:
+    """Share of flights with the right onset, of all and of those whose effect is named, and the median error [s]."""
+    rows = [row for case in cases for row in onset_errors(case)]
+    return {
+        "within": rate(within(row) for row in rows),
+        "within_if_named": rate(within(row) for row in rows if row["named"]),
+        "median_error": median(None if row["error"] is None else abs(row["error"]) for row in rows),
+    }

@@ -1,0 +1,66 @@
+"""How far the held-out residual shrinks, relative to the true model, and the error of the replay."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from diagrams.challenge.rates import mean, median
+from diagrams.challenge.solved import Solved
+
+CHANNELS = tuple((kind, axis) for kind in ("force", "torque") for axis in "xyz")
+VISIBLE = 1.1  # residual before over what the true model leaves, pooled: less is no gap [1]
+HORIZON = 1.0  # of the replay [s]
+
+
+def before_and_after(case: Solved) -> tuple[float, float] | None:
+    """Held-out residual in units of what the true model leaves, pooled over wrench channels [1]."""
+    if case.answer is None:
+        return None
+    floor = np.array([case.truth["true_model_residual"][f"{kind}_{axis}"] for kind, axis in CHANNELS], float)
+    gap = case.answer["gap"]
+    if np.any(floor <= 0) or any(axis not in gap.get(kind, {}) for kind, axis in CHANNELS):
+        return None
+    pooled = []
+    for name in ("rms", "after"):
+        figures = [gap[kind][axis].get(name) for kind, axis in CHANNELS]
+        if any(figure is None for figure in figures):
+            return None
+        pooled.append(float(np.sqrt(np.mean((np.array(figures, float) / floor) ** 2))))
+    return pooled[0], pooled[1]
+
+
+def relative_shrink(case: Solved) -> float | None:
+    """1 - (after² - 1) / (before² - 1), held to [-1, 1]: the true model has 1; None where there is no gap to see."""
+    figures = before_and_after(case)
+    if case.kind == "clean" or figures is None or figures[0] < VISIBLE:
+        return None
+    before, after = figures
+    return float(np.clip(1 - (after**2 - 1) / (before**2 - 1), -1.0, 1.0))
+
+
+def shrink_summary(cases: Iterable[Solved]) -> dict[str, Any]:
+    """Over cases with a visible gap."""
+    values = [value for case in cases if (value := relative_shrink(case)) is not None]
+    return {"n": len(values), "mean": mean(values), "median": median(values)}
+
+
+def replay_reduction(case: Solved) -> float | None:
+    """1 - after / before of the position error of the replay at `HORIZON`; None without both figures."""
+    replay = None if case.answer is None else case.answer["shrink"].get("replay")
+    if not replay or not replay.get("before") or not replay.get("after"):
+        return None
+    errors = [
+        dict(zip(replay["horizon"], replay[name]["position"], strict=True)).get(HORIZON)
+        for name in ("before", "after")
+    ]
+    if errors[0] is None or errors[1] is None or errors[0] <= 0:
+        return None
+    return float(1 - errors[1] / errors[0])
+
+
+def replay_summary(cases: Sequence[Solved], least: float) -> dict[str, Any]:
+    """Median reduction of the position error, over visible cases of the library's effects."""
+    values = [replay_reduction(case) for case in cases if case.visibility >= least]
+    known = [value for value in values if value is not None]
+    return {"n": len(known), "horizon": HORIZON, "median_reduction": median(known)}

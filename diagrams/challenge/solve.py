@@ -1,0 +1,139 @@
+"""Diagnoses every case of a challenge set. It is told where the cases lie, and nothing of the truth."""
+
+import resource
+import time
+import traceback
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from joblib import Parallel, delayed, parallel_config
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+from np_drake.atomic_file import write_json
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.logs.case_folder import TRAIN, VEHICLE, find_case
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.open_log import open_log
+from np_drake.vehicle import Vehicle, load_vehicle
+
+ANSWER, COST = "diagnosis.json", "cost.json"
+KIBIBYTE = 1024  # unit of ru_maxrss on Linux [byte]
+
+
+def solve(
+    cases: Path,
+    answers: Path,
+    *,
+    jobs: int = 1,
+    replay: bool = False,
+    again: bool = False,
+    on_progress: Callable[[int, str], None] | None = None,
+) -> dict[str, Any]:
+    """Writes <answers>/<case>/diagnosis.json for every case folder in `cases`; answers that are there stay.
+
+    Args: replay: in Drake too.   again: solve what is solved.   on_progress: called with cases done and the last.
+    Returns: {"cases": all, "skipped": solved before, "solved": [{"case", "wall" [s], "peak_memory" [byte]}],
+        "failed": [{"case", "error": one line}]}, sorted by case.
+    Raises: ValueError: if `cases` holds no case folder.
+    """
+    folders = case_folders(cases)
+    left = [f for f in folders if again or not (answers / f.name / ANSWER).is_file()]
+    rows: list[dict[str, Any]] = []
+    for row in solve_all(left, answers, jobs, replay):
+        rows.append(row)
+        if on_progress is not None:
+            on_progress(len(rows), row["case"])
+    rows.sort(key=lambda row: row["case"])
+    return {
+        "cases": len(folders),
+        "skipped": len(folders) - len(left),
+        "solved": [row for row in rows if "error" not in row],
+        "failed": [row for row in rows if "error" in row],
+    }
+
+
+def case_folders(cases: Path) -> list[Path]:
+    """Every folder with a vehicle file or a flight to fit, complete or not, sorted.
+
+    Raises: ValueError: if there is none.
+    """
+    folders = [path for path in cases.iterdir() if path.is_dir() and not path.name.startswith(".")]
+    found = sorted(f for f in folders if (f / VEHICLE).is_file() or any(f.glob(f"{TRAIN}*")))
+    if not found:
+        raise ValueError(f"{cases}: must hold case folders, each with {VEHICLE} and flights; got none.")
+    return found
+
+
+def solve_all(folders: Sequence[Path], answers: Path, jobs: int, replay: bool) -> Iterator[dict[str, Any]]:
+    """A row a case, as they finish. Where a process dies, the cases left get one each, so that one is lost."""
+    done: set[str] = set()
+    try:
+        for row in _parallel(folders, answers, jobs, replay):
+            done.add(row["case"])
+            yield row
+        return
+    except TerminatedWorkerError:
+        pass
+    for folder in folders:
+        if folder.name in done:
+            continue
+        try:
+            yield from _parallel([folder], answers, 2, replay)
+        except TerminatedWorkerError:
+            yield {"case": folder.name, "error": "its process died; is the memory exhausted?"}
+
+
+def _parallel(folders: Iterable[Path], answers: Path, jobs: int, replay: bool) -> Iterator[dict[str, Any]]:
+    """Rows in the order in which processes finish; linear algebra on one thread in each."""
+    with parallel_config("loky", inner_max_num_threads=1):
+        pool = Parallel(n_jobs=jobs, return_as="generator_unordered")
+        yield from pool(delayed(solve_case)(folder, answers / folder.name, replay) for folder in folders)
+
+
+def solve_case(folder: Path, out: Path, replay: bool) -> dict[str, Any]:
+    """Diagnoses one case and writes its answer and cost. Never raises: a failure is in the row.
+
+    The peak is of this process, which may have solved other cases before.
+    """
+    start = time.perf_counter()
+    try:
+        answer = diagnose_folder(folder, replay)
+    except Exception as error:
+        return {"case": folder.name, "error": one_line(error)}
+    out.mkdir(parents=True, exist_ok=True)
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * KIBIBYTE
+    cost = {"wall": time.perf_counter() - start, "peak_memory": peak, "replay": replay}
+    write_json(out / COST, cost)
+    write_json(out / ANSWER, answer)
+    return {"case": folder.name, **cost}
+
+
+def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
+    """The content of diagnosis.json for a case folder."""
+    files = find_case(folder)
+    assert files.vehicle is not None
+    vehicle = load_vehicle(str(files.vehicle))
+    train, held_out = ([_flight(path, vehicle) for path in paths] for paths in (files.train, files.held_out))
+    simulator = None
+    if replay:
+        from diagrams.gap_replay import DrakeReplay
+
+        simulator = DrakeReplay(vehicle)
+    return diagnose(vehicle, train, held_out, simulator).as_json()
+
+
+def _flight(path: Path, vehicle: Vehicle) -> FlightLog:
+    log = open_log(path, vehicle=vehicle)
+    if not isinstance(log, FlightLog):
+        raise ValueError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
+    return log
+
+
+def one_line(error: Exception) -> str:
+    """What went wrong, and where if it was not foreseen."""
+    text = " ".join(str(error).split()) or "no message"
+    if isinstance(error, ValueError | OSError) and type(error) is not UnicodeDecodeError:
+        return text
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {text} ({Path(last.filename).name}:{last.lineno})"

@@ -1,0 +1,94 @@
+"""A case with its answer and its truth, as read from file."""
+
+import dataclasses as dc
+import json
+from pathlib import Path
+from typing import Any
+
+from diagrams.challenge.solve import ANSWER
+from np_drake.diagnosis.answer import UNKNOWN
+
+TRUTH = "truth.json"
+COMPANION = "linear_drag"  # through which a wind is felt, and which is then named too
+WINDS = ("constant_wind", "gusty_wind")
+
+
+@dc.dataclass(frozen=True)
+class Solved:
+    """One case. truth, answer: the content of truth.json and diagnosis.json; answer None: there is none."""
+
+    name: str
+    truth: dict[str, Any]
+    answer: dict[str, Any] | None
+
+    @property
+    def kind(self) -> str:
+        """single | pair | triple | onset | clean | foreign."""
+        return str(self.truth["kind"])
+
+    @property
+    def group(self) -> str:
+        """Simulator and quality, as `drake, real`."""
+        return f"{self.truth['simulator']}, {self.truth['quality']}"
+
+    @property
+    def visibility(self) -> float:
+        """Largest ratio of a channel's RMS to its noise [1]."""
+        return float(self.truth["visibility"])
+
+    @property
+    def true_names(self) -> tuple[str, ...]:
+        """Of all effects that act."""
+        return tuple(effect["effect"] for effect in self.truth["effects"])
+
+    @property
+    def main(self) -> str:
+        """What a case of one effect is about: the first, for a wind's drag comes after it; clean: `clean`."""
+        if self.kind == "foreign":
+            return "foreign"
+        return next((n for n in self.true_names), "clean")
+
+    @property
+    def verdict(self) -> tuple[str, ...]:
+        """All that is said to be missing, `unknown` among it; without an answer nothing."""
+        return () if self.answer is None else tuple(self.answer["verdict"])
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """The verdict without `unknown`."""
+        return tuple(name for name in self.verdict if name != UNKNOWN)
+
+    @property
+    def causes(self) -> dict[str, dict[str, Any]]:
+        """Causes of the answer by effect."""
+        return {} if self.answer is None else {c["effect"]: c for c in self.answer["causes"]}
+
+
+def read_solved(answers: Path, truth: Path) -> list[Solved]:
+    """Every case that has a truth, sorted by name.
+
+    Raises: ValueError: if there is no truth, or a file is no JSON; OSError: if one cannot be read.
+    """
+    files = sorted(truth.glob(f"*/{TRUTH}"))
+    if not files:
+        raise ValueError(f"{truth}: must hold <case>/{TRUTH}; got none.")
+    return [_read_case(file, answers / file.parent.name / ANSWER) for file in files]
+
+
+def _read_case(truth: Path, answer: Path) -> Solved:
+    return Solved(truth.parent.name, _read(truth), _read(answer) if answer.is_file() else None)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (ValueError, TypeError):
+        raise ValueError(f"{path}: must hold a JSON object.") from None
+
+
+def same_flight(name: str) -> str:
+    """A flight's name without folder and suffix, for `train_1.csv` and `train_1` are the same."""
+    base = name.rsplit("/", 1)[-1]
+    for suffix in (".csv.gz", ".csv", ".parquet"):
+        base = base.removesuffix(suffix)
+    return base

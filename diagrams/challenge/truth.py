@@ -1,0 +1,66 @@
+"""What truth.json holds of a case."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diagrams.challenge.case import FILES, Case
+from np_drake.atomic_file import write_json
+from np_drake.diagnosis.evidence import make_evidence
+from np_drake.effects.base import Effect
+from np_drake.logs.flight_log import FlightLog
+from np_drake.vehicle import MeasurementNoise, Vehicle
+
+CHANNELS = tuple(
+    f"{kind}_{axis}" for kind in ("force", "torque", "velocity", "acceleration", "rate") for axis in "xyz"
+)
+
+
+def collinear_class(
+    vehicle: Vehicle, logs: Sequence[FlightLog], noise: MeasurementNoise, effects: Sequence[Effect]
+) -> list[list[str]]:
+    """Per effect the names that are physically the same in this data, its own first."""
+    return [[effect.identifier] for effect in effects]
+
+
+def truth(case: Case, simulator: str, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]) -> dict:
+    """The content of truth.json. exact, noisy: the logs by file, the same rows."""
+    held_out = FILES[-1]
+    residual, visibility = seen(case.vehicle, exact[held_out], noisy[held_out])
+    training = [exact[file] for file in FILES if file != held_out]
+    return {
+        "effects": [
+            {"effect": e.identifier, "parameters": parameters(e), "onset": case.onset} for e in case.effects
+        ],
+        "class": collinear_class(case.vehicle, training, case.vehicle.measurement_noise, case.effects),
+        "true_model_residual": dict(zip(CHANNELS, residual.tolist(), strict=True)),
+        "visibility": visibility,
+        "simulator": simulator,
+        "quality": case.quality.name,
+        "kind": case.draw.kind,
+        "seed": case.seed,
+        "index": case.draw.index,
+        "attempt": case.draw.attempt,
+        "vehicle_off": {"mass": case.quality.mass_off, "thrust": case.quality.thrust_off},
+        "plans": {file: plan.kind for file, plan in case.plans.items()},
+    }
+
+
+def parameters(effect: Effect) -> dict[str, Any]:
+    """By name; of a foreign effect its fields."""
+    return effect.values or dict(vars(effect))
+
+
+def seen(vehicle: Vehicle, exact: FlightLog, noisy: FlightLog) -> tuple[np.ndarray, float]:
+    """RMS (15,) that noise leaves to the true model, and visibility: the largest ratio of a channel's RMS to it."""
+    with_noise, without = (make_evidence(log, vehicle).y for log in (noisy, exact))
+    noise = np.sqrt(np.mean((with_noise - without) ** 2, axis=0))
+    total = np.sqrt(np.mean(with_noise**2, axis=0))
+    return noise, float(np.max(total / np.maximum(noise, 1e-12)))
+
+
+def write_truth(content: dict, folder: Path) -> None:
+    """<folder>/truth.json."""
+    write_json(folder / "truth.json", content)

@@ -1,0 +1,41 @@
+"""`np-drake challenge`: sets of flights with an effect that whoever diagnoses them is not told."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from diagrams.cli import challenge_solve, options
+from diagrams.cli.output import progress, say, write_metrics
+from np_drake.atomic_file import require_writable
+
+challenge = typer.Typer(help="Withheld-effect challenge sets.", add_completion=False, rich_markup_mode=None)
+challenge.command("solve")(challenge_solve.solve)
+
+
+@challenge.command("make")
+def make(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the case folders.")],
+    truth: Annotated[Path, typer.Option(metavar="DIR", help="Folder for their truth; not inside --out.")],
+    simulator: Annotated[str, typer.Option(metavar="NAME", help="Who flies: drake.")] = "drake",
+    quality: Annotated[str, typer.Option(metavar="NAME", help="Logs as from a rig: clean | real.")] = "clean",
+    cases: Annotated[int, typer.Option(min=0, help="Cases with effects.")] = 44,
+    clean: Annotated[int, typer.Option(min=0, help="Clean controls: cases without.")] = 20,
+    seconds: Annotated[float, typer.Option(help="Length of every flight [s].")] = 20.0,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
+    seed: options.Seed = 0,
+    json: options.Json = None,
+) -> None:
+    """Fly and write a set: about half single effects, then pairs, triples, onsets in flight, foreign effects."""
+    if json is not None:
+        require_writable(json)
+    from diagrams.challenge.make import check_request
+    from diagrams.challenge.make import make as run
+
+    check_request(out, truth, simulator=simulator, quality=quality, seconds=seconds, cases=cases + clean)
+    config = {"simulator": simulator, "quality": quality, "cases": cases, "clean": clean, "seconds": seconds}
+    with progress(f"flying {cases + clean} cases", cases + clean) as advance:
+        result = run(out, truth, seed=seed, jobs=jobs, on_progress=advance, **config)  # type: ignore[arg-type]
+    kinds = ", ".join(f"{count} {kind}" for kind, count in result["kinds"].items())
+    say(f"cases: {out} ({kinds}); truth: {truth}; redrawn: {result['redrawn']}")
+    write_metrics(json, "challenge_make", seed=seed, config=config, **result)

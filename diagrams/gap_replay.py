@@ -1,0 +1,145 @@
+"""Open-loop replay of flight logs in Drake: how far the simulator is from the log after 0.1 … 1 s.
+
+The simulator starts from many logged states, is driven by the logged commands, and is compared with the log.
+"""
+
+import dataclasses as dc
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from diagrams.rollout import Commands, Rollout, Swing
+from np_drake.diagnosis.answer import HORIZONS, ReplayGap
+from np_drake.diagnosis.payload_track import Track, payload_track
+from np_drake.diagnosis.replay_error import replay_gap, state_error
+from np_drake.diagnosis.replay_states import States, true_states
+from np_drake.effects.base import Effect, SensorEffect
+from np_drake.effects.combine import EffectsByPlace, mass_properties, split_effects
+from np_drake.logs.flight_log import FlightLog
+from np_drake.vehicle import Vehicle
+
+STARTS = 24  # a flight
+_LEAD = 0.5  # of commands before the first start, for motors and delays [s]
+_MARGIN = 0.3  # between the last comparison and the end of the log, for shifted clocks [s]
+
+Hidden = Mapping[str, Track] | Callable[[str], Track | None]
+Acting = Sequence[tuple[Effect, float]]  # an effect and when it begins [s]
+
+
+@dc.dataclass(frozen=True)
+class _Flight:
+    """What the replay needs of a log. track: where a payload swings."""
+
+    states: States
+    commands: Commands
+    track: Track | None
+
+    def swing(self, time: float) -> Swing | None:
+        """Of the payload at `time` [s]."""
+        return None if self.track is None else Swing(*self.track.at(time), self.states.acceleration_at(time))
+
+
+class DrakeReplay:
+    """The `Replay` of `np_drake.diagnosis.answer`, in Drake.
+
+    Every effect acts through its wrapper; a sensor effect is taken out of the states of the log. An effect with an
+    onset is switched on at it, in the middle of a replay if need be (infinite: never); one without any onsets acts on
+    every flight. With and without effects the starts are the same, and so is the light smoothing of the logged
+    states, at the start and where they are compared (`smooth_states`).
+
+    Args:
+        starts: a flight, evenly spread.   horizons: [s].   smooth: or take the states as logged.
+        hidden: by flight, where the payload of `suspended_payload` swings; else along the force that the flight
+            shows (`payload_track`).
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        *,
+        starts: int = STARTS,
+        horizons: Sequence[float] = HORIZONS,
+        hidden: Hidden | None = None,
+        smooth: bool = True,
+    ):
+        if starts < 1 or not horizons or not all(0 < h < np.inf for h in horizons):
+            raise ValueError("DrakeReplay: starts must be at least 1 and horizons positive [s].")
+        self._vehicle, self._starts, self._smooth = vehicle, starts, smooth
+        self._horizons = tuple(sorted(horizons))
+        self.hidden = hidden
+        self._rollouts: dict[tuple, Rollout] = {}
+
+    def __call__(
+        self, logs: list[FlightLog], effects: list[tuple[Effect, dict[str, float | None]]]
+    ) -> ReplayGap:
+        """Errors over all starts of all flights.
+
+        Raises: ValueError: where a flight is too short for the longest horizon.
+        """
+        if not logs:
+            raise ValueError("DrakeReplay: logs must hold at least one flight; got none.")
+        return replay_gap(np.concatenate([self._errors(log, effects) for log in logs]), self._horizons)
+
+    def _errors(self, log: FlightLog, effects: list[tuple[Effect, dict[str, float | None]]]) -> np.ndarray:
+        """(starts, horizons, 3) of one flight."""
+        acting = [(e, onsets.get(log.name)) for e, onsets in effects if log.name in onsets or not onsets]
+        sensors = [effect for effect, _ in acting if isinstance(effect, SensorEffect)]
+        bodily = [(e, -np.inf if t is None else t) for e, t in acting if not isinstance(e, SensorEffect)]
+        states = true_states(log, self._vehicle, sensors, smooth=self._smooth)
+        by_place = split_effects([effect for effect, _ in bodily])
+        vehicle = self._vehicle
+        if vehicle.logged_point == "center_of_mass":
+            states = states.about(mass_properties(vehicle, by_place.mass).p_BoBcm_B)
+        flight = _Flight(states, _commands(log), self._track(log, states, by_place))
+        if log.input == "rotor_speed":  # measured: the motors have lagged already
+            vehicle = dc.replace(vehicle, rotor_time_constant=0.0)
+        return np.array([self._error(vehicle, flight, k, bodily) for k in self._start_rows(log)])
+
+    def _start_rows(self, log: FlightLog) -> np.ndarray:
+        """Evenly spread rows, with commands before and states after them."""
+        first, last = log.t[0] + _LEAD, log.t[-1] - self._horizons[-1] - _MARGIN
+        if last < first:
+            least = _LEAD + self._horizons[-1] + _MARGIN
+            raise ValueError(
+                f"DrakeReplay: {log.name} must last at least {least:.2g} s; got {np.ptp(log.t):.3g} s."
+            )
+        return np.unique(np.searchsorted(log.t, np.linspace(first, last, self._starts)))
+
+    def _error(self, vehicle: Vehicle, flight: _Flight, start: int, effects: Acting) -> np.ndarray:
+        """(horizons, 3) from one start row; infinite where the replay got lost."""
+        t, x = flight.states.t, flight.states.x
+        rows = np.searchsorted(t, t[start] + np.array(self._horizons) - 0.5 * np.median(np.diff(t)))
+        rows = np.minimum(rows, len(t) - 1)
+        now, end, state = float(t[start]), float(t[rows[-1]]), x[start]
+        flown: dict[float, np.ndarray] = {}
+        for until in [*sorted({onset for _, onset in effects if now < onset < end}), end]:
+            active = tuple(effect for effect, onset in effects if onset <= now)
+            times = np.array([now, *sorted({until, *t[rows][(t[rows] > now) & (t[rows] < until)]})])
+            leg = self._rollout(vehicle, active).fly(state, flight.commands, times, flight.swing(now))
+            flown |= dict(zip(times[1:].tolist(), leg, strict=True))
+            now, state = until, leg[-1]
+        error = state_error(np.array([flown[float(time)] for time in t[rows]]), x[rows])
+        return np.where(np.isfinite(error), error, np.inf)
+
+    def _rollout(self, vehicle: Vehicle, effects: tuple[Effect, ...]) -> Rollout:
+        """The vehicle with these effects; built once, for Drake never gives a diagram with callbacks back."""
+        key = (vehicle.rotor_time_constant, effects)
+        if key not in self._rollouts:
+            self._rollouts[key] = Rollout(vehicle, effects)
+        return self._rollouts[key]
+
+    def _track(self, log: FlightLog, states: States, effects: EffectsByPlace) -> Track | None:
+        """Where the payload swings, if there is one."""
+        if effects.payload is None:
+            return None
+        hidden = self.hidden
+        known = hidden(log.name) if callable(hidden) else (hidden or {}).get(log.name)
+        return Track(*known) if known else payload_track(log, states, self._vehicle, effects, effects.payload)
+
+
+def _commands(log: FlightLog) -> Commands:
+    """Of a log; measured rotor speed, a reading at an instant, is averaged over the interval that it stands for."""
+    if log.input != "rotor_speed":
+        return Commands(log.t, log.u)
+    following = np.concatenate([log.u[1:], log.u[-1:]])
+    return Commands(log.t, 0.5 * (log.u + following))

@@ -1,0 +1,1 @@
+"""Controllers cheap enough for hundreds of flights."""

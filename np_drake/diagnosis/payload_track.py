@@ -1,0 +1,59 @@
+"""Where a payload swings under a logged flight, for a replay to start from."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.diagnosis.replay_states import States, local_polynomial
+from np_drake.effects.base import Motion
+from np_drake.effects.combine import EffectsByPlace, mass_properties, total_wrench
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.logs.flight_log import FlightLog
+from np_drake.rigid_body import Q, V
+from np_drake.vehicle import Vehicle
+
+SPAN = 0.1  # half width of the local parabolas through velocity, force and direction [s]
+SLACK = 0.2  # of the payload's weight: a weaker pull has no direction
+
+
+class Track(NamedTuple):
+    """Payload from hook in W: t (n,) [s], r (n, 3) [m], r_rate (n, 3) [m/s]."""
+
+    t: np.ndarray
+    r: np.ndarray
+    r_rate: np.ndarray
+
+    def at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
+        """(3,) r and (3,) r_rate at `time`; between two rows on a straight line."""
+        r, rate = (np.array([np.interp(time, self.t, column) for column in value.T]) for value in self[1:])
+        return r, rate
+
+
+def payload_track(
+    log: FlightLog, states: States, vehicle: Vehicle, effects: EffectsByPlace, payload: SuspendedPayload
+) -> Track:
+    """The payload hangs along the force that the flight shows beyond thrust, weight and the other effects.
+
+    m (a + g z) = R z f + f_effects + T r / L; smoothed over ± `SPAN`, so it is known where the flight is, not ahead of
+    it. Where the tether hardly pulls, r lies along the apparent gravity.   Source: Newton on the quadrotor.
+    """
+    step = float(np.median(np.diff(states.t)))
+    gravity = np.array([0.0, 0.0, vehicle.gravity])
+    specific = local_polynomial(states.x[:, V], step, SPAN, order=2, derivative=1) + gravity
+    pushed = local_polynomial(_other_forces(log, states, vehicle, effects), step, SPAN, order=2)
+    pull = mass_properties(vehicle, effects.mass).mass * specific - pushed
+    strong = np.linalg.norm(pull, axis=1, keepdims=True) > SLACK * payload.mass * vehicle.gravity
+    down = np.where(strong, pull, -specific)
+    r = payload.length * down / np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-9)
+    return Track(states.t, r, local_polynomial(r, step, SPAN, order=2, derivative=1))
+
+
+def _other_forces(log: FlightLog, states: States, vehicle: Vehicle, effects: EffectsByPlace) -> np.ndarray:
+    """(n, 3) thrust and the forces of the other effects in W [N]."""
+    u = np.stack([np.interp(states.t, log.t, column) for column in log.u.T], axis=1)
+    thrust = vehicle.saturate(u) @ vehicle.unmixer.T
+    for effect in effects.actuator:
+        thrust = effect.respond(vehicle, states.t, thrust)
+    force = total_wrench(vehicle, effects.wrench, Motion(states.t, states.x, thrust))[:, :3]
+    return force + attitude.body_z(states.x[:, Q]) * thrust.sum(axis=1, keepdims=True)

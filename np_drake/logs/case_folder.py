@@ -1,0 +1,41 @@
+"""A case folder: one vehicle, the flights to fit and the flights to judge with (docs/files.md: case folder)."""
+
+import dataclasses as dc
+from pathlib import Path
+
+from np_drake.logs.log_file import SUFFIXES
+
+VEHICLE, TRAIN, HELD_OUT = "vehicle.yaml", "train_", "heldout"
+
+
+@dc.dataclass(frozen=True)
+class CaseFiles:
+    """Where everything lies. vehicle: None where nobody gave a vehicle file."""
+
+    vehicle: Path | None
+    train: tuple[Path, ...]
+    held_out: tuple[Path, ...]
+
+
+def find_case(folder: str | Path) -> CaseFiles:
+    """The files of a case folder, sorted by name; nothing is opened.
+
+    Raises: ValueError: if it is no folder, or the vehicle or a flight of either kind is missing.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise ValueError(
+            f"{folder}: must be a case folder; it is {'a file' if folder.exists() else 'not there'}."
+        )
+    if not (folder / VEHICLE).is_file():
+        raise ValueError(f"{folder}: a case folder must hold {VEHICLE}.")
+    flights = sorted(path for path in folder.iterdir() if path.name.endswith(SUFFIXES) and path.is_file())
+    train, held_out = (
+        tuple(path for path in flights if path.name.startswith(start)) for start in (TRAIN, HELD_OUT)
+    )
+    for start, found in ((TRAIN, train), (HELD_OUT, held_out)):
+        if not found:
+            raise ValueError(
+                f"{folder}: a case folder must hold {start}*{{{', '.join(SUFFIXES)}}}; got none."
+            )
+    return CaseFiles(folder / VEHICLE, train, held_out)

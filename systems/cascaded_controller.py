@@ -1,0 +1,65 @@
+"""The cascaded flight controller in a diagram."""
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, EventStatus, LeafSystem
+
+from np_drake.control.cascade import TARGET_SIZE, CascadeGains, cascade
+from np_drake.vehicle import Vehicle
+
+
+class CascadedController(LeafSystem):
+    """Holds the command of `np_drake.control.cascade` between two updates.
+
+    .. pydrake_system::
+
+        name: CascadedController
+        input_ports:
+        - x
+        - target
+        output_ports:
+        - u
+
+    | port | size | meaning | unit |
+    |---|---|---|---|
+    | x | 13 | state | |
+    | target | 16 | p, v, a in W, w, dw/dt in B, heading | m … rad |
+    | u | 4 | command after saturation | N, N·m |
+
+    Discrete state: u (4), integrals (6) of the errors [m·s, rad·s], time of the last update (1) [s].
+    Event: periodic every `period` [s] and, for loops with instants of their own, forced.
+    """
+
+    def __init__(self, vehicle: Vehicle, gains: CascadeGains | None = None, *, period: float | None = 0.01):
+        super().__init__()
+        self._vehicle, self._gains = vehicle, gains or CascadeGains()
+        self._x_port = self.DeclareVectorInputPort("x", 13)
+        self._target_port = self.DeclareVectorInputPort("target", TARGET_SIZE)
+        # Hovering, and no update yet.
+        start = np.concatenate([vehicle.hover_input, np.zeros(6), [np.nan]])
+        state = self.DeclareDiscreteState(BasicVector(start))
+        self.DeclareVectorOutputPort("u", 4, self._calc_u, {self.discrete_state_ticket(state)})
+        self.DeclareForcedDiscreteUpdateEvent(self._update)
+        if period is not None:
+            self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+
+    def update(self, context) -> None:
+        """Updates the command now; `context` is the controller's own."""
+        values = self.AllocateDiscreteVariables()
+        self.CalcForcedDiscreteVariableUpdate(context, values)
+        context.SetDiscreteState(0, values.get_vector(0).CopyToVector())
+
+    def _calc_u(self, context, output) -> None:
+        output.SetFromVector(context.get_discrete_state(0).CopyToVector()[:4])
+
+    def _update(self, context, discrete_state) -> EventStatus:
+        held, t = context.get_discrete_state(0).CopyToVector(), context.get_time()
+        u, integral = cascade(
+            self._vehicle,
+            self._gains,
+            x=self._x_port.Eval(context),
+            target=self._target_port.Eval(context),
+            integral=held[4:10],
+            step=0.0 if np.isnan(held[10]) else t - held[10],
+        )
+        discrete_state.set_value(0, np.concatenate([u, integral, [t]]))
+        return EventStatus.Succeeded()

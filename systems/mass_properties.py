@@ -1,0 +1,41 @@
+"""The mass wrapper: effects that change mass, inertia and centre of mass of the quadrotor's body."""
+
+from collections.abc import Iterable
+
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RotationalInertia, SpatialInertia
+from pydrake.systems.framework import Context
+
+from np_drake.effects.base import MassEffect, MassProperties
+from np_drake.effects.combine import mass_properties
+from np_drake.vehicle import Vehicle
+
+
+def spatial_inertia(properties: MassProperties) -> SpatialInertia:
+    """M_BBo_B: about the body's origin Bo, which stays where it is when the centre of mass moves.
+
+    Raises: ValueError: if no rigid body can have these properties.
+    """
+    J = properties.J
+    refusal = ValueError(
+        "mass effects: mass must be positive and the moments of inertia those of a rigid body; "
+        f"got {properties.mass:g} kg and {J.diagonal()} kg·m²."
+    )
+    if not properties.mass > 0:  # Drake would end the process
+        raise refusal
+    try:
+        central = RotationalInertia(J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2])
+        return SpatialInertia.MakeFromCentralInertia(properties.mass, properties.p_BoBcm_B, central)
+    except RuntimeError as error:
+        raise refusal from error
+
+
+def set_mass_properties(
+    plant: MultibodyPlant, context: Context, vehicle: Vehicle, effects: Iterable[MassEffect]
+) -> None:
+    """Gives the quadrotor the effects' mass properties, also in flight (between two AdvanceTo).
+
+    Args: context: the plant's own.   effects: all that act from now on; none for the nominal vehicle.
+    """
+    M_BBo_B = spatial_inertia(mass_properties(vehicle, effects))
+    plant.GetBodyByName("quadrotor").SetSpatialInertiaInBodyFrame(context, M_BBo_B)

@@ -1,0 +1,41 @@
+"""The payload of the simulated vehicle: what hangs, and on what."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake.effects.suspended_payload import SuspendedPayload
+
+
+@dc.dataclass
+class PayloadConfig:
+    """The payload and what it hangs on."""
+
+    tether: str = "cable"  # cable | rod | none
+    mass: float = 0.26  # [kg]
+    length: float = 0.8  # [m]
+    hook: list[float] = dc.field(default_factory=lambda: [0.0, 0.0, -0.025])  # p_BoTo_B [m]
+    radius: float = 0.03  # of the solid sphere that the payload is [m]
+    stiffness: float = 2.0e4  # of the cable [N/m]
+    damping: float = 40.0  # of the cable [N·s/m]
+
+    def check(self) -> "PayloadConfig":
+        """Returns self; raises ValueError on an unknown tether or an impossible size."""
+        if self.tether not in ("cable", "rod", "none"):
+            raise ValueError(f"PayloadConfig: tether must be cable, rod or none; got {self.tether!r}.")
+        for name in ("mass", "length", "radius", "stiffness"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise ValueError(
+                    f"PayloadConfig: {name} must be positive and finite; got {getattr(self, name)}."
+                )
+        if not self.damping >= 0 or np.shape(self.hook) != (3,):
+            raise ValueError("PayloadConfig: damping must not be negative and hook must be (3,) [m].")
+        return self
+
+
+def payload_config(effect: SuspendedPayload | None, *, tether: str = "cable") -> PayloadConfig:
+    """The body that the effect stands for; no tether where there is no payload or it weighs nothing."""
+    if effect is None or effect.mass == 0.0:
+        return PayloadConfig(tether="none")
+    hook = [effect.hook_x, effect.hook_y, effect.hook_z]
+    return PayloadConfig(tether, effect.mass, effect.length, hook).check()

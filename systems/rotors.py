@@ -1,0 +1,82 @@
+"""From the commanded input to propeller forces on the plant."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant, Propeller, PropellerInfo
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import MatrixGain, Saturation
+
+from np_drake.effects.base import ActuatorEffect
+from np_drake.effects.motor_lag import MotorLag
+from np_drake.vehicle import Vehicle
+from systems.actuator_effects import ActuatorEffects
+from systems.command_buffer import SOONEST, CommandBuffer
+
+
+class RotorPorts(NamedTuple):
+    """What the rotors do: actual and nominal thrust (4,) [N]; rate of rotor speed (4,) [rad/s²], None for zero."""
+
+    thrust: OutputPort
+    nominal_thrust: OutputPort
+    rate: OutputPort | None
+
+
+def add_rotors(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    vehicle: Vehicle,
+    effects: Sequence[ActuatorEffect],
+    *,
+    hover_thrust: np.ndarray,
+    command_period: float,
+) -> RotorPorts:
+    """Mixer, saturation, dead time, actuator effects and propellers; exports the input `u`.
+
+    Args: hover_thrust: (4,) at which delayed commands and lagging rotors start [N].
+    """
+    mixer = builder.AddNamedSystem("mixer", MatrixGain(vehicle.unmixer))
+    limit = builder.AddNamedSystem(
+        "saturation", Saturation(np.zeros(4), np.full(4, vehicle.max_rotor_thrust))
+    )
+    builder.ExportInput(mixer.get_input_port(), "u")
+    builder.Connect(mixer.get_output_port(), limit.get_input_port())
+    command = limit.get_output_port()
+    chain = _with_nominal_lag(vehicle, effects)
+    dead_time = sum(effect.dead_time for effect in chain)
+    if dead_time >= SOONEST:
+        buffer = CommandBuffer(hover_thrust, dead_time=dead_time, period=command_period)
+        builder.AddNamedSystem("command_buffer", buffer)
+        builder.Connect(command, buffer.get_input_port())
+        command = buffer.get_output_port()
+    ports = RotorPorts(command, command, None)
+    if chain:
+        actuators = builder.AddNamedSystem("actuators", ActuatorEffects(vehicle, chain, hover_thrust))
+        builder.Connect(command, actuators.get_input_port())
+        names = ("thrust", "nominal_thrust", "rotor_rate")
+        ports = RotorPorts(*(actuators.GetOutputPort(name) for name in names))
+    _add_propellers(builder, plant, vehicle, ports.thrust)
+    return ports
+
+
+def _with_nominal_lag(vehicle: Vehicle, effects: Sequence[ActuatorEffect]) -> list[ActuatorEffect]:
+    """The effects that do something, after the vehicle file's nominal lag unless reality brings a lag of its own."""
+    chain = [e for e in effects if not getattr(e, "parameters", ()) or e != type(e).neutral()]
+    if vehicle.rotor_time_constant > 0 and not any(isinstance(effect, MotorLag) for effect in effects):
+        chain.insert(0, MotorLag(vehicle.rotor_time_constant))
+    return chain
+
+
+def _add_propellers(builder, plant, vehicle: Vehicle, thrust: OutputPort) -> None:
+    kappa = vehicle.torque_coefficient / vehicle.thrust_coefficient
+    body = plant.GetBodyByName("quadrotor").index()
+    info = [
+        PropellerInfo(body, RigidTransform(p), thrust_ratio=1.0, moment_ratio=direction * kappa)
+        for p, direction in zip(vehicle.rotor_positions, vehicle.rotor_directions, strict=True)
+    ]
+    propellers = builder.AddNamedSystem("propellers", Propeller(info))
+    builder.Connect(thrust, propellers.get_command_input_port())
+    builder.Connect(plant.get_body_poses_output_port(), propellers.get_body_poses_input_port())
+    builder.Connect(propellers.get_spatial_forces_output_port(), plant.get_applied_spatial_force_input_port())

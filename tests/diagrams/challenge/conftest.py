@@ -1,0 +1,32 @@
+import numpy as np
+import pytest
+
+from diagrams.challenge import drake_simulator
+from diagrams.challenge.plans import draw_plan
+from diagrams.challenge.vehicles import VEHICLES
+
+SECONDS = 2.5
+
+
+@pytest.fixture(scope="package", autouse=True)
+def short_warm_up():
+    """The laws hold from any start; a settled one only takes longer."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(drake_simulator, "WARM_UP", 0.5)
+        yield
+
+
+@pytest.fixture(scope="session")
+def vehicle():
+    """The paper's: without lag a row's command is its thrust."""
+    return VEHICLES[0]
+
+
+@pytest.fixture(scope="session")
+def t():
+    return np.arange(round(SECONDS * 100)) / 100
+
+
+@pytest.fixture(scope="session")
+def plan(vehicle):
+    return draw_plan(np.random.default_rng(3), vehicle, SECONDS, "aggressive_multisine")

@@ -1,0 +1,99 @@
+import json
+
+import numpy as np
+import pytest
+
+from diagrams.challenge import make as module
+from diagrams.challenge.case import FILES, CaseDraw
+from diagrams.challenge.make import make, make_case
+from diagrams.failed_run import FailedRun
+from np_drake.logs.log_file import read_log
+from np_drake.vehicle import load_vehicle
+
+OPTIONS = {"simulator": "drake", "quality": "real", "seconds": 5.0, "seed": 3}
+
+
+@pytest.fixture(scope="module")
+def small_set(tmp_path_factory):
+    base = tmp_path_factory.mktemp("challenge")
+    result = make(base / "cases", base / "truth", cases=3, clean=2, **OPTIONS)
+    return base, result
+
+
+def test_cases_can_be_read_and_have_a_truth_each(small_set):
+    base, result = small_set
+    names = sorted(folder.name for folder in (base / "cases").iterdir())
+    assert result["written"] == len(names) == 5
+    assert names == sorted(folder.name for folder in (base / "truth").iterdir())
+    for name in names:
+        vehicle = load_vehicle(base / "cases" / name / "vehicle.yaml")
+        logs = [read_log(base / "cases" / name / file, vehicle=vehicle) for file in FILES]
+        truth = json.loads((base / "truth" / name / "truth.json").read_text())
+        assert len(truth["class"]) == len(truth["effects"])
+        assert truth["visibility"] >= 0.9
+        assert set(truth["true_model_residual"]) >= {"force_x", "torque_z"}
+        assert all(log.al is None for log in logs)
+        if truth["kind"] == "clean":
+            assert truth["effects"] == []
+
+
+def test_names_and_sizes_give_nothing_away(small_set):
+    base, _ = small_set
+    for folder in (base / "cases").iterdir():
+        assert sorted(path.name for path in folder.iterdir()) == sorted([*FILES, "vehicle.yaml"])
+        assert len(folder.name) == 10
+        assert int(folder.name, 16) >= 0
+        text = (folder / "vehicle.yaml").read_text() + (folder / FILES[0]).read_text()[:400]
+        assert not any(word in text for word in ("effect", "single", "clean", "seed"))
+
+
+def test_the_same_seed_writes_the_same_files(small_set, tmp_path):
+    base, _ = small_set
+    make(tmp_path / "cases", tmp_path / "truth", cases=3, clean=2, **OPTIONS)
+    for path in sorted((base / "cases").rglob("*.csv"))[:4]:
+        assert path.read_bytes() == (tmp_path / path.relative_to(base)).read_bytes()
+
+
+@pytest.mark.parametrize("truth", ["cases", "cases/truth", "."])
+def test_the_truth_may_not_lie_with_the_cases(tmp_path, truth):
+    with pytest.raises(ValueError, match="neither"):
+        make(tmp_path / "cases", tmp_path / truth, cases=1, clean=0)
+    assert not (tmp_path / "cases").exists()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"simulator": "gazebo"}, {"quality": "dirty"}, {"seconds": 0.1}, {"cases": 0}]
+)
+def test_impossible_requests_are_refused(tmp_path, wrong):
+    with pytest.raises(ValueError, match="make"):
+        make(tmp_path / "cases", tmp_path / "truth", clean=0, **wrong)
+
+
+def test_a_lost_vehicle_is_drawn_again_and_counted(tmp_path, monkeypatch):
+    real, calls = module.fly_case, []
+
+    def lost_once(case, simulator):
+        calls.append(case)
+        if len(calls) == 1:
+            raise FailedRun("lost")
+        return real(case, simulator)
+
+    monkeypatch.setattr(module, "fly_case", lost_once)
+    out, truth = tmp_path / "cases", tmp_path / "truth"
+    out.mkdir()
+    truth.mkdir()
+    assert make_case(CaseDraw(0, "clean"), out, truth, **OPTIONS) == 1
+    assert calls[0].vehicle.name != calls[1].vehicle.name or not np.array_equal(
+        calls[0].instants(FILES[0]), calls[1].instants(FILES[0])
+    )
+    assert len(list(out.iterdir())) == 1
+
+
+def test_a_case_that_cannot_be_flown_leaves_nothing_behind(tmp_path, monkeypatch):
+    def lost(case, simulator):
+        raise FailedRun("lost")
+
+    monkeypatch.setattr(module, "fly_case", lost)
+    with pytest.raises(FailedRun, match="no draw"):
+        make_case(CaseDraw(0, "clean"), tmp_path, tmp_path, **OPTIONS)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+
+from diagrams.challenge.coloured_noise import flicker, gauss_markov
+from diagrams.challenge.quality import Quality, draw_quality, kept_rows, measured, rows_of
+from np_drake import attitude
+from np_drake.logs.flight_log import FlightLog
+from np_drake.vehicle import MeasurementNoise, Vehicle
+
+N = 40000
+
+
+def still(tilt: float = 0.0) -> FlightLog:
+    q = np.array([np.cos(tilt / 2), np.sin(tilt / 2), 0, 0])
+    zero = np.zeros((N, 3))
+    return FlightLog(
+        0.01 * np.arange(N),
+        zero,
+        np.tile(q, (N, 1)),
+        zero,
+        zero,
+        np.zeros((N, 4)),
+        zero,
+        zero,
+        np.zeros((N, 4)),
+    )
+
+
+def rms(error: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def turn(q: np.ndarray, q_true: np.ndarray) -> np.ndarray:
+    return 2 * attitude.multiply(q_true * [1, -1, -1, -1], q)[:, 1:]
+
+
+def test_clean_noise_is_white_and_as_the_file_states():
+    noise = MeasurementNoise(0.001, 0.01, 0.0, 0.02, 0.1, 0.5)
+    log, true = (
+        measured(still(), Vehicle(measurement_noise=noise), Quality(), np.random.default_rng(0)),
+        still(),
+    )
+    figures = {"p": 0.001, "v": 0.01, "w": 0.02, "a": 0.1, "al": 0.5, "rotor": 2.0}
+    for name, deviation in figures.items():
+        error = getattr(log, name)
+        assert rms(error) == pytest.approx(deviation, rel=0.03)
+        assert abs(np.mean(error[1:] * error[:-1])) < 0.02 * deviation**2
+    np.testing.assert_allclose(log.q, true.q, atol=1e-15)
+
+
+def test_real_noise_has_the_figures_drawn():
+    rig = draw_quality("real", np.random.default_rng(1), 700.0)
+    assert 0.005 <= rig.attitude <= 0.010
+    vehicle = Vehicle(measurement_noise=rig.stated_noise())
+    log = measured(still(), vehicle, rig, np.random.default_rng(2))
+    assert log.al is None
+    error = turn(log.q, still().q)
+    assert rms(np.diff(error, axis=0)) / np.sqrt(2) == pytest.approx(rig.attitude, rel=0.05)
+    assert rms(error) == pytest.approx(np.hypot(rig.attitude, rig.wander), rel=0.2)  # slow: few samples
+    assert rms(log.v) == pytest.approx(np.hypot(0.01, rig.velocity_wander), rel=0.1)
+    assert rms(log.w) == pytest.approx(np.hypot(0.01, rig.rate_flicker), rel=0.1)
+
+
+@pytest.mark.parametrize("turned", [True, False])
+def test_a_turned_accelerometer_sees_gravity_through_the_attitudes_error(turned):
+    rig = Quality("real", attitude=0.008, turned=turned)
+    vehicle = Vehicle(measurement_noise=MeasurementNoise(acceleration=0.0))
+    log = measured(still(0.3), vehicle, rig, np.random.default_rng(0))
+    expected = 9.81 * 0.008 if turned else 0.0
+    assert rms(log.a[:, 1]) == pytest.approx(expected, rel=0.05, abs=1e-12)
+
+
+def test_a_gauss_markov_process_has_its_size_and_memory():
+    t = 0.01 * np.arange(200000)
+    x = gauss_markov(np.random.default_rng(0), t, 2, rms=0.3, tau=0.5)
+    assert rms(x) == pytest.approx(0.3, rel=0.05)
+    assert np.mean(x[50:] * x[:-50]) / 0.09 == pytest.approx(np.exp(-1), abs=0.05)
+
+
+def test_flicker_has_equal_power_in_every_decade():
+    x = flicker(np.random.default_rng(0), 0.01 * np.arange(2**17), 4, rms=1.0)
+    power = np.abs(np.fft.rfft(x, axis=0)) ** 2
+    f = np.fft.rfftfreq(len(x), 0.01)
+    decades = [power[(f >= low) & (f < 10 * low)].sum() for low in (0.03, 0.3, 3.0)]
+    assert rms(x) == pytest.approx(1.0, rel=0.1)
+    assert max(decades) / min(decades) < 2.0
+
+
+def test_dropped_rows_leave_no_gap_that_a_reader_refuses():
+    rig = Quality("real", drops=0.01)
+    rng = np.random.default_rng(0)
+    t, rows = rig.instants(rng, 20.0, 100.0), kept_rows(rng, rig, 2000)
+    assert len(rows) == 1980
+    assert np.diff(t[rows]).max() < 2.5 * np.median(np.diff(t[rows]))
+    assert np.diff(t).std() == pytest.approx(0.01 * 0.05 * np.sqrt(2 / 3), rel=0.1)  # uniform, two instants
+
+
+def test_clean_rows_are_all_there_at_a_constant_rate():
+    rig, rng = Quality(), np.random.default_rng(0)
+    np.testing.assert_allclose(np.diff(rig.instants(rng, 5.0, 100.0)), 0.01, atol=1e-12)
+    assert len(rows_of(still(), kept_rows(rng, rig, N))) == N

@@ -1,0 +1,157 @@
+"""Laws of `np-drake diagnose`. The five steps have tests of their own; here a stand-in answers."""
+
+import importlib
+import json
+
+import numpy as np
+import pytest
+
+from diagrams.cli.main import run
+from np_drake.diagnosis import answer as an
+from np_drake.logs.case_folder import find_case
+from np_drake.logs.neurobem import RACE_TRACK
+
+VEHICLE = "name: mine\nmass: 2.5\n"
+
+
+def answer(vehicle, train, held_out, replay=None, *, on_progress=None) -> an.Diagnosis:
+    """A mass error, whatever the logs say; the replay is the real one."""
+    on_progress(0.5, "half")
+    mass = an.Estimate(0.1, "kg", (0.08, 0.12))
+    onset = {log.name: None for log in train} | {log.name: 3.0 for log in held_out}
+    cause = an.Cause("mass_error", 0.97, {"delta_mass": mass}, onset, ("thrust_scale",), 0.9)
+    confusable = an.Confusable(("mass_error", "thrust_scale"), "alike in force", "roll sharply")
+    ladder = (an.Rung("nominal", 5.0), an.Rung("+ mass_error", 1.2), an.Rung("noise floor", 1.0))
+    gap = None if replay is None else replay(held_out, [])
+    return an.Diagnosis(
+        vehicle.name,
+        tuple(log.name for log in train),
+        tuple(log.name for log in held_out),
+        ("mass_error",),
+        (cause,),
+        an.Check(True, {"speed, RMS [m/s]": 1.0}, {"force x": 0.05}, (confusable,), ("a warning.",)),
+        an.Where((an.ChannelGap("force z", "N", 1.0, 0.1, 0.1, 0.99),)),
+        an.Shrink(5.0, 1.2, 1.0, 0.98, (0.95, 0.99), ladder, gap, gap),
+        minor=(an.Finding("gyro_bias", "0.001 rad/s about x.", 0.001),),
+    )
+
+
+@pytest.fixture
+def case(logs, tmp_path, monkeypatch):
+    """A case folder, and a diagnosis that takes no time."""
+    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", answer)
+    folder = tmp_path / "case"
+    folder.mkdir()
+    (folder / "vehicle.yaml").write_text(VEHICLE)
+    for source, name in zip((*logs, logs[0]), ("train_1.csv", "heldout.csv", "notes.csv"), strict=True):
+        (folder / name).write_bytes(source.read_bytes())
+    return folder
+
+
+def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
+    out, metrics = tmp_path / "out", tmp_path / "d.json"
+    assert run(["diagnose", str(case), "--out", str(out), "--json", str(metrics), "--seed", "5"]) == 0
+    printed = capsys.readouterr().out
+    expected = (
+        "Missing: a mass error",
+        "delta_mass",
+        "0.10 kg",
+        "0.08 … 0.12",
+        "heldout: 3.00 s",
+        "97 %",
+        "noise floor",
+    )
+    for text in (
+        *expected,
+        "position [m]",
+        "roll sharply",
+        "minor: gyro_bias",
+        "warning: a warning.",
+        "report.html",
+    ):
+        assert text in printed
+    content = json.loads(metrics.read_text())
+    assert content == json.loads((out / "diagnosis.json").read_text())
+    assert (content["schema"], content["seed"]) == ("np_drake.diagnosis/1", 5)
+    assert content["config"]["vehicle"] == "mine"
+    assert content["train"] == ["train_1"]
+    assert content["gap"]["replay"]["horizon"] == [0.1, 0.25, 0.5, 1.0]
+    assert {"report.html", "ladder.png", "replay.png"} <= {path.name for path in out.iterdir()}
+
+
+def test_logs_can_be_named_one_by_one_and_the_replay_left_out(case, tmp_path, capsys):
+    train, held_out = case / "train_1.csv", case / "heldout.csv"
+    arguments = ["--train", str(train), "--train", str(case / "notes.csv"), "--held-out", str(held_out)]
+    metrics = tmp_path / "d.json"
+    assert run(["diagnose", *arguments, "--no-replay", "--json", str(metrics)]) == 0, capsys.readouterr().err
+    content = json.loads(metrics.read_text())
+    assert content["train"] == ["train_1", "notes"]
+    assert content["vehicle"] == "paper"
+    assert content["shrink"]["replay"] is None
+    assert "position [m]" not in capsys.readouterr().out
+
+
+def test_a_real_flight_has_its_published_vehicle(case, neurobem, tmp_path, capsys):
+    flight = str(neurobem / "csv" / f"{RACE_TRACK}.csv")
+    for extra in ([], ["--vehicle", "neurobem"]):
+        metrics = tmp_path / "d.json"
+        arguments = ["--train", flight, "--held-out", flight, "--no-replay", "--json", str(metrics), *extra]
+        assert run(["diagnose", *arguments]) == 0, capsys.readouterr().err
+        assert json.loads(metrics.read_text())["vehicle"] == "neurobem"
+
+
+BAD = {  # arguments: what the line must say
+    "nothing": ([], "give a case folder"),
+    "half": (["--train", "TRAIN"], "--held-out LOG"),
+    "both": (["CASE", "--train", "TRAIN"], "not both"),
+    "a log as case": (["TRAIN"], "must be a folder"),
+    "no case": (["nowhere"], "not there"),
+    "empty case": (["empty"], "vehicle.yaml"),
+    "vehicle": (["CASE", "--vehicle", "missing.yaml"], "missing.yaml"),
+    "missing log": (["--train", "TRAIN", "--held-out", "missing.csv"], "missing.csv"),
+    "array": (["--train", "TRAIN", "--held-out", "array.npy"], "give the flight's CSV"),
+    "folder is a file": (["CASE", "--out", "TRAIN"], "must be a folder"),
+    "folder below a file": (["CASE", "--out", "TRAIN/report"], "must be a folder"),
+    "metrics": (["CASE", "--json", "nowhere/x.json"], "nowhere must exist"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_line_and_leaves_nothing(case, tmp_path, monkeypatch, capsys, name):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty").mkdir()
+    np.save(tmp_path / "array.npy", np.zeros((500, 12)))
+    before = sorted(tmp_path.rglob("*"))
+    arguments, message = BAD[name]
+    words = {"CASE": str(case), "TRAIN": str(case / "train_1.csv")}
+    arguments = [
+        argument.replace("TRAIN", words["TRAIN"]).replace("CASE", words["CASE"]) for argument in arguments
+    ]
+    arguments = arguments if "--out" in arguments else [*arguments, "--out", "fresh"]
+    assert run(["diagnose", *arguments]) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith("np-drake diagnose: ")
+    assert message in last
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_logs_that_cannot_be_diagnosed_leave_nothing(case, tmp_path, monkeypatch, capsys):
+    def refuse(*_, **__):
+        raise ValueError("diagnose: flights must have different names.")
+
+    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", refuse)
+    assert run(["diagnose", str(case), "--out", str(tmp_path / "out")]) == 2
+    assert "different names" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_case_has_flights_of_both_kinds(case):
+    files = find_case(case)
+    assert [path.name for path in (files.vehicle, *files.train, *files.held_out)] == [
+        "vehicle.yaml",
+        "train_1.csv",
+        "heldout.csv",
+    ]
+    (case / "heldout.csv").unlink()
+    with pytest.raises(ValueError, match="heldout"):
+        find_case(case)

@@ -1,0 +1,149 @@
+"""A diagnosis as one would get it: a payload that is hung on in mid-flight, and drag. Made by hand."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis import answer as an
+
+HELD_OUT = ("heldout_1", "heldout_2")
+NOISE = (0.05, 0.05, 0.08, 0.004, 0.004, 0.002)  # [N, N·m]
+SIZE = (8.0, 7.0, 22.0, 3.0, 2.6, 1.3)  # of the gap in noise units
+
+
+def traces(flight: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """t, residual before and after of 20 s; the payload comes at 8 s of the second flight."""
+    draw = np.random.default_rng(flight)
+    t = np.arange(0.0, 20.0, 0.01)
+    hung = (t > 8.0) if flight else np.ones(len(t))
+    swing = np.stack([np.sin(w * t + k) for k, w in enumerate((3.5, 3.5, 7.0, 3.5, 3.5, 1.0))], axis=1)
+    swing[:, 2] -= 2.0
+    noise = draw.normal(size=(len(t), 6)) * NOISE
+    return t, noise + hung[:, None] * swing * np.array(NOISE) * SIZE, 1.08 * noise
+
+
+def bands() -> tuple[an.Band, ...]:
+    frequency = np.linspace(0.0, 50.0, 101)
+    noise = 1e-4 * (1 + 5 / (1 + frequency))
+    bump = 30 * np.exp(-0.5 * ((frequency - 0.6) / 0.5) ** 2)
+    return tuple(
+        an.Band(channel, frequency, noise * (1 + bump * size), 1.15 * noise, noise)
+        for channel, size in zip(an.CHANNELS, SIZE, strict=True)
+    )
+
+
+def regimes() -> tuple[an.Regime, ...]:
+    edges = {
+        "speed": ("m/s", (0, 1, 2, 3, 5)),
+        "thrust": ("N", (15, 20, 23, 28)),
+        "height": ("m", (0.5, 1, 2, 3)),
+    }
+    edges |= {"tilt": ("deg", (0, 5, 10, 20)), "rate": ("rad/s", (0, 0.5, 1, 3))}
+    out = []
+    for quantity, (unit, bounds) in edges.items():
+        for k, (lower, upper) in enumerate(itertools.pairwise(bounds)):
+            rms = tuple(float(size * (0.7 + 0.25 * k)) for size in SIZE)
+            after = tuple(float(1.0 + 0.03 * size) for size in SIZE)
+            out.append(an.Regime(quantity, unit, lower, upper, 900 - 150 * k, rms, after))
+    return tuple(out)
+
+
+def replay(scale: float) -> an.ReplayGap:
+    grown = np.array([0.01, 0.06, 0.22, 0.85])[:, None]
+    spread = np.array([1.0, 0.85, 1.2])
+    return an.ReplayGap(
+        an.HORIZONS, scale * grown * spread, 2.1 * scale * grown * spread, 9.0 * scale * grown * spread, 48
+    )
+
+
+def where() -> an.Where:
+    made = {name: traces(k) for k, name in enumerate(HELD_OUT)}
+    channels = tuple(
+        an.ChannelGap(channel, "N" if k < 3 else "N·m", noise * size, noise, 1.08 * noise, 0.97 - 0.02 * k)
+        for k, (channel, noise, size) in enumerate(zip(an.CHANNELS, NOISE, SIZE, strict=True))
+    )
+    segments = (
+        an.Segment(HELD_OUT[0], 0.0, 20.0, SIZE),
+        an.Segment(HELD_OUT[1], 0.0, 8.02, (1.0, 1.0, 1.1, 1.0, 1.0, 1.0)),
+        an.Segment(HELD_OUT[1], 8.02, 20.0, SIZE),
+    )
+    return an.Where(
+        channels,
+        segments,
+        regimes(),
+        bands(),
+        {name: t for name, (t, _, _) in made.items()},
+        {name: before for name, (_, before, _) in made.items()},
+        {name: after for name, (_, _, after) in made.items()},
+    )
+
+
+def payload() -> an.Cause:
+    return an.Cause(
+        "suspended_payload",
+        0.984,
+        {
+            "mass": an.Estimate(0.2604, "kg", (0.2551, 0.2658)),
+            "length": an.Estimate(0.812, "m", (0.774, 0.853)),
+            "hook_x": an.Estimate(0.0004, "m", (-0.0041, 0.0049)),
+            "hook_y": an.Estimate(-0.0011, "m", (-0.0058, 0.0036)),
+            "hook_z": an.Estimate(-0.0262, "m", (-0.0334, -0.0190)),
+        },
+        {"train_1": None, "train_2": 11.42, "heldout_1": None, "heldout_2": 8.02},
+        share=0.94,
+    )
+
+
+def drag() -> an.Cause:
+    d = {axis: an.Estimate(0.24, "N·s/m", (0.21, 0.27)) for axis in ("d_x", "d_y", "d_z")}
+    flights = ("train_1", "train_2", *HELD_OUT)
+    return an.Cause("linear_drag", 0.93, d, dict.fromkeys(flights), ("quadratic_drag",), 0.03)
+
+
+def check() -> an.Check:
+    confusable = an.Confusable(
+        ("mass_error", "thrust_scale"),
+        "both change the force along body z in proportion to thrust; their signatures agree to 0.998.",
+        "roll and pitch sharply: a thrust scale also scales torque, a mass does not.",
+    )
+    return an.Check(
+        True,
+        {
+            "speed, RMS [m/s]": 1.84,
+            "thrust, span [N]": 11.2,
+            "tilt, RMS [deg]": 9.7,
+            "rate, RMS [rad/s]": 0.74,
+        },
+        dict(zip(an.CHANNELS, NOISE, strict=True)),
+        (confusable,),
+        (
+            "heldout_2: angular acceleration was differentiated from the gyro: torque above 15 Hz is smoothed.",
+        ),
+    )
+
+
+@pytest.fixture(scope="session")
+def diagnosis() -> an.Diagnosis:
+    names = ("nominal", "+ suspended_payload", "+ linear_drag", "noise floor")
+    ladder = tuple(map(an.Rung, names, (9.84, 2.05, 1.08, 1.0)))
+    shrink = an.Shrink(9.84, 1.08, 1.0, 0.998, (0.991, 0.999), ladder, replay(1.0), replay(0.07))
+    minor = an.Finding(
+        "gyro_bias", "0.002 rad/s about x: too small to move the vehicle.", 0.004, {"x [rad/s]": 0.002}
+    )
+    return an.Diagnosis(
+        "paper",
+        ("train_1", "train_2"),
+        HELD_OUT,
+        ("suspended_payload", "linear_drag"),
+        (payload(), drag()),
+        check(),
+        where(),
+        shrink,
+        (minor,),
+        (),
+        0.03,
+        False,
+        (),
+        21.4,
+    )

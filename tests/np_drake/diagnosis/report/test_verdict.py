@@ -1,0 +1,71 @@
+"""Every kind of verdict in two sentences."""
+
+import dataclasses as dc
+
+import pytest
+
+from np_drake.diagnosis.answer import Finding
+from np_drake.diagnosis.report.verdict import headline, verdict_sentences
+
+TRACE = Finding("periodic force", "a force at 2.3 Hz along body x, 0.4 N.", 0.6)
+
+
+def clean(diagnosis):
+    shrink = dc.replace(diagnosis.shrink, before=1.06, after=1.06, fraction=float("nan"))
+    return dc.replace(diagnosis, verdict=(), causes=(), shrink=shrink)
+
+
+def one(diagnosis):
+    return dc.replace(diagnosis, verdict=("linear_drag",), causes=diagnosis.causes[1:])
+
+
+def unknown(diagnosis):
+    return dc.replace(clean(diagnosis), verdict=("unknown",), remains=(TRACE,), unknown_probability=0.97)
+
+
+def part(diagnosis):
+    changed = dc.replace(diagnosis, verdict=("suspended_payload", "unknown"), causes=diagnosis.causes[:1])
+    return dc.replace(changed, remains=(TRACE,), unknown_probability=0.97)
+
+
+def cannot_tell(diagnosis):
+    return dc.replace(clean(diagnosis), cannot_tell=True)
+
+
+CASES = {  # how the diagnosis is changed: what the headline, the first and the second sentence say
+    clean: ("Nothing material", "agrees with the logs", "1.1 times the noise"),
+    one: ("Missing: linear drag", "d_x 0.24 N·s/m, d_y 0.24 N·s/m", "Adding it closes 99.8 %"),
+    unknown: ("something unknown", "no effect of the library explains (probability 97 %)", "2.3 Hz"),
+    part: (
+        "suspended payload and something unknown",
+        "payload (probability 98 %), and something else",
+        "remains",
+    ),
+    cannot_tell: ("cannot tell", "excite too little", "roll and pitch sharply"),
+}
+
+
+@pytest.mark.parametrize("change", CASES, ids=lambda change: change.__name__)
+def test_the_verdict_is_two_sentences(diagnosis, change):
+    dut = change(diagnosis)
+    said = [headline(dut), *verdict_sentences(dut)]
+    assert len(said) == 3
+    for sentence, expected in zip(said, CASES[change], strict=True):
+        assert expected in sentence.replace("\u00a0", " ")
+    assert all(sentence.endswith(".") for sentence in said[1:])
+
+
+def test_several_causes_are_named_with_what_they_cannot_be_told_from(diagnosis):
+    first, second = verdict_sentences(diagnosis)
+    assert "a suspended payload (probability 98\u00a0%) and linear drag" in first
+    assert "cannot tell it from quadratic drag" in first
+    assert second.startswith("Adding them closes")
+
+
+def test_minor_findings_are_announced_on_a_clean_log(diagnosis):
+    assert "1 minor finding below" in verdict_sentences(clean(diagnosis))[1]
+
+
+def test_without_a_manoeuvre_more_motion_is_asked_for(diagnosis):
+    check = dc.replace(diagnosis.check, not_identifiable=())
+    assert "more motion" in verdict_sentences(dc.replace(cannot_tell(diagnosis), check=check))[1]

@@ -1,0 +1,130 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from np_drake import attitude
+from np_drake.effects.base import Motion
+from np_drake.effects.blade_flapping import BladeFlapping
+from np_drake.effects.combine import total_wrench
+from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.ground_effect import GroundEffect
+from np_drake.effects.gusty_wind import GustyWind
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.quadratic_drag import QuadraticDrag
+from np_drake.effects.translational_lift import TranslationalLift
+from np_drake.vehicle import Vehicle
+
+VEHICLE = Vehicle()
+HOVER = np.full(4, 2.0 * 9.81 / 4)
+SEEDS = st.integers(0, 2**31)
+
+
+def level(v=(0.0, 0.0, 0.0), height=1.0):
+    return Motion(0.0, np.array([0, 0, height, 1.0, 0, 0, 0, *v, 0, 0, 0]), HOVER)
+
+
+def any_motion(seed):
+    rng = np.random.default_rng(seed)
+    x = rng.normal(scale=3.0, size=13)
+    x[3:7] /= np.linalg.norm(x[3:7])
+    return Motion(0.0, x, rng.uniform(0, 12, 4), wind=rng.normal(scale=3.0, size=3))
+
+
+def test_quadratic_drag_grows_with_the_square_and_opposes_each_axis():
+    chi = QuadraticDrag(0.1, 0.2, 0.3).wrench(VEHICLE, level((2.0, -3.0, 1.0)))
+    np.testing.assert_allclose(chi, [-0.4, 1.8, -0.3, 0, 0, 0], atol=1e-12)
+
+
+@settings(max_examples=50, deadline=None)
+@given(SEEDS)
+def test_a_drag_only_takes_power_from_the_motion_through_the_air(seed):
+    motion = any_motion(seed)
+    for dut in (QuadraticDrag(0.1, 0.2, 0.3), LinearDrag(0.1, 0.2, 0.3)):
+        assert dut.wrench(VEHICLE, motion)[:3] @ (motion.x[7:10] - motion.wind) <= 1e-12
+
+
+@settings(max_examples=50, deadline=None)
+@given(SEEDS, st.sampled_from([QuadraticDrag, LinearDrag, BladeFlapping, TranslationalLift]))
+def test_only_the_velocity_through_the_air_matters(seed, effect):
+    motion = any_motion(seed)
+    boost = np.array([1.0, -2.0, 0.5])
+    x = motion.x.copy()
+    x[7:10] += boost
+    moved = dc.replace(motion, x=x, wind=motion.wind + boost)
+    np.testing.assert_allclose(effect().wrench(VEHICLE, moved), effect().wrench(VEHICLE, motion), atol=1e-10)
+
+
+@settings(max_examples=50, deadline=None)
+@given(SEEDS, st.sampled_from([QuadraticDrag, LinearDrag, BladeFlapping, TranslationalLift]))
+def test_who_turns_the_world_about_the_vertical_turns_the_force(seed, effect):
+    motion = any_motion(seed)
+    turn = np.array([np.cos(0.4), 0, 0, np.sin(0.4)])
+    x = motion.x.copy()
+    x[3:7] = attitude.multiply(turn, x[3:7])
+    x[7:10] = attitude.rotate(turn, x[7:10])
+    turned = dc.replace(motion, x=x, wind=attitude.rotate(turn, motion.wind))
+    before, after = effect().wrench(VEHICLE, motion), effect().wrench(VEHICLE, turned)
+    np.testing.assert_allclose(after[:3], attitude.rotate(turn, before[:3]), atol=1e-10)
+    np.testing.assert_allclose(after[3:], before[3:], atol=1e-10)
+
+
+def test_flapping_rotors_raise_the_nose_in_forward_flight():
+    chi = BladeFlapping(0.02).wrench(VEHICLE, level((5.0, 0, 0)))
+    np.testing.assert_allclose(chi, [0, 0, 0, 0, -0.1, 0], atol=1e-12)
+    x = np.array([0, 0, 1.0, *attitude.multiply([1.0, 0, 0, 0], [1.0, 0, chi[4] * 0.01, 0]), *np.zeros(6)])
+    nose_W = attitude.rotate(x[3:7] / np.linalg.norm(x[3:7]), np.array([1.0, 0, 0]))
+    assert nose_W[2] > 0
+    chi = BladeFlapping(0.02).wrench(VEHICLE, level((0, 5.0, 0)))
+    np.testing.assert_allclose(chi[3:], [0.1, 0, 0], atol=1e-12)
+
+
+def test_lateral_speed_lifts_and_vertical_speed_does_not():
+    chi = TranslationalLift(0.05).wrench(VEHICLE, level((3.0, 4.0, -7.0)))
+    np.testing.assert_allclose(chi, [0, 0, 1.25, 0, 0, 0], atol=1e-12)
+
+
+def test_a_drag_feels_every_wind_of_the_model():
+    effects = [ConstantWind(3.0, 0, 0), LinearDrag(0.2, 0.2, 0.2), ConstantWind(1.0, 2.0, 0)]
+    chi = total_wrench(VEHICLE, effects, level())
+    np.testing.assert_allclose(chi, [0.8, 0.4, 0, 0, 0, 0], atol=1e-12)
+
+
+def test_ground_effect_follows_the_method_of_images_and_fades():
+    dut = GroundEffect(0.4)
+    lift = [dut.wrench(VEHICLE, level(height=h))[2] for h in (0.2, 0.4, 100.0)]
+    np.testing.assert_allclose(lift, np.array([1 / 3, 1 / 15, 1e-6]) * 2.0 * 9.81, rtol=1e-5)
+
+
+@pytest.mark.parametrize("height", [-1.0, 0.0, 0.05])
+def test_ground_effect_gives_half_the_thrust_again_at_most(height):
+    chi = GroundEffect(0.4).wrench(VEHICLE, level(height=height))
+    np.testing.assert_allclose(chi, [0, 0, 0.5 * 2.0 * 9.81, 0, 0, 0], atol=1e-12)
+
+
+def test_ground_effect_scales_the_rotors_torques_with_their_thrust():
+    thrust = np.array([4.0, 5.0, 6.0, 5.5])
+    chi = GroundEffect(0.4).wrench(VEHICLE, dc.replace(level(height=0.2), rotor_thrust=thrust))
+    np.testing.assert_allclose(chi[2:], VEHICLE.mixer @ thrust / 3, atol=1e-12)
+
+
+def test_a_gust_is_the_same_whenever_it_is_asked_for_and_another_by_its_seed():
+    t = np.linspace(0, 5, 11)
+    np.testing.assert_array_equal(GustyWind(seed=3).air_velocity(t)[4], GustyWind(seed=3).air_velocity(t[4]))
+    assert np.abs(GustyWind(seed=3).air_velocity(t) - GustyWind(seed=4).air_velocity(t)).max() > 0.1
+
+
+def test_gusts_have_the_mean_deviation_and_memory_asked():
+    # Averages over a long time and many seeds: of 60 lines an axis each wind alone repeats itself roughly.
+    t, T = np.arange(0.0, 400.0, 0.1), 0.8
+    winds = np.stack([GustyWind(1.0, -2.0, 0.5, 1.5, T, seed).air_velocity(t) for seed in range(5)])
+    np.testing.assert_allclose(winds.mean(axis=(0, 1)), [1.0, -2.0, 0.5], atol=0.05)
+    gust = winds - [1.0, -2.0, 0.5]
+    assert gust.std() == pytest.approx(1.5, rel=0.02)
+    for lag in (2, 8, 16):
+        memory = np.mean(gust[:, lag:] * gust[:, :-lag]) / 1.5**2
+        assert memory == pytest.approx(np.exp(-0.1 * lag / T), abs=0.03)
+    cross = np.einsum("sti,stj->ij", gust, gust) / gust[..., 0].size / 1.5**2
+    np.testing.assert_allclose(cross, np.eye(3), atol=0.06)  # the axes blow independently

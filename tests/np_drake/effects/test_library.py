@@ -1,0 +1,82 @@
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from np_drake.effects.base import Parameter, WrenchEffect
+from np_drake.effects.library import LIBRARY, register
+
+EFFECTS = pytest.mark.parametrize("effect", LIBRARY.values(), ids=LIBRARY.keys())
+
+TABLE = """
+mass_error delta_mass | inertia_error scale_xx scale_yy scale_zz | center_of_mass_offset x y z
+suspended_payload mass length hook_x hook_y hook_z | thrust_scale scale | thrust_drift start rate
+weak_rotor rotor efficiency | motor_lag time_constant | command_delay delay | linear_drag d_x d_y d_z
+quadratic_drag c_x c_y c_z | blade_flapping moment | translational_lift lift | constant_wind x y z
+gusty_wind mean_x mean_y mean_z deviation correlation_time | ground_effect effective_radius
+rotor_gyroscopic rotor_inertia | accelerometer_bias x y z | gyro_bias x y z | velocity_bias x y z
+attitude_bias roll pitch yaw | clock_offset offset
+"""
+
+
+def test_identifiers_and_parameters_are_those_of_the_file_format():
+    rows = [entry.split() for line in TABLE.split("\n") for entry in line.split("|") if entry.strip()]
+    found = [[name, *(p.name for p in effect.parameters)] for name, effect in LIBRARY.items()]
+    assert found[: len(rows)] == rows
+
+
+@EFFECTS
+def test_neutral_and_default_lie_within_the_bounds(effect):
+    for values in (effect.neutral().values, effect().values):
+        for p in effect.parameters:
+            assert p.lower <= values[p.name] <= p.upper
+            assert p.typical > 0
+            assert not p.choices or values[p.name] in p.choices
+
+
+@EFFECTS
+def test_an_effect_is_its_values(effect):
+    assert effect.of(effect().values).values == effect().values
+    assert hash(effect()) == hash(effect())  # frozen, so that it can be a key
+
+
+@EFFECTS
+def test_an_effect_acts_at_a_known_place_and_says_what_it_needs(effect):
+    assert effect.place in ("wrench", "actuator", "mass", "measurement")
+    assert set(effect.needs) <= set(LIBRARY)
+    assert not (effect.place == "measurement" and effect.begins)
+
+
+@dc.dataclass(frozen=True)
+class Push(WrenchEffect):
+    force: float = 1.0
+    identifier: ClassVar[str] = "push"
+    parameters: ClassVar = (Parameter("force", "N", 0.0, -5.0, 5.0, 1.0),)
+
+
+def test_an_own_effect_can_be_registered_twice_but_not_under_a_taken_name(monkeypatch):
+    monkeypatch.setattr("np_drake.effects.library.LIBRARY", dict(LIBRARY))
+    assert register(register(Push)) is Push
+    thief = dc.make_dataclass("Thief", [], bases=(Push,), namespace={"identifier": "mass_error"}, frozen=True)
+    with pytest.raises(ValueError, match="mass_error"):
+        register(thief)
+
+
+def test_a_parameter_without_a_field_is_refused():
+    class Lost(WrenchEffect):
+        identifier = "lost"
+        parameters = (Parameter("force", "N", 0.0, -5.0, 5.0, 1.0),)
+
+        @classmethod
+        def of(cls, values):
+            return cls()
+
+    with pytest.raises(ValueError, match="force"):
+        register(Lost)
+    assert "lost" not in LIBRARY
+
+
+def test_what_an_own_effect_leaves_out_does_nothing(motion):
+    np.testing.assert_array_equal(Push().wrench(None, motion), np.zeros((7, 6)))
+    np.testing.assert_array_equal(Push().air_velocity(motion.t), np.zeros((7, 3)))

@@ -1,0 +1,47 @@
+"""The real vehicle at a random state under a random command, and what eq. (1) misses of its motion."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from np_drake import attitude
+from np_drake.effects.base import Motion
+from np_drake.rigid_body import residual_wrench
+from np_drake.vehicle import Vehicle
+from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
+
+VEHICLE = Vehicle()
+
+
+def random_state(seed: int) -> np.ndarray:
+    x = np.random.default_rng(seed).normal(scale=2.0, size=13)
+    x[2] = abs(x[2]) + 0.1
+    x[3:7] /= np.linalg.norm(x[3:7])
+    return x
+
+
+def in_flight(seed: int, **effects) -> SimpleNamespace:
+    """The vehicle without payload, at a random time, state and command: everything true of that instant."""
+    rng = np.random.default_rng(seed)
+    dut = make_tethered_quadrotor(VEHICLE, PayloadConfig(tether="none"), **effects)
+    context = dut.CreateDefaultContext()
+    t, x, command = rng.uniform(0, 10), random_state(seed), rng.uniform(2.0, 9.0, 4)
+    context.SetTime(t)
+    plant = dut.GetSubsystemByName("plant")
+    state = np.concatenate([x[3:7], x[:3], attitude.rotate(x[3:7], x[10:13]), x[7:10]])
+    plant.SetPositionsAndVelocities(plant.GetMyMutableContextFromRoot(context), state)
+    u = VEHICLE.mixer @ command
+    dut.GetInputPort("u").FixValue(context, u)
+    a, al = np.split(dut.GetOutputPort("acceleration").Eval(context), 2)
+    thrust = dut.GetOutputPort("rotor_thrust").Eval(context)
+    chi = residual_wrench(VEHICLE, q=x[3:7], w=x[10:13], a=a, al=al, u=u)
+    np.testing.assert_allclose(dut.GetOutputPort("x").Eval(context), x, atol=1e-12)
+    return SimpleNamespace(
+        dut=dut, context=context, x=x, a=a, al=al, u=u, command=command, chi=chi, motion=Motion(t, x, thrust)
+    )
+
+
+@pytest.fixture
+def fly():
+    return in_flight

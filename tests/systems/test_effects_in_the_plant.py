@@ -1,0 +1,151 @@
+"""What Drake's plant does under an effect is what the effect's pure function says."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake import attitude
+from np_drake.effects.base import ActuatorEffect, MassEffect, Motion, WrenchEffect
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
+from np_drake.effects.combine import mass_properties, total_wrench
+from np_drake.effects.inertia_error import InertiaError
+from np_drake.effects.library import LIBRARY
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.quadratic_drag import QuadraticDrag
+from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.vehicle import Vehicle
+from systems.initial_state import set_hover
+from systems.mass_properties import set_mass_properties
+from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
+
+VEHICLE = Vehicle()
+SEEDS = pytest.mark.parametrize("seed", [0, 1, 2])
+
+
+def every(base):
+    found = [e for e in LIBRARY.values() if issubclass(e, base) and e is not SuspendedPayload]
+    return pytest.mark.parametrize("effect", found, ids=[e.identifier for e in found])
+
+
+@SEEDS
+@every(WrenchEffect)
+def test_the_plant_feels_the_wrench_of_the_pure_function(fly, effect, seed):
+    effects = [effect(), LinearDrag(0.1, 0.2, 0.3), QuadraticDrag(0.01, 0.02, 0.03)]
+    now = fly(seed, wrench_effects=effects)
+    np.testing.assert_allclose(now.chi, total_wrench(VEHICLE, effects, now.motion), atol=1e-9)
+    drags = total_wrench(VEHICLE, effects[1:], now.motion)
+    acts = np.abs(now.chi - drags).max() > 1e-4
+    assert acts or isinstance(effect(), LinearDrag)
+
+
+@SEEDS
+@every(ActuatorEffect)
+def test_the_plant_feels_the_thrust_of_the_pure_function(fly, effect, seed):
+    dut = effect()
+    now = fly(seed, actuator_effects=[dut])
+    hover = np.full(4, VEHICLE.mass * VEHICLE.gravity / 4)
+    seen = hover if dut.dead_time else now.command  # what was commanded before the start
+    thrust = dut.thrust(VEHICLE, dut.state_at(VEHICLE, hover), seen, now.motion.t)
+    np.testing.assert_allclose(now.motion.rotor_thrust, thrust, atol=1e-12)
+    wrong = VEHICLE.mixer @ (thrust - now.command)
+    np.testing.assert_allclose(now.chi[:3], wrong[0] * attitude.body_z(now.x[3:7]), atol=1e-9)
+    np.testing.assert_allclose(now.chi[3:], wrong[1:], atol=1e-9)
+    assert np.abs(wrong).max() > 1e-3
+
+
+@SEEDS
+def test_rotors_that_lag_turn_the_body_by_their_own_angular_momentum(fly, seed):
+    lag, spin = MotorLag(0.05), RotorGyroscopic(2e-4)
+    now = fly(seed, actuator_effects=[lag, ThrustScale(0.9)], wrench_effects=[spin])
+    hover = np.full(4, VEHICLE.mass * VEHICLE.gravity / 4)
+    rate = lag.state_rate(VEHICLE, lag.state_at(VEHICLE, hover), now.command)
+    assert np.abs(rate).max() > 100.0
+    motion = dc.replace(now.motion, rotor_rate=rate)
+    wrong = VEHICLE.mixer @ (now.motion.rotor_thrust - now.command)
+    np.testing.assert_allclose(now.chi[3:] - wrong[1:], spin.wrench(VEHICLE, motion)[3:], atol=1e-9)
+
+
+@SEEDS
+@every(MassEffect)
+def test_the_plant_obeys_newton_and_euler_about_its_true_centre_of_mass(fly, effect, seed):
+    now = fly(seed, mass_effects=[effect()])
+    assert np.abs(now.chi).max() > 1e-3
+    _follows_newton_and_euler(now, mass_properties(VEHICLE, [effect()]))
+
+
+@SEEDS
+def test_mass_effects_together_with_a_drag_at_the_body_origin(fly, seed):
+    masses = [MassError(0.4), InertiaError(1.3, 1.1, 0.9), CenterOfMassOffset(0.02, -0.03, 0.04)]
+    drag = LinearDrag(0.3, 0.2, 0.1)
+    now = fly(seed, mass_effects=masses, wrench_effects=[drag])
+    chi = drag.wrench(VEHICLE, now.motion)
+    _follows_newton_and_euler(now, mass_properties(VEHICLE, masses), chi)
+
+
+def _follows_newton_and_euler(now, true, chi=np.zeros(6)):  # noqa: B008
+    q, w, c, J = now.x[3:7], now.x[10:13], true.p_BoBcm_B, true.J
+    a_cm = now.a + attitude.rotate(q, np.cross(now.al, c) + np.cross(w, np.cross(w, c)))
+    F_W = now.u[0] * attitude.body_z(q) + chi[:3]
+    np.testing.assert_allclose(true.mass * (a_cm + [0, 0, VEHICLE.gravity]), F_W, atol=1e-9)
+    tau_Bcm = now.u[1:] + chi[3:] - np.cross(c, attitude.rotate_back(q, F_W))
+    np.testing.assert_allclose(J @ now.al + np.cross(w, J @ w), tau_Bcm, atol=1e-9)
+
+
+def test_mass_set_in_flight_is_mass_from_the_start(fly):
+    effects = [MassError(0.4), InertiaError(1.3, 1.1, 0.9), CenterOfMassOffset(0.02, -0.03, 0.04)]
+    before, wanted = fly(0), fly(0, mass_effects=effects)
+    np.testing.assert_allclose(before.chi, 0.0, atol=1e-9)
+    plant = before.dut.GetSubsystemByName("plant")
+    context = plant.GetMyMutableContextFromRoot(before.context)
+    set_mass_properties(plant, context, VEHICLE, effects)
+    found = before.dut.GetOutputPort("acceleration").Eval(before.context)
+    np.testing.assert_allclose(found, [*wanted.a, *wanted.al], atol=1e-9)
+    set_mass_properties(plant, context, VEHICLE, [])
+    found = before.dut.GetOutputPort("acceleration").Eval(before.context)
+    np.testing.assert_allclose(found, [*before.a, *before.al], atol=1e-9)
+
+
+def test_with_an_offset_the_hovering_vehicle_tips_towards_the_heavy_side():
+    quadrotor = make_tethered_quadrotor(
+        VEHICLE, PayloadConfig(tether="none"), mass_effects=[CenterOfMassOffset(0.02, 0.0, 0.0)]
+    )
+    context = quadrotor.CreateDefaultContext()
+    quadrotor.GetInputPort("u").FixValue(context, VEHICLE.hover_input)
+    assert quadrotor.GetOutputPort("acceleration").Eval(context)[4] > 1.0  # nose (x) down: + about y
+
+
+@pytest.mark.parametrize("effect", [MassError(-2.0), InertiaError(0.2, 0.2, 1.0)])
+def test_a_body_that_cannot_be_is_refused(effect):
+    with pytest.raises(ValueError, match="mass effects"):
+        make_tethered_quadrotor(VEHICLE, PayloadConfig(tether="none"), mass_effects=[effect])
+
+
+@pytest.mark.parametrize("tether", ["cable", "none"])
+def test_neutral_effects_leave_the_hovering_vehicle_alone(tether):
+    payload = PayloadConfig(tether=tether)
+    neutral = {
+        f"{base.place}_effects": [
+            e.neutral() for e in LIBRARY.values() if issubclass(e, base) and e is not SuspendedPayload
+        ]
+        for base in (WrenchEffect, ActuatorEffect, MassEffect)
+    }
+    dut = make_tethered_quadrotor(VEHICLE, payload, **neutral)
+    context = dut.CreateDefaultContext()
+    plant = dut.GetSubsystemByName("plant")
+    set_hover(plant, plant.GetMyMutableContextFromRoot(context), payload, [0, 0, 1.0])
+    carried = VEHICLE.mass + (payload.mass if tether == "cable" else 0.0)
+    dut.GetInputPort("u").FixValue(context, [carried * VEHICLE.gravity, 0, 0, 0])
+    np.testing.assert_allclose(dut.GetOutputPort("acceleration").Eval(context), 0.0, atol=1e-9)
+    assert not dut.HasSubsystemNamed("actuators")
+
+
+def test_an_unconnected_rotor_rate_is_zero(fly):
+    now = fly(0, wrench_effects=[RotorGyroscopic(2e-4)])
+    motion = Motion(now.motion.t, now.x, now.motion.rotor_thrust)
+    np.testing.assert_allclose(now.chi, RotorGyroscopic(2e-4).wrench(VEHICLE, motion), atol=1e-9)
+    assert now.chi[5] == pytest.approx(0.0, abs=1e-9)
