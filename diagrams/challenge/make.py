@@ -46,7 +46,7 @@ def make(
 ) -> dict:
     """Writes `cases` + `clean` case folders into `out` and as many truths into `truth`.
 
-    Returns: {"written", "redrawn": how many draws were lost on the way, "kinds": {kind: count}}.
+    Returns: {"written", "kinds": {kind: count}, "redrawn": how many draws were lost on the way, "lost": which}.
     Raises: ValueError: on impossible arguments; FailedRun: where a case cannot be flown in any draw.
     """
     check_request(out, truth, simulator=simulator, quality=quality, seconds=seconds, cases=cases + clean)
@@ -55,13 +55,16 @@ def make(
     draws = compose(cases, clean, seed)
     options = {"simulator": simulator, "quality": quality, "seconds": seconds, "seed": seed}
     work = (delayed(make_case)(draw, out, truth, **options) for draw in draws)
-    redrawn = 0
-    for done, attempts in enumerate(Parallel(n_jobs=jobs, return_as="generator_unordered")(work), start=1):
-        redrawn += attempts
+    lost: dict[str, int] = {}
+    attempts = Parallel(n_jobs=jobs, return_as="generator")(work)
+    for done, (draw, count) in enumerate(zip(draws, attempts, strict=True), start=1):
+        if count:
+            name = " + ".join(draw.names) or draw.kind
+            lost[name] = lost.get(name, 0) + count
         if on_progress is not None:
             on_progress(done)
     kinds = {kind: sum(draw.kind == kind for draw in draws) for kind in sorted({d.kind for d in draws})}
-    return {"written": len(draws), "redrawn": redrawn, "kinds": kinds}
+    return {"written": len(draws), "kinds": kinds, "redrawn": sum(lost.values()), "lost": lost}
 
 
 def make_case(

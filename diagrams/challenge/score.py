@@ -66,7 +66,7 @@ def score_group(cases: Sequence[Solved], *, least: float, seed: int) -> dict[str
         "accuracy": accuracy(rates),
         "rates": rates,
         "parameters": parameters_of(errors),
-        "onset": onset.summary(known),
+        "onset": onset.summary(known, least),
         "shrink_relative": shrink_summary(known),
         "shrink_relative_foreign": shrink_summary(kinds["foreign"]),
         "replay": replay_summary(known, least),
@@ -137,7 +137,7 @@ def case_row(case: Solved, least: float) -> dict[str, Any]:
 
 
 def missed(case: Solved, least: float) -> bool:
-    """Is it a miss that counts: a false alarm, a visible case with a wrong class, a foreign effect not called unknown?"""
+    """Is it a miss that counts: a false alarm, a wrong class, `unknown` not said; the latter two where visible?"""
     if case.kind == "clean":
         return bool(case.verdict) or case.answer is None
     if case.kind == "foreign":

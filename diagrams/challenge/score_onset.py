@@ -29,11 +29,15 @@ def within(row: dict[str, Any]) -> bool:
     return row["error"] is not None and abs(row["error"]) <= TOLERANCE
 
 
-def summary(cases: Sequence[Solved]) -> dict[str, Any]:
-    """Share of flights with the right onset, of all and of those whose effect is named, and the median error [s]."""
-    rows = [row for case in cases for row in onset_errors(case)]
+def summary(cases: Sequence[Solved], least: float) -> dict[str, Any]:
+    """Share of flights with the right onset, and the median error [s].
+
+    within: of visible cases.   within_all: of all.   within_if_named: of visible cases whose effect is named.
+    """
+    rows = [row for case in cases if case.visibility >= least for row in onset_errors(case)]
     return {
         "within": rate(within(row) for row in rows),
+        "within_all": rate(within(row) for case in cases for row in onset_errors(case)),
         "within_if_named": rate(within(row) for row in rows if row["named"]),
         "median_error": median(None if row["error"] is None else abs(row["error"]) for row in rows),
     }

@@ -97,9 +97,9 @@ def summary(errors: Iterable[Error]) -> dict[str, Any]:
 
 def by_parameter(errors: Sequence[Error]) -> list[dict[str, Any]]:
     """A row a parameter or vector of every effect."""
-    keys = sorted({(e.effect, e.parameter) for e in errors})
+    keys = sorted({(list(LIBRARY).index(e.effect), e.effect, e.parameter) for e in errors})
     rows = []
-    for effect, parameter in keys:
+    for _, effect, parameter in keys:
         mine = [e for e in errors if (e.effect, e.parameter) == (effect, parameter)]
         rows.append(
             {

@@ -5,12 +5,13 @@ from typing import Annotated
 
 import typer
 
-from diagrams.cli import challenge_solve, options
+from diagrams.cli import challenge_score, challenge_solve, options
 from diagrams.cli.output import progress, say, write_metrics
 from np_drake.atomic_file import require_writable
 
 challenge = typer.Typer(help="Withheld-effect challenge sets.", add_completion=False, rich_markup_mode=None)
 challenge.command("solve")(challenge_solve.solve)
+challenge.command("score")(challenge_score.score)
 
 
 @challenge.command("make")

@@ -11,6 +11,7 @@ from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import adapt, scored
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.search import Model
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.which import Ranking, names_of
@@ -18,7 +19,7 @@ from np_drake.diagnosis.which import Ranking, names_of
 MATERIAL_FORCE = 0.02  # of weight [1]
 MATERIAL_TORQUE = 0.02  # of RMS commanded torque [1]
 MATERIAL_GAP = 0.10  # of the gap above the noise [1]
-MATERIAL_SENSOR = 0.25  # of the noise in the kinematic channel that a sensor error shows in [1]
+MATERIAL_SENSOR = 1.5  # of the tolerance of that sensor [1]
 CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
 SAME = 3.5  # difference of log evidence below which two explanations are the same in these data
 MOST_LIKE = 2  # names beside a cause's own
@@ -28,7 +29,7 @@ MOST_LIKE = 2  # names beside a cause's own
 class Size:
     """How large a term is: force over weight, torque over RMS commanded torque, share of the gap above noise,
 
-    and the largest share of a kinematic channel's noise [1].
+    and of a sensor error, its size over the rig's tolerance [1].
     """
 
     force: float
@@ -36,11 +37,13 @@ class Size:
     gap: float
     sensor: float
 
-    def material(self, *, calibration: bool) -> bool:
+    def material(self, *, calibration: bool, sensor: bool) -> bool:
         """Does it matter?"""
         if calibration:
             return self.force >= MATERIAL_FORCE
-        seen = self.gap >= MATERIAL_GAP or self.sensor >= MATERIAL_SENSOR
+        if sensor:
+            return self.sensor >= MATERIAL_SENSOR
+        seen = self.gap >= MATERIAL_GAP
         return self.force >= MATERIAL_FORCE or self.torque >= MATERIAL_TORQUE or seen
 
 
@@ -53,9 +56,11 @@ class HeldOut:
     rows: dict[str, np.ndarray]
 
 
-def size_of(fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel) -> Size:
+def size_of(
+    fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, tolerance: Tolerance
+) -> Size:
     """Of the fit's term i, over the flights in which it acts."""
-    force = torque = command = rows = own = gap = sensor = 0.0
+    force = torque = command = rows = own = gap = 0.0
     inverse = np.where(noise.rms > 0, 1.0 / np.maximum(noise.rms, 1e-12), 0.0)
     for e in flights:
         whole = signature(e, fit.everything)
@@ -66,13 +71,13 @@ def size_of(fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel) ->
         rows += len(part)
         own += np.sum((part * inverse) ** 2)
         gap += np.sum((e.y * inverse) ** 2) - e.y.shape[0] * np.sum(noise.rms > 0)
-        sensor = max(sensor, float(np.max(np.sqrt(np.mean((part * inverse)[:, 6:] ** 2, axis=0)))))
     weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
+    effect = fit.terms[i].effect
     return Size(
         float(np.sqrt(force / rows)) / weight,
         float(np.sqrt(torque / max(command, 1e-12))),
         float(own / max(gap, own, 1e-9)),
-        sensor,
+        float(np.linalg.norm(list(effect.values.values()))) / max(tolerance.of(effect.identifier), 1e-9),
     )
 
 
@@ -107,11 +112,12 @@ def causes_of(
     same = alike(ranking, members[key]) if key in members else {}
     causes, minor = [], []
     for i, term in enumerate(fit.terms):
-        size = size_of(fit, i, flights, ranking.noise)
+        size = size_of(fit, i, flights, ranking.noise, ranking.tolerance)
         cause = _cause(ranking, fit, i, term, [*flights, *held_out], same, size, held)
-        calibration = term.effect.identifier in CALIBRATION and ranking.tolerance > 0.003
+        calibration = term.effect.identifier in CALIBRATION and ranking.tolerance.real
+        sensor = ranking.tolerance.of(term.effect.identifier) > 0
         confirmed = helps(fit, i, held_out, ranking.noise, held) > -2.0
-        if confirmed and size.material(calibration=calibration):
+        if confirmed and size.material(calibration=calibration, sensor=sensor):
             causes.append(cause)
         else:
             minor.append(_minor(cause, size, confirmed))

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -42,7 +43,7 @@ def diagnose(
     tell(0.0, "residuals")
     flights = [make_evidence(log, vehicle) for log in train]
     unseen = [make_evidence(log, vehicle) for log in held_out]
-    names = {"vehicle": vehicle.name, "train": _names(flights), "held_out": _names(unseen)}
+    names: dict[str, Any] = {"vehicle": vehicle.name, "train": _names(flights), "held_out": _names(unseen)}
     if not excited(excitation(flights)):
         answer = _cannot_tell(flights, unseen)
         return Diagnosis(**names, **answer, cannot_tell=True, wall=time.perf_counter() - start)

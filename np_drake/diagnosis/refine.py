@@ -32,7 +32,10 @@ class Free:
 
 @dc.dataclass(frozen=True)
 class Fit:
-    """A fitted model. covariance (k, k) of `free` in physical units; loss: whitened sum of squares on its flights."""
+    """A fitted model. covariance (k, k) of `free` in physical units; loss: whitened sum of squares on its flights;
+
+    wander (m, 15) by flight: of its sensors.
+    """
 
     terms: tuple[Term, ...]
     calibration: tuple[Term, ...]
@@ -42,6 +45,12 @@ class Fit:
     log_evidence: float
     loss: float
     samples: int
+    wander: dict[str, np.ndarray] = dc.field(default_factory=dict)
+
+    def left(self, e: Evidence) -> np.ndarray:
+        """(m, 15) what the model leaves of a flight; of a fitted one, without its sensors' own wander."""
+        left = e.y - signature(e, self.everything)
+        return left - self.wander[e.name] if e.name in self.wander else left
 
     @property
     def everything(self) -> list[Term]:
@@ -100,9 +109,13 @@ def refine(
     noise: NoiseModel,
     *,
     temperature: float,
+    wander: dict[str, np.ndarray] | None = None,
     evaluations: int = 8,
 ) -> Fit:
-    """Fits terms and calibration (each with its prior deviation) to the flights, from the terms' values."""
+    """Fits terms and calibration (each with its prior deviation) to the flights, from the terms' values.
+
+    wander: (m, 15, k) by flight, linear nuisance with prior N(0, 1).
+    """
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
     free = free_figures(everything, flights, scales)
@@ -110,42 +123,55 @@ def refine(
     neutral = np.array([f.neutral for f in free])
     root = 1.0 / np.sqrt(temperature)
 
+    linear = 0 if wander is None else next(iter(wander.values())).shape[-1]
+    white = {e.name: noise.whiten(wander[e.name]).reshape(-1, linear) for e in flights} if wander else {}
+    n = len(free)
+
     def residual(z: np.ndarray) -> np.ndarray:
-        now = write(everything, free, z * scale)
-        parts = [root * noise.whiten(e.y - signature(e, now)).ravel() for e in flights]
-        return np.concatenate([*parts, z - neutral / scale])
+        now = write(everything, free, z[:n] * scale)
+        parts = [noise.whiten(e.y - signature(e, now)).ravel() for e in flights]
+        if linear:
+            parts = [p - white[e.name] @ z[n:] for p, e in zip(parts, flights, strict=True)]
+        return np.concatenate([*(root * p for p in parts), z[:n] - neutral / scale, z[n:]])
 
     def jacobian(z: np.ndarray) -> np.ndarray:
-        now = write(everything, free, z * scale)
-        parts = [_jacobian(now, free, e, noise, z, scale) * root for e in flights]
-        return np.concatenate([*(-p for p in parts), np.eye(len(free))])
+        now = write(everything, free, z[:n] * scale)
+        parts = [_jacobian(now, free, e, noise, z[:n], scale) for e in flights]
+        if linear:
+            parts = [np.hstack([p, white[e.name]]) for p, e in zip(parts, flights, strict=True)]
+        return np.concatenate([*(-root * p for p in parts), np.eye(n + linear)])
 
     lower = np.array([f.lower for f in free]) / scale
     upper = np.array([f.upper for f in free]) / scale
     start = np.clip(read(everything, free) / scale, lower + 1e-6, upper - 1e-6)
-    if len(free) == 0:
-        loss = float(np.sum(residual(start) ** 2))
-        return Fit(tuple(terms), (), (), start, np.zeros((0, 0)), -0.5 * loss, loss, 0)
+    wide = np.full(linear, 20.0)
     answer = optimize.least_squares(
-        residual, start, jacobian, bounds=(lower, upper), max_nfev=evaluations, xtol=1e-5, ftol=1e-7
+        residual,
+        np.concatenate([start, np.zeros(linear)]),
+        jacobian,
+        bounds=(np.concatenate([lower, -wide]), np.concatenate([upper, wide])),
+        max_nfev=evaluations,
+        xtol=1e-5,
+        ftol=1e-7,
     )
-    fitted = write(everything, free, answer.x * scale)
+    fitted = write(everything, free, answer.x[:n] * scale)
     J = answer.jac
     information = J.T @ J
     covariance = np.linalg.inv(information)
     robust = _robust(covariance, J, answer.fun, flights, noise)
-    covariance = covariance * np.sqrt(np.outer(robust, robust))
-    sign, logdet = np.linalg.slogdet(information)
-    loss = float(np.sum(answer.fun[: -len(free)] ** 2))
+    covariance = (covariance * np.sqrt(np.outer(robust, robust)))[:n, :n]
+    logdet = np.linalg.slogdet(information)[1]
+    drifted = {e.name: wander[e.name] @ answer.x[n:] for e in flights} if wander else {}
     return Fit(
         tuple(fitted[: len(terms)]),
         tuple(fitted[len(terms) :]),
         tuple(free),
-        answer.x * scale,
+        answer.x[:n] * scale,
         covariance * np.outer(scale, scale),
         float(-answer.cost - 0.5 * logdet),
-        loss,
+        float(np.sum(answer.fun[: -(n + linear)] ** 2)),
         sum(len(e.t) for e in flights),
+        drifted,
     )
 
 

@@ -9,7 +9,6 @@ from np_drake.diagnosis.answer import Finding
 from np_drake.diagnosis.attribute import HeldOut, on_held_out
 from np_drake.diagnosis.evidence import FORCE, TORQUE, Evidence
 from np_drake.diagnosis.refine import Fit
-from np_drake.diagnosis.signature import signature
 from np_drake.diagnosis.unknown import Trace, traces
 from np_drake.diagnosis.which import Ranking
 
@@ -30,7 +29,7 @@ class Remains:
 def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> Remains:
     """The traces of what is left, judged for size."""
     held = on_held_out(fit, unseen, ranking.noise)
-    left = {e.name: e.y - signature(e, fit.everything) for e in flights} | held.left
+    left = {e.name: fit.left(e) for e in flights} | held.left
     found = traces(
         flights, left, ranking.noise, temperature=ranking.problem.temperature, held_out=unseen
     )

@@ -12,13 +12,14 @@ from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis import evidence as ev
-from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.evidence import Evidence, low_pass
 from np_drake.diagnosis.grid import to_grid
 from np_drake.diagnosis.linear_bayes import gram
 from np_drake.diagnosis.noise import NoiseModel
 
 PRIOR = 0.03  # deviation of a group's force over weight, and of its torque over weight times arm [1]
-RESONANCES = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0, 6.0)  # [Hz]
+RESONANCES = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0)  # [Hz]
+DRIVE_BAND = 4.0  # of the specific force that drives a resonance; from velocity, whose noise is not the force's [Hz]
 CENTRES = 12  # of a place
 
 
@@ -55,11 +56,14 @@ class State:
 
 def state_of(evidence: Evidence) -> State:
     """Of one flight."""
-    mids, rows = evidence.mids, evidence.rows
+    mids = evidence.mids
     v = to_grid(evidence.grid, mids.t, attitude.rotate_back(mids.q, mids.x[:, 7:10]))
     p = to_grid(evidence.grid, mids.t, mids.x[:, :3])
     R = to_grid(evidence.grid, mids.t, attitude.rotation_matrix(mids.q))
-    s = to_grid(evidence.grid, rows.t, rows.s)
+    log = evidence.log
+    g = np.array([0.0, 0.0, evidence.vehicle.gravity])
+    rate = low_pass(np.diff(log.v, axis=0) / np.diff(log.t)[:, None], log.step, DRIVE_BAND)
+    s = to_grid(evidence.grid, mids.t, attitude.rotate_back(mids.q, rate + g))
     return State(v, p, evidence.w, evidence.nominal[:, 2:], R, s, evidence.t, evidence.grid.step)
 
 

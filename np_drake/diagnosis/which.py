@@ -17,14 +17,11 @@ from np_drake.diagnosis.linear_bayes import gram
 from np_drake.diagnosis.noise import NoiseModel, fit_noise, no_worse, scale_only
 from np_drake.diagnosis.onset import gated_candidates
 from np_drake.diagnosis.refine import Fit, refine
+from np_drake.diagnosis.rig import Tolerance, calibration, calibration_terms, tolerance_of, wander
 from np_drake.diagnosis.search import Model, Problem, search
-from np_drake.diagnosis.signature import Term, signature
-from np_drake.effects.mass_error import MassError
-from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.diagnosis.signature import Term
 
 TEMPERATURE = 2.0  # noise is never quite its model: its variance counts this many times; own choice
-TOLERANCE = 0.006  # calibration of mass and thrust of a real vehicle, standard deviation [1]
-LABORATORY = 0.0005  # of a log without attitude noise
 REFINED = 3  # models that are refined
 
 
@@ -37,37 +34,14 @@ class Ranking:
     noise: NoiseModel
     problem: Problem
     models: tuple[Model, ...]
-    tolerance: float
+    tolerance: Tolerance
 
 
-def calibration_terms(vehicle, tolerance: float) -> list[tuple[Term, float]]:
-    """Mass and thrust within their tolerance: part of every model."""
-    return [
-        (Term(ThrustScale(1.0)), tolerance),
-        (Term(MassError(0.0)), tolerance * vehicle.mass),
-    ]
-
-
-def calibration_candidates(flights: Sequence[Evidence], tolerance: float) -> list[Candidate]:
-    """The same as columns."""
-    out = []
-    for term, deviation in calibration_terms(flights[0].vehicle, tolerance):
-        p = term.effect.parameters[0]
-        moved = Term(type(term.effect).of({p.name: p.neutral + p.typical}))
-        columns = {e.name: signature(e, [moved])[..., None] * (deviation / p.typical) for e in flights}
-        out.append(Candidate((), "calibration", columns, lambda c: []))
-    return out
-
-
-def default_tolerance(flights: Sequence[Evidence]) -> float:
-    """Of mass and thrust: a log with attitude noise comes from a real rig, one without from a laboratory."""
-    return TOLERANCE if max(e.attitude_noise for e in flights) > 1e-3 else LABORATORY
-
-
-def rank(flights: Sequence[Evidence], *, tolerance: float | None = None) -> Ranking:
+def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> Ranking:
     """The models of these (training) flights, best first."""
-    tolerance = default_tolerance(flights) if tolerance is None else tolerance
-    nuisance = calibration_candidates(flights, tolerance)
+    tolerance = tolerance or tolerance_of(flights)
+    drifting = wander(flights, tolerance)
+    nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]
     plain = library_candidates(flights)
     drags = [c for c in plain if c.identifiers == ("linear_drag",)]
     candidates = [*plain, *wind_candidates(flights, drags)]
@@ -87,7 +61,7 @@ def rank(flights: Sequence[Evidence], *, tolerance: float | None = None) -> Rank
             problem = Problem(flights, noise, nuisance, [*candidates, *late], temperature=TEMPERATURE)
         models = search(problem)
         best = _refine(problem, models[0], tolerance)
-        residuals = [e.y - signature(e, best.everything) for e in flights]
+        residuals = [best.left(e) for e in flights]
         noise = fit_noise(no_worse(residuals, raw), step)
     fits = [_refine(problem, m, tolerance, noise) for m in _distinct(problem, models)[:REFINED]]
     fits.sort(key=lambda f: -_score(f))
@@ -117,7 +91,7 @@ def _rich_residuals(flights, noise, nuisance, candidates) -> list[np.ndarray]:
     ]
 
 
-def _refine(problem: Problem, model: Model, tolerance: float, noise: NoiseModel | None = None) -> Fit:
+def _refine(problem: Problem, model: Model, tolerance: Tolerance, noise: NoiseModel | None = None) -> Fit:
     index = problem.columns(model.members)
     mean, _ = problem.total.posterior(index)
     at = sum(c.size for c in problem.nuisance)
@@ -126,9 +100,14 @@ def _refine(problem: Problem, model: Model, tolerance: float, noise: NoiseModel 
         candidate = problem.candidates[i]
         terms += candidate.terms(mean[at : at + candidate.size])
         at += candidate.size
-    calibration = calibration_terms(problem.flights[0].vehicle, tolerance)
+    drifting = next((c.columns for c in problem.nuisance if c.variant == "wander"), None)
     return refine(
-        terms, calibration, problem.flights, noise or problem.noise, temperature=problem.temperature
+        terms,
+        calibration_terms(problem.flights[0].vehicle, tolerance),
+        problem.flights,
+        noise or problem.noise,
+        temperature=problem.temperature,
+        wander=drifting,
     )
 
 

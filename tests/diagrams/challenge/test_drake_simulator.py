@@ -129,6 +129,13 @@ def test_a_hanging_payload_pulls_with_its_weight(vehicle, t, plan):
     assert r.min() > 0.5  # [N]: taut
 
 
+def test_a_payload_that_attaches_hangs_still_under_the_moving_hook(vehicle, t, plan):
+    effect = LIBRARY["suspended_payload"](0.2, 0.6, 0.01, -0.01, -0.03)
+    chi = raw_labels(fly(vehicle, plan, [effect], t=t, onset=1.2), vehicle)
+    np.testing.assert_allclose(chi[:120], 0.0, atol=1e-9)
+    np.testing.assert_allclose(chi[120, :3], [0, 0, -0.2 * 9.81], atol=1e-6)
+
+
 @pytest.mark.parametrize("name", SENSORS)
 def test_a_sensor_reads_the_effects_own_error_of_an_untouched_flight(name, clean, vehicle, plan, t):
     (effect,) = drawn(name, vehicle)

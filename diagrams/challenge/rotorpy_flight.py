@@ -1,0 +1,136 @@
+"""One vehicle of rotorpy's under the cascaded controller, advanced from instant to instant."""
+
+import math
+
+import numpy as np
+
+from diagrams.challenge.rotorpy_laws import cross
+from diagrams.challenge.rotorpy_vehicle import SIZE, SPEED, Q, RealMultirotor, V, W, X
+from diagrams.failed_run import FailedRun
+from np_drake import attitude
+from np_drake.control.cascade import CascadeGains, cascade
+from np_drake.vehicle import Vehicle
+
+# Of the integrator, at most [s]: one between rows 10 ms apart, jitter included, two with a tether.
+STEP, TETHER_STEP = 0.0112, 0.0056
+LAG_SHARE = 0.5  # of a motor's time constant that a step may last [1]
+FARTHEST, LOWEST = 6.0, 0.03  # lost farther from the plan, or lower [m]
+STEEPEST = -0.2  # cosine of the tilt beyond which it is lost [1]
+
+
+def to_rotorpy(x: np.ndarray, center: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    """(20,) rotorpy's state of Bcm, quaternion x, y, z, w, from x (13,) of Bo and rotor speed (4,) [rad/s]."""
+    q, w = x[3:7] / np.linalg.norm(x[3:7]), x[10:13]
+    s = np.zeros(SIZE)
+    s[X] = x[0:3] + attitude.rotate(q, center)
+    s[V] = x[7:10] + attitude.rotate(q, cross(w, center))
+    s[Q], s[W], s[SPEED] = q[[1, 2, 3, 0]], w, speed
+    return s
+
+
+def from_rotorpy(s: np.ndarray, center: np.ndarray) -> np.ndarray:
+    """(13,) state of Bo, quaternion w, x, y, z, from rotorpy's."""
+    q, w = s[Q][[3, 0, 1, 2]], s[W]
+    R = attitude.rotation_matrix(q)
+    return np.concatenate([s[X] - R @ center, q, s[V] - R @ cross(w, center), w])
+
+
+class Flight:
+    """A flight under way. `speed` (4,) of the rotors now [rad/s]; `t` now [s]."""
+
+    def __init__(self, vehicle: Vehicle, real: RealMultirotor, t: float, x: np.ndarray):
+        self._vehicle, self._gains, self.t = vehicle, CascadeGains(), t
+        self._integral, self._updated = np.zeros(6), t
+        self._under_way: list[
+            tuple[float, np.ndarray]
+        ] = []  # commanded rotor speeds, and when they arrive [s]
+        self._command = self._speeds(vehicle.hover_input)
+        self._board(real, x, self._command)
+
+    def _board(self, real: RealMultirotor, x: np.ndarray, speed: np.ndarray) -> None:
+        self.real, self._rate = real, np.zeros(0)
+        s = to_rotorpy(x, real.center, speed)
+        self._s = np.concatenate([s, real.hidden_at_rest(self.t, s)])
+        self._step = min(TETHER_STEP if real.swings else STEP, LAG_SHARE * real.tau_m)
+
+    def change(self, real: RealMultirotor) -> None:
+        """The vehicle is another one from now on: Bo, rotors and commands under way carry on."""
+        self._board(real, self.state(), self.speed)
+
+    @property
+    def speed(self) -> np.ndarray:
+        """(4,) [rad/s]."""
+        return self._s[SPEED].copy()
+
+    def state(self) -> np.ndarray:
+        """(13,) of Bo."""
+        return from_rotorpy(self._s, self.real.center)
+
+    def control(self, target: np.ndarray) -> np.ndarray:
+        """(4,) the controller's command from now on [N, N·m]; it arrives after the dead time."""
+        u, self._integral = cascade(
+            self._vehicle,
+            self._gains,
+            x=self.state(),
+            target=target,
+            integral=self._integral,
+            step=self.t - self._updated,
+        )
+        self._updated = self.t
+        self._under_way.append((self.t + self.real.dead_time, self._speeds(u)))
+        self._deliver()
+        return u
+
+    def reading(self) -> np.ndarray:
+        """(19,) now: state of Bo, its acceleration in W and dw/dt in B, as the acting command makes them."""
+        rate, x, c = self._rate_now(), self.state(), self.real.center
+        w, al = x[10:13], rate[W]
+        swept = cross(al, c) + cross(w, cross(w, c))
+        return np.concatenate([x, rate[V] - attitude.rotate(x[3:7], swept), al])
+
+    def advance(self, t: float) -> None:
+        """Flies on to `t` [s]; a command that arrives there acts."""
+        while self._under_way and self._under_way[0][0] < t - 1e-9:
+            self._integrate(self._under_way[0][0])
+            self._deliver()
+        self._integrate(t)
+        self._deliver()
+
+    def require_flying(self, target: np.ndarray) -> None:
+        """Raises FailedRun: if the vehicle is lost."""
+        x = self.state()
+        upright = 1 - 2 * (x[4] ** 2 + x[5] ** 2)
+        if not (np.linalg.norm(x[:3] - target[:3]) < FARTHEST and x[2] > LOWEST and upright > STEEPEST):
+            raise FailedRun(f"challenge: the vehicle was lost at {self.t:.2f} s.")
+
+    def _speeds(self, u: np.ndarray) -> np.ndarray:
+        """(4,) rotor speeds that a nominal vehicle needs for u (4,) [rad/s]."""
+        return np.sqrt(np.maximum(self._vehicle.unmixer @ u, 0.0) / self._vehicle.thrust_coefficient)
+
+    def _deliver(self) -> None:
+        while self._under_way and self._under_way[0][0] <= self.t + 1e-9:
+            self._command, self._rate = self._under_way.pop(0)[1], np.zeros(0)
+            if math.isinf(self.real.tau_m):
+                self._s[SPEED] = self._command
+
+    def _rate_now(self) -> np.ndarray:
+        if not self._rate.size:  # not known yet
+            self._rate = self.real.rate(self.t, self._s, self._command)
+        return self._rate
+
+    def _integrate(self, t: float) -> None:
+        """Classical Runge-Kutta of fourth order in equal steps."""
+        if t <= self.t + 1e-12:
+            return
+        rate, command = self.real.rate, self._command
+        steps = math.ceil((t - self.t) / self._step - 1e-6)
+        h = (t - self.t) / steps
+        for _ in range(steps):
+            s, k1, middle = self._s, self._rate_now(), self.t + 0.5 * h
+            k2 = rate(middle, s + 0.5 * h * k1, command)
+            k3 = rate(middle, s + 0.5 * h * k2, command)
+            k4 = rate(self.t + h, s + h * k3, command)
+            self._s = s + h / 6 * (k1 + 2 * (k2 + k3) + k4)
+            self._s[Q] /= math.sqrt(float(self._s[Q] @ self._s[Q]))
+            self.t, self._rate = self.t + h, np.zeros(0)
+        self.t = t

@@ -1,0 +1,62 @@
+"""A payload on an inextensible tether under rotorpy's vehicle: the tension that keeps the tether's length."""
+
+import math
+
+import numpy as np
+
+from diagrams.challenge.rotorpy_laws import Instant, Values, cross
+
+RATE = (
+    80.0  # with which an error of length dies out, critically damped [1/s]; a slack tether tightens as softly
+)
+BAND = 1e-3  # of its length by which a taut tether may be too short [1]
+
+
+class Tether:
+    """A point mass on a tether that pulls only. State: position and velocity of the payload in W [m, m/s].
+
+    The tension is that with which d²|r|/dt² = -2 RATE d|r|/dt - RATE² (|r| - L), r from hook to payload, given the
+    accelerations that vehicle and payload have without it.   Source: Newton and Euler for both bodies; index reduction
+    with Baumgarte's stabilisation.
+    """
+
+    size = 6
+
+    def __init__(self, values: Values):
+        self.mass, self.length = values["mass"], values["length"]
+        self.hook = np.array([values["hook_x"], values["hook_y"], values["hook_z"]])
+
+    def hang(self, now: Instant) -> np.ndarray:
+        """(6,) straight below the hook, and moving with it."""
+        below = now.p + now.R @ self.hook - [0.0, 0.0, self.length]
+        return np.concatenate([below, now.v + now.R @ cross(now.w, self.hook)])
+
+    def pull(
+        self, now: Instant, own: np.ndarray, motion: np.ndarray, inertial: tuple, gravity: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The tether's part of the vehicle's accelerations, and the rate of the payload's state.
+
+        Args:   own: (6,) its state.   motion: (6,) [dv/dt of Bcm in W, dw/dt in B] without the tether.
+                inertial: mass [kg], inverse inertia (3, 3), p_BoBcm_B (3,) of the vehicle.
+        Returns: (6,) as `motion`; (6,).
+        """
+        mass, J_inverse, center = inertial
+        arm, (x, y, z) = self.hook - center, now.w.tolist()
+        way = own[:3] - now.p - now.R @ self.hook
+        span = math.sqrt(float(way @ way))
+        fall = np.array([0.0, 0.0, -gravity])
+        if span < (1 - BAND) * self.length:
+            return np.zeros(6), np.concatenate([own[3:], fall])
+        n, rate = way / span, own[3:] - now.v - now.R @ cross(now.w, self.hook)
+        n_B = n @ now.R
+        lever, along = cross(arm, n_B), float(n @ rate)
+        inward = now.w * float(now.w @ arm) - arm * (x * x + y * y + z * z)  # w x (w x arm)
+        hook = float(
+            n @ motion[:3] + lever @ motion[3:] + n_B @ inward
+        )  # its acceleration away along the tether
+        wanted = -gravity * float(n[2]) - hook + (float(rate @ rate) - along * along) / span
+        wanted += 2 * RATE * along + RATE**2 * (span - self.length)
+        turn = J_inverse @ lever
+        tension = max(wanted / (1 / self.mass + 1 / mass + float(lever @ turn)), 0.0)
+        pulled = tension * np.concatenate([n / mass, turn])
+        return pulled, np.concatenate([own[3:], fall - tension / self.mass * n])

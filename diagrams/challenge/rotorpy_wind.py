@@ -1,0 +1,37 @@
+"""Moving air for the simulator `rotorpy`, with the interface of rotorpy's wind profiles."""
+
+import numpy as np
+from rotorpy.wind.default_winds import ConstantWind
+
+from diagrams.challenge.coloured_noise import gauss_markov
+from diagrams.challenge.rotorpy_laws import Acting
+
+FIRST, LAST, STEP = -8.0, 320.0, 0.005  # when gusts are blown, and how densely they are drawn [s]
+
+
+class Gusts:
+    """mean + a Gauss-Markov process on every axis, drawn at `STEP` and straight between; not Dryden, whose deviation
+    and correlation time depend on height and speed.
+    """
+
+    def __init__(self, acting: Acting):
+        c = acting.values
+        t = np.arange(FIRST, LAST, STEP)
+        rng = np.random.default_rng([acting.seed, 2])
+        gusts = gauss_markov(rng, t, 3, rms=c["deviation"], tau=c["correlation_time"])
+        self._path = gusts + [c["mean_x"], c["mean_y"], c["mean_z"]]
+
+    def update(self, t: float, position: np.ndarray) -> np.ndarray:
+        """(3,) velocity of the air in W [m/s], the same everywhere."""
+        row = min(max((t - FIRST) / STEP, 0.0), len(self._path) - 1.001)
+        k = int(row)
+        return self._path[k] + (row - k) * (self._path[k + 1] - self._path[k])
+
+
+def winds(acting: list[Acting]) -> list:
+    """The wind profiles among the effects."""
+    out: list = [Gusts(a) for a in acting if a.name == "gusty_wind"]
+    for a in acting:
+        if a.name == "constant_wind":
+            out.append(ConstantWind(a.values["x"], a.values["y"], a.values["z"]))
+    return out

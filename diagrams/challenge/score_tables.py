@@ -1,0 +1,149 @@
+"""A score as tables: (title, header, rows) each."""
+
+from collections.abc import Sequence
+from typing import Any
+
+Table = tuple[str, list[str], list[list[Any]]]
+NOTHING = "–"
+
+
+def tables(score: dict[str, Any], least: float) -> list[Table]:
+    """Those worth printing: figures of the set (a column a simulator and quality), effects."""
+    parts = {**({"all": score} if score["groups"] else {name_of_set(score): score}), **score["groups"]}
+    rows = [[label, *(cell(part) for part in parts.values())] for label, cell in lines(least)]
+    return [
+        (
+            f"score: [95 % interval], cases; (≥ {least:g}): of that visibility; shrink: true model = 1",
+            ["figure", *parts],
+            rows,
+        ),
+        (
+            f"effects, cases of one with visibility ≥ {least:g}",
+            ["effect", "n", "found", "right name", "named wrongly", "median error", "coverage"],
+            [effect_cells(row) for row in score["effects"]],
+        ),
+    ]
+
+
+def lines(least: float) -> list[tuple[str, Any]]:
+    """(label, cell of a score) for every figure."""
+    return [
+        (f"single (≥ {least:g}): right class", lambda s: share(s["rates"]["single"]["class"])),
+        ("  `unknown` beside it allowed", lambda s: share(s["rates"]["single"]["class_unknown_allowed"])),
+        ("  right name, nothing else", lambda s: share(s["rates"]["single"]["exact"])),
+        ("  a wind's drag may lack", lambda s: share(s["rates"]["single"]["exact_lenient"])),
+        (f"onset in flight (≥ {least:g}): class", lambda s: share(s["rates"]["onset"]["class"])),
+        ("  flights with onset within 0.2 s", lambda s: share(s["onset"]["within"])),
+        ("  of those whose effect is named", lambda s: share(s["onset"]["within_if_named"])),
+        ("pairs: precision, recall, F1", lambda s: three(s["rates"]["pair"]["all"])),
+        (f"  ≥ {least:g}", lambda s: three(s["rates"]["pair"]["visible"])),
+        ("triples: precision, recall, F1", lambda s: three(s["rates"]["triple"]["all"])),
+        (f"  ≥ {least:g}", lambda s: three(s["rates"]["triple"]["visible"])),
+        ("clean controls: false alarm", lambda s: share(s["rates"]["clean"]["false_alarm"])),
+        (f"foreign (≥ {least:g}): `unknown`", lambda s: share(s["rates"]["foreign"]["unknown"])),
+        ("  all", lambda s: share(s["rates"]["foreign"]["unknown_all"])),
+        ("  a wrong name above 0.9", lambda s: share(s["rates"]["foreign"]["wrong_and_sure"])),
+        ("parameters: median relative error", lambda s: percent(s["parameters"]["median_error"])),
+        ("  inside the 95 % interval", lambda s: share(s["parameters"]["coverage_rate"])),
+        ("  hook, median error [m]", lambda s: number(s["parameters"]["place_error"])),
+        ("  rotor, right number", lambda s: share(s["parameters"]["choice"])),
+        ("held-out shrink: mean, median", lambda s: shrink(s["shrink_relative"])),
+        ("  foreign effects", lambda s: shrink(s["shrink_relative_foreign"])),
+        ("half are found at visibility", lambda s: half(s["detection"])),
+        ("Brier score, calibration error", lambda s: reliability(s["reliability"])),
+        ("replay, 1 s: median reduction", lambda s: percent(s["replay"]["median_reduction"])),
+        ("median time a case [s]", lambda s: number(s["wall"])),
+    ]
+
+
+def effect_cells(row: dict[str, Any]) -> list[Any]:
+    """A line of the table of effects."""
+    found, right = row["detected"], row["exact"]
+    return [
+        row["effect"],
+        row["n"],
+        f"{found['count']} of {found['n']}" if row["n"] else NOTHING,
+        f"{right['count']} of {right['n']}" if row["n"] else NOTHING,
+        row["named_wrongly"],
+        percent(row["median_error"]),
+        f"{row['coverage']['count']} of {row['coverage']['n']}" if row["coverage"]["n"] else NOTHING,
+    ]
+
+
+def miss_table(score: dict[str, Any]) -> Table:
+    """Every miss that counts: what acts, how visible, what was said with which probability."""
+    rows = [miss_cells(row) for row in score["cases"] if row["missed"]]
+    return "misses", ["case", "kind", "visibility", "truth", "verdict", "shrink"], rows
+
+
+def miss_cells(row: dict[str, Any]) -> list[Any]:
+    """A line of the table of misses."""
+    said = [f"{name} {number(row['probability'].get(name))}".removesuffix(NOTHING) for name in row["verdict"]]
+    verdict = ", ".join(text.strip() for text in said) if row["answered"] else "no answer"
+    return [
+        row["case"],
+        row["kind"],
+        row["visibility"],
+        ", ".join(row["true"]) or "nothing",
+        verdict or "nothing",
+        number(row["shrink_relative"]),
+    ]
+
+
+def name_of_set(score: dict[str, Any]) -> str:
+    """Simulator and quality of a set that does not mix them."""
+    return str(score["sets"][0]["group"]) if score["sets"] else "none"
+
+
+def set_lines(score: dict[str, Any]) -> list[str]:
+    """Where the cases come from."""
+    return [
+        f"{part['group']}: {part['cases']} cases, seed {', '.join(map(str, part['seeds']))}"
+        for part in score["sets"]
+    ]
+
+
+def share(rate: dict[str, Any]) -> str:
+    """`93 % [81, 99] 41/44`."""
+    if not rate["n"]:
+        return NOTHING
+    low, high = (100 * bound for bound in rate["ci95"])
+    return f"{100 * rate['rate']:.0f} % [{low:.0f}, {high:.0f}] {rate['count']}/{rate['n']}"
+
+
+def three(names: dict[str, Any]) -> str:
+    """Precision, recall, F1 and how many cases."""
+    if not names["cases"]:
+        return NOTHING
+    figures = ", ".join(number(names[key], 2) for key in ("precision", "recall", "f1"))
+    return f"{figures} ({names['cases']})"
+
+
+def shrink(figures: dict[str, Any]) -> str:
+    """Mean, median and how many cases."""
+    if not figures["n"]:
+        return NOTHING
+    return f"{figures['mean']:.3f}, {figures['median']:.3f} ({figures['n']})"
+
+
+def half(detection: dict[str, Any]) -> str:
+    """With its interval."""
+    bounds: Sequence[float] | None = detection["half_ci95"]
+    if detection["half"] is None or bounds is None:
+        return NOTHING
+    return f"{detection['half']:.3g} [{bounds[0]:.3g}, {bounds[1]:.3g}]"
+
+
+def reliability(figures: dict[str, Any]) -> str:
+    """Brier score and expected calibration error."""
+    return NOTHING if not figures["n"] else f"{figures['brier']:.3f}, {figures['ece']:.3f} ({figures['n']})"
+
+
+def percent(value: float | None) -> str:
+    """Three digits."""
+    return NOTHING if value is None else f"{100 * value:.3g} %"
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """Significant digits."""
+    return NOTHING if value is None else f"{value:.{digits}g}"

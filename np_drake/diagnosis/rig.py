@@ -1,0 +1,98 @@
+"""What a rig may be off by without a cause: tolerances of vehicle file and sensors, part of every model.
+
+Mass and thrust are off by the same figure in all flights; sensors wander from flight to flight.
+"""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.candidates import Candidate
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.signature import Term, signature
+from np_drake.effects.accelerometer_bias import AccelerometerBias
+from np_drake.effects.attitude_bias import AttitudeBias
+from np_drake.effects.base import Effect
+from np_drake.effects.gyro_bias import GyroBias
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.effects.velocity_bias import VelocityBias
+from np_drake.vehicle import Vehicle
+
+REAL = 1e-3  # attitude noise above which a log comes from a real rig [rad]
+
+
+@dc.dataclass(frozen=True)
+class Tolerance:
+    """Standard deviations. Source: own choice: a kitchen scale, motion capture, a MEMS sensor, a Kalman filter."""
+
+    mass: float = 0.006  # [1]
+    thrust: float = 0.006  # [1]
+    acceleration: float = 0.08  # from flight to flight [m/s²]
+    attitude: float = 0.008  # from flight to flight [rad]
+    rate: float = 0.01  # from flight to flight [rad/s]
+    velocity: float = 0.02  # from flight to flight [m/s]
+
+    @property
+    def real(self) -> bool:
+        """Of a rig, not of a laboratory."""
+        return self.mass > 0.003
+
+    def of(self, identifier: str) -> float:
+        """Of the sensor or figure that an effect is about; 0 for others."""
+        names = {
+            "accelerometer_bias": self.acceleration,
+            "attitude_bias": self.attitude,
+            "gyro_bias": self.rate,
+            "velocity_bias": self.velocity,
+        }
+        return names.get(identifier, 0.0)
+
+
+LABORATORY = Tolerance(0.0005, 0.0005, 0.0005, 0.00005, 0.0001, 0.0001)
+
+
+def tolerance_of(flights: Sequence[Evidence]) -> Tolerance:
+    """A log with attitude noise comes from a real rig; one without is taken at its word."""
+    return Tolerance() if max(e.attitude_noise for e in flights) > REAL else LABORATORY
+
+
+def calibration_terms(vehicle: Vehicle, tolerance: Tolerance) -> list[tuple[Term, float]]:
+    """Mass and thrust, each with the deviation of its prior: the same in all flights."""
+    return [
+        (Term(ThrustScale(1.0)), tolerance.thrust),
+        (Term(MassError(0.0)), tolerance.mass * vehicle.mass),
+    ]
+
+
+def calibration(flights: Sequence[Evidence], tolerance: Tolerance) -> list[Candidate]:
+    """Mass and thrust as columns."""
+    out = []
+    for term, deviation in calibration_terms(flights[0].vehicle, tolerance):
+        p = term.effect.parameters[0]
+        moved = Term(type(term.effect).of({p.name: p.neutral + p.typical}))
+        columns = {e.name: signature(e, [moved])[..., None] * (deviation / p.typical) for e in flights}
+        out.append(Candidate((), "calibration", columns, lambda c: []))
+    return out
+
+
+def wander(flights: Sequence[Evidence], tolerance: Tolerance) -> Candidate | None:
+    """Every flight's own sensor errors as columns; nothing for a laboratory."""
+    if not tolerance.real:
+        return None
+    sensors: tuple[type[Effect], ...] = (AccelerometerBias, AttitudeBias, GyroBias, VelocityBias)
+    units = [
+        (sensor, p.name, tolerance.of(sensor.identifier))
+        for sensor in sensors
+        for p in sensor.parameters
+        if not (sensor is AccelerometerBias and flights[0].log.a is None)
+    ]
+    columns = {}
+    for i, e in enumerate(flights):
+        X = np.zeros((*e.y.shape, len(units) * len(flights)))
+        for j, (sensor, name, deviation) in enumerate(units):
+            values = {p.name: deviation if p.name == name else 0.0 for p in sensor.parameters}
+            X[..., i * len(units) + j] = signature(e, [Term(sensor.of(values))])
+        columns[e.name] = X
+    return Candidate((), "wander", columns, lambda c: [])
