@@ -10,6 +10,7 @@ from pathlib import Path
 
 from joblib import Parallel, delayed
 
+from diagrams.challenge import rotorpy_extra
 from diagrams.challenge.case import FILES, NOISE, Case, CaseDraw, draw_case
 from diagrams.challenge.composition import compose
 from diagrams.challenge.quality import kept_rows, measured, rows_of
@@ -28,7 +29,7 @@ def simulators() -> dict[str, Callable]:
     """Simulators by name: fly(vehicle, plan, effects, *, t, onset, background) -> the exact FlightLog."""
     from diagrams.challenge.drake_simulator import fly
 
-    return {"drake": fly}
+    return {"drake": fly, "rotorpy": rotorpy_extra.fly}
 
 
 def make(
@@ -145,6 +146,8 @@ def check_request(
         raise ValueError(f"make: neither of cases and truth may lie in the other; got {out} and {truth}.")
     if simulator not in simulators():
         raise ValueError(f"make: simulator must be one of {', '.join(simulators())}; got {simulator!r}.")
+    if simulator == "rotorpy":
+        rotorpy_extra.require_rotorpy()
     if quality not in QUALITIES:
         raise ValueError(f"make: quality must be one of {', '.join(QUALITIES)}; got {quality!r}.")
     if not 5 <= seconds <= 300:

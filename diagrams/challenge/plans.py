@@ -72,7 +72,7 @@ def _vertical_steps(rng: np.random.Generator, seconds: float) -> Reference:
 
 def _waypoints(rng: np.random.Generator, seconds: float) -> Reference:
     intervals = rng.uniform(1.0, 2.2, int(seconds) + 3)
-    intervals[[0, -1]] += 1.2  # rest to motion takes its time
+    intervals[[0, -1]] += 2.0  # rest to motion takes its time
     times = np.concatenate([[0.0], np.cumsum(intervals)])
     size = rng.uniform(1.0, 2.5)
     points = rng.uniform([-size, -size, 1.0], [size, size, 3.0], (len(times), 3))

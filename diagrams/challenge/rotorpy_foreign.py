@@ -53,7 +53,7 @@ def sticking_axis(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
 def wall_suction(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
     """A share of the thrust pulls towards a wall, less and less with the distance from it."""
     normal = np.array(c["normal"])
-    away = max(c["place"] - float(normal @ now.p), 0.0)
+    away = max(c["from_origin"] - float(normal @ now.p), 0.0)
     return _from_world(now, c["strength"] * float(now.thrust.sum()) * math.exp(-away / c["reach"]) * normal)
 
 

@@ -109,7 +109,7 @@ def thrust_drift(vehicle: Vehicle, c: Values, thrust: np.ndarray, t: float) -> n
 def weak_rotor(vehicle: Vehicle, c: Values, thrust: np.ndarray, t: float) -> np.ndarray:
     """One propeller of four, counted from 1."""
     share = [c["efficiency"] if i == round(c["rotor"]) else 1.0 for i in (1, 2, 3, 4)]
-    return share * thrust
+    return np.array(share) * thrust
 
 
 def bent_thrust_curve(vehicle: Vehicle, c: Values, thrust: np.ndarray, t: float) -> np.ndarray:

@@ -1,6 +1,6 @@
 """What truth.json holds of a case."""
 
-from collections.abc import Sequence
+import dataclasses as dc
 from pathlib import Path
 from typing import Any
 
@@ -8,10 +8,14 @@ import numpy as np
 
 from diagrams.challenge.case import FILES, Case
 from np_drake.atomic_file import write_json
+from np_drake.diagnosis.collinear import collinear_effects
 from np_drake.diagnosis.evidence import make_evidence
+from np_drake.diagnosis.noise import fit_noise
+from np_drake.diagnosis.rig import tolerance_of
+from np_drake.diagnosis.signature import Term
 from np_drake.effects.base import Effect
 from np_drake.logs.flight_log import FlightLog
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle import Vehicle
 
 CHANNELS = tuple(
     f"{kind}_{axis}" for kind in ("force", "torque", "velocity", "acceleration", "rate") for axis in "xyz"
@@ -19,22 +23,35 @@ CHANNELS = tuple(
 
 
 def collinear_class(
-    vehicle: Vehicle, logs: Sequence[FlightLog], noise: MeasurementNoise, effects: Sequence[Effect]
+    case: Case, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]
 ) -> list[list[str]]:
-    """Per effect the names that are physically the same in this data, its own first."""
-    return [[effect.identifier] for effect in effects]
+    """Per effect the names that are physically the same in the training flights, its own first.
+
+    Whitened with what noise really left there (noisy less exact), so that nothing is solved for it.
+    """
+    training = [file for file in FILES[:-1] if file in noisy]
+    if not case.effects or case.draw.kind == "foreign":
+        return [[effect.identifier] for effect in case.effects]
+    flights = [make_evidence(dc.replace(noisy[f], name=f), case.vehicle) for f in training]
+    errors = [e.y - make_evidence(exact[f], case.vehicle).y for e, f in zip(flights, training, strict=True)]
+    noise = fit_noise(errors, flights[0].grid.step)
+    terms = [Term(effect, dict(case.onset)) for effect in case.effects]
+    tolerance = tolerance_of(flights)
+    return [
+        [effect.identifier, *collinear_effects(flights, terms, i, noise, tolerance)]
+        for i, effect in enumerate(case.effects)
+    ]
 
 
 def truth(case: Case, simulator: str, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]) -> dict:
     """The content of truth.json. exact, noisy: the logs by file, the same rows."""
     held_out = FILES[-1]
     residual, visibility = seen(case.vehicle, exact[held_out], noisy[held_out])
-    training = [exact[file] for file in FILES if file != held_out]
     return {
         "effects": [
             {"effect": e.identifier, "parameters": parameters(e), "onset": case.onset} for e in case.effects
         ],
-        "class": collinear_class(case.vehicle, training, case.vehicle.measurement_noise, case.effects),
+        "class": collinear_class(case, exact, noisy),
         "true_model_residual": dict(zip(CHANNELS, residual.tolist(), strict=True)),
         "visibility": visibility,
         "simulator": simulator,

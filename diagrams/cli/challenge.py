@@ -18,7 +18,7 @@ challenge.command("score")(challenge_score.score)
 def make(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the case folders.")],
     truth: Annotated[Path, typer.Option(metavar="DIR", help="Folder for their truth; not inside --out.")],
-    simulator: Annotated[str, typer.Option(metavar="NAME", help="Who flies: drake.")] = "drake",
+    simulator: Annotated[str, typer.Option(metavar="NAME", help="Who flies: drake | rotorpy.")] = "drake",
     quality: Annotated[str, typer.Option(metavar="NAME", help="Logs as from a rig: clean | real.")] = "clean",
     cases: Annotated[int, typer.Option(min=0, help="Cases with effects.")] = 44,
     clean: Annotated[int, typer.Option(min=0, help="Clean controls: cases without.")] = 20,

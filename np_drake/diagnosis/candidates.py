@@ -14,7 +14,6 @@ from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.library import LIBRARY
 
 ROTOR_SPEED_BLIND = ("motor_lag", "command_delay", "clock_offset")
-LENGTHS = np.geomspace(0.12, 3.0, 30)  # starts of a payload's tether [m]
 SWING = 0.15  # prior deviation of an initial swing [rad]
 HOOK = 0.1  # prior deviation of the hook [m]
 Onset = dict[str, float | None]

@@ -29,6 +29,16 @@ class NoiseModel:
         """(c,) channels that these logs have."""
         return self.rms > 0
 
+    def head(self, channels: int) -> "NoiseModel":
+        """Of the first channels alone (whitening is lower triangular)."""
+        return NoiseModel(
+            self.phi[:channels],
+            self.mixing[:channels, :channels],
+            self.rms[:channels],
+            self.innovation[:channels],
+            self.step,
+        )
+
     def whiten(self, values: np.ndarray) -> np.ndarray:
         """(m - p, c, ...) white with unit variance, of channels (m, c, ...); the first p rows go."""
         p, n = self.phi.shape[1], len(values)

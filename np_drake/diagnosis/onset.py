@@ -4,8 +4,9 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import Candidate, gated, payload_candidates
+from np_drake.diagnosis.candidates import Candidate, gated
 from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.payload_search import PayloadSearch
 from np_drake.diagnosis.search import Problem
 
 SPACING = 0.1  # of instants tried [s]
@@ -30,11 +31,10 @@ def gated_candidates(problem: Problem) -> list[Candidate]:
             found.append(dc.replace(late, log_prior=late.log_prior + ONSET_PRIOR * len(onset)))
     steps = [c for c in found if c.identifiers in (("mass_error",), ("thrust_scale",))]
     if steps:
-        from np_drake.diagnosis.candidates import LENGTHS
-
         onset = steps[0].onset
-        late_payloads = payload_candidates(problem.flights, LENGTHS[::2], onset)
-        found += [dc.replace(c, log_prior=c.log_prior + ONSET_PRIOR * len(onset)) for c in late_payloads]
+        others = [*problem.nuisance, *(c for c in problem.candidates if c.size <= 3 and not c.onset)]
+        late = PayloadSearch(problem.flights, onset).best(problem.noise, others)
+        found += [dc.replace(c, log_prior=c.log_prior + ONSET_PRIOR * len(onset)) for c in late]
     return found
 
 

@@ -4,10 +4,10 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import optimize
 
 from np_drake.diagnosis.candidates import SWING
 from np_drake.diagnosis.evidence import WRENCH, Evidence
+from np_drake.diagnosis.gauss_newton import minimise
 from np_drake.diagnosis.hidden_swing import STATE, swing_wrenches
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.signature import NEVER, Term, signature
@@ -145,31 +145,28 @@ def refine(
     upper = np.array([f.upper for f in free]) / scale
     start = np.clip(read(everything, free) / scale, lower + 1e-6, upper - 1e-6)
     wide = np.full(linear, 20.0)
-    answer = optimize.least_squares(
+    best = minimise(
         residual,
-        np.concatenate([start, np.zeros(linear)]),
         jacobian,
-        bounds=(np.concatenate([lower, -wide]), np.concatenate([upper, wide])),
-        max_nfev=evaluations,
-        xtol=1e-5,
-        ftol=1e-7,
+        np.concatenate([start, np.zeros(linear)]),
+        np.concatenate([lower, -wide]),
+        np.concatenate([upper, wide]),
+        evaluations,
     )
-    fitted = write(everything, free, answer.x[:n] * scale)
-    J = answer.jac
-    information = J.T @ J
-    covariance = np.linalg.inv(information)
-    robust = _robust(covariance, J, answer.fun, flights, noise)
+    fitted = write(everything, free, best.z[:n] * scale)
+    covariance = np.linalg.inv(best.information)
+    robust = _robust(covariance, best.jacobian, best.residual, flights, noise)
     covariance = (covariance * np.sqrt(np.outer(robust, robust)))[:n, :n]
-    logdet = np.linalg.slogdet(information)[1]
-    drifted = {e.name: wander[e.name] @ answer.x[n:] for e in flights} if wander else {}
+    logdet = np.linalg.slogdet(best.information)[1]
+    drifted = {e.name: wander[e.name] @ best.z[n:] for e in flights} if wander else {}
     return Fit(
         tuple(fitted[: len(terms)]),
         tuple(fitted[len(terms) :]),
         tuple(free),
-        answer.x[:n] * scale,
+        best.z[:n] * scale,
         covariance * np.outer(scale, scale),
-        float(-answer.cost - 0.5 * logdet),
-        float(np.sum(answer.fun[: -(n + linear)] ** 2)),
+        float(-best.cost - 0.5 * logdet),
+        float(np.sum(best.residual[: -(n + linear)] ** 2)),
         sum(len(e.t) for e in flights),
         drifted,
     )

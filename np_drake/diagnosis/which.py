@@ -5,17 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import (
-    LENGTHS,
-    Candidate,
-    library_candidates,
-    payload_candidates,
-    wind_candidates,
-)
+from np_drake.diagnosis.candidates import Candidate, library_candidates, wind_candidates
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.linear_bayes import gram
 from np_drake.diagnosis.noise import NoiseModel, fit_noise, no_worse, scale_only
 from np_drake.diagnosis.onset import gated_candidates
+from np_drake.diagnosis.payload_search import PayloadSearch
 from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.rig import Tolerance, calibration, calibration_terms, tolerance_of, wander
 from np_drake.diagnosis.search import Model, Problem, search
@@ -23,6 +18,7 @@ from np_drake.diagnosis.signature import Term
 
 TEMPERATURE = 2.0  # noise is never quite its model: its variance counts this many times; own choice
 REFINED = 3  # models that are refined
+CLOSE = 12.0  # of the best's log evidence, below which a model is not worth it
 
 
 @dc.dataclass(frozen=True)
@@ -48,28 +44,29 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
     step = flights[0].grid.step
     raw = [e.y for e in flights]
     noise = scale_only(raw, step)
-    swinging = payload_candidates(flights, LENGTHS)
+    payloads = PayloadSearch(flights)
     for _ in range(2):
+        swinging = payloads.best(noise, [*nuisance, *_best_variants(flights, noise, candidates)])
         rich = _rich_residuals(flights, noise, nuisance, [*candidates, *swinging])
         noise = fit_noise(no_worse(rich, raw), step)
-    candidates += swinging
-    fits: list[Fit] = []
-    for round_ in range(2):
+    candidates += payloads.best(noise, [*nuisance, *_best_variants(flights, noise, candidates)])
+    best: Fit | None = None
+    for _ in range(2):
         problem = Problem(flights, noise, nuisance, candidates, temperature=TEMPERATURE)
         late = gated_candidates(problem)
         if late:
             problem = Problem(flights, noise, nuisance, [*candidates, *late], temperature=TEMPERATURE)
         models = search(problem)
-        best = _refine(problem, models[0], tolerance)
-        residuals = [best.left(e) for e in flights]
-        noise = fit_noise(no_worse(residuals, raw), step)
-    fits = [_refine(problem, m, tolerance, noise) for m in _distinct(problem, models)[:REFINED]]
+        best = _refine(problem, models[0], tolerance, best, iterations=3)
+        noise = fit_noise(no_worse([best.left(e) for e in flights], raw), step)
+    close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
+    fits = [_refine(problem, m, tolerance, best, noise) for m in close[:REFINED]]
     fits.sort(key=lambda f: -_score(f))
     return Ranking(tuple(fits), _probabilities(problem, models, fits), noise, problem, tuple(models), tolerance)
 
 
-def _rich_residuals(flights, noise, nuisance, candidates) -> list[np.ndarray]:
-    """What is left of the channels when every effect helps, each in its best single variant."""
+def _best_variants(flights, noise, candidates) -> list[Candidate]:
+    """Of every effect the variant that explains most alone."""
     best: dict[tuple[str, ...], tuple[float, Candidate]] = {}
     for c in candidates:
         total = None
@@ -79,7 +76,12 @@ def _rich_residuals(flights, noise, nuisance, candidates) -> list[np.ndarray]:
         gain = total.log_evidence(np.arange(c.size))
         if c.identifiers not in best or gain > best[c.identifiers][0]:
             best[c.identifiers] = (gain, c)
-    chosen = [*nuisance, *(c for _, c in best.values())]
+    return [c for _, c in best.values()]
+
+
+def _rich_residuals(flights, noise, nuisance, candidates) -> list[np.ndarray]:
+    """What is left of the channels when every effect helps, each in its best single variant."""
+    chosen = [*nuisance, *_best_variants(flights, noise, candidates)]
     total = None
     for e in flights:
         X = np.concatenate([c.columns[e.name] for c in chosen], axis=-1)
@@ -91,7 +93,15 @@ def _rich_residuals(flights, noise, nuisance, candidates) -> list[np.ndarray]:
     ]
 
 
-def _refine(problem: Problem, model: Model, tolerance: Tolerance, noise: NoiseModel | None = None) -> Fit:
+def _refine(
+    problem: Problem,
+    model: Model,
+    tolerance: Tolerance,
+    known: Fit | None,
+    noise: NoiseModel | None = None,
+    iterations: int = 6,
+) -> Fit:
+    """A model's figures; where a fit of the same effects is known, from there."""
     index = problem.columns(model.members)
     mean, _ = problem.total.posterior(index)
     at = sum(c.size for c in problem.nuisance)
@@ -100,6 +110,8 @@ def _refine(problem: Problem, model: Model, tolerance: Tolerance, noise: NoiseMo
         candidate = problem.candidates[i]
         terms += candidate.terms(mean[at : at + candidate.size])
         at += candidate.size
+    if known is not None and _same(known.terms, terms):
+        terms = list(known.terms)
     drifting = next((c.columns for c in problem.nuisance if c.variant == "wander"), None)
     return refine(
         terms,
@@ -108,7 +120,13 @@ def _refine(problem: Problem, model: Model, tolerance: Tolerance, noise: NoiseMo
         noise or problem.noise,
         temperature=problem.temperature,
         wander=drifting,
+        evaluations=iterations,
     )
+
+
+def _same(a: Sequence[Term], b: Sequence[Term]) -> bool:
+    """The same effects with the same onsets, in the same order."""
+    return [(type(t.effect), t.onset) for t in a] == [(type(t.effect), t.onset) for t in b]
 
 
 def _score(fit: Fit) -> float:

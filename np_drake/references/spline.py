@@ -5,11 +5,14 @@ from scipy.interpolate import make_interp_spline
 
 
 class Spline:
-    """The quintic spline through `points` (k, 3) [m] at `times` (k,) [s]; at rest at both ends and beyond them."""
+    """The spline of degree 7 through `points` (k, 3) [m] at `times` (k,) [s]; at rest at both ends and beyond them.
+
+    Three derivatives vanish at the ends, so that body rates begin at zero.
+    """
 
     def __init__(self, points: np.ndarray, times: np.ndarray):
-        rest = [(1, np.zeros(3)), (2, np.zeros(3))]
-        self._spline = make_interp_spline(times, points, k=5, bc_type=(rest, rest))
+        rest = [(order, np.zeros(3)) for order in (1, 2, 3)]
+        self._spline = make_interp_spline(times, points, k=7, bc_type=(rest, rest))
         self._start, self._end = float(times[0]), float(times[-1])
 
     def sample(self, t: np.ndarray) -> np.ndarray:

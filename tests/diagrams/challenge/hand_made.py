@@ -46,7 +46,9 @@ def make_cause(name: str, parameters: dict[str, float], *alike: str, probability
     }
 
 
-def make_answer(*causes: dict[str, Any], unknown: bool = False, before: float = 3.0, after: float = 1.0) -> dict:
+def make_answer(
+    *causes: dict[str, Any], unknown: bool = False, before: float = 3.0, after: float = 1.0
+) -> dict:
     """The content of diagnosis.json. before, after: every wrench channel in units of its floor."""
     gap = {
         kind: {axis: {"rms": before * floor, "after": after * floor} for axis in "xyz"}

@@ -136,6 +136,16 @@ def test_a_payload_that_attaches_hangs_still_under_the_moving_hook(vehicle, t, p
     np.testing.assert_allclose(chi[120, :3], [0, 0, -0.2 * 9.81], atol=1e-6)
 
 
+@pytest.mark.parametrize("nominal", VEHICLES[:2], ids=lambda vehicle: vehicle.name)
+def test_rotors_turn_on_where_a_lag_begins(nominal, t):
+    plan = draw_plan(np.random.default_rng(0), nominal, 5.0, "sprints")
+    before = fly(nominal, plan, t=t)
+    log = fly(nominal, plan, [LIBRARY["motor_lag"](0.05)], t=t, onset=1.2)
+    held = before.u[119] @ nominal.unmixer.T if nominal.rotor_time_constant == 0 else None
+    expected = before.rotor[120] if held is None else np.sqrt(held / nominal.thrust_coefficient)
+    np.testing.assert_allclose(log.rotor[120], expected, atol=1e-6)  # [rad/s]
+
+
 @pytest.mark.parametrize("name", SENSORS)
 def test_a_sensor_reads_the_effects_own_error_of_an_untouched_flight(name, clean, vehicle, plan, t):
     (effect,) = drawn(name, vehicle)

@@ -22,7 +22,7 @@ def test_derivatives_are_those_of_the_track(dut):
 def test_it_rests_before_and_after(dut):
     flat = dut.sample(np.array([-1.0, 0.0, 9.0]))
     np.testing.assert_allclose(flat[0], POINTS[[0, 0, -1]], atol=1e-12)
-    np.testing.assert_allclose(flat[1:3], 0.0, atol=1e-9)
+    np.testing.assert_allclose(flat[1:4], 0.0, atol=1e-9)
 
 
 def test_stops_stop_at_every_point():

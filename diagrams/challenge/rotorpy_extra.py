@@ -1,0 +1,21 @@
+"""The optional extra `challenge`: the simulator `rotorpy`, imported when it is asked for."""
+
+from importlib.util import find_spec
+
+from np_drake.logs.flight_log import FlightLog
+
+
+def require_rotorpy() -> None:
+    """Raises ValueError: where rotorpy is not installed."""
+    if find_spec("rotorpy") is None:
+        raise ValueError(
+            "make: for the simulator rotorpy its package must be installed; pip install 'np_drake[challenge]'."
+        )
+
+
+def fly(*arguments, **options) -> FlightLog:
+    """`diagrams.challenge.rotorpy_simulator.fly`. Raises ValueError: where rotorpy is not installed."""
+    require_rotorpy()
+    from diagrams.challenge.rotorpy_simulator import fly as fly_in_rotorpy
+
+    return fly_in_rotorpy(*arguments, **options)

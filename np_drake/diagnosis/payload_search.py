@@ -1,0 +1,80 @@
+"""Which tether lengths deserve a place in the search: a fine profile, given everything else that could be there.
+
+A swing drifts out of step with a tether of another length within a few periods, so that lengths must lie within
+3 % of one another; most of them are hopeless, and only the best go on.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.candidates import Candidate, Onset, payload_candidates
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.linear_bayes import Gram
+from np_drake.diagnosis.noise import NoiseModel
+
+LENGTHS = np.geomspace(0.15, 2.5, 96)  # [m], 3 % apart
+KEPT = 3
+CHANNELS = 6  # force and torque alone see a payload
+
+
+class PayloadSearch:
+    """Payload candidates at all lengths of some flights; profiles are cheap once they are built."""
+
+    def __init__(self, flights: Sequence[Evidence], onset: Onset | None = None):
+        self._flights = list(flights)
+        self.candidates = payload_candidates(flights, LENGTHS, onset)
+
+    def best(self, noise: NoiseModel, others: Sequence[Candidate]) -> list[Candidate]:
+        """The `KEPT` best lengths, not next to each other, given the columns of `others`."""
+        if not self.candidates:
+            return []
+        gains = self.profile(noise, others)
+        order, kept = np.argsort(-gains), []
+        for i in order:
+            if all(abs(i - k) > 1 for k in kept):
+                kept.append(int(i))
+            if len(kept) == KEPT:
+                break
+        prior = -math.log(len(LENGTHS) / 12)  # a dozen lengths can be told apart by eye; own choice
+        return [_with_prior(self.candidates[i], prior) for i in kept]
+
+    def profile(self, noise: NoiseModel, others: Sequence[Candidate]) -> np.ndarray:
+        """(lengths,) log evidence that a payload adds to the others."""
+        white = []
+        for e in self._flights:
+            X = np.concatenate([c.columns[e.name] for c in others], axis=-1)
+            white.append((_flat(noise, X), _flat(noise, e.y[..., None])[:, 0]))
+        gains = []
+        n = white[0][0].shape[1]
+        base = sum((_gram(X, y) for X, y in white[1:]), _gram(*white[0]))
+        alone = base.log_evidence(np.arange(n))
+        for candidate in self.candidates:
+            k = candidate.size
+            XX, Xy = np.zeros((n + k, n + k)), np.zeros(n + k)
+            XX[:n, :n], Xy[:n] = base.XX, base.Xy
+            for e, (X, y) in zip(self._flights, white, strict=True):
+                P = _flat(noise, candidate.columns[e.name])
+                XX[n:, :n] += P.T @ X
+                XX[n:, n:] += P.T @ P
+                Xy[n:] += P.T @ y
+            XX[:n, n:] = XX[n:, :n].T
+            gains.append(Gram(XX, Xy, 0.0, 0).log_evidence(np.arange(n + k)) - alone)
+        return np.array(gains)
+
+
+def _flat(noise: NoiseModel, values: np.ndarray) -> np.ndarray:
+    """(rows x channels, k) whitened force and torque."""
+    white = noise.head(CHANNELS).whiten(values[:, :CHANNELS])
+    return white.reshape(-1, values.shape[-1])
+
+
+def _gram(X: np.ndarray, y: np.ndarray) -> Gram:
+    return Gram(X.T @ X, X.T @ y, float(y @ y), len(y))
+
+
+def _with_prior(candidate: Candidate, prior: float) -> Candidate:
+    import dataclasses as dc
+
+    return dc.replace(candidate, log_prior=prior)

@@ -1,0 +1,145 @@
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
+
+from diagrams.challenge import drake_simulator, rotorpy_simulator
+from diagrams.challenge.foreign import FOREIGN, draw_foreign
+from diagrams.challenge.plans import draw_plan
+from diagrams.challenge.quality import Quality
+from diagrams.challenge.rotorpy_simulator import KNOWN, fly
+from diagrams.challenge.strengths import draw_effect
+from diagrams.challenge.vehicles import VEHICLES
+from diagrams.failed_run import FailedRun
+from np_drake import attitude
+from np_drake.effects.library import LIBRARY
+from np_drake.labels import raw_labels
+from np_drake.rigid_body import residual_wrench
+
+FILES = sorted(Path(rotorpy_simulator.__file__).parent.glob("rotorpy_*.py"))
+# What a momentary wrench does not show whole: effects with memory, with more mass, or with clocks of their own.
+SHARED = [
+    *("center_of_mass_offset", "suspended_payload", "motor_lag", "command_delay", "clock_offset"),
+    *("linear_drag", "rotor_gyroscopic", "thrust_rate_torque", "yaw_backlash", "liquid_slosh"),
+]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short_warm_up():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rotorpy_simulator, "WARM_UP", drake_simulator.WARM_UP)
+        yield
+
+
+@pytest.fixture(scope="module")
+def clean(vehicle, plan, t):
+    return fly(vehicle, plan, t=t)
+
+
+def drawn(name, vehicle):
+    rng = np.random.default_rng(4)
+    return [draw_foreign(name, rng, vehicle)] if name in FOREIGN else draw_effect(name, rng, vehicle, 20.0)
+
+
+def rms(difference):
+    return np.sqrt(np.mean(np.square(difference)))
+
+
+def imported(path):
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def test_no_module_of_it_imports_the_effects():
+    assert len(FILES) >= 8
+    for path in FILES:
+        assert [name for name in imported(path) if "effects" in name.split(".")] == [], path.name
+
+
+def test_flying_loads_no_effects_by_any_detour():
+    code = "import sys, diagrams.challenge.rotorpy_simulator; print(*sys.modules)"
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert "rotorpy.vehicles.multirotor" in out
+    assert [name for name in out if name.startswith(("np_drake.effects", "np_drake.diagnosis"))] == []
+
+
+def test_it_knows_every_effect():
+    assert set(LIBRARY) | set(FOREIGN) <= KNOWN
+
+
+@pytest.mark.parametrize("nominal", VEHICLES, ids=lambda vehicle: vehicle.name)
+def test_without_effect_nothing_is_left(nominal, t):
+    plan = draw_plan(np.random.default_rng(0), nominal, 5.0, "sprints")
+    log = fly(nominal, plan, t=t)
+    u = nominal.thrust_coefficient * log.rotor**2 @ nominal.mixer.T
+    np.testing.assert_allclose(
+        residual_wrench(nominal, q=log.q, w=log.w, a=log.a, al=log.al, u=u), 0.0, atol=1e-10
+    )
+    chi = raw_labels(log, nominal)[60:]  # of the command, through the vehicle file's lag
+    assert np.abs(chi[:, :3]).max() < 5e-3  # [N]
+    assert np.abs(chi[:, 3:]).max() < 5e-4  # [N·m]
+
+
+def test_a_flight_is_the_same_twice(vehicle, plan, t, clean):
+    np.testing.assert_array_equal(fly(vehicle, plan, t=t).x, clean.x)
+
+
+@pytest.mark.parametrize("nominal", VEHICLES[:2], ids=lambda vehicle: vehicle.name)
+def test_a_clean_flight_is_that_of_the_other_simulator(nominal, t):
+    plan = draw_plan(np.random.default_rng(0), nominal, 5.0, "sprints")
+    ours, theirs = fly(nominal, plan, t=t), drake_simulator.fly(nominal, plan, t=t)
+    np.testing.assert_allclose(ours.p, theirs.p, atol=1e-4)  # [m]; two integrators
+    np.testing.assert_allclose(ours.a, theirs.a, atol=2e-3)  # [m/s²]
+    np.testing.assert_allclose(ours.rotor, theirs.rotor, atol=0.05)  # [rad/s]
+
+
+@pytest.mark.parametrize("name", SHARED)
+def test_an_effect_moves_the_vehicle_as_in_the_other_simulator(name, vehicle, plan, t, clean):
+    effects = drawn(name, vehicle)
+    ours, theirs = fly(vehicle, plan, effects, t=t), drake_simulator.fly(vehicle, plan, effects, t=t)
+    # The other one's other clock interpolates across commands, at which accelerations jump.
+    for signal in ("p", "v", "q", "w") if name == "clock_offset" else ("p", "v", "q", "w", "a", "al"):
+        a, b, c = (getattr(log, signal) for log in (ours, theirs, clean))
+        # Of what the effect changes: the other one's cable is springy.
+        assert rms(a - b) < 0.03 * rms(b - c) + 1e-4, signal
+
+
+@pytest.mark.parametrize("name", [n for n in (*LIBRARY, *FOREIGN) if n in FOREIGN or LIBRARY[n].begins])
+def test_before_its_onset_an_effect_does_nothing(name, vehicle, plan, t, clean):
+    log = fly(vehicle, plan, drawn(name, vehicle), t=t, onset=1.2)
+    before = log.t < 1.2 - 1e-9
+    np.testing.assert_allclose(log.x[before], clean.x[before], atol=1e-12)
+    assert rms(log.x[~before] - clean.x[~before]) > 1e-7
+    assert np.abs(np.diff(log.v, axis=0)).max() < 0.35  # [m/s]: nothing jumps but forces
+
+
+def test_a_file_that_is_a_percent_off_is_so_throughout(vehicle, plan, t):
+    background = Quality("real", mass_off=0.01, thrust_off=-0.01).background(vehicle)
+    log = fly(vehicle, plan, drawn("linear_drag", vehicle), t=t, onset=1.2, background=background)
+    chi = raw_labels(log, vehicle)[:110]
+    expected = -0.01 * vehicle.mass * (log.a + [0, 0, 9.81]) - 0.01 * log.u[:, :1] * attitude.body_z(log.q)
+    np.testing.assert_allclose(chi[:, :3], expected[:110], atol=1e-6)  # [N]
+
+
+def test_a_lost_vehicle_is_said(vehicle, plan, t):
+    with pytest.raises(FailedRun, match="lost"):
+        fly(vehicle, plan, [LIBRARY["thrust_scale"](0.4)], t=t)
+
+
+def test_an_effect_that_it_does_not_know_is_said(vehicle, plan, t):
+    class Odd:
+        identifier = "haunted"
+        values = {"spirits": 3.0}
+
+    with pytest.raises(ValueError, match="haunted"):
+        fly(vehicle, plan, [Odd()], t=t)

@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+
+pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
+
+from diagrams.challenge import rotorpy_simulator
+from diagrams.challenge.plans import draw_plan
+from diagrams.challenge.rotorpy_laws import Instant
+from diagrams.challenge.rotorpy_simulator import fly
+from diagrams.challenge.rotorpy_tether import Tether
+from np_drake.effects.library import LIBRARY
+from np_drake.effects.pendulum import hook_acceleration
+from np_drake.labels import raw_labels
+
+EFFECT = LIBRARY["suspended_payload"](0.3, 0.7, 0.01, -0.01, -0.03)
+GRAVITY = 9.81
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short_warm_up():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rotorpy_simulator, "WARM_UP", 0.5)
+        yield
+
+
+def hung_up():
+    """A hook that is held at the origin, where it points whichever way the world does."""
+    zero = np.zeros(3)
+    return Instant(0.0, zero, np.eye(3), zero, zero, zero, np.zeros(4), np.zeros(4), np.zeros(4))
+
+
+def swing(tether, own, seconds, step=0.002):
+    """(n, 6) states of the payload under a hook that nothing moves, by the midpoint rule."""
+    wall = (1e12, np.eye(3) * 1e-12, np.zeros(3))
+    states = [own]
+    for _ in range(round(seconds / step)):
+        _, rate = tether.pull(hung_up(), own, np.zeros(6), wall, GRAVITY)
+        _, rate = tether.pull(hung_up(), own + 0.5 * step * rate, np.zeros(6), wall, GRAVITY)
+        own = own + step * rate
+        states.append(own)
+    return np.array(states)
+
+
+@pytest.fixture
+def dut():
+    return Tether({"mass": 0.3, "length": 0.7, "hook_x": 0.0, "hook_y": 0.0, "hook_z": 0.0})
+
+
+def test_a_small_swing_has_the_pendulums_period_and_keeps_its_energy(dut):
+    way = 0.7 * np.array([np.sin(0.05), 0.0, -np.cos(0.05)])
+    states = swing(dut, np.append(way, np.zeros(3)), 10.0)
+    crossings = np.flatnonzero(np.diff(np.sign(states[:, 0])) > 0)
+    period = 2 * np.pi * np.sqrt(0.7 / GRAVITY)
+    assert np.diff(crossings).mean() * 0.002 == pytest.approx(period, rel=2e-3)
+    assert states[-2000:, 0].max() == pytest.approx(way[0], rel=2e-2)
+
+
+def test_a_slack_payload_falls_freely_and_is_caught_at_the_tethers_end(dut):
+    states = swing(dut, np.array([0.3, 0.0, 0.2, 0.5, 0.0, 0.0]), 2.0)
+    t = 0.002 * np.arange(len(states))
+    caught = int(np.argmax(np.linalg.norm(states[:, :3], axis=1) > 0.69))
+    assert 0.1 < t[caught] < 0.6
+    free = np.stack([0.3 + 0.5 * t, 0 * t, 0.2 - 0.5 * GRAVITY * t**2], axis=1)
+    np.testing.assert_allclose(states[: caught - 5, :3], free[: caught - 5], atol=1e-4)
+    # Stopped softly, within v / (e RATE) of the end.
+    assert np.linalg.norm(states[:, :3], axis=1).max() < 0.7 + 4.0 / (np.e * 80.0)
+
+
+def test_a_tether_keeps_its_length_and_never_pushes(vehicle, monkeypatch):
+    spans, pull = [], Tether.pull
+
+    def watched(self, now, own, *rest):
+        out = pull(self, now, own, *rest)
+        way = own[:3] - now.p - now.R @ self.hook
+        spans.append(np.linalg.norm(way))
+        assert out[0][:3] @ way >= 0
+        return out
+
+    monkeypatch.setattr(Tether, "pull", watched)
+    plan = draw_plan(np.random.default_rng(0), vehicle, 5.0, "sprints")
+    fly(vehicle, plan, [EFFECT], t=np.arange(400) / 100)
+    np.testing.assert_allclose(spans, 0.7, rtol=1e-3)
+
+
+def test_a_payload_that_attaches_swings_as_the_effects_own(vehicle):
+    plan = draw_plan(np.random.default_rng(3), vehicle, 4.0, "aggressive_multisine")
+    log = fly(vehicle, plan, [EFFECT], t=np.arange(400) / 100, onset=0.5)
+    chi, part = raw_labels(log, vehicle), slice(50, 400)
+    np.testing.assert_allclose(chi[:50], 0.0, atol=1e-9)
+    motion = {"x": log.x[part], "a": log.a[part], "al": log.al[part]}
+    hook = hook_acceleration(EFFECT.payload.hook, **motion)[0]
+    # It begins at rest below the hook: the pull is that of its weight and of the hook's climb.
+    np.testing.assert_allclose(chi[50, :3], [0, 0, -0.3 * (GRAVITY + hook[2])], atol=1e-2)  # [N]
+    own = EFFECT.wrench_along(vehicle, **motion, step=0.01, r=np.array([0.0, 0.0, -0.7]), r_rate=np.zeros(3))
+    left = np.sqrt(np.mean((chi[part] - own) ** 2, axis=0))
+    assert np.all(left < 0.01 * own.std(axis=0) + 1e-5)

@@ -1,0 +1,113 @@
+import dataclasses as dc
+import json
+
+import pytest
+
+from diagrams.challenge.score import score
+from np_drake.atomic_file import plain
+
+
+@pytest.fixture
+def cases(by_hand):
+    return by_hand.perfect_set()
+
+
+def without_answer(case):
+    return dc.replace(case, answer=None)
+
+
+def test_perfect_answers_have_full_marks(cases):
+    dut = score(cases)
+    full = {"single": 1.0, "single_exact": 1.0, "pair": 1.0, "triple": 1.0, "unknown": 1.0}
+    assert dut["accuracy"] == {**full, "clean_false_alarm": 0.0}
+    assert dut["parameters"]["median_error"] == 0.0
+    assert dut["parameters"]["coverage"] == 1.0
+    assert dut["parameters"]["choice"]["rate"] == 1.0
+    assert dut["parameters"]["place_error"] == 0.0
+    assert dut["onset"]["within"] == {**dut["onset"]["within"], "count": 1, "n": 1}
+    assert dut["shrink_relative"] == {"n": 16, "mean": 1.0, "median": 1.0}
+    assert dut["rates"]["foreign"]["wrong_and_sure"]["count"] == 0
+    assert dut["warnings"] == []
+    assert not any(row["missed"] for row in dut["cases"])
+
+
+def test_without_answers_all_is_missed_and_said(cases):
+    dut = score([without_answer(case) for case in cases])
+    assert dut["accuracy"]["single"] == 0.0
+    assert dut["accuracy"]["pair"] == 0.0
+    assert dut["accuracy"]["clean_false_alarm"] == 1.0
+    assert dut["accuracy"]["unknown"] == 0.0
+    assert dut["onset"]["within"]["rate"] == 0.0
+    assert all(row["missed"] for row in dut["cases"])
+    assert dut["warnings"][0].startswith("18 cases have no answer and count as misses: case 0,")
+
+
+def test_a_single_miss_is_counted_once(cases, by_hand):
+    cases[0] = by_hand.named(cases[0].truth, "mass_error")
+    dut = score(cases)
+    found = dut["rates"]["single"]["class"]
+    assert (found["count"], found["n"]) == (12, 13)
+    effect = {row["effect"]: row for row in dut["effects"]}
+    assert effect["thrust_scale"]["detected"]["count"] == effect["thrust_scale"]["n"] - 1
+    assert effect["mass_error"]["named_wrongly"] == 1
+
+
+def test_an_invisible_single_is_no_miss(cases):
+    faint = dc.replace(cases[0], truth={**cases[0].truth, "visibility": 1.4}, answer=None)
+    dut = score([faint, *cases[1:]])
+    assert dut["rates"]["single"]["class"]["n"] == 12
+    assert dut["accuracy"]["single"] == 1.0
+    assert score([faint, *cases[1:]], least=1.3)["rates"]["single"]["class"]["n"] == 13
+
+
+def test_a_false_alarm_is_counted(cases, by_hand):
+    control = by_hand.make_truth(kind="clean")
+    more = [by_hand.named(control, unknown=True), by_hand.named(control, "mass_error")]
+    found = score([*cases, *more])["rates"]["clean"]
+    assert (found["false_alarm"]["count"], found["false_alarm"]["n"]) == (2, 3)
+    assert found["named"]["count"] == 1
+
+
+def test_a_foreign_effect_must_be_called_unknown_and_nothing_else_surely(cases, by_hand):
+    truth = by_hand.make_truth(by_hand.FOREIGN, kind="foreign")
+    sure = by_hand.make_case(
+        truth, by_hand.make_answer(by_hand.make_cause("gusty_wind", {}, probability=0.95))
+    )
+    unsure = by_hand.make_case(
+        truth, by_hand.make_answer(by_hand.make_cause("gusty_wind", {}, probability=0.85), unknown=True)
+    )
+    faint = by_hand.named({**truth, "visibility": 1.2})
+    found = score([*cases, sure, unsure, faint])["rates"]["foreign"]
+    assert (found["unknown"]["count"], found["unknown"]["n"]) == (2, 3)
+    assert (found["unknown_all"]["count"], found["unknown_all"]["n"]) == (2, 4)
+    assert (found["wrong_and_sure"]["count"], found["wrong_and_sure"]["n"]) == (1, 3)
+
+
+def test_names_of_pairs_are_pooled(cases, by_hand):
+    truth = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, kind="pair")
+    half = by_hand.named(truth, "thrust_scale", "weak_rotor", "motor_lag")
+    found = score([*cases, half])["rates"]["pair"]["all"]  # right 2 + 1, extra 0 + 2, missing 0 + 1
+    assert found["precision"] == pytest.approx(3 / 5)
+    assert found["recall"] == pytest.approx(3 / 4)
+
+
+def test_a_mixed_set_is_scored_by_group_too(cases):
+    real = [dc.replace(c, truth={**c.truth, "quality": "real"}, answer=None) for c in cases]
+    dut = score([*cases, *real])
+    assert dut["groups"]["drake, clean"]["accuracy"]["single"] == 1.0
+    assert dut["groups"]["drake, real"]["accuracy"]["single"] == 0.0
+    assert dut["accuracy"]["single"] == 0.5
+    assert dut["sets"][1] == {"group": "drake, real", "cases": 18, "seeds": [3]}
+
+
+def test_a_score_is_json_without_holes(cases, by_hand):
+    holes = json.loads(json.dumps(plain(by_hand.perfect(cases[10].truth))))
+    for cause in holes["causes"]:
+        cause["probability"] = None
+        cause["parameters"] = {
+            k: {"value": None, "unit": "", "ci95": [None, None]} for k in cause["parameters"]
+        }
+    dut = score([*cases, dc.replace(cases[10], answer=holes)])
+    assert dut["parameters"]["median_error"] == 0.0
+    assert dut["parameters"]["coverage"] < 1.0
+    json.dumps(plain(dut), allow_nan=False)

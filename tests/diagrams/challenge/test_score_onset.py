@@ -1,0 +1,37 @@
+import pytest
+
+from diagrams.challenge.score_onset import onset_errors, summary, within
+
+
+def case_with(by_hand, onset, name="thrust_scale", **other):
+    effect = {**by_hand.SCALE, "onset": {"train_1.csv": 8.0, "train_2.csv": None, "heldout_1.csv": 5.0}}
+    cause = {**by_hand.make_cause(name, {}), "onset": onset}
+    return by_hand.make_case(by_hand.make_truth(effect, kind="onset", **other), by_hand.make_answer(cause))
+
+
+def test_flights_with_an_onset_are_counted(by_hand):
+    case = case_with(by_hand, {"train_1": 8.15, "train_2": None, "heldout_1": 5.3})
+    rows = onset_errors(case)
+    assert [row["flight"] for row in rows] == ["train_1.csv", "heldout_1.csv"]
+    assert [row["error"] for row in rows] == pytest.approx([0.15, 0.3])
+    assert list(map(within, rows)) == [True, False]
+    assert summary([case], 1.5)["median_error"] == pytest.approx(0.225)
+
+
+def test_from_the_start_is_wrong_where_it_begins_later(by_hand):
+    assert not any(map(within, onset_errors(case_with(by_hand, {"train_1": None}))))
+
+
+def test_a_wrong_name_has_no_onset_but_a_class_has(by_hand):
+    wrong = case_with(by_hand, {"train_1": 8.0, "heldout_1": 5.0}, name="motor_lag")
+    found = summary([wrong], 1.5)
+    assert (found["within"]["count"], found["within"]["n"]) == (0, 2)
+    assert found["within_if_named"]["n"] == 0
+    wrong.causes["motor_lag"]["indistinguishable_from"].append("thrust_scale")
+    assert summary([wrong], 1.5)["within"]["count"] == 2
+
+
+def test_faint_cases_count_only_among_all(by_hand):
+    found = summary([case_with(by_hand, {"train_1": 8.0}, visibility=1.1)], 1.5)
+    assert found["within"]["n"] == 0
+    assert (found["within_all"]["count"], found["within_all"]["n"]) == (1, 2)

@@ -1,0 +1,166 @@
+import inspect
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+from diagrams.challenge import solve as module
+from diagrams.challenge.solve import case_folders, solve, solve_all, solve_case
+from diagrams.challenge.vehicles import vehicle_file
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.log_file import write_log
+from np_drake.vehicle import Vehicle
+
+FILES = ("train_1.csv", "heldout_1.csv")
+
+
+def level_flight(seed: int, n: int = 500, step: float = 0.01) -> FlightLog:
+    """Pushed about on the level by nobody knows what, at hover thrust."""
+    t = step * np.arange(n)
+    draw = np.random.default_rng(seed)
+    frequency = draw.uniform(0.5, 4.0, 3)
+    p, v, a = -0.4 / frequency * np.cos(t[:, None] * frequency), 0.4 * np.sin(t[:, None] * frequency), None
+    a = 0.4 * frequency * np.cos(t[:, None] * frequency) + 0.1 * draw.normal(size=(n, 3))
+    q, u = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)), np.tile([19.62, 0.0, 0.0, 0.0], (n, 1))
+    w, al = 0.01 * draw.normal(size=(n, 3)), 0.5 * draw.normal(size=(n, 3))
+    return FlightLog(t=t, p=p, q=q, v=v, w=w, u=u, a=a, al=al, name=f"flight_{seed}")
+
+
+@pytest.fixture
+def cases(tmp_path):
+    """Three case folders, of which the second lacks its flight to judge with."""
+    for name in ("a1", "b2", "c3"):
+        folder = tmp_path / "cases" / name
+        folder.mkdir(parents=True)
+        (folder / "vehicle.yaml").write_text(vehicle_file(Vehicle()))
+        for seed, file in enumerate(FILES):
+            write_log(level_flight(seed), folder / file)
+    (tmp_path / "cases" / "b2" / FILES[1]).unlink()
+    return tmp_path / "cases"
+
+
+class Answered:
+    """Stands for a diagnosis."""
+
+    def __init__(self, vehicle, train, held_out, replay):
+        self.content = {"train": [log.name for log in train], "replay": replay is not None}
+
+    def as_json(self):
+        return self.content
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    monkeypatch.setattr(module, "diagnose", Answered)
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_case_that_fails_loses_only_itself(cases, tmp_path):
+    answers = tmp_path / "answers"
+    seen = []
+    dut = solve(cases, answers, on_progress=lambda done, case: seen.append((done, case)))
+    assert [row["case"] for row in dut["solved"]] == ["a1", "c3"]
+    assert dut["failed"][0]["case"] == "b2"
+    assert "heldout" in dut["failed"][0]["error"]
+    assert [done for done, _ in seen] == [1, 2, 3]
+    assert json.loads((answers / "a1" / "diagnosis.json").read_text()) == {
+        "train": ["train_1"],
+        "replay": False,
+    }
+    assert not (answers / "b2").exists()
+
+
+@pytest.mark.usefixtures("quick")
+def test_answers_stay_unless_asked_again(cases, tmp_path):
+    answers = tmp_path / "answers"
+    solve(cases, answers)
+    (answers / "a1" / "diagnosis.json").write_text("{}")
+    dut = solve(cases, answers)
+    assert (dut["cases"], dut["skipped"], len(dut["solved"]), len(dut["failed"])) == (3, 2, 0, 1)
+    assert (answers / "a1" / "diagnosis.json").read_text() == "{}"
+    assert len(solve(cases, answers, again=True)["solved"]) == 2
+    assert (answers / "a1" / "diagnosis.json").read_text() != "{}"
+
+
+@pytest.mark.usefixtures("quick")
+def test_time_and_memory_are_written_down(cases, tmp_path):
+    row = solve_case(cases / "a1", tmp_path / "answers" / "a1", replay=True)
+    cost = json.loads((tmp_path / "answers" / "a1" / "cost.json").read_text())
+    assert cost == {key: row[key] for key in ("wall", "peak_memory", "replay")}
+    assert 0 < cost["wall"] < 60  # [s]
+    assert 1e7 < cost["peak_memory"] < 1e11  # [byte]
+
+
+def test_what_was_not_foreseen_is_one_line_too(cases, tmp_path, monkeypatch):
+    def broken(*_):
+        raise KeyError("drag\nand more")
+
+    monkeypatch.setattr(module, "diagnose", broken)
+    row = solve_case(cases / "a1", tmp_path / "a1", replay=False)
+    assert row["error"].startswith("KeyError: ")
+    assert "test_solve.py:" in row["error"]
+    assert "\n" not in row["error"]
+
+
+def test_a_process_that_dies_loses_only_its_case(tmp_path, monkeypatch):
+    folders = [tmp_path / name for name in ("a1", "b2", "c3")]
+
+    def parallel(left, *_):
+        for folder in left:
+            if folder.name == "b2":
+                raise TerminatedWorkerError("killed")
+            yield {"case": folder.name}
+
+    monkeypatch.setattr(module, "_parallel", parallel)
+    rows = list(solve_all(folders, tmp_path, 2, False))
+    assert [row["case"] for row in rows] == ["a1", "b2", "c3"]
+    assert ["error" in row for row in rows] == [False, True, False]
+
+
+def test_a_folder_without_cases_is_refused(tmp_path):
+    (tmp_path / "something").mkdir()
+    with pytest.raises(ValueError, match="must hold case folders"):
+        case_folders(tmp_path)
+
+
+def test_nothing_that_solves_takes_a_truth():
+    for function in (solve, solve_case, module.diagnose_folder):
+        assert not any("truth" in name for name in inspect.signature(function).parameters)
+
+
+WATCHED = """
+import sys
+opened = []
+sys.addaudithook(lambda event, args: opened.append(str(args[0])) if event == "open" else None)
+from pathlib import Path
+from diagrams.challenge.solve import solve
+result = solve(Path(sys.argv[1]), Path(sys.argv[2]))
+assert [row["case"] for row in result["solved"]] == ["a1"], result
+assert any(name.endswith("train_1.csv") for name in opened), "the hook sees nothing"
+print([name for name in opened if "truth.json" in name])
+"""
+
+
+def test_no_truth_is_opened_wherever_one_lies(cases, tmp_path):
+    for name in ("b2", "c3"):
+        for file in (cases / name).iterdir():
+            file.unlink()
+    answers = tmp_path / "answers"
+    beside = (
+        cases / "a1",
+        cases,
+        cases / "truth" / "a1",
+        tmp_path / "truth" / "a1",
+        answers / "a1",
+        tmp_path,
+    )
+    for folder in beside:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "truth.json").write_text("this is no JSON")
+    command = [sys.executable, "-c", WATCHED, str(cases), str(answers)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "[]"

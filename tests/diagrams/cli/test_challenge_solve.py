@@ -1,0 +1,56 @@
+"""Laws of `np-drake challenge solve`; a stand-in diagnoses."""
+
+import json
+
+import pytest
+
+from diagrams.challenge import solve as module
+from diagrams.cli.main import run
+
+
+class Answered:
+    """Stands for a diagnosis."""
+
+    def __init__(self, *_):
+        pass
+
+    def as_json(self):
+        return {"verdict": []}
+
+
+@pytest.fixture
+def cases(logs, tmp_path, monkeypatch):
+    """A case, and one without a flight to judge with."""
+    monkeypatch.setattr(module, "diagnose", Answered)
+    for name, count in (("good", 2), ("bad", 1)):
+        folder = tmp_path / "cases" / name
+        folder.mkdir(parents=True)
+        (folder / "vehicle.yaml").write_text("name: mine\n")
+        for log, file in list(zip(logs, ("train_1.csv", "heldout_1.csv"), strict=True))[:count]:
+            (folder / file).write_bytes(log.read_bytes())
+    return tmp_path / "cases"
+
+
+def test_cases_are_solved_and_failures_said(cases, tmp_path, capsys):
+    out, metrics = tmp_path / "answers", tmp_path / "m.json"
+    assert run(["challenge", "solve", str(cases), "--out", str(out), "--json", str(metrics)]) == 0
+    printed = capsys.readouterr().out
+    assert "1 solved" in printed
+    assert "1 failed" in printed
+    assert [line for line in printed.splitlines() if line.startswith("bad: ")]
+    written = json.loads(metrics.read_text())
+    assert written["schema"] == "np_drake.challenge_solve/1"
+    assert [row["case"] for row in written["failed"]] == ["bad"]
+    assert json.loads((out / "good" / "diagnosis.json").read_text()) == {"verdict": []}
+
+
+@pytest.mark.parametrize("where", ["nowhere", "cases/good"])
+def test_a_folder_without_cases_is_refused_before_work(cases, tmp_path, capsys, where):
+    assert run(["challenge", "solve", str(cases.parent / where), "--out", str(tmp_path / "answers")]) == 2
+    assert "case folders" in capsys.readouterr().err
+    assert not (tmp_path / "answers").exists()
+
+
+def test_no_option_names_a_truth(capsys):
+    assert run(["challenge", "solve", "--help"]) == 0
+    assert "truth" not in capsys.readouterr().out
