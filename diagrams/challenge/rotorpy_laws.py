@@ -93,10 +93,8 @@ def translational_lift(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
 def rotor_gyroscopic(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
     """What turning the rotors' angular momentum takes: -w x h - h', along body z; rotors turn against their torque."""
     signs = np.array(vehicle.rotor_directions)
-    h, h_rate = (
-        -c["rotor_inertia"] * float(signs @ now.speed),
-        -c["rotor_inertia"] * float(signs @ now.spin_up),
-    )
+    h = -c["rotor_inertia"] * float(signs @ now.speed)
+    h_rate = -c["rotor_inertia"] * float(signs @ now.spin_up)
     x, y, _ = now.w.tolist()
     return np.array([0.0, 0.0, 0.0, -y * h, x * h, -h_rate])
 

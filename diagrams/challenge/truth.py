@@ -12,10 +12,9 @@ from np_drake.diagnosis.collinear import collinear_effects
 from np_drake.diagnosis.evidence import make_evidence
 from np_drake.diagnosis.noise import fit_noise
 from np_drake.diagnosis.rig import tolerance_of
-from np_drake.diagnosis.signature import Term
+from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.base import Effect
 from np_drake.logs.flight_log import FlightLog
-from np_drake.vehicle import Vehicle
 
 CHANNELS = tuple(
     f"{kind}_{axis}" for kind in ("force", "torque", "velocity", "acceleration", "rate") for axis in "xyz"
@@ -46,7 +45,7 @@ def collinear_class(
 def truth(case: Case, simulator: str, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]) -> dict:
     """The content of truth.json. exact, noisy: the logs by file, the same rows."""
     held_out = FILES[-1]
-    residual, visibility = seen(case.vehicle, exact[held_out], noisy[held_out])
+    residual, visibility = seen(case, exact[held_out], noisy[held_out])
     return {
         "effects": [
             {"effect": e.identifier, "parameters": parameters(e), "onset": case.onset} for e in case.effects
@@ -70,11 +69,15 @@ def parameters(effect: Effect) -> dict[str, Any]:
     return effect.values or dict(vars(effect))
 
 
-def seen(vehicle: Vehicle, exact: FlightLog, noisy: FlightLog) -> tuple[np.ndarray, float]:
-    """RMS (15,) that noise leaves to the true model, and visibility: the largest ratio of a channel's RMS to it."""
-    with_noise, without = (make_evidence(log, vehicle).y for log in (noisy, exact))
-    noise = np.sqrt(np.mean((with_noise - without) ** 2, axis=0))
-    total = np.sqrt(np.mean(with_noise**2, axis=0))
+def seen(case: Case, exact: FlightLog, noisy: FlightLog) -> tuple[np.ndarray, float]:
+    """RMS (15,) that noise leaves to the true model, and visibility: the largest ratio of a channel's RMS to it.
+
+    What the vehicle file is off by is no effect: it is taken out of the nominal residual.
+    """
+    with_noise, without = (make_evidence(log, case.vehicle) for log in (noisy, exact))
+    noise = np.sqrt(np.mean((with_noise.y - without.y) ** 2, axis=0))
+    off = [Term(effect) for effect in case.quality.background(case.vehicle)]
+    total = np.sqrt(np.mean((with_noise.y - signature(without, off)) ** 2, axis=0))
     return noise, float(np.max(total / np.maximum(noise, 1e-12)))
 
 

@@ -32,6 +32,7 @@ class Candidate:
     terms: Callable[[np.ndarray], list[Term]]
     log_prior: float = 0.0
     onset: Onset = dc.field(default_factory=dict)
+    possible: Callable[[np.ndarray], bool] | None = None  # are these coefficients physical?
 
     @property
     def size(self) -> int:
@@ -217,9 +218,22 @@ def payload_candidates(
             return [Term(effect.of(values), onset, hidden)]
 
         out.append(
-            Candidate(("suspended_payload",), f"length={length:.3g}", columns, terms, -math.log(len(lengths)), onset)
+            Candidate(
+                ("suspended_payload",),
+                f"length={length:.3g}",
+                columns,
+                terms,
+                -math.log(len(lengths)),
+                onset,
+                _hangs,
+            )
         )
     return out
+
+
+def _hangs(c: np.ndarray) -> bool:
+    """A payload weighs something, and does not swing further than a payload can."""
+    return bool(c[0] > 0.01 and np.all(np.abs(c[4:]) < 7.0 * c[0]))
 
 
 def _pulls(evidence: Evidence, lengths: np.ndarray, rates: np.ndarray, onset: float | None) -> np.ndarray:

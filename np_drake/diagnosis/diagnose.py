@@ -10,6 +10,7 @@ from np_drake.diagnosis.answer import UNKNOWN, Check, Diagnosis, Finding, Replay
 from np_drake.diagnosis.attribute import causes_of, on_held_out
 from np_drake.diagnosis.check import check, confusables, excitation, excited
 from np_drake.diagnosis.evidence import Evidence, make_evidence
+from np_drake.diagnosis.gusts import as_gusts
 from np_drake.diagnosis.how_far import how_far
 from np_drake.diagnosis.noise import fit_noise
 from np_drake.diagnosis.remains import Remains, remains
@@ -53,12 +54,17 @@ def diagnose(
     tell(0.6, "held-out flights")
     left = remains(ranking, fit, flights, unseen)
     causes, minor = causes_of(ranking, fit, flights, unseen, left.held)
+    unknown, unknown_probability = left.unknown, left.probability
+    if left.slow_probability > 0.5 and not unknown:
+        blown = as_gusts(left.slow, causes, left.slow_probability)
+        unknown = len(blown) == len(causes) and "linear_drag" not in {c.identifier for c in causes}
+        causes, unknown_probability = blown, left.slow_probability if unknown else left.probability
     held = left.held
     checked = check(flights, unseen, ranking.problem.candidates, ranking.noise)
     found = where(unseen, held.left, ranking.noise, held.rows)
     tell(0.7, "replay")
     shrunk = how_far(fit, causes, unseen, ranking.noise, held, replay)
-    verdict = tuple(c.identifier for c in causes) + ((UNKNOWN,) if left.unknown else ())
+    verdict = tuple(c.identifier for c in causes) + ((UNKNOWN,) if unknown else ())
     return Diagnosis(
         **names,
         verdict=verdict,
@@ -68,7 +74,7 @@ def diagnose(
         shrink=shrunk,
         minor=tuple(minor),
         remains=left.findings,
-        unknown_probability=left.probability,
+        unknown_probability=unknown_probability,
         warnings=checked.warnings,
         wall=time.perf_counter() - start,
     )

@@ -4,6 +4,7 @@ A swing drifts out of step with a tether of another length within a few periods,
 3 % of one another; most of them are hopeless, and only the best go on.
 """
 
+import dataclasses as dc
 import math
 from collections.abc import Sequence
 
@@ -60,7 +61,10 @@ class PayloadSearch:
                 XX[n:, n:] += P.T @ P
                 Xy[n:] += P.T @ y
             XX[:n, n:] = XX[n:, :n].T
-            gains.append(Gram(XX, Xy, 0.0, 0).log_evidence(np.arange(n + k)) - alone)
+            both = Gram(XX, Xy, 0.0, 0)
+            mean, _ = both.posterior(np.arange(n + k))
+            hangs = candidate.possible is None or candidate.possible(mean[n:])
+            gains.append(both.log_evidence(np.arange(n + k)) - alone if hangs else -1e6)
         return np.array(gains)
 
 
@@ -75,6 +79,4 @@ def _gram(X: np.ndarray, y: np.ndarray) -> Gram:
 
 
 def _with_prior(candidate: Candidate, prior: float) -> Candidate:
-    import dataclasses as dc
-
     return dc.replace(candidate, log_prior=prior)

@@ -7,7 +7,8 @@ import numpy as np
 
 from np_drake.diagnosis.answer import Finding
 from np_drake.diagnosis.attribute import HeldOut, on_held_out
-from np_drake.diagnosis.evidence import FORCE, TORQUE, Evidence
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.gusts import SlowForce, slow_force
 from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.unknown import Trace, traces
 from np_drake.diagnosis.which import Ranking
@@ -24,6 +25,8 @@ class Remains:
     findings: tuple[Finding, ...]
     traces: tuple[Trace, ...]
     held: HeldOut
+    slow: SlowForce
+    slow_probability: float
 
 
 def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> Remains:
@@ -33,15 +36,22 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     found = traces(
         flights, left, ranking.noise, temperature=ranking.problem.temperature, held_out=unseen
     )
-    best = found[0]
-    score = min(best.gain, best.held_out + 3.0)
-    probability = float(1 / (1 + np.exp(-np.clip(score - GAIN, -50, 50))))
+    slow = slow_force(flights, {e.name: left[e.name] for e in flights}, ranking.tolerance)
     findings = tuple(
         Finding(t.name, t.text, t.share, {"force": t.force, "torque": t.torque, **t.figures})
         for t in found
         if t.gain > GAIN
     )
-    return Remains(probability > 0.5, probability, findings, tuple(found), held)
+    best = max((_probability(t, flights) for t in found), default=0.0)
+    return Remains(
+        best > 0.5, best, findings, tuple(found), held, slow, slow.probability(ranking.tolerance)
+    )
 
 
-__all__ = ["FORCE", "TORQUE", "Remains", "remains"]
+def _probability(trace: Trace, flights: Sequence[Evidence]) -> float:
+    """That a trace is real: it is significant, and the flights that it was not fitted to bear it out."""
+    score = min(trace.gain - GAIN, trace.held_out + 2.0 if trace.repeats else np.inf)
+    return float(1 / (1 + np.exp(-np.clip(score, -50, 50))))
+
+
+__all__ = ["Remains", "remains"]

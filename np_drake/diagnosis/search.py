@@ -16,6 +16,11 @@ MOST_EFFECTS = 5
 SHIFTS = ("command_delay", "clock_offset")  # the same but for the sign
 
 
+def effect_prior(identifier: str) -> float:
+    """Log prior of an effect. A late clock is half as likely as a delay: the same but for where it arises."""
+    return EFFECT_PRIOR - (0.7 if identifier == "clock_offset" else 0.0)
+
+
 @dc.dataclass(frozen=True)
 class Model:
     """A set of candidates by position, and its log evidence, prior included, over the empty model."""
@@ -61,8 +66,21 @@ class Problem:
         """Log evidence and prior of a set."""
         chosen = [self.candidates[i] for i in members]
         effects = {name for c in chosen for name in c.identifiers}
-        prior = EFFECT_PRIOR * len(effects) + sum(c.log_prior for c in chosen)
+        prior = sum(effect_prior(name) for name in effects) + sum(c.log_prior for c in chosen)
+        if any(c.possible for c in chosen) and not self._possible(members):
+            return -np.inf
         return self.total.log_evidence(self.columns(members)) - self._base + prior
+
+    def _possible(self, members: Sequence[int]) -> bool:
+        """Are the posterior means of all members physical?"""
+        mean, _ = self.total.posterior(self.columns(members))
+        at = sum(c.size for c in self.nuisance)
+        for i in members:
+            c = self.candidates[i]
+            if c.possible is not None and not c.possible(mean[at : at + c.size]):
+                return False
+            at += c.size
+        return True
 
     def fits_together(self, members: Sequence[int]) -> bool:
         """No effect twice, and at most one that shifts commands against states."""
@@ -111,7 +129,7 @@ def search(problem: Problem, *, beam: int = BEAM, most: int = MOST_EFFECTS) -> l
         if score(candidate) <= score(current):
             break
         current = candidate
-    return [Model(m, s) for m, s in sorted(seen.items(), key=lambda item: -item[1])]
+    return [Model(m, s) for m, s in sorted(seen.items(), key=lambda item: -item[1]) if s > -np.inf]
 
 
 def _diverse(problem: Problem, ranked: list[tuple[int, ...]], beam: int) -> list[tuple[int, ...]]:

@@ -75,8 +75,7 @@ def _thrust(evidence: Evidence, terms: Sequence[Term]) -> Thrust:
     rows = mids = None
     for onset in onsets:
         now = [t.effect for t in acting if (t.begins(log.name) or -NEVER) <= onset]
-        dead = sum(e.dead_time for e in now)
-        new = rotor_thrust(log, vehicle, now, shift=dead - shift)
+        new = rotor_thrust(log, vehicle, now, shift=-shift)
         if rows is None:
             rows, mids = new
         else:

@@ -15,8 +15,8 @@ def rotor_thrust(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(n, 4) at the rows, right-sided, and (n-1, 4) in the mean between them [N].
 
-    Commands are held between rows and shifted by `shift` (positive: taken later than logged [s]), then pass dead
-    time and effects. The vehicle file's own lag acts unless `effects` bring a lag. Measured rotor speed
+    Commands are held between rows and shifted by `shift` (positive: taken later than logged [s]), then pass the
+    effects (a dead time among them). The vehicle file's own lag acts unless `effects` bring a lag. Measured rotor speed
     (`log.input`) is not held but interpolated, and passes propeller effects only.
     """
     h = log.step / SUBSTEPS

@@ -38,6 +38,7 @@ class Trace:
     force: float
     torque: float
     figures: dict[str, float] = dc.field(default_factory=dict)
+    repeats: bool = True  # would show in an unseen flight alike
 
 
 @dc.dataclass(frozen=True)

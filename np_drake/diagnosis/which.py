@@ -9,12 +9,12 @@ from np_drake.diagnosis.candidates import Candidate, library_candidates, wind_ca
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.linear_bayes import gram
 from np_drake.diagnosis.noise import NoiseModel, fit_noise, no_worse, scale_only
-from np_drake.diagnosis.onset import gated_candidates
+from np_drake.diagnosis.onset import ONSET_PRIOR, gated_candidates
 from np_drake.diagnosis.payload_search import PayloadSearch
 from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.rig import Tolerance, calibration, calibration_terms, tolerance_of, wander
-from np_drake.diagnosis.search import Model, Problem, search
-from np_drake.diagnosis.signature import Term
+from np_drake.diagnosis.search import Model, Problem, effect_prior, search
+from np_drake.diagnosis.signature import NEVER, Term
 
 TEMPERATURE = 2.0  # noise is never quite its model: its variance counts this many times; own choice
 REFINED = 3  # models that are refined
@@ -130,9 +130,9 @@ def _same(a: Sequence[Term], b: Sequence[Term]) -> bool:
 
 
 def _score(fit: Fit) -> float:
-    from np_drake.diagnosis.search import EFFECT_PRIOR
-
-    return fit.log_evidence + EFFECT_PRIOR * len(fit.terms)
+    prior = sum(effect_prior(t.effect.identifier) for t in fit.terms)
+    onsets = sum(v is not None and v != NEVER for t in fit.terms for v in t.onset.values())
+    return fit.log_evidence + prior + ONSET_PRIOR * onsets
 
 
 def _distinct(problem: Problem, models: Sequence[Model]) -> list[Model]:

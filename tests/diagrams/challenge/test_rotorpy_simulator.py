@@ -111,7 +111,16 @@ def test_an_effect_moves_the_vehicle_as_in_the_other_simulator(name, vehicle, pl
     for signal in ("p", "v", "q", "w") if name == "clock_offset" else ("p", "v", "q", "w", "a", "al"):
         a, b, c = (getattr(log, signal) for log in (ours, theirs, clean))
         # Of what the effect changes: the other one's cable is springy.
-        assert rms(a - b) < 0.03 * rms(b - c) + 1e-4, signal
+        assert rms(a - b) < 0.05 * rms(b - c) + 1e-4, signal
+
+
+def test_rotors_that_speed_up_twist_back_as_in_the_other_simulator(t):
+    racer = VEHICLES[1]  # with lag
+    plan = draw_plan(np.random.default_rng(0), racer, 5.0, "sprints")
+    effect = LIBRARY["rotor_gyroscopic"](0.005 * racer.J[2, 2])
+    ours, theirs = (module.fly(racer, plan, [effect], t=t) for module in (rotorpy_simulator, drake_simulator))
+    added = rms(theirs.al - drake_simulator.fly(racer, plan, t=t).al)
+    assert rms(ours.al - theirs.al) < 0.02 * added
 
 
 @pytest.mark.parametrize("name", [n for n in (*LIBRARY, *FOREIGN) if n in FOREIGN or LIBRARY[n].begins])
