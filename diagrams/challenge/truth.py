@@ -53,6 +53,7 @@ def truth(case: Case, simulator: str, exact: dict[str, FlightLog], noisy: dict[s
         "class": collinear_class(case, exact, noisy),
         "true_model_residual": dict(zip(CHANNELS, residual.tolist(), strict=True)),
         "visibility": visibility,
+        "visibility_of_each": own_visibility(case, exact[held_out], residual),
         "simulator": simulator,
         "quality": case.quality.name,
         "kind": case.draw.kind,
@@ -79,6 +80,20 @@ def seen(case: Case, exact: FlightLog, noisy: FlightLog) -> tuple[np.ndarray, fl
     off = [Term(effect) for effect in case.quality.background(case.vehicle)]
     total = np.sqrt(np.mean((with_noise.y - signature(without, off)) ** 2, axis=0))
     return noise, float(np.max(total / np.maximum(noise, 1e-12)))
+
+
+def own_visibility(case: Case, exact: FlightLog, noise: np.ndarray) -> list[float]:
+    """Of every effect alone: the largest ratio of noise with its trace to noise; NaN for foreign ones."""
+    evidence = make_evidence(dc.replace(exact, name=FILES[-1]), case.vehicle)
+    effects = case.effects_of(FILES[-1])
+    if case.draw.kind == "foreign":
+        return [float("nan")] * len(effects)
+    terms = [Term(effect, dict(case.onset)) for effect in effects]
+    out = []
+    for i in range(len(terms)):
+        trace = signature(evidence, terms) - signature(evidence, terms[:i] + terms[i + 1 :])
+        out.append(float(np.max(np.sqrt(1 + np.mean(trace**2, axis=0) / np.maximum(noise, 1e-12) ** 2))))
+    return out
 
 
 def write_truth(content: dict, folder: Path) -> None:
