@@ -14,7 +14,7 @@ from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.search import Model
 from np_drake.diagnosis.signature import NEVER, Term, signature
-from np_drake.diagnosis.which import Ranking, names_of
+from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
 
 MATERIAL_FORCE = 0.02  # of weight [1]
 MATERIAL_TORQUE = 0.02  # of RMS commanded torque [1]
@@ -86,12 +86,14 @@ def alike(ranking: Ranking, model: Model) -> dict[str, tuple[str, ...]]:
     problem = ranking.problem
     out: dict[str, tuple[str, ...]] = {}
     for i in model.members:
+        if problem.candidates[i].generic:
+            continue
         own = problem.candidates[i].identifiers
         rest = tuple(j for j in model.members if j != i)
         found: dict[str, float] = {}
         for k, other in enumerate(problem.candidates):
             members = (*rest, k)
-            if set(other.identifiers) & set(own) or not problem.fits_together(members):
+            if other.generic or set(other.identifiers) & set(own) or not problem.fits_together(members):
                 continue
             loss = model.score - problem.score(members)
             if loss < SAME:
@@ -108,7 +110,7 @@ def causes_of(
 ) -> tuple[list[Cause], list[Finding]]:
     """Causes and minor findings of a fit: a cause is material, and helps on flights that the fit has not seen."""
     members = {names_of(ranking.problem, m): m for m in reversed(ranking.models)}
-    key = tuple(sorted(t.effect.identifier for t in fit.terms))
+    key = names_of_fit(fit)
     same = alike(ranking, members[key]) if key in members else {}
     causes, minor = [], []
     for i, term in enumerate(fit.terms):

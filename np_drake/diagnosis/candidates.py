@@ -33,6 +33,8 @@ class Candidate:
     log_prior: float = 0.0
     onset: Onset = dc.field(default_factory=dict)
     possible: Callable[[np.ndarray], bool] | None = None  # are these coefficients physical?
+    generic: Callable[[Evidence], np.ndarray] | None = None  # columns on any flight, of what is no effect
+    figures: dict[str, float] = dc.field(default_factory=dict)
 
     @property
     def size(self) -> int:

@@ -21,7 +21,7 @@ def gated_candidates(problem: Problem) -> list[Candidate]:
     from np_drake.effects.library import LIBRARY
 
     for candidate in problem.candidates:
-        if candidate.size > LARGEST or candidate.onset:
+        if candidate.size > LARGEST or candidate.onset or candidate.generic:
             continue
         if not all(LIBRARY[name].begins for name in candidate.identifiers):
             continue

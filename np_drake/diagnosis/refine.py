@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import SWING
+from np_drake.diagnosis.candidates import SWING, Candidate
 from np_drake.diagnosis.evidence import WRENCH, Evidence
 from np_drake.diagnosis.gauss_newton import minimise
 from np_drake.diagnosis.hidden_swing import STATE, swing_wrenches
@@ -31,10 +31,23 @@ class Free:
 
 
 @dc.dataclass(frozen=True)
+class Generic:
+    """Structure that is no effect, as fitted: on any flight its part of the channels is columns @ coefficients."""
+
+    candidate: Candidate
+    coefficients: np.ndarray
+
+    def part(self, e: Evidence) -> np.ndarray:
+        """(m, 15) of a flight."""
+        assert self.candidate.generic is not None
+        return self.candidate.generic(e) @ self.coefficients
+
+
+@dc.dataclass(frozen=True)
 class Fit:
     """A fitted model. covariance (k, k) of `free` in physical units; loss: whitened sum of squares on its flights;
 
-    wander (m, 15) by flight: of its sensors.
+    wander (m, 15) by flight: of its sensors and of what is generic.
     """
 
     terms: tuple[Term, ...]
@@ -46,6 +59,7 @@ class Fit:
     loss: float
     samples: int
     wander: dict[str, np.ndarray] = dc.field(default_factory=dict)
+    generic: tuple[Generic, ...] = ()
 
     def left(self, e: Evidence) -> np.ndarray:
         """(m, 15) what the model leaves of a flight; of a fitted one, without its sensors' own wander."""
@@ -110,6 +124,7 @@ def refine(
     *,
     temperature: float,
     wander: dict[str, np.ndarray] | None = None,
+    generic: Sequence[Candidate] = (),
     evaluations: int = 8,
 ) -> Fit:
     """Fits terms and calibration (each with its prior deviation) to the flights, from the terms' values.
@@ -123,6 +138,9 @@ def refine(
     neutral = np.array([f.neutral for f in free])
     root = 1.0 / np.sqrt(temperature)
 
+    if generic:
+        parts = {e.name: [wander[e.name]] if wander else [] for e in flights}
+        wander = {n: np.concatenate([*p, *(g.columns[n] for g in generic)], axis=-1) for n, p in parts.items()}
     linear = 0 if wander is None else next(iter(wander.values())).shape[-1]
     white = {e.name: noise.whiten(wander[e.name]).reshape(-1, linear) for e in flights} if wander else {}
     n = len(free)
@@ -169,7 +187,18 @@ def refine(
         float(np.sum(best.residual[: -(n + linear)] ** 2)),
         sum(len(e.t) for e in flights),
         drifted,
+        _split(generic, best.z[n:]),
     )
+
+
+def _split(generic: Sequence[Candidate], coefficients: np.ndarray) -> tuple[Generic, ...]:
+    """The last coefficients belong to the generic candidates, in their order."""
+    at = len(coefficients) - sum(g.size for g in generic)
+    out = []
+    for g in generic:
+        out.append(Generic(g, coefficients[at : at + g.size]))
+        at += g.size
+    return tuple(out)
 
 
 def _jacobian(now, free, evidence: Evidence, noise: NoiseModel, z: np.ndarray, scale: np.ndarray) -> np.ndarray:

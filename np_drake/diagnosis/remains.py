@@ -5,15 +5,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.answer import Finding
-from np_drake.diagnosis.attribute import HeldOut, on_held_out
+from np_drake.diagnosis import evidence as ev
+from np_drake.diagnosis.answer import CHANNELS, Finding
+from np_drake.diagnosis.attribute import MATERIAL_FORCE, MATERIAL_GAP, MATERIAL_TORQUE, HeldOut, on_held_out
 from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.excess import LINE, Line, slow_torque, strongest_line
 from np_drake.diagnosis.gusts import SlowForce, slow_force
-from np_drake.diagnosis.refine import Fit
-from np_drake.diagnosis.unknown import Trace, traces
+from np_drake.diagnosis.refine import Fit, Generic
+from np_drake.diagnosis.unknown import PREFIX
 from np_drake.diagnosis.which import Ranking
 
-GAIN = 6.0  # log evidence a trace must bring, all groups' multiplicity included; own choice
+SLOW_TORQUE = {True: 60.0, False: 60.0}  # above it a slow torque is no gyro's, on a rig and in a laboratory
+STEEP = 6.0  # of the probability with the logarithm of a ratio; own choice
 
 
 @dc.dataclass(frozen=True)
@@ -23,35 +26,63 @@ class Remains:
     unknown: bool
     probability: float
     findings: tuple[Finding, ...]
-    traces: tuple[Trace, ...]
     held: HeldOut
     slow: SlowForce
     slow_probability: float
+    line: Line
+    slow_torque: float
 
 
 def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> Remains:
-    """The traces of what is left, judged for size."""
+    """The generic structure of the fit, lines and slow torques in what is left."""
     held = on_held_out(fit, unseen, ranking.noise)
-    left = {e.name: fit.left(e) for e in flights} | held.left
-    found = traces(
-        flights, left, ranking.noise, temperature=ranking.problem.temperature, held_out=unseen
+    left = {e.name: fit.left(e) for e in flights}
+    found = [_generic(g, ranking, flights) for g in fit.generic]
+    limit = SLOW_TORQUE[ranking.tolerance.real]
+    line, torque = strongest_line(flights, left), slow_torque(flights, left)
+    slow = slow_force(flights, left, ranking.tolerance)
+    probability = max(
+        [ranking.probability.get(PREFIX + f.name, 0.0) for f, material in found if material]
+        + [_above(line.prominence, LINE), _above(torque, limit)]
     )
-    slow = slow_force(flights, {e.name: left[e.name] for e in flights}, ranking.tolerance)
-    findings = tuple(
-        Finding(t.name, t.text, t.share, {"force": t.force, "torque": t.torque, **t.figures})
-        for t in found
-        if t.gain > GAIN
+    findings = [f for f, _ in found]
+    if _above(line.prominence, LINE) > 0.5:
+        findings.append(_line_finding(line))
+    if _above(torque, limit) > 0.5:
+        findings.append(Finding("slow torque", "a torque that comes and goes", torque, {"ratio": torque}))
+    slowly = slow.probability(ranking.tolerance)
+    return Remains(probability > 0.5, probability, tuple(findings), held, slow, slowly, line, torque)
+
+
+def _above(ratio: float, threshold: float) -> float:
+    """Probability that a ratio is above what noise has: one half at the threshold."""
+    return float(1 / (1 + (threshold / max(ratio, 1e-9)) ** STEEP))
+
+
+def _line_finding(line: Line) -> Finding:
+    channel = CHANNELS[line.channel]
+    text = f"a line in {channel} at {line.frequency:.2f} Hz"
+    return Finding("line", text, line.prominence, {"frequency": line.frequency, "rms": line.rms})
+
+
+def _generic(generic: Generic, ranking: Ranking, flights: Sequence[Evidence]) -> tuple[Finding, bool]:
+    """A finding, and whether it is material as an effect would be."""
+    noise = ranking.noise
+    inverse = np.where(noise.rms > 0, 1 / np.maximum(noise.rms, 1e-12), 0.0)
+    part = np.concatenate([generic.part(e) for e in flights])
+    y = np.concatenate([e.y for e in flights])
+    tau = np.concatenate([e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights])
+    vehicle = flights[0].vehicle
+    force = np.sqrt(np.mean(np.sum(part[:, ev.FORCE] ** 2, axis=1)))
+    torque = np.sqrt(np.mean(np.sum(part[:, ev.TORQUE] ** 2, axis=1)))
+    own = np.sum((part * inverse) ** 2)
+    gap = own / max(np.sum((y * inverse) ** 2) - y.shape[0] * np.sum(noise.rms > 0), own)
+    material = (
+        force >= MATERIAL_FORCE * vehicle.mass * vehicle.gravity
+        or torque >= MATERIAL_TORQUE * np.sqrt(np.mean(np.sum(tau**2, axis=1)))
+        or gap >= MATERIAL_GAP
     )
-    best = max((_probability(t, flights) for t in found), default=0.0)
-    return Remains(
-        best > 0.5, best, findings, tuple(found), held, slow, slow.probability(ranking.tolerance)
-    )
-
-
-def _probability(trace: Trace, flights: Sequence[Evidence]) -> float:
-    """That a trace is real: it is significant, and the flights that it was not fitted to bear it out."""
-    score = min(trace.gain - GAIN, trace.held_out + 2.0 if trace.repeats else np.inf)
-    return float(1 / (1 + np.exp(-np.clip(score, -50, 50))))
-
-
-__all__ = ["Remains", "remains"]
+    candidate = generic.candidate
+    figures = {"force": float(force), "torque": float(torque), **candidate.figures}
+    name = candidate.identifiers[0].removeprefix(PREFIX)
+    return Finding(name, candidate.variant, float(gap), figures), bool(material)

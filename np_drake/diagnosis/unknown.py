@@ -1,217 +1,163 @@
-"""Structure that no effect explains: generic groups of columns compete for what is left.
+"""Structure that no effect explains: generic groups of columns that compete with the library for the same evidence.
 
-Each group says something about where the structure lives: with the motion, at a place, with the command, at a
-frequency, in a time. The groups are judged by the same Bayesian evidence as effects.   Source: own choice of groups.
+A group says where the structure lives: with the rates, at a place, with the command, with height, in a resonance. A
+library effect that explains as much with fewer figures wins over it.   Source: own choice of groups.
 """
 
-import dataclasses as dc
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy import signal
+from scipy.cluster.vq import kmeans2
 
-from np_drake import attitude
-from np_drake.diagnosis import evidence as ev
-from np_drake.diagnosis.evidence import Evidence, low_pass
-from np_drake.diagnosis.grid import to_grid
-from np_drake.diagnosis.linear_bayes import gram
-from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.candidates import Candidate
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.flight_state import FlightState, flight_state
 
-PRIOR = 0.03  # deviation of a group's force over weight, and of its torque over weight times arm [1]
-RESONANCES = (0.5, 0.8, 1.2, 1.8, 2.7, 4.0)  # [Hz]
-DRIVE_BAND = 4.0  # of the specific force that drives a resonance; from velocity, whose noise is not the force's [Hz]
-CENTRES = 12  # of a place
-
-
-@dc.dataclass(frozen=True)
-class Trace:
-    """One group's verdict. gain: log evidence; held_out: log likelihood it brings on unseen flights; share: of the
-
-    remaining power in force and torque (whitened) that it explains; figures: frequency [Hz], damping [1], …
-    """
-
-    name: str
-    text: str
-    gain: float
-    held_out: float
-    share: float
-    force: float
-    torque: float
-    figures: dict[str, float] = dc.field(default_factory=dict)
-    repeats: bool = True  # would show in an unseen flight alike
+PREFIX = "unknown:"
+SIZE = 0.04  # prior deviation of a group's force over weight, and of its torque over weight times arm [1]
+RESONANCES = (0.4, 0.6, 0.8, 1.05, 1.4, 1.8, 2.4, 3.2, 4.2)  # [Hz]
+DAMPING = 0.1  # of a resonance that is tried [1]
+CENTRES = 10  # of a place
+Pushes = Callable[[FlightState], np.ndarray]  # (m, 6, k) force and torque in body axes in units of their prior
 
 
-@dc.dataclass(frozen=True)
-class State:
-    """On the grid: v (m, 3) and p (m, 3) in B and W, w (m, 3), u (m, 4) nominal wrench, R (m, 3, 3), s (m, 3)."""
-
-    v: np.ndarray
-    p: np.ndarray
-    w: np.ndarray
-    u: np.ndarray
-    R: np.ndarray
-    s: np.ndarray
-    t: np.ndarray
-    step: float
-
-
-def state_of(evidence: Evidence) -> State:
-    """Of one flight."""
-    mids = evidence.mids
-    v = to_grid(evidence.grid, mids.t, attitude.rotate_back(mids.q, mids.x[:, 7:10]))
-    p = to_grid(evidence.grid, mids.t, mids.x[:, :3])
-    R = to_grid(evidence.grid, mids.t, attitude.rotation_matrix(mids.q))
-    log = evidence.log
-    g = np.array([0.0, 0.0, evidence.vehicle.gravity])
-    rate = low_pass(np.diff(log.v, axis=0) / np.diff(log.t)[:, None], log.step, DRIVE_BAND)
-    s = to_grid(evidence.grid, mids.t, attitude.rotate_back(mids.q, rate + g))
-    return State(v, p, evidence.w, evidence.nominal[:, 2:], R, s, evidence.t, evidence.grid.step)
-
-
-Features = Callable[[State], np.ndarray]  # (m, k) scalars, each free in all six channels
-
-
-def _motion(s: State) -> np.ndarray:
-    v, w = s.v / 2.0, s.w / 1.0
-    speed = np.linalg.norm(v, axis=1, keepdims=True)
-    pairs = [v[:, i] * v[:, j] for i in range(3) for j in range(i, 3)]
-    return np.concatenate([v, speed * v, speed**2 * v, np.stack(pairs, axis=1)], axis=1)
-
-
-def _rates(s: State) -> np.ndarray:
-    v, w = s.v / 2.0, s.w / 1.0
-    pairs = [w[:, i] * w[:, j] for i in range(3) for j in range(i, 3)]
-    return np.concatenate([w, np.abs(w) * w, np.cross(w, v), np.stack(pairs, axis=1)], axis=1)
-
-
-def _command(s: State) -> np.ndarray:
-    f = s.u[:, :1] / np.mean(s.u[:, 0]) - 1
-    tau = s.u[:, 1:] / (np.std(s.u[:, 1:]) + 1e-6)
-    rate = np.gradient(np.concatenate([4 * f, tau], axis=1), axis=0) / s.step / 10
-    return np.concatenate(
-        [4 * f, 8 * f**2, 16 * f**3, tau, np.abs(tau) * tau / 2, f * tau, rate, np.sign(rate) * 0.5], axis=1
-    )
-
-
-def _height(s: State) -> np.ndarray:
-    z = np.maximum(s.p[:, 2:], 0.05)
-    return np.concatenate([np.exp(-z / 0.3), np.exp(-z), z / 2], axis=1)
-
-
-def _place(centres: np.ndarray, width: float) -> Features:
-    def features(s: State) -> np.ndarray:
-        d2 = np.sum((s.p[:, None] - centres[None]) ** 2, axis=2)
-        return np.exp(-0.5 * d2 / width**2)
-
-    return features
-
-
-def _resonance(frequency: float, damping: float) -> Features:
-    def features(s: State) -> np.ndarray:
-        omega = 2 * np.pi * frequency
-        system = signal.cont2discrete(
-            ([omega**2], [1.0, 2 * damping * omega, omega**2]), s.step, method="bilinear"
+def candidates_of_the_unknown(flights: Sequence[Evidence]) -> list[Candidate]:
+    """All groups as candidates; `generic` gives their columns on any flight."""
+    states = {e.name: flight_state(e) for e in flights}
+    found = [
+        _candidate(flights, states, name, text, pushes)
+        for name, text, pushes in (
+            ("rates", "a torque that goes with body rates", _damping),
+            ("side force", "a force across velocity and body rate", _side_force),
+            ("velocity", "a force and torque that go with velocity", _velocity),
+            ("thrust curve", "thrust that is no straight line of its command", _thrust_curve),
+            ("command", "torque that goes with the command of another axis", _coupling),
+            ("height", "a force that goes with height", _height),
+            ("place", "a force tied to a place", _place(states)),
         )
-        drive = np.concatenate([s.s - s.s.mean(axis=0), s.w], axis=1) / 2.0
-        answer = signal.lfilter(system[0].ravel(), system[1], drive, axis=0)
-        lagged = signal.lfilter([1.0 / s.step, -1.0 / s.step], [1.0], answer, axis=0) / omega
-        return np.concatenate([answer, lagged], axis=1) * damping * 2
-
-    return features
-
-
-def _spread(features: np.ndarray, evidence: Evidence) -> np.ndarray:
-    """(m, 15, 6 k): every feature free in every channel of the wrench, at the prior's size."""
-    vehicle = evidence.vehicle
-    weight = vehicle.mass * vehicle.gravity
-    arm = float(np.mean(np.linalg.norm(np.array(vehicle.rotor_positions), axis=1)))
-    size = PRIOR * weight * np.array([1.0, 1.0, 1.0, 0.3 * arm, 0.3 * arm, 0.1 * arm])
-    k = features.shape[1]
-    X = np.zeros((*evidence.y.shape, 6 * k))
-    for c in range(6):
-        X[:, c, c * k : (c + 1) * k] = size[c] * features
-    return X
-
-
-def _in_world(columns: np.ndarray, R: np.ndarray, k: int) -> np.ndarray:
-    """Force columns turned: free in the axes of W instead of B."""
-    X = np.array(columns)
-    for j in range(k):
-        block = np.stack([columns[:, c, c * k + j] for c in range(3)], axis=1)
-        for c in range(3):
-            X[:, :3, c * k + j] = R[:, c, :] * block[:, c : c + 1]
-    return X
-
-
-def groups(flights: Sequence[Evidence]) -> list[tuple[str, str, Callable[[Evidence], np.ndarray], dict[str, float]]]:
-    """(name, what it means, columns of a flight, figures) of every group."""
-    states = {e.name: state_of(e) for e in flights}
-    p = np.concatenate([states[e.name].p for e in flights])
-    span = float(np.linalg.norm(p.std(axis=0))) + 1e-3
-    pick = np.linspace(0, len(p) - 1, 40 * CENTRES).astype(int)
-    from scipy.cluster.vq import kmeans2
-
-    centres, _ = kmeans2(p[pick], CENTRES, seed=1, minit="++")
-    found: list = []
-
-    def add(name: str, text: str, features: Features, figures=None, world: bool = False) -> None:
-        def columns(e: Evidence) -> np.ndarray:
-            state = states.setdefault(e.name, state_of(e))
-            raw = features(state)
-            X = _spread(raw, e)
-            return _in_world(X, state.R, raw.shape[1]) if world else X
-
-        found.append((name, text, columns, figures or {}))
-
-    add("motion", "goes with velocity", _motion)
-    add("rates", "goes with body rates", _rates)
-    add("command", "goes with the command", _command)
-    add("height", "goes with height", _height)
-    add("place", "is tied to a place", _place(centres, 0.7 * span), world=True)
+    ]
+    count = math.log(len(RESONANCES))
     for f in RESONANCES:
-        add(
-            "resonance",
-            f"answers the motion with a resonance near {f:g} Hz",
-            _resonance(f, 0.1),
-            {"frequency": f, "damping": 0.1},
+        text = f"an answer to the motion with a resonance near {f:g} Hz"
+        found.append(
+            _candidate(flights, states, "resonance", text, _resonance(f), -count, {"frequency": f, "damping": DAMPING})
         )
     return found
 
 
-def traces(
-    flights: Sequence[Evidence],
-    left: dict[str, np.ndarray],
-    noise: NoiseModel,
-    *,
-    temperature: float,
-    held_out: Sequence[Evidence] = (),
-    nuisance: dict[str, np.ndarray] | None = None,
-) -> list[Trace]:
-    """All groups on what is left (m, 15) of the training flights, best first; scored on held-out flights.
+def _candidate(flights, states, name, text, pushes: Pushes, log_prior=0.0, figures=None) -> Candidate:
+    def columns(e: Evidence) -> np.ndarray:
+        state = states.get(e.name) or flight_state(e)
+        weight = e.vehicle.mass * e.vehicle.gravity
+        arm = float(np.mean(np.linalg.norm(np.array(e.vehicle.rotor_positions), axis=1)))
+        size = SIZE * weight * np.array([1, 1, 1, 0.3 * arm, 0.3 * arm, 0.1 * arm])
+        raw = pushes(state)
+        X = np.zeros((*e.y.shape, raw.shape[-1]))
+        X[:, :6] = size[:, None] * raw
+        return X
 
-    nuisance: (m, 15, k) by flight, columns that may readjust (the fitted effects' own derivatives).
-    """
-    out = []
-    for name, text, columns, figures in groups(flights):
-        total = None
-        for e in flights:
-            X = columns(e)
-            if nuisance is not None:
-                X = np.concatenate([nuisance[e.name], X], axis=-1)
-            g = gram(noise.whiten(X), noise.whiten(left[e.name])).tempered(temperature)
-            total = g if total is None else total + g
-        k0 = 0 if nuisance is None else next(iter(nuisance.values())).shape[-1]
-        everything = np.arange(len(total.Xy))
-        gain = total.log_evidence(everything) - total.log_evidence(everything[:k0])
-        mean, _ = total.posterior(everything)
-        held = 0.0
-        for e in held_out:
-            g = gram(noise.whiten(columns(e)), noise.whiten(left[e.name])).tempered(temperature)
-            held += 0.5 * (g.yy - g.residual(np.arange(len(g.Xy)), mean[k0:]))
-        part = np.concatenate([columns(e) @ mean[k0:] for e in flights])
-        y = np.concatenate([left[e.name] for e in flights])
-        share = float(np.sum(noise.whiten(part)[:, ev.WRENCH] ** 2) / np.sum(noise.whiten(y)[:, ev.WRENCH] ** 2))
-        force = float(np.sqrt(np.mean(np.sum(part[:, ev.FORCE] ** 2, axis=1))))
-        torque = float(np.sqrt(np.mean(np.sum(part[:, ev.TORQUE] ** 2, axis=1))))
-        out.append(Trace(name, text, float(gain), float(held), share, force, torque, figures))
-    return sorted(out, key=lambda t: -t.gain)
+    return Candidate(
+        (PREFIX + name,),
+        text,
+        {e.name: columns(e) for e in flights},
+        lambda c: [],
+        log_prior,
+        generic=columns,
+        figures=figures or {},
+    )
+
+
+def _each(features: np.ndarray, channels: Sequence[int]) -> np.ndarray:
+    """(m, 6, k len(channels)) every feature (m, k) free in each of the channels."""
+    m, k = features.shape
+    out = np.zeros((m, 6, k * len(channels)))
+    for j, c in enumerate(channels):
+        out[:, c, j * k : (j + 1) * k] = features
+    return out
+
+
+def _joined(*parts: np.ndarray) -> np.ndarray:
+    return np.concatenate(parts, axis=2)
+
+
+def _damping(s: FlightState) -> np.ndarray:
+    parts = [_each(np.stack([s.w[:, i], np.abs(s.w[:, i]) * s.w[:, i]], axis=1), [3 + i]) for i in range(3)]
+    return _joined(*parts)
+
+
+def _side_force(s: FlightState) -> np.ndarray:
+    across = np.cross(s.w, s.v) / 2.0
+    return _joined(*(_each(across[:, i : i + 1], [i]) for i in range(3)))
+
+
+def _velocity(s: FlightState) -> np.ndarray:
+    v = s.v / 2.0
+    speed = np.linalg.norm(v, axis=1, keepdims=True)
+    cubes = _each(np.concatenate([v, speed**2 * v], axis=1), [0, 1, 2])
+    return _joined(cubes, _each(np.concatenate([v, speed * v], axis=1), [3, 4, 5]))
+
+
+def _thrust_curve(s: FlightState) -> np.ndarray:
+    """Square and cube of every rotor's thrust over its mean, the same curve for all four."""
+    relative = s.rotor / s.rotor.mean() - 1
+    powers = np.stack([relative**2, relative**3], axis=2)
+    u = np.einsum("ij,mjk->mik", s.mixer, powers)
+    out = np.zeros((len(u), 6, 2))
+    out[:, 2] = 4 * u[:, 0]
+    out[:, 3:] = u[:, 1:] * (1.0 / s.torque_unit)[:, None]
+    return out
+
+
+def _coupling(s: FlightState) -> np.ndarray:
+    f = 4 * (s.u[:, :1] / np.mean(s.u[:, 0]) - 1)
+    rate = np.gradient(f, axis=0) / s.step / 8
+    tau = s.u[:, 1:] / (np.std(s.u[:, 1:], axis=0) + 1e-9)
+    parts = [_each(np.concatenate([f, rate], axis=1), [3, 4, 5])]
+    for i in range(3):
+        others = np.delete(tau, i, axis=1)
+        own = np.sign(np.gradient(tau[:, i]))[:, None] * 0.5
+        parts.append(_each(np.concatenate([others, own], axis=1), [3 + i]))
+    return _joined(*parts)
+
+
+def _height(s: FlightState) -> np.ndarray:
+    z = np.maximum(s.p[:, 2:], 0.05)
+    return _each(np.concatenate([np.exp(-z / 0.3), np.exp(-z), z / 2, (z / 2) ** 2], axis=1), [2])
+
+
+def _place(states: dict[str, FlightState]) -> Pushes:
+    """Bells about centres that the flights chose, each with a force in W."""
+    p = np.concatenate([s.p for s in states.values()])
+    width = 0.8 * float(np.sqrt(np.mean(p.var(axis=0)))) + 0.05
+    pick = p[np.linspace(0, len(p) - 1, 40 * CENTRES).astype(int)]
+    centres, _ = kmeans2(pick, CENTRES, seed=1, minit="++")
+
+    def pushes(s: FlightState) -> np.ndarray:
+        bells = np.exp(-0.5 * np.sum((s.p[:, None] - centres) ** 2, axis=2) / width**2)
+        out = np.zeros((len(bells), 6, 3 * CENTRES))
+        for c in range(3):
+            out[:, :3, c * CENTRES : (c + 1) * CENTRES] = s.R[:, c, :, None] * bells[:, None, :]
+        return out
+
+    return pushes
+
+
+def _resonance(frequency: float) -> Pushes:
+    """Two phases of the motion behind a lightly damped resonance: force along the axis, torque across."""
+    omega = 2 * np.pi * frequency
+
+    def pushes(s: FlightState) -> np.ndarray:
+        system = signal.cont2discrete(
+            ([omega**2], [1.0, 2 * DAMPING * omega, omega**2]), s.step, method="bilinear"
+        )
+        drive = (s.s - s.s.mean(axis=0)) / 2.0
+        answer = signal.lfilter(system[0].ravel(), system[1], drive, axis=0)
+        lagged = signal.lfilter([1.0 / s.step, -1.0 / s.step], [1.0], answer, axis=0) / omega
+        pair = 2 * DAMPING * np.stack([answer, lagged], axis=2)
+        parts = [_each(pair[:, i], [i]) for i in range(3)]
+        parts += [_each(pair[:, 0], [4]), _each(pair[:, 1], [3])]
+        return _joined(*parts)
+
+    return pushes

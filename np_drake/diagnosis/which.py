@@ -15,6 +15,7 @@ from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.rig import Tolerance, calibration, calibration_terms, tolerance_of, wander
 from np_drake.diagnosis.search import Model, Problem, effect_prior, search
 from np_drake.diagnosis.signature import NEVER, Term
+from np_drake.diagnosis.unknown import candidates_of_the_unknown
 
 TEMPERATURE = 2.0  # noise is never quite its model: its variance counts this many times; own choice
 REFINED = 3  # models that are refined
@@ -40,7 +41,7 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
     nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]
     plain = library_candidates(flights)
     drags = [c for c in plain if c.identifiers == ("linear_drag",)]
-    candidates = [*plain, *wind_candidates(flights, drags)]
+    candidates = [*plain, *wind_candidates(flights, drags), *candidates_of_the_unknown(flights)]
     step = flights[0].grid.step
     raw = [e.y for e in flights]
     noise = scale_only(raw, step)
@@ -120,6 +121,7 @@ def _refine(
         noise or problem.noise,
         temperature=problem.temperature,
         wander=drifting,
+        generic=[problem.candidates[i] for i in model.members if problem.candidates[i].generic],
         evaluations=iterations,
     )
 
@@ -131,6 +133,7 @@ def _same(a: Sequence[Term], b: Sequence[Term]) -> bool:
 
 def _score(fit: Fit) -> float:
     prior = sum(effect_prior(t.effect.identifier) for t in fit.terms)
+    prior += sum(effect_prior(g.candidate.identifiers[0]) + g.candidate.log_prior for g in fit.generic)
     onsets = sum(v is not None and v != NEVER for t in fit.terms for v in t.onset.values())
     return fit.log_evidence + prior + ONSET_PRIOR * onsets
 
@@ -148,9 +151,15 @@ def names_of(problem: Problem, model: Model) -> tuple[str, ...]:
     return tuple(sorted(name for i in model.members for name in problem.candidates[i].identifiers))
 
 
+def names_of_fit(fit: Fit) -> tuple[str, ...]:
+    """Identifiers of a fit, generic ones too, sorted."""
+    generic = [name for g in fit.generic for name in g.candidate.identifiers]
+    return tuple(sorted([*(t.effect.identifier for t in fit.terms), *generic]))
+
+
 def _probabilities(problem: Problem, models: Sequence[Model], fits: Sequence[Fit]) -> dict[str, float]:
     """Of every effect: the share of the models that hold it, each with its (refined, where it is) evidence."""
-    refined = {tuple(sorted(t.effect.identifier for t in f.terms)): _score(f) for f in fits}
+    refined = {names_of_fit(f): _score(f) for f in fits}
     linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}
     shift = max(refined.values()) - max(linear[n] for n in refined)
     scores = {n: refined.get(n, s + min(shift, 0.0)) for n, s in linear.items()}

@@ -1,0 +1,69 @@
+"""Power that noise does not have: lines in the spectrum, and slow torques.
+
+What has no shape that an unseen flight would repeat (a vibration, a stuck axis now and then) is not found by
+regression; it is found by where its power lies.
+"""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import signal
+
+from np_drake.diagnosis.evidence import TORQUE, WRENCH, Evidence, low_pass
+
+LINE = 20.0  # power of a line over its neighbourhood above which it is no noise [1]; own choice
+NEIGHBOURHOOD = 1.2  # of a line, to either side [Hz]
+LOWEST, HIGHEST = 0.4, 15.0  # [Hz]
+SLOW = 1.0  # torque below it is compared with that in `MIDDLE` [Hz]
+MIDDLE = (4.0, 8.0)  # [Hz]
+
+
+@dc.dataclass(frozen=True)
+class Line:
+    """The strongest line of a channel: frequency [Hz], power over the median of its neighbours [1], RMS [unit]."""
+
+    channel: int
+    frequency: float
+    prominence: float
+    rms: float
+
+
+def strongest_line(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> Line:
+    """Of force (in W-independent body axes) and torque, over all flights together.
+
+    Periodograms of all flights on one frequency axis are averaged; the line is the bin with the largest ratio to the
+    median about it. In noise that ratio of an average of n flights is a gamma variate of shape n.
+    """
+    rate = 1.0 / flights[0].grid.step
+    size = 2 ** int(np.ceil(np.log2(max(len(e.t) for e in flights))))
+    power = np.zeros((size // 2 + 1, 6))
+    for e in flights:
+        y = left[e.name][:, WRENCH] - left[e.name][:, WRENCH].mean(axis=0)
+        window = signal.windows.hann(len(y))[:, None]
+        power += np.abs(np.fft.rfft(y * window, size, axis=0)) ** 2 / np.sum(window**2) / len(flights)
+    frequency = np.fft.rfftfreq(size, 1 / rate)
+    width = max(3, round(NEIGHBOURHOOD / (frequency[1] - frequency[0])))
+    floor = signal.medfilt(power, (2 * width + 1, 1))
+    inside = (frequency > LOWEST) & (frequency < min(HIGHEST, 0.4 * rate))
+    ratio = np.where(inside[:, None], power / np.maximum(floor, 1e-300), 0.0)
+    k, channel = np.unravel_index(np.argmax(ratio), ratio.shape)
+    rms = float(np.sqrt(2 * 4 * np.sum(power[max(k - 2, 0) : k + 3, channel]) / size))
+    return Line(int(channel), float(frequency[k]), float(ratio[k, channel]), rms)
+
+
+def slow_torque(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> float:
+    """Largest ratio over axes of slow torque to what gyro noise, seen in the middle band, would have there [1].
+
+    The derivative of white gyro noise has power proportional to frequency squared.
+    """
+    slow = np.zeros(3)
+    middle = np.zeros(3)
+    for e in flights:
+        tau = left[e.name][:, TORQUE] - left[e.name][:, TORQUE].mean(axis=0)
+        low = low_pass(tau, e.grid.step, SLOW)
+        band = low_pass(tau, e.grid.step, MIDDLE[1]) - low_pass(tau, e.grid.step, MIDDLE[0])
+        slow += np.mean(low**2, axis=0)
+        middle += np.mean(band**2, axis=0)
+    expected = SLOW**3 / (MIDDLE[1] ** 3 - MIDDLE[0] ** 3)
+    return float(np.sqrt(np.max(slow / np.maximum(middle * expected, 1e-30))))

@@ -1,0 +1,177 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from np_drake.diagnosis import evidence as ev
+from np_drake.diagnosis.candidates import (
+    effect_candidates,
+    gated,
+    library_candidates,
+    payload_candidates,
+    wind_candidates,
+)
+from np_drake.diagnosis.signature import Term, signature
+from np_drake.effects.library import LIBRARY
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.suspended_payload import SuspendedPayload
+
+
+@pytest.fixture(scope="module")
+def flights(seen):
+    return [seen(name="a", seed=1, noise=1.0, seconds=8.0), seen(name="b", seed=2, noise=1.0, seconds=6.0)]
+
+
+@pytest.fixture(scope="module")
+def candidates(flights):
+    return library_candidates(flights)
+
+
+def trace(candidate, coefficients, flight):
+    return signature(flight, candidate.terms(np.asarray(coefficients)))
+
+
+def gap(found, expected) -> float:
+    return float(np.linalg.norm(found - expected) / np.linalg.norm(expected))
+
+
+def test_every_effect_is_tried_but_those_that_act_through_others(candidates):
+    named = {c.identifiers for c in candidates}
+    hidden = {"suspended_payload", *(n for n, e in LIBRARY.items() if e.needs)}
+    assert named == {(n,) for n in LIBRARY if n not in hidden}
+
+
+def test_variants_of_an_effect_share_one_prior(candidates):
+    for name in {c.identifiers for c in candidates}:
+        assert sum(np.exp(c.log_prior) for c in candidates if c.identifiers == name) == pytest.approx(1.0)
+
+
+LINEAR = [n for n, e in LIBRARY.items() if e.linear and e.place == "wrench" and n != "rotor_gyroscopic"]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.data())
+def test_columns_times_coefficients_are_the_trace_of_the_terms_that_they_mean(flights, candidates, data):
+    candidate = data.draw(st.sampled_from([c for c in candidates if c.identifiers[0] in LINEAR]))
+    c = np.array(data.draw(st.lists(st.floats(0.01, 0.6), min_size=candidate.size, max_size=candidate.size)))
+    for e in flights:
+        np.testing.assert_allclose(candidate.columns[e.name] @ c, trace(candidate, c, e), rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", [n for n in LIBRARY if n not in ("suspended_payload", "constant_wind", "gusty_wind")])
+def test_small_coefficients_mean_small_effects_of_that_trace(flights, candidates, name):
+    for candidate in (c for c in candidates if c.identifiers == (name,)):
+        single = effect_candidates(LIBRARY[name], flights, {})
+        assert candidate.variant in {c.variant for c in single}
+        c = np.full(candidate.size, 0.5 if not LIBRARY[name].linear and candidate.size == 1 else 0.05)
+        for e in flights:
+            assert gap(candidate.columns[e.name] @ c, trace(candidate, c, e)) < 0.05
+
+
+def test_coefficients_beyond_the_bounds_mean_an_effect_at_its_bounds(candidates):
+    for candidate in candidates:
+        for far in (-1e3, 1e3):
+            (term,) = candidate.terms(np.full(candidate.size, far))
+            for p in term.effect.parameters:
+                assert p.lower <= getattr(term.effect, p.name) <= p.upper
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.tuples(*[st.floats(0.3, 1.0)] * 3), st.tuples(*[st.floats(-1.0, 1.0)] * 3))
+def test_wind_is_felt_through_the_drag_that_comes_with_it(flights, candidates, drag, wind):
+    (dut,) = wind_candidates(flights, [c for c in candidates if c.identifiers == ("linear_drag",)])
+    assert dut.identifiers == ("linear_drag", "constant_wind")
+    c = np.concatenate([drag, np.multiply(wind, drag)])  # small wind times drag: in the prior's units
+    # v - wind through one drag in all axes is linear in drag times wind; the axes' own drags turn with the body
+    for e in flights:
+        still = dut.columns[e.name][..., :3] @ np.array(drag)
+        assert gap(still, trace(dut, [*drag, 0, 0, 0], e)) < 1e-6
+        if len(set(np.round(drag, 3))) == 1:
+            assert gap(dut.columns[e.name] @ c, trace(dut, c, e)) < 1e-6
+
+
+def test_the_wind_of_equal_drags_is_exact(flights, candidates):
+    (dut,) = wind_candidates(flights, [c for c in candidates if c.identifiers == ("linear_drag",)])
+    c = np.array([0.8, 0.8, 0.8, 0.5, -0.3, 0.2])
+    for e in flights:
+        assert gap(dut.columns[e.name] @ c, trace(dut, c, e)) < 1e-6
+
+
+def test_a_payload_at_rest_has_the_trace_of_its_terms(flights):
+    (dut,) = payload_candidates(flights, np.array([0.6]))
+    c = np.zeros(dut.size)
+    c[0], c[3] = 0.9, -0.4  # mass, and the hook below
+    for e in flights:
+        assert gap((dut.columns[e.name] @ c)[:, ev.FORCE], trace(dut, c, e)[:, ev.FORCE]) < 0.02
+        assert gap((dut.columns[e.name] @ c)[:, ev.TORQUE], trace(dut, c, e)[:, ev.TORQUE]) < 0.1
+
+
+def test_a_payload_that_swings_has_the_trace_of_its_terms(flights):
+    (dut,) = payload_candidates(flights, np.array([0.6]))
+    c = np.zeros(dut.size)
+    c[0] = 1.0
+    c[4:] = 0.3 * np.array([1, -1, 0.5, 0.5, -1, 1, 0.5, -0.5])  # every flight has its own start
+    for e in flights:
+        rest = np.where(np.arange(dut.size) < 4, c, 0.0)
+        moved = (dut.columns[e.name] @ (c - rest))[:, ev.FORCE]
+        expected = (trace(dut, c, e) - trace(dut, rest, e))[:, ev.FORCE]
+        assert gap(moved, expected) < 0.15  # pendulums are linear to first order
+
+
+def test_a_payload_weighs_something(flights):
+    (dut,) = payload_candidates(flights, np.array([0.6]))
+    c = np.zeros(dut.size)
+    assert dut.possible is not None
+    assert not dut.possible(c)
+    c[0] = -1.0
+    assert not dut.possible(c)
+    c[0] = 1.0
+    assert dut.possible(c)
+    c[4] = 50.0  # swings further than a payload can
+    assert not dut.possible(c)
+
+
+@pytest.mark.parametrize("effect", [LinearDrag, MassError], ids=lambda e: e.identifier)
+def test_a_gated_candidate_is_that_of_its_onset(flights, effect):
+    (plain,) = effect_candidates(effect, flights, {})
+    onset = {"a": 3.0}
+    late = gated(plain, flights, onset)
+    c = np.full(plain.size, 0.05)
+    (term,) = late.terms(c)
+    assert term.onset == onset
+    expected = signature(flights[0], [Term(term.effect, onset)])
+    outside = np.abs(flights[0].t - 3.0) > 0.25  # the low-pass
+    assert gap((late.columns["a"] @ c)[outside], expected[outside]) < 0.01
+    np.testing.assert_array_equal(late.columns["b"], plain.columns["b"])
+
+
+def test_effects_that_cannot_begin_in_flight_have_no_onset(flights):
+    names = {n for c in library_candidates(flights, {"a": 3.0}) for n in c.identifiers}
+    assert names
+    assert all(LIBRARY[n].begins for n in names)
+
+
+def test_without_accelerations_no_accelerometer_is_blamed(seen):
+    bare = [seen(accelerations=False, seconds=5.0)]
+    assert ("accelerometer_bias",) not in {c.identifiers for c in library_candidates(bare)}
+
+
+def test_where_rotor_speed_is_measured_no_motor_is_blamed(fly):
+    import dataclasses as dc
+
+    from np_drake.diagnosis.evidence import make_evidence
+    from np_drake.vehicle import Vehicle
+
+    flight = make_evidence(dc.replace(fly(seconds=5.0), input="rotor_speed"), Vehicle())
+    names = {c.identifiers[0] for c in library_candidates([flight])}
+    assert not names & {"motor_lag", "command_delay", "clock_offset"}
+    assert "thrust_scale" in names
+
+
+def test_a_library_without_wind_or_payload_has_no_such_candidates(flights, library):
+    del library["constant_wind"]
+    del library["suspended_payload"]
+    assert wind_candidates(flights, []) == []
+    assert payload_candidates(flights, np.array([0.6])) == []
+    assert SuspendedPayload.identifier not in library

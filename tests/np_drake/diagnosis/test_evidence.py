@@ -1,0 +1,96 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis import evidence as ev
+from np_drake.diagnosis.evidence import low_pass, make_evidence
+from np_drake.effects.velocity_bias import VelocityBias
+from np_drake.logs.flight_log import FlightLog
+from np_drake.vehicle import Vehicle
+
+VEHICLE = Vehicle()
+INSIDE = slice(25, -25)  # of the grid: half a second from the ends
+
+
+@pytest.mark.parametrize("accelerations", [True, False])
+def test_a_nominal_flight_has_no_residual(seen, accelerations):
+    dut = seen(accelerations=accelerations)
+    np.testing.assert_allclose(dut.y[:, ev.WRENCH], 0.0, atol=1e-9)  # [N, N·m]
+    np.testing.assert_allclose(dut.y[:, 6:12], 0.0, atol=1e-9)  # [m/s, m/s²]
+    np.testing.assert_allclose(dut.y[:, ev.ATTITUDE], 0.0, atol=3e-3)  # rates between rows: second order [rad/s]
+
+
+def shaken(rows: int = 800, *, late: int = 0) -> FlightLog:
+    """Level flight whose thrust is new in every row; `late`: its acceleration stands so many rows too late."""
+    t = 0.01 * np.arange(rows)
+    f = 19.62 + np.random.default_rng(0).normal(scale=2.0, size=rows)
+    a = np.stack([0 * f, 0 * f, f / VEHICLE.mass - VEHICLE.gravity], axis=1)
+    v = np.concatenate([np.zeros((1, 3)), 0.01 * np.cumsum(a[:-1], axis=0)])
+    p = np.concatenate([np.zeros((1, 3)), 0.005 * np.cumsum(v[1:] + v[:-1], axis=0)])
+    u = np.stack([f, 0 * f, 0 * f, 0 * f], axis=1)
+    q, still = np.tile([1.0, 0, 0, 0], (rows, 1)), np.zeros((rows, 3))
+    return FlightLog(t=t, p=p, q=q, v=v, w=still, u=u, a=np.roll(a, late, axis=0))
+
+
+def test_each_acceleration_meets_the_command_of_its_own_row():
+    np.testing.assert_allclose(make_evidence(shaken(), VEHICLE).y, 0.0, atol=1e-9)
+    for late in (-1, 1):
+        y = make_evidence(shaken(late=late), VEHICLE).y[INSIDE]
+        assert np.std(y[:, 2]) > 0.5  # [N]
+
+
+def test_without_accelerations_a_change_of_velocity_meets_the_command_before_it():
+    bare = dc.replace(shaken(), a=None)
+    np.testing.assert_allclose(make_evidence(bare, VEHICLE).y, 0.0, atol=1e-9)
+    swapped = dc.replace(bare, u=np.roll(bare.u, 1, axis=0))
+    assert np.std(make_evidence(swapped, VEHICLE).y[INSIDE, 2]) > 0.5  # [N]
+
+
+def test_a_wrench_on_the_body_is_the_residual():
+    log = shaken()
+    pushed = dc.replace(log, u=log.u - [3.0, 0.1, -0.2, 0.05])  # the rotors give less; the rest is from elsewhere
+    found = make_evidence(pushed, VEHICLE).y[:, ev.WRENCH]
+    np.testing.assert_allclose(found, np.tile([0, 0, 3.0, 0.1, -0.2, 0.05], (len(found), 1)), atol=1e-9)
+
+
+def test_kinematic_channels_show_a_velocity_that_is_not_the_slope_of_position(seen):
+    dut = seen(VelocityBias(0.1, -0.2, 0.3))
+    expected = np.tile([-0.1, 0.2, -0.3], (len(dut.t), 1))
+    np.testing.assert_allclose(dut.y[:, ev.POSITION], expected, atol=1e-3)
+
+
+def test_noisy_attitude_is_seen_and_a_turned_acceleration_too(seen):
+    clean, dut = seen(noise=0.3), seen(noise=0.3, attitude_noise=0.01)
+    assert clean.attitude_noise < 1e-3
+    assert not clean.turned
+    assert dut.attitude_noise == pytest.approx(0.01, rel=0.1)
+    assert dut.turned  # the made rig turns what it reads with the attitude that it reads
+    np.testing.assert_allclose(dut.y[INSIDE, ev.FORCE].std(axis=0), clean.y[INSIDE, ev.FORCE].std(axis=0), rtol=0.3)
+
+
+def test_an_acceleration_that_another_attitude_turned_is_not_turned_back_with_the_noisy_one(fly):
+    log, quiet = fly(noise=0.3, attitude_noise=0.01), fly(noise=0.3)
+    dut = make_evidence(dc.replace(log, a=quiet.a), VEHICLE)
+    assert not dut.turned
+    assert dut.y[INSIDE, ev.FORCE].std() < 0.1  # 20 N of weight times 10 mrad would be 0.2 N
+
+
+def test_a_flight_shorter_than_three_seconds_is_refused_in_one_line(fly):
+    with pytest.raises(ValueError, match="must last at least 3 s") as error:
+        make_evidence(fly(seconds=2.5, name="brief"), VEHICLE)
+    assert "brief" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_the_low_pass_keeps_what_is_slow_without_phase_and_removes_what_is_fast():
+    t = 0.01 * np.arange(1000)
+    slow, fast = np.sin(2 * np.pi * 0.5 * t), np.sin(2 * np.pi * 30 * t)
+    found = low_pass(np.stack([slow, fast], axis=1), 0.01, 8.0)[100:-100]
+    np.testing.assert_allclose(found[:, 0], slow[100:-100], atol=1e-3)
+    assert np.abs(found[:, 1]).max() < 0.02
+
+
+def test_a_band_beyond_the_rate_changes_nothing():
+    values = np.random.default_rng(0).normal(size=(100, 2))
+    assert low_pass(values, 0.05, 9.5) is values

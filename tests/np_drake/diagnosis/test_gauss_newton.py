@@ -1,0 +1,85 @@
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from np_drake.diagnosis.gauss_newton import minimise
+
+WIDE = np.full(3, 1e6)
+
+
+def linear(seed: int, rows: int = 30, n: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return 30 * rng.normal(size=(rows, n)), 300 * rng.normal(size=rows)
+
+
+def solved(J, y, lower, upper, *, start=None, iterations=20):
+    start = np.clip(np.zeros(J.shape[1]), lower, upper) if start is None else start
+    return minimise(lambda z: J @ z - y, lambda z: J, start, lower, upper, iterations)
+
+
+def test_a_quadratic_is_solved_in_one_step():
+    J, y = linear(0)
+    dut = solved(J, y, -WIDE, WIDE, iterations=1)
+    expected = np.linalg.lstsq(J, y, rcond=None)[0]
+    np.testing.assert_allclose(dut.z, expected, rtol=0.01)  # the damping of the first step is 1e-3
+    again = solved(J, y, -WIDE, WIDE)
+    np.testing.assert_allclose(again.z, expected, rtol=1e-4)
+    np.testing.assert_allclose(dut.information, J.T @ J)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6))
+def test_the_minimum_lies_within_the_bounds_and_no_free_figure_wants_to_move(seed):
+    rng = np.random.default_rng(seed)
+    J, y = linear(seed)
+    lower = -rng.uniform(0.1, 8.0, 3)
+    upper = rng.uniform(0.1, 8.0, 3)
+    dut = solved(J, y, lower, upper)
+    assert (dut.z >= lower).all()
+    assert (dut.z <= upper).all()
+    gradient = J.T @ dut.residual
+    scale = np.linalg.norm(J, axis=0) * np.linalg.norm(y)
+    inside = (dut.z > lower) & (dut.z < upper)
+    assert np.abs(gradient / scale)[inside].max(initial=0.0) < 2e-3  # a cost of 0.1 of 1e6 is not followed
+    assert (gradient[dut.z <= lower] >= -1e-9).all()
+    assert (gradient[dut.z >= upper] <= 1e-9).all()
+
+
+def test_a_curved_valley_is_followed_downhill():
+    def residual(z):
+        return 100 * np.array([10 * (z[1] - z[0] ** 2), 1 - z[0]])
+
+    def jacobian(z):
+        return 100 * np.array([[-20 * z[0], 10.0], [-1.0, 0.0]])
+
+    bound = np.full(2, 5.0)
+    dut = minimise(residual, jacobian, np.array([-1.2, 1.0]), -bound, bound, 60)
+    np.testing.assert_allclose(dut.z, [1.0, 1.0], atol=0.01)
+    assert dut.cost < 0.1
+
+
+def test_the_cost_never_rises():
+    costs = []
+    for iterations in range(1, 8):
+        dut = minimise(
+            lambda z: 10 * np.array([np.sin(3 * z[0]), z[0] - 2, z[1] ** 2]),
+            lambda z: 10 * np.array([[3 * np.cos(3 * z[0]), 0], [1, 0], [0, 2 * z[1]]]),
+            np.array([0.3, 1.5]),
+            np.full(2, -4.0),
+            np.full(2, 4.0),
+            iterations,
+        )
+        costs.append(dut.cost)
+    assert (np.diff(costs) <= 1e-12).all()
+
+
+def test_a_start_at_the_minimum_stays():
+    J, y = linear(1)
+    best = np.linalg.lstsq(J, y, rcond=None)[0]
+    np.testing.assert_allclose(solved(J, y, -WIDE, WIDE, start=best).z, best, rtol=1e-9)
+
+
+def test_nothing_free_is_no_error():
+    J, y = linear(2)
+    dut = solved(J, y, np.zeros(3), np.zeros(3))
+    np.testing.assert_array_equal(dut.z, 0.0)

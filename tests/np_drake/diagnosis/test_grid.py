@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from np_drake.diagnosis.grid import STEP, TAPS, make_grid, to_grid
+
+INSIDE = slice(TAPS + 1, -TAPS - 1)  # where the low-pass sees no held end
+
+
+def jittered(rate: float, seconds: float, seed: int) -> np.ndarray:
+    step = 1 / rate
+    t = 3.0 + step * np.arange(round(seconds * rate))
+    return t + np.random.default_rng(seed).uniform(-0.3, 0.3, len(t)) * step
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(-10, 10), st.floats(-10, 10), st.floats(60, 1000), st.integers(0, 1000))
+def test_a_straight_line_passes_unchanged_whatever_the_sampling(slope, offset, rate, seed):
+    t = jittered(rate, 4.0, seed)
+    grid = make_grid(t)
+    found = to_grid(grid, t, (offset + slope * t)[:, None])[:, 0]
+    np.testing.assert_allclose(found[INSIDE], (offset + slope * grid.t)[INSIDE], atol=1e-9)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(20, 1000))
+def test_the_grid_is_uniform_and_covers_the_flight(rate):
+    t = jittered(rate, 4.0, 0)
+    grid = make_grid(t)
+    np.testing.assert_allclose(np.diff(grid.t), grid.step, rtol=1e-9)
+    assert grid.t[0] == t[0]
+    assert t[-1] - grid.t[-1] < 2 * grid.step
+    assert grid.step <= max(STEP, 1 / rate) * 1.3  # a whole number of rows; the median of jittered ones
+
+
+def test_a_constant_passes_up_to_the_ends():
+    t = jittered(500, 4.0, 1)
+    grid = make_grid(t)
+    np.testing.assert_allclose(to_grid(grid, t, np.full((len(t), 2), 7.0)), 7.0, rtol=1e-12)
+
+
+def test_what_the_grid_cannot_show_is_removed_and_not_folded():
+    t = 0.001 * np.arange(5000)
+    grid = make_grid(t)
+    slow, fast = np.sin(2 * np.pi * 3 * t), np.sin(2 * np.pi * 48 * t)  # 48 Hz would fold to 2 Hz
+    found = to_grid(grid, t, np.stack([slow, fast], axis=1))[INSIDE]
+    np.testing.assert_allclose(found[:, 0], np.sin(2 * np.pi * 3 * grid.t)[INSIDE], atol=0.005)  # of the pass band
+    assert np.abs(found[:, 1]).max() < 0.005
+
+
+def test_a_log_slower_than_the_grid_keeps_its_own_rows():
+    t = 0.05 * np.arange(80)
+    grid, values = make_grid(t), np.random.default_rng(0).normal(size=(80, 3))
+    assert grid.factor == 1
+    np.testing.assert_allclose(to_grid(grid, t, values), values, atol=1e-9)
+
+
+@pytest.mark.parametrize("shape", [(), (3,), (3, 3)])
+def test_every_shape_of_values_is_kept(shape):
+    t = 0.005 * np.arange(800)
+    grid = make_grid(t)
+    assert to_grid(grid, t, np.ones((800, *shape))).shape == (len(grid), *shape)

@@ -1,0 +1,105 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+
+from np_drake.diagnosis.noise import fit_noise, no_worse, scale_only
+
+STEP = 0.02
+PHI = {0: [1.2, -0.6], 1: [0.5], 2: []}  # of three processes
+
+
+def processes(seed: int, n: int = 6000, mixing: np.ndarray | None = None) -> np.ndarray:
+    """(n, 3) autoregressive, driven by white noise with the covariance mixing mixing'."""
+    drive = np.random.default_rng(seed).normal(size=(n + 200, 3))
+    drive = drive if mixing is None else drive @ mixing.T
+    parts = [signal.lfilter([1.0], [1.0, *(-np.array(PHI[c]))], drive[:, c]) for c in range(3)]
+    return np.stack(parts, axis=1)[200:]
+
+
+def true_spectrum(c: int, frequency: np.ndarray) -> np.ndarray:
+    _, h = signal.freqz([1.0], [1.0, *(-np.array(PHI[c]))], worN=frequency, fs=1 / STEP)
+    return 2 * STEP * np.abs(h) ** 2
+
+
+def test_the_spectrum_of_a_known_process_is_recovered():
+    dut = fit_noise([processes(0), processes(1)], STEP)
+    frequency = np.linspace(0.5, 24, 60)
+    found = dut.spectrum(frequency)
+    for c in PHI:
+        np.testing.assert_allclose(found[c], true_spectrum(c, frequency), rtol=0.35)  # 21 figures of 12000 samples
+
+
+@pytest.mark.parametrize("c", [0, 1, 2])
+def test_the_spectrum_holds_the_variance(c):
+    dut = fit_noise([processes(0)], STEP)
+    frequency = np.linspace(0, 25, 4001)
+    total = np.trapezoid(dut.spectrum(frequency)[c], frequency)
+    assert total == pytest.approx(dut.rms[c] ** 2, rel=0.02)
+
+
+def test_whitening_gives_unit_white_innovations_that_are_independent_across_channels():
+    mixing = np.array([[1.0, 0, 0], [0.8, 0.6, 0], [-0.5, 0.5, 0.7]])
+    dut = fit_noise([processes(0, 20000, mixing)], STEP)
+    white = dut.whiten(processes(5, 20000, mixing))  # of an unseen flight
+    np.testing.assert_allclose(white.T @ white / len(white), np.eye(3), atol=0.05)  # 4 sigma of two sets of samples
+    for lag in (1, 2, 5):
+        correlation = white[lag:].T @ white[:-lag] / len(white)
+        assert np.abs(correlation).max() < 0.035  # 4 sigma and the figures' own error
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(-5, 5), st.floats(-5, 5))
+def test_whitening_is_linear(a, b):
+    dut = fit_noise([processes(0, 800)], STEP)
+    x, y = processes(1, 300), processes(2, 300)
+    np.testing.assert_allclose(dut.whiten(a * x + b * y), a * dut.whiten(x) + b * dut.whiten(y), atol=1e-9)
+
+
+def test_columns_are_whitened_each_as_a_signal():
+    dut = fit_noise([processes(0, 800)], STEP)
+    x, y = processes(1, 300), processes(2, 300)
+    both = dut.whiten(np.stack([x, y, 0 * x], axis=-1))
+    np.testing.assert_allclose(both[..., 0], dut.whiten(x), atol=1e-12)
+    np.testing.assert_allclose(both[..., 1], dut.whiten(y), atol=1e-12)
+    np.testing.assert_array_equal(both[..., 2], 0.0)
+    assert len(both) == 300 - dut.phi.shape[1]
+
+
+def test_the_first_channels_are_whitened_alike_without_the_others():
+    dut = fit_noise([processes(0, 800)], STEP)
+    x = processes(1, 300)
+    np.testing.assert_allclose(dut.head(2).whiten(x[:, :2]), dut.whiten(x)[:, :2], atol=1e-12)
+
+
+def test_a_channel_that_is_not_there_counts_for_nothing():
+    values = processes(0, 800)
+    values[:, 1] = 0.0
+    dut = fit_noise([values], STEP)
+    assert dut.active.tolist() == [True, False, True]
+    np.testing.assert_array_equal(dut.whiten(values)[:, 1], 0.0)
+    assert np.isfinite(dut.whiten(values)).all()
+
+
+def test_a_mean_is_no_noise():
+    values = processes(0)
+    dut, moved = fit_noise([values], STEP), fit_noise([values + [5.0, -3.0, 1.0]], STEP)
+    np.testing.assert_allclose(moved.phi, dut.phi, atol=1e-9)
+    np.testing.assert_allclose(moved.rms, dut.rms)
+
+
+def test_scale_only_makes_channels_comparable():
+    values = processes(0) * [1.0, 10.0, 0.0]
+    white = scale_only([values], STEP).whiten(values)
+    np.testing.assert_allclose(np.sqrt(np.mean(white[:, :2] ** 2, axis=0)), 1.0, rtol=1e-3)
+    np.testing.assert_array_equal(white[:, 2], 0.0)
+
+
+def test_a_fit_that_made_a_channel_worse_does_not_raise_its_noise():
+    before = [np.ones((4, 3)) * [1.0, 1.0, 1.0]]
+    after = [np.array([[0.5, 3.0, 1.0], [-0.5, -3.0, -1.0]] * 2)]
+    (found,) = no_worse(after, before)
+    np.testing.assert_array_equal(found[:, 0], after[0][:, 0])
+    np.testing.assert_array_equal(found[:, 1], before[0][:, 1])
+    np.testing.assert_array_equal(found[:, 2], after[0][:, 2])

@@ -1,0 +1,174 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from np_drake.diagnosis import evidence as ev
+from np_drake.diagnosis.signature import NEVER, Term, gate, signature
+from np_drake.effects.base import SensorEffect
+from np_drake.effects.blade_flapping import BladeFlapping
+from np_drake.effects.command_delay import CommandDelay
+from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.gyro_bias import GyroBias
+from np_drake.effects.library import LIBRARY
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.quadratic_drag import QuadraticDrag
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.effects.translational_lift import TranslationalLift
+from np_drake.effects.velocity_bias import VelocityBias
+
+INSIDE = slice(25, -25)  # of the grid: the ends are held
+EVERY = pytest.mark.parametrize("effect", LIBRARY.values(), ids=LIBRARY.keys())
+# Of the trace: what a step between instants, a smoothed regressor or the second order may cost [1].
+INEXACT = {"suspended_payload": 0.04, "motor_lag": 0.06, "center_of_mass_offset": 0.05, "attitude_bias": 0.03}
+LEFT = 5e-4  # of the trace for all others [1]
+SMALL = 2e-4  # a channel that an effect does not touch [N, N·m]
+LIGHT = SuspendedPayload(0.2, 0.7, 0.02, 0.0, -0.05)
+
+
+def made(effect: type) -> list:
+    """The effect at its defaults, with the drag that it needs."""
+    own = LIGHT if effect is SuspendedPayload else effect()
+    return [LinearDrag(), own] if effect.needs else [own]
+
+
+def size(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum(values[INSIDE] ** 2, axis=1))))
+
+
+@pytest.mark.parametrize("accelerations", [True, False])
+@EVERY
+def test_the_trace_of_the_true_effect_is_the_residual_of_an_exact_log(seen, effect, accelerations):
+    acting = made(effect)
+    dut = seen(*acting, accelerations=accelerations)
+    left = dut.y - signature(dut, [Term(e) for e in acting])
+    share = INEXACT.get(effect.identifier, LEFT)
+    for part in (ev.FORCE, ev.TORQUE):
+        assert size(left[:, part]) < share * size(dut.y[:, part]) + SMALL
+
+
+@pytest.mark.parametrize("accelerations", [True, False])
+@pytest.mark.parametrize(
+    "effect", [e for e in LIBRARY.values() if issubclass(e, SensorEffect)], ids=lambda e: e.identifier
+)
+def test_the_trace_of_a_sensor_is_in_the_kinematic_channels_too(seen, effect, accelerations):
+    dut = seen(effect(), accelerations=accelerations)
+    left = dut.y - signature(dut, [Term(effect())])
+    for part in (ev.POSITION, ev.VELOCITY, ev.ATTITUDE):
+        assert size(left[:, part]) < 0.03 * size(dut.y[:, part]) + 1e-3  # [m/s, m/s², rad/s]
+
+
+@EVERY
+def test_a_neutral_effect_leaves_no_trace(seen, effect):
+    dut = seen(noise=1.0)
+    neutral = [LinearDrag(), effect.neutral()] if effect.needs else [effect.neutral()]
+    found = signature(dut, [Term(e) for e in neutral])
+    expected = signature(dut, [Term(LinearDrag())]) if effect.needs else 0 * found
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_without_effects_there_is_no_trace(seen):
+    np.testing.assert_array_equal(signature(seen(), []), 0.0)
+
+
+FORCES = st.sampled_from([LinearDrag(), QuadraticDrag(), BladeFlapping(), TranslationalLift(), GyroBias(), VelocityBias()])
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.lists(FORCES, min_size=2, max_size=4, unique_by=type))
+def test_traces_of_effects_that_do_not_feel_each_other_add(flown, effects):
+    terms = [Term(e) for e in effects]
+    np.testing.assert_allclose(
+        signature(flown, terms), sum(signature(flown, [t]) for t in terms), atol=1e-9
+    )
+
+
+@pytest.fixture(scope="module")
+def flown(seen):
+    return seen(noise=1.0)
+
+
+def test_the_order_of_terms_does_not_matter(flown):
+    terms = [Term(e) for e in (MassError(), LinearDrag(), ThrustScale(), MotorLag(), LIGHT, ConstantWind())]
+    np.testing.assert_allclose(signature(flown, terms), signature(flown, terms[::-1]), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        (MassError(0.3), ThrustScale(0.9)),
+        (LinearDrag(), ConstantWind(3.0, -1.0, 0.5)),
+        (MotorLag(0.04), ThrustScale(1.1), BladeFlapping()),
+        (MassError(0.3), LIGHT),
+    ],
+    ids=lambda e: "+".join(i.identifier for i in e),
+)
+def test_effects_that_feel_each_other_leave_their_common_trace(seen, effects):
+    dut = seen(*effects)
+    left = dut.y - signature(dut, [Term(e) for e in effects])
+    assert size(left[:, ev.FORCE]) < 0.02 * size(dut.y[:, ev.FORCE])
+    assert size(left[:, ev.TORQUE]) < 0.03 * size(dut.y[:, ev.TORQUE]) + SMALL
+
+
+def test_wind_alone_leaves_no_trace(flown):
+    np.testing.assert_array_equal(signature(flown, [Term(ConstantWind())]), 0.0)
+
+
+BEGINS = [e for e in LIBRARY.values() if e.begins]
+
+
+@pytest.mark.parametrize("effect", BEGINS, ids=lambda e: e.identifier)
+def test_before_its_onset_an_effect_leaves_no_trace_and_after_it_its_own(flown, effect):
+    terms = [Term(e) for e in made(effect)]
+    always = [dc.replace(t, onset={flown.name: None}) for t in terms]
+    late = [dc.replace(t, onset={flown.name: 6.0}) for t in terms]
+    found, whole = signature(flown, late), signature(flown, always)
+    np.testing.assert_array_equal(signature(flown, terms), whole)
+    np.testing.assert_allclose(found[flown.t < 5.75], 0.0, atol=1e-9)  # the low-pass sees 0.2 s ahead
+    if effect is not SuspendedPayload:  # which begins to swing anew
+        after = flown.t > 6.25
+        np.testing.assert_allclose(found[after], whole[after], atol=1e-9)
+    never = [dc.replace(t, onset={flown.name: NEVER}) for t in terms]
+    np.testing.assert_array_equal(signature(flown, never), 0.0)
+
+
+@pytest.mark.parametrize("effect", [MassError(), ThrustScale(), LinearDrag(), LIGHT], ids=lambda e: e.identifier)
+def test_an_onset_in_a_flight_leaves_the_trace_of_that_onset(seen, effect):
+    dut = seen(effect, onset={effect.identifier: 5.0})
+    left = dut.y - signature(dut, [Term(effect, {dut.name: 5.0})])
+    outside = np.abs(dut.t - 5.0) > 0.25
+    assert size(left[outside][:, ev.WRENCH]) < 0.03 * size(dut.y[:, ev.WRENCH])
+
+
+def test_two_onsets_of_actuators_are_switched_in_one_after_the_other(flown):
+    terms = [Term(ThrustScale(0.9), {flown.name: 3.0}), Term(CommandDelay(0.05), {flown.name: 6.0})]
+    found = signature(flown, terms)
+    scale = signature(flown, [Term(ThrustScale(0.9))])
+    both = signature(flown, [Term(ThrustScale(0.9)), Term(CommandDelay(0.05))])
+    between, late = (flown.t > 3.3) & (flown.t < 5.7), flown.t > 6.3
+    np.testing.assert_allclose(found[between], scale[between], atol=1e-9)
+    np.testing.assert_allclose(found[late], both[late], atol=1e-9)
+
+
+def test_an_onset_belongs_to_its_flight(flown):
+    elsewhere = Term(MassError(), {"another": NEVER})
+    np.testing.assert_array_equal(signature(flown, [elsewhere]), signature(flown, [Term(MassError())]))
+
+
+def test_the_gate_opens_at_the_onset():
+    t = np.array([0.0, 1.0, 2.0])
+    np.testing.assert_array_equal(gate(t, None)[:, 0], [1, 1, 1])
+    np.testing.assert_array_equal(gate(t, 1.0)[:, 0], [0, 1, 1])
+    np.testing.assert_array_equal(gate(t, NEVER)[:, 0], [0, 0, 0])
+
+
+def test_more_mass_pulls_the_residual_down_by_its_share_of_the_thrust(flown):
+    found = signature(flown, [Term(MassError(0.5))])
+    expected = (2.0 / 2.5 - 1.0) * flown.nominal[:, 2]
+    np.testing.assert_allclose(found[:, 2], expected, rtol=1e-9)
+    np.testing.assert_allclose(found[:, [0, 1, 3, 4, 5]], 0.0, atol=1e-9)

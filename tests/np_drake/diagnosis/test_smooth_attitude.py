@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from np_drake import attitude
+from np_drake.diagnosis.smooth_attitude import (
+    conjugate,
+    from_rotation_vector,
+    gyro_attitude,
+    rotation_vector,
+    smooth_attitude,
+)
+from np_drake.effects.gyro_bias import GyroBias
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.tuples(*[st.floats(-1.7, 1.7)] * 3))  # |r| < pi
+def test_rotation_vector_and_quaternion_are_inverse(r):
+    q = from_rotation_vector(np.array([r]))
+    np.testing.assert_allclose(np.linalg.norm(q), 1.0)
+    np.testing.assert_allclose(rotation_vector(q), [r], atol=1e-8)
+    np.testing.assert_allclose(rotation_vector(-q), [r], atol=1e-8)  # the same attitude
+
+
+def test_a_constant_rate_turns_the_attitude_at_that_rate():
+    t, w = 0.01 * np.arange(300), np.array([0.3, -0.4, 1.2])
+    q = gyro_attitude(t, np.array([1.0, 0, 0, 0]), np.tile(w, (300, 1)))
+    expected = from_rotation_vector(t[:, None] * w)
+    np.testing.assert_allclose(np.abs(np.sum(q * expected, axis=1)), 1.0, atol=1e-12)
+
+
+def test_clean_readings_are_returned_as_they_are(fly):
+    log = fly()
+    q, noise = smooth_attitude(log.t, log.q, log.w)
+    assert q is log.q
+    assert noise < 2e-4  # integration of rows [rad]
+
+
+def error(q, q_true):
+    return np.sqrt(np.mean(rotation_vector(attitude.multiply(conjugate(q_true), q)) ** 2))
+
+
+@pytest.mark.parametrize("deviation", [0.003, 0.01, 0.02])
+def test_white_noise_is_measured_and_mostly_removed(fly, deviation):
+    log = fly(noise=0.3, attitude_noise=deviation)
+    q, noise = smooth_attitude(log.t, log.q, log.w)
+    assert noise == pytest.approx(deviation, rel=0.1)
+    truth = fly().q
+    assert error(log.q, truth) == pytest.approx(deviation, rel=0.05)
+    assert error(q, truth) < 0.35 * deviation  # white noise above 1 Hz of 50 Hz goes: sqrt(2 %) and the gyro's own
+
+
+def test_a_log_too_slow_for_the_crossover_is_left_alone():
+    t = 0.6 * np.arange(40)
+    q = np.tile([1.0, 0, 0, 0], (40, 1))
+    found, noise = smooth_attitude(t, q, np.zeros((40, 3)))
+    assert found is q
+    assert noise == 0.0
+
+
+def test_a_bias_of_the_gyro_is_no_noise_of_the_attitude(fly):
+    log = fly(GyroBias(0.01, -0.02, 0.01))
+    q, noise = smooth_attitude(log.t, log.q, log.w)
+    assert noise < 1e-3
+    assert q is log.q

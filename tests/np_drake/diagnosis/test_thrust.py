@@ -1,0 +1,127 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from np_drake.diagnosis.thrust import nominal_thrust, rotor_thrust
+from np_drake.effects.command_delay import CommandDelay
+from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.logs.flight_log import FlightLog
+from np_drake.vehicle import Vehicle
+
+VEHICLE = Vehicle()
+STEP = 0.01
+
+
+def log_of(thrust: np.ndarray) -> FlightLog:
+    n = len(thrust)
+    still = np.zeros((n, 3))
+    q = np.tile([1.0, 0, 0, 0], (n, 1))
+    return FlightLog(t=2.0 + STEP * np.arange(n), p=still, q=q, v=still, w=still, u=thrust @ VEHICLE.mixer.T)
+
+
+def commands(seed: int = 0, n: int = 60) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(2.0, 8.0, (n, 4))
+
+
+def test_a_command_is_held_from_its_row_to_the_next():
+    f = commands()
+    rows, mids = nominal_thrust(log_of(f), VEHICLE)
+    np.testing.assert_allclose(rows, f, atol=1e-9)
+    np.testing.assert_allclose(mids, f[:-1], atol=1e-9)
+
+
+def test_commands_are_held_between_rows_of_any_spacing():
+    f = commands(1)
+    log = log_of(f)
+    log.t = 2.0 + np.concatenate([[0.0], np.cumsum(np.random.default_rng(2).choice([STEP, 2 * STEP], 59, p=[0.8, 0.2]))])
+    rows, mids = nominal_thrust(log, VEHICLE)
+    np.testing.assert_allclose(rows, f, atol=1e-9)
+    np.testing.assert_allclose(mids, f[:-1], atol=1e-9)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(0.0, 0.12), st.integers(0, 100))
+def test_a_delay_mixes_two_commands_in_the_mean_of_an_interval(delay, seed):
+    f = commands(seed)
+    _, mids = rotor_thrust(log_of(f), VEHICLE, [CommandDelay(delay)])
+    whole, part = divmod(delay / STEP, 1)
+    k = np.arange(len(f) - 1) - int(whole)
+    expected = (1 - part) * f[np.maximum(k, 0)] + part * f[np.maximum(k - 1, 0)]
+    np.testing.assert_allclose(mids, expected, atol=1e-6)  # rounding of the substeps [N]
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0.0, 0.12), st.integers(0, 100))
+def test_a_late_clock_and_a_delay_shift_the_command_alike_and_once(delay, seed):
+    log = log_of(commands(seed))
+    by_delay = rotor_thrust(log, VEHICLE, [CommandDelay(delay)])
+    by_clock = rotor_thrust(log, VEHICLE, [], shift=delay)
+    np.testing.assert_allclose(by_clock[1], by_delay[1], atol=1e-6)
+    np.testing.assert_allclose(by_clock[0], by_delay[0], atol=1e-6)
+
+
+def test_a_clock_that_runs_ahead_takes_commands_earlier():
+    f = commands()
+    rows, mids = rotor_thrust(log_of(f), VEHICLE, [], shift=-3 * STEP)
+    np.testing.assert_allclose(rows[:-3], f[3:], atol=1e-9)
+    np.testing.assert_allclose(mids[:-3], f[3:-1], atol=1e-9)
+
+
+def test_a_lag_answers_a_step_as_an_exponential_of_rotor_speed():
+    T, low, high = 0.04, 3.0, 6.0
+    f = np.full((60, 4), low)
+    f[20:] = high
+    rows, mids = rotor_thrust(log_of(f), VEHICLE, [MotorLag(T)])
+    since = STEP * np.arange(39)  # from row 20 on
+    s0, s1 = np.sqrt(low), np.sqrt(high)
+    e = np.exp(-since / T)
+
+    def mean(power: int) -> np.ndarray:  # of e^(-power t / T) over the interval that begins at `since`
+        return T / (power * STEP) * (1 - np.exp(-power * STEP / T)) * e**power
+
+    expected = s1**2 + 2 * s1 * (s0 - s1) * mean(1) + (s0 - s1) ** 2 * mean(2)
+    np.testing.assert_allclose(mids[20:, 0], expected, atol=1e-5)  # Simpson's rule on a quarter of a row [N]
+    np.testing.assert_allclose(mids[:20], low, atol=1e-9)
+    at_rows = (s1 + (s0 - s1) * e) ** 2
+    np.testing.assert_allclose(rows[20:59, 0], at_rows, atol=0.15)  # right-sided, over a quarter of a row [N]
+
+
+def test_the_vehicles_own_lag_acts_unless_an_effect_brings_one():
+    slow, log = dc.replace(VEHICLE, rotor_time_constant=0.05), log_of(commands())
+    own = rotor_thrust(log, VEHICLE, [MotorLag(0.05)])[1]
+    np.testing.assert_allclose(nominal_thrust(log, slow)[1], own, atol=1e-9)
+    other = rotor_thrust(log, VEHICLE, [MotorLag(0.02)])[1]
+    np.testing.assert_allclose(rotor_thrust(log, slow, [MotorLag(0.02)])[1], other, atol=1e-9)
+    assert np.abs(own - other).max() > 0.1  # [N]
+
+
+def test_measured_rotor_speed_is_between_rows_and_passes_propellers_only():
+    f = commands()
+    log = dc.replace(log_of(f), input="rotor_speed")
+    chain = [MotorLag(0.05), CommandDelay(0.03), ThrustScale(0.9)]
+    rows, mids = rotor_thrust(log, VEHICLE, chain)
+    at_rows, between = rotor_thrust(log, VEHICLE, [ThrustScale(0.9)])
+    np.testing.assert_array_equal(rows, at_rows)
+    np.testing.assert_array_equal(mids, between)
+    np.testing.assert_allclose(rows, 0.9 * f, atol=1e-9)
+    # four substeps from the row on, each with its first value: an eighth of a row early
+    np.testing.assert_allclose(mids, 0.9 * (0.625 * f[:-1] + 0.375 * f[1:]), atol=1e-6)
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.2])
+def test_a_memoryless_effect_scales_every_mean(scale):
+    f = commands()
+    rows, mids = rotor_thrust(log_of(f), VEHICLE, [ThrustScale(scale)])
+    np.testing.assert_allclose(rows, scale * f, atol=1e-9)
+    np.testing.assert_allclose(mids, scale * f[:-1], atol=1e-9)
+
+
+def test_a_rotor_cannot_pull():
+    f = commands()
+    f[:, 0] = -1.0
+    rows, _ = nominal_thrust(log_of(f), VEHICLE)
+    np.testing.assert_array_equal(rows[:, 0], 0.0)
