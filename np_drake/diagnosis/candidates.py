@@ -16,6 +16,7 @@ from np_drake.effects.library import LIBRARY
 ROTOR_SPEED_BLIND = ("motor_lag", "command_delay", "clock_offset")
 SWING = 0.15  # prior deviation of an initial swing [rad]
 HOOK = 0.1  # prior deviation of the hook [m]
+SHIFTS = np.geomspace(0.003, 0.06, 10)  # of commands against states that are tried [s]
 Onset = dict[str, float | None]
 
 
@@ -46,12 +47,12 @@ def nonlinear_grid(effect: type[Effect], flight: Evidence) -> list[dict[str, flo
     """Values at which an effect that is not linear is tried; [] where it has its own treatment."""
     grids: dict[str, list[dict[str, float]]] = {
         "motor_lag": [
-            {"time_constant": flight.vehicle.rotor_time_constant + v} for v in (0.012, 0.03, 0.06, 0.12)
+            {"time_constant": flight.vehicle.rotor_time_constant + float(v)} for v in np.geomspace(0.006, 0.12, 9)
         ],
-        "command_delay": [{"delay": v} for v in (0.006, 0.015, 0.03, 0.06)],
-        "clock_offset": [{"offset": v} for v in (-0.05, -0.015, 0.015, 0.05)],
+        "command_delay": [{"delay": float(v)} for v in SHIFTS],
+        "clock_offset": [{"offset": sign * float(v)} for v in SHIFTS for sign in (-1, 1)],
         "ground_effect": [
-            {"effective_radius": v * flight.vehicle.rotor_radius} for v in (1.0, 2.0, 3.5, 5.0)
+            {"effective_radius": v * flight.vehicle.rotor_radius} for v in (1.0, 1.6, 2.4, 3.5, 5.0)
         ],
     }
     if effect.identifier in grids:

@@ -1,5 +1,6 @@
 """`diagnose`: the five steps in a row. Each can be used alone: check, where, which (rank), how far, unknown."""
 
+import dataclasses as dc
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -19,6 +20,7 @@ from np_drake.diagnosis.which import Ranking, rank
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
+BESIDE_UNKNOWN = 0.85  # no cause is surer where something unknown is left; own choice
 Progress = Callable[[float, str], None]
 
 
@@ -59,6 +61,8 @@ def diagnose(
         blown = as_gusts(left.slow, causes, left.slow_probability)
         unknown = len(blown) == len(causes) and "linear_drag" not in {c.identifier for c in causes}
         causes, unknown_probability = blown, left.slow_probability if unknown else left.probability
+    if unknown:
+        causes = [dc.replace(c, probability=min(c.probability, BESIDE_UNKNOWN)) for c in causes]
     held = left.held
     checked = check(flights, unseen, ranking.problem.candidates, ranking.noise)
     found = where(unseen, held.left, ranking.noise, held.rows)

@@ -75,8 +75,19 @@ def no_worse(residuals: list[np.ndarray], before: list[np.ndarray]) -> list[np.n
     return [np.where(now > then, b, r) for r, b in zip(residuals, before, strict=True)]
 
 
-def fit_noise(residuals: list[np.ndarray], step: float, order: int = ORDER) -> NoiseModel:
-    """From residuals (m, c) of one or more flights. Noise has no mean: a mean is a finding."""
+def fit_noise(
+    residuals: list[np.ndarray],
+    step: float,
+    *,
+    explained: list[np.ndarray] | None = None,
+    inexact: float = 0.0,
+    order: int = ORDER,
+) -> NoiseModel:
+    """From residuals (m, c) of one or more flights. Noise has no mean: a mean is a finding.
+
+    explained: (m, c) what a model predicts there, good to a share `inexact` [1] only: that share counts as noise too.
+    """
+    smear = [inexact * (p - p.mean(axis=0)) for p in explained or []] if inexact else []
     residuals = [r - r.mean(axis=0) for r in residuals]
     channels = residuals[0].shape[1]
     phi = np.zeros((channels, order))
@@ -85,13 +96,14 @@ def fit_noise(residuals: list[np.ndarray], step: float, order: int = ORDER) -> N
     rms = np.sqrt(sum(np.sum(r**2, axis=0) for r in residuals) / total)
     rms[rms**2 < ACTIVE] = 0.0
     for c in np.flatnonzero(rms):
-        lags = sum(_autocovariance(r[:, c], order) for r in residuals) / total
+        lags = sum(_autocovariance(r[:, c], order) for r in [*residuals, *smear]) / total
         lags[0] *= 1 + RIDGE
         phi[c] = linalg.solve_toeplitz(lags[:-1], lags[1:])
         innovation[c] = lags[0] - phi[c] @ lags[1:]
     plain = NoiseModel(phi, np.eye(channels), rms, innovation, step)
-    driven = np.concatenate([plain.whiten(r) for r in residuals])
-    return dc.replace(plain, mixing=_mixing(driven.T @ driven / len(driven), plain.active))
+    driven = np.concatenate([plain.whiten(r) for r in [*residuals, *smear]])
+    rows = total - order * len(residuals)
+    return dc.replace(plain, mixing=_mixing(driven.T @ driven / rows, plain.active))
 
 
 def _autocovariance(e: np.ndarray, order: int) -> np.ndarray:

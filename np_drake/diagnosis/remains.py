@@ -15,7 +15,7 @@ from np_drake.diagnosis.refine import Fit, Generic
 from np_drake.diagnosis.unknown import PREFIX
 from np_drake.diagnosis.which import Ranking
 
-SLOW_TORQUE = {True: 60.0, False: 60.0}  # above it a slow torque is no gyro's, on a rig and in a laboratory
+SLOW_TORQUE = {True: 12.0, False: 9.0}  # above it a slow torque is no gyro's, on a rig and in a laboratory
 STEEP = 6.0  # of the probability with the logarithm of a ratio; own choice
 
 
@@ -78,7 +78,7 @@ def _generic(generic: Generic, ranking: Ranking, flights: Sequence[Evidence]) ->
     own = np.sum((part * inverse) ** 2)
     gap = own / max(np.sum((y * inverse) ** 2) - y.shape[0] * np.sum(noise.rms > 0), own)
     material = (
-        force >= MATERIAL_FORCE * vehicle.mass * vehicle.gravity
+        force >= 0.5 * MATERIAL_FORCE * vehicle.mass * vehicle.gravity
         or torque >= MATERIAL_TORQUE * np.sqrt(np.mean(np.sum(tau**2, axis=1)))
         or gap >= MATERIAL_GAP
     )

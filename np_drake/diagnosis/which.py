@@ -17,6 +17,7 @@ from np_drake.diagnosis.search import Model, Problem, effect_prior, search
 from np_drake.diagnosis.signature import NEVER, Term
 from np_drake.diagnosis.unknown import candidates_of_the_unknown
 
+INEXACT = 0.03  # share of what linear columns explain that they get wrong; own choice
 TEMPERATURE = 2.0  # noise is never quite its model: its variance counts this many times; own choice
 REFINED = 3  # models that are refined
 CLOSE = 12.0  # of the best's log evidence, below which a model is not worth it
@@ -49,7 +50,7 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
     for _ in range(2):
         swinging = payloads.best(noise, [*nuisance, *_best_variants(flights, noise, candidates)])
         rich = _rich_residuals(flights, noise, nuisance, [*candidates, *swinging])
-        noise = fit_noise(no_worse(rich, raw), step)
+        noise = _search_noise(rich, raw, step)
     candidates += payloads.best(noise, [*nuisance, *_best_variants(flights, noise, candidates)])
     best: Fit | None = None
     for _ in range(2):
@@ -59,11 +60,20 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
             problem = Problem(flights, noise, nuisance, [*candidates, *late], temperature=TEMPERATURE)
         models = search(problem)
         best = _refine(problem, models[0], tolerance, best, iterations=3)
-        noise = fit_noise(no_worse([best.left(e) for e in flights], raw), step)
+        residuals = [best.left(e) for e in flights]
+        noise = _search_noise(residuals, raw, step)
+    assert best is not None
+    noise = fit_noise(no_worse(residuals, raw), step)
     close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
     fits = [_refine(problem, m, tolerance, best, noise) for m in close[:REFINED]]
     fits.sort(key=lambda f: -_score(f))
     return Ranking(tuple(fits), _probabilities(problem, models, fits), noise, problem, tuple(models), tolerance)
+
+
+def _search_noise(residuals: list[np.ndarray], raw: list[np.ndarray], step: float) -> NoiseModel:
+    """Noise of the search, whose columns are only linear: a share of what they explain counts as noise."""
+    explained = [y - r for y, r in zip(raw, residuals, strict=True)]
+    return fit_noise(no_worse(residuals, raw), step, explained=explained, inexact=INEXACT)
 
 
 def _best_variants(flights, noise, candidates) -> list[Candidate]:

@@ -6,6 +6,7 @@ effects, and velocity and position are its sums. Every effect of the library can
 
 import dataclasses as dc
 from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,9 @@ from scipy.interpolate import CubicSpline
 
 from np_drake import attitude
 from np_drake.diagnosis.evidence import Evidence, make_evidence
+from np_drake.diagnosis.noise import NoiseModel, fit_noise
+from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.which import Ranking, rank
 from np_drake.effects.base import Effect, MassProperties, Measurement, Motion
 from np_drake.effects.combine import EffectsByPlace, split_effects
 from np_drake.effects.library import LIBRARY
@@ -28,6 +32,7 @@ VEHICLE = Vehicle()
 SWEEPS = 14  # fixed-point steps from motion to forces and back
 STEERED = 5  # of them, in which the attitude still turns towards the force that is needed
 STEP = 0.01  # of the log [s]
+SLOW_START = 4.0  # [s]
 GRAVITY = np.array([0.0, 0.0, VEHICLE.gravity])
 
 #        frequency [Hz], amplitude [m, rad] of x, y, z, heading
@@ -45,16 +50,21 @@ class Course:
     yaw: np.ndarray
 
 
-def course(seed: int, seconds: float, vigour: float) -> Course:
-    """A few sinusoids an axis about a point 1.2 m above the ground."""
+def course(seed: int, seconds: float, vigour: float | tuple[float, ...]) -> Course:
+    """A few sinusoids an axis about a point 1.2 m above the ground, out of rest there over the first seconds."""
     rng = np.random.default_rng(seed)
     t = STEP * np.arange(round(seconds / STEP) + 1)
     parts = np.zeros((3, len(t), 4))
     for frequency, amplitude in WAVES:
         rate = 2 * np.pi * frequency * rng.uniform(0.9, 1.1, 4)
-        angle, size = t[:, None] * rate + rng.uniform(0, 2 * np.pi, 4), vigour * np.array(amplitude)
+        angle, size = t[:, None] * rate + rng.uniform(0, 2 * np.pi, 4), np.multiply(vigour, amplitude)
         parts += np.stack([size * np.sin(angle), size * rate * np.cos(angle), -size * rate**2 * np.sin(angle)])
-    return Course(t, parts[0, :, :3] + [0, 0, 1.2], parts[1, :, :3], parts[2, :, :3], parts[0, :, 3])
+    s = np.minimum(t / SLOW_START, 1.0)[:, None]
+    grown = s**3 * (10 - 15 * s + 6 * s**2)
+    rate, bend = 30 * s**2 * (1 - s) ** 2 / SLOW_START, 60 * s * (1 - s) * (1 - 2 * s) / SLOW_START**2
+    wave, slope, curve = parts
+    p, v, a = grown * wave, grown * slope + rate * wave, grown * curve + 2 * rate * slope + bend * wave
+    return Course(t, p[:, :3] + [0, 0, 1.2], v[:, :3], a[:, :3], p[:, 3])
 
 
 @dc.dataclass
@@ -118,7 +128,8 @@ class Flight:
         al = np.concatenate([al, al[-1:]])
         chi_rows = self._chi(self.path.t, x, now.rows)
         chi_mids = self._chi(self.path.t + 0.5 * STEP, _middle(x), now.mids)
-        swing = self._payload(x, now.a, al)
+        mean = np.diff(now.x[:, V], axis=0) / STEP
+        swing = self._payload(_middle(x), np.concatenate([mean, mean[-1:]]), al)
         chi_rows, chi_mids = chi_rows + _before(swing), chi_mids + swing
         q_mid, w_mid = _middle(x)[:, Q], _middle(x)[:, W]
         f_rows, f_mids = (attitude.rotate_back(i, chi[:, :3]) for i, chi in ((q, chi_rows), (q_mid, chi_mids)))
@@ -147,7 +158,10 @@ class Flight:
         return sum(e.wrench(self.vehicle, motion) * self.gate(e) for e in self.places.wrench) + np.zeros((len(t), 6))
 
     def _payload(self, x: np.ndarray, a: np.ndarray, al: np.ndarray) -> np.ndarray:
-        """(n, 6) in the mean of the intervals; it hangs at rest along the apparent gravity of its first half second."""
+        """(n, 6) in the mean of the intervals, from the motion in their middle; it begins at rest along the apparent
+
+        gravity of its first half second.
+        """
         payload, chi = self.places.payload, np.zeros((len(x), 6))
         if payload is None:
             return chi
@@ -213,7 +227,7 @@ def fly(
     seed: int = 0,
     seconds: float = 12.0,
     noise: float = 0.0,
-    vigour: float = 1.0,
+    vigour: float | tuple[float, ...] = 1.0,
     accelerations: bool = True,
     onset: Mapping[str, float] | None = None,
     attitude_noise: float = 0.0,
@@ -222,7 +236,7 @@ def fly(
     """A log of a flight under `effects`.
 
     onset: by identifier [s].   noise: times the white noise of the vehicle file [1]; attitude_noise [rad].
-    vigour: of the motion [1]; 0 hovers.
+    vigour: of the motion along x, y, z and about z [1]; 0 hovers.
     """
     places = split_effects(effects)
     flight = Flight(course(seed, seconds, vigour), places, onset or {}, vehicle)
@@ -263,6 +277,38 @@ def seen() -> Callable[..., Evidence]:
         return make_evidence(fly(*effects, vehicle=vehicle, **how), vehicle)
 
     return look
+
+
+@dc.dataclass(frozen=True)
+class Case:
+    """Flights of one vehicle, and the models that explain them, best first."""
+
+    flights: list[Evidence]
+    unseen: list[Evidence]
+    ranking: Ranking
+
+    @property
+    def fit(self) -> Fit:
+        return self.ranking.fits[0]
+
+
+@pytest.fixture(scope="session")
+def ranked(seen) -> Callable[..., Case]:
+    """The models of two noisy flights under some effects, and a third flight; each case is worked out once."""
+
+    @cache
+    def case(*effects: Effect) -> Case:
+        flights = [seen(*effects, name=n, seed=i, noise=1.0) for i, n in enumerate(("a", "b"), start=1)]
+        return Case(flights, [seen(*effects, name="c", seed=3, noise=1.0)], rank(flights))
+
+    return case
+
+
+@pytest.fixture(scope="session")
+def noise(seen) -> NoiseModel:
+    """That of nominal flights."""
+    nominal = [seen(name=str(i), seed=i, noise=1.0) for i in (8, 9)]
+    return fit_noise([e.y for e in nominal], nominal[0].grid.step)
 
 
 @pytest.fixture

@@ -1,0 +1,50 @@
+import pytest
+
+from np_drake.diagnosis.collinear import collinear_effects
+from np_drake.diagnosis.rig import LABORATORY, Tolerance
+from np_drake.diagnosis.signature import Term
+from np_drake.effects.clock_offset import ClockOffset
+from np_drake.effects.command_delay import CommandDelay
+from np_drake.effects.gyro_bias import GyroBias
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+
+
+def same_as(seen, noise, *effects, i=0, tolerance=LABORATORY, vigour=1.0):
+    flights = [seen(*effects, name="a", seed=1, noise=1.0, seconds=8.0, vigour=vigour)]
+    return collinear_effects(flights, [Term(e) for e in effects], i, noise, tolerance)
+
+
+def test_a_delay_and_a_clock_behind_are_the_same(seen, noise):
+    assert same_as(seen, noise, CommandDelay(0.03))[0] == "clock_offset"
+    assert same_as(seen, noise, ClockOffset(-0.03))[0] == "command_delay"
+
+
+def test_a_clock_ahead_is_no_delay(seen, noise):
+    assert "command_delay" not in same_as(seen, noise, ClockOffset(0.03))
+
+
+def test_a_drag_and_a_biased_gyro_are_not_the_same(seen, noise):
+    drag = same_as(seen, noise, LinearDrag())
+    gyro = same_as(seen, noise, GyroBias())
+    assert "gyro_bias" not in drag
+    assert "linear_drag" not in gyro
+
+
+@pytest.mark.parametrize("effect", [LinearDrag(), CommandDelay()], ids=lambda e: e.identifier)
+def test_no_effect_is_its_own_double(seen, noise, effect):
+    assert effect.identifier not in same_as(seen, noise, effect)
+
+
+def test_without_torque_more_mass_is_less_thrust(seen, noise):
+    assert "thrust_scale" in same_as(seen, noise, MassError(0.2), vigour=(0.0, 0.0, 1.0, 0.0))
+
+
+def test_what_is_named_beside_it_already_does_not_count(seen, noise):
+    assert "clock_offset" not in same_as(seen, noise, CommandDelay(0.03), ClockOffset(-0.01))
+
+
+def test_what_a_rig_may_be_off_by_can_stand_in_for_an_effect(seen, noise):
+    slight = GyroBias(0.005, 0.0, 0.0)
+    strict, loose = (same_as(seen, noise, slight, tolerance=t) for t in (LABORATORY, Tolerance()))
+    assert len(loose) > len(strict)

@@ -1,0 +1,92 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.evidence import WRENCH, make_evidence
+from np_drake.diagnosis.held_out import HIDDEN_SPAN, adapt, known_onset_profile, residuals, scored
+from np_drake.diagnosis.signature import NEVER, Term, signature
+from np_drake.effects.gyro_bias import GyroBias
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.vehicle import Vehicle
+
+HEAVY = MassError(0.2)
+PAYLOAD = SuspendedPayload(0.2, 0.5, 0.0, 0.0, -0.05)
+
+
+@pytest.mark.parametrize("when", [2.5, 6.0, 9.5])
+def test_the_onset_in_an_unseen_flight_is_found(seen, noise, when):
+    flight = seen(HEAVY, name="c", seed=3, noise=1.0, onset={"mass_error": when})
+    (dut,) = adapt([Term(HEAVY, {"a": 1.0})], flight, noise)
+    assert dut.begins("c") == pytest.approx(when, abs=0.2)
+    assert dut.effect == HEAVY  # its figures are those of the fit
+
+
+def test_what_acts_from_the_start_keeps_no_onset(seen, noise):
+    flight = seen(HEAVY, name="c", seed=3, noise=1.0)
+    (dut,) = adapt([Term(HEAVY, {"a": 4.0})], flight, noise)
+    assert dut.begins("c") is None
+
+
+def test_what_is_absent_from_a_flight_never_begins_there(seen, noise):
+    flight = seen(name="c", seed=3, noise=1.0)
+    dut = adapt([Term(HEAVY), Term(LinearDrag(0.5, 0.5, 0.5))], flight, noise)
+    assert [t.begins("c") for t in dut] == [NEVER, NEVER]
+
+
+def test_a_sensor_has_no_onset(seen, noise):
+    (dut,) = adapt([Term(GyroBias(0.2))], seen(name="c", seed=3, noise=1.0), noise)
+    assert dut.begins("c") is None
+
+
+def test_two_effects_find_their_own_onsets(seen, noise):
+    acting = [HEAVY, LinearDrag(0.8, 0.8, 0.8)]
+    flight = seen(*acting, name="c", seed=3, noise=1.0, onset={"mass_error": 7.0})
+    heavy, drag = adapt([Term(e) for e in acting], flight, noise)
+    assert heavy.begins("c") == pytest.approx(7.0, abs=0.2)
+    assert drag.begins("c") is None
+
+
+def test_the_swing_at_the_start_of_an_unseen_flight_is_found(fly, noise):
+    log = fly(PAYLOAD, name="c", seed=3, noise=1.0)
+    middle = log.rows(420, len(log))  # the payload is swinging
+    flight = make_evidence(dc.replace(middle, t=middle.t - middle.t[0]), Vehicle())
+    (dut,) = adapt([Term(PAYLOAD)], flight, noise)
+    rows = scored([dut], flight)
+    left, still = (
+        noise.whiten(flight.y - signature(flight, [t])[:, :])[rows[noise.phi.shape[1] :]][:, WRENCH]
+        for t in (dut, Term(PAYLOAD))
+    )
+    assert np.abs(dut.hidden["c"]).max() > 0.05  # [rad, rad/s]
+    assert np.sqrt(np.mean(left**2)) < 1.3
+    assert np.sqrt(np.mean(still**2)) > 1.2 * np.sqrt(np.mean(left**2))
+
+
+def test_rows_that_a_hidden_start_was_fitted_to_are_not_scored(seen):
+    flight = seen(name="c", seed=3)
+    assert scored([Term(HEAVY)], flight).all()
+    rows = scored([Term(HEAVY), Term(PAYLOAD)], flight)
+    np.testing.assert_array_equal(rows, flight.t >= HIDDEN_SPAN)
+    late = scored([Term(PAYLOAD, {"c": 5.0})], flight)
+    np.testing.assert_array_equal(late, (flight.t < 5.0) | (flight.t >= 5.0 + HIDDEN_SPAN))
+    assert scored([Term(PAYLOAD, {"c": NEVER})], flight).all()
+
+
+def test_the_profile_is_the_likelihood_of_every_instant(seen, noise):
+    flight = seen(HEAVY, name="c", seed=3, noise=1.0, seconds=5.0)
+    own = signature(flight, [Term(HEAVY)])
+    t, profile = known_onset_profile(flight, noise, flight.y, own)
+    y, s = noise.whiten(flight.y), noise.whiten(own)
+    k = 100
+    left = np.concatenate([y[:k], (y - s)[k:]])
+    assert profile[k] == pytest.approx(0.5 * (np.sum(y**2) - np.sum(left**2)))
+    assert profile[-1] == 0.0  # not at all
+    assert len(t) == len(profile) == len(y) + 1
+    assert np.isneginf(profile[(t > t[0]) & (t < t[0] + 0.3)]).all()
+
+
+def test_residuals_are_what_the_terms_leave(seen):
+    flight = seen(HEAVY, name="c", seed=3)
+    assert np.abs(residuals([Term(HEAVY)], [flight])["c"][:, WRENCH]).max() < 1e-6

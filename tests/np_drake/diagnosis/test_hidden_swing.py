@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from np_drake.diagnosis.hidden_swing import (
+    attitude_on_grid,
+    hook_acceleration,
+    specific_pull,
+    start_of_swing,
+    swing_wrenches,
+)
+from np_drake.diagnosis.signature import NEVER, Term
+from np_drake.effects.suspended_payload import SuspendedPayload
+
+SMALL = st.floats(-0.8, 0.8)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.tuples(*[SMALL] * 4), st.floats(0.1, 3.0), st.tuples(SMALL, SMALL, st.floats(0.5, 2.0)))
+def test_a_swing_begins_on_the_sphere_and_moves_along_it(swing, length, pull):
+    r, rate = start_of_swing(np.array([length]), np.array([swing]), 9.81 * np.array(pull))
+    assert np.linalg.norm(r) == pytest.approx(length)
+    assert np.sum(r * rate) == pytest.approx(0.0, abs=1e-9)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.tuples(SMALL, SMALL, st.floats(0.5, 2.0)))
+def test_without_swing_it_hangs_against_the_pull(pull):
+    r, rate = start_of_swing(np.array([0.7]), np.zeros((1, 4)), np.array(pull))
+    np.testing.assert_allclose(r[0], -0.7 * np.array(pull) / np.linalg.norm(pull), atol=1e-12)
+    np.testing.assert_array_equal(rate, 0.0)
+
+
+def test_an_angle_of_swing_is_an_angle():
+    still, moved = (start_of_swing(np.ones(1), np.array([[a, 0, 0, 0]]), np.array([0, 0, 9.81]))[0][0] for a in (0, 0.3))
+    assert np.arccos(still @ moved) == pytest.approx(0.3)
+    assert moved[0] == pytest.approx(np.sin(0.3))  # towards +x in W
+
+
+def test_the_hook_of_a_hovering_vehicle_rests(seen):
+    dut = seen(vigour=0.0)
+    hooks = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, -0.05]])
+    np.testing.assert_allclose(hook_acceleration(dut, hooks), 0.0, atol=1e-9)
+    pull = specific_pull(dut, np.array([0.5]), np.zeros((1, 4)), hooks[:1], None)
+    np.testing.assert_allclose(pull[:, 0], np.tile([0, 0, -9.81], (len(dut.t), 1)), atol=1e-6)
+
+
+def test_hooks_are_worked_out_as_each_alone(seen):
+    dut = seen()
+    hooks = np.array([[0.1, 0.0, 0.0], [0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
+    together = hook_acceleration(dut, hooks)
+    for i in range(3):
+        np.testing.assert_allclose(together[:, i], hook_acceleration(dut, hooks[i : i + 1])[:, 0])
+
+
+def test_attitude_on_the_grid_is_that_of_the_rows(seen):
+    dut = seen()
+    q = attitude_on_grid(dut)
+    np.testing.assert_allclose(np.linalg.norm(q, axis=1), 1.0)
+    np.testing.assert_allclose(q, dut.log.q[::2], atol=1e-12)
+
+
+def test_many_payloads_pull_as_each_does_alone(seen):
+    dut = seen(seconds=5.0)
+    terms = [
+        Term(SuspendedPayload(0.1 * (i + 1), 0.4 + 0.3 * i, 0.02, 0.0, -0.05), {"a": 1.0}, {"a": np.full(4, 0.1 * i)})
+        for i in range(3)
+    ]
+    together = swing_wrenches(dut, terms)
+    for i, term in enumerate(terms):
+        np.testing.assert_allclose(together[:, i], swing_wrenches(dut, [term])[:, 0], atol=1e-9)
+
+
+def test_before_its_onset_nothing_pulls_and_what_never_begins_never_does(seen):
+    dut = seen(seconds=5.0)
+    late = swing_wrenches(dut, [Term(SuspendedPayload(), {"a": 2.0})])[:, 0]
+    np.testing.assert_array_equal(late[dut.t < 1.99], 0.0)
+    assert np.linalg.norm(late[dut.t > 2.01][:, :3], axis=1).min() > 0.1  # [N]
+    np.testing.assert_array_equal(swing_wrenches(dut, [Term(SuspendedPayload(), {"a": NEVER})]), 0.0)

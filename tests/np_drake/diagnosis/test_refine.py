@@ -1,0 +1,117 @@
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.refine import free_figures, read, refine, write
+from np_drake.diagnosis.signature import NEVER, Term
+from np_drake.effects.command_delay import CommandDelay
+from np_drake.effects.gyro_bias import GyroBias
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.effects.weak_rotor import WeakRotor
+
+SEEDS = 40
+
+
+def deviation(fit) -> np.ndarray:
+    return np.sqrt(np.diag(fit.covariance))
+
+
+@pytest.mark.parametrize(
+    "true, start",
+    [
+        ([LinearDrag(0.3, 0.1, 0.2)], [LinearDrag(0.0, 0.0, 0.0)]),
+        ([MassError(0.25), LinearDrag()], [MassError(0.0), LinearDrag(0.1, 0.1, 0.1)]),
+        ([MotorLag(0.045)], [MotorLag(0.03)]),
+        ([CommandDelay(0.03)], [CommandDelay(0.02)]),
+        ([WeakRotor(2, 0.85)], [WeakRotor(2, 1.0)]),
+    ],
+    ids=lambda effects: "+".join(e.identifier for e in effects),
+)
+def test_parameters_are_recovered_within_their_intervals(seen, noise, true, start):
+    flight = seen(*true, noise=1.0, seconds=8.0)
+    dut = refine([Term(e) for e in start], [], [flight], noise, temperature=1.0)
+    expected = read([Term(e) for e in true], dut.free)
+    np.testing.assert_array_less(np.abs(dut.values - expected), 3.5 * deviation(dut))
+    np.testing.assert_array_less(deviation(dut), 0.15 * np.maximum(np.abs(expected), 0.2))
+    np.testing.assert_array_equal(read(dut.terms, dut.free), dut.values)
+
+
+def test_a_payload_is_recovered_with_its_swing(seen, noise):
+    true = SuspendedPayload(0.2, 0.5, 0.0, 0.0, -0.05)
+    flight = seen(true, noise=1.0, seconds=7.0)
+    dut = refine([Term(SuspendedPayload(0.15, 0.46))], [], [flight], noise, temperature=1.0)
+    found = dut.terms[0].effect
+    assert found.mass == pytest.approx(0.2, rel=0.05)
+    assert found.length == pytest.approx(0.5, rel=0.03)
+    assert found.hook_z == pytest.approx(-0.05, abs=0.02)
+    assert np.abs(dut.terms[0].hidden["a"]).max() < 0.2  # it begins at rest [rad, rad/s]
+
+
+def test_95_percent_intervals_hold_the_truth_about_95_times_in_100(seen, noise):
+    true = LinearDrag(0.3, 0.2, 0.25)
+    inside = []
+    for seed in range(SEEDS):
+        flight = seen(true, seed=seed, noise=1.0, seconds=6.0)
+        fit = refine([Term(true)], [], [flight], noise, temperature=1.0, evaluations=2)
+        inside.append(np.abs(fit.values - [0.3, 0.2, 0.25]) < 1.96 * deviation(fit))
+    assert 0.88 < np.mean(inside) <= 1.0  # of 120: 0.95 less 3.5 sigma; intervals may be wide, not narrow
+    assert np.mean(inside) < 1.0 or SEEDS < 20
+
+
+def test_the_residual_of_a_fit_is_what_its_terms_leave(seen, noise):
+    flight = seen(MassError(0.2), noise=1.0, seconds=6.0)
+    fit = refine([Term(MassError())], [], [flight], noise, temperature=1.0)
+    white = noise.whiten(fit.left(flight))
+    assert fit.loss == pytest.approx(np.sum(white**2), rel=1e-6)
+    assert np.mean(white**2) == pytest.approx(1.0, abs=0.1)
+    assert fit.samples == len(flight.t)
+
+
+def test_a_wrong_model_has_less_evidence(seen, noise):
+    flight = seen(MassError(0.2), noise=1.0, seconds=6.0)
+    right, wrong = (
+        refine([Term(e)], [], [flight], noise, temperature=1.0) for e in (MassError(), GyroBias())
+    )
+    assert right.log_evidence > wrong.log_evidence + 100
+
+
+def test_calibration_moves_no_further_than_its_prior_lets_it(seen, noise):
+    flight = seen(MassError(0.2), noise=1.0, seconds=6.0)
+    tight, loose = (
+        refine([], [(Term(MassError(0.0)), d)], [flight], noise, temperature=1.0) for d in (1e-4, 1.0)
+    )
+    assert abs(tight.calibration[0].effect.delta_mass) < 0.02
+    assert loose.calibration[0].effect.delta_mass == pytest.approx(0.2, rel=0.03)
+
+
+def test_wander_takes_what_is_a_flights_own(seen, noise):
+    flight = seen(noise=1.0, seconds=6.0)
+    drift = np.zeros((*flight.y.shape, 1))
+    drift[:, 2, 0] = 1.0  # [N]
+    pushed = type(flight)(**{**flight.__dict__, "y": flight.y + 1.7 * drift[..., 0]})
+    fit = refine([Term(MassError(0.0))], [], [pushed], noise, temperature=1.0, wander={"a": drift})
+    np.testing.assert_allclose(fit.wander["a"][:, 2] + flight.nominal[:, 2] * 0, 1.7, atol=0.9)
+    assert np.std(fit.left(pushed)[:, 2]) == pytest.approx(np.std(flight.y[:, 2]), rel=0.1)
+    assert abs(np.mean(fit.left(pushed)[:, 2])) < 0.1
+
+
+TERMS = [Term(WeakRotor(3, 0.9)), Term(SuspendedPayload(0.2, 0.7), {"b": NEVER}), Term(ThrustScale(0.95))]
+
+
+def test_what_is_written_is_read(seen):
+    flights = [seen(name=n, seed=i, seconds=4.0) for i, n in enumerate("ab")]
+    free = free_figures(TERMS, flights, {2: 0.01})
+    values = np.linspace(0.1, 0.9, len(free))
+    np.testing.assert_array_equal(read(write(TERMS, free, values), free), values)
+    assert TERMS[0].effect.efficiency == 0.9  # the terms themselves stay
+
+
+def test_choices_are_not_free_and_absent_payloads_do_not_swing(seen):
+    flights = [seen(name=n, seed=i, seconds=4.0) for i, n in enumerate("ab")]
+    free = free_figures(TERMS, flights, {2: 0.01})
+    assert [f.name for f in free if f.term == 0] == ["efficiency"]
+    assert {f.flight for f in free if f.name == "swing"} == {"a"}
+    assert [f.scale for f in free if f.term == 2] == [0.01]

@@ -1,0 +1,115 @@
+import math
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.candidates import Candidate, library_candidates
+from np_drake.diagnosis.search import Problem, effect_prior, search
+from np_drake.effects.command_delay import CommandDelay
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
+from np_drake.effects.weak_rotor import WeakRotor
+
+SEEDS = (1, 2)
+
+
+def problem_of(seen, noise, *effects, nuisance=(), seconds=8.0) -> Problem:
+    flights = [seen(*effects, name=str(i), seed=i, noise=1.0, seconds=seconds) for i in SEEDS]
+    return Problem(flights, noise, list(nuisance), library_candidates(flights), temperature=1.0)
+
+
+def names(problem: Problem, members) -> list[str]:
+    return sorted(name for i in members for name in problem.candidates[i].identifiers)
+
+
+PLANTED = [
+    (),
+    (MassError(0.2),),
+    (LinearDrag(),),
+    (WeakRotor(3, 0.9),),
+    (MassError(0.2), LinearDrag()),
+    (MassError(-0.2), LinearDrag(), WeakRotor(3, 0.95)),
+]
+
+
+@pytest.mark.parametrize("effects", PLANTED, ids=lambda e: "+".join(i.identifier for i in e) or "nothing")
+def test_planted_sets_are_found(seen, noise, effects):
+    dut = problem_of(seen, noise, *effects)
+    best = search(dut)[0]
+    assert names(dut, best.members) == sorted(e.identifier for e in effects)
+    for i in best.members:  # the weak rotor is the third
+        if dut.candidates[i].identifiers == ("weak_rotor",):
+            assert dut.candidates[i].variant == "rotor=3"
+
+
+@pytest.fixture(scope="module")
+def searched(seen, noise):
+    dut = problem_of(seen, noise, MassError(0.2), LinearDrag(), CommandDelay(0.03))
+    return dut, search(dut)
+
+
+def test_no_model_names_an_effect_twice(searched):
+    problem, models = searched
+    assert len(models) > 100
+    for model in models:
+        named = names(problem, model.members)
+        assert len(named) == len(set(named))
+
+
+def test_no_model_has_both_a_delay_and_a_late_clock(searched):
+    problem, models = searched
+    sets = [set(names(problem, m.members)) for m in models]
+    assert any("command_delay" in s for s in sets)
+    assert any("clock_offset" in s for s in sets)
+    assert not any({"command_delay", "clock_offset"} <= s for s in sets)
+
+
+def test_models_come_best_first_and_none_is_next_to_a_better_one(searched):
+    problem, models = searched
+    scores = [m.score for m in models]
+    assert scores == sorted(scores, reverse=True)
+    assert np.isfinite(scores).all()
+    best = models[0].members
+    for i in best:
+        fewer = tuple(j for j in best if j != i)
+        assert problem.score(fewer) < models[0].score
+    for i in range(len(problem.candidates)):
+        if problem.fits_together((*best, i)):
+            assert problem.score((*best, i)) < models[0].score
+
+
+def test_the_empty_model_scores_nothing(searched):
+    problem, models = searched
+    assert problem.score(()) == 0.0
+    assert any(m.members == () for m in models)
+
+
+def test_the_score_is_evidence_and_prior(searched):
+    problem, _ = searched
+    i = next(k for k, c in enumerate(problem.candidates) if c.identifiers == ("weak_rotor",))
+    evidence = problem.total.log_evidence(problem.columns((i,)))
+    assert problem.score((i,)) == pytest.approx(evidence + effect_prior("weak_rotor") - math.log(4))
+
+
+def test_an_impossible_set_is_never_a_model(seen, noise):
+    flights = [seen(MassError(0.2), name="1", seed=1, noise=1.0, seconds=6.0)]
+    candidates = library_candidates(flights)
+    mass = next(c for c in candidates if c.identifiers == ("mass_error",))
+    heavy = Candidate(("heavy",), "", mass.columns, mass.terms, possible=lambda c: bool(c[0] < 0))
+    light = Candidate(("light",), "", mass.columns, mass.terms, possible=lambda c: bool(c[0] > 0))
+    problem = Problem(flights, noise, [], [heavy, light], temperature=1.0)
+    models = search(problem)
+    assert [names(problem, m.members) for m in models if 0 in m.members] == []
+    assert names(problem, models[0].members) == ["light"]
+
+
+def test_nuisance_that_explains_an_effect_leaves_nothing_to_name(seen, noise):
+    flights = [seen(RotorGyroscopic(), name=str(i), seed=i, noise=1.0, seconds=8.0) for i in SEEDS]
+    candidates = library_candidates(flights)
+    own = next(c for c in candidates if c.identifiers == ("rotor_gyroscopic",))
+    without = search(Problem(flights, noise, [], candidates, temperature=1.0))[0]
+    assert candidates.index(own) in without.members
+    nuisance = Candidate((), "nuisance", own.columns, own.terms)
+    problem = Problem(flights, noise, [nuisance], candidates, temperature=1.0)
+    assert search(problem)[0].members == ()

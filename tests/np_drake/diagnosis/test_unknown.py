@@ -1,0 +1,109 @@
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from np_drake import attitude
+from np_drake.diagnosis.candidates import library_candidates
+from np_drake.diagnosis.search import Problem, search
+from np_drake.diagnosis.unknown import PREFIX, candidates_of_the_unknown
+from np_drake.effects.base import WrenchEffect
+from np_drake.rigid_body import P, Q, V, W
+
+
+@dc.dataclass(frozen=True)
+class Spring(WrenchEffect):
+    """A force in W towards one place, strongest half a metre away."""
+
+    identifier: ClassVar[str] = "spring"
+
+    def wrench(self, vehicle, motion):
+        off = motion.x[..., P] - [0.6, -0.4, 1.2]
+        chi = np.zeros((*off.shape[:-1], 6))
+        chi[..., :3] = -0.8 * off * np.exp(-2.0 * np.sum(off**2, axis=-1))[..., None]
+        return chi
+
+
+@dc.dataclass(frozen=True)
+class Magnus(WrenchEffect):
+    """A force across body rate and velocity."""
+
+    identifier: ClassVar[str] = "magnus"
+
+    def wrench(self, vehicle, motion):
+        f_B = 0.5 * np.cross(motion.x[..., W], attitude.rotate_back(motion.x[..., Q], motion.x[..., V]))
+        return np.concatenate([attitude.rotate(motion.x[..., Q], f_B), 0 * f_B], axis=-1)
+
+
+@dc.dataclass(frozen=True)
+class Damper(WrenchEffect):
+    """A torque against the body rate."""
+
+    identifier: ClassVar[str] = "damper"
+
+    def wrench(self, vehicle, motion):
+        return np.concatenate([np.zeros_like(motion.x[..., W]), -0.02 * motion.x[..., W]], axis=-1)
+
+
+def problem_of(seen, noise, *effects) -> Problem:
+    flights = [seen(*effects, name=str(i), seed=i, noise=1.0) for i in (1, 2)]
+    candidates = [*library_candidates(flights), *candidates_of_the_unknown(flights)]
+    return Problem(flights, noise, [], candidates, temperature=2.0)
+
+
+def found(problem: Problem) -> list[str]:
+    return [n for i in search(problem)[0].members for n in problem.candidates[i].identifiers]
+
+
+@pytest.mark.parametrize(
+    "effect, name", [(Spring(), "place"), (Magnus(), "side force"), (Damper(), "rates")], ids=lambda e: str(e)
+)
+def test_what_no_effect_explains_is_found_where_it_lives(seen, noise, effect, name):
+    assert found(problem_of(seen, noise, effect)) == [PREFIX + name]
+
+
+def test_noise_alone_is_nothing_unknown(seen, noise):
+    assert found(problem_of(seen, noise)) == []
+
+
+@pytest.fixture(scope="module")
+def groups(seen):
+    flights = [seen(name=str(i), seed=i, noise=1.0, seconds=6.0) for i in (1, 2)]
+    return flights, candidates_of_the_unknown(flights)
+
+
+def test_a_group_has_the_same_columns_on_a_flight_whether_it_was_seen_before(seen, groups):
+    flights, candidates = groups
+    unseen = seen(name="later", seed=7, noise=1.0, seconds=6.0)
+    for c in candidates:
+        assert c.generic is not None
+        np.testing.assert_array_equal(c.generic(flights[0]), c.columns["1"])
+        assert c.generic(unseen).shape == (*unseen.y.shape, c.size)
+
+
+def test_groups_are_of_the_size_of_their_prior_and_leave_sensors_alone(groups):
+    flights, candidates = groups
+    weight = 2.0 * 9.81
+    for c in candidates:
+        X = c.columns["1"]
+        np.testing.assert_array_equal(X[:, 6:], 0.0)
+        rms = np.sqrt(np.mean(X**2, axis=0))
+        assert np.isfinite(X).all()
+        assert 1e-4 * weight < rms[:3].max() or 1e-6 * weight < rms[3:].max()
+        assert rms[:3].max() < 0.2 * weight
+
+
+def test_groups_are_no_effects(groups):
+    _, candidates = groups
+    names = {n for c in candidates for n in c.identifiers}
+    assert all(n.startswith(PREFIX) for n in names)
+    assert all(c.terms(np.zeros(c.size)) == [] for c in candidates)
+
+
+def test_variants_of_a_resonance_share_one_prior(groups):
+    _, candidates = groups
+    resonances = [c for c in candidates if c.identifiers == (PREFIX + "resonance",)]
+    assert len(resonances) > 3
+    assert sum(np.exp(c.log_prior) for c in resonances) == pytest.approx(1.0)
+    assert all(c.figures["frequency"] > 0 for c in resonances)
