@@ -97,7 +97,7 @@ def effect_candidates(effect: type[Effect], flights: Sequence[Evidence], onset: 
     grid = nonlinear_grid(effect, flights[0])
     if effect.linear or discrete or not grid:
         return [_linear(effect, flights, onset, s, len(settings)) for s in settings]
-    return [_at_value(effect, flights, onset, values, len(grid)) for values in grid]
+    return [at_value(effect, flights, onset, values, len(grid)) for values in grid]
 
 
 def _linear(effect, flights, onset, fixed: dict[str, float], variants: int) -> Candidate:
@@ -130,7 +130,7 @@ def _step_of(effect: type[Effect], p) -> float:
     return step if p.neutral + step <= p.upper else -step
 
 
-def _at_value(effect, flights, onset, values: dict[str, float], variants: int) -> Candidate:
+def at_value(effect, flights, onset, values: dict[str, float], variants: int) -> Candidate:
     term = Term(effect.of(values), onset)
     columns = {e.name: 2.0 * signature(e, [term])[..., None] for e in flights}
 
@@ -144,7 +144,10 @@ def _at_value(effect, flights, onset, values: dict[str, float], variants: int) -
         return [Term(effect.of(scaled), onset)]
 
     label = ",".join(f"{k}={v:.3g}" for k, v in values.items())
-    return Candidate((effect.identifier,), label, columns, terms, -math.log(variants), onset)
+    one_sided = all(p.lower >= p.neutral for p in effect.parameters)
+    possible = (lambda c: bool(c[0] > 0)) if one_sided else None
+    prior = -math.log(variants)
+    return Candidate((effect.identifier,), label, columns, terms, prior, onset, possible)
 
 
 def wind_candidates(flights: Sequence[Evidence], drags: list[Candidate], onset: Onset | None = None) -> list[Candidate]:

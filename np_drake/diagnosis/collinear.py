@@ -4,11 +4,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import library_candidates, payload_candidates, wind_candidates
+from np_drake.diagnosis.candidates import (
+    Candidate,
+    at_value,
+    library_candidates,
+    payload_candidates,
+    wind_candidates,
+)
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.rig import Tolerance, calibration, wander
 from np_drake.diagnosis.signature import NEVER, Term, signature
+from np_drake.effects.library import LIBRARY
 
 DISTANCE = 14.0  # squared whitened distance below which noise hides the difference; own choice: about four sigma
 LENGTHS = np.geomspace(0.2, 2.0, 12)  # of a payload that could stand in [m]
@@ -33,6 +40,7 @@ def collinear_effects(
     nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]
     onset = {n: t for n, t in terms[i].onset.items() if t is not None and t != NEVER}
     plain = library_candidates(flights, onset or None)
+    plain += _mirror_images(flights, terms[i], onset)
     drags = [c for c in plain if c.identifiers == ("linear_drag",)]
     options = [*plain, *wind_candidates(flights, drags, onset), *payload_candidates(flights, LENGTHS, onset)]
     own_name, others = terms[i].effect.identifier, {t.effect.identifier for t in rest}
@@ -45,6 +53,20 @@ def collinear_effects(
         distance = _distance(np.hstack([fixed, _columns(flights, [option], noise)]), target)
         found[name] = min(distance, found.get(name, np.inf))
     return sorted((n for n, d in found.items() if d < DISTANCE), key=lambda n: found[n])
+
+
+def _mirror_images(flights: Sequence[Evidence], term: Term, onset: dict) -> list[Candidate]:
+    """A delay and a late clock of the very size of the other: they are not linear in it."""
+    shift = {"command_delay": 1.0, "clock_offset": -1.0}
+    if term.effect.identifier not in shift:
+        return []
+    delay = shift[term.effect.identifier] * next(iter(term.effect.values.values()))
+    twins = [("clock_offset", {"offset": -delay})] + ([("command_delay", {"delay": delay})] if delay > 0 else [])
+    return [
+        at_value(LIBRARY[name], flights, onset, values, 1)
+        for name, values in twins
+        if not (onset and not LIBRARY[name].begins)
+    ]
 
 
 def _columns(flights: Sequence[Evidence], candidates, noise: NoiseModel) -> np.ndarray:

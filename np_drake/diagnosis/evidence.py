@@ -89,7 +89,7 @@ def make_evidence(log: FlightLog, vehicle: Vehicle) -> Evidence:
             f"diagnose: {log.name} must last at least 3 s; got {log.t[-1] - log.t[0]:.3g} s. Give a longer flight."
         )
     smooth, noise = smooth_attitude(log.t, log.q, log.w)
-    q, turned = _attitude_for_force(log, smooth)
+    q, turned = _attitude_for_force(log, smooth, vehicle.gravity)
     grid = make_grid(log.t)
     rows, mids = _instants(log, q, smooth, vehicle.gravity)
     thrust_rows, thrust_mids = nominal_thrust(log, vehicle)
@@ -105,11 +105,11 @@ def make_evidence(log: FlightLog, vehicle: Vehicle) -> Evidence:
     )
 
 
-def _attitude_for_force(log: FlightLog, smooth: np.ndarray) -> tuple[np.ndarray, bool]:
+def _attitude_for_force(log: FlightLog, smooth: np.ndarray, gravity: float) -> tuple[np.ndarray, bool]:
     """The attitude that turns `a` back into what an accelerometer read, with the least noise."""
     if log.a is None or smooth is log.q:
         return smooth, False
-    g = np.array([0.0, 0.0, 9.81])
+    g = np.array([0.0, 0.0, gravity])
     roughness = [
         np.mean(np.diff(attitude.rotate_back(q, log.a + g)[:, :2], n=2, axis=0) ** 2) for q in (log.q, smooth)
     ]

@@ -48,7 +48,7 @@ def strongest_line(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> 
     inside = (frequency > LOWEST) & (frequency < min(HIGHEST, 0.4 * rate))
     ratio = np.where(inside[:, None], power / np.maximum(floor, 1e-300), 0.0)
     k, channel = np.unravel_index(np.argmax(ratio), ratio.shape)
-    rms = float(np.sqrt(2 * 4 * np.sum(power[max(k - 2, 0) : k + 3, channel]) / size))
+    rms = float(np.sqrt(2 * np.sum(power[max(k - 2, 0) : k + 3, channel]) / size))
     return Line(int(channel), float(frequency[k]), float(ratio[k, channel]), rms)
 
 

@@ -12,7 +12,7 @@ from np_drake.diagnosis.signature import NEVER, Term, gate, signature
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
 ONSET_GAIN = 8.0  # log likelihood that an onset must bring; own choice
-SWING_PRIOR = np.array([0.15, 0.15, 0.5, 0.5])  # [rad, rad/s]
+SWING_PRIOR, SWING_LIMIT = 0.15, 1.2  # [rad]; of rates, times the natural rate
 
 
 def adapt(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list[Term]:
@@ -51,6 +51,9 @@ def _with_swing(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel) 
     white_rows = slice(noise.phi.shape[1], None)
     inside = ((flight.t >= start) & (flight.t < start + HIDDEN_SPAN))[white_rows]
     swing = np.zeros(STATE)
+    rate = np.sqrt(flight.vehicle.gravity / term.effect.payload.length)  # type: ignore[attr-defined]
+    unit = np.array([1.0, 1.0, rate, rate])
+    prior, limit = SWING_PRIOR * unit, SWING_LIMIT * unit
     for _ in range(3):
         moved = [
             dc.replace(term, hidden={flight.name: swing + 0.02 * d})
@@ -63,8 +66,8 @@ def _with_swing(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel) 
         columns[:, :6] = np.moveaxis(wrench[:, 1:] - wrench[:, :1], 1, 2) / 0.02
         X = noise.whiten(columns)[inside].reshape(-1, STATE)
         e = noise.whiten(error)[inside].ravel()
-        A = X.T @ X + np.diag(SWING_PRIOR**-2)
-        swing = np.clip(swing + np.linalg.solve(A, X.T @ e - swing / SWING_PRIOR**2), -1.5, 1.5)
+        A = X.T @ X + np.diag(prior**-2)
+        swing = np.clip(swing + np.linalg.solve(A, X.T @ e - swing / prior**2), -limit, limit)
     return dc.replace(term, hidden={flight.name: swing})
 
 

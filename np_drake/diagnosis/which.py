@@ -46,12 +46,10 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
     step = flights[0].grid.step
     raw = [e.y for e in flights]
     noise = scale_only(raw, step)
-    payloads = PayloadSearch(flights)
-    for _ in range(2):
-        swinging = payloads.best(noise, [*nuisance, *_best_variants(flights, noise, candidates)])
-        rich = _rich_residuals(flights, noise, nuisance, [*candidates, *swinging])
-        noise = _search_noise(rich, raw, step)
-    candidates += payloads.best(noise, [*nuisance, *_best_variants(flights, noise, candidates)])
+    noise = _search_noise(_rich_residuals(flights, noise, nuisance, candidates), raw, step)
+    others = [*nuisance, *_best_variants(flights, noise, candidates)]
+    candidates += PayloadSearch(flights).best(noise, others)
+    noise = _search_noise(_rich_residuals(flights, noise, nuisance, candidates), raw, step)
     best: Fit | None = None
     for _ in range(2):
         problem = Problem(flights, noise, nuisance, candidates, temperature=TEMPERATURE)

@@ -56,17 +56,23 @@ def test_columns_times_coefficients_are_the_trace_of_the_terms_that_they_mean(fl
     candidate = data.draw(st.sampled_from([c for c in candidates if c.identifiers[0] in LINEAR]))
     c = np.array(data.draw(st.lists(st.floats(0.01, 0.6), min_size=candidate.size, max_size=candidate.size)))
     for e in flights:
-        np.testing.assert_allclose(candidate.columns[e.name] @ c, trace(candidate, c, e), rtol=1e-6, atol=1e-7)
+        np.testing.assert_allclose(
+            candidate.columns[e.name] @ c, trace(candidate, c, e), rtol=1e-6, atol=1e-7
+        )
 
 
-@pytest.mark.parametrize("name", [n for n in LIBRARY if n not in ("suspended_payload", "constant_wind", "gusty_wind")])
+@pytest.mark.parametrize(
+    "name", [n for n in LIBRARY if n not in ("suspended_payload", "constant_wind", "gusty_wind")]
+)
 def test_small_coefficients_mean_small_effects_of_that_trace(flights, candidates, name):
     for candidate in (c for c in candidates if c.identifiers == (name,)):
         single = effect_candidates(LIBRARY[name], flights, {})
         assert candidate.variant in {c.variant for c in single}
         c = np.full(candidate.size, 0.5 if not LIBRARY[name].linear and candidate.size == 1 else 0.05)
         for e in flights:
-            most = 0.1 if name == "center_of_mass_offset" else 0.05  # its force is of second order before long
+            most = (
+                0.1 if name == "center_of_mass_offset" else 0.05
+            )  # its force is of second order before long
             assert gap(candidate.columns[e.name] @ c, trace(candidate, c, e)) < most
 
 
@@ -104,7 +110,9 @@ def test_a_payload_at_rest_has_the_trace_of_its_terms(flights):
     c = np.zeros(dut.size)
     c[0], c[3] = 0.9, -0.4  # mass, and the hook below
     for e in flights:
-        assert gap((dut.columns[e.name] @ c)[:, ev.FORCE], trace(dut, c, e)[:, ev.FORCE]) < 0.08  # a hook turns about Bo
+        assert (
+            gap((dut.columns[e.name] @ c)[:, ev.FORCE], trace(dut, c, e)[:, ev.FORCE]) < 0.08
+        )  # a hook turns about Bo
         assert gap((dut.columns[e.name] @ c)[:, ev.TORQUE], trace(dut, c, e)[:, ev.TORQUE]) < 0.1
 
 

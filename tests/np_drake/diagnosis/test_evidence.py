@@ -18,7 +18,9 @@ def test_a_nominal_flight_has_no_residual(seen, accelerations):
     dut = seen(accelerations=accelerations)
     np.testing.assert_allclose(dut.y[:, ev.WRENCH], 0.0, atol=1e-9)  # [N, N·m]
     np.testing.assert_allclose(dut.y[:, 6:12], 0.0, atol=1e-9)  # [m/s, m/s²]
-    np.testing.assert_allclose(dut.y[:, ev.ATTITUDE], 0.0, atol=3e-3)  # rates between rows: second order [rad/s]
+    np.testing.assert_allclose(
+        dut.y[:, ev.ATTITUDE], 0.0, atol=3e-3
+    )  # rates between rows: second order [rad/s]
 
 
 def shaken(rows: int = 800, *, late: int = 0) -> FlightLog:
@@ -49,7 +51,9 @@ def test_without_accelerations_a_change_of_velocity_meets_the_command_before_it(
 
 def test_a_wrench_on_the_body_is_the_residual():
     log = shaken()
-    pushed = dc.replace(log, u=log.u - [3.0, 0.1, -0.2, 0.05])  # the rotors give less; the rest is from elsewhere
+    pushed = dc.replace(
+        log, u=log.u - [3.0, 0.1, -0.2, 0.05]
+    )  # the rotors give less; the rest is from elsewhere
     found = make_evidence(pushed, VEHICLE).y[:, ev.WRENCH]
     np.testing.assert_allclose(found, np.tile([0, 0, 3.0, 0.1, -0.2, 0.05], (len(found), 1)), atol=1e-9)
 
@@ -66,7 +70,9 @@ def test_noisy_attitude_is_seen_and_a_turned_acceleration_too(seen):
     assert not clean.turned
     assert dut.attitude_noise == pytest.approx(0.01, rel=0.1)
     assert dut.turned  # the made rig turns what it reads with the attitude that it reads
-    np.testing.assert_allclose(dut.y[INSIDE, ev.FORCE].std(axis=0), clean.y[INSIDE, ev.FORCE].std(axis=0), rtol=0.3)
+    np.testing.assert_allclose(
+        dut.y[INSIDE, ev.FORCE].std(axis=0), clean.y[INSIDE, ev.FORCE].std(axis=0), rtol=0.3
+    )
 
 
 def test_an_acceleration_that_another_attitude_turned_is_not_turned_back_with_the_noisy_one(fly):

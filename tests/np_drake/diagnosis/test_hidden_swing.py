@@ -33,7 +33,9 @@ def test_without_swing_it_hangs_against_the_pull(pull):
 
 
 def test_an_angle_of_swing_is_an_angle():
-    still, moved = (start_of_swing(np.ones(1), np.array([[a, 0, 0, 0]]), np.array([0, 0, 9.81]))[0][0] for a in (0, 0.3))
+    still, moved = (
+        start_of_swing(np.ones(1), np.array([[a, 0, 0, 0]]), np.array([0, 0, 9.81]))[0][0] for a in (0, 0.3)
+    )
     assert np.arccos(still @ moved) == pytest.approx(0.3)
     assert moved[0] == pytest.approx(np.sin(0.3))  # towards +x in W
 
@@ -64,7 +66,11 @@ def test_attitude_on_the_grid_is_that_of_the_rows(seen):
 def test_many_payloads_pull_as_each_does_alone(seen):
     dut = seen(seconds=5.0)
     terms = [
-        Term(SuspendedPayload(0.1 * (i + 1), 0.4 + 0.3 * i, 0.02, 0.0, -0.05), {"a": 1.0}, {"a": np.full(4, 0.1 * i)})
+        Term(
+            SuspendedPayload(0.1 * (i + 1), 0.4 + 0.3 * i, 0.02, 0.0, -0.05),
+            {"a": 1.0},
+            {"a": np.full(4, 0.1 * i)},
+        )
         for i in range(3)
     ]
     together = swing_wrenches(dut, terms)

@@ -76,16 +76,16 @@ def test_without_effects_there_is_no_trace(seen):
     np.testing.assert_array_equal(signature(seen(), []), 0.0)
 
 
-FORCES = st.sampled_from([LinearDrag(), QuadraticDrag(), BladeFlapping(), TranslationalLift(), GyroBias(), VelocityBias()])
+FORCES = st.sampled_from(
+    [LinearDrag(), QuadraticDrag(), BladeFlapping(), TranslationalLift(), GyroBias(), VelocityBias()]
+)
 
 
 @settings(max_examples=25, deadline=None)
 @given(st.lists(FORCES, min_size=2, max_size=4, unique_by=type))
 def test_traces_of_effects_that_do_not_feel_each_other_add(flown, effects):
     terms = [Term(e) for e in effects]
-    np.testing.assert_allclose(
-        signature(flown, terms), sum(signature(flown, [t]) for t in terms), atol=1e-9
-    )
+    np.testing.assert_allclose(signature(flown, terms), sum(signature(flown, [t]) for t in terms), atol=1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +137,9 @@ def test_before_its_onset_an_effect_leaves_no_trace_and_after_it_its_own(flown, 
     np.testing.assert_array_equal(signature(flown, never), 0.0)
 
 
-@pytest.mark.parametrize("effect", [MassError(), ThrustScale(), LinearDrag(), LIGHT], ids=lambda e: e.identifier)
+@pytest.mark.parametrize(
+    "effect", [MassError(), ThrustScale(), LinearDrag(), LIGHT], ids=lambda e: e.identifier
+)
 def test_an_onset_in_a_flight_leaves_the_trace_of_that_onset(seen, effect):
     dut = seen(effect, onset={effect.identifier: 5.0})
     left = dut.y - signature(dut, [Term(effect, {dut.name: 5.0})])

@@ -37,7 +37,8 @@ def test_a_command_is_held_from_its_row_to_the_next():
 def test_commands_are_held_between_rows_of_any_spacing():
     f = commands(1)
     log = log_of(f)
-    log.t = 2.0 + np.concatenate([[0.0], np.cumsum(np.random.default_rng(2).choice([STEP, 2 * STEP], 59, p=[0.8, 0.2]))])
+    spacing = np.random.default_rng(2).choice([STEP, 2 * STEP], 59, p=[0.8, 0.2])
+    log.t = 2.0 + np.concatenate([[0.0], np.cumsum(spacing)])
     rows, mids = nominal_thrust(log, VEHICLE)
     np.testing.assert_allclose(rows, f, atol=1e-9)
     np.testing.assert_allclose(mids, f[:-1], atol=1e-9)

@@ -83,7 +83,7 @@ def test_a_group_has_the_same_columns_on_a_flight_whether_it_was_seen_before(see
 
 
 def test_groups_are_of_the_size_of_their_prior_and_leave_sensors_alone(groups):
-    flights, candidates = groups
+    _, candidates = groups
     weight = 2.0 * 9.81
     for c in candidates:
         X = c.columns["1"]

@@ -1,0 +1,114 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.attribute import Size, alike, causes_of, helps, on_held_out, size_of
+from np_drake.diagnosis.rig import LABORATORY, Tolerance
+from np_drake.diagnosis.signature import NEVER, Term
+from np_drake.diagnosis.which import rank
+from np_drake.effects.gyro_bias import GyroBias
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.weak_rotor import WeakRotor
+
+PLAIN = {"calibration": False, "sensor": False}
+
+
+@pytest.mark.parametrize(
+    "size, matters",
+    [
+        (Size(0.03, 0.0, 0.0, 0.0), True),  # force over weight
+        (Size(0.0, 0.03, 0.0, 0.0), True),  # torque over that commanded
+        (Size(0.0, 0.0, 0.2, 0.0), True),  # share of the gap
+        (Size(0.01, 0.01, 0.05, 9.0), False),
+    ],
+)
+def test_an_effect_matters_by_force_torque_or_share(size, matters):
+    assert size.material(**PLAIN) is matters
+
+
+def test_calibration_matters_by_force_alone_and_a_sensor_by_its_tolerance():
+    wide = Size(0.0, 1.0, 1.0, 1.0)
+    assert not wide.material(calibration=True, sensor=False)
+    assert dc.replace(wide, force=0.03).material(calibration=True, sensor=False)
+    assert not wide.material(calibration=False, sensor=True)
+    assert dc.replace(wide, sensor=2.0).material(calibration=False, sensor=True)
+
+
+@pytest.fixture(scope="module")
+def drag(ranked):
+    return ranked(LinearDrag(0.6, 0.6, 0.6))
+
+
+def test_the_size_of_a_mass_is_its_share_of_the_weight(ranked):
+    case = ranked(MassError(0.2), LinearDrag(0.6, 0.6, 0.6))
+    i = next(k for k, t in enumerate(case.fit.terms) if isinstance(t.effect, MassError))
+    found = size_of(case.fit, i, case.flights, case.ranking.noise, LABORATORY)
+    lift = np.concatenate([e.nominal[:, 2] for e in case.flights])
+    expected = 0.2 / 2.2 * np.sqrt(np.mean(lift**2)) / (2.0 * 9.81)
+    assert found.force == pytest.approx(expected, rel=0.02)
+    assert found.torque < 0.02
+    assert 0.5 < found.gap <= 1.0
+
+
+def test_the_size_of_a_sensors_error_is_in_its_tolerance(drag):
+    fit = dc.replace(drag.fit, terms=(Term(GyroBias(0.03, 0.0, 0.04)),))
+    found = size_of(fit, 0, drag.flights, drag.ranking.noise, Tolerance())
+    assert found.sensor == pytest.approx(0.05 / Tolerance().rate)
+
+
+def test_the_true_cause_is_named_with_its_parameters(drag):
+    held = on_held_out(drag.fit, drag.unseen, drag.ranking.noise)
+    causes, _ = causes_of(drag.ranking, drag.fit, drag.flights, drag.unseen, held)
+    (cause,) = causes
+    assert cause.identifier == "linear_drag"
+    assert cause.probability > 0.95
+    assert cause.onset == {"a": None, "b": None, "c": None}
+    for name in ("d_x", "d_y", "d_z"):
+        estimate = cause.parameters[name]
+        assert estimate.unit == "N·s/m"
+        assert estimate.ci95[0] < 0.6 < estimate.ci95[1]
+        assert estimate.value == pytest.approx(np.mean(estimate.ci95))
+    assert cause.share == pytest.approx(1.0, abs=0.05)
+
+
+def test_an_effect_too_small_to_matter_is_a_minor_finding(drag):
+    fit = dc.replace(drag.fit, terms=(Term(WeakRotor(1, 0.9999)),), free=(), values=np.zeros(0))
+    held = on_held_out(fit, drag.unseen, drag.ranking.noise)
+    causes, minor = causes_of(drag.ranking, fit, drag.flights, drag.unseen, held)
+    assert causes == []
+    assert [m.name for m in minor] == ["weak_rotor"]
+    assert "\n" not in minor[0].text
+
+
+def test_what_does_not_help_on_unseen_flights_is_no_cause(seen, drag):
+    unseen = [seen(name="c", seed=3, noise=1.0, seconds=10.0)]  # without drag
+    held = on_held_out(drag.fit, unseen, drag.ranking.noise)
+    assert held.terms["c"][0].begins("c") == NEVER
+    upside = dc.replace(held, terms={"c": [Term(LinearDrag(0.6, 0.6, 0.6)), *held.terms["c"][1:]]})
+    upside = dc.replace(upside, left={"c": drag.unseen[0].y * 0 + unseen[0].y + 0.5})
+    assert helps(drag.fit, 0, unseen, drag.ranking.noise, upside) < -2.0
+    causes, minor = causes_of(drag.ranking, drag.fit, drag.flights, unseen, upside)
+    assert causes == []
+    assert "not confirmed" in minor[0].text
+
+
+def test_a_cause_helps_on_unseen_flights_by_what_it_explains(drag):
+    held = on_held_out(drag.fit, drag.unseen, drag.ranking.noise)
+    assert helps(drag.fit, 0, drag.unseen, drag.ranking.noise, held) > 100.0
+
+
+def test_without_torque_mass_and_thrust_are_named_beside_each_other(seen):
+    vertical = (0.0, 0.0, 1.0, 0.0)
+    flights = [seen(MassError(0.2), name=n, seed=i, noise=1.0, vigour=vertical) for i, n in enumerate("ab")]
+    ranking = rank(flights)
+    named = [ranking.problem.candidates[i].identifiers[0] for i in ranking.models[0].members]
+    pair = {"mass_error", "thrust_scale"}
+    (first,) = pair & set(named)
+    (other,) = pair - {first}
+    assert other in alike(ranking, ranking.models[0])[first]
+
+
+def test_what_the_motion_tells_apart_is_not_named_beside_it(drag):
+    assert "gyro_bias" not in alike(drag.ranking, drag.ranking.models[0])["linear_drag"]

@@ -1,0 +1,158 @@
+import dataclasses as dc
+from functools import cache
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.answer import Diagnosis
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.effects.base import Parameter, WrenchEffect
+from np_drake.effects.command_delay import CommandDelay
+from np_drake.effects.library import register
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+from np_drake.rigid_body import W
+from np_drake.vehicle import Vehicle
+
+VEHICLE = Vehicle()
+SHORT = {"noise": 1.0, "seconds": 10.0}
+
+
+@pytest.fixture(scope="module")
+def diagnosed(fly):
+    """The answer to two training flights and a held-out one under some effects; each is worked out once."""
+
+    @cache
+    def answer(*effects, onset=None, **how) -> Diagnosis:
+        own = {**SHORT, "onset": dict(onset or ()), **how}
+        train = [fly(*effects, name=n, seed=i, **own) for i, n in enumerate(("a", "b"), start=1)]
+        return diagnose(VEHICLE, train, [fly(*effects, name="c", seed=3, **own)])
+
+    return answer
+
+
+def test_a_flight_as_nominal_has_nothing_missing(diagnosed):
+    dut = diagnosed()
+    assert dut.verdict == ()
+    assert dut.causes == ()
+    assert not dut.cannot_tell
+    assert dut.unknown_probability < 0.5
+    assert dut.shrink.before == pytest.approx(1.0, abs=0.1)
+
+
+def test_one_effect_is_found_with_its_size(diagnosed):
+    dut = diagnosed(LinearDrag(0.6, 0.6, 0.6))
+    assert dut.verdict == ("linear_drag",)
+    for estimate in dut.causes[0].parameters.values():
+        assert estimate.ci95[0] < 0.6 < estimate.ci95[1]
+        assert estimate.ci95[1] - estimate.ci95[0] < 0.2
+    assert dut.shrink.fraction > 0.95
+    assert dut.vehicle == "paper"
+    assert dut.train == ("a", "b")
+    assert dut.held_out == ("c",)
+
+
+def test_a_dead_time_is_found_and_a_late_clock_named_beside_it(diagnosed):
+    dut = diagnosed(CommandDelay(0.03))
+    assert dut.verdict == ("command_delay",)
+    assert dut.causes[0].parameters["delay"].value == pytest.approx(0.03, abs=0.002)
+    assert "clock_offset" in dut.causes[0].indistinguishable_from
+
+
+def test_two_effects_are_found_each_with_its_onset(diagnosed):
+    dut = diagnosed(MassError(0.3), LinearDrag(0.6, 0.6, 0.6), onset=(("mass_error", 6.0),))
+    assert sorted(dut.verdict) == ["linear_drag", "mass_error"]
+    cause = {c.identifier: c for c in dut.causes}
+    assert cause["linear_drag"].onset == {"a": None, "b": None, "c": None}
+    for name in "abc":
+        assert cause["mass_error"].onset[name] == pytest.approx(6.0, abs=0.2)
+    assert cause["mass_error"].parameters["delta_mass"].value == pytest.approx(0.3, rel=0.05)
+
+
+def test_without_accelerations_the_cause_is_the_same(diagnosed):
+    dut = diagnosed(LinearDrag(0.6, 0.6, 0.6), accelerations=False)
+    assert dut.verdict == ("linear_drag",)
+    assert any("no acceleration" in w for w in dut.warnings)
+
+
+def test_flights_that_hover_cannot_tell(diagnosed):
+    dut = diagnosed(MassError(0.3), vigour=0.0)
+    assert dut.cannot_tell
+    assert dut.verdict == ()
+    assert not dut.check.usable
+    assert dut.check.not_identifiable
+    assert dut.shrink.before > 1.0
+
+
+def test_the_same_logs_give_the_same_answer(diagnosed, fly):
+    effect = LinearDrag(0.6, 0.6, 0.6)
+    train = [fly(effect, name=n, seed=i, **SHORT) for i, n in enumerate(("a", "b"), start=1)]
+    again = diagnose(VEHICLE, train, [fly(effect, name="c", seed=3, **SHORT)])
+    first, second = (dc.replace(d, wall=0.0).as_json() for d in (diagnosed(effect), again))
+    assert first == second
+
+
+def test_a_diagnosis_leaves_the_logs_as_they_were(fly):
+    logs = [fly(name=n, seed=i, noise=1.0, vigour=0.0, seconds=4.0) for i, n in enumerate("ab")]
+    before = [log.x.copy() for log in logs]
+    diagnose(VEHICLE, logs[:1], logs[1:])
+    for log, x in zip(logs, before, strict=True):
+        np.testing.assert_array_equal(log.x, x)
+
+
+@dc.dataclass(frozen=True)
+class Brake(WrenchEffect):
+    """tau_B = -brake w."""
+
+    brake: float = 0.02  # [N·m·s]
+
+    identifier: ClassVar[str] = "test_brake"
+    feels_rotor_rate: ClassVar[bool] = False
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("brake", "N·m·s", 0.0, -1.0, 1.0, 0.02),)
+
+    def wrench(self, vehicle, motion):
+        return np.concatenate([np.zeros_like(motion.x[..., W]), -self.brake * motion.x[..., W]], axis=-1)
+
+
+def test_a_users_own_effect_is_found_once_it_is_registered(fly, library):
+    dut = Brake(0.02)
+    train = [fly(dut, name=n, seed=i, **SHORT) for i, n in enumerate(("a", "b"), start=1)]
+    held_out = [fly(dut, name="c", seed=3, **SHORT)]
+    assert "test_brake" not in library
+    register(Brake)
+    found = diagnose(VEHICLE, train, held_out)
+    assert found.verdict == ("test_brake",)
+    assert found.causes[0].parameters["brake"].value == pytest.approx(0.02, rel=0.05)
+    assert found.causes[0].effect == Brake(found.causes[0].parameters["brake"].value)
+
+
+def test_progress_is_told_and_grows(fly):
+    told = []
+    logs = [fly(name=n, seed=i, noise=1.0, seconds=5.0) for i, n in enumerate("ab")]
+    diagnose(VEHICLE, logs[:1], logs[1:], on_progress=lambda share, text: told.append((share, text)))
+    shares = [share for share, _ in told]
+    assert shares == sorted(shares)
+    assert shares[0] == 0.0
+    assert shares[-1] <= 1.0
+    assert all(text for _, text in told)
+
+
+def bad_inputs(fly):
+    """What is wrong, and the flights."""
+    a, b = fly(name="a", seconds=5.0), fly(name="b", seconds=5.0)
+    yield "train must hold at least one flight", [], [b]
+    yield "held_out must hold at least one flight", [a], []
+    yield "'a' twice", [a], [dc.replace(b, name="a")]
+    yield "'a' twice", [a, dc.replace(b, name="a")], [b]
+    yield "same input", [a], [dc.replace(b, input="rotor_speed")]
+    yield "b has none", [a], [dc.replace(b, a=None)]
+    yield "at least 3 s", [a], [fly(name="b", seconds=2.0)]
+
+
+def test_bad_inputs_are_refused_in_one_line_that_says_what_is_wrong(fly):
+    for message, train, held_out in bad_inputs(fly):
+        with pytest.raises(ValueError, match=message) as error:
+            diagnose(VEHICLE, train, held_out)
+        assert "\n" not in str(error.value)
+        assert str(error.value).startswith("diagnose: ")

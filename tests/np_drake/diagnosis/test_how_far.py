@@ -1,0 +1,118 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from np_drake.diagnosis import how_far as dut
+from np_drake.diagnosis.answer import ReplayGap
+from np_drake.diagnosis.attribute import causes_of, on_held_out
+from np_drake.diagnosis.noise import scale_only
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+
+NOISE = scale_only([np.random.default_rng(0).normal(size=(20000, 15))], 0.02)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.floats(1.1, 20.0), st.floats(0.0, 1.0))
+def test_the_fraction_is_the_share_of_the_power_above_the_floor_that_went(before, share):
+    after = np.sqrt(1 + (1 - share) * (before**2 - 1))
+    assert dut.shrink_fraction(before, after, 1.0) == pytest.approx(share, abs=1e-9)
+
+
+def test_without_a_gap_nothing_shrinks_and_a_worse_model_shrinks_less_than_nothing():
+    assert dut.shrink_fraction(1.0, 0.9, 1.0) == 0.0
+    assert dut.shrink_fraction(2.0, 3.0, 1.0) < 0.0
+
+
+def test_pooled_is_one_for_noise_and_scales_with_it():
+    rows = np.random.default_rng(1).normal(size=(5000, 15))
+    assert dut.pooled([rows[:2000], rows[2000:]], NOISE) == pytest.approx(1.0, rel=0.02)
+    assert dut.pooled([3 * rows], NOISE) == pytest.approx(3 * dut.pooled([rows], NOISE))
+
+
+def parts(seed: int, gap: float, share: float) -> tuple[dict, dict, float]:
+    """Residuals of two flights before and after, and the fraction that they were made with."""
+    rng = np.random.default_rng(seed)
+    before, after = {}, {}
+    for name in "ab":
+        noise, shape = rng.normal(size=(600, 15)), rng.normal(size=(12, 1)).repeat(50, axis=0)
+        shape = gap * np.sign(shape) * np.ones(15)
+        before[name], after[name] = noise + shape, noise + np.sqrt(1 - share) * shape
+    return before, after, share
+
+
+def test_the_bootstrap_interval_holds_the_value_it_was_made_with():
+    inside, widths = [], []
+    for seed in range(40):
+        before, after, share = parts(seed, 2.0, 0.9)
+        low, high = dut._bootstrap(before, after, NOISE, 0.02)
+        found = dut.shrink_fraction(*(dut.pooled(list(p.values()), NOISE) for p in (before, after)), 1.0)
+        assert low <= found <= high
+        inside.append(low <= share <= high)
+        widths.append(high - low)
+    assert np.mean(inside) > 0.85  # 95 % less three sigma of forty
+    assert np.mean(widths) < 0.1
+
+
+def test_the_bootstrap_is_the_same_each_time():
+    before, after, _ = parts(0, 2.0, 0.5)
+    assert dut._bootstrap(before, after, NOISE, 0.02) == dut._bootstrap(before, after, NOISE, 0.02)
+
+
+@pytest.fixture(scope="module")
+def solved(ranked):
+    case = ranked(MassError(0.2), LinearDrag(0.6, 0.6, 0.6))
+    held = on_held_out(case.fit, case.unseen, case.ranking.noise)
+    causes, _ = causes_of(case.ranking, case.fit, case.flights, case.unseen, held)
+    return case, held, causes
+
+
+def test_with_the_true_causes_the_gap_goes_down_to_the_noise(solved):
+    case, held, causes = solved
+    found = dut.how_far(case.fit, causes, case.unseen, case.ranking.noise, held, None)
+    assert found.before > 5.0
+    assert found.after == pytest.approx(1.0, abs=0.1)
+    assert found.fraction == pytest.approx(1.0, abs=0.02)
+    assert found.ci95[0] <= found.fraction <= found.ci95[1]
+    assert found.replay_before is None
+
+
+def test_the_ladder_goes_down_cause_by_cause_from_nominal_to_the_floor(solved):
+    case, held, causes = solved
+    found = dut.how_far(case.fit, causes, case.unseen, case.ranking.noise, held, None)
+    assert [r.name for r in found.ladder] == ["nominal", "+ mass_error", "+ linear_drag", "noise floor"]
+    sizes = [r.residual for r in found.ladder[:-1]]
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[0] == found.before
+    assert sizes[-1] == pytest.approx(found.after)
+
+
+def test_without_causes_nothing_changes_and_the_replay_is_nominal(solved):
+    case, held, _ = solved
+    calls = []
+
+    def replay(logs, effects):
+        calls.append(([log.name for log in logs], [e.identifier for e, _ in effects]))
+        return ReplayGap((0.5,), *(np.zeros((1, 3)) for _ in range(3)), 1)
+
+    found = dut.how_far(case.fit, [], case.unseen, case.ranking.noise, held, replay)
+    assert found.before == found.after
+    assert found.fraction == 0.0
+    assert calls == [(["c"], [])]
+    assert found.replay_after is None
+
+
+def test_the_replay_gets_the_fitted_effects_and_their_onsets(solved):
+    case, held, causes = solved
+    calls = []
+
+    def replay(logs, effects):
+        calls.append(effects)
+        return ReplayGap((0.5,), *(np.zeros((1, 3)) for _ in range(3)), 1)
+
+    dut.how_far(case.fit, causes, case.unseen, case.ranking.noise, held, replay)
+    before, after = calls
+    assert before == []
+    assert {e.identifier for e, _ in after} == {"mass_error", "linear_drag"}
+    assert all(onset == {"c": None} for _, onset in after)

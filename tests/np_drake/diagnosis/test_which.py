@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.which import names_of, names_of_fit
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+
+BOTH = (MassError(0.2), LinearDrag(0.6, 0.6, 0.6))
+
+
+@pytest.fixture(scope="module")
+def dut(ranked):
+    return ranked(*BOTH)
+
+
+def test_the_best_fit_has_the_effects_that_act_and_their_figures(dut):
+    assert names_of_fit(dut.fit) == ("linear_drag", "mass_error")
+    found = {t.effect.identifier: t.effect for t in dut.fit.terms}
+    assert found["mass_error"].delta_mass == pytest.approx(0.2, rel=0.03)
+    for value in found["linear_drag"].values.values():
+        assert value == pytest.approx(0.6, rel=0.1)
+
+
+def test_probabilities_are_probabilities_and_sure_of_what_acts(dut):
+    found = dut.ranking.probability
+    assert all(0.0 <= p <= 1.0 + 1e-9 for p in found.values())
+    assert found["mass_error"] > 0.99
+    assert found["linear_drag"] > 0.99
+    assert all(p < 0.5 for name, p in found.items() if name not in ("mass_error", "linear_drag"))
+
+
+def test_the_fit_leaves_white_noise_of_unit_variance(dut):
+    noise = dut.ranking.noise
+    white = np.concatenate([noise.whiten(dut.fit.left(e)) for e in dut.flights])
+    np.testing.assert_allclose(np.mean(white**2, axis=0), 1.0, atol=0.1)
+
+
+def test_every_fit_is_one_of_the_models_that_were_met(dut):
+    met = {names_of(dut.ranking.problem, m) for m in dut.ranking.models}
+    fitted = [names_of_fit(f) for f in dut.ranking.fits]
+    assert set(fitted) <= met
+    assert len(fitted) == len(set(fitted))
