@@ -153,7 +153,10 @@ class ReplayGap:
 
 @dc.dataclass(frozen=True)
 class Shrink:
-    """Step 4: held-out residual in noise units before and after, fraction = 1 - (after² - floor²)/(before² - floor²)."""
+    """Step 4: held-out residual in noise units before and after;
+
+    fraction = 1 - (after² - floor²) / (before² - floor²).
+    """
 
     before: float
     after: float

@@ -111,7 +111,7 @@ def causes_of(
 ) -> tuple[list[Cause], list[Finding]]:
     """Causes and minor findings of a fit: a cause is material, and helps on flights that the fit has not seen."""
     members = {names_of(ranking.problem, m): m for m in reversed(ranking.models)}
-    key = names_of_fit(fit)
+    key = names_of_fit(ranking.fits[0])
     same = alike(ranking, members[key]) if key in members else {}
     causes, minor = [], []
     for i, term in enumerate(fit.terms):

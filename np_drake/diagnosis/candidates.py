@@ -1,4 +1,4 @@
-"""Every effect of the library as columns of a linear regression, some at several values of what is not linear"""
+"""Every effect of the library as columns of a linear regression, some at several values of what is not linear."""
 
 import dataclasses as dc
 import math
@@ -218,7 +218,8 @@ def payload_candidates(
                 e.name: np.clip(c[4 + STATE * j : 4 + STATE * (j + 1)], -4, 4) * scale
                 for j, e in enumerate(flights)
             }
-            hidden = {name: np.clip(v, -1.2 * np.array([1, 1, rate, rate]), 1.2 * np.array([1, 1, rate, rate])) for name, v in hidden.items()}
+            most = 1.2 * np.array([1, 1, rate, rate])
+            hidden = {name: np.clip(v, -most, most) for name, v in hidden.items()}
             values = {"mass": share * mass, "length": length}
             values |= dict(zip(("hook_x", "hook_y", "hook_z"), hook.tolist(), strict=True))
             return [Term(effect.of(values), onset, hidden)]

@@ -94,7 +94,9 @@ def check(
         warnings.append("rotor speed is the input: motor_lag, command_delay and clock_offset cannot be told.")
     for e in [*train, *held_out]:
         if e.log.a is None:
-            warnings.append(f"{e.name}: no acceleration; velocity is differentiated, accelerometer_bias cannot be told.")
+            warnings.append(
+                f"{e.name}: no acceleration; velocity is differentiated, accelerometer_bias cannot be told."
+            )
         if e.attitude_noise > 1e-3:
             how = "turned with it" if e.turned else "free of it"
             warnings.append(f"{e.name}: attitude noise of {1e3 * e.attitude_noise:.1f} mrad; acceleration is {how}.")

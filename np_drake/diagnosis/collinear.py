@@ -6,6 +6,7 @@ import numpy as np
 
 from np_drake.diagnosis.candidates import (
     Candidate,
+    Onset,
     at_value,
     library_candidates,
     payload_candidates,
@@ -38,7 +39,7 @@ def collinear_effects(
     target = np.concatenate([noise.whiten(own[e.name]).ravel() for e in flights])
     drifting = wander(flights, tolerance)
     nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]
-    onset = {n: t for n, t in terms[i].onset.items() if t is not None and t != NEVER}
+    onset: Onset = {n: t for n, t in terms[i].onset.items() if t is not None and t != NEVER}
     plain = library_candidates(flights, onset or None)
     plain += _mirror_images(flights, terms[i], onset)
     drags = [c for c in plain if c.identifiers == ("linear_drag",)]

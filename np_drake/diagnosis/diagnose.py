@@ -55,7 +55,7 @@ def diagnose(
     fit = ranking.fits[0]
     tell(0.6, "held-out flights")
     left = remains(ranking, fit, flights, unseen)
-    causes, minor = causes_of(ranking, fit, flights, unseen, left.held)
+    causes, minor = causes_of(ranking, ranking.named, flights, unseen, left.held)
     unknown, unknown_probability = left.unknown, left.probability
     if left.slow_probability > 0.5 and not unknown:
         blown = as_gusts(left.slow, causes, left.slow_probability)
@@ -67,7 +67,7 @@ def diagnose(
     checked = check(flights, unseen, ranking.problem.candidates, ranking.noise)
     found = where(unseen, held.left, ranking.noise, held.rows)
     tell(0.7, "replay")
-    shrunk = how_far(fit, causes, unseen, ranking.noise, held, replay)
+    shrunk = how_far(ranking.named, causes, unseen, ranking.noise, held, replay)
     verdict = tuple(c.identifier for c in causes) + ((UNKNOWN,) if unknown else ())
     return Diagnosis(
         **names,

@@ -118,7 +118,7 @@ def as_gusts(slow: SlowForce, causes: list[Cause], probability: float) -> list[C
     drag = next((c for c in causes if c.identifier == "linear_drag"), None)
     if drag is None:
         return causes
-    d = np.mean([abs(drag.parameters[name].value) for name in ("d_x", "d_y")])
+    d = float(np.mean([abs(drag.parameters[name].value) for name in ("d_x", "d_y")]))
     wind = next((c for c in causes if c.identifier == "constant_wind"), None)
     parameters = {f"mean_{axis}": _mean(wind, axis) for axis in "xyz"}
     for name, unit, (value, half), scale in (
@@ -127,7 +127,7 @@ def as_gusts(slow: SlowForce, causes: list[Cause], probability: float) -> list[C
     ):
         middle = scale * value
         parameters[name] = Estimate(middle, unit, (max(0.0, middle - scale * half), middle + scale * half))
-    effect = GustyWind(**{name: e.value for name, e in parameters.items()})
+    effect = GustyWind.of({name: e.value for name, e in parameters.items()})
     gusts = Cause("gusty_wind", probability, parameters, drag.onset, (), drag.share, effect)
     return [*(c for c in causes if c.identifier != "constant_wind"), gusts]
 

@@ -33,7 +33,8 @@ def hook_acceleration(evidence: Evidence, hooks: np.ndarray) -> np.ndarray:
 def attitude_on_grid(evidence: Evidence) -> np.ndarray:
     """(m, 4) at the grid's times."""
     rows = evidence.rows
-    q = np.stack([np.interp(evidence.t, rows.t, attitude.one_hemisphere(rows.q, rows.q[0])[:, i]) for i in range(4)], axis=1)
+    near = attitude.one_hemisphere(rows.q, rows.q[0])
+    q = np.stack([np.interp(evidence.t, rows.t, component) for component in near.T], axis=1)
     return q / np.linalg.norm(q, axis=1, keepdims=True)
 
 

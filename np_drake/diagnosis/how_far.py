@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.answer import Cause, Replay, Rung, Shrink
+from np_drake.diagnosis.answer import Cause, Replay, ReplayGap, Rung, Shrink
 from np_drake.diagnosis.attribute import HeldOut
 from np_drake.diagnosis.evidence import WRENCH, Evidence
 from np_drake.diagnosis.noise import NoiseModel
@@ -39,7 +39,7 @@ def how_far(
     ladder = _ladder(causes, flights, noise, held)
     fraction = shrink_fraction(pooled(list(before.values()), noise), pooled(list(after.values()), noise), floor)
     interval = _bootstrap(before, after, noise, flights[0].grid.step)
-    replays = (None, None)
+    replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)
     if replay is not None:
         logs = [e.log for e in flights]
         effects = [

@@ -8,6 +8,7 @@ from np_drake.diagnosis.candidates import Candidate, gated
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.payload_search import PayloadSearch
 from np_drake.diagnosis.search import Problem
+from np_drake.effects.library import LIBRARY
 
 SPACING = 0.1  # of instants tried [s]
 MARGIN = 0.7  # from either end of a flight, in which no onset is looked for [s]
@@ -17,15 +18,13 @@ LARGEST = 8  # columns of a candidate that is scanned
 
 def gated_candidates(problem: Problem) -> list[Candidate]:
     """For every effect that may begin in flight and gains by it: the candidate from its best onsets on."""
-    found = []
-    from np_drake.effects.library import LIBRARY
-
+    found: list[Candidate] = []
     for candidate in problem.candidates:
         if candidate.size > LARGEST or candidate.onset or candidate.generic:
             continue
         if not all(LIBRARY[name].begins for name in candidate.identifiers):
             continue
-        onset, gain = best_onsets(problem, candidate)
+        onset, _ = best_onsets(problem, candidate)
         if onset:
             late = gated(candidate, problem.flights, onset)
             found.append(dc.replace(late, log_prior=late.log_prior + ONSET_PRIOR * len(onset)))
@@ -33,8 +32,8 @@ def gated_candidates(problem: Problem) -> list[Candidate]:
     if steps:
         onset = steps[0].onset
         others = [*problem.nuisance, *(c for c in problem.candidates if c.size <= 3 and not c.onset)]
-        late = PayloadSearch(problem.flights, onset).best(problem.noise, others)
-        found += [dc.replace(c, log_prior=c.log_prior + ONSET_PRIOR * len(onset)) for c in late]
+        payloads = PayloadSearch(problem.flights, onset).best(problem.noise, others)
+        found += [dc.replace(c, log_prior=c.log_prior + ONSET_PRIOR * len(onset)) for c in payloads]
     return found
 
 

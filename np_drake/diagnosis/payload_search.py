@@ -32,8 +32,8 @@ class PayloadSearch:
         if not self.candidates:
             return []
         gains = self.profile(noise, others)
-        order, kept = np.argsort(-gains), []
-        for i in order:
+        kept: list[int] = []
+        for i in np.argsort(-gains):
             if all(abs(i - k) > 1 for k in kept):
                 kept.append(int(i))
             if len(kept) == KEPT:

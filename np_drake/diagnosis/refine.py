@@ -85,7 +85,8 @@ def free_figures(terms: Sequence[Term], flights: Sequence[Evidence], scales: dic
             continue
         for e in flights:
             if term.begins(e.name) != NEVER:
-                found += [Free(i, "swing", SWING * (1 if k < 2 else 3), 0.0, -4.0, 4.0, e.name, k) for k in range(STATE)]
+                scales_of = [SWING * (1 if k < 2 else 3) for k in range(STATE)]
+                found += [Free(i, "swing", s, 0.0, -4.0, 4.0, e.name, k) for k, s in enumerate(scales_of)]
     return found
 
 

@@ -35,7 +35,7 @@ class Remains:
 
 def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> Remains:
     """The generic structure of the fit, lines and slow torques in what is left."""
-    held = on_held_out(fit, unseen, ranking.noise)
+    held = on_held_out(ranking.named, unseen, ranking.noise)
     left = {e.name: fit.left(e) for e in flights}
     found = [_generic(g, ranking, flights) for g in fit.generic]
     limit = SLOW_TORQUE[ranking.tolerance.real]

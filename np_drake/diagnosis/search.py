@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from np_drake.diagnosis.noise import NoiseModel
 
 EFFECT_PRIOR = -3.0  # log prior of every effect named: about one in twenty; own choice
 LESS_LIKELY = {"clock_offset": 0.7, "unknown": 3.0}  # than the others, in log prior; own choice
+MOSTLY = 0.8  # of the best evidence that the library must reach to go before generic structure; own choice
 BEAM = 6
 MOST_EFFECTS = 5
 SHIFTS = ("command_delay", "clock_offset")  # the same but for the sign
@@ -49,7 +51,7 @@ class Problem:
         self.nuisance, self.candidates = nuisance, candidates
         everything = [*nuisance, *candidates]
         ends = np.cumsum([0] + [c.size for c in everything])
-        self._index = [np.arange(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        self._index = [np.arange(a, b) for a, b in pairwise(ends)]
         self.grams: dict[str, Gram] = {}
         for e in flights:
             X = np.concatenate([c.columns[e.name] for c in everything], axis=-1)
@@ -131,6 +133,33 @@ def search(problem: Problem, *, beam: int = BEAM, most: int = MOST_EFFECTS) -> l
             break
         current = candidate
     return [Model(m, s) for m, s in sorted(seen.items(), key=lambda item: -item[1]) if s > -np.inf]
+
+
+def library_first(problem: Problem, models: list[Model]) -> list[Model]:
+    """The same models, but a best one whose generic structure hides effects gives way to effects plus structure.
+
+    Where effects of the library alone reach the share `MOSTLY` of the best evidence, they are kept and generic
+    structure is added to them, not put in their place.
+    """
+    best = models[0]
+    if not any(problem.candidates[i].generic for i in best.members) or best.score <= 0:
+        return models
+    plain = next(m for m in models if not any(problem.candidates[i].generic for i in m.members))
+    if plain.score < MOSTLY * best.score:
+        return models
+    now = plain
+    while True:
+        grown = [
+            Model((*now.members, i), problem.score((*now.members, i)))
+            for i, c in enumerate(problem.candidates)
+            if c.generic and i not in now.members and problem.fits_together((*now.members, i))
+        ]
+        better = max(grown, key=lambda m: m.score, default=now)
+        if better.score <= now.score:
+            break
+        now = better
+    now = Model(tuple(sorted(now.members)), max(now.score, best.score))
+    return [now, *(m for m in models if m.members != now.members)]
 
 
 def _diverse(problem: Problem, ranked: list[tuple[int, ...]], beam: int) -> list[tuple[int, ...]]:

@@ -1,4 +1,4 @@
-"""What a set of effects would leave in the channels of `Evidence`, if they were real: one function for all four places."""
+"""What a set of effects would leave in the channels of `Evidence`, if they were real: one function for all places."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -68,26 +68,20 @@ Thrust = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # rows, mids [N]
 def _thrust(evidence: Evidence, terms: Sequence[Term]) -> Thrust:
     """Actual thrust: effects that begin later are switched in, one after the other."""
     log, vehicle = evidence.log, evidence.vehicle
-    acting = [t for t in terms if isinstance(t.effect, ActuatorEffect)]
-    acting.sort(key=lambda t: not t.effect.turns_rotor)  # the motor comes before the propeller
+    acting = [(t.effect, t.begins(log.name) or -NEVER) for t in terms if isinstance(t.effect, ActuatorEffect)]
+    acting.sort(key=lambda pair: not pair[0].turns_rotor)  # the motor comes before the propeller
     shift = sum(t.effect.clock_shift for t in terms if isinstance(t.effect, SensorEffect))
-    onsets = sorted({-NEVER, *(t.begins(log.name) or -NEVER for t in acting)} - {NEVER})
-    rows = mids = None
-    for onset in onsets:
-        now = [t.effect for t in acting if (t.begins(log.name) or -NEVER) <= onset]
-        new = rotor_thrust(log, vehicle, now, shift=-shift)
-        if rows is None:
-            rows, mids = new
-        else:
-            rows, mids = (
-                np.where(gate(i, onset) > 0, a, b)
-                for i, a, b in zip((log.t, evidence.mids.t), new, (rows, mids), strict=True)
-            )
-    assert rows is not None and mids is not None
+    always = [effect for effect, begin in acting if begin == -NEVER]
+    rows, mids = rotor_thrust(log, vehicle, always, shift=-shift)
+    for onset in sorted({begin for _, begin in acting} - {-NEVER, NEVER}):
+        now = [effect for effect, begin in acting if begin <= onset]
+        late_rows, late_mids = rotor_thrust(log, vehicle, now, shift=-shift)
+        rows = np.where(gate(log.t, onset) > 0, late_rows, rows)
+        mids = np.where(gate(evidence.mids.t, onset) > 0, late_mids, mids)
     lagged = (
         log.input == "rotor_speed"
         or vehicle.rotor_time_constant > 0
-        or any(isinstance(t.effect, MotorLag) for t in acting)
+        or any(isinstance(effect, MotorLag) for effect, _ in acting)
     )
     speed = np.sqrt(np.maximum(rows, 0.0) / vehicle.thrust_coefficient)
     rate = np.diff(speed, axis=0) / np.diff(log.t)[:, None] if lagged else np.zeros_like(mids)

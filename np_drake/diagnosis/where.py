@@ -1,6 +1,7 @@
 """Step 2: where the gap lies: channels, time, flight regime, frequency."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import ruptures
@@ -65,7 +66,7 @@ def segments(flight: Evidence, noise: NoiseModel) -> list[Segment]:
     ends = model.predict(pen=PENALTY)
     edges = [0, *ends]
     out = []
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         part = scaled[a * bin_ : b * bin_]
         start, end = flight.t[a * bin_], flight.t[min(b * bin_, len(flight.t) - 1)]
         out.append(

@@ -13,8 +13,8 @@ from np_drake.diagnosis.onset import ONSET_PRIOR, gated_candidates
 from np_drake.diagnosis.payload_search import PayloadSearch
 from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.rig import Tolerance, calibration, calibration_terms, tolerance_of, wander
-from np_drake.diagnosis.search import Model, Problem, effect_prior, search
-from np_drake.diagnosis.signature import NEVER, Term
+from np_drake.diagnosis.search import Model, Problem, effect_prior, library_first, search, sum_grams
+from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.unknown import candidates_of_the_unknown
 
 INEXACT = 0.03  # share of what linear columns explain that they get wrong; own choice
@@ -25,9 +25,13 @@ CLOSE = 12.0  # of the best's log evidence, below which a model is not worth it
 
 @dc.dataclass(frozen=True)
 class Ranking:
-    """Models refined, best first, with the probability of every effect and the noise they were judged with."""
+    """Models refined, best first, with the probability of every effect and the noise they were judged with.
+
+    named: the effects of the best model without the generic structure beside them, which would share their figures.
+    """
 
     fits: tuple[Fit, ...]
+    named: Fit
     probability: dict[str, float]
     noise: NoiseModel
     problem: Problem
@@ -56,7 +60,7 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
         late = gated_candidates(problem)
         if late:
             problem = Problem(flights, noise, nuisance, [*candidates, *late], temperature=TEMPERATURE)
-        models = search(problem)
+        models = library_first(problem, search(problem))
         best = _refine(problem, models[0], tolerance, best, iterations=3)
         residuals = [best.left(e) for e in flights]
         noise = _search_noise(residuals, raw, step)
@@ -65,7 +69,8 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
     close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
     fits = [_refine(problem, m, tolerance, best, noise) for m in close[:REFINED]]
     fits.sort(key=lambda f: -_score(f))
-    return Ranking(tuple(fits), _probabilities(problem, models, fits), noise, problem, tuple(models), tolerance)
+    named = _without_generic(fits[0], flights, raw, tolerance, drifting)
+    return Ranking(tuple(fits), named, _probabilities(problem, models, fits), noise, problem, tuple(models), tolerance)
 
 
 def _search_noise(residuals: list[np.ndarray], raw: list[np.ndarray], step: float) -> NoiseModel:
@@ -78,28 +83,38 @@ def _best_variants(flights, noise, candidates) -> list[Candidate]:
     """Of every effect the variant that explains most alone."""
     best: dict[tuple[str, ...], tuple[float, Candidate]] = {}
     for c in candidates:
-        total = None
-        for e in flights:
-            g = gram(noise.whiten(c.columns[e.name]), noise.whiten(e.y))
-            total = g if total is None else total + g
+        total = sum_grams([gram(noise.whiten(c.columns[e.name]), noise.whiten(e.y)) for e in flights])
         gain = total.log_evidence(np.arange(c.size))
         if c.identifiers not in best or gain > best[c.identifiers][0]:
             best[c.identifiers] = (gain, c)
     return [c for _, c in best.values()]
 
 
+def _without_generic(fit: Fit, flights, raw, tolerance: Tolerance, drifting: Candidate | None) -> Fit:
+    """The fit's effects alone; what the generic structure explained counts as noise."""
+    if not (fit.generic and fit.terms):
+        return fit
+    for _ in range(2):
+        left = no_worse([e.y - signature(e, fit.everything) for e in flights], raw)
+        fit = refine(
+            fit.terms,
+            calibration_terms(flights[0].vehicle, tolerance),
+            flights,
+            fit_noise(left, flights[0].grid.step),
+            temperature=TEMPERATURE,
+            wander=drifting.columns if drifting else None,
+            evaluations=4,
+        )
+    return fit
+
+
 def _rich_residuals(flights, noise, nuisance, candidates) -> list[np.ndarray]:
     """What is left of the channels when every effect helps, each in its best single variant."""
     chosen = [*nuisance, *_best_variants(flights, noise, candidates)]
-    total = None
-    for e in flights:
-        X = np.concatenate([c.columns[e.name] for c in chosen], axis=-1)
-        g = gram(noise.whiten(X), noise.whiten(e.y))
-        total = g if total is None else total + g
+    X = {e.name: np.concatenate([c.columns[e.name] for c in chosen], axis=-1) for e in flights}
+    total = sum_grams([gram(noise.whiten(X[e.name]), noise.whiten(e.y)) for e in flights])
     mean, _ = total.posterior(np.arange(len(total.Xy)))
-    return [
-        e.y - np.concatenate([c.columns[e.name] for c in chosen], axis=-1) @ mean for e in flights
-    ]
+    return [e.y - X[e.name] @ mean for e in flights]
 
 
 def _refine(

@@ -3,7 +3,17 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.attribute import Size, alike, causes_of, helps, on_held_out, size_of
+from np_drake.diagnosis.attribute import (
+    MATERIAL_FORCE,
+    MATERIAL_GAP,
+    MATERIAL_TORQUE,
+    Size,
+    alike,
+    causes_of,
+    helps,
+    on_held_out,
+    size_of,
+)
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import NEVER, Term
 from np_drake.diagnosis.which import rank
@@ -18,11 +28,12 @@ PLAIN = {"calibration": False, "sensor": False}
 @pytest.mark.parametrize(
     "size, matters",
     [
-        (Size(0.03, 0.0, 0.0, 0.0), True),  # force over weight
-        (Size(0.0, 0.03, 0.0, 0.0), True),  # torque over that commanded
-        (Size(0.0, 0.0, 0.2, 0.0), True),  # share of the gap
-        (Size(0.01, 0.01, 0.05, 9.0), False),
+        (Size(1.01 * MATERIAL_FORCE, 0.0, 0.0, 0.0), True),
+        (Size(0.0, 1.01 * MATERIAL_TORQUE, 0.0, 0.0), True),
+        (Size(0.0, 0.0, 1.01 * MATERIAL_GAP, 0.0), True),
+        (Size(0.99 * MATERIAL_FORCE, 0.99 * MATERIAL_TORQUE, 0.99 * MATERIAL_GAP, 9.0), False),
     ],
+    ids=["force", "torque", "gap", "none"],
 )
 def test_an_effect_matters_by_force_torque_or_share(size, matters):
     assert size.material(**PLAIN) is matters

@@ -1,3 +1,5 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,11 +13,13 @@ from np_drake.diagnosis.candidates import (
     payload_candidates,
     wind_candidates,
 )
+from np_drake.diagnosis.evidence import make_evidence
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.vehicle import Vehicle
 
 
 @pytest.fixture(scope="module")
@@ -85,22 +89,13 @@ def test_coefficients_beyond_the_bounds_mean_an_effect_at_its_bounds(candidates)
 
 
 @settings(max_examples=15, deadline=None)
-@given(st.tuples(*[st.floats(0.3, 1.0)] * 3), st.tuples(*[st.floats(-1.0, 1.0)] * 3))
+@given(st.floats(0.3, 1.0), st.tuples(*[st.floats(-0.9, 0.9)] * 3))
 def test_wind_is_felt_through_the_drag_that_comes_with_it(flights, candidates, drag, wind):
     (dut,) = wind_candidates(flights, [c for c in candidates if c.identifiers == ("linear_drag",)])
     assert dut.identifiers == ("linear_drag", "constant_wind")
-    c = np.concatenate([drag, np.multiply(wind, drag)])  # small wind times drag: in the prior's units
-    # v - wind through one drag in all axes is linear in drag times wind; the axes' own drags turn with the body
-    for e in flights:
-        still = dut.columns[e.name][..., :3] @ np.array(drag)
-        assert gap(still, trace(dut, [*drag, 0, 0, 0], e)) < 1e-6
-        if len(set(np.round(drag, 3))) == 1:
-            assert gap(dut.columns[e.name] @ c, trace(dut, c, e)) < 1e-6
-
-
-def test_the_wind_of_equal_drags_is_exact(flights, candidates):
-    (dut,) = wind_candidates(flights, [c for c in candidates if c.identifiers == ("linear_drag",)])
-    c = np.array([0.8, 0.8, 0.8, 0.5, -0.3, 0.2])
+    c = np.array(
+        [drag, drag, drag, *wind]
+    )  # drag times wind is linear while the drag is the same along all axes
     for e in flights:
         assert gap(dut.columns[e.name] @ c, trace(dut, c, e)) < 1e-6
 
@@ -167,11 +162,6 @@ def test_without_accelerations_no_accelerometer_is_blamed(seen):
 
 
 def test_where_rotor_speed_is_measured_no_motor_is_blamed(fly):
-    import dataclasses as dc
-
-    from np_drake.diagnosis.evidence import make_evidence
-    from np_drake.vehicle import Vehicle
-
     flight = make_evidence(dc.replace(fly(seconds=5.0), input="rotor_speed"), Vehicle())
     names = {c.identifiers[0] for c in library_candidates([flight])}
     assert not names & {"motor_lag", "command_delay", "clock_offset"}

@@ -8,6 +8,7 @@ from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+from np_drake.effects.thrust_scale import ThrustScale
 
 
 def same_as(seen, noise, *effects, i=0, tolerance=LABORATORY, vigour=1.0):
@@ -41,7 +42,8 @@ def test_without_torque_more_mass_is_less_thrust(seen, noise):
 
 
 def test_what_is_named_beside_it_already_does_not_count(seen, noise):
-    assert "clock_offset" not in same_as(seen, noise, CommandDelay(0.03), ClockOffset(-0.01))
+    both = (MassError(0.2), ThrustScale(0.95))
+    assert "thrust_scale" not in same_as(seen, noise, *both, vigour=(0.0, 0.0, 1.0, 0.0))
 
 
 def test_what_a_rig_may_be_off_by_can_stand_in_for_an_effect(seen, noise):

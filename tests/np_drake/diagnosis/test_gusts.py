@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
+from np_drake import attitude
 from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.gusts import SlowForce, as_gusts, slow_force
+from np_drake.diagnosis.hidden_swing import attitude_on_grid
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.constant_wind import ConstantWind
@@ -48,8 +50,6 @@ def test_a_steady_force_is_no_gust(seen):
     flights = flown(seen, DRAG, seconds=12.0)
     left = left_of(flights)
     still = slow_force(flights, left, LABORATORY)
-    from np_drake.diagnosis.gusts import attitude, attitude_on_grid
-
     for e in flights:
         pushed = np.tile([3.0, -2.0, 1.0], (len(e.t), 1))
         left[e.name][:, :3] += attitude.rotate_back(attitude_on_grid(e), pushed)

@@ -6,6 +6,7 @@ import pytest
 
 from np_drake import attitude
 from np_drake.diagnosis.candidates import library_candidates
+from np_drake.diagnosis.hidden_swing import attitude_on_grid
 from np_drake.diagnosis.search import Problem, search
 from np_drake.diagnosis.unknown import PREFIX, candidates_of_the_unknown
 from np_drake.effects.base import WrenchEffect
@@ -92,6 +93,19 @@ def test_groups_are_of_the_size_of_their_prior_and_leave_sensors_alone(groups):
         assert np.isfinite(X).all()
         assert 1e-4 * weight < rms[:3].max() or 1e-6 * weight < rms[3:].max()
         assert rms[:3].max() < 0.2 * weight
+
+
+def test_a_force_at_a_place_is_along_the_axes_of_the_world(groups):
+    flights, candidates = groups
+    place = next(c for c in candidates if c.identifiers == (PREFIX + "place",)).columns["1"]
+    R = attitude.rotation_matrix(attitude_on_grid(flights[0]))
+    force_W = np.einsum("nij,njk->nik", R, place[:, :3])
+    each = place.shape[-1] // 3
+    for axis in range(3):
+        own = force_W[:, :, axis * each : (axis + 1) * each]
+        others = np.delete(own, axis, axis=1)
+        assert np.abs(others).max() < 0.02 * np.abs(own).max()
+        assert np.all(own[25:-25, axis] >= -1e-3)
 
 
 def test_groups_are_no_effects(groups):

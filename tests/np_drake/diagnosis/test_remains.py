@@ -1,0 +1,52 @@
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.remains import remains
+from np_drake.effects.base import WrenchEffect
+from np_drake.rigid_body import W
+
+
+@dc.dataclass(frozen=True)
+class Damper(WrenchEffect):
+    """A torque against the body rate, which the library does not have."""
+
+    identifier: ClassVar[str] = "damper"
+
+    def wrench(self, vehicle, motion):
+        return np.concatenate([np.zeros_like(motion.x[..., W]), -0.02 * motion.x[..., W]], axis=-1)
+
+
+@pytest.fixture(scope="module")
+def of(ranked):
+    def answer(*effects):
+        case = ranked(*effects)
+        return remains(case.ranking, case.fit, case.flights, case.unseen)
+
+    return answer
+
+
+def test_of_a_nominal_flight_nothing_remains(of):
+    dut = of()
+    assert not dut.unknown
+    assert dut.probability < 0.2
+    assert dut.slow_probability < 0.2
+    assert dut.findings == ()
+
+
+def test_a_torque_that_no_effect_explains_remains_and_says_where_it_lives(of):
+    dut = of(Damper())
+    assert dut.unknown
+    assert dut.probability > 0.9
+    assert dut.findings[0].name == "rates"
+    assert dut.findings[0].figures["torque"] == pytest.approx(
+        0.02 * 0.9, rel=0.4
+    )  # times the rates' RMS [N·m]
+
+
+def test_the_unseen_flight_is_explained_too(of):
+    dut = of()
+    assert dut.held.left.keys() == dut.held.terms.keys() == {"c"}
+    assert dut.held.rows["c"].all()
