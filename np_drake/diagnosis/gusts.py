@@ -13,7 +13,7 @@ from scipy import optimize
 
 from np_drake import attitude
 from np_drake.diagnosis.answer import Cause, Estimate
-from np_drake.diagnosis.evidence import FORCE, VELOCITY, Evidence, low_pass
+from np_drake.diagnosis.evidence import FORCE, POSITION, VELOCITY, Evidence, low_pass
 from np_drake.diagnosis.hidden_swing import attitude_on_grid
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.effects.gusty_wind import GustyWind
@@ -78,7 +78,10 @@ def _in_world(e: Evidence, force_B: np.ndarray) -> np.ndarray:
 
 def _floor(e: Evidence, left: np.ndarray, tolerance: Tolerance) -> float:
     """What accelerometer, velocity and attitude may do to the slow force, one level axis [N]."""
-    sensor = low_pass(left[:, VELOCITY] - left[:, VELOCITY].mean(axis=0), e.grid.step, BAND)
+    sensor = left[:, VELOCITY]
+    if e.log.a is None:  # the velocity's own slow error, as position shows it
+        sensor = np.gradient(low_pass(left[:, POSITION], e.grid.step, BAND), e.grid.step, axis=0)
+    sensor = low_pass(sensor - sensor.mean(axis=0), e.grid.step, BAND)
     accelerometer = e.vehicle.mass * float(np.sqrt(np.mean(sensor**2)))
     if tolerance.real:
         accelerometer = max(accelerometer, e.vehicle.mass * tolerance.acceleration)

@@ -16,7 +16,7 @@ ONSET_PRIOR = -7.0  # log prior of one onset at one instant: one in six flights,
 LARGEST = 8  # columns of a candidate that is scanned
 
 
-def gated_candidates(problem: Problem) -> list[Candidate]:
+def gated_candidates(problem: Problem, *, payloads: bool = True) -> list[Candidate]:
     """For every effect that may begin in flight and gains by it: the candidate from its best onsets on."""
     found: list[Candidate] = []
     for candidate in problem.candidates:
@@ -29,7 +29,7 @@ def gated_candidates(problem: Problem) -> list[Candidate]:
             late = gated(candidate, problem.flights, onset)
             found.append(dc.replace(late, log_prior=late.log_prior + ONSET_PRIOR * len(onset)))
     steps = [c for c in found if c.identifiers in (("mass_error",), ("thrust_scale",))]
-    if steps:
+    if steps and payloads:
         onset = steps[0].onset
         others = [*problem.nuisance, *(c for c in problem.candidates if c.size <= 3 and not c.onset)]
         payloads = PayloadSearch(problem.flights, onset).best(problem.noise, others)

@@ -16,7 +16,7 @@ from np_drake.diagnosis.noise import NoiseModel
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
 BINS = 4  # of a regime
 COARSE = 0.2  # time resolution of change points [s]
-PENALTY = 12.0  # of a change point, in units of the noise's variance times channels; own choice
+PENALTY = 35.0  # of a change point, in units of the noise's variance times channels; own choice
 LEAST_SPAN = 1e-3
 
 
