@@ -9,6 +9,8 @@ from diagrams.challenge.solve import ANSWER
 from np_drake.diagnosis.answer import UNKNOWN
 
 TRUTH = "truth.json"
+TRUTH_KEYS = ("effects", "class", "true_model_residual", "visibility", "simulator", "quality", "kind", "seed")
+ANSWER_KEYS = ("verdict", "causes", "gap", "shrink")
 COMPANION = "linear_drag"  # through which a wind is felt, and which is then named too
 WINDS = ("constant_wind", "gusty_wind")
 
@@ -76,14 +78,21 @@ def read_solved(answers: Path, truth: Path) -> list[Solved]:
 
 
 def _read_case(truth: Path, answer: Path) -> Solved:
-    return Solved(truth.parent.name, _read(truth), _read(answer) if answer.is_file() else None)
+    found = _read(answer, ANSWER_KEYS) if answer.is_file() else None
+    return Solved(truth.parent.name, _read(truth, TRUTH_KEYS), found)
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path, needed: tuple[str, ...]) -> dict[str, Any]:
     try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
-    except (ValueError, TypeError):
-        raise ValueError(f"{path}: must hold a JSON object.") from None
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError:
+        content = None
+    if not isinstance(content, dict):
+        raise ValueError(f"{path}: must hold a JSON object.")
+    missing = [key for key in needed if key not in content]
+    if missing:
+        raise ValueError(f"{path}: {missing[0]} is missing; needed are {', '.join(needed)}.")
+    return content
 
 
 def same_flight(name: str) -> str:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from diagrams.cli import challenge_score, challenge_solve, options
-from diagrams.cli.output import progress, say, write_metrics
+from diagrams.cli.output import progress, require_folder, say, write_metrics
 from np_drake.atomic_file import require_writable
 
 challenge = typer.Typer(help="Withheld-effect challenge sets.", add_completion=False, rich_markup_mode=None)
@@ -34,6 +34,8 @@ def make(
     from diagrams.challenge.make import make as run
 
     check_request(out, truth, simulator=simulator, quality=quality, seconds=seconds, cases=cases + clean)
+    for folder in (out, truth):
+        require_folder(folder)
     config = {"simulator": simulator, "quality": quality, "cases": cases, "clean": clean, "seconds": seconds}
     with progress(f"flying {cases + clean} cases", cases + clean) as advance:
         result = run(out, truth, seed=seed, jobs=jobs, on_progress=advance, **config)  # type: ignore[arg-type]

@@ -1,5 +1,7 @@
 """A diagnosis on the terminal: verdict, causes, ladder, replay, what cannot be told."""
 
+import math
+
 from diagrams.cli.output import print_table, say
 from np_drake.diagnosis.answer import Diagnosis
 from np_drake.diagnosis.report import words
@@ -30,7 +32,7 @@ def cause_rows(diagnosis: Diagnosis) -> list[list[str]]:
     """A line a parameter; effect, probability and onset on the first."""
     rows = []
     for cause in diagnosis.causes:
-        begins = [f"{words.plain_name(n, 16)}: {t:.2f} s" for n, t in cause.onset.items() if t is not None]
+        begins = [begin(t, words.plain_name(n, 16)) for n, t in cause.onset.items() if t is not None]
         effect = " or ".join([cause.identifier, *cause.indistinguishable_from])
         first = [effect, words.probability(cause.probability).replace(words.NBSP, " ")]
         last = ["\n".join(begins) or "from the start"]
@@ -39,6 +41,11 @@ def cause_rows(diagnosis: Diagnosis) -> list[list[str]]:
             rows.append([*first, name, f"{value} {words.unit_of(parameter.unit)}".strip(), bounds, *last])
             first, last = ["", ""], [""]
     return rows
+
+
+def begin(time: float, flight: str) -> str:
+    """When an effect begins in a flight [s]; infinite: not at all."""
+    return f"{flight}: {time:.2f} s" if math.isfinite(time) else f"{flight}: not at all"
 
 
 def ladder_rows(diagnosis: Diagnosis) -> list[list[str]]:

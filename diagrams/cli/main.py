@@ -87,6 +87,7 @@ def _text(error: Exception) -> str:
 
 def _report(arguments: list[str], message: str, code: int) -> int:
     verb = next((argument for argument in arguments if not argument.startswith("-")), "")
-    line = " ".join(f"{PROGRAM} {verb}".split()) + ": " + " ".join(message.split())
+    message = " ".join(message.split()).removeprefix(f"{verb}: ")
+    line = " ".join(f"{PROGRAM} {verb}".split()) + ": " + message
     console(stderr=True).print(line, markup=False, soft_wrap=True)
     return code

@@ -47,6 +47,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
         "share": cause.share,
         "parameters": {name: dc.asdict(estimate) for name, estimate in cause.parameters.items()},
         "onset": cause.onset,
+        "absent_from": [flight for flight, time in cause.onset.items() if time == float("inf")],
         "indistinguishable_from": cause.indistinguishable_from,
     }
 

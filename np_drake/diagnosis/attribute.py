@@ -12,7 +12,7 @@ from np_drake.diagnosis.held_out import adapt, scored
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.rig import Tolerance
-from np_drake.diagnosis.search import Model
+from np_drake.diagnosis.search import Model, Problem
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
 
@@ -82,9 +82,8 @@ def size_of(
     )
 
 
-def alike(ranking: Ranking, model: Model) -> dict[str, tuple[str, ...]]:
+def alike(problem: Problem, model: Model) -> dict[str, tuple[str, ...]]:
     """By effect of the best model: effects which in its place explain the logs as well."""
-    problem = ranking.problem
     out: dict[str, tuple[str, ...]] = {}
     for i in model.members:
         if problem.candidates[i].generic:
@@ -110,9 +109,9 @@ def causes_of(
     ranking: Ranking, fit: Fit, flights: Sequence[Evidence], held_out: Sequence[Evidence], held: HeldOut
 ) -> tuple[list[Cause], list[Finding]]:
     """Causes and minor findings of a fit: a cause is material, and helps on flights that the fit has not seen."""
-    members = {names_of(ranking.problem, m): m for m in reversed(ranking.models)}
-    key = names_of_fit(ranking.fits[0])
-    same = alike(ranking, members[key]) if key in members else {}
+    members = {names_of(ranking.named_problem, m): m for m in reversed(ranking.named_models)}
+    key = names_of_fit(ranking.named)
+    same = alike(ranking.named_problem, members[key]) if key in members else {}
     causes, minor = [], []
     for i, term in enumerate(fit.terms):
         size = size_of(fit, i, flights, ranking.noise, ranking.tolerance)

@@ -21,7 +21,7 @@ from np_drake.effects.gusty_wind import GustyWind
 BAND = 0.7  # of what counts as slow [Hz]; own choice
 WANDERING = 0.010  # of attitude that colours a force turned with another attitude [rad]
 LONGEST = 5.0  # lag of the autocovariance [s]
-EXCESS = {True: 0.75, False: 0.25}  # ratio above which a slow force is real, on a rig and in a laboratory
+EXCESS = {True: 0.75, False: 2.0}  # ratio above which a slow force is real, on a rig and in a laboratory
 SLOPE = 12.0  # of its probability; own choice
 
 
@@ -43,7 +43,6 @@ class SlowForce:
         """Slow force over sensor floor [1]."""
         return self.force / max(self.floor, 1e-9)
 
-
     def probability(self, tolerance: Tolerance) -> float:
         """That something slow is there which sensors have not done."""
         excess = np.clip(SLOPE * (self.ratio / EXCESS[tolerance.real] - 1), -50, 50)
@@ -55,7 +54,7 @@ def slow_force(flights: Sequence[Evidence], left: dict[str, np.ndarray], toleran
     forces, floors, lags, span = [], [], [], 0.0
     for e in flights:
         force = _in_world(e, left[e.name][:, FORCE])
-        slow = low_pass(force - force.mean(axis=0), e.grid.step, BAND)[:, :2]
+        slow = _inside(low_pass(force - force.mean(axis=0), e.grid.step, BAND), e.grid.step)[:, :2]
         forces.append(np.mean(slow**2))
         floors.append(_floor(e, left[e.name], tolerance) ** 2)
         lags.append(_autocovariance(force[:, :2] - force[:, :2].mean(axis=0), e.grid.step))
@@ -72,6 +71,12 @@ def slow_force(flights: Sequence[Evidence], left: dict[str, np.ndarray], toleran
     )
 
 
+def _inside(slow: np.ndarray, step: float) -> np.ndarray:
+    """Without the ends, where a low-pass of differentiated noise has an edge."""
+    edge = round(1 / (BAND * step))
+    return slow[edge:-edge] if len(slow) > 3 * edge else slow
+
+
 def _in_world(e: Evidence, force_B: np.ndarray) -> np.ndarray:
     return attitude.rotate(attitude_on_grid(e), force_B)
 
@@ -82,6 +87,7 @@ def _floor(e: Evidence, left: np.ndarray, tolerance: Tolerance) -> float:
     if e.log.a is None:  # the velocity's own slow error, as position shows it
         sensor = np.gradient(low_pass(left[:, POSITION], e.grid.step, BAND), e.grid.step, axis=0)
     sensor = low_pass(sensor - sensor.mean(axis=0), e.grid.step, BAND)
+    sensor = _inside(sensor, e.grid.step)
     accelerometer = e.vehicle.mass * float(np.sqrt(np.mean(sensor**2)))
     if tolerance.real:
         accelerometer = max(accelerometer, e.vehicle.mass * tolerance.acceleration)

@@ -32,8 +32,8 @@ def gated_candidates(problem: Problem, *, payloads: bool = True) -> list[Candida
     if steps and payloads:
         onset = steps[0].onset
         others = [*problem.nuisance, *(c for c in problem.candidates if c.size <= 3 and not c.onset)]
-        payloads = PayloadSearch(problem.flights, onset).best(problem.noise, others)
-        found += [dc.replace(c, log_prior=c.log_prior + ONSET_PRIOR * len(onset)) for c in payloads]
+        hung = PayloadSearch(problem.flights, onset).best(problem.noise, others)
+        found += [dc.replace(c, log_prior=c.log_prior + ONSET_PRIOR * len(onset)) for c in hung]
     return found
 
 

@@ -15,9 +15,10 @@ from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.rig import Tolerance, calibration, calibration_terms, tolerance_of, wander
 from np_drake.diagnosis.search import Model, Problem, effect_prior, library_first, search, sum_grams
 from np_drake.diagnosis.signature import NEVER, Term, signature
-from np_drake.diagnosis.unknown import candidates_of_the_unknown
+from np_drake.diagnosis.unknown import PREFIX, candidates_of_the_unknown
 
 INEXACT = 0.03  # share of what linear columns explain that they get wrong; own choice
+TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice
 TEMPERATURE = 2.0  # noise is never quite its model: its variance counts this many times; own choice
 REFINED = 3  # models that are refined
 CLOSE = 12.0  # of the best's log evidence, below which a model is not worth it
@@ -32,6 +33,8 @@ class Ranking:
 
     fits: tuple[Fit, ...]
     named: Fit
+    named_problem: Problem
+    named_models: tuple[Model, ...]
     probability: dict[str, float]
     noise: NoiseModel
     problem: Problem
@@ -70,8 +73,23 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
     close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
     fits = [_refine(problem, m, tolerance, best, noise) for m in close[:REFINED]]
     fits.sort(key=lambda f: -_score(f))
-    named = _without_generic(fits[0], flights, raw, tolerance, drifting)
-    return Ranking(tuple(fits), named, _probabilities(problem, models, fits), noise, problem, tuple(models), tolerance)
+    probability = _probabilities(problem, models, fits)
+    named, named_problem, named_models = fits[0], problem, models
+    if fits[0].generic and fits[0].terms:
+        named, named_problem, named_models = _without_generic(problem, fits[0], raw, tolerance)
+        structure = {n: p for n, p in probability.items() if n.startswith(PREFIX)}
+        probability = _probabilities(named_problem, named_models, [named]) | structure
+    return Ranking(
+        tuple(fits),
+        named,
+        named_problem,
+        tuple(named_models),
+        probability,
+        noise,
+        problem,
+        tuple(models),
+        tolerance,
+    )
 
 
 def _search_noise(residuals: list[np.ndarray], raw: list[np.ndarray], step: float) -> NoiseModel:
@@ -91,22 +109,22 @@ def _best_variants(flights, noise, candidates) -> list[Candidate]:
     return [c for _, c in best.values()]
 
 
-def _without_generic(fit: Fit, flights, raw, tolerance: Tolerance, drifting: Candidate | None) -> Fit:
-    """The fit's effects alone; what the generic structure explained counts as noise."""
-    if not (fit.generic and fit.terms):
-        return fit
+def _without_generic(
+    problem: Problem, fit: Fit, raw: list[np.ndarray], tolerance: Tolerance
+) -> tuple[Fit, Problem, list[Model]]:
+    """The effects that explain most by themselves, where structure that is no effect remains beside them.
+
+    What remains is no noise then, and weighting by its spectrum would bend the figures: plain least squares, channels
+    made comparable, in which errors hang together (`TOGETHER`).
+    """
+    flights, step = problem.flights, problem.flights[0].grid.step
+    candidates = [c for c in problem.candidates if not c.generic]
     for _ in range(2):
-        left = no_worse([e.y - signature(e, fit.everything) for e in flights], raw)
-        fit = refine(
-            fit.terms,
-            calibration_terms(flights[0].vehicle, tolerance),
-            flights,
-            fit_noise(left, flights[0].grid.step),
-            temperature=TEMPERATURE,
-            wander=drifting.columns if drifting else None,
-            evaluations=4,
-        )
-    return fit
+        noise = scale_only(no_worse([e.y - signature(e, fit.everything) for e in flights], raw), step)
+        plain = Problem(flights, noise, problem.nuisance, candidates, temperature=TOGETHER)
+        models = search(plain)
+        fit = _refine(plain, models[0], tolerance, None, iterations=5)
+    return fit, plain, models
 
 
 def _rich_residuals(flights, noise, nuisance, candidates) -> list[np.ndarray]:

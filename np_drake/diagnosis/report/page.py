@@ -10,7 +10,7 @@ from jinja2 import Environment, StrictUndefined
 
 from np_drake.diagnosis.answer import Cause, ChannelGap, Diagnosis, Finding, ReplayGap
 from np_drake.diagnosis.report import words
-from np_drake.diagnosis.report.verdict import headline, verdict_sentences
+from np_drake.diagnosis.report.verdict import has_gap, headline, verdict_sentences
 
 TEMPLATE = "report.html.j2"
 
@@ -75,7 +75,8 @@ def _tiles(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     ]
     if changed:
         note = f"95\u00a0% interval {words.percent_interval(shrink.ci95)}"
-        tiles.append(("of the gap closed", words.percent(shrink.fraction), note))
+        closed = words.percent(max(shrink.fraction, 0.0)) if has_gap(shrink) else words.NOTHING
+        tiles.append(("of the gap closed", closed, note if has_gap(shrink) else "there was none to close"))
     first, last = shrink.replay_before, shrink.replay_after
     if first is not None:
         figure = words.number(first.position[-1, 0], 2)
@@ -108,7 +109,7 @@ def _cause(cause: Cause, flights: int) -> dict[str, Any]:
     for name, parameter in cause.parameters.items():
         value, bounds = words.estimate(parameter)
         rows.append((name, value, bounds, words.unit_of(parameter.unit) or "1"))
-    begins = [f"at {words.number(t)}\u00a0s in {name}" for name, t in cause.onset.items() if t is not None]
+    begins = [words.onset(t, name) for name, t in cause.onset.items() if t is not None]
     acting = len(cause.onset) or flights
     always = acting - len(begins)
     onset = (

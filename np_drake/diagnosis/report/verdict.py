@@ -1,6 +1,6 @@
 """The verdict in two sentences: what is missing, and what adding it brings."""
 
-from np_drake.diagnosis.answer import UNKNOWN, Cause, Diagnosis
+from np_drake.diagnosis.answer import UNKNOWN, Cause, Diagnosis, Shrink
 from np_drake.diagnosis.report.words import (
     NBSP,
     estimate,
@@ -12,6 +12,8 @@ from np_drake.diagnosis.report.words import (
     probability,
     unit_of,
 )
+
+LEAST_GAP = 1.05  # residual over its floor below which a share of the gap says nothing [1]; own choice
 
 
 def verdict_sentences(diagnosis: Diagnosis) -> tuple[str, str]:
@@ -103,8 +105,19 @@ def _figures(cause: Cause) -> list[str]:
     return [", ".join(shown)]
 
 
+def has_gap(shrink: Shrink) -> bool:
+    """Is there a gap above the noise on held-out flights, so that a share of it means something?"""
+    return shrink.before > LEAST_GAP * shrink.floor
+
+
 def _closes(diagnosis: Diagnosis, subject: str) -> str:
     shrink = diagnosis.shrink
+    if not has_gap(shrink) or shrink.fraction < 0:
+        why = "does not help there" if has_gap(shrink) else "shows little: there was no gap above the noise"
+        return (
+            f"On held-out flights {subject[:1].lower()}{subject[1:]} {why}: from {number(shrink.before, 2)} to "
+            f"{number(shrink.after, 2)} times the noise"
+        )
     return (
         f"{subject} closes {percent(shrink.fraction)} of the gap on held-out flights "
         f"(95{NBSP}% interval {percent_interval(shrink.ci95)}): from {number(shrink.before, 2)} to "

@@ -94,6 +94,11 @@ def estimate(parameter: Estimate) -> tuple[str, str]:
     return value, f"{low} … {high}"
 
 
+def onset(time: float, flight: str) -> str:
+    """When an effect begins in a flight [s]; infinite: not at all."""
+    return f"at {number(time)}{NBSP}s in {flight}" if math.isfinite(time) else f"not in {flight}"
+
+
 def probability(value: float) -> str:
     """A probability in per cent: nothing that was inferred is certain."""
     return percent(min(max(value, 1e-9), 1 - 1e-9)) if math.isfinite(value) else NOTHING

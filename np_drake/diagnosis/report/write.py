@@ -1,5 +1,6 @@
 """Writes the report's folder: page, JSON, pictures. Everything is made before anything is written."""
 
+import math
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,6 @@ def _onsets(diagnosis: Diagnosis) -> dict[str, list[tuple[str, float]]]:
     out: dict[str, list[tuple[str, float]]] = {}
     for cause in diagnosis.causes:
         for flight, time in cause.onset.items():
-            if time is not None:
+            if time is not None and math.isfinite(time):
                 out.setdefault(flight, []).append((cause.identifier, time))
     return out

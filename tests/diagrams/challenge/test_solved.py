@@ -39,3 +39,11 @@ def test_a_flight_is_the_same_by_any_suffix():
     assert {same_flight(n) for n in ("train_1", "train_1.csv", "x/train_1.csv.gz", "train_1.parquet")} == {
         "train_1"
     }
+
+
+@pytest.mark.parametrize("content, said", [("[]", "must hold a JSON object"), ("{}", "verdict is missing")])
+def test_a_file_that_is_no_diagnosis_is_named(folders, content, said):
+    answers, truth = folders
+    (answers / "a1" / "diagnosis.json").write_text(content)
+    with pytest.raises(ValueError, match=rf"a1/diagnosis\.json: {said}"):
+        read_solved(answers, truth)

@@ -26,6 +26,7 @@ def failing(error):
     "error, code, line",
     [
         (ValueError("mass must be\npositive"), 2, "np-drake verb: mass must be positive\n"),
+        (ValueError("verb: logs must differ."), 2, "np-drake verb: logs must differ.\n"),
         (FileNotFoundError(2, "No such file", "a.csv"), 2, "np-drake verb: a.csv: No such file.\n"),
         (FailedRun("the vehicle fell."), 1, "np-drake verb: the vehicle fell.\n"),
         (KeyboardInterrupt(), 130, "np-drake verb: interrupted.\n"),

@@ -66,3 +66,11 @@ def test_without_a_replay_there_is_none():
     bare = dc.replace(small(), shrink=dc.replace(small().shrink, replay_before=None))
     assert bare.as_json()["gap"]["replay"] is None
     assert bare.as_json()["shrink"]["replay"] is None
+
+
+def test_a_flight_without_the_effect_is_told_from_one_with_it_throughout():
+    whole = small()
+    cause = dc.replace(whole.causes[0], onset={"train_1": None, "heldout": np.inf})
+    (dut,) = dc.replace(whole, causes=(cause,)).as_json()["causes"]
+    assert dut["onset"] == {"train_1": None, "heldout": None}
+    assert dut["absent_from"] == ["heldout"]

@@ -118,8 +118,8 @@ def test_without_torque_mass_and_thrust_are_named_beside_each_other(seen):
     pair = {"mass_error", "thrust_scale"}
     (first,) = pair & set(named)
     (other,) = pair - {first}
-    assert other in alike(ranking, ranking.models[0])[first]
+    assert other in alike(ranking.problem, ranking.models[0])[first]
 
 
 def test_what_the_motion_tells_apart_is_not_named_beside_it(drag):
-    assert "gyro_bias" not in alike(drag.ranking, drag.ranking.models[0])["linear_drag"]
+    assert "gyro_bias" not in alike(drag.ranking.problem, drag.ranking.models[0])["linear_drag"]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.candidates import effect_candidates, library_candidates
-from np_drake.diagnosis.onset import best_onsets, gated_candidates, onset_profile
+from np_drake.diagnosis.onset import ONSET_PRIOR, best_onsets, gated_candidates, onset_profile
 from np_drake.diagnosis.search import Problem
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -46,6 +46,9 @@ def test_each_flight_has_its_own_onset(seen, noise):
     assert onset.keys() == {"early", "late"}
     assert onset["early"] == pytest.approx(3.0, abs=0.2)
     assert onset["late"] == pytest.approx(8.0, abs=0.2)
+    late = next(c for c in gated_candidates(problem) if c.identifiers == ("mass_error",))
+    assert late.onset == onset
+    assert late.log_prior == problem.candidates[0].log_prior + 2 * ONSET_PRIOR  # each instant is a choice
 
 
 def test_noise_alone_begins_nowhere(seen, noise):

@@ -3,6 +3,7 @@ import pytest
 
 from np_drake.diagnosis.candidates import library_candidates
 from np_drake.diagnosis.payload_search import KEPT, LENGTHS, PayloadSearch
+from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 
@@ -33,6 +34,11 @@ def test_the_best_lengths_are_not_next_to_each_other(seen, noise):
 
 def test_without_a_payload_no_length_has_evidence(seen, noise):
     flights = [seen(name=str(i), seed=i, noise=1.0, seconds=6.0) for i in (1, 2)]
+    assert PayloadSearch(flights).profile(noise, others(flights)).max() < 5.0
+
+
+def test_what_more_mass_explains_is_no_evidence_for_a_payload(seen, noise):
+    flights = [seen(MassError(0.2), name=str(i), seed=i, noise=1.0, seconds=6.0) for i in (1, 2)]
     assert PayloadSearch(flights).profile(noise, others(flights)).max() < 5.0
 
 

@@ -69,3 +69,15 @@ def test_minor_findings_are_announced_on_a_clean_log(diagnosis):
 def test_without_a_manoeuvre_more_motion_is_asked_for(diagnosis):
     check = dc.replace(diagnosis.check, not_identifiable=())
     assert "more motion" in verdict_sentences(dc.replace(cannot_tell(diagnosis), check=check))[1]
+
+
+def test_without_a_gap_on_held_out_flights_no_share_is_claimed(diagnosis):
+    shrink = dc.replace(diagnosis.shrink, before=1.01, after=0.74, fraction=37.1)
+    second = verdict_sentences(dc.replace(diagnosis, shrink=shrink))[1]
+    assert "no gap above the noise" in second
+    assert "%" not in second
+
+
+def test_causes_that_make_it_worse_are_said_to(diagnosis):
+    shrink = dc.replace(diagnosis.shrink, before=5.0, after=900.0, fraction=-3e4)
+    assert "does not help" in verdict_sentences(dc.replace(diagnosis, shrink=shrink))[1]

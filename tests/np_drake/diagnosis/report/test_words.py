@@ -1,3 +1,5 @@
+import math
+
 import pytest
 
 from np_drake.diagnosis.answer import Estimate
@@ -62,3 +64,8 @@ def test_a_file_name_for_a_figure_is_short_and_has_signs_that_fonts_have():
     assert dut.plain_name("train_1.csv") == "train_1.csv"
     assert dut.plain_name("飞\n行") == "???"
     assert len(dut.plain_name("x" * 300)) == 36
+
+
+def test_an_effect_that_is_absent_from_a_flight_has_no_time():
+    assert dut.onset(8.0, "a").replace(dut.NBSP, " ") == "at 8.00 s in a"
+    assert dut.onset(math.inf, "a") == "not in a"
