@@ -9,8 +9,11 @@ from diagrams.challenge.solve import ANSWER
 from np_drake.diagnosis.answer import UNKNOWN
 
 TRUTH = "truth.json"
-TRUTH_KEYS = ("effects", "class", "true_model_residual", "visibility", "simulator", "quality", "kind", "seed")
-ANSWER_KEYS = ("verdict", "causes", "gap", "shrink")
+TRUTH_KEYS = {
+    **{"effects": list, "class": list, "true_model_residual": dict, "visibility": (int, float)},
+    **{"simulator": str, "quality": str, "kind": str, "seed": int},
+}
+ANSWER_KEYS = {"verdict": list, "causes": list, "gap": dict, "shrink": dict}
 COMPANION = "linear_drag"  # through which a wind is felt, and which is then named too
 WINDS = ("constant_wind", "gusty_wind")
 
@@ -82,16 +85,16 @@ def _read_case(truth: Path, answer: Path) -> Solved:
     return Solved(truth.parent.name, _read(truth, TRUTH_KEYS), found)
 
 
-def _read(path: Path, needed: tuple[str, ...]) -> dict[str, Any]:
+def _read(path: Path, needed: dict[str, Any]) -> dict[str, Any]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except ValueError:
         content = None
     if not isinstance(content, dict):
         raise ValueError(f"{path}: must hold a JSON object.")
-    missing = [key for key in needed if key not in content]
-    if missing:
-        raise ValueError(f"{path}: {missing[0]} is missing; needed are {', '.join(needed)}.")
+    for key, kind in needed.items():
+        if not isinstance(content.get(key), kind):
+            raise ValueError(f"{path}: {key} is missing or of another form; see docs/files.md.")
     return content
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from diagrams.cli import options
-from diagrams.cli.output import make_folder, progress, require_folder, say, write_metrics
+from diagrams.cli.output import progress, require_folder, say, write_metrics
 from np_drake.atomic_file import require_writable
 
 
@@ -28,7 +28,7 @@ def solve(
     from diagrams.challenge.solve import solve as run
 
     with progress("diagnosing", len(case_folders(cases))) as advance:
-        result = run(cases, make_folder(out), jobs=jobs, replay=replay, again=again, on_progress=advance)
+        result = run(cases, out, jobs=jobs, replay=replay, again=again, on_progress=advance)
         advance(result["cases"])
     for row in result["failed"]:
         say(f"{row['case']}: {row['error']}")
@@ -38,3 +38,5 @@ def solve(
     say(f"answers: {out} ({counts})")
     config = {"cases": cases, "jobs": jobs, "replay": replay, "again": again}
     write_metrics(json, "challenge_solve", seed=0, config=config, **result)
+    if len(result["failed"]) == result["cases"]:
+        raise ValueError(f"no case could be diagnosed; the first: {result['failed'][0]['error']}")

@@ -10,17 +10,21 @@ from diagrams.cli import options
 from diagrams.cli.output import make_folder, print_table, progress, say, write_markdown, write_metrics
 from np_drake.atomic_file import require_writable
 
-TABLES = ("tracking", "weights")
+TABLES = ("tracking", "weights", "gap")
 Table = tuple[str, list[str], list[tuple]]
 
 
 def reproduce(
-    table: Annotated[str, typer.Argument(help="tracking | weights")],
+    table: Annotated[str, typer.Argument(help="tracking | weights | gap")],
     seeds: Annotated[int, typer.Option(min=1, help="Evaluation flights a row and track.")] = 5,
     solver: Annotated[str, typer.Option(help="ipopt | sqp")] = "sqp",
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
     only: Annotated[
         list[str] | None, typer.Option(help="Only rows of these names (nominal is always flown).")
+    ] = None,
+    neurobem: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights (gap)."),
     ] = None,
     seed: options.Seed = 1000,
     out: options.Out = None,
@@ -30,13 +34,16 @@ def reproduce(
     """Tracking: every controller on circle and lemniscate (training flights draw `seed`, evaluations seed + 1, …).
 
     Weights: how the MPC's weights were chosen, on the vehicle without payload.
+    Gap: the diagnosis on the agile real flights, each held out in turn.
     """
     if table not in TABLES:
         raise ValueError(f"table: must be one of {', '.join(TABLES)}; got {table!r}.")
     for file in (json, markdown):
         if file is not None:
             require_writable(file)
-    if table == "weights":
+    if table == "gap":
+        result = _gap(neurobem, json=json)
+    elif table == "weights":
         result = _weights(seed=seed, jobs=jobs, json=json)
     else:
         result = _tracking(
@@ -44,6 +51,45 @@ def reproduce(
         )
     print_table(*result)
     write_markdown(markdown, *result)
+
+
+def _gap(neurobem: Path | None, *, json: Path | None) -> Table:
+    if neurobem is None:
+        raise ValueError(
+            "gap: give the folder of the NeuroBEM flights as --neurobem DIR or NP_DRAKE_NEUROBEM."
+        )
+    from diagrams import real_flights
+
+    flights = real_flights.agile_flights(neurobem)
+    with progress("real flights", 1.0) as advance:
+        folds = real_flights.leave_one_out(
+            flights, lambda done, total: advance(done / total, f"{done} of {total}")
+        )
+    for f in folds:
+        say(f"{f.name}: {', '.join(f.diagnosis.verdict) or 'nothing missing'}")
+    lines = real_flights.rows(folds)
+    verdicts = {f.name: f.diagnosis.verdict for f in folds}
+    write_metrics(
+        json, "reproduce", seed=0, config={"flights": list(verdicts)}, table=lines, verdicts=verdicts
+    )
+    cells = [
+        (
+            r["flight"],
+            r["group"],
+            r["nominal"],
+            r["after"],
+            f"{100 * r['cut']:.0f} %",
+            r.get("zero"),
+            r.get("mean"),
+        )
+        for r in lines
+    ]
+    header = ["held out", "RMS of", "nominal", "after", "cut", "zero", "mean"]
+    return (
+        "Real flights, each held out in turn; force [N], torque [N·m]; zero, mean: what predicting these leaves",
+        header,
+        cells,
+    )
 
 
 def _tracking(

@@ -16,6 +16,9 @@ from np_drake.diagnosis.unknown import PREFIX
 from np_drake.diagnosis.which import Ranking
 
 SLOW_TORQUE = {True: 12.0, False: 9.0}  # above it a slow torque is no gyro's, on a rig and in a laboratory
+LEAST_SHARE = 0.03  # of the gap, and of a channel's power, below which structure is no matter; own choice
+FAINT = 0.4  # share of a threshold that unseen flights must show as well; own choice
+HARM = -1.0  # log likelihood on unseen flights below which a structure does not repeat
 STEEP = 6.0  # of the probability with the logarithm of a ratio; own choice
 
 
@@ -38,20 +41,38 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     held = on_held_out(ranking.named, unseen, ranking.noise)
     left = {e.name: fit.left(e) for e in flights}
     found = [_generic(g, ranking, flights) for g in fit.generic]
-    limit = SLOW_TORQUE[ranking.tolerance.real]
+    seen = [_repeats(g, ranking, fit, unseen, held) for g in fit.generic]
     line, torque = strongest_line(flights, left), slow_torque(flights, left)
-    slow = slow_force(flights, left, ranking.tolerance)
-    probability = max(
-        [ranking.probability.get(PREFIX + f.name, 0.0) for f, material in found if material]
-        + [_above(line.prominence, LINE), _above(torque, limit)]
-    )
+    limit = SLOW_TORQUE[ranking.tolerance.real]
+    again = (strongest_line(unseen, held.left).prominence, slow_torque(unseen, held.left))
+    loud = line.rms**2 > LEAST_SHARE * np.mean(np.concatenate([e.y[:, line.channel] for e in flights]) ** 2)
+    vibrates = _above(line.prominence, LINE) if loud and again[0] > FAINT * LINE else 0.0
+    twists = _above(torque, limit) if again[1] > FAINT * limit else 0.0
+    structure = [
+        ranking.probability.get(PREFIX + f.name, 0.0)
+        for (f, material), repeats in zip(found, seen, strict=True)
+        if material and repeats and f.size > LEAST_SHARE
+    ]
+    probability = max([*structure, vibrates, twists])
     findings = [f for f, _ in found]
-    if _above(line.prominence, LINE) > 0.5:
+    if vibrates > 0.5:
         findings.append(_line_finding(line))
-    if _above(torque, limit) > 0.5:
+    if twists > 0.5:
         findings.append(Finding("slow torque", "a torque that comes and goes", torque, {"ratio": torque}))
+    slow = slow_force(flights, left, ranking.tolerance)
     slowly = slow.probability(ranking.tolerance)
     return Remains(probability > 0.5, probability, tuple(findings), held, slow, slowly, line, torque)
+
+
+def _repeats(generic: Generic, ranking: Ranking, fit: Fit, unseen: Sequence[Evidence], held: HeldOut) -> bool:
+    """Does the structure help on flights that it was not fitted to, or at least do no harm there?"""
+    gain = 0.0
+    for e in unseen:
+        rows = held.rows[e.name][ranking.noise.phi.shape[1] :]
+        without = held.left[e.name]
+        losses = [np.sum(ranking.noise.whiten(r)[rows] ** 2) for r in (without, without - generic.part(e))]
+        gain += 0.5 * (losses[0] - losses[1]) / ranking.problem.temperature
+    return gain > HARM
 
 
 def _above(ratio: float, threshold: float) -> float:

@@ -25,6 +25,12 @@ from np_drake.vehicle import Vehicle
 GRAVITY = 9.81  # [m/s²]; the CSV's hover reading of specific force
 NPY_STEP = 0.0025  # of the arrays [s]
 TRAINING = "merged_2021-02-03-13-44-49_seg_3"  # of the paper's estimation table: a 10 s wobbly circle
+AGILE = (  # flights that excite the aerodynamics
+    "2021-02-18-16-43-54_seg_3",
+    "2021-02-18-17-19-08_seg_2",
+    "2021-02-23-10-48-03_seg_2",
+    "2021-02-23-11-41-38_seg_3",
+)
 RACE_TRACK = "merged_2021-02-18-17-19-08_seg_2"
 TESTS = {  # file stem: the paper's name of the flight
     "merged_2021-02-18-16-53-35_seg_2": "linear oscillation",

@@ -75,7 +75,7 @@ def _tiles(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
     ]
     if changed:
         note = f"95\u00a0% interval {words.percent_interval(shrink.ci95)}"
-        closed = words.percent(max(shrink.fraction, 0.0)) if has_gap(shrink) else words.NOTHING
+        closed = words.percent(min(max(shrink.fraction, 0.0), 1.0)) if has_gap(shrink) else words.NOTHING
         tiles.append(("of the gap closed", closed, note if has_gap(shrink) else "there was none to close"))
     first, last = shrink.replay_before, shrink.replay_after
     if first is not None:

@@ -112,14 +112,13 @@ def has_gap(shrink: Shrink) -> bool:
 
 def _closes(diagnosis: Diagnosis, subject: str) -> str:
     shrink = diagnosis.shrink
-    if not has_gap(shrink) or shrink.fraction < 0:
-        why = "does not help there" if has_gap(shrink) else "shows little: there was no gap above the noise"
-        return (
-            f"On held-out flights {subject[:1].lower()}{subject[1:]} {why}: from {number(shrink.before, 2)} to "
-            f"{number(shrink.after, 2)} times the noise"
-        )
+    change = f"from {number(shrink.before, 2)} to {number(shrink.after, 2)} times the noise"
+    adding = subject[:1].lower() + subject[1:]
+    if not has_gap(shrink):
+        return f"Held-out flights have no gap above the noise to close: {adding} takes the residual {change}"
+    if shrink.fraction < 0:
+        return f"On held-out flights {adding} does not help: the residual goes {change}"
     return (
-        f"{subject} closes {percent(shrink.fraction)} of the gap on held-out flights "
-        f"(95{NBSP}% interval {percent_interval(shrink.ci95)}): from {number(shrink.before, 2)} to "
-        f"{number(shrink.after, 2)} times the noise"
+        f"{subject} closes {percent(min(shrink.fraction, 1.0))} of the gap on held-out flights "
+        f"(95{NBSP}% interval {percent_interval(shrink.ci95)}): {change}"
     )

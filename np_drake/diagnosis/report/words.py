@@ -85,6 +85,8 @@ def estimate(parameter: Estimate) -> tuple[str, str]:
     """Value and interval, to the digits that the interval warrants."""
     lower, upper = parameter.ci95
     half = 0.5 * (upper - lower)
+    if half == 0 and not parameter.unit and parameter.value == round(parameter.value):
+        return str(round(parameter.value)), NOTHING  # a choice, such as the number of a rotor
     if not (math.isfinite(half) and half > 0):
         return number(parameter.value), NOTHING
     decimals = -math.floor(math.log10(0.5 * half))
@@ -106,7 +108,7 @@ def probability(value: float) -> str:
 
 def percent_interval(bounds: tuple[float, float]) -> str:
     """'91 … 97 %' of a share; it ends at 100 %."""
-    lower, upper = percent(bounds[0]), percent(min(bounds[1], 1.0))
+    lower, upper = (percent(min(bound, 1.0)) for bound in bounds)
     return f"{lower.removesuffix(NBSP + '%')} … {upper}"
 
 

@@ -41,7 +41,10 @@ def test_a_flight_is_the_same_by_any_suffix():
     }
 
 
-@pytest.mark.parametrize("content, said", [("[]", "must hold a JSON object"), ("{}", "verdict is missing")])
+@pytest.mark.parametrize(
+    "content, said",
+    [("[]", "must hold a JSON object"), ("{}", "verdict is missing"), ('{"verdict": 3}', "verdict")],
+)
 def test_a_file_that_is_no_diagnosis_is_named(folders, content, said):
     answers, truth = folders
     (answers / "a1" / "diagnosis.json").write_text(content)

@@ -1,6 +1,7 @@
 """Laws of `np-drake challenge solve`; a stand-in diagnoses."""
 
 import json
+import shutil
 
 import pytest
 
@@ -42,6 +43,13 @@ def test_cases_are_solved_and_failures_said(cases, tmp_path, capsys):
     assert written["schema"] == "np_drake.challenge_solve/1"
     assert [row["case"] for row in written["failed"]] == ["bad"]
     assert json.loads((out / "good" / "diagnosis.json").read_text()) == {"verdict": []}
+
+
+def test_where_every_case_fails_it_is_one_line_and_nothing_is_left(cases, tmp_path, capsys):
+    shutil.rmtree(cases / "good")
+    assert run(["challenge", "solve", str(cases), "--out", str(tmp_path / "answers")]) == 2
+    assert "no case could be diagnosed" in capsys.readouterr().err
+    assert not (tmp_path / "answers").exists()
 
 
 @pytest.mark.parametrize("where", ["nowhere", "cases/good"])

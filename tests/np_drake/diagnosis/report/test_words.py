@@ -69,3 +69,11 @@ def test_a_file_name_for_a_figure_is_short_and_has_signs_that_fonts_have():
 def test_an_effect_that_is_absent_from_a_flight_has_no_time():
     assert dut.onset(8.0, "a").replace(dut.NBSP, " ") == "at 8.00 s in a"
     assert dut.onset(math.inf, "a") == "not in a"
+
+
+def test_a_choice_is_a_whole_number_without_an_interval():
+    assert dut.estimate(Estimate(4.0, "", (4.0, 4.0))) == ("4", dut.NOTHING)
+
+
+def test_an_interval_of_a_share_ends_at_all_of_it():
+    assert dut.percent_interval((1.01, 1.04)).replace(dut.NBSP, " ") == "100 … 100 %"
