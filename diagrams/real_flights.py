@@ -19,7 +19,7 @@ POOLED = "all four, pooled"
 
 @dc.dataclass(frozen=True)
 class Fold:
-    """One held-out flight: residual before and after (m, 6), and of the torque predicted as zero or as its mean (m, 3)."""
+    """One held-out flight: residual before and after (m, 6); zero, mean (m, 3): torque less nothing, less its mean."""
 
     name: str
     diagnosis: Diagnosis
@@ -64,7 +64,13 @@ def rows(folds: Sequence[Fold]) -> list[dict]:
     for name, some in [*((f.name, [f]) for f in folds), (POOLED, list(folds))]:
         for group, channels in GROUPS.items():
             before, after = (_rms([getattr(f, key) for f in some], channels) for key in ("before", "after"))
-            line = {"flight": name, "group": group, "nominal": before, "after": after, "cut": 1 - after / before}
+            line = {
+                "flight": name,
+                "group": group,
+                "nominal": before,
+                "after": after,
+                "cut": 1 - after / before,
+            }
             if group == "torque":
                 line["zero"] = _rms([f.zero for f in some], (0, 1, 2))
                 line["mean"] = _rms([f.mean for f in some], (0, 1, 2))

@@ -21,9 +21,7 @@ CHANNELS = tuple(
 )
 
 
-def collinear_class(
-    case: Case, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]
-) -> list[list[str]]:
+def collinear_class(case: Case, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]) -> list[list[str]]:
     """Per effect the names that are physically the same in the training flights, its own first.
 
     Whitened with what noise really left there (noisy less exact), so that nothing is solved for it.

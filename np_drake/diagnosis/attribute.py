@@ -57,9 +57,7 @@ class HeldOut:
     rows: dict[str, np.ndarray]
 
 
-def size_of(
-    fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, tolerance: Tolerance
-) -> Size:
+def size_of(fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, tolerance: Tolerance) -> Size:
     """Of the fit's term i, over the flights in which it acts."""
     force = torque = command = rows = own = gap = 0.0
     inverse = np.where(noise.rms > 0, 1.0 / np.maximum(noise.rms, 1e-12), 0.0)

@@ -11,7 +11,12 @@ from np_drake.diagnosis.evidence import WRENCH, Evidence
 from np_drake.diagnosis.manoeuvres import manoeuvre
 from np_drake.diagnosis.noise import NoiseModel
 
-LEAST = {"speed": 0.08, "rate": 0.05, "tilt": 1.0, "thrust variation": 0.01}  # [m/s, rad/s, deg, 1]; own choice
+LEAST = {
+    "speed": 0.08,
+    "rate": 0.05,
+    "tilt": 1.0,
+    "thrust variation": 0.01,
+}  # [m/s, rad/s, deg, 1]; own choice
 BARELY = 10.0  # whitened size of an effect that is just visible [1]
 SAME = 9.0  # squared whitened distance below which two just visible effects are the same
 
@@ -47,7 +52,9 @@ def excited(figures: dict[str, float]) -> bool:
     return any(named[key] >= least for key, least in LEAST.items())
 
 
-def confusables(flights: Sequence[Evidence], candidates: Sequence[Candidate], noise: NoiseModel) -> list[Confusable]:
+def confusables(
+    flights: Sequence[Evidence], candidates: Sequence[Candidate], noise: NoiseModel
+) -> list[Confusable]:
     """Effects that cannot be seen at their usual size, and pairs that are the same when just visible.
 
     An effect a, scaled to `BARELY` whitened units, is the same as b if the distance to b's columns is below `SAME`.
@@ -65,7 +72,11 @@ def confusables(flights: Sequence[Evidence], candidates: Sequence[Candidate], no
         Confusable((n,), "at its usual size it leaves no trace in these flights", manoeuvre((n,)))
         for n in unseen
     ]
-    bases = {n: np.linalg.qr(X[:, np.linalg.norm(X, axis=0) > 1e-9])[0] for n, X in blocks.items() if n not in unseen}
+    bases = {
+        n: np.linalg.qr(X[:, np.linalg.norm(X, axis=0) > 1e-9])[0]
+        for n, X in blocks.items()
+        if n not in unseen
+    }
     found: set[tuple[str, str]] = set()
     for a, X in blocks.items():
         if a in unseen:
@@ -76,7 +87,8 @@ def confusables(flights: Sequence[Evidence], candidates: Sequence[Candidate], no
             if a != b and float(np.sum((direction - Q @ (Q.T @ direction)) ** 2)) < SAME:
                 found.add((a, b) if a < b else (b, a))
     out += [
-        Confusable(pair, "their traces in these flights are collinear", manoeuvre(pair)) for pair in sorted(found)
+        Confusable(pair, "their traces in these flights are collinear", manoeuvre(pair))
+        for pair in sorted(found)
     ]
     return out
 
@@ -99,7 +111,9 @@ def check(
             )
         if e.attitude_noise > 1e-3:
             how = "turned with it" if e.turned else "free of it"
-            warnings.append(f"{e.name}: attitude noise of {1e3 * e.attitude_noise:.1f} mrad; acceleration is {how}.")
+            warnings.append(
+                f"{e.name}: attitude noise of {1e3 * e.attitude_noise:.1f} mrad; acceleration is {how}."
+            )
     return Check(
         usable=True,
         excitation=figures,

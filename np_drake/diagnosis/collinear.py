@@ -9,16 +9,18 @@ from np_drake.diagnosis.candidates import (
     Onset,
     at_value,
     library_candidates,
-    payload_candidates,
     wind_candidates,
 )
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.payload_candidates import payload_candidates
 from np_drake.diagnosis.rig import Tolerance, calibration, wander
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.effects.library import LIBRARY
 
-DISTANCE = 14.0  # squared whitened distance below which noise hides the difference; own choice: about four sigma
+DISTANCE = (
+    14.0  # squared whitened distance below which noise hides the difference; own choice: about four sigma
+)
 LENGTHS = np.geomspace(0.2, 2.0, 12)  # of a payload that could stand in [m]
 
 
@@ -62,7 +64,9 @@ def _mirror_images(flights: Sequence[Evidence], term: Term, onset: dict) -> list
     if term.effect.identifier not in shift:
         return []
     delay = shift[term.effect.identifier] * next(iter(term.effect.values.values()))
-    twins = [("clock_offset", {"offset": -delay})] + ([("command_delay", {"delay": delay})] if delay > 0 else [])
+    twins = [("clock_offset", {"offset": -delay})] + (
+        [("command_delay", {"delay": delay})] if delay > 0 else []
+    )
     return [
         at_value(LIBRARY[name], flights, onset, values, 1)
         for name, values in twins

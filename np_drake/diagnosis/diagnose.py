@@ -112,7 +112,9 @@ def _cannot_tell(flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> dic
     pairs = confusables(flights, library_candidates(flights), noise)
     rows = {e.name: np.ones(len(e.t), bool) for e in unseen}
     found: Where = where(unseen, {e.name: e.y for e in unseen}, noise, rows)
-    checked = Check(False, excitation(flights), {}, tuple(pairs), ("nothing is excited: these logs cannot tell.",))
+    checked = Check(
+        False, excitation(flights), {}, tuple(pairs), ("nothing is excited: these logs cannot tell.",)
+    )
     size = float(np.sqrt(np.mean(np.concatenate([e.y[:, :6] for e in unseen]) ** 2 / noise.rms[:6] ** 2)))
     shrunk = Shrink(size, size, 1.0, 0.0, (0.0, 0.0), ())
     return {

@@ -100,9 +100,7 @@ def make_evidence(log: FlightLog, vehicle: Vehicle) -> Evidence:
         [np.zeros((len(grid), 2)), to_grid(grid, rows.t, f), to_grid(grid, mids.t, u_mids[:, 1:])], axis=1
     )
     w = to_grid(grid, mids.t, mids.x[:, 10:13])
-    return Evidence(
-        log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned
-    )
+    return Evidence(log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned)
 
 
 def _attitude_for_force(log: FlightLog, smooth: np.ndarray, gravity: float) -> tuple[np.ndarray, bool]:

@@ -61,7 +61,9 @@ def slow_torque(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> flo
     middle = np.zeros(3)
     for e in flights:
         tau = left[e.name][:, TORQUE] - left[e.name][:, TORQUE].mean(axis=0)
-        inside = slice(round(1 / (SLOW * e.grid.step)), -round(1 / (SLOW * e.grid.step)))  # without filter edges
+        inside = slice(
+            round(1 / (SLOW * e.grid.step)), -round(1 / (SLOW * e.grid.step))
+        )  # without filter edges
         low = low_pass(tau, e.grid.step, SLOW)[inside]
         band = (low_pass(tau, e.grid.step, MIDDLE[1]) - low_pass(tau, e.grid.step, MIDDLE[0]))[inside]
         slow += np.mean(low**2, axis=0)

@@ -8,7 +8,9 @@ from np_drake import attitude
 from np_drake.diagnosis.evidence import Evidence, low_pass
 from np_drake.diagnosis.grid import to_grid
 
-DRIVE_BAND = 4.0  # of the specific force that drives a resonance; from velocity, whose noise is not the force's [Hz]
+DRIVE_BAND = (
+    4.0  # of the specific force that drives a resonance; from velocity, whose noise is not the force's [Hz]
+)
 
 
 @dc.dataclass(frozen=True)

@@ -27,9 +27,7 @@ def adapt(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list[Te
 
 def scored(terms: Sequence[Term], flight: Evidence) -> np.ndarray:
     """(m,) rows that count: not those that a hidden start was fitted to."""
-    starts = [
-        (t.begins(flight.name) or flight.t[0]) for t in terms if hasattr(t.effect, "payload")
-    ]
+    starts = [(t.begins(flight.name) or flight.t[0]) for t in terms if hasattr(t.effect, "payload")]
     rows = np.ones(len(flight.t), bool)
     for start in starts:
         if start != NEVER:

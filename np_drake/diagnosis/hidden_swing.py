@@ -38,9 +38,7 @@ def attitude_on_grid(evidence: Evidence) -> np.ndarray:
     return q / np.linalg.norm(q, axis=1, keepdims=True)
 
 
-def start_of_swing(
-    lengths: np.ndarray, swing: np.ndarray, pull: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def start_of_swing(lengths: np.ndarray, swing: np.ndarray, pull: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(m, 3) r and r_rate of pendula of `lengths` (m,) whose swing (m, 4) is counted from rest along -`pull` (3,)."""
     down = -pull / np.linalg.norm(pull)
     e_x = np.cross([0.0, 1.0, 0.0], -down)

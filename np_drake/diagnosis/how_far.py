@@ -37,7 +37,9 @@ def how_far(
     after = {e.name: (e.y - signature(e, kept[e.name]))[held.rows[e.name]] for e in flights}
     floor = 1.0
     ladder = _ladder(causes, flights, noise, held)
-    fraction = shrink_fraction(pooled(list(before.values()), noise), pooled(list(after.values()), noise), floor)
+    fraction = shrink_fraction(
+        pooled(list(before.values()), noise), pooled(list(after.values()), noise), floor
+    )
     interval = _bootstrap(before, after, noise, flights[0].grid.step)
     replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)
     if replay is not None:

@@ -25,9 +25,15 @@ SHOWS = {
     "clock_offset": "sharp doublets",
 }
 PAIRS = {
-    frozenset(("command_delay", "clock_offset")): "log rotor speed: a delay shows there, a clock offset does not",
-    frozenset(("mass_error", "thrust_scale")): "fast roll and pitch doublets: torque scales with thrust, not with mass",
-    frozenset(("accelerometer_bias", "attitude_bias")): "fly at several thrusts: tilt scales with thrust, a bias stays",
+    frozenset(
+        ("command_delay", "clock_offset")
+    ): "log rotor speed: a delay shows there, a clock offset does not",
+    frozenset(
+        ("mass_error", "thrust_scale")
+    ): "fast roll and pitch doublets: torque scales with thrust, not with mass",
+    frozenset(
+        ("accelerometer_bias", "attitude_bias")
+    ): "fly at several thrusts: tilt scales with thrust, a bias stays",
     frozenset(("linear_drag", "quadratic_drag")): "sprints at 1, 3 and 6 m/s: the square shows at speed",
 }
 
@@ -37,4 +43,6 @@ def manoeuvre(effects: tuple[str, ...]) -> str:
     if len(effects) > 1 and frozenset(effects) in PAIRS:
         return PAIRS[frozenset(effects)]
     known = [SHOWS[e] for e in effects if e in SHOWS]
-    return "; or ".join(dict.fromkeys(known)) if known else "a flight that excites every axis at several speeds"
+    return (
+        "; or ".join(dict.fromkeys(known)) if known else "a flight that excites every axis at several speeds"
+    )

@@ -96,7 +96,9 @@ def fit_noise(
     rms = np.sqrt(sum(np.sum(r**2, axis=0) for r in residuals) / total)
     rms[rms**2 < ACTIVE] = 0.0
     for c in np.flatnonzero(rms):
-        lags = sum((_autocovariance(r[:, c], order) for r in [*residuals, *smear]), np.zeros(order + 1)) / total
+        lags = (
+            sum((_autocovariance(r[:, c], order) for r in [*residuals, *smear]), np.zeros(order + 1)) / total
+        )
         lags[0] *= 1 + RIDGE
         phi[c] = linalg.solve_toeplitz(lags[:-1], lags[1:])
         innovation[c] = lags[0] - phi[c] @ lags[1:]

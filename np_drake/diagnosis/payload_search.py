@@ -10,10 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import Candidate, Onset, payload_candidates
+from np_drake.diagnosis.candidates import Candidate, Onset
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.linear_bayes import Gram
 from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.payload_candidates import payload_candidates
 
 LENGTHS = np.geomspace(0.15, 2.5, 96)  # [m], 3 % apart
 KEPT = 3

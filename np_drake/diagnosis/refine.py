@@ -5,29 +5,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import SWING, Candidate
+from np_drake.diagnosis.candidates import Candidate
 from np_drake.diagnosis.evidence import WRENCH, Evidence
+from np_drake.diagnosis.figures import Free, free_figures, read, write
 from np_drake.diagnosis.gauss_newton import minimise
-from np_drake.diagnosis.hidden_swing import STATE, swing_wrenches
+from np_drake.diagnosis.hidden_swing import swing_wrenches
 from np_drake.diagnosis.noise import NoiseModel
-from np_drake.diagnosis.signature import NEVER, Term, signature
+from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.base import SensorEffect
 
 BLOCK = 1.0  # over which residuals may hang together, for the robust covariance [s]
-
-
-@dc.dataclass(frozen=True)
-class Free:
-    """One free figure: of term `term`, a parameter by name or an entry of the hidden state of a flight."""
-
-    term: int
-    name: str
-    scale: float
-    neutral: float
-    lower: float
-    upper: float
-    flight: str = ""
-    entry: int = 0
 
 
 @dc.dataclass(frozen=True)
@@ -72,51 +59,6 @@ class Fit:
         return [*self.terms, *self.calibration]
 
 
-def free_figures(terms: Sequence[Term], flights: Sequence[Evidence], scales: dict[int, float]) -> list[Free]:
-    """What may move. scales: of calibration terms, by position: the prior deviation instead of the typical one."""
-    found = []
-    for i, term in enumerate(terms):
-        for p in term.effect.parameters:
-            if not p.choices:
-                scale = scales.get(i, p.typical)
-                neutral = p.neutral
-                found.append(Free(i, p.name, scale, neutral, p.lower, p.upper))
-        if not hasattr(term.effect, "payload"):
-            continue
-        for e in flights:
-            if term.begins(e.name) != NEVER:
-                scales_of = [SWING * (1 if k < 2 else 3) for k in range(STATE)]
-                found += [Free(i, "swing", s, 0.0, -4.0, 4.0, e.name, k) for k, s in enumerate(scales_of)]
-    return found
-
-
-def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
-    """(k,) the free figures' values."""
-    return np.array(
-        [
-            terms[f.term].hidden.get(f.flight, np.zeros(STATE))[f.entry]
-            if f.flight
-            else getattr(terms[f.term].effect, f.name)
-            for f in free
-        ]
-    )
-
-
-def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> list[Term]:
-    """The terms with the free figures set."""
-    fields: list[dict[str, float]] = [{} for _ in terms]
-    hidden: list[dict[str, np.ndarray]] = [{k: np.array(v) for k, v in t.hidden.items()} for t in terms]
-    for f, value in zip(free, values, strict=True):
-        if f.flight:
-            hidden[f.term].setdefault(f.flight, np.zeros(STATE))[f.entry] = value
-        else:
-            fields[f.term][f.name] = float(value)
-    return [
-        dc.replace(t, effect=dc.replace(t.effect, **fields[i]), hidden=hidden[i])  # type: ignore[type-var]
-        for i, t in enumerate(terms)
-    ]
-
-
 def refine(
     terms: Sequence[Term],
     calibration: Sequence[tuple[Term, float]],
@@ -141,7 +83,9 @@ def refine(
 
     if generic:
         parts = {e.name: [wander[e.name]] if wander else [] for e in flights}
-        wander = {n: np.concatenate([*p, *(g.columns[n] for g in generic)], axis=-1) for n, p in parts.items()}
+        wander = {
+            n: np.concatenate([*p, *(g.columns[n] for g in generic)], axis=-1) for n, p in parts.items()
+        }
     linear = 0 if wander is None else next(iter(wander.values())).shape[-1]
     white = {e.name: noise.whiten(wander[e.name]).reshape(-1, linear) for e in flights} if wander else {}
     n = len(free)
@@ -202,7 +146,9 @@ def _split(generic: Sequence[Candidate], coefficients: np.ndarray) -> tuple[Gene
     return tuple(out)
 
 
-def _jacobian(now, free, evidence: Evidence, noise: NoiseModel, z: np.ndarray, scale: np.ndarray) -> np.ndarray:
+def _jacobian(
+    now, free, evidence: Evidence, noise: NoiseModel, z: np.ndarray, scale: np.ndarray
+) -> np.ndarray:
     """Whitened derivative of the signature by finite differences; only terms that feel each other are evaluated."""
     columns = np.zeros((*evidence.y.shape, len(free)))
     base: dict[tuple[int, ...], np.ndarray] = {}

@@ -20,7 +20,9 @@ SIZE = 0.04  # prior deviation of a group's force over weight, and of its torque
 RESONANCES = (0.4, 0.6, 0.8, 1.05, 1.4, 1.8, 2.4, 3.2, 4.2)  # [Hz]
 DAMPING = 0.1  # of a resonance that is tried [1]
 CENTRES = 10  # of a place
-Pushes = Callable[[FlightState], np.ndarray]  # (m, 6, k) force and torque in body axes in units of their prior
+Pushes = Callable[
+    [FlightState], np.ndarray
+]  # (m, 6, k) force and torque in body axes in units of their prior
 
 
 def candidates_of_the_unknown(flights: Sequence[Evidence]) -> list[Candidate]:
@@ -42,7 +44,15 @@ def candidates_of_the_unknown(flights: Sequence[Evidence]) -> list[Candidate]:
     for f in RESONANCES:
         text = f"an answer to the motion with a resonance near {f:g} Hz"
         found.append(
-            _candidate(flights, states, "resonance", text, _resonance(f), -count, {"frequency": f, "damping": DAMPING})
+            _candidate(
+                flights,
+                states,
+                "resonance",
+                text,
+                _resonance(f),
+                -count,
+                {"frequency": f, "damping": DAMPING},
+            )
         )
     return found
 

@@ -70,9 +70,7 @@ def segments(flight: Evidence, noise: NoiseModel) -> list[Segment]:
         part = scaled[a * bin_ : b * bin_]
         start, end = flight.t[a * bin_], flight.t[min(b * bin_, len(flight.t) - 1)]
         out.append(
-            Segment(
-                flight.name, float(start), float(end), tuple(np.sqrt(np.mean(part**2, axis=0)).tolist())
-            )
+            Segment(flight.name, float(start), float(end), tuple(np.sqrt(np.mean(part**2, axis=0)).tolist()))
         )
     return out
 

@@ -53,7 +53,9 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
     step = flights[0].grid.step
     raw = [e.y for e in flights]
     noise = scale_only(raw, step)
-    late = gated_candidates(Problem(flights, noise, nuisance, candidates, temperature=TEMPERATURE), payloads=False)
+    late = gated_candidates(
+        Problem(flights, noise, nuisance, candidates, temperature=TEMPERATURE), payloads=False
+    )
     noise = _search_noise(_rich_residuals(flights, noise, nuisance, [*candidates, *late]), raw, step)
     others = [*nuisance, *_best_variants(flights, noise, candidates)]
     candidates += PayloadSearch(flights).best(noise, others)

@@ -10,10 +10,10 @@ from np_drake.diagnosis.candidates import (
     effect_candidates,
     gated,
     library_candidates,
-    payload_candidates,
     wind_candidates,
 )
 from np_drake.diagnosis.evidence import make_evidence
+from np_drake.diagnosis.payload_candidates import payload_candidates
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag

@@ -3,7 +3,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.refine import free_figures, read, refine, write
+from np_drake.diagnosis.figures import free_figures, read, write
+from np_drake.diagnosis.refine import refine
 from np_drake.diagnosis.signature import NEVER, Term
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias

@@ -1,0 +1,70 @@
+"""The free figures of a model: which they are, and how they are read from terms and written into them."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.hidden_swing import STATE
+from np_drake.diagnosis.payload_candidates import SWING
+from np_drake.diagnosis.signature import NEVER, Term
+
+
+@dc.dataclass(frozen=True)
+class Free:
+    """One free figure: of term `term`, a parameter by name or an entry of the hidden state of a flight."""
+
+    term: int
+    name: str
+    scale: float
+    neutral: float
+    lower: float
+    upper: float
+    flight: str = ""
+    entry: int = 0
+
+
+def free_figures(terms: Sequence[Term], flights: Sequence[Evidence], scales: dict[int, float]) -> list[Free]:
+    """What may move. scales: of calibration terms, by position: the prior deviation instead of the typical one."""
+    found = []
+    for i, term in enumerate(terms):
+        for p in term.effect.parameters:
+            if not p.choices:
+                scale = scales.get(i, p.typical)
+                neutral = p.neutral
+                found.append(Free(i, p.name, scale, neutral, p.lower, p.upper))
+        if not hasattr(term.effect, "payload"):
+            continue
+        for e in flights:
+            if term.begins(e.name) != NEVER:
+                scales_of = [SWING * (1 if k < 2 else 3) for k in range(STATE)]
+                found += [Free(i, "swing", s, 0.0, -4.0, 4.0, e.name, k) for k, s in enumerate(scales_of)]
+    return found
+
+
+def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
+    """(k,) the free figures' values."""
+    return np.array(
+        [
+            terms[f.term].hidden.get(f.flight, np.zeros(STATE))[f.entry]
+            if f.flight
+            else getattr(terms[f.term].effect, f.name)
+            for f in free
+        ]
+    )
+
+
+def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> list[Term]:
+    """The terms with the free figures set."""
+    fields: list[dict[str, float]] = [{} for _ in terms]
+    hidden: list[dict[str, np.ndarray]] = [{k: np.array(v) for k, v in t.hidden.items()} for t in terms]
+    for f, value in zip(free, values, strict=True):
+        if f.flight:
+            hidden[f.term].setdefault(f.flight, np.zeros(STATE))[f.entry] = value
+        else:
+            fields[f.term][f.name] = float(value)
+    return [
+        dc.replace(t, effect=dc.replace(t.effect, **fields[i]), hidden=hidden[i])  # type: ignore[type-var]
+        for i, t in enumerate(terms)
+    ]
