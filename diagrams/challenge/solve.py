@@ -12,10 +12,8 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from np_drake.atomic_file import write_json
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.logs.case_folder import TRAIN, VEHICLE, find_case
-from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.open_log import open_log
-from np_drake.vehicle import Vehicle, load_vehicle
+from np_drake.logs.case_folder import TRAIN, VEHICLE, find_case, open_flight
+from np_drake.vehicle import load_vehicle
 
 ANSWER, COST = "diagnosis.json", "cost.json"
 KIBIBYTE = 1024  # unit of ru_maxrss on Linux [byte]
@@ -114,20 +112,15 @@ def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
     files = find_case(folder)
     assert files.vehicle is not None
     vehicle = load_vehicle(str(files.vehicle))
-    train, held_out = ([_flight(path, vehicle) for path in paths] for paths in (files.train, files.held_out))
+    train, held_out = (
+        [open_flight(path, vehicle) for path in paths] for paths in (files.train, files.held_out)
+    )
     simulator = None
     if replay:
         from diagrams.gap_replay import DrakeReplay
 
         simulator = DrakeReplay(vehicle)
     return diagnose(vehicle, train, held_out, simulator).as_json()
-
-
-def _flight(path: Path, vehicle: Vehicle) -> FlightLog:
-    log = open_log(path, vehicle=vehicle)
-    if not isinstance(log, FlightLog):
-        raise ValueError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
-    return log
 
 
 def one_line(error: Exception) -> str:

@@ -112,14 +112,11 @@ def open_flights(paths: tuple[Path, ...], vehicle: "Vehicle", *, repair: bool) -
 
     Raises: LogError, OSError: one line, at the first file that is not usable; ValueError: on an array (.npy).
     """
-    from np_drake.logs.flight_log import FlightLog
-    from np_drake.logs.open_log import open_log
+    from np_drake.logs.case_folder import open_flight
 
     logs = []
     for path in paths:
-        log = open_log(path, vehicle=vehicle, repair=repair)
-        if not isinstance(log, FlightLog):
-            raise ValueError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
+        log = open_flight(path, vehicle, repair=repair)
         say(*(f"{log.name}: {note}" for note in log.notes))
         logs.append(log)
     return logs

@@ -166,6 +166,7 @@ class Shrink:
     ladder: tuple[Rung, ...]
     replay_before: ReplayGap | None = None
     replay_after: ReplayGap | None = None
+    warnings: tuple[str, ...] = ()
 
 
 @dc.dataclass(frozen=True)

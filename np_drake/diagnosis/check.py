@@ -62,7 +62,7 @@ def confusables(
     blocks: dict[str, np.ndarray] = {}
     for c in candidates:
         name = c.identifiers[-1]
-        if name in blocks or len(c.identifiers) > 1:
+        if name in blocks or len(c.identifiers) > 1 or c.generic:
             continue
         parts = [noise.whiten(c.columns[e.name]).reshape(-1, c.size) for e in flights]
         blocks[name] = np.concatenate(parts)

@@ -79,7 +79,7 @@ def diagnose(
         minor=tuple(minor),
         remains=left.findings,
         unknown_probability=unknown_probability,
-        warnings=checked.warnings,
+        warnings=checked.warnings + shrunk.warnings,
         wall=time.perf_counter() - start,
     )
 

@@ -14,6 +14,7 @@ from np_drake.diagnosis.signature import signature
 BLOCK = 1.0  # of the bootstrap [s]
 DRAWS = 400
 SEED = 1
+LEAST_GAP = 0.02  # of the noise's power, below which there is no gap to close; own choice
 
 
 def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:
@@ -42,6 +43,7 @@ def how_far(
     )
     interval = _bootstrap(before, after, noise, flights[0].grid.step)
     replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)
+    warnings: list[str] = []
     if replay is not None:
         logs = [e.log for e in flights]
         effects = [
@@ -49,7 +51,7 @@ def how_far(
             for c in causes
             if c.effect is not None
         ]
-        replays = (replay(logs, []), replay(logs, effects) if effects else None)
+        replays = (replay(logs, []), _with_effects(replay, logs, effects, warnings))
     return Shrink(
         pooled(list(before.values()), noise),
         pooled(list(after.values()), noise),
@@ -58,24 +60,43 @@ def how_far(
         interval,
         ladder,
         *replays,
+        tuple(warnings),
     )
 
 
+def _with_effects(replay: Replay, logs, effects, warnings: list[str]) -> ReplayGap | None:
+    """The replay with the effects; a simulator that refuses their figures costs that figure, not the answer."""
+    if not effects:
+        return None
+    try:
+        return replay(logs, effects)
+    except ValueError as error:
+        warnings.append(f"no replay with the effects: {' '.join(str(error).split())}")
+        return None
+
+
 def shrink_fraction(before: float, after: float, floor: float) -> float:
-    """1 - (after² - floor²) / (before² - floor²); zero where there was no gap."""
+    """1 - (after² - floor²) / (before² - floor²); zero where there was no gap, within -1 … 1."""
     gap = before**2 - floor**2
-    return float(1 - (after**2 - floor**2) / gap) if gap > 1e-3 else 0.0
+    if gap <= LEAST_GAP * floor**2:
+        return 0.0
+    return float(np.clip(1 - (after**2 - floor**2) / gap, -1.0, 1.0))
 
 
 def _onset_of(terms, identifier: str, flight: str) -> float | None:
     return next((t.begins(flight) for t in terms if t.effect.identifier == identifier), None)
 
 
+def _order(cause: Cause) -> tuple[bool, float]:
+    """The largest first, but a wind after the drag that it acts through."""
+    return bool(cause.effect is not None and type(cause.effect).needs), -cause.share
+
+
 def _ladder(causes, flights, noise, held: HeldOut) -> tuple[Rung, ...]:
     """Nominal, then effect by effect in order of share, then the noise floor."""
     rungs = [Rung("nominal", pooled([e.y[held.rows[e.name]] for e in flights], noise))]
     so_far: list[str] = []
-    for cause in sorted(causes, key=lambda c: -c.share):
+    for cause in sorted(causes, key=_order):
         so_far.append(cause.identifier)
         parts = []
         for e in flights:

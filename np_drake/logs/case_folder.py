@@ -3,7 +3,10 @@
 import dataclasses as dc
 from pathlib import Path
 
+from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.log_file import SUFFIXES
+from np_drake.logs.open_log import open_log
+from np_drake.vehicle import Vehicle
 
 VEHICLE, TRAIN, HELD_OUT = "vehicle.yaml", "train_", "heldout"
 
@@ -39,3 +42,14 @@ def find_case(folder: str | Path) -> CaseFiles:
                 f"{folder}: a case folder must hold {start}*{{{', '.join(SUFFIXES)}}}; got none."
             )
     return CaseFiles(folder / VEHICLE, train, held_out)
+
+
+def open_flight(path: Path, vehicle: Vehicle, *, repair: bool = False) -> FlightLog:
+    """A flight to diagnose, under the name of its file, so that answers name what a user can find.
+
+    Raises: LogError, OSError: one line, if the file is not usable; ValueError: on an array (.npy).
+    """
+    log = open_log(path, vehicle=vehicle, repair=repair)
+    if not isinstance(log, FlightLog):
+        raise ValueError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
+    return dc.replace(log, name=path.name)

@@ -116,3 +116,14 @@ def test_the_replay_gets_the_fitted_effects_and_their_onsets(solved):
     assert before == []
     assert {e.identifier for e, _ in after} == {"mass_error", "linear_drag"}
     assert all(onset == {"c": None} for _, onset in after)
+
+
+def test_a_simulator_that_refuses_the_effects_costs_the_replay_alone():
+    warnings: list[str] = []
+
+    def refuse(logs, effects):
+        raise ValueError("no rigid body.")
+
+    assert dut._with_effects(refuse, [], [("effect", {})], warnings) is None
+    assert warnings == ["no replay with the effects: no rigid body."]
+    assert dut._with_effects(refuse, [], [], warnings) is None
