@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.candidates import library_candidates
+from np_drake.diagnosis.payload_candidates import payload_candidates
 from np_drake.diagnosis.payload_search import KEPT, LENGTHS, PayloadSearch
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -44,7 +45,7 @@ def test_what_more_mass_explains_is_no_evidence_for_a_payload(seen, noise):
 
 def test_before_its_onset_a_payload_hangs_on_nothing(seen):
     flights = [seen(name="1", seed=1, seconds=6.0)]
-    for candidate in PayloadSearch(flights, {"1": 3.0}).candidates[::24]:
+    for candidate in payload_candidates(flights, LENGTHS[::24], {"1": 3.0}):
         X = candidate.columns["1"]
         np.testing.assert_array_equal(X[flights[0].t < 2.99], 0.0)
         assert np.abs(X[flights[0].t > 3.01]).max() > 0.1
