@@ -52,13 +52,14 @@ def strongest_line(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> 
     return Line(int(channel), float(frequency[k]), float(ratio[k, channel]), rms)
 
 
-def slow_torque(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> float:
-    """Largest ratio over axes of slow torque to what gyro noise, seen in the middle band, would have there [1].
+def slow_torque(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> tuple[float, float]:
+    """Largest ratio over axes of slow torque to what gyro noise, seen in the middle band, would have there [1],
+
+    and the share of that axis' slow residual, before anything was explained, that it is [1].
 
     The derivative of white gyro noise has power proportional to frequency squared.
     """
-    slow = np.zeros(3)
-    middle = np.zeros(3)
+    slow, middle, before = np.zeros(3), np.zeros(3), np.zeros(3)
     for e in flights:
         tau = left[e.name][:, TORQUE] - left[e.name][:, TORQUE].mean(axis=0)
         inside = slice(
@@ -66,7 +67,11 @@ def slow_torque(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> flo
         )  # without filter edges
         low = low_pass(tau, e.grid.step, SLOW)[inside]
         band = (low_pass(tau, e.grid.step, MIDDLE[1]) - low_pass(tau, e.grid.step, MIDDLE[0]))[inside]
+        first = e.y[:, TORQUE] - e.y[:, TORQUE].mean(axis=0)
+        before += np.mean(low_pass(first, e.grid.step, SLOW)[inside] ** 2, axis=0)
         slow += np.mean(low**2, axis=0)
         middle += np.mean(band**2, axis=0)
     expected = SLOW**3 / (MIDDLE[1] ** 3 - MIDDLE[0] ** 3)
-    return float(np.sqrt(np.max(slow / np.maximum(middle * expected, 1e-30))))
+    ratio = slow / np.maximum(middle * expected, 1e-30)
+    axis = int(np.argmax(ratio))
+    return float(np.sqrt(ratio[axis])), float(slow[axis] / max(before[axis], 1e-30))

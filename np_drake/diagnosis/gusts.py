@@ -21,7 +21,7 @@ from np_drake.effects.gusty_wind import GustyWind
 BAND = 0.7  # of what counts as slow [Hz]; own choice
 WANDERING = 0.010  # of attitude that colours a force turned with another attitude [rad]
 LONGEST = 5.0  # lag of the autocovariance [s]
-EXCESS = {True: 0.75, False: 2.0}  # ratio above which a slow force is real, on a rig and in a laboratory
+EXCESS = {True: 1.0, False: 2.0}  # ratio above which a slow force is real, on a rig and in a laboratory
 SLOPE = 12.0  # of its probability; own choice
 
 

@@ -42,12 +42,12 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     left = {e.name: fit.left(e) for e in flights}
     found = [_generic(g, ranking, flights) for g in fit.generic]
     seen = [_repeats(g, ranking, fit, unseen, held) for g in fit.generic]
-    line, torque = strongest_line(flights, left), slow_torque(flights, left)
+    line, (torque, share) = strongest_line(flights, left), slow_torque(flights, left)
     limit = SLOW_TORQUE[ranking.tolerance.real]
-    again = (strongest_line(unseen, held.left).prominence, slow_torque(unseen, held.left))
+    again = (strongest_line(unseen, held.left).prominence, slow_torque(unseen, held.left)[0])
     loud = line.rms**2 > LEAST_SHARE * np.mean(np.concatenate([e.y[:, line.channel] for e in flights]) ** 2)
     vibrates = _above(line.prominence, LINE) if loud and again[0] > FAINT * LINE else 0.0
-    twists = _above(torque, limit) if again[1] > FAINT * limit else 0.0
+    twists = _above(torque, limit) if share > LEAST_SHARE and again[1] > FAINT * limit else 0.0
     structure = [
         ranking.probability.get(PREFIX + f.name, 0.0)
         for (f, material), repeats in zip(found, seen, strict=True)
