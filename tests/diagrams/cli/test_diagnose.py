@@ -57,7 +57,7 @@ def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
         "delta_mass",
         "0.10 kg",
         "0.08 … 0.12",
-        "heldout: 3.00 s",
+        "3.00 s",
         "97 %",
         "noise floor",
     )
@@ -74,7 +74,7 @@ def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
     assert content == json.loads((out / "diagnosis.json").read_text())
     assert (content["schema"], content["seed"]) == ("np_drake.diagnosis/1", 5)
     assert content["config"]["vehicle"] == "mine"
-    assert content["train"] == ["train_1"]
+    assert content["train"] == ["train_1.csv"]
     assert content["gap"]["replay"]["horizon"] == [0.1, 0.25, 0.5, 1.0]
     assert {"report.html", "ladder.png", "replay.png"} <= {path.name for path in out.iterdir()}
 
@@ -85,7 +85,7 @@ def test_logs_can_be_named_one_by_one_and_the_replay_left_out(case, tmp_path, ca
     metrics = tmp_path / "d.json"
     assert run(["diagnose", *arguments, "--no-replay", "--json", str(metrics)]) == 0, capsys.readouterr().err
     content = json.loads(metrics.read_text())
-    assert content["train"] == ["train_1", "notes"]
+    assert content["train"] == ["train_1.csv", "notes.csv"]
     assert content["vehicle"] == "paper"
     assert content["shrink"]["replay"] is None
     assert "position [m]" not in capsys.readouterr().out
