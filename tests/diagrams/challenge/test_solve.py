@@ -67,7 +67,7 @@ def test_a_case_that_fails_loses_only_itself(cases, tmp_path):
     assert "heldout" in dut["failed"][0]["error"]
     assert [done for done, _ in seen] == [1, 2, 3]
     assert json.loads((answers / "a1" / "diagnosis.json").read_text()) == {
-        "train": ["train_1"],
+        "train": ["train_1.csv"],
         "replay": False,
     }
     assert not (answers / "b2").exists()
