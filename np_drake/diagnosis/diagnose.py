@@ -7,16 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.diagnosis.answer import UNKNOWN, Check, Diagnosis, Finding, Replay, Shrink, Where
-from np_drake.diagnosis.attribute import causes_of, on_held_out
+from np_drake.diagnosis.answer import UNKNOWN, Check, Diagnosis, Replay, Shrink, Where
+from np_drake.diagnosis.attribute import causes_of
 from np_drake.diagnosis.check import check, confusables, excitation, excited
 from np_drake.diagnosis.evidence import Evidence, make_evidence
 from np_drake.diagnosis.gusts import as_gusts
 from np_drake.diagnosis.how_far import how_far
 from np_drake.diagnosis.noise import fit_noise
-from np_drake.diagnosis.remains import Remains, remains
+from np_drake.diagnosis.remains import remains
 from np_drake.diagnosis.where import where
-from np_drake.diagnosis.which import Ranking, rank
+from np_drake.diagnosis.which import rank
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
@@ -125,6 +125,3 @@ def _cannot_tell(flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> dic
         "shrink": shrunk,
         "warnings": checked.warnings,
     }
-
-
-__all__ = ["Finding", "Ranking", "Remains", "diagnose", "on_held_out"]

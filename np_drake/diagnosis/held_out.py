@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.hidden_swing import STATE, swing_wrenches
 from np_drake.diagnosis.noise import NoiseModel
-from np_drake.diagnosis.signature import NEVER, Term, gate, signature
+from np_drake.diagnosis.signature import NEVER, Term, signature
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
 ONSET_GAIN = 8.0  # log likelihood that an onset must bring; own choice
@@ -101,6 +101,3 @@ def known_onset_profile(
 def residuals(terms: Sequence[Term], flights: Sequence[Evidence]) -> dict[str, np.ndarray]:
     """(m, 15) by flight: what the terms leave."""
     return {e.name: e.y - signature(e, terms) for e in flights}
-
-
-__all__ = ["adapt", "gate", "known_onset_profile", "residuals", "scored"]
