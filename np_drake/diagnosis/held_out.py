@@ -96,8 +96,3 @@ def known_onset_profile(
     usable = (times < t[0] + 0.3) & (times > t[0])
     after[usable] = -np.inf
     return times, after
-
-
-def residuals(terms: Sequence[Term], flights: Sequence[Evidence]) -> dict[str, np.ndarray]:
-    """(m, 15) by flight: what the terms leave."""
-    return {e.name: e.y - signature(e, terms) for e in flights}

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.evidence import WRENCH, make_evidence
-from np_drake.diagnosis.held_out import HIDDEN_SPAN, adapt, known_onset_profile, residuals, scored
+from np_drake.diagnosis.held_out import HIDDEN_SPAN, adapt, known_onset_profile, scored
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
@@ -85,8 +85,3 @@ def test_the_profile_is_the_likelihood_of_every_instant(seen, noise):
     assert profile[-1] == 0.0  # not at all
     assert len(t) == len(profile) == len(y) + 1
     assert np.isneginf(profile[(t > t[0]) & (t < t[0] + 0.3)]).all()
-
-
-def test_residuals_are_what_the_terms_leave(seen):
-    flight = seen(HEAVY, name="c", seed=3)
-    assert np.abs(residuals([Term(HEAVY)], [flight])["c"][:, WRENCH]).max() < 1e-6
