@@ -171,6 +171,6 @@ def helps(fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, held
             continue
         without = e.y - signature(e, [t for j, t in enumerate(terms) if j != i])
         rows = held.rows[e.name][noise.phi.shape[1] :]
-        losses = [np.sum(noise.whiten(r)[rows] ** 2) for r in (without, held.left[e.name])]
+        losses = [np.sum(e.white(noise, r)[rows] ** 2) for r in (without, held.left[e.name])]
         total += 0.5 * (losses[0] - losses[1])
     return float(total)

@@ -12,6 +12,7 @@ from np_drake.diagnosis.attribute import causes_of
 from np_drake.diagnosis.check import check, confusables, excitation, excited
 from np_drake.diagnosis.evidence import Evidence, make_evidence
 from np_drake.diagnosis.gusts import as_gusts
+from np_drake.diagnosis.held_out import without_shocks
 from np_drake.diagnosis.how_far import how_far
 from np_drake.diagnosis.noise import fit_noise
 from np_drake.diagnosis.remains import remains
@@ -52,8 +53,9 @@ def diagnose(
         return Diagnosis(**names, **answer, cannot_tell=True, wall=time.perf_counter() - start)
     tell(0.1, "effects")
     ranking = rank(flights)
-    fit = ranking.fits[0]
+    fit, flights = ranking.fits[0], ranking.problem.flights
     tell(0.6, "held-out flights")
+    unseen = [without_shocks(ranking.named.everything, e, ranking.noise) for e in unseen]
     left = remains(ranking, fit, flights, unseen)
     causes, minor = causes_of(ranking, ranking.named, flights, unseen, left.held)
     unknown, unknown_probability = left.unknown, left.probability

@@ -15,6 +15,8 @@ from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.grid import Grid, make_grid, to_grid
+from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.shocks import bridge
 from np_drake.diagnosis.smooth_attitude import conjugate, rotation_vector, smooth_attitude
 from np_drake.logs.flight_log import FlightLog
 from np_drake.rigid_body import Q
@@ -48,6 +50,7 @@ class Evidence:
     thrust_rows (n, 4), thrust_mids (n-1, 4): what nominal rotors give there [N]; the latter in the mean.
     nominal (m, 6): their wrench in body axes, w (m, 3): body rates, both on the grid.
     attitude_noise: white, as found [rad]; turned: `a` was turned to W with the attitude that was read.
+    shocks (m,): rows on the grid that say nothing (`shocks`); none, until a model has been seen to miss them.
     """
 
     log: FlightLog
@@ -62,6 +65,7 @@ class Evidence:
     w: np.ndarray
     attitude_noise: float
     turned: bool
+    shocks: np.ndarray
 
     @property
     def name(self) -> str:
@@ -72,6 +76,14 @@ class Evidence:
     def t(self) -> np.ndarray:
         """(m,) of the grid [s]."""
         return self.grid.t
+
+    def bridged(self, values: np.ndarray) -> np.ndarray:
+        """(m, ...) channels or columns without shocks."""
+        return bridge(values, self.shocks)
+
+    def white(self, noise: NoiseModel, values: np.ndarray) -> np.ndarray:
+        """(m - p, ...) channels or columns (m, 15, ...) without shocks, whitened."""
+        return noise.whiten(self.bridged(values))
 
     def on_grid(self, at_rows: np.ndarray, at_mids: np.ndarray) -> np.ndarray:
         """(m, 6) force (n, 3) at rows and torque (n-1, 3) at mids, on the grid."""
@@ -100,7 +112,10 @@ def make_evidence(log: FlightLog, vehicle: Vehicle) -> Evidence:
         [np.zeros((len(grid), 2)), to_grid(grid, rows.t, f), to_grid(grid, mids.t, u_mids[:, 1:])], axis=1
     )
     w = to_grid(grid, mids.t, mids.x[:, 10:13])
-    return Evidence(log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned)
+    quiet = np.zeros(len(grid), bool)
+    return Evidence(
+        log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, quiet
+    )
 
 
 def _attitude_for_force(log: FlightLog, smooth: np.ndarray, gravity: float) -> tuple[np.ndarray, bool]:

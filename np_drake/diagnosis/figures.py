@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.hidden_swing import STATE
+from np_drake.diagnosis.hidden_swing import STATE, hidden_size, padded
 from np_drake.diagnosis.payload_candidates import SWING
 from np_drake.diagnosis.signature import NEVER, Term
 
@@ -38,16 +38,20 @@ def free_figures(terms: Sequence[Term], flights: Sequence[Evidence], scales: dic
             continue
         for e in flights:
             if term.begins(e.name) != NEVER:
-                scales_of = [SWING * (1 if k < 2 else 3) for k in range(STATE)]
+                scales_of = [SWING * (1 if k % STATE < 2 else 3) for k in range(_size(term, e))]
                 found += [Free(i, "swing", s, 0.0, -4.0, 4.0, e.name, k) for k, s in enumerate(scales_of)]
     return found
+
+
+def _size(term: Term, e: Evidence) -> int:
+    return hidden_size(e, term.begins(e.name))
 
 
 def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
     """(k,) the free figures' values."""
     return np.array(
         [
-            terms[f.term].hidden.get(f.flight, np.zeros(STATE))[f.entry]
+            padded(terms[f.term].hidden.get(f.flight), f.entry + 1)[f.entry]
             if f.flight
             else getattr(terms[f.term].effect, f.name)
             for f in free
@@ -61,7 +65,11 @@ def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> li
     hidden: list[dict[str, np.ndarray]] = [{k: np.array(v) for k, v in t.hidden.items()} for t in terms]
     for f, value in zip(free, values, strict=True):
         if f.flight:
-            hidden[f.term].setdefault(f.flight, np.zeros(STATE))[f.entry] = value
+            known = padded(
+                hidden[f.term].get(f.flight), max(f.entry + 1, len(hidden[f.term].get(f.flight, ())))
+            )
+            known[f.entry] = value
+            hidden[f.term][f.flight] = known
         else:
             fields[f.term][f.name] = float(value)
     return [

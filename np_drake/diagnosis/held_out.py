@@ -8,6 +8,7 @@ import numpy as np
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.hidden_swing import STATE, swing_wrenches
 from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.shocks import find_shocks
 from np_drake.diagnosis.signature import NEVER, Term, signature
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
@@ -23,6 +24,12 @@ def adapt(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list[Te
         if type(term.effect).begins:
             terms[i] = _with_onset(terms, i, flight, noise)
     return terms
+
+
+def without_shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> Evidence:
+    """The flight, its shocks taken out as the terms' misses show them."""
+    left = flight.y - signature(flight, adapt(terms, flight, noise))
+    return dc.replace(flight, shocks=find_shocks(left, flight.grid.step))
 
 
 def scored(terms: Sequence[Term], flight: Evidence) -> np.ndarray:
@@ -62,8 +69,8 @@ def _with_swing(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel) 
         error[:, :6] -= wrench[:, 0]
         columns = np.zeros((*target.shape, STATE))
         columns[:, :6] = np.moveaxis(wrench[:, 1:] - wrench[:, :1], 1, 2) / 0.02
-        X = noise.whiten(columns)[inside].reshape(-1, STATE)
-        e = noise.whiten(error)[inside].ravel()
+        X = flight.white(noise, columns)[inside].reshape(-1, STATE)
+        e = flight.white(noise, error)[inside].ravel()
         A = X.T @ X + np.diag(prior**-2)
         swing = np.clip(swing + np.linalg.solve(A, X.T @ e - swing / prior**2), -limit, limit)
     return dc.replace(term, hidden={flight.name: swing})
@@ -88,7 +95,7 @@ def known_onset_profile(
     flight: Evidence, noise: NoiseModel, target: np.ndarray, own: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """(n,) instants of the grid, the last one "not at all", and log likelihoods if `own` begins there."""
-    y, s = noise.whiten(target), noise.whiten(own)
+    y, s = flight.white(noise, target), flight.white(noise, own)
     t = flight.t[len(flight.t) - len(y) :]
     gain = np.sum(y * s - 0.5 * s**2, axis=1)
     after = np.concatenate([np.cumsum(gain[::-1])[::-1], [0.0]])

@@ -7,12 +7,40 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.effects.pendulum import swing_many
+from np_drake.diagnosis.grid import to_grid
+from np_drake.effects.pendulum import across, swing_many
 
 if TYPE_CHECKING:
     from np_drake.diagnosis.signature import Term
 
 STATE = 4  # swing angles [rad] and their rates [rad/s] about the direction of rest
+MOST_JUMPS = 4  # in a flight: what a tether that snaps taut does to the swing is not told by sampled motion
+APART = 0.3  # between jumps, at least [s]
+
+
+def jumps(evidence: Evidence, onset: float | None) -> np.ndarray:
+    """(k,) rows of the grid right after shocks, where the swing may have jumped."""
+    if onset == float("inf"):
+        return np.zeros(0, int)
+    ends = np.flatnonzero(np.diff(evidence.shocks.astype(int)) < 0) + 1
+    after = (evidence.t[0] if onset is None else onset) + APART
+    kept: list[int] = []
+    for k in ends:
+        if evidence.t[k] > after and len(kept) < MOST_JUMPS:
+            kept.append(int(k))
+            after = evidence.t[k] + APART
+    return np.array(kept, int)
+
+
+def hidden_size(evidence: Evidence, onset: float | None) -> int:
+    """Figures of the hidden state of a payload in a flight: its initial swing, and a jump after every shock."""
+    return STATE * (1 + len(jumps(evidence, onset)))
+
+
+def padded(hidden: np.ndarray | None, size: int) -> np.ndarray:
+    """(size,) the figures that are known, zeros for the others."""
+    known = np.zeros(0) if hidden is None else hidden[:size]
+    return np.concatenate([known, np.zeros(size - len(known))])
 
 
 def hook_acceleration(evidence: Evidence, hooks: np.ndarray) -> np.ndarray:
@@ -41,9 +69,7 @@ def attitude_on_grid(evidence: Evidence) -> np.ndarray:
 def start_of_swing(lengths: np.ndarray, swing: np.ndarray, pull: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(m, 3) r and r_rate of pendula of `lengths` (m,) whose swing (m, 4) is counted from rest along -`pull` (3,)."""
     down = -pull / np.linalg.norm(pull)
-    e_x = np.cross([0.0, 1.0, 0.0], -down)
-    e_x = e_x / np.linalg.norm(e_x)
-    e_y = np.cross(-down, e_x)
+    e_x, e_y = across(down)
     side = swing[:, :1] * e_x + swing[:, 1:2] * e_y
     angle = np.linalg.norm(side, axis=1, keepdims=True)
     n = np.cos(angle) * down + np.sinc(angle / np.pi) * side
@@ -55,22 +81,29 @@ def start_of_swing(lengths: np.ndarray, swing: np.ndarray, pull: np.ndarray) -> 
 def specific_pull(
     evidence: Evidence, lengths: np.ndarray, swing: np.ndarray, hooks: np.ndarray, onset: float | None
 ) -> np.ndarray:
-    """(n, m, 3) force on the hook per payload mass, body axes [m/s²], at the grid's times; zero before the onset.
+    """(n, m, 3) force on the hook per payload mass, body axes [m/s²], at the grid's times; zero before the onset,
 
-    Args: lengths (m,) [m]; swing (m, 4) at the start (see `start_of_swing`); hooks (m, 3) or (1, 3) [m].
+    but for what the grid's low-pass smears.
+
+    Args: lengths (m,) [m]; hooks (m, 3) or (1, 3) [m]; swing (m, `hidden_size` or less): at the start (see
+        `start_of_swing`), then the jumps.
     """
     a = hook_acceleration(evidence, hooks)
     first = 0 if onset is None else int(np.clip(np.searchsorted(evidence.t, onset), 0, len(a) - 2))
     weight = np.array([0.0, 0.0, evidence.vehicle.gravity])
     window = a[first : first + 25, 0].mean(axis=0)
-    r, r_rate = start_of_swing(lengths, swing, window + weight)
+    r, r_rate = start_of_swing(lengths, swing[:, :STATE], window + weight)
+    at = zip(jumps(evidence, onset) - first, range(STATE, swing.shape[1], STATE), strict=False)
+    jumped = {int(k): swing[:, j : j + STATE] for k, j in at}
     driving = a[first:, 0] if a.shape[1] == 1 else a[first:]
-    middle = swing_many(lengths, r, r_rate, driving, evidence.grid.step, evidence.vehicle.gravity)
+    middle = swing_many(lengths, r, r_rate, driving, evidence.grid.step, evidence.vehicle.gravity, jumped)
     at_grid = np.concatenate([middle[:1], 0.5 * (middle[1:] + middle[:-1]), middle[-1:]])
-    R = attitude.rotation_matrix(attitude_on_grid(evidence)[first:])
-    out = np.zeros((len(evidence.t), len(lengths), 3))
-    out[first:] = at_grid @ R
-    return out
+    if onset is None:
+        return at_grid @ attitude.rotation_matrix(attitude_on_grid(evidence))
+    t = evidence.rows.t
+    begun = to_grid(evidence.grid, t, (t >= onset - 1e-9).astype(float))[:, None, None]
+    held = np.concatenate([np.repeat(at_grid[:1], first, axis=0), at_grid])
+    return begun * (held @ attitude.rotation_matrix(attitude_on_grid(evidence)))
 
 
 def swing_wrenches(evidence: Evidence, terms: "Sequence[Term]") -> np.ndarray:
@@ -80,7 +113,8 @@ def swing_wrenches(evidence: Evidence, terms: "Sequence[Term]") -> np.ndarray:
         return np.zeros((len(evidence.t), len(terms), 6))
     payloads = [t.effect.payload for t in terms]  # type: ignore[attr-defined]
     hooks = np.array([p.hook for p in payloads])
-    swing = np.array([t.hidden.get(evidence.name, np.zeros(STATE)) for t in terms])
+    size = hidden_size(evidence, onset)
+    swing = np.array([padded(t.hidden.get(evidence.name), size) for t in terms])
     pull = specific_pull(evidence, np.array([p.length for p in payloads]), swing, hooks, onset)
     force = np.array([p.mass for p in payloads])[:, None] * pull
     return np.concatenate([force, np.cross(hooks, force)], axis=2)

@@ -81,12 +81,15 @@ def fit_noise(
     *,
     explained: list[np.ndarray] | None = None,
     inexact: float = 0.0,
+    slow: np.ndarray | None = None,
     order: int = ORDER,
 ) -> NoiseModel:
     """From residuals (m, c) of one or more flights. Noise has no mean: a mean is a finding.
 
     explained: (m, c) what a model predicts there, good to a share `inexact` [1] only: that share counts as noise too.
+    slow: (c,) RMS of errors that hardly change over the model's memory.
     """
+    drift = np.zeros(residuals[0].shape[1]) if slow is None else slow**2
     smear = [inexact * (p - p.mean(axis=0)) for p in explained or []] if inexact else []
     residuals = [r - r.mean(axis=0) for r in residuals]
     channels = residuals[0].shape[1]
@@ -99,6 +102,7 @@ def fit_noise(
         lags = (
             sum((_autocovariance(r[:, c], order) for r in [*residuals, *smear]), np.zeros(order + 1)) / total
         )
+        lags += drift[c]
         lags[0] *= 1 + RIDGE
         phi[c] = linalg.solve_toeplitz(lags[:-1], lags[1:])
         innovation[c] = lags[0] - phi[c] @ lags[1:]

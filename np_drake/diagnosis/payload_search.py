@@ -1,7 +1,9 @@
-"""Which tether lengths deserve a place in the search: a fine profile, given everything else that could be there.
+"""Which payloads deserve a place in the search: lengths by a fine profile, then each followed to where it fits best.
 
-A swing drifts out of step with a tether of another length within a few periods, so that lengths must lie within
-3 % of one another; most of them are hopeless, and only the best go on.
+A swing drifts out of step with a tether of another length within a few periods, so that lengths must lie within 3 %
+of one another. And a wide swing is slower than a narrow one: columns that are linear about rest lose its phase within
+some seconds. Guesses from the first seconds alone, followed through ever longer flights (Gauss-Newton beside the
+columns of everything else), keep it.   Source: progressive horizons, as in multiple shooting; own choice of both.
 """
 
 import dataclasses as dc
@@ -12,75 +14,153 @@ import numpy as np
 
 from np_drake.diagnosis.candidates import Candidate, Onset
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.linear_bayes import Gram
 from np_drake.diagnosis.noise import NoiseModel
-from np_drake.diagnosis.payload_candidates import payload_candidates
+from np_drake.diagnosis.payload_beside import HORIZONS, Beside
+from np_drake.diagnosis.payload_candidates import Guess, payload_about, payload_candidates
+from np_drake.diagnosis.signature import NEVER
 from np_drake.effects.library import LIBRARY
 
 LENGTHS = np.geomspace(0.15, 2.5, 96)  # [m], 3 % apart
 KEPT = 3
-CHANNELS = 6  # force and torque alone see a payload
-
-
 PAYLOAD = "suspended_payload"
 CHUNK = 12  # lengths whose columns are held at a time
+ENDS = (HORIZONS[0], HORIZONS[-1])
+SHARPENED = (
+    (0.4, 0.05),
+    (0.04, 0.01),
+)  # about an onset: span to either side and step, one after the other [s]
+AFTER_ONSET = 2.0  # up to which an onset is judged [s]
+FOLLOWED = 2  # lengths that are followed from the first and from the last horizon
+PROMISING = 8.0  # log evidence that a length must add to everything else to be followed; own choice
+STEPS = 3  # Gauss-Newton steps at each horizon
+TOLD_APART = 12  # lengths that can be told apart by eye; own choice
+NEAR = 0.06  # lengths closer than this are the same, relative [1]
 
 
 class PayloadSearch:
-    """Payload candidates at all lengths of some flights; columns of a few lengths are in memory at a time."""
+    """Payload candidates of some flights; columns of a few lengths are in memory at a time."""
 
     def __init__(self, flights: Sequence[Evidence], onset: Onset | None = None):
         self._flights, self._onset = list(flights), onset
 
-    def best(self, noise: NoiseModel, others: Sequence[Candidate]) -> list[Candidate]:
-        """The `KEPT` best lengths, not next to each other, given the columns of `others`."""
+    def best(
+        self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
+    ) -> list[Candidate]:
+        """The `KEPT` best payloads, of different lengths; none where `others` leave nothing for any length.
+
+        They are followed beside `nuisance` alone: effects that are not there would take from a payload what a guess
+        does not yet explain, and it would not find its way.
+        """
+        return [candidate for _, candidate in self.followed(noise, nuisance, others)]
+
+    def followed(
+        self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
+    ) -> list[tuple[Guess, Candidate]]:
+        """As `best`, with the guesses."""
         if PAYLOAD not in LIBRARY:
             return []
-        gains = self.profile(noise, others)
-        kept: list[int] = []
-        for i in np.argsort(-gains):
-            if all(abs(i - k) > 1 for k in kept):
-                kept.append(int(i))
-            if len(kept) == KEPT:
-                break
-        prior = -math.log(len(LENGTHS) / 12)  # a dozen lengths can be told apart by eye; own choice
-        found = payload_candidates(self._flights, LENGTHS[kept], self._onset)
-        return [dc.replace(c, log_prior=prior) for c in found]
+        rich = Beside(self._flights, noise, [*nuisance, *others], self._onset)
+        alone = Beside(self._flights, noise, nuisance, self._onset)
+        gains = self._profiles([(b, h) for b in (rich, alone) for h in ENDS])
+        if max(g.max() for g in gains[: len(ENDS)]) < PROMISING:
+            return []
+        starts = {(h, i) for h, g in zip(2 * ENDS, gains, strict=True) for i in _peaks(g)[:FOLLOWED]}
+        return self._distinct([self._follow(alone, Guess(float(LENGTHS[i])), h) for h, i in sorted(starts)])
+
+    def from_guesses(
+        self, noise: NoiseModel, nuisance: Sequence[Candidate], guesses: Sequence[Guess]
+    ) -> list[tuple[Guess, Candidate]]:
+        """Followed from guesses whose swing is not known."""
+        alone = Beside(self._flights, noise, nuisance, self._onset)
+        return self._distinct([self._follow(alone, dc.replace(g, swing={}), HORIZONS[0]) for g in guesses])
+
+    def _distinct(self, found: Sequence[tuple[float, Guess, Candidate]]) -> list[tuple[Guess, Candidate]]:
+        """The best, of different lengths."""
+        kept: list[tuple[Guess, Candidate]] = []
+        for _, guess, candidate in sorted(found, key=lambda f: -f[0]):
+            if all(abs(math.log(guess.length / g.length)) > NEAR for g, _ in kept) and len(kept) < KEPT:
+                prior = -math.log(len(LENGTHS) / TOLD_APART)
+                kept.append((guess, dc.replace(candidate, log_prior=candidate.log_prior + prior)))
+        return kept
 
     def profile(self, noise: NoiseModel, others: Sequence[Candidate]) -> np.ndarray:
         """(lengths,) log evidence that a payload adds to the others."""
-        white = []
-        for e in self._flights:
-            X = np.concatenate([c.columns[e.name] for c in others], axis=-1)
-            white.append((_flat(noise, X), _flat(noise, e.y[..., None])[:, 0]))
-        n = white[0][0].shape[1]
-        base = sum((_gram(X, y) for X, y in white[1:]), _gram(*white[0]))
-        alone = base.log_evidence(np.arange(n))
-        gains: list[float] = []
+        return self._profiles([(Beside(self._flights, noise, others, self._onset), math.inf)])[0]
+
+    def _profiles(self, asked: Sequence[tuple["Beside", float]]) -> list[np.ndarray]:
+        """Profiles beside several others, each up to a horizon."""
+        gains: list[list[float]] = [[] for _ in asked]
         for start in range(0, len(LENGTHS), CHUNK):
-            some = payload_candidates(self._flights, LENGTHS[start : start + CHUNK], self._onset)
-            gains += [self._gain(c, noise, white, base) - alone for c in some]
-        return np.array(gains)
+            for c in payload_candidates(self._flights, LENGTHS[start : start + CHUNK], self._onset):
+                white = asked[0][0].white(c)
+                for some, (beside, horizon) in zip(gains, asked, strict=True):
+                    some.append(beside.gain(white, horizon)[0])
+        return [np.array(some) for some in gains]
 
-    def _gain(self, candidate: Candidate, noise: NoiseModel, white, base: Gram) -> float:
-        """Log evidence of the others and this one."""
-        n, k = len(base.Xy), candidate.size
-        XX, Xy = np.zeros((n + k, n + k)), np.zeros(n + k)
-        XX[:n, :n], Xy[:n] = base.XX, base.Xy
-        for e, (X, y) in zip(self._flights, white, strict=True):
-            P = _flat(noise, candidate.columns[e.name])
-            XX[n:, :n] += P.T @ X
-            XX[n:, n:] += P.T @ P
-            Xy[n:] += P.T @ y
-        XX[:n, n:] = XX[n:, :n].T
-        return Gram(XX, Xy, 0.0, 0).log_evidence(np.arange(n + k))
+    def when(self, noise: NoiseModel, nuisance: Sequence[Candidate], guess: Guess) -> Onset:
+        """The onsets, sharpened: where a payload like the guess, its swing free, explains the seconds about them."""
+        found = dict(self._onset or {})
+        for e in self._flights:
+            near = found.get(e.name)
+            if near is None or near == NEVER:
+                continue
+            for span, step in SHARPENED:
+                times = np.arange(max(e.t[1], near - span), min(e.t[-1], near + span), max(step, e.grid.step))
+                gains = [
+                    self._gain_from(e, float(t), near + AFTER_ONSET, noise, nuisance, guess) for t in times
+                ]
+                near = float(times[int(np.argmax(gains))])
+            found[e.name] = near
+        return found
+
+    def _gain_from(self, e: Evidence, begin: float, end: float, noise, nuisance, guess: Guess) -> float:
+        """Log evidence of a payload that begins there, in one flight up to `end`."""
+        beside = Beside([e], noise, nuisance, {e.name: begin}, horizons=(end - begin,))
+        candidate = payload_about([e], dc.replace(guess, swing={}), {e.name: begin})
+        for _ in range(STEPS):
+            _, mean = beside.gain(beside.white(candidate), end - begin)
+            candidate = payload_about([e], _moved(candidate, mean), {e.name: begin})
+        return beside.gain(beside.white(candidate), end - begin)[0]
+
+    def _follow(self, beside: "Beside", guess: Guess, first: float) -> tuple[float, Guess, Candidate]:
+        """From a guess through the horizons: log evidence that it adds at last, the guess and its columns.
+
+        At every further horizon swings move alone at first: out of step, a lighter payload would fit better than
+        this one, and there would be no way back.
+        """
+        candidate = payload_about(self._flights, guess, self._onset)
+        white, mean = beside.white(candidate), None
+        for horizon in [h for h in beside.horizons if h >= first]:
+            for _ in range(0 if mean is None else STEPS - 1):
+                guess = _moved(candidate, beside.swing_alone(white, horizon, mean[0]))
+                candidate = payload_about(self._flights, guess, self._onset)
+                white = beside.white(candidate)
+            gain, mean = beside.gain(white, horizon)
+            for _ in range(STEPS):
+                new_guess = _moved(candidate, mean)
+                new = payload_about(self._flights, new_guess, self._onset)
+                new_white = beside.white(new)
+                new_gain, new_mean = beside.gain(new_white, horizon)
+                if new_gain < gain and horizon == math.inf:
+                    break
+                done = abs(new_gain - gain) < 0.5
+                guess, candidate, white, gain, mean = new_guess, new, new_white, new_gain, new_mean
+                if done:
+                    break
+        return beside.gain(white, math.inf)[0], guess, candidate
 
 
-def _flat(noise: NoiseModel, values: np.ndarray) -> np.ndarray:
-    """(rows x channels, k) whitened force and torque."""
-    white = noise.head(CHANNELS).whiten(values[:, :CHANNELS])
-    return white.reshape(-1, values.shape[-1])
+def _moved(candidate: Candidate, mean: np.ndarray) -> Guess:
+    """Where the coefficients point to."""
+    (term,) = candidate.terms(mean)
+    payload = term.effect.payload  # type: ignore[attr-defined]
+    return Guess(payload.length, np.array(payload.hook), term.hidden)
 
 
-def _gram(X: np.ndarray, y: np.ndarray) -> Gram:
-    return Gram(X.T @ X, X.T @ y, float(y @ y), len(y))
+def _peaks(gains: np.ndarray) -> list[int]:
+    """Positions by height, none next to a higher one."""
+    kept: list[int] = []
+    for i in np.argsort(-gains):
+        if all(abs(i - k) > 1 for k in kept):
+            kept.append(int(i))
+    return kept

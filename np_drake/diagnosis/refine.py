@@ -49,9 +49,9 @@ class Fit:
     generic: tuple[Generic, ...] = ()
 
     def left(self, e: Evidence) -> np.ndarray:
-        """(m, 15) what the model leaves of a flight; of a fitted one, without its sensors' own wander."""
+        """(m, 15) what the model leaves of a flight, shocks apart; of a fitted one, without its sensors' own wander."""
         left = e.y - signature(e, self.everything)
-        return left - self.wander[e.name] if e.name in self.wander else left
+        return e.bridged(left - self.wander[e.name] if e.name in self.wander else left)
 
     @property
     def everything(self) -> list[Term]:
@@ -87,12 +87,12 @@ def refine(
             n: np.concatenate([*p, *(g.columns[n] for g in generic)], axis=-1) for n, p in parts.items()
         }
     linear = 0 if wander is None else next(iter(wander.values())).shape[-1]
-    white = {e.name: noise.whiten(wander[e.name]).reshape(-1, linear) for e in flights} if wander else {}
+    white = {e.name: e.white(noise, wander[e.name]).reshape(-1, linear) for e in flights} if wander else {}
     n = len(free)
 
     def residual(z: np.ndarray) -> np.ndarray:
         now = write(everything, free, z[:n] * scale)
-        parts = [noise.whiten(e.y - signature(e, now)).ravel() for e in flights]
+        parts = [e.white(noise, e.y - signature(e, now)).ravel() for e in flights]
         if linear:
             parts = [p - white[e.name] @ z[n:] for p, e in zip(parts, flights, strict=True)]
         return np.concatenate([*(root * p for p in parts), z[:n] - neutral / scale, z[n:]])
@@ -171,7 +171,7 @@ def _jacobian(
         wrench = swing_wrenches(evidence, [now[term], *(m for _, _, m in moves)])
         for i, (k, step, _) in enumerate(moves, start=1):
             columns[:, WRENCH, k] = (wrench[:, i] - wrench[:, 0]) / step * scale[k]
-    white = noise.whiten(columns)
+    white = evidence.white(noise, columns)
     return white.reshape(-1, len(free))
 
 

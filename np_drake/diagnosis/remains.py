@@ -70,7 +70,7 @@ def _repeats(generic: Generic, ranking: Ranking, fit: Fit, unseen: Sequence[Evid
     for e in unseen:
         rows = held.rows[e.name][ranking.noise.phi.shape[1] :]
         without = held.left[e.name]
-        losses = [np.sum(ranking.noise.whiten(r)[rows] ** 2) for r in (without, without - generic.part(e))]
+        losses = [np.sum(e.white(ranking.noise, r)[rows] ** 2) for r in (without, without - generic.part(e))]
         gain += 0.5 * (losses[0] - losses[1]) / ranking.problem.temperature
     return gain > HARM
 

@@ -55,7 +55,7 @@ class Problem:
         self.grams: dict[str, Gram] = {}
         for e in flights:
             X = np.concatenate([c.columns[e.name] for c in everything], axis=-1)
-            self.grams[e.name] = gram(noise.whiten(X), noise.whiten(e.y)).tempered(temperature)
+            self.grams[e.name] = gram(e.white(noise, X), e.white(noise, e.y)).tempered(temperature)
         self.total = sum_grams(list(self.grams.values()))
         self._base = self.total.log_evidence(self.columns(()))
 

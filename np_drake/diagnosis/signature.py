@@ -31,7 +31,7 @@ class Term:
     """An effect in a model of the logs.
 
     onset: by flight, the time at which it begins [s]; missing or None: from the start; `NEVER`: not at all.
-    hidden: by flight, the initial hidden state (a payload's swing).
+    hidden: by flight, the hidden state (a payload's initial swing, and its jumps at shocks).
     """
 
     effect: Effect

@@ -6,18 +6,20 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.candidates import Candidate, library_candidates, wind_candidates
-from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.evidence import FORCE, TORQUE, Evidence
 from np_drake.diagnosis.linear_bayes import gram
 from np_drake.diagnosis.noise import NoiseModel, fit_noise, no_worse, scale_only
-from np_drake.diagnosis.onset import ONSET_PRIOR, gated_candidates
+from np_drake.diagnosis.onset import ONSET_PRIOR, gated_candidates, late_payloads
 from np_drake.diagnosis.payload_search import PayloadSearch
 from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.rig import Tolerance, calibration, calibration_terms, tolerance_of, wander
 from np_drake.diagnosis.search import Model, Problem, effect_prior, library_first, search, sum_grams
+from np_drake.diagnosis.shocks import find_shocks
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.unknown import PREFIX, candidates_of_the_unknown
 
 INEXACT = 0.03  # share of what linear columns explain that they get wrong; own choice
+LEVER = 0.05  # at which a force may act that is known as well as the attitude is [m]; own choice
 TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice
 TEMPERATURE = 2.0  # noise is never quite its model: its variance counts this many times; own choice
 REFINED = 3  # models that are refined
@@ -53,25 +55,31 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
     step = flights[0].grid.step
     raw = [e.y for e in flights]
     noise = scale_only(raw, step)
-    late = gated_candidates(
-        Problem(flights, noise, nuisance, candidates, temperature=TEMPERATURE), payloads=False
+    late = gated_candidates(Problem(flights, noise, nuisance, candidates, temperature=TEMPERATURE))
+    left = _rich_residuals(flights, noise, nuisance, [*candidates, *late])
+    flights = [dc.replace(e, shocks=find_shocks(r, step)) for e, r in zip(flights, left, strict=True)]
+    raw = [e.bridged(e.y) for e in flights]
+    left = _rich_residuals(flights, scale_only(raw, step), nuisance, [*candidates, *late])
+    noise = _noise(left, raw, step, tolerance, INEXACT)
+    candidates += PayloadSearch(flights).best(
+        scale_only(raw, step), nuisance, _best_variants(flights, noise, plain)
     )
-    noise = _search_noise(_rich_residuals(flights, noise, nuisance, [*candidates, *late]), raw, step)
-    others = [*nuisance, *_best_variants(flights, noise, candidates)]
-    candidates += PayloadSearch(flights).best(noise, others)
-    noise = _search_noise(_rich_residuals(flights, noise, nuisance, [*candidates, *late]), raw, step)
+    left = _rich_residuals(flights, noise, nuisance, [*candidates, *late])
+    noise = _noise(left, raw, step, tolerance, INEXACT)
     best: Fit | None = None
-    for _ in range(2):
+    for first in (True, False):
         problem = Problem(flights, noise, nuisance, candidates, temperature=TEMPERATURE)
         late = gated_candidates(problem)
-        if late:
+        hung = late_payloads(problem, late) if first else []
+        candidates += hung
+        if late or hung:
             problem = Problem(flights, noise, nuisance, [*candidates, *late], temperature=TEMPERATURE)
         models = library_first(problem, search(problem))
         best = _refine(problem, models[0], tolerance, best, iterations=3)
         residuals = [best.left(e) for e in flights]
-        noise = _search_noise(residuals, raw, step)
+        noise = _noise(residuals, raw, step, tolerance, INEXACT)
     assert best is not None
-    noise = fit_noise(no_worse(residuals, raw), step)
+    noise = _noise(residuals, raw, step, tolerance)
     close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
     fits = [_refine(problem, m, tolerance, best, noise) for m in close[:REFINED]]
     fits.sort(key=lambda f: -_score(f))
@@ -94,17 +102,24 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
     )
 
 
-def _search_noise(residuals: list[np.ndarray], raw: list[np.ndarray], step: float) -> NoiseModel:
-    """Noise of the search, whose columns are only linear: a share of what they explain counts as noise."""
+def _noise(residuals, raw, step: float, tolerance: Tolerance, inexact: float = 0.0) -> NoiseModel:
+    """Noise as residuals show it, and what errors of the regressors add to it.
+
+    inexact: share of what a model explains that it gets wrong, `INEXACT` for columns that are only linear. A force is
+    known in body axes as well as the attitude is, and so is its torque, at a lever of `LEVER`: slow, as a rig wanders.
+    """
     explained = [y - r for y, r in zip(raw, residuals, strict=True)]
-    return fit_noise(no_worse(residuals, raw), step, explained=explained, inexact=INEXACT)
+    force = np.sqrt(np.mean(np.sum(np.concatenate(explained)[:, FORCE] ** 2, axis=1)))
+    slow = np.zeros(raw[0].shape[1])
+    slow[FORCE], slow[TORQUE] = tolerance.attitude * force, tolerance.attitude * force * LEVER
+    return fit_noise(no_worse(residuals, raw), step, explained=explained, inexact=inexact, slow=slow)
 
 
 def _best_variants(flights, noise, candidates) -> list[Candidate]:
     """Of every effect the variant that explains most alone."""
     best: dict[tuple[str, ...], tuple[float, Candidate]] = {}
     for c in candidates:
-        total = sum_grams([gram(noise.whiten(c.columns[e.name]), noise.whiten(e.y)) for e in flights])
+        total = sum_grams([gram(e.white(noise, c.columns[e.name]), e.white(noise, e.y)) for e in flights])
         gain = total.log_evidence(np.arange(c.size))
         if c.identifiers not in best or gain > best[c.identifiers][0]:
             best[c.identifiers] = (gain, c)
@@ -122,7 +137,9 @@ def _without_generic(
     flights, step = problem.flights, problem.flights[0].grid.step
     candidates = [c for c in problem.candidates if not c.generic]
     for _ in range(2):
-        noise = scale_only(no_worse([e.y - signature(e, fit.everything) for e in flights], raw), step)
+        noise = scale_only(
+            no_worse([e.bridged(e.y - signature(e, fit.everything)) for e in flights], raw), step
+        )
         plain = Problem(flights, noise, problem.nuisance, candidates, temperature=TOGETHER)
         models = search(plain)
         fit = _refine(plain, models[0], tolerance, None, iterations=5)
@@ -133,9 +150,9 @@ def _rich_residuals(flights, noise, nuisance, candidates) -> list[np.ndarray]:
     """What is left of the channels when every effect helps, each in its best single variant."""
     chosen = [*nuisance, *_best_variants(flights, noise, candidates)]
     X = {e.name: np.concatenate([c.columns[e.name] for c in chosen], axis=-1) for e in flights}
-    total = sum_grams([gram(noise.whiten(X[e.name]), noise.whiten(e.y)) for e in flights])
+    total = sum_grams([gram(e.white(noise, X[e.name]), e.white(noise, e.y)) for e in flights])
     mean, _ = total.posterior(np.arange(len(total.Xy)))
-    return [e.y - X[e.name] @ mean for e in flights]
+    return [e.bridged(e.y - X[e.name] @ mean) for e in flights]
 
 
 def _refine(

@@ -1,6 +1,7 @@
 """A payload under a moving hook: the wrench it puts on the quadrotor, for one pendulum or many at once."""
 
 import dataclasses as dc
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -32,7 +33,13 @@ def tether_force(
 
 
 def swing_many(
-    lengths: np.ndarray, r: np.ndarray, r_rate: np.ndarray, a_hook: np.ndarray, step: float, gravity: float
+    lengths: np.ndarray,
+    r: np.ndarray,
+    r_rate: np.ndarray,
+    a_hook: np.ndarray,
+    step: float,
+    gravity: float,
+    jumps: Mapping[int, np.ndarray] | None = None,
 ) -> np.ndarray:
     """(n, m, 3) force on the hook per mass of the payload [m/s²] in the middle of n steps, of m pendulums.
 
@@ -43,6 +50,7 @@ def swing_many(
     Args:
         lengths: (m,) [m].   r, r_rate: (m, 3) p_ToPo_W and its rate at the start [m, m/s].
         a_hook: (n, 3) of the one hook, or (n, m, 3), held over each step [m/s²].   step: [s].
+        jumps: before these steps the swing jumps by (m, 4) angles [rad] and rates [rad/s] about the axes of `across`.
     """
     limit = np.square(lengths)
     now, move = _start(lengths, np.transpose(r), np.transpose(r_rate), step)
@@ -52,7 +60,12 @@ def swing_many(
     with np.errstate(
         divide="ignore", invalid="ignore"
     ):  # a slack payload at the hook itself: -inf is no pull
-        _leapfrog(limit, now, move, kicks, pulls)
+        begin = 0
+        for k in sorted(jumps or {}):
+            _leapfrog(limit, now, move, kicks[begin:k], pulls[begin:k])
+            _jump(now, move, jumps[k], step)  # type: ignore[index]
+            begin = k
+        _leapfrog(limit, now, move, kicks[begin:], pulls[begin:])
     pulls /= step**2
     return pulls.transpose(0, 2, 1)
 
@@ -66,6 +79,23 @@ def _start(lengths, r, r_rate, step) -> tuple[np.ndarray, np.ndarray]:
     middle = np.minimum(span, lengths) * n + 0.5 * move
     reach = np.minimum(1.0, lengths / np.maximum(np.linalg.norm(middle, axis=0), 1e-12))
     return np.ascontiguousarray(middle * reach), np.ascontiguousarray(move)
+
+
+def across(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(..., 3) two unit vectors across unit vectors n (..., 3) and each other: x and y of W where n points down."""
+    e_x = np.cross([0.0, 1.0, 0.0], -n)
+    e_x = e_x / np.maximum(np.linalg.norm(e_x, axis=-1, keepdims=True), 1e-9)
+    return e_x, np.cross(-n, e_x)
+
+
+def _jump(now, move, jump, step) -> None:
+    """Turns position (3, m) and way per step (3, m) by a jump (m, 4); the span stays."""
+    span = np.maximum(np.linalg.norm(now, axis=0), 1e-12)
+    e_x, e_y = (e.T for e in across((now / span).T))
+    a, b, a_rate, b_rate = jump.T
+    turned = now + span * (a * e_x + b * e_y)
+    now[:] = span * turned / np.maximum(np.linalg.norm(turned, axis=0), 1e-12)
+    move += step * span * (a_rate * e_x + b_rate * e_y)
 
 
 def _leapfrog(limit, now, move, kicks, pulls) -> None:

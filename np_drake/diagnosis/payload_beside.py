@@ -1,0 +1,112 @@
+"""What a payload adds to others, over a part of the flights: log evidence and coefficients in milliseconds."""
+
+import dataclasses as dc
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.candidates import Candidate, Onset
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.hidden_swing import jumps
+from np_drake.diagnosis.linear_bayes import Gram
+from np_drake.diagnosis.noise import NoiseModel
+
+CHANNELS = 6  # force and torque alone see a payload
+HORIZONS = (5.0, 10.0, math.inf)  # over which a guess is followed, one after the other [s]
+AFTER_SHOCK = 2.0  # a horizon of its own, for the swing that a shock leaves [s]
+SWING_COLUMNS = 5  # mass, hook and length come first
+
+
+@dc.dataclass(frozen=True)
+class White:
+    """Whitened columns of a payload (rows x channels, k), flight by flight, and its log prior."""
+
+    columns: list[np.ndarray]
+    log_prior: float
+
+
+class Beside:
+    """The columns of others, whitened, with their Gram matrices up to each horizon."""
+
+    def __init__(
+        self,
+        flights: Sequence[Evidence],
+        noise: NoiseModel,
+        others: Sequence[Candidate],
+        onset: Onset | None,
+        horizons: Sequence[float] = (),
+    ):
+        self._flights, self._noise, self._onset = list(flights), noise, onset or {}
+        self._white = []
+        for e in flights:
+            X = np.concatenate([np.zeros((*e.y.shape, 0)), *(c.columns[e.name] for c in others)], axis=-1)
+            self._white.append((_flat(noise, e.bridged(X)), _flat(noise, e.bridged(e.y)[..., None])[:, 0]))
+        self.horizons = sorted({*(horizons or (*HORIZONS, *self._after_shocks()))})
+        self._base = {horizon: self._gram(horizon) for horizon in self.horizons}
+
+    def _begin(self, e: Evidence) -> float:
+        return max(self._onset.get(e.name) or 0.0, e.t[0])
+
+    def _after_shocks(self) -> list[float]:
+        """Seconds after the payload's begin by which a jump shows, those that are close to one another once."""
+        found = [(e, k) for e in self._flights for k in jumps(e, self._onset.get(e.name))]
+        ends = sorted(float(e.t[k] - self._begin(e) + AFTER_SHOCK) for e, k in found)
+        later = [*ends[1:], math.inf]
+        return [end for end, following in zip(ends, later, strict=False) if following - end > 1.0]
+
+    def _rows(self, e: Evidence, horizon: float) -> int:
+        """Whitened rows times channels until the horizon after the payload's begin."""
+        end = self._begin(e) + horizon
+        skipped = self._noise.phi.shape[1]
+        return max(0, int(np.searchsorted(e.t, end)) - skipped) * CHANNELS
+
+    def _gram(self, horizon: float) -> tuple[Gram, float]:
+        """Gram matrix of the others and their log evidence."""
+        parts = []
+        for e, (X, y) in zip(self._flights, self._white, strict=True):
+            n = self._rows(e, horizon)
+            parts.append(Gram(X[:n].T @ X[:n], X[:n].T @ y[:n], 0.0, n))
+        total = sum(parts[1:], parts[0])
+        return total, total.log_evidence(np.arange(len(total.Xy)))
+
+    def white(self, candidate: Candidate) -> White:
+        """Its columns, whitened."""
+        columns = [_flat(self._noise, e.bridged(candidate.columns[e.name])) for e in self._flights]
+        return White(columns, candidate.log_prior)
+
+    def gain(self, candidate: White, horizon: float) -> tuple[float, np.ndarray]:
+        """Log evidence that the candidate adds to the others, prior included, and its coefficients."""
+        both, n = self._joint(candidate, horizon)
+        index = np.arange(len(both.Xy))
+        evidence = both.log_evidence(index) - self._base[horizon][1]
+        return evidence + candidate.log_prior, both.posterior(index)[0][n:]
+
+    def swing_alone(self, candidate: White, horizon: float, mass: float) -> np.ndarray:
+        """(k,) its coefficients with the mass given, hook and length at the guess."""
+        both, n = self._joint(candidate, horizon)
+        free = np.concatenate([np.arange(n), np.arange(n + SWING_COLUMNS, len(both.Xy))])
+        left = Gram(both.XX, both.Xy - both.XX[:, n] * mass, 0.0, 0)
+        fixed = np.concatenate([[mass], np.zeros(SWING_COLUMNS - 1)])
+        return np.concatenate([fixed, left.posterior(free)[0][n:]])
+
+    def _joint(self, candidate: White, horizon: float) -> tuple[Gram, int]:
+        """Gram matrix of the others and the candidate, and the number of the others' columns."""
+        base, _ = self._base[horizon]
+        n, k = len(base.Xy), candidate.columns[0].shape[1]
+        XX, Xy = np.zeros((n + k, n + k)), np.zeros(n + k)
+        XX[:n, :n], Xy[:n] = base.XX, base.Xy
+        for e, (X, y), columns in zip(self._flights, self._white, candidate.columns, strict=True):
+            rows = self._rows(e, horizon)
+            P = columns[:rows]
+            XX[n:, :n] += P.T @ X[:rows]
+            XX[n:, n:] += P.T @ P
+            Xy[n:] += P.T @ y[:rows]
+        XX[:n, n:] = XX[n:, :n].T
+        return Gram(XX, Xy, 0.0, 0), n
+
+
+def _flat(noise: NoiseModel, values: np.ndarray) -> np.ndarray:
+    """(rows x channels, k) whitened force and torque."""
+    white = noise.head(CHANNELS).whiten(values[:, :CHANNELS])
+    return white.reshape(-1, values.shape[-1])
