@@ -15,6 +15,7 @@ from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.search import Model, Problem
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
+from np_drake.effects.base import Effect
 
 MATERIAL_FORCE = 0.01  # of weight [1]; own choice: at 2 % a drag beside a large payload went unnamed
 MATERIAL_TORQUE = 0.01  # of RMS commanded torque [1]
@@ -24,6 +25,8 @@ MATERIAL_SENSOR = 1.5  # of the tolerance of that sensor [1]
 CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
 SAME = 3.5  # difference of log evidence below which two explanations are the same in these data
 MOST_LIKE = 2  # names beside a cause's own
+EDGE = 1e-3  # of a figure's range, within which it lies at its bound [1]
+GUSTY = ("linear_drag", "constant_wind")  # what gusts, which no unseen flight repeats, hide on it
 
 
 @dc.dataclass(frozen=True)
@@ -103,10 +106,33 @@ def alike(problem: Problem, model: Model) -> dict[str, tuple[str, ...]]:
     return out
 
 
+def at_its_bound(effect: Effect) -> bool:
+    """Does a figure lie at the end of what is physical, without being neutral there?
+
+    Then the effect stands for something else, which would need more of it.
+    """
+    for p in effect.parameters:
+        value, edge = float(getattr(effect, p.name)), EDGE * (p.upper - p.lower)
+        ends = value <= p.lower + edge or value >= p.upper - edge
+        if ends and not p.choices and abs(value - p.neutral) > edge:
+            return True
+    return False
+
+
 def causes_of(
-    ranking: Ranking, fit: Fit, flights: Sequence[Evidence], held_out: Sequence[Evidence], held: HeldOut
+    ranking: Ranking,
+    fit: Fit,
+    flights: Sequence[Evidence],
+    held_out: Sequence[Evidence],
+    held: HeldOut,
+    *,
+    gusty: bool = False,
 ) -> tuple[list[Cause], list[Finding]]:
-    """Causes and minor findings of a fit: a cause is material, and helps on flights that the fit has not seen."""
+    """Causes and minor findings of a fit: a cause is material, and helps on flights that the fit has not seen.
+
+    gusty: gusts were felt. Then the drag that feels them matters however small it is by itself, and neither it nor
+    the wind must help on unseen flights, where it blew otherwise.
+    """
     members = {names_of(ranking.named_problem, m): m for m in reversed(ranking.named_models)}
     key = names_of_fit(ranking.named)
     same = alike(ranking.named_problem, members[key]) if key in members else {}
@@ -117,7 +143,10 @@ def causes_of(
         calibration = term.effect.identifier in CALIBRATION and ranking.tolerance.real
         sensor = ranking.tolerance.of(term.effect.identifier) > 0
         confirmed = helps(fit, i, held_out, ranking.noise, held) > -2.0
-        if confirmed and size.material(calibration=calibration, sensor=sensor):
+        confirmed |= gusty and term.effect.identifier in GUSTY
+        material = size.material(calibration=calibration, sensor=sensor)
+        material |= gusty and term.effect.identifier == GUSTY[0]
+        if confirmed and material and not at_its_bound(term.effect):
             causes.append(cause)
         else:
             minor.append(_minor(cause, size, confirmed))
@@ -127,6 +156,8 @@ def causes_of(
 def _minor(cause: Cause, size: Size, confirmed: bool) -> Finding:
     values = ", ".join(f"{n} {e.value:.3g} {e.unit}" for n, e in cause.parameters.items())
     why = "immaterial" if confirmed else "not confirmed by the held-out flights"
+    if cause.effect is not None and at_its_bound(cause.effect):
+        why = "a figure at its bound is none"
     text = f"{values}: {why} ({100 * size.force:.2g} % of weight, {100 * size.torque:.2g} % of torque)"
     return Finding(cause.identifier, text, size.gap, {"force": size.force, "torque": size.torque})
 
@@ -152,11 +183,13 @@ def _cause(ranking, fit: Fit, i: int, term: Term, flights, same, size: Size, hel
     )
 
 
-def on_held_out(fit: Fit, flights: Sequence[Evidence], noise: NoiseModel) -> HeldOut:
-    """The fit's terms on flights that it has not seen."""
+def on_held_out(
+    fit: Fit, flights: Sequence[Evidence], noise: NoiseModel, *, structured: bool = False
+) -> HeldOut:
+    """The fit's terms on flights that it has not seen; `structured` as in `adapt`."""
     terms, left, rows = {}, {}, {}
     for e in flights:
-        terms[e.name] = adapt(fit.everything, e, noise)
+        terms[e.name] = adapt(fit.everything, e, noise, structured=structured)
         left[e.name] = e.y - signature(e, terms[e.name])
         rows[e.name] = scored(terms[e.name], e)
     return HeldOut(terms, left, rows)

@@ -9,7 +9,7 @@ import numpy as np
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.signature import Term, gate, signature
 from np_drake.effects.base import Effect, SensorEffect
-from np_drake.effects.library import LIBRARY
+from np_drake.effects.library import LIBRARY, effects_for
 
 ROTOR_SPEED_BLIND = ("motor_lag", "command_delay", "clock_offset")
 SHIFTS = np.geomspace(0.003, 0.06, 10)  # of commands against states that are tried [s]
@@ -66,8 +66,8 @@ def library_candidates(flights: Sequence[Evidence], onset: Onset | None = None) 
     onset: begin there; effects that cannot begin in flight are left out then.
     """
     found: list[Candidate] = []
-    blind = flights[0].log.input == "rotor_speed"
-    for identifier, effect in LIBRARY.items():
+    blind = flights[0].measured_rotors
+    for identifier, effect in effects_for(flights[0].log.input).items():
         if effect.needs or identifier == "suspended_payload" or (onset and not effect.begins):
             continue
         if blind and identifier in ROTOR_SPEED_BLIND:

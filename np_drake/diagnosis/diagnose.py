@@ -57,9 +57,13 @@ def diagnose(
     tell(0.6, "held-out flights")
     unseen = [without_shocks(ranking.named.everything, e, ranking.noise) for e in unseen]
     left = remains(ranking, fit, flights, unseen)
-    causes, minor = causes_of(ranking, ranking.named, flights, unseen, left.held)
     unknown, unknown_probability = left.unknown, left.probability
-    if left.slow_probability > 0.5 and not unknown:
+    slowly = left.slow_probability > 0.5 and not unknown
+    gusty = slowly and not left.structured  # a slow force of the rotors is no gust
+    causes, minor = causes_of(ranking, ranking.named, flights, unseen, left.held, gusty=gusty)
+    if slowly and not gusty:
+        unknown, unknown_probability = True, left.slow_probability
+    if gusty:
         blown = as_gusts(left.slow, causes, left.slow_probability)
         unknown = len(blown) == len(causes) and "linear_drag" not in {c.identifier for c in causes}
         causes, unknown_probability = blown, left.slow_probability if unknown else left.probability

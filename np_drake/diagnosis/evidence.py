@@ -73,6 +73,11 @@ class Evidence:
         return self.log.name
 
     @property
+    def measured_rotors(self) -> bool:
+        """Is the input measured rotor speed, not a command?"""
+        return self.log.input == "rotor_speed"
+
+    @property
     def t(self) -> np.ndarray:
         """(m,) of the grid [s]."""
         return self.grid.t
@@ -83,7 +88,7 @@ class Evidence:
 
     def white(self, noise: NoiseModel, values: np.ndarray) -> np.ndarray:
         """(m - p, ...) channels or columns (m, 15, ...) without shocks, whitened."""
-        return noise.whiten(self.bridged(values))
+        return noise.whiten(self.bridged(values), self.name)
 
     def on_grid(self, at_rows: np.ndarray, at_mids: np.ndarray) -> np.ndarray:
         """(m, 6) force (n, 3) at rows and torque (n-1, 3) at mids, on the grid."""

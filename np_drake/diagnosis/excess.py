@@ -13,7 +13,9 @@ from scipy import signal
 from np_drake.diagnosis.evidence import TORQUE, WRENCH, Evidence, low_pass
 
 LINE = 20.0  # power of a line over its neighbourhood above which it is no noise [1]; own choice
-NEIGHBOURHOOD = 1.2  # of a line, to either side [Hz]
+NEIGHBOURHOOD = 1.2  # of a line, to either side at most [Hz]
+OCTAVE = 2.0  # and at most this factor: slow noise is steep, and its level is another an octave away [1]
+LOBE = 4.0  # but at least so many over the flight's length, for a line of a short flight is wide itself [1]
 LOWEST, HIGHEST = 0.4, 15.0  # [Hz]
 SLOW = 1.0  # torque below it is compared with that in `MIDDLE` [Hz]
 MIDDLE = (4.0, 8.0)  # [Hz]
@@ -33,7 +35,8 @@ def strongest_line(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> 
     """Of force (in W-independent body axes) and torque, over all flights together.
 
     Periodograms of all flights on one frequency axis are averaged; the line is the bin with the largest ratio to the
-    median about it. In noise that ratio of an average of n flights is a gamma variate of shape n.
+    median about it. In noise that ratio of an average of n flights is a gamma variate of shape n.   Where slow noise
+    is steep (gusts), the neighbourhood is narrow: a median over slower and much faster ones would be too low.
     """
     rate = 1.0 / flights[0].grid.step
     size = 2 ** int(np.ceil(np.log2(max(len(e.t) for e in flights))))
@@ -43,13 +46,21 @@ def strongest_line(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> 
         window = signal.windows.hann(len(y))[:, None]
         power += np.abs(np.fft.rfft(y * window, size, axis=0)) ** 2 / np.sum(window**2) / len(flights)
     frequency = np.fft.rfftfreq(size, 1 / rate)
-    width = max(3, round(NEIGHBOURHOOD / (frequency[1] - frequency[0])))
-    floor = signal.medfilt(power, (2 * width + 1, 1))
+    floor = _floor(power, frequency, LOBE / max(e.t[-1] - e.t[0] for e in flights))
     inside = (frequency > LOWEST) & (frequency < min(HIGHEST, 0.4 * rate))
     ratio = np.where(inside[:, None], power / np.maximum(floor, 1e-300), 0.0)
     k, channel = np.unravel_index(np.argmax(ratio), ratio.shape)
     rms = float(np.sqrt(2 * np.sum(power[max(k - 2, 0) : k + 3, channel]) / size))
     return Line(int(channel), float(frequency[k]), float(ratio[k, channel]), rms)
+
+
+def _floor(power: np.ndarray, frequency: np.ndarray, lobe: float) -> np.ndarray:
+    """(f, 6) median of the powers about every frequency; `lobe` the least distance to either side [Hz]."""
+    down = np.maximum(lobe, np.minimum(NEIGHBOURHOOD, frequency * (1 - 1 / OCTAVE)))
+    up = np.maximum(lobe, np.minimum(NEIGHBOURHOOD, frequency * (OCTAVE - 1)))
+    first = np.searchsorted(frequency, frequency - down)
+    last = np.searchsorted(frequency, frequency + up, side="right")
+    return np.stack([np.median(power[a:b], axis=0) for a, b in zip(first, last, strict=True)])
 
 
 def slow_torque(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> tuple[float, float]:

@@ -22,6 +22,7 @@ BAND = 0.7  # of what counts as slow [Hz]; own choice
 WANDERING = 0.010  # of attitude that colours a force turned with another attitude [rad]
 LONGEST = 5.0  # lag of the autocovariance [s]
 EXCESS = {True: 1.0, False: 2.0}  # ratio above which a slow force is real, on a rig and in a laboratory
+FELT = {True: 1.0, False: 1.3}  # the same where a drag was found, through which gusts would act
 SLOPE = 12.0  # of its probability; own choice
 
 
@@ -43,9 +44,10 @@ class SlowForce:
         """Slow force over sensor floor [1]."""
         return self.force / max(self.floor, 1e-9)
 
-    def probability(self, tolerance: Tolerance) -> float:
-        """That something slow is there which sensors have not done."""
-        excess = np.clip(SLOPE * (self.ratio / EXCESS[tolerance.real] - 1), -50, 50)
+    def probability(self, tolerance: Tolerance, *, felt: bool = False) -> float:
+        """That something slow is there which sensors have not done.   felt: is there a drag that feels a wind?"""
+        least = (FELT if felt else EXCESS)[tolerance.real]
+        excess = np.clip(SLOPE * (self.ratio / least - 1), -50, 50)
         return float(1 / (1 + np.exp(-excess)))
 
 

@@ -5,23 +5,35 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.hidden_swing import STATE, swing_wrenches
+from np_drake.diagnosis.evidence import WRENCH, Evidence
+from np_drake.diagnosis.hidden_swing import STATE, hidden_size, padded, swing_wrenches
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.shocks import find_shocks
 from np_drake.diagnosis.signature import NEVER, Term, signature
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
 ONSET_GAIN = 8.0  # log likelihood that an onset must bring; own choice
+SPANS = (
+    4.0,
+    8.0,
+    np.inf,
+)  # over which a hidden state is followed through a whole flight, one after the other [s]
 SWING_PRIOR, SWING_LIMIT = 0.15, 1.2  # [rad]; of rates, times the natural rate
 
 
-def adapt(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list[Term]:
-    """The terms on an unseen flight: onset (none, from the start, in flight) and initial swing found, figures kept."""
+def adapt(
+    terms: Sequence[Term], flight: Evidence, noise: NoiseModel, *, structured: bool = False
+) -> list[Term]:
+    """The terms on an unseen flight: onset (none, from the start, in flight) and initial swing found, figures kept.
+
+    structured: structure is left that no effect explains, which a late onset would follow by chance: what acted
+    from the start in all flights of the fit does so here, and nothing of it is fitted to the unseen flight.
+    """
+    late = [type(t.effect).begins and not (structured and set(t.onset.values()) <= {None}) for t in terms]
     terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
     terms = [_with_swing(terms, i, flight, noise) for i in range(len(terms))]
-    for i, term in enumerate(terms):
-        if type(term.effect).begins:
+    for i, scanned in enumerate(late):
+        if scanned:
             terms[i] = _with_onset(terms, i, flight, noise)
     return terms
 
@@ -42,34 +54,43 @@ def scored(terms: Sequence[Term], flight: Evidence) -> np.ndarray:
     return rows
 
 
-def _with_swing(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel) -> Term:
-    """Gauss-Newton on the four figures of a payload's initial swing, from the first seconds after its onset."""
+def settled(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list[Term]:
+    """Adapted terms with hidden states, jumps at shocks among them, that fit the whole flight: for what is no swing."""
+    terms = list(terms)
+    for i, term in enumerate(terms):
+        for span in SPANS:
+            terms[i] = _with_swing(terms, i, flight, noise, term.begins(flight.name), span)
+    return terms
+
+
+def _with_swing(
+    terms: Sequence[Term],
+    i: int,
+    flight: Evidence,
+    noise: NoiseModel,
+    onset: float | None = None,
+    span: float = HIDDEN_SPAN,
+) -> Term:
+    """Gauss-Newton on the figures of a payload's swing, from where it is, over a span after its onset [s]."""
     term = terms[i]
-    if not hasattr(term.effect, "payload"):
+    if not hasattr(term.effect, "payload") or onset == NEVER:
         return term
-    onset = term.begins(flight.name)
-    if onset == NEVER:
-        return term
-    others = [t for j, t in enumerate(terms) if j != i]
-    target = flight.y - signature(flight, others)
+    target = flight.y - signature(flight, [t for j, t in enumerate(terms) if j != i])
     start = flight.t[0] if onset is None else onset
-    white_rows = slice(noise.phi.shape[1], None)
-    inside = ((flight.t >= start) & (flight.t < start + HIDDEN_SPAN))[white_rows]
-    swing = np.zeros(STATE)
+    inside = ((flight.t >= start) & (flight.t < start + span))[noise.phi.shape[1] :]
+    size = hidden_size(flight, onset)
+    swing = padded(term.hidden.get(flight.name), size)
     rate = np.sqrt(flight.vehicle.gravity / term.effect.payload.length)  # type: ignore[attr-defined]
-    unit = np.array([1.0, 1.0, rate, rate])
+    unit = np.tile([1.0, 1.0, rate, rate], size // STATE)
     prior, limit = SWING_PRIOR * unit, SWING_LIMIT * unit
     for _ in range(3):
-        moved = [
-            dc.replace(term, hidden={flight.name: swing + 0.02 * d})
-            for d in np.concatenate([np.zeros((1, STATE)), np.eye(STATE)])
-        ]
-        wrench = swing_wrenches(flight, moved)
+        moves = swing + 0.02 * np.concatenate([np.zeros((1, size)), np.eye(size)])
+        wrench = swing_wrenches(flight, [dc.replace(term, hidden={flight.name: m}) for m in moves])
         error = np.array(target)
-        error[:, :6] -= wrench[:, 0]
-        columns = np.zeros((*target.shape, STATE))
-        columns[:, :6] = np.moveaxis(wrench[:, 1:] - wrench[:, :1], 1, 2) / 0.02
-        X = flight.white(noise, columns)[inside].reshape(-1, STATE)
+        error[:, WRENCH] -= wrench[:, 0]
+        columns = np.zeros((*target.shape, size))
+        columns[:, WRENCH] = np.moveaxis(wrench[:, 1:] - wrench[:, :1], 1, 2) / 0.02
+        X = flight.white(noise, columns)[inside].reshape(-1, size)
         e = flight.white(noise, error)[inside].ravel()
         A = X.T @ X + np.diag(prior**-2)
         swing = np.clip(swing + np.linalg.solve(A, X.T @ e - swing / prior**2), -limit, limit)
@@ -88,7 +109,7 @@ def _with_onset(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel) 
         return term
     onset = NEVER if k == len(t) - 1 else float(t[k])
     late = dc.replace(term, onset={flight.name: onset}, hidden={})
-    return _with_swing([*terms[:i], late, *terms[i + 1 :]], i, flight, noise)
+    return _with_swing([*terms[:i], late, *terms[i + 1 :]], i, flight, noise, onset)
 
 
 def known_onset_profile(

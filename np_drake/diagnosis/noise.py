@@ -5,6 +5,7 @@ squares generalised least squares.   Source: Yule-Walker equations; the order is
 """
 
 import dataclasses as dc
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy import linalg
@@ -12,17 +13,24 @@ from scipy import linalg
 ORDER = 20  # 0.4 s at 50 Hz
 RIDGE = 1e-3  # white share added to every channel, for what the low-pass took from the highest frequencies
 ACTIVE = 1e-12  # a channel with less variance is absent
+QUIETEST = (
+    0.1  # a flight's errors over those of all, at least: one at rest must not decide either; own choice
+)
 
 
 @dc.dataclass(frozen=True)
 class NoiseModel:
-    """phi (c, p); mixing (c, c) maps innovations to unit white ones, zero for absent channels; rms (c,); step [s]."""
+    """phi (c, p); mixing (c, c) maps innovations to unit white ones, zero for absent channels; rms (c,); step [s].
+
+    loudness: by flight, (c,) its errors over the model's, where flights differ [1]; others are as the model says.
+    """
 
     phi: np.ndarray
     mixing: np.ndarray
     rms: np.ndarray
     innovation: np.ndarray
     step: float
+    loudness: Mapping[str, np.ndarray] = dc.field(default_factory=dict)
 
     @property
     def active(self) -> np.ndarray:
@@ -39,10 +47,12 @@ class NoiseModel:
             self.step,
         )
 
-    def whiten(self, values: np.ndarray) -> np.ndarray:
-        """(m - p, c, ...) white with unit variance, of channels (m, c, ...); the first p rows go."""
+    def whiten(self, values: np.ndarray, flight: str = "") -> np.ndarray:
+        """(m - p, c, ...) white with unit variance, of channels (m, c, ...) of a flight; the first p rows go."""
         p, n = self.phi.shape[1], len(values)
         flat = np.asarray(values, float).reshape(n, values.shape[1], -1)
+        if flight in self.loudness:
+            flat = flat / self.loudness[flight][:, None]
         driven = np.zeros((n - p, *flat.shape[1:]))
         for c in np.flatnonzero(self.active):
             some = np.flatnonzero(flat[:, c].any(axis=0))
@@ -60,12 +70,30 @@ class NoiseModel:
         return 2 * self.step * self.innovation[:, None] / np.abs(1 - self.phi @ powers) ** 2
 
 
-def scale_only(residuals: list[np.ndarray], step: float) -> NoiseModel:
-    """White noise as large as the residuals: ordinary least squares with channels made comparable."""
+def scale_only(residuals: list[np.ndarray], step: float, flights: Sequence[str] = ()) -> NoiseModel:
+    """White noise as large as the residuals: ordinary least squares with channels made comparable.
+
+    flights: their names, where each is to have errors of its own size: then a flight whose errors are ten times
+    as large does not decide for all.   Source: feasible generalised least squares, one variance for each group.
+    """
     rms = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
     rms[rms**2 < ACTIVE] = 0.0
     mixing = np.diag(np.where(rms > 0, 1.0 / np.maximum(rms, 1e-12), 0.0))
-    return NoiseModel(np.zeros((len(rms), 1)), mixing, rms, rms**2, step)
+    loudness = (
+        {name: _loudness(r, rms) for name, r in zip(flights, residuals, strict=True)} if flights else {}
+    )
+    return NoiseModel(np.zeros((len(rms), 1)), mixing, rms, rms**2, step, loudness)
+
+
+def _loudness(residual: np.ndarray, rms: np.ndarray) -> np.ndarray:
+    """(c,) RMS of one flight's channels over that of all, held above `QUIETEST` [1]."""
+    own = np.sqrt(np.mean(residual**2, axis=0))
+    return np.where(rms > 0, np.maximum(own / np.maximum(rms, 1e-12), QUIETEST), 1.0)
+
+
+def no_worse_anywhere(residuals: list[np.ndarray], before: list[np.ndarray]) -> list[np.ndarray]:
+    """As `no_worse`, flight by flight."""
+    return [no_worse([r], [b])[0] for r, b in zip(residuals, before, strict=True)]
 
 
 def no_worse(residuals: list[np.ndarray], before: list[np.ndarray]) -> list[np.ndarray]:

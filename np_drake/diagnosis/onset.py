@@ -8,7 +8,7 @@ from np_drake.diagnosis.candidates import Candidate, gated
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.payload_search import PAYLOAD, PayloadSearch
 from np_drake.diagnosis.search import Problem
-from np_drake.effects.library import LIBRARY
+from np_drake.effects.library import effects_for
 
 SPACING = 0.1  # of instants tried first; about the best of them every row is [s]
 MARGIN = 0.7  # from either end of a flight, in which no onset is looked for [s]
@@ -21,10 +21,11 @@ LARGEST = 8  # columns of a candidate that is scanned
 def gated_candidates(problem: Problem) -> list[Candidate]:
     """For every effect that may begin in flight and gains by it: the candidate from its best onsets on."""
     found: list[Candidate] = []
+    library = effects_for(problem.flights[0].log.input)
     for candidate in problem.candidates:
         if candidate.size > LARGEST or candidate.onset or candidate.generic:
             continue
-        if not all(LIBRARY[name].begins for name in candidate.identifiers):
+        if not all(library[name].begins for name in candidate.identifiers):
             continue
         onset, _ = best_onsets(problem, candidate)
         if onset:
@@ -41,7 +42,7 @@ def late_payloads(problem: Problem, late: list[Candidate]) -> list[Candidate]:
         onset = next((c.onset for c in late if c.identifiers in (("mass_error",), ("thrust_scale",))), {})
     if not onset:
         return []
-    others = [c for c in problem.candidates if c.size <= 3 and not c.onset]
+    others = [c for c in (*problem.candidates, *late) if c.size <= 3 and PAYLOAD not in c.identifiers]
     first = PayloadSearch(problem.flights, onset)
     guesses = [guess for guess, _ in first.followed(problem.noise, problem.nuisance, others)]
     if not guesses:

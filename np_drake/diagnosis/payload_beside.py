@@ -109,4 +109,4 @@ class Beside:
 def _flat(noise: NoiseModel, values: np.ndarray) -> np.ndarray:
     """(rows x channels, k) whitened force and torque."""
     white = noise.head(CHANNELS).whiten(values[:, :CHANNELS])
-    return white.reshape(-1, values.shape[-1])
+    return white.reshape(len(white) * CHANNELS, values.shape[-1])

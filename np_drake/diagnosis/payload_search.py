@@ -129,9 +129,9 @@ class PayloadSearch:
         this one, and there would be no way back.
         """
         candidate = payload_about(self._flights, guess, self._onset)
-        white, mean = beside.white(candidate), None
+        white, mean = beside.white(candidate), np.zeros(0)
         for horizon in [h for h in beside.horizons if h >= first]:
-            for _ in range(0 if mean is None else STEPS - 1):
+            for _ in range(STEPS - 1 if len(mean) else 0):
                 guess = _moved(candidate, beside.swing_alone(white, horizon, mean[0]))
                 candidate = payload_about(self._flights, guess, self._onset)
                 white = beside.white(candidate)

@@ -7,24 +7,41 @@ import numpy as np
 
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.answer import CHANNELS, Finding
-from np_drake.diagnosis.attribute import MATERIAL_FORCE, MATERIAL_GAP, MATERIAL_TORQUE, HeldOut, on_held_out
+from np_drake.diagnosis.attribute import (
+    MATERIAL_FORCE,
+    MATERIAL_GAP,
+    MATERIAL_TORQUE,
+    HeldOut,
+    at_its_bound,
+    on_held_out,
+)
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.excess import LINE, Line, slow_torque, strongest_line
-from np_drake.diagnosis.gusts import SlowForce, slow_force
+from np_drake.diagnosis.gusts import EXCESS, SlowForce, slow_force
+from np_drake.diagnosis.held_out import settled
 from np_drake.diagnosis.refine import Fit, Generic
+from np_drake.diagnosis.rig import Tolerance
+from np_drake.diagnosis.signature import signature
 from np_drake.diagnosis.unknown import PREFIX
 from np_drake.diagnosis.which import Ranking
+from np_drake.effects.base import Effect
 
 SLOW_TORQUE = {True: 12.0, False: 9.0}  # above it a slow torque is no gyro's, on a rig and in a laboratory
 LEAST_SHARE = 0.03  # of the gap, and of a channel's power, below which structure is no matter; own choice
 FAINT = 0.4  # share of a threshold that unseen flights must show as well; own choice
+MUCH = 0.3  # share of the power of a slow force or torque of unseen flights that no good model leaves; own choice
+NOVEL = 2.0  # times a threshold at which unseen flights alone tell; own choice
+BEYOND = 0.9  # probability of something else where an effect needs a figure beyond its bounds; own choice
 HARM = -1.0  # log likelihood on unseen flights below which a structure does not repeat
 STEEP = 6.0  # of the probability with the logarithm of a ratio; own choice
 
 
 @dc.dataclass(frozen=True)
 class Remains:
-    """unknown: is something material left?   findings: where it lives.   held: the fit on unseen flights."""
+    """unknown: is something material left?   findings: where it lives.   held: the fit on unseen flights.
+
+    structured: with measured rotor speed, is there structure beside the effects, whether or not it repeats?
+    """
 
     unknown: bool
     probability: float
@@ -34,17 +51,20 @@ class Remains:
     slow_probability: float
     line: Line
     slow_torque: float
+    structured: bool = False
 
 
 def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> Remains:
     """The generic structure of the fit, lines and slow torques in what is left."""
-    held = on_held_out(ranking.named, unseen, ranking.noise)
+    structured = bool(ranking.fits[0].generic) and flights[0].measured_rotors
+    held = on_held_out(ranking.named, unseen, ranking.noise, structured=structured)
     left = {e.name: fit.left(e) for e in flights}
     found = [_generic(g, ranking, flights) for g in fit.generic]
     seen = [_repeats(g, ranking, fit, unseen, held) for g in fit.generic]
     line, (torque, share) = strongest_line(flights, left), slow_torque(flights, left)
     limit = SLOW_TORQUE[ranking.tolerance.real]
-    again = (strongest_line(unseen, held.left).prominence, slow_torque(unseen, held.left)[0])
+    swung = {e.name: _without_swing(held, e, ranking) for e in unseen}
+    again = (strongest_line(unseen, swung).prominence, slow_torque(unseen, swung)[0])
     loud = line.rms**2 > LEAST_SHARE * np.mean(np.concatenate([e.y[:, line.channel] for e in flights]) ** 2)
     vibrates = _above(line.prominence, LINE) if loud and again[0] > FAINT * LINE else 0.0
     twists = _above(torque, limit) if share > LEAST_SHARE and again[1] > FAINT * limit else 0.0
@@ -53,15 +73,23 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
         for (f, material), repeats in zip(found, seen, strict=True)
         if material and repeats and f.size > LEAST_SHARE
     ]
-    probability = max([*structure, vibrates, twists])
+    slow = slow_force(flights, left, ranking.tolerance)
+    felt = any(t.effect.identifier == "linear_drag" for t in ranking.named.terms)
+    slowly = slow.probability(ranking.tolerance, felt=felt)
+    novel = _novel(unseen, swung, ranking.tolerance, gusty=slowly > 0.5)
+    beyond = [t for t in ranking.named.terms if at_its_bound(t.effect)]
+    probability = max([*structure, vibrates, twists, novel, BEYOND if beyond else 0.0])
     findings = [f for f, _ in found]
+    if novel > 0.5:
+        findings.append(Finding("unseen flights", "what unseen flights show is not in these", novel, {}))
+    findings += [_beyond(t.effect) for t in beyond]
     if vibrates > 0.5:
         findings.append(_line_finding(line))
     if twists > 0.5:
         findings.append(Finding("slow torque", "a torque that comes and goes", torque, {"ratio": torque}))
-    slow = slow_force(flights, left, ranking.tolerance)
-    slowly = slow.probability(ranking.tolerance)
-    return Remains(probability > 0.5, probability, tuple(findings), held, slow, slowly, line, torque)
+    return Remains(
+        probability > 0.5, probability, tuple(findings), held, slow, slowly, line, torque, structured
+    )
 
 
 def _repeats(generic: Generic, ranking: Ranking, fit: Fit, unseen: Sequence[Evidence], held: HeldOut) -> bool:
@@ -73,6 +101,38 @@ def _repeats(generic: Generic, ranking: Ranking, fit: Fit, unseen: Sequence[Evid
         losses = [np.sum(e.white(ranking.noise, r)[rows] ** 2) for r in (without, without - generic.part(e))]
         gain += 0.5 * (losses[0] - losses[1]) / ranking.problem.temperature
     return gain > HARM
+
+
+def _without_swing(held: HeldOut, e: Evidence, ranking: Ranking) -> np.ndarray:
+    """(m, 15) what is left of an unseen flight whatever a payload's hidden swing was, shocks apart."""
+    terms = held.terms[e.name]
+    if not any(hasattr(t.effect, "payload") for t in terms):
+        return held.left[e.name]
+    return e.bridged(e.y - signature(e, settled(terms, e, ranking.noise)))
+
+
+def _novel(
+    unseen: Sequence[Evidence], left: dict[str, np.ndarray], tolerance: Tolerance, *, gusty: bool
+) -> float:
+    """Probability that unseen flights show something at work which the flights of the fit did not excite.
+
+    A slow force or torque on them is several times what sensors have, and the causes leave much of it. Gusts, which do
+    not repeat, are no such force.
+    """
+    torque, share = slow_torque(unseen, left)
+    twists = _above(torque, NOVEL * SLOW_TORQUE[tolerance.real]) if share > MUCH else 0.0
+    if gusty:
+        return twists
+    before = slow_force(unseen, {e.name: e.y for e in unseen}, tolerance)
+    now = slow_force(unseen, left, tolerance)
+    weight = unseen[0].vehicle.mass * unseen[0].vehicle.gravity
+    much = now.force**2 > MUCH * before.force**2 and now.force > 0.5 * MATERIAL_FORCE * weight
+    return max(twists, _above(now.ratio, NOVEL * EXCESS[tolerance.real]) if much else 0.0)
+
+
+def _beyond(effect: Effect) -> Finding:
+    text = f"{effect.identifier} would need a figure beyond its bounds"
+    return Finding("beyond bounds", text, 1.0, effect.values)
 
 
 def _above(ratio: float, threshold: float) -> float:

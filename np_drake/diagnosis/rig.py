@@ -55,7 +55,7 @@ LABORATORY = Tolerance(0.0005, 0.0005, 0.0005, 0.00005, 0.0001, 0.0001)
 
 def tolerance_of(flights: Sequence[Evidence]) -> Tolerance:
     """A log with attitude noise or measured rotor speed comes from a real rig; others are taken at their word."""
-    measured = flights[0].log.input == "rotor_speed"
+    measured = flights[0].measured_rotors
     return Tolerance() if measured or max(e.attitude_noise for e in flights) > REAL else LABORATORY
 
 

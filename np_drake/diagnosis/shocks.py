@@ -12,6 +12,7 @@ SPIKE = 12.0  # deviations of what is left by a running median; own choice
 WINDOW = 0.3  # of that median [s]
 MOST = 0.05  # share of a flight's rows above which it is no shock but how the flight is
 ABOUT = 1  # rows to either side that the grid smears a shock over
+APART = 0.3  # shocks that are closer are one: a tether that bounces [s]
 LONGEST = 0.07  # what lasts longer is motion, not a shock [s]
 
 
@@ -25,15 +26,16 @@ def find_shocks(residual: np.ndarray, step: float) -> np.ndarray:
     found = np.any(spiky > SPIKE * np.maximum(usual, 1e-9), axis=1)
     found = _short(found, max(2, round(LONGEST / step)))
     found = np.convolve(found, np.ones(2 * ABOUT + 1), mode="same") > 0.5
+    found |= _short(~found, round(APART / step)) & found.any()
     return found if found.mean() <= MOST else np.zeros(len(residual), bool)
 
 
 def _short(found: np.ndarray, longest: int) -> np.ndarray:
-    """The runs of up to `longest` rows."""
+    """The runs of up to `longest` rows, but for the first and the last row."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], found.astype(int), [0]])))
     out = np.zeros_like(found)
     for a, b in edges.reshape(-1, 2):
-        out[a:b] = b - a <= longest
+        out[a:b] = b - a <= longest and a > 0 and b < len(found)
     return out
 
 

@@ -19,6 +19,8 @@ PREFIX = "unknown:"
 SIZE = 0.04  # prior deviation of a group's force over weight, and of its torque over weight times arm [1]
 RESONANCES = (0.4, 0.6, 0.8, 1.05, 1.4, 1.8, 2.4, 3.2, 4.2)  # [Hz]
 DAMPING = 0.1  # of a resonance that is tried [1]
+TWISTS = tuple(0.7 * 1.3**k for k in range(9))  # of a resonance between command and torque [Hz]
+GAIN = 0.3  # prior deviation of its torque over the commanded one [1]
 CENTRES = 10  # of a place
 Pushes = Callable[
     [FlightState], np.ndarray
@@ -34,26 +36,22 @@ def candidates_of_the_unknown(flights: Sequence[Evidence]) -> list[Candidate]:
             ("rates", "a torque that goes with body rates", _damping),
             ("side force", "a force across velocity and body rate", _side_force),
             ("velocity", "a force and torque that go with velocity", _velocity),
+            ("cross flow", "a force that goes with the product of two velocities", _cross_flow),
             ("thrust curve", "thrust that is no straight line of its command", _thrust_curve),
             ("command", "torque that goes with the command of another axis", _coupling),
             ("height", "a force that goes with height", _height),
             ("place", "a force tied to a place", _place(states)),
         )
     ]
-    count = math.log(len(RESONANCES))
-    for f in RESONANCES:
-        text = f"an answer to the motion with a resonance near {f:g} Hz"
-        found.append(
-            _candidate(
-                flights,
-                states,
-                "resonance",
-                text,
-                _resonance(f),
-                -count,
-                {"frequency": f, "damping": DAMPING},
-            )
-        )
+    for name, driven, frequencies, pushes in (
+        ("resonance", "the motion", RESONANCES, _resonance),
+        ("twist", "the commanded torque", TWISTS, _twist),
+    ):
+        prior = -math.log(len(frequencies))
+        for f in frequencies:
+            text = f"an answer to {driven} with a resonance near {f:.3g} Hz"
+            figures = {"frequency": f, "damping": DAMPING}
+            found.append(_candidate(flights, states, name, text, pushes(f), prior, figures))
     return found
 
 
@@ -109,6 +107,13 @@ def _velocity(s: FlightState) -> np.ndarray:
     return _joined(cubes, _each(np.concatenate([v, speed * v], axis=1), [3, 4, 5]))
 
 
+def _cross_flow(s: FlightState) -> np.ndarray:
+    """Products |v_i| v_j of two different axes, each free along all three."""
+    v = s.v / 2.0
+    products = [np.abs(v[:, i]) * v[:, j] for i in range(3) for j in range(3) if i != j]
+    return _each(np.stack(products, axis=1), [0, 1, 2])
+
+
 def _thrust_curve(s: FlightState) -> np.ndarray:
     """Square and cube of every rotor's thrust over its mean, the same curve for all four."""
     relative = s.rotor / s.rotor.mean() - 1
@@ -155,19 +160,50 @@ def _place(states: dict[str, FlightState]) -> Pushes:
 
 
 def _resonance(frequency: float) -> Pushes:
-    """Two phases of the motion behind a lightly damped resonance: force along the axis, torque across."""
+    """Two phases of the motion behind a lightly damped resonance: force along the axis, torque across.
+
+    What drives it is the acceleration that the command gives, not the measured one: any force at all is in the latter,
+    and would explain itself.
+    """
     omega = 2 * np.pi * frequency
 
     def pushes(s: FlightState) -> np.ndarray:
         system = signal.cont2discrete(
             ([omega**2], [1.0, 2 * DAMPING * omega, omega**2]), s.step, method="bilinear"
         )
-        drive = (s.s - s.s.mean(axis=0)) / 2.0
-        answer = signal.lfilter(system[0].ravel(), system[1], drive, axis=0)
+        drive = s.R[:, :, 2] * (s.u[:, :1] / s.weight * s.gravity)
+        answer = signal.lfilter(system[0].ravel(), system[1], (drive - drive.mean(axis=0)) / 2.0, axis=0)
         lagged = signal.lfilter([1.0 / s.step, -1.0 / s.step], [1.0], answer, axis=0) / omega
-        pair = 2 * DAMPING * np.stack([answer, lagged], axis=2)
+        pair = 2 * DAMPING * np.einsum("mij,mik->mjk", s.R, np.stack([answer, lagged], axis=2))
         parts = [_each(pair[:, i], [i]) for i in range(3)]
         parts += [_each(pair[:, 0], [4]), _each(pair[:, 1], [3])]
         return _joined(*parts)
+
+    return pushes
+
+
+def _twist(frequency: float) -> Pushes:
+    """Torque behind a lightly damped resonance that the commanded torque drives, every axis for itself.
+
+    With G = w² / (D² + 2 z w D + w²) the columns are G, D G / w, G² and D G² / w: what G and its derivatives by w and z
+    span, so that a resonance between two of those tried, or damped otherwise, is met to first order.
+    """
+    omega = 2 * np.pi * frequency
+
+    def pushes(s: FlightState) -> np.ndarray:
+        b, a, _ = signal.cont2discrete(
+            ([omega**2], [1.0, 2 * DAMPING * omega, omega**2]), s.step, method="bilinear"
+        )
+        rest = signal.lfilter_zi(b.ravel(), a)[:, None]
+
+        def behind(drive: np.ndarray) -> np.ndarray:
+            return signal.lfilter(b.ravel(), a, drive, axis=0, zi=rest * drive[:1])[0]
+
+        once = behind(GAIN * s.u[:, 1:] / (SIZE * s.weight * s.torque_unit))
+        twice = behind(once)
+        changes = [np.gradient(g, s.step, axis=0) / omega for g in (once, twice)]
+        peak = 2 * DAMPING  # of G, by which it is made one
+        parts = np.stack([peak * once, peak * changes[0], peak**2 * twice, peak**2 * changes[1]], axis=2)
+        return _joined(*(_each(parts[:, i], [3 + i]) for i in range(3)))
 
     return pushes

@@ -8,12 +8,20 @@ import numpy as np
 from np_drake.diagnosis.candidates import Candidate, library_candidates, wind_candidates
 from np_drake.diagnosis.evidence import FORCE, TORQUE, Evidence
 from np_drake.diagnosis.linear_bayes import gram
-from np_drake.diagnosis.noise import NoiseModel, fit_noise, no_worse, scale_only
+from np_drake.diagnosis.noise import NoiseModel, fit_noise, no_worse, no_worse_anywhere, scale_only
 from np_drake.diagnosis.onset import ONSET_PRIOR, gated_candidates, late_payloads
 from np_drake.diagnosis.payload_search import PayloadSearch
 from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.rig import Tolerance, calibration, calibration_terms, tolerance_of, wander
-from np_drake.diagnosis.search import Model, Problem, effect_prior, library_first, search, sum_grams
+from np_drake.diagnosis.search import (
+    MOST_EFFECTS,
+    Model,
+    Problem,
+    effect_prior,
+    library_first,
+    search,
+    sum_grams,
+)
 from np_drake.diagnosis.shocks import find_shocks
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.unknown import PREFIX, candidates_of_the_unknown
@@ -21,6 +29,7 @@ from np_drake.diagnosis.unknown import PREFIX, candidates_of_the_unknown
 INEXACT = 0.03  # share of what linear columns explain that they get wrong; own choice
 LEVER = 0.05  # at which a force may act that is known as well as the attitude is [m]; own choice
 TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice
+MOST_MEASURED = 8  # effects that are named where rotor speed is measured: real rotors have many; own choice
 TEMPERATURE = 2.0  # noise is never quite its model: its variance counts this many times; own choice
 REFINED = 3  # models that are refined
 CLOSE = 12.0  # of the best's log evidence, below which a model is not worth it
@@ -132,18 +141,28 @@ def _without_generic(
     """The effects that explain most by themselves, where structure that is no effect remains beside them.
 
     What remains is no noise then, and weighting by its spectrum would bend the figures: plain least squares, channels
-    made comparable, in which errors hang together (`TOGETHER`).
+    made comparable, in which errors hang together (`TOGETHER`). With measured rotor speed every flight is weighted
+    by what is left of it: that grows with how hard it is flown, and the loudest would decide for all.
     """
-    flights, step = problem.flights, problem.flights[0].grid.step
+    flights, measured = problem.flights, problem.flights[0].measured_rotors
     candidates = [c for c in problem.candidates if not c.generic]
-    for _ in range(2):
-        noise = scale_only(
-            no_worse([e.bridged(e.y - signature(e, fit.everything)) for e in flights], raw), step
-        )
+    for _ in range(4 if measured else 2):  # until weights rest
+        left = [e.bridged(e.y - signature(e, fit.everything)) for e in flights]
+        noise = _structured_noise(left, raw, flights)
         plain = Problem(flights, noise, problem.nuisance, candidates, temperature=TOGETHER)
-        models = search(plain)
+        models = search(plain, most=MOST_MEASURED if measured else MOST_EFFECTS)
         fit = _refine(plain, models[0], tolerance, None, iterations=5)
     return fit, plain, models
+
+
+def _structured_noise(
+    left: list[np.ndarray], raw: list[np.ndarray], flights: Sequence[Evidence]
+) -> NoiseModel:
+    """What is left, as if it were white: as large in all flights; with measured rotor speed, as in each."""
+    step = flights[0].grid.step
+    if not flights[0].measured_rotors:
+        return scale_only(no_worse(left, raw), step)
+    return scale_only(no_worse_anywhere(left, raw), step, [e.name for e in flights])
 
 
 def _rich_residuals(flights, noise, nuisance, candidates) -> list[np.ndarray]:

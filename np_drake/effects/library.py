@@ -14,6 +14,7 @@ from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+from np_drake.effects.mixer_gain import MixerGain
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.quadratic_drag import QuadraticDrag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
@@ -31,6 +32,13 @@ _OURS: tuple[type[Effect], ...] = (
     *(RotorGyroscopic, AccelerometerBias, GyroBias, VelocityBias, AttitudeBias, ClockOffset),
 )
 LIBRARY: dict[str, type[Effect]] = {effect.identifier: effect for effect in _OURS}
+# Beside the library, and only on logs whose input is measured rotor speed: no command's mixer is in doubt.
+MEASURED_ROTORS: dict[str, type[Effect]] = {MixerGain.identifier: MixerGain}
+
+
+def effects_for(log_input: str) -> dict[str, type[Effect]]:
+    """What is tried on logs with this input, `command` or `rotor_speed`."""
+    return LIBRARY | MEASURED_ROTORS if log_input == "rotor_speed" else LIBRARY
 
 
 def register(effect: type[Effect]) -> type[Effect]:

@@ -9,6 +9,7 @@ from np_drake.diagnosis.attribute import (
     MATERIAL_TORQUE,
     Size,
     alike,
+    at_its_bound,
     causes_of,
     helps,
     on_held_out,
@@ -17,9 +18,12 @@ from np_drake.diagnosis.attribute import (
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import NEVER, Term
 from np_drake.diagnosis.which import rank
+from np_drake.effects.base import Effect
+from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.weak_rotor import WeakRotor
 
 PLAIN = {"calibration": False, "sensor": False}
@@ -103,6 +107,37 @@ def test_what_does_not_help_on_unseen_flights_is_no_cause(seen, drag):
     causes, minor = causes_of(drag.ranking, drag.fit, drag.flights, unseen, upside)
     assert causes == []
     assert "not confirmed" in minor[0].text
+
+
+@pytest.mark.parametrize(
+    "effect, at_end",
+    [
+        (ConstantWind(1.0, -15.0, 0.0), True),
+        (LinearDrag(0.3, -0.2, 0.3), True),
+        (ConstantWind(1.0, -14.0, 0.0), False),
+        (MotorLag(0.0), False),  # neutral
+        (WeakRotor(4, 0.9), False),  # a choice
+    ],
+    ids=str,
+)
+def test_a_figure_at_its_bound_is_none_unless_it_is_neutral(effect: Effect, at_end):
+    assert at_its_bound(effect) is at_end
+
+
+def test_an_effect_at_its_bound_is_no_cause(drag):
+    fit = dc.replace(drag.fit, terms=(Term(LinearDrag(0.6, 0.6, -0.2)),), free=(), values=np.zeros(0))
+    held = on_held_out(fit, drag.unseen, drag.ranking.noise)
+    causes, minor = causes_of(drag.ranking, fit, drag.flights, drag.unseen, held)
+    assert causes == []
+    assert "bound" in minor[0].text
+
+
+def test_where_gusts_blow_the_drag_that_feels_them_matters_however_small(drag):
+    fit = dc.replace(drag.fit, terms=(Term(LinearDrag(1e-3, 1e-3, 1e-3)),), free=(), values=np.zeros(0))
+    held = on_held_out(fit, drag.unseen, drag.ranking.noise)
+    given = (drag.ranking, fit, drag.flights, drag.unseen, held)
+    assert causes_of(*given)[0] == []
+    assert [c.identifier for c in causes_of(*given, gusty=True)[0]] == ["linear_drag"]
 
 
 def test_a_cause_helps_on_unseen_flights_by_what_it_explains(drag):

@@ -46,6 +46,14 @@ def test_every_effect_is_tried_but_those_that_act_through_others(candidates):
     assert named == {(n,) for n in LIBRARY if n not in hidden}
 
 
+def test_the_gain_of_the_mixer_is_tried_where_rotor_speed_is_measured_and_nowhere_else(flights, candidates):
+    measured = [dc.replace(e, log=dc.replace(e.log, input="rotor_speed")) for e in flights]
+    tried = {c.identifiers for c in library_candidates(measured)}
+    assert ("mixer_gain",) in tried
+    assert ("motor_lag",) not in tried
+    assert ("mixer_gain",) not in {c.identifiers for c in candidates}
+
+
 def test_variants_of_an_effect_share_one_prior(candidates):
     for name in {c.identifiers for c in candidates}:
         assert sum(np.exp(c.log_prior) for c in candidates if c.identifiers == name) == pytest.approx(1.0)

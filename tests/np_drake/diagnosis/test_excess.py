@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy import signal
 
 from np_drake.diagnosis.excess import LINE, slow_torque, strongest_line
 from np_drake.diagnosis.remains import SLOW_TORQUE
@@ -33,6 +34,29 @@ def test_noise_alone_has_no_line_and_no_slow_torque(seen, seed):
     flights = [seen(name=str(i), seed=10 * seed + i, noise=1.0) for i in range(2)]
     assert strongest_line(flights, left_of(flights)).prominence < LINE
     assert slow_torque(flights, left_of(flights))[0] < 0.6 * SLOW_TORQUE[False]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_force_that_wanders_has_no_line(flights, seed):
+    """First-order noise of half a second: steep, and strongest where it is slowest."""
+    left = left_of(flights)
+    rng = np.random.default_rng(seed)
+    keep = np.exp(-flights[0].grid.step / 0.5)
+    for e in flights:
+        left[e.name][:, :2] += signal.lfilter(
+            [0.3 * np.sqrt(1 - keep**2)], [1, -keep], rng.normal(size=(len(e.t), 2)), axis=0
+        )
+    assert strongest_line(flights, left).prominence < LINE
+
+
+@pytest.mark.parametrize("frequency", [0.5, 0.8])
+def test_a_slow_line_is_found_as_well(flights, frequency):
+    left = left_of(flights)
+    for i, e in enumerate(flights):
+        left[e.name][:, 0] += 5.0 * e.y[:, 0].std() * np.sin(2 * np.pi * frequency * e.t + i)
+    dut = strongest_line(flights, left)
+    assert dut.frequency == pytest.approx(frequency, abs=0.1)
+    assert dut.prominence > LINE
 
 
 def test_more_noise_is_no_more_slow_torque(flights):

@@ -66,6 +66,13 @@ def cause(effect, **parameters) -> Cause:
 SLOW = SlowForce(0.5, 0.1, (0.6, 0.06), (1.2, 0.3))
 
 
+def test_in_a_laboratory_a_drag_makes_gusts_likelier_and_on_a_rig_it_does_not():
+    small = SlowForce(0.16, 0.1, (0.1, 0.01), (1.0, 0.3))
+    assert small.probability(LABORATORY) < 0.2
+    assert small.probability(LABORATORY, felt=True) > 0.8
+    assert small.probability(Tolerance(), felt=True) == small.probability(Tolerance())
+
+
 def test_through_a_drag_a_slow_force_is_a_wind():
     causes = as_gusts(SLOW, [cause(DRAG)], 0.9)
     gusts = next(c for c in causes if c.identifier == "gusty_wind")

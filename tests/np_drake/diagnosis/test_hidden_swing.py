@@ -1,11 +1,18 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from np_drake.diagnosis.grid import TAPS
 from np_drake.diagnosis.hidden_swing import (
+    MOST_JUMPS,
+    STATE,
     attitude_on_grid,
+    hidden_size,
     hook_acceleration,
+    jumps,
     specific_pull,
     start_of_swing,
     swing_wrenches,
@@ -81,6 +88,38 @@ def test_many_payloads_pull_as_each_does_alone(seen):
 def test_before_its_onset_nothing_pulls_and_what_never_begins_never_does(seen):
     dut = seen(seconds=5.0)
     late = swing_wrenches(dut, [Term(SuspendedPayload(), {"a": 2.0})])[:, 0]
-    np.testing.assert_array_equal(late[dut.t < 1.99], 0.0)
-    assert np.linalg.norm(late[dut.t > 2.01][:, :3], axis=1).min() > 0.1  # [N]
+    smear = TAPS * dut.grid.step
+    np.testing.assert_allclose(late[dut.t < 2.0 - smear], 0.0, atol=1e-12)
+    assert np.linalg.norm(late[dut.t > 2.0 + smear][:, :3], axis=1).min() > 0.1  # [N]
     np.testing.assert_array_equal(swing_wrenches(dut, [Term(SuspendedPayload(), {"a": NEVER})]), 0.0)
+
+
+def knocked(e, *at):
+    """The flight with shocks of two rows at these times."""
+    shocks = np.zeros(len(e.t), bool)
+    for t in at:
+        shocks[np.searchsorted(e.t, t) : np.searchsorted(e.t, t) + 2] = True
+    return dc.replace(e, shocks=shocks)
+
+
+def test_a_swing_may_jump_after_every_shock_that_is_not_too_close_to_another(seen):
+    dut = knocked(seen(seconds=8.0), 1.0, 1.2, 3.0)
+    np.testing.assert_allclose(dut.t[jumps(dut, None)], [1.04, 3.04], atol=0.021)
+    np.testing.assert_allclose(dut.t[jumps(dut, 2.0)], [3.04], atol=0.021)
+    assert hidden_size(dut, None) == 3 * STATE
+    assert len(jumps(dut, NEVER)) == 0
+    assert len(jumps(knocked(seen(seconds=8.0), *np.arange(1.0, 7.0)), None)) == MOST_JUMPS
+
+
+def test_a_jump_of_the_swing_changes_what_comes_after_it_alone(seen):
+    dut = knocked(seen(seconds=8.0), 3.0)
+    calm = np.array([0.1, 0.0, 0.0, 0.2])
+    still, moved = (
+        swing_wrenches(dut, [Term(SuspendedPayload(), {}, {"a": np.concatenate([calm, j])})])[:, 0]
+        for j in (np.zeros(4), np.array([0.2, 0.0, 0.0, 0.0]))
+    )
+    after = dut.t[jumps(dut, None)[0]]
+    np.testing.assert_array_equal(still[dut.t < after - 0.03], moved[dut.t < after - 0.03])
+    assert np.abs(still - moved)[dut.t > after + 0.03][:, :3].max() > 0.05  # [N]
+    short = swing_wrenches(dut, [Term(SuspendedPayload(), {}, {"a": calm})])[:, 0]
+    np.testing.assert_array_equal(short, still)  # what is not known is no jump

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from np_drake.diagnosis.noise import fit_noise, no_worse, scale_only
+from np_drake.diagnosis.noise import QUIETEST, fit_noise, no_worse, no_worse_anywhere, scale_only
 
 STEP = 0.02
 PHI = {0: [1.2, -0.6], 1: [0.5], 2: []}  # of three processes
@@ -107,3 +107,21 @@ def test_a_fit_that_made_a_channel_worse_does_not_raise_its_noise():
     np.testing.assert_array_equal(found[:, 0], after[0][:, 0])
     np.testing.assert_array_equal(found[:, 1], before[0][:, 1])
     np.testing.assert_array_equal(found[:, 2], after[0][:, 2])
+
+
+def test_each_flight_is_weighted_by_its_own_errors_but_none_without_limit():
+    loud, soft, still = 3.0 * processes(0), 0.5 * processes(1), 1e-6 * processes(2)
+    dut = scale_only([loud, soft, still], STEP, ["loud", "soft", "still"])
+    for name, errors in (("loud", loud), ("soft", soft)):
+        np.testing.assert_allclose(np.sqrt(np.mean(dut.whiten(errors, name)[:, 0] ** 2)), 1.0, rtol=1e-3)
+    np.testing.assert_allclose(dut.loudness["still"], QUIETEST)
+    pooled = scale_only([loud, soft, still], STEP)
+    np.testing.assert_array_equal(dut.whiten(loud, "unseen"), pooled.whiten(loud, "loud"))
+
+
+def test_no_worse_anywhere_judges_each_flight_by_itself():
+    before = [processes(0), processes(1)]
+    after = [0.1 * before[0], 2.0 * before[1]]
+    found = no_worse_anywhere(after, before)
+    np.testing.assert_array_equal(found[0], after[0])
+    np.testing.assert_array_equal(found[1], before[1])

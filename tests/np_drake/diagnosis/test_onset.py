@@ -2,10 +2,11 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.candidates import effect_candidates, library_candidates
-from np_drake.diagnosis.onset import ONSET_PRIOR, best_onsets, gated_candidates, onset_profile
+from np_drake.diagnosis.onset import ONSET_PRIOR, best_onsets, gated_candidates, late_payloads, onset_profile
 from np_drake.diagnosis.search import Problem
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.weak_rotor import WeakRotor
 
 
@@ -65,9 +66,19 @@ def test_the_profile_at_the_start_is_the_evidence_of_the_whole_flight(seen, nois
     assert profile[0] == pytest.approx(expected, rel=1e-6)
 
 
-def test_an_added_mass_may_be_a_payload_that_was_hung_on(seen, noise):
+def test_a_payload_that_is_hung_on_in_flight_is_found_to_the_row(seen, noise):
+    payload = SuspendedPayload(0.2, 0.5)
+    onset = {"suspended_payload": 4.0}
+    flights = [seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset=onset)]
+    problem = problem_of(flights, noise, [MassError(0.2)])
+    found = late_payloads(problem, gated_candidates(problem))
+    assert {c.identifiers for c in found} == {("suspended_payload",)}
+    assert found[0].onset["1"] == pytest.approx(4.0, abs=0.03)
+    assert float(found[0].variant.removeprefix("length=")) == pytest.approx(0.5, rel=0.05)
+
+
+def test_an_added_mass_is_no_payload_that_was_hung_on(seen, noise):
     effect = MassError(0.2)
     flights = [seen(effect, name="1", seed=1, noise=1.0, seconds=8.0, onset={"mass_error": 4.0})]
-    found = gated_candidates(problem_of(flights, noise, [effect]))
-    assert {c.identifiers for c in found} == {("mass_error",), ("suspended_payload",)}
-    assert len({tuple(c.onset.items()) for c in found}) == 1
+    problem = problem_of(flights, noise, [effect])
+    assert late_payloads(problem, gated_candidates(problem)) == []

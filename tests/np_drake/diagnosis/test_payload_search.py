@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.candidates import library_candidates
+from np_drake.diagnosis.grid import TAPS
 from np_drake.diagnosis.payload_candidates import payload_candidates
-from np_drake.diagnosis.payload_search import KEPT, LENGTHS, PayloadSearch
+from np_drake.diagnosis.payload_search import KEPT, LENGTHS, NEAR, PayloadSearch
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 
@@ -18,19 +19,18 @@ def test_the_length_of_a_tether_is_found(seen, noise, length):
     payload = SuspendedPayload(0.15, length)
     flights = [seen(payload, name=str(i), seed=i, noise=1.0, seconds=7.0) for i in (1, 2)]
     dut = PayloadSearch(flights)
-    best = dut.best(noise, others(flights))
+    best = dut.best(noise, [], others(flights))
     assert best[0].variant.startswith("length=")
-    assert float(best[0].variant.removeprefix("length=")) == pytest.approx(length, rel=0.1)
+    assert float(best[0].variant.removeprefix("length=")) == pytest.approx(length, rel=0.02)
     assert dut.profile(noise, others(flights)).max() > 100.0
 
 
 def test_the_best_lengths_are_not_next_to_each_other(seen, noise):
     flights = [seen(SuspendedPayload(0.15, 0.5), name="1", seed=1, noise=1.0, seconds=6.0)]
-    best = PayloadSearch(flights).best(noise, others(flights))
+    best = PayloadSearch(flights).best(noise, [], others(flights))
     found = np.sort([float(c.variant.removeprefix("length=")) for c in best])
-    assert len(found) == KEPT
-    assert np.min(np.diff(np.log(found))) > 1.5 * np.log(LENGTHS[1] / LENGTHS[0])
-    assert len({c.log_prior for c in best}) == 1
+    assert 1 <= len(found) <= KEPT
+    assert np.all(np.diff(np.log(found)) > NEAR)
 
 
 def test_without_a_payload_no_length_has_evidence(seen, noise):
@@ -47,10 +47,11 @@ def test_before_its_onset_a_payload_hangs_on_nothing(seen):
     flights = [seen(name="1", seed=1, seconds=6.0)]
     for candidate in payload_candidates(flights, LENGTHS[::24], {"1": 3.0}):
         X = candidate.columns["1"]
-        np.testing.assert_array_equal(X[flights[0].t < 2.99], 0.0)
-        assert np.abs(X[flights[0].t > 3.01]).max() > 0.1
+        smear = TAPS * flights[0].grid.step
+        np.testing.assert_allclose(X[flights[0].t < 3.0 - smear], 0.0, atol=1e-12)
+        assert np.abs(X[flights[0].t > 3.0 + smear]).max() > 0.1
 
 
 def test_a_library_without_payload_searches_nothing(seen, noise, library):
     del library["suspended_payload"]
-    assert PayloadSearch([seen(seconds=5.0)]).best(noise, []) == []
+    assert PayloadSearch([seen(seconds=5.0)]).best(noise, [], []) == []

@@ -6,6 +6,9 @@ import pytest
 
 from np_drake.diagnosis.remains import remains
 from np_drake.effects.base import WrenchEffect
+from np_drake.effects.command_delay import CommandDelay
+from np_drake.effects.inertia_error import InertiaError
+from np_drake.effects.motor_lag import MotorLag
 from np_drake.rigid_body import W
 
 
@@ -44,6 +47,28 @@ def test_a_torque_that_no_effect_explains_remains_and_says_where_it_lives(of):
     assert dut.findings[0].figures["torque"] == pytest.approx(
         0.02 * 0.9, rel=0.4
     )  # times the rates' RMS [N·m]
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [InertiaError(1.3, 0.8, 1.2), MotorLag(0.04), CommandDelay(0.02)],
+    ids=lambda e: e.identifier,
+)
+def test_beside_an_effect_that_explains_a_torque_no_generic_torque_is_unknown(ranked, effect):
+    case = ranked(effect)
+    assert effect.identifier in [t.effect.identifier for t in case.ranking.named.terms]
+    assert not remains(case.ranking, case.fit, case.flights, case.unseen).unknown
+
+
+@pytest.mark.parametrize("channel, size", [(0, 2.0), (4, 0.1)], ids=["force [N]", "torque [N·m]"])
+def test_what_unseen_flights_alone_show_is_unknown(ranked, channel, size):
+    case = ranked()
+    unseen = [dc.replace(e, y=e.y.copy()) for e in case.unseen]
+    for e in unseen:
+        e.y[:, channel] += size * np.sin(2 * np.pi * 0.5 * e.t) * np.sin(2 * np.pi * 0.13 * e.t)
+    dut = remains(case.ranking, case.fit, case.flights, unseen)
+    assert dut.unknown
+    assert [f.name for f in dut.findings] == ["unseen flights"]
 
 
 def test_the_unseen_flight_is_explained_too(of):

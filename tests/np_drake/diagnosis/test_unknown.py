@@ -3,12 +3,14 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.candidates import library_candidates
 from np_drake.diagnosis.hidden_swing import attitude_on_grid
 from np_drake.diagnosis.search import Problem, search
 from np_drake.diagnosis.unknown import PREFIX, candidates_of_the_unknown
+from np_drake.diagnosis.which import rank
 from np_drake.effects.base import WrenchEffect
 from np_drake.rigid_body import P, Q, V, W
 
@@ -47,6 +49,31 @@ class Damper(WrenchEffect):
         return np.concatenate([np.zeros_like(motion.x[..., W]), -0.02 * motion.x[..., W]], axis=-1)
 
 
+@dc.dataclass(frozen=True)
+class Plate(WrenchEffect):
+    """A force along body y with the product of the two other velocities."""
+
+    identifier: ClassVar[str] = "plate"
+
+    def wrench(self, vehicle, motion):
+        v_B = attitude.rotate_back(motion.x[..., Q], motion.x[..., V])
+        f_B = np.zeros_like(v_B)
+        f_B[..., 1] = 0.5 * np.abs(v_B[..., 0]) * v_B[..., 2]
+        return np.concatenate([attitude.rotate(motion.x[..., Q], f_B), 0 * f_B], axis=-1)
+
+
+def swinging(e, frequency, damping, gain=0.3):
+    """The flight with a torque behind an oscillator that the commanded torque drives; exact between the rows."""
+    w = 2 * np.pi * frequency
+    y = e.y.copy()
+    for axis in (3, 4):
+        drive = e.nominal[:, axis]
+        rest = [0.0, drive[0] / w**2]
+        s = signal.lsim(([w**2], [1.0, 2 * damping * w, w**2]), drive, e.t - e.t[0], X0=rest)[1]
+        y[:, axis] -= gain * s
+    return dc.replace(e, y=y)
+
+
 def problem_of(seen, noise, *effects) -> Problem:
     flights = [seen(*effects, name=str(i), seed=i, noise=1.0) for i in (1, 2)]
     candidates = [*library_candidates(flights), *candidates_of_the_unknown(flights)]
@@ -58,10 +85,31 @@ def found(problem: Problem) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    "effect, name", [(Spring(), "place"), (Magnus(), "side force"), (Damper(), "rates")], ids=lambda e: str(e)
+    "effect, name",
+    [(Spring(), "place"), (Magnus(), "side force"), (Damper(), "rates"), (Plate(), "cross flow")],
+    ids=lambda e: str(e),
 )
 def test_what_no_effect_explains_is_found_where_it_lives(seen, noise, effect, name):
     assert found(problem_of(seen, noise, effect)) == [PREFIX + name]
+
+
+@pytest.mark.parametrize("frequency, damping", [(1.0, 0.05), (2.4, 0.2), (4.0, 0.05)])
+def test_a_torque_that_swings_behind_its_command_is_a_twist_at_that_frequency(seen, frequency, damping):
+    flights = [swinging(seen(name=str(i), seed=i, noise=1.0), frequency, damping) for i in (1, 2)]
+    dut = rank(flights).fits[0]
+    twist = max(dut.generic, key=lambda g: sum(np.sum(g.part(e) ** 2) for e in flights)).candidate
+    assert twist.identifiers == (PREFIX + "twist",)
+    assert twist.figures["frequency"] == pytest.approx(frequency, rel=0.3)
+
+
+def test_what_drives_a_resonance_is_the_command_alone(groups):
+    """A force that is only measured would explain itself."""
+    flights, candidates = groups
+    pushed = dc.replace(flights[0], y=flights[0].y + 1.0)
+    for c in candidates:
+        if "frequency" in c.figures:
+            assert c.generic is not None
+            np.testing.assert_array_equal(c.generic(pushed), c.columns["1"])
 
 
 def test_noise_alone_is_nothing_unknown(seen, noise):
@@ -115,9 +163,10 @@ def test_groups_are_no_effects(groups):
     assert all(c.terms(np.zeros(c.size)) == [] for c in candidates)
 
 
-def test_variants_of_a_resonance_share_one_prior(groups):
+@pytest.mark.parametrize("name", ["resonance", "twist"])
+def test_variants_of_a_resonance_share_one_prior(groups, name):
     _, candidates = groups
-    resonances = [c for c in candidates if c.identifiers == (PREFIX + "resonance",)]
+    resonances = [c for c in candidates if c.identifiers == (PREFIX + name,)]
     assert len(resonances) > 3
     assert sum(np.exp(c.log_prior) for c in resonances) == pytest.approx(1.0)
     assert all(c.figures["frequency"] > 0 for c in resonances)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from np_drake.effects.base import Motion
 from np_drake.effects.command_delay import CommandDelay
+from np_drake.effects.mixer_gain import MixerGain
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.effects.weak_rotor import WeakRotor
@@ -34,6 +35,14 @@ def test_a_weak_rotor_tips_the_vehicle_its_way(rotor):
     torque = VEHICLE.mixer @ found
     np.testing.assert_allclose(torque[1:3], [-p[1], p[0]])  # that arm sinks
     assert np.sign(torque[3]) == -VEHICLE.rotor_directions[rotor - 1]
+
+
+def test_a_mixer_gain_scales_the_torque_of_the_rotors_axis_by_axis(motion: Motion):
+    found = MixerGain(0.5, 0.8, 1.0).wrench(VEHICLE, motion)
+    torque = motion.rotor_thrust @ VEHICLE.mixer.T
+    np.testing.assert_array_equal(found[:, :3], 0.0)
+    np.testing.assert_allclose(found[:, 3:], torque[:, 1:] * [-0.5, -0.2, 0.0], atol=1e-12)
+    np.testing.assert_array_equal(MixerGain.neutral().wrench(VEHICLE, motion), 0.0)
 
 
 def steps(seed, n=30):
