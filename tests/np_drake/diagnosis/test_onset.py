@@ -75,10 +75,3 @@ def test_a_payload_that_is_hung_on_in_flight_is_found_to_the_row(seen, noise):
     assert {c.identifiers for c in found} == {("suspended_payload",)}
     assert found[0].onset["1"] == pytest.approx(4.0, abs=0.03)
     assert float(found[0].variant.removeprefix("length=")) == pytest.approx(0.5, rel=0.05)
-
-
-def test_an_added_mass_is_no_payload_that_was_hung_on(seen, noise):
-    effect = MassError(0.2)
-    flights = [seen(effect, name="1", seed=1, noise=1.0, seconds=8.0, onset={"mass_error": 4.0})]
-    problem = problem_of(flights, noise, [effect])
-    assert late_payloads(problem, gated_candidates(problem)) == []
