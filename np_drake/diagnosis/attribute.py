@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.answer import Cause, Estimate, Finding
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.held_out import adapt, scored
+from np_drake.diagnosis.held_out import adapt, scored, settled
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.rig import Tolerance
@@ -23,6 +23,8 @@ CALIBRATED = 0.02  # of weight, below which mass and thrust are within what file
 MATERIAL_GAP = 0.10  # of the gap above the noise [1]
 MATERIAL_SENSOR = 1.5  # of the tolerance of that sensor [1]
 CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
+SHIFTING = ("motor_lag", "command_delay", "clock_offset")
+FAINT = 0.03  # of the largest among them [1]; own choice, as linear columns are `INEXACT`
 SAME = 3.5  # difference of log evidence below which two explanations are the same in these data
 MOST_LIKE = 2  # names beside a cause's own
 EDGE = 1e-3  # of a figure's range, within which it lies at its bound [1]
@@ -53,11 +55,15 @@ class Size:
 
 @dc.dataclass(frozen=True)
 class HeldOut:
-    """Unseen flights under a fit: its terms adapted to each, what is left (m, 15), and rows that count."""
+    """Unseen flights under a fit: its terms adapted to each, what is left (m, 15), and rows that count.
+
+    settled: the terms with hidden states that fit the whole flight.
+    """
 
     terms: dict[str, list[Term]]
     left: dict[str, np.ndarray]
     rows: dict[str, np.ndarray]
+    settled: dict[str, list[Term]]
 
 
 def size_of(fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, tolerance: Tolerance) -> Size:
@@ -119,6 +125,12 @@ def at_its_bound(effect: Effect) -> bool:
     return False
 
 
+def within_calibration(term: Term, tolerance: Tolerance) -> bool:
+    """Is it what the file of a rig may be off by? Not if it begins in flight: files do not change there."""
+    late = any(begin is not None for begin in term.onset.values())
+    return term.effect.identifier in CALIBRATION and tolerance.real and not late
+
+
 def causes_of(
     ranking: Ranking,
     fit: Fit,
@@ -140,7 +152,7 @@ def causes_of(
     for i, term in enumerate(fit.terms):
         size = size_of(fit, i, flights, ranking.noise, ranking.tolerance)
         cause = _cause(ranking, fit, i, term, [*flights, *held_out], same, size, held)
-        calibration = term.effect.identifier in CALIBRATION and ranking.tolerance.real
+        calibration = within_calibration(term, ranking.tolerance)
         sensor = ranking.tolerance.of(term.effect.identifier) > 0
         confirmed = helps(fit, i, held_out, ranking.noise, held) > -2.0
         confirmed |= gusty and term.effect.identifier in GUSTY
@@ -150,7 +162,18 @@ def causes_of(
             causes.append(cause)
         else:
             minor.append(_minor(cause, size, confirmed))
-    return causes, minor
+    return without_faint_shifts(causes, minor)
+
+
+def without_faint_shifts(causes: list[Cause], minor: list[Finding]) -> tuple[list[Cause], list[Finding]]:
+    """Lag, delay and clock all move commands against states: where one does, a trace of another is its misfit."""
+    largest = max((c.share for c in causes if c.identifier in SHIFTING), default=0.0)
+    faint = [c for c in causes if c.identifier in SHIFTING and c.share < FAINT * largest]
+    texts = [
+        Finding(c.identifier, f"a {c.share / largest:.2g} of what another shift of time does", c.share, {})
+        for c in faint
+    ]
+    return [c for c in causes if c not in faint], [*minor, *texts]
 
 
 def _minor(cause: Cause, size: Size, confirmed: bool) -> Finding:
@@ -187,23 +210,24 @@ def on_held_out(
     fit: Fit, flights: Sequence[Evidence], noise: NoiseModel, *, structured: bool = False
 ) -> HeldOut:
     """The fit's terms on flights that it has not seen; `structured` as in `adapt`."""
-    terms, left, rows = {}, {}, {}
+    terms, left, rows, whole = {}, {}, {}, {}
     for e in flights:
         terms[e.name] = adapt(fit.everything, e, noise, structured=structured)
         left[e.name] = e.y - signature(e, terms[e.name])
         rows[e.name] = scored(terms[e.name], e)
-    return HeldOut(terms, left, rows)
+        whole[e.name] = settled(terms[e.name], e, noise)
+    return HeldOut(terms, left, rows, whole)
 
 
 def helps(fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, held: HeldOut) -> float:
     """Log likelihood that term i brings on the held-out flights."""
     total = 0.0
     for e in flights:
-        terms = held.terms[e.name]
+        terms = held.settled[e.name]
         if terms[i].begins(e.name) == NEVER:
             continue
         without = e.y - signature(e, [t for j, t in enumerate(terms) if j != i])
         rows = held.rows[e.name][noise.phi.shape[1] :]
-        losses = [np.sum(e.white(noise, r)[rows] ** 2) for r in (without, held.left[e.name])]
+        losses = [np.sum(e.white(noise, r)[rows] ** 2) for r in (without, e.y - signature(e, terms))]
         total += 0.5 * (losses[0] - losses[1])
     return float(total)

@@ -48,8 +48,8 @@ class PayloadSearch:
     ) -> list[Candidate]:
         """The `KEPT` best payloads, of different lengths; none where `others` leave nothing for any length.
 
-        They are followed beside `nuisance` alone: effects that are not there would take from a payload what a guess
-        does not yet explain, and it would not find its way.
+        They are followed beside the others, as there may be more than a payload; and beside `nuisance` alone, as
+        effects that are not there take from a payload what a guess does not yet explain, and it loses its way.
         """
         return [candidate for _, candidate in self.followed(noise, nuisance, others)]
 
@@ -61,11 +61,16 @@ class PayloadSearch:
             return []
         rich = Beside(self._flights, noise, [*nuisance, *others], self._onset)
         alone = Beside(self._flights, noise, nuisance, self._onset)
-        gains = self._profiles([(b, h) for b in (rich, alone) for h in ENDS])
+        asked = [(b, h) for b in (rich, alone) for h in ENDS]
+        gains = self._profiles(asked)
         if max(g.max() for g in gains[: len(ENDS)]) < PROMISING:
             return []
-        starts = {(h, i) for h, g in zip(2 * ENDS, gains, strict=True) for i in _peaks(g)[:FOLLOWED]}
-        return self._distinct([self._follow(alone, Guess(float(LENGTHS[i])), h) for h, i in sorted(starts)])
+        found = []
+        for (beside, horizon), profile in zip(asked, gains, strict=True):
+            for i in _peaks(profile)[:FOLLOWED]:
+                _, guess, candidate = self._follow(beside, Guess(float(LENGTHS[i])), horizon)
+                found.append((rich.gain(rich.white(candidate), math.inf)[0], guess, candidate))
+        return self._distinct(found)
 
     def from_guesses(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], guesses: Sequence[Guess]

@@ -18,7 +18,6 @@ from np_drake.diagnosis.attribute import (
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.excess import LINE, Line, slow_torque, strongest_line
 from np_drake.diagnosis.gusts import EXCESS, SlowForce, slow_force
-from np_drake.diagnosis.held_out import settled
 from np_drake.diagnosis.refine import Fit, Generic
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import signature
@@ -63,7 +62,7 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     seen = [_repeats(g, ranking, fit, unseen, held) for g in fit.generic]
     line, (torque, share) = strongest_line(flights, left), slow_torque(flights, left)
     limit = SLOW_TORQUE[ranking.tolerance.real]
-    swung = {e.name: _without_swing(held, e, ranking) for e in unseen}
+    swung = {e.name: _without_swing(held, e) for e in unseen}
     again = (strongest_line(unseen, swung).prominence, slow_torque(unseen, swung)[0])
     loud = line.rms**2 > LEAST_SHARE * np.mean(np.concatenate([e.y[:, line.channel] for e in flights]) ** 2)
     vibrates = _above(line.prominence, LINE) if loud and again[0] > FAINT * LINE else 0.0
@@ -103,12 +102,9 @@ def _repeats(generic: Generic, ranking: Ranking, fit: Fit, unseen: Sequence[Evid
     return gain > HARM
 
 
-def _without_swing(held: HeldOut, e: Evidence, ranking: Ranking) -> np.ndarray:
+def _without_swing(held: HeldOut, e: Evidence) -> np.ndarray:
     """(m, 15) what is left of an unseen flight whatever a payload's hidden swing was, shocks apart."""
-    terms = held.terms[e.name]
-    if not any(hasattr(t.effect, "payload") for t in terms):
-        return held.left[e.name]
-    return e.bridged(e.y - signature(e, settled(terms, e, ranking.noise)))
+    return e.bridged(e.y - signature(e, held.settled[e.name]))
 
 
 def _novel(

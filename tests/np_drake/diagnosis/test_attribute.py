@@ -3,7 +3,9 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.answer import Cause
 from np_drake.diagnosis.attribute import (
+    FAINT,
     MATERIAL_FORCE,
     MATERIAL_GAP,
     MATERIAL_TORQUE,
@@ -14,6 +16,8 @@ from np_drake.diagnosis.attribute import (
     helps,
     on_held_out,
     size_of,
+    within_calibration,
+    without_faint_shifts,
 )
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import NEVER, Term
@@ -101,8 +105,8 @@ def test_what_does_not_help_on_unseen_flights_is_no_cause(seen, drag):
     unseen = [seen(name="c", seed=3, noise=1.0, seconds=10.0)]  # without drag
     held = on_held_out(drag.fit, unseen, drag.ranking.noise)
     assert held.terms["c"][0].begins("c") == NEVER
-    upside = dc.replace(held, terms={"c": [Term(LinearDrag(0.6, 0.6, 0.6)), *held.terms["c"][1:]]})
-    upside = dc.replace(upside, left={"c": drag.unseen[0].y * 0 + unseen[0].y + 0.5})
+    absent = [Term(LinearDrag(0.6, 0.6, 0.6)), *held.terms["c"][1:]]
+    upside = dc.replace(held, terms={"c": absent}, settled={"c": absent})
     assert helps(drag.fit, 0, unseen, drag.ranking.noise, upside) < -2.0
     causes, minor = causes_of(drag.ranking, drag.fit, drag.flights, unseen, upside)
     assert causes == []
@@ -158,3 +162,25 @@ def test_without_torque_mass_and_thrust_are_named_beside_each_other(seen):
 
 def test_what_the_motion_tells_apart_is_not_named_beside_it(drag):
     assert "gyro_bias" not in alike(drag.ranking.problem, drag.ranking.models[0])["linear_drag"]
+
+
+def test_a_mass_that_comes_in_flight_is_no_error_of_the_file():
+    rig = Tolerance()
+    assert within_calibration(Term(MassError(0.1)), rig)
+    assert not within_calibration(Term(MassError(0.1), {"a": 3.0}), rig)
+    assert not within_calibration(Term(MassError(0.1)), LABORATORY)
+    assert not within_calibration(Term(LinearDrag()), rig)
+
+
+def test_a_trace_of_one_shift_of_time_beside_another_is_minor():
+    def cause(name: str, share: float) -> Cause:
+        return Cause(name, 1.0, {}, {}, (), share, None)
+
+    delay, drag = cause("command_delay", 0.7), cause("linear_drag", 1e-3)
+    lag = cause("motor_lag", 0.5 * FAINT * 0.7)
+    causes, minor = without_faint_shifts([lag, delay, drag], [])
+    assert causes == [delay, drag]
+    assert [m.name for m in minor] == ["motor_lag"]
+    equal = dc.replace(lag, share=2 * FAINT * 0.7)
+    assert without_faint_shifts([equal, delay], []) == ([equal, delay], [])
+    assert without_faint_shifts([drag], []) == ([drag], [])

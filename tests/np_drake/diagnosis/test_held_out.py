@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.evidence import WRENCH, make_evidence
-from np_drake.diagnosis.held_out import HIDDEN_SPAN, adapt, known_onset_profile, scored
+from np_drake.diagnosis.held_out import HIDDEN_SPAN, adapt, known_onset_profile, scored, settled
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
@@ -93,3 +93,15 @@ def test_the_profile_is_the_likelihood_of_every_instant(seen, noise):
     assert profile[-1] == 0.0  # not at all
     assert len(t) == len(profile) == len(y) + 1
     assert np.isneginf(profile[(t > t[0]) & (t < t[0] + 0.3)]).all()
+
+
+def test_a_hidden_state_that_settles_on_the_whole_flight_explains_all_of_it(seen, noise):
+    flight = seen(PAYLOAD, name="1", seed=3, noise=1.0, seconds=12.0)
+    late = flight.t > 8.0
+    first = adapt([Term(PAYLOAD)], flight, noise)
+    whole = settled(first, flight, noise)
+    left = [np.std((flight.y - signature(flight, terms))[late][:, :3]) for terms in (first, whole)]
+    assert left[1] <= left[0]
+    assert left[1] < 1.1 * noise.rms[:3].max()
+    drag = Term(LinearDrag(0.3, 0.3, 0.3))
+    assert settled([drag], flight, noise) == [drag]  # what has no hidden state stays
