@@ -10,6 +10,7 @@ from np_drake.diagnosis.answer import Cause, Estimate, Finding
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import adapt, scored, settled
 from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.probability import reported
 from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.search import Model, Problem
@@ -197,7 +198,7 @@ def _cause(ranking, fit: Fit, i: int, term: Term, flights, same, size: Size, hel
         parameters[p.name] = Estimate(value, p.unit, (value - half, value + half))
     return Cause(
         effect.identifier,
-        float(ranking.probability.get(effect.identifier, 0.0)),
+        reported(ranking.probability, (effect.identifier, *same.get(effect.identifier, ()))),
         parameters,
         {e.name: held.terms.get(e.name, fit.everything)[i].begins(e.name) for e in flights},
         same.get(effect.identifier, ()),

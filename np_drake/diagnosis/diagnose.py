@@ -15,13 +15,13 @@ from np_drake.diagnosis.gusts import as_gusts
 from np_drake.diagnosis.held_out import without_shocks
 from np_drake.diagnosis.how_far import how_far
 from np_drake.diagnosis.noise import fit_noise
+from np_drake.diagnosis.probability import BESIDE_UNKNOWN
 from np_drake.diagnosis.remains import remains
 from np_drake.diagnosis.where import where
 from np_drake.diagnosis.which import rank
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
-BESIDE_UNKNOWN = 0.85  # no cause is surer where something unknown is left; own choice
 Progress = Callable[[float, str], None]
 
 
