@@ -5,14 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import Candidate, library_candidates, wind_candidates
-from np_drake.diagnosis.evidence import FORCE, TORQUE, Evidence
-from np_drake.diagnosis.linear_bayes import gram
-from np_drake.diagnosis.noise import NoiseModel, fit_noise, no_worse, no_worse_anywhere, scale_only
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.noise import NoiseModel, no_worse, no_worse_anywhere, scale_only
 from np_drake.diagnosis.onset import ONSET_PRIOR, gated_candidates, late_payloads
-from np_drake.diagnosis.payload_search import PayloadSearch
+from np_drake.diagnosis.prepare import INEXACT, TEMPERATURE, Ready, noise_of, prepare
 from np_drake.diagnosis.refine import Fit, refine
-from np_drake.diagnosis.rig import Tolerance, calibration, calibration_terms, tolerance_of, wander
+from np_drake.diagnosis.rig import Tolerance, calibration_terms, tolerance_of
 from np_drake.diagnosis.search import (
     MOST_EFFECTS,
     Model,
@@ -20,17 +18,12 @@ from np_drake.diagnosis.search import (
     effect_prior,
     library_first,
     search,
-    sum_grams,
 )
-from np_drake.diagnosis.shocks import find_shocks
 from np_drake.diagnosis.signature import NEVER, Term, signature
-from np_drake.diagnosis.unknown import PREFIX, candidates_of_the_unknown
+from np_drake.diagnosis.unknown import PREFIX
 
-INEXACT = 0.03  # share of what linear columns explain that they get wrong; own choice
-LEVER = 0.05  # at which a force may act that is known as well as the attitude is [m]; own choice
 TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice
 MOST_MEASURED = 8  # effects that are named where rotor speed is measured: real rotors have many; own choice
-TEMPERATURE = 2.0  # noise is never quite its model: its variance counts this many times; own choice
 REFINED = 3  # models that are refined
 CLOSE = 12.0  # of the best's log evidence, below which a model is not worth it
 
@@ -56,46 +49,16 @@ class Ranking:
 def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> Ranking:
     """The models of these (training) flights, best first."""
     tolerance = tolerance or tolerance_of(flights)
-    drifting = wander(flights, tolerance)
-    nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]
-    plain = library_candidates(flights)
-    drags = [c for c in plain if c.identifiers == ("linear_drag",)]
-    candidates = [*plain, *wind_candidates(flights, drags), *candidates_of_the_unknown(flights)]
-    step = flights[0].grid.step
-    raw = [e.y for e in flights]
-    noise = scale_only(raw, step)
-    late = gated_candidates(Problem(flights, noise, nuisance, candidates, temperature=TEMPERATURE))
-    left = _rich_residuals(flights, noise, nuisance, [*candidates, *late])
-    flights = [dc.replace(e, shocks=find_shocks(r, step)) for e, r in zip(flights, left, strict=True)]
-    raw = [e.bridged(e.y) for e in flights]
-    left = _rich_residuals(flights, scale_only(raw, step), nuisance, [*candidates, *late])
-    noise = _noise(left, raw, step, tolerance, INEXACT)
-    candidates += PayloadSearch(flights).best(
-        scale_only(raw, step), nuisance, _best_variants(flights, noise, plain)
-    )
-    left = _rich_residuals(flights, noise, nuisance, [*candidates, *late])
-    noise = _noise(left, raw, step, tolerance, INEXACT)
-    best: Fit | None = None
-    for first in (True, False):
-        problem = Problem(flights, noise, nuisance, candidates, temperature=TEMPERATURE)
-        late = gated_candidates(problem)
-        hung = late_payloads(problem, late) if first else []
-        candidates += hung
-        if late or hung:
-            problem = Problem(flights, noise, nuisance, [*candidates, *late], temperature=TEMPERATURE)
-        models = library_first(problem, search(problem))
-        best = _refine(problem, models[0], tolerance, best, iterations=3)
-        residuals = [best.left(e) for e in flights]
-        noise = _noise(residuals, raw, step, tolerance, INEXACT)
-    assert best is not None
-    noise = _noise(residuals, raw, step, tolerance)
+    ready = prepare(flights, tolerance)
+    problem, models, best = _search_twice(ready, tolerance)
+    noise = noise_of([best.left(e) for e in ready.flights], ready.raw, ready.step, tolerance)
     close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
     fits = [_refine(problem, m, tolerance, best, noise) for m in close[:REFINED]]
     fits.sort(key=lambda f: -_score(f))
     probability = _probabilities(problem, models, fits)
     named, named_problem, named_models = fits[0], problem, models
     if fits[0].generic and fits[0].terms:
-        named, named_problem, named_models = _without_generic(problem, fits[0], raw, tolerance)
+        named, named_problem, named_models = _without_generic(problem, fits[0], ready.raw, tolerance)
         structure = {n: p for n, p in probability.items() if n.startswith(PREFIX)}
         probability = _probabilities(named_problem, named_models, [named]) | structure
     return Ranking(
@@ -111,28 +74,23 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
     )
 
 
-def _noise(residuals, raw, step: float, tolerance: Tolerance, inexact: float = 0.0) -> NoiseModel:
-    """Noise as residuals show it, and what errors of the regressors add to it.
-
-    inexact: share of what a model explains that it gets wrong, `INEXACT` for columns that are only linear. A force is
-    known in body axes as well as the attitude is, and so is its torque, at a lever of `LEVER`: slow, as a rig wanders.
-    """
-    explained = [y - r for y, r in zip(raw, residuals, strict=True)]
-    force = np.sqrt(np.mean(np.sum(np.concatenate(explained)[:, FORCE] ** 2, axis=1)))
-    slow = np.zeros(raw[0].shape[1])
-    slow[FORCE], slow[TORQUE] = tolerance.attitude * force, tolerance.attitude * force * LEVER
-    return fit_noise(no_worse(residuals, raw), step, explained=explained, inexact=inexact, slow=slow)
-
-
-def _best_variants(flights, noise, candidates) -> list[Candidate]:
-    """Of every effect the variant that explains most alone."""
-    best: dict[tuple[str, ...], tuple[float, Candidate]] = {}
-    for c in candidates:
-        total = sum_grams([gram(e.white(noise, c.columns[e.name]), e.white(noise, e.y)) for e in flights])
-        gain = total.log_evidence(np.arange(c.size))
-        if c.identifiers not in best or gain > best[c.identifiers][0]:
-            best[c.identifiers] = (gain, c)
-    return [c for _, c in best.values()]
+def _search_twice(ready: Ready, tolerance: Tolerance) -> tuple[Problem, list[Model], Fit]:
+    """Search and fit, once more with the noise that the fit leaves."""
+    best: Fit | None = None
+    noise, candidates = ready.noise, list(ready.candidates)
+    for first in (True, False):
+        problem = Problem(ready.flights, noise, ready.nuisance, candidates, temperature=TEMPERATURE)
+        late = gated_candidates(problem)
+        hung = late_payloads(problem, late) if first else []
+        candidates += hung
+        if late or hung:
+            everything = [*candidates, *late]
+            problem = Problem(ready.flights, noise, ready.nuisance, everything, temperature=TEMPERATURE)
+        models = library_first(problem, search(problem))
+        best = _refine(problem, models[0], tolerance, best, iterations=3)
+        noise = noise_of([best.left(e) for e in ready.flights], ready.raw, ready.step, tolerance, INEXACT)
+    assert best is not None
+    return problem, models, best
 
 
 def _without_generic(
@@ -163,15 +121,6 @@ def _structured_noise(
     if not flights[0].measured_rotors:
         return scale_only(no_worse(left, raw), step)
     return scale_only(no_worse_anywhere(left, raw), step, [e.name for e in flights])
-
-
-def _rich_residuals(flights, noise, nuisance, candidates) -> list[np.ndarray]:
-    """What is left of the channels when every effect helps, each in its best single variant."""
-    chosen = [*nuisance, *_best_variants(flights, noise, candidates)]
-    X = {e.name: np.concatenate([c.columns[e.name] for c in chosen], axis=-1) for e in flights}
-    total = sum_grams([gram(e.white(noise, X[e.name]), e.white(noise, e.y)) for e in flights])
-    mean, _ = total.posterior(np.arange(len(total.Xy)))
-    return [e.bridged(e.y - X[e.name] @ mean) for e in flights]
 
 
 def _refine(

@@ -1,0 +1,92 @@
+"""What a search begins with: flights without shocks, candidates, and the noise that is left if all of them help."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.candidates import Candidate, library_candidates, wind_candidates
+from np_drake.diagnosis.evidence import FORCE, TORQUE, Evidence
+from np_drake.diagnosis.linear_bayes import gram
+from np_drake.diagnosis.noise import NoiseModel, fit_noise, no_worse, scale_only
+from np_drake.diagnosis.onset import gated_candidates
+from np_drake.diagnosis.payload_search import PayloadSearch
+from np_drake.diagnosis.rig import Tolerance, calibration, wander
+from np_drake.diagnosis.search import Problem, sum_grams
+from np_drake.diagnosis.shocks import find_shocks
+from np_drake.diagnosis.unknown import candidates_of_the_unknown
+
+INEXACT = 0.03  # share of what linear columns explain that they get wrong; own choice
+LEVER = 0.05  # at which a force may act that is known as well as the attitude is [m]; own choice
+TEMPERATURE = 2.0  # noise is never quite its model: its variance counts this many times; own choice
+
+
+@dc.dataclass(frozen=True)
+class Ready:
+    """flights with their shocks known; raw: their channels without; nuisance: columns of every model; noise."""
+
+    flights: list[Evidence]
+    raw: list[np.ndarray]
+    nuisance: list[Candidate]
+    candidates: list[Candidate]
+    noise: NoiseModel
+
+    @property
+    def step(self) -> float:
+        """Of the grid [s]."""
+        return self.flights[0].grid.step
+
+
+def prepare(flights: Sequence[Evidence], tolerance: Tolerance) -> Ready:
+    """Shocks, payloads and noise as they show when every effect helps."""
+    drifting = wander(flights, tolerance)
+    nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]
+    plain = library_candidates(flights)
+    drags = [c for c in plain if c.identifiers == ("linear_drag",)]
+    candidates = [*plain, *wind_candidates(flights, drags), *candidates_of_the_unknown(flights)]
+    step = flights[0].grid.step
+    white = scale_only([e.y for e in flights], step)
+    late = gated_candidates(Problem(flights, white, nuisance, candidates, temperature=TEMPERATURE))
+    everything = [*candidates, *late]
+    left = _rich_residuals(flights, white, nuisance, everything)
+    flights = [dc.replace(e, shocks=find_shocks(r, step)) for e, r in zip(flights, left, strict=True)]
+    raw = [e.bridged(e.y) for e in flights]
+    white = scale_only(raw, step)
+    noise = noise_of(_rich_residuals(flights, white, nuisance, everything), raw, step, tolerance, INEXACT)
+    payloads = PayloadSearch(flights).best(white, nuisance, _best_variants(flights, noise, plain))
+    left = _rich_residuals(flights, noise, nuisance, [*candidates, *payloads, *late])
+    noise = noise_of(left, raw, step, tolerance, INEXACT)
+    return Ready(list(flights), raw, nuisance, [*candidates, *payloads], noise)
+
+
+def noise_of(residuals, raw, step: float, tolerance: Tolerance, inexact: float = 0.0) -> NoiseModel:
+    """Noise as residuals show it, and what errors of the regressors add to it.
+
+    inexact: share of what a model explains that it gets wrong, `INEXACT` for columns that are only linear. A force is
+    known in body axes as well as the attitude is, and so is its torque, at a lever of `LEVER`: slow, as a rig wanders.
+    """
+    explained = [y - r for y, r in zip(raw, residuals, strict=True)]
+    force = np.sqrt(np.mean(np.sum(np.concatenate(explained)[:, FORCE] ** 2, axis=1)))
+    slow = np.zeros(raw[0].shape[1])
+    slow[FORCE], slow[TORQUE] = tolerance.attitude * force, tolerance.attitude * force * LEVER
+    return fit_noise(no_worse(residuals, raw), step, explained=explained, inexact=inexact, slow=slow)
+
+
+def _best_variants(flights, noise, candidates) -> list[Candidate]:
+    """Of every effect the variant that explains most alone."""
+    best: dict[tuple[str, ...], tuple[float, Candidate]] = {}
+    for c in candidates:
+        total = sum_grams([gram(e.white(noise, c.columns[e.name]), e.white(noise, e.y)) for e in flights])
+        gain = total.log_evidence(np.arange(c.size))
+        if c.identifiers not in best or gain > best[c.identifiers][0]:
+            best[c.identifiers] = (gain, c)
+    return [c for _, c in best.values()]
+
+
+def _rich_residuals(flights, noise, nuisance, candidates) -> list[np.ndarray]:
+    """What is left of the channels when every effect helps, each in its best single variant."""
+    chosen = [*nuisance, *_best_variants(flights, noise, candidates)]
+    X = {e.name: np.concatenate([c.columns[e.name] for c in chosen], axis=-1) for e in flights}
+    total = sum_grams([gram(e.white(noise, X[e.name]), e.white(noise, e.y)) for e in flights])
+    mean, _ = total.posterior(np.arange(len(total.Xy)))
+    return [e.bridged(e.y - X[e.name] @ mean) for e in flights]

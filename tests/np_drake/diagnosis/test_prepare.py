@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.prepare import LEVER, noise_of, prepare
+from np_drake.diagnosis.rig import LABORATORY, Tolerance
+from np_drake.effects.suspended_payload import SuspendedPayload
+
+STEP = 0.02
+
+
+def slow_power(noise, channel: int) -> float:
+    """One-sided spectral density at 0.1 Hz."""
+    return float(noise.spectrum(np.array([0.1]))[channel, 0])
+
+
+@pytest.fixture
+def left() -> list[np.ndarray]:
+    return [np.random.default_rng(1).normal(size=(1000, 15))]
+
+
+def test_a_force_that_is_explained_is_known_no_better_than_the_attitude(left):
+    force = np.zeros((1000, 15))
+    force[:, 0] = 1000.0  # [N]
+    rig = Tolerance()
+    calm = noise_of(left, left, STEP, rig)
+    pulled = noise_of(left, [left[0] + force], STEP, rig)
+    for channel in range(6):
+        assert slow_power(pulled, channel) > 2.0 * slow_power(calm, channel)
+    for channel in range(6, 15):  # a pull says nothing of the sensors
+        assert slow_power(pulled, channel) == pytest.approx(slow_power(calm, channel))
+    laboratory = noise_of(left, [left[0] + force], STEP, LABORATORY)
+    assert slow_power(laboratory, 3) < slow_power(pulled, 3)
+    assert 0.0 < LEVER < 0.2
+
+
+def test_a_payload_is_among_the_candidates_of_flights_that_have_one(seen):
+    flights = [seen(SuspendedPayload(0.15, 0.6), name="1", seed=1, noise=1.0, seconds=8.0)]
+    ready = prepare(flights, LABORATORY)
+    lengths = [c.variant for c in ready.candidates if c.identifiers == ("suspended_payload",)]
+    assert min(abs(float(v.removeprefix("length=")) - 0.6) for v in lengths) < 0.02
+    assert ready.step == pytest.approx(STEP)
+
+
+def test_flights_without_shocks_are_left_as_they_are(seen):
+    (flight,) = flights = [seen(name="1", seed=1, noise=1.0, seconds=6.0)]
+    ready = prepare(flights, LABORATORY)
+    assert not ready.flights[0].shocks.any()
+    np.testing.assert_array_equal(ready.raw[0], flight.y)
