@@ -30,7 +30,9 @@ def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) ->
     if len(log) > 2 * m:
         p, v, w = _change(log.p, m), _change(log.v, m), _change(log.w, m)
         _compare(path, "px", "vx", p, _integral(log.v, log.t, m), "position")
-        _compare(path, "qw", "wx", _turn(log.q, m), _integral(log.w, log.t, m), "attitude")
+        turned = _integral(log.w, log.t, m)
+        _compare(path, "qw", "wx", _turn(log.q, m), turned, "attitude")
+        _check_convention(log.q, turned, m, path)
         if log.a is not None:
             _compare(path, "vx", "ax", v, _integral(log.a, log.t, m), "velocity")
             _check_gravity(log.a, log, path)
@@ -54,6 +56,22 @@ def _compare(path: object, left: str, right: str, change: np.ndarray, sum_: np.n
         f"changes {a:.2g}, the integral of {right} … {b:.2g}. One of them is not in SI units "
         "(m, m/s, rad/s, m/s²), or not in its frame."
     )
+
+
+def _check_convention(q: np.ndarray, turned: np.ndarray, m: int, path: object) -> None:
+    """Another convention of the quaternion must not agree with body rates where its own does not."""
+    own = _spread(_turn(q, m) - turned)
+    if own < 0.5 * max(_spread(turned), LEAST["attitude"]):
+        return
+    for convention, other in (
+        ("in the order x, y, z, w", np.roll(q, 1, axis=1)),
+        ("from W to body", q * [1.0, -1.0, -1.0, -1.0]),
+    ):
+        if RATIO * _spread(_turn(other, m) - turned) < own:
+            raise LogError(
+                f"{place(path, column='qw')}: the quaternion must be w, x, y, z from body to W; turned by body rates "
+                f"it fits {convention}. Write it in this convention."
+            )
 
 
 def _check_gravity(a: np.ndarray, log: FlightLog, path: object) -> None:

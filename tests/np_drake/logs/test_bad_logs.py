@@ -43,6 +43,13 @@ def stretch_quaternion(row, factor):
     return lambda c: [c[name].__setitem__(row, c[name][row] * factor) for name in ("qw", "qx", "qy", "qz")]
 
 
+def renamed(names):
+    """The quaternion's columns hold these ones."""
+    return lambda c: c.update(
+        dict(zip(("qw", "qx", "qy", "qz"), [c[n].copy() for n in names.split()], strict=True))
+    )
+
+
 FAULTS = {  # spoil the columns: (how, what the message must say)
     "missing column": (remove("vx"), r"made\.csv, column vx: is missing"),
     "part of a group": (remove("alz"), r"column alz: is missing"),
@@ -53,6 +60,8 @@ FAULTS = {  # spoil the columns: (how, what the message must say)
     "time jumps back": (set_cell("t", 99, 0.5), r"column t, row 100 .*--repair"),
     "gap": (leave_out(200, 260), r"column t, row 201 .*gap; got 0\.61 s"),
     "quaternion norm": (set_cell("qw", 5, 0.5), r"column qw, row 6 .*norm"),
+    "quaternion x, y, z, w": (renamed("qx qy qz qw"), r"column qw: .*order x, y, z, w"),
+    "quaternion from W to body": (scale("qx qy qz", -1), r"column qw: .*from W to body"),
     "milliseconds": (scale("t", 1000), r"column t: .*in seconds"),
     "millimetres": (scale("px py pz", 1000), r"column px: position.*SI units"),
     "centimetres per second": (scale("vx vy vz", 100), r"column px: position.*SI units"),
