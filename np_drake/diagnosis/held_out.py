@@ -98,10 +98,11 @@ def _with_swing(
 
 
 def _with_onset(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel) -> Term:
-    """Where in this flight the term begins, its figures being known."""
+    """Where in this flight the term begins, its figures being known (whatever a payload's swing was)."""
     term = terms[i]
-    rest = signature(flight, [t for j, t in enumerate(terms) if j != i])
-    own = signature(flight, terms) - rest
+    acting = settled(terms, flight, noise) if hasattr(term.effect, "payload") else terms
+    rest = signature(flight, [t for j, t in enumerate(acting) if j != i])
+    own = signature(flight, acting) - rest
     target = flight.y - rest
     t, profile = known_onset_profile(flight, noise, target, own)
     k = int(np.argmax(profile))
