@@ -9,6 +9,7 @@ from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.answer import Cause, Estimate, Finding
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import adapt, scored, settled
+from np_drake.diagnosis.hidden_swing import LENGTH_ERROR
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.probability import reported
 from np_drake.diagnosis.refine import Fit
@@ -24,6 +25,8 @@ CALIBRATED = 0.02  # of weight, below which mass and thrust are within what file
 MATERIAL_GAP = 0.10  # of the gap above the noise [1]
 MATERIAL_SENSOR = 1.5  # of the tolerance of that sensor [1]
 CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
+HURT = 2.0  # log likelihood that an effect may cost on flights that it has not seen; own choice
+MISFIT = 0.01  # and of what it brings to those of its fit [1]; own choice
 SHIFTING = ("motor_lag", "command_delay", "clock_offset")
 FAINT = 0.03  # of the largest among them [1]; own choice, as linear columns are `INEXACT`
 SAME = 3.5  # difference of log evidence below which two explanations are the same in these data
@@ -155,7 +158,8 @@ def causes_of(
         cause = _cause(ranking, fit, i, term, [*flights, *held_out], same, size, held)
         calibration = within_calibration(term, ranking.tolerance)
         sensor = ranking.tolerance.of(term.effect.identifier) > 0
-        confirmed = helps(fit, i, held_out, ranking.noise, held) > -2.0
+        least = least_help(fit, i, flights, ranking.noise)
+        confirmed = helps(fit, i, held_out, ranking.noise, held) > least
         confirmed |= gusty and term.effect.identifier in GUSTY
         material = size.material(calibration=calibration, sensor=sensor)
         material |= gusty and term.effect.identifier == GUSTY[0]
@@ -195,6 +199,8 @@ def _cause(ranking, fit: Fit, i: int, term: Term, flights, same, size: Size, hel
         for k, free in enumerate(fit.free):
             if free.term == i and free.name == p.name and not free.flight:
                 half = 1.96 * float(np.sqrt(fit.covariance[k, k]))
+        if hasattr(effect, "payload") and p.name == "length":
+            half = float(np.hypot(half, 1.96 * LENGTH_ERROR * value))
         parameters[p.name] = Estimate(value, p.unit, (value - half, value + half))
     return Cause(
         effect.identifier,
@@ -222,13 +228,24 @@ def on_held_out(
 
 def helps(fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, held: HeldOut) -> float:
     """Log likelihood that term i brings on the held-out flights."""
-    total = 0.0
-    for e in flights:
-        terms = held.settled[e.name]
-        if terms[i].begins(e.name) == NEVER:
-            continue
-        without = e.y - signature(e, [t for j, t in enumerate(terms) if j != i])
-        rows = held.rows[e.name][noise.phi.shape[1] :]
-        losses = [np.sum(e.white(noise, r)[rows] ** 2) for r in (without, e.y - signature(e, terms))]
-        total += 0.5 * (losses[0] - losses[1])
-    return float(total)
+    return sum(_brings(held.settled[e.name], i, e, noise, held.rows[e.name]) for e in flights)
+
+
+def _brings(terms: Sequence[Term], i: int, e: Evidence, noise: NoiseModel, rows: np.ndarray) -> float:
+    """Log likelihood that terms[i] brings to the others on these rows (m,) of a flight."""
+    if terms[i].begins(e.name) == NEVER:
+        return 0.0
+    counted = rows[noise.phi.shape[1] :]
+    without = e.y - signature(e, [t for j, t in enumerate(terms) if j != i])
+    losses = [np.sum(e.white(noise, r)[counted] ** 2) for r in (without, e.y - signature(e, terms))]
+    return float(0.5 * (losses[0] - losses[1]))
+
+
+def least_help(fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel) -> float:
+    """Log likelihood on held-out flights below which term i is not confirmed by them.
+
+    Where a flight does not excite an effect, its columns are the noise of what is measured, and it explains nothing
+    there: that may cost a share of what the term brings to the flights of the fit.
+    """
+    brought = sum(_brings(fit.everything, i, e, noise, np.ones(len(e.t), bool)) for e in flights)
+    return -(HURT + MISFIT * max(brought, 0.0))

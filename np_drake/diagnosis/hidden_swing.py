@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from np_drake.diagnosis.signature import Term
 
 STATE = 4  # swing angles [rad] and their rates [rad/s] about the direction of rest
+LENGTH_ERROR = (
+    0.002  # deviation of a length, for noise in the motion that drives it, relative [1]; own choice
+)
 MOST_JUMPS = 4  # in a flight: what a tether that snaps taut does to the swing is not told by sampled motion
 APART = 0.3  # between jumps, at least [s]
 

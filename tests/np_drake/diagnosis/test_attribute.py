@@ -6,19 +6,23 @@ import pytest
 from np_drake.diagnosis.answer import Cause
 from np_drake.diagnosis.attribute import (
     FAINT,
+    HURT,
     MATERIAL_FORCE,
     MATERIAL_GAP,
     MATERIAL_TORQUE,
+    MISFIT,
     Size,
     alike,
     at_its_bound,
     causes_of,
     helps,
+    least_help,
     on_held_out,
     size_of,
     within_calibration,
     without_faint_shifts,
 )
+from np_drake.diagnosis.hidden_swing import LENGTH_ERROR
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import NEVER, Term
 from np_drake.diagnosis.which import rank
@@ -28,6 +32,7 @@ from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.weak_rotor import WeakRotor
 
 PLAIN = {"calibration": False, "sensor": False}
@@ -184,3 +189,23 @@ def test_a_trace_of_one_shift_of_time_beside_another_is_minor():
     equal = dc.replace(lag, share=2 * FAINT * 0.7)
     assert without_faint_shifts([equal, delay], []) == ([equal, delay], [])
     assert without_faint_shifts([drag], []) == ([drag], [])
+
+
+def test_the_length_of_a_tether_is_known_no_better_than_the_motion_that_drives_it(ranked):
+    case = ranked(SuspendedPayload(0.2, 0.6))
+    held = on_held_out(case.fit, case.unseen, case.ranking.noise)
+    (cause,) = causes_of(case.ranking, case.fit, case.flights, case.unseen, held)[0]
+    length = cause.parameters["length"]
+    low, high = length.ci95
+    assert low < 0.6 < high
+    assert high - low >= 2 * 1.95 * LENGTH_ERROR * length.value
+
+
+def test_an_effect_may_cost_on_an_unseen_flight_a_share_of_what_it_brings(drag):
+    least = least_help(drag.fit, 0, drag.flights, drag.ranking.noise)
+    held = on_held_out(drag.fit, drag.flights, drag.ranking.noise)
+    brought = helps(drag.fit, 0, drag.flights, drag.ranking.noise, held)
+    assert least == pytest.approx(-HURT - MISFIT * brought, rel=0.05)
+    fit = dc.replace(drag.fit, terms=(*drag.fit.terms, Term(WeakRotor(1, 0.999))))
+    nothing = least_help(fit, len(drag.fit.terms), drag.flights, drag.ranking.noise)
+    assert nothing == pytest.approx(-HURT, abs=0.5)
