@@ -6,19 +6,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.evidence import WRENCH, Evidence
-from np_drake.diagnosis.hidden_swing import STATE, hidden_size, padded, swing_wrenches
+from np_drake.diagnosis.hidden_swing import hidden_size, padded, swing_units, swing_wrenches
 from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.payload_candidates import SWING, WIDEST
 from np_drake.diagnosis.shocks import find_shocks
 from np_drake.diagnosis.signature import NEVER, Term, signature
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
 ONSET_GAIN = 8.0  # log likelihood that an onset must bring; own choice
-SPANS = (
-    4.0,
-    8.0,
-    np.inf,
-)  # over which a hidden state is followed through a whole flight, one after the other [s]
-SWING_PRIOR, SWING_LIMIT = 0.15, 1.2  # [rad]; of rates, times the natural rate
+SPANS = (4.0, 8.0, np.inf)  # over which a swing is followed through a flight, one after the other [s]
 
 
 def adapt(
@@ -81,8 +77,8 @@ def _with_swing(
     size = hidden_size(flight, onset)
     swing = padded(term.hidden.get(flight.name), size)
     rate = np.sqrt(flight.vehicle.gravity / term.effect.payload.length)  # type: ignore[attr-defined]
-    unit = np.tile([1.0, 1.0, rate, rate], size // STATE)
-    prior, limit = SWING_PRIOR * unit, SWING_LIMIT * unit
+    unit = swing_units(size, rate)
+    prior, limit = SWING * unit, WIDEST * unit
     for _ in range(3):
         moves = swing + 0.02 * np.concatenate([np.zeros((1, size)), np.eye(size)])
         wrench = swing_wrenches(flight, [dc.replace(term, hidden={flight.name: m}) for m in moves])

@@ -40,6 +40,11 @@ def hidden_size(evidence: Evidence, onset: float | None) -> int:
     return STATE * (1 + len(jumps(evidence, onset)))
 
 
+def swing_units(size: int, rate: float) -> np.ndarray:
+    """(size,) one radian for angles, and for their rates what has the same energy at the natural rate [1/s]."""
+    return np.tile([1.0, 1.0, rate, rate], size // STATE)
+
+
 def padded(hidden: np.ndarray | None, size: int) -> np.ndarray:
     """(size,) the figures that are known, zeros for the others."""
     known = np.zeros(0) if hidden is None else hidden[:size]

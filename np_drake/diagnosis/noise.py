@@ -13,9 +13,7 @@ from scipy import linalg
 ORDER = 20  # 0.4 s at 50 Hz
 RIDGE = 1e-3  # white share added to every channel, for what the low-pass took from the highest frequencies
 ACTIVE = 1e-12  # a channel with less variance is absent
-QUIETEST = (
-    0.1  # a flight's errors over those of all, at least: one at rest must not decide either; own choice
-)
+QUIETEST = 0.1  # least errors of a flight over those of all: one at rest must not decide either; own choice
 
 
 @dc.dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.candidates import Candidate, Onset
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.hidden_swing import STATE, hidden_size, padded, specific_pull
+from np_drake.diagnosis.hidden_swing import STATE, hidden_size, padded, specific_pull, swing_units
 from np_drake.diagnosis.signature import NEVER, Term
 from np_drake.effects.library import LIBRARY
 
@@ -68,16 +68,11 @@ def payload_about(flights: Sequence[Evidence], guess: Guess, onset: Onset | None
     pulls = {}
     for e in flights:
         size = hidden_size(e, (onset or {}).get(e.name))
-        moves = SMALL * np.diag(_units(size, rate))
+        moves = SMALL * np.diag(swing_units(size, rate))
         swing = guess.at(e.name, size) + np.concatenate([np.zeros((1, size)), moves, np.zeros((1, size))])
         lengths = guess.length * np.array([1.0] * (1 + size) + [1.0 + SMALL])
         pulls[e.name] = _pulls(e, lengths, swing, guess.hook, onset)
     return _candidate(flights, guess, pulls, onset or {}, longer=True)
-
-
-def _units(size: int, rate: float) -> np.ndarray:
-    """(size,) one radian, and with the natural rate [1/s] as much kinetic energy."""
-    return np.tile([1.0, 1.0, rate, rate], size // STATE)
 
 
 def _candidate(
@@ -114,7 +109,7 @@ def _candidate(
         stretch = np.clip(c[4] / share * LENGTH, -0.2, 0.2) if longer else 0.0
         hidden = {}
         for name, size in sizes.items():
-            units = _units(size, rate)
+            units = swing_units(size, rate)
             move = np.clip(c[begins[name] : begins[name] + size] / share, -4.0, 4.0) * SWING
             hidden[name] = np.clip(guess.at(name, size) + move * units, -WIDEST * units, WIDEST * units)
         length = float(np.clip(guess.length * (1 + stretch), SHORTEST, LONGEST))
@@ -135,7 +130,7 @@ def _candidate(
 
 def _log_prior(guess: Guess, sizes: dict[str, int], rate: float) -> float:
     """Of the swings of a guess: what moves it from there has its own prior."""
-    relative = [guess.at(name, size) / (SWING * _units(size, rate)) for name, size in sizes.items()]
+    relative = [guess.at(name, size) / (SWING * swing_units(size, rate)) for name, size in sizes.items()]
     return -0.5 * float(np.sum(np.concatenate(relative) ** 2))
 
 
