@@ -70,19 +70,19 @@ class Solved:
 
 
 def read_solved(answers: Path, truth: Path) -> list[Solved]:
-    """Every case that has a truth, sorted by name.
+    """Every case that has a truth, sorted by name; of a folder of sets, `<set>/<case>`.
 
     Raises: ValueError: if there is no truth, or a file is no JSON; OSError: if one cannot be read.
     """
-    files = sorted(truth.glob(f"*/{TRUTH}"))
-    if not files:
+    names = [file.parent.relative_to(truth) for file in sorted(truth.rglob(TRUTH)) if file.parent != truth]
+    if not names:
         raise ValueError(f"{truth}: must hold <case>/{TRUTH}; got none.")
-    return [_read_case(file, answers / file.parent.name / ANSWER) for file in files]
+    return [_read_case(str(name), truth / name / TRUTH, answers / name / ANSWER) for name in names]
 
 
-def _read_case(truth: Path, answer: Path) -> Solved:
+def _read_case(name: str, truth: Path, answer: Path) -> Solved:
     found = _read(answer, ANSWER_KEYS) if answer.is_file() else None
-    return Solved(truth.parent.name, _read(truth, TRUTH_KEYS), found)
+    return Solved(name, _read(truth, TRUTH_KEYS), found)
 
 
 def _read(path: Path, needed: dict[str, Any]) -> dict[str, Any]:

@@ -12,8 +12,10 @@ from np_drake.atomic_file import require_writable, write_text
 
 
 def score(
-    answers: Annotated[Path, typer.Argument(metavar="ANSWERS", help="Folder of <case>/diagnosis.json.")],
-    truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="Folder of <case>/truth.json.")],
+    answers: Annotated[
+        Path, typer.Argument(metavar="ANSWERS", help="Folder of <case>/diagnosis.json, or of sets.")
+    ],
+    truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="Folder of <case>/truth.json, or of sets.")],
     out: options.Out = None,
     visible: Annotated[
         float, typer.Option(metavar="RATIO", min=1.0, help="Visibility from which a case must be found [1].")

@@ -1,4 +1,5 @@
 import json
+import shutil
 
 import pytest
 
@@ -23,9 +24,19 @@ def test_every_truth_is_a_case_with_or_without_an_answer(folders):
     assert first.group == "drake, clean"
 
 
+def test_a_folder_of_sets_is_read_as_all_their_cases(folders, tmp_path):
+    sets = [tmp_path / kind for kind in ("answers", "truths")]
+    for whole, part in zip(sets, folders, strict=True):
+        for name in ("one", "two"):
+            shutil.copytree(part, whole / name)
+    alone, together = read_solved(*folders), read_solved(*sets)
+    assert [c.name for c in together] == [f"{s}/{c.name}" for s in ("one", "two") for c in alone]
+    assert [c.verdict for c in together] == 2 * [c.verdict for c in alone]
+
+
 def test_a_folder_without_truth_is_refused(folders, tmp_path):
     with pytest.raises(ValueError, match=r"must hold <case>/truth\.json"):
-        read_solved(folders[0], tmp_path)
+        read_solved(folders[0], folders[0])
 
 
 def test_a_broken_file_is_named(folders):
