@@ -12,9 +12,7 @@ from np_drake.effects.library import effects_for
 
 SPACING = 0.1  # of instants tried first; about the best of them every row is [s]
 MARGIN = 0.7  # from either end of a flight, in which no onset is looked for [s]
-ONSET_PRIOR = (
-    -7.0
-)  # log prior of one onset at one instant: one in six flights, one in 160 instants; own choice
+ONSET_PRIOR = -7.0  # log prior of an onset at an instant: one in six flights, one in 160 instants; own choice
 LARGEST = 8  # columns of a candidate that is scanned
 
 

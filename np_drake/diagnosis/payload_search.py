@@ -25,10 +25,7 @@ KEPT = 3
 PAYLOAD = "suspended_payload"
 CHUNK = 12  # lengths whose columns are held at a time
 ENDS = (HORIZONS[0], HORIZONS[-1])
-SHARPENED = (
-    (0.4, 0.05),
-    (0.04, 0.01),
-)  # about an onset: span to either side and step, one after the other [s]
+SHARPENED = ((0.4, 0.05), (0.04, 0.01))  # about an onset: span to either side and step, in turn [s]
 AFTER_ONSET = 2.0  # up to which an onset is judged [s]
 FOLLOWED = 2  # lengths that are followed from the first and from the last horizon
 PROMISING = 8.0  # log evidence that a length must add to everything else to be followed; own choice
@@ -92,7 +89,7 @@ class PayloadSearch:
         """(lengths,) log evidence that a payload adds to the others."""
         return self._profiles([(Beside(self._flights, noise, others, self._onset), math.inf)])[0]
 
-    def _profiles(self, asked: Sequence[tuple["Beside", float]]) -> list[np.ndarray]:
+    def _profiles(self, asked: Sequence[tuple[Beside, float]]) -> list[np.ndarray]:
         """Profiles beside several others, each up to a horizon."""
         gains: list[list[float]] = [[] for _ in asked]
         for start in range(0, len(LENGTHS), CHUNK):
@@ -127,7 +124,7 @@ class PayloadSearch:
             candidate = payload_about([e], _moved(candidate, mean), {e.name: begin})
         return beside.gain(beside.white(candidate), end - begin)[0]
 
-    def _follow(self, beside: "Beside", guess: Guess, first: float) -> tuple[float, Guess, Candidate]:
+    def _follow(self, beside: Beside, guess: Guess, first: float) -> tuple[float, Guess, Candidate]:
         """From a guess through the horizons: log evidence that it adds at last, the guess and its columns.
 
         At every further horizon swings move alone at first: out of step, a lighter payload would fit better than
