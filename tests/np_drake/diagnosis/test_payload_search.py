@@ -3,7 +3,7 @@ import pytest
 
 from np_drake.diagnosis.candidates import library_candidates
 from np_drake.diagnosis.grid import TAPS
-from np_drake.diagnosis.payload_candidates import payload_candidates
+from np_drake.diagnosis.payload_candidates import Guess, payload_candidates
 from np_drake.diagnosis.payload_search import KEPT, LENGTHS, NEAR, PayloadSearch
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -55,3 +55,12 @@ def test_before_its_onset_a_payload_hangs_on_nothing(seen):
 def test_a_library_without_payload_searches_nothing(seen, noise, library):
     del library["suspended_payload"]
     assert PayloadSearch([seen(seconds=5.0)]).best(noise, [], []) == []
+
+
+@pytest.mark.parametrize("off", [-0.25, 0.2])
+def test_an_onset_that_is_known_roughly_is_sharpened_to_the_row(seen, noise, off):
+    payload = SuspendedPayload(0.2, 0.5)
+    flight = seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset={"suspended_payload": 4.0})
+    dut = PayloadSearch([flight], {"1": 4.0 + off})
+    assert dut.when(noise, [], Guess(0.5))["1"] == pytest.approx(4.0, abs=0.03)
+    assert PayloadSearch([flight]).when(noise, [], Guess(0.5)) == {}  # what has no onset gets none
