@@ -9,19 +9,18 @@ from np_drake import attitude
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.hidden_swing import swing_wrench
+from np_drake.diagnosis.sensor_trace import sensor_trace, without_errors
 from np_drake.diagnosis.thrust import rotor_thrust
 from np_drake.effects.base import (
     ActuatorEffect,
     Effect,
     MassEffect,
     MassProperties,
-    Measurement,
     Motion,
     SensorEffect,
     WrenchEffect,
 )
 from np_drake.effects.motor_lag import MotorLag
-from np_drake.rigid_body import Q, V, W
 
 NEVER = float("inf")  # onset of an effect that is absent from a flight [s]
 
@@ -46,13 +45,15 @@ class Term:
 def signature(evidence: Evidence, terms: Sequence[Term]) -> np.ndarray:
     """(m, 15) sum of what the terms leave in the channels.   Wind acts through the drags among the terms."""
     y = np.zeros_like(evidence.y)
+    sensors = [t.effect for t in terms if isinstance(t.effect, SensorEffect)]
+    for sensor in sensors:
+        y += sensor_trace(evidence, sensor)
+    evidence = without_errors(evidence, sensors)
     thrust = _thrust(evidence, terms)
     added = _actuators(evidence, thrust) + _wrenches(evidence, terms, thrust)
     for term in terms:
         if getattr(term.effect, "payload", None) is not None:
             added += swing_wrench(evidence, term)
-        elif isinstance(term.effect, SensorEffect):
-            y += _sensor(evidence, term)
     y[:, ev.WRENCH] += _through_mass(evidence, terms, added)
     return y
 
@@ -152,52 +153,3 @@ def _moved(evidence: Evidence, effects: list, added: np.ndarray) -> np.ndarray:
         s = s - np.cross(al, c) - np.cross(w, np.cross(w, c))
     needed = np.concatenate([vehicle.mass * s, al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)], axis=1)
     return needed - evidence.nominal
-
-
-def _sensor(evidence: Evidence, term: Term) -> np.ndarray:
-    """The channels of the log once more corrupted, less those of the log: exact to first order in the error."""
-    effect, log = term.effect, evidence.log
-    assert isinstance(effect, SensorEffect)
-    y = np.zeros_like(evidence.y)
-    if not effect.corrupts or effect.clock_shift:
-        return y
-    a = np.zeros((len(log), 3)) if log.a is None else log.a
-    truth = Measurement(evidence_state(evidence), a, np.zeros((len(log), 3)), np.zeros((len(log), 4)))
-    read = effect.measure(evidence.vehicle, truth, np.zeros((len(log), 0)))
-    q, w = truth.x[:, Q], truth.x[:, W]
-    dv = attitude.rotate_back(q, read.x[:, V] - truth.x[:, V])
-    dw = read.x[:, W] - w
-    g = np.array([0.0, 0.0, evidence.vehicle.gravity])
-    ds = attitude.rotate_back(read.x[:, Q], read.a + g) - attitude.rotate_back(q, truth.a + g)
-    if log.a is None:
-        s_mid = np.concatenate([evidence.rows.s, evidence.rows.s[-1:]])
-        ds = attitude.rotate_back(read.x[:, Q], attitude.rotate(q, s_mid)) - s_mid
-    from np_drake.diagnosis.grid import to_grid
-    from np_drake.diagnosis.smooth_attitude import conjugate, rotation_vector
-
-    def turn(quaternion: np.ndarray) -> np.ndarray:
-        return rotation_vector(attitude.multiply(conjugate(quaternion[:-1]), quaternion[1:]))
-
-    dt = np.diff(log.t)[:, None]
-    dv_W = np.diff(read.x[:, V] - truth.x[:, V], axis=0) / dt
-    rate = to_grid(evidence.grid, evidence.mids.t, attitude.rotate_back(evidence.mids.q, dv_W))
-    d_turn = (turn(read.x[:, Q]) - turn(q)) / dt
-    rows = np.concatenate([evidence.vehicle.mass * ds, -dv, dw], axis=1)
-    on_rows = to_grid(evidence.grid, log.t, rows)
-    y[:, ev.FORCE] = on_rows[:, 0:3]
-    y[:, ev.POSITION] = on_rows[:, 3:6]
-    y[:, ev.ATTITUDE] = to_grid(evidence.grid, evidence.mids.t, d_turn) - on_rows[:, 6:9]
-    if log.a is None:
-        y[:, ev.FORCE] += evidence.vehicle.mass * rate
-        return y
-    accelerometer = attitude.rotate_back(q, read.a - truth.a)
-    y[:, ev.VELOCITY] = rate - to_grid(evidence.grid, log.t, accelerometer)
-    return y
-
-
-def evidence_state(evidence: Evidence) -> np.ndarray:
-    """(n, 13) states at the log's rows, with the attitude that the channels use."""
-    if evidence.log.a is not None:
-        return evidence.rows.x
-    log = evidence.log
-    return np.concatenate([log.p, log.q, log.v, log.w], axis=1)

@@ -7,11 +7,14 @@ from hypothesis import strategies as st
 
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.signature import NEVER, Term, gate, signature
+from np_drake.effects.accelerometer_bias import AccelerometerBias
+from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.base import SensorEffect
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gyro_bias import GyroBias
+from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -76,9 +79,7 @@ def test_without_effects_there_is_no_trace(seen):
     np.testing.assert_array_equal(signature(seen(), []), 0.0)
 
 
-FORCES = st.sampled_from(
-    [LinearDrag(), QuadraticDrag(), BladeFlapping(), TranslationalLift(), GyroBias(), VelocityBias()]
-)
+FORCES = st.sampled_from([LinearDrag(), QuadraticDrag(), BladeFlapping(), TranslationalLift()])
 
 
 @settings(max_examples=25, deadline=None)
@@ -113,6 +114,31 @@ def test_effects_that_feel_each_other_leave_their_common_trace(seen, effects):
     left = dut.y - signature(dut, [Term(e) for e in effects])
     assert size(left[:, ev.FORCE]) < 0.03 * size(dut.y[:, ev.FORCE])
     assert size(left[:, ev.TORQUE]) < 0.05 * size(dut.y[:, ev.TORQUE]) + SMALL
+
+
+@pytest.mark.parametrize(
+    ("force", "sensor", "part"),
+    [
+        (QuadraticDrag(), VelocityBias(0.4, -0.3, 0.2), ev.FORCE),
+        (LinearDrag(0.8, 0.4, 0.1), AttitudeBias(0.0, 0.0, 0.03), ev.FORCE),
+        (InertiaError(1.3, 0.8, 1.2), GyroBias(0.1, -0.2, 0.3), ev.TORQUE),
+        (LIGHT, AccelerometerBias(0.3, -0.4, 0.5), ev.FORCE),
+    ],
+    ids=lambda e: getattr(e, "identifier", ""),
+)
+def test_a_force_is_that_of_the_motion_and_not_of_its_reading(seen, force, sensor, part):
+    dut = seen(force, sensor)
+    alone = signature(dut, [Term(force)]) + signature(dut, [Term(sensor)])
+    together = signature(dut, [Term(force), Term(sensor)])
+    left = [size((dut.y - trace)[:, part]) for trace in (alone, together)]
+    assert left[1] < 0.5 * left[0]
+
+
+def test_a_gyroscope_that_errs_leaves_a_torque(seen):
+    bias = GyroBias(0.1, -0.2, 0.3)
+    dut = seen(bias)
+    left = dut.y - signature(dut, [Term(bias)])
+    assert size(left[:, ev.TORQUE]) < 0.05 * size(dut.y[:, ev.TORQUE])
 
 
 def test_wind_alone_leaves_no_trace(flown):

@@ -1,0 +1,93 @@
+"""What errors of sensors leave in the channels of `Evidence`, and a flight without them."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.diagnosis import evidence as ev
+from np_drake.diagnosis.evidence import Evidence, Instants
+from np_drake.diagnosis.grid import to_grid
+from np_drake.diagnosis.smooth_attitude import conjugate, rotation_vector
+from np_drake.effects.base import Measurement, SensorEffect
+from np_drake.rigid_body import Q, V, W
+
+
+def sensor_trace(evidence: Evidence, effect: SensorEffect) -> np.ndarray:
+    """(m, 15) the channels of the log once more corrupted, less those of the log: exact to first order in the error."""
+    log = evidence.log
+    y = np.zeros_like(evidence.y)
+    if not effect.corrupts or effect.clock_shift:
+        return y
+    a = np.zeros((len(log), 3)) if log.a is None else log.a
+    truth = Measurement(evidence_state(evidence), a, np.zeros((len(log), 3)), np.zeros((len(log), 4)))
+    read = effect.measure(evidence.vehicle, truth, np.zeros((len(log), 0)))
+    q, w = truth.x[:, Q], truth.x[:, W]
+    dv = attitude.rotate_back(q, read.x[:, V] - truth.x[:, V])
+    dw = read.x[:, W] - w
+    g = np.array([0.0, 0.0, evidence.vehicle.gravity])
+    ds = attitude.rotate_back(read.x[:, Q], read.a + g) - attitude.rotate_back(q, truth.a + g)
+    if log.a is None:
+        s_mid = np.concatenate([evidence.rows.s, evidence.rows.s[-1:]])
+        ds = attitude.rotate_back(read.x[:, Q], attitude.rotate(q, s_mid)) - s_mid
+
+    def turn(quaternion: np.ndarray) -> np.ndarray:
+        return rotation_vector(attitude.multiply(conjugate(quaternion[:-1]), quaternion[1:]))
+
+    dt = np.diff(log.t)[:, None]
+    dv_W = np.diff(read.x[:, V] - truth.x[:, V], axis=0) / dt
+    rate = to_grid(evidence.grid, evidence.mids.t, attitude.rotate_back(evidence.mids.q, dv_W))
+    d_turn = (turn(read.x[:, Q]) - turn(q)) / dt
+    rows = np.concatenate([evidence.vehicle.mass * ds, -dv, dw], axis=1)
+    on_rows = to_grid(evidence.grid, log.t, rows)
+    y[:, ev.FORCE] = on_rows[:, 0:3]
+    y[:, ev.TORQUE] = _gyroscopic(evidence, on_rows[:, 6:9])
+    y[:, ev.POSITION] = on_rows[:, 3:6]
+    y[:, ev.ATTITUDE] = to_grid(evidence.grid, evidence.mids.t, d_turn) - on_rows[:, 6:9]
+    if log.a is None:
+        y[:, ev.FORCE] += evidence.vehicle.mass * rate
+        return y
+    accelerometer = attitude.rotate_back(q, read.a - truth.a)
+    y[:, ev.VELOCITY] = rate - to_grid(evidence.grid, log.t, accelerometer)
+    return y
+
+
+def _gyroscopic(evidence: Evidence, dw: np.ndarray) -> np.ndarray:
+    """(m, 3) what rates that are read wrong by dw (m, 3) add to w x J w."""
+    J, w = evidence.vehicle.J, evidence.w - dw
+    return np.cross(evidence.w, evidence.w @ J.T) - np.cross(w, w @ J.T)
+
+
+def without_errors(evidence: Evidence, effects: Sequence[SensorEffect]) -> Evidence:
+    """The flight's instants and rates as they were before these errors, to first order: other effects act there.
+
+    Channels and log are as they were read.
+    """
+    acting = [effect for effect in effects if effect.corrupts and not effect.clock_shift]
+    if not acting:
+        return evidence
+    rows = _before(evidence, evidence.rows, acting)
+    mids = rows if evidence.mids is evidence.rows else _before(evidence, evidence.mids, acting)
+    dw = to_grid(evidence.grid, mids.t, evidence.mids.x[:, W] - mids.x[:, W])
+    return dc.replace(evidence, rows=rows, mids=mids, w=evidence.w - dw)
+
+
+def _before(evidence: Evidence, read: Instants, effects: Sequence[SensorEffect]) -> Instants:
+    """What was, by taking from what was read as much as reading it once more adds."""
+    g, n = np.array([0.0, 0.0, evidence.vehicle.gravity]), len(read.t)
+    once = Measurement(read.x, attitude.rotate(read.q, read.s) - g, np.zeros((n, 3)), np.zeros((n, 4)))
+    twice = once
+    for effect in effects:
+        twice = effect.measure(evidence.vehicle, twice, np.zeros((n, 0)))
+    x = 2 * read.x - twice.x
+    x[:, Q] /= np.linalg.norm(x[:, Q], axis=1, keepdims=True)
+    return dc.replace(read, x=x, s=2 * read.s - attitude.rotate_back(twice.x[:, Q], twice.a + g))
+
+
+def evidence_state(evidence: Evidence) -> np.ndarray:
+    """(n, 13) states at the log's rows, with the attitude that the channels use."""
+    if evidence.log.a is not None:
+        return evidence.rows.x
+    log = evidence.log
+    return np.concatenate([log.p, log.q, log.v, log.w], axis=1)
