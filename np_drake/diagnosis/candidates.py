@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.signature import Term, gate, signature
+from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.library import LIBRARY, effects_for
 
@@ -20,7 +20,8 @@ Onset = dict[str, float | None]
 class Candidate:
     """Columns (m, 15, k) by flight with prior N(0, 1) on their coefficients, and the terms that coefficients mean.
 
-    identifiers: of the effects (wind comes with its drag).   log_prior: of this variant among its sisters.
+    identifiers: of the effects (wind comes with its drag).   log_prior: of this variant among its sisters;
+    onset_prior: of its onsets.
     """
 
     identifiers: tuple[str, ...]
@@ -32,6 +33,7 @@ class Candidate:
     possible: Callable[[np.ndarray], bool] | None = None  # are these coefficients physical?
     generic: Callable[[Evidence], np.ndarray] | None = None  # columns on any flight, of what is no effect
     figures: dict[str, float] = dc.field(default_factory=dict)
+    onset_prior: float = 0.0
 
     @property
     def size(self) -> int:
@@ -184,7 +186,7 @@ def wind_candidates(
 
 def gated(candidate: Candidate, flights: Sequence[Evidence], onset: Onset) -> Candidate:
     """The candidate from its onsets on (not for hidden states, which begin anew)."""
-    columns = {e.name: candidate.columns[e.name] * gate(e.t, onset.get(e.name))[:, :, None] for e in flights}
+    columns = {e.name: candidate.columns[e.name] * e.begun(onset.get(e.name))[:, :, None] for e in flights}
 
     def terms(c: np.ndarray) -> list[Term]:
         return [dc.replace(term, onset=onset) for term in candidate.terms(c)]

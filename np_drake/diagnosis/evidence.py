@@ -82,6 +82,12 @@ class Evidence:
         """(m,) of the grid [s]."""
         return self.grid.t
 
+    def begun(self, onset: float | None) -> np.ndarray:
+        """(m, 1) one from the onset on [s], on the grid: smeared as its low-pass smears a step."""
+        if onset is None or not np.isfinite(onset):
+            return np.full((len(self.t), 1), float(onset is None))
+        return to_grid(self.grid, self.rows.t, (self.rows.t >= onset - 1e-9).astype(float))[:, None]
+
     def bridged(self, values: np.ndarray) -> np.ndarray:
         """(m, ...) channels or columns without shocks."""
         return bridge(values, self.shocks)

@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.diagnosis.evidence import WRENCH, Evidence
 from np_drake.diagnosis.hidden_swing import hidden_size, padded, swing_units, swing_wrenches
+from np_drake.diagnosis.late_columns import LateColumns
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.payload_candidates import SWING, WIDEST
 from np_drake.diagnosis.shocks import find_shocks
@@ -14,6 +15,7 @@ from np_drake.diagnosis.signature import NEVER, Term, signature
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
 ONSET_GAIN = 8.0  # log likelihood that an onset must bring; own choice
+SURPRISE = 30.0  # and where none of the fitted flights has one; own choice
 SPANS = (4.0, 8.0, np.inf)  # over which a swing is followed through a flight, one after the other [s]
 
 
@@ -26,11 +28,12 @@ def adapt(
     from the start in all flights of the fit does so here, and nothing of it is fitted to the unseen flight.
     """
     late = [type(t.effect).begins and not (structured and set(t.onset.values()) <= {None}) for t in terms]
+    known = [any(begin is not None for begin in t.onset.values()) for t in terms]
     terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
     terms = [_with_swing(terms, i, flight, noise) for i in range(len(terms))]
     for i, scanned in enumerate(late):
         if scanned:
-            terms[i] = _with_onset(terms, i, flight, noise)
+            terms[i] = _with_onset(terms, i, flight, noise, known=known[i])
     return terms
 
 
@@ -93,8 +96,12 @@ def _with_swing(
     return dc.replace(term, hidden={flight.name: swing})
 
 
-def _with_onset(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel) -> Term:
-    """Where in this flight the term begins, its figures being known (whatever a payload's swing was)."""
+def _with_onset(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel, *, known: bool) -> Term:
+    """Where in this flight the term begins, its figures being known (whatever a payload's swing was).
+
+    known: to begin in flight. What acts from the start in all flights of the fit hardly begins late here, and is not
+    excused where it is not there at all.
+    """
     term = terms[i]
     acting = settled(terms, flight, noise) if hasattr(term.effect, "payload") else terms
     rest = signature(flight, [t for j, t in enumerate(acting) if j != i])
@@ -102,9 +109,11 @@ def _with_onset(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel) 
     target = flight.y - rest
     t, profile = known_onset_profile(flight, noise, target, own)
     k = int(np.argmax(profile))
-    if k == 0 or profile[k] - profile[0] < ONSET_GAIN:
+    if k == 0 or profile[k] - profile[0] < (ONSET_GAIN if known else SURPRISE):
         return term
     onset = NEVER if k == len(t) - 1 else float(t[k])
+    if onset == NEVER and not known:
+        return term
     late = dc.replace(term, onset={flight.name: onset}, hidden={})
     return _with_swing([*terms[:i], late, *terms[i + 1 :]], i, flight, noise, onset)
 
@@ -113,10 +122,15 @@ def known_onset_profile(
     flight: Evidence, noise: NoiseModel, target: np.ndarray, own: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """(n,) instants of the grid, the last one "not at all", and log likelihoods if `own` begins there."""
-    y, s = flight.white(noise, target), flight.white(noise, own)
-    t = flight.t[len(flight.t) - len(y) :]
-    gain = np.sum(y * s - 0.5 * s**2, axis=1)
-    after = np.concatenate([np.cumsum(gain[::-1])[::-1], [0.0]])
+    columns = LateColumns(flight, noise, target, np.zeros((*target.shape, 0)))
+    t, X = columns.t, own[..., None]
+    rows = np.arange(1, len(t))
+    whole = columns.whole(X)
+    XX, _, Xy = (
+        np.concatenate([a[:1], b, 0 * a[:1]])
+        for a, b in zip(whole, columns.begun(X, whole, rows), strict=True)
+    )
+    after = (Xy - 0.5 * XX[..., 0])[:, 0]
     times = np.append(t, t[-1] + flight.grid.step)
     usable = (times < t[0] + 0.3) & (times > t[0])
     after[usable] = -np.inf

@@ -7,7 +7,6 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.grid import to_grid
 from np_drake.effects.pendulum import across, swing_many
 
 if TYPE_CHECKING:
@@ -108,8 +107,7 @@ def specific_pull(
     at_grid = np.concatenate([middle[:1], 0.5 * (middle[1:] + middle[:-1]), middle[-1:]])
     if onset is None:
         return at_grid @ attitude.rotation_matrix(attitude_on_grid(evidence))
-    t = evidence.rows.t
-    begun = to_grid(evidence.grid, t, (t >= onset - 1e-9).astype(float))[:, None, None]
+    begun = evidence.begun(onset)[:, :, None]
     held = np.concatenate([np.repeat(at_grid[:1], first, axis=0), at_grid])
     return begun * (held @ attitude.rotation_matrix(attitude_on_grid(evidence)))
 

@@ -1,43 +1,73 @@
-"""When an effect begins: the best instant of every flight, from suffix sums of Gram matrices."""
+"""When an effect begins: the best instant of every flight beside all else that acts, from suffix sums of Grams."""
 
 import dataclasses as dc
+import math
+from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import logsumexp
 
 from np_drake.diagnosis.candidates import Candidate, gated
-from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.late_columns import LateColumns, Sums
 from np_drake.diagnosis.payload_search import PAYLOAD, PayloadSearch
 from np_drake.diagnosis.search import Problem
 from np_drake.effects.library import effects_for
 
-SPACING = 0.1  # of instants tried first; about the best of them every row is [s]
 MARGIN = 0.7  # from either end of a flight, in which no onset is looked for [s]
-ONSET_PRIOR = -7.0  # log prior of an onset at an instant: one in six flights, one in 160 instants; own choice
+FIRST, ANOTHER = (
+    math.log(1 / 6),
+    math.log(1 / 2),
+)  # prior of an onset in a flight, and in one more; own choice
+LEAST = 1.0  # gain in log evidence, prior included, from which an onset is tried; own choice
 LARGEST = 8  # columns of a candidate that is scanned
+VARIANTS = 3  # of an effect, that promise most
+COARSE = 5  # rows between instants that are tried at first
+SPAN = 0.4  # within which an onset is to lie as likely as may be [s]; own choice
 
 
-def gated_candidates(problem: Problem) -> list[Candidate]:
-    """For every effect that may begin in flight and gains by it: the candidate from its best onsets on."""
+def gated_candidates(problem: Problem, members: Sequence[int] = ()) -> list[Candidate]:
+    """For every effect that may begin in flight and gains by it: the candidate from its best onsets on.
+
+    members: of a model. Every effect is tried alone, and beside those members that are another effect.
+    """
     found: list[Candidate] = []
+    scans: dict[tuple[int, ...], OnsetScan] = {}
+    for own, variants in _that_begin(problem).items():
+        others = tuple(i for i in members if not set(own) & set(problem.candidates[i].identifiers))
+        for beside in dict.fromkeys([(), others]):
+            if beside not in scans:
+                scans[beside] = OnsetScan(problem, beside)
+            scan = scans[beside]
+            for candidate in sorted(variants, key=scan.rough_gain)[-VARIANTS:]:
+                onset, prior = scan.best(candidate)
+                late = dc.replace(gated(candidate, problem.flights, onset), onset_prior=prior)
+                if onset and not any(_same(late, known) for known in found):
+                    found.append(late)
+    return found
+
+
+def _same(a: Candidate, b: Candidate) -> bool:
+    return (a.identifiers, a.variant, a.onset) == (b.identifiers, b.variant, b.onset)
+
+
+def _that_begin(problem: Problem) -> dict[tuple[str, ...], list[Candidate]]:
+    """Variants of the effects that may begin in flight."""
     library = effects_for(problem.flights[0].log.input)
-    for candidate in problem.candidates:
-        if candidate.size > LARGEST or candidate.onset or candidate.generic:
-            continue
-        if not all(library[name].begins for name in candidate.identifiers):
-            continue
-        onset, _ = best_onsets(problem, candidate)
-        if onset:
-            late = gated(candidate, problem.flights, onset)
-            found.append(dc.replace(late, log_prior=late.log_prior + ONSET_PRIOR * len(onset)))
+    found: dict[tuple[str, ...], list[Candidate]] = {}
+    for c in problem.candidates:
+        scanned = c.size <= LARGEST and not c.onset and not c.generic
+        if scanned and all(library[name].begins for name in c.identifiers):
+            found.setdefault(c.identifiers, []).append(c)
     return found
 
 
 def late_payloads(problem: Problem, late: list[Candidate]) -> list[Candidate]:
     """Payloads that begin where their weight does: as a payload at rest shows it, or mass or thrust in its place."""
     hung = [c for c in problem.candidates if c.identifiers == (PAYLOAD,) and not c.onset]
-    onset = best_onsets(problem, _at_rest(hung[0]))[0] if hung else {}
+    onset, prior = OnsetScan(problem).best(_at_rest(hung[0])) if hung else ({}, 0.0)
     if not onset:
-        onset = next((c.onset for c in late if c.identifiers in (("mass_error",), ("thrust_scale",))), {})
+        instead = [c for c in late if c.identifiers in (("mass_error",), ("thrust_scale",))]
+        onset, prior = (instead[0].onset, instead[0].onset_prior) if instead else ({}, 0.0)
     if not onset:
         return []
     others = [c for c in (*problem.candidates, *late) if c.size <= 3 and PAYLOAD not in c.identifiers]
@@ -48,7 +78,7 @@ def late_payloads(problem: Problem, late: list[Candidate]) -> list[Candidate]:
     onset = first.when(problem.noise, problem.nuisance, guesses[0])
     sharp = PayloadSearch(problem.flights, onset).from_guesses(problem.noise, problem.nuisance, guesses)
     found = [candidate for _, candidate in sharp]
-    return [dc.replace(c, log_prior=c.log_prior + ONSET_PRIOR * len(onset)) for c in found]
+    return [dc.replace(c, onset_prior=prior) for c in found]
 
 
 def _at_rest(payload: Candidate) -> Candidate:
@@ -56,40 +86,134 @@ def _at_rest(payload: Candidate) -> Candidate:
     return dc.replace(payload, columns={n: X[..., :4] for n, X in payload.columns.items()})
 
 
-def best_onsets(problem: Problem, candidate: Candidate) -> tuple[dict[str, float | None], float]:
-    """By flight where it helps: the onset [s], and the gain in log evidence of all of them."""
-    onsets: dict[str, float | None] = {}
-    total = 0.0
-    for e in problem.flights:
-        t, profile = onset_profile(problem, candidate, e)
-        k = int(np.argmax(profile))
-        gain = float(profile[k] - profile[0])
-        if k > 0 and gain + ONSET_PRIOR > 2.0:
-            onsets[e.name] = float(t[k])
-            total += gain
-    return onsets, total
+class OnsetScan:
+    """Evidence of a candidate from any instant on, beside nuisance and members of a model, flights together."""
+
+    def __init__(self, problem: Problem, members: Sequence[int] = ()):
+        beside = [*problem.nuisance, *(problem.candidates[i] for i in members)]
+        scale = problem.temperature**-0.5
+        self._flights: dict[str, LateColumns] = {}
+        for e in problem.flights:
+            columns = [c.columns[e.name] for c in beside] or [np.zeros((*e.y.shape, 0))]
+            B = np.concatenate(columns, axis=-1)
+            self._flights[e.name] = LateColumns(e, problem.noise, e.y, B, scale)
+        B = np.concatenate([f.beside.reshape(-1, f.beside.shape[-1]) for f in self._flights.values()])
+        y = np.concatenate([f.y.ravel() for f in self._flights.values()])
+        self._covariance = np.linalg.inv(np.eye(B.shape[1]) + B.T @ B)
+        self._mean = self._covariance @ (B.T @ y)
+
+    def rough_gain(self, candidate: Candidate) -> float:
+        """What onsets bring, as if what they switch on did not jump."""
+        whole = {name: f.whole(candidate.columns[name]) for name, f in self._flights.items()}
+        start = {name: _at(sums, [0]) for name, sums in whole.items()}
+        at, gain = dict(start), 0.0
+        for name, f in self._flights.items():
+            rows = _inside(f.t)
+            profile = self._evidence(_at(whole[name], rows), [at[n] for n in at if n != name])
+            now = self._evidence(start[name], [at[n] for n in at if n != name])[0]
+            if len(rows) and profile.max() > now:
+                at[name] = _at(whole[name], [rows[np.argmax(profile)]])
+                gain += float(profile.max() - now)
+        return gain
+
+    def best(self, candidate: Candidate) -> tuple[dict[str, float | None], float]:
+        """By flight where it helps: the onset [s]; and the log prior of all of them.
+
+        The prior is that of an instant as wide as the evidence leaves it: an onset that is known to a row has one in
+        all rows, one that is known to half a flight has one half.
+        """
+        scans = {name: _Flight(f, candidate.columns[name]) for name, f in self._flights.items()}
+        priors: dict[str, float] = {}
+        for _ in range(2):
+            for name, scan in scans.items():
+                rest = [s.now for n, s in scans.items() if n != name]
+                profile = self._evidence(scan.sums, rest)
+                for rows in scan.finer(profile):
+                    scan.add(rows)
+                    profile = self._evidence(scan.sums, rest)
+                start = self._evidence(scan.start, rest)[0]
+                priors.pop(name, None)
+                prior = (ANOTHER if priors else FIRST) + scan.log_width(profile)
+                late = len(profile) > 0 and profile.max() + prior - start > LEAST
+                if late:
+                    priors[name] = prior
+                scan.settle(scan.most_likely(profile) if late else None)
+            if not priors:
+                break
+        return {name: scans[name].onset for name in priors}, sum(priors.values())
+
+    def _evidence(self, own: Sums, rest: list[Sums]) -> np.ndarray:
+        """(n,) log evidence with these sums of one flight, each with those of the rest."""
+        XX, XB, Xy = (part + sum(r[i] for r in rest) for i, part in enumerate(own))
+        A = XX + np.eye(XX.shape[1]) - XB @ self._covariance @ np.swapaxes(XB, 1, 2)
+        b = Xy - XB @ self._mean
+        explained = 0.5 * np.einsum("mi,mi->m", b, np.linalg.solve(A, b[..., None])[..., 0])
+        return explained - 0.5 * np.linalg.slogdet(A)[1]
 
 
-def onset_profile(problem: Problem, candidate: Candidate, e: Evidence) -> tuple[np.ndarray, np.ndarray]:
-    """Instants (n,) [s], the first the flight's start, and the log evidence of the candidate from each on (n,)."""
-    X = e.white(problem.noise, candidate.columns[e.name])
-    y = e.white(problem.noise, e.y)
-    skipped = len(e.t) - len(y)
-    t = e.t[skipped:]
-    XX = np.einsum("mci,mcj->mij", X, X) / problem.temperature
-    Xy = np.einsum("mci,mc->mi", X, y) / problem.temperature
-    XX, Xy = (np.cumsum(a[::-1], axis=0)[::-1] for a in (XX, Xy))
-    stride = max(1, round(SPACING / e.grid.step))
-    inside = np.flatnonzero((t > t[0] + MARGIN) & (t < t[-1] - MARGIN))
-    coarse = np.concatenate([[0], inside[::stride]])
-    best = coarse[np.argmax(_evidence_from(XX[coarse], Xy[coarse]))]
-    fine = inside[np.abs(inside - best) < stride] if best else inside[:0]
-    rows = np.union1d(coarse, fine)
-    return t[rows], _evidence_from(XX[rows], Xy[rows])
+class _Flight:
+    """The sums of a candidate at the instants of one flight that have been tried, in order."""
+
+    def __init__(self, columns: LateColumns, X: np.ndarray):
+        self._columns, self._X = columns, X
+        self._whole = columns.whole(X)
+        self.start = _at(self._whole, [0])
+        self.now = self.start
+        self.onset: float | None = None
+        self._inside = _inside(columns.t)
+        self.rows = self._inside[::COARSE]
+        self.sums = columns.begun(X, self._whole, self.rows)
+
+    def finer(self, profile: np.ndarray) -> list[np.ndarray]:
+        """Rows about the best that have not been tried."""
+        if not len(profile):
+            return []
+        about = self._inside[np.abs(self._inside - self.rows[np.argmax(profile)]) < 2 * COARSE]
+        new = np.setdiff1d(about, self.rows)
+        return [new] if len(new) else []
+
+    def add(self, rows: np.ndarray) -> None:
+        """Tries these as well."""
+        order = np.argsort(np.concatenate([self.rows, rows]))
+        new = self._columns.begun(self._X, self._whole, rows)
+        self.rows = np.concatenate([self.rows, rows])[order]
+        XX, XB, Xy = (np.concatenate(pair)[order] for pair in zip(self.sums, new, strict=True))
+        self.sums = (XX, XB, Xy)
+
+    def log_width(self, profile: np.ndarray) -> float:
+        """Of the peak, in shares of the flight."""
+        if not len(profile):
+            return -np.inf
+        width = np.gradient(self.rows.astype(float)) if len(self.rows) > 1 else np.ones(1)
+        return float(logsumexp(profile, b=width) - profile.max() - math.log(len(self._inside)))
+
+    def most_likely(self, profile: np.ndarray) -> int:
+        """The middle of the span as wide as `SPAN` that most likely holds the onset: a row.   Source: own choice."""
+        dense = np.interp(self._inside, self.rows, profile)
+        weight = np.exp(dense - dense.max())
+        step = self._columns.t[1] - self._columns.t[0]
+        width = max(1, round(SPAN / step))
+        mass = (
+            np.convolve(weight, np.ones(width), "valid") if width < len(weight) else np.array([weight.sum()])
+        )
+        first = int(np.argmax(mass))
+        span = np.cumsum(weight[first : first + width])
+        return int(self._inside[first + np.searchsorted(span, 0.5 * span[-1])])
+
+    def settle(self, row: int | None) -> None:
+        """Begins at this row from now on; None: from the start."""
+        if row is None:
+            self.now, self.onset = self.start, None
+        else:
+            sums = self._columns.begun(self._X, self._whole, np.array([row]))
+            self.now, self.onset = sums, float(self._columns.t[row])
 
 
-def _evidence_from(XX: np.ndarray, Xy: np.ndarray) -> np.ndarray:
-    """(n,) log evidence of a regression with XX (n, k, k) and Xy (n, k)."""
-    A = XX + np.eye(Xy.shape[1])
-    explained = 0.5 * np.einsum("mi,mi->m", Xy, np.linalg.solve(A, Xy[..., None])[..., 0])
-    return explained - 0.5 * np.linalg.slogdet(A)[1]
+def _at(sums: Sums, rows) -> Sums:
+    XX, XB, Xy = sums
+    return XX[rows], XB[rows], Xy[rows]
+
+
+def _inside(t: np.ndarray) -> np.ndarray:
+    """Rows that may be onsets."""
+    return np.flatnonzero((t > t[0] + MARGIN) & (t < t[-1] - MARGIN))

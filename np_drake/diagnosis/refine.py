@@ -47,6 +47,7 @@ class Fit:
     samples: int
     wander: dict[str, np.ndarray] = dc.field(default_factory=dict)
     generic: tuple[Generic, ...] = ()
+    onset_prior: float = 0.0
 
     def left(self, e: Evidence) -> np.ndarray:
         """(m, 15) what the model leaves of a flight, shocks apart; of a fitted one, without its sensors' own wander."""

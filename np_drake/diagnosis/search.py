@@ -69,7 +69,7 @@ class Problem:
         """Log evidence and prior of a set."""
         chosen = [self.candidates[i] for i in members]
         effects = {name for c in chosen for name in c.identifiers}
-        prior = sum(effect_prior(name) for name in effects) + sum(c.log_prior for c in chosen)
+        prior = sum(effect_prior(name) for name in effects) + sum(c.log_prior + c.onset_prior for c in chosen)
         if any(c.possible for c in chosen) and not self._possible(members):
             return -np.inf
         return self.total.log_evidence(self.columns(members)) - self._base + prior

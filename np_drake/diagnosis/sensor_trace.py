@@ -12,16 +12,18 @@ from np_drake.diagnosis.grid import to_grid
 from np_drake.diagnosis.smooth_attitude import conjugate, rotation_vector
 from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.rigid_body import Q, V, W
+from np_drake.vehicle import Vehicle
 
 
 def sensor_trace(evidence: Evidence, effect: SensorEffect) -> np.ndarray:
-    """(m, 15) the channels of the log once more corrupted, less those of the log: exact to first order in the error."""
+    """(m, 15) the channels as they are read, less those that were: exact to second order in the error."""
     log = evidence.log
     y = np.zeros_like(evidence.y)
     if not effect.corrupts or effect.clock_shift:
         return y
     a = np.zeros((len(log), 3)) if log.a is None else log.a
-    truth = Measurement(evidence_state(evidence), a, np.zeros((len(log), 3)), np.zeros((len(log), 4)))
+    logged = Measurement(evidence_state(evidence), a, np.zeros((len(log), 3)), np.zeros((len(log), 4)))
+    truth = _before(evidence.vehicle, logged, [effect])
     read = effect.measure(evidence.vehicle, truth, np.zeros((len(log), 0)))
     q, w = truth.x[:, Q], truth.x[:, W]
     dv = attitude.rotate_back(q, read.x[:, V] - truth.x[:, V])
@@ -67,22 +69,27 @@ def without_errors(evidence: Evidence, effects: Sequence[SensorEffect]) -> Evide
     acting = [effect for effect in effects if effect.corrupts and not effect.clock_shift]
     if not acting:
         return evidence
-    rows = _before(evidence, evidence.rows, acting)
-    mids = rows if evidence.mids is evidence.rows else _before(evidence, evidence.mids, acting)
+    rows = _instants_before(evidence, evidence.rows, acting)
+    mids = _instants_before(evidence, evidence.mids, acting)
     dw = to_grid(evidence.grid, mids.t, evidence.mids.x[:, W] - mids.x[:, W])
     return dc.replace(evidence, rows=rows, mids=mids, w=evidence.w - dw)
 
 
-def _before(evidence: Evidence, read: Instants, effects: Sequence[SensorEffect]) -> Instants:
-    """What was, by taking from what was read as much as reading it once more adds."""
+def _instants_before(evidence: Evidence, read: Instants, effects: Sequence[SensorEffect]) -> Instants:
     g, n = np.array([0.0, 0.0, evidence.vehicle.gravity]), len(read.t)
-    once = Measurement(read.x, attitude.rotate(read.q, read.s) - g, np.zeros((n, 3)), np.zeros((n, 4)))
-    twice = once
+    a = attitude.rotate(read.q, read.s) - g
+    truth = _before(evidence.vehicle, Measurement(read.x, a, np.zeros((n, 3)), np.zeros((n, 4))), effects)
+    return dc.replace(read, x=truth.x, s=attitude.rotate_back(truth.x[:, Q], truth.a + g))
+
+
+def _before(vehicle: Vehicle, read: Measurement, effects: Sequence[SensorEffect]) -> Measurement:
+    """What was: from what was read is taken as much as reading it once more adds. To first order in the error."""
+    twice = read
     for effect in effects:
-        twice = effect.measure(evidence.vehicle, twice, np.zeros((n, 0)))
+        twice = effect.measure(vehicle, twice, np.zeros((len(read.x), 0)))
     x = 2 * read.x - twice.x
     x[:, Q] /= np.linalg.norm(x[:, Q], axis=1, keepdims=True)
-    return dc.replace(read, x=x, s=2 * read.s - attitude.rotate_back(twice.x[:, Q], twice.a + g))
+    return dc.replace(read, x=x, a=2 * read.a - twice.a)
 
 
 def evidence_state(evidence: Evidence) -> np.ndarray:

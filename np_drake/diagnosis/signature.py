@@ -134,7 +134,8 @@ def _through_mass(evidence: Evidence, terms: Sequence[Term], added: np.ndarray) 
     out = added
     for onset in onsets:
         now = [t.effect for t in acting if (t.begins(evidence.name) or -NEVER) <= onset]
-        out = np.where(gate(evidence.t, onset) > 0, _moved(evidence, now, added), out)
+        begun = evidence.begun(None if onset == -NEVER else onset)
+        out = begun * _moved(evidence, now, added) + (1 - begun) * out
     return out
 
 

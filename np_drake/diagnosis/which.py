@@ -5,9 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.candidates import Candidate
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.noise import NoiseModel, no_worse, no_worse_anywhere, scale_only
-from np_drake.diagnosis.onset import ONSET_PRIOR, gated_candidates, late_payloads
+from np_drake.diagnosis.onset import gated_candidates, late_payloads
 from np_drake.diagnosis.prepare import INEXACT, TEMPERATURE, Ready, noise_of, prepare
 from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.rig import Tolerance, calibration_terms, tolerance_of
@@ -19,7 +20,7 @@ from np_drake.diagnosis.search import (
     library_first,
     search,
 )
-from np_drake.diagnosis.signature import NEVER, Term, signature
+from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.unknown import PREFIX
 
 TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice
@@ -77,16 +78,18 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
 def _search_twice(ready: Ready, tolerance: Tolerance) -> tuple[Problem, list[Model], Fit]:
     """Search and fit, once more with the noise that the fit leaves."""
     best: Fit | None = None
-    noise, candidates = ready.noise, list(ready.candidates)
+    noise, candidates, acting = ready.noise, list(ready.candidates), list[Candidate]()
     for first in (True, False):
+        candidates += [c for c in acting if c.onset and not any(c is known for known in candidates)]
         problem = Problem(ready.flights, noise, ready.nuisance, candidates, temperature=TEMPERATURE)
-        late = gated_candidates(problem)
+        late = gated_candidates(problem, [i for i, c in enumerate(candidates) if any(c is a for a in acting)])
         hung = late_payloads(problem, late) if first else []
         candidates += hung
         if late or hung:
             everything = [*candidates, *late]
             problem = Problem(ready.flights, noise, ready.nuisance, everything, temperature=TEMPERATURE)
         models = library_first(problem, search(problem))
+        acting = [problem.candidates[i] for i in models[0].members]
         best = _refine(problem, models[0], tolerance, best, iterations=3)
         noise = noise_of([best.left(e) for e in ready.flights], ready.raw, ready.step, tolerance, INEXACT)
     assert best is not None
@@ -143,7 +146,7 @@ def _refine(
     if known is not None and _same(known.terms, terms):
         terms = list(known.terms)
     drifting = next((c.columns for c in problem.nuisance if c.variant == "wander"), None)
-    return refine(
+    fit = refine(
         terms,
         calibration_terms(problem.flights[0].vehicle, tolerance),
         problem.flights,
@@ -153,6 +156,7 @@ def _refine(
         generic=[problem.candidates[i] for i in model.members if problem.candidates[i].generic],
         evaluations=iterations,
     )
+    return dc.replace(fit, onset_prior=sum(problem.candidates[i].onset_prior for i in model.members))
 
 
 def _same(a: Sequence[Term], b: Sequence[Term]) -> bool:
@@ -163,8 +167,7 @@ def _same(a: Sequence[Term], b: Sequence[Term]) -> bool:
 def _score(fit: Fit) -> float:
     prior = sum(effect_prior(t.effect.identifier) for t in fit.terms)
     prior += sum(effect_prior(g.candidate.identifiers[0]) + g.candidate.log_prior for g in fit.generic)
-    onsets = sum(v is not None and v != NEVER for t in fit.terms for v in t.onset.values())
-    return fit.log_evidence + prior + ONSET_PRIOR * onsets
+    return fit.log_evidence + prior + fit.onset_prior
 
 
 def _distinct(problem: Problem, models: Sequence[Model]) -> list[Model]:

@@ -1,0 +1,69 @@
+"""Whitened columns of what begins in flight.
+
+Whitening of slow noise turns a step into a spike: the rows about an onset tell more of it than all that follow.
+"""
+
+import numpy as np
+
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.grid import TAPS, Grid, to_grid
+from np_drake.diagnosis.noise import NoiseModel
+
+Sums = tuple[np.ndarray, np.ndarray, np.ndarray]  # X'X (n, k, k), X'B (n, k, b), X'y (n, k)
+
+
+class LateColumns:
+    """One flight: sums over its whitened rows of columns X that begin at any of them.
+
+    y (m, 15): target; beside B (m', 15, b): raw columns of what acts as well.   t (m,): of the whitened rows [s].
+    """
+
+    def __init__(
+        self, evidence: Evidence, noise: NoiseModel, target: np.ndarray, beside: np.ndarray, scale=1.0
+    ):
+        self._e, self._noise, self._scale = evidence, noise, scale
+        self.y = scale * evidence.white(noise, target)
+        self.beside = scale * evidence.white(noise, beside)
+        self._order = noise.phi.shape[1]
+        self.t = evidence.t[self._order :]
+        self._rise = rise(evidence.grid)
+
+    def whole(self, X: np.ndarray) -> Sums:
+        """Of the columns (m', 15, k) as they are from each row (m + 1) on: a jump there is not in it."""
+        white = np.swapaxes(self._scale * self._e.white(self._noise, X), 1, 2)
+        sums = self._products(white, np.swapaxes(white, 1, 2), self.beside, self.y)
+        XX, XB, Xy = (np.concatenate([np.cumsum(a[::-1], axis=0)[::-1], 0 * a[:1]]) for a in sums)
+        return XX, XB, Xy
+
+    def begun(self, X: np.ndarray, whole: Sums, rows: np.ndarray) -> Sums:
+        """Of the columns (m', 15, k), each time switched on at one of the whitened rows (n,), as the grid smears it."""
+        half, order, m = len(self._rise) // 2, self._order, len(self.t)
+        offsets = np.arange(-half - order, half + order + 1)
+        gate = np.concatenate([np.zeros(order), self._rise, np.ones(order)])
+        at = np.clip(rows + order + offsets[:, None], 0, len(X) - 1)
+        raw = self._e.bridged(X)[at] * gate[:, None, None, None]
+        n, k = len(rows), X.shape[-1]
+        flat = np.moveaxis(raw, 1, 2).reshape(len(offsets), X.shape[1], n * k)
+        white = self._scale * self._noise.whiten(flat, self._e.name).reshape(-1, X.shape[1], n, k)
+        near = rows[:, None] + offsets[order:]
+        inside = ((near >= 0) & (near < m)).astype(float)
+        near = np.clip(near, 0, m - 1)
+        local = np.moveaxis(white, 2, 0) * inside[:, :, None, None]
+        local = local.reshape(n, -1, k)
+        B, y = self.beside[near].reshape(n, local.shape[1], -1), self.y[near].reshape(n, -1)
+        later = np.clip(rows + half + order + 1, 0, m)
+        sums = self._products(np.swapaxes(local, 1, 2), local, B, y)
+        XX, XB, Xy = (a + b[later] for a, b in zip(sums, whole, strict=True))
+        return XX, XB, Xy
+
+    @staticmethod
+    def _products(Xt: np.ndarray, X: np.ndarray, B: np.ndarray, y: np.ndarray) -> Sums:
+        return Xt @ X, Xt @ B, (Xt @ y[..., None])[..., 0]
+
+
+def rise(grid: Grid) -> np.ndarray:
+    """(2 k + 1,) how a step at the middle one shows on rows of the grid."""
+    middle = len(grid) // 2
+    half = min(TAPS if grid.factor > 1 else 1, middle - 1)
+    step = to_grid(grid, grid.fine, (grid.fine >= grid.t[middle] - 1e-9).astype(float))
+    return step[middle - half : middle + half + 1]
