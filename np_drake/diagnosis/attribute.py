@@ -21,6 +21,7 @@ from np_drake.effects.base import Effect
 
 MATERIAL_FORCE = 0.01  # of weight [1]; own choice: at 2 % a drag beside a large payload went unnamed
 MATERIAL_TORQUE = 0.01  # of RMS commanded torque [1]
+EXACT = 0.3  # of either, where logs come from a laboratory [1]; own choice
 CALIBRATED = 0.02  # of weight, below which mass and thrust are within what files are off by [1]
 MATERIAL_GAP = 0.10  # of the gap above the noise [1]
 MATERIAL_SENSOR = 1.5  # of the tolerance of that sensor [1]
@@ -47,14 +48,15 @@ class Size:
     gap: float
     sensor: float
 
-    def material(self, *, calibration: bool, sensor: bool) -> bool:
-        """Does it matter?"""
+    def material(self, *, calibration: bool, sensor: bool, real: bool) -> bool:
+        """Does it matter?   real: to a rig, not to a laboratory."""
         if calibration:
             return self.force >= CALIBRATED
         if sensor:
             return self.sensor >= MATERIAL_SENSOR
-        seen = self.gap >= MATERIAL_GAP
-        return self.force >= MATERIAL_FORCE or self.torque >= MATERIAL_TORQUE or seen
+        least = 1.0 if real else EXACT
+        strong = self.force >= least * MATERIAL_FORCE or self.torque >= least * MATERIAL_TORQUE
+        return strong or self.gap >= MATERIAL_GAP
 
 
 @dc.dataclass(frozen=True)
@@ -161,7 +163,7 @@ def causes_of(
         least = least_help(fit, i, flights, ranking.noise)
         confirmed = helps(fit, i, held_out, ranking.noise, held) > least
         confirmed |= gusty and term.effect.identifier in GUSTY
-        material = size.material(calibration=calibration, sensor=sensor)
+        material = size.material(calibration=calibration, sensor=sensor, real=ranking.tolerance.real)
         material |= gusty and term.effect.identifier == GUSTY[0]
         if confirmed and material and not at_its_bound(term.effect):
             causes.append(cause)

@@ -19,8 +19,10 @@ FIRST, ANOTHER = (
     math.log(1 / 2),
 )  # prior of an onset in a flight, and in one more; own choice
 LEAST = 1.0  # gain in log evidence, prior included, from which an onset is tried; own choice
+SUBSTANTIAL = 8.0  # from which a payload is looked for that is hung on in flight; own choice
+WEIGHTS = (("mass_error",), ("thrust_scale",))
 LARGEST = 8  # columns of a candidate that is scanned
-VARIANTS = 3  # of an effect, that promise most
+VARIANTS = 2  # of an effect, that promise most
 COARSE = 5  # rows between instants that are tried at first
 SPAN = 0.4  # within which an onset is to lie as likely as may be [s]; own choice
 
@@ -39,9 +41,11 @@ def gated_candidates(problem: Problem, members: Sequence[int] = ()) -> list[Cand
                 scans[beside] = OnsetScan(problem, beside)
             scan = scans[beside]
             for candidate in sorted(variants, key=scan.rough_gain)[-VARIANTS:]:
-                onset, prior = scan.best(candidate)
-                late = dc.replace(gated(candidate, problem.flights, onset), onset_prior=prior)
-                if onset and not any(_same(late, known) for known in found):
+                found_at = scan.best(candidate)
+                late = dc.replace(
+                    gated(candidate, problem.flights, found_at.onset), onset_prior=found_at.prior
+                )
+                if found_at.onset and not any(_same(late, known) for known in found):
                     found.append(late)
     return found
 
@@ -64,12 +68,17 @@ def _that_begin(problem: Problem) -> dict[tuple[str, ...], list[Candidate]]:
 def late_payloads(problem: Problem, late: list[Candidate]) -> list[Candidate]:
     """Payloads that begin where their weight does: as a payload at rest shows it, or mass or thrust in its place."""
     hung = [c for c in problem.candidates if c.identifiers == (PAYLOAD,) and not c.onset]
-    onset, prior = OnsetScan(problem).best(_at_rest(hung[0])) if hung else ({}, 0.0)
-    if not onset:
-        instead = [c for c in late if c.identifiers in (("mass_error",), ("thrust_scale",))]
-        onset, prior = (instead[0].onset, instead[0].onset_prior) if instead else ({}, 0.0)
-    if not onset:
+    if not hung:
         return []
+    scan = OnsetScan(problem)
+    weights = [
+        _at_rest(hung[0]),
+        *(c for c in problem.candidates if c.identifiers in WEIGHTS and not c.onset),
+    ]
+    found = next((f for f in map(scan.best, weights) if f.onset and f.gain + f.prior > SUBSTANTIAL), None)
+    if found is None:
+        return []
+    onset, prior = found.onset, found.prior
     others = [c for c in (*problem.candidates, *late) if c.size <= 3 and PAYLOAD not in c.identifiers]
     first = PayloadSearch(problem.flights, onset)
     guesses = [guess for guess, _ in first.followed(problem.noise, problem.nuisance, others)]
@@ -77,13 +86,21 @@ def late_payloads(problem: Problem, late: list[Candidate]) -> list[Candidate]:
         return []
     onset = first.when(problem.noise, problem.nuisance, guesses[0])
     sharp = PayloadSearch(problem.flights, onset).from_guesses(problem.noise, problem.nuisance, guesses)
-    found = [candidate for _, candidate in sharp]
-    return [dc.replace(c, onset_prior=prior) for c in found]
+    return [dc.replace(c, onset_prior=prior) for _, c in sharp]
 
 
 def _at_rest(payload: Candidate) -> Candidate:
     """Its mass and hook alone, as if its swing were known."""
     return dc.replace(payload, columns={n: X[..., :4] for n, X in payload.columns.items()})
+
+
+@dc.dataclass(frozen=True)
+class Onsets:
+    """onset: by flight in which it helps [s]; prior: log prior of all of them; gain: in log evidence by them."""
+
+    onset: dict[str, float | None]
+    prior: float
+    gain: float
 
 
 class OnsetScan:
@@ -116,14 +133,14 @@ class OnsetScan:
                 gain += float(profile.max() - now)
         return gain
 
-    def best(self, candidate: Candidate) -> tuple[dict[str, float | None], float]:
-        """By flight where it helps: the onset [s]; and the log prior of all of them.
+    def best(self, candidate: Candidate) -> "Onsets":
+        """Where it begins in flight.
 
         The prior is that of an instant as wide as the evidence leaves it: an onset that is known to a row has one in
         all rows, one that is known to half a flight has one half.
         """
         scans = {name: _Flight(f, candidate.columns[name]) for name, f in self._flights.items()}
-        priors: dict[str, float] = {}
+        priors, gains = dict[str, float](), dict[str, float]()
         for _ in range(2):
             for name, scan in scans.items():
                 rest = [s.now for n, s in scans.items() if n != name]
@@ -136,11 +153,12 @@ class OnsetScan:
                 prior = (ANOTHER if priors else FIRST) + scan.log_width(profile)
                 late = len(profile) > 0 and profile.max() + prior - start > LEAST
                 if late:
-                    priors[name] = prior
+                    priors[name], gains[name] = prior, float(profile.max() - start)
                 scan.settle(scan.most_likely(profile) if late else None)
             if not priors:
                 break
-        return {name: scans[name].onset for name in priors}, sum(priors.values())
+        at = {name: scans[name].onset for name in priors}
+        return Onsets(at, sum(priors.values()), sum(gains[name] for name in priors))
 
     def _evidence(self, own: Sums, rest: list[Sums]) -> np.ndarray:
         """(n,) log evidence with these sums of one flight, each with those of the rest."""

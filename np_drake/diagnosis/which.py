@@ -134,29 +134,43 @@ def _refine(
     noise: NoiseModel | None = None,
     iterations: int = 6,
 ) -> Fit:
-    """A model's figures; where a fit of the same effects is known, from there."""
-    index = problem.columns(model.members)
-    mean, _ = problem.total.posterior(index)
+    """A model's figures; where a fit of the same effects is known, from there.
+
+    With a hidden swing, whose tether snaps, the descent may rest on the way: then from the posterior as well.
+    """
+    terms = _terms_at_posterior(problem, model)
+    starts = [terms]
+    if known is not None and _same(known.terms, terms):
+        swings = any(hasattr(t.effect, "payload") for t in terms)
+        starts = [list(known.terms), terms] if swings else [list(known.terms)]
+    drifting = next((c.columns for c in problem.nuisance if c.variant == "wander"), None)
+    fits = [
+        refine(
+            start,
+            calibration_terms(problem.flights[0].vehicle, tolerance),
+            problem.flights,
+            noise or problem.noise,
+            temperature=problem.temperature,
+            wander=drifting,
+            generic=[problem.candidates[i] for i in model.members if problem.candidates[i].generic],
+            evaluations=iterations,
+        )
+        for start in starts
+    ]
+    best = max(fits, key=lambda f: f.log_evidence)
+    return dc.replace(best, onset_prior=sum(problem.candidates[i].onset_prior for i in model.members))
+
+
+def _terms_at_posterior(problem: Problem, model: Model) -> list[Term]:
+    """The terms of a model's members as the linear regression has them."""
+    mean, _ = problem.total.posterior(problem.columns(model.members))
     at = sum(c.size for c in problem.nuisance)
     terms: list[Term] = []
     for i in model.members:
         candidate = problem.candidates[i]
         terms += candidate.terms(mean[at : at + candidate.size])
         at += candidate.size
-    if known is not None and _same(known.terms, terms):
-        terms = list(known.terms)
-    drifting = next((c.columns for c in problem.nuisance if c.variant == "wander"), None)
-    fit = refine(
-        terms,
-        calibration_terms(problem.flights[0].vehicle, tolerance),
-        problem.flights,
-        noise or problem.noise,
-        temperature=problem.temperature,
-        wander=drifting,
-        generic=[problem.candidates[i] for i in model.members if problem.candidates[i].generic],
-        evaluations=iterations,
-    )
-    return dc.replace(fit, onset_prior=sum(problem.candidates[i].onset_prior for i in model.members))
+    return terms
 
 
 def _same(a: Sequence[Term], b: Sequence[Term]) -> bool:

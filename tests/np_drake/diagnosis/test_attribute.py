@@ -54,10 +54,10 @@ def test_an_effect_matters_by_force_torque_or_share(size, matters):
 
 def test_calibration_matters_by_force_alone_and_a_sensor_by_its_tolerance():
     wide = Size(0.0, 1.0, 1.0, 1.0)
-    assert not wide.material(calibration=True, sensor=False)
-    assert dc.replace(wide, force=0.03).material(calibration=True, sensor=False)
-    assert not wide.material(calibration=False, sensor=True)
-    assert dc.replace(wide, sensor=2.0).material(calibration=False, sensor=True)
+    assert not wide.material(calibration=True, sensor=False, real=True)
+    assert dc.replace(wide, force=0.03).material(calibration=True, sensor=False, real=True)
+    assert not wide.material(calibration=False, sensor=True, real=True)
+    assert dc.replace(wide, sensor=2.0).material(calibration=False, sensor=True, real=True)
 
 
 @pytest.fixture(scope="module")
