@@ -1,5 +1,6 @@
 """Onset times of effects that begin in mid-flight."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,8 +12,12 @@ TOLERANCE = 0.2  # [s]
 
 
 def onset_errors(case: Solved) -> list[dict[str, Any]]:
-    """A row a flight and effect that begins in it: error [s], None where no cause with an onset stands for it."""
-    found, rows = matches(case), []
+    """A row a flight and instant: error [s], None where no cause with an onset stands for what begins there.
+
+    What begins together (a wind and its drag) counts once, by the one that is worst.
+    """
+    found = matches(case)
+    rows: dict[tuple[str, float], dict[str, Any]] = {}
     for i, effect in enumerate(case.truth["effects"]):
         cause = case.causes.get(found[i]) if i in found else None
         estimates = {same_flight(f): t for f, t in (cause or {}).get("onset", {}).items()}
@@ -20,8 +25,13 @@ def onset_errors(case: Solved) -> list[dict[str, Any]]:
             if true is not None:
                 given = estimates.get(same_flight(flight))
                 error = None if given is None else given - true
-                rows.append({"flight": flight, "named": cause is not None, "error": error})
-    return rows
+                row = {"flight": flight, "named": cause is not None, "error": error}
+                rows[flight, true] = max(rows.get((flight, true), row), row, key=_badness)
+    return list(rows.values())
+
+
+def _badness(row: dict[str, Any]) -> tuple[bool, float]:
+    return not row["named"], math.inf if row["error"] is None else abs(row["error"])
 
 
 def within(row: dict[str, Any]) -> bool:

@@ -49,8 +49,11 @@ class LateColumns:
         inside = ((near >= 0) & (near < m)).astype(float)
         near = np.clip(near, 0, m - 1)
         local = np.moveaxis(white, 2, 0) * inside[:, :, None, None]
-        local = local.reshape(n, -1, k)
-        B, y = self.beside[near].reshape(n, local.shape[1], -1), self.y[near].reshape(n, -1)
+        local = local.reshape(n, near.shape[1] * X.shape[1], k)
+        B, y = (
+            self.beside[near].reshape(n, local.shape[1], self.beside.shape[-1]),
+            self.y[near].reshape(n, -1),
+        )
         later = np.clip(rows + half + order + 1, 0, m)
         sums = self._products(np.swapaxes(local, 1, 2), local, B, y)
         XX, XB, Xy = (a + b[later] for a, b in zip(sums, whole, strict=True))

@@ -68,13 +68,9 @@ def _that_begin(problem: Problem) -> dict[tuple[str, ...], list[Candidate]]:
 def late_payloads(problem: Problem, late: list[Candidate]) -> list[Candidate]:
     """Payloads that begin where their weight does: as a payload at rest shows it, or mass or thrust in its place."""
     hung = [c for c in problem.candidates if c.identifiers == (PAYLOAD,) and not c.onset]
-    if not hung:
-        return []
     scan = OnsetScan(problem)
-    weights = [
-        _at_rest(hung[0]),
-        *(c for c in problem.candidates if c.identifiers in WEIGHTS and not c.onset),
-    ]
+    weights = [_at_rest(c) for c in hung[:1]]
+    weights += [c for c in problem.candidates if c.identifiers in WEIGHTS and not c.onset]
     found = next((f for f in map(scan.best, weights) if f.onset and f.gain + f.prior > SUBSTANTIAL), None)
     if found is None:
         return []
@@ -114,7 +110,7 @@ class OnsetScan:
             columns = [c.columns[e.name] for c in beside] or [np.zeros((*e.y.shape, 0))]
             B = np.concatenate(columns, axis=-1)
             self._flights[e.name] = LateColumns(e, problem.noise, e.y, B, scale)
-        B = np.concatenate([f.beside.reshape(-1, f.beside.shape[-1]) for f in self._flights.values()])
+        B = np.concatenate([f.beside.reshape(f.y.size, f.beside.shape[-1]) for f in self._flights.values()])
         y = np.concatenate([f.y.ravel() for f in self._flights.values()])
         self._covariance = np.linalg.inv(np.eye(B.shape[1]) + B.T @ B)
         self._mean = self._covariance @ (B.T @ y)

@@ -35,3 +35,16 @@ def test_faint_cases_count_only_among_all(by_hand):
     found = summary([case_with(by_hand, {"train_1": 8.0}, visibility=1.1)], 1.5)
     assert found["within"]["n"] == 0
     assert (found["within_all"]["count"], found["within_all"]["n"]) == (1, 2)
+
+
+def test_what_begins_together_counts_once_by_the_one_that_is_worst(by_hand):
+    onset = {"train_1.csv": 8.0}
+    both = [{**by_hand.SCALE, "onset": onset}, {**by_hand.SCALE, "effect": "motor_lag", "onset": onset}]
+    truth = by_hand.make_truth(*both, kind="onset")
+    for late, right in ((8.1, True), (8.4, False)):
+        causes = [
+            {**by_hand.make_cause(e["effect"], {}), "onset": {"train_1": t}}
+            for e, t in zip(both, (8.0, late), strict=True)
+        ]
+        (row,) = onset_errors(by_hand.make_case(truth, by_hand.make_answer(*causes)))
+        assert within(row) is right

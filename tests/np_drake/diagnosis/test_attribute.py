@@ -24,7 +24,7 @@ from np_drake.diagnosis.attribute import (
 )
 from np_drake.diagnosis.hidden_swing import LENGTH_ERROR
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
-from np_drake.diagnosis.signature import NEVER, Term
+from np_drake.diagnosis.signature import Term
 from np_drake.diagnosis.which import rank
 from np_drake.effects.base import Effect
 from np_drake.effects.constant_wind import ConstantWind
@@ -35,7 +35,7 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.weak_rotor import WeakRotor
 
-PLAIN = {"calibration": False, "sensor": False}
+PLAIN = {"calibration": False, "sensor": False, "real": True}
 
 
 @pytest.mark.parametrize(
@@ -50,6 +50,13 @@ PLAIN = {"calibration": False, "sensor": False}
 )
 def test_an_effect_matters_by_force_torque_or_share(size, matters):
     assert size.material(**PLAIN) is matters
+
+
+def test_in_a_laboratory_less_matters():
+    faint = Size(0.5 * MATERIAL_FORCE, 0.0, 0.0, 0.0)
+    assert not faint.material(**PLAIN)
+    assert faint.material(**{**PLAIN, "real": False})
+    assert not dc.replace(faint, force=0.2 * MATERIAL_FORCE).material(**{**PLAIN, "real": False})
 
 
 def test_calibration_matters_by_force_alone_and_a_sensor_by_its_tolerance():
@@ -109,7 +116,7 @@ def test_an_effect_too_small_to_matter_is_a_minor_finding(drag):
 def test_what_does_not_help_on_unseen_flights_is_no_cause(seen, drag):
     unseen = [seen(name="c", seed=3, noise=1.0, seconds=10.0)]  # without drag
     held = on_held_out(drag.fit, unseen, drag.ranking.noise)
-    assert held.terms["c"][0].begins("c") == NEVER
+    assert held.terms["c"][0].begins("c") is None  # what acted in all flights of the fit is not excused here
     absent = [Term(LinearDrag(0.6, 0.6, 0.6)), *held.terms["c"][1:]]
     upside = dc.replace(held, terms={"c": absent}, settled={"c": absent})
     assert helps(drag.fit, 0, unseen, drag.ranking.noise, upside) < -2.0

@@ -32,8 +32,15 @@ def test_what_acts_from_the_start_keeps_no_onset(seen, noise):
 
 def test_what_is_absent_from_a_flight_never_begins_there(seen, noise):
     flight = seen(name="c", seed=3, noise=1.0)
-    dut = adapt([Term(HEAVY), Term(LinearDrag(0.5, 0.5, 0.5))], flight, noise)
+    late = {"a": 4.0}
+    dut = adapt([Term(HEAVY, late), Term(LinearDrag(0.5, 0.5, 0.5), late)], flight, noise)
     assert [t.begins("c") for t in dut] == [NEVER, NEVER]
+
+
+def test_what_acts_throughout_the_fit_is_not_excused_where_it_is_absent(seen, noise):
+    flight = seen(name="c", seed=3, noise=1.0)
+    (dut,) = adapt([Term(HEAVY)], flight, noise)
+    assert dut.begins("c") is None
 
 
 def test_beside_structure_only_what_began_late_in_the_fit_may_begin_late(seen, noise):
@@ -86,12 +93,12 @@ def test_the_profile_is_the_likelihood_of_every_instant(seen, noise):
     flight = seen(HEAVY, name="c", seed=3, noise=1.0, seconds=5.0)
     own = signature(flight, [Term(HEAVY)])
     t, profile = known_onset_profile(flight, noise, flight.y, own)
-    y, s = noise.whiten(flight.y), noise.whiten(own)
-    k = 100
-    left = np.concatenate([y[:k], (y - s)[k:]])
-    assert profile[k] == pytest.approx(0.5 * (np.sum(y**2) - np.sum(left**2)))
+    for k in (0, 40, 100, 180):
+        begun = flight.begun(float(t[k]) if k else None) * own
+        left = [noise.whiten(flight.y), noise.whiten(flight.y - begun)]
+        assert profile[k] == pytest.approx(0.5 * (np.sum(left[0] ** 2) - np.sum(left[1] ** 2)))
     assert profile[-1] == 0.0  # not at all
-    assert len(t) == len(profile) == len(y) + 1
+    assert len(t) == len(profile) == len(noise.whiten(flight.y)) + 1
     assert np.isneginf(profile[(t > t[0]) & (t < t[0] + 0.3)]).all()
 
 

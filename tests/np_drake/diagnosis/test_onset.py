@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.candidates import effect_candidates, library_candidates
-from np_drake.diagnosis.onset import ONSET_PRIOR, best_onsets, gated_candidates, late_payloads, onset_profile
+from np_drake.diagnosis.onset import ANOTHER, FIRST, OnsetScan, gated_candidates, late_payloads
 from np_drake.diagnosis.search import Problem
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -23,17 +23,17 @@ def test_the_instant_is_found(seen, noise, effect, when):
     flights = [seen(effect, name="late", seed=1, noise=1.0, onset={effect.identifier: when})]
     problem = problem_of(flights, noise, [effect])
     right = [c for c in problem.candidates if c.variant in ("", "rotor=2")]
-    onset, gain = best_onsets(problem, right[0])
-    slack = 0.6 if isinstance(effect, LinearDrag) else 0.2  # a drag shows once there is speed [s]
-    assert onset["late"] == pytest.approx(when, abs=slack)
-    assert gain > 10.0
+    dut = OnsetScan(problem).best(right[0])
+    slack = 0.6 if isinstance(effect, LinearDrag) else 0.03  # a drag shows once there is speed [s]
+    assert dut.onset["late"] == pytest.approx(when, abs=slack)
+    assert dut.gain > 10.0
 
 
 def test_what_acts_from_the_start_has_no_onset(seen, noise):
     effect = MassError(0.2)
     flights = [seen(effect, name=str(i), seed=i, noise=1.0) for i in (1, 2)]
     problem = problem_of(flights, noise, [effect])
-    assert best_onsets(problem, problem.candidates[0]) == ({}, 0)
+    assert OnsetScan(problem).best(problem.candidates[0]).onset == {}
     assert gated_candidates(problem) == []
 
 
@@ -43,13 +43,15 @@ def test_each_flight_has_its_own_onset(seen, noise):
     late = seen(effect, name="late", seed=2, noise=1.0, onset={"mass_error": 8.0})
     always = seen(effect, name="always", seed=3, noise=1.0)
     problem = problem_of([early, late, always], noise, [effect])
-    onset, _ = best_onsets(problem, problem.candidates[0])
-    assert onset.keys() == {"early", "late"}
-    assert onset["early"] == pytest.approx(3.0, abs=0.2)
-    assert onset["late"] == pytest.approx(8.0, abs=0.2)
+    dut = OnsetScan(problem).best(problem.candidates[0])
+    assert dut.onset.keys() == {"early", "late"}
+    assert dut.onset["early"] == pytest.approx(3.0, abs=0.03)
+    assert dut.onset["late"] == pytest.approx(8.0, abs=0.03)
     late = next(c for c in gated_candidates(problem) if c.identifiers == ("mass_error",))
-    assert late.onset == onset
-    assert late.log_prior == problem.candidates[0].log_prior + 2 * ONSET_PRIOR  # each instant is a choice
+    assert late.onset == dut.onset
+    assert late.log_prior == problem.candidates[0].log_prior
+    rows = round((12.0 - 2 * 0.7) / 0.02)
+    assert FIRST + ANOTHER - 2 * np.log(rows) <= late.onset_prior < FIRST + ANOTHER - np.log(rows)
 
 
 def test_noise_alone_begins_nowhere(seen, noise):
@@ -58,12 +60,22 @@ def test_noise_alone_begins_nowhere(seen, noise):
     assert gated_candidates(problem) == []
 
 
-def test_the_profile_at_the_start_is_the_evidence_of_the_whole_flight(seen, noise):
-    flights = [seen(MassError(0.1), name="1", seed=1, noise=1.0, seconds=8.0)]
-    problem = problem_of(flights, noise, [MassError()])
-    _, profile = onset_profile(problem, problem.candidates[0], flights[0])
-    expected = problem.total.log_evidence(np.array([0]))
-    assert profile[0] == pytest.approx(expected, rel=1e-6)
+def test_an_onset_is_found_beside_what_else_acts(seen, noise):
+    drag, late = LinearDrag(0.6, 0.6, 0.6), MassError(0.2)
+    flights = [seen(drag, late, name="1", seed=1, noise=1.0, onset={"mass_error": 5.3})]
+    problem = problem_of(flights, noise, [drag, late])
+    dut = OnsetScan(problem, [0]).best(problem.candidates[1])
+    assert dut.onset["1"] == pytest.approx(5.3, abs=0.03)
+
+
+def test_a_vague_onset_costs_less_than_a_sharp_one(seen, noise):
+    priors = []
+    for size in (0.01, 0.2):
+        flights = [seen(MassError(size), name="1", seed=1, noise=1.0, onset={"mass_error": 5.3})]
+        dut = OnsetScan(problem_of(flights, noise, [MassError()]))
+        candidate = problem_of(flights, noise, [MassError()]).candidates[0]
+        priors.append(dut.best(candidate).prior)
+    assert priors[1] < priors[0] - 0.5
 
 
 def test_a_payload_that_is_hung_on_in_flight_is_found_to_the_row(seen, noise):
