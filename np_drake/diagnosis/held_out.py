@@ -6,16 +6,26 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.evidence import WRENCH, Evidence
-from np_drake.diagnosis.hidden_swing import hidden_size, padded, swing_units, swing_wrenches
+from np_drake.diagnosis.hidden_swing import (
+    MOST_JUMPS,
+    STATE,
+    hidden_size,
+    jumps,
+    padded,
+    swing_units,
+    swing_wrenches,
+)
 from np_drake.diagnosis.late_columns import LateColumns
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.payload_candidates import SWING, WIDEST
-from np_drake.diagnosis.shocks import find_shocks
+from np_drake.diagnosis.shocks import APART, find_shocks
 from np_drake.diagnosis.signature import NEVER, Term, signature
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
+JUMP_SPAN = 1.5  # after a shock, over which a swing is fitted anew; not scored either [s]
 ONSET_GAIN = 8.0  # log likelihood that an onset must bring; own choice
 SURPRISE = 30.0  # and where none of the fitted flights has one; own choice
+STEPS = 3  # of Gauss-Newton
 SPANS = (4.0, 8.0, np.inf)  # over which a swing is followed through a flight, one after the other [s]
 
 
@@ -30,7 +40,7 @@ def adapt(
     late = [type(t.effect).begins and not (structured and set(t.onset.values()) <= {None}) for t in terms]
     known = [any(begin is not None for begin in t.onset.values()) for t in terms]
     terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
-    terms = [_with_swing(terms, i, flight, noise) for i in range(len(terms))]
+    terms = [_anchored(terms, i, flight, noise) for i in range(len(terms))]
     for i, scanned in enumerate(late):
         if scanned:
             terms[i] = _with_onset(terms, i, flight, noise, known=known[i])
@@ -38,18 +48,56 @@ def adapt(
 
 
 def without_shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> Evidence:
-    """The flight, its shocks taken out as the terms' misses show them."""
+    """The flight, its shocks taken out as the terms' misses show them.
+
+    A swing is lost at a shock, and what it misses from there on looks like more of them: they are taken in turn.
+    """
+    swings = any(hasattr(t.effect, "payload") for t in terms)
+    for _ in range(MOST_JUMPS if swings else 0):
+        found = _shocks(terms, flight, noise)
+        first = _first_run(found & (flight.t > _end_of(flight.t, flight.shocks) + APART))
+        if not first.any():
+            return flight
+        flight = dc.replace(flight, shocks=flight.shocks | first)
+    return dc.replace(flight, shocks=flight.shocks | _shocks(terms, flight, noise))
+
+
+def _shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> np.ndarray:
     left = flight.y - signature(flight, adapt(terms, flight, noise))
-    return dc.replace(flight, shocks=find_shocks(left, flight.grid.step))
+    return find_shocks(left, flight.grid.step)
+
+
+def _first_run(found: np.ndarray) -> np.ndarray:
+    """The first unbroken run of true rows (m,), alone."""
+    start = int(np.argmax(found))
+    run = np.zeros_like(found)
+    if found.any():
+        stop = start + int(np.argmin(np.append(found[start:], False)))
+        run[start:stop] = True
+    return run
+
+
+def _end_of(t: np.ndarray, rows: np.ndarray) -> float:
+    """The last of these rows [s]; before the flight where there are none."""
+    return float(t[np.flatnonzero(rows)[-1]]) if rows.any() else -np.inf
+
+
+def anchors(term: Term, flight: Evidence) -> list[np.ndarray]:
+    """Rows (m,) to which the hidden state is fitted: at its start, and after every shock at which it may jump."""
+    start = term.begins(flight.name)
+    if not hasattr(term.effect, "payload") or start == NEVER:
+        return []
+    begin = flight.t[0] if start is None else start
+    spans = [(begin, HIDDEN_SPAN), *((float(flight.t[k]), JUMP_SPAN) for k in jumps(flight, start))]
+    return [(flight.t >= a) & (flight.t < a + span) for a, span in spans]
 
 
 def scored(terms: Sequence[Term], flight: Evidence) -> np.ndarray:
-    """(m,) rows that count: not those that a hidden start was fitted to."""
-    starts = [(t.begins(flight.name) or flight.t[0]) for t in terms if hasattr(t.effect, "payload")]
+    """(m,) rows that count: not those that a hidden state was fitted to."""
     rows = np.ones(len(flight.t), bool)
-    for start in starts:
-        if start != NEVER:
-            rows &= (flight.t < start) | (flight.t >= start + HIDDEN_SPAN)
+    for term in terms:
+        for fitted in anchors(term, flight):
+            rows &= ~fitted
     return rows
 
 
@@ -57,9 +105,22 @@ def settled(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list[
     """Adapted terms with hidden states, jumps at shocks among them, that fit the whole flight: for what is no swing."""
     terms = list(terms)
     for i, term in enumerate(terms):
+        begin = term.begins(flight.name)
+        start = flight.t[0] if begin is None else begin
         for span in SPANS:
-            terms[i] = _with_swing(terms, i, flight, noise, term.begins(flight.name), span)
+            rows = (flight.t >= start) & (flight.t < start + span)
+            terms[i] = _with_swing(terms, i, flight, noise, begin, rows)
     return terms
+
+
+def _anchored(
+    terms: Sequence[Term], i: int, flight: Evidence, noise: NoiseModel, onset: float | None = None
+) -> Term:
+    """The term, its swing fitted to the rows at its start, then every jump to those after the shock."""
+    now = list(terms)
+    for k, rows in enumerate(anchors(dc.replace(terms[i], onset={flight.name: onset}), flight)):
+        now[i] = _with_swing(now, i, flight, noise, onset, rows, slice(k * STATE, (k + 1) * STATE))
+    return now[i]
 
 
 def _with_swing(
@@ -67,33 +128,39 @@ def _with_swing(
     i: int,
     flight: Evidence,
     noise: NoiseModel,
-    onset: float | None = None,
-    span: float = HIDDEN_SPAN,
+    onset: float | None,
+    rows: np.ndarray,
+    free: slice = slice(None),
 ) -> Term:
-    """Gauss-Newton on the figures of a payload's swing, from where it is, over a span after its onset [s]."""
+    """Gauss-Newton on the (free) figures of a payload's swing, from where they are, on these rows (m,)."""
     term = terms[i]
     if not hasattr(term.effect, "payload") or onset == NEVER:
         return term
     target = flight.y - signature(flight, [t for j, t in enumerate(terms) if j != i])
-    start = flight.t[0] if onset is None else onset
-    inside = ((flight.t >= start) & (flight.t < start + span))[noise.phi.shape[1] :]
+    inside = rows[noise.phi.shape[1] :]
     size = hidden_size(flight, onset)
     swing = padded(term.hidden.get(flight.name), size)
     rate = np.sqrt(flight.vehicle.gravity / term.effect.payload.length)  # type: ignore[attr-defined]
     unit = swing_units(size, rate)
     prior, limit = SWING * unit, WIDEST * unit
-    for _ in range(3):
-        moves = swing + 0.02 * np.concatenate([np.zeros((1, size)), np.eye(size)])
+    moved = np.eye(size)[free]
+    best, least = swing, np.inf
+    for _ in range(STEPS + 1):
+        moves = swing + 0.02 * np.concatenate([np.zeros((1, size)), moved])
         wrench = swing_wrenches(flight, [dc.replace(term, hidden={flight.name: m}) for m in moves])
         error = np.array(target)
         error[:, WRENCH] -= wrench[:, 0]
-        columns = np.zeros((*target.shape, size))
+        columns = np.zeros((*target.shape, len(moved)))
         columns[:, WRENCH] = np.moveaxis(wrench[:, 1:] - wrench[:, :1], 1, 2) / 0.02
-        X = flight.white(noise, columns)[inside].reshape(-1, size)
+        X = flight.white(noise, columns)[inside].reshape(-1, len(moved))
         e = flight.white(noise, error)[inside].ravel()
-        A = X.T @ X + np.diag(prior**-2)
-        swing = np.clip(swing + np.linalg.solve(A, X.T @ e - swing / prior**2), -limit, limit)
-    return dc.replace(term, hidden={flight.name: swing})
+        cost = float(e @ e + np.sum((swing / prior) ** 2))
+        if cost < least:
+            best, least = swing, cost
+        A = X.T @ X + np.diag(prior[free] ** -2)
+        step = np.linalg.solve(A, X.T @ e - swing[free] / prior[free] ** 2)
+        swing = np.clip(swing + step @ moved, -limit, limit)
+    return dc.replace(term, hidden={flight.name: best})
 
 
 def _with_onset(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel, *, known: bool) -> Term:
@@ -115,7 +182,7 @@ def _with_onset(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel, 
     if onset == NEVER and not known:
         return term
     late = dc.replace(term, onset={flight.name: onset}, hidden={})
-    return _with_swing([*terms[:i], late, *terms[i + 1 :]], i, flight, noise, onset)
+    return _anchored([*terms[:i], late, *terms[i + 1 :]], i, flight, noise, onset)
 
 
 def known_onset_profile(

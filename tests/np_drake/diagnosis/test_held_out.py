@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.evidence import WRENCH, make_evidence
-from np_drake.diagnosis.held_out import HIDDEN_SPAN, adapt, known_onset_profile, scored, settled
+from np_drake.diagnosis.held_out import (
+    HIDDEN_SPAN,
+    JUMP_SPAN,
+    adapt,
+    known_onset_profile,
+    scored,
+    settled,
+    without_shocks,
+)
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
@@ -87,6 +95,40 @@ def test_rows_that_a_hidden_start_was_fitted_to_are_not_scored(seen):
     late = scored([Term(PAYLOAD, {"c": 5.0})], flight)
     np.testing.assert_array_equal(late, (flight.t < 5.0) | (flight.t >= 5.0 + HIDDEN_SPAN))
     assert scored([Term(PAYLOAD, {"c": NEVER})], flight).all()
+
+
+def knocked(flight, when):
+    """The flight with a shock that lasts two rows."""
+    shocks = np.zeros(len(flight.t), bool)
+    shocks[np.searchsorted(flight.t, when) + np.arange(2)] = True
+    return dc.replace(flight, shocks=shocks)
+
+
+def test_a_swing_that_jumps_at_a_shock_is_found_anew_and_those_rows_are_not_scored(seen, noise):
+    flight = knocked(seen(PAYLOAD, name="c", seed=3, noise=1.0, seconds=12.0), 6.0)
+    jumped = Term(PAYLOAD, hidden={"c": np.array([0.0, 0.0, 0.0, 0.0, 0.3, -0.2, 0.5, 0.8])})
+    y = flight.y + signature(flight, [jumped]) - signature(flight, [Term(PAYLOAD)])
+    flight = dc.replace(flight, y=y)
+    (dut,) = adapt([Term(PAYLOAD)], flight, noise)
+    rows = scored([dut], flight)
+    after = flight.t > flight.t[flight.shocks][-1]
+    assert not rows[after & (flight.t < 6.0 + JUMP_SPAN)].any()
+    assert rows[flight.t > 6.1 + JUMP_SPAN].all()
+    unaware = dc.replace(dut, hidden={"c": dut.hidden["c"][:4]})
+    left = [np.std((flight.y - signature(flight, [t]))[rows & after][:, :3]) for t in (dut, jumped, unaware)]
+    assert left[0] < 1.1 * left[1] < 0.5 * left[2]
+
+
+def test_shocks_of_a_swing_are_taken_in_turn(seen, noise):
+    flight = seen(PAYLOAD, name="c", seed=3, noise=1.0, seconds=12.0)
+    at = np.searchsorted(flight.t, 6.0)
+    jumped = Term(PAYLOAD, hidden={"c": np.array([0.0, 0.0, 0.0, 0.0, 0.3, -0.2, 0.5, 0.8])})
+    y = flight.y - signature(flight, [Term(PAYLOAD)])
+    y = y + signature(knocked(flight, 6.0), [jumped])
+    y[at : at + 2, :3] += 60.0
+    dut = without_shocks([Term(PAYLOAD)], dc.replace(flight, y=y), noise)
+    assert dut.shocks[at : at + 2].all()
+    assert dut.shocks.sum() < 8  # nothing of the swing that is lost there
 
 
 def test_the_profile_is_the_likelihood_of_every_instant(seen, noise):
