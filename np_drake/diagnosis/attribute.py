@@ -13,7 +13,7 @@ from np_drake.diagnosis.hidden_swing import LENGTH_ERROR
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.probability import reported
 from np_drake.diagnosis.refine import Fit
-from np_drake.diagnosis.rig import Tolerance
+from np_drake.diagnosis.rig import Tolerance, wander
 from np_drake.diagnosis.search import Model, Problem
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
@@ -154,14 +154,15 @@ def causes_of(
     members = {names_of(ranking.named_problem, m): m for m in reversed(ranking.named_models)}
     key = names_of_fit(ranking.named)
     same = alike(ranking.named_problem, members[key]) if key in members else {}
+    drift = drift_of([*flights, *held_out], ranking.noise, ranking.tolerance)
     causes, minor = [], []
     for i, term in enumerate(fit.terms):
         size = size_of(fit, i, flights, ranking.noise, ranking.tolerance)
         cause = _cause(ranking, fit, i, term, [*flights, *held_out], same, size, held)
         calibration = within_calibration(term, ranking.tolerance)
         sensor = ranking.tolerance.of(term.effect.identifier) > 0
-        least = least_help(fit, i, flights, ranking.noise)
-        confirmed = helps(fit, i, held_out, ranking.noise, held) > least
+        least = least_help(fit, i, flights, ranking.noise, drift)
+        confirmed = helps(fit, i, held_out, ranking.noise, held, drift) > least
         confirmed |= gusty and term.effect.identifier in GUSTY
         material = size.material(calibration=calibration, sensor=sensor, real=ranking.tolerance.real)
         material |= gusty and term.effect.identifier == GUSTY[0]
@@ -228,26 +229,47 @@ def on_held_out(
     return HeldOut(terms, left, rows, whole)
 
 
-def helps(fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, held: HeldOut) -> float:
-    """Log likelihood that term i brings on the held-out flights."""
-    return sum(_brings(held.settled[e.name], i, e, noise, held.rows[e.name]) for e in flights)
+Drift = dict[str, np.ndarray]  # by flight, (m, 15, k) columns of what its sensors may be off by, whitened
 
 
-def _brings(terms: Sequence[Term], i: int, e: Evidence, noise: NoiseModel, rows: np.ndarray) -> float:
-    """Log likelihood that terms[i] brings to the others on these rows (m,) of a flight."""
+def drift_of(flights: Sequence[Evidence], noise: NoiseModel, tolerance: Tolerance) -> Drift:
+    """Every flight's own sensor errors within tolerance, each with prior N(0, 1)."""
+    found = {e.name: wander([e], tolerance) for e in flights}
+    return {e.name: e.white(noise, w.columns[e.name]) for e in flights if (w := found[e.name])}
+
+
+def helps(
+    fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, held: HeldOut, drift: Drift
+) -> float:
+    """Log evidence that term i brings on the held-out flights, whatever their own sensors are off by."""
+    return sum(_brings(held.settled[e.name], i, e, noise, held.rows[e.name], drift) for e in flights)
+
+
+def _brings(
+    terms: Sequence[Term], i: int, e: Evidence, noise: NoiseModel, rows: np.ndarray, drift: Drift
+) -> float:
+    """Log evidence that terms[i] brings to the others on these rows (m,) of a flight."""
     if terms[i].begins(e.name) == NEVER:
         return 0.0
     counted = rows[noise.phi.shape[1] :]
     without = e.y - signature(e, [t for j, t in enumerate(terms) if j != i])
-    losses = [np.sum(e.white(noise, r)[counted] ** 2) for r in (without, e.y - signature(e, terms))]
-    return float(0.5 * (losses[0] - losses[1]))
+    left = [e.white(noise, r)[counted].ravel() for r in (without, e.y - signature(e, terms))]
+    losses = [float(r @ r) for r in left]
+    if e.name in drift:
+        D = drift[e.name][counted].reshape(len(left[0]), -1)
+        factor = np.linalg.cholesky(D.T @ D + np.eye(D.shape[1]))
+        losses = [
+            a - float(np.sum(np.linalg.solve(factor, D.T @ r) ** 2))
+            for a, r in zip(losses, left, strict=True)
+        ]
+    return 0.5 * (losses[0] - losses[1])
 
 
-def least_help(fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel) -> float:
-    """Log likelihood on held-out flights below which term i is not confirmed by them.
+def least_help(fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, drift: Drift) -> float:
+    """Log evidence on held-out flights below which term i is not confirmed by them.
 
     Where a flight does not excite an effect, its columns are the noise of what is measured, and it explains nothing
     there: that may cost a share of what the term brings to the flights of the fit.
     """
-    brought = sum(_brings(fit.everything, i, e, noise, np.ones(len(e.t), bool)) for e in flights)
+    brought = sum(_brings(fit.everything, i, e, noise, np.ones(len(e.t), bool), drift) for e in flights)
     return -(HURT + MISFIT * max(brought, 0.0))

@@ -21,6 +21,7 @@ FIRST, ANOTHER = (
 LEAST = 1.0  # gain in log evidence, prior included, from which an onset is tried; own choice
 SUBSTANTIAL = 8.0  # from which a payload is looked for that is hung on in flight; own choice
 WEIGHTS = (("mass_error",), ("thrust_scale",))
+AT_REST = 4  # columns of a payload: mass and hook
 LARGEST = 8  # columns of a candidate that is scanned
 VARIANTS = 2  # of an effect, that promise most
 COARSE = 5  # rows between instants that are tried at first
@@ -66,12 +67,17 @@ def _that_begin(problem: Problem) -> dict[tuple[str, ...], list[Candidate]]:
 
 
 def late_payloads(problem: Problem, late: list[Candidate]) -> list[Candidate]:
-    """Payloads that begin where their weight does: as a payload at rest shows it, or mass or thrust in its place."""
-    hung = [c for c in problem.candidates if c.identifiers == (PAYLOAD,) and not c.onset]
+    """Payloads that begin where their weight does: as a payload at rest shows it, or mass or thrust in its place.
+
+    None where a payload that hangs from the start explains more than such a weight.
+    """
+    at_start = [i for i, c in enumerate(problem.candidates) if c.identifiers == (PAYLOAD,) and not c.onset]
+    best = max((problem.score((i,)) for i in at_start), default=0.0)
     scan = OnsetScan(problem)
-    weights = [_at_rest(c) for c in hung[:1]]
+    weights = [_at_rest(problem.candidates[i]) for i in at_start[:1]]
     weights += [c for c in problem.candidates if c.identifiers in WEIGHTS and not c.onset]
-    found = next((f for f in map(scan.best, weights) if f.onset and f.gain + f.prior > SUBSTANTIAL), None)
+    heavy = (f for f in map(scan.best, weights) if f.onset and f.gain + f.prior > SUBSTANTIAL)
+    found = next((f for f in heavy if f.evidence + f.prior > best), None)
     if found is None:
         return []
     onset, prior = found.onset, found.prior
@@ -87,16 +93,20 @@ def late_payloads(problem: Problem, late: list[Candidate]) -> list[Candidate]:
 
 def _at_rest(payload: Candidate) -> Candidate:
     """Its mass and hook alone, as if its swing were known."""
-    return dc.replace(payload, columns={n: X[..., :4] for n, X in payload.columns.items()})
+    return dc.replace(payload, columns={n: X[..., :AT_REST] for n, X in payload.columns.items()})
 
 
 @dc.dataclass(frozen=True)
 class Onsets:
-    """onset: by flight in which it helps [s]; prior: log prior of all of them; gain: in log evidence by them."""
+    """onset: by flight in which it helps [s]; prior: log prior of all of them; gain: in log evidence by them.
+
+    evidence: log evidence of the candidate, over that of what is beside it alone.
+    """
 
     onset: dict[str, float | None]
     prior: float
     gain: float
+    evidence: float
 
 
 class OnsetScan:
@@ -154,7 +164,9 @@ class OnsetScan:
             if not priors:
                 break
         at = {name: scans[name].onset for name in priors}
-        return Onsets(at, sum(priors.values()), sum(gains[name] for name in priors))
+        first, *rest = (scan.now for scan in scans.values())
+        gain = sum(gains[name] for name in priors)
+        return Onsets(at, sum(priors.values()), gain, float(self._evidence(first, rest)[0]))
 
     def _evidence(self, own: Sums, rest: list[Sums]) -> np.ndarray:
         """(n,) log evidence with these sums of one flight, each with those of the rest."""

@@ -29,7 +29,7 @@ class Tolerance:
 
     mass: float = 0.006  # [1]
     thrust: float = 0.006  # [1]
-    acceleration: float = 0.08  # from flight to flight [m/s²]
+    acceleration: float = 0.055  # from flight to flight [m/s²]
     attitude: float = 0.008  # from flight to flight [rad]
     rate: float = 0.01  # from flight to flight [rad/s]
     velocity: float = 0.02  # from flight to flight [m/s]

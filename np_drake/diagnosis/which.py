@@ -26,6 +26,7 @@ from np_drake.diagnosis.unknown import PREFIX
 TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice
 MOST_MEASURED = 8  # effects that are named where rotor speed is measured: real rotors have many; own choice
 REFINED = 3  # models that are refined
+GIVES_WAY = 4.0  # log evidence by which generic structure must beat the library's effects; own choice
 CLOSE = 12.0  # of the best's log evidence, below which a model is not worth it
 
 
@@ -55,7 +56,7 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
     noise = noise_of([best.left(e) for e in ready.flights], ready.raw, ready.step, tolerance)
     close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
     fits = [_refine(problem, m, tolerance, best, noise) for m in close[:REFINED]]
-    fits.sort(key=lambda f: -_score(f))
+    fits.sort(key=lambda f: -_score(f) + (GIVES_WAY if f.generic else 0.0))
     probability = _probabilities(problem, models, fits)
     named, named_problem, named_models = fits[0], problem, models
     if fits[0].generic and fits[0].terms:

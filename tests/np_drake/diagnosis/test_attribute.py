@@ -119,7 +119,7 @@ def test_what_does_not_help_on_unseen_flights_is_no_cause(seen, drag):
     assert held.terms["c"][0].begins("c") is None  # what acted in all flights of the fit is not excused here
     absent = [Term(LinearDrag(0.6, 0.6, 0.6)), *held.terms["c"][1:]]
     upside = dc.replace(held, terms={"c": absent}, settled={"c": absent})
-    assert helps(drag.fit, 0, unseen, drag.ranking.noise, upside) < -2.0
+    assert helps(drag.fit, 0, unseen, drag.ranking.noise, upside, {}) < -2.0
     causes, minor = causes_of(drag.ranking, drag.fit, drag.flights, unseen, upside)
     assert causes == []
     assert "not confirmed" in minor[0].text
@@ -158,7 +158,7 @@ def test_where_gusts_blow_the_drag_that_feels_them_matters_however_small(drag):
 
 def test_a_cause_helps_on_unseen_flights_by_what_it_explains(drag):
     held = on_held_out(drag.fit, drag.unseen, drag.ranking.noise)
-    assert helps(drag.fit, 0, drag.unseen, drag.ranking.noise, held) > 100.0
+    assert helps(drag.fit, 0, drag.unseen, drag.ranking.noise, held, {}) > 100.0
 
 
 def test_without_torque_mass_and_thrust_are_named_beside_each_other(seen):
@@ -209,10 +209,10 @@ def test_the_length_of_a_tether_is_known_no_better_than_the_motion_that_drives_i
 
 
 def test_an_effect_may_cost_on_an_unseen_flight_a_share_of_what_it_brings(drag):
-    least = least_help(drag.fit, 0, drag.flights, drag.ranking.noise)
+    least = least_help(drag.fit, 0, drag.flights, drag.ranking.noise, {})
     held = on_held_out(drag.fit, drag.flights, drag.ranking.noise)
-    brought = helps(drag.fit, 0, drag.flights, drag.ranking.noise, held)
+    brought = helps(drag.fit, 0, drag.flights, drag.ranking.noise, held, {})
     assert least == pytest.approx(-HURT - MISFIT * brought, rel=0.05)
     fit = dc.replace(drag.fit, terms=(*drag.fit.terms, Term(WeakRotor(1, 0.999))))
-    nothing = least_help(fit, len(drag.fit.terms), drag.flights, drag.ranking.noise)
+    nothing = least_help(fit, len(drag.fit.terms), drag.flights, drag.ranking.noise, {})
     assert nothing == pytest.approx(-HURT, abs=0.5)
