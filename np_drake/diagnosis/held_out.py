@@ -41,8 +41,8 @@ def adapt(
     known = [any(begin is not None for begin in t.onset.values()) for t in terms]
     terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
     terms = [_anchored(terms, i, flight, noise) for i in range(len(terms))]
-    for i, scanned in enumerate(late):
-        if scanned:
+    for i in sorted(range(len(terms)), key=lambda i: not known[i]):
+        if late[i]:
             terms[i] = _with_onset(terms, i, flight, noise, known=known[i])
     return terms
 
