@@ -11,6 +11,7 @@ from np_drake.diagnosis.answer import UNKNOWN, Check, Diagnosis, Replay, Shrink,
 from np_drake.diagnosis.attribute import causes_of
 from np_drake.diagnosis.check import check, confusables, excitation, excited
 from np_drake.diagnosis.evidence import Evidence, make_evidence
+from np_drake.diagnosis.grid import natural_step
 from np_drake.diagnosis.gusts import as_gusts
 from np_drake.diagnosis.held_out import without_shocks
 from np_drake.diagnosis.how_far import how_far
@@ -45,8 +46,9 @@ def diagnose(
     tell = on_progress or (lambda share, text: None)
     _require_flights(train, held_out)
     tell(0.0, "residuals")
-    flights = [make_evidence(log, vehicle) for log in train]
-    unseen = [make_evidence(log, vehicle) for log in held_out]
+    step = max(natural_step(log.t) for log in [*train, *held_out])
+    flights = [make_evidence(log, vehicle, step) for log in train]
+    unseen = [make_evidence(log, vehicle, step) for log in held_out]
     names: dict[str, Any] = {"vehicle": vehicle.name, "train": _names(flights), "held_out": _names(unseen)}
     if not excited(excitation(flights)):
         answer = _cannot_tell(flights, unseen)

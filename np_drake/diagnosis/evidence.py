@@ -103,8 +103,11 @@ class Evidence:
         )
 
 
-def make_evidence(log: FlightLog, vehicle: Vehicle) -> Evidence:
-    """Residuals of one flight. Raises ValueError: if it is too short for a grid."""
+def make_evidence(log: FlightLog, vehicle: Vehicle, step: float | None = None) -> Evidence:
+    """Residuals of one flight.   step: of its grid, where flights are to share it; default: the log's own [s].
+
+    Raises: ValueError: if it is too short for a grid.
+    """
     from np_drake.diagnosis.thrust import nominal_thrust
 
     if log.t[-1] - log.t[0] < 3.0:
@@ -113,7 +116,7 @@ def make_evidence(log: FlightLog, vehicle: Vehicle) -> Evidence:
         )
     smooth, noise = smooth_attitude(log.t, log.q, log.w)
     q, turned = _attitude_for_force(log, smooth, vehicle.gravity)
-    grid = make_grid(log.t)
+    grid = make_grid(log.t, step)
     rows, mids = _instants(log, q, smooth, vehicle.gravity)
     thrust_rows, thrust_mids = nominal_thrust(log, vehicle)
     y = _channels(log, vehicle, grid, q, mids, thrust_rows, thrust_mids)

@@ -6,6 +6,8 @@ import numpy as np
 from scipy import signal
 
 STEP = 0.02  # of the grid [s]; own choice: rigid-body effects live below 15 Hz
+NEARLY = 0.1  # of a row: rows of a jittered log are not counted one short; own choice
+SAME = 0.01  # difference of steps that is none, for which rows are not interpolated [1]; own choice
 TAPS = 10  # of the low-pass, in grid steps to either side
 
 
@@ -22,12 +24,21 @@ class Grid:
         return len(self.t)
 
 
-def make_grid(t: np.ndarray) -> Grid:
-    """The grid of a flight with row times t (n,) [s]: a row every `STEP`, or the log's own rate if that is lower."""
-    step = float(np.median(np.diff(t)))
-    factor = max(1, int(STEP / step + 1e-6))
-    fine = np.arange(t[0], t[-1] + 1e-9, step)
-    return Grid(fine[::factor], factor * step, factor, fine)
+def natural_step(t: np.ndarray) -> float:
+    """Of the grid that a log with these row times asks for: `STEP`, or the log's own if that is longer [s]."""
+    own = float(np.median(np.diff(t)))
+    return own * max(1, int(STEP / own + NEARLY))
+
+
+def make_grid(t: np.ndarray, step: float | None = None) -> Grid:
+    """The grid of a flight with row times t (n,) [s].   step: about which, where flights are to share it [s]."""
+    own = float(np.median(np.diff(t)))
+    step = natural_step(t) if step is None else step
+    factor = max(1, round(step / own))
+    if abs(factor * own - step) < SAME * step:
+        step = factor * own
+    fine = np.arange(t[0], t[-1] + 1e-9, step / factor)
+    return Grid(fine[::factor], step, factor, fine)
 
 
 def to_grid(grid: Grid, t: np.ndarray, values: np.ndarray) -> np.ndarray:

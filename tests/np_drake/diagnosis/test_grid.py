@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.grid import STEP, TAPS, make_grid, to_grid
+from np_drake.diagnosis.grid import STEP, TAPS, make_grid, natural_step, to_grid
 
 INSIDE = slice(TAPS + 1, -TAPS - 1)  # where the low-pass sees no held end
 
@@ -63,3 +63,22 @@ def test_every_shape_of_values_is_kept(shape):
     t = 0.005 * np.arange(800)
     grid = make_grid(t)
     assert to_grid(grid, t, np.ones((800, *shape))).shape == (len(grid), *shape)
+
+
+@given(st.floats(0.95, 1.05), st.integers(0, 9))
+def test_jitter_does_not_change_how_many_rows_make_a_step(drift, seed):
+    t = drift * 0.01 * (np.arange(400) + np.random.default_rng(seed).uniform(-0.05, 0.05, 400))
+    assert make_grid(t).factor == 2
+
+
+def test_flights_of_different_rates_share_a_step():
+    slow, fast = 0.03 * np.arange(200), 0.01 * np.arange(600)
+    step = natural_step(slow)
+    assert step == pytest.approx(0.03)
+    assert natural_step(fast) == pytest.approx(0.02)
+    assert make_grid(fast, step).step == pytest.approx(make_grid(slow, step).step)
+    odd = 0.0073 * np.arange(800)
+    grid = make_grid(odd, step)
+    assert grid.step == step
+    slope = to_grid(grid, odd, 3.0 * odd[:, None])[TAPS:-TAPS, 0]
+    np.testing.assert_allclose(slope, 3.0 * grid.t[TAPS:-TAPS], atol=1e-9)
