@@ -56,7 +56,7 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
     noise = noise_of([best.left(e) for e in ready.flights], ready.raw, ready.step, tolerance)
     close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
     fits = [_refine(problem, m, tolerance, best, noise) for m in close[:REFINED]]
-    fits.sort(key=lambda f: -_score(f) + (GIVES_WAY if f.generic else 0.0))
+    fits.sort(key=precedence)
     probability = _probabilities(problem, models, fits)
     named, named_problem, named_models = fits[0], problem, models
     if fits[0].generic and fits[0].terms:
@@ -177,6 +177,11 @@ def _terms_at_posterior(problem: Problem, model: Model) -> list[Term]:
 def _same(a: Sequence[Term], b: Sequence[Term]) -> bool:
     """The same effects with the same onsets, in the same order."""
     return [(type(t.effect), t.onset) for t in a] == [(type(t.effect), t.onset) for t in b]
+
+
+def precedence(fit: Fit) -> float:
+    """The least goes first: the best score, but generic structure gives way to effects that are nearly as good."""
+    return -_score(fit) + (GIVES_WAY if fit.generic else 0.0)
 
 
 def _score(fit: Fit) -> float:

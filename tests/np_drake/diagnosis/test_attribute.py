@@ -15,6 +15,7 @@ from np_drake.diagnosis.attribute import (
     alike,
     at_its_bound,
     causes_of,
+    drift_of,
     helps,
     least_help,
     on_held_out,
@@ -26,6 +27,7 @@ from np_drake.diagnosis.hidden_swing import LENGTH_ERROR
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term
 from np_drake.diagnosis.which import rank
+from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.base import Effect
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gyro_bias import GyroBias
@@ -159,6 +161,18 @@ def test_where_gusts_blow_the_drag_that_feels_them_matters_however_small(drag):
 def test_a_cause_helps_on_unseen_flights_by_what_it_explains(drag):
     held = on_held_out(drag.fit, drag.unseen, drag.ranking.noise)
     assert helps(drag.fit, 0, drag.unseen, drag.ranking.noise, held, {}) > 100.0
+
+
+def test_a_flight_whose_own_sensor_is_off_does_not_speak_against_the_error_of_all(seen, ranked):
+    case = ranked(AccelerometerBias(0.2, 0.0, 0.0))
+    terms = (Term(AccelerometerBias(0.3, 0.0, 0.0)), *case.fit.everything[1:])
+    fit = dc.replace(case.fit, terms=terms, calibration=())
+    unseen = [seen(AccelerometerBias(0.12, 0.0, 0.0), name="c", seed=3, noise=1.0, seconds=10.0)]
+    held = on_held_out(fit, unseen, case.ranking.noise)
+    rig = drift_of(unseen, case.ranking.noise, Tolerance(acceleration=0.1))
+    strict, kind = (helps(fit, 0, unseen, case.ranking.noise, held, drift) for drift in ({}, rig))
+    assert strict < -2.0 < kind
+    assert drift_of(unseen, case.ranking.noise, LABORATORY) == {}
 
 
 def test_without_torque_mass_and_thrust_are_named_beside_each_other(seen):

@@ -1,7 +1,10 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.which import names_of, names_of_fit
+from np_drake.diagnosis.refine import Generic
+from np_drake.diagnosis.which import GIVES_WAY, names_of, names_of_fit, precedence
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 
@@ -40,3 +43,13 @@ def test_every_fit_is_one_of_the_models_that_were_met(dut):
     fitted = [names_of_fit(f) for f in dut.ranking.fits]
     assert set(fitted) <= met
     assert len(fitted) == len(set(fitted))
+
+
+@pytest.mark.parametrize(("ahead", "goes_first"), [(0.5 * GIVES_WAY, False), (2.0 * GIVES_WAY, True)])
+def test_structure_that_is_no_effect_goes_first_only_where_it_explains_much_more(dut, ahead, goes_first):
+    plain = dut.fit
+    columns = dc.replace(dut.ranking.problem.candidates[0], identifiers=("unknown:place",), log_prior=0.0)
+    generic = dc.replace(plain, terms=(), generic=(Generic(columns, np.zeros(columns.size)),))
+    behind = precedence(generic) - precedence(plain) - GIVES_WAY
+    generic = dc.replace(generic, log_evidence=generic.log_evidence + behind + ahead)
+    assert (min(plain, generic, key=precedence) is generic) is goes_first
