@@ -45,10 +45,12 @@ def test_program_and_closed_form_tell_the_same(table):
     assert table.step_time > table.exact_step_time > 0
 
 
-def test_an_attitude_of_other_rows_is_refused(neurobem, tmp_path):
+@pytest.mark.parametrize("rows", [slice(1, None), slice(None, None, -1)])
+def test_an_attitude_of_other_rows_is_refused(neurobem, tmp_path, rows):
     for kind in ("npy", "csv"):
         (tmp_path / kind).mkdir()
-    np.save(tmp_path / "npy" / f"{RACE_TRACK}.npy", np.load(neurobem / "npy" / f"{RACE_TRACK}.npy")[1:])
+    array = f"npy/{RACE_TRACK}.npy"
+    np.save(tmp_path / array, np.load(neurobem / array)[rows])
     shutil.copy(neurobem / "csv" / f"{RACE_TRACK}.csv", tmp_path / "csv")
     with pytest.raises(LogError, match="must hold the same rows"):
         dut.mhe_table(tmp_path, MheConfig(), stems=[RACE_TRACK])
