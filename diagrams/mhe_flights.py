@@ -1,0 +1,88 @@
+"""The moving-horizon estimator on the flights of the paper's estimation table."""
+
+import dataclasses as dc
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from np_drake.estimation.mhe_config import MheConfig
+from np_drake.estimation.mhe_run import MheRun, run_mhe
+from np_drake.estimation.mhe_tuning import tune
+from np_drake.estimation.motion import Motion, motion_from_attitude, motion_from_rates
+from np_drake.estimation.moving_horizon_program import ProgramWindow
+from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
+from np_drake.logs.errors import LogError
+from np_drake.logs.neurobem import TESTS, TRAINING, published_vehicle, read_neurobem, read_neurobem_npy
+from np_drake.logs.wrench_sequence import WrenchSequence
+
+PUBLISHED_ROW = "NeuroMHE"
+NAIVE_ROW = "persistence"
+RATES_ROW = "MHE, arrays"  # R and gravity from the arrays alone
+ATTITUDE_ROW = "MHE, attitude"  # as logged in the CSV
+_TIMED_ROWS = 400  # steps of the program that are timed and compared on each flight
+
+
+@dc.dataclass(frozen=True)
+class MheTable:
+    """rows: flight, row, the ten columns, and of our rows `held`;  step_time: median of the program on
+    MathematicalProgram, exact_step_time: of the closed form [s];  disagreement: the largest between the two [N, N·m].
+    """
+
+    rows: list[dict]
+    step_time: float
+    exact_step_time: float
+    disagreement: float
+
+
+def tuned_config(folder: Path) -> MheConfig:
+    """Weights tuned on the paper's training segment, arrays alone. Raises OSError, LogError."""
+    sequence = read_neurobem_npy(folder / "npy" / f"{TRAINING}.npy")
+    return tune(motion_from_rates(sequence, published_vehicle()), sequence.chi)
+
+
+def mhe_table(
+    folder: Path,
+    config: MheConfig,
+    *,
+    stems: Sequence[str] = tuple(TESTS),
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
+) -> MheTable:
+    """Every test flight: published, ours, persistence. Raises OSError, LogError: where one cannot be read."""
+    rows: list[dict] = []
+    exact, program, disagreement = [], [], []
+    for done, stem in enumerate(stems):
+        sequence, name = read_neurobem_npy(folder / "npy" / f"{stem}.npy"), TESTS[stem]
+        motions = _motions(folder, stem, sequence)
+        rows.append(
+            _row(name, PUBLISHED_ROW, dict(zip(COLUMNS, PUBLISHED[name][PUBLISHED_ROW], strict=True)))
+        )
+        for row, motion in motions.items():
+            run = run_mhe(motion, config)
+            exact.append(run.step_time)
+            rows.append(_row(name, row, column_rmse(run.wrench - sequence.chi), held=run.held))
+        short = motion.first(_TIMED_ROWS)
+        check: MheRun = run_mhe(short, config, ProgramWindow(config, short.step))
+        program.append(check.step_time)
+        disagreement.append(np.abs(check.wrench - run.wrench[: len(check.wrench)]).max())
+        rows.append(_row(name, NAIVE_ROW, column_rmse(np.diff(sequence.chi, axis=0))))
+        on_progress(done + 1, len(stems))
+    return MheTable(rows, float(np.median(program)), float(np.median(exact)), float(max(disagreement)))
+
+
+def _row(flight: str, row: str, columns: dict[str, float], **rest: int) -> dict:
+    return {"flight": flight, "row": row, **columns, **rest}
+
+
+def _motions(folder: Path, stem: str, sequence: WrenchSequence) -> dict[str, Motion]:
+    """By the name of the row; with the logged attitude where the flight's CSV is there."""
+    vehicle = published_vehicle()
+    motions = {RATES_ROW: motion_from_rates(sequence, vehicle)}
+    for path in (folder / "csv" / f"{stem}.csv", folder / "csv" / f"{stem}.csv.gz"):
+        if path.is_file():
+            log = read_neurobem(path)
+            if len(log) != len(sequence) or np.abs(log.w - sequence.zeta[:, 3:]).max() > 1e-3:
+                raise LogError(f"{path}: must hold the same rows as {stem}.npy.")
+            motions[ATTITUDE_ROW] = motion_from_attitude(sequence, vehicle, log.q)
+            break
+    return motions

@@ -1,0 +1,146 @@
+"""Moving-horizon estimation of the wrench from velocity and body rates.
+
+    min  |x_0 - x_bar|²_P + sum_k g1^(n-k) |y_k - Y_k|²_R + sum_k g2^(n-1-k) |w_k|²_Q
+    s.t. y_(k+1) = y_k + h (d_k + u_k) + h²/2 w_k,   d_(k+1) = d_k + h w_k,   x = [y, d]
+
+y: velocity in an inertial frame and body rates; d: the acceleration that the wrench causes in them, a random
+walk; u: what is known, gravity and the gyroscopic term. x_bar is what the last window said about the first
+sample of this one. Source: Wang et al. 2024 (NeuroMHE), eq. (4) and section VII-A, with fixed weights; their
+F = m d and tau = J d, and exact integration of the chain is their Runge-Kutta step.
+"""
+
+import dataclasses as dc
+import time
+from enum import IntEnum
+from typing import Protocol
+
+import numpy as np
+import torch
+
+from np_drake.estimation.mhe_config import CHANNELS, MheConfig
+from np_drake.estimation.mhe_gains import MheWeights, window_gains
+
+Memory = dict[str, np.ndarray]
+
+
+class MheStatus(IntEnum):
+    """How an estimate came about; larger is worse."""
+
+    OPTIMAL = 0
+    HELD = 1  # the solver failed: the last estimate, one step on, without noise
+
+
+@dc.dataclass(frozen=True)
+class MheEstimate:
+    """x: (n + 1, 2, 6) trajectory of [y, d] over the window; its last row is the estimate of now."""
+
+    x: np.ndarray
+    status: MheStatus
+    solve_time: float  # [s]
+
+    @property
+    def acceleration(self) -> np.ndarray:
+        """(6,) d now [m/s², rad/s²]."""
+        return self.x[-1, 1]
+
+
+class WindowSolver(Protocol):
+    """Solves one window."""
+
+    def solve(self, arrival: np.ndarray, y: np.ndarray, u: np.ndarray) -> np.ndarray | None:
+        """The trajectory (n + 1, 2, 6), or None where the solver failed.
+
+        Args:   arrival: (2, 6) x_bar.   y: (n + 1, 6) samples, NaN where missing.   u: (n, 6) known inputs.
+        """
+        ...
+
+
+class LeastSquaresWindow:
+    """Exact, by gains that depend on nothing but which samples are missing."""
+
+    def __init__(self, config: MheConfig, step: float):
+        self._weights, self._step = MheWeights.of(config.check()), step
+        self._gains: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+
+    def solve(self, arrival: np.ndarray, y: np.ndarray, u: np.ndarray) -> np.ndarray | None:
+        """See `WindowSolver`."""
+        known = np.concatenate([np.zeros((1, CHANNELS)), self._step * np.cumsum(u, axis=0)])
+        seen = np.isfinite(y)
+        from_arrival, from_samples = self._of(seen)
+        sample = np.where(seen, y - known, 0.0)
+        x = from_arrival @ arrival.T[:, :, None] + from_samples @ sample.T[:, :, None]
+        x = x.reshape(CHANNELS, 2, len(y)).transpose(2, 1, 0)
+        x[:, 0] += known
+        return x
+
+    def _of(self, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        key = seen.tobytes()
+        if key not in self._gains:
+            gains = window_gains(self._weights, self._step, len(seen) - 1, torch.as_tensor(seen).double())
+            if len(self._gains) > 500:  # a stream of ever new gaps
+                self._gains.clear()
+            self._gains[key] = (gains[0].numpy(), gains[1].numpy())
+        return self._gains[key]
+
+
+class MovingHorizonEstimator:
+    """One sample at a time, all memory in the caller's dictionary.
+
+    A NaN in y takes that channel's sample out of the cost; a NaN in u stands for the input of the step before.
+    """
+
+    def __init__(self, config: MheConfig, step: float, solver: WindowSolver | None = None):
+        if not 0 < step < np.inf:
+            raise ValueError(f"MovingHorizonEstimator: step must be positive [s]; got {step}.")
+        self._samples, self._step = config.check().horizon + 1, step
+        self._solver = solver or LeastSquaresWindow(config, step)
+
+    def initial_memory(self, y: np.ndarray, d: np.ndarray) -> Memory:
+        """Before any sample: first guesses y (6,) [m/s, rad/s] and d (6,) [m/s², rad/s²].
+
+        x: (N + 1, 2, 6) last trajectory, the newest last;  arrival: (2, 6) x_bar;  y, u: (N + 1, 6) samples and
+        inputs;  count (1,): samples in the window.
+
+        Raises: ValueError: if a guess is not finite.
+        """
+        guess = np.array([y, d], float)
+        if not np.isfinite(guess).all():
+            raise ValueError(
+                f"MovingHorizonEstimator: the first guesses must be finite; got {guess.tolist()}."
+            )
+        return {
+            "x": np.repeat(guess[None], self._samples, axis=0),
+            "arrival": guess,
+            "y": np.full((self._samples, CHANNELS), np.nan),
+            "u": np.zeros((self._samples, CHANNELS)),
+            "count": np.zeros(1),
+        }
+
+    def update(self, memory: Memory, y: np.ndarray, u: np.ndarray) -> tuple[Memory, MheEstimate]:
+        """Takes the sample y (6,) of now and the known input u (6,) that acts from now on."""
+        full = memory["count"][0] == self._samples
+        count = self._samples if full else int(memory["count"][0]) + 1
+        arrival = memory["x"][1] if full else memory["arrival"]
+        samples = np.concatenate([memory["y"][1:], [y]])
+        inputs = np.concatenate([memory["u"][1:], [np.where(np.isfinite(u), u, memory["u"][-1])]])
+        start = time.perf_counter()
+        x = self._solver.solve(arrival, samples[-count:], inputs[-count:-1])
+        status = MheStatus.OPTIMAL
+        if x is None or not np.isfinite(x).all():
+            x, status = self._held(memory["x"], inputs, first=count == 1)[-count:], MheStatus.HELD
+        seconds = time.perf_counter() - start
+        memory = {
+            "x": np.concatenate([memory["x"][count:], x]),
+            "arrival": arrival,
+            "y": samples,
+            "u": inputs,
+            "count": np.array([float(count)]),
+        }
+        return memory, MheEstimate(x, status, seconds)
+
+    def _held(self, x: np.ndarray, u: np.ndarray, *, first: bool) -> np.ndarray:
+        """The last trajectory one step on, as the model without noise foretells; at first, the guess."""
+        if first:
+            return x
+        y, d = x[-1]
+        return np.concatenate([x[1:], [[y + self._step * (d + u[-2]), d]]])

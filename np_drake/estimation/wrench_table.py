@@ -1,0 +1,55 @@
+"""Columns and published rows of the paper's estimation table.
+
+Source of the figures: Jin et al. 2025, table of estimation errors on 6 unseen flights (label MRFsum), as
+printed; its NeuroMHE and NeuroBEM rows are those of Wang et al. 2024. RMSE [N, N·m].
+"""
+
+import numpy as np
+
+COLUMNS = ("F_x", "F_y", "F_z", "tau_x", "tau_y", "tau_z", "F_xy", "tau_xy", "F", "tau")
+_CHANNELS = ((0,), (1,), (2,), (3,), (4,), (5,), (0, 1), (3, 4), (0, 1, 2), (3, 4, 5))
+
+PUBLISHED: dict[str, dict[str, tuple[float, ...]]] = {  # flight: method: the ten columns
+    "linear oscillation": {
+        "NeuroBEM": (0.164, 0.185, 0.456, 0.013, 0.011, 0.006, 0.247, 0.017, 0.518, 0.018),
+        "NeuroMHE": (0.119, 0.105, 0.186, 0.011, 0.007, 0.005, 0.159, 0.013, 0.244, 0.014),
+        "NP": (0.041, 0.024, 0.101, 0.007, 0.004, 0.004, 0.048, 0.008, 0.112, 0.009),
+    },
+    "race track 1": {
+        "NeuroBEM": (0.169, 0.158, 0.463, 0.009, 0.009, 0.004, 0.231, 0.013, 0.517, 0.013),
+        "NeuroMHE": (0.141, 0.092, 0.115, 0.007, 0.004, 0.004, 0.168, 0.009, 0.204, 0.009),
+        "NP": (0.025, 0.018, 0.048, 0.005, 0.003, 0.002, 0.031, 0.006, 0.057, 0.006),
+    },
+    "3D circle 2": {
+        "NeuroBEM": (0.110, 0.129, 0.470, 0.006, 0.009, 0.004, 0.170, 0.011, 0.499, 0.011),
+        "NeuroMHE": (0.140, 0.135, 0.075, 0.003, 0.002, 0.004, 0.194, 0.004, 0.208, 0.006),
+        "NP": (0.055, 0.021, 0.139, 0.007, 0.003, 0.004, 0.058, 0.007, 0.151, 0.008),
+    },
+    "figure-8 3": {
+        "NeuroBEM": (0.145, 0.168, 0.584, 0.010, 0.012, 0.006, 0.221, 0.015, 0.624, 0.017),
+        "NeuroMHE": (0.118, 0.133, 0.151, 0.010, 0.006, 0.005, 0.178, 0.012, 0.233, 0.013),
+        "NP": (0.058, 0.029, 0.127, 0.007, 0.004, 0.004, 0.065, 0.008, 0.143, 0.009),
+    },
+    "melon 2": {
+        "NeuroBEM": (0.244, 0.198, 0.921, 0.009, 0.006, 0.003, 0.314, 0.015, 0.974, 0.016),
+        "NeuroMHE": (0.254, 0.213, 0.094, 0.005, 0.003, 0.004, 0.331, 0.005, 0.344, 0.007),
+        "NP": (0.069, 0.025, 0.182, 0.009, 0.004, 0.005, 0.073, 0.010, 0.197, 0.011),
+    },
+    "random points": {
+        "NeuroBEM": (0.161, 0.183, 0.471, 0.008, 0.008, 0.005, 0.244, 0.012, 0.530, 0.013),
+        "NeuroMHE": (0.115, 0.114, 0.204, 0.010, 0.006, 0.005, 0.162, 0.012, 0.260, 0.012),
+        "NP": (0.032, 0.028, 0.077, 0.007, 0.004, 0.003, 0.042, 0.008, 0.088, 0.008),
+    },
+}
+
+
+def column_rmse(error: np.ndarray) -> dict[str, float]:
+    """The ten columns of (n, 6) errors; F_xy, F, tau_xy, tau are RMS lengths of the error vector [N, N·m].
+
+    Rows with NaN do not count.   Raises: ValueError: if no other is left.
+    """
+    error = error[np.isfinite(error).all(axis=1)]
+    if not len(error):
+        raise ValueError("column_rmse: the flight must have a row with a label and an estimate.")
+    square = np.mean(error**2, axis=0)
+    return {name: float(np.sqrt(square[list(c)].sum())) for name, c in zip(COLUMNS, _CHANNELS, strict=True)}
