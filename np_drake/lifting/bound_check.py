@@ -7,10 +7,19 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from np_drake.lifting.encoder_reach import Change, chi_scale
 from np_drake.lifting.encoders import Phi
-from np_drake.lifting.error_bound import HORIZON, ROUNDING, Alpha, ErrorBound, TheoremBound, largest_changes
+from np_drake.lifting.error_bound import (
+    ASSUMPTIONS,
+    HORIZON,
+    ROUNDING,
+    Alpha,
+    ErrorBound,
+    TheoremBound,
+    largest_changes,
+)
 from np_drake.lifting.lifted_model import LiftedModel
 
 KINDS = ("z", "z_held", "operator", "chi", "chi_held")
+CHUNK = 1000  # windows at a time, for memory [1]
 RESOLUTION = 1e-9  # of z and of chi / scale; smaller errors are rounding and have no ratio [1]
 
 
@@ -60,21 +69,31 @@ def check_flight(
         raise ValueError(f"bound: at least {dut.samples + horizon} samples are needed; got {len(samples)}.")
     z = np.full((len(samples), model.system.K), np.nan)
     z[model.window - 1 :] = model.lift(sliding_window_view(samples, model.window, axis=0).swapaxes(1, 2))
-    answers = [dut(samples[k - dut.samples + 1 : k + 1]) for k in origins]
-    errors = _errors(model, answers, samples, z, origins, horizon)
-    bounds = {kind: np.stack([getattr(a, kind) for a in answers]) for kind in KINDS}
-    holds = np.all([errors[k] <= bounds[k] * (1 + ROUNDING) + RESOLUTION for k in KINDS], axis=(0, 2))
-    premise = _premise(model, dut.change, samples, origins)
-    failed = [name for a in answers for name in a.violated]
+    parts = [_check(dut, samples, z, origins[i : i + CHUNK]) for i in range(0, len(origins), CHUNK)]
+    found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    holds, premise = found["holds"], _premise(model, dut.change, samples, origins)
+    broken = {name: float(found[name].mean()) for name in ASSUMPTIONS if found[name].any()}
     return BoundCheck(
         windows=len(origins), holds=float(holds.mean()), premise=float(premise.mean()),
         holds_on_premise=float(holds[premise].mean()) if premise.any() else np.nan,
-        ratio={k: _ratio(bounds[k], errors[k]) for k in KINDS},
-        c=np.array([a.c for a in answers]), residual=np.array([a.residual for a in answers]),
-        violated={name: failed.count(name) / len(origins) for name in sorted(set(failed))},
-        spectral_radius=max(a.spectral_radius for a in answers), lipschitz=dut.reach.lipschitz,
+        ratio={kind: found[kind] for kind in KINDS}, c=found["c"], residual=found["residual"],
+        violated=broken, spectral_radius=float(found["spectral_radius"].max()), lipschitz=dut.reach.lipschitz,
         alpha_chi=float(dut.change.chi[0]), alpha_zeta=float(dut.change.zeta[0]),
     )  # fmt: skip
+
+
+def _check(
+    dut: TheoremBound, samples: np.ndarray, z: np.ndarray, origins: np.ndarray
+) -> dict[str, np.ndarray]:
+    """What `BoundCheck` collects, (windows, …) each."""
+    answers = [dut(samples[k - dut.samples + 1 : k + 1]) for k in origins]
+    errors = _errors(dut.model, answers, samples, z, origins, dut.horizon)
+    bounds = {kind: np.stack([getattr(a, kind) for a in answers]) for kind in KINDS}
+    holds = np.all([errors[k] <= bounds[k] * (1 + ROUNDING) + RESOLUTION for k in KINDS], axis=(0, 2))
+    found = {"holds": holds} | {kind: _ratio(bounds[kind], errors[kind]) for kind in KINDS}
+    for name in ("c", "residual", "spectral_radius"):
+        found[name] = np.array([getattr(a, name) for a in answers])
+    return found | {name: np.array([name in a.violated for a in answers]) for name in ASSUMPTIONS}
 
 
 def _errors(

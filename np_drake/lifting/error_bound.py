@@ -19,7 +19,8 @@ from np_drake.lifting.window_refit import WindowRefit
 Alpha = float | np.ndarray
 HORIZON = 40  # steps [1]
 ROUNDING = 1e-9  # relative excess that floating point may cause [1]
-CHI_STEP, ZETA_STEP, LIPSCHITZ, STABILITY = "step of chi", "step of zeta", "Lipschitz constant", "stability"
+ASSUMPTIONS = ("step of chi", "step of zeta", "Lipschitz constant", "stability")
+CHI_STEP, ZETA_STEP, LIPSCHITZ, STABILITY = ASSUMPTIONS
 
 
 @dc.dataclass(frozen=True)

@@ -55,7 +55,9 @@ def pendulum_length(segments: list[Segment], *, gravity: float = GRAVITY, seed: 
         delay=max(2, round(LONGEST_DELAY / step)), horizon=max(2, round(SPAN / step)), seed=seed
     )
     trained = train(driven, config).model.system
-    system = dc.replace(trained, B=trained.B * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0])  # the body rates were never there
+    system = dc.replace(
+        trained, B=trained.B * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
+    )  # the body rates were never there
     mode = pendulum_mode(system)
     if mode is None:
         return Pendulum(np.nan, None, 0.0, "no oscillating mode answers the horizontal velocity.", system)
