@@ -133,7 +133,7 @@ def printed(lines: list[dict]) -> tuple[str, list[str], list[tuple]]:
         return " / ".join(f"{value:.3g}" for value in line["tightness"][kind][n])
 
     def share(value: float) -> str:
-        return f"{100 * value:.4g} %"
+        return f"{100 * value:.4g} %" if value == value else "–"
 
     rows = [
         (
