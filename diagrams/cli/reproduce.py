@@ -11,22 +11,23 @@ from diagrams.cli import options
 from diagrams.cli.output import make_folder, print_table, progress, say, write_markdown, write_metrics
 from np_drake.atomic_file import require_writable
 
-TABLES = ("tracking", "weights", "gap", "mhe")
+TABLES = ("tracking", "weights", "gap", "mhe", "theorem", "pendulum")
 Table = tuple[str, list[str], list[tuple]]
 
 
 def reproduce(
-    table: Annotated[str, typer.Argument(help="tracking | weights | gap | mhe")],
+    table: Annotated[str, typer.Argument(help=" | ".join(TABLES))],
     seeds: Annotated[int, typer.Option(min=1, help="Evaluation flights a row and track.")] = 5,
     solver: Annotated[str, typer.Option(help="ipopt | sqp")] = "sqp",
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    spacing: Annotated[int, typer.Option(min=1, help="Samples between windows (theorem); 1: all.")] = 1,
     only: Annotated[
         list[str] | None, typer.Option(help="Only rows of these names (nominal is always flown).")
     ] = None,
     neurobem: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights (gap, mhe)."
+            metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights (gap, mhe, theorem)."
         ),
     ] = None,
     seed: options.Seed = 1000,
@@ -39,6 +40,8 @@ def reproduce(
     Weights: how the MPC's weights were chosen, on the vehicle without payload.
     Gap: the diagnosis on the agile real flights, each held out in turn.
     Mhe: a moving-horizon estimator on the real flights of the paper's estimation table.
+    Theorem: the bound of Theorem 1, corrected, against the error it bounds, in every window of the real flights.
+    Pendulum: the tether's length read from the payload's mode, for circles with and without dither.
     """
     if table not in TABLES:
         raise ValueError(f"table: must be one of {', '.join(TABLES)}; got {table!r}.")
@@ -49,6 +52,10 @@ def reproduce(
         result = _gap(neurobem, json=json)
     elif table == "mhe":
         result = _mhe(neurobem, json=json)
+    elif table == "theorem":
+        result = _theorem(neurobem, spacing=spacing, seed=seed, jobs=jobs, json=json)
+    elif table == "pendulum":
+        result = _pendulum(seed=seed, json=json)
     elif table == "weights":
         result = _weights(seed=seed, jobs=jobs, json=json)
     else:
@@ -145,6 +152,51 @@ def _gap(neurobem: Path | None, *, json: Path | None) -> Table:
         "Real flights, each held out in turn; force [N], torque [N·m]; zero, mean: what predicting these leaves",
         header,
         cells,
+    )
+
+
+def _theorem(neurobem: Path | None, *, spacing: int, seed: int, jobs: int, json: Path | None) -> Table:
+    from diagrams import theorem
+    from diagrams.cli.train import configure, run_training
+
+    flights = theorem.flights(_required("theorem", neurobem))
+    models, settings = {}, {}
+    for name in ("paper", "default"):
+        config = configure(name, frame="body", seed=seed)
+        models[name] = run_training(f"training {name}", [flights[0].segment], config)[0].model
+        settings[name] = dc.asdict(config)
+    with progress("every window", 1.0) as advance:
+        lines = theorem.bound_table(
+            models,
+            flights,
+            spacing=spacing,
+            jobs=jobs,
+            on_progress=lambda done, total: advance(done / total, f"{done} of {total}"),
+        )
+    say(
+        f"seed {seed}, trained on {flights[0].name}; horizon {theorem.STEPS[-1]} steps, every {spacing}. window."
+    )
+    say(*theorem.assumption_lines(lines))
+    write_metrics(json, "reproduce", seed=seed, config=settings, table=lines)
+    return theorem.printed(lines)
+
+
+def _pendulum(*, seed: int, json: Path | None) -> Table:
+    from diagrams.pendulum import EXPERIMENTS, LENGTHS, pendulum_table
+
+    with progress("flights", 1.0) as advance:
+        lines = pendulum_table(
+            seed=seed, on_progress=lambda done, total: advance(done / total, f"{done} of {total}")
+        )
+    say(*(f"{line['flight']}, {line['length']} m: {line['text']}" for line in lines))
+    config = {"experiments": EXPERIMENTS, "lengths": LENGTHS}
+    write_metrics(json, "reproduce", seed=seed, config=config, table=lines)
+    keys = ("flight", "length", "found", "frequency", "damping", "motion")
+    header = ["flight", "tether [m]", "found [m]", "mode [Hz]", "damping", "motion / noise"]
+    return (
+        f"tether from the payload's mode, seed {seed}",
+        header,
+        [tuple(line[k] for k in keys) for line in lines],
     )
 
 

@@ -15,6 +15,7 @@ from np_drake.lifting.segments import group_scale, white_noise
 CHANNELS = ("vx", "vy", "vz", "wx", "wy", "wz")
 AVERAGE = 8  # samples averaged before motion is compared with noise: dynamics are slower than noise [1]
 RELEVANT = 0.01  # motion below this share of the group's (v or omega) counts as noise [1]
+LINE_BINS = 4  # bins on either side of a spectral line that its leakage fills, Hann window [1]
 THRESHOLD = 4.0  # motion this many times its noise is half trusted [1]
 
 
@@ -85,6 +86,27 @@ def measure_excitation(
     gain = 1.0 / (1.0 + (THRESHOLD / signal) ** 4)
     frequency, share = _strongest_line(max(zeta, key=len) / sigma, step)
     return Excitation(sigma, directions, np.sqrt(variance), gain, frequency, share)
+
+
+def motion_near(values: list[np.ndarray], frequency: float, *, step: float) -> float:
+    """RMS of values (n, c) within a quarter of `frequency` [Hz] over the white noise there, weakest channel [1].
+
+    The strongest line of each piece is left out: one line, wherever it lies, is one point of a response and shows
+    no mode. Pieces are pooled.
+    """
+    noise = white_noise(values)
+    power, expected = np.zeros(len(noise)), np.zeros(len(noise))
+    for piece in values:
+        taper = np.hanning(len(piece))[:, None]
+        spectrum = np.abs(np.fft.rfft(taper * (piece - piece.mean(axis=0)), axis=0)) ** 2 / np.sum(taper**2)
+        line = int(np.argmax(spectrum[1:].sum(axis=1))) + 1
+        hertz = np.fft.rfftfreq(len(piece), step)
+        band = (hertz > frequency / 1.25) & (hertz < frequency * 1.25)
+        band[max(line - LINE_BINS, 0) : line + LINE_BINS + 1] = False
+        power += spectrum[band].sum(axis=0)
+        expected += band.sum() * noise**2
+    floor = np.maximum(expected, 1e-18)
+    return float(np.sqrt(np.min(power / floor)))
 
 
 def _strongest_line(zeta: np.ndarray, step: float) -> tuple[float, float]:

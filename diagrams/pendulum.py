@@ -1,0 +1,49 @@
+"""The tether's length read from simulated flights: which flights show the payload's mode, and how well."""
+
+from collections.abc import Callable
+
+from diagrams.experiments import load_experiment
+from diagrams.flight_result import fly
+from np_drake.lifting.pendulum import Pendulum, pendulum_length
+from np_drake.logs.training_segments import training_segments
+
+LENGTHS = (0.5, 0.8, 1.2)  # [m]
+EXPERIMENTS = ("training_circle", "plain_circle")
+
+
+def fly_and_read(
+    experiment: str, *, length: float, seed: int, duration: float | None = None, monitor=None
+) -> Pendulum:
+    """Flies the experiment on a tether of `length` [m] with the nominal MPC and reads the length from its labels.
+
+    duration: after the ramp, default the experiment's [s].
+    """
+    config = load_experiment(experiment)
+    config.controller.kind, config.controller.solver = "nominal", "sqp"
+    config.reality.payload.length = length
+    config.duration = config.duration if duration is None else duration
+    flight = fly(config, seed=seed, monitor=monitor)
+    log, start = flight.log(), int(flight.scored.argmax())
+    segments = training_segments(
+        log.rows(start, len(log)), config.vehicle, config.controller.label, step=config.controller.period
+    )
+    return pendulum_length(segments, gravity=config.vehicle.gravity, seed=seed)
+
+
+def pendulum_table(*, seed: int, on_progress: Callable[[int, int], None] = lambda *_: None) -> list[dict]:
+    """One line for every experiment and length; flights draw `seed`."""
+    lines = []
+    cases = [(experiment, length) for experiment in EXPERIMENTS for length in LENGTHS]
+    for done, (experiment, length) in enumerate(cases):
+        on_progress(done, len(cases))
+        found = fly_and_read(experiment, length=length, seed=seed)
+        lines.append(
+            {
+                "flight": experiment, "length": length, "found": found.length if found.shown else None,
+                "frequency": found.mode.frequency if found.mode else None,
+                "damping": found.mode.damping if found.mode else None,
+                "motion": found.motion, "text": found.text,
+            }
+        )  # fmt: skip
+    on_progress(len(cases), len(cases))
+    return lines

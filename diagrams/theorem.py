@@ -1,0 +1,148 @@
+"""Theorem 1 on real flights: the bound, computed first, against the error that it bounds, in every window."""
+
+import dataclasses as dc
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from np_drake.lifting.bound_check import BoundCheck, check_flight
+from np_drake.lifting.encoders import Phi
+from np_drake.lifting.error_bound import largest_changes
+from np_drake.lifting.lifted_model import LiftedModel
+from np_drake.lifting.segments import Segment
+from np_drake.logs.neurobem import TESTS, TRAINING, read_neurobem_npy
+
+STEPS = (1, 10, 40)  # ahead, at which the tightness is shown [1]
+FORESEEN_SPACING = 10  # samples between windows where the alphas come from the other flights [1]
+BROKEN_SPACING = 20  # and of the models that violate an assumption [1]
+OWN, FORESEEN = "own", "others"
+
+
+@dc.dataclass(frozen=True)
+class Flight:
+    """One flight of the estimation table; the first of `flights` is the training segment."""
+
+    name: str
+    segment: Segment
+
+
+@dc.dataclass(frozen=True)
+class _Task:
+    """One check: a model, a flight, and where the alphas come from."""
+
+    model: str
+    flight: str
+    alpha: str
+    arguments: dict
+
+
+def flights(folder: Path) -> list[Flight]:
+    """Training segment and test flights. Raises OSError, LogError where one is missing or cannot be read."""
+    names = {TRAINING: "training segment", **TESTS}
+    found = [(name, read_neurobem_npy(folder / "npy" / f"{stem}.npy")) for stem, name in names.items()]
+    return [Flight(name, Segment(s.chi, s.zeta, s.step)) for name, s in found]
+
+
+def broken_models(model: LiftedModel) -> dict[str, tuple[LiftedModel, dict]]:
+    """Models (and settings of the check) that violate one assumption each."""
+    assert isinstance(model.encoder, Phi)
+    unstable = dc.replace(model.system, A=model.system.A * (1.02 / model.system.spectral_radius))
+    *first, last = model.encoder.weights
+    steep = dc.replace(model.encoder, weights=(*first, 2.0 * last))
+    return {
+        "A not stable, no refit": (dc.replace(model, system=unstable), {"refit": False}),
+        "Phi not normalised": (dc.replace(model, encoder=steep), {}),
+    }
+
+
+def bound_table(
+    models: dict[str, LiftedModel], flown: list[Flight], *, spacing: int = 1, jobs: int = 1,
+    on_progress: Callable[[int, int], None] = lambda *_: None,
+) -> list[dict]:  # fmt: skip
+    """One line for every model, flight and source of the alphas, and one for every broken model.
+
+    spacing: samples between windows; 1 is every window.
+    """
+    tasks = [task for name, model in models.items() for task in _tasks(name, model, flown, spacing)]
+    for name, (model, settings) in broken_models(models["paper"]).items():
+        arguments = {"model": model, "spacing": BROKEN_SPACING, **settings}
+        tasks.append(_Task(name, flown[0].name, OWN, {**_arrays(flown[0]), **arguments}))
+    half = tuple(alpha / 2 for alpha in _changes(models["paper"], flown[0]))
+    arguments = {"model": models["paper"], "spacing": BROKEN_SPACING, "alpha": half}
+    tasks.append(_Task("alphas halved", flown[0].name, "half", {**_arrays(flown[0]), **arguments}))
+    done: list[dict] = []
+    for line in Parallel(n_jobs=jobs, return_as="generator")(delayed(_line)(task) for task in tasks):
+        done.append(line)
+        on_progress(len(done), len(tasks))
+    return done
+
+
+def _tasks(name: str, model: LiftedModel, flown: list[Flight], spacing: int) -> list[_Task]:
+    changes = [_changes(model, flight) for flight in flown]
+    tasks = []
+    for i, flight in enumerate(flown):
+        others = [change for j, change in enumerate(changes) if j != i]
+        foreseen = tuple(np.max([change[part] for change in others], axis=0) for part in (0, 1))
+        sources = [(OWN, changes[i], spacing)]
+        if others:
+            sources.append((FORESEEN, foreseen, max(spacing, FORESEEN_SPACING)))
+        for source, alpha, every in sources:
+            arguments = {"model": model, "alpha": alpha, "spacing": every}
+            tasks.append(_Task(name, flight.name, source, {**_arrays(flight), **arguments}))
+    return tasks
+
+
+def _changes(model: LiftedModel, flight: Flight) -> tuple[np.ndarray, np.ndarray]:
+    return largest_changes(model, flight.segment.chi, flight.segment.zeta)
+
+
+def _arrays(flight: Flight) -> dict[str, np.ndarray]:
+    return {"chi": flight.segment.chi, "zeta": flight.segment.zeta}
+
+
+def _line(task: _Task) -> dict:
+    found: BoundCheck = check_flight(**task.arguments)
+    line = {
+        "model": task.model, "flight": task.flight, "alpha": task.alpha, "windows": found.windows,
+        "holds": found.holds, "premise": found.premise, "holds_on_premise": found.holds_on_premise,
+        "c": float(np.median(found.c)), "residual": float(np.median(found.residual)),
+        "alpha_chi": found.alpha_chi, "alpha_zeta": found.alpha_zeta, "lipschitz": found.lipschitz,
+        "spectral_radius": found.spectral_radius, "violated": found.violated,
+    }  # fmt: skip
+    return line | {"tightness": {kind: {n: found.tightness(kind, n) for n in STEPS} for kind in found.ratio}}
+
+
+def assumption_lines(lines: list[dict]) -> list[str]:
+    """What was verified, one line a model."""
+    said = []
+    for name in dict.fromkeys(line["model"] for line in lines):
+        of = [line for line in lines if line["model"] == name]
+        L, radius = max(line["lipschitz"] for line in of), max(line["spectral_radius"] for line in of)
+        said.append(
+            f"{name}: Lipschitz constant {L:.4g}, largest spectral radius of a window's A {radius:.6f}."
+        )
+    return said
+
+
+def printed(lines: list[dict]) -> tuple[str, list[str], list[tuple]]:
+    """Title, header and rows of the table."""
+
+    def ratio(line: dict, kind: str, n: int) -> str:
+        return " / ".join(f"{value:.3g}" for value in line["tightness"][kind][n])
+
+    def share(value: float) -> str:
+        return f"{100 * value:.4g} %" if value == value else "–"
+
+    rows = [
+        (
+            line["model"], line["flight"], line["alpha"], line["windows"], share(line["premise"]),
+            share(line["holds_on_premise"]), line["c"], *(ratio(line, "z", n) for n in STEPS),
+            ratio(line, "chi", STEPS[-1]), ", ".join(f"{k} {share(v)}" for k, v in line["violated"].items()) or "none",
+        )
+        for line in lines
+    ]  # fmt: skip
+    header = ["model", "flight", "alphas", "windows", "premise", "holds", "c"]
+    header += [f"E_{n}" for n in STEPS] + [f"chi_{STEPS[-1]}", "violated"]
+    return "bound over error, median / 95 %", header, rows

@@ -1,0 +1,95 @@
+"""How large the powers of A ever become: a certificate for non-normal A, whose powers may grow before they decay."""
+
+import dataclasses as dc
+
+import numpy as np
+import scipy.linalg
+
+EXACT = 64  # powers whose norm is computed one by one; beyond, a block is bounded by the blocks before it
+DOUBLINGS = 60  # of the block, before a power below one is given up
+
+
+@dc.dataclass(frozen=True)
+class PowerBound:
+    """spectral_radius: largest |eigenvalue| of A [1].   largest: at least sup_k |A^k|, inf unless certified [1].
+
+    gain: at least sum_k |A^k B|, inf unless certified: what zeta within a ball can add to z, ever.
+    """
+
+    spectral_radius: float
+    largest: float
+    gain: float
+
+
+def spectral_norms(matrices: np.ndarray) -> np.ndarray:
+    """(...,) largest singular values of (..., m, n), from the smaller Gram matrix (exact to rounding)."""
+    M = matrices if matrices.shape[-2] >= matrices.shape[-1] else matrices.swapaxes(-1, -2)
+    if M.shape[-1] == 0:
+        return np.zeros(M.shape[:-2])
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(M.swapaxes(-1, -2) @ M)[..., -1], 0.0))
+
+
+def powers(A: np.ndarray, first: np.ndarray, count: int) -> np.ndarray:
+    """(count, K, m) first, A first, A² first, …"""
+    out = np.empty((count, *first.shape))
+    for i in range(count):
+        out[i] = first
+        first = A @ first
+    return out
+
+
+def contracts(A: np.ndarray) -> bool:
+    """Whether some power of A (K, K) has a norm below one: stable, without trust in computed eigenvalues."""
+    for _ in range(DOUBLINGS):
+        size = np.linalg.norm(A)
+        if not size < 1e100:
+            return False
+        if size < 1.0:
+            return True
+        A = A @ A
+    return False
+
+
+def power_bound(A: np.ndarray, B: np.ndarray) -> PowerBound:
+    """The certificate of A (K, K) and B (K, p): the least of three bounds, each of which alone would do.
+
+    Powers: once |A^m| < 1 for some m, sup_k |A^k| is the largest of the first m; blocks double until then, and
+    |A^(m+k)| <= |A^m| |A^k|.   Lyapunov: A^T P A <= P gives sup_k |A^k| <= sqrt(cond P).   Eigenvectors: cond V.
+    """
+    radius = float(np.abs(np.linalg.eigvals(A)).max(initial=0.0))
+    if not (radius < 1.0 and contracts(A)):
+        return PowerBound(radius, np.inf, np.inf)
+    largest, gain = _by_doubling(A, B)
+    return PowerBound(radius, min(largest, _by_lyapunov(A), _by_eigenvectors(A)), gain)
+
+
+def _by_doubling(A: np.ndarray, B: np.ndarray) -> tuple[float, float]:
+    """(sup |A^k|, sum |A^k B|): S and G over the first m powers, then over 2 m, …, until |A^m| < 1."""
+    S = float(spectral_norms(powers(A, np.eye(len(A)), EXACT)).max())
+    G = float(spectral_norms(powers(A, B, EXACT)).sum())
+    block = np.linalg.matrix_power(A, EXACT)
+    for _ in range(DOUBLINGS):
+        size = float(spectral_norms(block))
+        if size < 1.0:
+            return S, G / (1.0 - size)
+        S, G, block = S * max(1.0, size), G * (1.0 + size), block @ block
+    return np.inf, np.inf
+
+
+def _by_lyapunov(A: np.ndarray) -> float:
+    """sqrt(cond P) of A^T P A - P = -I, inf where the computed P does not satisfy A^T P A <= P."""
+    try:
+        P = scipy.linalg.solve_discrete_lyapunov(A.T, np.eye(len(A)))
+    except (np.linalg.LinAlgError, ValueError):
+        return np.inf
+    P = (P + P.T) / 2
+    size = np.linalg.eigvalsh(P)
+    falls = np.linalg.eigvalsh(P - A.T @ P @ A).min() > 0.0 and size[0] > 0.0
+    return float(np.sqrt(size[-1] / size[0])) if falls else np.inf
+
+
+def _by_eigenvectors(A: np.ndarray) -> float:
+    """cond V of A = V Lambda V^-1, inf where V is too ill-conditioned to trust."""
+    _, V = np.linalg.eig(A)
+    condition = float(np.linalg.cond(V))
+    return condition if condition < 1e6 else np.inf

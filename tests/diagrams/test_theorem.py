@@ -1,0 +1,72 @@
+"""The bound against the error on real flights, and the models that violate an assumption."""
+
+import dataclasses as dc
+
+import pytest
+
+from diagrams import theorem
+from np_drake.lifting.training import make_config, train
+
+
+@pytest.fixture(scope="module")
+def flown(neurobem):
+    """One second of every flight."""
+    return [
+        dc.replace(f, segment=dc.replace(f.segment, **{k: v[3200:3600] for k, v in parts(f).items()}))
+        for f in theorem.flights(neurobem)
+    ]
+
+
+def parts(flight):
+    return {"chi": flight.segment.chi, "zeta": flight.segment.zeta, "target": flight.segment.goal}
+
+
+@pytest.fixture(scope="module")
+def lines(flown):
+    segments = [flown[0].segment]
+    models = {
+        "paper": train(segments, make_config("paper", epochs=1)).model,
+        "default": train(
+            segments, make_config("default", symmetric=False, torque=True, delay=25, starts=1, iterations=30)
+        ).model,
+    }
+    return theorem.bound_table(models, flown)
+
+
+def of(lines, alpha, *models):
+    return [line for line in lines if line["alpha"] == alpha and line["model"] in models]
+
+
+def test_the_bound_holds_in_every_window_of_every_real_flight(lines):
+    own = of(lines, "own", "paper", "default")
+    assert len(own) == 14
+    assert sum(line["windows"] for line in own) > 4000
+    assert all(line["premise"] == line["holds"] == 1.0 for line in own)
+
+
+def test_it_holds_where_alphas_known_before_the_flight_hold(lines):
+    foreseen = of(lines, "others", "paper", "default")
+    assert any(line["premise"] > 0.9 for line in foreseen)
+    assert all(line["holds_on_premise"] == 1.0 for line in foreseen if line["premise"] > 0)
+
+
+def test_it_is_no_empty_bound(lines):
+    for line in of(lines, "own", "paper"):
+        assert line["tightness"]["z"][1][0] < 100.0  # median of bound / error; spikes of chi set alpha
+        assert line["tightness"]["z"][40][0] < line["tightness"]["operator"][40][0]
+
+
+def test_a_sound_model_violates_nothing_and_a_broken_one_what_was_broken(lines):
+    assert all(not line["violated"] for line in of(lines, "own", "paper", "default"))
+    broken = {line["model"]: set(line["violated"]) for line in lines[-3:]}
+    assert broken == {
+        "A not stable, no refit": {"stability"},
+        "Phi not normalised": {"Lipschitz constant"},
+        "alphas halved": {"step of chi", "step of zeta"},
+    }
+
+
+def test_the_table_has_a_row_for_every_line(lines):
+    _, header, rows = theorem.printed(lines)
+    assert len(rows) == len(lines) == 31
+    assert all(len(row) == len(header) for row in rows)
