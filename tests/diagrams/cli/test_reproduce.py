@@ -5,7 +5,7 @@ import pytest
 from diagrams.cli.main import run
 
 BAD = {  # arguments: what the line must say
-    "unknown": (["nothing"], "must be one of tracking, weights, gap, theorem, pendulum"),
+    "unknown": (["nothing"], "must be one of tracking, weights, gap, mhe, theorem, pendulum"),
     "no flights": (["theorem"], "NP_DRAKE_NEUROBEM"),
     "no folder": (["theorem", "--neurobem", "nowhere"], "nowhere"),
 }
