@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.residual_models.base import ResidualModel, Sample, WrenchForecast
+from np_drake.residual_models.base import ForecastsWholeFlights, ResidualModel, Sample, WrenchForecast
 
 NAIVE = ("persistence", "linear", "mean")
 
@@ -95,6 +95,23 @@ def naive_predictions(
 
 
 def model_predictions(
+    model: ResidualModel,
+    chi: np.ndarray,
+    zeta: np.ndarray,
+    origins: np.ndarray,
+    horizons: list[int],
+    *,
+    zeta_known: bool,
+) -> np.ndarray:
+    """(o, len(horizons), 6) chi_hat: the whole flight at once where the model can, else sample by sample."""
+    if isinstance(model, ForecastsWholeFlights):
+        forecasts = model.along(chi, zeta)
+        if forecasts is not None and origins[0] >= forecasts.first:
+            return forecasts.at(horizons, origins, zeta, zeta_known=zeta_known)
+    return fed_one_by_one(model, chi, zeta, origins, horizons, zeta_known=zeta_known)
+
+
+def fed_one_by_one(
     model: ResidualModel,
     chi: np.ndarray,
     zeta: np.ndarray,
