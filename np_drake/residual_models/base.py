@@ -56,7 +56,7 @@ class WrenchForecast:
         return chi
 
 
-@dc.dataclass(frozen=True)
+@dc.dataclass
 class FlightForecasts:
     """The forecasts at every sample of a flight from `first` on, where all share A, B and C.
 
@@ -96,11 +96,23 @@ def _convolved(markov: list[np.ndarray], zeta: np.ndarray, origins: np.ndarray) 
     return drive
 
 
+class FlightCourse(Protocol):
+    """All forecasts of a flight from sample `first` on."""
+
+    first: int
+
+    def at(
+        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
+    ) -> np.ndarray:
+        """(o, len(horizons), 6) chi_hat; see `FlightForecasts`."""
+        ...
+
+
 @runtime_checkable
 class ForecastsWholeFlights(Protocol):
     """A residual model that can answer for all samples of a flight at once, as it would one by one."""
 
-    def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | None:
+    def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightCourse | None:
         """For chi, zeta (n, 6) without gaps; None where this model cannot."""
         ...
 
