@@ -1,5 +1,7 @@
 """`np-drake evaluate`: prediction skill against the horizon, naive rows included."""
 
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,8 +14,11 @@ from diagrams.failed_run import FailedRun
 from np_drake.atomic_file import require_writable
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from diagrams.cli.flights import Flight
     from np_drake.lifting.lifted_model import LiftedModel
+    from np_drake.residual_models.linear_baselines import LinearBaseline, RidgeBaseline
 
 CONFIGURATIONS = ("paper", "default")
 HORIZONS = "1,5,10,20,40"
@@ -31,6 +36,12 @@ def evaluate(
         Path | None,
         typer.Option(metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),
     ] = None,
+    leave_one_out: Annotated[
+        bool, typer.Option("--leave-one-out", help="Score every LOG by models trained on all the others.")
+    ] = False,
+    only: Annotated[
+        list[str] | None, typer.Option(help="Train only this one: paper | default; repeatable.")
+    ] = None,
     horizons: Annotated[str, typer.Option(help="Steps ahead, comma-separated.")] = HORIZONS,
     epochs: Annotated[int | None, typer.Option(min=1, help="Passes; default: the configuration's.")] = None,
     step: options.Step = 0.02,
@@ -46,26 +57,42 @@ def evaluate(
     if json is not None:
         require_writable(json)
     steps = parse_horizons(horizons)
+    names = choose_configurations(only)
+    if leave_one_out and (predictor or train or len(logs or ()) < 2):
+        raise ValueError("--leave-one-out: give two LOG or more, and neither --predictor nor --train.")
     train, logs = choose_flights(list(train or ()), list(logs or ()), predictor, neurobem)
-    if not train:
+    if not train and not leave_one_out:
         predictor = predictor or packaged_model()
     from diagrams.cli.flights import open_flights, require_one_frame
 
     tests = open_flights(logs, vehicle, repair=repair)
     training = open_flights(train, vehicle, repair=repair)
     require_one_frame([*training, *tests])
-    models = load(predictor) if predictor else train_all(training, step=step, seed=seed, epochs=epochs)
-    from diagrams.cli.scoring import MOTIONS, finite, score, show
+    from diagrams.cli.scoring import MOTIONS, finite, score, show, show_mean
 
+    folds = [([other for other in tests if other is not test], [test]) for test in tests]
     rows: list[dict] = []
+    for learned, unseen in folds if leave_one_out else [(training, tests)]:
+        models = (
+            load(predictor)
+            if predictor
+            else train_all(learned, step=step, seed=seed, epochs=epochs, names=names)
+        )
+        baselines, mean = train_baselines(learned, steps, step)
+        for zeta in MOTIONS:
+            with progress(f"scoring, coming motion {zeta}", 1.0) as advance:
+                rows += score(
+                    models, unseen, steps, zeta=zeta, baselines=baselines, mean=mean,
+                    on_model=partial(_advance, advance),
+                )  # fmt: skip
     for zeta in MOTIONS:
-        with progress(f"scoring, coming motion {zeta}", 1.0) as advance:
-            scored = score(
-                models, tests, steps, zeta=zeta, on_model=lambda done, total: advance(done / total)
-            )
-        show(scored, zeta)
-        rows += scored
-    settings = {"configurations": list(models), "horizons": steps, "step": step}
+        (show_mean if leave_one_out else show)([row for row in rows if row["zeta"] == zeta], zeta)
+    settings = {
+        "configurations": list(models),
+        "horizons": steps,
+        "step": step,
+        "leave_one_out": leave_one_out,
+    }
     settings |= {"training": [flight.data.name for flight in training]}
     write_metrics(json, "evaluate", seed=seed, config=settings, rows=rows)
     if not finite(rows):
@@ -103,6 +130,33 @@ def choose_flights(
     return [neurobem / "npy" / f"{TRAINING}.npy"], [neurobem / "npy" / f"{RACE_TRACK}.npy"]
 
 
+def _advance(advance: Callable[[float], None], done: int, total: int) -> None:
+    advance(done / total)
+
+
+def choose_configurations(only: list[str] | None) -> list[str]:
+    """The configurations to train. Raises ValueError on an unknown name."""
+    unknown = set(only or ()) - set(CONFIGURATIONS)
+    if unknown:
+        raise ValueError(f"--only: must be {' | '.join(CONFIGURATIONS)}; got {', '.join(sorted(unknown))}.")
+    return [name for name in CONFIGURATIONS if not only or name in only]
+
+
+def train_baselines(
+    flights: list["Flight"], horizons: list[int], step: float
+) -> tuple[dict[str, "LinearBaseline | RidgeBaseline"], "np.ndarray | None"]:
+    """The opponents that must be trained, and the mean of chi (6,) in training; none without training flights."""
+    if not flights:
+        return {}, None
+    import numpy as np
+
+    from np_drake.residual_models.linear_baselines import fit_all
+
+    segments = [segment for flight in flights for segment in flight.segments(step)]
+    mean = np.concatenate([segment.goal for segment in segments]).mean(axis=0)
+    return fit_all(segments, np.unique([0, *horizons])), mean
+
+
 def packaged_model() -> Path:
     """The model that ships with the package. Raises ValueError where there is none."""
     from diagrams.controllers import DEFAULT_MODEL
@@ -121,12 +175,17 @@ def load(path: Path) -> dict[str, "LiftedModel"]:
 
 
 def train_all(
-    flights: list["Flight"], *, step: float, seed: int, epochs: int | None
+    flights: list["Flight"],
+    *,
+    step: float,
+    seed: int,
+    epochs: int | None,
+    names: Sequence[str] = CONFIGURATIONS,
 ) -> dict[str, "LiftedModel"]:
-    """Both configurations, trained on the same flights."""
+    """The configurations of these names, trained on the same flights."""
     segments = [segment for flight in flights for segment in flight.segments(step)]
     models = {}
-    for name in CONFIGURATIONS:
+    for name in names:
         config = configure(name, frame=flights[0].frame, seed=seed, epochs=epochs)
         result, wall = run_training(f"training {name}", segments, config)
         say(f"{name}: {wall:.1f} s, {result.model.summary.get('excitation', '')}")

@@ -1,19 +1,22 @@
 """Skill of trained predictors on flights, as rows of the metrics file and as tables."""
 
 import dataclasses as dc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from diagrams.cli.flights import Flight
 from diagrams.cli.output import print_table
-from np_drake.lifting.lifted_model import LiftedModel
+from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
 from np_drake.lifting.origin import require_origin
 from np_drake.lifting.segments import Segment
-from np_drake.lifting.skill import NAIVE, skill_table
+from np_drake.lifting.skill import UNTRAINED, skill_table
+from np_drake.lifting.skill_interval import mean_interval
 from np_drake.logs.neurobem import TESTS
 from np_drake.logs.wrench_sequence import WrenchSequence
+from np_drake.residual_models.base import ResidualModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 
 MOTIONS = ("held", "known")  # what a forecast is told of the coming zeta
@@ -26,11 +29,14 @@ def score(
     horizons: list[int],
     *,
     zeta: str,
+    baselines: Mapping[str, ResidualModel] = MappingProxyType({}),
+    mean: np.ndarray | None = None,
     on_model: Callable[[int, int], None] = lambda *_: None,
 ) -> list[dict[str, Any]]:
-    """The rows of `--json`: every model and naive row on every flight, horizon in seconds.
+    """The rows of `--json`: every model, baseline and naive row on every flight, horizon in seconds.
 
-    The mean is the flight's own. zeta: `held` at its last value, or `known`.
+    mean: (6,) of chi in training; None: the flight's own, which no predictor could know.
+    zeta: `held` at its last value, or `known`.
     `on_model` is called with (done, total) after every model.
     Raises: ValueError: if a step is not the model's, or a flight too short.
     """
@@ -42,11 +48,11 @@ def score(
             segment = longest_piece(flight, model.step)
             predictor = NeuralPredictor(model, options_for(model))
             table = skill_table(
-                {label: predictor},
+                {label: predictor, **(baselines if place == 0 else {})},
                 segment.chi,
                 segment.zeta,
                 horizons=horizons,
-                mean=segment.chi.mean(axis=0),
+                mean=segment.chi.mean(axis=0) if mean is None else mean,
                 target=segment.goal,
                 zeta_known=zeta == "known",
                 warm_up=max(40, model.window),
@@ -55,7 +61,7 @@ def score(
             rows += [
                 {**dc.asdict(row), "horizon": row.horizon * segment.step, "zeta": zeta}
                 for row in table
-                if place == 0 or row.model not in NAIVE
+                if place == 0 or row.model not in UNTRAINED
             ]
             on_model(number * len(models) + place + 1, len(flights) * len(models))
     return rows
@@ -105,6 +111,25 @@ def show(rows: list[dict[str, Any]], zeta: str) -> None:
             print_table(title, ["ahead", *(f"{horizon:.4g} s" for horizon in horizons)], lines)
 
 
+def show_mean(rows: list[dict[str, Any]], zeta: str) -> None:
+    """Two tables, a column a horizon: ratio to persistence, mean over flights and its 95 % interval; largest skill."""
+    horizons = sorted({row["horizon"] for row in rows})
+    for kind in ("force", "torque"):
+        lines = []
+        for model in dict.fromkeys(row["model"] for row in rows):
+            cells = [[row for row in rows if (row["model"], row["horizon"]) == (model, h)] for h in horizons]
+            lines.append([model, *(_mean_cell(cell, kind) for cell in cells)])
+        title = f"mean over flights: {kind}, ratio to persistence (worst skill), coming motion {zeta}"
+        print_table(title, ["ahead", *(f"{horizon:.4g} s" for horizon in horizons)], lines)
+
+
+def _mean_cell(cell: list[dict[str, Any]], kind: str) -> str:
+    mean, low, high = mean_interval(np.array([row[f"{kind}_ratio"] for row in cell]))
+    worst = max(row[f"{kind}_skill"] for row in cell)
+    return f"{mean:.2f} ±{(high - low) / 2:.2f} ({worst:.2f})"
+
+
 def finite(rows: list[dict[str, Any]]) -> bool:
-    """Whether every RMSE is a number."""
-    return all(np.isfinite(row["force_rmse"]) and np.isfinite(row["torque_rmse"]) for row in rows)
+    """Whether every RMSE of a model is a number; a baseline may diverge."""
+    ours = [row for row in rows if row["model"] in (PAPER, DEFAULT)]
+    return all(np.isfinite(row["force_rmse"]) and np.isfinite(row["torque_rmse"]) for row in ours)

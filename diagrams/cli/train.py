@@ -66,18 +66,16 @@ def train(
 
 
 def configure(name: str, *, frame: str = "world", seed: int = 0, epochs: int | None = None) -> "Config":
-    """The configuration called `name`; wrenches in body axes have no symmetry about the vertical.
+    """The configuration called `name`; `default` in body axes is in closed form and has no epochs.
 
     Raises: ValueError: on another name.
     """
     from np_drake.lifting.training import make_config
 
     settings: dict[str, Any] = {"seed": seed}
-    if epochs is not None:
+    if epochs is not None and not (name == "default" and frame == "body"):
         settings["epochs" if name == "paper" else "iterations"] = epochs
-    if name == "default" and frame == "body":
-        settings |= {"symmetric": False, "torque": True, "delay": 25}  # 60 ms at the arrays' 400 Hz
-    return make_config(name, **settings)
+    return make_config(name, frame=frame, **settings)
 
 
 def run_training(

@@ -36,15 +36,18 @@ class Phi:
 
 @dc.dataclass(frozen=True)
 class DelayEncoder:
-    """z = E w, w the last D samples of [chi, zeta], oldest first.
+    """z = E w + offset, w the last D samples of [chi, zeta], oldest first.
 
-    E: (K, 12 D) per [N, N·m, m/s, rad/s].
+    E: (K, 12 D) per [N, N·m, m/s, rad/s].   offset: (K,), zero unless given.
     """
 
     E: np.ndarray
     delay: int
+    offset: np.ndarray | None = None
 
     def __post_init__(self):
+        if self.offset is not None and self.offset.shape != (len(self.E),):
+            raise ValueError(f"DelayEncoder: offset must be ({len(self.E)},); got {self.offset.shape}.")
         if self.E.ndim != 2 or self.E.shape[1] != 12 * self.delay:
             raise ValueError(f"DelayEncoder: E must be (K, {12 * self.delay}); got {self.E.shape}.")
 
@@ -55,4 +58,13 @@ class DelayEncoder:
 
     def __call__(self, window: np.ndarray) -> np.ndarray:
         """(..., D, 12) window -> (..., K) z."""
-        return window.reshape(window.shape[:-2] + (-1,)) @ self.E.T
+        z = window.reshape(window.shape[:-2] + (-1,)) @ self.E.T
+        return z if self.offset is None else z + self.offset
+
+    def along(self, samples: np.ndarray) -> np.ndarray:
+        """(n, 12) samples -> (n - D + 1, K) z of every full window."""
+        count = len(samples) - self.delay + 1
+        z = np.zeros((count, self.K)) if self.offset is None else np.tile(self.offset, (count, 1))
+        for d, E in enumerate(self.E.reshape(self.K, self.delay, 12).transpose(1, 2, 0)):
+            z += samples[d : d + count] @ E
+        return z

@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.lifting.encoders import DelayEncoder, Phi
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.trust import Trust
 
 PAPER, DEFAULT = "paper", "default"
 
@@ -19,7 +20,8 @@ class LiftedModel:
     (linear encoder of the last samples).   system: the offline lifted linear system at the training step.
     window: samples the encoder or the refit needs.   chi_scale, zeta_scale: (6,) scales used in training.
     predicts_torque: whether rows 3:6 of C were trained.   summary: plain figures of the training, for people.
-    ridge: weight of `system` in the refit of a window [samples of unit size]; 0 where there is no refit.
+    ridge: weight of `system` in the refit of a window [samples of unit size]; 0 where there is no refit.   trust: how z
+    is corrected in flight by the outcome of earlier forecasts; None: not at all.
     """
 
     configuration: str
@@ -31,6 +33,7 @@ class LiftedModel:
     predicts_torque: bool
     summary: dict[str, Any] = dc.field(default_factory=dict)
     ridge: float = 0.0
+    trust: Trust | None = None
 
     def __post_init__(self):
         kinds = {PAPER: Phi, DEFAULT: DelayEncoder}

@@ -12,6 +12,7 @@ from np_drake.atomic_file import atomic_path
 from np_drake.lifting.encoders import DelayEncoder, Phi
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
+from np_drake.lifting.trust import Trust
 
 SCHEMA = "np_drake.lifted_model/1"
 
@@ -24,6 +25,10 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
         tensors |= {f"W{i}": W for i, W in enumerate(model.encoder.weights)}
     else:
         tensors["E"] = model.encoder.E
+        if model.encoder.offset is not None:
+            tensors["offset"] = model.encoder.offset
+    if model.trust is not None:
+        tensors |= {f"trust/{name}": np.asarray(value, float) for name, value in vars(model.trust).items()}
     header = {
         "configuration": model.configuration, "step": s.step, "window": model.window,
         "predicts_torque": model.predicts_torque, "ridge": model.ridge, "summary": model.summary,
@@ -83,10 +88,34 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
     for name in ("chi_scale", "zeta_scale"):
         if tensors[name].shape != (6,) or not np.all(tensors[name] > 0):
             raise ValueError(f"{name} must be six positive numbers.")
-    encoder = _phi(tensors) if configuration == PAPER else DelayEncoder(tensors["E"], window)
+    encoder = _phi(tensors) if configuration == PAPER else _delay_encoder(tensors, window)
     return LiftedModel(
         configuration, system, encoder, window, tensors["chi_scale"], tensors["zeta_scale"],
-        bool(header["predicts_torque"]), dict(header["summary"]), float(header["ridge"]),
+        bool(header["predicts_torque"]), dict(header["summary"]), float(header["ridge"]), _trust(tensors, system.K),
+    )  # fmt: skip
+
+
+def _delay_encoder(tensors: dict[str, np.ndarray], window: int) -> DelayEncoder:
+    return DelayEncoder(tensors["E"], window, tensors.get("offset"))
+
+
+def _trust(tensors: dict[str, np.ndarray], K: int) -> Trust | None:
+    found = {
+        name.removeprefix("trust/"): value for name, value in tensors.items() if name.startswith("trust/")
+    }
+    if not found:
+        return None
+    horizons = found.pop("horizons").astype(int)
+    arrays = {name: found.pop(name) for name in ("readout", "projector", "mean")}
+    H = len(horizons)
+    shapes = {"readout": (H, 6, K), "projector": (K, H, 6), "mean": (6,)}
+    if any(arrays[name].shape != shape for name, shape in shapes.items()):
+        raise ValueError(f"the arrays of trust must be {shapes}.")
+    if H == 0 or horizons[0] < 1 or np.any(np.diff(horizons) < 1):
+        raise ValueError("the horizons of trust must be whole numbers from 1 on, ascending.")
+    return Trust(
+        horizons, arrays["readout"], arrays["projector"], arrays["mean"],
+        **{name: value.item() for name, value in found.items()},
     )  # fmt: skip
 
 

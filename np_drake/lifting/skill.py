@@ -4,16 +4,19 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.residual_models.base import ResidualModel, Sample, WrenchForecast
+from np_drake.lifting.skill_interval import ratio_interval
+from np_drake.residual_models.base import ForecastsWholeFlights, ResidualModel, Sample, WrenchForecast
 
-NAIVE = ("persistence", "linear", "mean")
+NAIVE = ("persistence", "linear", "mean")  # whose best is what skill is measured by
+UNTRAINED = (*NAIVE, "past mean")  # rows of every table
 
 
 @dc.dataclass(frozen=True)
 class SkillRow:
     """Errors of one model at one horizon; RMSE of the norm over all origins.
 
-    skill: RMSE over that of the best naive row at that horizon.   ratio: over that of persistence [1].
+    skill: RMSE over that of the best naive row at that horizon.   ratio: over that of persistence [1]; interval: 95 %
+    of the ratio within this flight (see `skill_interval`), NaN where the flight is too short for one.
     """
 
     flight: str
@@ -25,6 +28,8 @@ class SkillRow:
     torque_skill: float
     force_ratio: float
     torque_ratio: float
+    force_interval: tuple[float, ...]
+    torque_interval: tuple[float, ...]
 
 
 def skill_table(
@@ -58,20 +63,26 @@ def skill_table(
     predictions = naive_predictions(chi, origins, horizons, mean)
     for name, model in models.items():
         predictions[name] = model_predictions(model, chi, zeta, origins, horizons, zeta_known=zeta_known)
-    rmse = {name: _rmse(prediction - goal) for name, prediction in predictions.items()}
+    square = {name: _square(prediction - goal) for name, prediction in predictions.items()}
+    rmse = {name: np.sqrt(error.mean(axis=0)) for name, error in square.items()}
     best = np.min([rmse[name] for name in NAIVE], axis=0)
-    return [
-        SkillRow(
-            flight,
-            name,
-            horizon,
-            *map(float, error[i]),
-            *map(float, _ratio(error[i], best[i])),
-            *map(float, _ratio(error[i], rmse["persistence"][i])),
-        )
-        for name, error in rmse.items()
-        for i, horizon in enumerate(horizons)
-    ]
+    interval = {
+        name: ratio_interval(error, square["persistence"], horizons) for name, error in square.items()
+    }
+    rows = []
+    for name, error in rmse.items():
+        skill, ratio = _ratio(error, best), _ratio(error, rmse["persistence"])
+        for i, horizon in enumerate(horizons):
+            figures = {
+                f"{kind}_{what}": float(values[i, k])
+                for what, values in (("rmse", error), ("skill", skill), ("ratio", ratio))
+                for k, kind in enumerate(("force", "torque"))
+            }
+            force, torque = (tuple(map(float, bounds)) for bounds in interval[name][i])
+            rows.append(
+                SkillRow(flight, name, horizon, **figures, force_interval=force, torque_interval=torque)
+            )
+    return rows
 
 
 def _ratio(error: np.ndarray, reference: np.ndarray) -> np.ndarray:
@@ -82,19 +93,40 @@ def _ratio(error: np.ndarray, reference: np.ndarray) -> np.ndarray:
 def naive_predictions(
     chi: np.ndarray, origins: np.ndarray, horizons: list[int], mean: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """(o, len(horizons), 6) of persistence, linear extrapolation of the last two samples, and training mean."""
+    """(o, len(horizons), 6) of persistence, linear extrapolation of the last two samples, training mean, and mean of
+    the flight up to now.
+    """
     last = chi[origins][:, None]
     slope = last - chi[origins - 1][:, None]
     steps = np.array(horizons, float)[:, None]
+    so_far = np.cumsum(chi, axis=0)[origins] / (origins + 1.0)[:, None]
     shape = (len(origins), len(horizons), 6)
     return {
         "persistence": np.broadcast_to(last, shape),
         "linear": last + steps * slope,
         "mean": np.broadcast_to(mean, shape),
+        "past mean": np.broadcast_to(so_far[:, None], shape),
     }
 
 
 def model_predictions(
+    model: ResidualModel,
+    chi: np.ndarray,
+    zeta: np.ndarray,
+    origins: np.ndarray,
+    horizons: list[int],
+    *,
+    zeta_known: bool,
+) -> np.ndarray:
+    """(o, len(horizons), 6) chi_hat: the whole flight at once where the model can, else sample by sample."""
+    if isinstance(model, ForecastsWholeFlights):
+        forecasts = model.along(chi, zeta)
+        if forecasts is not None and origins[0] >= forecasts.first:
+            return forecasts.at(horizons, origins, zeta, zeta_known=zeta_known)
+    return fed_one_by_one(model, chi, zeta, origins, horizons, zeta_known=zeta_known)
+
+
+def fed_one_by_one(
     model: ResidualModel,
     chi: np.ndarray,
     zeta: np.ndarray,
@@ -141,7 +173,7 @@ def _stacked(matrices: list[np.ndarray]) -> np.ndarray:
     return np.stack(matrices)
 
 
-def _rmse(error: np.ndarray) -> np.ndarray:
-    """(len(horizons), 2) root mean square norm of force [N] and torque [N·m]."""
+def _square(error: np.ndarray) -> np.ndarray:
+    """(o, len(horizons), 2) squared norm of force [N²] and torque [N²·m²]."""
     square = error**2
-    return np.sqrt(np.stack([square[..., :3].sum(-1).mean(0), square[..., 3:].sum(-1).mean(0)], axis=-1))
+    return np.stack([square[..., :3].sum(-1), square[..., 3:].sum(-1)], axis=-1)

@@ -6,16 +6,22 @@ from pathlib import Path
 
 from np_drake.lifting.checkpoint import Checkpoint
 from np_drake.lifting.default_training import DefaultConfig, train_default
+from np_drake.lifting.dictionary_training import DictionaryConfig, train_dictionary
 from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
 from np_drake.lifting.paper_training import PaperConfig, train_paper
 from np_drake.lifting.segments import Segment
 
-Config = DefaultConfig | PaperConfig
+Config = DefaultConfig | DictionaryConfig | PaperConfig
 CONFIGURATIONS: dict[str, type[DefaultConfig] | type[PaperConfig]] = {
     DEFAULT: DefaultConfig,
     PAPER: PaperConfig,
 }
 DEFAULT_CONFIG = DefaultConfig()
+TRAINERS: dict[type, Callable[..., tuple[LiftedModel, list[float]]]] = {
+    DefaultConfig: train_default,
+    DictionaryConfig: train_dictionary,
+    PaperConfig: train_paper,
+}
 
 
 @dc.dataclass(frozen=True)
@@ -38,23 +44,31 @@ def train(
     Args:
         segments: uninterrupted flights at one step.
         checkpoint: file that the run is saved to as it goes, and taken up from where it exists (same
-            configuration and data); the result is that of an uninterrupted run.
+            configuration and data); the result is that of an uninterrupted run. DictionaryConfig, which is done in
+            seconds, leaves it alone.
         on_epoch: called with (epoch, total, loss); for `default` an epoch is one L-BFGS iteration, and
             descents that converge early skip ahead.
     Raises: ValueError: if the segments are unusable or the checkpoint is of another run.
     """
     saved = Checkpoint(checkpoint, config, segments)
-    run = train_paper if isinstance(config, PaperConfig) else train_default
-    model, loss = run(segments, config, saved, on_epoch)  # type: ignore[arg-type]
+    run = TRAINERS[type(config)]
+    model, loss = run(segments, config, saved, on_epoch)
     summary = {**model.summary, "settings": dc.asdict(config)}
     return TrainingResult(dc.replace(model, summary=summary), loss)
 
 
-def make_config(configuration: str, **settings) -> Config:
-    """The configuration of that name. Raises ValueError on an unknown name or setting."""
+def make_config(configuration: str, *, frame: str = "world", **settings) -> Config:
+    """The configuration of that name; `default` is another one for wrenches in body axes (frame: world | body).
+
+    Raises: ValueError: on an unknown name, frame or setting.
+    """
+    if frame not in ("world", "body"):
+        raise ValueError(f"train: frame must be world | body; got {frame}.")
     if configuration not in CONFIGURATIONS:
         raise ValueError(f"train: configuration must be {' | '.join(CONFIGURATIONS)}; got {configuration}.")
-    kind = CONFIGURATIONS[configuration]
+    kind: type[Config] = CONFIGURATIONS[configuration]
+    if kind is DefaultConfig and frame == "body":
+        kind = DictionaryConfig
     unknown = set(settings) - {field.name for field in dc.fields(kind)}
     if unknown:
         raise ValueError(f"train: {configuration} has no setting {', '.join(sorted(unknown))}.")

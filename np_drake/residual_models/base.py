@@ -5,7 +5,7 @@ benchmark's loop), takes one sample every `step` seconds, and answers with a `Wr
 """
 
 import dataclasses as dc
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -54,6 +54,67 @@ class WrenchForecast:
             chi[i] += self.C @ z
             z = self.A @ z + self.B @ zeta[i]
         return chi
+
+
+@dc.dataclass
+class FlightForecasts:
+    """The forecasts at every sample of a flight from `first` on, where all share A, B and C.
+
+    A: (K, K)   B: (K, 6)   C: (6, K)   z: (o, K), one a sample   offset: (o, 6) held over the horizon [N, N·m].
+    """
+
+    first: int
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    z: np.ndarray
+    offset: np.ndarray
+
+    def at(
+        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
+    ) -> np.ndarray:
+        """(o, len(horizons), 6) chi_hat of the forecasts at `origins`; zeta (n, 6) of the whole flight."""
+        z, offset, now = self.z[origins - self.first], self.offset[origins - self.first], zeta[origins]
+        chi_hat = np.empty((len(origins), len(horizons), 6))
+        markov: list[np.ndarray] = []
+        CA, summed = self.C, np.zeros((6, 6))
+        for i in range(max(horizons) + 1):
+            if i in horizons:
+                drive = _convolved(markov, zeta, origins) if zeta_known else now @ summed.T
+                chi_hat[:, horizons.index(i)] = z @ CA.T + drive + offset
+            markov.append(CA @ self.B)
+            summed = summed + markov[-1]
+            CA = CA @ self.A
+        return chi_hat
+
+
+def _convolved(markov: list[np.ndarray], zeta: np.ndarray, origins: np.ndarray) -> np.ndarray:
+    """(o, 6) sum over j of markov[i - 1 - j] zeta_(k + j), i = len(markov)."""
+    drive = np.zeros((len(origins), 6))
+    for j, M in enumerate(reversed(markov)):
+        drive += zeta[origins + j] @ M.T
+    return drive
+
+
+class FlightCourse(Protocol):
+    """All forecasts of a flight from sample `first` on."""
+
+    first: int
+
+    def at(
+        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
+    ) -> np.ndarray:
+        """(o, len(horizons), 6) chi_hat; see `FlightForecasts`."""
+        ...
+
+
+@runtime_checkable
+class ForecastsWholeFlights(Protocol):
+    """A residual model that can answer for all samples of a flight at once, as it would one by one."""
+
+    def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightCourse | None:
+        """For chi, zeta (n, 6) without gaps; None where this model cannot."""
+        ...
 
 
 class ResidualModel(Protocol):

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import rigid_body
+from np_drake.lifting.encoders import DelayEncoder
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.lifted_model import PAPER, LiftedModel
 from np_drake.lifting.model_file import load_model
 from np_drake.lifting.window_refit import WindowRefit
-from np_drake.residual_models.base import Memory, Sample, WrenchForecast
+from np_drake.residual_models.base import FlightForecasts, Memory, Sample, WrenchForecast
 
 
 @dc.dataclass(frozen=True)
@@ -30,7 +31,8 @@ class NeuralPredictor:
 
     Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); A (K, K), B (K, 6); lowpass (6,) of the
     labels; count of samples in the window, up to W; labels, dropped: samples with and without one so far;
-    gap: dropped in a row just now. Until `count` reaches W the forecast holds `lowpass`. A missing label is
+    gap: dropped in a row just now; where the model has a `trust`, its memory, as trust/….
+    Until `count` reaches W the forecast holds `lowpass`. A missing label is
     filled with the model's own prediction, a missing state with the last zeta; after W samples in a row
     without, the window starts afresh.
     """
@@ -65,7 +67,8 @@ class NeuralPredictor:
         s = self.model.system
         scalars = {name: np.zeros(1) for name in ("count", "labels", "dropped", "gap")}
         window = np.zeros((self.model.window, 12))
-        return {"window": window, "z": np.zeros(s.K), "A": s.A, "B": s.B, "lowpass": np.zeros(6), **scalars}
+        memory = {"window": window, "z": np.zeros(s.K), "A": s.A, "B": s.B, "lowpass": np.zeros(6), **scalars}
+        return memory | self._fresh_trust()
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
         """One more sample; see the class for samples with NaN."""
@@ -76,15 +79,30 @@ class NeuralPredictor:
             blend = max(self._blend, 1.0 / new["labels"][0])
             new["lowpass"] = memory["lowpass"] + blend * (label - memory["lowpass"])
         if new["count"][0] == 0:
-            return new
+            return new | self._fresh_trust()
         chi = label if labelled else self._own_prediction(memory)
         row = np.concatenate([chi, zeta if seen else memory["window"][-1, 6:]])
         new["window"] = np.concatenate([memory["window"][1:], row[None]])
         if new["count"][0] == self.model.window:
-            new["z"] = self.model.lift(new["window"])
+            new |= self._lifted(new, labelled)
             if self._refit is not None:
                 new["A"], new["B"] = self._refit(new["window"])
+        elif self.model.trust is not None and labelled:
+            new |= _named(self.model.trust.observe(_trust_of(new), chi))
         return new
+
+    def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | None:
+        """The forecasts from the first full window on, as `update` would make them; None where A, B are refit."""
+        first, encoder, s = self.model.window - 1, self.model.encoder, self.model.system
+        if self._refit is not None or not isinstance(encoder, DelayEncoder) or len(chi) <= first:
+            return None
+        z = encoder.along(np.hstack([chi, zeta]))
+        if self.model.trust is not None:
+            z = self.model.trust.along(z, chi, first)
+        offset = np.zeros((len(z), 6))
+        if self.options.torque == "hold":
+            offset[:, 3:] = self._lowpassed(chi)[first:, 3:]
+        return FlightForecasts(first, s.A, s.B, self._C, z, offset)
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Torque (unless predicted), and everything before the window is full, is held in `offset`."""
@@ -101,6 +119,14 @@ class NeuralPredictor:
         """(6,) the wrench now, as the forecast begins [N, N·m]."""
         return self.forecast(memory, horizon=1, stride=1).rollout(np.zeros((1, 6)))[0]
 
+    def _lowpassed(self, chi: np.ndarray) -> np.ndarray:
+        """(n, 6) the low-passed labels of a flight without gaps."""
+        course, held = np.empty_like(chi), np.zeros(6)
+        for k, label in enumerate(chi):
+            held = held + max(self._blend, 1.0 / (k + 1)) * (label - held)
+            course[k] = held
+        return course
+
     def _counted(self, memory: Memory, labelled: bool, complete: bool) -> Memory:
         """The counters after one more sample."""
         W = self.model.window
@@ -109,6 +135,20 @@ class NeuralPredictor:
         count = np.zeros(1) if lost else np.minimum(memory["count"] + 1.0, W)
         labels, dropped = memory["labels"] + float(labelled), memory["dropped"] + float(not complete)
         return {"gap": gap, "count": count, "labels": labels, "dropped": dropped}
+
+    def _fresh_trust(self) -> Memory:
+        return {} if self.model.trust is None else _named(self.model.trust.initial_memory())
+
+    def _lifted(self, memory: Memory, labelled: bool) -> Memory:
+        """z of a full window, and the memory of the trust in it."""
+        z, chi = self.model.lift(memory["window"]), memory["window"][-1, :6]
+        if self.model.trust is None:
+            return {"z": z}
+        kept = _trust_of(memory)
+        if labelled:
+            kept = self.model.trust.observe(kept, chi)
+        kept, z = self.model.trust.correct(kept, z, chi)
+        return {"z": z, **_named(kept)}
 
     def _own_prediction(self, memory: Memory) -> np.ndarray:
         """(6,) what the model expected for this sample before it came."""
@@ -127,3 +167,13 @@ class NeuralPredictor:
         if stride not in self._resampled_offline:
             self._resampled_offline[stride] = s.resample(stride)
         return self._resampled_offline[stride]
+
+
+def _named(memory: Memory) -> Memory:
+    """The memory of a trust under the names it has in the predictor's."""
+    return {f"trust/{name}": value for name, value in memory.items()}
+
+
+def _trust_of(memory: Memory) -> Memory:
+    """And back."""
+    return {name.removeprefix("trust/"): value for name, value in memory.items() if name.startswith("trust/")}

@@ -8,7 +8,10 @@ import pytest
 
 from diagrams.cli.evaluate import parse_horizons
 from diagrams.cli.main import run
+from np_drake.lifting.skill import NAIVE, UNTRAINED
 from np_drake.logs.neurobem import RACE_TRACK, TRAINING
+
+TRAINED = ("DMDc", "delay DMDc", "ridge by horizon")
 
 
 @pytest.fixture(scope="module")
@@ -36,11 +39,11 @@ def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, caps
     captured = capsys.readouterr()
     assert code == 0, captured.err
     rows = rows_of(out)
-    assert {row["model"] for row in rows} == {"persistence", "linear", "mean", "default"}
+    assert {row["model"] for row in rows} == {"persistence", "linear", "mean", "past mean", "default"}
     assert {row["horizon"] for row in rows} == {0.02, 0.2}
     assert set(rows[0]) >= {"flight", "force_rmse", "torque_rmse", "force_skill", "torque_skill"}
     for horizon in (0.02, 0.2):
-        naive = [r["force_skill"] for r in rows if r["horizon"] == horizon and r["model"] != "default"]
+        naive = [r["force_skill"] for r in rows if r["horizon"] == horizon and r["model"] in NAIVE]
         assert min(naive) == pytest.approx(1.0)
     assert "force RMSE [N]" in captured.out
     assert max(map(len, captured.out.splitlines())) <= 100
@@ -61,7 +64,7 @@ def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
     arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--epochs", "1", "--json", str(out)]
     assert run(arguments) == 0, capsys.readouterr().err
     rows = [(row["model"], (row["horizon"], row["zeta"])) for row in rows_of(out)]
-    assert {model for model, _ in rows} == {"paper", "default", "persistence", "linear", "mean"}
+    assert {model for model, _ in rows} == {"paper", "default", *UNTRAINED, *TRAINED}
     assert len(rows) == len(set(rows))
 
 
@@ -84,6 +87,8 @@ BAD = {  # arguments: what the line must say
     "no flight": (["--predictor", "MODEL"], "flights to score"),
     "no model": (["LOG", "--predictor", "LOG"], "not a model file"),
     "no folder": (["--neurobem", "nowhere"], "nowhere"),
+    "configuration": (["LOG", "--train", "LOG", "--only", "best"], "paper | default"),
+    "alone": (["LOG", "--leave-one-out"], "two LOG or more"),
     "horizon": (["LOG", "--predictor", "MODEL", "--horizons", "1,-2"], "--horizons"),
     "too far": (["LOG", "--predictor", "MODEL", "--horizons", "5000"], "samples are needed"),
     "two kinds": (["LOG", "--train", "ARRAY"], "give one kind"),
@@ -118,6 +123,17 @@ def test_without_a_predictor_it_is_the_packaged_one(logs, model, tmp_path, monke
     monkeypatch.setattr("diagrams.controllers.DEFAULT_MODEL", model)
     assert run(["evaluate", str(logs[1]), "--horizons", "2"]) == 0
     assert "default" in capsys.readouterr().out
+
+
+def test_left_out_in_turn_every_flight_is_scored_by_models_that_have_not_seen_it(logs, tmp_path, capsys):
+    out = tmp_path / "rows.json"
+    arguments = ["evaluate", *map(str, logs[:2]), "--leave-one-out", "--only", "default", "--epochs", "1"]
+    assert run([*arguments, "--horizons", "1,5", "--json", str(out)]) == 0, capsys.readouterr().err
+    rows = rows_of(out)
+    assert len({row["flight"] for row in rows}) == 2
+    assert {row["model"] for row in rows} == {"default", *UNTRAINED, *TRAINED}
+    assert all(low <= row["force_ratio"] <= high for row in rows for low, high in [row["force_interval"]])
+    assert "mean over flights: torque" in capsys.readouterr().out
 
 
 def test_horizons_are_sorted_and_counted_once():

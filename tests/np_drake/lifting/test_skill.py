@@ -68,6 +68,16 @@ def test_the_mean_is_that_of_the_training():
     assert rows["mean", 3].force_rmse == pytest.approx(2.0 * np.sqrt(3))
 
 
+def test_the_past_mean_is_that_of_the_flight_up_to_the_origin():
+    chi = np.zeros((50, 6))
+    chi[40:, 0] = 1e6  # no origin but the last three has seen it
+    rows = table({}, chi, np.zeros((50, 6)))
+    error = 1e6 * np.array(
+        [1.0 - max(k - 39, 0) / (k + 1) for k in range(33, 43)]
+    )  # origins 33 … 42, 7 ahead
+    assert rows["past mean", 7].force_rmse == pytest.approx(np.sqrt((error**2).sum() / 38))
+
+
 def test_skill_is_relative_to_the_best_naive_row():
     rows = table({"hold": Hold()}, *Linear().sequence())
     for horizon in HORIZONS[1:]:

@@ -1,0 +1,179 @@
+"""The opponents that every lifted linear system must beat: DMDc, delay DMDc and a ridge for every horizon.
+
+All are trained in closed form on the same segments. They are as plain as their names: nothing keeps them stable.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake import rigid_body
+from np_drake.lifting.delay_taps import DelayTaps
+from np_drake.lifting.encoders import DelayEncoder
+from np_drake.lifting.horizon_ridge import flight_moments, horizon_ridge
+from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.segments import Segment, check_segments, group_scale
+from np_drake.residual_models.base import (
+    FlightForecasts,
+    Memory,
+    Sample,
+    WrenchForecast,
+    constant_forecast,
+)
+
+DELAYS = 10  # samples that delay DMDc and the ridge see [1]
+NOISE = 1e-3  # of the ridge's samples, in units of their scale [1]
+
+
+class _Windowed:
+    """Keeps the last `window` samples; until there are so many, holds the label."""
+
+    def __init__(self, name: str, step: float, window: int):
+        self.name, self.step, self.window = name, step, window
+
+    def initial_memory(self) -> Memory:
+        """window (W, 12) of [chi, zeta], oldest first; count of samples in it."""
+        return {"window": np.zeros((self.window, 12)), "count": np.zeros(1)}
+
+    def update(self, memory: Memory, sample: Sample) -> Memory:
+        """A sample with a NaN repeats the one before."""
+        row = np.concatenate([sample.chi, rigid_body.zeta(np.asarray(sample.x, float))])
+        row = np.where(np.isfinite(row), row, memory["window"][-1])
+        window = np.concatenate([memory["window"][1:], row[None]])
+        return {"window": window, "count": np.minimum(memory["count"] + 1.0, self.window)}
+
+    def _full(self, memory: Memory) -> bool:
+        return memory["count"][0] == self.window
+
+
+class LinearBaseline(_Windowed):
+    """z = E w;  z+ = A z + B zeta,  chi = C z.       Source: Proctor, Brunton, Kutz 2016 (DMDc), delays as states."""
+
+    def __init__(self, name: str, system: LiftedLinearSystem, encoder: DelayEncoder):
+        super().__init__(name, system.step, encoder.delay)
+        self.system, self._encoder = system, encoder
+
+    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
+        """The rolled-out system."""
+        if not self._full(memory):
+            return constant_forecast(memory["window"][-1, :6], horizon)
+        s = self.system.resample(stride)
+        return WrenchForecast(s.A, s.B, s.C, self._encoder(memory["window"]), np.zeros((horizon, 6)))
+
+    def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts:
+        """All forecasts of a flight without gaps."""
+        z, s = self._encoder.along(np.hstack([chi, zeta])), self.system
+        return FlightForecasts(self.window - 1, s.A, s.B, s.C, z, np.zeros((len(z), 6)))
+
+
+class RidgeBaseline(_Windowed):
+    """chi_hat_h = W_h w, a map of its own for every fitted horizon; straight lines between them, held beyond."""
+
+    def __init__(self, name: str, step: float, horizons: np.ndarray, W: np.ndarray):
+        """W: (12 D + 1, H, 6) weights of the window, oldest sample first, and of 1, in physical units."""
+        super().__init__(name, step, (len(W) - 1) // 12)
+        self._horizons, self._W = horizons, W
+
+    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
+        """A course that does not listen to the coming zeta."""
+        if not self._full(memory):
+            return constant_forecast(memory["window"][-1, :6], horizon)
+        features = np.append(memory["window"].ravel(), 1.0)
+        steps = stride * np.arange(horizon)
+        return constant_forecast(np.einsum("p,phc->hc", features, self._at(steps)), horizon)
+
+    def along(self, chi: np.ndarray, zeta: np.ndarray) -> "RidgeForecasts":
+        """All forecasts of a flight without gaps."""
+        return RidgeForecasts(self, np.hstack([chi, zeta]))
+
+    def _at(self, steps: np.ndarray) -> np.ndarray:
+        """(12 D + 1, len(steps), 6) the weights, interpolated."""
+        steps = np.minimum(steps, self._horizons[-1])
+        right = np.clip(np.searchsorted(self._horizons, steps), 1, len(self._horizons) - 1)
+        low, high = self._horizons[right - 1], self._horizons[right]
+        share = ((steps - low) / (high - low))[:, None]
+        return (1 - share) * self._W[:, right - 1] + share * self._W[:, right]
+
+
+class RidgeForecasts:
+    """Those of a whole flight."""
+
+    def __init__(self, model: RidgeBaseline, samples: np.ndarray):
+        self.first, self._model, self._samples = model.window - 1, model, samples
+
+    def at(
+        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
+    ) -> np.ndarray:
+        """(o, len(horizons), 6) chi_hat; zeta does not count."""
+        taps = DelayTaps(self._model.window, self._model.window, 0)
+        features = taps.features(self._samples, origins).reshape(len(origins), -1, 12)[:, ::-1]
+        features = np.hstack([features.reshape(len(origins), -1), np.ones((len(origins), 1))])
+        W = self._model._at(np.array(horizons))
+        return (features @ W.reshape(len(W), -1)).reshape(len(origins), len(horizons), 6)
+
+
+def fit_dmdc(segments: Sequence[Segment], *, delays: int = 1, name: str | None = None) -> LinearBaseline:
+    """chi+ = A chi + B zeta by least squares; with delays, of the last so many samples of chi and zeta.
+
+    z = [chi now, chi before, …, zeta before, …]; the coming zeta is the input.
+    """
+    segments = check_segments(list(segments), delays + 1)
+    scale = _scale(segments)
+    taps = DelayTaps(delays, delays, 0)
+    X, Y = [], []
+    for segment in segments:
+        samples = np.hstack([segment.chi, segment.zeta]) / scale
+        X.append(taps.features(samples, np.arange(delays - 1, len(samples) - 1)))
+        Y.append(samples[delays:, :6])
+    theta = np.linalg.lstsq(np.concatenate(X), np.concatenate(Y), rcond=1e-10)[0]
+    weights = theta.T.reshape(6, delays, 12) * scale[:6, None, None] / scale  # newest sample first
+    system, E = _shift_register(weights, segments[0].step)
+    return LinearBaseline(name or ("DMDc" if delays == 1 else "delay DMDc"), system, DelayEncoder(E, delays))
+
+
+def fit_ridge(segments: Sequence[Segment], horizons: np.ndarray, *, delays: int = DELAYS) -> RidgeBaseline:
+    """The best linear map of the last `delays` samples for every one of `horizons` [steps], flights weighted alike."""
+    segments = check_segments(list(segments), delays + int(horizons[-1]) + 1)
+    scale, taps = _scale(segments), DelayTaps(delays, delays, 0)
+    flights = [
+        flight_moments(
+            np.hstack([s.chi, s.zeta]) / scale, s.goal / scale[:6], taps=taps, horizons=horizons, max_origins=4000,
+            symmetry=0.0,
+        )
+        for s in segments
+    ]  # fmt: skip
+    W = horizon_ridge(flights, noise=NOISE) * scale[:6]
+    newest_first = W[:-1].reshape(delays, 12, len(horizons), 6) / scale[:, None, None]
+    W = np.concatenate([newest_first[::-1].reshape(12 * delays, len(horizons), 6), W[-1:]])
+    return RidgeBaseline("ridge by horizon", segments[0].step, horizons, W)
+
+
+def fit_all(segments: Sequence[Segment], horizons: np.ndarray) -> dict[str, LinearBaseline | RidgeBaseline]:
+    """Every opponent, by name."""
+    models = (fit_dmdc(segments), fit_dmdc(segments, delays=DELAYS), fit_ridge(segments, horizons))
+    return {model.name: model for model in models}
+
+
+def _scale(segments: Sequence[Segment]) -> np.ndarray:
+    """(12,)"""
+    chi = group_scale([segment.chi for segment in segments], centred=True)
+    return np.concatenate([chi, group_scale([segment.zeta for segment in segments], centred=True)])
+
+
+def _shift_register(weights: np.ndarray, step: float) -> tuple[LiftedLinearSystem, np.ndarray]:
+    """System and E (K, 12 D) of chi+ = sum over d of weights[:, d] [chi_(k-d), zeta_(k-d)]; K = 12 D - 6."""
+    D = weights.shape[1]
+    K, past = 12 * D - 6, 6 * D  # where the past zeta begin
+    A, B, E = np.zeros((K, K)), np.zeros((K, 6)), np.zeros((K, D, 12))
+    A[:6, :past] = weights[:, :, :6].reshape(6, -1)
+    A[:6, past:] = weights[:, 1:, 6:].reshape(6, -1)
+    B[:6] = weights[:, 0, 6:]
+    A[6:past, : past - 6] = np.eye(past - 6)
+    if D > 1:
+        B[past : past + 6] = np.eye(6)
+        A[past + 6 :, past : K - 6] = np.eye(K - past - 6)
+    for d in range(D):
+        E[6 * d : 6 * d + 6, D - 1 - d, :6] = np.eye(6)
+        if d > 0:
+            E[past + 6 * (d - 1) : past + 6 * d, D - 1 - d, 6:] = np.eye(6)
+    return LiftedLinearSystem(A, B, np.eye(6, K), step), E.reshape(K, -1)
