@@ -1,18 +1,17 @@
 """`np-drake reproduce`: a table of the paper beside ours."""
 
-import dataclasses as dc
 import tempfile
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from diagrams.cli import options
+from diagrams.cli import options, reproduce_flights
 from diagrams.cli.output import make_folder, print_table, progress, say, write_markdown, write_metrics
+from diagrams.cli.reproduce_flights import Table
 from np_drake.atomic_file import require_writable
 
 TABLES = ("tracking", "weights", "gap", "mhe", "theorem", "pendulum")
-Table = tuple[str, list[str], list[tuple]]
 
 
 def reproduce(
@@ -49,11 +48,11 @@ def reproduce(
         if file is not None:
             require_writable(file)
     if table == "gap":
-        result = _gap(neurobem, json=json)
+        result = reproduce_flights.gap_table(neurobem, json=json)
     elif table == "mhe":
-        result = _mhe(neurobem, json=json)
+        result = reproduce_flights.mhe_table(neurobem, json=json)
     elif table == "theorem":
-        result = _theorem(neurobem, spacing=spacing, seed=seed, jobs=jobs, json=json)
+        result = reproduce_flights.theorem_table(neurobem, spacing=spacing, seed=seed, jobs=jobs, json=json)
     elif table == "pendulum":
         result = _pendulum(seed=seed, json=json)
     elif table == "weights":
@@ -64,121 +63,6 @@ def reproduce(
         )
     print_table(*result)
     write_markdown(markdown, *result)
-
-
-def _required(table: str, neurobem: Path | None) -> Path:
-    """Raises ValueError where the folder is not given."""
-    if neurobem is None:
-        raise ValueError(
-            f"{table}: give the folder of the NeuroBEM flights as --neurobem DIR or NP_DRAKE_NEUROBEM."
-        )
-    return neurobem
-
-
-def _mhe(neurobem: Path | None, *, json: Path | None) -> Table:
-    folder = _required("mhe", neurobem)
-    from diagrams import mhe_flights
-    from np_drake.estimation.wrench_table import COLUMNS
-
-    with progress("real flights", 1.0) as advance:
-        config = mhe_flights.tuned_config(folder)
-        advance(0.3, "weights tuned")
-        table = mhe_flights.mhe_table(
-            folder,
-            config,
-            on_progress=lambda done, total: advance(0.3 + 0.7 * done / total, f"{done} of {total}"),
-        )
-    say(f"no random draw; tuned on the training segment: {config}")
-    say(
-        f"median time of a step: {1e3 * table.step_time:.3g} ms on MathematicalProgram, "
-        f"{1e3 * table.exact_step_time:.2g} ms in closed form; they differ by {table.disagreement:.1g} at most"
-    )
-    settings = {"training": mhe_flights.TRAINING, "mhe": dc.asdict(config)}
-    times = {"program": table.step_time, "closed_form": table.exact_step_time}
-    write_metrics(
-        json,
-        "reproduce",
-        seed=0,
-        config=settings,
-        table=table.rows,
-        step_time=times,
-        disagreement=table.disagreement,
-    )
-    title = "Wrench from the motion on real flights, RMSE [N, N·m]; NeuroMHE as published"
-    return title, ["", *COLUMNS], by_flight(table.rows, COLUMNS)
-
-
-def by_flight(lines: list[dict], columns: tuple[str, ...]) -> list[tuple]:
-    """A line with the flight's name, then its rows with three decimals."""
-    cells: list[tuple] = []
-    flight = None
-    for line in lines:
-        if line["flight"] != flight:
-            flight = line["flight"]
-            cells.append((flight, *("" for _ in columns)))
-        cells.append((line["row"], *(f"{line[name]:.3f}" for name in columns)))
-    return cells
-
-
-def _gap(neurobem: Path | None, *, json: Path | None) -> Table:
-    from diagrams import real_flights
-
-    flights = real_flights.agile_flights(_required("gap", neurobem))
-    with progress("real flights", 1.0) as advance:
-        folds = real_flights.leave_one_out(
-            flights, lambda done, total: advance(done / total, f"{done} of {total}")
-        )
-    for f in folds:
-        say(f"{f.name}: {', '.join(f.diagnosis.verdict) or 'nothing missing'}")
-    lines = real_flights.rows(folds)
-    verdicts = {f.name: f.diagnosis.verdict for f in folds}
-    write_metrics(
-        json, "reproduce", seed=0, config={"flights": list(verdicts)}, table=lines, verdicts=verdicts
-    )
-    cells = [
-        (
-            r["flight"],
-            r["group"],
-            r["nominal"],
-            r["after"],
-            f"{100 * r['cut']:.0f} %",
-            r.get("zero"),
-            r.get("mean"),
-        )
-        for r in lines
-    ]
-    header = ["held out", "RMS of", "nominal", "after", "cut", "zero", "mean"]
-    return (
-        "Real flights, each held out in turn; force [N], torque [N·m]; zero, mean: what predicting these leaves",
-        header,
-        cells,
-    )
-
-
-def _theorem(neurobem: Path | None, *, spacing: int, seed: int, jobs: int, json: Path | None) -> Table:
-    from diagrams import theorem
-    from diagrams.cli.train import configure, run_training
-
-    flights = theorem.flights(_required("theorem", neurobem))
-    models, settings = {}, {}
-    for name in ("paper", "default"):
-        config = configure(name, frame="body", seed=seed)
-        models[name] = run_training(f"training {name}", [flights[0].segment], config)[0].model
-        settings[name] = dc.asdict(config)
-    with progress("every window", 1.0) as advance:
-        lines = theorem.bound_table(
-            models,
-            flights,
-            spacing=spacing,
-            jobs=jobs,
-            on_progress=lambda done, total: advance(done / total, f"{done} of {total}"),
-        )
-    say(
-        f"seed {seed}, trained on {flights[0].name}; horizon {theorem.STEPS[-1]} steps, every {spacing}. window."
-    )
-    say(*theorem.assumption_lines(lines))
-    write_metrics(json, "reproduce", seed=seed, config=settings, table=lines)
-    return theorem.printed(lines)
 
 
 def _pendulum(*, seed: int, json: Path | None) -> Table:

@@ -14,10 +14,8 @@ from np_drake.diagnosis.search import Problem
 from np_drake.effects.library import effects_for
 
 MARGIN = 0.7  # from either end of a flight, in which no onset is looked for [s]
-FIRST, ANOTHER = (
-    math.log(1 / 6),
-    math.log(1 / 2),
-)  # prior of an onset in a flight, and in one more; own choice
+FIRST = math.log(1 / 6)  # prior of an onset in a flight; own choice
+ANOTHER = math.log(1 / 2)  # and in one more; own choice
 LEAST = 1.0  # gain in log evidence, prior included, from which an onset is tried; own choice
 SUBSTANTIAL = 8.0  # from which a payload is looked for that is hung on in flight; own choice
 WEIGHTS = (("mass_error",), ("thrust_scale",))
@@ -80,15 +78,14 @@ def late_payloads(problem: Problem, late: list[Candidate]) -> list[Candidate]:
     found = next((f for f in heavy if f.evidence + f.prior > best), None)
     if found is None:
         return []
-    onset, prior = found.onset, found.prior
     others = [c for c in (*problem.candidates, *late) if c.size <= 3 and PAYLOAD not in c.identifiers]
-    first = PayloadSearch(problem.flights, onset)
+    first = PayloadSearch(problem.flights, found.onset)
     guesses = [guess for guess, _ in first.followed(problem.noise, problem.nuisance, others)]
     if not guesses:
         return []
     onset = first.when(problem.noise, problem.nuisance, guesses[0])
     sharp = PayloadSearch(problem.flights, onset).from_guesses(problem.noise, problem.nuisance, guesses)
-    return [dc.replace(c, onset_prior=prior) for _, c in sharp]
+    return [dc.replace(c, onset_prior=found.prior) for _, c in sharp]
 
 
 def _at_rest(payload: Candidate) -> Candidate:
