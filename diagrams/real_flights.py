@@ -35,8 +35,11 @@ def agile_flights(folder: Path) -> list[FlightLog]:
 
 
 def fold(vehicle: Vehicle, train: Sequence[FlightLog], held_out: FlightLog) -> Fold:
-    """Diagnosed on `train`, judged on `held_out`. `mean`: of the total torque in the training flights [N·m]."""
-    answer = diagnose(vehicle, train, [held_out])
+    """Diagnosed on `train`, judged on `held_out`, to which nothing is fitted.
+
+    `mean`: of the total torque in the training flights [N·m].
+    """
+    answer = diagnose(vehicle, train, [held_out], second_look=False)
     unseen = make_evidence(held_out, vehicle)
     total = unseen.y[:, 3:6] + unseen.nominal[:, 3:]
     flown = [make_evidence(log, vehicle) for log in train]

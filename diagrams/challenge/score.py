@@ -54,6 +54,7 @@ def score_group(cases: Sequence[Solved], *, least: float, seed: int) -> dict[str
     known = [c for c in cases if c.kind not in ("clean", "foreign")]
     rates = {
         "single": singles([c for c in visible if c.kind == "single"]),
+        "single_felt": singles([c for c in visible if c.kind == "single" and c.felt_in_training >= least]),
         "onset": singles([c for c in visible if c.kind == "onset"]),
         "pair": several([c for c in many if c.kind == "pair"], least),
         "triple": several([c for c in many if c.kind == "triple"], least),

@@ -42,6 +42,11 @@ class Solved:
         return float(self.truth["visibility"])
 
     @property
+    def felt_in_training(self) -> float:
+        """The same in the flights of the fit, the most of them; 0 where the truth does not say [1]."""
+        return max(self.truth.get("visibility_in_training", {}).values(), default=0.0)
+
+    @property
     def true_names(self) -> tuple[str, ...]:
         """Of all effects that act."""
         return tuple(effect["effect"] for effect in self.truth["effects"])

@@ -51,6 +51,7 @@ def truth(case: Case, simulator: str, exact: dict[str, FlightLog], noisy: dict[s
         "class": collinear_class(case, exact, noisy),
         "true_model_residual": dict(zip(CHANNELS, residual.tolist(), strict=True)),
         "visibility": visibility,
+        "visibility_in_training": {f: seen(case, exact[f], noisy[f])[1] for f in FILES[:-1]},
         "visibility_of_each": own_visibility(case, exact[held_out], residual),
         "simulator": simulator,
         "quality": case.quality.name,

@@ -173,6 +173,7 @@ class Shrink:
 class Diagnosis:
     """All five steps. verdict: identifiers, possibly with `unknown`; empty: nothing is missing.
 
+    joined: held-out flights whose first half joined the fit, so that only their second half judges.
     cannot_tell: the logs excite nothing; then there is no verdict.   unknown: probability that something material
     is left that no effect of the library explains.
     """
@@ -190,6 +191,7 @@ class Diagnosis:
     unknown_probability: float = 0.0
     cannot_tell: bool = False
     warnings: tuple[str, ...] = ()
+    joined: tuple[str, ...] = ()
     wall: float = float("nan")  # [s]
 
     def as_json(self) -> dict[str, Any]:

@@ -18,6 +18,7 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "vehicle": diagnosis.vehicle,
         "train": diagnosis.train,
         "held_out": diagnosis.held_out,
+        "joined": diagnosis.joined,
         "verdict": diagnosis.verdict,
         "cannot_tell": diagnosis.cannot_tell,
         "unknown_probability": diagnosis.unknown_probability,

@@ -7,19 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.diagnosis.answer import UNKNOWN, Check, Diagnosis, Replay, Shrink, Where
-from np_drake.diagnosis.attribute import causes_of
+from np_drake.diagnosis.answer import UNKNOWN, Cause, Check, Diagnosis, Replay, Shrink, Where
 from np_drake.diagnosis.check import check, confusables, excitation, excited
 from np_drake.diagnosis.evidence import Evidence, make_evidence
 from np_drake.diagnosis.grid import natural_step
-from np_drake.diagnosis.gusts import as_gusts
-from np_drake.diagnosis.held_out import without_shocks
 from np_drake.diagnosis.how_far import how_far
+from np_drake.diagnosis.look import look
 from np_drake.diagnosis.noise import fit_noise
-from np_drake.diagnosis.probability import BESIDE_UNKNOWN
-from np_drake.diagnosis.remains import remains
+from np_drake.diagnosis.second_look import halved, unforeseen
 from np_drake.diagnosis.where import where
-from np_drake.diagnosis.which import rank
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
@@ -32,6 +28,7 @@ def diagnose(
     held_out: Sequence[FlightLog],
     replay: Replay | None = None,
     *,
+    second_look: bool = True,
     on_progress: Progress | None = None,
 ) -> Diagnosis:
     """Where the nominal model of `vehicle` and the flights part, which effect causes it, how far it shrinks.
@@ -39,6 +36,8 @@ def diagnose(
     Args:
         train: flights that effects are fitted to.   held_out: flights that judge them; not fitted to.
         replay: the simulator as a callable (`diagrams.gap_replay.DrakeReplay`); without it, that figure is left out.
+        second_look: where held-out flights show what the training flights do not, let their first halves join the
+            fit and only their second halves judge; `Diagnosis.joined` names them.
         on_progress: called with the share done [1] and what is going on.
     Raises: ValueError: on logs that cannot be used, one line with the remedy.
     """
@@ -54,42 +53,42 @@ def diagnose(
         answer = _cannot_tell(flights, unseen)
         return Diagnosis(**names, **answer, cannot_tell=True, wall=time.perf_counter() - start)
     tell(0.1, "effects")
-    ranking = rank(flights)
-    fit, flights = ranking.fits[0], ranking.problem.flights
-    tell(0.6, "held-out flights")
-    unseen = [without_shocks(ranking.named.everything, e, ranking.noise) for e in unseen]
-    left = remains(ranking, fit, flights, unseen)
-    unknown, unknown_probability = left.unknown, left.probability
-    slowly = left.slow_probability > 0.5 and not unknown
-    gusty = slowly and not left.structured  # a slow force of the rotors is no gust
-    causes, minor = causes_of(ranking, ranking.named, flights, unseen, left.held, gusty=gusty)
-    if slowly and not gusty:
-        unknown, unknown_probability = True, left.slow_probability
-    if gusty:
-        blown = as_gusts(left.slow, causes, left.slow_probability)
-        unknown = len(blown) == len(causes) and "linear_drag" not in {c.identifier for c in causes}
-        causes, unknown_probability = blown, left.slow_probability if unknown else left.probability
-    if unknown:
-        causes = [dc.replace(c, probability=min(c.probability, BESIDE_UNKNOWN)) for c in causes]
-    held = left.held
-    checked = check(flights, unseen, ranking.problem.candidates, ranking.noise)
-    found = where(unseen, held.left, ranking.noise, held.rows)
-    tell(0.7, "replay")
-    shrunk = how_far(ranking.named, causes, unseen, ranking.noise, held, replay)
-    verdict = tuple(c.identifier for c in causes) + ((UNKNOWN,) if unknown else ())
+    found = look(flights, unseen)
+    joined: list[Evidence] = []
+    if second_look and unforeseen(found):
+        tell(0.4, "what held-out flights show")
+        joined, judges = halved(unseen)
+        found = look([*flights, *joined], judges) if joined else found
+    tell(0.7, "how far")
+    held, noise = found.left.held, found.ranking.noise
+    checked = check(found.flights, found.unseen, found.ranking.problem.candidates, noise)
+    shrunk = how_far(found.ranking.named, found.causes, found.unseen, noise, held, replay)
+    verdict = tuple(c.identifier for c in found.causes) + ((UNKNOWN,) if found.unknown else ())
+    halves = tuple(e.name for e in found.unseen if e.joined.any())
     return Diagnosis(
         **names,
+        joined=halves,
         verdict=verdict,
-        causes=tuple(causes),
+        causes=tuple(_without(c, _names(joined)) for c in found.causes),
         check=checked,
-        where=found,
+        where=where(found.unseen, held.left, noise, held.rows),
         shrink=shrunk,
-        minor=tuple(minor),
-        remains=left.findings,
-        unknown_probability=unknown_probability,
-        warnings=checked.warnings + shrunk.warnings,
+        minor=tuple(found.minor),
+        remains=found.left.findings,
+        unknown_probability=found.unknown_probability,
+        warnings=(*_told(halves), *checked.warnings, *shrunk.warnings),
         wall=time.perf_counter() - start,
     )
+
+
+def _without(cause: Cause, flights: Sequence[str]) -> Cause:
+    """The cause, without its onsets in these flights, which are parts of others."""
+    return dc.replace(cause, onset={n: t for n, t in cause.onset.items() if n not in flights})
+
+
+def _told(halves: Sequence[str]) -> list[str]:
+    text = "shows what the training flights do not; its first half joined the fit, its second half judges."
+    return [f"{name}: {text}" for name in halves]
 
 
 def _names(flights: Sequence[Evidence]) -> tuple[str, ...]:

@@ -51,6 +51,7 @@ class Evidence:
     nominal (m, 6): their wrench in body axes, w (m, 3): body rates, both on the grid.
     attitude_noise: white, as found [rad]; turned: `a` was turned to W with the attitude that was read.
     shocks (m,): rows on the grid that say nothing (`shocks`); none, until a model has been seen to miss them.
+    joined (m,): rows of an unseen flight that a fit has seen after all (`second_look`).
     """
 
     log: FlightLog
@@ -66,6 +67,7 @@ class Evidence:
     attitude_noise: float
     turned: bool
     shocks: np.ndarray
+    joined: np.ndarray
 
     @property
     def name(self) -> str:
@@ -126,9 +128,9 @@ def make_evidence(log: FlightLog, vehicle: Vehicle, step: float | None = None) -
         [np.zeros((len(grid), 2)), to_grid(grid, rows.t, f), to_grid(grid, mids.t, u_mids[:, 1:])], axis=1
     )
     w = to_grid(grid, mids.t, mids.x[:, 10:13])
-    quiet = np.zeros(len(grid), bool)
+    none = np.zeros(len(grid), bool)
     return Evidence(
-        log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, quiet
+        log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, none, none
     )
 
 

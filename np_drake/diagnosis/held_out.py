@@ -93,8 +93,8 @@ def anchors(term: Term, flight: Evidence) -> list[np.ndarray]:
 
 
 def scored(terms: Sequence[Term], flight: Evidence) -> np.ndarray:
-    """(m,) rows that count: not those that a hidden state was fitted to."""
-    rows = np.ones(len(flight.t), bool)
+    """(m,) rows that count: not those that a hidden state, or a fit, has seen."""
+    rows = ~flight.joined
     for term in terms:
         for fitted in anchors(term, flight):
             rows &= ~fitted

@@ -10,6 +10,7 @@ from np_drake.diagnosis.evidence import WRENCH, Evidence
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.signature import signature
+from np_drake.logs.flight_log import FlightLog
 
 BLOCK = 1.0  # of the bootstrap [s]
 DRAWS = 400
@@ -45,7 +46,7 @@ def how_far(
     replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)
     warnings: list[str] = []
     if replay is not None:
-        logs = [e.log for e in flights]
+        logs = [_judging(e) for e in flights]
         effects = [
             (c.effect, {e.name: _onset_of(kept[e.name], c.identifier, e.name) for e in flights})
             for c in causes
@@ -62,6 +63,14 @@ def how_far(
         *replays,
         tuple(warnings),
     )
+
+
+def _judging(flight: Evidence) -> FlightLog:
+    """The log, without what a fit has seen of it."""
+    if not flight.joined.any():
+        return flight.log
+    first = np.searchsorted(flight.log.t, flight.t[flight.joined][-1], side="right")
+    return flight.log.rows(int(first), len(flight.log))
 
 
 def _with_effects(replay: Replay, logs, effects, warnings: list[str]) -> ReplayGap | None:

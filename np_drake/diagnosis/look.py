@@ -1,0 +1,49 @@
+"""One look at flights: which effects, what remains, and what of it is a cause."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+from np_drake.diagnosis.answer import Cause, Finding
+from np_drake.diagnosis.attribute import causes_of
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.gusts import as_gusts
+from np_drake.diagnosis.held_out import without_shocks
+from np_drake.diagnosis.probability import BESIDE_UNKNOWN
+from np_drake.diagnosis.remains import Remains, remains
+from np_drake.diagnosis.which import Ranking, rank
+
+
+@dc.dataclass(frozen=True)
+class Look:
+    """What `flights`, fitted, and `unseen`, which judge, say.   gusty: do slow forces come and go?"""
+
+    flights: Sequence[Evidence]
+    unseen: Sequence[Evidence]
+    ranking: Ranking
+    left: Remains
+    causes: list[Cause]
+    minor: list[Finding]
+    unknown: bool
+    unknown_probability: float
+    gusty: bool
+
+
+def look(flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> Look:
+    """Ranks the effects by `flights` and asks `unseen` which of them are causes."""
+    ranking = rank(flights)
+    fit, flights = ranking.fits[0], ranking.problem.flights
+    unseen = [without_shocks(ranking.named.everything, e, ranking.noise) for e in unseen]
+    left = remains(ranking, fit, flights, unseen)
+    unknown, probability = left.unknown, left.probability
+    slowly = left.slow_probability > 0.5 and not unknown
+    gusty = slowly and not left.structured  # a slow force of the rotors is no gust
+    causes, minor = causes_of(ranking, ranking.named, flights, unseen, left.held, gusty=gusty)
+    if slowly and not gusty:
+        unknown, probability = True, left.slow_probability
+    if gusty:
+        blown = as_gusts(left.slow, causes, left.slow_probability)
+        unknown = len(blown) == len(causes) and "linear_drag" not in {c.identifier for c in causes}
+        causes, probability = blown, left.slow_probability if unknown else left.probability
+    if unknown:
+        causes = [dc.replace(c, probability=min(c.probability, BESIDE_UNKNOWN)) for c in causes]
+    return Look(flights, unseen, ranking, left, causes, minor, unknown, probability, gusty)
