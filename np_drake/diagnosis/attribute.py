@@ -24,6 +24,7 @@ MATERIAL_TORQUE = 0.01  # of RMS commanded torque [1]
 EXACT = 0.3  # of either, where logs come from a laboratory [1]; own choice
 CALIBRATED = 0.02  # of weight, below which mass and thrust are within what files are off by [1]
 MATERIAL_GAP = 0.10  # of the gap above the noise [1]
+LEAST_SHARE = 1e-5  # of it, less than what the causes beside it get wrong [1]; own choice: 0.3 % in size
 MATERIAL_SENSOR = 1.5  # of the tolerance of that sensor [1]
 CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
 HURT = 2.0  # log evidence that an effect may cost on flights that it has not seen; own choice
@@ -50,6 +51,8 @@ class Size:
 
     def material(self, *, calibration: bool, sensor: bool, real: bool) -> bool:
         """Does it matter?   real: to a rig, not to a laboratory."""
+        if self.gap < LEAST_SHARE:
+            return False
         if calibration:
             return self.force >= CALIBRATED
         if sensor:

@@ -170,11 +170,13 @@ def _with_onset(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel, 
     excused where it is not there at all.
     """
     term = terms[i]
-    acting = settled(terms, flight, noise) if hasattr(term.effect, "payload") else terms
-    rest = signature(flight, [t for j, t in enumerate(acting) if j != i])
-    own = signature(flight, acting) - rest
-    target = flight.y - rest
-    t, profile = known_onset_profile(flight, noise, target, own)
+    rest = signature(flight, [t for j, t in enumerate(terms) if j != i])
+    trace = (
+        _span_by_span(terms, i, flight, noise)
+        if hasattr(term.effect, "payload")
+        else signature(flight, terms)
+    )
+    t, profile = known_onset_profile(flight, noise, flight.y - rest, trace - rest)
     k = int(np.argmax(profile))
     if k == 0 or profile[k] - profile[0] < (ONSET_GAIN if known else SURPRISE):
         return term
@@ -183,6 +185,22 @@ def _with_onset(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel, 
         return term
     late = dc.replace(term, onset={flight.name: onset}, hidden={})
     return _anchored([*terms[:i], late, *terms[i + 1 :]], i, flight, noise, onset)
+
+
+def _span_by_span(terms: Sequence[Term], i: int, flight: Evidence, noise: NoiseModel) -> np.ndarray:
+    """(m, 15) trace of the terms with a payload that swings in every span as that span shows it by itself.
+
+    A swing that is followed from the start of the flight is wrong wherever the payload was hung on later.
+    """
+    trace = np.zeros_like(flight.y)
+    for start in np.arange(flight.t[0], flight.t[-1], HIDDEN_SPAN):
+        rows = (flight.t >= start) & (flight.t < start + HIDDEN_SPAN)
+        onset = None if start == flight.t[0] else float(start)
+        now = [*terms[:i], dc.replace(terms[i], onset={flight.name: onset}, hidden={}), *terms[i + 1 :]]
+        if np.sum(rows[noise.phi.shape[1] :]) > MOST_JUMPS * STATE:
+            now[i] = _with_swing(now, i, flight, noise, onset, rows)
+        trace[rows] = signature(flight, now)[rows]
+    return trace
 
 
 def known_onset_profile(

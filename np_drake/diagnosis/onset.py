@@ -151,10 +151,10 @@ class OnsetScan:
                 for rows in scan.finer(profile):
                     scan.add(rows)
                     profile = self._evidence(scan.sums, rest)
-                start = self._evidence(scan.start, rest)[0]
+                start, never = (self._evidence(sums, rest)[0] for sums in (scan.start, scan.never))
                 priors.pop(name, None)
                 prior = (ANOTHER if priors else FIRST) + scan.log_width(profile)
-                late = len(profile) > 0 and profile.max() + prior - start > LEAST
+                late = len(profile) > 0 and profile.max() + prior - max(start, never) > LEAST
                 if late:
                     priors[name], gains[name] = prior, float(profile.max() - start)
                 scan.settle(scan.most_likely(profile) if late else None)
@@ -180,7 +180,7 @@ class _Flight:
     def __init__(self, columns: LateColumns, X: np.ndarray):
         self._columns, self._X = columns, X
         self._whole = columns.whole(X)
-        self.start = _at(self._whole, [0])
+        self.start, self.never = _at(self._whole, [0]), _at(self._whole, [-1])
         self.now = self.start
         self.onset: float | None = None
         self._inside = _inside(columns.t)

@@ -18,6 +18,7 @@ from np_drake.diagnosis.attribute import (
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.excess import LINE, Line, slow_torque, strongest_line
 from np_drake.diagnosis.gusts import EXCESS, SlowForce, slow_force
+from np_drake.diagnosis.held_out import adapt
 from np_drake.diagnosis.refine import Fit, Generic
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import signature
@@ -29,6 +30,7 @@ SLOW_TORQUE = {True: 12.0, False: 9.0}  # above it a slow torque is no gyro's, o
 LEAST_SHARE = 0.03  # of the gap, and of a channel's power, below which structure is no matter; own choice
 FAINT = 0.4  # share of a threshold that unseen flights must show as well; own choice
 MUCH = 0.3  # share of the power of a slow force or torque of unseen flights that no good model leaves; own choice
+SWUNG = 0.25  # the same, beside a payload: what a swing that is lost at a snap leaves; own choice
 NOVEL = 2.0  # times a threshold at which unseen flights alone tell; own choice
 BEYOND = 0.9  # probability of something else where an effect needs a figure beyond its bounds; own choice
 HARM = -1.0  # log likelihood on unseen flights below which a structure does not repeat
@@ -59,23 +61,31 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     held = on_held_out(ranking.named, unseen, ranking.noise, structured=structured)
     left = {e.name: fit.left(e) for e in flights}
     found = [_generic(g, ranking, flights) for g in fit.generic]
-    seen = [_repeats(g, ranking, fit, unseen, held) for g in fit.generic]
+    seen = _repeat(ranking, fit, unseen, held)
     line, (torque, share) = strongest_line(flights, left), slow_torque(flights, left)
     limit = SLOW_TORQUE[ranking.tolerance.real]
     swung = {e.name: _without_swing(held, e) for e in unseen}
     again = (strongest_line(unseen, swung).prominence, slow_torque(unseen, swung)[0])
     loud = line.rms**2 > LEAST_SHARE * np.mean(np.concatenate([e.y[:, line.channel] for e in flights]) ** 2)
     vibrates = _above(line.prominence, LINE) if loud and again[0] > FAINT * LINE else 0.0
-    twists = _above(torque, limit) if share > LEAST_SHARE and again[1] > FAINT * limit else 0.0
+    swings = swinging(ranking.named)
+    twists = (
+        _above(torque, limit)
+        if share > (SWUNG if swings else LEAST_SHARE) and again[1] > FAINT * limit
+        else 0.0
+    )
     structure = [
         ranking.probability.get(PREFIX + f.name, 0.0)
         for (f, material), repeats in zip(found, seen, strict=True)
         if material and repeats and f.size > LEAST_SHARE
     ]
     slow = slow_force(flights, left, ranking.tolerance)
+    whole = slow_force(flights, {e.name: e.y for e in flights}, ranking.tolerance)
     felt = any(t.effect.identifier == "linear_drag" for t in ranking.named.terms)
     slowly = slow.probability(ranking.tolerance, felt=felt)
-    novel = _novel(unseen, swung, ranking.tolerance, gusty=slowly > 0.5)
+    if swings and slow.force**2 < SWUNG * whole.force**2:
+        slowly = 0.0
+    novel = 0.0 if swings else _novel(unseen, swung, ranking.tolerance, gusty=slowly > 0.5)
     beyond = [t for t in ranking.named.terms if at_its_bound(t.effect)]
     probability = max([*structure, vibrates, twists, novel, BEYOND if beyond else 0.0])
     findings = [f for f, _ in found]
@@ -91,15 +101,25 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     )
 
 
-def _repeats(generic: Generic, ranking: Ranking, fit: Fit, unseen: Sequence[Evidence], held: HeldOut) -> bool:
-    """Does the structure help on flights that it was not fitted to, or at least do no harm there?"""
-    gain = 0.0
-    for e in unseen:
+def swinging(fit: Fit) -> bool:
+    """Is there a payload, whose swing may be lost?"""
+    return any(hasattr(t.effect, "payload") for t in fit.terms)
+
+
+def _repeat(ranking: Ranking, fit: Fit, unseen: Sequence[Evidence], held: HeldOut) -> list[bool]:
+    """Of each structure: does it help on flights that it was not fitted to, or at least do no harm there?
+
+    Beside the effects that it was fitted with: those that are named without it may stand in its place.
+    """
+    gains = np.zeros(len(fit.generic))
+    for e in unseen if fit.generic else ():
         rows = held.rows[e.name][ranking.noise.phi.shape[1] :]
-        without = held.left[e.name]
-        losses = [np.sum(e.white(ranking.noise, r)[rows] ** 2) for r in (without, without - generic.part(e))]
-        gain += 0.5 * (losses[0] - losses[1]) / ranking.problem.temperature
-    return gain > HARM
+        terms = adapt(fit.everything, e, ranking.noise)
+        parts = [g.part(e) for g in fit.generic]
+        left = e.y - signature(e, terms) - sum(parts)
+        losses = [np.sum(e.white(ranking.noise, r)[rows] ** 2) for r in (left, *(left + p for p in parts))]
+        gains += 0.5 * (np.array(losses[1:]) - losses[0]) / ranking.problem.temperature
+    return [bool(gain > HARM) for gain in gains]
 
 
 def _without_swing(held: HeldOut, e: Evidence) -> np.ndarray:

@@ -50,7 +50,7 @@ class Tolerance:
         return names.get(identifier, 0.0)
 
 
-LABORATORY = Tolerance(0.0005, 0.0005, 0.003, 0.00005, 0.0001, 0.0001)
+LABORATORY = Tolerance(0.0005, 0.0005, 0.003, 0.0004, 0.0001, 0.0001)
 
 
 def tolerance_of(flights: Sequence[Evidence]) -> Tolerance:

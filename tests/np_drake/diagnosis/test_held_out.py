@@ -32,6 +32,12 @@ def test_the_onset_in_an_unseen_flight_is_found(seen, noise, when):
     assert dut.effect == HEAVY  # its figures are those of the fit
 
 
+def test_a_payload_that_is_hung_on_late_is_found_however_it_swings(seen, noise):
+    flight = seen(PAYLOAD, name="c", seed=4, noise=1.0, vigour=1.6, onset={"suspended_payload": 7.0})
+    (dut,) = adapt([Term(PAYLOAD, {"a": 1.0})], flight, noise)
+    assert dut.begins("c") == pytest.approx(7.0, abs=0.2)
+
+
 def test_what_acts_from_the_start_keeps_no_onset(seen, noise):
     flight = seen(HEAVY, name="c", seed=3, noise=1.0)
     (dut,) = adapt([Term(HEAVY, {"a": 4.0})], flight, noise)

@@ -54,6 +54,14 @@ def test_each_flight_has_its_own_onset(seen, noise):
     assert FIRST + ANOTHER - 2 * np.log(rows) <= late.onset_prior < FIRST + ANOTHER - np.log(rows)
 
 
+def test_an_effect_begins_in_no_flight_that_shows_nothing_of_it(seen, noise):
+    drag = LinearDrag(0.6, 0.6, 0.6)
+    flights = [seen(drag, name="moves", seed=1, noise=1.0)]
+    flights += [seen(drag, name=f"hovers {i}", seed=i, noise=1.0, vigour=0.0) for i in range(2, 10)]
+    problem = problem_of(flights, noise, [drag])
+    assert OnsetScan(problem).best(problem.candidates[0]).onset == {}
+
+
 def test_noise_alone_begins_nowhere(seen, noise):
     flights = [seen(name=str(i), seed=i, noise=1.0, seconds=8.0) for i in (1, 2)]
     problem = Problem(flights, noise, [], library_candidates(flights), temperature=2.0)

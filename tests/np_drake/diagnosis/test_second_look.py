@@ -1,0 +1,75 @@
+from functools import cache
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.answer import Diagnosis
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.held_out import scored
+from np_drake.diagnosis.second_look import LEAST, halved
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.vehicle import Vehicle
+
+DRAG = LinearDrag(0.6, 0.6, 0.0)
+UP_AND_DOWN = (0.0, 0.0, 1.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def diagnosed(fly):
+    """Two flights straight up and down to fit, one that moves sideways to judge; each answer is worked out once."""
+
+    @cache
+    def answer(*effects, second_look: bool = True) -> Diagnosis:
+        own = {"noise": 1.0, "seconds": 10.0}
+        train = [fly(*effects, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
+        return diagnose(Vehicle(), train, [fly(*effects, name="c", seed=3, **own)], second_look=second_look)
+
+    return answer
+
+
+def test_an_effect_that_training_does_not_excite_is_found_in_the_first_half_of_the_held_out_flight(diagnosed):
+    dut = diagnosed(DRAG)
+    assert dut.verdict == ("linear_drag",)
+    assert dut.joined == ("c",)
+    for axis in "xy":
+        low, high = dut.causes[0].parameters[f"d_{axis}"].ci95
+        assert low < 0.6 < high
+    assert dut.shrink.fraction > 0.9
+    assert any("c: " in w and "joined the fit" in w for w in dut.warnings)
+    assert dut.as_json()["joined"] == ["c"]
+
+
+def test_the_half_that_joins_is_no_flight_of_the_answer(diagnosed):
+    dut = diagnosed(DRAG)
+    assert (dut.train, dut.held_out) == (("a", "b"), ("c",))
+    assert set(dut.causes[0].onset) == {"a", "b", "c"}
+
+
+def test_without_a_second_look_nothing_of_the_held_out_flight_is_fitted(diagnosed):
+    dut = diagnosed(DRAG, second_look=False)
+    assert dut.joined == ()
+    assert "linear_drag" not in dut.verdict
+    assert dut.shrink.fraction < 0.1
+
+
+def test_what_is_no_more_than_noise_asks_for_no_second_look(diagnosed):
+    dut = diagnosed()
+    assert dut.joined == ()
+    assert dut.verdict == ()
+
+
+def test_a_half_is_the_flight_up_to_its_middle_and_its_rows_do_not_count(seen):
+    flight = seen(name="c", seconds=10.0)
+    (half,), (judge,) = halved([flight])
+    assert half.name == "first half of c"
+    assert half.log.t[-1] < 5.0 <= half.log.t[-1] + 2 * flight.log.step
+    assert half.grid.step == pytest.approx(flight.grid.step)
+    np.testing.assert_array_equal(scored([], judge), judge.t > 5.0)
+    np.testing.assert_array_equal(judge.y, flight.y)
+
+
+def test_a_flight_too_short_for_two_halves_judges_whole(seen):
+    flight = seen(name="c", seconds=2 * LEAST - 0.5)
+    halves, (judge,) = halved([flight])
+    assert halves == []
+    assert scored([], judge).all()
