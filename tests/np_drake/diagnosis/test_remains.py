@@ -1,13 +1,16 @@
 import dataclasses as dc
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.remains import remains
+from np_drake.diagnosis.remains import _repeat, remains
+from np_drake.diagnosis.signature import Term
 from np_drake.effects.base import WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.inertia_error import InertiaError
+from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.rigid_body import W
 
@@ -75,3 +78,21 @@ def test_the_unseen_flight_is_explained_too(of):
     dut = of()
     assert dut.held.left.keys() == dut.held.terms.keys() == {"c"}
     assert dut.held.rows["c"].all()
+
+
+def repeats(part: np.ndarray, flight, noise) -> list[bool]:
+    """Of a structure with this trace (m, 15), fitted beside a mass error."""
+    fit = SimpleNamespace(everything=[Term(MassError(0.2))], generic=[SimpleNamespace(part=lambda e: part)])
+    ranking = SimpleNamespace(noise=noise, problem=SimpleNamespace(temperature=2.0))
+    held = SimpleNamespace(rows={flight.name: np.ones(len(flight.t), bool)})
+    return _repeat(ranking, fit, [flight], held)  # type: ignore[arg-type]
+
+
+def test_structure_repeats_where_it_helps_beside_the_effects_that_it_was_fitted_with(seen, noise):
+    flight = seen(MassError(0.2), name="c", seed=3, noise=1.0)
+    part = np.zeros_like(flight.y)
+    part[:, 0] = 0.3 * np.sin(5.0 * flight.t)
+    with_it = dc.replace(flight, y=flight.y + part)
+    assert repeats(part, with_it, noise) == [True]
+    assert repeats(-part, with_it, noise) == [False]
+    assert repeats(part, flight, noise) == [False]
