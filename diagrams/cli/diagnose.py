@@ -37,6 +37,9 @@ def diagnose(
     no_replay: Annotated[
         bool, typer.Option("--no-replay", help="Leave out the open-loop replay in the simulator.")
     ] = False,
+    no_second_look: Annotated[
+        bool, typer.Option("--no-second-look", help="Fit nothing to held-out flights, whatever they show.")
+    ] = False,
     repair: options.Repair = False,
     seed: options.Seed = 0,
     out: Annotated[
@@ -52,12 +55,12 @@ def diagnose(
     files = choose_files(case, vehicle, list(train or ()), list(held_out or ()))
     nominal = nominal_vehicle(files)
     logs = [open_flights(paths, nominal, repair=repair) for paths in (files.train, files.held_out)]
-    found = run(nominal, *logs, replay=not no_replay)
+    found = run(nominal, *logs, replay=not no_replay, second_look=not no_second_look)
     from diagrams.cli.diagnosis_tables import show
 
     show(found)
     config: dict[str, Any] = {"vehicle": nominal.name, "train": files.train, "held_out": files.held_out}
-    config |= {"replay": not no_replay, "repair": repair}
+    config |= {"replay": not no_replay, "second_look": not no_second_look, "repair": repair}
     if out is not None:
         from np_drake.diagnosis.report.write import write_report
 
@@ -123,7 +126,12 @@ def open_flights(paths: tuple[Path, ...], vehicle: "Vehicle", *, repair: bool) -
 
 
 def run(
-    vehicle: "Vehicle", train: "list[FlightLog]", held_out: "list[FlightLog]", *, replay: bool
+    vehicle: "Vehicle",
+    train: "list[FlightLog]",
+    held_out: "list[FlightLog]",
+    *,
+    replay: bool,
+    second_look: bool = True,
 ) -> "Diagnosis":
     """The five steps behind a progress bar."""
     from diagrams.gap_replay import DrakeReplay
@@ -131,6 +139,6 @@ def run(
 
     with progress("diagnosing", 1.0) as advance:
         simulator = DrakeReplay(vehicle) if replay else None
-        found = five_steps(vehicle, train, held_out, simulator, on_progress=advance)
+        found = five_steps(vehicle, train, held_out, simulator, second_look=second_look, on_progress=advance)
         advance(1.0)
     return found

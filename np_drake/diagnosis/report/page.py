@@ -53,8 +53,7 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
         "excitation": [(name, words.number(value)) for name, value in check.excitation.items()],
         "noise_floor": [(name, words.number(value)) for name, value in check.noise_floor.items()],
         "warnings": list(dict.fromkeys([*check.warnings, *diagnosis.warnings])),
-        "flights": [("train", name) for name in diagnosis.train]
-        + [("held out", n) for n in diagnosis.held_out],
+        "flights": [*((name, "fit") for name in diagnosis.train), *_judges(diagnosis)],
         "vehicle": diagnosis.vehicle,
         "facts": [
             ("vehicle", diagnosis.vehicle),
@@ -101,6 +100,12 @@ def _largest(channels: Sequence[ChannelGap]) -> str:
 def _channel_row(channel: ChannelGap) -> list[str]:
     figures = [words.number(v) for v in (channel.rms, channel.after, channel.noise_floor)]
     return [channel.channel, channel.unit, *figures, words.percent(channel.explained)]
+
+
+def _judges(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Held-out flights, and what each was used for."""
+    halves = "first half: fit; second half: judge"
+    return [(n, halves if n in diagnosis.joined else "judge (held out)") for n in diagnosis.held_out]
 
 
 def _cause(cause: Cause, flights: int) -> dict[str, Any]:

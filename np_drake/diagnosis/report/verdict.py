@@ -112,13 +112,14 @@ def has_gap(shrink: Shrink) -> bool:
 
 def _closes(diagnosis: Diagnosis, subject: str) -> str:
     shrink = diagnosis.shrink
+    judges = f"{'the second half of ' if diagnosis.joined else ''}held-out flights"
     change = f"from {number(shrink.before, 2)} to {number(shrink.after, 2)} times the noise"
     adding = subject[:1].lower() + subject[1:]
     if not has_gap(shrink):
-        return f"Held-out flights have no gap above the noise to close: {adding} takes the residual {change}"
+        return f"{judges.capitalize()} have no gap above the noise to close: {adding} takes the residual {change}"
     if shrink.fraction < 0:
-        return f"On held-out flights {adding} does not help: the residual goes {change}"
+        return f"On {judges} {adding} does not help: the residual goes {change}"
     return (
-        f"{subject} closes {percent(min(shrink.fraction, 1.0))} of the gap on held-out flights "
+        f"{subject} closes {percent(min(shrink.fraction, 1.0))} of the gap on {judges} "
         f"(95{NBSP}% interval {percent_interval(shrink.ci95)}): {change}"
     )

@@ -31,6 +31,8 @@ def test_cases_can_be_read_and_have_a_truth_each(small_set):
         truth = json.loads((base / "truth" / name / "truth.json").read_text())
         assert len(truth["class"]) == len(truth["effects"])
         assert truth["visibility"] >= 0.9
+        assert set(truth["visibility_in_training"]) == {"train_1.csv", "train_2.csv"}
+        assert min(truth["visibility_in_training"].values()) >= 0.9
         assert set(truth["true_model_residual"]) >= {"force_x", "torque_z"}
         assert all(log.al is None for log in logs)
         if truth["kind"] == "clean":

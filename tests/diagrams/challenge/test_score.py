@@ -7,6 +7,11 @@ from diagrams.challenge.score import score
 from np_drake.atomic_file import plain
 
 
+def felt(case, most):
+    """The case, whose effect shows that much in training."""
+    return dc.replace(case, truth={**case.truth, "visibility_in_training": {"train_1.csv": most}})
+
+
 @pytest.fixture
 def cases(by_hand):
     return by_hand.perfect_set()
@@ -50,6 +55,13 @@ def test_a_single_miss_is_counted_once(cases, by_hand):
     effect = {row["effect"]: row for row in dut["effects"]}
     assert effect["thrust_scale"]["detected"]["count"] == effect["thrust_scale"]["n"] - 1
     assert effect["mass_error"]["named_wrongly"] == 1
+
+
+def test_singles_that_training_shows_have_a_row_of_their_own(cases):
+    cases = [felt(without_answer(cases[0]), 1.2), *(felt(c, 3.0) for c in cases[1:])]
+    rates = score(cases)["rates"]
+    assert (rates["single"]["class"]["count"], rates["single"]["class"]["n"]) == (12, 13)
+    assert (rates["single_felt"]["class"]["count"], rates["single_felt"]["class"]["n"]) == (12, 12)
 
 
 def test_an_invisible_single_is_no_miss(cases):

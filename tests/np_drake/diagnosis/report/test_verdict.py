@@ -81,3 +81,9 @@ def test_without_a_gap_on_held_out_flights_no_share_is_claimed(diagnosis):
 def test_causes_that_make_it_worse_are_said_to(diagnosis):
     shrink = dc.replace(diagnosis.shrink, before=5.0, after=900.0, fraction=-3e4)
     assert "does not help" in verdict_sentences(dc.replace(diagnosis, shrink=shrink))[1]
+
+
+def test_where_a_half_joined_the_fit_the_verdict_says_that_the_other_half_judges(diagnosis):
+    joined = dc.replace(diagnosis, joined=diagnosis.held_out)
+    assert "of the gap on held-out flights" in verdict_sentences(diagnosis)[1]
+    assert "of the gap on the second half of held-out flights" in verdict_sentences(joined)[1]
