@@ -191,8 +191,8 @@ class Diagnosis:
     unknown_probability: float = 0.0
     cannot_tell: bool = False
     warnings: tuple[str, ...] = ()
-    joined: tuple[str, ...] = ()
     wall: float = float("nan")  # [s]
+    joined: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """`diagnosis.json` as a dictionary of plain types."""

@@ -14,7 +14,7 @@ from np_drake.logs.neurobem import RACE_TRACK
 VEHICLE = "name: mine\nmass: 2.5\n"
 
 
-def answer(vehicle, train, held_out, replay=None, *, on_progress=None) -> an.Diagnosis:
+def answer(vehicle, train, held_out, replay=None, *, second_look=True, on_progress=None) -> an.Diagnosis:
     """A mass error, whatever the logs say; the replay is the real one."""
     on_progress(0.5, "half")
     mass = an.Estimate(0.1, "kg", (0.08, 0.12))
