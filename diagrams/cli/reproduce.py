@@ -58,6 +58,10 @@ def reproduce(
         result = reproduce_flights.theorem_table(neurobem, spacing=spacing, seed=seed, jobs=jobs, json=json)
     elif table == "estimation":
         result = reproduce_estimation.estimation(neurobem, seed=seed, out=out, json=json)
+    elif table == "sample-efficiency":
+        result = reproduce_estimation.sample_efficiency(neurobem, seed=seed, out=out, json=json)
+    elif table == "response":
+        result = reproduce_estimation.response(neurobem, seed=seed, json=json)
     elif table == "pendulum":
         result = _pendulum(seed=seed, json=json)
     elif table == "weights":

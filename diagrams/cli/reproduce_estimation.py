@@ -9,8 +9,11 @@ from diagrams.cli.reproduce_flights import Table, required
 from np_drake.lifting.lifted_model import DEFAULT, PAPER
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from diagrams.array_flights import Flight
     from diagrams.estimation import EstimationTable
+    from diagrams.sample_efficiency import Point
     from np_drake.lifting.lifted_model import LiftedModel
 
 MILLI = 1e3  # small errors in mN and mN·m, three digits each
@@ -60,6 +63,82 @@ def estimation(neurobem: Path | None, *, seed: int, out: Path | None, json: Path
     return title, ["", *COLUMNS], rows
 
 
+def sample_efficiency(neurobem: Path | None, *, seed: int, out: Path | None, json: Path | None) -> Table:
+    """Error against training samples on race track 1; with `out`, a figure.
+
+    json: metrics file.   Raises: ValueError, OSError, LogError: without the folder, or on a bad flight.
+    """
+    folder = required("sample-efficiency", neurobem)
+    if out is not None:
+        require_folder(out)
+    from diagrams import array_flights
+    from diagrams import sample_efficiency as measure
+    from diagrams.cli.train import configure
+
+    training, *tests = array_flights.flights(folder)
+    test = next(flight for flight in tests if flight.name == "race track 1")
+    configs = {name: configure(name, frame="body", seed=seed) for name in (PAPER, DEFAULT)}
+    with progress("models", 1.0) as advance:
+        points = measure.sample_efficiency(
+            training,
+            test,
+            configs,
+            on_progress=lambda done, total: advance(done / total, f"{done} of {total}"),
+        )
+    step, settings = test.segment.step, {name: dc.asdict(config) for name, config in configs.items()}
+    title = f"RMSE on {test.name} against training samples, mean over disjoint pieces of the training segment"
+    if out is not None:
+        path = make_folder(out) / "sample_efficiency.png"
+        save_figure(measure.efficiency_figure(points, step, f"{title} · seed {seed}"), path)
+    say(f"seed {seed}", *(f"{name}: {values}" for name, values in settings.items()))
+    say(*(f"published: {point}" for point in measure.PUBLISHED))
+    lines = [{**dc.asdict(p), "horizon": p.horizon * step} for p in points]
+    write_metrics(json, "reproduce", seed=seed, config=settings, table=lines, published=measure.PUBLISHED)
+    return _efficiency_table(points, step, title)
+
+
+def _efficiency_table(points: "list[Point]", step: float, title: str) -> Table:
+    from diagrams.sample_efficiency import SIZES
+
+    rows = []
+    for horizon in sorted({p.horizon for p in points}):
+        for row in dict.fromkeys(p.row for p in points):
+            of = {p.samples: p for p in points if (p.row, p.horizon) == (row, horizon)}
+            cells = [_range(of.get(0) or of[size]) for size in SIZES]
+            rows.append((f"{1e3 * horizon * step:.3g} ms", row, *cells))
+    return f"{title}; N / N·m", ["ahead", "", *map(str, SIZES)], rows
+
+
+def _range(point: "Point") -> str:
+    return f"{point.force[0]:.3g} / {point.torque[0]:.3g}"
+
+
+def response(neurobem: Path | None, *, seed: int, json: Path | None) -> Table:
+    """The lag of predictions behind the label where the flights are aggressive.
+
+    json: metrics file.   Raises: ValueError, OSError, LogError: without the folder, or on a bad flight.
+    """
+    folder = required("response", neurobem)
+    from diagrams import array_flights
+    from diagrams import response as measure
+    from diagrams.cli.train import configure
+
+    training, *tests = array_flights.flights(folder)
+    models, settings = trained(training, seed)
+    config = configure(DEFAULT, frame="body", seed=seed)
+    with progress("flights", 1.0) as advance:
+        lines = measure.response_lines(
+            models,
+            training,
+            tests,
+            config=config,
+            on_progress=lambda done, total: advance(done / total, f"{done} of {total}"),
+        )
+    say(f"seed {seed}", *(f"{name}: {values}" for name, values in settings.items()))
+    write_metrics(json, "reproduce", seed=seed, config=settings, table=lines)
+    return measure.printed(lines)
+
+
 def trained(training: "Flight", seed: int) -> tuple[dict[str, "LiftedModel"], dict[str, dict]]:
     """Both configurations trained on one segment, and their settings."""
     from diagrams.cli.train import configure, run_training
@@ -98,9 +177,17 @@ def _lines(table: "EstimationTable", training: str, seed: int) -> list[str]:
 
 def _window_figure(model: "LiftedModel", tests: "list[Flight]", path: Path, seed: int) -> None:
     from diagrams.estimation_figures import SPAN, window, window_figure
-    from np_drake.figure_file import save
 
     flight = next(f for f in tests if f.name == SHOWN)
-    title = f"{SHOWN}, {SPAN[0]:g} to {SPAN[1]:g} s · `default`, seed {seed}"
-    save(window_figure(window(model, flight), title), path)
+    title = (
+        f"{SHOWN}, {SPAN[0]:g} to {SPAN[1]:g} s · `default`, trained on ten seconds of circling, seed {seed}"
+    )
+    save_figure(window_figure(window(model, flight), title), path)
+
+
+def save_figure(figure: "Figure", path: Path) -> None:
+    """Writes it and says where."""
+    from np_drake.figure_file import save
+
+    save(figure, path)
     say(f"figure: {path}")
