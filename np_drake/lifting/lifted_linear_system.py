@@ -137,7 +137,12 @@ def _pulled(eigenvalue: np.ndarray, V: np.ndarray, radius: float) -> tuple[np.nd
     inverse = np.linalg.inv(V)
     factor = np.minimum(1.0, radius * _MARGIN / np.maximum(np.abs(eigenvalue), 1e-300))
     A = ((V * (eigenvalue * factor)[..., None, :]) @ inverse).real
-    return A, np.linalg.norm(V, axis=(-2, -1)) * np.linalg.norm(inverse, axis=(-2, -1))
+    return A, np.sqrt(_squares(V) * _squares(inverse))
+
+
+def _squares(M: np.ndarray) -> np.ndarray:
+    """(...) sum of |entry|² of each M (..., K, K)."""
+    return (M.real**2 + M.imag**2).sum(axis=(-2, -1))
 
 
 def _mode(s: complex) -> Mode:

@@ -41,7 +41,7 @@ class WindowRefit:
         K = z.shape[1]
         X = np.hstack([z[:-1], window[:-1, 6:] / self._scale])
         normal = X.T @ X
-        normal[np.diag_indices(len(normal))] += self._ridge
+        normal.flat[:: len(normal) + 1] += self._ridge
         correction = X.T @ (z[1:] - X @ self._prior)
         solution = self._prior + lapack.dposv(normal, correction)[1]
         return z[-1], stabilized(solution[:K].T, RADIUS), solution[K:].T / self._scale
