@@ -60,7 +60,7 @@ def estimation_table(
 ) -> EstimationTable:
     """Every flight, row and column; every origin from the first full window of all models on.
 
-    models: configuration -> trained model (both).   Raises: ValueError: if a flight is too short.
+    models: configuration -> trained model.   Raises: ValueError: if a flight is too short.
     """
     first = max(model.window for model in models.values())
     cells: dict[str, dict[str, dict[str, float]]] = {}
@@ -78,7 +78,10 @@ def estimation_table(
             on_progress(len(models) * number + k + 1, len(models) * len(flown))
         rows = {method: dict(zip(COLUMNS, PUBLISHED[flight.name][method], strict=True)) for method in METHODS}
         rows |= {name: column_rmse(chi_hat[:, 0] - chi[origins + 1]) for name, chi_hat in predictions.items()}
-        cells[flight.name], origins_of[flight.name] = {name: rows[name] for name in ROWS}, len(origins)
+        cells[flight.name], origins_of[flight.name] = (
+            {name: rows[name] for name in ROWS if name in rows},
+            len(origins),
+        )
     return EstimationTable(cells, stability, origins_of)
 
 

@@ -32,9 +32,7 @@ def window(model: LiftedModel, flight: Flight, span: tuple[float, float] = SPAN)
     Raises: ValueError: if the flight does not reach so far.
     """
     chi, zeta, step = flight.segment.chi, flight.segment.zeta, flight.segment.step
-    rows = np.arange(*np.rint(np.array(span) / step).astype(int))
-    if len(rows) == 0 or rows[0] - FAR < model.window or rows[-1] >= len(chi):
-        raise ValueError(f"{flight.name}: must reach from {span[0]:g} s to {span[1]:g} s.")
+    rows = rows_of(flight, span)
     course = forecasts(model, flight)
 
     def ahead(steps: int) -> np.ndarray:
@@ -47,6 +45,17 @@ def window(model: LiftedModel, flight: Flight, span: tuple[float, float] = SPAN)
         f"persistence {far}": chi[rows - FAR],
     }
     return Window(step * rows, chi[rows], courses, flight.jerk[rows])
+
+
+def rows_of(flight: Flight, span: tuple[float, float] = SPAN) -> np.ndarray:
+    """(m,) samples of a time span [s]. Raises ValueError: if the flight does not reach so far."""
+    rows = np.arange(*np.rint(np.array(span) / flight.segment.step).astype(int))
+    if len(rows) == 0 or rows[-1] >= len(flight.segment):
+        end = flight.segment.step * len(flight.segment)
+        raise ValueError(
+            f"{flight.name}: must reach from {span[0]:g} s to {span[1]:g} s; it ends at {end:g} s."
+        )
+    return rows
 
 
 def window_figure(shown: Window, title: str) -> Figure:

@@ -30,8 +30,11 @@ def estimation(neurobem: Path | None, *, seed: int, out: Path | None, json: Path
         require_folder(out)
     from diagrams import array_flights
     from diagrams.estimation import estimation_table
+    from diagrams.estimation_figures import rows_of
 
     training, *tests = array_flights.flights(folder)
+    if out is not None:
+        rows_of(next(flight for flight in tests if flight.name == SHOWN))  # before the long work
     models, settings = trained(training, seed)
     with progress("every origin", 1.0) as advance:
         table = estimation_table(
@@ -91,16 +94,18 @@ def sample_efficiency(neurobem: Path | None, *, seed: int, out: Path | None, jso
         path = make_folder(out) / "sample_efficiency.png"
         save_figure(measure.efficiency_figure(points, step, f"{title} · seed {seed}"), path)
     say(f"seed {seed}", *(f"{name}: {values}" for name, values in settings.items()))
-    say(*(f"published: {point}" for point in measure.PUBLISHED))
     lines = [{**dc.asdict(p), "horizon": p.horizon * step} for p in points]
     write_metrics(json, "reproduce", seed=seed, config=settings, table=lines, published=measure.PUBLISHED)
     return _efficiency_table(points, step, title)
 
 
 def _efficiency_table(points: "list[Point]", step: float, title: str) -> Table:
-    from diagrams.sample_efficiency import SIZES
+    from diagrams.sample_efficiency import PUBLISHED, SIZES
 
     rows = []
+    for name in dict.fromkeys(p["row"] for p in PUBLISHED):
+        given = {p["samples"]: f"{p['force']} / {p['torque']}" for p in PUBLISHED if p["row"] == name}
+        rows.append((f"{1e3 * step:.3g} ms", f"{name} (published)", *(given.get(size) for size in SIZES)))
     for horizon in sorted({p.horizon for p in points}):
         for row in dict.fromkeys(p.row for p in points):
             of = {p.samples: p for p in points if (p.row, p.horizon) == (row, horizon)}

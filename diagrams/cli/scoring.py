@@ -129,7 +129,12 @@ def show_mean(rows: list[dict[str, Any]], zeta: str) -> None:
 def _mean_cell(cell: list[dict[str, Any]], kind: str) -> str:
     mean, low, high = mean_interval(np.array([row[f"{kind}_ratio"] for row in cell]))
     worst = max(row[f"{kind}_skill"] for row in cell)
-    return f"{mean:.2f} ±{(high - low) / 2:.2f} ({worst:.2f})"
+    return f"{_short(mean)} ±{_short((high - low) / 2)} ({_short(worst)})"
+
+
+def _short(value: float) -> str:
+    """Two digits behind the point, or two that count."""
+    return f"{value:.2f}" if 0.1 <= value < 1000 or value != value else f"{value:.2g}"
 
 
 def diverged(rows: list[dict[str, Any]]) -> list[str]:
