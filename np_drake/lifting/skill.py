@@ -60,7 +60,7 @@ def skill_table(
     origins = np.arange(warm_up, len(chi) - horizons[-1])
     if len(origins) == 0 or horizons[0] < 0:
         raise ValueError(
-            f"skill_table: more than {warm_up + horizons[-1]} samples are needed; got {len(chi)}."
+            f"skill_table: {flight}: more than {warm_up + horizons[-1]} samples are needed; got {len(chi)}."
         )
     goal = (chi if target is None else target)[origins[:, None] + horizons]
     predictions = naive_predictions(chi, origins, horizons, mean)

@@ -168,3 +168,57 @@ def test_an_unstable_model_fails(logs, monkeypatch, capsys):
     captured = capsys.readouterr()
     assert "a forecast diverged on test." in captured.err
     assert "spectral radius above 1 in 0 of" not in captured.out
+
+
+def altered(path, out, change):
+    """The log with its table changed, as another file."""
+    lines = [line.split(",") for line in path.read_text().splitlines()]
+    out.write_text("\n".join(",".join(line) for line in change(lines)) + "\n")
+    return out
+
+
+def without(lines, *names):
+    keep = [k for k, name in enumerate(lines[0]) if name not in names]
+    return [[line[k] for k in keep] for line in lines]
+
+
+def with_nan(lines):
+    lines[300][lines[0].index("vx")] = "nan"
+    return lines
+
+
+BAD_LOGS = {  # change of the table: what the line must say
+    "too short": (lambda lines: lines[:40], "bad: more than 70 samples are needed; got 39."),
+    "no velocity": (lambda lines: without(lines, "vx"), "bad.csv, column vx: is missing"),
+    "a NaN": (with_nan, "bad.csv, column vx, row 300 (line 301): must be finite"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_LOGS)
+def test_a_bad_log_is_one_line_and_leaves_nothing(logs, model, tmp_path, capsys, case):
+    change, message = BAD_LOGS[case]
+    bad = altered(logs[1], tmp_path / "bad.csv", change)
+    command = ["evaluate", str(bad), "--predictor", str(model), "--horizons", "1,10"]
+    assert run([*command, "--json", str(tmp_path / "rows.json")]) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith("np-drake evaluate: ")
+    assert message in last
+    assert list(tmp_path.iterdir()) == [bad]
+
+
+def test_a_log_without_accelerations_is_scored_and_says_how(logs, model, tmp_path, capsys):
+    bare = altered(
+        logs[1],
+        tmp_path / "bare.csv",
+        lambda lines: without(lines, "ax", "ay", "az", "alx", "aly", "alz"),
+    )
+    assert run(["evaluate", str(bare), "--predictor", str(model), "--horizons", "1"]) == 0
+    assert "default: spectral radius above 1 in 0 of " in capsys.readouterr().out
+
+
+def test_the_first_seconds_of_a_real_flights_csv_are_scored(neurobem, tmp_path, capsys):
+    path = tmp_path / "race.csv"
+    with open(neurobem / "csv" / f"{RACE_TRACK}.csv") as stream:
+        path.write_text("".join(line for _, line in zip(range(1500), stream, strict=False)))
+    assert run(["evaluate", str(path), "--horizons", "1"]) == 0, capsys.readouterr().err
+    assert "race: force RMSE [N]" in capsys.readouterr().out
