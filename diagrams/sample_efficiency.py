@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -25,7 +26,7 @@ NAIVE = ("persistence", "linear")
 # One step ahead on race track 1 [N, N·m]. The paper shows a curve without numbers; these are the ones that the plotting
 # script in its authors' repository (NPU-RCIR/Neural-Predictor) draws. Its estimation table has 0.057 and 0.006 at 4000.
 _CURVE = ((0.357, 0.094), (0.156, 0.022), (0.127, 0.011), (0.076, 0.007), (0.078, 0.007), (0.082, 0.006))
-PUBLISHED = (
+PUBLISHED: tuple[dict[str, Any], ...] = (
     *({"row": "NP", "samples": 1000 * k, "force": f, "torque": t} for k, (f, t) in enumerate(_CURVE, 1)),
     {"row": "NeuroMHE", "samples": 4000, "force": 0.204, "torque": 0.009},
 )
@@ -111,9 +112,14 @@ def _points(row: str, size: int, errors: np.ndarray, horizons: Sequence[int]) ->
     """One a horizon from (pieces, H, 2) errors."""
     spread = np.stack([errors.mean(axis=0), errors.min(axis=0), errors.max(axis=0)])
     return [
-        Point(row, size, len(errors), h, *(tuple(map(float, spread[:, i, k])) for k in (0, 1)))
+        Point(row, size, len(errors), h, force=_triple(spread[:, i, 0]), torque=_triple(spread[:, i, 1]))
         for i, h in enumerate(horizons)
     ]
+
+
+def _triple(values: np.ndarray) -> tuple[float, float, float]:
+    mean, low, high = map(float, values)
+    return mean, low, high
 
 
 def efficiency_figure(points: list[Point], step: float, title: str) -> Figure:

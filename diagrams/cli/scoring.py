@@ -129,7 +129,7 @@ def show_mean(rows: list[dict[str, Any]], zeta: str) -> None:
 def _mean_cell(cell: list[dict[str, Any]], kind: str) -> str:
     mean, low, high = mean_interval(np.array([row[f"{kind}_ratio"] for row in cell]))
     worst = max(row[f"{kind}_skill"] for row in cell)
-    return f"{_short(mean)} ±{_short((high - low) / 2)} ({_short(worst)})"
+    return f"{_short(float(mean))} ±{_short(float(high - low) / 2)} ({_short(worst)})"
 
 
 def _short(value: float) -> str:

@@ -57,15 +57,15 @@ def lag(prediction: np.ndarray, label: np.ndarray, rows: np.ndarray, *, reach: i
         raise ValueError(f"lag: at least 3 samples at {reach} from either end are needed; got {len(rows)}.")
     wanted = prediction[rows] - prediction[rows].mean(axis=0)
     size = np.linalg.norm(wanted)
-    if not size > 1e-9 * (1.0 + np.abs(prediction[rows]).max()):
+    if not size > 1e-9 * (1.0 + float(np.abs(prediction[rows]).max())):
         return Lag(np.nan, 0.0)  # a constant has no lag
     correlation = np.empty(2 * reach + 1)
     for i, shift in enumerate(range(-reach, reach + 1)):
         shifted = label[rows - shift]
         shifted = shifted - shifted.mean(axis=0)
-        correlation[i] = np.sum(wanted * shifted) / (size * max(np.linalg.norm(shifted), 1e-300))
+        correlation[i] = np.sum(wanted * shifted) / (size * max(float(np.linalg.norm(shifted)), 1e-300))
     top = int(np.argmax(correlation))
     if correlation[top] < FLOOR or top in (0, 2 * reach):
         return Lag(np.nan, float(correlation[top]))
-    before, peak, after = correlation[top - 1 : top + 2]
+    before, peak, after = (float(value) for value in correlation[top - 1 : top + 2])
     return Lag(top - reach + 0.5 * (before - after) / (before - 2 * peak + after), float(peak))
