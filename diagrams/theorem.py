@@ -2,30 +2,20 @@
 
 import dataclasses as dc
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, delayed
 
+from diagrams.array_flights import Flight
 from np_drake.lifting.bound_check import BoundCheck, check_flight
 from np_drake.lifting.encoders import Phi
 from np_drake.lifting.error_bound import largest_changes
 from np_drake.lifting.lifted_model import LiftedModel
-from np_drake.lifting.segments import Segment
-from np_drake.logs.neurobem import TESTS, TRAINING, read_neurobem_npy
 
 STEPS = (1, 10, 40)  # ahead, at which the tightness is shown [1]
 FORESEEN_SPACING = 10  # samples between windows where the alphas come from the other flights [1]
 BROKEN_SPACING = 20  # and of the models that violate an assumption [1]
 OWN, FORESEEN = "own", "others"
-
-
-@dc.dataclass(frozen=True)
-class Flight:
-    """One flight of the estimation table; the first of `flights` is the training segment."""
-
-    name: str
-    segment: Segment
 
 
 @dc.dataclass(frozen=True)
@@ -36,13 +26,6 @@ class _Task:
     flight: str
     alpha: str
     arguments: dict
-
-
-def flights(folder: Path) -> list[Flight]:
-    """Training segment and test flights. Raises OSError, LogError where one is missing or cannot be read."""
-    names = {TRAINING: "training segment", **TESTS}
-    found = [(name, read_neurobem_npy(folder / "npy" / f"{stem}.npy")) for stem, name in names.items()]
-    return [Flight(name, Segment(s.chi, s.zeta, s.step)) for name, s in found]
 
 
 def broken_models(model: LiftedModel) -> dict[str, tuple[LiftedModel, dict]]:

@@ -21,6 +21,9 @@ def bench(
     seconds: Annotated[
         float, typer.Option(min=1.0, help="Simulated time of the simulator's figures [s].")
     ] = 40.0,
+    predictor: Annotated[
+        bool, typer.Option("--predictor", help="Only the predictors, against the pseudo-inverse.")
+    ] = False,
     seed: options.Seed = 0,
     json: options.Json = None,
     markdown: options.Markdown = None,
@@ -33,6 +36,12 @@ def bench(
         say("OMP_NUM_THREADS is not 1: small matrices run two to three times slower on several threads.")
     from diagrams import bench as measure
 
+    if predictor:
+        lines, table = _against_the_pseudo_inverse(seed)
+        print_table(*table)
+        write_markdown(markdown, *table)
+        write_metrics(json, "bench", seed=seed, config={}, predictor={"against_pseudo_inverse": lines})
+        return
     with tempfile.TemporaryDirectory() as folder:
         _run(
             measure, Path(folder), problems=problems, seconds=seconds, seed=seed, json=json, markdown=markdown
@@ -114,6 +123,17 @@ def _solver_table(reports: "dict[str, list[SolverReport]]") -> tuple[str, list[s
     return "NP-MPC solvers; ratio: to CasADi + IPOPT in this run", header, rows
 
 
+def _against_the_pseudo_inverse(seed: int) -> tuple[list[dict], tuple[str, list[str], list[tuple]]]:
+    """Lines of `--json`, and the table."""
+    from diagrams.predictor_bench import predictor_timings
+
+    with progress("predictors", 1.0):
+        timings = predictor_timings(seed)
+    rows = [(t.name, t.median_ms, t.p95_ms, t.ratio) for t in timings]
+    title = "one sample: refit, lift and 20 steps; ratio: to the pseudo-inverse of 40 samples in this run"
+    return [dc.asdict(t) for t in timings], (title, ["", "median [ms]", "p95", "ratio"], rows)
+
+
 def _other_figures(
     measure: Any, config: Any, folder: Path, walls: dict[str, float], *, seconds: float, seed: int
 ) -> dict[str, Any]:
@@ -131,8 +151,14 @@ def _other_figures(
     rows += [(f"simulator: {name}", value, "x real time") for name, value in factors.items()]
     rows += [(f"training `{name}`, 3000 points", value, "s") for name, value in walls.items()]
     print_table("the rest", ["what", "figure", "unit"], rows)
+    lines, table = _against_the_pseudo_inverse(seed)
+    print_table(*table)
     return {
-        "predictor": {"update_ms": update["default"], "update_ms_paper": update["paper"]},
+        "predictor": {
+            "update_ms": update["default"],
+            "update_ms_paper": update["paper"],
+            "against_pseudo_inverse": lines,
+        },
         "simulator": {"real_time_factor": factors},
         "training": {"wall": walls["default"], "wall_paper": walls["paper"]},
     }

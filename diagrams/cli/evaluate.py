@@ -68,10 +68,11 @@ def evaluate(
     tests = open_flights(logs, vehicle, repair=repair)
     training = open_flights(train, vehicle, repair=repair)
     require_one_frame([*training, *tests])
-    from diagrams.cli.scoring import MOTIONS, finite, score, show, show_mean
+    from diagrams.cli.scoring import MOTIONS, diverged, score, show, show_mean, stability, stability_text
 
     folds = [([other for other in tests if other is not test], [test]) for test in tests]
     rows: list[dict] = []
+    windows: list[dict] = []
     for learned, unseen in folds if leave_one_out else [(training, tests)]:
         models = (
             load(predictor)
@@ -85,8 +86,10 @@ def evaluate(
                     models, unseen, steps, zeta=zeta, baselines=baselines, mean=mean,
                     on_model=partial(_advance, advance),
                 )  # fmt: skip
+        windows += stability(models, unseen)
     for zeta in MOTIONS:
         (show_mean if leave_one_out else show)([row for row in rows if row["zeta"] == zeta], zeta)
+    say(*stability_text(windows, rows))
     settings = {
         "configurations": list(models),
         "horizons": steps,
@@ -94,9 +97,10 @@ def evaluate(
         "leave_one_out": leave_one_out,
     }
     settings |= {"training": [flight.data.name for flight in training]}
-    write_metrics(json, "evaluate", seed=seed, config=settings, rows=rows)
-    if not finite(rows):
-        raise FailedRun("a forecast diverged: not every RMSE is finite.")
+    write_metrics(json, "evaluate", seed=seed, config=settings, rows=rows, stability=windows)
+    unstable = [line["flight"] for line in windows if line["unstable"]]
+    if lost := diverged(rows) or unstable:
+        raise FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.")
 
 
 def parse_horizons(text: str) -> list[int]:

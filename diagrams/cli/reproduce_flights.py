@@ -8,7 +8,7 @@ from diagrams.cli.output import progress, say, write_metrics
 Table = tuple[str, list[str], list[tuple]]  # title, header, rows
 
 
-def _required(table: str, neurobem: Path | None) -> Path:
+def required(table: str, neurobem: Path | None) -> Path:
     """Raises ValueError where the folder is not given."""
     if neurobem is None:
         raise ValueError(
@@ -22,7 +22,7 @@ def mhe_table(neurobem: Path | None, *, json: Path | None) -> Table:
 
     json: metrics file.   Raises: ValueError, OSError, LogError: without the folder, or on a bad flight.
     """
-    folder = _required("mhe", neurobem)
+    folder = required("mhe", neurobem)
     from diagrams import mhe_flights
     from np_drake.estimation.wrench_table import COLUMNS
 
@@ -73,7 +73,7 @@ def gap_table(neurobem: Path | None, *, json: Path | None) -> Table:
     """
     from diagrams import real_flights
 
-    flights = real_flights.agile_flights(_required("gap", neurobem))
+    flights = real_flights.agile_flights(required("gap", neurobem))
     with progress("real flights", 1.0) as advance:
         folds = real_flights.leave_one_out(
             flights, lambda done, total: advance(done / total, f"{done} of {total}")
@@ -110,10 +110,10 @@ def theorem_table(neurobem: Path | None, *, spacing: int, seed: int, jobs: int, 
 
     json: metrics file.   Raises: ValueError, OSError, LogError: without the folder, or on a bad flight.
     """
-    from diagrams import theorem
+    from diagrams import array_flights, theorem
     from diagrams.cli.train import configure, run_training
 
-    flights = theorem.flights(_required("theorem", neurobem))
+    flights = array_flights.flights(required("theorem", neurobem))
     models, settings = {}, {}
     for name in ("paper", "default"):
         config = configure(name, frame="body", seed=seed)

@@ -18,8 +18,11 @@ from np_drake.logs.neurobem import TESTS
 from np_drake.logs.wrench_sequence import WrenchSequence
 from np_drake.residual_models.base import ResidualModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
+from np_drake.residual_models.window_stability import window_stability
 
+OURS = (PAPER, DEFAULT)
 MOTIONS = ("held", "known")  # what a forecast is told of the coming zeta
+DIVERGED = 10.0  # longest forecast over longest label from which a flight counts as diverged [1]
 STEP_TOLERANCE = 0.02  # between a model's step and an array's [1]
 
 
@@ -126,10 +129,58 @@ def show_mean(rows: list[dict[str, Any]], zeta: str) -> None:
 def _mean_cell(cell: list[dict[str, Any]], kind: str) -> str:
     mean, low, high = mean_interval(np.array([row[f"{kind}_ratio"] for row in cell]))
     worst = max(row[f"{kind}_skill"] for row in cell)
-    return f"{mean:.2f} ±{(high - low) / 2:.2f} ({worst:.2f})"
+    return f"{_short(float(mean))} ±{_short(float(high - low) / 2)} ({_short(worst)})"
 
 
-def finite(rows: list[dict[str, Any]]) -> bool:
-    """Whether every RMSE of a model is a number; a baseline may diverge."""
-    ours = [row for row in rows if row["model"] in (PAPER, DEFAULT)]
-    return all(np.isfinite(row["force_rmse"]) and np.isfinite(row["torque_rmse"]) for row in ours)
+def _short(value: float) -> str:
+    """Two digits behind the point, or two that count."""
+    return f"{value:.2f}" if 0.1 <= value < 1000 or value != value else f"{value:.2g}"
+
+
+def diverged(rows: list[dict[str, Any]]) -> list[str]:
+    """Flights on which a model's RMSE is no number, or a forecast is `DIVERGED` times the longest label.
+
+    A baseline may diverge; nothing keeps it from that.
+    """
+    return sorted({row["flight"] for row in rows if row["model"] in OURS and not _bounded(row)})
+
+
+def _bounded(row: dict[str, Any]) -> bool:
+    peaks = [row[f"{kind}_peak"] for kind in ("force", "torque")]
+    finite = np.isfinite(row["force_rmse"]) and np.isfinite(row["torque_rmse"])
+    return bool(finite and not any(peak > DIVERGED for peak in peaks))
+
+
+def stability(models: dict[str, LiftedModel], flights: Sequence[Flight]) -> list[dict[str, Any]]:
+    """Spectral radius of A in every window of every flight, model by model; see `WindowStability`.
+
+    Raises: ValueError: as `score`.
+    """
+    lines = []
+    for flight in flights:
+        for label, model in models.items():
+            segment = longest_piece(flight, model.step)
+            found = window_stability(NeuralPredictor(model, options_for(model)), segment.chi, segment.zeta)
+            lines.append({"flight": flight_name(flight), "model": label, **dc.asdict(found)})
+    return lines
+
+
+def stability_text(lines: list[dict[str, Any]], rows: list[dict[str, Any]]) -> list[str]:
+    """Two sentences a model: windows above 1 and the largest radius; flights that diverge and the longest forecast."""
+    said = []
+    for name in dict.fromkeys(line["model"] for line in lines):
+        of = [line for line in lines if line["model"] == name]
+        windows, unstable, pulled = (
+            sum(line[key] for line in of) for key in ("windows", "unstable", "pulled")
+        )
+        scored = [row for row in rows if row["model"] == name]
+        peak = np.nanmax([row[f"{kind}_peak"] for row in scored for kind in ("force", "torque")], initial=0.0)
+        lost, flown = diverged(scored), len({line["flight"] for line in of})
+        made = f" ({pulled} were made stable)" if pulled else ""
+        said += [
+            f"{name}: spectral radius above 1 in {unstable} of {windows} windows{made}, "
+            f"largest {max(line['largest'] for line in of):.6f}",
+            f"{name}: {len(lost)} of {flown} flights diverge up to {max(row['horizon'] for row in scored):.4g} s; "
+            f"longest forecast {peak:.2f} x the longest label",
+        ]
+    return said

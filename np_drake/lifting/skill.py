@@ -17,6 +17,7 @@ class SkillRow:
 
     skill: RMSE over that of the best naive row at that horizon.   ratio: over that of persistence [1]; interval: 95 %
     of the ratio within this flight (see `skill_interval`), NaN where the flight is too short for one.
+    peak: longest forecast of the flight over its longest label [1]; a forecast that diverges has a large one.
     """
 
     flight: str
@@ -28,6 +29,8 @@ class SkillRow:
     torque_skill: float
     force_ratio: float
     torque_ratio: float
+    force_peak: float
+    torque_peak: float
     force_interval: tuple[float, ...]
     torque_interval: tuple[float, ...]
 
@@ -57,7 +60,7 @@ def skill_table(
     origins = np.arange(warm_up, len(chi) - horizons[-1])
     if len(origins) == 0 or horizons[0] < 0:
         raise ValueError(
-            f"skill_table: more than {warm_up + horizons[-1]} samples are needed; got {len(chi)}."
+            f"skill_table: {flight}: more than {warm_up + horizons[-1]} samples are needed; got {len(chi)}."
         )
     goal = (chi if target is None else target)[origins[:, None] + horizons]
     predictions = naive_predictions(chi, origins, horizons, mean)
@@ -65,6 +68,8 @@ def skill_table(
         predictions[name] = model_predictions(model, chi, zeta, origins, horizons, zeta_known=zeta_known)
     square = {name: _square(prediction - goal) for name, prediction in predictions.items()}
     rmse = {name: np.sqrt(error.mean(axis=0)) for name, error in square.items()}
+    longest = _size(chi).max(axis=0)
+    peaks = {name: _ratio(_size(chi_hat).max(axis=0), longest) for name, chi_hat in predictions.items()}
     best = np.min([rmse[name] for name in NAIVE], axis=0)
     interval = {
         name: ratio_interval(error, square["persistence"], horizons) for name, error in square.items()
@@ -75,7 +80,12 @@ def skill_table(
         for i, horizon in enumerate(horizons):
             figures = {
                 f"{kind}_{what}": float(values[i, k])
-                for what, values in (("rmse", error), ("skill", skill), ("ratio", ratio))
+                for what, values in (
+                    ("rmse", error),
+                    ("skill", skill),
+                    ("ratio", ratio),
+                    ("peak", peaks[name]),
+                )
                 for k, kind in enumerate(("force", "torque"))
             }
             force, torque = (tuple(map(float, bounds)) for bounds in interval[name][i])
@@ -86,8 +96,13 @@ def skill_table(
 
 
 def _ratio(error: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """NaN where the reference makes no error at all (persistence of the sample itself)."""
+    """NaN where the reference is nothing at all (persistence of the sample itself, a label of zero)."""
     return np.divide(error, reference, out=np.full_like(error, np.nan), where=reference > 0)
+
+
+def _size(chi: np.ndarray) -> np.ndarray:
+    """(..., 2) length of force [N] and torque [N·m]."""
+    return np.stack([np.linalg.norm(chi[..., :3], axis=-1), np.linalg.norm(chi[..., 3:], axis=-1)], axis=-1)
 
 
 def naive_predictions(

@@ -1,13 +1,15 @@
 """A and B refit on the last samples in flight: ridge toward the offline prior, projected stable."""
 
 import numpy as np
-import scipy.linalg
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.linalg import lapack
 
 from np_drake.lifting.encoders import Phi
-from np_drake.lifting.lifted_linear_system import stabilized
+from np_drake.lifting.lifted_linear_system import stabilized, stabilized_all
 from np_drake.lifting.lifted_model import LiftedModel
 
 RADIUS = 0.9999  # largest |eigenvalue| of a refit A [1]
+CHUNK = 2000  # windows at a time, for memory [1]
 
 
 class WindowRefit:
@@ -31,12 +33,38 @@ class WindowRefit:
 
     def __call__(self, window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(W, 12) samples [chi, zeta], oldest first -> stable A (K, K), B (K, 6) in physical units."""
+        return self.lifted(window)[1:]
+
+    def lifted(self, window: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """z (K,) of the newest sample beside A and B: Phi of the window is computed for the refit anyway."""
         z = self._phi(window[:, :6])
         K = z.shape[1]
         X = np.hstack([z[:-1], window[:-1, 6:] / self._scale])
         normal = X.T @ X
-        normal[np.diag_indices(len(normal))] += self._ridge
-        factor = scipy.linalg.cho_factor(normal, lower=True, check_finite=False)
+        normal.flat[:: len(normal) + 1] += self._ridge
         correction = X.T @ (z[1:] - X @ self._prior)
-        solution = self._prior + scipy.linalg.cho_solve(factor, correction, check_finite=False)
-        return stabilized(solution[:K].T, RADIUS), solution[K:].T / self._scale
+        solution = self._prior + lapack.dposv(normal, correction)[1]
+        return z[-1], stabilized(solution[:K].T, RADIUS), solution[K:].T / self._scale
+
+    def along(self, samples: np.ndarray, W: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """All windows of W samples in an uninterrupted flight (n, 12) at once, o = n - W + 1.
+
+        Returns: A (o, K, K), B (o, K, 6) as one by one; (o,) spectral radius that A had before it was made stable.
+        """
+        z = self._phi(samples[:, :6])
+        X = sliding_window_view(np.hstack([z, samples[:, 6:] / self._scale])[:-1], W - 1, axis=0)
+        Y = sliding_window_view(z[1:], W - 1, axis=0)
+        parts = [self._fit(X[i : i + CHUNK], Y[i : i + CHUNK]) for i in range(0, len(X), CHUNK)]
+        A, B, before = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return A, B, before
+
+    def _fit(self, XT: np.ndarray, YT: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """`along` of regressors (o, K+6, W-1) and targets (o, K, W-1)."""
+        XT, K = np.ascontiguousarray(XT), YT.shape[1]
+        X = XT.swapaxes(1, 2)
+        normal = XT @ X
+        diagonal = np.arange(normal.shape[1])
+        normal[:, diagonal, diagonal] += self._ridge
+        solution = self._prior + np.linalg.solve(normal, XT @ (YT.swapaxes(1, 2) - X @ self._prior))
+        A, before = stabilized_all(np.ascontiguousarray(solution[:, :K].swapaxes(1, 2)), RADIUS)
+        return A, solution[:, K:].swapaxes(1, 2) / self._scale[:, None].T, before

@@ -48,12 +48,10 @@ class WrenchForecast:
 
     def rollout(self, zeta: np.ndarray) -> np.ndarray:
         """(N, 6) chi_hat for given (N, 6) zeta."""
-        chi = np.array(self.offset, float)
-        z = self.z
-        for i in range(len(chi)):
-            chi[i] += self.C @ z
-            z = self.A @ z + self.B @ zeta[i]
-        return chi
+        drive, z = zeta @ self.B.T, np.empty((len(self.offset), len(self.z)))
+        for i in range(len(z)):
+            z[i] = self.z if i == 0 else self.A @ z[i - 1] + drive[i - 1]
+        return self.offset + z @ self.C.T
 
 
 @dc.dataclass

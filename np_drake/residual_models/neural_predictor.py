@@ -12,6 +12,7 @@ from np_drake.lifting.lifted_model import PAPER, LiftedModel
 from np_drake.lifting.model_file import load_model
 from np_drake.lifting.window_refit import WindowRefit
 from np_drake.residual_models.base import FlightForecasts, Memory, Sample, WrenchForecast
+from np_drake.residual_models.refit_forecasts import RefitForecasts
 
 
 @dc.dataclass(frozen=True)
@@ -84,25 +85,32 @@ class NeuralPredictor:
         row = np.concatenate([chi, zeta if seen else memory["window"][-1, 6:]])
         new["window"] = np.concatenate([memory["window"][1:], row[None]])
         if new["count"][0] == self.model.window:
-            new |= self._lifted(new, labelled)
             if self._refit is not None:
-                new["A"], new["B"] = self._refit(new["window"])
+                new["z"], new["A"], new["B"] = self._refit.lifted(new["window"])
+            else:
+                new |= self._lifted(new, labelled)
         elif self.model.trust is not None and labelled:
             new |= _named(self.model.trust.observe(_trust_of(new), chi))
         return new
 
-    def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | None:
-        """The forecasts from the first full window on, as `update` would make them; None where A, B are refit."""
-        first, encoder, s = self.model.window - 1, self.model.encoder, self.model.system
-        if self._refit is not None or not isinstance(encoder, DelayEncoder) or len(chi) <= first:
+    def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | RefitForecasts | None:
+        """The forecasts from the first full window on, as `update` would make them; None where there is no window."""
+        first, s, samples = self.model.window - 1, self.model.system, np.hstack([chi, zeta])
+        if len(chi) <= first:
             return None
-        z = encoder.along(np.hstack([chi, zeta]))
+        if isinstance(self.model.encoder, DelayEncoder):
+            z = self.model.encoder.along(samples)
+        else:
+            z = self.model.encoder(chi[first:])
         if self.model.trust is not None:
             z = self.model.trust.along(z, chi, first)
         offset = np.zeros((len(z), 6))
         if self.options.torque == "hold":
             offset[:, 3:] = self._lowpassed(chi)[first:, 3:]
-        return FlightForecasts(first, s.A, s.B, self._C, z, offset)
+        if self._refit is None:
+            return FlightForecasts(first, s.A, s.B, self._C, z, offset)
+        A, B, before = self._refit.along(samples, self.model.window)
+        return RefitForecasts(first, A, B, self._C, z, offset, before)
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Torque (unless predicted), and everything before the window is full, is held in `offset`."""

@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import pytest
 
-from diagrams import theorem
+from diagrams import array_flights, theorem
 from np_drake.lifting.training import make_config, train
 
 
@@ -13,7 +13,7 @@ def flown(neurobem):
     """One second of every flight."""
     return [
         dc.replace(f, segment=dc.replace(f.segment, **{k: v[3200:3600] for k, v in parts(f).items()}))
-        for f in theorem.flights(neurobem)
+        for f in array_flights.flights(neurobem)
     ]
 
 

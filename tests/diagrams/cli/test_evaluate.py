@@ -1,5 +1,6 @@
 """Laws of `np-drake evaluate`."""
 
+import dataclasses as dc
 import json
 import shutil
 
@@ -8,6 +9,9 @@ import pytest
 
 from diagrams.cli.evaluate import parse_horizons
 from diagrams.cli.main import run
+from diagrams.cli.scoring import diverged
+from diagrams.controllers import DEFAULT_MODEL
+from np_drake.lifting.model_file import load_model
 from np_drake.lifting.skill import NAIVE, UNTRAINED
 from np_drake.logs.neurobem import RACE_TRACK, TRAINING
 
@@ -46,6 +50,12 @@ def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, caps
         naive = [r["force_skill"] for r in rows if r["horizon"] == horizon and r["model"] in NAIVE]
         assert min(naive) == pytest.approx(1.0)
     assert "force RMSE [N]" in captured.out
+    assert "default: spectral radius above 1 in 0 of " in captured.out
+    assert "default: 0 of 1 flights diverge up to 0.2 s" in captured.out
+    (line,) = json.loads(out.read_text())["stability"]
+    assert line["windows"] > 1000
+    assert line["unstable"] == 0
+    assert line["largest"] <= 1.0
     assert max(map(len, captured.out.splitlines())) <= 100
 
 
@@ -138,3 +148,77 @@ def test_left_out_in_turn_every_flight_is_scored_by_models_that_have_not_seen_it
 
 def test_horizons_are_sorted_and_counted_once():
     assert parse_horizons("10, 1,10") == [1, 10]
+
+
+def test_a_flight_on_which_a_forecast_diverges_is_named():
+    """Ours only: nothing keeps a baseline from it."""
+    row = {"flight": "one", "model": "default", "force_rmse": 1.0, "torque_rmse": 1.0}
+    row |= {"force_peak": 1.2, "torque_peak": float("nan")}  # no torque in the label, so none to compare with
+    assert diverged([row, {**row, "flight": "two", "model": "DMDc", "force_peak": 1e9}]) == []
+    assert diverged([row, {**row, "flight": "two", "force_peak": 11.0}]) == ["two"]
+    assert diverged([{**row, "torque_rmse": float("inf")}]) == ["one"]
+
+
+def test_an_unstable_model_fails(logs, monkeypatch, capsys):
+    """A model file refuses such an A, so it comes from elsewhere: the verb says so and leaves with 1."""
+    model = load_model(DEFAULT_MODEL)
+    broken = dc.replace(model, system=dc.replace(model.system, A=1.05 * model.system.A))
+    monkeypatch.setattr("diagrams.cli.evaluate.load", lambda path: {"default": broken})
+    assert run(["evaluate", str(logs[1]), "--horizons", "1"]) == 1
+    captured = capsys.readouterr()
+    assert "a forecast diverged on test." in captured.err
+    assert "spectral radius above 1 in 0 of" not in captured.out
+
+
+def altered(path, out, change):
+    """The log with its table changed, as another file."""
+    lines = [line.split(",") for line in path.read_text().splitlines()]
+    out.write_text("\n".join(",".join(line) for line in change(lines)) + "\n")
+    return out
+
+
+def without(lines, *names):
+    keep = [k for k, name in enumerate(lines[0]) if name not in names]
+    return [[line[k] for k in keep] for line in lines]
+
+
+def with_nan(lines):
+    lines[300][lines[0].index("vx")] = "nan"
+    return lines
+
+
+BAD_LOGS = {  # change of the table: what the line must say
+    "too short": (lambda lines: lines[:40], "bad: more than 70 samples are needed; got 39."),
+    "no velocity": (lambda lines: without(lines, "vx"), "bad.csv, column vx: is missing"),
+    "a NaN": (with_nan, "bad.csv, column vx, row 300 (line 301): must be finite"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_LOGS)
+def test_a_bad_log_is_one_line_and_leaves_nothing(logs, model, tmp_path, capsys, case):
+    change, message = BAD_LOGS[case]
+    bad = altered(logs[1], tmp_path / "bad.csv", change)
+    command = ["evaluate", str(bad), "--predictor", str(model), "--horizons", "1,10"]
+    assert run([*command, "--json", str(tmp_path / "rows.json")]) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith("np-drake evaluate: ")
+    assert message in last
+    assert list(tmp_path.iterdir()) == [bad]
+
+
+def test_a_log_without_accelerations_is_scored_and_says_how(logs, model, tmp_path, capsys):
+    bare = altered(
+        logs[1],
+        tmp_path / "bare.csv",
+        lambda lines: without(lines, "ax", "ay", "az", "alx", "aly", "alz"),
+    )
+    assert run(["evaluate", str(bare), "--predictor", str(model), "--horizons", "1"]) == 0
+    assert "default: spectral radius above 1 in 0 of " in capsys.readouterr().out
+
+
+def test_the_first_seconds_of_a_real_flights_csv_are_scored(neurobem, tmp_path, capsys):
+    path = tmp_path / "race.csv"
+    with open(neurobem / "csv" / f"{RACE_TRACK}.csv") as stream:
+        path.write_text("".join(line for _, line in zip(range(1500), stream, strict=False)))
+    assert run(["evaluate", str(path), "--horizons", "1"]) == 0, capsys.readouterr().err
+    assert "race: force RMSE [N]" in capsys.readouterr().out

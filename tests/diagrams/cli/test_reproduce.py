@@ -5,7 +5,10 @@ import pytest
 from diagrams.cli.main import run
 
 BAD = {  # arguments: what the line must say
-    "unknown": (["nothing"], "must be one of tracking, weights, gap, mhe, theorem, pendulum"),
+    "unknown": (
+        ["nothing"],
+        "must be one of tracking, weights, gap, mhe, theorem, pendulum, estimation, sample-eff",
+    ),
     "no flights": (["theorem"], "NP_DRAKE_NEUROBEM"),
     "no folder": (["theorem", "--neurobem", "nowhere"], "nowhere"),
 }

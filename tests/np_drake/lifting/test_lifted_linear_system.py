@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.lifting.lifted_linear_system import LiftedLinearSystem, stabilized
+from np_drake.lifting.lifted_linear_system import LiftedLinearSystem, stabilized, stabilized_all
 from np_drake.residual_models.base import WrenchForecast
 
 seeds = st.integers(0, 10_000)
@@ -95,3 +95,16 @@ def test_matrices_that_do_not_fit_are_refused():
         LiftedLinearSystem(np.eye(3), np.zeros((3, 5)), np.zeros((6, 3)), 0.02)
     with pytest.raises(ValueError, match="step must be positive"):
         LiftedLinearSystem(np.eye(3), np.zeros((3, 6)), np.zeros((6, 3)), 0.0)
+
+
+def test_many_are_stabilized_as_each_alone():
+    """Stable, unstable, and defective ones side by side."""
+    generator = np.random.default_rng(5)
+    A = generator.standard_normal((40, 5, 5)) * np.linspace(0.1, 1.0, 40)[:, None, None]
+    A[7] = 1.1 * np.eye(5) + np.eye(5, k=1)
+    stable, before = stabilized_all(A, 0.99)
+    np.testing.assert_allclose(before, np.abs(np.linalg.eigvals(A)).max(axis=1), atol=1e-12)
+    assert 0 < np.sum(before > 0.99) < 40
+    for one, many in zip(A, stable, strict=True):
+        np.testing.assert_allclose(many, stabilized(one, 0.99), atol=1e-9)
+    assert np.abs(np.linalg.eigvals(stable)).max() <= 0.99

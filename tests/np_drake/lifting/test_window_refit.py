@@ -72,3 +72,18 @@ def test_there_is_no_refit_without_a_prior_or_without_phi():
     delay = LiftedModel(DEFAULT, model.system, DelayEncoder(np.zeros((8, 60)), 5), 5, SCALE, SCALE, False)
     with pytest.raises(ValueError, match="must be Phi"):
         WindowRefit(delay, 1.0)
+
+
+def test_all_windows_at_once_are_those_one_by_one():
+    """With windows among them whose A must be made stable."""
+    model = paper_model(K=6)
+    samples = 3.0 * np.random.default_rng(3).standard_normal((60, 12))
+    samples[:, :6] *= 1.05 ** np.arange(60)[:, None]  # growing: least squares wants |eigenvalue| > 1
+    dut = WindowRefit(model, 1e-3)
+    A, B, before = dut.along(samples, 40)
+    assert np.sum(before > RADIUS) > 0
+    for k in range(len(A)):
+        one_A, one_B = dut(samples[k : k + 40])
+        np.testing.assert_allclose(A[k], one_A, atol=1e-9)
+        np.testing.assert_allclose(B[k], one_B, atol=1e-9)
+    assert np.abs(np.linalg.eigvals(A)).max() <= RADIUS

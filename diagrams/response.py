@@ -1,0 +1,96 @@
+"""How many milliseconds a prediction is behind the label in the aggressive parts of the real flights."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from diagrams.array_flights import Flight
+from diagrams.estimation import NAIVE, OURS, forecasts
+from np_drake.lifting.lifted_model import LiftedModel
+from np_drake.lifting.response import aggressive, lag
+from np_drake.lifting.skill import naive_predictions
+from np_drake.lifting.skill_interval import mean_interval
+from np_drake.lifting.training import Config, train
+
+HORIZONS = (20, 40)  # [steps]
+UNSEEN = "ours, default, other flights"  # trained on every flight but the one that is judged
+FIRST = 87  # first origin: the longest window of a model [1]
+GROUPS = {"force": slice(0, 3), "torque": slice(3, 6)}
+
+
+def response_lines(
+    models: dict[str, LiftedModel],
+    training: Flight,
+    tests: Sequence[Flight],
+    *,
+    config: Config | None = None,
+    horizons: Sequence[int] = HORIZONS,
+    on_progress: Callable[[int, int], None] = lambda *_: None,
+) -> list[dict]:
+    """One a flight, row and horizon: force_lag and torque_lag [s] (NaN: none), force_correlation, torque_correlation.
+
+    models: configuration -> trained on the training segment.   config: of the row trained on all other flights, which
+    is left out without it.
+    """
+    lines: list[dict] = []
+    for number, flight in enumerate(tests):
+        chi, zeta = flight.segment.chi, flight.segment.zeta
+        origins = np.arange(FIRST, len(chi) - max(horizons))
+        courses = {OURS[name]: forecasts(model, flight) for name, model in models.items()}
+        if config is not None:
+            others = [other.segment for other in (training, *tests) if other is not flight]
+            courses[UNSEEN] = forecasts(train(others, config).model, flight)
+        predictions = {
+            row: course.at(list(horizons), origins, zeta, zeta_known=False) for row, course in courses.items()
+        }
+        naive = naive_predictions(chi, origins, list(horizons), np.zeros(6))
+        predictions |= {row: naive[row] for row in NAIVE}
+        wanted = aggressive(flight.jerk)
+        for row, chi_hat in predictions.items():
+            for i, h in enumerate(horizons):
+                lines.append(
+                    {"flight": flight.name, "row": row, "horizon": h * flight.segment.step}
+                    | _lags(chi_hat[:, i], origins + h, flight, wanted, h)
+                )
+        on_progress(number + 1, len(tests))
+    return lines
+
+
+def _lags(chi_hat: np.ndarray, instants: np.ndarray, flight: Flight, wanted: np.ndarray, h: int) -> dict:
+    """Of predictions (o, 6) for the `instants` (o,) among the `wanted` (n,) samples of a flight."""
+    prediction = np.full_like(flight.segment.chi, np.nan)
+    prediction[instants] = chi_hat
+    rows = instants[wanted[instants]]
+    found = {}
+    for kind, group in GROUPS.items():
+        answer = lag(prediction[:, group], flight.segment.chi[:, group], rows, reach=2 * h + 20)
+        found[f"{kind}_lag"] = answer.steps * flight.segment.step
+        found[f"{kind}_correlation"] = answer.correlation
+    return found
+
+
+def printed(lines: list[dict]) -> tuple[str, list[str], list[tuple]]:
+    """Title, header and rows: mean over flights, its 95 % interval, and the flights where there is a lag at all."""
+    rows, horizons = [], sorted({line["horizon"] for line in lines})
+    for row in dict.fromkeys(line["row"] for line in lines):
+        cells = []
+        for kind in GROUPS:
+            for horizon in horizons:
+                of = [line for line in lines if (line["row"], line["horizon"]) == (row, horizon)]
+                cells.append(_cell(of, kind))
+        rows.append((row, *cells))
+    header = ["", *(f"{kind}, {1e3 * h:.3g} ms ahead" for kind in GROUPS for h in horizons)]
+    title = "lag behind the label [ms] where jerk is in its top decile (correlation at that lag), mean over flights"
+    return title, header, rows
+
+
+def _cell(lines: list[dict], kind: str) -> str:
+    lags = 1e3 * np.array([line[f"{kind}_lag"] for line in lines])
+    correlation = np.mean([line[f"{kind}_correlation"] for line in lines])
+    found = lags[np.isfinite(lags)]
+    if len(found) == 0:
+        return f"none ({correlation:.2f})"
+    mean, low, high = mean_interval(found)
+    spread = f" ±{(high - low) / 2:.1f}" if len(found) > 1 else ""
+    missing = f", {len(lags) - len(found)} without" if len(found) < len(lags) else ""
+    return f"{mean:.1f}{spread} ({correlation:.2f}{missing})"

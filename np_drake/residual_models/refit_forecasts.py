@@ -1,0 +1,38 @@
+"""The forecasts of a whole flight where A and B are refit at every sample."""
+
+import dataclasses as dc
+
+import numpy as np
+
+
+@dc.dataclass
+class RefitForecasts:
+    """The forecasts at every sample from `first` on, each with its own A and B.
+
+    A: (o, K, K)   B: (o, K, 6)   C: (6, K)   z: (o, K)   offset: (o, 6) held over the horizon [N, N·m].
+    before: (o,) spectral radius of each refit A before it was made stable [1].
+    """
+
+    first: int
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    z: np.ndarray
+    offset: np.ndarray
+    before: np.ndarray
+
+    def at(
+        self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
+    ) -> np.ndarray:
+        """(o, len(horizons), 6) chi_hat of the forecasts at `origins`; zeta (n, 6) of the whole flight."""
+        at = origins - self.first
+        A, B, z = self.A[at].swapaxes(1, 2), self.B[at].swapaxes(1, 2), self.z[at][:, None]
+        chi_hat = np.repeat(self.offset[at][:, None], len(horizons), axis=1)
+        drive = zeta[origins][:, None] @ B
+        for i in range(max(horizons) + 1):
+            if i in horizons:
+                chi_hat[:, horizons.index(i)] += (z @ self.C.T)[:, 0]
+            if zeta_known and i > 0:
+                drive = zeta[origins + i][:, None] @ B
+            z = z @ A + drive
+        return chi_hat

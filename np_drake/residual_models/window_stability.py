@@ -1,0 +1,47 @@
+"""How stable the operators are that fly: the spectral radius of A in every window of a flight."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake.residual_models.base import FlightForecasts
+from np_drake.residual_models.neural_predictor import NeuralPredictor
+from np_drake.residual_models.refit_forecasts import RefitForecasts
+
+CHUNK = 4000  # windows at a time, for memory [1]
+
+
+@dc.dataclass(frozen=True)
+class WindowStability:
+    """windows: of the flight.   unstable: of these, with a spectral radius of A above 1.   largest: of all radii [1].
+
+    pulled: windows whose least-squares A lay outside and was made stable before it flew (0 without a refit).
+    """
+
+    windows: int
+    unstable: int
+    largest: float
+    pulled: int
+
+
+def window_stability(model: NeuralPredictor, chi: np.ndarray, zeta: np.ndarray) -> WindowStability:
+    """Counted over every full window of a flight chi, zeta (n, 6) without gaps.
+
+    Raises: ValueError: if the flight is shorter than one window.
+    """
+    course = model.along(chi, zeta)
+    if course is None:
+        raise ValueError(f"stability: at least {model.model.window} samples are needed; got {len(chi)}.")
+    return stability_of(course)
+
+
+def stability_of(course: FlightForecasts | RefitForecasts) -> WindowStability:
+    """The same of forecasts at hand."""
+    windows = len(course.z)
+    if isinstance(course, FlightForecasts):
+        radius = np.full(windows, np.abs(np.linalg.eigvals(course.A)).max(initial=0.0))
+        return WindowStability(windows, int(np.sum(radius > 1.0)), float(radius[0]), 0)
+    pieces = [course.A[i : i + CHUNK] for i in range(0, len(course.A), CHUNK)]
+    radius = np.concatenate([np.abs(np.linalg.eigvals(A)).max(axis=1) for A in pieces])
+    pulled = int(np.sum(course.before > radius + 1e-12))
+    return WindowStability(len(radius), int(np.sum(radius > 1.0)), float(radius.max()), pulled)

@@ -1,0 +1,83 @@
+"""Laws of `np-drake reproduce estimation | sample-efficiency | response`, on arrays that are made here."""
+
+import json
+
+import numpy as np
+import pytest
+
+from diagrams.cli.main import run
+from diagrams.estimation import METHODS
+from diagrams.predictor_bench import made_flight
+from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
+from np_drake.logs.neurobem import TESTS, TRAINING
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Less than two seconds each."""
+    folder = tmp_path_factory.mktemp("neurobem")
+    (folder / "npy").mkdir()
+    for k, stem in enumerate([TRAINING, *TESTS]):
+        flight = made_flight(700, k)
+        np.save(folder / "npy" / f"{stem}.npy", np.hstack([flight.zeta, flight.chi]))
+    return folder
+
+
+def test_every_cell_of_the_paper_stands_beside_ours(folder, tmp_path, capsys):
+    out, page = tmp_path / "table.json", tmp_path / "table.md"
+    command = ["reproduce", "estimation", "--neurobem", str(folder), "--seed", "3", "--json", str(out)]
+    assert run([*command, "--markdown", str(page)]) == 0, capsys.readouterr().err
+    captured, content = capsys.readouterr().out, json.loads(out.read_text())
+    cells = {(line["row"], line["column"]): line for line in content["table"]}
+    assert len(cells) == len(content["table"]) == 60
+    for flight, rows in PUBLISHED.items():
+        for place, column in enumerate(COLUMNS):
+            line = cells[flight, column]
+            assert line["paper"] == rows["NP"][place]
+            assert line["NeuroMHE"] == rows["NeuroMHE"][place]
+            assert {"ours", "ours_paper", "NeuroBEM", "persistence", "linear"} <= set(line)
+    assert set(content["at_or_below_the_paper"]) == {"ours, paper", "ours, default", "persistence", "linear"}
+    assert all(found["unstable"] == 0 for of in content["stability"].values() for found in of.values())
+    assert content["seed"] == content["config"]["paper"]["seed"] == 3
+    assert "seed 3, trained on the training segment; " in captured
+    assert "of 60 cells" in captured
+    assert "paper: 0 of " in captured
+    for method in METHODS:
+        assert f"| {method} |" in page.read_text()
+
+
+def test_error_against_samples_needs_four_thousand(folder, capsys):
+    assert run(["reproduce", "sample-efficiency", "--neurobem", str(folder)]) == 2
+    assert "must have 4000 samples; got 700." in capsys.readouterr().err
+
+
+def test_response_is_a_line_a_flight_row_and_horizon(folder, tmp_path, capsys):
+    out = tmp_path / "response.json"
+    assert run(["reproduce", "response", "--neurobem", str(folder), "--json", str(out)]) == 0
+    assert "lag behind the label [ms]" in capsys.readouterr().out
+    assert len(json.loads(out.read_text())["table"]) == 6 * 5 * 2
+
+
+BAD = {  # arguments: what the line must say
+    "no flights": (["estimation"], "estimation: give the folder"),
+    "no folder": (["response", "--neurobem", "nowhere"], "nowhere"),
+    "too short for the figure": (
+        ["estimation", "--neurobem", "FOLDER", "--out", "OUT"],
+        "must reach from 45 s",
+    ),
+    "out is a file": (["sample-efficiency", "--neurobem", "FOLDER", "--out", "FILE"], "must be a folder"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_is_one_line_and_leaves_nothing(folder, tmp_path, monkeypatch, capsys, case):
+    monkeypatch.delenv("NP_DRAKE_NEUROBEM", raising=False)
+    file = tmp_path / "file"
+    file.touch()
+    words = {"FOLDER": str(folder), "OUT": str(tmp_path / "out"), "FILE": str(file)}
+    arguments, message = BAD[case]
+    assert run(["reproduce", *(words.get(word, word) for word in arguments)]) == 2
+    last = capsys.readouterr().err.splitlines()[-1]
+    assert last.startswith("np-drake reproduce: ")
+    assert message in last
+    assert list(tmp_path.iterdir()) == [file]

@@ -1,0 +1,76 @@
+"""The estimation table on real flights, and its figure on a made one."""
+
+import numpy as np
+import pytest
+
+from diagrams import array_flights, estimation
+from diagrams.estimation_figures import FAR, window, window_figure
+from diagrams.predictor_bench import made_flight
+from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
+from np_drake.figure_file import png
+from np_drake.lifting.training import make_config, train
+
+
+@pytest.fixture(scope="module")
+def flown(neurobem):
+    return array_flights.flights(neurobem)
+
+
+def model(flown, name):
+    return train([flown[0].segment], make_config(name, frame="body")).model
+
+
+def test_one_step_ahead_the_default_is_below_the_paper_in_every_cell(flown):
+    table = estimation.estimation_table({"default": model(flown, "default")}, flown[1:])
+    assert set(table.cells) == set(PUBLISHED)
+    assert table.at_or_below("ours, default") == 60
+    assert table.worst("ours, default") < 0.25
+    assert table.at_or_below("persistence") == 60  # the floor, not the goal
+    for found in table.stability["default"].values():
+        assert found.unstable == found.pulled == 0
+
+
+def test_one_step_ahead_the_papers_configuration_is_below_the_paper_on_race_track_1(flown):
+    """One flight only, for time; `np-drake reproduce estimation` does all."""
+    table = estimation.estimation_table({"paper": model(flown, "paper")}, [flown[2]])
+    assert list(table.cells) == ["race track 1"]
+    assert table.at_or_below("ours, paper") == len(COLUMNS)
+    found = table.stability["paper"]["race track 1"]
+    assert found.unstable == 0
+    assert found.windows == len(flown[2].segment) - 39
+
+
+def test_published_rows_stand_as_printed(flown):
+    short = array_flights.Flight("melon 2", made_flight(300, 0))
+    table = estimation.estimation_table({"default": model(flown, "default")}, [short])
+    for method in estimation.METHODS:
+        assert tuple(table.cells["melon 2"][method].values()) == PUBLISHED["melon 2"][method]
+
+
+@pytest.fixture(scope="module")
+def made():
+    """A made flight and a model of it."""
+    segment = made_flight(1500, 0)
+    fitted = train([segment], make_config("default", frame="body")).model
+    return fitted, array_flights.Flight("made", segment)
+
+
+def test_the_figures_courses_stand_at_the_time_they_speak_of(made):
+    fitted, flight = made
+    shown = window(fitted, flight, (2.0, 3.0))
+    rows = np.arange(800, 1200)
+    near, far, held = shown.courses.values()
+    np.testing.assert_array_equal(shown.label, flight.segment.chi[rows])
+    np.testing.assert_array_equal(held, flight.segment.chi[rows - FAR])
+    error = [np.sqrt(np.mean((c - shown.label)[:, :3] ** 2)) for c in (near, far, held)]
+    assert error[0] < 0.1 * error[2]
+    assert error[0] < error[1] < error[2]
+    figure = window_figure(shown, "made")
+    assert len(figure.axes) == 12
+    assert all(ax.get_ylabel() for ax in figure.axes[::2])
+    assert png(figure).startswith(b"\x89PNG")
+
+
+def test_a_flight_that_ends_before_is_an_error(made):
+    with pytest.raises(ValueError, match="must reach from 45 s to 55 s; it ends at"):
+        window(*made)

@@ -1,0 +1,55 @@
+"""Laws of the table of error against training samples, on made flights."""
+
+import numpy as np
+import pytest
+
+from diagrams import sample_efficiency as dut
+from diagrams.array_flights import Flight
+from diagrams.predictor_bench import made_flight
+from np_drake.figure_file import png
+from np_drake.lifting.training import make_config
+
+SIZES = (600, 1200)
+CONFIGS = {"paper": make_config("paper", epochs=1), "default": make_config("default", frame="body")}
+
+
+@pytest.fixture(scope="module")
+def points():
+    training, test = Flight("training", made_flight(1250, 0)), Flight("test", made_flight(700, 1))
+    return dut.sample_efficiency(training, test, CONFIGS, sizes=SIZES)
+
+
+def test_pieces_are_disjoint_and_of_one_size():
+    segment = made_flight(4000, 0)
+    for size, count in ((1000, 4), (2000, 2), (3000, 1), (4000, 1)):
+        cut = dut.pieces(segment, size)
+        assert [len(piece) for piece in cut] == count * [size]
+        np.testing.assert_array_equal(np.concatenate([p.chi for p in cut]), segment.chi[: count * size])
+
+
+def test_every_model_size_and_horizon_has_its_point(points):
+    trained = {(p.row, p.samples, p.pieces, p.horizon) for p in points if p.samples}
+    expected = {
+        (row, size, count, h)
+        for row in ("paper", "default", "DMDc")
+        for size, count in ((600, 2), (1200, 1))
+        for h in dut.HORIZONS
+    }
+    assert trained == expected
+    assert {p.row for p in points if not p.samples} == {"persistence", "linear"}
+    for p in points:
+        for mean, low, high in (p.force, p.torque):
+            assert low <= mean <= high
+            assert mean > 0
+
+
+def test_the_figure_has_a_panel_a_horizon_and_kind(points):
+    figure = dut.efficiency_figure(points, 0.0025, "made")
+    assert len(figure.axes) == 2 * len(dut.HORIZONS)
+    assert png(figure).startswith(b"\x89PNG")
+
+
+def test_too_short_a_segment_is_an_error():
+    short = Flight("training", made_flight(900, 0))
+    with pytest.raises(ValueError, match="must have 1200 samples; got 900"):
+        dut.sample_efficiency(short, short, CONFIGS, sizes=SIZES)
