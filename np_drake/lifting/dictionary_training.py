@@ -1,4 +1,7 @@
-"""Training of the `default` configuration where the wrench is in body axes: in closed form, no draw, no descent."""
+"""Training of the `dictionary` configuration, which is `default` where the wrench is in body axes.
+
+In closed form: no draw, no descent.
+"""
 
 import dataclasses as dc
 from collections.abc import Callable
@@ -16,7 +19,7 @@ from np_drake.lifting.horizon_ridge import (
     horizon_ridge,
     relative_error,
 )
-from np_drake.lifting.lifted_model import DEFAULT, LiftedModel
+from np_drake.lifting.lifted_model import DEFAULT, DICTIONARY, LiftedModel
 from np_drake.lifting.mode_dictionary import ModeDictionary, time_constants
 from np_drake.lifting.segments import Segment, check_segments, group_scale
 from np_drake.lifting.trust import Trust
@@ -27,8 +30,9 @@ LEVEL_MEMORY = 200.0  # time constant of what is held [s]
 
 @dc.dataclass(frozen=True)
 class DictionaryConfig:
-    """`default` for wrenches in body axes. Steps are those of the data (2.5 ms on the paper's arrays)."""
+    """As it comes, for wrenches in body axes. Steps are those of the data (2.5 ms on the paper's arrays)."""
 
+    configuration: str = DEFAULT  # name of the model
     delay: int = 87  # samples the encoder sees [1]
     dense: int = 12  # of them one by one, the newest [1]
     averages: int = 11  # the others in so many averages [1]
@@ -60,6 +64,18 @@ class DictionaryConfig:
     def grid(self) -> np.ndarray:
         """The fitted horizons [steps]."""
         return horizon_grid(self.horizon, self.horizons)
+
+
+FLIGHT_DICTIONARY = DictionaryConfig(  # for wrenches in world axes at the controller's 50 Hz
+    configuration=DICTIONARY,
+    delay=60,
+    horizon=40,
+    horizons=25,
+    force_modes=(1.5, 3.0, 6.0, 12.0, 24.0, 48.0),
+    torque_modes=(1.5, 4.0, 10.0, 25.0, 60.0),
+    noise=0.01,
+    trust_half=200.0,
+)
 
 
 def train_dictionary(
@@ -157,7 +173,7 @@ def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> Li
         half=config.trust_half,
     )
     return LiftedModel(
-        DEFAULT,
+        config.configuration,
         system,
         DelayEncoder(E, config.delay, offset),
         config.delay,
