@@ -19,6 +19,7 @@ from np_drake.lifting.horizon_ridge import (
     horizon_ridge,
     relative_error,
 )
+from np_drake.lifting.joint_response import JointPiece, fit_jointly
 from np_drake.lifting.lifted_model import DEFAULT, DICTIONARY, LiftedModel
 from np_drake.lifting.mode_dictionary import ModeDictionary, time_constants
 from np_drake.lifting.segments import Segment, check_segments, group_scale
@@ -51,6 +52,9 @@ class DictionaryConfig:
     input_noise: float = 0.01  # of the coming zeta, in units of its scale [1]
     strength: float = 0.03  # prior deviation of what a unit of zeta adds to chi in each mode, both scaled [1]
     symmetry: float = 0.8  # how symmetric the airframe is taken to be: about body z and left to right [1]
+    joint: bool = (
+        False  # E and B in one fit, for a coming motion that is known; else E for a held one, then B
+    )
     trust_half: float = 200.0  # horizon at which half a departure is believed before any evidence [steps]
     max_origins: int = 4000  # of a segment; thinned beyond [1]
     seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
@@ -73,8 +77,10 @@ FLIGHT_DICTIONARY = DictionaryConfig(  # for wrenches in world axes at the contr
     horizons=25,
     force_modes=(1.5, 3.0, 6.0, 12.0, 24.0, 48.0),
     torque_modes=(1.5, 4.0, 10.0, 25.0, 60.0),
-    noise=0.01,
-    trust_half=200.0,
+    noise=0.003,
+    strength=5.0,
+    symmetry=1.0,
+    joint=True,
 )
 
 
@@ -104,13 +110,18 @@ def train_dictionary(
     modes = time_constants(config.force_modes, config.torque_modes, LEVEL_MEMORY / step)
     weights = np.sqrt(np.mean([1.0 / flight.power for flight in flights], axis=0))
     projector = modes.projector(config.grid, weights)
-    W = horizon_ridge(flights, noise=config.noise)
-    encoder = np.einsum("khc,phc->kp", projector, W)
-    B = _response(segments, flights, encoder, modes, config, scale)
+    if config.joint:
+        encoder, B = _joint(segments, flights, modes, config, scale)
+    else:
+        W = horizon_ridge(flights, noise=config.noise)
+        encoder = np.einsum("khc,phc->kp", projector, W)
+        B = _response(segments, flights, encoder, modes, config, scale)
     fitted = np.einsum("hck,kp->phc", modes.readout(config.grid), encoder)
     loss = float(np.mean([relative_error(flight, fitted) for flight in flights]))
     on_epoch(len(segments) + 2, len(segments) + 2, loss)
     model = _assemble(config, modes, encoder, B, projector, scale, step, segments)
+    if config.joint:  # trust is learned from forecasts for a held motion, which this is not fitted for
+        model = dc.replace(model, trust=None)
     text = measure_excitation([segment.zeta for segment in segments], step=step).text
     summary = {"samples": sum(map(len, segments)), "loss": {"all": loss}, "excitation": text}
     return dc.replace(model, summary=summary), [loss]
@@ -148,6 +159,20 @@ def _response(
         strength=config.strength,
         symmetry=config.symmetry,
     )
+
+
+def _joint(
+    segments: list[Segment], flights: list[Moments], modes: ModeDictionary, config: DictionaryConfig, scale: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """(K, p) encoder and (K, 6) B, scaled, fitted together."""
+    pieces = [
+        JointPiece(_samples(s) / scale, s.goal / scale[:6], f.power)
+        for s, f in zip(segments, flights, strict=True)
+    ]
+    return fit_jointly(
+        pieces, modes, config.grid, config.taps, noise=config.noise, input_noise=config.input_noise,
+        strength=config.strength, symmetry=config.symmetry, max_origins=config.max_origins,
+    )  # fmt: skip
 
 
 def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> LiftedModel:
