@@ -60,12 +60,14 @@ def reproduce(
         result = _pendulum(seed=seed, json=json)
     elif table == "weights":
         result = _weights(seed=seed, jobs=jobs, json=json)
+    elif table == "configurations":
+        result, notes = configurations_table(
+            seeds=seeds, solver=solver, jobs=jobs, only=only or [], seed=seed, out=out, json=json
+        )
     else:
-        settings = {"seeds": seeds, "solver": solver, "jobs": jobs, "only": only or [], "seed": seed}
-        if table == "configurations":
-            result, notes = configurations_table(**settings, out=out, json=json)
-        else:
-            result = _tracking(**settings, out=out, json=json)
+        result = _tracking(
+            seeds=seeds, solver=solver, jobs=jobs, only=only or [], seed=seed, out=out, json=json
+        )
     print_table(*result)
     say(*notes)
     write_markdown(markdown, *result)

@@ -120,8 +120,6 @@ def train_dictionary(
     loss = float(np.mean([relative_error(flight, fitted) for flight in flights]))
     on_epoch(len(segments) + 2, len(segments) + 2, loss)
     model = _assemble(config, modes, encoder, B, projector, scale, step, segments)
-    if config.joint:  # trust is learned from forecasts for a held motion, which this is not fitted for
-        model = dc.replace(model, trust=None)
     text = measure_excitation([segment.zeta for segment in segments], step=step).text
     summary = {"samples": sum(map(len, segments)), "loss": {"all": loss}, "excitation": text}
     return dc.replace(model, summary=summary), [loss]
@@ -190,13 +188,15 @@ def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> Li
     ahead = config.grid > 0
     readout = modes.readout(config.grid[ahead])
     unread = np.zeros((*readout.shape[:2], 6))  # the last zeta
-    trust = Trust(
-        config.grid[ahead],
-        np.concatenate([readout, unread], axis=2),
-        np.concatenate([projector[:, ahead], np.zeros((6, ahead.sum(), 6))]),
-        np.mean([segment.goal.mean(axis=0) for segment in segments], axis=0),
-        half=config.trust_half,
-    )
+    trust = None  # it judges forecasts for a held motion, which a joint fit is not made for
+    if not config.joint:
+        trust = Trust(
+            config.grid[ahead],
+            np.concatenate([readout, unread], axis=2),
+            np.concatenate([projector[:, ahead], np.zeros((6, ahead.sum(), 6))]),
+            np.mean([segment.goal.mean(axis=0) for segment in segments], axis=0),
+            half=config.trust_half,
+        )
     return LiftedModel(
         config.configuration,
         system,
