@@ -19,9 +19,7 @@ from np_drake.lifting.mode_dictionary import ModeDictionary
 from np_drake.lifting.zeta_response import departures
 
 PRIOR = 1e-4  # weight of the prior on B against the mean square error over `power` [1]
-OVERLAP = (
-    1e-6  # ridge of the modes' own Gram matrix, relative to its mean: neighbours are all but parallel [1]
-)
+OVERLAP = 1e-6  # ridge of the modes' Gram matrix over its mean: neighbours are all but parallel [1]
 
 
 @dc.dataclass(frozen=True)
