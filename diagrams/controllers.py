@@ -84,13 +84,29 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
         return DisturbanceObserver(vehicle, step=config.period)
     if config.kind == "np":
         model = NeuralPredictorModel.load(config.predictor or DEFAULT_MODEL)
+        _require_world_axes(model)
         require_origin(model.model, origin_of("world", vehicle, config.label))
         if abs(model.step - config.period) > 1e-9:
             raise ValueError(
-                f"controller: the predictor's step must equal the period; got {model.step}, {config.period}."
+                f"controller: the predictor's step must equal the period; got {model.step}, {config.period} [s]. "
+                f"Train it with --step {config.period:g}."
             )
         return model
     return None
+
+
+def _require_world_axes(model: NeuralPredictorModel) -> None:
+    """Raises ValueError on a predictor of wrenches in body axes.
+
+    Its zeta would be R^T v, which is not linear in the predicted state: the lifted linear system could not be
+    eliminated exactly.
+    """
+    frame = model.model.summary.get("origin", {}).get("frame", "world")
+    if frame != "world":
+        raise ValueError(
+            f"controller: the predictor must be trained on wrenches in world axes; its are in {frame} axes. "
+            "Train it on a flight log."
+        )
 
 
 def add_controller(

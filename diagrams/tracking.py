@@ -126,10 +126,13 @@ def run_tracking(
     return summaries
 
 
-def table(summaries: list[dict]) -> list[dict]:
-    """Mean and 95 % interval (Student) over seeds of E_xy and E_z [m] by row and track, and the cut to nominal."""
+def table(summaries: list[dict], rows: tuple[Row, ...] = ROWS) -> list[dict]:
+    """E_xy and E_z [m] by row (in the order of `rows`) and track: mean over seeds with 95 % interval (Student) and
+    standard deviation, and the cut to nominal.
+    """
+    order = {row.name: number for number, row in enumerate(rows)}
     lines = []
-    for row in dict.fromkeys(s["row"] for s in sorted(summaries, key=_order)):
+    for row in sorted({s["row"] for s in summaries}, key=lambda name: order.get(name, len(order))):
         for track in TRACKS:
             line: dict = {"row": row, "track": track}
             mine = [s["metrics"] for s in summaries if s["row"] == row and s["experiment"] == track]
@@ -137,6 +140,7 @@ def table(summaries: list[dict]) -> list[dict]:
             for key in ("E_xy", "E_z"):
                 values = np.array([m[key] for m in mine])
                 line[key], line[f"{key}_ci95"] = float(values.mean()), _half_width(values)
+                line[f"{key}_sd"] = _deviation(values)
                 if base:
                     line[f"{key}_cut"] = 1.0 - line[key] / float(np.mean([m[key] for m in base]))
             line["growth"] = float(np.mean([m["growth"] for m in mine]))
@@ -145,17 +149,17 @@ def table(summaries: list[dict]) -> list[dict]:
     return lines
 
 
-def _order(summary: dict) -> int:
-    names = [row.name for row in ROWS]
-    return names.index(summary["row"]) if summary["row"] in names else len(names)
-
-
 def _half_width(values: np.ndarray) -> float:
     """Half width of the 95 % interval of the mean; NaN for a single or a lost flight."""
     n = len(values)
-    if n < 2 or not np.isfinite(values).all():
+    return float(t.ppf(0.975, n - 1) / np.sqrt(n)) * _deviation(values) if n > 1 else float("nan")
+
+
+def _deviation(values: np.ndarray) -> float:
+    """Standard deviation over seeds; NaN for a single or a lost flight."""
+    if len(values) < 2 or not np.isfinite(values).all():
         return float("nan")
-    return float(t.ppf(0.975, n - 1) * values.std(ddof=1) / np.sqrt(n))
+    return float(values.std(ddof=1))
 
 
 def frozen_weights() -> dict:

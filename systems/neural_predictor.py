@@ -2,13 +2,12 @@
 
 from pydrake.common.value import Value
 
-from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from systems.residual_predictor import ResidualPredictor
 
 
 class NeuralPredictor(ResidualPredictor):
-    """z = Phi(chi), z+ = A z + B zeta, chi_hat = C z in the loop, A and B as refit on the window.
+    """z = Phi(chi) or E window, z+ = A z + B zeta, chi_hat = C z in the loop, for any configuration.
 
     .. pydrake_system::
 
@@ -29,18 +28,18 @@ class NeuralPredictor(ResidualPredictor):
     | chi_hat | 6 | the forecast's first wrench, as of the last event | N, N·m |
     | lifted_linear_system | LiftedLinearSystem | A, B, C at the predictor's own step, as of the last event | |
 
-    State, one discrete group each, sorted by name: A (K²), B (6 K), count, dropped, gap, labels (1 each), lowpass (6),
-    window (40 samples of chi and zeta, or as many as the encoder reads), z (K); then chi_hat (6).
+    State, one discrete group each, sorted by name: A (K²) and B (6 K) where they are refit, count, dropped, gap, labels
+    (1 each), lowpass (6), where the model has a trust its groups, window (as many samples of chi and zeta as encoder or
+    refit read), z (K); then chi_hat (6).
     Event: periodic, every `model.step`. Before the window is full, on NaN and on dropped samples: see the model.
     """
 
     def __init__(self, model: NeuralPredictorModel, *, horizon: int, stride: int):
         super().__init__(model, horizon=horizon, stride=stride)
-        self._C = model.model.system.C
+        self._np = model
         self.DeclareAbstractOutputPort(
             "lifted_linear_system", Value[object], self._calc_system, {self.xd_ticket()}
         )
 
     def _calc_system(self, context, output) -> None:
-        memory = self.memory(context)
-        output.set_value(LiftedLinearSystem(memory["A"], memory["B"], self._C, self._model.step))
+        output.set_value(self._np.system(self.memory(context)))

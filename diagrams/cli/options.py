@@ -15,7 +15,12 @@ VehicleFile = Annotated[
 ]
 Repair = Annotated[bool, typer.Option("--repair", help="Mend a few bad rows of a log and say so.")]
 Configuration = Annotated[
-    str, typer.Option("--configuration", metavar="NAME", help="Predictor: default | paper.")
+    str,
+    typer.Option(
+        "--configuration",
+        metavar="NAME",
+        help="Predictor: default | paper | dictionary | dmdc | delay-dmdc | ridge.",
+    ),
 ]
 Step = Annotated[float, typer.Option("--step", min=1e-4, max=1.0, help="Predictor step for flight logs [s].")]
 Markdown = Annotated[

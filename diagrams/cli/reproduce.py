@@ -8,11 +8,13 @@ import typer
 
 from diagrams.cli import options, reproduce_estimation, reproduce_flights
 from diagrams.cli.output import make_folder, print_table, progress, say, write_markdown, write_metrics
+from diagrams.cli.reproduce_configurations import choose_rows, configurations_table
 from diagrams.cli.reproduce_flights import Table
 from np_drake.atomic_file import require_writable
 
 TABLES = (
-    "tracking", "weights", "gap", "mhe", "theorem", "pendulum", "estimation", "sample-efficiency", "response",
+    "tracking", "configurations", "weights", "gap", "mhe", "theorem", "pendulum",
+    "estimation", "sample-efficiency", "response",
 )  # fmt: skip
 
 
@@ -36,6 +38,7 @@ def reproduce(
 ) -> None:
     """Tracking: every controller on circle and lemniscate (training flights draw `seed`, evaluations seed + 1, …).
 
+    Configurations: every configuration of the predictor, trained on one flight, in the same loop; seeds likewise.
     Weights: how the MPC's weights were chosen, on the vehicle without payload.
     Gap: the diagnosis on the agile real flights, each held out in turn.
     Mhe: a moving-horizon estimator on the real flights of the paper's estimation table.
@@ -50,6 +53,7 @@ def reproduce(
     for file in (json, markdown):
         if file is not None:
             require_writable(file)
+    notes: list[str] = []
     if table == "gap":
         result = reproduce_flights.gap_table(neurobem, json=json)
     elif table == "mhe":
@@ -66,11 +70,16 @@ def reproduce(
         result = _pendulum(seed=seed, json=json)
     elif table == "weights":
         result = _weights(seed=seed, jobs=jobs, json=json)
+    elif table == "configurations":
+        result, notes = configurations_table(
+            seeds=seeds, solver=solver, jobs=jobs, only=only or [], seed=seed, out=out, json=json
+        )
     else:
         result = _tracking(
             seeds=seeds, solver=solver, jobs=jobs, only=only or [], seed=seed, out=out, json=json
         )
     print_table(*result)
+    say(*notes)
     write_markdown(markdown, *result)
 
 
@@ -98,11 +107,7 @@ def _tracking(
 ) -> Table:
     from diagrams import tracking
 
-    unknown = set(only) - {r.name for r in tracking.ROWS}
-    if unknown:
-        names = "; ".join(r.name for r in tracking.ROWS)
-        raise ValueError(f"--only: must name rows of the table ({names}); got {', '.join(sorted(unknown))}.")
-    rows = tuple(r for r in tracking.ROWS if not only or r.name in only or r.name == "nominal")
+    rows = choose_rows(tracking.ROWS, only)
     evaluation = [seed + 1 + k for k in range(seeds)]
     with tempfile.TemporaryDirectory() as scratch, progress("tracking", 1.0) as advance:
         summaries = tracking.run_tracking(

@@ -3,7 +3,7 @@
 import dataclasses as dc
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -66,16 +66,19 @@ def train(
 
 
 def configure(name: str, *, frame: str = "world", seed: int = 0, epochs: int | None = None) -> "Config":
-    """The configuration called `name`; `default` in body axes is in closed form and has no epochs.
+    """The configuration called `name`; one in closed form has no epochs.
 
     Raises: ValueError: on another name.
     """
     from np_drake.lifting.training import make_config
 
-    settings: dict[str, Any] = {"seed": seed}
-    if epochs is not None and not (name == "default" and frame == "body"):
-        settings["epochs" if name == "paper" else "iterations"] = epochs
-    return make_config(name, frame=frame, **settings)
+    config = make_config(name, frame=frame, seed=seed)
+    names = {field.name for field in dc.fields(config)} & {"epochs", "iterations"}
+    return (
+        config
+        if epochs is None
+        else make_config(name, frame=frame, seed=seed, **dict.fromkeys(names, epochs))
+    )
 
 
 def run_training(

@@ -1,4 +1,7 @@
-"""Training of the `default` configuration where the wrench is in body axes: in closed form, no draw, no descent."""
+"""Training of the `dictionary` configuration, which is `default` where the wrench is in body axes.
+
+In closed form: no draw, no descent.
+"""
 
 import dataclasses as dc
 from collections.abc import Callable
@@ -16,7 +19,8 @@ from np_drake.lifting.horizon_ridge import (
     horizon_ridge,
     relative_error,
 )
-from np_drake.lifting.lifted_model import DEFAULT, LiftedModel
+from np_drake.lifting.joint_response import JointPiece, fit_jointly
+from np_drake.lifting.lifted_model import DEFAULT, DICTIONARY, LiftedModel
 from np_drake.lifting.mode_dictionary import ModeDictionary, time_constants
 from np_drake.lifting.segments import Segment, check_segments, group_scale
 from np_drake.lifting.trust import Trust
@@ -27,8 +31,9 @@ LEVEL_MEMORY = 200.0  # time constant of what is held [s]
 
 @dc.dataclass(frozen=True)
 class DictionaryConfig:
-    """`default` for wrenches in body axes. Steps are those of the data (2.5 ms on the paper's arrays)."""
+    """As it comes, for wrenches in body axes. Steps are those of the data (2.5 ms on the paper's arrays)."""
 
+    configuration: str = DEFAULT  # name of the model
     delay: int = 87  # samples the encoder sees [1]
     dense: int = 12  # of them one by one, the newest [1]
     averages: int = 11  # the others in so many averages [1]
@@ -47,6 +52,9 @@ class DictionaryConfig:
     input_noise: float = 0.01  # of the coming zeta, in units of its scale [1]
     strength: float = 0.03  # prior deviation of what a unit of zeta adds to chi in each mode, both scaled [1]
     symmetry: float = 0.8  # how symmetric the airframe is taken to be: about body z and left to right [1]
+    joint: bool = (
+        False  # E and B in one fit, for a coming motion that is known; else E for a held one, then B
+    )
     trust_half: float = 200.0  # horizon at which half a departure is believed before any evidence [steps]
     max_origins: int = 4000  # of a segment; thinned beyond [1]
     seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
@@ -60,6 +68,20 @@ class DictionaryConfig:
     def grid(self) -> np.ndarray:
         """The fitted horizons [steps]."""
         return horizon_grid(self.horizon, self.horizons)
+
+
+FLIGHT_DICTIONARY = DictionaryConfig(  # for wrenches in world axes at the controller's 50 Hz
+    configuration=DICTIONARY,
+    delay=60,
+    horizon=40,
+    horizons=25,
+    force_modes=(1.5, 3.0, 6.0, 12.0, 24.0, 48.0),
+    torque_modes=(1.5, 4.0, 10.0, 25.0, 60.0),
+    noise=0.1,
+    strength=5.0,
+    symmetry=1.0,
+    joint=True,
+)
 
 
 def train_dictionary(
@@ -88,9 +110,12 @@ def train_dictionary(
     modes = time_constants(config.force_modes, config.torque_modes, LEVEL_MEMORY / step)
     weights = np.sqrt(np.mean([1.0 / flight.power for flight in flights], axis=0))
     projector = modes.projector(config.grid, weights)
-    W = horizon_ridge(flights, noise=config.noise)
-    encoder = np.einsum("khc,phc->kp", projector, W)
-    B = _response(segments, flights, encoder, modes, config, scale)
+    if config.joint:
+        encoder, B = _joint(segments, flights, modes, config, scale)
+    else:
+        W = horizon_ridge(flights, noise=config.noise)
+        encoder = np.einsum("khc,phc->kp", projector, W)
+        B = _response(segments, flights, encoder, modes, config, scale)
     fitted = np.einsum("hck,kp->phc", modes.readout(config.grid), encoder)
     loss = float(np.mean([relative_error(flight, fitted) for flight in flights]))
     on_epoch(len(segments) + 2, len(segments) + 2, loss)
@@ -134,6 +159,20 @@ def _response(
     )
 
 
+def _joint(
+    segments: list[Segment], flights: list[Moments], modes: ModeDictionary, config: DictionaryConfig, scale: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """(K, p) encoder and (K, 6) B, scaled, fitted together."""
+    pieces = [
+        JointPiece(_samples(s) / scale, s.goal / scale[:6], f.power)
+        for s, f in zip(segments, flights, strict=True)
+    ]
+    return fit_jointly(
+        pieces, modes, config.grid, config.taps, noise=config.noise, input_noise=config.input_noise,
+        strength=config.strength, symmetry=config.symmetry, max_origins=config.max_origins,
+    )  # fmt: skip
+
+
 def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> LiftedModel:
     """The model in physical units."""
     channel = np.concatenate([[c] * len(p) for c, p in enumerate(modes.poles)])
@@ -149,15 +188,17 @@ def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> Li
     ahead = config.grid > 0
     readout = modes.readout(config.grid[ahead])
     unread = np.zeros((*readout.shape[:2], 6))  # the last zeta
-    trust = Trust(
-        config.grid[ahead],
-        np.concatenate([readout, unread], axis=2),
-        np.concatenate([projector[:, ahead], np.zeros((6, ahead.sum(), 6))]),
-        np.mean([segment.goal.mean(axis=0) for segment in segments], axis=0),
-        half=config.trust_half,
-    )
+    trust = None  # it judges forecasts for a held motion, which a joint fit is not made for
+    if not config.joint:
+        trust = Trust(
+            config.grid[ahead],
+            np.concatenate([readout, unread], axis=2),
+            np.concatenate([projector[:, ahead], np.zeros((6, ahead.sum(), 6))]),
+            np.mean([segment.goal.mean(axis=0) for segment in segments], axis=0),
+            half=config.trust_half,
+        )
     return LiftedModel(
-        DEFAULT,
+        config.configuration,
         system,
         DelayEncoder(E, config.delay, offset),
         config.delay,

@@ -9,15 +9,24 @@ from np_drake.lifting.encoders import DelayEncoder, Phi
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.trust import Trust
 
-PAPER, DEFAULT = "paper", "default"
+PAPER, DEFAULT, DICTIONARY = "paper", "default", "dictionary"
+DMDC, DELAY_DMDC, RIDGE = "dmdc", "delay-dmdc", "ridge"
+ENCODERS: dict[str, type[Phi] | type[DelayEncoder]] = {  # of each configuration, by name
+    DEFAULT: DelayEncoder,
+    PAPER: Phi,
+    DICTIONARY: DelayEncoder,
+    DMDC: DelayEncoder,
+    DELAY_DMDC: DelayEncoder,
+    RIDGE: DelayEncoder,
+}
 
 
 @dc.dataclass(frozen=True)
 class LiftedModel:
     """What training yields and a model file holds. Matrices are in physical units: scales are folded in.
 
-    configuration: `paper` (Phi of the instantaneous chi, A and B refit on a window in flight) or `default`
-    (linear encoder of the last samples).   system: the offline lifted linear system at the training step.
+    configuration: a name of `ENCODERS`; what flies is all in the other fields.   system: the offline lifted linear
+    system at the training step.   encoder: Phi of the instantaneous chi, or a linear map of the last samples.
     window: samples the encoder or the refit needs.   chi_scale, zeta_scale: (6,) scales used in training.
     predicts_torque: whether rows 3:6 of C were trained.   summary: plain figures of the training, for people.
     ridge: weight of `system` in the refit of a window [samples of unit size]; 0 where there is no refit.   trust: how z
@@ -36,16 +45,18 @@ class LiftedModel:
     trust: Trust | None = None
 
     def __post_init__(self):
-        kinds = {PAPER: Phi, DEFAULT: DelayEncoder}
-        if self.configuration not in kinds:
-            raise ValueError(f"LiftedModel: configuration must be paper | default; got {self.configuration}.")
-        if not isinstance(self.encoder, kinds[self.configuration]):
-            raise ValueError(
-                f"LiftedModel: {self.configuration} must have {kinds[self.configuration].__name__}."
-            )
+        require_configuration(self.configuration)
+        kind = ENCODERS[self.configuration]
+        if not isinstance(self.encoder, kind):
+            raise ValueError(f"LiftedModel: {self.configuration} must have {kind.__name__}.")
         if self.encoder.K != self.system.K:
             sizes = f"{self.encoder.K} and {self.system.K}"
             raise ValueError(f"LiftedModel: encoder and system must agree on K; got {sizes}.")
+
+    @property
+    def refits(self) -> bool:
+        """Whether A and B are refit on the window in flight: Phi, and a ridge to pull them toward `system`."""
+        return isinstance(self.encoder, Phi) and self.ridge > 0
 
     @property
     def step(self) -> float:
@@ -57,3 +68,9 @@ class LiftedModel:
         if isinstance(self.encoder, DelayEncoder):
             return self.encoder(window)
         return self.encoder(window[..., -1, :6])
+
+
+def require_configuration(name: str) -> None:
+    """Raises ValueError where there is no configuration of that name."""
+    if name not in ENCODERS:
+        raise ValueError(f"configuration must be {' | '.join(ENCODERS)}; got {name}.")

@@ -11,7 +11,7 @@ from safetensors.numpy import save_file
 from np_drake.atomic_file import atomic_path
 from np_drake.lifting.encoders import DelayEncoder, Phi
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
+from np_drake.lifting.lifted_model import ENCODERS, LiftedModel, require_configuration
 from np_drake.lifting.trust import Trust
 
 SCHEMA = "np_drake.lifted_model/1"
@@ -80,15 +80,14 @@ def load_model(path: str | Path, configuration: str | None = None) -> LiftedMode
 
 def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedModel:
     configuration, window = str(header["configuration"]), int(header["window"])
-    if configuration not in (PAPER, DEFAULT):
-        raise ValueError(f"configuration must be paper | default; got {configuration}.")
+    require_configuration(configuration)
     system = LiftedLinearSystem(tensors["A"], tensors["B"], tensors["C"], float(header["step"]))
     if system.spectral_radius > 1.0 + 1e-9:
         raise ValueError(f"A must be stable; its spectral radius is {system.spectral_radius:.6g}.")
     for name in ("chi_scale", "zeta_scale"):
         if tensors[name].shape != (6,) or not np.all(tensors[name] > 0):
             raise ValueError(f"{name} must be six positive numbers.")
-    encoder = _phi(tensors) if configuration == PAPER else _delay_encoder(tensors, window)
+    encoder = _phi(tensors) if ENCODERS[configuration] is Phi else _delay_encoder(tensors, window)
     return LiftedModel(
         configuration, system, encoder, window, tensors["chi_scale"], tensors["zeta_scale"],
         bool(header["predicts_torque"]), dict(header["summary"]), float(header["ridge"]), _trust(tensors, system.K),

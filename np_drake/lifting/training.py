@@ -6,21 +6,40 @@ from pathlib import Path
 
 from np_drake.lifting.checkpoint import Checkpoint
 from np_drake.lifting.default_training import DefaultConfig, train_default
-from np_drake.lifting.dictionary_training import DictionaryConfig, train_dictionary
-from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
+from np_drake.lifting.dictionary_training import FLIGHT_DICTIONARY, DictionaryConfig, train_dictionary
+from np_drake.lifting.lifted_model import (
+    DEFAULT,
+    DELAY_DMDC,
+    DICTIONARY,
+    DMDC,
+    PAPER,
+    RIDGE,
+    LiftedModel,
+)
+from np_drake.lifting.linear_training import DmdcConfig, RidgeConfig, train_dmdc, train_ridge
 from np_drake.lifting.paper_training import PaperConfig, train_paper
 from np_drake.lifting.segments import Segment
 
-Config = DefaultConfig | DictionaryConfig | PaperConfig
-CONFIGURATIONS: dict[str, type[DefaultConfig] | type[PaperConfig]] = {
-    DEFAULT: DefaultConfig,
-    PAPER: PaperConfig,
-}
+Config = DefaultConfig | DictionaryConfig | PaperConfig | DmdcConfig | RidgeConfig
 DEFAULT_CONFIG = DefaultConfig()
+CONFIGURATIONS: dict[str, Config] = {
+    DEFAULT: DEFAULT_CONFIG,
+    PAPER: PaperConfig(),
+    DICTIONARY: FLIGHT_DICTIONARY,
+    DMDC: DmdcConfig(),
+    DELAY_DMDC: DmdcConfig(delays=10),
+    RIDGE: RidgeConfig(),
+}
+IN_BODY_AXES: dict[str, Config] = {  # where these differ for wrenches in body axes, at 400 Hz
+    DEFAULT: DictionaryConfig(),
+    DICTIONARY: DictionaryConfig(configuration=DICTIONARY),
+}
 TRAINERS: dict[type, Callable[..., tuple[LiftedModel, list[float]]]] = {
     DefaultConfig: train_default,
     DictionaryConfig: train_dictionary,
     PaperConfig: train_paper,
+    DmdcConfig: train_dmdc,
+    RidgeConfig: train_ridge,
 }
 
 
@@ -44,7 +63,7 @@ def train(
     Args:
         segments: uninterrupted flights at one step.
         checkpoint: file that the run is saved to as it goes, and taken up from where it exists (same
-            configuration and data); the result is that of an uninterrupted run. DictionaryConfig, which is done in
+            configuration and data); the result is that of an uninterrupted run. What is in closed form, done in
             seconds, leaves it alone.
         on_epoch: called with (epoch, total, loss); for `default` an epoch is one L-BFGS iteration, and
             descents that converge early skip ahead.
@@ -58,7 +77,7 @@ def train(
 
 
 def make_config(configuration: str, *, frame: str = "world", **settings) -> Config:
-    """The configuration of that name; `default` is another one for wrenches in body axes (frame: world | body).
+    """The configuration of that name; some differ for wrenches in body axes (frame: world | body).
 
     Raises: ValueError: on an unknown name, frame or setting.
     """
@@ -66,10 +85,8 @@ def make_config(configuration: str, *, frame: str = "world", **settings) -> Conf
         raise ValueError(f"train: frame must be world | body; got {frame}.")
     if configuration not in CONFIGURATIONS:
         raise ValueError(f"train: configuration must be {' | '.join(CONFIGURATIONS)}; got {configuration}.")
-    kind: type[Config] = CONFIGURATIONS[configuration]
-    if kind is DefaultConfig and frame == "body":
-        kind = DictionaryConfig
-    unknown = set(settings) - {field.name for field in dc.fields(kind)}
+    config = (IN_BODY_AXES if frame == "body" else {}).get(configuration, CONFIGURATIONS[configuration])
+    unknown = set(settings) - {field.name for field in dc.fields(config)}
     if unknown:
         raise ValueError(f"train: {configuration} has no setting {', '.join(sorted(unknown))}.")
-    return kind(**settings)
+    return dc.replace(config, **settings)

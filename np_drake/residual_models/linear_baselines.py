@@ -9,10 +9,11 @@ import numpy as np
 
 from np_drake import rigid_body
 from np_drake.lifting.delay_taps import DelayTaps
+from np_drake.lifting.dmdc import fit_dmdc_system, sample_scale
 from np_drake.lifting.encoders import DelayEncoder
 from np_drake.lifting.horizon_ridge import flight_moments, horizon_ridge
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.segments import Segment, check_segments, group_scale
+from np_drake.lifting.segments import Segment, check_segments
 from np_drake.residual_models.base import (
     FlightForecasts,
     Memory,
@@ -117,24 +118,15 @@ def fit_dmdc(segments: Sequence[Segment], *, delays: int = 1, name: str | None =
 
     z = [chi now, chi before, …, zeta before, …]; the coming zeta is the input.
     """
-    segments = check_segments(list(segments), delays + 1)
-    scale = _scale(segments)
-    taps = DelayTaps(delays, delays, 0)
-    X, Y = [], []
-    for segment in segments:
-        samples = np.hstack([segment.chi, segment.zeta]) / scale
-        X.append(taps.features(samples, np.arange(delays - 1, len(samples) - 1)))
-        Y.append(samples[delays:, :6])
-    theta = np.linalg.lstsq(np.concatenate(X), np.concatenate(Y), rcond=1e-10)[0]
-    weights = theta.T.reshape(6, delays, 12) * scale[:6, None, None] / scale  # newest sample first
-    system, E = _shift_register(weights, segments[0].step)
-    return LinearBaseline(name or ("DMDc" if delays == 1 else "delay DMDc"), system, DelayEncoder(E, delays))
+    return LinearBaseline(
+        name or ("DMDc" if delays == 1 else "delay DMDc"), *fit_dmdc_system(segments, delays)
+    )
 
 
 def fit_ridge(segments: Sequence[Segment], horizons: np.ndarray, *, delays: int = DELAYS) -> RidgeBaseline:
     """The best linear map of the last `delays` samples for every one of `horizons` [steps], flights weighted alike."""
     segments = check_segments(list(segments), delays + int(horizons[-1]) + 1)
-    scale, taps = _scale(segments), DelayTaps(delays, delays, 0)
+    scale, taps = sample_scale(segments), DelayTaps(delays, delays, 0)
     flights = [
         flight_moments(
             np.hstack([s.chi, s.zeta]) / scale, s.goal / scale[:6], taps=taps, horizons=horizons, max_origins=4000,
@@ -152,28 +144,3 @@ def fit_all(segments: Sequence[Segment], horizons: np.ndarray) -> dict[str, Line
     """Every opponent, by name."""
     models = (fit_dmdc(segments), fit_dmdc(segments, delays=DELAYS), fit_ridge(segments, horizons))
     return {model.name: model for model in models}
-
-
-def _scale(segments: Sequence[Segment]) -> np.ndarray:
-    """(12,)"""
-    chi = group_scale([segment.chi for segment in segments], centred=True)
-    return np.concatenate([chi, group_scale([segment.zeta for segment in segments], centred=True)])
-
-
-def _shift_register(weights: np.ndarray, step: float) -> tuple[LiftedLinearSystem, np.ndarray]:
-    """System and E (K, 12 D) of chi+ = sum over d of weights[:, d] [chi_(k-d), zeta_(k-d)]; K = 12 D - 6."""
-    D = weights.shape[1]
-    K, past = 12 * D - 6, 6 * D  # where the past zeta begin
-    A, B, E = np.zeros((K, K)), np.zeros((K, 6)), np.zeros((K, D, 12))
-    A[:6, :past] = weights[:, :, :6].reshape(6, -1)
-    A[:6, past:] = weights[:, 1:, 6:].reshape(6, -1)
-    B[:6] = weights[:, 0, 6:]
-    A[6:past, : past - 6] = np.eye(past - 6)
-    if D > 1:
-        B[past : past + 6] = np.eye(6)
-        A[past + 6 :, past : K - 6] = np.eye(K - past - 6)
-    for d in range(D):
-        E[6 * d : 6 * d + 6, D - 1 - d, :6] = np.eye(6)
-        if d > 0:
-            E[past + 6 * (d - 1) : past + 6 * d, D - 1 - d, 6:] = np.eye(6)
-    return LiftedLinearSystem(A, B, np.eye(6, K), step), E.reshape(K, -1)

@@ -8,7 +8,7 @@ import numpy as np
 from np_drake import rigid_body
 from np_drake.lifting.encoders import DelayEncoder
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.lifted_model import PAPER, LiftedModel
+from np_drake.lifting.lifted_model import DEFAULT, LiftedModel
 from np_drake.lifting.model_file import load_model
 from np_drake.lifting.window_refit import WindowRefit
 from np_drake.residual_models.base import FlightForecasts, Memory, Sample, WrenchForecast
@@ -21,7 +21,7 @@ class PredictorOptions:
 
     torque: str = "hold"  # hold (last low-passed label) | predict
     cutoff: float = 4.0  # of the low-pass on held labels [Hz]
-    refit: bool | None = None  # refit A, B on the window in flight; None: as the configuration asks
+    refit: bool | None = None  # refit A, B on the window in flight; None: as the model asks
     ridge: float | None = (
         None  # weight of the offline A, B in the refit; None: the model's [samples of unit size]
     )
@@ -30,9 +30,9 @@ class PredictorOptions:
 class NeuralPredictor:
     """z = Phi(chi) or E window;  z+ = A z + B zeta;  chi_hat = C z.   Source: Jin et al. 2025, eq. (nmpc).
 
-    Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); A (K, K), B (K, 6); lowpass (6,) of the
-    labels; count of samples in the window, up to W; labels, dropped: samples with and without one so far;
-    gap: dropped in a row just now; where the model has a `trust`, its memory, as trust/….
+    Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); where they are refit, A (K, K) and B (K, 6);
+    lowpass (6,) of the labels; count of samples in the window, up to W; labels, dropped: samples with and without one
+    so far; gap: dropped in a row just now; where the model has a `trust`, its memory, as trust/….
     Until `count` reaches W the forecast holds `lowpass`. A missing label is
     filled with the model's own prediction, a missing state with the last zeta; after W samples in a row
     without, the window starts afresh.
@@ -45,14 +45,14 @@ class NeuralPredictor:
             raise ValueError(
                 "NeuralPredictor: this model must not predict torque; it was trained without. Use hold."
             )
-        self.name = "np" if model.configuration != PAPER else "np-paper"
+        self.name = "np" if model.configuration == DEFAULT else f"np-{model.configuration}"
         self.step = model.step
         self.model, self.options = model, options
         self._blend = 1.0 - np.exp(-2 * np.pi * options.cutoff * model.step)
         self._C = model.system.C.copy()
         if options.torque == "hold":
             self._C[3:] = 0.0
-        refit = model.configuration == PAPER if options.refit is None else options.refit
+        refit = model.refits if options.refit is None else options.refit
         self._refit = WindowRefit(model, options.ridge or model.ridge) if refit else None
         self._resampled_offline: dict[
             int, LiftedLinearSystem
@@ -68,8 +68,9 @@ class NeuralPredictor:
         s = self.model.system
         scalars = {name: np.zeros(1) for name in ("count", "labels", "dropped", "gap")}
         window = np.zeros((self.model.window, 12))
-        memory = {"window": window, "z": np.zeros(s.K), "A": s.A, "B": s.B, "lowpass": np.zeros(6), **scalars}
-        return memory | self._fresh_trust()
+        memory = {"window": window, "z": np.zeros(s.K), "lowpass": np.zeros(6), **scalars}
+        refit = {} if self._refit is None else {"A": s.A, "B": s.B}
+        return memory | refit | self._fresh_trust()
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
         """One more sample; see the class for samples with NaN."""
@@ -162,16 +163,21 @@ class NeuralPredictor:
         """(6,) what the model expected for this sample before it came."""
         if memory["count"][0] < self.model.window:
             return memory["lowpass"]
-        z = memory["A"] @ memory["z"] + memory["B"] @ memory["window"][-1, 6:]
-        chi = self.model.system.C @ z
+        s = self.system(memory)
+        chi = s.C @ (s.A @ memory["z"] + s.B @ memory["window"][-1, 6:])
         if not self.model.predicts_torque:
             chi[3:] = memory["lowpass"][3:]
         return chi
 
+    def system(self, memory: Memory) -> LiftedLinearSystem:
+        """The lifted linear system that flies now, at the model's step."""
+        s = self.model.system
+        return s if self._refit is None else LiftedLinearSystem(memory["A"], memory["B"], s.C, s.step)
+
     def _resampled(self, memory: Memory, stride: int) -> LiftedLinearSystem:
         s = self.model.system
         if self._refit is not None:
-            return LiftedLinearSystem(memory["A"], memory["B"], s.C, s.step).resample(stride)
+            return self.system(memory).resample(stride)
         if stride not in self._resampled_offline:
             self._resampled_offline[stride] = s.resample(stride)
         return self._resampled_offline[stride]

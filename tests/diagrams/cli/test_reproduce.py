@@ -7,7 +7,11 @@ from diagrams.cli.main import run
 BAD = {  # arguments: what the line must say
     "unknown": (
         ["nothing"],
-        "must be one of tracking, weights, gap, mhe, theorem, pendulum, estimation, sample-eff",
+        "must be one of tracking, configurations, weights, gap, mhe, theorem, pendulum, estimation, sample-eff",
+    ),
+    "unknown row": (
+        ["configurations", "--only", "np"],
+        "must name rows of the table (nominal; hold; np: default",
     ),
     "no flights": (["theorem"], "NP_DRAKE_NEUROBEM"),
     "no folder": (["theorem", "--neurobem", "nowhere"], "nowhere"),

@@ -30,6 +30,17 @@ def test_the_paper_configuration_is_trained_by_name(logs, tmp_path, capsys):
     assert load_model(out).configuration == "paper"
 
 
+@pytest.mark.parametrize("name", ["dictionary", "dmdc", "delay-dmdc", "ridge"])
+def test_a_configuration_in_closed_form_is_trained_by_name_and_has_no_epochs(name, logs, tmp_path, capsys):
+    outs = [tmp_path / f"{n}.safetensors" for n in (1, 9)]
+    for out, epochs in zip(outs, ("1", "9"), strict=True):
+        code = run(["train", str(logs[0]), "--out", str(out), "--configuration", name, "--epochs", epochs])
+        assert code == 0, capsys.readouterr().err
+    one, nine = map(load_model, outs)
+    assert one.configuration == name
+    np.testing.assert_array_equal(one.encoder.E, nine.encoder.E)
+
+
 def test_the_same_seed_trains_the_same_model(logs, tmp_path):
     files = [tmp_path / f"{name}.safetensors" for name in ("a", "b")]
     for out in files:

@@ -11,7 +11,7 @@ from safetensors.numpy import load_file, save_file
 from np_drake.lifting import model_file
 from np_drake.lifting.encoders import DelayEncoder, Phi
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
+from np_drake.lifting.lifted_model import DEFAULT, ENCODERS, PAPER, LiftedModel
 from np_drake.lifting.model_file import SCHEMA, load_model, save_model
 
 
@@ -44,7 +44,7 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "model.safetensors"
 
 
-@pytest.mark.parametrize("configuration", [PAPER, DEFAULT])
+@pytest.mark.parametrize("configuration", ENCODERS)
 def test_what_is_read_is_what_was_written(configuration, tmp_path):
     saved = model(configuration)
     save_model(saved, tmp_path / "m.safetensors")
@@ -93,7 +93,7 @@ FAULTS = {
     "schema must be": lambda t, h, m: m.update(schema="np_drake.lifted_model/0"),
     "lacks 'E'": lambda t, h, m: t.pop("E"),
     "lacks 'step'": lambda t, h, m: h.pop("step"),
-    "must be paper | default": lambda t, h, m: h.update(configuration="theirs"),
+    r"must be default \| paper \| dictionary": lambda t, h, m: h.update(configuration="theirs"),
     "lacks the layers of Phi": lambda t, h, m: h.update(configuration=PAPER),
     "must hold finite": lambda t, h, m: t.update(B=np.full((4, 6), np.nan)),
     "must hold finite floating": lambda t, h, m: t.update(B=np.zeros((4, 6), int)),

@@ -1,0 +1,48 @@
+"""Which configuration of the Neural Predictor flies best: all of them trained on one flight, in the same loop."""
+
+import numpy as np
+
+from diagrams.tracking import Row
+from np_drake.lifting.training import CONFIGURATIONS
+
+TRAINING = "training_circle"
+PREFIX = "np: "  # of a row's name, before that of its configuration
+ROWS = (
+    Row("nominal", "nominal"),
+    Row("hold", "hold"),
+    *(Row(f"{PREFIX}{name}", "np", training=TRAINING, configuration=name) for name in CONFIGURATIONS),
+    Row("oracle", "oracle"),
+)
+
+
+def ranking(summaries: list[dict]) -> list[tuple[str, float, float]]:
+    """(row, mean, standard deviation over seeds) of the error in space [m], mean over the tracks, best first.
+
+    The error in space of a flight is sqrt(E_xy² + E_z²). A lost flight counts as infinite; the deviation of a single
+    seed, or with a lost flight, is NaN.
+    """
+    places = []
+    for row in dict.fromkeys(s["row"] for s in summaries):
+        mine = [s for s in summaries if s["row"] == row]
+        by_seed = [
+            np.mean([np.hypot(s["metrics"]["E_xy"], s["metrics"]["E_z"]) for s in mine if s["seed"] == seed])
+            for seed in sorted({s["seed"] for s in mine})
+        ]
+        known = len(by_seed) > 1 and bool(np.isfinite(by_seed).all())
+        places.append((row, float(np.mean(by_seed)), float(np.std(by_seed, ddof=1)) if known else np.nan))
+    return sorted(places, key=lambda place: place[1])
+
+
+def verdict(places: list[tuple[str, float, float]]) -> str:
+    """One line: the configurations from best to worst, in cm."""
+    mine = [place for place in places if place[0].startswith(PREFIX)]
+    if not mine:
+        return "no configuration flew."
+    cells = [f"{name.removeprefix(PREFIX)} {_centimetres(mean, sd)}" for name, mean, sd in mine]
+    return f"best first, error in space [cm], mean of the tracks: {', '.join(cells)}."
+
+
+def _centimetres(mean: float, sd: float) -> str:
+    if not np.isfinite(mean):
+        return "lost"
+    return f"{100 * mean:.2f}" + (f" ± {100 * sd:.2f}" if np.isfinite(sd) else "")

@@ -1,0 +1,105 @@
+"""Every configuration of the Neural Predictor is one LeafSystem, and NP-MPC eliminates any of them exactly."""
+
+import numpy as np
+import pytest
+
+from np_drake.lifting.segments import Segment
+from np_drake.lifting.training import CONFIGURATIONS, make_config, train
+from np_drake.mpc.horizon import eliminate
+from np_drake.residual_models.base import Sample
+from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
+from np_drake.vehicle import Vehicle
+from systems.neural_predictor import NeuralPredictor
+
+STEP, HORIZON, STRIDE = 0.02, 5, 2
+U = Vehicle().hover_input
+SMALL = {"default": {"iterations": 3, "starts": 1}, "paper": {"epochs": 1}}
+TRAINED: dict[str, NeuralPredictorModel] = {}
+
+
+def swinging(seed: int, n: int = 500) -> Segment:
+    """A level and a drag in force, motion of a few sines."""
+    t, generator = STEP * np.arange(n)[:, None], np.random.default_rng(seed)
+    zeta = sum(np.sin(w * t + generator.uniform(0, 6.3, 6)) for w in (0.9, 2.1, 4.7))
+    chi = np.hstack([[0, 0, -2.5] - 0.4 * zeta[:, :3], 0.02 * np.roll(zeta, 5, axis=0)[:, 3:]])
+    return Segment(chi + 0.01 * generator.standard_normal((n, 6)), zeta, STEP)
+
+
+@pytest.fixture(params=CONFIGURATIONS)
+def model(request) -> NeuralPredictorModel:
+    """The configuration of that name, trained once."""
+    name = request.param
+    if name not in TRAINED:
+        config = make_config(name, **SMALL.get(name, {}))
+        TRAINED[name] = NeuralPredictorModel(train([swinging(0)], config).model)
+    return TRAINED[name]
+
+
+def samples(seed: int, n: int) -> list[Sample]:
+    made = swinging(seed, n)
+    return [Sample(np.concatenate([[0, 0, 1.0, 1, 0, 0, 0], v]), U, c) for c, v in zip(made.chi, made.zeta)]  # noqa: B905
+
+
+def feed(dut: NeuralPredictor, context, sample: Sample) -> None:
+    """Fixes the ports and runs the periodic update once."""
+    for port, value in (("x", sample.x), ("u", sample.u), ("label", sample.chi)):
+        dut.GetInputPort(port).FixValue(context, value)
+    context.SetDiscreteState(dut.EvalUniquePeriodicDiscreteUpdate(context))
+
+
+def test_it_is_its_model_in_a_context(model):
+    dut = NeuralPredictor(model, horizon=HORIZON, stride=STRIDE)
+    context, memory = dut.CreateDefaultContext(), model.initial_memory()
+    flown = samples(1, model.model.window + 4)
+    for sample in flown:
+        memory = model.update(memory, sample)
+        feed(dut, context, sample)
+    expected = model.forecast(memory, horizon=HORIZON, stride=STRIDE)
+    np.testing.assert_allclose(dut.GetOutputPort("chi_hat").Eval(context), expected.first, atol=1e-12)
+    state = dut.memory(context)
+    assert {name: value.shape for name, value in state.items()} == {k: np.shape(v) for k, v in memory.items()}
+    np.testing.assert_allclose(state["z"], memory["z"], atol=1e-12)
+    np.testing.assert_array_equal(state["window"][:, :6], [s.chi for s in flown[-model.model.window :]])
+
+
+def test_two_contexts_of_it_never_influence_each_other(model):
+    def flown(context, seed):
+        for sample in samples(seed, model.model.window + 2):
+            feed(dut, context, sample)
+            yield dut.GetOutputPort("chi_hat").Eval(context).copy()
+
+    dut = NeuralPredictor(model, horizon=HORIZON, stride=STRIDE)
+    alone = list(flown(dut.CreateDefaultContext(), 1))
+    both = zip(flown(dut.CreateDefaultContext(), 1), flown(dut.CreateDefaultContext(), 2), strict=True)
+    np.testing.assert_array_equal([one for one, _ in both], alone)
+
+
+def test_the_controller_eliminates_it_exactly(model):
+    """free + markov zeta is the roll-out of z+ = A z + B zeta, chi = C z, for any coming motion."""
+    dut = NeuralPredictor(model, horizon=HORIZON, stride=STRIDE)
+    context = dut.CreateDefaultContext()
+    for sample in samples(1, model.model.window + 2):
+        feed(dut, context, sample)
+    forecast = dut.GetOutputPort("forecast").Eval(context)
+    free, markov = eliminate(forecast)
+    zeta = np.random.default_rng(0).standard_normal((HORIZON, 6))
+    chi = free.copy()
+    for i in range(1, HORIZON):
+        chi[i] += markov[:, -6 * i :] @ zeta[:i].ravel()
+    np.testing.assert_allclose(chi, forecast.rollout(zeta), atol=1e-9)  # [N, N·m]
+    assert np.abs(np.linalg.eigvals(forecast.A)).max() <= 1.0 + 1e-9
+
+
+def test_missing_samples_leave_a_usable_forecast(model):
+    dut = NeuralPredictor(model, horizon=HORIZON, stride=STRIDE)
+    context, lost = dut.CreateDefaultContext(), np.full(6, np.nan)
+    for k, sample in enumerate(samples(1, 2 * model.model.window + 20)):
+        gone = k % 7 == 3 or k > 2 * model.model.window + 15
+        feed(dut, context, Sample(sample.x, sample.u, lost if gone else sample.chi))
+    assert np.isfinite(dut.GetOutputPort("forecast").Eval(context).rollout(np.ones((HORIZON, 6)))).all()
+
+
+def test_only_what_is_refit_keeps_its_system_in_the_state(model):
+    state = NeuralPredictor(model, horizon=HORIZON, stride=STRIDE)
+    names = set(state.memory(state.CreateDefaultContext()))
+    assert ({"A", "B"} <= names) == model.model.refits == (model.model.configuration == "paper")
