@@ -137,7 +137,8 @@ def _pulled(eigenvalue: np.ndarray, V: np.ndarray, radius: float) -> tuple[np.nd
     inverse = np.linalg.inv(V)
     factor = np.minimum(1.0, radius * _MARGIN / np.maximum(np.abs(eigenvalue), 1e-300))
     A = ((V * (eigenvalue * factor)[..., None, :]) @ inverse).real
-    return A, np.sqrt(_squares(V) * _squares(inverse))
+    with np.errstate(over="ignore"):  # beyond floats it is ill all the more
+        return A, np.sqrt(_squares(V) * _squares(inverse))
 
 
 def _squares(M: np.ndarray) -> np.ndarray:
