@@ -98,7 +98,7 @@ def _line(task: _Task) -> dict:
 
 
 def assumption_lines(lines: list[dict]) -> list[str]:
-    """What was verified, one line a model."""
+    """What was verified, one line a model; and which assumption was violated where."""
     said = []
     for name in dict.fromkeys(line["model"] for line in lines):
         of = [line for line in lines if line["model"] == name]
@@ -106,26 +106,35 @@ def assumption_lines(lines: list[dict]) -> list[str]:
         said.append(
             f"{name}: Lipschitz constant {L:.4g}, largest spectral radius of a window's A {radius:.6f}."
         )
+        for line in (line for line in of if line["violated"]):
+            parts = ", ".join(f"{what} in {_percent(share)} %" for what, share in line["violated"].items())
+            said.append(f"  {line['flight']}, alphas {line['alpha']}: violated: {parts} of windows")
     return said
 
 
 def printed(lines: list[dict]) -> tuple[str, list[str], list[tuple]]:
-    """Title, header and rows of the table."""
+    """Title, header and rows of the table; every model has a line before its flights."""
 
     def ratio(line: dict, kind: str, n: int) -> str:
-        return " / ".join(f"{value:.3g}" for value in line["tightness"][kind][n])
+        return " / ".join(f"{v:.3g}" if v < 1000 else f"{v:.0f}" for v in line["tightness"][kind][n])
 
-    def share(value: float) -> str:
-        return f"{100 * value:.4g} %" if value == value else "–"
-
-    rows = [
-        (
-            line["model"], line["flight"], line["alpha"], line["windows"], share(line["premise"]),
-            share(line["holds_on_premise"]), line["c"], *(ratio(line, "z", n) for n in STEPS),
-            ratio(line, "chi", STEPS[-1]), ", ".join(f"{k} {share(v)}" for k, v in line["violated"].items()) or "none",
-        )
-        for line in lines
-    ]  # fmt: skip
-    header = ["model", "flight", "alphas", "windows", "premise", "holds", "c"]
-    header += [f"E_{n}" for n in STEPS] + [f"chi_{STEPS[-1]}", "violated"]
+    rows: list[tuple] = []
+    model = None
+    for line in lines:
+        if line["model"] != model:
+            model = line["model"]
+            rows.append((model, *("" for _ in range(7))))
+        rows.append(
+            (
+                f"  {line['flight']}", line["alpha"], str(line["windows"]),
+                f"{_percent(line['premise'])} / {_percent(line['holds_on_premise'])}", f"{line['c']:.3g}",
+                ratio(line, "z", STEPS[0]), ratio(line, "z", STEPS[-1]), ratio(line, "chi", STEPS[-1]),
+            )
+        )  # fmt: skip
+    ends = [f"E_{STEPS[0]}", f"E_{STEPS[-1]}", f"chi_{STEPS[-1]}"]
+    header = ["model, flight", "alphas", "windows", "premise / holds %", "c", *ends]
     return "bound over error, median / 95 %", header, rows
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.4g}" if share == share else "–"

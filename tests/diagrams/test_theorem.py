@@ -66,7 +66,17 @@ def test_a_sound_model_violates_nothing_and_a_broken_one_what_was_broken(lines):
     }
 
 
-def test_the_table_has_a_row_for_every_line(lines):
+def test_the_table_has_a_row_for_every_line_and_one_for_every_model(lines):
     _, header, rows = theorem.printed(lines)
-    assert len(rows) == len(lines) == 31
+    models = [row[0] for row in rows if not row[0].startswith("  ")]
+    assert models == ["paper", "default", "A not stable, no refit", "Phi not normalised", "alphas halved"]
+    assert len(rows) - len(models) == len(lines) == 31
     assert all(len(row) == len(header) for row in rows)
+
+
+def test_the_lines_below_say_what_was_violated_and_where(lines):
+    said = theorem.assumption_lines(lines)
+    assert [line for line in said if "violated: stability in 100 % of windows" in line]
+    assert not [
+        line for line in said if line.startswith("  ") and "alphas own" in line and "step of chi" in line
+    ]
