@@ -125,7 +125,7 @@ class _Network(torch.nn.Module):
 
 
 class _Nominal:
-    """Eq. (1) with gradients, classical Runge-Kutta, the input held over a step.      Source: Jin et al. 2025, eq. (1)."""
+    """Eq. (1) of Jin et al. 2025 with gradients; classical Runge-Kutta, the input held over a step."""
 
     def __init__(self, vehicle: Vehicle, step: float):
         self._step, self._mass, self._gravity = step, vehicle.mass, vehicle.gravity

@@ -5,7 +5,7 @@ import pytest
 
 from diagrams import demo, tracking
 from diagrams.cli.main import run
-from diagrams.cli.reproduce import tracking_table
+from diagrams.cli.reproduce_tracking import printed
 from diagrams.experiments import load_experiment
 from diagrams.failed_run import FailedRun
 
@@ -110,7 +110,7 @@ def test_a_lost_flight_is_a_lost_cell_and_loses_no_other(monkeypatch):
             summary("hold", "circle", 1, 0.1),
         ]
     )
-    _, _, rows = tracking_table(lines, "title")
+    _, _, rows = printed(lines, "title")
     cells = {(row[0], row[1]): row[2] for row in rows}
     assert cells["lemniscate", "hold"] == "lost"
     assert cells["circle", "hold"] == "10.00"
