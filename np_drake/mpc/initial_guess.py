@@ -27,7 +27,7 @@ def initial_trajectory(
 
 
 def feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
-    """(N, 4) rotor thrusts [N] of the hover feedback on saturated errors; of the wrench's memory, none of the plan's."""
+    """(N, 4) rotor thrusts [N] of the hover feedback on saturated errors, with the wrench before any planned motion."""
     vehicle = condensed.vehicle
     gain = hover_solution(vehicle, condensed.config)[1]
     bound = np.full(13, np.inf)
