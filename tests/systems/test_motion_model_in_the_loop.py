@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pydrake.common.value import Value
 
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcConfig, MpcStatus
@@ -60,9 +61,8 @@ def test_the_controller_plans_with_the_wrench_of_its_own_plan(dut, solver):
     flat = reference.sample(20.0 + config.step * np.arange(N + 1))
     mpc.GetInputPort("x").FixValue(context, LEVEL)
     mpc.GetInputPort("flat").FixValue(context, np.ravel(flat))
-    mpc.GetInputPort("forecast").FixValue(
-        context, dut.GetOutputPort("forecast").EvalAbstract(fed(dut, LEVEL))
-    )
+    forecast = dut.GetOutputPort("forecast").Eval(fed(dut, LEVEL))
+    mpc.GetInputPort("forecast").FixValue(context, Value[object](forecast))
     context.SetDiscreteState(mpc.EvalUniquePeriodicDiscreteUpdate(context))
     x, chi = (mpc.GetOutputPort(name).Eval(context) for name in ("plan_x", "plan_chi"))
     planned = DRAG(x.reshape(N + 1, 13)[:-1, 7:])
