@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
 from np_drake.labels import LabelConfig
-from np_drake.lifting.origin import origin_of, require_origin
+from np_drake.lifting.origin import Trained, origin_of, require_origin
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.solvers import make_solver, require_solver
@@ -15,6 +15,7 @@ from np_drake.references.base import Reference
 from np_drake.residual_models.base import ResidualModel
 from np_drake.residual_models.disturbance_observer import DisturbanceObserver
 from np_drake.residual_models.hold import Hold
+from np_drake.residual_models.motion_model import REACTIONS, MotionModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
@@ -27,17 +28,18 @@ from systems.wrench_oracle import WrenchOracle
 
 DEFAULT_MODEL = Path(__file__).parent / "models" / "default.safetensors"
 SOLVER_SHARE = 0.5  # of the deadline, after which a solver wraps up with what it has [1]
-CONTROLLERS = ("nominal", "hold", "observer", "oracle", "np")
+LEARNED = ("np", *REACTIONS)
+CONTROLLERS = ("nominal", "hold", "observer", "oracle", *LEARNED)
 
 
 @dc.dataclass
 class ControllerConfig:
     """Which controller flies, and how."""
 
-    kind: str = "nominal"  # nominal | hold | observer | oracle | np
+    kind: str = "nominal"  # nominal | hold | observer | oracle | np | gp | knode
     extra_mass: float = 0.0  # that controller and estimator are told to add to the vehicle's [kg]
     hold_bandwidth: float = np.inf  # of kind hold: a low-pass on top of the labels' own [Hz]
-    predictor: str = ""  # model file of kind np; empty for the one that ships with the package
+    predictor: str = ""  # model file of kind np, gp, knode; np: empty for the one that ships with the package
     period: float = 0.02  # between solves, and between samples of the predictor [s]
     solver: str = "ipopt"  # ipopt | sqp | ipopt_multiple_shooting
     deadline: float = np.inf  # a later answer is discarded; solvers wrap up at half of it [s]
@@ -57,8 +59,13 @@ class ControllerConfig:
             raise ValueError(
                 f"controller: extra_mass must be finite and not negative [kg]; got {self.extra_mass}."
             )
-        if self.predictor and self.kind != "np":
-            raise ValueError(f"controller: a predictor is for kind np; got {self.kind}.")
+        if self.predictor and self.kind not in LEARNED:
+            raise ValueError(f"controller: a predictor is for kind {', '.join(LEARNED)}; got {self.kind}.")
+        if self.kind in REACTIONS and not self.predictor:
+            raise ValueError(
+                f"controller: kind {self.kind} needs its model file (predictor); "
+                f"np-drake train LOG --configuration {self.kind} makes one."
+            )
         if abs(self.stride * self.period - self.mpc.step) > 1e-9:
             raise ValueError(
                 f"controller: mpc.step must be a whole multiple of period; got {self.mpc.step}, {self.period}."
@@ -83,25 +90,34 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
     if config.kind == "observer":
         return DisturbanceObserver(vehicle, step=config.period)
     if config.kind == "np":
-        model = NeuralPredictorModel.load(config.predictor or DEFAULT_MODEL)
-        _require_world_axes(model)
-        require_origin(model.model, origin_of("world", vehicle, config.label))
-        if abs(model.step - config.period) > 1e-9:
-            raise ValueError(
-                f"controller: the predictor's step must equal the period; got {model.step}, {config.period} [s]. "
-                f"Train it with --step {config.period:g}."
-            )
+        predictor = NeuralPredictorModel.load(config.predictor or DEFAULT_MODEL)
+        _require_fit(predictor.model, predictor.step, config, vehicle)
+        return predictor
+    if config.kind in REACTIONS:
+        model = MotionModel.load(config.predictor, config.kind)
+        _require_fit(model, model.step, config, vehicle)
         return model
     return None
 
 
-def _require_world_axes(model: NeuralPredictorModel) -> None:
+def _require_fit(model: Trained, step: float, config: ControllerConfig, vehicle: Vehicle) -> None:
+    """Raises ValueError on a model trained for other axes, labels or steps."""
+    _require_world_axes(model)
+    require_origin(model, origin_of("world", vehicle, config.label))
+    if abs(step - config.period) > 1e-9:
+        raise ValueError(
+            f"controller: the predictor's step must equal the period; got {step}, {config.period} [s]. "
+            f"Train it with --step {config.period:g}."
+        )
+
+
+def _require_world_axes(model: Trained) -> None:
     """Raises ValueError on a predictor of wrenches in body axes.
 
     Its zeta would be R^T v, which is not linear in the predicted state: the lifted linear system could not be
     eliminated exactly.
     """
-    frame = model.model.summary.get("origin", {}).get("frame", "world")
+    frame = model.summary.get("origin", {}).get("frame", "world")
     if frame != "world":
         raise ValueError(
             f"controller: the predictor must be trained on wrenches in world axes; its are in {frame} axes. "

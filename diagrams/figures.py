@@ -7,7 +7,6 @@ from matplotlib.figure import Figure
 
 from diagrams.flight_result import FlightResult
 from np_drake.figure_file import DASHES, PALETTE, new_figure
-from np_drake.references.config import make_reference
 
 _AXES = ("x", "y", "z")
 
@@ -18,13 +17,13 @@ def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
     An error along the track does not show here; `errors` has it.
     """
     first = flights[0]
-    ref = first.signals["p_ref"][first.scored][-_lap(first) :]
+    ref = first.signals["p_ref"][first.last_lap]
     span = np.ptp(ref[:, :2], axis=0) + 0.3
     figure, axes = new_figure(1, 1, width=6.0, height=1.1 + 5.0 * min(span[1] / span[0], 1.0))
     ax = axes[0, 0]
     ax.plot(ref[:, 0], ref[:, 1], color="0.3", linestyle=":", linewidth=1.5, label="reference")
     for k, flight in enumerate(flights):
-        p = flight.signals["x_true"][flight.scored][-_lap(flight) :]
+        p = flight.signals["x_true"][flight.last_lap]
         ax.plot(p[:, 0], p[:, 1], color=PALETTE[k], linestyle=DASHES[k], linewidth=1.3, label=flight.label)
     ax.set(xlabel="x [m]", ylabel="y [m]", title=f"{title} · last lap", aspect="equal")
     ax.grid(alpha=0.3)
@@ -72,11 +71,3 @@ def wrench(flight: FlightResult, span: float = 8.0) -> Figure:
     for ax in axes[-1]:
         ax.set_xlabel("time [s]")
     return figure
-
-
-def _lap(flight: FlightResult) -> int:
-    """Rows of one lap, or all of a motion that has none."""
-    rate = getattr(make_reference(flight.config.reference), "rate", None)
-    if not rate:
-        return int(np.sum(flight.scored))
-    return int(2 * np.pi / rate / flight.config.controller.period) + 1

@@ -10,6 +10,7 @@ from np_drake import metrics, rigid_body
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.rotor_input import acting_command
 from np_drake.mpc.problem import MpcStatus
+from np_drake.references.config import make_reference
 
 
 @dc.dataclass
@@ -47,6 +48,13 @@ class FlightResult:
     def scored(self) -> np.ndarray:
         """(n,) rows after the ramp."""
         return self.signals["t"] >= self.config.reference.ramp - 1e-9
+
+    @property
+    def last_lap(self) -> np.ndarray:
+        """(n,) rows of the last lap, or the scored rows of a motion that has none."""
+        rows = np.flatnonzero(self.scored)
+        rate = getattr(make_reference(self.config.reference), "rate", None)
+        return rows[-(int(2 * np.pi / rate / self.config.controller.period) + 1) :] if rate else rows
 
     @cached_property
     def chi_true(self) -> np.ndarray:

@@ -9,7 +9,10 @@ from diagrams.flight_result import FlightResult
 from np_drake.lifting.model_file import save_model
 from np_drake.lifting.origin import origin_of, with_origin
 from np_drake.lifting.training import TrainingResult, make_config, train
+from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.training_segments import training_segments
+from np_drake.residual_models.motion_model import MotionModel
+from np_drake.residual_models.motion_training import train_motion_model
 
 
 def train_predictor(
@@ -24,10 +27,8 @@ def train_predictor(
 
     Raises: ValueError: on an unknown configuration.
     """
-    log = flight.log()
-    start = int(np.argmax(flight.scored))
     segments = training_segments(
-        log.rows(start, len(log)),
+        _scored(flight),
         flight.config.vehicle,
         flight.config.controller.label,
         step=flight.config.controller.period,
@@ -37,3 +38,24 @@ def train_predictor(
     model = with_origin(result.model, origin)
     save_model(model, path)
     return TrainingResult(model, result.loss)
+
+
+def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0) -> MotionModel:
+    """The same for gp and knode. Raises: ValueError: on another name."""
+    controller = flight.config.controller
+    model, _ = train_motion_model(
+        name,
+        [_scored(flight)],
+        flight.config.vehicle,
+        step=controller.period,
+        label=controller.label,
+        seed=seed,
+    )
+    model.save(path)
+    return model
+
+
+def _scored(flight: FlightResult) -> FlightLog:
+    """The log after the ramp."""
+    log = flight.log()
+    return log.rows(int(np.argmax(flight.scored)), len(log))

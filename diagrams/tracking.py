@@ -8,16 +8,22 @@ import numpy as np
 from joblib import Parallel, delayed
 from scipy.stats import t
 
+from diagrams.controllers import LEARNED
 from diagrams.experiments import load_experiment
 from diagrams.failed_run import FailedRun
 from diagrams.flight import FlightConfig
 from diagrams.flight_result import FlightResult, fly
-from diagrams.learning import train_predictor
+from diagrams.learning import train_predictor, train_reaction
+from np_drake.residual_models.motion_model import GP, KNODE, REACTIONS
 
 TRACKS = ("circle", "lemniscate")
+PLAIN, DITHERED = "plain_circle", "training_circle"
+PROTOCOLS = {"plain": (PLAIN,), "dithered": (DITHERED,), "both": (PLAIN, DITHERED)}
 # The paper's Table II: (E_xy, E_z) [m], real flights. Source: Jin et al. 2025.
 PAPER = {
     "nominal": {"circle": (0.1797, 0.2329), "lemniscate": (0.2029, 0.2539)},
+    "gp": {"circle": (0.1414, 0.1692), "lemniscate": (0.1878, 0.1966)},
+    "knode": {"circle": (0.0919, 0.1307), "lemniscate": (0.1503, 0.1406)},
     "np": {"circle": (0.0837, 0.0758), "lemniscate": (0.0849, 0.0591)},
 }
 
@@ -31,7 +37,12 @@ class Row:
     told_mass: bool = False
     hold_bandwidth: float = np.inf  # of kind hold [Hz]
     training: str = ""  # experiment that the predictor is trained on
-    configuration: str = ""  # of the predictor
+    configuration: str = ""  # of the predictor; gp, knode: their own name
+
+    @property
+    def published(self) -> dict[str, tuple[float, float]]:
+        """The paper's figures of this controller by track, where it has any."""
+        return {} if self.told_mass else PAPER.get(self.kind, {})
 
 
 ROWS = (
@@ -42,10 +53,14 @@ ROWS = (
     Row("hold", "hold"),
     Row("hold + total mass", "hold", told_mass=True),
     Row("hold at 1 Hz + total mass", "hold", told_mass=True, hold_bandwidth=1.0),
-    Row("np: paper, plain circle", "np", training="plain_circle", configuration="paper"),
-    Row("np: default, plain circle", "np", training="plain_circle", configuration="default"),
-    Row("np: paper, dithered circle", "np", training="training_circle", configuration="paper"),
-    Row("np", "np", training="training_circle", configuration="default"),
+    Row("gp: plain circle", "gp", training=PLAIN, configuration=GP),
+    Row("gp", "gp", training=DITHERED, configuration=GP),
+    Row("knode: plain circle", "knode", training=PLAIN, configuration=KNODE),
+    Row("knode", "knode", training=DITHERED, configuration=KNODE),
+    Row("np: paper, plain circle", "np", training=PLAIN, configuration="paper"),
+    Row("np: default, plain circle", "np", training=PLAIN, configuration="default"),
+    Row("np: paper, dithered circle", "np", training=DITHERED, configuration="paper"),
+    Row("np", "np", training=DITHERED, configuration="default"),
     Row("oracle", "oracle"),
 )
 
@@ -55,7 +70,7 @@ def configure(track: str, row: Row, *, solver: str, model: str = "") -> FlightCo
     config = load_experiment(track)
     controller = config.controller
     controller.kind, controller.solver = row.kind, solver
-    controller.predictor = model if row.kind == "np" else ""
+    controller.predictor = model if row.kind in LEARNED else ""
     controller.hold_bandwidth = row.hold_bandwidth
     if row.told_mass:
         controller.extra_mass = config.reality.payload.mass
@@ -77,20 +92,25 @@ def train_models(
     flights: dict[str, FlightResult] = {}
     for row in rows:
         key = (row.training, row.configuration)
-        if row.kind != "np" or key in files:
+        if not row.training or key in files:
             continue
         if row.training not in flights:
             flights[row.training] = training_flight(row.training, seed=seed, solver=solver)
         path = folder / f"{row.configuration}_{row.training}.safetensors"
-        train_predictor(flights[row.training], path, configuration=row.configuration, seed=seed)
+        if row.configuration in REACTIONS:
+            train_reaction(flights[row.training], path, name=row.configuration, seed=seed)
+        else:
+            train_predictor(flights[row.training], path, configuration=row.configuration, seed=seed)
         files[key] = str(path)
     return files
 
 
 def _fly_row(track: str, row: Row, model: str, seed: int, solver: str) -> dict:
-    """The `fly` summary; of a lost vehicle infinite errors, so that one lost flight loses no other."""
+    """The `fly` summary and the last lap; of a lost vehicle infinite errors, so that it loses no other flight."""
     try:
-        summary = fly(configure(track, row, solver=solver, model=model), seed=seed).summary()
+        flight = fly(configure(track, row, solver=solver, model=model), seed=seed)
+        summary = flight.summary()
+        summary["lap"] = {name: flight.signals[name][flight.last_lap, :2] for name in ("x_true", "p_ref")}
     except FailedRun as error:
         metrics = {"E_xy": np.inf, "E_z": np.inf, "growth": np.inf, "solve_failures": 0}
         summary = {"experiment": track, "controller": row.kind, "seed": seed, "metrics": metrics}
@@ -107,8 +127,12 @@ def run_tracking(
     rows: tuple[Row, ...] = ROWS,
     jobs: int = 2,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
+    on_lap: Callable[[dict, dict[str, np.ndarray]], None] = lambda summary, lap: None,
 ) -> list[dict]:
-    """All rows on all tracks and seeds; the `fly` summaries, each with its row's name."""
+    """All rows on all tracks and seeds; the `fly` summaries, each with its row's name.
+
+    Args: on_lap: called with a summary and x_true, p_ref (n, 2) [m] of that flight's last lap.
+    """
     models = train_models(rows, folder, seed=training_seed, solver=solver)
     tasks = [
         (track, row, models.get((row.training, row.configuration), ""), seed, solver)
@@ -121,6 +145,8 @@ def run_tracking(
     )
     summaries = []
     for summary in results:
+        if (lap := summary.pop("lap", None)) is not None:
+            on_lap(summary, lap)
         summaries.append(summary)
         on_progress(len(summaries), len(tasks))
     return summaries

@@ -9,7 +9,7 @@ import typer
 
 from diagrams.cli import options
 from diagrams.cli.output import progress, say, write_metrics
-from diagrams.cli.train import LOG_HELP, configure, run_training
+from diagrams.cli.train import LOG_HELP, configure, run_training, train_reaction
 from diagrams.failed_run import FailedRun
 from np_drake.atomic_file import require_writable
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from diagrams.cli.flights import Flight
     from np_drake.lifting.lifted_model import LiftedModel
-    from np_drake.residual_models.linear_baselines import LinearBaseline, RidgeBaseline
+    from np_drake.residual_models.base import ResidualModel
 
 CONFIGURATIONS = ("paper", "default")
 HORIZONS = "1,5,10,20,40"
@@ -42,6 +42,10 @@ def evaluate(
     only: Annotated[
         list[str] | None, typer.Option(help="Train only this one: paper | default; repeatable.")
     ] = None,
+    also: Annotated[
+        list[str] | None,
+        typer.Option(help="Rows of these as well, trained likewise: gp | knode; repeatable."),
+    ] = None,
     horizons: Annotated[str, typer.Option(help="Steps ahead, comma-separated.")] = HORIZONS,
     epochs: Annotated[int | None, typer.Option(min=1, help="Passes; default: the configuration's.")] = None,
     step: options.Step = 0.02,
@@ -58,6 +62,7 @@ def evaluate(
         require_writable(json)
     steps = parse_horizons(horizons)
     names = choose_configurations(only)
+    require_reactions(also or (), predictor)
     if leave_one_out and (predictor or train or len(logs or ()) < 2):
         raise ValueError("--leave-one-out: give two LOG or more, and neither --predictor nor --train.")
     train, logs = choose_flights(list(train or ()), list(logs or ()), predictor, neurobem)
@@ -79,7 +84,7 @@ def evaluate(
             if predictor
             else train_all(learned, step=step, seed=seed, epochs=epochs, names=names)
         )
-        baselines, mean = train_baselines(learned, steps, step)
+        baselines, mean = train_baselines(learned, steps, step, also or (), seed)
         for zeta in MOTIONS:
             with progress(f"scoring, coming motion {zeta}", 1.0) as advance:
                 rows += score(
@@ -146,11 +151,26 @@ def choose_configurations(only: list[str] | None) -> list[str]:
     return [name for name in CONFIGURATIONS if not only or name in only]
 
 
+def require_reactions(names: Sequence[str], predictor: Path | None) -> None:
+    """Raises ValueError where `--also` names what there is not, or nothing is trained."""
+    from np_drake.residual_models.motion_model import REACTIONS
+
+    if unknown := set(names) - set(REACTIONS):
+        raise ValueError(f"--also: must be {' | '.join(REACTIONS)}; got {', '.join(sorted(unknown))}.")
+    if names and predictor:
+        raise ValueError("--also: gp and knode are trained beside the others; leave out --predictor.")
+
+
 def train_baselines(
-    flights: list["Flight"], horizons: list[int], step: float
-) -> tuple[dict[str, "LinearBaseline | RidgeBaseline"], "np.ndarray | None"]:
-    """The opponents that must be trained, and the mean of chi (6,) in training; none without training flights."""
+    flights: list["Flight"], horizons: list[int], step: float, also: Sequence[str] = (), seed: int = 0
+) -> tuple[dict[str, "ResidualModel"], "np.ndarray | None"]:
+    """The opponents that must be trained, and the mean of chi (6,) in training; none without training flights.
+
+    Raises: ValueError: if one of `also` is not gp or knode, or cannot learn from these flights.
+    """
     if not flights:
+        if also:
+            raise ValueError("--also: gp and knode need flights to train on; give --train LOG.")
         return {}, None
     import numpy as np
 
@@ -158,7 +178,11 @@ def train_baselines(
 
     segments = [segment for flight in flights for segment in flight.segments(step)]
     mean = np.concatenate([segment.goal for segment in segments]).mean(axis=0)
-    return fit_all(segments, np.unique([0, *horizons])), mean
+    models: dict[str, ResidualModel] = dict(fit_all(segments, np.unique([0, *horizons])))
+    step = segments[0].step
+    for name in also:
+        models[name] = train_reaction(name, flights, step=step, settings={"seed": seed})[0]
+    return models, mean
 
 
 def packaged_model() -> Path:

@@ -21,13 +21,15 @@ def fly(
     ],
     controller: Annotated[
         str | None,
-        typer.Option(help="nominal | hold | observer | oracle | np; default: the scenario's, or np."),
+        typer.Option(
+            help="nominal | hold | observer | oracle | np | gp | knode; default: the scenario's, or np."
+        ),
     ] = None,
     solver: Annotated[
         str | None,
         typer.Option(help="ipopt | sqp | ipopt_multiple_shooting (the test oracle: 0.2 to 1 s a solve)"),
     ] = None,
-    predictor: Annotated[Path | None, typer.Option(help="Model file of controller np.")] = None,
+    predictor: Annotated[Path | None, typer.Option(help="Model file of controller np, gp or knode.")] = None,
     told_mass: Annotated[
         bool, typer.Option("--told-mass", help="Tell controller and estimator the payload's mass.")
     ] = False,

@@ -19,7 +19,7 @@ Configuration = Annotated[
     typer.Option(
         "--configuration",
         metavar="NAME",
-        help="Predictor: default | paper | dictionary | dmdc | delay-dmdc | ridge.",
+        help="Predictor: default | paper | dictionary | dmdc | delay-dmdc | ridge; or gp | knode.",
     ),
 ]
 Step = Annotated[float, typer.Option("--step", min=1e-4, max=1.0, help="Predictor step for flight logs [s].")]

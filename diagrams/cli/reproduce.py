@@ -1,15 +1,15 @@
 """`np-drake reproduce`: a table of the paper beside ours."""
 
-import tempfile
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from diagrams.cli import options, reproduce_estimation, reproduce_flights
-from diagrams.cli.output import make_folder, print_table, progress, say, write_markdown, write_metrics
-from diagrams.cli.reproduce_configurations import choose_rows, configurations_table
+from diagrams.cli.output import print_table, progress, say, write_markdown, write_metrics
+from diagrams.cli.reproduce_configurations import configurations_table
 from diagrams.cli.reproduce_flights import Table
+from diagrams.cli.reproduce_tracking import tracking_table
 from np_drake.atomic_file import require_writable
 
 TABLES = (
@@ -27,6 +27,9 @@ def reproduce(
     only: Annotated[
         list[str] | None, typer.Option(help="Only rows of these names (nominal is always flown).")
     ] = None,
+    training: Annotated[
+        str, typer.Option(help="Circle that learned rows of `tracking` train on: plain | dithered | both.")
+    ] = "both",
     neurobem: Annotated[
         Path | None,
         typer.Option(metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),
@@ -36,7 +39,8 @@ def reproduce(
     json: options.Json = None,
     markdown: options.Markdown = None,
 ) -> None:
-    """Tracking: every controller on circle and lemniscate (training flights draw `seed`, evaluations seed + 1, …).
+    """Tracking: every controller on circle and lemniscate (training flights draw `seed`, evaluations seed + 1, …);
+    --out DIR: models and figure.
 
     Configurations: every configuration of the predictor, trained on one flight, in the same loop; seeds likewise.
     Weights: how the MPC's weights were chosen, on the vehicle without payload.
@@ -75,8 +79,15 @@ def reproduce(
             seeds=seeds, solver=solver, jobs=jobs, only=only or [], seed=seed, out=out, json=json
         )
     else:
-        result = _tracking(
-            seeds=seeds, solver=solver, jobs=jobs, only=only or [], seed=seed, out=out, json=json
+        result, notes = tracking_table(
+            seeds=seeds,
+            solver=solver,
+            jobs=jobs,
+            only=only or [],
+            protocol=training,
+            seed=seed,
+            out=out,
+            json=json,
         )
     print_table(*result)
     say(*notes)
@@ -102,34 +113,6 @@ def _pendulum(*, seed: int, json: Path | None) -> Table:
     )
 
 
-def _tracking(
-    *, seeds: int, solver: str, jobs: int, only: list[str], seed: int, out: Path | None, json: Path | None
-) -> Table:
-    from diagrams import tracking
-
-    rows = choose_rows(tracking.ROWS, only)
-    evaluation = [seed + 1 + k for k in range(seeds)]
-    with tempfile.TemporaryDirectory() as scratch, progress("tracking", 1.0) as advance:
-        summaries = tracking.run_tracking(
-            make_folder(out) if out else Path(scratch),
-            seeds=evaluation,
-            training_seed=seed,
-            solver=solver,
-            rows=rows,
-            jobs=jobs,
-            on_progress=lambda done, total: advance(done / total, f"{done} of {total} flights"),
-        )
-    lines = tracking.table(summaries)
-    title = (
-        f"{seeds} flights a row, seeds {evaluation[0]} … {evaluation[-1]}, trained on seed {seed}, {solver}"
-    )
-    weights = tracking.frozen_weights()
-    say(f"MPC of every row: {weights}")
-    config = {"solver": solver, "seeds": evaluation, "training_seed": seed, "mpc": weights}
-    write_metrics(json, "reproduce", seed=seed, config=config, table=lines, runs=summaries)
-    return tracking_table(lines, title)
-
-
 def _weights(*, seed: int, jobs: int, json: Path | None) -> Table:
     from diagrams.tuning import EFFORT, LAG, weight_table
 
@@ -152,49 +135,4 @@ def _weights(*, seed: int, jobs: int, json: Path | None) -> Table:
     title = f"factors on the frozen weights; lemniscate, no payload, motor lag {LAG} s, seed {seed}"
     config = {"allowed_torque_rms": EFFORT, "motor_lag": LAG}
     write_metrics(json, "reproduce", seed=seed, config=config, table=lines)
-    return title, header, rows
-
-
-def tracking_table(lines: list[dict], title: str) -> Table:
-    """Title, header and rows of the lines that `tracking.table` gives."""
-    from diagrams.tracking import PAPER
-
-    def cell(line: dict, key: str) -> str:
-        if line[key] == float("inf"):
-            return "lost"
-        spread = line[key + "_ci95"]
-        return f"{100 * line[key]:.2f}" + (f" ± {100 * spread:.2f}" if spread == spread else "")
-
-    def cut(line: dict, key: str) -> str:
-        return f"{100 * line[key + '_cut']:.1f} %" if key + "_cut" in line else "–"
-
-    def paper(line: dict) -> str:
-        pair = PAPER.get(line["row"], {}).get(line["track"])
-        return f"{100 * pair[0]:.1f} / {100 * pair[1]:.1f}" if pair else "–"
-
-    rows = [
-        (
-            line["track"],
-            line["row"],
-            cell(line, "E_xy"),
-            cut(line, "E_xy"),
-            cell(line, "E_z"),
-            cut(line, "E_z"),
-            f"{line['growth']:.2f}",
-            paper(line),
-            line["solve_failures"],
-        )
-        for line in sorted(lines, key=lambda line: line["track"])
-    ]
-    header = [
-        "track",
-        "controller",
-        "E_xy [cm]",
-        "cut",
-        "E_z [cm]",
-        "cut",
-        "growth",
-        "paper xy / z",
-        "failed",
-    ]
     return title, header, rows

@@ -14,8 +14,10 @@ from np_drake.atomic_file import require_writable
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from diagrams.cli.flights import Flight
     from np_drake.lifting.segments import Segment
     from np_drake.lifting.training import Config, TrainingResult
+    from np_drake.residual_models.motion_model import MotionModel
 
 LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
 
@@ -48,8 +50,25 @@ def train(
     from np_drake.labels import LabelConfig
     from np_drake.lifting.model_file import save_model
     from np_drake.lifting.origin import origin_of, with_origin
+    from np_drake.residual_models.motion_model import KNODE, REACTIONS
 
+    if configuration in REACTIONS and checkpoint is not None:
+        raise ValueError(f"--checkpoint: {configuration} has none; it trains in a minute or less.")
     flights = open_flights(logs, vehicle, repair=repair)
+    if configuration in REACTIONS:
+        settings = {"seed": seed} | ({"epochs": epochs} if epochs and configuration == KNODE else {})
+        learnt, loss, wall = train_reaction(configuration, flights, step=step, settings=settings)
+        learnt.save(out)
+        if loss:
+            save(loss_figure(loss), curve)
+        rmse = learnt.summary["label_rmse"]
+        say(
+            f"excitation: {learnt.summary['excitation']}",
+            f"against the labels [N, N·m]: {[round(value, 4) for value in rmse]}",
+        )
+        say(f"{learnt.summary['samples']} samples, {wall:.1f} s", f"model: {out}")
+        write_metrics(json, "train", seed=seed, config=settings, loss=loss, wall=wall, summary=learnt.summary)
+        return
     config = configure(configuration, frame=flights[0].frame, seed=seed, epochs=epochs)
     segments = [segment for flight in flights for segment in flight.segments(step)]
     result, wall = run_training(f"training {configuration}", segments, config, checkpoint)
@@ -63,6 +82,24 @@ def train(
     write_metrics(
         json, "train", seed=seed, config=settings, loss=result.loss, wall=wall, summary=result.model.summary
     )
+
+
+def train_reaction(
+    name: str, flights: "list[Flight]", *, step: float, settings: dict
+) -> tuple["MotionModel", list[float], float]:
+    """The model gp or knode, its loss and how long it took [s]. Raises ValueError where `flights` do not serve."""
+    from np_drake.residual_models.motion_training import train_motion_model
+
+    start, vehicles = time.perf_counter(), [flight.vehicle for flight in flights]
+    if any(vehicle != vehicles[0] for vehicle in vehicles):
+        raise ValueError(f"{name}: all flights must be of one vehicle; give them one --vehicle FILE.")
+    with progress(f"training {name}", 1.0) as advance:
+        model, loss = train_motion_model(
+            name, [flight.data for flight in flights], vehicles[0], step=step,
+            on_epoch=lambda epoch, total, loss: advance(epoch / total, f"loss {loss:.4g}"), **settings,
+        )  # fmt: skip
+        advance(1.0)
+    return model, loss, time.perf_counter() - start
 
 
 def configure(name: str, *, frame: str = "world", seed: int = 0, epochs: int | None = None) -> "Config":

@@ -1,11 +1,20 @@
 """What a trained predictor was trained on, and whether a controller may fly it."""
 
 import dataclasses as dc
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from np_drake.labels import LabelConfig
-from np_drake.lifting.lifted_model import LiftedModel
 from np_drake.vehicle import Vehicle
+
+
+class Trained(Protocol):
+    """A dataclass with a `summary` of its training."""
+
+    @property
+    def summary(self) -> dict[str, Any]: ...
+
+
+M = TypeVar("M", bound=Trained)
 
 
 def origin_of(frame: str, vehicle: Vehicle, label: LabelConfig) -> dict[str, Any]:
@@ -13,12 +22,12 @@ def origin_of(frame: str, vehicle: Vehicle, label: LabelConfig) -> dict[str, Any
     return {"frame": frame, "mass": vehicle.mass, "label": dc.asdict(label)}
 
 
-def with_origin(model: LiftedModel, origin: dict[str, Any]) -> LiftedModel:
+def with_origin(model: M, origin: dict[str, Any]) -> M:
     """The model with `origin` in its summary, and so in its file."""
-    return dc.replace(model, summary={**model.summary, "origin": origin})
+    return dc.replace(model, summary={**model.summary, "origin": origin})  # type: ignore[type-var]
 
 
-def require_origin(model: LiftedModel, origin: dict[str, Any]) -> None:
+def require_origin(model: Trained, origin: dict[str, Any]) -> None:
     """Raises ValueError where the model was trained on other labels than it would be fed; silent where unknown."""
     trained = model.summary.get("origin", {})
     for name, value in origin.items():

@@ -173,9 +173,13 @@ def _rollouts(
     z = np.stack([f.z for f in forecasts])[:, None]
     chi_hat = np.stack([f.offset[horizons] for f in forecasts])
     for i in range(horizons[-1] + 1):
-        if i in horizons:
-            chi_hat[:, horizons.index(i)] += (z @ C)[:, 0]
         row = origins + i if zeta_known else origins
+        if i in horizons:
+            at_once = [
+                0.0 if f.reaction is None else f.reaction(v)
+                for f, v in zip(forecasts, zeta[row], strict=True)
+            ]
+            chi_hat[:, horizons.index(i)] += (z @ C)[:, 0] + np.reshape(at_once, (len(origins), -1))
         z = z @ A + zeta[row][:, None] @ B
     return chi_hat
 

@@ -51,8 +51,10 @@ class CasadiSolver:
         self._programs: dict[int, tuple[Any, np.ndarray, np.ndarray]] = {}
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
-        """Raises SolverFailure where IPOPT does not converge."""
+        """Raises SolverFailure where IPOPT does not converge, or the forecast is not linear in the motion."""
         f = problem.forecast
+        if f.reaction is not None:
+            raise SolverFailure("MPC: casadi: the peer solves linear forecasts only.")
         K = len(f.z)
         if K not in self._programs:
             self._programs[K] = self._build(K)

@@ -1,7 +1,8 @@
 """Single shooting over the rotor thrusts: rollout, exact sensitivities and the Gauss-Newton model.
 
 The decision is T (N, 4), u = mixer T, so that the hard input set is a plain box. The lifted linear system is
-linear in the predicted zeta and is eliminated exactly (`horizon.eliminate`); nothing here grows with K.
+linear in the predicted zeta and is eliminated exactly (`horizon.eliminate`); nothing here grows with K. A wrench that
+reacts to zeta nonlinearly is evaluated at every predicted state, and its own Jacobian joins the sensitivities.
 """
 
 import dataclasses as dc
@@ -100,6 +101,8 @@ class Condensed:
             if coupled and i:
                 chi[i] += h.markov[:, -6 * i :] @ zeta[: 6 * i]
             zeta[6 * i : 6 * i + 6] = state[7:]
+            if h.reaction is not None:
+                chi[i] += h.reaction(zeta[6 * i : 6 * i + 6])
             state = advance(state, inputs[i], chi[i].tolist())
             states.append(state)
         x = np.array(states)
@@ -110,6 +113,7 @@ class Condensed:
         n = self.config.horizon
         model = self.dynamics.linearise(t.x[:-1], t.u, t.chi)
         Fu = model.Fu @ self.vehicle.mixer
+        own = None if h.reaction is None else h.reaction.jacobian(t.x[:-1, 7:13])
         S = np.zeros((n, 13, 4 * n))
         zeta = np.zeros((6 * n, 4 * n))  # d zeta_0 = 0
         both = np.zeros((19, 4 * n))  # d[x_i, chi_i]
@@ -120,6 +124,9 @@ class Condensed:
             if h.markov.size:
                 zeta[6 * i : 6 * i + 6, :k] = S[i - 1, 7:13, :k]
                 both[13:, :k] = h.markov[:, -6 * i :] @ zeta[: 6 * i, :k]
+            if own is not None:
+                at_once = own[i] @ S[i - 1, 7:13, :k]
+                both[13:, :k] = both[13:, :k] + at_once if h.markov.size else at_once
             S[i, :, :k] = model.Fx[i] @ both[:, :k]
             S[i, :, k : k + 4] = Fu[i]
         return S

@@ -8,7 +8,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.mpc.problem import MpcConfig, MpcProblem, SolverFailure
 from np_drake.mpc.terminal import terminal_weight
-from np_drake.residual_models.base import WrenchForecast
+from np_drake.residual_models.base import Reaction, WrenchForecast
 from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE
 from np_drake.vehicle import Vehicle
 
@@ -20,7 +20,7 @@ class Horizon:
     x0: (13,) unit quaternion.   x_ref: (N+1, 13) on the hemisphere of x0.   u_ref: (N, 4).
     P: (13, 13) terminal weight of this problem's last reference attitude.
     free: (N, 6) wrench with zeta = 0.   markov: (6, 6(N-1)) = [C A^(N-2) B … C B]; with the predicted zeta
-    chi_i = free_i + markov[:, -6i:] @ [zeta_0 … zeta_(i-1)].
+    chi_i = free_i + markov[:, -6i:] @ [zeta_0 … zeta_(i-1)] + reaction(zeta_i).
     """
 
     x0: np.ndarray
@@ -29,6 +29,7 @@ class Horizon:
     P: np.ndarray
     free: np.ndarray
     markov: np.ndarray
+    reaction: Reaction | None = None
 
     @cached_property
     def P_root(self) -> np.ndarray:
@@ -50,11 +51,11 @@ def prepare(problem: MpcProblem, vehicle: Vehicle, config: MpcConfig) -> Horizon
     if not (np.isfinite(free).all() and np.isfinite(markov).all()):
         raise SolverFailure("MPC: the forecast overflows within the horizon; its A must be stable.")
     P = terminal_weight(vehicle, config, x_ref[-1, 3:7])
-    return Horizon(x0, x_ref, np.array(problem.u_ref, float), P, free, markov)
+    return Horizon(x0, x_ref, np.array(problem.u_ref, float), P, free, markov, problem.forecast.reaction)
 
 
 def eliminate(forecast: WrenchForecast) -> tuple[np.ndarray, np.ndarray]:
-    """(free, markov) of `Horizon`: only C A^j [B z] is needed, so K leaves the problem."""
+    """(free, markov) of `Horizon`: only C A^j [B z] is needed, so K leaves the problem; the reaction stays."""
     n = len(forecast.offset)
     free = np.array(forecast.offset, float)
     K = len(forecast.z)

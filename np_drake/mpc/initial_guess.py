@@ -27,7 +27,7 @@ def initial_trajectory(
 
 
 def feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
-    """(N, 4) rotor thrusts [N] of the hover feedback on saturated errors, with the wrench of zero zeta."""
+    """(N, 4) rotor thrusts [N] of the hover feedback on saturated errors, with the wrench before any planned motion."""
     vehicle = condensed.vehicle
     gain = hover_solution(vehicle, condensed.config)[1]
     bound = np.full(13, np.inf)
@@ -37,7 +37,6 @@ def feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
     for i in range(len(T)):
         e = np.clip(x - h.x_ref[i], -bound, bound)
         T[i] = condensed.clip(vehicle.unmixer @ (h.u_ref[i] - gain @ e))
-        x = np.array(
-            condensed.dynamics.advance(x.tolist(), (vehicle.mixer @ T[i]).tolist(), h.free[i].tolist())
-        )
+        chi = h.free[i] if h.reaction is None else h.free[i] + h.reaction(x[7:13])
+        x = np.array(condensed.dynamics.advance(x.tolist(), (vehicle.mixer @ T[i]).tolist(), chi.tolist()))
     return T

@@ -43,6 +43,7 @@ class StackedStages:
             P=np.eye(13) + np.ones((13, 13)),
             free=rng.normal(size=(n, 6)),
             markov=rng.normal(size=(6, 6 * (n - 1))),
+            reaction=_Dense(),
         )
         return self.evaluate(h, rng.normal(size=self.size))[1] != 0
 
@@ -75,6 +76,12 @@ class StackedStages:
             forecast[i] += blocks @ x[:i, 7:13].ravel()
             for j in range(1, i):
                 J[6 * i : 6 * i + 6, self.x_stage(j)][:, 7:13] = -blocks[:, 6 * j : 6 * j + 6]
+        if h.reaction is not None:
+            zeta = x[:-1, 7:13]
+            forecast += h.reaction(zeta)
+            own = h.reaction.jacobian(zeta)
+            for i in range(1, self._n):
+                J[6 * i : 6 * i + 6, self.x_stage(i)][:, 7:13] -= own[i]
         return (chi - forecast).ravel()
 
     def _soft(self, h: Horizon, x: np.ndarray, s: np.ndarray, J: np.ndarray) -> np.ndarray:
@@ -97,3 +104,13 @@ class StackedStages:
             J[rows, self.s.start + kind] = -1.0
         tilt, far = excess[3 * n : -1] - s[TILT], excess[-1] - s[TERMINAL]
         return np.concatenate([v - box, -v - box, tilt, [far]])
+
+
+class _Dense:
+    """A reaction of every component to every other, for the pattern."""
+
+    def __call__(self, zeta: np.ndarray) -> np.ndarray:
+        return np.tile(zeta.sum(axis=-1, keepdims=True), 6)
+
+    def jacobian(self, zeta: np.ndarray) -> np.ndarray:
+        return np.ones((len(zeta), 6, 6))

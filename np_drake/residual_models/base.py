@@ -25,14 +25,27 @@ class Sample:
     chi: np.ndarray
 
 
+class Reaction(Protocol):
+    """A wrench that is a function g of the motion at the same instant; vectorised, differentiable, no memory."""
+
+    def __call__(self, zeta: np.ndarray) -> np.ndarray:
+        """(..., 6) chi of (..., 6) zeta [N, N·m]."""
+        ...
+
+    def jacobian(self, zeta: np.ndarray) -> np.ndarray:
+        """(n, 6, 6) dchi/dzeta at (n, 6) zeta."""
+        ...
+
+
 @dc.dataclass(frozen=True)
 class WrenchForecast:
-    """chi_i = C z_i + offset_i,  z_(i+1) = A z_i + B zeta_i,  i = 0 … N-1, at the horizon's own step.
+    """chi_i = C z_i + offset_i + g(zeta_i),  z_(i+1) = A z_i + B zeta_i,  i = 0 … N-1, at the horizon's own step.
 
     chi_i acts from t_(k+i) to t_(k+i+1); zeta_i is the predicted [v_WB, w_WB_B] at t_(k+i). A model without
     feedback from the motion has K = 0 and speaks through `offset` alone.
 
     A: (K, K)   B: (K, 6) per [m/s, rad/s]   C: (6, K)   z: (K,) lifted state now   offset: (N, 6) [N, N·m].
+    reaction: g, None for zero.   zeta: (6,) measured now; only g asks for it [m/s, rad/s].
     """
 
     A: np.ndarray
@@ -40,18 +53,22 @@ class WrenchForecast:
     C: np.ndarray
     z: np.ndarray
     offset: np.ndarray
+    reaction: Reaction | None = None
+    zeta: np.ndarray = dc.field(default_factory=lambda: np.zeros(6))
 
     @property
     def first(self) -> np.ndarray:
         """(6,) chi_0 [N, N·m]."""
-        return self.C @ self.z + self.offset[0]
+        chi = self.C @ self.z + self.offset[0]
+        return chi if self.reaction is None else chi + self.reaction(self.zeta)
 
     def rollout(self, zeta: np.ndarray) -> np.ndarray:
         """(N, 6) chi_hat for given (N, 6) zeta."""
         drive, z = zeta @ self.B.T, np.empty((len(self.offset), len(self.z)))
         for i in range(len(z)):
             z[i] = self.z if i == 0 else self.A @ z[i - 1] + drive[i - 1]
-        return self.offset + z @ self.C.T
+        chi = self.offset + z @ self.C.T
+        return chi if self.reaction is None else chi + self.reaction(zeta)
 
 
 @dc.dataclass

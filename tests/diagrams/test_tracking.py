@@ -5,7 +5,7 @@ import pytest
 
 from diagrams import demo, tracking
 from diagrams.cli.main import run
-from diagrams.cli.reproduce import tracking_table
+from diagrams.cli.reproduce_tracking import printed
 from diagrams.experiments import load_experiment
 from diagrams.failed_run import FailedRun
 
@@ -94,6 +94,52 @@ def test_the_verb_prints_and_writes_the_same_table(tmp_path, short_experiments, 
     assert rows[1][2] in capsys.readouterr().out
 
 
+def test_gp_and_knode_learn_from_the_circle_that_np_learns_from():
+    for kind in ("gp", "knode", "np"):
+        circles = {row.training for row in tracking.ROWS if row.kind == kind}
+        assert circles == {tracking.PLAIN, tracking.DITHERED}
+        assert next(row for row in tracking.ROWS if row.name == kind).published["circle"][0] > 0
+
+
+def test_the_papers_controllers_fly_and_are_drawn(tmp_path, short_experiments, capsys):
+    arguments = [
+        "reproduce",
+        "tracking",
+        "--seeds",
+        "1",
+        "--jobs",
+        "1",
+        "--seed",
+        "40",
+        "--training",
+        "dithered",
+    ]
+    assert run([*arguments, "--only", "gp", "--only", "knode", "--out", str(tmp_path)]) == 0
+    shown = capsys.readouterr().out
+    assert "failed solves: 0 in 6 flights; lost flights: 0" in shown
+    assert "evaluation: seeds [41]" in shown
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {
+        "gp_training_circle.safetensors",
+        "knode_training_circle.safetensors",
+        "plane_tracks.png",
+    }
+
+
+def test_a_row_of_the_other_protocol_is_bad_input(capsys):
+    assert run(["reproduce", "tracking", "--training", "plain", "--only", "gp"]) == 2
+    assert "gp is not trained on the plain circle" in capsys.readouterr().err
+    assert run(["reproduce", "tracking", "--training", "square"]) == 2
+    assert "plain | dithered | both" in capsys.readouterr().err
+
+
+def test_a_controller_that_learns_needs_its_model():
+    config = load_experiment("circle")
+    config.controller.kind = "gp"
+    with pytest.raises(ValueError, match="kind gp needs its model file"):
+        config.check()
+
+
 def test_a_lost_flight_is_a_lost_cell_and_loses_no_other(monkeypatch):
     def crash(config, *, seed):
         raise FailedRun("lemniscate: hold lost the vehicle before 3.0 s.")
@@ -110,7 +156,7 @@ def test_a_lost_flight_is_a_lost_cell_and_loses_no_other(monkeypatch):
             summary("hold", "circle", 1, 0.1),
         ]
     )
-    _, _, rows = tracking_table(lines, "title")
+    _, _, rows = printed(lines, "title")
     cells = {(row[0], row[1]): row[2] for row in rows}
     assert cells["lemniscate", "hold"] == "lost"
     assert cells["circle", "hold"] == "10.00"

@@ -78,6 +78,27 @@ def test_both_configurations_are_trained_and_scored(logs, tmp_path, capsys):
     assert len(rows) == len(set(rows))
 
 
+def test_gp_and_knode_are_rows_where_they_are_asked_for(logs, tmp_path, capsys):
+    out = tmp_path / "rows.json"
+    arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--only", "default", "--epochs", "1"]
+    arguments += ["--horizons", "1,20", "--json", str(out)]
+    assert run([*arguments, "--also", "gp", "--also", "knode"]) == 0, capsys.readouterr().err
+    rows = {(row["model"], row["horizon"], row["zeta"]): row["force_rmse"] for row in rows_of(out)}
+    for name in ("gp", "knode"):
+        # No label enters: what the coming motion is decides, not how far ahead it is.
+        assert rows[name, 0.02, "known"] == pytest.approx(rows[name, 0.4, "known"], rel=0.05)
+
+
+def test_rows_that_cannot_be_trained_are_bad_input(logs, model, capsys):
+    for arguments, message in (
+        (["--also", "gq"], "must be gp | knode"),
+        (["--also", "gp", "--predictor", str(model)], "leave out --predictor"),
+        (["--also", "gp"], "need flights to train on"),
+    ):
+        assert run(["evaluate", str(logs[1]), *arguments]) == 2
+        assert message in capsys.readouterr().err
+
+
 def test_without_arguments_it_is_race_track_1(neurobem, tmp_path, monkeypatch, capsys):
     """On the first 3 s of the flight, so that it takes seconds."""
     (tmp_path / "npy").mkdir()

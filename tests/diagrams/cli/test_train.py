@@ -7,6 +7,7 @@ import pytest
 
 from diagrams.cli.main import run
 from np_drake.lifting.model_file import load_model
+from np_drake.residual_models.motion_model import MotionModel
 
 
 def test_training_leaves_a_model_a_curve_and_figures(logs, tmp_path, capsys):
@@ -41,6 +42,16 @@ def test_a_configuration_in_closed_form_is_trained_by_name_and_has_no_epochs(nam
     np.testing.assert_array_equal(one.encoder.E, nine.encoder.E)
 
 
+@pytest.mark.parametrize("name", ["gp", "knode"])
+def test_a_model_of_the_motion_is_trained_by_name(name, logs, tmp_path, capsys):
+    out, metrics = tmp_path / "model.safetensors", tmp_path / "train.json"
+    arguments = ["train", str(logs[0]), "--configuration", name, "--epochs", "1", "--json", str(metrics)]
+    assert run([*arguments, "--out", str(out)]) == 0, capsys.readouterr().err
+    assert MotionModel.load(out).name == name
+    assert json.loads(metrics.read_text())["summary"]["samples"] > 1000
+    assert (tmp_path / "model.png").exists() == (name == "knode")
+
+
 def test_the_same_seed_trains_the_same_model(logs, tmp_path):
     files = [tmp_path / f"{name}.safetensors" for name in ("a", "b")]
     for out in files:
@@ -53,6 +64,7 @@ def test_the_same_seed_trains_the_same_model(logs, tmp_path):
 BAD = {  # extra arguments: what the line must say
     "no file": (["missing.csv"], "missing.csv: No such file"),
     "configuration": (["LOG", "--configuration", "papier"], "configuration must be"),
+    "checkpoint": (["LOG", "--configuration", "gp", "--checkpoint", "run"], "gp has none"),
     "folder": (["LOG", "--json", "nowhere/x.json"], "nowhere must exist"),
     "vehicle": (["LOG", "--vehicle", "missing.yaml"], "missing.yaml"),
     "step": (["LOG", "--step", "0.001"], "step must be at least"),

@@ -5,11 +5,14 @@ from np_drake.mpc.condensed import Condensed
 from np_drake.mpc.dynamics import DiscreteDynamics
 
 
-@pytest.fixture(params=[0, 24], ids=["K=0", "K=24"])
-def setup(request, vehicle, config, make_problem):
+@pytest.fixture(
+    params=[(0, False), (24, False), (0, True), (24, True)], ids=["K=0", "K=24", "g", "K=24 and g"]
+)
+def setup(request, vehicle, config, make_problem, reaction):
     """(condensed, horizon, thrusts, problem) away from any special point."""
     dut = Condensed(vehicle, config)
-    problem = make_problem(config, K=request.param, offset=0.4, tilt=0.3)
+    K, reacts = request.param
+    problem = make_problem(config, K=K, offset=0.4, tilt=0.3, reaction=reaction if reacts else None)
     T = 4.9 + np.random.default_rng(1).normal(size=(config.horizon, 4))
     return dut, dut.prepare(problem), T, problem
 

@@ -83,6 +83,16 @@ def test_the_plan_is_a_rollout_that_starts_at_the_measurement(solvers, make_prob
     )  # [N, N·m]
 
 
+def test_solvers_agree_where_the_wrench_reacts_to_the_motion(solvers, make_problem, config, reaction):
+    problem = make_problem(config, offset=0.3, reaction=reaction)
+    optimum = solvers["oracle"].solve(problem)
+    np.testing.assert_allclose(
+        problem.forecast.rollout(optimum.x[:-1, 7:13]), optimum.chi, atol=1e-6
+    )  # [N, N·m] the program's tolerance
+    for name in ("sqp", "ipopt"):
+        assert solvers[name].solve(problem).cost == pytest.approx(optimum.cost, rel=1e-4)
+
+
 @SOLVERS
 def test_nan_raises_solver_failure(solvers, make_problem, config, name):
     problem = make_problem(config)

@@ -5,10 +5,11 @@ from np_drake.mpc.condensed import Condensed
 from np_drake.mpc.stacked_stages import StackedStages
 
 
-@pytest.fixture
-def setup(vehicle, config, make_problem):
+@pytest.fixture(params=[False, True], ids=["linear", "reacting"])
+def setup(request, vehicle, config, make_problem, reaction):
     condensed = Condensed(vehicle, config)
-    h = condensed.prepare(make_problem(config, offset=0.4, tilt=0.2))
+    problem = make_problem(config, offset=0.4, tilt=0.2, reaction=reaction if request.param else None)
+    h = condensed.prepare(problem)
     return StackedStages(condensed), h, condensed.rollout(h, np.full((config.horizon, 4), 5.2))
 
 

@@ -1,0 +1,62 @@
+"""A perceptron of the motion, in numpy, as it flies."""
+
+import dataclasses as dc
+
+import numpy as np
+
+
+@dc.dataclass(frozen=True)
+class WrenchNetwork:
+    """chi = unit (W^(L+1) relu(W^L … relu(W^1 zeta / scale + b^1) …) + b^(L+1)).
+
+    Biases unlike Phi's layers: a payload hangs on the vehicle at rest too. On an edge of a ReLU the Jacobian is that of
+    the side where it rests.
+
+    weights: (out, in) matrices, biases: (out,).   scale: (6,) of zeta [m/s, rad/s].   unit: (6,) of chi [N, N·m].
+    """
+
+    weights: tuple[np.ndarray, ...]
+    biases: tuple[np.ndarray, ...]
+    scale: np.ndarray
+    unit: np.ndarray
+
+    def __post_init__(self):
+        width = 6
+        for W, b in zip(self.weights, self.biases, strict=True):
+            if W.ndim != 2 or W.shape[1] != width or b.shape != (len(W),):
+                raise ValueError(
+                    f"WrenchNetwork: each layer must take the {width} outputs before it; got {W.shape}."
+                )
+            width = len(W)
+        if not self.weights or width != 6 or self.scale.shape != (6,) or self.unit.shape != (6,):
+            raise ValueError("WrenchNetwork: the last layer, scale and unit must have six entries.")
+
+    def __call__(self, zeta: np.ndarray) -> np.ndarray:
+        """(..., 6) chi of (..., 6) zeta [N, N·m]."""
+        value = zeta / self.scale
+        for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            value = np.maximum(value @ W.T + b, 0.0)
+        return (value @ self.weights[-1].T + self.biases[-1]) * self.unit
+
+    def jacobian(self, zeta: np.ndarray) -> np.ndarray:
+        """(n, 6, 6) dchi/dzeta at (n, 6) zeta."""
+        value = zeta / self.scale
+        slope = np.broadcast_to(np.diag(1.0 / self.scale), (*value.shape, 6))
+        for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            before = value @ W.T + b
+            value, slope = np.maximum(before, 0.0), (before > 0)[..., None] * (W @ slope)
+        return self.unit[:, None] * (self.weights[-1] @ slope)
+
+    def tensors(self) -> dict[str, np.ndarray]:
+        """What a model file holds."""
+        layers = {f"W{i}": W for i, W in enumerate(self.weights)} | {
+            f"b{i}": b for i, b in enumerate(self.biases)
+        }
+        return layers | {"scale": self.scale, "unit": self.unit}
+
+    @classmethod
+    def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "WrenchNetwork":
+        """And back. Raises: KeyError, ValueError: on missing or inconsistent arrays."""
+        depth = range(sum(name.startswith("W") for name in tensors))
+        weights, biases = (tuple(tensors[f"{letter}{i}"] for i in depth) for letter in "Wb")
+        return cls(weights, biases, tensors["scale"], tensors["unit"])

@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+
+from np_drake.lifting.segments import Segment
+from np_drake.residual_models.gaussian_process import (
+    GaussianProcess,
+    GaussianProcessConfig,
+    closed_form,
+    fit_gaussian_process,
+    regressors,
+)
+
+QUICK = GaussianProcessConfig(restarts=0)
+RNG = np.random.default_rng(0)
+SCALE = np.repeat([1.5, 0.2], 3)
+ZETA = SCALE * RNG.normal(size=(200, 6))
+CHI = np.hstack([[0, 0, -2.5] - np.sin(ZETA[:, :3]), 0.02 * np.tanh(ZETA[:, 3:])])
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """(processes of scikit-learn, dut) on 40 samples with noise."""
+    found = regressors(ZETA[:40] / SCALE, CHI[:40] + 0.01 * RNG.normal(size=(40, 6)), QUICK)
+    return found, closed_form(found, SCALE)
+
+
+def test_the_mean_is_that_of_scikit_learn(fitted):
+    processes, dut = fitted
+    expected = np.stack([process.predict(ZETA / SCALE) for process in processes], axis=1)
+    np.testing.assert_allclose(dut(ZETA), expected, atol=1e-9)  # [N, N·m] round-off of 40 terms
+    np.testing.assert_allclose(dut(ZETA[7]), expected[7], atol=1e-9)
+
+
+def test_the_jacobian_is_that_of_finite_differences(fitted):
+    dut, eps = fitted[1], 1e-6
+    steps = eps * np.eye(6)
+    numeric = np.stack([(dut(ZETA + e) - dut(ZETA - e)) / (2 * eps) for e in steps], axis=-1)
+    assert np.abs(numeric).max() > 0.1
+    np.testing.assert_allclose(dut.jacobian(ZETA), numeric, atol=1e-7)  # central differences
+
+
+def test_far_from_the_samples_it_knows_the_mean_alone(fitted):
+    dut = fitted[1]
+    far = np.full(6, 1e6)
+    np.testing.assert_allclose(dut(far), dut.mean)
+    np.testing.assert_allclose(dut.jacobian(far[None])[0], 0.0)
+
+
+def test_it_learns_from_a_hundred_samples_spread_over_the_flights():
+    segments = [
+        Segment(np.zeros_like(CHI), ZETA, 0.02, CHI),
+        Segment(np.zeros_like(CHI), ZETA + 9.0, 0.02, CHI),
+    ]
+    dut = fit_gaussian_process(segments, QUICK)
+    assert dut.X.shape == (100, 6)
+    assert 45 <= np.sum(dut.X[:, 0] > 5.0) <= 55  # of both flights
+    np.testing.assert_allclose(dut.mean, CHI[np.linspace(0, 399, 100).round().astype(int) % 200].mean(axis=0))
+
+
+def test_the_same_seed_gives_the_same_process():
+    config = GaussianProcessConfig(samples=20, restarts=1, seed=3)
+    first, second = (fit_gaussian_process([Segment(CHI, ZETA, 0.02)], config) for _ in range(2))
+    for name, value in first.tensors().items():
+        np.testing.assert_array_equal(value, second.tensors()[name])
+
+
+def test_lengths_are_positive(fitted):
+    dut = fitted[1]
+    with pytest.raises(ValueError, match="length must be positive"):
+        GaussianProcess(dut.X, dut.weight, -dut.length, dut.mean)

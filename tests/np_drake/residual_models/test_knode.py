@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+import torch
+
+from np_drake.logs.flight_log import FlightLog
+from np_drake.mpc.dynamics import DiscreteDynamics
+from np_drake.residual_models.knode_training import KnodeConfig, Piece, _Nominal, fit_knode, flown_pieces
+from np_drake.vehicle import Vehicle
+
+VEHICLE, STEP = Vehicle(), 0.02
+SMALL = KnodeConfig(width=32, window=3, epochs=50, batch=80, learning_rate=1e-2)
+
+
+def dragged(zeta: np.ndarray) -> np.ndarray:
+    """A hanging load and a linear drag, in force and torque [N, N·m]."""
+    return np.concatenate([[0, 0, -2.5] - 0.3 * zeta[..., :3], -0.01 * zeta[..., 3:]], axis=-1)
+
+
+def flown(seed: int, n: int = 4) -> Piece:
+    """A short flight under random commands, the wrench renewed eight times a step."""
+    rng = np.random.default_rng(seed)
+    fine = DiscreteDynamics(VEHICLE, STEP / 8)
+    x = np.concatenate([np.zeros(3), [1.0, 0, 0, 0] + 0.2 * rng.normal(size=4), rng.normal(size=6)])
+    x[3:7] /= np.linalg.norm(x[3:7])
+    rows, commands = [x], VEHICLE.hover_input + rng.normal(size=(n, 4)) * [3.0, 0.05, 0.05, 0.02]
+    for u in commands[:-1]:
+        for _ in range(8):
+            x = np.array(fine.advance(x.tolist(), u.tolist(), dragged(x[7:13]).tolist()))
+        rows.append(x)
+    return Piece(np.array(rows), commands, STEP)
+
+
+PIECES = [flown(seed) for seed in range(240)]
+
+
+def test_the_ode_is_the_one_that_the_controller_plans_with():
+    chi = np.array([0.3, -0.2, -2.0, 0.01, 0.02, -0.01])
+    x, u = PIECES[0].x[0], PIECES[0].u
+    zeta = (
+        _Nominal(VEHICLE, STEP)
+        .rollout(
+            torch.from_numpy(x)[None],
+            torch.from_numpy(u)[None],
+            lambda z: torch.from_numpy(chi).expand(len(z), 6),
+        )[0]
+        .numpy()
+    )
+    dynamics = DiscreteDynamics(VEHICLE, STEP)
+    for command, expected in zip(u, zeta, strict=True):
+        x = np.array(dynamics.advance(x.tolist(), command.tolist(), chi.tolist()))
+        np.testing.assert_allclose(x[7:13], expected, atol=1e-12)  # [m/s, rad/s] round-off
+
+
+@pytest.fixture(scope="module")
+def trained():
+    return fit_knode(PIECES, VEHICLE, SMALL)
+
+
+def test_a_known_linear_drag_is_recovered_from_motion_alone(trained):
+    dut, loss = trained
+    zeta = 0.7 * np.random.default_rng(99).normal(size=(200, 6))
+    rmse = np.sqrt(np.mean((dut(zeta) - dragged(zeta)) ** 2, axis=0))
+    assert rmse[:3].max() < 0.06  # [N] a fifth of the drag's RMS
+    assert rmse[3:].max() < 0.002  # [N·m] likewise
+    assert loss[-1] < 0.01  # [1] of what the nominal model misses
+
+
+def test_the_jacobian_is_that_of_finite_differences(trained):
+    dut, zeta, eps = trained[0], np.random.default_rng(1).normal(size=(50, 6)), 1e-7
+    numeric = np.stack([(dut(zeta + e) - dut(zeta - e)) / (2 * eps) for e in eps * np.eye(6)], axis=-1)
+    np.testing.assert_allclose(
+        dut.jacobian(zeta), numeric, atol=1e-6
+    )  # no edge of a ReLU within eps of these
+
+
+def test_the_seed_decides_the_network():
+    config = KnodeConfig(width=8, window=3, epochs=1)
+    same = [fit_knode(PIECES[:20], VEHICLE, config)[0] for _ in range(2)]
+    other = fit_knode(PIECES[:20], VEHICLE, KnodeConfig(width=8, window=3, epochs=1, seed=1))[0]
+    np.testing.assert_array_equal(same[0].weights[0], same[1].weights[0])
+    assert not np.allclose(same[0].weights[0], other.weights[0])
+
+
+def test_the_network_has_the_size_of_phi():
+    dut, _ = fit_knode(PIECES, VEHICLE, KnodeConfig(window=3, epochs=0))
+    assert [W.shape for W in dut.weights] == [(128, 6), (128, 128), (6, 128)]
+    untrained = dut(np.array([[0.0] * 6, [1.0] * 6]))
+    np.testing.assert_array_equal(untrained[0], untrained[1])  # a constant
+    np.testing.assert_allclose(untrained[0], [0, 0, -2.5, 0, 0, 0], atol=0.05)  # [N, N·m] drag of random motion
+
+
+def test_a_row_with_nan_parts_a_log():
+    p = PIECES[0]
+    x = np.vstack([p.x] * 4)
+    x[7, 8] = np.nan
+    log = FlightLog(STEP * np.arange(16), x[:, :3], x[:, 3:7], x[:, 7:10], x[:, 10:], np.vstack([p.u] * 4))
+    assert [len(piece.x) for piece in flown_pieces(log, VEHICLE)] == [7, 8]
+    with pytest.raises(ValueError, match="at least 11 rows in one piece"):
+        fit_knode(flown_pieces(log, VEHICLE), VEHICLE)

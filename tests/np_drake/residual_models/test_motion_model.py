@@ -1,0 +1,87 @@
+import numpy as np
+import pytest
+
+from np_drake.lifting.skill import fed_one_by_one, model_predictions
+from np_drake.logs.wrench_sequence import WrenchSequence
+from np_drake.residual_models.base import Sample
+from np_drake.residual_models.gaussian_process import GaussianProcess
+from np_drake.residual_models.motion_model import MotionModel
+from np_drake.residual_models.motion_training import train_motion_model
+from np_drake.residual_models.wrench_network import WrenchNetwork
+from np_drake.vehicle import Vehicle
+
+RNG = np.random.default_rng(0)
+PROCESS = GaussianProcess(
+    RNG.normal(size=(9, 6)), RNG.normal(size=(9, 6)), RNG.uniform(0.5, 2.0, size=(6, 6)), RNG.normal(size=6)
+)
+NETWORK = WrenchNetwork(
+    (RNG.normal(size=(8, 6)), RNG.normal(size=(6, 8))),
+    (RNG.normal(size=8), RNG.normal(size=6)),
+    np.ones(6),
+    np.ones(6),
+)
+MODELS = {"gp": PROCESS, "knode": NETWORK}
+
+
+@pytest.fixture(params=MODELS)
+def dut(request) -> MotionModel:
+    return MotionModel(request.param, MODELS[request.param], 0.02, {"samples": 9})
+
+
+def sample(zeta, chi=(0, 0, 0, 0, 0, 0)) -> Sample:
+    return Sample(np.concatenate([[0, 0, 1.0, 1, 0, 0, 0], zeta]), np.zeros(4), np.array(chi, float))
+
+
+def test_every_step_of_the_forecast_is_the_function_at_its_own_motion(dut):
+    zeta = RNG.normal(size=(5, 6))
+    forecast = dut.forecast(dut.update(dut.initial_memory(), sample(zeta[0])), horizon=5, stride=2)
+    expected = np.stack([dut.reaction(z) for z in zeta])
+    np.testing.assert_allclose(forecast.rollout(zeta), expected, atol=1e-12)  # round-off
+    np.testing.assert_allclose(forecast.first, expected[0], atol=1e-12)
+
+
+def test_a_missing_sample_leaves_the_last_motion(dut):
+    memory = dut.update(dut.initial_memory(), sample(np.ones(6)))
+    memory = dut.update(memory, sample(np.full(6, np.nan), np.full(6, np.nan)))
+    np.testing.assert_array_equal(memory["zeta"], 1.0)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_whole_flight_is_what_single_samples_are(dut, known):
+    zeta, chi = RNG.normal(size=(30, 6)), np.zeros((30, 6))
+    arguments = (dut, chi, zeta, np.arange(3, 20), [0, 1, 4])
+    at_once = model_predictions(*arguments, zeta_known=known)
+    np.testing.assert_allclose(at_once, fed_one_by_one(*arguments, zeta_known=known), atol=1e-12)
+    np.testing.assert_allclose(at_once[2, 2], dut.reaction(zeta[5 + 4 * known]), atol=1e-12)
+
+
+def test_the_file_gives_the_model_back(dut, tmp_path):
+    path = tmp_path / "model.safetensors"
+    dut.save(path)
+    found, zeta = MotionModel.load(path, dut.name), RNG.normal(size=(4, 6))
+    assert (found.name, found.step, found.summary) == (dut.name, dut.step, dut.summary)
+    np.testing.assert_array_equal(found.reaction(zeta), dut.reaction(zeta))
+
+
+def test_another_model_or_another_file_is_refused_in_one_line(dut, tmp_path):
+    path = tmp_path / "model.safetensors"
+    dut.save(path)
+    other = "knode" if dut.name == "gp" else "gp"
+    with pytest.raises(ValueError, match=f"must be {other}; got {dut.name}"):
+        MotionModel.load(path, other)
+    path.write_bytes(b"PK nothing")
+    with pytest.raises(ValueError, match="pickle"):
+        MotionModel.load(path)
+
+
+def test_a_network_needs_flights_with_commands():
+    flight = WrenchSequence(chi=np.zeros((50, 6)), zeta=RNG.normal(size=(50, 6)), step=0.02, name="array")
+    with pytest.raises(ValueError, match="array holds no command"):
+        train_motion_model("knode", [flight], Vehicle(), step=0.02)
+
+
+def test_what_is_not_known_is_named():
+    with pytest.raises(ValueError, match=r"gp \| knode"):
+        train_motion_model("np", [], Vehicle(), step=0.02)
+    with pytest.raises(ValueError, match="gp has no setting epochs"):
+        train_motion_model("gp", [], Vehicle(), step=0.02, epochs=3)
