@@ -17,7 +17,7 @@ from np_drake.swing_metrics import half_width
 from systems.payload_config import PayloadConfig
 
 HEIGHT = 1.6  # of the hover [m]
-RAMP, TIME, DURATION = 4.0, 8.0, 10.0  # not read; of the event; after the ramp [s]
+RAMP, TIME, DURATION = 3.0, 6.0, 7.0  # not read; of the event; after the ramp [s]
 AFTER = 2.0  # from here on after the event the new level counts as reached [s]
 ADDED = 0.1  # [kg]
 TOSS = 0.3  # impulse upwards on the payload that makes the cable slack [N·s]
@@ -49,13 +49,15 @@ def expected_step(event: str, config: FlightConfig) -> float:
     In hover the real thrust, scale times the command, carries everything, and the label is the nominal weight less
     the command.
     """
-    change = {"attach": ADDED, "release": -config.reality.payload.mass}.get(event, 0.0)
-    return -change * config.vehicle.gravity / config.reality.thrust_scale
+    change = {"attach": -ADDED, "release": config.reality.payload.mass}.get(event, 0.0)
+    return change * config.vehicle.gravity / config.reality.thrust_scale
 
 
 def label_deviation(config: FlightConfig) -> float:
     """Standard deviation of the label's f_z in hover, from the accelerometer's white noise through its filter [N]."""
-    sections = next(s for channels, s in config.controller.label.filters(config.controller.period) if channels == FORCE)
+    sections = next(
+        s for channels, s in config.controller.label.filters(config.controller.period) if channels == FORCE
+    )
     impulse = np.zeros(4000)
     impulse[0] = 1.0
     gain = np.linalg.norm(signal.sosfilt(sections, impulse))
@@ -94,7 +96,9 @@ def run_attach(
 ) -> list[dict]:
     """Every event and seed; courses over the time since the event."""
     tasks = [(event, model, seed, solver) for event in EVENTS for seed in seeds]
-    results: Iterator[dict] = Parallel(n_jobs=jobs, return_as="generator")(delayed(_fly)(*task) for task in tasks)
+    results: Iterator[dict] = Parallel(n_jobs=jobs, return_as="generator")(
+        delayed(_fly)(*task) for task in tasks
+    )
     runs = []
     for run in results:
         runs.append(run)
@@ -104,7 +108,7 @@ def run_attach(
 
 @dc.dataclass(frozen=True)
 class Step:
-    """Answer of a signal to a step: level before and after, size with interval [N], 10 to 90 % of what follows.
+    """Answer of a signal to a step: its size with interval [N], and how it comes about.
 
     rise: until 90 % of the step on the mean course [s].   overshoot, dip: extremes of the mean course within 2 s,
     above the new level, and below it once 90 % are reached [1, of the step].   deviation: of one flight over time in

@@ -223,7 +223,9 @@ def simulate(
     vehicle = diagram.GetSubsystemByName("tethered_quadrotor")
     due = {event.time: event for event in events}
     if len(due) < len(events) or any(not 0 < t < config.end for t in due):
-        raise ValueError(f"{config.name}: events must have times of their own within the flight; got {[*due]} [s].")
+        raise ValueError(
+            f"{config.name}: events must have times of their own within the flight; got {[*due]} [s]."
+        )
     for t in sorted({*np.arange(1.0, config.end, 1.0).tolist(), *due, end}):
         try:
             simulator.AdvanceTo(t)

@@ -41,7 +41,12 @@ ROWS = (
 
 def hover_config(row: HoverRow, *, solver: str, model: str = "") -> FlightConfig:
     """The hover experiment flown by `row`."""
-    config = configure("hover", row, solver=solver, model=model)
+    return configure_row("hover", row, solver=solver, model=model)
+
+
+def configure_row(experiment: str, row: HoverRow, *, solver: str, model: str = "") -> FlightConfig:
+    """Any experiment flown by `row`, with what it pays for the swing."""
+    config = configure(experiment, row, solver=solver, model=model)
     config.controller.mpc.weight_swing = row.weight_swing
     if row.weight_rate is not None:
         config.controller.mpc.weight_rate = [row.weight_rate] * 3
@@ -101,7 +106,9 @@ def run_hover(
     """All rows and seeds: row, seed, metrics, course (t, distance); in the order of `rows`, then of `seeds`."""
     models = train_models(rows, folder, seed=training_seed, solver=solver)
     tasks = [
-        (row, models.get((row.training, row.configuration), ""), seed, solver) for row in rows for seed in seeds
+        (row, models.get((row.training, row.configuration), ""), seed, solver)
+        for row in rows
+        for seed in seeds
     ]
     results: Iterator[dict] = Parallel(n_jobs=jobs, return_as="generator")(
         delayed(_fly_row)(*task) for task in tasks
@@ -141,13 +148,15 @@ def verdict(lines: list[dict]) -> list[str]:
     said = []
     if "np" in by and "nominal" in by:
         cut, plane = by["np"]["position_rmse_cut"], by["np"]["E_xy_cut"]
-        said.append(f"np against nominal: position RMSE cut by {100 * cut:.1f} %, E_xy by {100 * plane:.1f} %.")
+        said.append(
+            f"np against nominal: position RMSE cut by {100 * cut:.1f} %, E_xy by {100 * plane:.1f} %."
+        )
     growing = [name for name, line in by.items() if line["rate"] - np.nan_to_num(line["rate_ci95"]) > 0]
     said.append(f"swing grows (interval above zero) with: {', '.join(growing) or 'no controller'}.")
     if DAMPED in by and "nominal" in by:
         damped, nominal = by[DAMPED], by["nominal"]
         said.append(
-            f"active damping: below {100 * swing_metrics.SETTLED:.0f} cm after {damped['settling']:.1f} s, nominal after "
-            f"{nominal['settling']:.1f} s; position RMSE {damped['position_rmse']:.4f} m."
+            f"active damping: below {100 * swing_metrics.SETTLED:.0f} cm after {damped['settling']:.1f} s, "
+            f"nominal after {nominal['settling']:.1f} s; position RMSE {damped['position_rmse']:.4f} m."
         )
     return said

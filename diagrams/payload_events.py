@@ -1,4 +1,4 @@
-"""What happens to the payload in flight, as events of `simulate`: each is a change of the real plant, not of a model."""
+"""What happens to the payload in flight, as events of `simulate`; each changes the real plant."""
 
 from pydrake.systems.framework import Context, Diagram
 
