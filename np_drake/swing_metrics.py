@@ -13,7 +13,8 @@ def peaks(t: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     reach = max(1, round(_APART / (t[1] - t[0])))
     inner = np.arange(reach, len(t) - reach)
     windows = np.lib.stride_tricks.sliding_window_view(distance, 2 * reach + 1)
-    top = inner[(distance[inner] >= windows.max(axis=1)) & (distance[inner] > FLOOR)]
+    first = np.argmax(windows, axis=1) == reach  # of equal samples the first
+    top = inner[first & (distance[inner] > FLOOR)]
     return t[top], distance[top]
 
 
