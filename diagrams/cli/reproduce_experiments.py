@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from diagrams.flight import FlightConfig
 
 SEEDS = {"attach": 20}  # flights a row where it is not the usual number [1]
-PERIODS = 500  # of the timing table [1]
+PERIODS = 250  # of the timing table [1]
 
 
 def hover(
@@ -125,7 +125,10 @@ def attach(*, seeds: int, solver: str, jobs: int, seed: int, out: Path | None, j
     controller = dc.asdict(config.controller) | {"predictor": f"trained on {TRAINING}, seed {seed}"}
     settings = {"solver": solver, "seeds": evaluation, "training_seed": seed, "controller": controller}
     write_metrics(json, "reproduce", seed=seed, config=settings, table=lines, notes=said)
-    title = f"{seeds} flights an event, seeds {evaluation[0]} … {evaluation[-1]}, np trained on seed {seed}, {solver}"
+    title = (
+        f"{seeds} flights (release, snap: {min(seeds, experiment.BESIDE)}), seeds {evaluation[0]} … {evaluation[-1]}, "
+        f"np trained on seed {seed}, {solver}"
+    )
     return attach_printed(lines, title), [*said, f"controller: {controller}"]
 
 
