@@ -17,7 +17,7 @@ from np_drake.swing_metrics import half_width
 from systems.payload_config import PayloadConfig
 
 HEIGHT = 1.6  # of the hover [m]
-RAMP, TIME, DURATION = 3.0, 6.0, 7.0  # not read; of the event; after the ramp [s]
+RAMP, TIME, DURATION = 2.5, 4.5, 6.0  # not read; of the event; after the ramp [s]
 AFTER = 2.0  # from here on after the event the new level counts as reached [s]
 ADDED = 0.1  # [kg]
 TOSS = 0.3  # impulse upwards on the payload that makes the cable slack [N·s]

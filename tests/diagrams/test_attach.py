@@ -8,7 +8,7 @@ from diagrams import attach
 from diagrams.controllers import DEFAULT_MODEL
 from diagrams.payload_figures import event_responses
 
-T = 0.02 * np.arange(-300, 200) + 0.0  # since the event [s]
+T = 0.02 * np.arange(-200, 200)  # since the event [s]
 
 
 @pytest.fixture(scope="module")
