@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import re
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from pydrake.common import RandomGenerator
@@ -26,6 +27,14 @@ from systems.sensor_rig import add_sensor_rig
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
 ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
+
+
+@dc.dataclass(frozen=True)
+class Event:
+    """Something that happens to the real vehicle in flight, at once: `apply(real_vehicle, root_context)`."""
+
+    time: float  # [s]
+    apply: Callable[[Diagram, Context], None]
 
 
 @dc.dataclass
@@ -194,10 +203,14 @@ def initialise(diagram: Diagram, context: Context, config: FlightConfig, seed: i
     set_hover(plant, plant.GetMyMutableContextFromRoot(context), config.reality.payload, start)
 
 
-def simulate(config: FlightConfig, *, seed: int, monitor=None) -> dict[str, np.ndarray]:
+def simulate(
+    config: FlightConfig, *, seed: int, monitor=None, events: Sequence[Event] = ()
+) -> dict[str, np.ndarray]:
     """Flies the experiment; returns the recorded signals (see `Recorder.read`).
 
-    Args: monitor: called with the flight's time [s] about every second, for progress.
+    Args:
+        monitor: called with the flight's time [s] about every second, for progress.
+        events: what happens to the vehicle; at its time, before the controller's own event of that instant.
     Raises: FailedRun: if the integrator gives up or the vehicle leaves the arena.
     """
     diagram, recorder = make_flight_diagram(config)
@@ -208,7 +221,12 @@ def simulate(config: FlightConfig, *, seed: int, monitor=None) -> dict[str, np.n
     # Half a period beyond the end: the recorder passes the last row on at the end itself.
     end = config.end + 0.5 * config.controller.period
     vehicle = diagram.GetSubsystemByName("tethered_quadrotor")
-    for t in [*np.arange(1.0, config.end, 1.0), end]:
+    due = {event.time: event for event in events}
+    if len(due) < len(events) or any(not 0 < t < config.end for t in due):
+        raise ValueError(
+            f"{config.name}: events must have times of their own within the flight; got {[*due]} [s]."
+        )
+    for t in sorted({*np.arange(1.0, config.end, 1.0).tolist(), *due, end}):
         try:
             simulator.AdvanceTo(t)
         except RuntimeError as error:
@@ -216,6 +234,8 @@ def simulate(config: FlightConfig, *, seed: int, monitor=None) -> dict[str, np.n
         p_WB = vehicle.GetOutputPort("x").Eval(vehicle.GetMyContextFromRoot(context))[:3]
         if not np.linalg.norm(p_WB) < ARENA:
             raise FailedRun(f"{config.name}: {config.controller.kind} lost the vehicle before {t:.1f} s.")
+        if t in due:
+            due[t].apply(vehicle, context)
         if monitor is not None:
             monitor(min(t, config.end))
     return recorder.read(diagram, context)

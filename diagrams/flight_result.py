@@ -1,11 +1,12 @@
 """What a flight leaves behind: log, truth and figures of merit."""
 
 import dataclasses as dc
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 
-from diagrams.flight import FlightConfig, simulate
+from diagrams.flight import Event, FlightConfig, simulate
 from np_drake import metrics, rigid_body
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.rotor_input import acting_command
@@ -100,6 +101,6 @@ class FlightResult:
         }
 
 
-def fly(config: FlightConfig, *, seed: int, monitor=None) -> FlightResult:
+def fly(config: FlightConfig, *, seed: int, monitor=None, events: Sequence[Event] = ()) -> FlightResult:
     """Simulates the experiment; see `simulate`."""
-    return FlightResult(config, seed, simulate(config, seed=seed, monitor=monitor))
+    return FlightResult(config, seed, simulate(config, seed=seed, monitor=monitor, events=events))

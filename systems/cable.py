@@ -2,7 +2,7 @@
 
 import math
 
-from pydrake.systems.framework import LeafSystem
+from pydrake.systems.framework import BasicVector, LeafSystem
 
 
 class Cable(LeafSystem):
@@ -25,6 +25,8 @@ class Cable(LeafSystem):
     | plant_state | 26 | [q_WB, p_WB, q_WP, p_WP, V_WB, V_WP], Drake's order | |
     | generalized_force | 12 | [moment about Bo, force on B, moment, force on P], all in W | N·m, N |
     | tether_wrench | 6 | chi order: [force on B in W, moment about Bo in B] | N, N·m |
+
+    Parameter: 1 while the cable is whole, 0 once it is cut (`cut`).
     """
 
     def __init__(self, *, length: float, hook, stiffness: float = 2.0e4, damping: float = 40.0):
@@ -32,9 +34,14 @@ class Cable(LeafSystem):
         self._length, self._hook = float(length), tuple(float(h) for h in hook)
         self._stiffness, self._damping = float(stiffness), float(damping)
         self._state_port = self.DeclareVectorInputPort("plant_state", 26)
-        prerequisites = {self._state_port.ticket()}
+        self.DeclareNumericParameter(BasicVector([1.0]))
+        prerequisites = {self._state_port.ticket(), self.all_parameters_ticket()}
         self.DeclareVectorOutputPort("generalized_force", 12, self._calc_force, prerequisites)
         self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, prerequisites)
+
+    def cut(self, context) -> None:
+        """Parts the cable for good: it never pulls again. `context` is the cable's own; between two AdvanceTo."""
+        context.get_mutable_numeric_parameter(0).SetAtIndex(0, 0.0)
 
     def _pull(self, context) -> tuple[list[float], list[float], list[float]]:
         """Force on B in W, moment about Bo in W, and the state as a list. Plain floats: this is the inner loop."""
@@ -48,7 +55,7 @@ class Cable(LeafSystem):
         rz = hz + 2 * (w * cz + x * cy - y * cx)
         dx, dy, dz = s[11] - s[4] - rx, s[12] - s[5] - ry, s[13] - s[6] - rz
         span = math.sqrt(dx * dx + dy * dy + dz * dz)
-        if span <= self._length:
+        if span <= self._length or not context.get_numeric_parameter(0).GetAtIndex(0):
             return [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], s
         wx, wy, wz = s[14:17]
         ux = s[23] - s[17] - (wy * rz - wz * ry)

@@ -30,7 +30,7 @@ def apply_impulse(plant: MultibodyPlant, context: Context, impulse) -> None:
     V = plant.EvalBodySpatialVelocityInWorld(context, P)
     dv = np.asarray(impulse, float) / P.get_mass(context)
     plant.SetFreeBodySpatialVelocity(
-        context=context, body=P, V_PB=SpatialVelocity(V.rotational(), V.translational() + dv)
+        context=context, body=P, V_JpJc=SpatialVelocity(V.rotational(), V.translational() + dv)
     )
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from diagrams.cli import options, reproduce_estimation, reproduce_flights
+from diagrams.cli import options, reproduce_estimation, reproduce_experiments, reproduce_flights
 from diagrams.cli.output import print_table, progress, say, write_markdown, write_metrics
 from diagrams.cli.reproduce_configurations import configurations_table
 from diagrams.cli.reproduce_flights import Table
@@ -14,13 +14,15 @@ from np_drake.atomic_file import require_writable
 
 TABLES = (
     "tracking", "configurations", "weights", "gap", "mhe", "theorem", "pendulum",
-    "estimation", "sample-efficiency", "response",
+    "estimation", "sample-efficiency", "response", "hover", "attach", "timing",
 )  # fmt: skip
 
 
 def reproduce(
     table: Annotated[str, typer.Argument(help=" | ".join(TABLES))],
-    seeds: Annotated[int, typer.Option(min=1, help="Evaluation flights a row and track.")] = 5,
+    seeds: Annotated[
+        int | None, typer.Option(min=1, help="Evaluation flights a row and track; default 5, of attach 20.")
+    ] = None,
     solver: Annotated[str, typer.Option(help="ipopt | sqp")] = "sqp",
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
     spacing: Annotated[int, typer.Option(min=1, help="Samples between windows (theorem); 1: all.")] = 1,
@@ -50,6 +52,8 @@ def reproduce(
     Estimation: the paper's table, one step ahead on six real flights; --out DIR: ten seconds as a figure.
     Sample-efficiency: error against training samples on race track 1; --out DIR: figure.
     Response: lag of the prediction behind the label where jerk is largest.
+    Hover: the payload swings; --out DIR: figure.   Attach: it changes in flight; --out DIR: figure.
+    Timing: what a period costs, as ratios to a reference calculation in the same run.
     Pendulum: the tether's length read from the payload's mode, for circles with and without dither.
     """
     if table not in TABLES:
@@ -58,6 +62,8 @@ def reproduce(
         if file is not None:
             require_writable(file)
     notes: list[str] = []
+    seeds = seeds or reproduce_experiments.SEEDS.get(table, 5)
+    only = only or []
     if table == "gap":
         result = reproduce_flights.gap_table(neurobem, json=json)
     elif table == "mhe":
@@ -72,22 +78,25 @@ def reproduce(
         result = reproduce_estimation.response(neurobem, seed=seed, json=json)
     elif table == "pendulum":
         result = _pendulum(seed=seed, json=json)
+    elif table == "hover":
+        result, notes = reproduce_experiments.hover(
+            seeds=seeds, solver=solver, jobs=jobs, only=only, seed=seed, out=out, json=json
+        )
+    elif table == "attach":
+        result, notes = reproduce_experiments.attach(
+            seeds=seeds, solver=solver, jobs=jobs, seed=seed, out=out, json=json
+        )
+    elif table == "timing":
+        result, notes = reproduce_experiments.timing(seed=seed, only=only, json=json)
     elif table == "weights":
         result = _weights(seed=seed, jobs=jobs, json=json)
     elif table == "configurations":
         result, notes = configurations_table(
-            seeds=seeds, solver=solver, jobs=jobs, only=only or [], seed=seed, out=out, json=json
+            seeds=seeds, solver=solver, jobs=jobs, only=only, seed=seed, out=out, json=json
         )
     else:
         result, notes = tracking_table(
-            seeds=seeds,
-            solver=solver,
-            jobs=jobs,
-            only=only or [],
-            protocol=training,
-            seed=seed,
-            out=out,
-            json=json,
+            seeds=seeds, solver=solver, jobs=jobs, only=only, protocol=training, seed=seed, out=out, json=json
         )
     print_table(*result)
     say(*notes)

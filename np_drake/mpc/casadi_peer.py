@@ -121,6 +121,7 @@ class CasadiSolver:
             e, e_u = x - x_ref[:, i], u - u_ref[:, i]
             cost += ca.dot(config.Q, e**2) + ca.dot(config.R, e_u**2)
             chi = offset[:, i] + (C @ z if K else 0)
+            cost += config.weight_swing * ca.sumsqr(chi[0:2])
             equal.append(X[:, i] - self._step(x, u, chi))
             if K:
                 equal.append(Z[:, i] - A @ z - B @ x[7:13])

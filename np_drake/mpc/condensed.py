@@ -15,12 +15,13 @@ from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.horizon import Horizon, prepare
 from np_drake.mpc.objective import Objective, SoftRows, penalty
 from np_drake.mpc.problem import MpcConfig, MpcProblem
+from np_drake.mpc.swing import LATERAL, lateral_response
 from np_drake.vehicle import Vehicle
 
 
 @dc.dataclass(frozen=True)
 class Trajectory:
-    """A rollout: T (N, 4) [N], u (N, 4), x (N+1, 13), chi (N, 6) and its tracking cost.
+    """A rollout: T (N, 4) [N], u (N, 4), x (N+1, 13), chi (N, 6) and its cost.
 
     What it does to the soft sets of `objective` is computed when asked for.
     """
@@ -106,7 +107,7 @@ class Condensed:
             state = advance(state, inputs[i], chi[i].tolist())
             states.append(state)
         x = np.array(states)
-        return Trajectory(T, u, x, chi, self.objective.cost(h, x, u), h, self.objective)
+        return Trajectory(T, u, x, chi, self.objective.cost(h, x, u, chi), h, self.objective)
 
     def sensitivities(self, h: Horizon, t: Trajectory) -> np.ndarray:
         """(N, 13, 4N) dx_i/dT for i = 1 … N, the reaction of the wrench to the predicted motion included."""
@@ -140,12 +141,20 @@ class Condensed:
         """(4N, 4N) Gauss-Newton Hessian over T, lower triangle [1/N²]."""
         G = self._Q_root[:, None] * S
         G[-1] = h.P_root @ S[-1]
-        return dsyrk(2.0, G.reshape(-1, self.size).T, beta=1.0, c=self._R, lower=1)
+        rows = G.reshape(-1, self.size)
+        if self.config.weight_swing > 0:
+            force = np.sqrt(self.config.weight_swing) * lateral_response(h, S)
+            rows = np.vstack([rows, force.reshape(-1, self.size)])
+        return dsyrk(2.0, rows.T, beta=1.0, c=self._R, lower=1)
 
     def gradient(self, h: Horizon, t: Trajectory, S: np.ndarray) -> np.ndarray:
-        """(4N,) of the tracking cost over T [1/N]."""
+        """(4N,) of the cost over T [1/N]."""
         e = t.x[1:] - h.x_ref[1:]
         weighted = 2 * self.config.Q * e
         weighted[-1] = 2 * h.P @ e[-1]
         over_inputs = (2 * self.config.R * (t.u - h.u_ref)) @ self.vehicle.mixer
-        return weighted.ravel() @ S.reshape(-1, self.size) + over_inputs.ravel()
+        gradient = weighted.ravel() @ S.reshape(-1, self.size) + over_inputs.ravel()
+        if self.config.weight_swing > 0:
+            pull = 2 * self.config.weight_swing * t.chi[:, LATERAL]
+            gradient += pull.ravel() @ lateral_response(h, S).reshape(-1, self.size)
+        return gradient

@@ -22,6 +22,7 @@ from np_drake.mpc.objective import QUADRATIC
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
 from np_drake.mpc.sqp import as_solution
 from np_drake.mpc.stacked_stages import StackedStages
+from np_drake.mpc.swing import LATERAL
 from np_drake.vehicle import Vehicle
 
 _OPTIONS: dict[str, Any] = {
@@ -97,6 +98,7 @@ class IpoptMultipleShootingSolver:
         H, g = np.zeros((stages.size, stages.size)), np.zeros(stages.size)
         weights = np.zeros(stages.size)
         weights[stages.u], weights[stages.x] = np.tile(config.R, config.horizon), curvature.ravel()
+        weights[stages.chi].reshape(-1, 6)[:, LATERAL] = config.weight_swing
         weights[stages.s], g[stages.s] = QUADRATIC * config.slack_weight, config.slack_weight
         np.fill_diagonal(H, 2 * weights)
         last = stages.x_stage(config.horizon)

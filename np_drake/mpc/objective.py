@@ -1,10 +1,11 @@
 """Cost, soft sets and merit of problem (nmpc).
 
-    sum_i e_x' Q e_x + e_u' R e_u  +  e_N' P e_N  +  sum_k slack_weight (s_k + s_k² / 10)
+    sum_i e_x' Q e_x + e_u' R e_u  +  e_N' P e_N  +  swing(chi)  +  sum_k slack_weight (s_k + s_k² / 10)
 
 with one slack a kind of set, s_k >= every excess of that kind over the horizon: an exact penalty, so that
 every start has an answer and the sets hold wherever they can. Kinds: velocity box [m/s], tilt as cosine [1],
-terminal ellipsoid [m]. Source: Jin et al. 2025, eq. (nmpc); the slacks are our own choice.
+terminal ellipsoid [m]. swing(chi), off by default: see `swing`. Source: Jin et al. 2025, eq. (nmpc); the slacks and
+the price on the swing are our own choice.
 """
 
 import dataclasses as dc
@@ -14,6 +15,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.problem import MpcConfig
+from np_drake.mpc.swing import swing_cost
 
 KINDS = 3
 VELOCITY, TILT, TERMINAL = range(KINDS)
@@ -38,11 +40,11 @@ class Objective:
         self.min_cosine = float(np.cos(config.max_tilt))
         self.softening = _SOFTENING * config.terminal_radius**2
 
-    def cost(self, h: Horizon, x: np.ndarray, u: np.ndarray) -> float:
-        """The quadratic tracking cost, first stage included."""
+    def cost(self, h: Horizon, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> float:
+        """The quadratic cost of tracking and swing, first stage included."""
         e, e_u = x - h.x_ref, u - h.u_ref
         stages = np.sum(e[:-1] ** 2 @ self.config.Q) + np.sum(e_u**2 @ self.config.R)
-        return float(stages + e[-1] @ h.P @ e[-1])
+        return float(stages + e[-1] @ h.P @ e[-1]) + swing_cost(chi, self.config.weight_swing)
 
     def excess(self, h: Horizon, x: np.ndarray) -> np.ndarray:
         """(4N+1,) by how much x_1 … x_N leave the sets: 3N velocities, N tilts, the terminal ellipsoid.

@@ -23,6 +23,7 @@ class MpcConfig:
     weight_velocity: list[float] = dc.field(default_factory=lambda: [2.0, 2.0, 2.0])  # [s²/m²]
     weight_rate: list[float] = dc.field(default_factory=lambda: [0.03, 0.03, 0.03])  # [s²/rad²]
     weight_input: list[float] = dc.field(default_factory=lambda: [0.02, 18.0, 18.0, 45.0])  # [1/N², 1/(N·m)²]
+    weight_swing: float = 0.0  # on the predicted lateral force, to damp a payload's swing; 0: off [1/N²]
     terminal: str = "riccati"  # P: riccati = cost-to-go at hover | scaled = terminal_scale * Q
     terminal_scale: float = 5.0  # of Q on position and velocity, where terminal is `scaled` [1]
     max_speed: float = 6.0  # soft box on each component of v_WB [m/s]
@@ -43,6 +44,10 @@ class MpcConfig:
             )
         _require(min(self.weight_input) > 0, "weight_input must be positive")
         _require(min(self.weight_position) > 0, "weight_position must be positive: the terminal set needs it")
+        _require(
+            0 <= self.weight_swing < np.inf,
+            f"weight_swing must be finite and not negative; got {self.weight_swing}",
+        )
         for name in ("terminal_scale", "max_speed", "max_tilt", "terminal_radius", "slack_weight"):
             _require(getattr(self, name) > 0, f"{name} must be positive; got {getattr(self, name)}")
         _require(self.terminal in ("riccati", "scaled"), f"terminal: riccati | scaled; got {self.terminal}")

@@ -1,0 +1,185 @@
+"""Hover while the payload changes: 100 g more, the cable cut, a slack cable that snaps taut."""
+
+import dataclasses as dc
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from joblib import Parallel, delayed
+from scipy import signal
+
+from diagrams.flight import Event, FlightConfig
+from diagrams.flight_result import FlightResult, fly
+from diagrams.payload_events import attach, push, release
+from diagrams.tracking import Row, configure
+from np_drake import attitude
+from np_drake.labels import FORCE
+from np_drake.swing_metrics import half_width
+from systems.payload_config import PayloadConfig
+
+HEIGHT = 1.6  # of the hover [m]
+RAMP, TIME, DURATION = 2.5, 4.5, 6.0  # not read; of the event; after the ramp [s]
+AFTER = 2.0  # from here on after the event the new level counts as reached [s]
+ADDED = 0.1  # [kg]
+TOSS = 0.3  # impulse upwards on the payload that makes the cable slack [N·s]
+PAPER = {"step": 0.96, "deviation": 0.004}  # [N]. Source: Jin et al. 2025, payload attached in flight
+BESIDE = 5  # flights at most of the events that the paper does not test [1]
+SIGNALS = ("chi_hat", "label")
+EVENTS: dict[str, Callable[[PayloadConfig], Event]] = {
+    "attach": lambda payload: attach(TIME, payload, ADDED),
+    "release": lambda payload: release(TIME),
+    "snap": lambda payload: push(TIME, [0.0, 0.0, TOSS]),
+}
+
+
+def attach_config(*, solver: str, model: str) -> FlightConfig:
+    """Hover at 1.6 m under NP-MPC."""
+    config = configure("hover", Row("np", "np"), solver=solver, model=model)
+    config.reference.height, config.reference.ramp, config.duration = HEIGHT, RAMP, DURATION
+    return config.check()
+
+
+def fly_event(event: str, *, model: str, seed: int, solver: str) -> FlightResult:
+    """One flight with one event at `TIME`."""
+    config = attach_config(solver=solver, model=model)
+    return fly(config, seed=seed, events=[EVENTS[event](config.reality.payload)])
+
+
+def expected_step(event: str, config: FlightConfig) -> float:
+    """Change of f_z that a label from commanded thrust sees: the change of weight over the real thrust scale [N].
+
+    In hover the real thrust, scale times the command, carries everything, and the label is the nominal weight less
+    the command.
+    """
+    change = {"attach": -ADDED, "release": config.reality.payload.mass}.get(event, 0.0)
+    return change * config.vehicle.gravity / config.reality.thrust_scale
+
+
+def label_deviation(config: FlightConfig) -> float:
+    """Standard deviation of the label's f_z in hover, from the accelerometer's white noise through its filter [N]."""
+    sections = next(
+        s for channels, s in config.controller.label.filters(config.controller.period) if channels == FORCE
+    )
+    impulse = np.zeros(4000)
+    impulse[0] = 1.0
+    gain = np.linalg.norm(signal.sosfilt(sections, impulse))
+    return float(config.vehicle.mass * config.reality.noise.acceleration * gain)
+
+
+def slack_time(flight: FlightResult) -> float:
+    """How long the cable hangs slack before it first snaps taut, to one period [s]."""
+    s, payload = flight.signals, flight.config.reality.payload
+    x, p_WP = s["x_true"], s["plant_state"][:, 11:14]
+    hook = attitude.rotate(x[:, 3:7], np.array(payload.hook))
+    slack = np.linalg.norm(p_WP - x[:, :3] - hook, axis=1) < payload.length
+    since = slack[s["t"] > TIME]
+    return float(flight.config.controller.period * (np.argmin(since) if not since.all() else len(since)))
+
+
+def _fly(event: str, model: str, seed: int, solver: str) -> dict:
+    """Courses of f_z [N] and height [m], and counts, of one flight."""
+    flight = fly_event(event, model=model, seed=seed, solver=solver)
+    s, counts = flight.signals, flight.metrics()
+    return {
+        **{"event": event, "seed": seed, "t": s["t"] - TIME, "slack": slack_time(flight)},
+        **{name: s[name][:, 2] for name in SIGNALS},
+        "height": s["x_true"][:, 2] - HEIGHT,
+        **{key: counts[key] for key in ("solve_failures", "fallbacks")},
+    }
+
+
+def run_attach(
+    model: str,
+    *,
+    seeds: list[int],
+    solver: str = "sqp",
+    jobs: int = 2,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[dict]:
+    """Every event and seed, of release and snap the first `BESIDE`; courses over the time since the event."""
+    tasks = [
+        (event, model, seed, solver)
+        for event in EVENTS
+        for seed in (seeds if event == "attach" else seeds[:BESIDE])
+    ]
+    results: Iterator[dict] = Parallel(n_jobs=jobs, return_as="generator")(
+        delayed(_fly)(*task) for task in tasks
+    )
+    runs = []
+    for run in results:
+        runs.append(run)
+        on_progress(len(runs), len(tasks))
+    return runs
+
+
+@dc.dataclass(frozen=True)
+class Step:
+    """Answer of a signal to a step: its size with interval [N], and how it comes about.
+
+    rise: until 90 % of the step on the mean course [s].   overshoot, dip: extremes of the mean course within 2 s,
+    above the new level, and below it once 90 % are reached [1, of the step].   deviation: of one flight over time in
+    steady hover before the event, mean over flights [N].   scatter: of the steps of single flights [N].
+    """
+
+    size: float
+    size_ci95: float
+    scatter: float
+    rise: float
+    overshoot: float
+    dip: float
+    deviation: float
+
+
+def step_response(t: np.ndarray, courses: np.ndarray) -> Step:
+    """t: (n,) since the event [s]; courses: (flights, n) [N]."""
+    before, after = courses[:, (t < 0)], courses[:, t >= AFTER]
+    before = before[:, t[t < 0] >= RAMP - TIME]
+    steps = after.mean(axis=1) - before.mean(axis=1)
+    course = (courses.mean(axis=0) - before.mean()) / steps.mean()
+    early = (t >= 0) & (t < AFTER)
+    rise = _crossing(t[early], course[early], 0.9)
+    late = course[early & (t >= rise)]
+    return Step(
+        size=float(steps.mean()),
+        size_ci95=half_width(steps),
+        scatter=float(np.std(steps, ddof=1)) if len(steps) > 1 else float("nan"),
+        rise=rise,
+        overshoot=float(course[early].max() - 1.0),
+        dip=float(1.0 - late.min()) if len(late) else float("nan"),
+        deviation=float(before.std(axis=1).mean()),
+    )
+
+
+def _crossing(t: np.ndarray, y: np.ndarray, level: float) -> float:
+    """Where y first reaches `level`, on the line between two samples; inf where it never does."""
+    k = int(np.argmax(y >= level))
+    if y[k] < level:
+        return float("inf")
+    if k == 0:
+        return float(t[0])
+    return float(t[k - 1] + (level - y[k - 1]) / (y[k] - y[k - 1]) * (t[k] - t[k - 1]))
+
+
+def attach_table(runs: list[dict], config: FlightConfig) -> list[dict]:
+    """One line an event and signal; the snap, which leaves no step, by its extremes."""
+    lines = []
+    for event in dict.fromkeys(run["event"] for run in runs):
+        mine = [run for run in runs if run["event"] == event]
+        t, wanted = mine[0]["t"], expected_step(event, config)
+        height = np.array([run["height"] for run in mine])[:, t >= 0]
+        shared = {
+            "height_error": float(np.abs(height).max(axis=1).mean()),
+            "solve_failures": int(sum(run["solve_failures"] for run in mine)),
+            "flights": len(mine),
+        }
+        for name in SIGNALS:
+            courses = np.array([run[name] for run in mine])
+            line: dict = {"event": event, "signal": name, "expected": wanted, **shared}
+            if wanted:
+                step = step_response(t, courses)
+                line |= {**dc.asdict(step), "error": step.size / wanted - 1.0}
+            else:
+                mean = courses.mean(axis=0)[(t >= 0) & (t < AFTER)]
+                line |= {"lowest": float(mean.min()), "highest": float(mean.max())}
+                line["slack"] = float(np.mean([run["slack"] for run in mine]))
+            lines.append(line)
+    return lines

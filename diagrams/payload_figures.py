@@ -1,0 +1,67 @@
+"""Figures of a payload that swings, and of one that is attached or lost. Every function returns a Figure."""
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from diagrams.attach import AFTER, expected_step
+from diagrams.flight import FlightConfig
+from np_drake.figure_file import DASHES, PALETTE, new_figure
+from np_drake.swing_metrics import SETTLED
+
+_TITLES = {
+    "attach": "100 g more are hung on",
+    "release": "the cable is cut",
+    "snap": "the payload is tossed up: slack, then taut",
+}
+_SHOWN = (-0.5, 1.5)  # around the event [s]
+
+
+def payload_distance(runs: list[dict], title: str) -> Figure:
+    """Horizontal distance of the payload from the origin against time: one flight a controller, its first seed."""
+    figure, axes = new_figure(1, 1, width=7.5, height=4.0)
+    ax, seen = axes[0, 0], dict[str, dict]()
+    for run in runs:
+        if run["course"] is not None:
+            seen.setdefault(run["row"], run)
+    for k, (name, run) in enumerate(seen.items()):
+        t, distance = run["course"]
+        ax.plot(t, 100 * distance, color=PALETTE[k], linestyle=DASHES[k], linewidth=1.3, label=name)
+    ax.axhline(100 * SETTLED, color="0.4", linewidth=0.8)
+    ax.annotate("settled", (1.0, 100 * SETTLED), (-2, 2), ha="right", color="0.3", fontsize=8,
+                xycoords=("axes fraction", "data"), textcoords="offset points")  # fmt: skip
+    ax.set(
+        xlabel="time since the impulse [s]", ylabel="payload from the origin, horizontally [cm]", title=title
+    )
+    ax.set_ylim(bottom=0)
+    ax.margins(x=0)
+    ax.grid(alpha=0.3)
+    figure.legend(loc="outside lower center", ncols=5, fontsize=8)
+    return figure
+
+
+def event_responses(runs: list[dict], config: FlightConfig, title: str) -> Figure:
+    """f_z of prediction and label around every event: one flight thin, the mean of all thick, the new level dotted."""
+    events = list(dict.fromkeys(run["event"] for run in runs))
+    figure, axes = new_figure(len(events), 1, width=7.5, height=2.4 * len(events) + 0.6, sharex=True)
+    names = (("label", "label (low-passed)", PALETTE[1]), ("chi_hat", "prediction", PALETTE[0]))
+    for ax, event in zip(axes[:, 0], events, strict=True):
+        mine = [run for run in runs if run["event"] == event]
+        t = mine[0]["t"]
+        shown = (t >= _SHOWN[0]) & (t <= _SHOWN[1])
+        for k, (name, text, colour) in enumerate(names):
+            courses = np.array([run[name] for run in mine])[:, shown]
+            ax.plot(t[shown], courses[0], color=colour, linewidth=0.6, alpha=0.6)
+            dash = DASHES[1 - k]
+            ax.plot(t[shown], courses.mean(axis=0), color=colour, linestyle=dash, linewidth=1.8, label=text)
+        step = expected_step(event, config)
+        if step:
+            before = np.array([run["label"] for run in mine])[:, (t < 0) & (t > -AFTER)].mean()
+            ax.plot([0, _SHOWN[1]], [before + step] * 2, color="k", linestyle=":", label="expected level")
+        ax.axvline(0, color="0.4", linewidth=0.8)
+        ax.set_title(_TITLES[event], fontsize=9)
+        ax.set_ylabel("$f_z$ [N]")
+        ax.grid(alpha=0.3)
+        ax.margins(x=0)
+    axes[-1, 0].set_xlabel(f"time since the event [s] ({title})")
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
+    return figure

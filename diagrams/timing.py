@@ -1,0 +1,160 @@
+"""What one period of every controller costs: recorded flights, replayed with a clock.
+
+The clock is the process's own processor time, which another program on the same machine moves least.
+"""
+
+import dataclasses as dc
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from diagrams.controllers import make_residual_model
+from diagrams.flight import FlightConfig
+from diagrams.flight_result import FlightResult, fly
+from diagrams.hover_swing import ROWS as HOVER_ROWS
+from diagrams.hover_swing import HoverRow, configure_row
+from np_drake.labels import LabelFilter
+from np_drake.mpc.controller import MpcController
+from np_drake.mpc.problem import MpcStatus
+from np_drake.mpc.solvers import make_solver
+from np_drake.references.config import make_reference
+from np_drake.residual_models.base import ResidualModel, Sample
+
+TRACK = "lemniscate"
+TRAINING = "training_circle"
+RATES = (50, 100)  # of the control loop [1/s]
+PAPER = {"predict": 5.0, "solve": 10.0}  # upper limits on an i5-1135G7 [ms]. Source: Jin et al. 2025
+SOLVERS = ("sqp", "ipopt")
+_WARM_UP = 20  # periods that are replayed and not counted [1]
+_BLOCK = 20  # periods between two runs of the reference calculation [1]
+_REFERENCE_RUNS = 5  # in a row [1]
+
+ROWS = (
+    HoverRow("nominal", "nominal"),
+    HoverRow("hold", "hold"),
+    HoverRow("observer", "observer"),
+    HoverRow("np: paper", "np", training=TRAINING, configuration="paper"),
+    *(row for row in HOVER_ROWS if row.kind == "np"),
+)
+
+
+@dc.dataclass(frozen=True)
+class Spent:
+    """Processor times of the replayed periods, (n,) each [ms].   reference: of the reference calculation."""
+
+    predict: np.ndarray
+    solve: np.ndarray
+    reference: np.ndarray
+    failures: int
+
+
+def reference_calculation() -> None:
+    """The pseudo-inverse of 40 samples of 30 columns: what a refit costs that is written down plainly."""
+    np.linalg.pinv(_WINDOW)
+
+
+_WINDOW = np.random.default_rng(0).normal(size=(40, 30))
+
+
+def timing_config(row: HoverRow, *, periods: int, solver: str, model: str = "") -> FlightConfig:
+    """The lemniscate, `periods` of it from the end of the ramp on."""
+    config = configure_row(TRACK, row, solver=solver, model=model)
+    config.duration = periods * config.controller.period
+    return config.check()
+
+
+def record(row: HoverRow, *, periods: int, model: str, seed: int) -> FlightResult:
+    """The flight that is replayed, flown with SQP."""
+    return fly(timing_config(row, periods=periods, solver="sqp", model=model), seed=seed)
+
+
+def replay(flight: FlightResult, solver: str) -> Spent:
+    """Feeds the recorded readings to label filter, residual model and MPC, one period after the other.
+
+    The readings are those of the flight, so that a command of the replay has no effect on what comes after.
+    """
+    config, s = flight.config, flight.signals
+    believed, period = config.controller.believed(config.vehicle), config.controller.period
+    model = make_residual_model(config.controller, believed)
+    labels = LabelFilter(believed, config.controller.label, step=period)
+    mpc = MpcController(
+        believed, config.controller.mpc, make_solver(solver, believed, config.controller.mpc), period=period
+    )
+    reference = make_reference(config.reference)
+    ahead = config.controller.mpc.step * np.arange(config.controller.mpc.horizon + 1)
+    kept, last = labels.initial_memory(), mpc.initial_memory()
+    memory = model.initial_memory() if model is not None else {}
+    predict, solve, clock, failures = [], [], [], 0
+    start = int(np.argmax(flight.scored)) - _WARM_UP
+    for k in range(max(start, 1), len(s["t"])):
+        begin = time.process_time()
+        forecast = None
+        if model is not None:
+            acceleration, u = s["acceleration"][k], s["u"][k - 1]
+            kept, chi = labels.step(kept, x=s["x"][k], a=acceleration[:3], al=acceleration[3:], u=u)
+            memory, forecast = _predict(model, memory, Sample(s["x"][k], u, chi), config)
+        middle = time.process_time()
+        last = mpc.step(last, x=s["x"][k], flat=reference.sample(s["t"][k] + ahead), forecast=forecast)
+        end = time.process_time()
+        if k >= start + _WARM_UP:
+            predict.append(middle - begin)
+            solve.append(end - middle)
+            failures += int(last.flags[0] >= MpcStatus.SQP_FALLBACK)
+            if k % _BLOCK == 0:
+                clock += [_timed(reference_calculation) for _ in range(_REFERENCE_RUNS)]
+    return Spent(1e3 * np.array(predict), 1e3 * np.array(solve), 1e3 * np.array(clock), failures)
+
+
+def _predict(model: ResidualModel, memory, sample: Sample, config: FlightConfig):
+    memory = model.update(memory, sample)
+    span = {"horizon": config.controller.mpc.horizon, "stride": config.controller.stride}
+    return memory, model.forecast(memory, **span)
+
+
+def _timed(work: Callable[[], None]) -> float:
+    start = time.process_time()
+    work()
+    return time.process_time() - start
+
+
+def timing_line(row: str, solver: str, spent: Spent) -> dict:
+    """Medians and 95 % quantiles [ms], CPU load [1] by rate, ratios to the reference calculation's median [1]."""
+    total, base = spent.predict + spent.solve, float(np.median(spent.reference))
+    line: dict = {
+        "row": row,
+        "solver": solver,
+        "periods": len(total),
+        "failures": spent.failures,
+        "reference": base,
+    }
+    for name, values in (("predict", spent.predict), ("solve", spent.solve)):
+        line[name], line[f"{name}_p95"] = float(np.median(values)), float(np.quantile(values, 0.95))
+        line[f"{name}_ratio"] = line[name] / base
+    for rate in RATES:
+        load = total * rate / 1e3
+        line[f"load_{rate}"], line[f"load_{rate}_p95"] = (
+            float(np.median(load)),
+            float(np.quantile(load, 0.95)),
+        )
+    return line
+
+
+def timing_table(
+    models: dict[tuple[str, str], str],
+    *,
+    periods: int,
+    seed: int,
+    rows: tuple[HoverRow, ...] = ROWS,
+    solvers: tuple[str, ...] = SOLVERS,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[dict]:
+    """One line a controller and solver, in one process; models: files by (training, configuration)."""
+    lines = []
+    for number, row in enumerate(rows):
+        flight = record(
+            row, periods=periods, model=models.get((row.training, row.configuration), ""), seed=seed
+        )
+        lines += [timing_line(row.name, solver, replay(flight, solver)) for solver in solvers]
+        on_progress(number + 1, len(rows))
+    return lines
