@@ -19,7 +19,7 @@ def made_run(row, seed, error, rate, settling=5.0):
 
 
 def made_runs():
-    rows = (("nominal", 0.04, -0.15, 11.0), ("hold", 0.02, 0.02, np.inf), ("np", 0.005, 0.0, np.inf))
+    rows = (("nominal", 0.04, -0.15, 11.0), ("hold", 0.02, 0.02, np.inf), ("np", 0.005, 0.0005, np.inf))
     rows += ((hover_swing.DAMPED, 0.02, -0.4, 5.0),)
     return [made_run(n, s, e, r + 0.001 * s, settle) for n, e, r, settle in rows for s in (-1, 0, 1)]
 
