@@ -78,9 +78,9 @@ def train(
     say(f"excitation: {result.model.summary['excitation']}")
     report(result, wall)
     say(f"model: {out}", f"loss curve: {curve}")
-    settings = {"configuration": configuration, "step": step, **dc.asdict(config)}
+    head: dict[str, Any] = {"configuration": configuration, "step": step, **dc.asdict(config)}
     write_metrics(
-        json, "train", seed=seed, config=settings, loss=result.loss, wall=wall, summary=result.model.summary
+        json, "train", seed=seed, config=head, loss=result.loss, wall=wall, summary=result.model.summary
     )
 
 

@@ -176,10 +176,10 @@ def _rollouts(
         row = origins + i if zeta_known else origins
         if i in horizons:
             at_once = [
-                0.0 if f.reaction is None else f.reaction(v)
+                np.zeros(6) if f.reaction is None else f.reaction(v)
                 for f, v in zip(forecasts, zeta[row], strict=True)
             ]
-            chi_hat[:, horizons.index(i)] += (z @ C)[:, 0] + np.reshape(at_once, (len(origins), -1))
+            chi_hat[:, horizons.index(i)] += (z @ C)[:, 0] + np.stack(at_once)
         z = z @ A + zeta[row][:, None] @ B
     return chi_hat
 

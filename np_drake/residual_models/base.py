@@ -135,8 +135,15 @@ class ForecastsWholeFlights(Protocol):
 class ResidualModel(Protocol):
     """Predicts the residual wrench chi; pure functions of the memory."""
 
-    name: str
-    step: float  # time between samples [s]
+    @property
+    def name(self) -> str:
+        """Of its row in a table."""
+        ...
+
+    @property
+    def step(self) -> float:
+        """Time between samples [s]."""
+        ...
 
     def initial_memory(self) -> Memory:
         """Arrays (float) of fixed shape, before any sample."""

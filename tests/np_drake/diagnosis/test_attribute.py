@@ -7,6 +7,7 @@ from np_drake.diagnosis.answer import Cause
 from np_drake.diagnosis.attribute import (
     FAINT,
     HURT,
+    LEAST_SHARE,
     MATERIAL_FORCE,
     MATERIAL_GAP,
     MATERIAL_TORQUE,
@@ -37,25 +38,27 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.weak_rotor import WeakRotor
 
+FELT = 0.01  # of the gap
 PLAIN = {"calibration": False, "sensor": False, "real": True}
 
 
 @pytest.mark.parametrize(
     "size, matters",
     [
-        (Size(1.01 * MATERIAL_FORCE, 0.0, 0.0, 0.0), True),
-        (Size(0.0, 1.01 * MATERIAL_TORQUE, 0.0, 0.0), True),
+        (Size(1.01 * MATERIAL_FORCE, 0.0, FELT, 0.0), True),
+        (Size(0.0, 1.01 * MATERIAL_TORQUE, FELT, 0.0), True),
         (Size(0.0, 0.0, 1.01 * MATERIAL_GAP, 0.0), True),
+        (Size(9.0 * MATERIAL_FORCE, 0.0, 0.99 * LEAST_SHARE, 0.0), False),
         (Size(0.99 * MATERIAL_FORCE, 0.99 * MATERIAL_TORQUE, 0.99 * MATERIAL_GAP, 9.0), False),
     ],
-    ids=["force", "torque", "gap", "none"],
+    ids=["force", "torque", "gap", "a trace", "none"],
 )
 def test_an_effect_matters_by_force_torque_or_share(size, matters):
     assert size.material(**PLAIN) is matters
 
 
 def test_in_a_laboratory_less_matters():
-    faint = Size(0.5 * MATERIAL_FORCE, 0.0, 0.0, 0.0)
+    faint = Size(0.5 * MATERIAL_FORCE, 0.0, FELT, 0.0)
     assert not faint.material(**PLAIN)
     assert faint.material(**{**PLAIN, "real": False})
     assert not dc.replace(faint, force=0.2 * MATERIAL_FORCE).material(**{**PLAIN, "real": False})
