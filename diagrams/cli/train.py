@@ -56,7 +56,9 @@ def train(
         raise ValueError(f"--checkpoint: {configuration} has none; it trains in a minute or less.")
     flights = open_flights(logs, vehicle, repair=repair)
     if configuration in REACTIONS:
-        settings = {"seed": seed} | ({"epochs": epochs} if epochs and configuration == KNODE else {})
+        settings: dict[str, int | str | float] = {"seed": seed} | (
+            {"epochs": epochs} if epochs and configuration == KNODE else {}
+        )
         learnt, loss, wall = train_reaction(configuration, flights, step=step, settings=settings)
         learnt.save(out)
         if loss:

@@ -86,7 +86,9 @@ def test_the_network_has_the_size_of_phi():
     assert [W.shape for W in dut.weights] == [(128, 6), (128, 128), (6, 128)]
     untrained = dut(np.array([[0.0] * 6, [1.0] * 6]))
     np.testing.assert_array_equal(untrained[0], untrained[1])  # a constant
-    np.testing.assert_allclose(untrained[0], [0, 0, -2.5, 0, 0, 0], atol=0.05)  # [N, N·m] drag of random motion
+    np.testing.assert_allclose(
+        untrained[0], [0, 0, -2.5, 0, 0, 0], atol=0.05
+    )  # [N, N·m] drag of random motion
 
 
 def test_a_row_with_nan_parts_a_log():
