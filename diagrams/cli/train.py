@@ -56,9 +56,7 @@ def train(
         raise ValueError(f"--checkpoint: {configuration} has none; it trains in a minute or less.")
     flights = open_flights(logs, vehicle, repair=repair)
     if configuration in REACTIONS:
-        given = {"seed": seed} | (
-            {"epochs": epochs} if epochs and configuration == KNODE else {}
-        )
+        given = {"seed": seed} | ({"epochs": epochs} if epochs and configuration == KNODE else {})
         learnt, loss, wall = train_reaction(configuration, flights, step=step, settings=given)
         learnt.save(out)
         if loss:
