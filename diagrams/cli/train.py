@@ -56,8 +56,8 @@ def train(
         raise ValueError(f"--checkpoint: {configuration} has none; it trains in a minute or less.")
     flights = open_flights(logs, vehicle, repair=repair)
     if configuration in REACTIONS:
-        settings = {"seed": seed} | ({"epochs": epochs} if epochs and configuration == KNODE else {})
-        learnt, loss, wall = train_reaction(configuration, flights, step=step, settings=settings)
+        given = {"seed": seed} | ({"epochs": epochs} if epochs and configuration == KNODE else {})
+        learnt, loss, wall = train_reaction(configuration, flights, step=step, settings=given)
         learnt.save(out)
         if loss:
             save(loss_figure(loss), curve)
@@ -67,7 +67,7 @@ def train(
             f"against the labels [N, N·m]: {[round(value, 4) for value in rmse]}",
         )
         say(f"{learnt.summary['samples']} samples, {wall:.1f} s", f"model: {out}")
-        write_metrics(json, "train", seed=seed, config=settings, loss=loss, wall=wall, summary=learnt.summary)
+        write_metrics(json, "train", seed=seed, config=given, loss=loss, wall=wall, summary=learnt.summary)
         return
     config = configure(configuration, frame=flights[0].frame, seed=seed, epochs=epochs)
     segments = [segment for flight in flights for segment in flight.segments(step)]

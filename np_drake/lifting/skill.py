@@ -175,11 +175,10 @@ def _rollouts(
     for i in range(horizons[-1] + 1):
         row = origins + i if zeta_known else origins
         if i in horizons:
-            at_once = [
-                np.zeros(6) if f.reaction is None else f.reaction(v)
-                for f, v in zip(forecasts, zeta[row], strict=True)
-            ]
-            chi_hat[:, horizons.index(i)] += (z @ C)[:, 0] + np.stack(at_once)
+            chi_hat[:, horizons.index(i)] += (z @ C)[:, 0]
+            for k, forecast in enumerate(forecasts):
+                if forecast.reaction is not None:
+                    chi_hat[k, horizons.index(i)] += forecast.reaction(zeta[row[k]])
         z = z @ A + zeta[row][:, None] @ B
     return chi_hat
 

@@ -21,7 +21,7 @@ REACTIONS: dict[str, type[GaussianProcess] | type[WrenchNetwork]] = {
 SCHEMA = "np_drake.motion_model/1"
 
 
-@dc.dataclass(frozen=True)
+@dc.dataclass
 class MotionModel:
     """chi_i = g(zeta_i) at every predicted state.      Source: Torrente et al. 2021 (gp), Chee et al. 2022 (knode).
 
