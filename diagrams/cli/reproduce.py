@@ -9,12 +9,13 @@ import typer
 from diagrams.cli import options, reproduce_estimation, reproduce_flights
 from diagrams.cli.output import make_folder, print_table, progress, say, write_markdown, write_metrics
 from diagrams.cli.reproduce_configurations import choose_rows, configurations_table
+from diagrams.cli.reproduce_cooperative import Vehicles, cooperative_table
 from diagrams.cli.reproduce_flights import Table
 from np_drake.atomic_file import require_writable
 
 TABLES = (
     "tracking", "configurations", "weights", "gap", "mhe", "theorem", "pendulum",
-    "estimation", "sample-efficiency", "response",
+    "estimation", "sample-efficiency", "response", "cooperative",
 )  # fmt: skip
 
 
@@ -31,6 +32,7 @@ def reproduce(
         Path | None,
         typer.Option(metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),
     ] = None,
+    vehicles: Vehicles = None,
     seed: options.Seed = 1000,
     out: options.Out = None,
     json: options.Json = None,
@@ -46,6 +48,7 @@ def reproduce(
     Estimation: the paper's table, one step ahead on six real flights; --out DIR: ten seconds as a figure.
     Sample-efficiency: error against training samples on race track 1; --out DIR: figure.
     Response: lag of the prediction behind the label where jerk is largest.
+    Cooperative: several vehicles on one payload, each with its own predictor and MPC; --out DIR: paths.
     Pendulum: the tether's length read from the payload's mode, for circles with and without dither.
     """
     if table not in TABLES:
@@ -70,6 +73,10 @@ def reproduce(
         result = _pendulum(seed=seed, json=json)
     elif table == "weights":
         result = _weights(seed=seed, jobs=jobs, json=json)
+    elif table == "cooperative":
+        result, notes = cooperative_table(
+            vehicles, only=only or [], solver=solver, seed=seed, out=out, json=json
+        )
     elif table == "configurations":
         result, notes = configurations_table(
             seeds=seeds, solver=solver, jobs=jobs, only=only or [], seed=seed, out=out, json=json

@@ -13,7 +13,7 @@ class Failing:
     zero: the forecast is no wrench at all, as in the nominal MPC.   frozen: no sample is taken in any more; the
     forecast keeps starting from the last lifted state.      Source: own choice, the two plainest losses.
 
-    Args: fault: zero | frozen.   onset: time of the fault, counted in samples from the first [s].
+    Args: fault: zero | frozen.   onset: time after the first sample at which the next is lost [s].
     Raises: ValueError: on an unknown fault or a negative onset.
     """
 
@@ -27,14 +27,14 @@ class Failing:
 
     def initial_memory(self) -> Memory:
         """The model's, and how many samples came."""
-        return {**self._model.initial_memory(), "samples_before_fault": np.zeros(1)}
+        return {**self._model.initial_memory(), "samples": np.zeros(1)}
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
-        """The memory after one more sample; as it was once the fault has come."""
-        if self._failed(memory):
-            return memory
+        """The memory after one more sample, of which the model learns before the fault alone."""
         inner, count = self._split(memory)
-        return {**self._model.update(inner, sample), "samples_before_fault": count + 1}
+        if count[0] < self._last:
+            inner = self._model.update(inner, sample)
+        return {**inner, "samples": count + 1}
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """The model's, or no wrench."""
@@ -43,9 +43,9 @@ class Failing:
         return self._model.forecast(self._split(memory)[0], horizon=horizon, stride=stride)
 
     def _failed(self, memory: Memory) -> bool:
-        return bool(memory["samples_before_fault"][0] >= self._last)
+        return bool(memory["samples"][0] > self._last)
 
     @staticmethod
     def _split(memory: Memory) -> tuple[Memory, np.ndarray]:
-        inner = {name: value for name, value in memory.items() if name != "samples_before_fault"}
-        return inner, memory["samples_before_fault"]
+        inner = {name: value for name, value in memory.items() if name != "samples"}
+        return inner, memory["samples"]
