@@ -14,6 +14,7 @@ from np_drake.references.formation import closest_approach
 
 ROWS = {  # name: kind of controller, fault of predictor 0
     "nominal": ("nominal", "none"),
+    "hold": ("hold", "none"),
     "np": ("np", "none"),
     "np, one at zero": ("np", "zero"),
     "np, one frozen": ("np", "frozen"),

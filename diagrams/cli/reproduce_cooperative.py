@@ -27,7 +27,7 @@ def cooperative_table(
     out: Path | None,
     json: Path | None,
 ) -> tuple[Table, list[str]]:
-    """Nominal MPC, NP-MPC and NP-MPC with one predictor failed; and the lines that stand under the table.
+    """Nominal MPC, hold, NP-MPC and NP-MPC with one predictor failed; and the lines that stand under the table.
 
     Args:
         vehicles: fleet sizes.   only: rows that fly; all where empty.
@@ -112,7 +112,7 @@ def _write(flights: "list[CooperativeResult]", folder: Path) -> None:
         config = flight.config
         fault = "" if config.fault == "none" else f"_{config.fault}"
         stem = f"{config.name}_{config.vehicles}_{config.controller.kind}{fault}"
-        title = f"{config.vehicles} vehicles · {config.controller.kind}{fault.replace('_', ', predictor 0 ')}"
+        title = f"{config.vehicles} vehicles · {config.controller.kind}{fault.replace('_', ', predictor 0: ')}"
         save(paths(flight, f"{title} · seed {flight.seed}"), folder / f"{stem}_paths.png")
         write_cooperative_replay(flight, folder / f"{stem}_replay.html")
     say(f"paths, replay: {folder}/cooperative_*")
