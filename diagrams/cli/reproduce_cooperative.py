@@ -69,7 +69,7 @@ def cooperative_table(
 
 
 def printed(summaries: list[dict], title: str) -> Table:
-    """Title, header and rows of the summaries of `run_cooperative`; errors in cm, failed solves of the whole flight."""
+    """Title, header and rows of the summaries of `run_cooperative`; errors in cm, failed solves of both phases."""
     header = ["n", "controller", "phase", "RMSE", "E_xy / E_z", "largest", "payload", "largest", "failed"]
     rows: list[tuple] = []
     for line in summaries:
@@ -112,7 +112,9 @@ def _write(flights: "list[CooperativeResult]", folder: Path) -> None:
         config = flight.config
         fault = "" if config.fault == "none" else f"_{config.fault}"
         stem = f"{config.name}_{config.vehicles}_{config.controller.kind}{fault}"
-        title = f"{config.vehicles} vehicles · {config.controller.kind}{fault.replace('_', ', predictor 0: ')}"
+        title = (
+            f"{config.vehicles} vehicles · {config.controller.kind}{fault.replace('_', ', predictor 0: ')}"
+        )
         save(paths(flight, f"{title} · seed {flight.seed}"), folder / f"{stem}_paths.png")
         write_cooperative_replay(flight, folder / f"{stem}_replay.html")
     say(f"paths, replay: {folder}/cooperative_*")
