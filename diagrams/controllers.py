@@ -134,12 +134,14 @@ def add_controller(
     *,
     truth: Diagram | None = None,
     true_model: TrueModel | None = None,
+    model: ResidualModel | None = None,
 ) -> dict[str, OutputPort]:
     """Adds reference source, estimator, predictor and MPC; returns their vector ports by signal name.
 
     Args:
         vehicle: the nominal vehicle.   rig: has the measured `x` and `acceleration`.
         truth, true_model: the real vehicle and all that acts on it; for the oracle alone.
+        model: flies in place of the one that `config` names.
     """
     believed = config.believed(vehicle)
     N, period = config.mpc.horizon, config.period
@@ -158,7 +160,7 @@ def add_controller(
     builder.Connect(rig.GetOutputPort("acceleration"), estimator.GetInputPort("acceleration"))
     builder.Connect(mpc.GetOutputPort("u"), estimator.GetInputPort("u"))
     ports = {"u": mpc.GetOutputPort("u"), "label": estimator.GetOutputPort("last_label")}
-    model = make_residual_model(config, believed)
+    model = model or make_residual_model(config, believed)
     if model is not None:
         ports["chi_hat"] = _add_predictor(builder, model, config, rig, estimator, mpc)
     elif config.kind == "oracle":

@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from diagrams.flight_result import FlightResult
 from np_drake import attitude
 from np_drake.atomic_file import write_text
+from np_drake.vehicle import Vehicle
 
 _FRAME_RATE = 25.0  # [1/s]
 _DARK, _RED, _BLUE, _GREY = Rgba(0.2, 0.2, 0.22), Rgba(0.84, 0.37, 0), Rgba(0, 0.45, 0.7), Rgba(0.6, 0.6, 0.6)
@@ -19,7 +20,7 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
     """Writes an HTML page that plays the flight: quadrotor, tether, payload, and the reference as a line."""
     logging.getLogger("drake").setLevel(logging.WARNING)  # its address is of no use: the page is a file
     meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
-    _add_quadrotor(meshcat, flight.config.vehicle)
+    add_quadrotor(meshcat, flight.config.vehicle)
     s = flight.signals
     middle = s["p_ref"].mean(axis=0) - [0.0, 0.0, 0.4]
     meshcat.SetCameraPose(middle + [1.2, -3.2, 1.4], middle)
@@ -38,18 +39,18 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
     write_text(path, meshcat.StaticHtml())
 
 
-def _add_quadrotor(meshcat: Meshcat, vehicle) -> None:
-    meshcat.SetObject("quadrotor/body", Box(0.1, 0.1, 0.05), _DARK)
+def add_quadrotor(meshcat: Meshcat, vehicle: Vehicle, path: str = "quadrotor") -> None:
+    """Body, arms and rotors under `path`, in body axes."""
+    meshcat.SetObject(f"{path}/body", Box(0.1, 0.1, 0.05), _DARK)
     for i, p in enumerate(vehicle.rotor_positions):
         arm = np.array(p)
         yaw = RotationMatrix.MakeZRotation(np.arctan2(arm[1], arm[0]))
-        meshcat.SetObject(f"quadrotor/arm{i}", Box(float(np.linalg.norm(arm)), 0.015, 0.015), _DARK)
-        meshcat.SetTransform(f"quadrotor/arm{i}", RigidTransform(yaw, arm / 2))
+        meshcat.SetObject(f"{path}/arm{i}", Box(float(np.linalg.norm(arm)), 0.015, 0.015), _DARK)
+        meshcat.SetTransform(f"{path}/arm{i}", RigidTransform(yaw, arm / 2))
         # The front pair is coloured, so that heading is seen.
-        meshcat.SetObject(
-            f"quadrotor/rotor{i}", Cylinder(vehicle.rotor_radius, 0.01), _BLUE if arm[0] > 0 else _GREY
-        )
-        meshcat.SetTransform(f"quadrotor/rotor{i}", RigidTransform(arm + [0, 0, 0.02]))
+        color = _BLUE if arm[0] > 0 else _GREY
+        meshcat.SetObject(f"{path}/rotor{i}", Cylinder(vehicle.rotor_radius, 0.01), color)
+        meshcat.SetTransform(f"{path}/rotor{i}", RigidTransform(arm + [0, 0, 0.02]))
 
 
 def _pose(meshcat: Meshcat, flight: FlightResult, k: int) -> None:

@@ -7,6 +7,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia, UnitInertia
 from pydrake.systems.framework import Context
 
+from np_drake.references.formation import payload_drop
 from systems.tethered_quadrotor import PayloadConfig
 
 
@@ -22,6 +23,25 @@ def set_hover(plant: MultibodyPlant, context: Context, payload: PayloadConfig, p
     stretch = payload.mass * -plant.gravity_field().gravity_vector()[2] / payload.stiffness
     p_WP = p_WB + payload.hook - [0.0, 0.0, payload.length + stretch]
     plant.SetFreeBodyPose(context, plant.GetBodyByName("payload"), RigidTransform(p_WP))
+
+
+def set_formation(plant: MultibodyPlant, context: Context, payload: PayloadConfig, p_WB) -> None:
+    """Quadrotors level and at rest at `p_WB` (n, 3), a regular polygon [m]; payload at rest on equally taut cables.
+
+    Args: context: the plant's own.      Raises: ValueError: if the cables do not reach the middle.
+    """
+    p_WB = np.asarray(p_WB, float)
+    center = p_WB.mean(axis=0)
+    radius = float(np.linalg.norm(p_WB[0] - center))
+    weight = payload.mass * -plant.gravity_field().gravity_vector()[2]
+    length = payload.length
+    for _ in range(4):  # the stretch changes the lean, by which it is found, in the fifth digit only
+        lean = -payload_drop(radius, length, 0.0) / length
+        length = payload.length + weight / (len(p_WB) * lean * payload.stiffness)
+    drop = payload_drop(radius, length, payload.hook[2])
+    for i, p in enumerate(p_WB):
+        plant.SetFreeBodyPose(context, plant.GetBodyByName(f"quadrotor_{i}"), RigidTransform(p))
+    plant.SetFreeBodyPose(context, plant.GetBodyByName("payload"), RigidTransform(center + [0.0, 0.0, drop]))
 
 
 def apply_impulse(plant: MultibodyPlant, context: Context, impulse) -> None:

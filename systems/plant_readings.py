@@ -10,10 +10,10 @@ from pydrake.systems.framework import LeafSystem
 from np_drake import attitude
 
 
-def _vehicle_state(s: np.ndarray, num_positions: int) -> np.ndarray:
-    """(13,) x from the plant's state; the quadrotor is the plant's first body."""
-    q, w_W, v = s[0:4], s[num_positions : num_positions + 3], s[num_positions + 3 : num_positions + 6]
-    return np.concatenate([s[4:7], q, v, attitude.rotate_back(q, w_W)])
+def _vehicle_state(s: np.ndarray, q_start: int, v_start: int) -> np.ndarray:
+    """(13,) x from the plant's state, in which the body's pose and velocity start at these places."""
+    q, w_W, v = s[q_start : q_start + 4], s[v_start : v_start + 3], s[v_start + 3 : v_start + 6]
+    return np.concatenate([s[q_start + 4 : q_start + 7], q, v, attitude.rotate_back(q, w_W)])
 
 
 class VehicleState(LeafSystem):
@@ -31,16 +31,22 @@ class VehicleState(LeafSystem):
     |---|---|---|
     | plant_state | nq + nv | Drake's order: quaternion, position, w_WB, v_WB (both in W) |
     | x | 13 | [p_WB, q_WB, v_WB, w_WB_B] |
+
+    Args: body: which floating body B is.
     """
 
-    def __init__(self, plant: MultibodyPlant):
+    def __init__(self, plant: MultibodyPlant, body: str = "quadrotor"):
         super().__init__()
-        self._num_positions = plant.num_positions()
+        B = plant.GetBodyByName(body)
+        self._starts = (
+            B.floating_positions_start(),
+            plant.num_positions() + B.floating_velocities_start_in_v(),
+        )
         self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
         self.DeclareVectorOutputPort("x", 13, self._calc_x, {self._state_port.ticket()})
 
     def _calc_x(self, context, output) -> None:
-        output.SetFromVector(_vehicle_state(self._state_port.Eval(context), self._num_positions))
+        output.SetFromVector(_vehicle_state(self._state_port.Eval(context), *self._starts))
 
 
 class BodyAcceleration(LeafSystem):

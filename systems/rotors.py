@@ -33,10 +33,28 @@ def add_rotors(
     hover_thrust: np.ndarray,
     command_period: float,
 ) -> RotorPorts:
-    """Mixer, saturation, dead time, actuator effects and propellers; exports the input `u`.
+    """Mixer, saturation, dead time, actuator effects and propellers on the plant's body `quadrotor`.
 
-    Args: hover_thrust: (4,) at which delayed commands and lagging rotors start [N].
+    Exports the input `u`.   Args: hover_thrust: (4,) at which delayed commands and lagging rotors start [N].
     """
+    ports = add_rotor_chain(
+        builder, vehicle, effects, hover_thrust=hover_thrust, command_period=command_period
+    )
+    propellers = add_propellers(builder, plant, vehicle, ports.thrust, body="quadrotor")
+    builder.Connect(plant.get_body_poses_output_port(), propellers.get_body_poses_input_port())
+    builder.Connect(propellers.get_spatial_forces_output_port(), plant.get_applied_spatial_force_input_port())
+    return ports
+
+
+def add_rotor_chain(
+    builder: DiagramBuilder,
+    vehicle: Vehicle,
+    effects: Sequence[ActuatorEffect],
+    *,
+    hover_thrust: np.ndarray,
+    command_period: float,
+) -> RotorPorts:
+    """What lies between the command `u`, which is exported, and rotor thrust."""
     mixer = builder.AddNamedSystem("mixer", MatrixGain(vehicle.unmixer))
     limit = builder.AddNamedSystem(
         "saturation", Saturation(np.zeros(4), np.full(4, vehicle.max_rotor_thrust))
@@ -57,7 +75,6 @@ def add_rotors(
         builder.Connect(command, actuators.get_input_port())
         names = ("thrust", "nominal_thrust", "rotor_rate")
         ports = RotorPorts(*(actuators.GetOutputPort(name) for name in names))
-    _add_propellers(builder, plant, vehicle, ports.thrust)
     return ports
 
 
@@ -69,14 +86,16 @@ def _with_nominal_lag(vehicle: Vehicle, effects: Sequence[ActuatorEffect]) -> li
     return chain
 
 
-def _add_propellers(builder, plant, vehicle: Vehicle, thrust: OutputPort) -> None:
+def add_propellers(
+    builder: DiagramBuilder, plant: MultibodyPlant, vehicle: Vehicle, thrust: OutputPort, *, body: str
+) -> Propeller:
+    """Adds the propellers of the plant's `body`; their body poses and spatial forces are left to connect."""
     kappa = vehicle.torque_coefficient / vehicle.thrust_coefficient
-    body = plant.GetBodyByName("quadrotor").index()
+    index = plant.GetBodyByName(body).index()
     info = [
-        PropellerInfo(body, RigidTransform(p), thrust_ratio=1.0, moment_ratio=direction * kappa)
+        PropellerInfo(index, RigidTransform(p), thrust_ratio=1.0, moment_ratio=direction * kappa)
         for p, direction in zip(vehicle.rotor_positions, vehicle.rotor_directions, strict=True)
     ]
     propellers = builder.AddNamedSystem("propellers", Propeller(info))
     builder.Connect(thrust, propellers.get_command_input_port())
-    builder.Connect(plant.get_body_poses_output_port(), propellers.get_body_poses_input_port())
-    builder.Connect(propellers.get_spatial_forces_output_port(), plant.get_applied_spatial_force_input_port())
+    return propellers

@@ -11,6 +11,7 @@ from diagrams.cli.output import make_folder, print_table, progress, say, write_m
 from np_drake.atomic_file import require_writable
 
 if TYPE_CHECKING:
+    from diagrams.cooperative import CooperativeConfig
     from diagrams.flight import FlightConfig
     from diagrams.flight_result import FlightResult
 
@@ -75,7 +76,7 @@ def fly(
     write_metrics(json, "fly", config=as_config(config), **summary)
 
 
-def as_config(config: "FlightConfig") -> dict:
+def as_config(config: "FlightConfig | CooperativeConfig") -> dict:
     """The scenario as plain data, for `--json`."""
     simulator = {k: getattr(config.simulator, k) for k in ("integration_scheme", "max_step_size", "accuracy")}
     parts = {f.name: getattr(config, f.name) for f in dc.fields(config) if f.name != "simulator"}

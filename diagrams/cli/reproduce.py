@@ -8,13 +8,14 @@ import typer
 from diagrams.cli import options, reproduce_estimation, reproduce_experiments, reproduce_flights
 from diagrams.cli.output import print_table, progress, say, write_markdown, write_metrics
 from diagrams.cli.reproduce_configurations import configurations_table
+from diagrams.cli.reproduce_cooperative import Vehicles, cooperative_table
 from diagrams.cli.reproduce_flights import Table
 from diagrams.cli.reproduce_tracking import tracking_table
 from np_drake.atomic_file import require_writable
 
 TABLES = (
     "tracking", "configurations", "weights", "gap", "mhe", "theorem", "pendulum",
-    "estimation", "sample-efficiency", "response", "hover", "attach", "timing",
+    "estimation", "sample-efficiency", "response", "hover", "attach", "timing", "cooperative",
 )  # fmt: skip
 
 
@@ -36,6 +37,7 @@ def reproduce(
         Path | None,
         typer.Option(metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),
     ] = None,
+    vehicles: Vehicles = None,
     seed: options.Seed = 1000,
     out: options.Out = None,
     json: options.Json = None,
@@ -54,6 +56,7 @@ def reproduce(
     Response: lag of the prediction behind the label where jerk is largest.
     Hover: the payload swings; --out DIR: figure.   Attach: it changes in flight; --out DIR: figure.
     Timing: what a period costs, as ratios to a reference calculation in the same run.
+    Cooperative: several vehicles on one payload, each with its own predictor and MPC; --out DIR: paths.
     Pendulum: the tether's length read from the payload's mode, for circles with and without dither.
     """
     if table not in TABLES:
@@ -90,6 +93,10 @@ def reproduce(
         result, notes = reproduce_experiments.timing(seed=seed, only=only, json=json)
     elif table == "weights":
         result = _weights(seed=seed, jobs=jobs, json=json)
+    elif table == "cooperative":
+        result, notes = cooperative_table(
+            vehicles, only=only, solver=solver, seed=seed, out=out, json=json
+        )
     elif table == "configurations":
         result, notes = configurations_table(
             seeds=seeds, solver=solver, jobs=jobs, only=only, seed=seed, out=out, json=json

@@ -1,0 +1,51 @@
+"""A residual model that fails in flight."""
+
+import numpy as np
+
+from np_drake.residual_models.base import Memory, ResidualModel, Sample, WrenchForecast, no_forecast
+
+FAULTS = ("zero", "frozen")
+
+
+class Failing:
+    """Answers as `model` does until `onset`, and from then on with nothing or with its last knowledge.
+
+    zero: the forecast is no wrench at all, as in the nominal MPC.   frozen: no sample is taken in any more; the
+    forecast keeps starting from the last lifted state.      Source: own choice, the two plainest losses.
+
+    Args: fault: zero | frozen.   onset: time after the first sample at which the next is lost [s].
+    Raises: ValueError: on an unknown fault or a negative onset.
+    """
+
+    def __init__(self, model: ResidualModel, *, fault: str, onset: float):
+        if fault not in FAULTS:
+            raise ValueError(f"Failing: fault must be one of {', '.join(FAULTS)}; got {fault!r}.")
+        if not onset >= 0:
+            raise ValueError(f"Failing: onset must not be negative [s]; got {onset}.")
+        self.name, self.step = f"{model.name}, {fault}", model.step
+        self._model, self._fault, self._last = model, fault, round(onset / model.step)
+
+    def initial_memory(self) -> Memory:
+        """The model's, and how many samples came."""
+        return {**self._model.initial_memory(), "samples": np.zeros(1)}
+
+    def update(self, memory: Memory, sample: Sample) -> Memory:
+        """The memory after one more sample, of which the model learns before the fault alone."""
+        inner, count = self._split(memory)
+        if count[0] < self._last:
+            inner = self._model.update(inner, sample)
+        return {**inner, "samples": count + 1}
+
+    def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
+        """The model's, or no wrench."""
+        if self._fault == "zero" and self._failed(memory):
+            return no_forecast(horizon)
+        return self._model.forecast(self._split(memory)[0], horizon=horizon, stride=stride)
+
+    def _failed(self, memory: Memory) -> bool:
+        return bool(memory["samples"][0] > self._last)
+
+    @staticmethod
+    def _split(memory: Memory) -> tuple[Memory, np.ndarray]:
+        inner = {name: value for name, value in memory.items() if name != "samples"}
+        return inner, memory["samples"]

@@ -1,0 +1,167 @@
+"""Several quadrotors with one payload: a single plant, and around it each vehicle's rotors, cable and effects."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer, MultibodyPlant
+from pydrake.multibody.tree import SpatialInertia, UnitInertia
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import Adder, MatrixGain
+
+from np_drake.effects.base import ActuatorEffect, WrenchEffect
+from np_drake.effects.combine import mass_properties
+from np_drake.vehicle import Vehicle
+from systems.cable import Cable
+from systems.mass_properties import spatial_inertia
+from systems.payload_config import PayloadConfig
+from systems.plant_readings import BodyAcceleration, VehicleState
+from systems.rotors import add_propellers, add_rotor_chain
+from systems.wrench_effects import WrenchEffects
+
+PORTS = ("x", "acceleration", "rotor_thrust", "nominal_rotor_thrust", "tether_wrench")  # of every vehicle
+
+
+def make_cooperative_plant(vehicle: Vehicle, payload: PayloadConfig, count: int) -> MultibodyPlant:
+    """Continuous MultibodyPlant with the bodies `quadrotor_0` … and `payload`, all of them free."""
+    plant = MultibodyPlant(time_step=0.0)
+    plant.set_name("plant")
+    plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -vehicle.gravity])
+    for i in range(count):
+        plant.AddRigidBody(f"quadrotor_{i}", spatial_inertia(mass_properties(vehicle, ())))
+    sphere = UnitInertia.SolidSphere(payload.radius)
+    plant.AddRigidBody("payload", SpatialInertia(payload.mass, np.zeros(3), sphere))
+    plant.Finalize()
+    return plant
+
+
+def make_cooperative_quadrotors(
+    vehicle: Vehicle,
+    payload: PayloadConfig,
+    *,
+    count: int,
+    wrench_effects: Sequence[WrenchEffect] = (),
+    actuator_effects: Sequence[ActuatorEffect] = (),
+    command_period: float = 0.001,
+) -> Diagram:
+    """`count` equal vehicles on one payload as one Diagram; every vehicle has a cable and the effects of its own.
+
+    Ports of vehicle i carry its number: `u_0` in, `x_0` out, …; sizes and units as `make_tethered_quadrotor`.
+
+    | port | size | meaning | unit |
+    |---|---|---|---|
+    | u_i (in) | 4 | commanded [f_u, tau_m] | N, N·m |
+    | x_i, acceleration_i, rotor_thrust_i, nominal_rotor_thrust_i | 13, 6, 4, 4 | true state, … | |
+    | tether_wrench_i | 6 | true wrench of cable i on its vehicle, chi order | N, N·m |
+    | plant_state | 26 (count + 1) / 2 | Drake's own: vehicles in their order, then the payload | |
+
+    Raises: ValueError: if there is no vehicle, or the payload is impossible or does not hang on cables.
+    """
+    payload.check()
+    if count < 1:
+        raise ValueError(f"make_cooperative_quadrotors: count must be at least 1; got {count}.")
+    if payload.tether != "cable":
+        raise ValueError(
+            f"make_cooperative_quadrotors: several vehicles share a payload on cables; got a {payload.tether}."
+        )
+    builder = DiagramBuilder()
+    plant = builder.AddSystem(make_cooperative_plant(vehicle, payload, count))
+    total = builder.AddNamedSystem("forces", Adder(count, plant.num_velocities()))
+    propellers = builder.AddNamedSystem("propellers", ExternallyAppliedSpatialForceMultiplexer(count))
+    builder.Connect(total.get_output_port(), plant.get_applied_generalized_force_input_port())
+    builder.Connect(propellers.get_output_port(), plant.get_applied_spatial_force_input_port())
+    share = vehicle.mass + payload.mass / count
+    for i in range(count):
+        one = _make_one(
+            plant,
+            vehicle,
+            payload,
+            number=i,
+            effects=(wrench_effects, actuator_effects),
+            hover_thrust=np.full(4, share * vehicle.gravity / 4),
+            command_period=command_period,
+        )
+        builder.AddSystem(one)
+        for name, port in (
+            ("plant_state", plant.get_state_output_port()),
+            ("body_poses", plant.get_body_poses_output_port()),
+            ("accelerations", plant.get_body_spatial_accelerations_output_port()),
+        ):
+            builder.Connect(port, one.GetInputPort(name))
+        builder.Connect(one.GetOutputPort("generalized_force"), total.get_input_port(i))
+        builder.Connect(one.GetOutputPort("spatial_forces"), propellers.get_input_port(i))
+        builder.ExportInput(one.GetInputPort("u"), f"u_{i}")
+        for name in PORTS:
+            builder.ExportOutput(one.GetOutputPort(name), f"{name}_{i}")
+    builder.ExportOutput(plant.get_state_output_port(), "plant_state")
+    diagram = builder.Build()
+    diagram.set_name("cooperative_quadrotors")
+    return diagram
+
+
+def _make_one(
+    plant, vehicle: Vehicle, payload: PayloadConfig, *, number: int, effects, hover_thrust, command_period
+) -> Diagram:
+    """Rotors, cable, effects and readings of one vehicle; the plant itself lies outside."""
+    wrench_effects, actuator_effects = effects
+    body = f"quadrotor_{number}"
+    builder = DiagramBuilder()
+    state = builder.AddNamedSystem("state", VehicleState(plant, body))
+    rotors = add_rotor_chain(
+        builder, vehicle, actuator_effects, hover_thrust=hover_thrust, command_period=command_period
+    )
+    propellers = add_propellers(builder, plant, vehicle, rotors.thrust, body=body)
+    pair = builder.AddNamedSystem("pair", MatrixGain(pair_state(plant, body)))
+    cable = builder.AddNamedSystem(
+        "cable",
+        Cable(length=payload.length, hook=payload.hook, stiffness=payload.stiffness, damping=payload.damping),
+    )
+    builder.Connect(pair.get_output_port(), cable.get_input_port())
+    forces = [cable.GetOutputPort("generalized_force")]
+    if wrench_effects:
+        pushes = builder.AddNamedSystem("wrench_effects", WrenchEffects(vehicle, wrench_effects, 12))
+        builder.Connect(state.get_output_port(), pushes.GetInputPort("x"))
+        builder.Connect(rotors.thrust, pushes.GetInputPort("rotor_thrust"))
+        if rotors.rate is not None and any(effect.feels_rotor_rate for effect in wrench_effects):
+            builder.Connect(rotors.rate, pushes.GetInputPort("rotor_rate"))
+        forces.append(pushes.GetOutputPort("generalized_force"))
+    force = builder.AddNamedSystem("forces", Adder(len(forces), 12))
+    for i, port in enumerate(forces):
+        builder.Connect(port, force.get_input_port(i))
+    spread = builder.AddNamedSystem("spread", MatrixGain(_pair_velocities(plant, body).T))
+    builder.Connect(force.get_output_port(), spread.get_input_port())
+    acceleration = builder.AddNamedSystem("acceleration", BodyAcceleration(plant, body))
+    builder.Connect(state.get_output_port(), acceleration.GetInputPort("x"))
+    builder.ExportInput(state.get_input_port(), "plant_state")
+    builder.ConnectInput("plant_state", pair.get_input_port())
+    builder.ExportInput(propellers.get_body_poses_input_port(), "body_poses")
+    builder.ExportInput(acceleration.GetInputPort("accelerations"), "accelerations")
+    outputs = (
+        *(state.get_output_port(), acceleration.get_output_port()),
+        *(rotors.thrust, rotors.nominal_thrust, cable.GetOutputPort("tether_wrench")),
+    )
+    for name, port in zip(PORTS, outputs, strict=True):
+        builder.ExportOutput(port, name)
+    builder.ExportOutput(spread.get_output_port(), "generalized_force")
+    builder.ExportOutput(propellers.get_spatial_forces_output_port(), "spatial_forces")
+    diagram = builder.Build()
+    diagram.set_name(body)
+    return diagram
+
+
+def pair_state(plant: MultibodyPlant, body: str) -> np.ndarray:
+    """(26, nq + nv) picks what `Cable` reads, [q_WB, p_WB, q_WP, p_WP, V_WB, V_WP], out of the plant's state."""
+    rows = np.zeros((14, plant.num_multibody_states()))
+    for k, name in enumerate((body, "payload")):
+        start = plant.GetBodyByName(name).floating_positions_start()
+        rows[7 * k : 7 * k + 7, start : start + 7] = np.eye(7)
+    velocities = np.hstack([np.zeros((12, plant.num_positions())), _pair_velocities(plant, body)])
+    return np.vstack([rows, velocities])
+
+
+def _pair_velocities(plant: MultibodyPlant, body: str) -> np.ndarray:
+    """(12, nv) picks [V_WB, V_WP]; its transpose puts the pair's generalized forces where they belong."""
+    rows = np.zeros((12, plant.num_velocities()))
+    for k, name in enumerate((body, "payload")):
+        start = plant.GetBodyByName(name).floating_velocities_start_in_v()
+        rows[6 * k : 6 * k + 6, start : start + 6] = np.eye(6)
+    return rows
