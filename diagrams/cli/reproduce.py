@@ -94,9 +94,7 @@ def reproduce(
     elif table == "weights":
         result = _weights(seed=seed, jobs=jobs, json=json)
     elif table == "cooperative":
-        result, notes = cooperative_table(
-            vehicles, only=only, solver=solver, seed=seed, out=out, json=json
-        )
+        result, notes = cooperative_table(vehicles, only=only, solver=solver, seed=seed, out=out, json=json)
     elif table == "configurations":
         result, notes = configurations_table(
             seeds=seeds, solver=solver, jobs=jobs, only=only, seed=seed, out=out, json=json
