@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, delayed
-from scipy.stats import t
 
 from diagrams.controllers import LEARNED
 from diagrams.experiments import load_experiment
@@ -15,6 +14,7 @@ from diagrams.flight import FlightConfig
 from diagrams.flight_result import FlightResult, fly
 from diagrams.learning import train_predictor, train_reaction
 from np_drake.residual_models.motion_model import GP, KNODE, REACTIONS
+from np_drake.swing_metrics import half_width
 
 TRACKS = ("circle", "lemniscate")
 PLAIN, DITHERED = "plain_circle", "training_circle"
@@ -165,7 +165,7 @@ def table(summaries: list[dict], rows: tuple[Row, ...] = ROWS) -> list[dict]:
             base = [s["metrics"] for s in summaries if s["row"] == "nominal" and s["experiment"] == track]
             for key in ("E_xy", "E_z"):
                 values = np.array([m[key] for m in mine])
-                line[key], line[f"{key}_ci95"] = float(values.mean()), _half_width(values)
+                line[key], line[f"{key}_ci95"] = float(values.mean()), half_width(values)
                 line[f"{key}_sd"] = _deviation(values)
                 if base:
                     line[f"{key}_cut"] = 1.0 - line[key] / float(np.mean([m[key] for m in base]))
@@ -173,12 +173,6 @@ def table(summaries: list[dict], rows: tuple[Row, ...] = ROWS) -> list[dict]:
             line["solve_failures"] = int(sum(m["solve_failures"] for m in mine))
             lines.append(line)
     return lines
-
-
-def _half_width(values: np.ndarray) -> float:
-    """Half width of the 95 % interval of the mean; NaN for a single or a lost flight."""
-    n = len(values)
-    return float(t.ppf(0.975, n - 1) / np.sqrt(n)) * _deviation(values) if n > 1 else float("nan")
 
 
 def _deviation(values: np.ndarray) -> float:
