@@ -9,7 +9,7 @@ from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.answer import Cause, Estimate, Finding
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import adapt, scored, settled
-from np_drake.diagnosis.hidden_swing import LENGTH_ERROR
+from np_drake.diagnosis.hidden_swing import figure_error
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.probability import reported
 from np_drake.diagnosis.refine import Fit
@@ -25,6 +25,7 @@ EXACT = 0.3  # of either, where logs come from a laboratory [1]; own choice
 CALIBRATED = 0.02  # of weight, below which mass and thrust are within what files are off by [1]
 MATERIAL_GAP = 0.10  # of the gap above the noise [1]
 LEAST_SHARE = 1e-5  # of it, less than what the causes beside it get wrong [1]; own choice: 0.3 % in size
+SURE = {True: 0.5, False: 0.75}  # least probability of a name, on a rig and in a laboratory; own choice
 MATERIAL_SENSOR = 1.5  # of the tolerance of that sensor [1]
 CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
 HURT = 2.0  # log evidence that an effect may cost on flights that it has not seen; own choice
@@ -169,10 +170,11 @@ def causes_of(
         confirmed |= gusty and term.effect.identifier in GUSTY
         material = size.material(calibration=calibration, sensor=sensor, real=ranking.tolerance.real)
         material |= gusty and term.effect.identifier == GUSTY[0]
-        if confirmed and material and not at_its_bound(term.effect):
+        sure = cause.probability >= SURE[ranking.tolerance.real]
+        if confirmed and material and sure and not at_its_bound(term.effect):
             causes.append(cause)
         else:
-            minor.append(_minor(cause, size, confirmed))
+            minor.append(_minor(cause, size, confirmed, material))
     return without_faint_shifts(causes, minor)
 
 
@@ -187,9 +189,11 @@ def without_faint_shifts(causes: list[Cause], minor: list[Finding]) -> tuple[lis
     return [c for c in causes if c not in faint], [*minor, *texts]
 
 
-def _minor(cause: Cause, size: Size, confirmed: bool) -> Finding:
+def _minor(cause: Cause, size: Size, confirmed: bool, material: bool) -> Finding:
     values = ", ".join(f"{n} {e.value:.3g} {e.unit}" for n, e in cause.parameters.items())
     why = "immaterial" if confirmed else "not confirmed by the held-out flights"
+    if confirmed and material:
+        why = f"not sure, {cause.probability:.2g}"
     if cause.effect is not None and at_its_bound(cause.effect):
         why = "a figure at its bound is none"
     text = f"{values}: {why} ({100 * size.force:.2g} % of weight, {100 * size.torque:.2g} % of torque)"
@@ -205,8 +209,8 @@ def _cause(ranking, fit: Fit, i: int, term: Term, flights, same, size: Size, hel
         for k, free in enumerate(fit.free):
             if free.term == i and free.name == p.name and not free.flight:
                 half = 1.96 * float(np.sqrt(fit.covariance[k, k]))
-        if hasattr(effect, "payload") and p.name == "length":
-            half = float(np.hypot(half, 1.96 * LENGTH_ERROR * value))
+        if hasattr(effect, "payload"):
+            half = float(np.hypot(half, 1.96 * figure_error(p.name, value, real=ranking.tolerance.real)))
         parameters[p.name] = Estimate(value, p.unit, (value - half, value + half))
     return Cause(
         effect.identifier,

@@ -41,7 +41,8 @@ def look(flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> Look:
     if slowly and not gusty:
         unknown, probability = True, left.slow_probability
     if gusty:
-        blown = as_gusts(left.slow, causes, left.slow_probability)
+        rest = {e.name: ranking.named.left(e) for e in flights}
+        blown = as_gusts(flights, rest, causes, left.slow_probability, ranking.tolerance)
         unknown = len(blown) == len(causes) and "linear_drag" not in {c.identifier for c in causes}
         causes, probability = blown, left.slow_probability if unknown else left.probability
     if unknown:

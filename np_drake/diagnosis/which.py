@@ -27,6 +27,7 @@ TOGETHER = 25.0  # rows over which errors hang together where structure remains:
 MOST_MEASURED = 8  # effects that are named where rotor speed is measured: real rotors have many; own choice
 REFINED = 3  # models that are refined
 GIVES_WAY = 4.0  # log evidence by which generic structure must beat the library's effects; own choice
+AGAIN = 3  # times that a descent with a hidden swing is begun anew; own choice
 CLOSE = 12.0  # of the best's log evidence, below which a model is not worth it
 
 
@@ -55,8 +56,14 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
     problem, models, best = _search_twice(ready, tolerance)
     noise = noise_of([best.left(e) for e in ready.flights], ready.raw, ready.step, tolerance)
     close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
-    fits = [_refine(problem, m, tolerance, best, noise) for m in close[:REFINED]]
-    fits.sort(key=precedence)
+    refined = {m: _refine(problem, m, tolerance, best, noise) for m in close[:REFINED]}
+    first = min(refined, key=lambda m: precedence(refined[m]))
+    refined[first] = _rested(problem, first, tolerance, refined[first], noise)
+    for m in simpler(problem, first, refined[first]):
+        start = _only(problem, m, refined[first])
+        refined.setdefault(m, _refine(problem, m, tolerance, start, noise))
+    models = [*models, *(m for m in refined if m not in models)]
+    fits = sorted(refined.values(), key=precedence)
     probability = _probabilities(problem, models, fits)
     named, named_problem, named_models = fits[0], problem, models
     if fits[0].generic and fits[0].terms:
@@ -162,6 +169,16 @@ def _refine(
     return dc.replace(best, onset_prior=sum(problem.candidates[i].onset_prior for i in model.members))
 
 
+def _rested(problem: Problem, model: Model, tolerance: Tolerance, fit: Fit, noise: NoiseModel) -> Fit:
+    """The fit, where a swing is hidden in it, begun anew until it gains no more."""
+    swings = any(hasattr(t.effect, "payload") for t in fit.terms)
+    for _ in range(AGAIN if swings else 0):
+        before, fit = fit, _refine(problem, model, tolerance, fit, noise)
+        if fit.log_evidence < before.log_evidence + 1.0:
+            return max(before, fit, key=lambda f: f.log_evidence)
+    return fit
+
+
 def _terms_at_posterior(problem: Problem, model: Model) -> list[Term]:
     """The terms of a model's members as the linear regression has them."""
     mean, _ = problem.total.posterior(problem.columns(model.members))
@@ -177,6 +194,37 @@ def _terms_at_posterior(problem: Problem, model: Model) -> list[Term]:
 def _same(a: Sequence[Term], b: Sequence[Term]) -> bool:
     """The same effects with the same onsets, in the same order."""
     return [(type(t.effect), t.onset) for t in a] == [(type(t.effect), t.onset) for t in b]
+
+
+def simpler(problem: Problem, model: Model, fit: Fit) -> list[Model]:
+    """The model without its faint effects, all and each: columns that are only linear may have asked for them.
+
+    Faint is an effect whose trace, whitened, is less than `INEXACT` of that of all: what linear columns get wrong.
+    """
+    own = {i: _trace(fit, problem.candidates[i].identifiers, problem) for i in model.members}
+    whole = _trace(fit, None, problem)
+    faint = [i for i in model.members if not problem.candidates[i].generic and own[i] < INEXACT * whole]
+    if len(faint) == len(model.members):
+        return []
+    dropped = dict.fromkeys([tuple(faint), *((i,) for i in faint)])
+    kept = [tuple(i for i in model.members if i not in some) for some in dropped if some]
+    return [Model(members, problem.score(members)) for members in kept]
+
+
+def _only(problem: Problem, model: Model, fit: Fit) -> Fit:
+    """The fit with the terms of a smaller model alone."""
+    names = names_of(problem, model)
+    return dc.replace(fit, terms=tuple(t for t in fit.terms if t.effect.identifier in names))
+
+
+def _trace(fit: Fit, names: tuple[str, ...] | None, problem: Problem) -> float:
+    """Whitened RMS of what these effects, or all, leave in the channels of the flights."""
+    total = 0.0
+    for e in problem.flights:
+        rest = [t for t in fit.everything if names is not None and t.effect.identifier not in names]
+        part = signature(e, fit.everything) - (signature(e, rest) if rest else 0.0)
+        total += float(np.sum(e.white(problem.noise, part) ** 2))
+    return float(np.sqrt(total))
 
 
 def precedence(fit: Fit) -> float:
@@ -213,8 +261,8 @@ def _probabilities(problem: Problem, models: Sequence[Model], fits: Sequence[Fit
     """Of every effect: the share of the models that hold it, each with its (refined, where it is) evidence."""
     refined = {names_of_fit(f): _score(f) for f in fits}
     linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}
-    shift = max(refined.values()) - max(linear[n] for n in refined)
-    scores = {n: refined.get(n, s + min(shift, 0.0)) for n, s in linear.items()}
+    shift = max(refined.values()) - max(linear[n] for n in refined if n in linear)
+    scores = {n: s + min(shift, 0.0) for n, s in linear.items()} | refined
     top = max(scores.values())
     weight = {n: np.exp(s - top) for n, s in scores.items()}
     total = sum(weight.values())

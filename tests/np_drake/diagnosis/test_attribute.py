@@ -12,6 +12,7 @@ from np_drake.diagnosis.attribute import (
     MATERIAL_GAP,
     MATERIAL_TORQUE,
     MISFIT,
+    SURE,
     Size,
     alike,
     at_its_bound,
@@ -24,7 +25,8 @@ from np_drake.diagnosis.attribute import (
     within_calibration,
     without_faint_shifts,
 )
-from np_drake.diagnosis.hidden_swing import LENGTH_ERROR
+from np_drake.diagnosis.hidden_swing import ERROR
+from np_drake.diagnosis.probability import TEMPER, TRUST
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term
 from np_drake.diagnosis.which import rank
@@ -215,14 +217,26 @@ def test_a_trace_of_one_shift_of_time_beside_another_is_minor():
     assert without_faint_shifts([drag], []) == ([drag], [])
 
 
-def test_the_length_of_a_tether_is_known_no_better_than_the_motion_that_drives_it(ranked):
+def test_the_figures_of_a_payload_are_known_no_better_than_the_motion_that_drives_it(ranked):
     case = ranked(SuspendedPayload(0.2, 0.6))
     held = on_held_out(case.fit, case.unseen, case.ranking.noise)
     (cause,) = causes_of(case.ranking, case.fit, case.flights, case.unseen, held)[0]
-    length = cause.parameters["length"]
-    low, high = length.ci95
-    assert low < 0.6 < high
-    assert high - low >= 2 * 1.95 * LENGTH_ERROR * length.value
+    for name, true in (("mass", 0.2), ("length", 0.6)):
+        figure = cause.parameters[name]
+        low, high = figure.ci95
+        assert low < true < high
+        assert high - low >= 2 * 1.95 * ERROR[False][name] * figure.value
+    assert np.diff(cause.parameters["hook_z"].ci95) >= 2 * 1.95 * ERROR[False]["hook"]
+
+
+@pytest.mark.parametrize(("share", "named"), [(SURE[False] + 0.05, True), (SURE[False] - 0.05, False)])
+def test_a_name_that_is_not_sure_is_minor(drag, share, named):
+    held = on_held_out(drag.fit, drag.unseen, drag.ranking.noise)
+    odds = (share / (TRUST - share)) ** (1 / TEMPER)
+    doubted = dc.replace(drag.ranking, probability={"linear_drag": odds / (1 + odds)})
+    causes, minor = causes_of(doubted, drag.fit, drag.flights, drag.unseen, held)
+    assert ("linear_drag" in [c.identifier for c in causes]) is named
+    assert any("not sure" in m.text for m in minor) is not named
 
 
 def test_an_effect_may_cost_on_an_unseen_flight_a_share_of_what_it_brings(drag):

@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.refine import Generic
-from np_drake.diagnosis.which import GIVES_WAY, names_of, names_of_fit, precedence
+from np_drake.diagnosis.search import Model
+from np_drake.diagnosis.signature import Term
+from np_drake.diagnosis.which import GIVES_WAY, names_of, names_of_fit, precedence, simpler
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+from np_drake.effects.thrust_scale import ThrustScale
 
 BOTH = (MassError(0.2), LinearDrag(0.6, 0.6, 0.6))
 
@@ -53,3 +57,21 @@ def test_structure_that_is_no_effect_goes_first_only_where_it_explains_much_more
     behind = precedence(generic) - precedence(plain) - GIVES_WAY
     generic = dc.replace(generic, log_evidence=generic.log_evidence + behind + ahead)
     assert (min(plain, generic, key=precedence) is generic) is goes_first
+
+
+def test_a_large_offset_of_the_mass_is_not_helped_by_a_mass_that_is_its_second_order(ranked):
+    dut = ranked(CenterOfMassOffset(0.012, 0.007, 0.006))
+    assert names_of_fit(dut.fit) == ("center_of_mass_offset",)
+    assert all(p < 0.5 for name, p in dut.ranking.probability.items() if name != "center_of_mass_offset")
+
+
+def test_the_model_is_tried_without_its_faint_effects_all_and_each(dut):
+    names = ["mass_error", "linear_drag", "thrust_scale"]
+    problem = dut.ranking.problem
+    at = {c.identifiers[0]: i for i, c in enumerate(problem.candidates) if len(c.identifiers) == 1}
+    members = tuple(at[name] for name in names)
+    faint = dc.replace(dut.fit, terms=(*dut.fit.terms, Term(ThrustScale(0.9999))))
+    tried = simpler(problem, Model(members, 0.0), faint)
+    assert [m.members for m in tried] == [members[:2]]
+    strong = dc.replace(dut.fit, terms=(*dut.fit.terms, Term(ThrustScale(0.9))))
+    assert simpler(problem, Model(members, 0.0), strong) == []

@@ -1,0 +1,117 @@
+"""How strong and how long gusts are: the likelihood of a Gauss-Markov force under white noise, its mean unknown."""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy import linalg, optimize
+
+from np_drake import attitude
+from np_drake.diagnosis.evidence import FORCE, Evidence
+from np_drake.diagnosis.hidden_swing import attitude_on_grid
+
+BIN = 0.1  # over which the force is averaged [s]
+SPAN = 20.0  # what lies farther apart counts as independent [s]
+SHORTEST, LONGEST = 0.1, 20.0  # correlation time [s]
+STEP = 0.02  # of the logarithms, for their curvature [1]
+Z = 1.96  # deviations to either side: 95 %
+
+
+@dc.dataclass(frozen=True)
+class WindForce:
+    """Force in W on a vehicle that feels a wind. mean (3, 2): axes by value and half width of the 95 % interval [N].
+
+    deviation [N], correlation_time [s]: value, lower and upper end; of a first-order Gauss-Markov process.
+    """
+
+    mean: np.ndarray
+    deviation: tuple[float, float, float]
+    correlation_time: tuple[float, float, float]
+
+
+def wind_force(
+    flights: Sequence[Evidence], left: Mapping[str, np.ndarray], begins: Mapping[str, float | None]
+) -> WindForce:
+    """Of what is left (m, 15) of the flights, from when the wind begins on [s].
+
+    Source: restricted maximum likelihood, the mean of each axis taken out; the intervals by its curvature in the
+    logarithms. Deviation and correlation time are those of the two level axes together.
+    """
+    spans = [span for e in flights for span in _spans(e, left[e.name], begins.get(e.name))]
+    level = [span[:, :2] for span in spans]
+    size = float(np.sqrt(np.mean(np.concatenate(level).var(axis=0))))
+    start = np.log([size, 1.0, 0.3 * size])
+    reach = [(start[0] - 4, start[0] + 3), (np.log(SHORTEST), np.log(LONGEST)), (start[0] - 6, start[0] + 1)]
+
+    def loss(z: np.ndarray) -> float:
+        return _restricted_loss(level, *np.exp(z))
+
+    best = optimize.minimize(loss, start, method="L-BFGS-B", bounds=reach).x
+    deviation, time, white = np.exp(best)
+    wide = np.exp(Z * np.sqrt(np.diag(np.linalg.inv(_curvature(loss, best)))))
+    value, variance = _mean(spans, deviation, time, white)
+    half = np.full(3, Z * np.sqrt(variance))
+    return WindForce(
+        np.stack([value, half], axis=1),
+        (float(deviation), float(deviation / wide[0]), float(deviation * wide[0])),
+        (float(time), float(time / wide[1]), float(time * wide[1])),
+    )
+
+
+def _spans(e: Evidence, left: np.ndarray, begin: float | None) -> list[np.ndarray]:
+    """(k, 3) forces in W in bins, of spans of at most `SPAN` [N]."""
+    force = attitude.rotate(attitude_on_grid(e), left[:, FORCE])
+    force = force[e.t >= (e.t[0] if begin is None else begin)]
+    rows = max(1, round(BIN / e.grid.step))
+    bins = force[: len(force) // rows * rows].reshape(-1, rows, 3).mean(axis=1)
+    most = round(SPAN / BIN)
+    return [bins[i : i + most] for i in range(0, len(bins), most) if len(bins) - i > 1]
+
+
+def _factor(n: int, deviation: float, time: float, white: float) -> np.ndarray:
+    """(n, n) lower Cholesky factor of the covariance of n bins, in each of which the process is averaged."""
+    b = BIN / time
+    column = 2 * (np.cosh(b) - 1) / b**2 * np.exp(-np.arange(n) * b)
+    column[0] = 2 * (b - 1 + np.exp(-b)) / b**2
+    column *= deviation**2
+    column[0] += white**2
+    return linalg.cholesky(linalg.toeplitz(column), lower=True)
+
+
+def _whitened(spans: Sequence[np.ndarray], deviation, time, white) -> tuple[np.ndarray, np.ndarray, float]:
+    """Forces (k, a) and ones (k,) whitened, all spans in a row, and the log determinant of their covariance."""
+    factors = {n: _factor(n, deviation, time, white) for n in {len(s) for s in spans}}
+    both = [
+        linalg.solve_triangular(factors[len(s)], np.column_stack([s, np.ones(len(s))]), lower=True)
+        for s in spans
+    ]
+    whole = np.concatenate(both)
+    return whole[:, :-1], whole[:, -1], sum(2 * np.log(np.diag(factors[len(s)])).sum() for s in spans)
+
+
+def _restricted_loss(spans: Sequence[np.ndarray], deviation: float, time: float, white: float) -> float:
+    F, one, logdet = _whitened(spans, deviation, time, white)
+    weight = one @ one
+    power = np.sum(F**2) - np.sum((one @ F) ** 2) / weight
+    return float(0.5 * (power + F.shape[1] * (logdet + np.log(weight))))
+
+
+def _mean(spans: Sequence[np.ndarray], deviation, time, white) -> tuple[np.ndarray, float]:
+    """(3,) by generalised least squares, and its variance."""
+    F, one, _ = _whitened(spans, deviation, time, white)
+    return one @ F / (one @ one), float(1.0 / (one @ one))
+
+
+def _curvature(loss, z: np.ndarray) -> np.ndarray:
+    """(k, k) second derivatives by central differences, with a weak prior: a figure may not matter at all."""
+    k = len(z)
+    E = STEP * np.eye(k)
+    H = np.empty((k, k))
+    for i in range(k):
+        for j in range(i + 1):
+            four = (
+                loss(z + E[i] + E[j]) - loss(z + E[i] - E[j]) - loss(z - E[i] + E[j]) + loss(z - E[i] - E[j])
+            )
+            H[i, j] = H[j, i] = four / (4 * STEP**2)
+    values, vectors = np.linalg.eigh(H)
+    return vectors @ np.diag(np.maximum(values, 0.25)) @ vectors.T

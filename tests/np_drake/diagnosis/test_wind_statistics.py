@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+
+from np_drake import attitude
+from np_drake.diagnosis.hidden_swing import attitude_on_grid
+from np_drake.diagnosis.wind_statistics import BIN, _factor, wind_force
+
+DEVIATION, MEAN = 0.5, np.array([0.3, -0.2, 0.1])
+
+
+@pytest.fixture(scope="module")
+def flights(seen):
+    return [seen(name=str(i), seed=i, seconds=20.0) for i in (1, 2)]
+
+
+def process(rng, t, time):
+    """(n, 3) first-order Gauss-Markov, exactly."""
+    decay = np.exp(-np.diff(t) / time)
+    out = [DEVIATION * rng.standard_normal(3)]
+    for a in decay:
+        out.append(a * out[-1] + DEVIATION * np.sqrt(1 - a**2) * rng.standard_normal(3))
+    return np.array(out)
+
+
+def pushed(flights, rng, time, *, begin=-np.inf, white=0.05):
+    left = {}
+    for e in flights:
+        force = MEAN + process(rng, e.t, time) + white * rng.standard_normal((len(e.t), 3))
+        left[e.name] = np.zeros_like(e.y)
+        left[e.name][:, :3] = attitude.rotate_back(attitude_on_grid(e), force * (e.t >= begin)[:, None])
+    return left
+
+
+@pytest.mark.parametrize("time", [0.3, 2.0])
+def test_nine_of_ten_intervals_hold_the_truth(flights, time):
+    inside = []
+    for seed in range(20):
+        dut = wind_force(flights, pushed(flights, np.random.default_rng(seed), time), {})
+        for (value, low, high), true in ((dut.deviation, DEVIATION), (dut.correlation_time, time)):
+            assert low < value < high
+            inside.append(low < true < high)
+        inside += list(np.abs(dut.mean[:, 0] - MEAN) < dut.mean[:, 1])
+    assert 0.88 < np.mean(inside) <= 1.0
+
+
+def test_before_its_onset_there_is_no_wind(flights):
+    left = pushed(flights, np.random.default_rng(1), 0.5, begin=8.0)
+    late = wind_force(flights, left, {"1": 8.0, "2": 8.0})
+    assert late.deviation[1] < DEVIATION < late.deviation[2]
+    assert np.all(np.abs(late.mean[:, 0] - MEAN) < late.mean[:, 1])
+    assert wind_force(flights, left, {}).deviation[0] < late.deviation[0]
+
+
+def test_twice_the_force_is_twice_the_wind_and_lasts_as_long(flights):
+    left = pushed(flights, np.random.default_rng(2), 0.5)
+    one, two = (wind_force(flights, {n: k * y for n, y in left.items()}, {}) for k in (1.0, 2.0))
+    assert two.deviation == pytest.approx(2 * np.array(one.deviation), rel=1e-2)
+    assert two.correlation_time == pytest.approx(one.correlation_time, rel=2e-2)
+    assert two.mean == pytest.approx(2 * one.mean, rel=1e-2)
+
+
+def test_the_covariance_of_bins_is_that_of_averages():
+    fine, time = 50, 0.25
+    t = (np.arange(4 * fine) + 0.5) * BIN / fine
+    exact = np.exp(-np.abs(t[:, None] - t) / time).reshape(4, fine, 4, fine).mean(axis=(1, 3))
+    factor = _factor(4, 1.0, time, 0.0)
+    np.testing.assert_allclose(factor @ factor.T, exact, atol=2e-4)
