@@ -11,6 +11,7 @@ from diagrams.challenge.score_confusion import confusion, reliability
 from diagrams.challenge.score_detection import detection
 from diagrams.challenge.score_names import clean, foreign, of_effect, several, singles, wrong_and_sure
 from diagrams.challenge.score_shrink import (
+    PARAMETERS,
     relative_shrink,
     replay_reduction,
     replay_summary,
@@ -22,7 +23,6 @@ from np_drake.effects.library import LIBRARY
 
 VISIBLE = 1.5  # least visibility of cases that count as visible [1]
 SEED = 0  # of the bootstrap
-GUSTS = "gusty_wind"  # the true model of which knows the gusts themselves, not their statistics
 
 
 def score(cases: Sequence[Solved], *, least: float = VISIBLE, seed: int = SEED) -> dict[str, Any]:
@@ -70,7 +70,7 @@ def score_group(cases: Sequence[Solved], *, least: float, seed: int) -> dict[str
         "parameters": parameters_of(errors),
         "onset": onset.summary(known, least),
         "shrink_relative": shrink_summary(known),
-        "shrink_relative_steady": shrink_summary([c for c in known if GUSTS not in c.true_names]),
+        "shrink_relative_parameters": shrink_summary(known, PARAMETERS),
         "shrink_relative_foreign": shrink_summary(kinds["foreign"]),
         "replay": replay_summary(known, least),
         "detection": detection([*kinds["single"], *kinds["onset"]], seed),

@@ -13,11 +13,21 @@ VISIBLE = 1.1  # residual before over what the true model leaves, pooled: less i
 HORIZON = 1.0  # of the replay [s]
 
 
-def before_and_after(case: Solved) -> tuple[float, float] | None:
-    """Held-out residual in units of what the true model leaves, pooled over wrench channels [1]."""
+ALL, PARAMETERS = (
+    "true_model_residual",
+    "parameters_residual",
+)  # what a true model leaves; all of it, gusts too
+
+
+def before_and_after(case: Solved, true: str = ALL) -> tuple[float, float] | None:
+    """Held-out residual in units of what the true model leaves, pooled over wrench channels [1].
+
+    true: the true model that knows every gust, or the one that knows the parameters of the wind as the truth has them.
+    """
     if case.answer is None:
         return None
-    floor = np.array([case.truth["true_model_residual"][f"{kind}_{axis}"] for kind, axis in CHANNELS], float)
+    left = case.truth.get(true) or case.truth[ALL]
+    floor = np.array([left[f"{kind}_{axis}"] for kind, axis in CHANNELS], float)
     gap = case.answer["gap"]
     if np.any(floor <= 0) or any(axis not in gap.get(kind, {}) for kind, axis in CHANNELS):
         return None
@@ -30,18 +40,18 @@ def before_and_after(case: Solved) -> tuple[float, float] | None:
     return pooled[0], pooled[1]
 
 
-def relative_shrink(case: Solved) -> float | None:
+def relative_shrink(case: Solved, true: str = ALL) -> float | None:
     """1 - (after² - 1) / (before² - 1), held to [-1, 1]: the true model has 1; None where there is no gap to see."""
-    figures = before_and_after(case)
+    figures = before_and_after(case, true)
     if case.kind == "clean" or figures is None or figures[0] < VISIBLE:
         return None
     before, after = figures
     return float(np.clip(1 - (after**2 - 1) / (before**2 - 1), -1.0, 1.0))
 
 
-def shrink_summary(cases: Iterable[Solved]) -> dict[str, Any]:
+def shrink_summary(cases: Iterable[Solved], true: str = ALL) -> dict[str, Any]:
     """Over cases with a visible gap."""
-    values = [value for case in cases if (value := relative_shrink(case)) is not None]
+    values = [value for case in cases if (value := relative_shrink(case, true)) is not None]
     return {"n": len(values), "mean": mean(values), "median": median(values)}
 
 

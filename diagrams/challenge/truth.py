@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from diagrams.challenge.case import FILES, Case
+from diagrams.challenge.onset_bound import best_onset
 from np_drake.atomic_file import write_json
 from np_drake.diagnosis.collinear import collinear_effects
 from np_drake.diagnosis.evidence import make_evidence
@@ -14,6 +15,8 @@ from np_drake.diagnosis.noise import fit_noise
 from np_drake.diagnosis.rig import tolerance_of
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.base import Effect
+from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.gusty_wind import GustyWind
 from np_drake.logs.flight_log import FlightLog
 
 CHANNELS = tuple(
@@ -50,6 +53,10 @@ def truth(case: Case, simulator: str, exact: dict[str, FlightLog], noisy: dict[s
         ],
         "class": collinear_class(case, exact, noisy),
         "true_model_residual": dict(zip(CHANNELS, residual.tolist(), strict=True)),
+        "parameters_residual": dict(
+            zip(CHANNELS, unforeseen(case, exact[held_out], residual).tolist(), strict=True)
+        ),
+        "best_onset": {f: best for f in FILES if (best := knowable_onset(case, exact, noisy, f)) is not None},
         "visibility": visibility,
         "visibility_in_training": {f: seen(case, exact[f], noisy[f])[1] for f in FILES[:-1]},
         "visibility_of_each": own_visibility(case, exact[held_out], residual),
@@ -79,6 +86,38 @@ def seen(case: Case, exact: FlightLog, noisy: FlightLog) -> tuple[np.ndarray, fl
     off = [Term(effect) for effect in case.quality.background(case.vehicle)]
     total = np.sqrt(np.mean((with_noise.y - signature(without, off)) ** 2, axis=0))
     return noise, float(np.max(total / np.maximum(noise, 1e-12)))
+
+
+def unforeseen(case: Case, exact: FlightLog, noise: np.ndarray) -> np.ndarray:
+    """RMS (15,) that the true parameters leave: noise, and gusts, of which they say how strong but not which."""
+    if not any(isinstance(effect, GustyWind) for effect in case.effects):
+        return noise
+    evidence = make_evidence(dc.replace(exact, name=FILES[-1]), case.vehicle)
+    known = [*case.quality.background(case.vehicle), *(steady(e) for e in case.effects)]
+    left = evidence.y - signature(evidence, [Term(effect, dict(case.onset)) for effect in known])
+    return np.sqrt(noise**2 + np.mean(left**2, axis=0))
+
+
+def steady(effect: Effect) -> Effect:
+    """The mean of a gusty wind; any other effect as it is."""
+    if not isinstance(effect, GustyWind):
+        return effect
+    return ConstantWind(x=effect.mean_x, y=effect.mean_y, z=effect.mean_z)
+
+
+def knowable_onset(
+    case: Case, exact: dict[str, FlightLog], noisy: dict[str, FlightLog], file: str
+) -> float | None:
+    """What `best_onset` reads from a flight [s]; None where nothing begins in it."""
+    onset = case.onset[file]
+    if onset is None or case.draw.kind == "foreign":
+        return None
+    measured, true = (
+        make_evidence(dc.replace(logs[file], name=file), case.vehicle) for logs in (noisy, exact)
+    )
+    errors = measured.y - true.y
+    terms = [Term(effect, dict(case.onset)) for effect in case.effects_of(file)]
+    return best_onset(true, errors, terms, onset, fit_noise([errors], true.grid.step))
 
 
 def own_visibility(case: Case, exact: FlightLog, noise: np.ndarray) -> list[float]:

@@ -48,3 +48,11 @@ def test_what_begins_together_counts_once_by_the_one_that_is_worst(by_hand):
         ]
         (row,) = onset_errors(by_hand.make_case(truth, by_hand.make_answer(*causes)))
         assert within(row) is right
+
+
+def test_onsets_that_the_true_effect_does_not_tell_stand_apart(by_hand):
+    told = {"train_1.csv": 8.1, "heldout_1.csv": 6.0}
+    case = case_with(by_hand, {"train_1": 8.15, "train_2": None, "heldout_1": None}, best_onset=told)
+    found = summary([case], 1.5)
+    assert (found["within"]["count"], found["within"]["n"]) == (1, 2)
+    assert (found["within_if_told"]["count"], found["within_if_told"]["n"]) == (1, 1)

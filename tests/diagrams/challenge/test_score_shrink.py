@@ -3,6 +3,7 @@ import dataclasses as dc
 import pytest
 
 from diagrams.challenge.score_shrink import (
+    PARAMETERS,
     before_and_after,
     relative_shrink,
     replay_reduction,
@@ -50,3 +51,11 @@ def test_the_replay_is_compared_at_one_second(by_hand):
     assert replay_summary([case], 1.5)["n"] == 1
     case.answer["shrink"]["replay"]["after"] = None
     assert replay_reduction(case) is None
+
+
+def test_a_true_model_that_does_not_know_the_gusts_leaves_them(by_hand):
+    case = case_with(by_hand, before=3.0, after=2.0)
+    assert relative_shrink(case, PARAMETERS) == relative_shrink(case)
+    case.truth[PARAMETERS] = {name: 2.0 * value for name, value in case.truth["true_model_residual"].items()}
+    assert relative_shrink(case, PARAMETERS) == pytest.approx(1.0)
+    assert relative_shrink(case) == pytest.approx(1 - 3 / 8)
