@@ -15,7 +15,7 @@ from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.evidence import FORCE, POSITION, VELOCITY, Evidence, low_pass
 from np_drake.diagnosis.hidden_swing import attitude_on_grid
 from np_drake.diagnosis.rig import Tolerance
-from np_drake.diagnosis.wind_statistics import WindForce, wind_force
+from np_drake.diagnosis.wind_statistics import WindForce, wind_force, wind_onset
 from np_drake.effects.gusty_wind import GustyWind
 
 BAND = 0.7  # of what counts as slow [Hz]; own choice
@@ -94,10 +94,14 @@ def as_gusts(
     if drag is None:
         return causes
     wind = next((c for c in causes if c.identifier == "constant_wind"), None)
-    parameters = _statistics(flights, wind_force(flights, left, drag.onset), drag, wind, tolerance)
+    force = wind_force(flights, left, drag.onset)
+    late = {e.name: begin for e in flights if (begin := drag.onset.get(e.name)) is not None}
+    late = {e.name: wind_onset(e, left[e.name], late[e.name], force) for e in flights if e.name in late}
+    parameters = _statistics(flights, force, drag, wind, tolerance)
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
-    gusts = Cause("gusty_wind", probability, parameters, drag.onset, (), drag.share, effect)
-    return [*(c for c in causes if c.identifier != "constant_wind"), gusts]
+    gusts = Cause("gusty_wind", probability, parameters, drag.onset | late, (), drag.share, effect)
+    felt = dc.replace(drag, onset=gusts.onset)
+    return [felt if c is drag else c for c in causes if c is not wind] + [gusts]
 
 
 def _statistics(

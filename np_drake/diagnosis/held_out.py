@@ -39,12 +39,24 @@ def adapt(
     """
     late = [type(t.effect).begins and not (structured and set(t.onset.values()) <= {None}) for t in terms]
     known = [any(begin is not None for begin in t.onset.values()) for t in terms]
+    fitted = list(terms)
     terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
     terms = [_anchored(terms, i, flight, noise) for i in range(len(terms))]
-    for i in sorted(range(len(terms)), key=lambda i: not known[i]):
-        if late[i]:
+    felt_by = {i: _felt_by(fitted, i) for i in range(len(terms))}
+    for i in sorted(range(len(terms)), key=lambda i: (not known[i], felt_by[i] is not None)):
+        j = felt_by[i]
+        if j is not None:
+            terms[i] = dc.replace(terms[i], onset=terms[j].onset)
+        elif late[i]:
             terms[i] = _with_onset(terms, i, flight, noise, known=known[i])
     return terms
+
+
+def _felt_by(terms: Sequence[Term], i: int) -> int | None:
+    """The drag that feels the wind which is term i, if they began together in the flights of the fit."""
+    needed = type(terms[i].effect).needs
+    together = (j for j, t in enumerate(terms) if t.effect.identifier in needed and t.onset == terms[i].onset)
+    return next(together, None)
 
 
 def without_shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> Evidence:

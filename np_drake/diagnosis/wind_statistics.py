@@ -13,6 +13,7 @@ from np_drake.diagnosis.hidden_swing import attitude_on_grid
 BIN = 0.1  # over which the force is averaged [s]
 SPAN = 20.0  # what lies farther apart counts as independent [s]
 SHORTEST, LONGEST = 0.1, 20.0  # correlation time [s]
+AROUND = 3.0  # of an onset, within which a better one is looked for [s]
 STEP = 0.02  # of the logarithms, for their curvature [1]
 Z = 1.96  # deviations to either side: 95 %
 
@@ -22,11 +23,13 @@ class WindForce:
     """Force in W on a vehicle that feels a wind. mean (3, 2): axes by value and half width of the 95 % interval [N].
 
     deviation [N], correlation_time [s]: value, lower and upper end; of a first-order Gauss-Markov process.
+    white: deviation of a bin's noise [N].
     """
 
     mean: np.ndarray
     deviation: tuple[float, float, float]
     correlation_time: tuple[float, float, float]
+    white: float
 
 
 def wind_force(
@@ -55,17 +58,45 @@ def wind_force(
         np.stack([value, half], axis=1),
         (float(deviation), float(deviation / wide[0]), float(deviation * wide[0])),
         (float(time), float(time / wide[1]), float(time * wide[1])),
+        float(white),
     )
+
+
+def wind_onset(e: Evidence, left: np.ndarray, begin: float, wind: WindForce) -> float:
+    """When the wind begins that was taken to begin at `begin` [s]: until then there is white noise alone.
+
+    Gusts show by their power at once, where their mean, by which an onset is found first, may take a second.
+    left: (m, 15) what is left of the flight.
+    """
+    bins = _bins(e, left, e.t >= e.t[0])[:, :2]
+    t = e.t[0] + BIN * np.arange(len(bins))
+    tried = np.flatnonzero((np.abs(t - begin) <= AROUND) & (t > e.t[0] + BIN) & (t < t[-1] - 1.0))
+    if not len(tried):
+        return begin
+    factor = _factor(len(bins) - tried[0], wind.deviation[0], wind.correlation_time[0], wind.white)
+    logdet = np.cumsum(2 * np.log(np.diag(factor)))
+    quiet = np.cumsum(np.sum((bins / wind.white) ** 2 + 2 * np.log(wind.white), axis=1))
+
+    def loss(k: int) -> float:
+        n = len(bins) - k
+        after = linalg.solve_triangular(factor[:n, :n], bins[k:] - wind.mean[:2, 0], lower=True)
+        return float(quiet[k - 1] + np.sum(after**2) + 2 * logdet[n - 1])
+
+    return float(t[min(tried, key=loss)])
 
 
 def _spans(e: Evidence, left: np.ndarray, begin: float | None) -> list[np.ndarray]:
     """(k, 3) forces in W in bins, of spans of at most `SPAN` [N]."""
-    force = attitude.rotate(attitude_on_grid(e), left[:, FORCE])
-    force = force[e.t >= (e.t[0] if begin is None else begin)]
-    rows = max(1, round(BIN / e.grid.step))
-    bins = force[: len(force) // rows * rows].reshape(-1, rows, 3).mean(axis=1)
+    bins = _bins(e, left, e.t >= (e.t[0] if begin is None else begin))
     most = round(SPAN / BIN)
     return [bins[i : i + most] for i in range(0, len(bins), most) if len(bins) - i > 1]
+
+
+def _bins(e: Evidence, left: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """(k, 3) force in W of these rows (m,), averaged over bins [N]."""
+    force = attitude.rotate(attitude_on_grid(e), left[:, FORCE])[rows]
+    size = max(1, round(BIN / e.grid.step))
+    return force[: len(force) // size * size].reshape(-1, size, 3).mean(axis=1)
 
 
 def _factor(n: int, deviation: float, time: float, white: float) -> np.ndarray:

@@ -14,6 +14,7 @@ from np_drake.diagnosis.held_out import (
     without_shocks,
 )
 from np_drake.diagnosis.signature import NEVER, Term, signature
+from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -36,6 +37,19 @@ def test_a_payload_that_is_hung_on_late_is_found_however_it_swings(seen, noise):
     flight = seen(PAYLOAD, name="c", seed=4, noise=1.0, vigour=1.6, onset={"suspended_payload": 7.0})
     (dut,) = adapt([Term(PAYLOAD, {"a": 1.0})], flight, noise)
     assert dut.begins("c") == pytest.approx(7.0, abs=0.2)
+
+
+def test_a_wind_begins_with_the_drag_that_feels_it(seen, noise):
+    wind, drag, late = ConstantWind(4.0, -2.0, 0.5), LinearDrag(0.3, 0.3, 0.2), {"a": 4.0}
+    onset = {"linear_drag": 6.0, "constant_wind": 6.0}
+    flight = seen(wind, drag, name="c", seed=3, noise=1.0, onset=onset)
+    for terms in ([Term(wind, late), Term(drag, late)], [Term(drag, late), Term(wind, late)]):
+        begins = [t.begins("c") for t in adapt(terms, flight, noise)]
+        assert begins == pytest.approx([6.0, 6.0], abs=0.1)
+    flight = seen(wind, drag, name="c", seed=3, noise=1.0, onset={"constant_wind": 6.0})
+    steady, late_wind = adapt([Term(drag), Term(wind, late)], flight, noise)
+    assert steady.begins("c") is None
+    assert late_wind.begins("c") == pytest.approx(6.0, abs=0.1)
 
 
 def test_what_acts_from_the_start_keeps_no_onset(seen, noise):

@@ -3,7 +3,7 @@ import pytest
 
 from np_drake import attitude
 from np_drake.diagnosis.hidden_swing import attitude_on_grid
-from np_drake.diagnosis.wind_statistics import BIN, _factor, wind_force
+from np_drake.diagnosis.wind_statistics import BIN, WindForce, _factor, wind_force, wind_onset
 
 DEVIATION, MEAN = 0.5, np.array([0.3, -0.2, 0.1])
 
@@ -49,6 +49,22 @@ def test_before_its_onset_there_is_no_wind(flights):
     assert late.deviation[1] < DEVIATION < late.deviation[2]
     assert np.all(np.abs(late.mean[:, 0] - MEAN) < late.mean[:, 1])
     assert wind_force(flights, left, {}).deviation[0] < late.deviation[0]
+
+
+@pytest.mark.parametrize("taken_for", [7.0, 8.0, 9.5])
+@pytest.mark.parametrize("mean", [0.0, 1.0])
+def test_gusts_begin_where_their_power_does_whatever_their_mean(flights, taken_for, mean):
+    left = pushed(flights, np.random.default_rng(1), 0.5, begin=8.0)
+    steady = np.stack([mean * MEAN, np.zeros(3)], axis=1)
+    wind = WindForce(steady, (DEVIATION, 0.3, 0.7), (0.5, 0.3, 0.8), 0.03)
+    for e in flights:
+        assert wind_onset(e, left[e.name], taken_for, wind) == pytest.approx(8.0, abs=2 * BIN)
+
+
+def test_an_onset_too_near_the_end_to_look_about_stays(flights):
+    wind = WindForce(np.zeros((3, 2)), (DEVIATION, 0.3, 0.7), (0.5, 0.3, 0.8), 0.03)
+    e = flights[0]
+    assert wind_onset(e, np.zeros_like(e.y), 99.0, wind) == 99.0
 
 
 def test_twice_the_force_is_twice_the_wind_and_lasts_as_long(flights):
