@@ -95,12 +95,14 @@ def as_gusts(
         return causes
     wind = next((c for c in causes if c.identifier == "constant_wind"), None)
     force = wind_force(flights, left, drag.onset)
-    late = {e.name: begin for e in flights if (begin := drag.onset.get(e.name)) is not None}
-    late = {e.name: wind_onset(e, left[e.name], late[e.name], force) for e in flights if e.name in late}
+    onset = dict(drag.onset)
+    for e in flights:
+        if (begin := onset.get(e.name)) is not None:
+            onset[e.name] = wind_onset(e, left[e.name], begin, force)
     parameters = _statistics(flights, force, drag, wind, tolerance)
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
-    gusts = Cause("gusty_wind", probability, parameters, drag.onset | late, (), drag.share, effect)
-    felt = dc.replace(drag, onset=gusts.onset)
+    gusts = Cause("gusty_wind", probability, parameters, onset, (), drag.share, effect)
+    felt = dc.replace(drag, onset=onset)
     return [felt if c is drag else c for c in causes if c is not wind] + [gusts]
 
 

@@ -18,7 +18,7 @@ from np_drake.diagnosis.hidden_swing import (
 from np_drake.diagnosis.late_columns import LateColumns
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.payload_candidates import SWING, WIDEST
-from np_drake.diagnosis.shocks import APART, find_shocks
+from np_drake.diagnosis.shocks import APART, BOUNCE, LONGEST, find_shocks
 from np_drake.diagnosis.signature import NEVER, Term, signature
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
@@ -76,7 +76,8 @@ def without_shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -
 
 def _shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> np.ndarray:
     left = flight.y - signature(flight, adapt(terms, flight, noise))
-    return find_shocks(left, flight.grid.step)
+    swings = any(hasattr(t.effect, "payload") for t in terms)
+    return find_shocks(left, flight.grid.step, BOUNCE if swings else LONGEST)
 
 
 def _first_run(found: np.ndarray) -> np.ndarray:
@@ -105,11 +106,12 @@ def anchors(term: Term, flight: Evidence) -> list[np.ndarray]:
 
 
 def scored(terms: Sequence[Term], flight: Evidence) -> np.ndarray:
-    """(m,) rows that count: not those that a hidden state, or a fit, has seen."""
+    """(m,) rows that count: not those that a hidden state, or a fit, has seen, nor those of a tether's shocks."""
     rows = ~flight.joined
     for term in terms:
-        for fitted in anchors(term, flight):
-            rows &= ~fitted
+        fitted = anchors(term, flight)
+        for some in [*fitted, flight.shocks] if fitted else []:
+            rows = rows & ~some
     return rows
 
 
@@ -202,16 +204,23 @@ def _with_onset(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel, 
 def _span_by_span(terms: Sequence[Term], i: int, flight: Evidence, noise: NoiseModel) -> np.ndarray:
     """(m, 15) trace of the terms with a payload that swings in every span as that span shows it by itself.
 
-    A swing that is followed from the start of the flight is wrong wherever the payload was hung on later.
+    A swing that is followed from the start of the flight is wrong wherever the payload was hung on later; where it
+    explains a span better, it is right.
     """
-    trace = np.zeros_like(flight.y)
+    followed = signature(flight, terms)
+    trace = followed.copy()
     for start in np.arange(flight.t[0], flight.t[-1], HIDDEN_SPAN):
         rows = (flight.t >= start) & (flight.t < start + HIDDEN_SPAN)
+        inside = rows[noise.phi.shape[1] :]
+        if np.sum(inside) <= MOST_JUMPS * STATE:
+            continue
         onset = None if start == flight.t[0] else float(start)
         now = [*terms[:i], dc.replace(terms[i], onset={flight.name: onset}, hidden={}), *terms[i + 1 :]]
-        if np.sum(rows[noise.phi.shape[1] :]) > MOST_JUMPS * STATE:
-            now[i] = _with_swing(now, i, flight, noise, onset, rows)
-        trace[rows] = signature(flight, now)[rows]
+        now[i] = _with_swing(now, i, flight, noise, onset, rows)
+        alone = signature(flight, now)
+        losses = [np.sum(flight.white(noise, flight.y - way)[inside] ** 2) for way in (alone, followed)]
+        if losses[0] < losses[1]:
+            trace[rows] = alone[rows]
     return trace
 
 

@@ -14,17 +14,18 @@ MOST = 0.05  # share of a flight's rows above which it is no shock but how the f
 ABOUT = 1  # rows to either side that the grid smears a shock over
 APART = 0.3  # shocks that are closer are one: a tether that bounces [s]
 LONGEST = 0.07  # what lasts longer is motion, not a shock [s]
+BOUNCE = 0.3  # but where a payload is known to swing, whose tether may snap taut several times in a row [s]
 
 
-def find_shocks(residual: np.ndarray, step: float) -> np.ndarray:
-    """(m,) bool: rows with a spike in any channel of what a rich model leaves (m, c)."""
+def find_shocks(residual: np.ndarray, step: float, longest: float = LONGEST) -> np.ndarray:
+    """(m,) bool: rows with a spike, of at most `longest` [s], in any channel of what a rich model leaves (m, c)."""
     size = 2 * max(1, round(0.5 * WINDOW / step)) + 1
     if len(residual) < 2 * size:
         return np.zeros(len(residual), bool)
     spiky = np.abs(residual - signal.medfilt(residual, (size, 1)))
     usual = 1.4826 * np.median(spiky, axis=0)
     found = np.any(spiky > SPIKE * np.maximum(usual, 1e-9), axis=1)
-    found = _short(found, max(2, round(LONGEST / step)))
+    found = _short(found, max(2, round(longest / step)))
     found = np.convolve(found, np.ones(2 * ABOUT + 1), mode="same") > 0.5
     found |= _short(~found, round(APART / step)) & found.any()
     return found if found.mean() <= MOST else np.zeros(len(residual), bool)

@@ -82,7 +82,7 @@ def wind_onset(e: Evidence, left: np.ndarray, begin: float, wind: WindForce) -> 
         after = linalg.solve_triangular(factor[:n, :n], bins[k:] - wind.mean[:2, 0], lower=True)
         return float(quiet[k - 1] + np.sum(after**2) + 2 * logdet[n - 1])
 
-    return float(t[min(tried, key=loss)])
+    return float(t[min(tried.tolist(), key=loss)])
 
 
 def _spans(e: Evidence, left: np.ndarray, begin: float | None) -> list[np.ndarray]:

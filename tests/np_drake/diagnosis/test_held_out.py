@@ -7,6 +7,7 @@ from np_drake.diagnosis.evidence import WRENCH, make_evidence
 from np_drake.diagnosis.held_out import (
     HIDDEN_SPAN,
     JUMP_SPAN,
+    _span_by_span,
     adapt,
     known_onset_profile,
     scored,
@@ -137,6 +138,26 @@ def test_a_swing_that_jumps_at_a_shock_is_found_anew_and_those_rows_are_not_scor
     unaware = dc.replace(dut, hidden={"c": dut.hidden["c"][:4]})
     left = [np.std((flight.y - signature(flight, [t]))[rows & after][:, :3]) for t in (dut, jumped, unaware)]
     assert left[0] < 1.1 * left[1] < 0.5 * left[2]
+
+
+def test_the_rows_of_a_shock_are_not_scored_beside_a_payload_only(seen):
+    flight = knocked(seen(PAYLOAD, name="c", seed=3, noise=1.0), 6.0)
+    assert not scored([Term(PAYLOAD)], flight)[flight.shocks].any()
+    assert scored([Term(HEAVY), Term(PAYLOAD, {"c": NEVER})], flight).all()
+
+
+def test_a_swing_that_one_span_does_not_show_is_followed_from_the_start(seen, noise):
+    wide = np.array([1.2, -0.9, 2.0, 3.0])  # a start that a span by itself does not find
+    flight = seen(name="c", seed=4, noise=1.0)
+    thrown = Term(PAYLOAD, hidden={"c": wide})
+    flight = dc.replace(flight, y=flight.y + signature(flight, [thrown]))
+    trace = _span_by_span([thrown], 0, flight, noise)
+    inside = flight.t < HIDDEN_SPAN
+    left = [
+        np.sum(flight.white(noise, flight.y - y)[inside[20:]] ** 2)
+        for y in (trace, signature(flight, [thrown]))
+    ]
+    assert left[0] <= 1.05 * left[1]
 
 
 def test_shocks_of_a_swing_are_taken_in_turn(seen, noise):

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.shocks import APART, MOST, bridge, find_shocks
+from np_drake.diagnosis.shocks import APART, BOUNCE, MOST, bridge, find_shocks
 
 STEP = 0.02
 
@@ -33,6 +33,15 @@ def test_shocks_that_are_close_are_one(quiet):
     found = find_shocks(quiet, STEP)
     assert np.all(found[400 : 400 + int(0.8 * APART / STEP)])
     assert np.sum(np.diff(found.astype(int)) > 0) == 2
+
+
+def test_a_tether_that_bounces_is_one_shock_and_what_lasts_is_none(quiet):
+    rows = np.arange(400, 400 + int(0.5 * BOUNCE / STEP))
+    quiet[rows, 2] += 60.0
+    assert not find_shocks(quiet, STEP).any()
+    assert find_shocks(quiet, STEP, BOUNCE)[rows].all()
+    quiet[400 : 400 + int(2 * BOUNCE / STEP), 2] += 60.0
+    assert not find_shocks(quiet, STEP, BOUNCE)[400 + int(0.5 * BOUNCE / STEP) + 5]
 
 
 def test_where_spikes_are_many_there_are_no_shocks(quiet):
