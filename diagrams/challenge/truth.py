@@ -15,8 +15,6 @@ from np_drake.diagnosis.noise import fit_noise
 from np_drake.diagnosis.rig import tolerance_of
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.base import Effect
-from np_drake.effects.constant_wind import ConstantWind
-from np_drake.effects.gusty_wind import GustyWind
 from np_drake.logs.flight_log import FlightLog
 
 CHANNELS = tuple(
@@ -90,19 +88,12 @@ def seen(case: Case, exact: FlightLog, noisy: FlightLog) -> tuple[np.ndarray, fl
 
 def unforeseen(case: Case, exact: FlightLog, noise: np.ndarray) -> np.ndarray:
     """RMS (15,) that the true parameters leave: noise, and gusts, of which they say how strong but not which."""
-    if not any(isinstance(effect, GustyWind) for effect in case.effects):
+    if case.draw.kind == "foreign" or all(effect.foreseen is effect for effect in case.effects):
         return noise
     evidence = make_evidence(dc.replace(exact, name=FILES[-1]), case.vehicle)
-    known = [*case.quality.background(case.vehicle), *(steady(e) for e in case.effects)]
+    known = [*case.quality.background(case.vehicle), *(e.foreseen for e in case.effects)]
     left = evidence.y - signature(evidence, [Term(effect, dict(case.onset)) for effect in known])
     return np.sqrt(noise**2 + np.mean(left**2, axis=0))
-
-
-def steady(effect: Effect) -> Effect:
-    """The mean of a gusty wind; any other effect as it is."""
-    if not isinstance(effect, GustyWind):
-        return effect
-    return ConstantWind(x=effect.mean_x, y=effect.mean_y, z=effect.mean_z)
 
 
 def knowable_onset(

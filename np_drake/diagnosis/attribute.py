@@ -236,6 +236,18 @@ def on_held_out(
     return HeldOut(terms, left, rows, whole)
 
 
+def in_gusts(held: HeldOut, gusts: Cause, flights: Sequence[Evidence]) -> HeldOut:
+    """The same where the wind is one of gusts: all that is foreseen of it, its mean, in the place of a steady wind."""
+    assert gusts.effect is not None
+    terms, left = dict(held.terms), dict(held.left)
+    for e in flights:
+        felt = next(t for t in held.terms[e.name] if t.effect.identifier == GUSTY[0])
+        rest = [t for t in held.terms[e.name] if t.effect.identifier not in GUSTY[1:]]
+        terms[e.name] = [*rest, Term(gusts.effect.foreseen, felt.onset)]
+        left[e.name] = e.y - signature(e, terms[e.name])
+    return dc.replace(held, terms=terms, left=left)
+
+
 Drift = dict[str, np.ndarray]  # by flight, (m, 15, k) columns of what its sensors may be off by, whitened
 
 

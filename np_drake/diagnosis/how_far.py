@@ -48,7 +48,7 @@ def how_far(
     if replay is not None:
         logs = [_judging(e) for e in flights]
         effects = [
-            (c.effect, {e.name: _onset_of(kept[e.name], c.identifier, e.name) for e in flights})
+            (c.effect.foreseen, {e.name: _onset_of(kept[e.name], c.identifier, e.name) for e in flights})
             for c in causes
             if c.effect is not None
         ]

@@ -4,7 +4,7 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 from np_drake.diagnosis.answer import Cause, Finding
-from np_drake.diagnosis.attribute import causes_of
+from np_drake.diagnosis.attribute import causes_of, in_gusts
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.gusts import as_gusts
 from np_drake.diagnosis.held_out import without_shocks
@@ -42,9 +42,11 @@ def look(flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> Look:
         unknown, probability = True, left.slow_probability
     if gusty:
         rest = {e.name: ranking.named.left(e) for e in flights}
-        blown = as_gusts(flights, rest, causes, left.slow_probability, ranking.tolerance)
-        unknown = len(blown) == len(causes) and "linear_drag" not in {c.identifier for c in causes}
-        causes, probability = blown, left.slow_probability if unknown else left.probability
+        causes = as_gusts(flights, rest, causes, left.slow_probability, ranking.tolerance)
+        gusts = next((c for c in causes if c.identifier == "gusty_wind"), None)
+        unknown = gusts is None  # nothing was found that would feel them
+        probability = left.slow_probability if unknown else left.probability
+        left = left if gusts is None else dc.replace(left, held=in_gusts(left.held, gusts, unseen))
     if unknown:
         causes = [dc.replace(c, probability=min(c.probability, BESIDE_UNKNOWN)) for c in causes]
     return Look(flights, unseen, ranking, left, causes, minor, unknown, probability, gusty)

@@ -50,6 +50,11 @@ class Effect:
         """Parameters by name."""
         return {p.name: float(getattr(self, p.name)) for p in self.parameters}
 
+    @property
+    def foreseen(self) -> "Effect":
+        """What its parameters tell of another flight: the effect itself, but for what is drawn anew each time."""
+        return self
+
     @classmethod
     def neutral(cls) -> "Effect":
         """The effect at which nothing happens."""

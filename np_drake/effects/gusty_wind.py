@@ -47,6 +47,11 @@ class GustyWind(WrenchEffect):
         Parameter("correlation_time", "s", 1.0, 0.05, 20.0, 1.0),
     )
 
+    @property
+    def foreseen(self) -> "GustyWind":
+        """The mean: gusts do not repeat."""
+        return dc.replace(self, deviation=0.0)
+
     def air_velocity(self, t: np.ndarray | float) -> np.ndarray:
         """(..., 3) in W [m/s]."""
         frequency, phase = _draws(self.seed)

@@ -1,3 +1,5 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,6 +9,7 @@ from np_drake.diagnosis import how_far as dut
 from np_drake.diagnosis.answer import ReplayGap
 from np_drake.diagnosis.attribute import causes_of, on_held_out
 from np_drake.diagnosis.noise import scale_only
+from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 
@@ -116,6 +119,21 @@ def test_the_replay_gets_the_fitted_effects_and_their_onsets(solved):
     assert before == []
     assert {e.identifier for e, _ in after} == {"mass_error", "linear_drag"}
     assert all(onset == {"c": None} for _, onset in after)
+
+
+def test_the_replay_gets_of_gusts_what_is_foreseen_of_them(solved):
+    case, held, causes = solved
+    calls = []
+
+    def replay(logs, effects):
+        calls.append([e for e, _ in effects])
+        return ReplayGap((0.5,), *(np.zeros((1, 3)) for _ in range(3)), 1)
+
+    gusts = GustyWind(1.0, 2.0, 3.0, 4.0, 0.5)
+    blown = [dc.replace(causes[0], identifier="gusty_wind", effect=gusts)]
+    dut.how_far(case.fit, blown, case.unseen, case.ranking.noise, held, replay)
+    (foreseen,) = calls[1]
+    assert foreseen == dc.replace(gusts, deviation=0.0)
 
 
 def test_a_simulator_that_refuses_the_effects_costs_the_replay_alone():

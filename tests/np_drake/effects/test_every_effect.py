@@ -7,6 +7,7 @@ import pytest
 
 from np_drake.effects.base import (
     ActuatorEffect,
+    Effect,
     MassEffect,
     MassProperties,
     Measurement,
@@ -129,3 +130,14 @@ def test_a_sensor_effect_touches_the_columns_that_it_names_and_no_other(effect, 
     assert changed <= set(effect.corrupts)
     assert changed
     np.testing.assert_array_equal(found.rotor, reading.rotor)
+
+
+@every(Effect)
+def test_all_of_an_effect_is_foreseen_but_what_is_drawn_anew(effect):
+    dut = effect()
+    again = dc.replace(dut, seed=5) if hasattr(dut, "seed") else dut
+    assert dut.foreseen.identifier == dut.identifier
+    assert (dut.foreseen is dut) is (again is dut)
+    if isinstance(dut, WrenchEffect):
+        t = np.linspace(0.0, 3.0, 7)
+        np.testing.assert_array_equal(dut.foreseen.air_velocity(t), again.foreseen.air_velocity(t))
