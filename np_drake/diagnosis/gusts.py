@@ -97,7 +97,8 @@ def as_gusts(
     force = wind_force(flights, left, drag.onset)
     onset = dict(drag.onset)
     for e in flights:
-        if (begin := onset.get(e.name)) is not None:
+        begin = onset.get(e.name)
+        if begin is not None and not tolerance.real:  # slow errors of a rig's attitude have a gust's power
             onset[e.name] = wind_onset(e, left[e.name], begin, force)
     parameters = _statistics(flights, force, drag, wind, tolerance)
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})

@@ -63,7 +63,7 @@ def wind_force(
 
 
 def wind_onset(e: Evidence, left: np.ndarray, begin: float, wind: WindForce) -> float:
-    """When the wind begins that was taken to begin at `begin` [s]: until then there is white noise alone.
+    """When the wind begins that was taken to begin at `begin` [s]: until then there is noise alone.
 
     Gusts show by their power at once, where their mean, by which an onset is found first, may take a second.
     left: (m, 15) what is left of the flight.
@@ -75,7 +75,9 @@ def wind_onset(e: Evidence, left: np.ndarray, begin: float, wind: WindForce) -> 
         return begin
     factor = _factor(len(bins) - tried[0], wind.deviation[0], wind.correlation_time[0], wind.white)
     logdet = np.cumsum(2 * np.log(np.diag(factor)))
-    quiet = np.cumsum(np.sum((bins / wind.white) ** 2 + 2 * np.log(wind.white), axis=1))
+    calm = bins[t < begin - AROUND]
+    noise = max(wind.white, float(np.sqrt(np.mean(calm**2))) if len(calm) else 0.0)
+    quiet = np.cumsum(np.sum((bins / noise) ** 2 + 2 * np.log(noise), axis=1))
 
     def loss(k: int) -> float:
         n = len(bins) - k

@@ -109,6 +109,16 @@ def test_a_drag_that_is_hardly_known_widens_the_figures_of_the_wind(blown):
     assert np.all(np.array(widths[1]) > 1.1 * np.array(widths[0]))
 
 
+def test_gusts_that_were_found_late_begin_where_their_power_does_but_on_a_rig(seen):
+    gusts, late = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4), {"linear_drag": 8.0, "gusty_wind": 8.0}
+    flights = flown(seen, DRAG, gusts, seconds=16.0, onset=late)
+    left = {e.name: e.y - signature(e, [Term(DRAG, {e.name: 9.0})]) for e in flights}
+    found = dc.replace(cause(DRAG), onset={"1": 9.0, "2": 9.0})
+    for tolerance, begin in ((LABORATORY, 8.0), (Tolerance(), 9.0)):
+        for blown in as_gusts(flights, left, [found], 0.9, tolerance):
+            assert list(blown.onset.values()) == pytest.approx([begin, begin], abs=0.15)
+
+
 def test_without_a_drag_a_slow_force_stays_unnamed(blown):
     causes = [cause(ConstantWind())]
     assert as_gusts(*blown, causes, 0.9, LABORATORY) == causes
