@@ -55,13 +55,7 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
     ready = prepare(flights, tolerance)
     problem, models, best = _search_twice(ready, tolerance)
     noise = noise_of([best.left(e) for e in ready.flights], ready.raw, ready.step, tolerance)
-    close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
-    refined = {m: _refine(problem, m, tolerance, best, noise) for m in close[:REFINED]}
-    first = min(refined, key=lambda m: precedence(refined[m]))
-    refined[first] = _rested(problem, first, tolerance, refined[first], noise)
-    for m in simpler(problem, first, refined[first]):
-        start = _only(problem, m, refined[first])
-        refined.setdefault(m, _refine(problem, m, tolerance, start, noise))
+    refined = _refined(problem, models, tolerance, best, noise)
     models = [*models, *(m for m in refined if m not in models)]
     fits = sorted(refined.values(), key=precedence)
     probability = _probabilities(problem, models, fits)
@@ -81,6 +75,20 @@ def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> 
         tuple(models),
         tolerance,
     )
+
+
+def _refined(
+    problem: Problem, models: Sequence[Model], tolerance: Tolerance, best: Fit, noise: NoiseModel
+) -> dict[Model, Fit]:
+    """The models that come close to the best, and the best of them without its faint effects, each with its fit."""
+    close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
+    fits = {m: _refine(problem, m, tolerance, best, noise) for m in close[:REFINED]}
+    first = min(fits, key=lambda m: precedence(fits[m]))
+    fits[first] = _rested(problem, first, tolerance, fits[first], noise)
+    for m in simpler(problem, first, fits[first]):
+        if m not in fits:
+            fits[m] = _refine(problem, m, tolerance, _only(problem, m, fits[first]), noise)
+    return fits
 
 
 def _search_twice(ready: Ready, tolerance: Tolerance) -> tuple[Problem, list[Model], Fit]:
