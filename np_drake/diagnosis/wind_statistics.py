@@ -14,6 +14,7 @@ BIN = 0.1  # over which the force is averaged [s]
 SPAN = 20.0  # what lies farther apart counts as independent [s]
 SHORTEST, LONGEST = 0.1, 20.0  # correlation time [s]
 AROUND = 3.0  # of an onset, within which a better one is looked for [s]
+GAIN = 8.0  # in log likelihood that a better one must bring; own choice
 STEP = 0.02  # of the logarithms, for their curvature [1]
 Z = 1.96  # deviations to either side: 95 %
 
@@ -66,6 +67,7 @@ def wind_onset(e: Evidence, left: np.ndarray, begin: float, wind: WindForce) -> 
     """When the wind begins that was taken to begin at `begin` [s]: until then there is noise alone.
 
     Gusts show by their power at once, where their mean, by which an onset is found first, may take a second.
+    That stays where a better one gains little: it was found beside the drag, which is felt without gusts as well.
     left: (m, 15) what is left of the flight.
     """
     bins = _bins(e, left, e.t >= e.t[0])[:, :2]
@@ -84,7 +86,10 @@ def wind_onset(e: Evidence, left: np.ndarray, begin: float, wind: WindForce) -> 
         after = linalg.solve_triangular(factor[:n, :n], bins[k:] - wind.mean[:2, 0], lower=True)
         return float(quiet[k - 1] + np.sum(after**2) + 2 * logdet[n - 1])
 
-    return float(t[min(tried.tolist(), key=loss)])
+    losses = {k: loss(k) for k in tried.tolist()}
+    best = min(losses, key=losses.__getitem__)
+    here = int(tried[np.argmin(np.abs(t[tried] - begin))])
+    return float(t[best]) if losses[here] - losses[best] > 2 * GAIN else begin
 
 
 def _spans(e: Evidence, left: np.ndarray, begin: float | None) -> list[np.ndarray]:

@@ -61,6 +61,14 @@ def test_gusts_begin_where_their_power_does_whatever_their_mean(flights, taken_f
         assert wind_onset(e, left[e.name], taken_for, wind) == pytest.approx(8.0, abs=2 * BIN)
 
 
+def test_an_onset_stays_where_another_gains_little(flights):
+    left = pushed(flights, np.random.default_rng(1), 0.5, begin=8.0)
+    faint = {n: 0.1 * y for n, y in left.items()}
+    wind = WindForce(np.zeros((3, 2)), (0.1 * DEVIATION, 0.03, 0.07), (0.5, 0.3, 0.8), 0.05)
+    for e in flights:
+        assert wind_onset(e, faint[e.name], 8.3, wind) == 8.3
+
+
 def test_an_onset_too_near_the_end_to_look_about_stays(flights):
     wind = WindForce(np.zeros((3, 2)), (DEVIATION, 0.3, 0.7), (0.5, 0.3, 0.8), 0.03)
     e = flights[0]
