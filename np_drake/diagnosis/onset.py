@@ -39,7 +39,7 @@ def gated_candidates(problem: Problem, members: Sequence[int] = ()) -> list[Cand
             if beside not in scans:
                 scans[beside] = OnsetScan(problem, beside)
             scan = scans[beside]
-            for candidate in sorted(variants, key=scan.rough_gain)[-VARIANTS:]:
+            for candidate in sorted(variants, key=scan.rough_evidence)[-VARIANTS:]:
                 found_at = scan.best(candidate)
                 late = dc.replace(
                     gated(candidate, problem.flights, found_at.onset), onset_prior=found_at.prior
@@ -122,19 +122,19 @@ class OnsetScan:
         self._covariance = np.linalg.inv(np.eye(B.shape[1]) + B.T @ B)
         self._mean = self._covariance @ (B.T @ y)
 
-    def rough_gain(self, candidate: Candidate) -> float:
-        """What onsets bring, as if what they switch on did not jump."""
+    def rough_evidence(self, candidate: Candidate) -> float:
+        """Log evidence of the candidate at its best onsets, as if what they switch on did not jump."""
         whole = {name: f.whole(candidate.columns[name]) for name, f in self._flights.items()}
         start = {name: _at(sums, [0]) for name, sums in whole.items()}
-        at, gain = dict(start), 0.0
+        at = dict(start)
         for name, f in self._flights.items():
             rows = _inside(f.t)
             profile = self._evidence(_at(whole[name], rows), [at[n] for n in at if n != name])
             now = self._evidence(start[name], [at[n] for n in at if n != name])[0]
             if len(rows) and profile.max() > now:
                 at[name] = _at(whole[name], [rows[np.argmax(profile)]])
-                gain += float(profile.max() - now)
-        return gain
+        first, *rest = at.values()
+        return float(self._evidence(first, rest)[0])
 
     def best(self, candidate: Candidate) -> "Onsets":
         """Where it begins in flight.
