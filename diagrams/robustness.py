@@ -44,6 +44,10 @@ class Axis:
     base: float
     values: tuple[float, ...]
 
+    def says(self, value: float) -> str:
+        """The value with its unit; `× 2` of a factor."""
+        return f"× {value:g}" if self.unit == "1" else f"{value:g} {self.unit}"
+
 
 AXES = (
     Axis("mass", "payload", "kg", 0.26, (0.0, 0.13, 0.26, 0.38, 0.5)),
@@ -55,8 +59,8 @@ AXES = (
 BASE = {axis.name: axis.base for axis in AXES}
 
 
-def flight_config(case: Case, *, solver: str, model: str = "") -> FlightConfig:
-    """The circle as the case has it.   model: file of the row's model."""
+def flight_config(case: Case, *, solver: str, model: str = "", duration: float = SCORED) -> FlightConfig:
+    """The circle as the case has it.   model: file of the row's model.   duration: after the ramp [s]."""
     row = next(row for row in ROWS if row.name == case["row"])
     config = configure(TRACK, row, solver=solver, model=model)
     reality, noise = config.reality, config.reality.noise
@@ -71,7 +75,7 @@ def flight_config(case: Case, *, solver: str, model: str = "") -> FlightConfig:
         GUSTS * case["wind"],
         case["seed"],
     )
-    config.reference.speed, config.reference.height, config.duration = case["speed"], HEIGHT, SCORED
+    config.reference.speed, config.reference.height, config.duration = case["speed"], HEIGHT, duration
     config.controller.extra_mass = case["mass"] if row.told_mass else 0.0
     return config.check()
 
@@ -96,6 +100,7 @@ class Flying:
 
     models: dict[str, bytes]
     solver: str
+    duration: float = SCORED
 
     def __call__(self, case: Case) -> dict:
         row, signals, why = next(row for row in ROWS if row.name == case["row"]), None, ""
@@ -103,7 +108,7 @@ class Flying:
             model = Path(folder) / "model.safetensors"
             if row.configuration:
                 model.write_bytes(self.models[row.configuration])
-            config = flight_config(case, solver=self.solver, model=str(model))
+            config = flight_config(case, solver=self.solver, model=str(model), duration=self.duration)
             try:
                 signals = simulate(config, seed=case["seed"])
             except LostVehicle as error:
@@ -156,12 +161,14 @@ def _largest_swing(plant_state: np.ndarray) -> float | None:
     return float(np.arccos(np.clip(down[:, 2] / np.linalg.norm(down, axis=1), -1.0, 1.0)).max())
 
 
-def flight_cases(rows: Sequence[Row], seeds: Sequence[int], models: dict[str, bytes]) -> list[Case]:
+def flight_cases(
+    rows: Sequence[Row], seeds: Sequence[int], models: dict[str, bytes], axes: Sequence[Axis] = AXES
+) -> list[Case]:
     """Every row at every value of every axis with every seed; the base, which all axes share, once.
 
     A case names its model by the digest of its file, so that no result of another one is taken for it.
     """
-    settings = {tuple((BASE | {axis.name: value}).items()) for axis in AXES for value in axis.values}
+    settings = {tuple((BASE | {axis.name: value}).items()) for axis in axes for value in axis.values}
     digests = {name: hashlib.sha256(content).hexdigest()[:16] for name, content in models.items()}
     return [
         {"row": row.name, "model": digests.get(row.configuration, ""), **dict(setting), "seed": seed}
@@ -177,6 +184,8 @@ def run_robustness(
     seeds: Sequence[int],
     training_seed: int,
     rows: Sequence[Row] = ROWS,
+    axes: Sequence[Axis] = AXES,
+    duration: float = SCORED,
     solver: str = "sqp",
     jobs: int = 2,
     scheduler: str = "",
@@ -187,7 +196,7 @@ def run_robustness(
 
     Returns: the records of the trainings and of the flights. Rows whose training failed do not fly.
     """
-    config = campaign_config(training_seed, solver)
+    config = campaign_config(training_seed, solver, duration)
     run = partial(run_campaign, config=config, folder=folder, jobs=jobs, scheduler=scheduler)
     wanted = list(dict.fromkeys(row.configuration for row in rows if row.configuration))
     trainings = run(
@@ -195,15 +204,15 @@ def run_robustness(
     )
     models = {r["case"]["model"]: base64.b64decode(r["result"]["file"]) for r in trainings if "result" in r}
     flown = [row for row in rows if not row.configuration or row.configuration in models]
-    cases = flight_cases(flown, seeds, models)
-    return trainings, run(Flying(models, solver), cases, on_progress=on_progress)
+    cases = flight_cases(flown, seeds, models, axes)
+    return trainings, run(Flying(models, solver, duration), cases, on_progress=on_progress)
 
 
-def campaign_config(training_seed: int, solver: str) -> dict:
+def campaign_config(training_seed: int, solver: str, duration: float = SCORED) -> dict:
     """All that the results depend on beside the case itself."""
-    base = flight_config({"row": "nominal", "seed": 0, **BASE}, solver=solver)
+    base = flight_config({"row": "nominal", "seed": 0, **BASE}, solver=solver, duration=duration)
     return {
         "solver": solver, "training": TRAINING, "training_seed": training_seed, "mpc": frozen_weights(),
         "reality": dc.asdict(base.reality), "reference": dc.asdict(base.reference),
-        "scored": SCORED, "settling": SETTLING, "lost": LOST, "gusts": GUSTS,
+        "scored": duration, "settling": SETTLING, "lost": LOST, "gusts": GUSTS,
     }  # fmt: skip

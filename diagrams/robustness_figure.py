@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from diagrams.robustness import AXES
-from diagrams.robustness_table import ERRORS, NOMINAL
+from diagrams.robustness_table import ERRORS, NOMINAL, axes_of
 from np_drake.figure_file import DASHES, PALETTE, new_figure
 
 MARKERS = ("o", "s", "^", "v", "D", "P", "X")
@@ -14,9 +13,12 @@ MARKERS = ("o", "s", "^", "v", "D", "P", "X")
 
 def robustness_figure(lines: Sequence[dict], title: str = "") -> Figure:
     """Error against value; a cross at the upper edge where a flight is lost.   lines: of `robustness_table`."""
-    figure, axes = new_figure(2, len(AXES), width=11.0, height=5.4, sharey="row", sharex="col")
+    varied = axes_of(lines)
+    figure, axes = new_figure(
+        2, len(varied), width=1.5 + 1.9 * len(varied), height=5.4, sharey="row", sharex="col"
+    )
     rows = list(dict.fromkeys(line["row"] for line in lines))
-    for column, axis in enumerate(AXES):
+    for column, axis in enumerate(varied):
         for ax, key in zip(axes[:, column], ERRORS, strict=True):
             ax.set_yscale("log")
             ax.axvline(axis.base, color="0.6", linewidth=0.8, linestyle=":")
@@ -33,7 +35,10 @@ def robustness_figure(lines: Sequence[dict], title: str = "") -> Figure:
         ax.set_ylabel(f"{key} [cm]")
     figure.suptitle(title, fontsize=9)
     figure.legend(
-        *axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=len(rows), fontsize=8
+        *axes[0, 0].get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=min(len(rows), 1 + len(varied) * 2),
+        fontsize=8,
     )
     return figure
 

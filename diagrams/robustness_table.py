@@ -40,11 +40,11 @@ def _spread(values: list[float]) -> float:
     return float(np.max(np.abs(np.array(values) / np.mean(values) - 1.0)))
 
 
-def robustness_table(records: Sequence[Record]) -> list[dict]:
+def robustness_table(records: Sequence[Record], axes: Sequence[Axis] = AXES) -> list[dict]:
     """One line an axis and row that flew: `points` as `along` gives them, and `better`: intervals by error."""
     flown = [row.name for row in ROWS if any(r["case"]["row"] == row.name for r in records)]
     lines = []
-    for axis in AXES:
+    for axis in axes:
         base = along(records, axis, NOMINAL)
         for row in flown:
             points = along(records, axis, row)
@@ -93,7 +93,7 @@ def lost_lines(records: Sequence[Record]) -> list[str]:
     said = []
     for record in records:
         case, result = record["case"], record.get("result")
-        setting = ", ".join(f"{axis.title} {case[axis.name]:g} {axis.unit}" for axis in AXES)
+        setting = ", ".join(f"{axis.title} {axis.says(case[axis.name])}" for axis in AXES)
         head = f"{case['row']}, {setting}, seed {case['seed']}: "
         if result is None:
             said.append(f"{head}failed: {record['error']}")
@@ -105,10 +105,15 @@ def lost_lines(records: Sequence[Record]) -> list[str]:
     return said
 
 
-def extremes(records: Sequence[Record]) -> list[str]:
+def axes_of(lines: Sequence[dict]) -> list[Axis]:
+    """The axes that the lines of `robustness_table` are of."""
+    return [axis for axis in AXES if any(line["axis"] == axis.name for line in lines)]
+
+
+def extremes(records: Sequence[Record], axes: Sequence[Axis] = AXES) -> list[str]:
     """Along each axis the flight that came nearest to a rotor's limit."""
     said = []
-    for axis in AXES:
+    for axis in axes:
         off = BASE.keys() - {axis.name}
         mine = [r for r in records if "result" in r and all(r["case"][k] == BASE[k] for k in off)]
         if mine:
@@ -116,7 +121,7 @@ def extremes(records: Sequence[Record]) -> list[str]:
             case, result = most["case"], most["result"]
             said.append(
                 f"{axis.title}: the largest rotor command is {100 * result['thrust']:.0f} % of its limit "
-                f"({case['row']}, {case[axis.name]:g} {axis.unit}, seed {case['seed']}); {_angles(result)}"
+                f"({case['row']}, {axis.says(case[axis.name])}, seed {case['seed']}); {_angles(result)}"
             )
     return said
 

@@ -18,9 +18,11 @@ from diagrams.cli.output import (
     write_metrics,
 )
 from diagrams.cli.reproduce_configurations import choose_rows
+from diagrams.failed_run import FailedRun
 
 if TYPE_CHECKING:
     from diagrams.campaign import Record
+    from diagrams.robustness import Axis
 
 CASES = "cases"  # folder in --out with a file for every case
 
@@ -34,6 +36,10 @@ def robustness(
         typer.Option(metavar="ADDRESS", help="Fly on the Dask cluster of this scheduler: tcp://HOST:PORT."),
     ] = "",
     only: options.Only = None,
+    axis: Annotated[
+        list[str] | None, typer.Option(help="Only these axes: mass | length | speed | wind | noise.")
+    ] = None,
+    duration: Annotated[float, typer.Option(min=10.0, help="Of a flight, after the ramp [s].")] = 20.0,
     seed: options.Seed = 1000,
     out: Annotated[
         Path | None,
@@ -57,6 +63,7 @@ def robustness(
 
     rows = choose_rows(experiment.ROWS, only)
     require_solver(solver)
+    axes = _axes(axis or [])
     evaluation = options.evaluation_seeds(seed, seeds)
     with progress("robustness", 1.0) as advance:
         trainings, flights = experiment.run_robustness(
@@ -64,23 +71,40 @@ def robustness(
             seeds=evaluation,
             training_seed=seed,
             rows=rows,
+            axes=axes,
+            duration=duration,
             solver=solver,
             jobs=jobs,
             scheduler=scheduler,
             on_training=lambda done, total: advance(0.0, f"{done} of {total} trainings"),
             on_progress=counted(advance, "flights"),
         )
-    lines = robustness_table(flights)
-    config = experiment.campaign_config(seed, solver) | {"seeds": evaluation}
+    if all("error" in record for record in flights):
+        raise FailedRun(f"no flight has a result; the first: {flights[0]['error']}")
+    lines = robustness_table(flights, axes)
+    config = experiment.campaign_config(seed, solver, duration) | {"seeds": evaluation}
     if out is not None:
-        _draw(lines, out, f"seeds {evaluation[0]} … {evaluation[-1]}, trained on seed {seed}, {solver}")
+        _draw(lines, out, f"circle, {_title(seeds, seed, solver, duration)}")
     write_metrics(json, "reproduce", seed=seed, config=config, table=lines, runs=[*trainings, *flights])
-    title = (
-        f"{seeds} flights a cell, seeds {evaluation[0]} … {evaluation[-1]}, trained on seed {seed}, {solver}"
-    )
+    title = _title(seeds, seed, solver, duration)
     notes = _notes(trainings, flights, lines)
     notes += [f"{name}: {value}" for name, value in config.items()]
     show(markdown, limits_printed(lines, title), errors_printed(lines, title), notes=notes)
+
+
+def _title(seeds: int, seed: int, solver: str, duration: float) -> str:
+    flown = f"seed {seed + 1}" if seeds == 1 else f"seeds {seed + 1} … {seed + seeds}"
+    return f"{flown}, {duration:g} s, trained on seed {seed}, {solver}"
+
+
+def _axes(names: list[str]) -> "list[Axis]":
+    """The axes of these names, all where there are none.   Raises: ValueError: on an unknown one."""
+    from diagrams.robustness import AXES
+
+    known = [axis.name for axis in AXES]
+    if unknown := set(names) - set(known):
+        raise ValueError(f"--axis: must be one of {', '.join(known)}; got {', '.join(sorted(unknown))}.")
+    return [axis for axis in AXES if not names or axis.name in names]
 
 
 def _draw(lines: list[dict], out: Path, title: str) -> None:
@@ -93,30 +117,39 @@ def _draw(lines: list[dict], out: Path, title: str) -> None:
 
 def _notes(trainings: "list[Record]", flights: "list[Record]", lines: list[dict]) -> list[str]:
     """What stands under the tables: lost flights, the rotors' room, spread over seeds, cost."""
-    from diagrams.robustness_table import extremes, lost_lines
+    from diagrams.robustness_table import axes_of, extremes, lost_lines
 
     lost = lost_lines(flights)
     failed = [f"training of {r['case']['model']}: {r['error']}" for r in trainings if "error" in r]
-    spread = max((point["spread"] or 0.0 for line in lines for point in line["points"]), default=0.0)
+    spread = [
+        point["spread"]
+        for line in lines
+        for point in line["points"]
+        if point["spread"] and point["flights"] > 1
+    ]
     minutes = sum(record["seconds"] or 0.0 for record in [*trainings, *flights]) / 60
     return [
         f"{len(flights)} flights, lost or failed: {len(lost)}; failed solves: "
         f"{sum(r['result']['solve_failures'] for r in flights if 'result' in r)}",
         *failed,
         *lost,
-        *extremes(flights),
-        f"E_xy of a seed is at most {100 * spread:.0f} % off the mean of its cell",
+        *extremes(flights, axes_of(lines)),
+        *(
+            [f"E_xy of a seed is at most {100 * max(spread):.0f} % off the mean of its cell"]
+            if spread
+            else []
+        ),
         f"processor time of all cases: {minutes:.0f} min",
     ]
 
 
 def limits_printed(lines: list[dict], title: str) -> Table:
     """Title, header and rows: where each controller is better than nominal, and where it is lost."""
-    from diagrams.robustness import AXES
+    from diagrams.robustness_table import axes_of
 
     header = ["axis", "controller", "E_xy better", "E_z better", "lost at", "growth", "failed", "at limit"]
     rows: list[tuple] = []
-    for axis in AXES:
+    for axis in axes_of(lines):
         for line in (line for line in lines if line["axis"] == axis.name):
             points = line["points"]
             lost = [f"{p['value']:g} ({p['lost']} of {p['flights']})" for p in points if p["lost"]]
@@ -149,11 +182,11 @@ def _intervals(line: dict, key: str, values: tuple[float, ...]) -> str:
 
 def errors_printed(lines: list[dict], title: str) -> Table:
     """Title, header and rows: a block an axis, whose first row has the values; errors in cm."""
-    from diagrams.robustness import AXES
+    from diagrams.robustness_table import axes_of
 
-    columns = max(len(axis.values) for axis in AXES)
+    columns = max(len(axis.values) for axis in axes_of(lines))
     rows: list[tuple] = []
-    for axis in AXES:
+    for axis in axes_of(lines):
         values = [f"{value:g}" for value in axis.values]
         rows.append((f"{axis.title} [{axis.unit}]", *values, *[""] * (columns - len(values))))
         for line in (line for line in lines if line["axis"] == axis.name):

@@ -5,8 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from diagrams import robustness
+from diagrams import robustness, tracking
 from diagrams.cli.main import run
+from diagrams.experiments import load_experiment
 from diagrams.flight import RealityConfig
 from diagrams.robustness import AXES, BASE, ROWS, Flying, flight_cases, flight_config, measures
 from diagrams.robustness_table import better_than, lost_lines, robustness_table
@@ -134,9 +135,14 @@ def test_a_flight_that_the_simulator_ended_is_lost_where_its_signals_end():
 
 
 def test_a_short_flight_has_figures_and_repeats(monkeypatch):
-    monkeypatch.setattr(robustness, "SCORED", 0.6)
+    def load(name):
+        config = load_experiment(name)
+        config.reference.ramp = 1.0
+        return config
+
+    monkeypatch.setattr(tracking, "load_experiment", load)
     monkeypatch.setattr(robustness, "SETTLING", 0.2)
-    work, case = Flying({}, "sqp"), {"row": "hold", "seed": 3, **BASE, "wind": 8.0}
+    work, case = Flying({}, "sqp", duration=0.6), {"row": "hold", "seed": 3, **BASE, "wind": 8.0}
     dut = work(case)
     assert dut["lost_at"] is None
     assert 0.0 < dut["E_xy"] < 0.2  # [m]
@@ -148,9 +154,9 @@ def test_a_short_flight_has_figures_and_repeats(monkeypatch):
 def made_flights(monkeypatch):
     """No flight: hold is better than nominal below 2 m/s, and lost at 3 m/s with one seed."""
 
-    def runs(folder, *, seeds, rows, **_):
+    def runs(folder, *, seeds, rows, axes=AXES, **_):
         records = []
-        for case in flight_cases(rows, seeds, MODELS):
+        for case in flight_cases(rows, seeds, MODELS, axes):
             error = 0.02 if case["row"] == "nominal" else 0.01 * case["speed"] / 1.0
             lost = case["row"] == "hold" and case["speed"] == 3.0 and case["seed"] == seeds[0]
             result = dict.fromkeys(("E_xy", "E_z", "growth"), None if lost else error)
@@ -185,15 +191,24 @@ def test_the_verb_prints_limits_errors_and_lost_flights_and_draws(made_flights, 
     assert cells[1][:5] == ["speed [m/s]", "hold", "0.5 … 2", "0.5 … 2", "3 (1 of 2)"]
     assert "| hold | 0.50 / 0.50 | 1.00 / 1.00 |" in page
     assert "lost 1 of 2" in page
-    assert "speed 3 m/s, wind 0 m/s, noise 1 1, seed 41: lost at 7.50 s" in said
+    assert "speed 3 m/s, wind 0 m/s, noise × 1, seed 41: lost at 7.50 s" in said
     assert "failed: its process died" in said
-    assert "seeds 41 … 42, trained on seed 40, sqp" in said
+    assert "seeds 41 … 42, 20 s, trained on seed 40, sqp" in said
     assert "mpc: {'horizon'" in said
     assert (tmp_path / "o" / "robustness.png").stat().st_size > 10000
     content = json.loads((tmp_path / "m.json").read_text())
     assert content["config"]["seeds"] == [41, 42]
     assert {line["axis"] for line in content["table"]} == {axis.name for axis in AXES}
     assert len(content["runs"]) == 2 * 2 * 22
+
+
+def test_an_axis_that_is_named_is_flown_alone(made_flights, capsys):
+    assert run(["reproduce", "robustness", "--seeds", "1", "--axis", "wind"]) == 0
+    said = capsys.readouterr().out
+    assert "wind: the largest rotor command" in said
+    assert "speed: the largest" not in said
+    assert run(["reproduce", "robustness", "--axis", "rain"]) == 2
+    assert "--axis: must be one of mass, length, speed, wind, noise; got rain." in capsys.readouterr().err
 
 
 def test_a_lost_flight_leaves_no_mean(made_flights):
