@@ -175,7 +175,7 @@ def _intervals(line: dict, key: str, values: tuple[float, ...]) -> str:
     if len(found) == 1 and (found[0][0], found[0][1]) == (values[0], values[-1]):
         return "all"
     return (
-        ", ".join(f"{low:.2g} … {high:.2g}" if high > low else f"{low:.2g}" for low, high in found)
+        ", ".join(f"{low:.3g} … {high:.3g}" if high > low else f"{low:.3g}" for low, high in found)
         or "nowhere"
     )
 
