@@ -38,13 +38,25 @@ def on_cluster(
     """
     from distributed import as_completed
 
+    suspects: list[int] = []
+
     with client(address) as connected:
         shared = connected.submit(_same, work, pure=False)  # made anew where the worker that holds it dies
         numbers = {
             connected.submit(_call, shared, case, pure=False): number for number, case in enumerate(cases)
         }
         for future in as_completed(list(numbers), loop=connected.loop):
-            yield numbers.pop(future), _outcome(future)
+            number, outcome = numbers.pop(future), _outcome(future)
+            if isinstance(outcome.error, DeadProcess):
+                suspects.append(number)
+            else:
+                yield number, outcome
+        for (
+            number
+        ) in suspects:  # Dask blames all that a dead worker had: the guilty one kills one again, alone
+            alone = connected.submit(_call, work, cases[number], pure=False)
+            alone.exception()  # waits for its end
+            yield number, _outcome(alone)
 
 
 def _same(work: Callable[[Any], Any]) -> Callable[[Any], Any]:
