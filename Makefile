@@ -18,7 +18,7 @@ venv: $(STAMP)
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt "$$(grep '^torch==' constraints.txt)"
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,bench,parquet,challenge]'
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,bench,parquet,challenge,cluster]'
 	touch $@
 
 demo: venv

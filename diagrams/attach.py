@@ -1,15 +1,15 @@
 """Hover while the payload changes: 100 g more, the cable cut, a slack cable that snaps taut."""
 
 import dataclasses as dc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
-from joblib import Parallel, delayed
 from scipy import signal
 
 from diagrams.flight import Event, FlightConfig
 from diagrams.flight_result import FlightResult, fly
 from diagrams.payload_events import attach, push, release
+from diagrams.processes import in_order
 from diagrams.tracking import Row, configure
 from np_drake import attitude
 from np_drake.labels import FORCE
@@ -75,8 +75,9 @@ def slack_time(flight: FlightResult) -> float:
     return float(flight.config.controller.period * (np.argmin(since) if not since.all() else len(since)))
 
 
-def _fly(event: str, model: str, seed: int, solver: str) -> dict:
-    """Courses of f_z [N] and height [m], and counts, of one flight."""
+def _fly(task: tuple[str, str, int, str]) -> dict:
+    """Courses of f_z [N] and height [m], and counts, of one flight: event, model file, seed, solver."""
+    event, model, seed, solver = task
     flight = fly_event(event, model=model, seed=seed, solver=solver)
     s, counts = flight.signals, flight.metrics()
     return {
@@ -101,14 +102,7 @@ def run_attach(
         for event in EVENTS
         for seed in (seeds if event == "attach" else seeds[:BESIDE])
     ]
-    results: Iterator[dict] = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(_fly)(*task) for task in tasks
-    )
-    runs = []
-    for run in results:
-        runs.append(run)
-        on_progress(len(runs), len(tasks))
-    return runs
+    return in_order(_fly, tasks, jobs=jobs, on_progress=on_progress)
 
 
 @dc.dataclass(frozen=True)

@@ -1,13 +1,13 @@
 """The main job: fly, learn, fly again."""
 
 import dataclasses as dc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-
-from joblib import Parallel, delayed
 
 from diagrams.flight_result import FlightResult, fly
 from diagrams.learning import train_predictor
+from diagrams.processes import in_order
 from diagrams.tracking import TRACKS, Row, configure, training_flight
 from np_drake.lifting.training import TrainingResult
 
@@ -55,17 +55,19 @@ def run_demo(
     model = folder / "predictor.safetensors"
     result = train_predictor(training, model, seed=seed)
     tasks = [(track, row) for track in TRACKS for row in ROWS]
-    done: Iterator[tuple[int, dict]] = Parallel(n_jobs=jobs, return_as="generator_unordered")(
-        delayed(_signals)(i, track, row, str(model), seed + 1, solver) for i, (track, row) in enumerate(tasks)
+    flown = in_order(
+        partial(_signals, model=str(model), seed=seed + 1, solver=solver),
+        tasks,
+        jobs=jobs,
+        on_progress=lambda done, total: on_progress(0.25 + 0.75 * done / total, f"{done} of {total} flights"),
     )
-    flights: dict[int, FlightResult] = {}
-    for i, signals in done:
-        config = configure(tasks[i][0], tasks[i][1], solver=solver, model=str(model))
-        flights[i] = FlightResult(config, seed + 1, signals)
-        on_progress(0.25 + 0.75 * len(flights) / len(tasks), f"{len(flights)} of {len(tasks)} flights")
-    return Demo(training, result, model, [flights[i] for i in sorted(flights)])
+    flights = [
+        FlightResult(configure(*task, solver=solver, model=str(model)), seed + 1, signals)
+        for task, signals in zip(tasks, flown, strict=True)
+    ]
+    return Demo(training, result, model, flights)
 
 
-def _signals(index: int, track: str, row: Row, model: str, seed: int, solver: str) -> tuple[int, dict]:
+def _signals(task: tuple[str, Row], *, model: str, seed: int, solver: str) -> dict:
     """Only arrays travel between processes."""
-    return index, fly(configure(track, row, solver=solver, model=model), seed=seed).signals
+    return fly(configure(*task, solver=solver, model=model), seed=seed).signals

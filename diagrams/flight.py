@@ -12,6 +12,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from diagrams.controllers import ControllerConfig, add_controller
 from diagrams.failed_run import FailedRun
 from np_drake.effects.base import ActuatorEffect, MeasurementEffect, WrenchEffect
+from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.pendulum import Payload
@@ -27,6 +28,12 @@ from systems.sensor_rig import add_sensor_rig
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
 ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
+
+
+class LostVehicle(FailedRun):
+    """A flight that ended early. `signals`: as `Recorder.read` returns them, until then."""
+
+    signals: dict[str, np.ndarray]
 
 
 @dc.dataclass(frozen=True)
@@ -46,22 +53,40 @@ class RealityConfig:
     motor_lag: float = 0.03  # time constant of the rotor speed; 0 for none [s]
     thrust_scale: float = 0.96  # real over nominal thrust [1]
     noise: MeasurementNoise = dc.field(default_factory=lambda: MeasurementNoise(attitude=0.003))
+    wind: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0, 0.0]
+    )  # mean, in W; the drag feels it [m/s]
+    gust: float = 0.0  # standard deviation of each axis of the wind, correlated over 1 s [m/s]
+    gust_seed: int = 0
 
     def check(self) -> "RealityConfig":
         """Returns self; raises ValueError on an impossible effect."""
         self.payload.check()
         self.noise.check()
-        for name in ("rotor_drag", "motor_lag"):
+        for name in ("rotor_drag", "motor_lag", "gust"):
             if not 0 <= getattr(self, name) < np.inf:
                 raise ValueError(f"RealityConfig: {name} must not be negative; got {getattr(self, name)}.")
         if not self.thrust_scale > 0:
             raise ValueError(f"RealityConfig: thrust_scale must be positive; got {self.thrust_scale}.")
+        if np.shape(self.wind) != (3,) or not np.isfinite(self.wind).all():
+            raise ValueError(f"RealityConfig: wind must be three finite speeds [m/s]; got {self.wind}.")
+        if self.blows and not self.rotor_drag > 0:
+            raise ValueError("RealityConfig: wind acts through rotor_drag, which must then be positive.")
         return self
+
+    @property
+    def blows(self) -> bool:
+        """Whether there is any wind."""
+        return bool(np.any(self.wind)) or self.gust > 0
 
     def wrench_effects(self) -> list[WrenchEffect]:
         """The effects that push the body."""
         d = self.rotor_drag
-        return [LinearDrag(d, d, d)] if d > 0 else []
+        effects: list[WrenchEffect] = [LinearDrag(d, d, d)] if d > 0 else []
+        if self.blows:
+            x, y, z = self.wind
+            effects.append(GustyWind(x, y, z, deviation=self.gust, seed=self.gust_seed))
+        return effects
 
     def actuator_effects(self) -> list[ActuatorEffect]:
         """The effects between command and thrust, in the order of action."""
@@ -211,7 +236,7 @@ def simulate(
     Args:
         monitor: called with the flight's time [s] about every second, for progress.
         events: what happens to the vehicle; at its time, before the controller's own event of that instant.
-    Raises: FailedRun: if the integrator gives up or the vehicle leaves the arena.
+    Raises: LostVehicle: if the integrator gives up or the vehicle leaves the arena.
     """
     diagram, recorder = make_flight_diagram(config)
     simulator = Simulator(diagram)
@@ -226,14 +251,20 @@ def simulate(
         raise ValueError(
             f"{config.name}: events must have times of their own within the flight; got {[*due]} [s]."
         )
+
+    def lost(why: str) -> LostVehicle:
+        error = LostVehicle(f"{config.name}: {why}")
+        error.signals = recorder.read(diagram, context)
+        return error
+
     for t in sorted({*np.arange(1.0, config.end, 1.0).tolist(), *due, end}):
         try:
             simulator.AdvanceTo(t)
         except RuntimeError as error:
-            raise FailedRun(f"{config.name}: the simulation ended before {t:.1f} s: {error}") from error
+            raise lost(f"the simulation ended before {t:.1f} s: {error}") from error
         p_WB = vehicle.GetOutputPort("x").Eval(vehicle.GetMyContextFromRoot(context))[:3]
         if not np.linalg.norm(p_WB) < ARENA:
-            raise FailedRun(f"{config.name}: {config.controller.kind} lost the vehicle before {t:.1f} s.")
+            raise lost(f"{config.controller.kind} lost the vehicle before {t:.1f} s.")
         if t in due:
             due[t].apply(vehicle, context)
         if monitor is not None:

@@ -1,16 +1,16 @@
 """Hover while the payload swings: an impulse on the payload, controllers side by side."""
 
 import dataclasses as dc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from diagrams.failed_run import FailedRun
 from diagrams.flight import FlightConfig
 from diagrams.flight_result import FlightResult, fly
 from diagrams.payload_events import push
+from diagrams.processes import in_order
 from diagrams.tracking import Row, configure, train_models
 from np_drake import metrics, swing_metrics
 
@@ -82,8 +82,9 @@ def hover_metrics(flight: FlightResult) -> dict:
     }
 
 
-def _fly_row(row: HoverRow, model: str, seed: int, solver: str) -> dict:
+def _fly_row(task: tuple[HoverRow, str, int, str]) -> dict:
     """Metrics and the payload's course; of a lost vehicle infinite errors, so that one flight loses no other."""
+    row, model, seed, solver = task
     result: dict = {"row": row.name, "seed": seed}
     try:
         flight = fly_hover(row, model=model, seed=seed, solver=solver)
@@ -110,14 +111,7 @@ def run_hover(
         for row in rows
         for seed in seeds
     ]
-    results: Iterator[dict] = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(_fly_row)(*task) for task in tasks
-    )
-    runs = []
-    for run in results:
-        runs.append(run)
-        on_progress(len(runs), len(tasks))
-    return runs
+    return in_order(_fly_row, tasks, jobs=jobs, on_progress=on_progress)
 
 
 def hover_table(runs: list[dict]) -> list[dict]:

@@ -4,9 +4,9 @@ import dataclasses as dc
 from collections.abc import Callable
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from diagrams.array_flights import Flight
+from diagrams.processes import in_order
 from np_drake.lifting.bound_check import BoundCheck, check_flight
 from np_drake.lifting.encoders import Phi
 from np_drake.lifting.error_bound import largest_changes
@@ -55,11 +55,7 @@ def bound_table(
     half = tuple(alpha / 2 for alpha in _changes(models["paper"], flown[0]))
     arguments = {"model": models["paper"], "spacing": BROKEN_SPACING, "alpha": half}
     tasks.append(_Task("alphas halved", flown[0].name, "half", {**_arrays(flown[0]), **arguments}))
-    done: list[dict] = []
-    for line in Parallel(n_jobs=jobs, return_as="generator")(delayed(_line)(task) for task in tasks):
-        done.append(line)
-        on_progress(len(done), len(tasks))
-    return done
+    return in_order(_line, tasks, jobs=jobs, on_progress=on_progress)
 
 
 def _tasks(name: str, model: LiftedModel, flown: list[Flight], spacing: int) -> list[_Task]:

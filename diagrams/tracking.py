@@ -1,11 +1,10 @@
 """The tracking comparison: every controller on circle and lemniscate, several seeds, one trained model a row."""
 
 import dataclasses as dc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from diagrams.controllers import LEARNED
 from diagrams.experiments import load_experiment
@@ -13,6 +12,7 @@ from diagrams.failed_run import FailedRun
 from diagrams.flight import FlightConfig
 from diagrams.flight_result import FlightResult, fly
 from diagrams.learning import train_predictor, train_reaction
+from diagrams.processes import in_order
 from np_drake.residual_models.motion_model import GP, KNODE, REACTIONS
 from np_drake.swing_metrics import half_width
 
@@ -105,8 +105,12 @@ def train_models(
     return files
 
 
-def _fly_row(track: str, row: Row, model: str, seed: int, solver: str) -> dict:
+Flight = tuple[str, Row, str, int, str]  # track, row, model file, seed, solver
+
+
+def _fly_row(task: Flight) -> dict:
     """The `fly` summary and the last lap; of a lost vehicle infinite errors, so that it loses no other flight."""
+    track, row, model, seed, solver = task
     try:
         flight = fly(configure(track, row, solver=solver, model=model), seed=seed)
         summary = flight.summary()
@@ -140,15 +144,10 @@ def run_tracking(
         for track in TRACKS
         for seed in seeds
     ]
-    results: Iterator[dict] = Parallel(n_jobs=jobs, return_as="generator_unordered")(
-        delayed(_fly_row)(*task) for task in tasks
-    )
-    summaries = []
-    for summary in results:
+    summaries = in_order(_fly_row, tasks, jobs=jobs, on_progress=on_progress)
+    for summary in summaries:
         if (lap := summary.pop("lap", None)) is not None:
             on_lap(summary, lap)
-        summaries.append(summary)
-        on_progress(len(summaries), len(tasks))
     return summaries
 
 

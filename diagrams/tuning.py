@@ -2,13 +2,14 @@
 
 import dataclasses as dc
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from diagrams.experiments import load_experiment
 from diagrams.flight_result import fly
+from diagrams.processes import in_order
 
 POSITION = (0.25, 0.5, 1.0, 2.0, 4.0)  # factors on weight_position [1]
 TORQUE = (0.1, 0.3, 1.0, 3.0, 10.0)  # factors on the torque part of weight_input [1]
@@ -16,8 +17,9 @@ EFFORT = 0.035  # RMS roll and pitch torque that may be spent on noise and track
 LAG = 0.06  # of the motors: twice what flies, so that the loop keeps its margin; own choice [s]
 
 
-def _score(position: float, torque: float, seed: int, duration: float) -> dict:
+def _score(factors: tuple[float, float], seed: int, duration: float) -> dict:
     """Error and effort of the nominal MPC on the lemniscate without payload and with slower motors."""
+    position, torque = factors
     config = load_experiment("lemniscate")
     config.duration, config.reality.payload.tether = duration, "none"
     config.reality.motor_lag = LAG
@@ -31,9 +33,9 @@ def _score(position: float, torque: float, seed: int, duration: float) -> dict:
     flight = fly(config, seed=seed)
     m, rows = flight.metrics(), flight.scored
     effort = np.sqrt(np.mean(np.sum(flight.signals["u"][rows, 1:3] ** 2, axis=1)))
-    factors = {"position": position, "torque": torque}
     allowed = bool(effort <= EFFORT)
-    return {**factors, "E_xy": m["E_xy"], "E_z": m["E_z"], "torque_rms": float(effort), "allowed": allowed}
+    named = {"position": position, "torque": torque}
+    return {**named, "E_xy": m["E_xy"], "E_z": m["E_z"], "torque_rms": float(effort), "allowed": allowed}
 
 
 def weight_table(
@@ -48,11 +50,6 @@ def weight_table(
     Factors 1, 1 are what is frozen in `MpcConfig`.
     """
     grid = list(itertools.product(POSITION, TORQUE))
-    results: Iterator[dict] = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(_score)(*factors, seed, duration) for factors in grid
-    )
-    lines = []
-    for line in results:
-        lines.append(line)
-        on_progress(len(lines), len(grid))
+    work = partial(_score, seed=seed, duration=duration)
+    lines = in_order(work, grid, jobs=jobs, on_progress=on_progress)
     return sorted(lines, key=lambda line: (not line["allowed"], line["E_xy"]))

@@ -2,14 +2,13 @@
 
 import resource
 import time
-import traceback
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from joblib import Parallel, delayed, parallel_config
-from joblib.externals.loky.process_executor import TerminatedWorkerError
-
+from diagrams.failed_run import one_line
+from diagrams.processes import as_they_finish
 from np_drake.atomic_file import write_json
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.logs.case_folder import TRAIN, VEHICLE, find_case, open_flight
@@ -64,33 +63,18 @@ def case_folders(cases: Path) -> list[Path]:
 
 
 def solve_all(folders: Sequence[Path], answers: Path, jobs: int, replay: bool) -> Iterator[dict[str, Any]]:
-    """A row a case, as they finish. Where a process dies, the cases left get one each, so that one is lost."""
-    done: set[str] = set()
-    try:
-        for row in _parallel(folders, answers, jobs, replay):
-            done.add(row["case"])
-            yield row
-        return
-    except TerminatedWorkerError:
-        pass
-    for folder in folders:
-        if folder.name in done:
-            continue
-        try:
-            yield from _parallel([folder], answers, 2, replay)
-        except TerminatedWorkerError:
-            yield {"case": folder.name, "error": "its process died; is the memory exhausted?"}
+    """A row a case, as they finish. Where a process dies, that case is lost."""
+    work = partial(solve_case, answers=answers, replay=replay)
+    for number, outcome in as_they_finish(work, folders, jobs=jobs):
+        if outcome.error is None:
+            yield outcome.value
+        else:
+            yield {"case": folders[number].name, "error": one_line(outcome.error)}
 
 
-def _parallel(folders: Iterable[Path], answers: Path, jobs: int, replay: bool) -> Iterator[dict[str, Any]]:
-    """Rows in the order in which processes finish; linear algebra on one thread in each."""
-    with parallel_config("loky", inner_max_num_threads=1):
-        pool = Parallel(n_jobs=jobs, return_as="generator_unordered")
-        yield from pool(delayed(solve_case)(folder, answers / folder.name, replay) for folder in folders)
-
-
-def solve_case(folder: Path, out: Path, replay: bool) -> dict[str, Any]:
-    """Diagnoses one case and writes its answer and cost. Never raises: a failure is in the row.
+def solve_case(folder: Path, answers: Path, replay: bool) -> dict[str, Any]:
+    """Diagnoses one case and writes its answer and cost into a folder of its name in `answers`. Never raises: a
+    failure is in the row.
 
     The peak is of this process, which may have solved other cases before.
     """
@@ -99,6 +83,7 @@ def solve_case(folder: Path, out: Path, replay: bool) -> dict[str, Any]:
         answer = diagnose_folder(folder, replay)
     except Exception as error:
         return {"case": folder.name, "error": one_line(error)}
+    out = answers / folder.name
     out.mkdir(parents=True, exist_ok=True)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * KIBIBYTE
     cost = {"wall": time.perf_counter() - start, "peak_memory": peak, "replay": replay}
@@ -121,12 +106,3 @@ def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
 
         simulator = DrakeReplay(vehicle)
     return diagnose(vehicle, train, held_out, simulator).as_json()
-
-
-def one_line(error: Exception) -> str:
-    """What went wrong, and where if it was not foreseen."""
-    text = " ".join(str(error).split()) or "no message"
-    if isinstance(error, ValueError | OSError) and type(error) is not UnicodeDecodeError:
-        return text
-    last = traceback.extract_tb(error.__traceback__)[-1]
-    return f"{type(error).__name__}: {text} ({Path(last.filename).name}:{last.lineno})"

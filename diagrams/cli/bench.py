@@ -9,8 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from diagrams.cli import options
-from diagrams.cli.output import print_table, progress, say, write_markdown, write_metrics
-from np_drake.atomic_file import require_writable
+from diagrams.cli.output import (
+    counted,
+    print_table,
+    progress,
+    require_files,
+    say,
+    write_markdown,
+    write_metrics,
+)
 
 if TYPE_CHECKING:
     from np_drake.mpc.benchmark import SolverReport
@@ -29,9 +36,7 @@ def bench(
     markdown: options.Markdown = None,
 ) -> None:
     """Time solvers, predictor, simulator and training; CasADi + IPOPT (extra `bench`) is the peer."""
-    for file in (json, markdown):
-        if file is not None:
-            require_writable(file)
+    require_files(json, markdown)
     if os.environ.get("OMP_NUM_THREADS") != "1":
         say("OMP_NUM_THREADS is not 1: small matrices run two to three times slower on several threads.")
     from diagrams import bench as measure
@@ -39,7 +44,7 @@ def bench(
     if predictor:
         lines, table = _against_the_pseudo_inverse(seed)
         print_table(*table)
-        write_markdown(markdown, *table)
+        write_markdown(markdown, table)
         write_metrics(json, "bench", seed=seed, config={}, predictor={"against_pseudo_inverse": lines})
         return
     with tempfile.TemporaryDirectory() as folder:
@@ -73,11 +78,11 @@ def _run(
             config.controller.mpc,
             recorded={"default, K = 12": recorded, "paper, K = 24": refit},
             period=config.controller.period,
-            progress=lambda done, total: advance(done / total, f"{done} of {total}"),
+            progress=counted(advance),
         )
     solvers = _solver_table(reports)
     print_table(*solvers)
-    write_markdown(markdown, *solvers)
+    write_markdown(markdown, solvers)
     content = _other_figures(measure, config, folder, walls, seconds=seconds, seed=seed)
     mpc = {
         name: {r.name: {"N": config.controller.mpc.horizon, **dc.asdict(r)} for r in reports[name]}

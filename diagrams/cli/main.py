@@ -34,7 +34,7 @@ app.command("fly")(fly.fly)
 app.command("train")(train.train)
 app.command("evaluate")(evaluate.evaluate)
 app.command("diagnose")(diagnose.diagnose)
-app.command("reproduce")(reproduce.reproduce)
+app.add_typer(reproduce.reproduce, name="reproduce")
 app.command("bench")(bench.bench)
 app.add_typer(challenge.challenge, name="challenge")
 

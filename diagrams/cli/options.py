@@ -26,3 +26,21 @@ Step = Annotated[float, typer.Option("--step", min=1e-4, max=1.0, help="Predicto
 Markdown = Annotated[
     Path | None, typer.Option("--markdown", metavar="FILE", help="Write the table as Markdown.")
 ]
+Seeds = Annotated[int, typer.Option("--seeds", min=1, help="Evaluation flights a row, of seeds seed + 1, …")]
+Solver = Annotated[str, typer.Option("--solver", help="ipopt | sqp")]
+Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes.")]
+Only = Annotated[
+    list[str] | None, typer.Option("--only", help="Only rows of these names (nominal is always flown).")
+]
+Neurobem = Annotated[
+    Path | None,
+    typer.Option("--neurobem", metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),
+]
+Undrawn = Annotated[
+    int, typer.Option("--seed", min=0, hidden=True)
+]  # every verb takes it; here nothing is drawn
+
+
+def evaluation_seeds(seed: int, seeds: int) -> list[int]:
+    """Seeds of the evaluation flights: those after `seed`, which the training flight draws."""
+    return [seed + 1 + k for k in range(seeds)]

@@ -1,37 +1,41 @@
-"""The table of `np-drake reproduce configurations`."""
+"""`np-drake reproduce configurations`: every configuration of the predictor in the same loop."""
 
 import dataclasses as dc
-import tempfile
-from pathlib import Path
+from collections.abc import Collection
 
-from diagrams.cli.output import make_folder, progress, write_metrics
-from diagrams.cli.reproduce_flights import Table
+from diagrams.cli import options
+from diagrams.cli.output import Table, flying, require_files, show, write_metrics
 
 
-def configurations_table(
-    *, seeds: int, solver: str, jobs: int, only: list[str], seed: int, out: Path | None, json: Path | None
-) -> tuple[Table, list[str]]:
-    """Every configuration in the loop beside nominal, hold and oracle; and the lines that stand under the table.
-
-    Args: only: rows that fly; all where empty.   out: folder that keeps the model files.   json: metrics file.
-    Raises: ValueError: on an unknown row.
-    """
-    from diagrams import configurations, tracking
+def configurations(
+    seeds: options.Seeds = 5,
+    solver: options.Solver = "sqp",
+    jobs: options.Jobs = 2,
+    only: options.Only = None,
+    seed: options.Seed = 1000,
+    out: options.Out = None,
+    json: options.Json = None,
+    markdown: options.Markdown = None,
+) -> None:
+    """Every configuration of the predictor in the loop. All are trained on one flight; --out DIR: models."""
+    require_files(json, markdown)
+    from diagrams import configurations as experiment
+    from diagrams import tracking
     from np_drake.lifting.training import make_config
 
-    rows = choose_rows(configurations.ROWS, only)
-    evaluation = [seed + 1 + k for k in range(seeds)]
-    with tempfile.TemporaryDirectory() as scratch, progress("configurations", 1.0) as advance:
+    rows = choose_rows(experiment.ROWS, only)
+    evaluation = options.evaluation_seeds(seed, seeds)
+    with flying("configurations", out) as (folder, on_progress):
         summaries = tracking.run_tracking(
-            make_folder(out) if out else Path(scratch),
+            folder,
             seeds=evaluation,
             training_seed=seed,
             solver=solver,
             rows=rows,
             jobs=jobs,
-            on_progress=lambda done, total: advance(done / total, f"{done} of {total} flights"),
+            on_progress=on_progress,
         )
-    lines, places = tracking.table(summaries, rows), configurations.ranking(summaries)
+    lines, places = tracking.table(summaries, rows), experiment.ranking(summaries)
     used = {row.configuration: make_config(row.configuration, seed=seed) for row in rows if row.configuration}
     weights = tracking.frozen_weights()
     config = {"solver": solver, "seeds": evaluation, "training_seed": seed, "mpc": weights}
@@ -43,15 +47,16 @@ def configurations_table(
         "± standard deviation over seeds"
     )
     notes = [
-        configurations.verdict(places),
-        f"training: {configurations.TRAINING}, seed {seed}; evaluation: seeds {evaluation}",
+        experiment.verdict(places),
+        f"training: {experiment.TRAINING}, seed {seed}; evaluation: seeds {evaluation}",
         *(f"{name}: {c}" for name, c in used.items()),
     ]
-    return printed(lines, title), notes
+    show(markdown, printed(lines, title), notes=notes)
 
 
-def choose_rows(rows: tuple, only: list[str]) -> tuple:
+def choose_rows(rows: tuple, only: Collection[str] | None) -> tuple:
     """The rows of these names, all where there are none; nominal always. Raises ValueError on an unknown name."""
+    only = only or ()
     unknown = set(only) - {row.name for row in rows}
     if unknown:
         names = "; ".join(row.name for row in rows)

@@ -5,41 +5,43 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from diagrams.cli.output import make_folder, progress, require_folder, say, write_metrics
-from diagrams.cli.reproduce_flights import Table
+from diagrams.cli import options
+from diagrams.cli.output import (
+    Table,
+    make_folder,
+    progress,
+    require_files,
+    require_folder,
+    say,
+    show,
+    write_metrics,
+)
 
 if TYPE_CHECKING:
     from diagrams.cooperative_result import CooperativeResult
 
-Vehicles = Annotated[
-    list[int] | None,
-    typer.Option("--vehicles", help="Fleet sizes, once each (cooperative); default: 2, 3 and 4."),
-]
 FLEETS = (2, 3, 4)
 
 
-def cooperative_table(
-    vehicles: list[int] | None,
-    *,
-    only: list[str],
-    solver: str,
-    seed: int,
-    out: Path | None,
-    json: Path | None,
-) -> tuple[Table, list[str]]:
-    """Nominal MPC, hold, NP-MPC and NP-MPC with one predictor failed; and the lines that stand under the table.
-
-    Args:
-        vehicles: fleet sizes.   only: rows that fly; all where empty.
-        out: folder of figures and replay pages.   json: metrics file.
-    Raises: ValueError, OSError: on a fleet that cannot fly or a folder that cannot be written.
-    """
+def cooperative(
+    vehicles: Annotated[
+        list[int] | None, typer.Option(help="Fleet sizes, once each; default: 2, 3 and 4.")
+    ] = None,
+    solver: options.Solver = "sqp",
+    only: Annotated[list[str] | None, typer.Option(help="Only rows of these names.")] = None,
+    seed: options.Seed = 1000,
+    out: options.Out = None,
+    json: options.Json = None,
+    markdown: options.Markdown = None,
+) -> None:
+    """Several vehicles on one payload. Each has its own predictor and MPC; --out DIR: paths and replay pages."""
+    require_files(json, markdown)
     if out is not None:
         require_folder(out)
     from diagrams.cli.fly import as_config
     from diagrams.cooperative_result import ROWS, configure, run_cooperative
 
-    if unknown := set(only) - set(ROWS):
+    if unknown := set(only or ()) - set(ROWS):
         names = ", ".join(sorted(unknown))
         raise ValueError(f"--only: must name rows of the table ({'; '.join(ROWS)}); got {names}.")
     fleets = sorted(set(vehicles or FLEETS))
@@ -65,7 +67,7 @@ def cooperative_table(
         "processor seconds a simulated second; median and p95 of the solves by the clock on the wall:",
         *costs(summaries),
     ]
-    return printed(summaries, f"one flight a row, seed {seed}, {solver}"), notes
+    show(markdown, printed(summaries, f"one flight a row, seed {seed}, {solver}"), notes=notes)
 
 
 def printed(summaries: list[dict], title: str) -> Table:

@@ -4,8 +4,19 @@ import dataclasses as dc
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from diagrams.cli.output import make_folder, progress, require_folder, say, write_metrics
-from diagrams.cli.reproduce_flights import Table, required
+from diagrams.cli import options
+from diagrams.cli.output import (
+    Table,
+    counted,
+    make_folder,
+    progress,
+    require_files,
+    require_folder,
+    say,
+    show,
+    write_metrics,
+)
+from diagrams.cli.reproduce_flights import required
 from np_drake.lifting.lifted_model import DEFAULT, PAPER
 
 if TYPE_CHECKING:
@@ -21,11 +32,15 @@ MILLI = 1e3  # small errors in mN and mN·m, three digits each
 SHOWN = "random points"  # the flight of which the paper shows ten seconds
 
 
-def estimation(neurobem: Path | None, *, seed: int, out: Path | None, json: Path | None) -> Table:
-    """Six flights, ten columns; with `out`, ten seconds of "random points" as a figure.
-
-    json: metrics file.   Raises: ValueError, OSError, LogError: without the folder, or on a bad flight.
-    """
+def estimation(
+    neurobem: options.Neurobem = None,
+    seed: options.Seed = 1000,
+    out: options.Out = None,
+    json: options.Json = None,
+    markdown: options.Markdown = None,
+) -> None:
+    """The paper's table, one step ahead. On six real flights; --out DIR: ten seconds as a figure."""
+    require_files(json, markdown)
     folder = required("estimation", neurobem)
     if out is not None:
         require_folder(out)
@@ -38,9 +53,7 @@ def estimation(neurobem: Path | None, *, seed: int, out: Path | None, json: Path
         rows_of(next(flight for flight in tests if flight.name == SHOWN))  # before the long work
     models, settings = trained(training, seed, epochs=EPOCHS)
     with progress("every origin", 1.0) as advance:
-        table = estimation_table(
-            models, tests, lambda done, total: advance(done / total, f"{done} of {total}")
-        )
+        table = estimation_table(models, tests, counted(advance))
     if out is not None:
         _window_figure(models[DEFAULT], tests, make_folder(out) / "random_points.png", seed)
     say(*_lines(table, training.name, seed), *(f"{name}: {values}" for name, values in settings.items()))
@@ -64,14 +77,18 @@ def estimation(neurobem: Path | None, *, seed: int, out: Path | None, json: Path
         rows.append((flight, *("" for _ in COLUMNS)))
         rows += [(name, *(f"{MILLI * values[c]:.3g}" for c in COLUMNS)) for name, values in of_flight.items()]
     title = "One step (2.5 ms) ahead on real flights, RMSE [mN, mN·m]; NeuroBEM, NeuroMHE, NP as published"
-    return title, ["", *COLUMNS], rows
+    show(markdown, (title, ["", *COLUMNS], rows))
 
 
-def sample_efficiency(neurobem: Path | None, *, seed: int, out: Path | None, json: Path | None) -> Table:
-    """Error against training samples on race track 1; with `out`, a figure.
-
-    json: metrics file.   Raises: ValueError, OSError, LogError: without the folder, or on a bad flight.
-    """
+def sample_efficiency(
+    neurobem: options.Neurobem = None,
+    seed: options.Seed = 1000,
+    out: options.Out = None,
+    json: options.Json = None,
+    markdown: options.Markdown = None,
+) -> None:
+    """Error against training samples. On race track 1; --out DIR: figure."""
+    require_files(json, markdown)
     folder = required("sample-efficiency", neurobem)
     if out is not None:
         require_folder(out)
@@ -87,7 +104,7 @@ def sample_efficiency(neurobem: Path | None, *, seed: int, out: Path | None, jso
             training,
             test,
             configs,
-            on_progress=lambda done, total: advance(done / total, f"{done} of {total}"),
+            on_progress=counted(advance),
         )
     step, settings = test.segment.step, {name: dc.asdict(config) for name, config in configs.items()}
     title = f"RMSE on {test.name} against training samples, mean over disjoint pieces of the training segment"
@@ -97,7 +114,7 @@ def sample_efficiency(neurobem: Path | None, *, seed: int, out: Path | None, jso
     say(f"seed {seed}", *(f"{name}: {values}" for name, values in settings.items()))
     lines = [{**dc.asdict(p), "horizon": p.horizon * step} for p in points]
     write_metrics(json, "reproduce", seed=seed, config=settings, table=lines, published=measure.PUBLISHED)
-    return _efficiency_table(points, step, title)
+    show(markdown, _efficiency_table(points, step, title))
 
 
 def _efficiency_table(points: "list[Point]", step: float, title: str) -> Table:
@@ -119,11 +136,14 @@ def _range(point: "Point") -> str:
     return f"{point.force[0]:.3g} / {point.torque[0]:.3g}"
 
 
-def response(neurobem: Path | None, *, seed: int, json: Path | None) -> Table:
-    """The lag of predictions behind the label where the flights are aggressive.
-
-    json: metrics file.   Raises: ValueError, OSError, LogError: without the folder, or on a bad flight.
-    """
+def response(
+    neurobem: options.Neurobem = None,
+    seed: options.Seed = 1000,
+    json: options.Json = None,
+    markdown: options.Markdown = None,
+) -> None:
+    """How late the prediction is. Its lag behind the label where jerk is largest."""
+    require_files(json, markdown)
     folder = required("response", neurobem)
     from diagrams import array_flights
     from diagrams import response as measure
@@ -138,11 +158,11 @@ def response(neurobem: Path | None, *, seed: int, json: Path | None) -> Table:
             training,
             tests,
             config=config,
-            on_progress=lambda done, total: advance(done / total, f"{done} of {total}"),
+            on_progress=counted(advance),
         )
     say(f"seed {seed}", *(f"{name}: {values}" for name, values in settings.items()))
     write_metrics(json, "reproduce", seed=seed, config=settings, table=lines)
-    return measure.printed(lines)
+    show(markdown, measure.printed(lines))
 
 
 def trained(

@@ -1,44 +1,42 @@
-"""`np-drake reproduce hover | attach | timing`: the paper's flight experiments beside ours."""
+"""`np-drake reproduce hover | timing`: a swinging payload, and what a period costs, beside the paper."""
 
 import dataclasses as dc
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from diagrams.cli.output import make_folder, progress, say, write_metrics
+from diagrams.cli import options
+from diagrams.cli.output import Table, counted, flying, progress, require_files, say, show, write_metrics
 from diagrams.cli.reproduce_configurations import choose_rows
-from diagrams.cli.reproduce_flights import Table
 
-Noted = tuple[Table, list[str]]  # a table, and the lines that stand under it
-
-if TYPE_CHECKING:
-    from diagrams.flight import FlightConfig
-
-SEEDS = {"attach": 20}  # flights a row where it is not the usual number [1]
 PERIODS = 250  # of the timing table [1]
 
 
 def hover(
-    *, seeds: int, solver: str, jobs: int, only: list[str], seed: int, out: Path | None, json: Path | None
-) -> Noted:
-    """Hover while the payload swings; with `out`, the payload's distance as a figure.
-
-    json: metrics file.   Raises: ValueError: on an unknown row.
-    """
+    seeds: options.Seeds = 5,
+    solver: options.Solver = "sqp",
+    jobs: options.Jobs = 2,
+    only: options.Only = None,
+    seed: options.Seed = 1000,
+    out: options.Out = None,
+    json: options.Json = None,
+    markdown: options.Markdown = None,
+) -> None:
+    """Hover while the payload swings. --out DIR: models, and the payload's distance as a figure."""
+    require_files(json, markdown)
     from diagrams import hover_swing, payload_figures
     from np_drake.figure_file import save
 
     rows = choose_rows(hover_swing.ROWS, only)
-    evaluation = [seed + 1 + k for k in range(seeds)]
-    with tempfile.TemporaryDirectory() as scratch, progress("hover", 1.0) as advance:
+    evaluation = options.evaluation_seeds(seed, seeds)
+    with flying("hover", out) as (folder, on_progress):
         runs = hover_swing.run_hover(
-            make_folder(out) if out else Path(scratch),
+            folder,
             seeds=evaluation,
             training_seed=seed,
             solver=solver,
             rows=rows,
             jobs=jobs,
-            on_progress=lambda done, total: advance(done / total, f"{done} of {total} flights"),
+            on_progress=on_progress,
         )
     lines, said = hover_swing.hover_table(runs), hover_swing.verdict(hover_swing.hover_table(runs))
     if out is not None:
@@ -54,7 +52,7 @@ def hover(
         f"{seeds} flights a row, seeds {evaluation[0]} … {evaluation[-1]}, np trained on seed {seed}, {solver}; "
         "± 95 % interval of the mean"
     )
-    return hover_printed(lines, title), notes
+    show(markdown, hover_printed(lines, title), notes=notes)
 
 
 def hover_printed(lines: list[dict], title: str) -> Table:
@@ -95,102 +93,14 @@ def hover_printed(lines: list[dict], title: str) -> Table:
     return title, header, rows
 
 
-def attach(*, seeds: int, solver: str, jobs: int, seed: int, out: Path | None, json: Path | None) -> Noted:
-    """Payload attached, cut off and snapping taut; with `out`, the responses as a figure.   json: metrics file."""
-    from diagrams import attach as experiment
-    from diagrams import payload_figures
-    from diagrams.hover_swing import TRAINING
-    from diagrams.tracking import Row, train_models
-    from np_drake.figure_file import save
-
-    row = Row("np", "np", training=TRAINING, configuration="default")
-    evaluation = [seed + 1 + k for k in range(seeds)]
-    with tempfile.TemporaryDirectory() as scratch, progress("attach", 1.0) as advance:
-        folder = make_folder(out) if out else Path(scratch)
-        model = train_models((row,), folder, seed=seed, solver=solver)[(row.training, row.configuration)]
-        config = experiment.attach_config(solver=solver, model=model)
-        runs = experiment.run_attach(
-            model,
-            seeds=evaluation,
-            solver=solver,
-            jobs=jobs,
-            on_progress=lambda done, total: advance(done / total, f"{done} of {total} flights"),
-        )
-    lines = experiment.attach_table(runs, config)
-    if out is not None:
-        figure = payload_figures.event_responses(runs, config, f"{seeds} flights, seeds from {evaluation[0]}")
-        save(figure, out / "attach_responses.png")
-        say(f"figure: {out / 'attach_responses.png'}")
-    said = _attach_notes(lines, config)
-    controller = dc.asdict(config.controller) | {"predictor": f"trained on {TRAINING}, seed {seed}"}
-    settings = {"solver": solver, "seeds": evaluation, "training_seed": seed, "controller": controller}
-    write_metrics(json, "reproduce", seed=seed, config=settings, table=lines, notes=said)
-    title = (
-        f"{seeds} flights (release, snap: {min(seeds, experiment.BESIDE)}), seeds {evaluation[0]} … {evaluation[-1]}, "
-        f"np trained on seed {seed}, {solver}"
-    )
-    return attach_printed(lines, title), [*said, f"controller: {controller}"]
-
-
-def _attach_notes(lines: list[dict], config: "FlightConfig") -> list[str]:
-    """What is behind the figures: thrust scale, filter, paper, and the snap, which leaves no step."""
-    from diagrams.attach import ADDED, PAPER, TOSS, label_deviation
-
-    band, scale = config.controller.label.force_bandwidth, config.reality.thrust_scale
-    said = [
-        f"expected: {ADDED * config.vehicle.gravity:.3f} N over the thrust scale {scale}; paper: {PAPER['step']} N, "
-        f"standard deviation {PAPER['deviation']} N.",
-        f"filter: low-pass of {band:g} Hz, order {config.controller.label.order}; alone it rises to 90 % in "
-        f"{2.302585 / (6.283185 * band):.3f} s and passes {label_deviation(config):.3f} N of accelerometer noise.",
-    ]
-    for line in lines:
-        if "slack" in line:
-            said.append(
-                f"{line['event']}, {line['signal']}: tossed up with {TOSS} N·s, slack for {line['slack']:.2f} s; "
-                f"f_z of the mean between {line['lowest']:.2f} and {line['highest']:.2f} N, height within "
-                f"{100 * line['height_error']:.1f} cm, {line['solve_failures']} failed solves."
-            )
-    return said
-
-
-def attach_printed(lines: list[dict], title: str) -> Table:
-    """Title, header and rows of the steps among the lines that `attach_table` gives; N, s, cm."""
-    header = [
-        "event",
-        "signal",
-        "step [N]",
-        "expected",
-        "off",
-        "90 % [s]",
-        "over",
-        "dip",
-        "sd [N]",
-        "height [cm]",
-        "failed",
-    ]
-    rows: list[tuple] = [
-        (
-            line["event"],
-            line["signal"],
-            f"{line['size']:.3f}"
-            + (f" ± {line['size_ci95']:.3f}" if line["size_ci95"] == line["size_ci95"] else ""),
-            f"{line['expected']:.3f}",
-            f"{100 * line['error']:.1f} %",
-            f"{line['rise']:.3f}",
-            f"{100 * line['overshoot']:.0f} %",
-            f"{100 * line['dip']:.0f} %",
-            f"{line['deviation']:.3f}",
-            f"{100 * line['height_error']:.1f}",
-            line["solve_failures"],
-        )
-        for line in lines
-        if "size" in line
-    ]
-    return title, header, rows
-
-
-def timing(*, seed: int, only: list[str], json: Path | None) -> Noted:
-    """Lift and refit, MPC solve, and the load of the processor.   json: metrics file."""
+def timing(
+    only: options.Only = None,
+    seed: options.Seed = 1000,
+    json: options.Json = None,
+    markdown: options.Markdown = None,
+) -> None:
+    """What a period costs. As ratios to a reference calculation in the same run."""
+    require_files(json, markdown)
     from diagrams import timing as experiment
     from diagrams.tracking import train_models
 
@@ -202,7 +112,7 @@ def timing(*, seed: int, only: list[str], json: Path | None) -> Noted:
             periods=PERIODS,
             seed=seed + 1,
             rows=rows,
-            on_progress=lambda done, total: advance(done / total, f"{done} of {total} controllers"),
+            on_progress=counted(advance, "controllers"),
         )
     mpc = dc.asdict(experiment.timing_config(rows[0], periods=PERIODS, solver="sqp").controller.mpc)
     config = {
@@ -223,7 +133,7 @@ def timing(*, seed: int, only: list[str], json: Path | None) -> Noted:
         f"{PERIODS} periods of the {experiment.TRACK}, seed {seed + 1}, np trained on seed {seed}; "
         "median / 95 % quantile"
     )
-    return timing_printed(lines, title), notes
+    show(markdown, timing_printed(lines, title), notes=notes)
 
 
 def timing_printed(lines: list[dict], title: str) -> Table:

@@ -1,11 +1,13 @@
-"""Tables of `np-drake reproduce` that are made from real flights."""
+"""`np-drake reproduce mhe | gap | theorem`: tables that are made from real flights."""
 
 import dataclasses as dc
 from pathlib import Path
+from typing import Annotated
 
-from diagrams.cli.output import progress, say, write_metrics
+import typer
 
-Table = tuple[str, list[str], list[tuple]]  # title, header, rows
+from diagrams.cli import options
+from diagrams.cli.output import counted, progress, require_files, say, show, write_metrics
 
 
 def required(table: str, neurobem: Path | None) -> Path:
@@ -17,11 +19,14 @@ def required(table: str, neurobem: Path | None) -> Path:
     return neurobem
 
 
-def mhe_table(neurobem: Path | None, *, json: Path | None) -> Table:
-    """The moving-horizon estimator beside NeuroMHE as published, RMSE [N, N·m].
-
-    json: metrics file.   Raises: ValueError, OSError, LogError: without the folder, or on a bad flight.
-    """
+def mhe(
+    neurobem: options.Neurobem = None,
+    seed: options.Undrawn = 0,
+    json: options.Json = None,
+    markdown: options.Markdown = None,
+) -> None:
+    """A moving-horizon estimator on real flights. Those of the paper's estimation table."""
+    require_files(json, markdown)
     folder = required("mhe", neurobem)
     from diagrams import mhe_flights
     from np_drake.estimation.wrench_table import COLUMNS
@@ -51,7 +56,7 @@ def mhe_table(neurobem: Path | None, *, json: Path | None) -> Table:
         disagreement=table.disagreement,
     )
     title = "Wrench from the motion on real flights, RMSE [N, N·m]; NeuroMHE as published"
-    return title, ["", *COLUMNS], by_flight(table.rows, COLUMNS)
+    show(markdown, (title, ["", *COLUMNS], by_flight(table.rows, COLUMNS)))
 
 
 def by_flight(lines: list[dict], columns: tuple[str, ...]) -> list[tuple]:
@@ -66,18 +71,19 @@ def by_flight(lines: list[dict], columns: tuple[str, ...]) -> list[tuple]:
     return cells
 
 
-def gap_table(neurobem: Path | None, *, json: Path | None) -> Table:
-    """The diagnosis on the agile flights, each held out in turn; RMS [N, N·m].
-
-    json: metrics file.   Raises: ValueError, OSError, LogError: without the folder, or on a bad flight.
-    """
+def gap(
+    neurobem: options.Neurobem = None,
+    seed: options.Undrawn = 0,
+    json: options.Json = None,
+    markdown: options.Markdown = None,
+) -> None:
+    """The diagnosis on agile real flights. Each is held out in turn."""
+    require_files(json, markdown)
     from diagrams import real_flights
 
     flights = real_flights.agile_flights(required("gap", neurobem))
     with progress("real flights", 1.0) as advance:
-        folds = real_flights.leave_one_out(
-            flights, lambda done, total: advance(done / total, f"{done} of {total}")
-        )
+        folds = real_flights.leave_one_out(flights, counted(advance))
     for f in folds:
         say(f"{f.name}: {', '.join(f.diagnosis.verdict) or 'nothing missing'}")
     lines = real_flights.rows(folds)
@@ -98,19 +104,22 @@ def gap_table(neurobem: Path | None, *, json: Path | None) -> Table:
         for r in lines
     ]
     header = ["held out", "RMS of", "nominal", "after", "cut", "zero", "mean"]
-    return (
-        "Real flights, each held out in turn; force [N], torque [N·m]; zero, mean: what predicting these leaves",
-        header,
-        cells,
-    )
+    title = "Real flights, each held out in turn; force [N], torque [N·m]; zero, mean: what predicting these leaves"
+    show(markdown, (title, header, cells))
 
 
-def theorem_table(neurobem: Path | None, *, spacing: int, seed: int, jobs: int, json: Path | None) -> Table:
-    """Bound over error in every `spacing`-th window; `jobs` processes.
-
-    json: metrics file.   Raises: ValueError, OSError, LogError: without the folder, or on a bad flight.
-    """
-    from diagrams import array_flights, theorem
+def theorem(
+    neurobem: options.Neurobem = None,
+    spacing: Annotated[int, typer.Option(min=1, help="Samples between windows; 1: all.")] = 1,
+    jobs: options.Jobs = 2,
+    seed: options.Seed = 1000,
+    json: options.Json = None,
+    markdown: options.Markdown = None,
+) -> None:
+    """Theorem 1, corrected: bound against error. In every window of the real flights."""
+    require_files(json, markdown)
+    from diagrams import array_flights
+    from diagrams import theorem as experiment
     from diagrams.cli.train import configure, run_training
 
     flights = array_flights.flights(required("theorem", neurobem))
@@ -120,16 +129,16 @@ def theorem_table(neurobem: Path | None, *, spacing: int, seed: int, jobs: int, 
         models[name] = run_training(f"training {name}", [flights[0].segment], config)[0].model
         settings[name] = dc.asdict(config)
     with progress("every window", 1.0) as advance:
-        lines = theorem.bound_table(
+        lines = experiment.bound_table(
             models,
             flights,
             spacing=spacing,
             jobs=jobs,
-            on_progress=lambda done, total: advance(done / total, f"{done} of {total}"),
+            on_progress=counted(advance),
         )
     say(
-        f"seed {seed}, trained on {flights[0].name}; horizon {theorem.STEPS[-1]} steps, every {spacing}. window."
+        f"seed {seed}, trained on {flights[0].name}; horizon {experiment.STEPS[-1]} steps, every {spacing}. window."
     )
-    say(*theorem.assumption_lines(lines))
+    say(*experiment.assumption_lines(lines))
     write_metrics(json, "reproduce", seed=seed, config=settings, table=lines)
-    return theorem.printed(lines)
+    show(markdown, experiment.printed(lines))

@@ -1,13 +1,14 @@
-"""The table of `np-drake reproduce tracking`."""
+"""`np-drake reproduce tracking`: every controller on circle and lemniscate."""
 
 import dataclasses as dc
-import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from diagrams.cli.output import make_folder, progress, say, write_metrics
+import typer
+
+from diagrams.cli import options
+from diagrams.cli.output import Table, flying, require_files, say, show, write_metrics
 from diagrams.cli.reproduce_configurations import choose_rows
-from diagrams.cli.reproduce_flights import Table
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,56 +18,46 @@ if TYPE_CHECKING:
 FOUR = {"nominal": "", "gp": "gp", "knode": "knode", "np": "default"}  # the paper's: kind, configuration
 
 
-def tracking_table(
-    *,
-    seeds: int,
-    solver: str,
-    jobs: int,
-    only: list[str],
-    protocol: str,
-    seed: int,
-    out: Path | None,
-    json: Path | None,
-) -> tuple[Table, list[str]]:
-    """The paper's controllers and their opponents on both tracks; and the lines that stand under the table.
+def tracking(
+    seeds: options.Seeds = 5,
+    solver: options.Solver = "sqp",
+    jobs: options.Jobs = 2,
+    only: options.Only = None,
+    training: Annotated[
+        str, typer.Option(help="Circle that learned rows train on: plain | dithered | both.")
+    ] = "both",
+    seed: options.Seed = 1000,
+    out: options.Out = None,
+    json: options.Json = None,
+    markdown: options.Markdown = None,
+) -> None:
+    """Every controller on circle and lemniscate. --out DIR: models and figure."""
+    require_files(json, markdown)
+    from diagrams import tracking as experiment
 
-    Args:
-        only: rows that fly; all where empty.   protocol: plain | dithered | both, what learned rows train on.
-        out: folder that keeps model files and figure.   json: metrics file.
-    Raises: ValueError: on an unknown row or protocol.
-    """
-    from diagrams import tracking
-
-    if protocol not in tracking.PROTOCOLS:
-        raise ValueError(f"--training: must be {' | '.join(tracking.PROTOCOLS)}; got {protocol!r}.")
-    circles = ("", *tracking.PROTOCOLS[protocol])
-    rows = tuple(row for row in choose_rows(tracking.ROWS, only) if row.training in circles)
-    if left_out := set(only) - {row.name for row in rows}:
-        raise ValueError(
-            f"--only: {', '.join(sorted(left_out))} is not trained on the {protocol} circle; leave out --training."
-        )
-    evaluation = [seed + 1 + k for k in range(seeds)]
+    rows = _rows(only or [], training)
+    evaluation = options.evaluation_seeds(seed, seeds)
     laps: dict[tuple[str, str], dict[str, np.ndarray]] = {}
 
     def keep(summary: dict, lap: dict) -> None:
         if summary["seed"] == evaluation[0]:
             laps[summary["experiment"], summary["row"]] = lap
 
-    with tempfile.TemporaryDirectory() as scratch, progress("tracking", 1.0) as advance:
-        summaries = tracking.run_tracking(
-            make_folder(out) if out else Path(scratch),
+    with flying("tracking", out) as (folder, on_progress):
+        summaries = experiment.run_tracking(
+            folder,
             seeds=evaluation,
             training_seed=seed,
             solver=solver,
             rows=rows,
             jobs=jobs,
-            on_progress=lambda done, total: advance(done / total, f"{done} of {total} flights"),
+            on_progress=on_progress,
             on_lap=keep,
         )
-    lines = tracking.table(summaries, rows)
+    lines = experiment.table(summaries, rows)
     if out:
         _draw(laps, rows, out, seed=evaluation[0])
-    notes, config = _notes(rows, evaluation=evaluation, seed=seed, solver=solver, protocol=protocol)
+    notes, config = _notes(rows, evaluation=evaluation, seed=seed, solver=solver, protocol=training)
     lost = [f"{s['row']}, {s['experiment']}, seed {s['seed']}: {s['lost']}" for s in summaries if "lost" in s]
     notes.append(
         f"failed solves: {sum(line['solve_failures'] for line in lines)} in {len(summaries)} flights; "
@@ -76,7 +67,22 @@ def tracking_table(
     title = (
         f"{seeds} flights a row, seeds {evaluation[0]} … {evaluation[-1]}, trained on seed {seed}, {solver}"
     )
-    return printed(lines, title), notes + lost
+    show(markdown, printed(lines, title), notes=notes + lost)
+
+
+def _rows(only: list[str], training: str) -> "tuple[Row, ...]":
+    """The rows that fly.   Raises: ValueError: on an unknown row or training circle."""
+    from diagrams.tracking import PROTOCOLS, ROWS
+
+    if training not in PROTOCOLS:
+        raise ValueError(f"--training: must be {' | '.join(PROTOCOLS)}; got {training!r}.")
+    circles = ("", *PROTOCOLS[training])
+    rows = tuple(row for row in choose_rows(ROWS, only) if row.training in circles)
+    if left_out := set(only) - {row.name for row in rows}:
+        raise ValueError(
+            f"--only: {', '.join(sorted(left_out))} is not trained on the {training} circle; leave out --training."
+        )
+    return rows
 
 
 def _notes(

@@ -146,7 +146,7 @@ def test_a_lost_flight_is_a_lost_cell_and_loses_no_other(monkeypatch):
 
     monkeypatch.setattr(tracking, "fly", crash)
     hold = next(row for row in tracking.ROWS if row.name == "hold")
-    lost = tracking._fly_row("lemniscate", hold, "", 1, "sqp")
+    lost = tracking._fly_row(("lemniscate", hold, "", 1, "sqp"))
     assert "lost the vehicle" in lost["lost"]
     lines = tracking.table(
         [

@@ -1,8 +1,19 @@
 """Laws of `np-drake reproduce`."""
 
-import pytest
+import re
+import shlex
+from pathlib import Path
 
-from diagrams.cli.main import run
+import pytest
+import typer
+
+from diagrams.cli.main import app, run
+
+ROOT = Path(__file__).parents[3]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+WRITTEN = sorted(
+    {line for page in PAGES for line in re.findall(r"`np-drake reproduce ([^`]+)`", page.read_text())}
+)
 
 BAD = {  # arguments: what the line must say
     "unknown": (
@@ -26,3 +37,33 @@ def test_bad_input_is_one_line(case, monkeypatch, capsys):
     last = capsys.readouterr().err.splitlines()[-1]
     assert last.startswith("np-drake reproduce: ")
     assert message in last
+
+
+def tables():
+    """Sub-commands by name."""
+    return typer.main.get_command(app).commands["reproduce"].commands
+
+
+@pytest.mark.parametrize("line", WRITTEN)
+def test_what_the_pages_say_can_be_typed(line):
+    name, *arguments = shlex.split(line)
+    context = tables()[name].make_context(name, arguments)  # parsed, not run
+    assert context.params["markdown"] is None or str(context.params["markdown"]) == "FILE"
+
+
+def test_every_table_is_on_the_readmes_list_or_a_page():
+    assert {line.split()[0] for line in WRITTEN} == set(tables())
+
+
+def test_a_table_takes_its_own_options_only(capsys):
+    assert run(["reproduce", "gap", "--spacing", "3"]) == 2
+    assert "No such option" in capsys.readouterr().err
+    assert run(["reproduce", "theorem", "--help"]) == 0
+    help_of_theorem = capsys.readouterr().out
+    assert "--spacing" in help_of_theorem
+    assert "--solver" not in help_of_theorem
+
+
+def test_every_table_takes_a_seed_and_files_for_machines_and_pages():
+    for table in tables().values():
+        assert {"seed", "json", "markdown"} <= {parameter.name for parameter in table.params}

@@ -1,0 +1,149 @@
+"""A campaign: cases that each end in a file, so that it can be resumed, and that fail one by one.
+
+A case is plain data; the work is a function of it alone. Local processes or a Dask cluster do it alike.
+"""
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Iterator, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from diagrams.cluster import on_cluster
+from diagrams.failed_run import one_line
+from diagrams.processes import Outcome, as_they_finish
+from np_drake.atomic_file import plain, write_text
+
+SCHEMA = "np_drake.campaign/1"
+Case = dict[str, Any]
+Record = dict[str, Any]
+
+
+def run_campaign(
+    work: Callable[[Case], dict],
+    cases: Sequence[Case],
+    *,
+    config: dict,
+    folder: Path | None = None,
+    jobs: int = 1,
+    scheduler: str = "",
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[Record]:
+    """A record a case, in their order: {"case", "result", "seconds"}, or {"case", "error": one line, "seconds"}.
+
+    Results that lie in `folder` are taken over; failed cases are tried again. `seconds`: processor time of the case.
+
+    Args:
+        work: case -> what JSON knows; its NaN and infinities become None.   config: all else that results depend on.
+        folder: takes a file for every case; created where it is missing.
+        jobs: local processes, where there is no `scheduler` (address of a Dask scheduler).
+        on_progress: called with cases done, those taken over included, and all.
+    Raises:
+        ValueError: where cases repeat, or `folder` holds a file of the same case and another configuration or
+            version: it is never overwritten.
+        OSError: where `folder` cannot be written.
+    """
+    names = [case_file(case) for case in cases]
+    if len(set(names)) < len(names):
+        raise ValueError("campaign: cases must differ from each other.")
+    head = _pure({"schema": SCHEMA, "version": version("np_drake"), "config": config})
+    records: dict[int, Record] = {}
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        found = {number: read_record(folder / name, head) for number, name in enumerate(names)}
+        records = {number: record for number, record in found.items() if record and "error" not in record}
+    left = [number for number in range(len(cases)) if number not in records]
+    if records:
+        on_progress(len(records), len(cases))
+    for at, record in _run(work, [cases[number] for number in left], jobs, scheduler):
+        number = left[at]
+        records[number] = {"case": _pure(cases[number]), **record}
+        if folder is not None:
+            write_text(folder / names[number], json.dumps({**head, **records[number]}, indent=1) + "\n")
+        on_progress(len(records), len(cases))
+    return [records[number] for number in range(len(cases))]
+
+
+def case_file(case: Case) -> str:
+    """Name of the case's file: the same for the same content, whatever the order of its keys."""
+    text = json.dumps(plain(case), sort_keys=True, allow_nan=False)
+    return f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.json"
+
+
+def read_record(path: Path, head: dict) -> Record | None:
+    """What an earlier campaign wrote there; None where there is no file.   head: schema, version, configuration.
+
+    Raises: ValueError: where the file is another campaign's, or none of a campaign.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except ValueError as error:
+        raise ValueError(
+            f"{path}: must be the file of a case; it is no JSON. Delete it to resume."
+        ) from error
+    theirs = content if isinstance(content, dict) else {}
+    for key, mine in head.items():
+        if theirs.get(key) != mine:
+            raise ValueError(f"{path}: {_difference(key, theirs.get(key), mine)}; choose another folder.")
+    if not {"case", "seconds"} <= theirs.keys() or case_file(theirs["case"]) != path.name:
+        raise ValueError(f"{path}: must be the file of a case; its content is of none. Delete it to resume.")
+    return {key: value for key, value in theirs.items() if key not in head}
+
+
+def _difference(key: str, theirs: Any, mine: Any) -> str:
+    """Where a file and this campaign part, by the first key that differs."""
+    if isinstance(theirs, dict) and isinstance(mine, dict):
+        for name in sorted({*theirs, *mine}):
+            if theirs.get(name) != mine.get(name):
+                return _difference(f"{key}.{name}", theirs.get(name), mine.get(name))
+    return f"its {key} is {json.dumps(theirs)}, this campaign's {json.dumps(mine)}"
+
+
+def _run(
+    work: Callable[[Case], dict], cases: list[Case], jobs: int, scheduler: str
+) -> Iterator[tuple[int, Record]]:
+    """(number, {"result" or "error", "seconds"}) as cases finish, never in this process."""
+    guarded = Guarded(work)
+    if not cases:
+        return
+    outcomes = (
+        on_cluster(guarded, cases, scheduler)
+        if scheduler
+        else as_they_finish(guarded, cases, jobs=jobs, isolated=True)
+    )
+    for number, outcome in outcomes:
+        yield number, _record(outcome)
+
+
+def _record(outcome: Outcome) -> Record:
+    if outcome.error is not None:  # work itself never raises: its process died
+        return {"error": one_line(outcome.error), "seconds": None}
+    return _pure(outcome.value)
+
+
+class Guarded:
+    """Calls `work` and never raises: an error becomes a line, so that none has to travel between processes."""
+
+    def __init__(self, work: Callable[[Case], dict]):
+        self.work = work
+
+    def __call__(self, case: Case) -> Record:
+        """{"result"} or {"error"}, and processor time "seconds" [s]."""
+        start = time.process_time()
+        try:
+            record: Record = {"result": plain(self.work(case))}
+            json.dumps(
+                record, allow_nan=False
+            )  # what JSON does not know is the case's error, not the campaign's
+        except Exception as error:
+            record = {"error": one_line(error)}
+        return {**record, "seconds": time.process_time() - start}
+
+
+def _pure(content: Any) -> Any:
+    """As it comes back from a file."""
+    return json.loads(json.dumps(plain(content), allow_nan=False))

@@ -1,0 +1,80 @@
+"""The same cases on a Dask cluster: the optional extra `cluster`, imported when it is asked for."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import Any
+
+from diagrams.failed_run import FailedRun
+from diagrams.processes import DeadProcess, Outcome
+
+PATIENCE = 10.0  # until a scheduler that does not answer counts as unreachable [s]
+
+
+@contextmanager
+def client(address: str) -> Iterator[Any]:
+    """A `distributed.Client`.   Raises: ValueError: without the extra, or where no scheduler answers."""
+    if find_spec("distributed") is None:
+        raise ValueError("--scheduler: its packages must be installed; pip install 'np_drake[cluster]'.")
+    from distributed import Client
+
+    try:
+        connected = Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:  # unreachable, or no address at all
+        raise ValueError(f"--scheduler: no Dask scheduler answers at {address!r}.") from error
+    with connected:
+        yield connected
+
+
+def on_cluster(
+    work: Callable[[Any], Any], cases: Sequence[Any], address: str
+) -> Iterator[tuple[int, Outcome]]:
+    """(number of the case, its outcome), in the order in which they finish.
+
+    `work` travels to the scheduler once. Dask gives a case whose worker dies to another, three times at its own
+    default, before it counts as lost; workers under a nanny come back.
+
+    Raises: ValueError: as `client`; FailedRun: where the scheduler goes.
+    """
+    from distributed import as_completed
+
+    suspects: list[int] = []
+
+    with client(address) as connected:
+        shared = connected.submit(_same, work, pure=False)  # made anew where the worker that holds it dies
+        numbers = {
+            connected.submit(_call, shared, case, pure=False): number for number, case in enumerate(cases)
+        }
+        for future in as_completed(list(numbers), loop=connected.loop):
+            number, outcome = numbers.pop(future), _outcome(future)
+            if isinstance(outcome.error, DeadProcess):
+                suspects.append(number)
+            else:
+                yield number, outcome
+        for (
+            number
+        ) in suspects:  # Dask blames all that a dead worker had: the guilty one kills one again, alone
+            alone = connected.submit(_call, work, cases[number], pure=False)
+            alone.exception()  # waits for its end
+            yield number, _outcome(alone)
+
+
+def _same(work: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    return work
+
+
+def _call(work: Callable[[Any], Any], case: Any) -> Any:
+    return work(case)
+
+
+def _outcome(future: Any) -> Outcome:
+    from distributed import KilledWorker
+
+    if future.status == "finished":
+        return Outcome(future.result())
+    if future.status != "error":
+        raise FailedRun(f"the scheduler gave a case up ({future.status}); is the cluster still there?")
+    error = future.exception()
+    if isinstance(error, KilledWorker):
+        return Outcome(error=DeadProcess("its workers died; is the memory exhausted?"))
+    return Outcome(error=error)

@@ -1,0 +1,131 @@
+"""What the robustness sweep says: errors along every axis, and where a controller stops being better than nominal."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from diagrams.campaign import Record
+from diagrams.robustness import AXES, BASE, ROWS, Axis
+
+NOMINAL = "nominal"
+ERRORS = ("E_xy", "E_z")
+Interval = tuple[float, float]
+
+
+def along(records: Sequence[Record], axis: Axis, row: str) -> list[dict]:
+    """One line a value of the axis: means over the seeds, and counts.
+
+    Returns: {"value", "flights", "lost": lost or failed flights, "E_xy", "E_z" [m], "growth" [1]: None where one is
+        lost, "spread": largest relative deviation of a seed's E_xy from the mean [1], "solve_failures",
+        "at_limit" [1]}.
+    """
+    lines = []
+    for value in axis.values:
+        setting = BASE | {axis.name: value}
+        mine = [r for r in records if r["case"]["row"] == row and setting.items() <= r["case"].items()]
+        results = [r["result"] for r in mine if "result" in r]
+        kept = [result for result in results if result["lost_at"] is None]
+        whole = bool(kept) and len(kept) == len(mine)
+        line: dict = {"value": value, "flights": len(mine), "lost": len(mine) - len(kept)}
+        for key in (*ERRORS, "growth"):
+            line[key] = float(np.mean([result[key] for result in kept])) if whole else None
+        line["spread"] = _spread([result["E_xy"] for result in kept]) if whole else None
+        line["solve_failures"] = sum(result["solve_failures"] for result in results)
+        line["at_limit"] = max((result["at_limit"] for result in results), default=0.0)
+        lines.append(line)
+    return lines
+
+
+def _spread(values: list[float]) -> float:
+    return float(np.max(np.abs(np.array(values) / np.mean(values) - 1.0)))
+
+
+def robustness_table(records: Sequence[Record], axes: Sequence[Axis] = AXES) -> list[dict]:
+    """One line an axis and row that flew: `points` as `along` gives them, and `better`: intervals by error."""
+    flown = [row.name for row in ROWS if any(r["case"]["row"] == row.name for r in records)]
+    lines = []
+    for axis in axes:
+        base = along(records, axis, NOMINAL)
+        for row in flown:
+            points = along(records, axis, row)
+            better = {key: better_than(points, base, key) for key in ERRORS}
+            lines.append({"axis": axis.name, "row": row, "points": points, "better": better})
+    return lines
+
+
+def better_than(points: Sequence[dict], base: Sequence[dict], key: str) -> list[Interval]:
+    """Where the error `key` is below that of `base`: intervals of the axis, between values on the line of log ratios.
+
+    No line leads to or from a lost flight: it is never better, and where only `base` is lost, `points` is.
+    """
+    values = [point["value"] for point in points]
+    ratio = [_log_ratio(point[key], other[key]) for point, other in zip(points, base, strict=True)]
+    found: list[Interval] = []
+    for i, r in enumerate(ratio):
+        if not r < 0:
+            continue
+        high = _edge(values, ratio, i, i + 1)
+        if found and ratio[i - 1] < 0:
+            found[-1] = (found[-1][0], high)
+        else:
+            found.append((_edge(values, ratio, i, i - 1), high))
+    return found
+
+
+def _log_ratio(error: float | None, base: float | None) -> float:
+    """Infinite where the flight is lost; minus infinite where only the base is."""
+    if error is None:
+        return np.inf
+    return float(np.log(error / base)) if base is not None else -np.inf
+
+
+def _edge(values: list[float], ratio: list[float], inside: int, outside: int) -> float:
+    """Where the line from the point `inside`, which is better, to its neighbour meets zero; else the point itself."""
+    if not 0 <= outside < len(values) or not np.isfinite([ratio[inside], ratio[outside]]).all():
+        return values[inside]
+    if ratio[outside] < 0:
+        return values[inside]
+    return float(np.interp(0.0, [ratio[inside], ratio[outside]], [values[inside], values[outside]]))
+
+
+def lost_lines(records: Sequence[Record]) -> list[str]:
+    """Each lost or failed flight: when, and what the rotors did before."""
+    said = []
+    for record in records:
+        case, result = record["case"], record.get("result")
+        setting = ", ".join(f"{axis.title} {axis.says(case[axis.name])}" for axis in AXES)
+        head = f"{case['row']}, {setting}, seed {case['seed']}: "
+        if result is None:
+            said.append(f"{head}failed: {record['error']}")
+        elif result["lost_at"] is not None:
+            said.append(
+                f"{head}lost at {result['lost_at']:.2f} s; a rotor at its limit in {100 * result['at_limit']:.0f} % of "
+                f"the periods, {100 * result['at_limit_last']:.0f} % of the last second; {_angles(result)}"
+            )
+    return said
+
+
+def axes_of(lines: Sequence[dict]) -> list[Axis]:
+    """The axes that the lines of `robustness_table` are of."""
+    return [axis for axis in AXES if any(line["axis"] == axis.name for line in lines)]
+
+
+def extremes(records: Sequence[Record], axes: Sequence[Axis] = AXES) -> list[str]:
+    """Along each axis the flight that came nearest to a rotor's limit."""
+    said = []
+    for axis in axes:
+        off = BASE.keys() - {axis.name}
+        mine = [r for r in records if "result" in r and all(r["case"][k] == BASE[k] for k in off)]
+        if mine:
+            most = max(mine, key=lambda record: record["result"]["thrust"])
+            case, result = most["case"], most["result"]
+            said.append(
+                f"{axis.title}: the largest rotor command is {100 * result['thrust']:.0f} % of its limit "
+                f"({case['row']}, {axis.says(case[axis.name])}, seed {case['seed']}); {_angles(result)}"
+            )
+    return said
+
+
+def _angles(result: dict) -> str:
+    swing = "" if result["swing"] is None else f", tether up to {np.degrees(result['swing']):.0f}°"
+    return f"tilt up to {np.degrees(result['tilt']):.0f}°{swing}"

@@ -1,0 +1,101 @@
+"""Laws of campaigns. The work is defined inside the tests, so that it travels by value."""
+
+import json
+import os
+
+import pytest
+
+from diagrams import campaign
+from diagrams.campaign import case_file, run_campaign
+
+CONFIG = {"solver": "sqp", "reality": {"drag": 0.25}}
+CASES = [{"row": "np", "speed": speed} for speed in (0.5, 1.0, 1.5)]
+
+
+@pytest.fixture
+def counted(tmp_path):
+    """Work that leaves a line a call, fails at 1.0 while `broken` says how, and answers NaN at 1.5."""
+    calls, broken = tmp_path / "calls", tmp_path / "broken"
+    calls.touch()
+
+    def work(case):
+        with calls.open("a") as file:
+            file.write(f"{case['speed']}\n")
+        if case["speed"] == 1.0 and broken.exists():
+            if broken.read_text() == "exit":
+                os._exit(5)
+            raise KeyError("drag")
+        return {"E_xy": case["speed"] / 10, "growth": float("nan" if case["speed"] == 1.5 else 1)}
+
+    return work, lambda: calls.read_text().split(), broken
+
+
+@pytest.mark.parametrize(
+    ("how", "why"), [("exit", "EXIT(5)"), ("raise", "KeyError: 'drag' (test_campaign.py:")]
+)
+def test_a_failed_case_is_alone_is_recorded_and_is_tried_again(counted, tmp_path, how, why):
+    work, calls, broken = counted
+    broken.write_text(how)
+    folder = tmp_path / "cases"
+    first = run_campaign(work, CASES, config=CONFIG, folder=folder, jobs=1)
+    assert [record["case"] for record in first] == CASES
+    assert ["error" in record for record in first] == [False, True, False]
+    assert why in first[1]["error"]
+    assert why in json.loads((folder / case_file(CASES[1])).read_text())["error"]
+    broken.unlink()
+    second = run_campaign(work, CASES, config=CONFIG, folder=folder, jobs=1)
+    assert calls() == ["0.5", "1.0", "1.5", "1.0"]
+    assert second[1]["result"] == {"E_xy": 0.1, "growth": 1.0}
+    assert [second[0], second[2]] == [first[0], first[2]]  # from the files as from the work, NaN included
+    assert second[2]["result"]["growth"] is None
+
+
+def test_a_finished_campaign_starts_no_process(counted, tmp_path, monkeypatch):
+    work, *_ = counted
+    records = run_campaign(work, CASES[:1], config=CONFIG, folder=tmp_path / "cases")
+    monkeypatch.setattr(campaign, "as_they_finish", None)
+    seen = []
+    again = run_campaign(
+        work,
+        CASES[:1],
+        config=CONFIG,
+        folder=tmp_path / "cases",
+        on_progress=lambda *counts: seen.append(counts),
+    )
+    assert again == records
+    assert seen == [(1, 1)]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"config": {"solver": "sqp", "reality": {"drag": 0.5}}},
+            "config.reality.drag is 0.5, .* 0.25; choose",
+        ),
+        ({"version": "9.9"}, "version is .9.9"),
+        ({"case": {"row": "gp"}}, "its content is of none"),
+        (None, "it is no JSON"),
+    ],
+)
+def test_the_file_of_another_campaign_is_refused_and_kept(tmp_path, monkeypatch, change, message):
+    path = tmp_path / case_file(CASES[0])
+    head = {"schema": campaign.SCHEMA, "version": campaign.version("np_drake"), "config": CONFIG}
+    content = {**head, "case": CASES[0], "result": {}, "seconds": 1.0}
+    text = "{" if change is None else json.dumps(content | change)
+    path.write_text(text)
+    monkeypatch.setattr(campaign, "as_they_finish", None)
+    with pytest.raises(ValueError, match=message) as caught:
+        run_campaign(dict, CASES, config=CONFIG, folder=tmp_path)
+    assert str(path) in str(caught.value)
+    assert [p.read_text() for p in tmp_path.iterdir()] == [text]
+
+
+def test_cases_that_repeat_are_refused():
+    with pytest.raises(ValueError, match="differ from each other"):
+        run_campaign(dict, [{"a": 1, "b": 2}, {"b": 2, "a": 1}], config={})
+
+
+def test_an_answer_that_json_does_not_know_fails_its_case_alone():
+    records = run_campaign(lambda case: {"answer": case["make"]()}, [{"make": "x"}], config={})
+    assert "TypeError" in records[0]["error"]

@@ -1,0 +1,59 @@
+"""Laws of campaigns on a Dask cluster, on one of this machine. Needs the extra `cluster`."""
+
+import os
+
+import pytest
+
+from diagrams import cluster
+from diagrams.campaign import run_campaign
+from diagrams.cli.main import run
+
+CASES = [{"number": number} for number in range(4)]
+
+
+@pytest.fixture
+def address():
+    """Of a scheduler with one worker, which comes back when it dies; a case is given up at its second dead worker."""
+    reason = "needs the extra `cluster`: pip install 'np_drake[cluster]'"
+    distributed = pytest.importorskip("distributed", reason=reason)
+    dask = pytest.importorskip("dask", reason=reason)
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as local,
+    ):
+        yield local.scheduler_address
+
+
+def test_a_cluster_answers_as_this_machine_does_and_a_dead_worker_loses_one_case(address, tmp_path):
+    def work(case):
+        if case["number"] == 1:
+            os._exit(3)
+        if case["number"] == 2:
+            raise ValueError("mass must be positive")
+        return {"square": case["number"] ** 2}
+
+    there = run_campaign(work, CASES, config={}, folder=tmp_path, scheduler=address)
+    here = run_campaign(work, CASES, config={}, jobs=1)
+    assert [r.get("result") for r in there] == [r.get("result") for r in here] == [
+        {"square": 0}, None, None, {"square": 9}
+    ]  # fmt: skip
+    assert there[1]["error"] == "its workers died; is the memory exhausted?"
+    assert there[2]["error"] == here[2]["error"] == "mass must be positive"
+    assert len(list(tmp_path.iterdir())) == len(CASES)
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "no address", "http://127.0.0.1:1"])
+def test_a_scheduler_that_does_not_answer_is_one_line(address, monkeypatch, capsys):
+    pytest.importorskip("distributed", reason="needs the extra `cluster`")
+    monkeypatch.setattr(cluster, "PATIENCE", 0.2)
+    assert run(["reproduce", "robustness", "--scheduler", address]) == 2
+    err = capsys.readouterr().err
+    assert (
+        err.splitlines()[-1] == f"np-drake reproduce: --scheduler: no Dask scheduler answers at '{address}'."
+    )
+
+
+def test_without_the_extra_it_is_one_line(monkeypatch, capsys):
+    monkeypatch.setattr(cluster, "find_spec", lambda name: None)
+    assert run(["reproduce", "robustness", "--scheduler", "tcp://127.0.0.1:1"]) == 2
+    assert "pip install 'np_drake[cluster]'" in capsys.readouterr().err.splitlines()[-1]

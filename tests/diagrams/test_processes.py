@@ -1,0 +1,55 @@
+"""Laws of work in several processes. The work is defined inside the tests, so that it travels by value."""
+
+import os
+import signal
+
+import pytest
+
+from diagrams.processes import DeadProcess, as_they_finish, in_order
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_values_come_in_the_order_of_the_cases(jobs):
+    seen = []
+    dut = in_order(
+        lambda case: case**2, [3, 1, 2], jobs=jobs, on_progress=lambda *counts: seen.append(counts)
+    )
+    assert dut == [9, 1, 4]
+    assert seen == [(1, 3), (2, 3), (3, 3)]
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_the_work_raises_reaches_the_caller(jobs):
+    def work(case):
+        if case == 1:
+            raise ValueError("mass must be positive")
+        return case
+
+    with pytest.raises(ValueError, match="mass must be positive"):
+        in_order(work, [0, 1, 2], jobs=jobs)
+
+
+def test_processes_that_die_lose_their_own_cases_only(tmp_path):
+    def work(case):
+        (tmp_path / f"{case}").touch()
+        if case == 1:
+            os._exit(7)
+        if case == 4:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return os.getpid()
+
+    dut = dict(as_they_finish(work, range(6), jobs=2))
+    assert sorted(dut) == list(range(6))
+    assert [isinstance(dut[case].error, DeadProcess) for case in range(6)] == [
+        case in (1, 4) for case in range(6)
+    ]
+    assert "EXIT(7)" in str(dut[1].error)
+    assert "SIGKILL" in str(dut[4].error)
+    assert len(list(tmp_path.iterdir())) == 6
+    with pytest.raises(DeadProcess):
+        dut[1].unwrap()
+
+
+def test_isolated_work_never_runs_in_this_process():
+    ((_, dut),) = as_they_finish(lambda _: os.getpid(), [0], jobs=1, isolated=True)
+    assert dut.unwrap() != os.getpid()
