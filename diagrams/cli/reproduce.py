@@ -22,7 +22,10 @@ TABLES = (
 def reproduce(
     table: Annotated[str, typer.Argument(help=" | ".join(TABLES))],
     seeds: Annotated[
-        int | None, typer.Option(min=1, help="Evaluation flights a row and track; default 5, of attach 20.")
+        int | None,
+        typer.Option(
+            min=1, help="Evaluation flights a row and track; default 5, of attach 20, of cooperative 3."
+        ),
     ] = None,
     solver: Annotated[str, typer.Option(help="ipopt | sqp")] = "sqp",
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
@@ -94,7 +97,9 @@ def reproduce(
     elif table == "weights":
         result = _weights(seed=seed, jobs=jobs, json=json)
     elif table == "cooperative":
-        result, notes = cooperative_table(vehicles, only=only, solver=solver, seed=seed, out=out, json=json)
+        result, notes = cooperative_table(
+            vehicles, only=only, solver=solver, seeds=seeds, seed=seed, out=out, json=json
+        )
     elif table == "configurations":
         result, notes = configurations_table(
             seeds=seeds, solver=solver, jobs=jobs, only=only, seed=seed, out=out, json=json
