@@ -96,7 +96,7 @@ class NeuralPredictor:
             new |= _named(self.model.trust.observe(_trust_of(new), chi))
         return new
 
-    def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | RefitForecasts | None:
+    def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | None:
         """The forecasts from the first full window on, as `update` would make them; None where there is no window."""
         first, s, samples = self.model.window - 1, self.model.system, np.hstack([chi, zeta])
         if len(chi) <= first:
