@@ -13,6 +13,7 @@ from diagrams.processes import in_order
 from diagrams.tracking import Row, configure
 from np_drake import attitude
 from np_drake.labels import FORCE
+from np_drake.lifting.lifted_model import LiftedModel
 from np_drake.swing_metrics import half_width
 from systems.payload_config import PayloadConfig
 
@@ -63,6 +64,18 @@ def label_deviation(config: FlightConfig) -> float:
     impulse[0] = 1.0
     gain = np.linalg.norm(signal.sosfilt(sections, impulse))
     return float(config.vehicle.mass * config.reality.noise.acceleration * gain)
+
+
+def encoder_step(model: LiftedModel) -> np.ndarray:
+    """(window + 1,) share of a step in the label that chi_hat (f_z) shows 0, 1, … samples later, all else at rest.
+
+    The encoder's own part in an answer to a payload that changes: no filter, no motion, no control loop.
+    """
+    ages = np.arange(model.window + 1)
+    windows = np.zeros((len(ages), model.window, 12))
+    windows[:, :, 2] = np.arange(model.window) >= model.window - ages[:, None]
+    f_z = (model.lift(windows) @ model.system.C.T)[:, 2]
+    return f_z - f_z[0]
 
 
 def slack_time(flight: FlightResult) -> float:

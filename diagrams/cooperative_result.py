@@ -6,7 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from diagrams.cooperative import CooperativeConfig, center_of_formation, load_cooperative, simulate
+from diagrams.cooperative import center_of_formation, simulate
+from diagrams.cooperative_config import CooperativeConfig, load_cooperative
 from diagrams.failed_run import FailedRun
 from np_drake import metrics
 from np_drake.mpc.problem import MpcStatus
@@ -105,19 +106,21 @@ def configure(row: str, vehicles: int, *, solver: str) -> CooperativeConfig:
 def run_cooperative(
     fleets: Sequence[int],
     *,
-    seed: int,
+    seeds: Sequence[int],
     solver: str,
     rows: Sequence[str] = tuple(ROWS),
     on_progress: Callable[[float, float], None] = lambda done, total: None,
 ) -> tuple[list[dict], list[CooperativeResult]]:
-    """Every row with every number of vehicles, one flight each; summaries and the flights that did not fail.
+    """Every row with every number of vehicles, one flight a seed; their summaries, and the first seed's flights.
 
     A failed flight keeps its line, with the reason under `lost`.   Raises: ValueError: before any flight.
     """
-    plans = [(n, row, configure(row, n, solver=solver)) for n in fleets for row in rows]
+    plans = [
+        (n, row, seed, configure(row, n, solver=solver)) for n in fleets for row in rows for seed in seeds
+    ]
     total, done = sum(config.end for *_, config in plans), 0.0
     summaries, flights = [], []
-    for n, row, config in plans:
+    for n, row, seed, config in plans:
         line: dict = {"vehicles": n, "row": row, "seed": seed}
 
         def advance(t: float, done: float = done) -> None:
@@ -126,7 +129,8 @@ def run_cooperative(
         try:
             flight = fly_cooperative(config, seed=seed, monitor=advance)
             line["metrics"] = flight.metrics()
-            flights.append(flight)
+            if seed == seeds[0]:
+                flights.append(flight)
         except FailedRun as error:
             line["lost"] = str(error)
         summaries.append(line)

@@ -11,7 +11,6 @@ from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
 from np_drake.lifting.skill import naive_predictions
 from np_drake.residual_models.base import FlightForecasts
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
-from np_drake.residual_models.refit_forecasts import RefitForecasts
 from np_drake.residual_models.window_stability import WindowStability, stability_of
 
 METHODS = ("NeuroBEM", "NeuroMHE", "NP")  # as published
@@ -85,7 +84,7 @@ def estimation_table(
     return EstimationTable(cells, stability, origins_of)
 
 
-def forecasts(model: LiftedModel, flight: Flight) -> FlightForecasts | RefitForecasts:
+def forecasts(model: LiftedModel, flight: Flight) -> FlightForecasts:
     """All forecasts of a model on a flight, force and torque predicted. Raises ValueError: if it is too short."""
     course = NeuralPredictor(model, PredictorOptions(torque="predict")).along(
         flight.segment.chi, flight.segment.zeta

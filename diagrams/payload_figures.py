@@ -13,29 +13,34 @@ _TITLES = {
     "release": "the cable is cut",
     "snap": "the payload is tossed up: slack, then taut",
 }
+_FORESEES = ("np", "oracle")  # names of rows begin with
 _SHOWN = (-0.5, 1.5)  # around the event [s]
 
 
 def payload_distance(runs: list[dict], title: str) -> Figure:
-    """Horizontal distance of the payload from the origin against time: one flight a controller, its first seed."""
-    figure, axes = new_figure(1, 1, width=7.5, height=4.0)
-    ax, seen = axes[0, 0], dict[str, dict]()
+    """Horizontal distance of the payload from the origin against time: one flight a controller, its first seed.
+
+    Above who knows the present wrench or motion alone, below who foresees the swing.
+    """
+    figure, axes = new_figure(2, 1, width=7.5, height=5.6, sharex=True, sharey=True)
+    seen = dict[str, dict]()
     for run in runs:
         if run["course"] is not None:
             seen.setdefault(run["row"], run)
-    for k, (name, run) in enumerate(seen.items()):
-        t, distance = run["course"]
-        ax.plot(t, 100 * distance, color=PALETTE[k], linestyle=DASHES[k], linewidth=1.3, label=name)
-    ax.axhline(100 * SETTLED, color="0.4", linewidth=0.8)
-    ax.annotate("settled", (1.0, 100 * SETTLED), (-2, 2), ha="right", color="0.3", fontsize=8,
-                xycoords=("axes fraction", "data"), textcoords="offset points")  # fmt: skip
-    ax.set(
-        xlabel="time since the impulse [s]", ylabel="payload from the origin, horizontally [cm]", title=title
-    )
-    ax.set_ylim(bottom=0)
-    ax.margins(x=0)
-    ax.grid(alpha=0.3)
-    figure.legend(loc="outside lower center", ncols=5, fontsize=8)
+    ahead = {name for name in seen if name.startswith(_FORESEES)}
+    for ax, names in zip(axes[:, 0], (seen.keys() - ahead, ahead), strict=True):
+        for k, name in enumerate(name for name in seen if name in names):
+            t, distance = seen[name]["course"]
+            ax.plot(t, 100 * distance, color=PALETTE[k], linestyle=DASHES[k], linewidth=1.3, label=name)
+        ax.axhline(100 * SETTLED, color="0.4", linewidth=0.8)
+        ax.set_ylim(bottom=0)
+        ax.margins(x=0)
+        ax.grid(alpha=0.3)
+        if names:
+            ax.legend(loc="upper right", ncols=3, fontsize=8)
+    axes[0, 0].set_title(title)
+    axes[-1, 0].set_xlabel("time since the impulse [s]; line: 5 cm, below it the swing counts as gone")
+    figure.supylabel("payload from the origin, horizontally [cm]", fontsize="medium")
     return figure
 
 
@@ -58,7 +63,7 @@ def event_responses(runs: list[dict], config: FlightConfig, title: str) -> Figur
             before = np.array([run["label"] for run in mine])[:, (t < 0) & (t > -AFTER)].mean()
             ax.plot([0, _SHOWN[1]], [before + step] * 2, color="k", linestyle=":", label="expected level")
         ax.axvline(0, color="0.4", linewidth=0.8)
-        ax.set_title(_TITLES[event], fontsize=9)
+        ax.set_title(f"{_TITLES[event]} ({len(mine)} flights)", fontsize=9)
         ax.set_ylabel("$f_z$ [N]")
         ax.grid(alpha=0.3)
         ax.margins(x=0)

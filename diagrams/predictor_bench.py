@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from np_drake.lifting.encoders import Phi
-from np_drake.lifting.lifted_linear_system import stabilized
 from np_drake.lifting.lifted_model import PAPER, LiftedModel
 from np_drake.lifting.segments import Segment
+from np_drake.lifting.stabilized import stabilized
 from np_drake.lifting.training import make_config, train
 from np_drake.lifting.window_refit import RADIUS
 from np_drake.residual_models.base import Sample, WrenchForecast

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from diagrams.controllers import make_residual_model
+from diagrams.controllers import LEARNED, make_residual_model
 from diagrams.flight import FlightConfig
 from diagrams.flight_result import FlightResult, fly
 from diagrams.hover_swing import ROWS as HOVER_ROWS
@@ -35,7 +35,7 @@ ROWS = (
     HoverRow("hold", "hold"),
     HoverRow("observer", "observer"),
     HoverRow("np: paper", "np", training=TRAINING, configuration="paper"),
-    *(row for row in HOVER_ROWS if row.kind == "np"),
+    *(row for row in HOVER_ROWS if row.kind in LEARNED),
 )
 
 

@@ -11,7 +11,7 @@ from diagrams.cli.output import make_folder, print_table, progress, say, write_m
 from np_drake.atomic_file import require_writable
 
 if TYPE_CHECKING:
-    from diagrams.cooperative import CooperativeConfig
+    from diagrams.cooperative_config import CooperativeConfig
     from diagrams.flight import FlightConfig
     from diagrams.flight_result import FlightResult
 

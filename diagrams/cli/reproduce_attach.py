@@ -43,7 +43,7 @@ def attach(
         )
     lines = experiment.attach_table(runs, config)
     if out is not None:
-        figure = payload_figures.event_responses(runs, config, f"{seeds} flights, seeds from {evaluation[0]}")
+        figure = payload_figures.event_responses(runs, config, f"seeds from {evaluation[0]}")
         save(figure, out / "attach_responses.png")
         say(f"figure: {out / 'attach_responses.png'}")
     said = _attach_notes(lines, config)
@@ -59,14 +59,25 @@ def attach(
 
 def _attach_notes(lines: list[dict], config: "FlightConfig") -> list[str]:
     """What is behind the figures: thrust scale, filter, paper, and the snap, which leaves no step."""
-    from diagrams.attach import ADDED, PAPER, TOSS, label_deviation
+    import numpy as np
 
+    from diagrams.attach import ADDED, PAPER, TOSS, encoder_step, label_deviation
+    from diagrams.controllers import DEFAULT_MODEL
+    from np_drake.lifting.model_file import load_model
+
+    step = encoder_step(load_model(config.controller.predictor or DEFAULT_MODEL))
+    period = config.controller.period
+    peak = int(np.argmax(step[: len(step) // 4]))
+    lowest = peak + int(np.argmin(step[peak:]))
     band, scale = config.controller.label.force_bandwidth, config.reality.thrust_scale
     said = [
         f"expected: {ADDED * config.vehicle.gravity:.3f} N over the thrust scale {scale}; paper: {PAPER['step']} N, "
         f"standard deviation {PAPER['deviation']} N.",
         f"filter: low-pass of {band:g} Hz, order {config.controller.label.order}; alone it rises to 90 % in "
         f"{2.302585 / (6.283185 * band):.3f} s and passes {label_deviation(config):.3f} N of accelerometer noise.",
+        f"encoder alone, a step of the label and nothing else moving: {100 * step[peak]:.0f} % of it after "
+        f"{peak * period:.2f} s, {100 * step[lowest]:.0f} % after {lowest * period:.2f} s, {100 * step[-1]:.0f} % when "
+        f"its window of {(len(step) - 1) * period:.1f} s is full.",
     ]
     for line in lines:
         if "slack" in line:

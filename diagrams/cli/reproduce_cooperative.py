@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from diagrams.cooperative_result import CooperativeResult
 
 FLEETS = (2, 3, 4)
+PHASES = ("hover", "transport")
+COLUMNS = ("position_rmse", "E_xy", "E_z", "excursion", "payload_rmse", "payload_excursion")
 
 
 def cooperative(
@@ -29,34 +31,35 @@ def cooperative(
     ] = None,
     solver: options.Solver = "sqp",
     only: Annotated[list[str] | None, typer.Option(help="Only rows of these names.")] = None,
+    seeds: Annotated[int, typer.Option(min=1, help="Flights a row, of seeds seed, seed + 1, …")] = 3,
     seed: options.Seed = 1000,
     out: options.Out = None,
     json: options.Json = None,
     markdown: options.Markdown = None,
 ) -> None:
-    """Several vehicles on one payload. Each has its own predictor and MPC; --out DIR: paths and replay pages."""
+    """Several vehicles on one payload. Each has its own predictor and MPC; --out DIR: the first seed's paths, replays."""
     require_files(json, markdown)
     if out is not None:
         require_folder(out)
     from diagrams.cli.fly import as_config
     from diagrams.cooperative_result import ROWS, configure, run_cooperative
+    from diagrams.cooperative_table import cooperative_table as cooperative_lines
 
     if unknown := set(only or ()) - set(ROWS):
         names = ", ".join(sorted(unknown))
         raise ValueError(f"--only: must name rows of the table ({'; '.join(ROWS)}); got {names}.")
-    fleets = sorted(set(vehicles or FLEETS))
+    fleets, drawn = sorted(set(vehicles or FLEETS)), [seed + k for k in range(seeds)]
     with progress("cooperative", 1.0) as advance:
         summaries, flights = run_cooperative(
             fleets,
-            seed=seed,
+            seeds=drawn,
             solver=solver,
             rows=[row for row in ROWS if not only or row in only],
             on_progress=lambda t, total: advance(t / total, f"{t:.0f} of {total:.0f} s"),
         )
-    config = configure("np", fleets[0], solver=solver)
-    write_metrics(
-        json, "reproduce", seed=seed, config={**as_config(config), "vehicles": fleets}, table=summaries
-    )
+    config, lines = configure("np", fleets[0], solver=solver), cooperative_lines(summaries)
+    settings = {**as_config(config), "vehicles": fleets, "seeds": drawn}
+    write_metrics(json, "reproduce", seed=seed, config=settings, table=lines, runs=summaries)
     if out is not None:
         _write(flights, make_folder(out))
     payload = config.reality.payload
@@ -65,43 +68,51 @@ def cooperative(
         f"{config.distance} m in {config.transport} s; fault at {config.settle} s, predictor 0",
         "RMSE and largest distance of all vehicles, and of the payload, from where the formation's reference has them",
         "processor seconds a simulated second; median and p95 of the solves by the clock on the wall:",
-        *costs(summaries),
+        *costs(lines),
     ]
-    show(markdown, printed(summaries, f"one flight a row, seed {seed}, {solver}"), notes=notes)
+    title = f"{seeds} flights a row, seeds {drawn[0]} … {drawn[-1]}, {solver}; ± 95 % interval of the mean"
+    show(markdown, printed(lines, title), notes=notes)
 
 
-def printed(summaries: list[dict], title: str) -> Table:
-    """Title, header and rows of the summaries of `run_cooperative`; errors in cm, failed solves of both phases."""
+def printed(lines: list[dict], title: str) -> Table:
+    """Title, header and rows of `cooperative_table`; errors in cm, failed solves of both phases and all flights."""
     header = ["n", "controller", "phase", "RMSE", "E_xy / E_z", "largest", "payload", "largest", "failed"]
     rows: list[tuple] = []
-    for line in summaries:
+    for line in lines:
         head = (str(line["vehicles"]), line["row"])
-        if "lost" in line:
+        if line["lost"]:
             rows.append((*head, "lost", *6 * ("–",)))
             continue
-        for phase in ("hover", "transport"):
-            m = {key: f"{100 * value:.2f}" for key, value in line["metrics"][phase].items()}
+        for phase in PHASES:
+            m = {key: _cell(line[phase], key) for key in COLUMNS}
             cells = (m["position_rmse"], f"{m['E_xy']} / {m['E_z']}", m["excursion"])
-            failed = str(line["metrics"]["solve_failures"])
+            failed = str(line["solve_failures"])
             rows.append((*head, phase, *cells, m["payload_rmse"], m["payload_excursion"], failed))
     return title + "; errors in cm", header, rows
 
 
-def costs(summaries: list[dict]) -> list[str]:
-    """A line a flight: what it costs, how near vehicles came and what the cables carried."""
-    lines = []
-    for line in summaries:
+def _cell(figures: dict, key: str) -> str:
+    """Mean and interval in cm; without an interval for a single flight."""
+    spread = 100 * figures[f"{key}_ci95"]
+    return f"{100 * figures[key]:.2f}" + (f" ± {spread:.2f}" if spread == spread else "")
+
+
+def costs(lines: list[dict]) -> list[str]:
+    """A line a row: what it costs, how near vehicles came and what the cables carried."""
+    said = []
+    for line in lines:
         head = f"{line['vehicles']} vehicles, {line['row']}: "
-        if "lost" in line:
-            lines.append(head + line["lost"])
+        if line["lost"]:
+            said.append(head + "; ".join(line["lost"]))
             continue
-        m = line["metrics"]
-        solve, tension = m["solve_ms"], m["tension"]
-        lines.append(
-            f"{head}{m['processor_time']:.2f} s/s; solve {solve['median']:.1f} ms, p95 {solve['p95']:.1f} ms; "
-            f"closest {m['closest']:.2f} m; cables {tension['min']:.2f} to {tension['max']:.2f} N"
+        solve, tension = line["solve_ms"], line["tension"]
+        said.append(
+            f"{head}{line['processor_time']:.2f} s/s; solve {solve['median']:.1f} ms, p95 {solve['p95']:.1f} ms; "
+            f"closest {line['closest']:.2f} m; cables {tension['min']:.2f} to {tension['max']:.2f} N; "
+            f"vehicle 0 off by {_cell(line['hover'], 'first_rmse')} cm in hover, "
+            f"{_cell(line['transport'], 'first_rmse')} cm in transport"
         )
-    return lines
+    return said
 
 
 def _write(flights: "list[CooperativeResult]", folder: Path) -> None:

@@ -43,7 +43,11 @@ def hover(
         title = f"Hover, impulse of {hover_swing.IMPULSE} N·s on the payload, seed {evaluation[0]}"
         save(payload_figures.payload_distance(runs, title), out / "hover_payload_distance.png")
         say(f"figure: {out / 'hover_payload_distance.png'}")
-    flown = {row.name: dc.asdict(hover_swing.hover_config(row, solver=solver).controller) for row in rows}
+    named = {row.name: f"trained on {row.training}" if row.training else "" for row in rows}
+    flown = {
+        row.name: dc.asdict(hover_swing.hover_config(row, solver=solver, model=named[row.name]).controller)
+        for row in rows
+    }
     config = {"solver": solver, "seeds": evaluation, "training_seed": seed, "controllers": flown}
     figures = [{key: value for key, value in run.items() if key != "course"} for run in runs]
     write_metrics(json, "reproduce", seed=seed, config=config, table=lines, verdict=said, runs=figures)
@@ -57,7 +61,7 @@ def hover(
 
 def hover_printed(lines: list[dict], title: str) -> Table:
     """Title, header and rows of the lines that `hover_table` gives; errors in cm."""
-    from diagrams.hover_swing import PAPER
+    from diagrams.hover_swing import EARLY, PAPER
 
     def cell(line: dict, key: str, factor: float, digits: int) -> str:
         value, spread = factor * line[key], factor * line[f"{key}_ci95"]
@@ -69,6 +73,8 @@ def hover_printed(lines: list[dict], title: str) -> Table:
         "controller",
         "3-D [cm]",
         "cut",
+        f"first {EARLY:.0f} s",
+        "after",
         "xy [cm]",
         "swing [cm]",
         "decay [1/s]",
@@ -81,6 +87,8 @@ def hover_printed(lines: list[dict], title: str) -> Table:
             line["row"],
             cell(line, "position_rmse", 100, 2),
             f"{100 * line['position_rmse_cut']:.1f} %",
+            cell(line, "early", 100, 2),
+            cell(line, "late", 100, 2),
             cell(line, "E_xy", 100, 2),
             cell(line, "amplitude", 100, 1),
             cell(line, "rate", 1, 3),

@@ -6,8 +6,11 @@ printed; its NeuroMHE and NeuroBEM rows are those of Wang et al. 2024. RMSE [N, 
 
 import numpy as np
 
-COLUMNS = ("F_x", "F_y", "F_z", "tau_x", "tau_y", "tau_z", "F_xy", "tau_xy", "F", "tau")
-_CHANNELS = ((0,), (1,), (2,), (3,), (4,), (5,), (0, 1), (3, 4), (0, 1, 2), (3, 4, 5))
+CHANNELS = {  # of chi, in each column
+    **{"F_x": [0], "F_y": [1], "F_z": [2], "tau_x": [3], "tau_y": [4], "tau_z": [5]},
+    **{"F_xy": [0, 1], "tau_xy": [3, 4], "F": [0, 1, 2], "tau": [3, 4, 5]},
+}
+COLUMNS = tuple(CHANNELS)
 
 PUBLISHED: dict[str, dict[str, tuple[float, ...]]] = {  # flight: method: the ten columns
     "linear oscillation": {
@@ -52,4 +55,4 @@ def column_rmse(error: np.ndarray) -> dict[str, float]:
     if not len(error):
         raise ValueError("column_rmse: the flight must have a row with a label and an estimate.")
     square = np.mean(error**2, axis=0)
-    return {name: float(np.sqrt(square[list(c)].sum())) for name, c in zip(COLUMNS, _CHANNELS, strict=True)}
+    return {name: float(np.sqrt(square[channels].sum())) for name, channels in CHANNELS.items()}

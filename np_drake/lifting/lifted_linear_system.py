@@ -4,6 +4,8 @@ import dataclasses as dc
 
 import numpy as np
 
+from np_drake.lifting.stabilized import stabilized
+
 
 @dc.dataclass(frozen=True)
 class Mode:
@@ -82,68 +84,6 @@ class LiftedLinearSystem:
         eigenvalue = eigenvalue[(np.abs(eigenvalue) > 1e-9) & (eigenvalue.imag >= 0)]
         s = np.log(eigenvalue) / self.step
         return [_mode(value) for value in s[np.argsort(-s.real)]]
-
-
-def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
-    """A (K, K) with every |eigenvalue| <= radius; unchanged where that holds already.
-
-    Eigenvalues outside are pulled radially onto the circle and keep their eigenvectors, so that stable modes
-    stay as learned; where the eigenvectors are too ill-conditioned for that, all of A is scaled. Own choice:
-    the nearest stable matrix in the Frobenius norm is a non-convex problem, too slow for a flight.
-    """
-    if not A.size:
-        return A
-    eigenvalue, V = np.linalg.eig(A)
-    largest = np.abs(eigenvalue).max()
-    if largest <= radius:
-        return A
-    try:
-        pulled, condition = _pulled(eigenvalue, V, radius)
-        if condition < _CERTAIN or (
-            condition < _ILL and np.abs(np.linalg.eigvals(pulled)).max(initial=0.0) <= radius
-        ):
-            return pulled
-    except np.linalg.LinAlgError:  # no full set of eigenvectors
-        pass
-    return A * (radius * _MARGIN / largest)
-
-
-def stabilized_all(A: np.ndarray, radius: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Many A (n, K, K) as `stabilized` makes them, and the (n,) spectral radius that each had before."""
-    eigenvalue, V = np.linalg.eig(A)
-    before = np.abs(eigenvalue).max(axis=-1)
-    outside = np.flatnonzero(before > radius)
-    if not len(outside):
-        return A, before
-    stable = A.copy()
-    try:
-        stable[outside], condition = _pulled(eigenvalue[outside], V[outside], radius)
-        doubtful = outside[~(condition < _CERTAIN)]
-    except np.linalg.LinAlgError:
-        doubtful = outside
-    for k in doubtful:
-        stable[k] = stabilized(A[k], radius)
-    return stable, before
-
-
-# The pull aims this far inside, and its rounding moves an eigenvalue by at most K eps cond(V)^2 (Bauer-Fike), which is
-# less while the condition is below the first number; up to the second the eigenvalues are counted once more.
-_MARGIN = 1.0 - 1e-9
-_CERTAIN, _ILL = 400.0, 1e8
-
-
-def _pulled(eigenvalue: np.ndarray, V: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """A (..., K, K) of eigenvalues (..., K) pulled into the circle, and the condition (...) of V (Frobenius norm)."""
-    inverse = np.linalg.inv(V)
-    factor = np.minimum(1.0, radius * _MARGIN / np.maximum(np.abs(eigenvalue), 1e-300))
-    A = ((V * (eigenvalue * factor)[..., None, :]) @ inverse).real
-    with np.errstate(over="ignore"):  # beyond floats it is ill all the more
-        return A, np.sqrt(_squares(V) * _squares(inverse))
-
-
-def _squares(M: np.ndarray) -> np.ndarray:
-    """(...) sum of |entry|² of each M (..., K, K)."""
-    return (M.real**2 + M.imag**2).sum(axis=(-2, -1))
 
 
 def _mode(s: complex) -> Mode:

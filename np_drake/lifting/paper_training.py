@@ -24,10 +24,11 @@ from torch import nn
 
 from np_drake.lifting.checkpoint import Checkpoint
 from np_drake.lifting.excitation import measure_excitation
-from np_drake.lifting.lifted_linear_system import LiftedLinearSystem, stabilized
+from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.lifted_model import PAPER, LiftedModel
 from np_drake.lifting.phi_module import PhiModule
 from np_drake.lifting.segments import Segment, check_segments, group_scale
+from np_drake.lifting.stabilized import stabilized
 from np_drake.lifting.window_refit import RADIUS
 
 OnEpoch = Callable[[int, int, float], None]

@@ -5,8 +5,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import lapack
 
 from np_drake.lifting.encoders import Phi
-from np_drake.lifting.lifted_linear_system import stabilized, stabilized_all
 from np_drake.lifting.lifted_model import LiftedModel
+from np_drake.lifting.stabilized import stabilized, stabilized_all
 
 RADIUS = 0.9999  # largest |eigenvalue| of a refit A [1]
 CHUNK = 2000  # windows at a time, for memory [1]
@@ -30,30 +30,39 @@ class WindowRefit:
         self._phi, self._ridge = model.encoder, ridge
         self._scale = model.zeta_scale
         self._prior = np.hstack([model.system.A, model.system.B * self._scale]).T
+        self._pull = ridge * self._prior.T
 
     def __call__(self, window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(W, 12) samples [chi, zeta], oldest first -> stable A (K, K), B (K, 6) in physical units."""
-        return self.lifted(window)[1:]
+        return self.solve(self.rows(window))
 
-    def lifted(self, window: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """z (K,) of the newest sample beside A and B: Phi of the window is computed for the refit anyway."""
-        z = self._phi(window[:, :6])
-        K = z.shape[1]
-        X = np.hstack([z[:-1], window[:-1, 6:] / self._scale])
+    def rows(self, samples: np.ndarray) -> np.ndarray:
+        """(..., 12) samples [chi, zeta] -> (..., K + 6) rows of the least squares, [z, zeta / scale]."""
+        return np.concatenate([self._phi(samples[..., :6]), samples[..., 6:] / self._scale], axis=-1)
+
+    def solve(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A and B from the (W, K + 6) `rows` of a window: a flight keeps them, and lifts each sample once.
+
+        The normal matrix is formed anew at every sample: one product of 2 us, which adding one row and taking one
+        off would not beat, and it gathers no rounding.
+        """
+        X, K = rows[:-1], self._phi.K
         normal = X.T @ X
         normal.flat[:: len(normal) + 1] += self._ridge
-        correction = X.T @ (z[1:] - X @ self._prior)
-        solution = self._prior + lapack.dposv(normal, correction)[1]
-        return z[-1], stabilized(solution[:K].T, RADIUS), solution[K:].T / self._scale
+        moments = rows[1:, :K].T @ X + self._pull
+        solution = lapack.dposv(normal.T, moments.T, overwrite_a=1, overwrite_b=1)[
+            1
+        ].T  # transposed: no copies
+        return stabilized(solution[:, :K], RADIUS), solution[:, K:] / self._scale
 
     def along(self, samples: np.ndarray, W: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """All windows of W samples in an uninterrupted flight (n, 12) at once, o = n - W + 1.
 
         Returns: A (o, K, K), B (o, K, 6) as one by one; (o,) spectral radius that A had before it was made stable.
         """
-        z = self._phi(samples[:, :6])
-        X = sliding_window_view(np.hstack([z, samples[:, 6:] / self._scale])[:-1], W - 1, axis=0)
-        Y = sliding_window_view(z[1:], W - 1, axis=0)
+        rows = self.rows(samples)
+        X = sliding_window_view(rows[:-1], W - 1, axis=0)
+        Y = sliding_window_view(rows[1:, : self._phi.K], W - 1, axis=0)
         parts = [self._fit(X[i : i + CHUNK], Y[i : i + CHUNK]) for i in range(0, len(X), CHUNK)]
         A, B, before = (np.concatenate(column) for column in zip(*parts, strict=True))
         return A, B, before

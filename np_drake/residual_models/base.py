@@ -8,6 +8,7 @@ import dataclasses as dc
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from scipy.linalg import blas
 
 Memory = dict[str, np.ndarray]
 
@@ -64,9 +65,12 @@ class WrenchForecast:
 
     def rollout(self, zeta: np.ndarray) -> np.ndarray:
         """(N, 6) chi_hat for given (N, 6) zeta."""
-        drive, z = zeta @ self.B.T, np.empty((len(self.offset), len(self.z)))
-        for i in range(len(z)):
-            z[i] = self.z if i == 0 else self.A @ z[i - 1] + drive[i - 1]
+        z = np.empty((len(self.offset), len(self.z)))
+        z[0], z[1:] = self.z, zeta[:-1] @ self.B.T
+        if len(self.z):
+            A = np.asfortranarray(self.A)  # so that each step is one call that copies nothing
+            for i in range(1, len(z)):
+                z[i] = blas.dgemv(1.0, A, z[i - 1], 1.0, z[i], overwrite_y=1)
         chi = self.offset + z @ self.C.T
         return chi if self.reaction is None else chi + self.reaction(zeta)
 

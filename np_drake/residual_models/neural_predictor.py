@@ -30,9 +30,10 @@ class PredictorOptions:
 class NeuralPredictor:
     """z = Phi(chi) or E window;  z+ = A z + B zeta;  chi_hat = C z.   Source: Jin et al. 2025, eq. (nmpc).
 
-    Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); where they are refit, A (K, K) and B (K, 6);
-    lowpass (6,) of the labels; count of samples in the window, up to W; labels, dropped: samples with and without one
-    so far; gap: dropped in a row just now; where the model has a `trust`, its memory, as trust/….
+    Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); where A (K, K) and B (K, 6) are refit, these and
+    rows (W, K + 6), the window as the refit reads it, so that every sample is lifted once; lowpass (6,) of the labels;
+    count of samples in the window, up to W; labels, dropped: samples with and without one so far; gap: dropped in a
+    row just now; where the model has a `trust`, its memory, as trust/….
     Until `count` reaches W the forecast holds `lowpass`. A missing label is
     filled with the model's own prediction, a missing state with the last zeta; after W samples in a row
     without, the window starts afresh.
@@ -69,7 +70,8 @@ class NeuralPredictor:
         scalars = {name: np.zeros(1) for name in ("count", "labels", "dropped", "gap")}
         window = np.zeros((self.model.window, 12))
         memory = {"window": window, "z": np.zeros(s.K), "lowpass": np.zeros(6), **scalars}
-        refit = {} if self._refit is None else {"A": s.A, "B": s.B}
+        rows = np.zeros((self.model.window, s.K + 6))
+        refit = {} if self._refit is None else {"A": s.A, "B": s.B, "rows": rows}
         return memory | refit | self._fresh_trust()
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
@@ -85,16 +87,16 @@ class NeuralPredictor:
         chi = label if labelled else self._own_prediction(memory)
         row = np.concatenate([chi, zeta if seen else memory["window"][-1, 6:]])
         new["window"] = np.concatenate([memory["window"][1:], row[None]])
-        if new["count"][0] == self.model.window:
-            if self._refit is not None:
-                new["z"], new["A"], new["B"] = self._refit.lifted(new["window"])
-            else:
-                new |= self._lifted(new, labelled)
+        full = new["count"][0] == self.model.window
+        if self._refit is not None:
+            return new | self._refitted(memory["rows"], row, full)
+        if full:
+            new |= self._lifted(new, labelled)
         elif self.model.trust is not None and labelled:
             new |= _named(self.model.trust.observe(_trust_of(new), chi))
         return new
 
-    def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | RefitForecasts | None:
+    def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | None:
         """The forecasts from the first full window on, as `update` would make them; None where there is no window."""
         first, s, samples = self.model.window - 1, self.model.system, np.hstack([chi, zeta])
         if len(chi) <= first:
@@ -147,6 +149,15 @@ class NeuralPredictor:
 
     def _fresh_trust(self) -> Memory:
         return {} if self.model.trust is None else _named(self.model.trust.initial_memory())
+
+    def _refitted(self, rows: np.ndarray, row: np.ndarray, full: bool) -> Memory:
+        """The rows (W, K + 6) with one more sample (12,); of a full window also z, A and B."""
+        assert self._refit is not None
+        rows = np.concatenate([rows[1:], self._refit.rows(row)[None]])
+        if not full:
+            return {"rows": rows}
+        A, B = self._refit.solve(rows)
+        return {"rows": rows, "z": rows[-1, :-6], "A": A, "B": B}
 
     def _lifted(self, memory: Memory, labelled: bool) -> Memory:
         """z of a full window, and the memory of the trust in it."""

@@ -4,21 +4,16 @@ import dataclasses as dc
 
 import numpy as np
 
+from np_drake.residual_models.base import FlightForecasts
+
 
 @dc.dataclass
-class RefitForecasts:
-    """The forecasts at every sample from `first` on, each with its own A and B.
+class RefitForecasts(FlightForecasts):
+    """As `FlightForecasts`, but each sample has its own A (o, K, K) and B (o, K, 6).
 
-    A: (o, K, K)   B: (o, K, 6)   C: (6, K)   z: (o, K)   offset: (o, 6) held over the horizon [N, N·m].
     before: (o,) spectral radius of each refit A before it was made stable [1].
     """
 
-    first: int
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    z: np.ndarray
-    offset: np.ndarray
     before: np.ndarray
 
     def at(

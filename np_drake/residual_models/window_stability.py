@@ -35,10 +35,10 @@ def window_stability(model: NeuralPredictor, chi: np.ndarray, zeta: np.ndarray) 
     return stability_of(course)
 
 
-def stability_of(course: FlightForecasts | RefitForecasts) -> WindowStability:
+def stability_of(course: FlightForecasts) -> WindowStability:
     """The same of forecasts at hand."""
     windows = len(course.z)
-    if isinstance(course, FlightForecasts):
+    if not isinstance(course, RefitForecasts):
         radius = np.full(windows, np.abs(np.linalg.eigvals(course.A)).max(initial=0.0))
         return WindowStability(windows, int(np.sum(radius > 1.0)), float(radius[0]), 0)
     pieces = [course.A[i : i + CHUNK] for i in range(0, len(course.A), CHUNK)]

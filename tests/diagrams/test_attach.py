@@ -7,6 +7,9 @@ from scipy import signal
 from diagrams import attach
 from diagrams.controllers import DEFAULT_MODEL
 from diagrams.payload_figures import event_responses
+from np_drake.lifting.encoders import DelayEncoder
+from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.lifted_model import DEFAULT, LiftedModel
 
 T = 0.02 * np.arange(-200, 200)  # since the event [s]
 
@@ -63,6 +66,15 @@ def test_a_payload_tossed_up_is_slack_until_it_has_fallen_back(config, monkeypat
     assert attach.slack_time(flight) == pytest.approx(
         2 * (0.3 / 0.26) / 9.81, abs=0.08
     )  # [s]; the hook sinks
+
+
+def test_an_encoder_that_averages_its_window_shows_a_step_in_proportion():
+    E = np.zeros((6, 12 * 10)).reshape(6, 10, 12)
+    E[np.arange(6), :, np.arange(6)] = 0.1
+    system = LiftedLinearSystem(np.eye(6), np.zeros((6, 6)), np.eye(6), 0.02)
+    encoder = DelayEncoder(E.reshape(6, -1), 10, offset=np.ones(6))
+    model = LiftedModel(DEFAULT, system, encoder, 10, np.ones(6), np.ones(6), False)
+    np.testing.assert_allclose(attach.encoder_step(model), np.linspace(0.0, 1.0, 11), atol=1e-12)
 
 
 def made_runs():

@@ -12,7 +12,8 @@ from diagrams.payload_figures import payload_distance
 
 
 def made_run(row, seed, error, rate, settling=5.0):
-    values = dict(zip(hover_swing.KEYS, (error, 0.5 * error, 0.1 * error, 0.32, rate, settling), strict=True))
+    figures = (error, 2.0 * error, 0.8 * error, 0.5 * error, 0.1 * error, 0.32, rate, settling)
+    values = dict(zip(hover_swing.KEYS, figures, strict=True))
     t = np.linspace(0.0, 20.0, 50)
     metrics = {**values, "solve_failures": 1, "fallbacks": 0}
     return {"row": row, "seed": seed, "metrics": metrics, "course": (t, 0.3 * np.exp(rate * t))}
@@ -27,7 +28,7 @@ def made_runs():
 def test_only_the_damped_row_departs_from_the_frozen_weights():
     frozen = load_experiment("hover").controller.mpc
     for row in hover_swing.ROWS:
-        mpc = hover_swing.hover_config(row, solver="sqp").controller.mpc
+        mpc = hover_swing.hover_config(row, solver="sqp", model="a file").controller.mpc
         assert (mpc == frozen) == (row.name != hover_swing.DAMPED)
     assert frozen.weight_swing == 0.0
 
@@ -45,8 +46,9 @@ def test_the_table_holds_means_intervals_and_cuts():
 def test_a_swing_grows_only_where_its_interval_is_above_zero():
     said = hover_swing.verdict(hover_swing.hover_table(made_runs()))
     assert "cut by 87.5 %" in said[0]
-    assert said[1].endswith("with: hold.")
-    assert "after 5.0 s, nominal after 11.0 s" in said[2]
+    assert f"nominal decays, hold grows, np neither, {hover_swing.DAMPED} decays." in said[1]
+    assert said[2].endswith("with: hold.")
+    assert "after 5.0 s, nominal after 11.0 s" in said[3]
 
 
 def test_a_lost_vehicle_is_an_infinite_error_and_loses_no_other_flight(monkeypatch):
@@ -72,8 +74,19 @@ def test_the_impulse_swings_the_payload_by_the_height_its_energy_reaches():
     assert found["solve_failures"] == 0
 
 
+def test_early_and_late_errors_make_up_the_whole(monkeypatch):
+    monkeypatch.setattr(hover_swing, "EARLY", 0.2)
+    config = hover_swing.hover_config(hover_swing.ROWS[0], solver="sqp")
+    config.reference.ramp, config.duration = 0.4, 0.8
+    flight = fly(config, seed=1)
+    found, share = hover_swing.hover_metrics(flight), np.mean(hover_swing.swing_course(flight)[0] < 0.2)
+    whole = share * found["early"] ** 2 + (1 - share) * found["late"] ** 2
+    assert found["position_rmse"] == pytest.approx(np.sqrt(whole), rel=1e-12)
+
+
 def test_the_figure_has_a_line_for_every_controller_that_came_home():
     runs = made_runs()
     runs[0]["course"] = runs[1]["course"] = runs[2]["course"] = None
     figure = payload_distance(runs, "title")
-    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["hold", "np", hover_swing.DAMPED]
+    named = [[text.get_text() for text in ax.get_legend().get_texts()] for ax in figure.axes]
+    assert named == [["hold"], ["np", hover_swing.DAMPED]]

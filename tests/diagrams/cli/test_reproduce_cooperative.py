@@ -6,7 +6,7 @@ import pytest
 
 from diagrams import cooperative_result
 from diagrams.cli.main import run
-from diagrams.cooperative import load_cooperative
+from diagrams.cooperative_config import load_cooperative
 from diagrams.failed_run import FailedRun
 
 
@@ -22,14 +22,25 @@ def brief(monkeypatch):
 
 def test_a_fleet_named_twice_has_its_rows_once(brief, tmp_path, capsys):
     out, page, folder = tmp_path / "table.json", tmp_path / "table.md", tmp_path / "out"
-    command = ["reproduce", "cooperative", "--vehicles", "2", "--vehicles", "2", "--seed", "5"]
+    command = [
+        "reproduce",
+        "cooperative",
+        "--vehicles",
+        "2",
+        "--vehicles",
+        "2",
+        "--seed",
+        "5",
+        "--seeds",
+        "1",
+    ]
     assert run([*command, "--json", str(out), "--markdown", str(page), "--out", str(folder)]) == 0
     content, captured = json.loads(out.read_text()), capsys.readouterr().out
     lines = [(line["vehicles"], line["row"]) for line in content["table"]]
     assert lines == [(2, row) for row in cooperative_result.ROWS]
     assert content["seed"] == 5
     assert content["config"]["vehicles"] == [2]
-    assert "one flight a row, seed 5, sqp" in captured
+    assert "1 flights a row, seeds 5 … 5, sqp" in captured
     assert "2 vehicles, np, one frozen: " in captured
     assert page.read_text().count("| 2 | np, one at zero |") == 2
     for kind in ("*_paths.png", "*_replay.html"):
@@ -47,7 +58,10 @@ def test_a_lost_fleet_keeps_its_line_and_loses_no_other(brief, monkeypatch, tmp_
     monkeypatch.setattr(cooperative_result, "simulate", collide)
     page = tmp_path / "table.md"
     rows = ["--only", "np, one at zero", "--only", "np, one frozen"]
-    assert run(["reproduce", "cooperative", "--vehicles", "1", *rows, "--markdown", str(page)]) == 0
+    assert (
+        run(["reproduce", "cooperative", "--vehicles", "1", *rows, "--seeds", "1", "--markdown", str(page)])
+        == 0
+    )
     assert "1 vehicles, np, one at zero: two vehicles came within 0.10 m" in capsys.readouterr().out
     assert "| 1 | np, one at zero | lost |" in page.read_text()
     assert page.read_text().count("| np, one frozen |") == 2

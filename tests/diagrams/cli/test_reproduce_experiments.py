@@ -73,6 +73,7 @@ def test_attach_flies_twenty_seeds_unless_told(monkeypatch, capsys):
     said = capsys.readouterr().out
     assert "0.981 N over the thrust scale 0.96" in said
     assert "slack for 0.24 s" in said
+    assert "100 % when its window of 1.2 s is full" in said
 
 
 def test_a_timing_row_states_median_and_quantile():

@@ -169,6 +169,19 @@ def test_on_its_own_prior_the_refit_changes_nothing():
     np.testing.assert_allclose(memory["B"], B, atol=1e-9)
 
 
+def test_what_flies_is_the_batch_solution_of_the_last_window():
+    """Ridge regression of the window as it stands, holes filled, though every sample was lifted once and long ago."""
+    model, samples = paper_model(), sequence(150)
+    holed = [dc.replace(s, chi=GAP) if k in (60, 61, 130) else s for k, s in enumerate(samples)]
+    memory = fed(NeuralPredictor(model, PREDICT), holed)
+    window, prior = memory["window"], np.hstack([A, B]).T
+    z = model.encoder(window[:, :6])
+    X = np.vstack([np.hstack([z[:-1], window[:-1, 6:]]), np.eye(12)])  # ridge 1, zeta unscaled
+    expected = np.linalg.lstsq(X, np.vstack([z[1:], prior]), rcond=None)[0].T
+    np.testing.assert_allclose(np.hstack([memory["A"], memory["B"]]), expected, atol=1e-10)
+    np.testing.assert_allclose(memory["z"], z[-1], atol=1e-12)
+
+
 def test_the_refit_follows_a_changed_law():
     wrong = dc.replace(paper_model(), system=LiftedLinearSystem(0.5 * A, 0 * B, np.eye(6), STEP))
     samples, dut = sequence(60), NeuralPredictor(wrong, PredictorOptions("predict", ridge=1e-6))
