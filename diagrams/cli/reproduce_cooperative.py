@@ -37,7 +37,7 @@ def cooperative(
     json: options.Json = None,
     markdown: options.Markdown = None,
 ) -> None:
-    """Several vehicles on one payload. Each has its own predictor and MPC; --out DIR: the first seed's paths, replays."""
+    """Several vehicles on one payload. Each has its own predictor and MPC; --out DIR: paths, replays of one seed."""
     require_files(json, markdown)
     if out is not None:
         require_folder(out)
