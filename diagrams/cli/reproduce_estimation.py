@@ -17,7 +17,6 @@ from diagrams.cli.output import (
     write_metrics,
 )
 from diagrams.cli.reproduce_flights import required
-from np_drake.lifting.lifted_model import DEFAULT, PAPER
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,6 +46,7 @@ def estimation(
     from diagrams import array_flights
     from diagrams.estimation import estimation_table
     from diagrams.estimation_figures import rows_of
+    from np_drake.lifting.lifted_model import DEFAULT
 
     training, *tests = array_flights.flights(folder)
     if out is not None:
@@ -95,6 +95,7 @@ def sample_efficiency(
     from diagrams import array_flights
     from diagrams import sample_efficiency as measure
     from diagrams.cli.train import configure
+    from np_drake.lifting.lifted_model import DEFAULT, PAPER
 
     training, *tests = array_flights.flights(folder)
     test = next(flight for flight in tests if flight.name == "race track 1")
@@ -148,6 +149,7 @@ def response(
     from diagrams import array_flights
     from diagrams import response as measure
     from diagrams.cli.train import configure
+    from np_drake.lifting.lifted_model import DEFAULT
 
     training, *tests = array_flights.flights(folder)
     models, settings = trained(training, seed)
@@ -170,6 +172,7 @@ def trained(
 ) -> tuple[dict[str, "LiftedModel"], dict[str, dict]]:
     """Both configurations trained on one segment, and their settings; epochs: of `paper`, None: its default."""
     from diagrams.cli.train import configure, run_training
+    from np_drake.lifting.lifted_model import DEFAULT, PAPER
 
     models, settings = {}, {}
     for name in (PAPER, DEFAULT):
