@@ -4,6 +4,7 @@ import pytest
 from np_drake.diagnosis.candidates import effect_candidates, library_candidates
 from np_drake.diagnosis.onset import ANOTHER, FIRST, OnsetScan, gated_candidates, late_payloads
 from np_drake.diagnosis.search import Problem
+from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -60,6 +61,19 @@ def test_an_effect_begins_in_no_flight_that_shows_nothing_of_it(seen, noise):
     flights += [seen(drag, name=f"hovers {i}", seed=i, noise=1.0, vigour=0.0) for i in range(2, 10)]
     problem = problem_of(flights, noise, [drag])
     assert OnsetScan(problem).best(problem.candidates[0]).onset == {}
+
+
+def test_of_the_variants_that_begin_late_those_go_on_that_explain_most(seen, noise):
+    lag = MotorLag(0.04)
+    flights = [
+        seen(lag, name=str(i), seed=i, noise=0.1, vigour=1.5, onset={"motor_lag": when})
+        for i, when in ((1, 5.0), (2, 6.0))
+    ]
+    problem = problem_of(flights, noise, [lag])
+    scan = OnsetScan(problem)
+    whole = {c.variant: scan.best(c).evidence for c in problem.candidates}
+    dut = {c.variant: scan.rough_evidence(c) for c in problem.candidates}
+    assert max(dut, key=dut.__getitem__) in sorted(whole, key=whole.__getitem__)[-2:]
 
 
 def test_noise_alone_begins_nowhere(seen, noise):
