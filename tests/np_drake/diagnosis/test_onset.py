@@ -4,9 +4,9 @@ import pytest
 from np_drake.diagnosis.candidates import effect_candidates, library_candidates
 from np_drake.diagnosis.onset import ANOTHER, FIRST, OnsetScan, gated_candidates, late_payloads
 from np_drake.diagnosis.search import Problem
-from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.weak_rotor import WeakRotor
 
