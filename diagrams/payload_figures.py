@@ -14,6 +14,7 @@ _TITLES = {
     "snap": "the payload is tossed up: slack, then taut",
 }
 _FORESEES = ("np", "oracle")  # names of rows begin with
+_LEGEND = 1.25  # room for a legend above the curves: height of an axis over that of its content [1]
 _SHOWN = (-0.5, 1.5)  # around the event [s]
 
 
@@ -33,11 +34,12 @@ def payload_distance(runs: list[dict], title: str) -> Figure:
             t, distance = seen[name]["course"]
             ax.plot(t, 100 * distance, color=PALETTE[k], linestyle=DASHES[k], linewidth=1.3, label=name)
         ax.axhline(100 * SETTLED, color="0.4", linewidth=0.8)
-        ax.set_ylim(bottom=0)
         ax.margins(x=0)
         ax.grid(alpha=0.3)
         if names:
             ax.legend(loc="upper right", ncols=3, fontsize=8)
+    top = axes[0, 0].get_ylim()[1]
+    axes[0, 0].set_ylim(0, _LEGEND * top)
     axes[0, 0].set_title(title)
     axes[-1, 0].set_xlabel("time since the impulse [s]; line: 5 cm, below it the swing counts as gone")
     figure.supylabel("payload from the origin, horizontally [cm]", fontsize="medium")
