@@ -51,9 +51,8 @@ def on_cluster(
                 suspects.append(number)
             else:
                 yield number, outcome
-        for (
-            number
-        ) in suspects:  # Dask blames all that a dead worker had: the guilty one kills one again, alone
+        # Dask blames all that a dead worker had: the guilty one kills one again, alone.
+        for number in suspects:
             alone = connected.submit(_call, work, cases[number], pure=False)
             alone.exception()  # waits for its end
             yield number, _outcome(alone)

@@ -13,10 +13,8 @@ VISIBLE = 1.1  # residual before over what the true model leaves, pooled: less i
 HORIZON = 1.0  # of the replay [s]
 
 
-ALL, PARAMETERS = (
-    "true_model_residual",
-    "parameters_residual",
-)  # what a true model leaves; all of it, gusts too
+# What a true model leaves that knows every gust, and one that knows the parameters of the wind.
+ALL, PARAMETERS = "true_model_residual", "parameters_residual"
 
 
 def before_and_after(case: Solved, true: str = ALL) -> tuple[float, float] | None:
