@@ -102,6 +102,8 @@ class TheoremBound:
         """See `bound`."""
         if horizon < 1:
             raise ValueError(f"bound: horizon must be at least 1 [steps]; got {horizon}.")
+        if model.onsets is not None:
+            raise ValueError("bound: the encoder must be linear in its window. Train with onset_odds = 0.")
         self.model, self.horizon = model, horizon
         self.change = Change(_over_steps(alpha_chi, horizon), _over_steps(alpha_zeta, horizon))
         self.reach = encoder_reach(model, self.change)

@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.lifting.encoders import DelayEncoder, Phi
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.onsets import Onsets
 from np_drake.lifting.trust import Trust
 
 PAPER, DEFAULT, DICTIONARY = "paper", "default", "dictionary"
@@ -30,7 +31,8 @@ class LiftedModel:
     window: samples the encoder or the refit needs.   chi_scale, zeta_scale: (6,) scales used in training.
     predicts_torque: whether rows 3:6 of C were trained.   summary: plain figures of the training, for people.
     ridge: weight of `system` in the refit of a window [samples of unit size]; 0 where there is no refit.   trust: how z
-    is corrected in flight by the outcome of earlier forecasts; None: not at all.
+    is corrected in flight by the outcome of earlier forecasts; None: not at all.   onsets: what is added to a delay
+    encoder's z where something began within the window; None: nothing.
     """
 
     configuration: str
@@ -43,6 +45,7 @@ class LiftedModel:
     summary: dict[str, Any] = dc.field(default_factory=dict)
     ridge: float = 0.0
     trust: Trust | None = None
+    onsets: Onsets | None = None
 
     def __post_init__(self):
         require_configuration(self.configuration)
@@ -52,6 +55,9 @@ class LiftedModel:
         if self.encoder.K != self.system.K:
             sizes = f"{self.encoder.K} and {self.system.K}"
             raise ValueError(f"LiftedModel: encoder and system must agree on K; got {sizes}.")
+        if self.onsets is not None and (self.onsets.K, self.onsets.delay) != (self.system.K, self.window):
+            sizes = f"K = {self.onsets.K}, {self.onsets.delay} samples"
+            raise ValueError(f"LiftedModel: onsets must have the model's K and window; got {sizes}.")
 
     @property
     def refits(self) -> bool:
@@ -66,7 +72,8 @@ class LiftedModel:
     def lift(self, window: np.ndarray) -> np.ndarray:
         """(..., window, 12) samples [chi, zeta], oldest first -> (..., K) z now."""
         if isinstance(self.encoder, DelayEncoder):
-            return self.encoder(window)
+            z = self.encoder(window)
+            return z if self.onsets is None else z + self.onsets.correction(window)
         return self.encoder(window[..., -1, :6])
 
 

@@ -1,5 +1,6 @@
 """Model files: safetensors with the configuration in the header. Nothing pickled is ever read."""
 
+import dataclasses as dc
 import json
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from np_drake.atomic_file import atomic_path
 from np_drake.lifting.encoders import DelayEncoder, Phi
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.lifted_model import ENCODERS, LiftedModel, require_configuration
+from np_drake.lifting.onsets import Onsets
 from np_drake.lifting.trust import Trust
 
 SCHEMA = "np_drake.lifted_model/1"
@@ -29,6 +31,8 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
             tensors["offset"] = model.encoder.offset
     if model.trust is not None:
         tensors |= {f"trust/{name}": np.asarray(value, float) for name, value in vars(model.trust).items()}
+    if model.onsets is not None:
+        tensors |= {f"onsets/{name}": np.asarray(value, float) for name, value in vars(model.onsets).items()}
     header = {
         "configuration": model.configuration, "step": s.step, "window": model.window,
         "predicts_torque": model.predicts_torque, "ridge": model.ridge, "summary": model.summary,
@@ -91,11 +95,19 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
     return LiftedModel(
         configuration, system, encoder, window, tensors["chi_scale"], tensors["zeta_scale"],
         bool(header["predicts_torque"]), dict(header["summary"]), float(header["ridge"]), _trust(tensors, system.K),
+        _onsets(tensors),
     )  # fmt: skip
 
 
 def _delay_encoder(tensors: dict[str, np.ndarray], window: int) -> DelayEncoder:
     return DelayEncoder(tensors["E"], window, tensors.get("offset"))
+
+
+def _onsets(tensors: dict[str, np.ndarray]) -> Onsets | None:
+    if not any(name.startswith("onsets/") for name in tensors):
+        return None
+    found = {field.name: tensors[f"onsets/{field.name}"] for field in dc.fields(Onsets)}
+    return Onsets(**{**found, "odds": found["odds"].item()})
 
 
 def _trust(tensors: dict[str, np.ndarray], K: int) -> Trust | None:

@@ -30,6 +30,8 @@ class PredictorOptions:
 class NeuralPredictor:
     """z = Phi(chi) or E window;  z+ = A z + B zeta;  chi_hat = C z.   Source: Jin et al. 2025, eq. (nmpc).
 
+    Where the model has `onsets`, z also holds what may have begun within the window, which takes no memory.
+
     Memory: window (W, 12) of [chi, zeta], oldest first; z (K,); where A (K, K) and B (K, 6) are refit, these and
     rows (W, K + 6), the window as the refit reads it, so that every sample is lifted once; lowpass (6,) of the labels;
     count of samples in the window, up to W; labels, dropped: samples with and without one so far; gap: dropped in a
@@ -103,6 +105,8 @@ class NeuralPredictor:
             return None
         if isinstance(self.model.encoder, DelayEncoder):
             z = self.model.encoder.along(samples)
+            if self.model.onsets is not None:
+                z = z + self.model.onsets.along(samples)
         else:
             z = self.model.encoder(chi[first:])
         if self.model.trust is not None:

@@ -10,6 +10,7 @@ from np_drake.lifting.encoders import DelayEncoder, Phi
 from np_drake.lifting.error_bound import TheoremBound, bound, largest_changes
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
+from np_drake.lifting.onsets import Onsets
 
 ONES = np.ones(6)
 CHI_SCALE, ZETA_SCALE = np.array([2.0, 2.0, 2.0, 0.1, 0.1, 0.1]), np.array([3.0, 3.0, 3.0, 0.5, 0.5, 0.5])
@@ -185,6 +186,13 @@ def test_a_delay_encoder_knows_most_of_its_next_window():
     newest = np.linalg.norm(model.encoder.E[:, -12:-6] * CHI_SCALE, 2)
     assert dut.reach.radius[0] == pytest.approx(0.5 * newest)
     assert dut.reach.travel[0] > dut.reach.radius[0]
+
+
+def test_an_encoder_that_is_not_linear_in_its_window_is_refused():
+    model = random_model(1, "delay")
+    onsets = Onsets(np.ones((1, 1, 12)), np.ones((1, 2, 1, 5)), np.ones((1, 2)), np.ones((1, 2, 8, 1)), 0.1)
+    with pytest.raises(ValueError, match=r"must be linear in its window\. Train with onset_odds = 0"):
+        TheoremBound(dc.replace(model, onsets=onsets), 0.1, 0.1)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from np_drake.lifting.encoders import DelayEncoder, Phi
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.lifted_model import DEFAULT, ENCODERS, PAPER, LiftedModel
 from np_drake.lifting.model_file import SCHEMA, load_model, save_model
+from np_drake.lifting.onsets import Onsets
 
 
 def model(configuration: str) -> LiftedModel:
@@ -55,6 +56,38 @@ def test_what_is_read_is_what_was_written(configuration, tmp_path):
         np.testing.assert_array_equal(getattr(read.system, name), getattr(saved.system, name))
     window = np.random.default_rng(1).standard_normal((5, 12))
     np.testing.assert_array_equal(read.lift(window), saved.lift(window))
+
+
+def with_onsets() -> LiftedModel:
+    generator = np.random.default_rng(2)
+    channels, watch = generator.standard_normal((2, 3, 12)), 0.3 * generator.standard_normal((2, 4, 2, 15))
+    onsets = Onsets(channels, watch, np.ones((2, 4)), generator.standard_normal((2, 4, 2, 2)), 0.1)
+    return dc.replace(model(DEFAULT), onsets=onsets)
+
+
+def test_onsets_are_read_as_they_were_written(tmp_path):
+    saved = with_onsets()
+    save_model(saved, tmp_path / "m.safetensors")
+    read, window = load_model(tmp_path / "m.safetensors"), np.random.default_rng(1).standard_normal((5, 12))
+    np.testing.assert_array_equal(read.lift(window), saved.lift(window))
+    assert np.abs(saved.lift(window) - saved.encoder(window)).max() > 0.01  # they do something
+
+
+@pytest.mark.parametrize(
+    "fault, match",
+    [
+        (lambda t: t.pop("onsets/watch"), "lacks 'onsets/watch'"),
+        (lambda t: t.update({"onsets/cost": np.ones((2, 3))}), "Onsets: watch .* must agree"),
+        (lambda t: t.update({"onsets/odds": np.zeros(())}), "odds must be positive"),
+        (lambda t: t.update({"onsets/watch": np.ones((2, 4, 2, 12))}), "the model's K and window"),
+    ],
+)
+def test_broken_onsets_have_their_line(tmp_path, fault, match):
+    save_model(with_onsets(), tmp_path / "m.safetensors")
+    rewrite(tmp_path / "m.safetensors", lambda tensors, header, metadata: fault(tensors))
+    with pytest.raises(ValueError, match=match) as caught:
+        load_model(tmp_path / "m.safetensors")
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.99])

@@ -9,6 +9,7 @@ from np_drake.lifting.encoders import DelayEncoder, Phi
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
 from np_drake.lifting.model_file import save_model
+from np_drake.lifting.onsets import Onsets
 from np_drake.residual_models.base import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 
@@ -204,3 +205,19 @@ def test_impossible_options_are_refused():
         NeuralPredictor(last_sample_model(torque=False), PREDICT)
     with pytest.raises(ValueError, match="must be Phi"):
         NeuralPredictor(last_sample_model(), PredictorOptions(refit=True, ridge=1.0))
+
+
+def test_along_a_flight_what_began_within_a_window_is_seen_as_sample_by_sample():
+    rng = np.random.default_rng(4)
+    watch, jump = 0.2 * rng.standard_normal((2, 3, 2, 12 * D)), rng.standard_normal((2, 3, 3, 2))
+    onsets = Onsets(rng.standard_normal((2, 12, 12)), watch, np.ones((2, 3)), jump, 0.5)
+    dut = NeuralPredictor(dc.replace(last_sample_model(), onsets=onsets), PREDICT)
+    samples = sequence(20)
+    chi, zeta = np.array([s.chi for s in samples]), np.array([s.x[7:] for s in samples])
+    course = dut.along(chi, zeta)
+    memory = dut.initial_memory()
+    for k, sample in enumerate(samples):
+        memory = dut.update(memory, sample)
+        if k >= course.first:
+            np.testing.assert_allclose(course.z[k - course.first], memory["z"], atol=1e-12)
+    assert np.abs(course.z[-1] - chi[-1]).max() > 0.01  # the onsets did something

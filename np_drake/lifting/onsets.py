@@ -1,0 +1,90 @@
+"""A window in which something began: its encoder, for every age that the beginning may have.
+
+A linear encoder fits windows of which the whole is one motion. Where a swing begins or a weight is attached within
+the window, the samples before that say nothing about it. Of such a jump of the modes, r samples ago and Gaussian
+before it is seen, a window w shows M_r w, and it has the odds times e_r of being there. The mean of z over all that
+may have happened is
+
+    z = E w + sum over r of p_r G_r M_r w,      p_r = odds e_r / (1 + odds sum over s of e_s)
+    e_r = exp(|M_r w|² / 2 - c_r)
+
+with the linear encoder E of ordinary windows. A forgetting that follows from the window alone: there is no memory.
+Source: the likelihood ratio of jumps in linear systems is Willsky and Jones 1976; a Gaussian jump and the mean over
+its ages, in place of the most likely one: own choice, so that z has no steps.
+"""
+
+import dataclasses as dc
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+LARGEST = 700.0  # exponent that a float still holds [1]
+CHUNK = 2000  # windows at a time [1]
+
+
+@dc.dataclass(frozen=True)
+class Onsets:
+    """What is added to E w, for V views of the samples (x, y and z, say), R ages and jumps of q modes.
+
+    channels: (V, c, 12) what a view sees of a sample [chi, zeta], scaled; rows of zeros where it sees less than c.
+    watch: (V, R, q, D c) M_r, oldest sample first.   cost: (V, R) c_r.   jump: (V, R, k, q) G_r, into the view's k
+    states of z, which stand side by side in it.   odds: of a jump at one age against none at all [1].
+    """
+
+    channels: np.ndarray
+    watch: np.ndarray
+    cost: np.ndarray
+    jump: np.ndarray
+    odds: float
+
+    def __post_init__(self):
+        V, R, q, n = self.watch.shape if self.watch.ndim == 4 else (0, 0, 0, 0)
+        k, c = (self.jump.shape[-2], self.channels.shape[-2]) if self.jump.ndim == 4 else (0, 1)
+        wanted = {"channels": (V, c, 12), "cost": (V, R), "jump": (V, R, k, q)}
+        if V == 0 or n % c or any(getattr(self, name).shape != shape for name, shape in wanted.items()):
+            raise ValueError(
+                "Onsets: watch (V, R, q, D c), channels, cost and jump must agree on V, R, q and c."
+            )
+        if not 0 < self.odds < np.inf:
+            raise ValueError(f"Onsets: odds must be positive and finite; got {self.odds}.")
+
+    @property
+    def K(self) -> int:
+        """Number of lifted states."""
+        return self.jump.shape[0] * self.jump.shape[2]
+
+    @property
+    def delay(self) -> int:
+        """Samples of the window."""
+        return self.watch.shape[3] // self.channels.shape[1]
+
+    def correction(self, window: np.ndarray) -> np.ndarray:
+        """(..., D, 12) window [N, N·m, m/s, rad/s], oldest sample first -> (..., K) what is added to E w."""
+        seen, p = self._seen(window)
+        z = np.einsum("vrkq,v...rq->...vk", self.jump, p[..., None] * seen)
+        return z.reshape(*window.shape[:-2], self.K)
+
+    def probability(self, window: np.ndarray) -> np.ndarray:
+        """(..., D, 12) -> (..., V, R) that something began at that age, in that view [1]."""
+        return np.moveaxis(self._seen(window)[1], 0, -2)
+
+    def along(self, samples: np.ndarray) -> np.ndarray:
+        """(n, 12) samples, n >= D -> (n - D + 1, K) of every full window."""
+        windows = sliding_window_view(samples, self.delay, axis=0).swapaxes(1, 2)
+        return np.concatenate(
+            [self.correction(windows[i : i + CHUNK]) for i in range(0, len(windows), CHUNK)]
+        )
+
+    def _seen(self, window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(V, ..., R, q) M_r w and (V, ..., R) p_r."""
+        V, R, q, n = self.watch.shape
+        outer = window.shape[:-2]
+        scaled = window[None].reshape(1, -1, 12) @ self.channels.swapaxes(1, 2)  # (V, o D, c)
+        seen = (scaled.reshape(V, -1, n) @ self.watch.reshape(V, R * q, n).swapaxes(1, 2)).reshape(
+            V, *outer, R, q
+        )
+        cost = self.cost.reshape(V, *[1] * len(outer), R)
+        e = np.log(self.odds) + np.minimum(0.5 * np.einsum("...q,...q->...", seen, seen) - cost, LARGEST)
+        top = np.maximum(e.max(axis=-1, keepdims=True), 0.0)
+        likely = np.exp(e - top)
+        return seen, likely / (np.exp(-top) + likely.sum(axis=-1, keepdims=True))
