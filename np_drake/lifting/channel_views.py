@@ -31,12 +31,17 @@ class View:
 
 @dc.dataclass(frozen=True)
 class Block:
-    """One fitted block: `views` share its matrices; `size` lifted states a view, 2 `pairs` of them oscillate."""
+    """One fitted block: `views` share its matrices; `size` lifted states a view, 2 `pairs` of them oscillate.
+
+    swings: whether an oscillation may begin by itself, as that of a payload that is pushed; the vertical force
+    oscillates with the horizontal swing only.
+    """
 
     name: str
     views: tuple[View, ...]
     size: int
     pairs: int
+    swings: bool = False
 
 
 def symmetric_blocks(size: int, *, torque: bool) -> list[Block]:
@@ -48,7 +53,7 @@ def symmetric_blocks(size: int, *, torque: bool) -> list[Block]:
     """
     horizontal = (_view("fx", "vx wy", 1), _view("fy", "vy -wx", 1))
     blocks = [
-        Block("horizontal force", horizontal, size, (size - 1) // 2),
+        Block("horizontal force", horizontal, size, (size - 1) // 2, swings=True),
         Block("vertical force", (_view("fz", "vz", 1),), size, (size - 1) // 2),
     ]
     if torque:

@@ -14,6 +14,8 @@ from np_drake.lifting.excitation import Excitation, measure_excitation
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.lifted_model import DEFAULT, LiftedModel
 from np_drake.lifting.modal_fit import BlockMatrices, ModalBlock, descend
+from np_drake.lifting.onset_fit import BlockOnsets, fit_onsets, label_lag, stack_onsets
+from np_drake.lifting.onsets import Onsets
 from np_drake.lifting.segments import Segment, check_segments, group_scale
 
 OnEpoch = Callable[[int, int, float], None]
@@ -23,18 +25,29 @@ OnEpoch = Callable[[int, int, float], None]
 class DefaultConfig:
     """`default`: what flew best. Force, torque, v and omega are each divided by one scale."""
 
-    delay: int = 60  # samples the encoder sees [1]
+    delay: int = 50  # samples the encoder sees [1]
     horizon: int = 40  # longest prediction in the loss [steps]
     horizons: int = 25  # how many horizons of it are in the loss, closer together near 0 [1]
     size: int | None = None  # lifted states of a block; None: 4 tied (12 in all), 24 untied [1]
     symmetric: bool = True  # tie x and y (force in W, yaw near zero); False for wrenches in other frames
     torque: bool = False  # predict the torque too; else the predictor holds it
+    onset_odds: float = 0.05  # that a swing or a new level began at one age in the window; 0: never [1]
+    onset_size: float = 1.0  # its standard deviation, in scales of the force or torque [1]
+    onset_spacing: int = 4  # between the ages that are considered [1]
     iterations: int = 150  # L-BFGS iterations at most, a block and a start [1]
     starts: int = 3  # starts from different modes; the best is kept [1]
     max_origins: int = 6000  # origins are thinned beyond [1]
     zeta_noise: tuple[float, ...] | None = None  # (6,) noise of zeta [m/s, rad/s]; None: estimated
     regularisation: Regularisation = dc.field(default_factory=Regularisation)
     seed: int = 0
+
+    @property
+    def onset_ages(self) -> range:
+        """The ages at which something may have begun in the window [steps]; none where `onset_odds` is 0."""
+        newest = max(1, self.onset_spacing - 1)
+        return range(
+            newest, self.delay - self.onset_spacing if self.onset_odds > 0 else 0, self.onset_spacing
+        )
 
     def blocks(self) -> list[Block]:
         """The blocks that are fitted, in the order of their states in z."""
@@ -64,15 +77,17 @@ def train_default(
     ]
     blocks = config.blocks()
     runs = _Runs(checkpoint, len(blocks) * config.starts * config.iterations, on_epoch)
-    fitted, losses = [], {}
+    fitted, begun, losses = [], [], {}
     for number, block in enumerate(blocks):
         modal = _modal_block(block, scaled, config, step)
         theta, losses[block.name] = _best_descent(modal, config, number, runs)
         fitted.append(modal.matrices(theta))
+        begun.append(_block_onsets(block, modal, fitted[-1], scaled, config))
     system, encoder = _assemble(blocks, fitted, config.delay, step, chi_scale, zeta_scale, excitation)
+    onsets = _onsets(blocks, begun, config, chi_scale, zeta_scale, excitation)
     summary = {"samples": sum(map(len, segments)), "loss": losses, "excitation": excitation.text}
     model = LiftedModel(DEFAULT, system, encoder, config.delay, chi_scale, zeta_scale, config.torque, summary)
-    return model, runs.history
+    return dc.replace(model, onsets=onsets), runs.history
 
 
 class _Runs:
@@ -156,3 +171,34 @@ def _assemble(
     A = scipy.linalg.block_diag(*As)
     system = LiftedLinearSystem(A, np.vstack(Bs), np.hstack(Cs), step)
     return system, DelayEncoder(np.vstack(Es), delay)
+
+
+def _block_onsets(
+    block: Block, modal: ModalBlock, m: BlockMatrices, scaled: list, config: DefaultConfig
+) -> BlockOnsets | None:
+    """Levels may begin in every block, and oscillation where something swings."""
+    if not config.onset_ages:
+        return None
+    levels = np.arange(block.size - len(m.C), block.size)
+    modes = np.concatenate([np.arange(2 * block.pairs if block.swings else 0), levels])
+    views = [
+        (chi @ view.selected.T, goal @ view.selected.T) for chi, _, goal in scaled for view in block.views
+    ]
+    return fit_onsets(
+        m, modal.whitener, modes=modes, ages=config.onset_ages, delay=config.delay, size=config.onset_size,
+        lag=label_lag(views),
+    )  # fmt: skip
+
+
+def _onsets(
+    blocks: list[Block], begun: list[BlockOnsets | None], config: DefaultConfig,
+    chi_scale: np.ndarray, zeta_scale: np.ndarray, excitation: Excitation,
+) -> Onsets | None:  # fmt: skip
+    """All views' onsets, in physical units."""
+    seen, parts = excitation.shrink / zeta_scale[:, None], []
+    for block, found in zip(blocks, begun, strict=True):
+        if found is None:
+            return None
+        for view in block.views:
+            parts.append((scipy.linalg.block_diag(view.labels / chi_scale, view.inputs @ seen), found))
+    return stack_onsets(parts, config.onset_odds)

@@ -54,6 +54,11 @@ class ModalBlock:
         lag = r.horizons[:, None] - 1 - np.arange(H)  # zeta_j reaches chi_i through C A^(i-1-j) B
         self._lag = torch.from_numpy(np.where(lag < 0, H, lag))
 
+    @property
+    def whitener(self) -> np.ndarray:
+        """(D (l + p), D (l + p)) lower factor of the second moment of the encoder's windows."""
+        return self._regression.whitener
+
     def initial_theta(self, generator: np.random.Generator) -> np.ndarray:
         """Modes on a grid over the horizon's time scales, C random, B small."""
         r = self._regression

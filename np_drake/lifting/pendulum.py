@@ -52,7 +52,10 @@ def pendulum_length(segments: list[Segment], *, gravity: float = GRAVITY, seed: 
     driven = [_driven_by_velocity(s) for s in segments]
     step = segments[0].step if segments else 1.0
     config = DefaultConfig(
-        delay=max(2, round(LONGEST_DELAY / step)), horizon=max(2, round(SPAN / step)), seed=seed
+        delay=max(2, round(LONGEST_DELAY / step)),
+        horizon=max(2, round(SPAN / step)),
+        onset_odds=0.0,
+        seed=seed,
     )
     trained = train(driven, config).model.system
     system = dc.replace(

@@ -27,7 +27,10 @@ def lines(flown):
     models = {
         "paper": train(segments, make_config("paper", epochs=1)).model,
         "default": train(
-            segments, make_config("default", symmetric=False, torque=True, delay=25, starts=1, iterations=30)
+            segments,
+            make_config(
+                "default", symmetric=False, torque=True, delay=25, starts=1, iterations=30, onset_odds=0.0
+            ),
         ).model,
     }
     return theorem.bound_table(models, flown)

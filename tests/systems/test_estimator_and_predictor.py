@@ -158,6 +158,21 @@ def test_the_neural_predictor_is_its_model_in_a_context():
     np.testing.assert_allclose(dut.memory(context)["window"], memory["window"])
 
 
+def test_the_neural_predictor_sees_in_a_context_what_begins_within_its_window():
+    dut, context = neural_predictor_on_labels()
+    model = NeuralPredictorModel.load(DEFAULT_MODEL).model
+    after, errors = CHI + np.array([0.0, 0.0, -1.0, 0.0, 0.0, 0.0]), []  # 100 g more [N]
+    for label in [CHI] * model.window + [after] * (model.window - 5):
+        dut.GetInputPort("label").FixValue(context, label)
+        event(dut, context)
+        memory, found = dut.memory(context), dut.GetOutputPort("chi_hat").Eval(context)
+        np.testing.assert_allclose(memory["z"], model.lift(memory["window"]) * memory["z"].any(), atol=1e-12)
+        linear = model.system.C @ model.encoder(memory["window"])
+        errors.append([found[2] - after[2], linear[2] - after[2]])
+    seen, held = np.sqrt(np.mean(np.square(errors[model.window + 5 :]), axis=0))  # RMS [N]
+    assert seen < 0.7 * held
+
+
 def test_the_neural_predictor_shows_its_lifted_linear_system():
     dut, context = neural_predictor_on_labels()
     system = dut.GetOutputPort("lifted_linear_system").Eval(context)

@@ -209,7 +209,7 @@ def with_nan(lines):
 
 
 BAD_LOGS = {  # change of the table: what the line must say
-    "too short": (lambda lines: lines[:40], "bad: more than 70 samples are needed; got 39."),
+    "too short": (lambda lines: lines[:40], "bad: more than 60 samples are needed; got 39."),
     "no velocity": (lambda lines: without(lines, "vx"), "bad.csv, column vx: is missing"),
     "a NaN": (with_nan, "bad.csv, column vx, row 300 (line 301): must be finite"),
 }

@@ -89,7 +89,7 @@ def test_turning_the_flight_turns_the_forecast(trained, lemniscate):
     turn = np.zeros((12, 12))  # 90 degrees about the vertical, of [chi, zeta]
     for start in (0, 3, 6, 9):
         turn[start, start + 1], turn[start + 1, start], turn[start + 2, start + 2] = -1.0, 1.0, 1.0
-    window = np.hstack([lemniscate.chi, lemniscate.zeta])[40:100]
+    window = np.hstack([lemniscate.chi, lemniscate.zeta])[100 - trained.model.window : 100]
     system, zeta = trained.model.system, lemniscate.zeta[100:110]
     straight = system.rollout(trained.model.lift(window), zeta)
     turned = system.rollout(trained.model.lift(window @ turn.T), zeta @ turn[6:, 6:].T)
@@ -99,10 +99,48 @@ def test_turning_the_flight_turns_the_forecast(trained, lemniscate):
 def test_where_constants_are_expected_an_unknown_constant_force_is_held(dithered):
     config = DefaultConfig(regularisation=Regularisation(unknown_constant=10.0))
     model = train([dithered.segment], config).model
-    window = np.zeros((60, 12))
+    window = np.zeros((model.window, 12))
     window[:, :3] = [0.5, -0.3, -2.0]  # [N], hovering
     chi = model.system.rollout(model.lift(window), np.zeros((41, 6)))
     np.testing.assert_allclose(chi[:, :3], np.tile([0.5, -0.3, -2.0], (41, 1)), atol=0.05)  # [N]
+
+
+def begun(t0: int, course) -> np.ndarray:
+    """(n, 12) hover with labels of a filter of 6 Hz and 0.03 N of noise; `course` of f_x, f_z begins at sample t0."""
+    samples, blend, f = np.zeros((160, 12)), 1 - np.exp(-2 * np.pi * 6.0 * 0.02), np.zeros(6)
+    samples[:, :3] = 0.03 * np.random.default_rng(5).standard_normal((160, 3))  # [N]
+    for k in range(t0, 160):
+        f[:3] += blend * (course(0.02 * (k - t0)) - f[:3])
+        samples[k, :3] += f[:3]
+    return samples
+
+
+def forecast_errors(model, samples: np.ndarray, course, ages: range) -> float:
+    """RMS [N] of the wrench 0.1 s ahead of the origins that are `ages` samples after the onset."""
+    errors = []
+    for age in ages:
+        z = model.lift(samples[101 + age - model.window : 101 + age])
+        ahead = model.system.rollout(z, np.zeros((6, 6)))[5, :3]
+        errors.append(ahead - course(0.02 * (age + 5)))
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+@pytest.mark.parametrize("name", ["swing", "weight"])
+def test_what_begins_within_the_window_is_seen_sooner_than_by_a_linear_encoder(trained, name):
+    courses = {
+        "swing": lambda t: np.array([np.sin(2 * np.pi * 0.6 * t), 0.0, 0.0]),
+        "weight": lambda t: np.array([0.0, 0.0, -1.0]),
+    }
+    course, ages = courses[name], range(10, 40)
+    samples, plain = begun(100, course), dc.replace(trained.model, onsets=None)
+    quick, slow = (forecast_errors(model, samples, course, ages) for model in (trained.model, plain))
+    assert quick < 0.7 * slow
+
+
+def test_a_motion_that_goes_on_is_left_to_the_linear_encoder(trained, dithered):
+    samples = np.hstack([dithered.chi, dithered.zeta])[500:]
+    windows = np.lib.stride_tricks.sliding_window_view(samples, trained.model.window, axis=0).swapaxes(1, 2)
+    assert trained.model.onsets.probability(windows[::10]).sum(axis=-1).mean() < 0.2
 
 
 def test_it_learns_to_undo_the_delay_of_the_label(trained, lemniscate):
@@ -128,7 +166,7 @@ def test_unusable_segments_are_named(change, match):
 
 def test_too_little_or_mixed_data_is_refused():
     short = Segment(np.zeros((50, 6)), np.zeros((50, 6)), 0.02)
-    with pytest.raises(ValueError, match="at least 101 samples"):
+    with pytest.raises(ValueError, match="at least 91 samples"):
         train([short])
     with pytest.raises(ValueError, match="share one step"):
         train([short, dc.replace(short, step=0.04)])
