@@ -69,13 +69,14 @@ def label_deviation(config: FlightConfig) -> float:
 def encoder_step(model: LiftedModel) -> np.ndarray:
     """(window + 1,) share of a step in the label that chi_hat (f_z) shows 0, 1, … samples later, all else at rest.
 
-    The encoder's own part in an answer to a payload that changes: no filter, no motion, no control loop.
+    The encoder's own part in an answer to a payload that changes: no filter, no motion, no control loop. The step is
+    -1 N, about what `ADDED` brings: where the encoder looks for onsets, a smaller one is taken for noise for longer.
     """
     ages = np.arange(model.window + 1)
     windows = np.zeros((len(ages), model.window, 12))
-    windows[:, :, 2] = np.arange(model.window) >= model.window - ages[:, None]
+    windows[:, :, 2] = -1.0 * (np.arange(model.window) >= model.window - ages[:, None])
     f_z = (model.lift(windows) @ model.system.C.T)[:, 2]
-    return f_z - f_z[0]
+    return f_z[0] - f_z
 
 
 def slack_time(flight: FlightResult) -> float:

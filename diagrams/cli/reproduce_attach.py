@@ -41,12 +41,12 @@ def attach(
             jobs=jobs,
             on_progress=on_progress,
         )
-    lines = experiment.attach_table(runs, config)
+        lines = experiment.attach_table(runs, config)
+        said = _attach_notes(lines, config)  # reads the model file, which is gone with a scratch folder
     if out is not None:
         figure = payload_figures.event_responses(runs, config, f"seeds from {evaluation[0]}")
         save(figure, out / "attach_responses.png")
         say(f"figure: {out / 'attach_responses.png'}")
-    said = _attach_notes(lines, config)
     controller = dc.asdict(config.controller) | {"predictor": f"trained on {TRAINING}, seed {seed}"}
     settings = {"solver": solver, "seeds": evaluation, "training_seed": seed, "controller": controller}
     write_metrics(json, "reproduce", seed=seed, config=settings, table=lines, notes=said)

@@ -1,6 +1,7 @@
 """Laws of `np-drake reproduce hover | attach | timing`."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from diagrams import attach, hover_swing, timing, tracking
 from diagrams.cli.main import run
 from diagrams.cli.reproduce_experiments import hover_printed, timing_printed
+from diagrams.controllers import DEFAULT_MODEL
 
 
 @pytest.fixture
@@ -67,13 +69,17 @@ def test_attach_flies_twenty_seeds_unless_told(monkeypatch, capsys):
         ]
 
     monkeypatch.setattr(attach, "run_attach", runs)
-    monkeypatch.setattr(tracking, "train_models", lambda rows, *_, **__: {("training_circle", "default"): ""})
+
+    def train(rows, folder, **_):
+        return {("training_circle", "default"): shutil.copy(DEFAULT_MODEL, folder / "np.safetensors")}
+
+    monkeypatch.setattr(tracking, "train_models", train)
     assert run(["reproduce", "attach", "--seed", "7"]) == 0
     assert asked == [list(range(8, 28))]
     said = capsys.readouterr().out
     assert "0.981 N over the thrust scale 0.96" in said
     assert "slack for 0.24 s" in said
-    assert "100 % when its window of 1.2 s is full" in said
+    assert "100 % when its window of 1.0 s is full" in said
 
 
 def test_a_timing_row_states_median_and_quantile():
