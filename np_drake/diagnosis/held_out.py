@@ -5,28 +5,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.evidence import WRENCH, Evidence
+from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.hidden_swing import (
     MOST_JUMPS,
     STATE,
-    hidden_size,
     jumps,
-    padded,
-    swing_units,
-    swing_wrenches,
 )
 from np_drake.diagnosis.late_columns import LateColumns
 from np_drake.diagnosis.noise import NoiseModel
-from np_drake.diagnosis.payload_candidates import SWING, WIDEST
-from np_drake.diagnosis.shocks import APART, BOUNCE, LONGEST, find_shocks
+from np_drake.diagnosis.shocks import APART, BOUNCE, LONGEST, MOST, find_shocks
 from np_drake.diagnosis.signature import NEVER, Term, signature
+from np_drake.diagnosis.swing_fit import SwingFit
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
 JUMP_SPAN = 1.5  # after a shock, over which a swing is fitted anew; not scored either [s]
 ONSET_GAIN = 8.0  # log likelihood that an onset must bring; own choice
 SURPRISE = 30.0  # and where none of the fitted flights has one; own choice
-STEPS = 3  # of Gauss-Newton
-SPANS = (4.0, 8.0, np.inf)  # over which a swing is followed through a flight, one after the other [s]
+SPANS = (4.0, 8.0)  # over which a swing is followed through a flight, one after the other [s]
 
 
 def adapt(
@@ -66,7 +61,7 @@ def without_shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -
     """
     swings = any(hasattr(t.effect, "payload") for t in terms)
     for _ in range(MOST_JUMPS if swings else 0):
-        found = _shocks(terms, flight, noise)
+        found = _shocks(terms, flight, noise, most=1.0)  # where a swing is lost it misses ever more
         first = _first_run(found & (flight.t > _end_of(flight.t, flight.shocks) + APART))
         if not first.any():
             return flight
@@ -74,10 +69,10 @@ def without_shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -
     return dc.replace(flight, shocks=flight.shocks | _shocks(terms, flight, noise))
 
 
-def _shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> np.ndarray:
+def _shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel, most: float = MOST) -> np.ndarray:
     left = flight.y - signature(flight, adapt(terms, flight, noise))
     swings = any(hasattr(t.effect, "payload") for t in terms)
-    return find_shocks(left, flight.grid.step, BOUNCE if swings else LONGEST)
+    return find_shocks(left, flight.grid.step, BOUNCE if swings else LONGEST, most)
 
 
 def _first_run(found: np.ndarray) -> np.ndarray:
@@ -120,10 +115,16 @@ def settled(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list[
     terms = list(terms)
     for i, term in enumerate(terms):
         begin = term.begins(flight.name)
+        if not hasattr(term.effect, "payload") or begin == NEVER:
+            continue
         start = flight.t[0] if begin is None else begin
+        whole = SwingFit(terms, i, flight, noise, begin, flight.t >= start)
+        swing = whole.known
         for span in SPANS:
             rows = (flight.t >= start) & (flight.t < start + span)
-            terms[i] = _with_swing(terms, i, flight, noise, begin, rows)
+            swing = SwingFit(terms, i, flight, noise, begin, rows).descend(swing)
+        ends = np.array([whole.descend(whole.known), whole.descend(swing)])
+        terms[i] = whole.term(ends[np.argmin(whole.costs(ends))])
     return terms
 
 
@@ -133,48 +134,10 @@ def _anchored(
     """The term, its swing fitted to the rows at its start, then every jump to those after the shock."""
     now = list(terms)
     for k, rows in enumerate(anchors(dc.replace(terms[i], onset={flight.name: onset}), flight)):
-        now[i] = _with_swing(now, i, flight, noise, onset, rows, slice(k * STATE, (k + 1) * STATE))
+        fit = SwingFit(now, i, flight, noise, onset, rows)
+        swing = fit.widely(fit.known, slice(k * STATE, (k + 1) * STATE))
+        now[i] = fit.term(swing)
     return now[i]
-
-
-def _with_swing(
-    terms: Sequence[Term],
-    i: int,
-    flight: Evidence,
-    noise: NoiseModel,
-    onset: float | None,
-    rows: np.ndarray,
-    free: slice = slice(None),
-) -> Term:
-    """Gauss-Newton on the (free) figures of a payload's swing, from where they are, on these rows (m,)."""
-    term = terms[i]
-    if not hasattr(term.effect, "payload") or onset == NEVER:
-        return term
-    target = flight.y - signature(flight, [t for j, t in enumerate(terms) if j != i])
-    inside = rows[noise.phi.shape[1] :]
-    size = hidden_size(flight, onset)
-    swing = padded(term.hidden.get(flight.name), size)
-    rate = np.sqrt(flight.vehicle.gravity / term.effect.payload.length)  # type: ignore[attr-defined]
-    unit = swing_units(size, rate)
-    prior, limit = SWING * unit, WIDEST * unit
-    moved = np.eye(size)[free]
-    best, least = swing, np.inf
-    for _ in range(STEPS + 1):
-        moves = swing + 0.02 * np.concatenate([np.zeros((1, size)), moved])
-        wrench = swing_wrenches(flight, [dc.replace(term, hidden={flight.name: m}) for m in moves])
-        error = np.array(target)
-        error[:, WRENCH] -= wrench[:, 0]
-        columns = np.zeros((*target.shape, len(moved)))
-        columns[:, WRENCH] = np.moveaxis(wrench[:, 1:] - wrench[:, :1], 1, 2) / 0.02
-        X = flight.white(noise, columns)[inside].reshape(-1, len(moved))
-        e = flight.white(noise, error)[inside].ravel()
-        cost = float(e @ e + np.sum((swing / prior) ** 2))
-        if cost < least:
-            best, least = swing, cost
-        A = X.T @ X + np.diag(prior[free] ** -2)
-        step = np.linalg.solve(A, X.T @ e - swing[free] / prior[free] ** 2)
-        swing = np.clip(swing + step @ moved, -limit, limit)
-    return dc.replace(term, hidden={flight.name: best})
 
 
 def _with_onset(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel, *, known: bool) -> Term:
@@ -216,7 +179,8 @@ def _span_by_span(terms: Sequence[Term], i: int, flight: Evidence, noise: NoiseM
             continue
         onset = None if start == flight.t[0] else float(start)
         now = [*terms[:i], dc.replace(terms[i], onset={flight.name: onset}, hidden={}), *terms[i + 1 :]]
-        now[i] = _with_swing(now, i, flight, noise, onset, rows)
+        fit = SwingFit(now, i, flight, noise, onset, rows)
+        now[i] = fit.term(fit.descend(fit.known))
         alone = signature(flight, now)
         losses = [np.sum(flight.white(noise, flight.y - way)[inside] ** 2) for way in (alone, followed)]
         if losses[0] < losses[1]:

@@ -17,8 +17,13 @@ LONGEST = 0.07  # what lasts longer is motion, not a shock [s]
 BOUNCE = 0.3  # but where a payload is known to swing, whose tether may snap taut several times in a row [s]
 
 
-def find_shocks(residual: np.ndarray, step: float, longest: float = LONGEST) -> np.ndarray:
-    """(m,) bool: rows with a spike, of at most `longest` [s], in any channel of what a rich model leaves (m, c)."""
+def find_shocks(
+    residual: np.ndarray, step: float, longest: float = LONGEST, most: float = MOST
+) -> np.ndarray:
+    """(m,) bool: rows with a spike, of at most `longest` [s], in any channel of what a rich model leaves (m, c).
+
+    most: none, where they would be a larger share of the rows [1].
+    """
     size = 2 * max(1, round(0.5 * WINDOW / step)) + 1
     if len(residual) < 2 * size:
         return np.zeros(len(residual), bool)
@@ -28,7 +33,7 @@ def find_shocks(residual: np.ndarray, step: float, longest: float = LONGEST) -> 
     found = _short(found, max(2, round(longest / step)))
     found = np.convolve(found, np.ones(2 * ABOUT + 1), mode="same") > 0.5
     found |= _short(~found, round(APART / step)) & found.any()
-    return found if found.mean() <= MOST else np.zeros(len(residual), bool)
+    return found if found.mean() <= most else np.zeros(len(residual), bool)
 
 
 def _short(found: np.ndarray, longest: int) -> np.ndarray:

@@ -172,6 +172,16 @@ def test_shocks_of_a_swing_are_taken_in_turn(seen, noise):
     assert dut.shocks.sum() < 8  # nothing of the swing that is lost there
 
 
+def test_shocks_of_a_swing_are_taken_in_turn_however_many_it_misses_where_it_is_lost(seen, noise):
+    flight = seen(PAYLOAD, name="c", seed=3, noise=1.0, seconds=12.0)
+    at = np.searchsorted(flight.t, 3.0)
+    y = flight.y.copy()
+    y[at : at + 2, :3] += 60.0
+    y[at + 100 :: 30, 2] -= 60.0  # more rows than a flight's shocks have
+    dut = without_shocks([Term(PAYLOAD)], dc.replace(flight, y=y), noise)
+    assert dut.shocks[at : at + 2].all()
+
+
 def test_the_profile_is_the_likelihood_of_every_instant(seen, noise):
     flight = seen(HEAVY, name="c", seed=3, noise=1.0, seconds=5.0)
     own = signature(flight, [Term(HEAVY)])

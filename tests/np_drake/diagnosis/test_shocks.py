@@ -47,6 +47,7 @@ def test_a_tether_that_bounces_is_one_shock_and_what_lasts_is_none(quiet):
 def test_where_spikes_are_many_there_are_no_shocks(quiet):
     quiet[:: int(0.5 / MOST), 0] += 60.0
     assert not find_shocks(quiet, STEP).any()
+    assert find_shocks(quiet, STEP, most=1.0).any()
 
 
 def test_too_short_a_flight_has_no_shocks(quiet):

@@ -1,0 +1,92 @@
+"""The swing of a payload on some rows of a flight, its figures being known: a grid of starts, Gauss-Newton."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import qmc
+
+from np_drake.diagnosis.evidence import WRENCH, Evidence
+from np_drake.diagnosis.hidden_swing import hidden_size, padded, swing_units, swing_wrenches
+from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.payload_candidates import SWING, WIDEST
+from np_drake.diagnosis.signature import Term, signature
+
+STEPS = 3  # of Gauss-Newton
+GRID = 128  # swings, as wide as may be, from which it may descend; own choice
+TRIED = 3  # of them from which it does, beside the swing that is there; own choice
+SMALL = 0.02  # of the differences [rad]
+
+
+class SwingFit:
+    """What term i, a payload that begins at `onset`, misses on `rows` (m,) of a flight, by its swing there."""
+
+    def __init__(
+        self,
+        terms: Sequence[Term],
+        i: int,
+        flight: Evidence,
+        noise: NoiseModel,
+        onset: float | None,
+        rows: np.ndarray,
+    ):
+        self._term = dc.replace(terms[i], onset={**terms[i].onset, flight.name: onset})
+        self._flight, self._noise = flight, noise
+        order, found = noise.phi.shape[1], np.flatnonzero(rows)
+        first, last = (found[0], found[-1]) if len(found) else (0, 0)
+        begin = max(first - order, 0)
+        self._raw = slice(begin, max(last + 1, begin + order))
+        self._scored = rows[self._raw][order:]
+        self._target = self._white(flight.y - signature(flight, [t for j, t in enumerate(terms) if j != i]))
+        self.size = hidden_size(flight, onset)
+        rate = np.sqrt(flight.vehicle.gravity / terms[i].effect.payload.length)  # type: ignore[attr-defined]
+        unit = swing_units(self.size, rate)
+        self._prior, self._limit = SWING * unit, WIDEST * unit
+
+    @property
+    def known(self) -> np.ndarray:
+        """(size,) the swing as the term has it."""
+        return padded(self._term.hidden.get(self._flight.name), self.size)
+
+    def term(self, swing: np.ndarray) -> Term:
+        """The payload with this swing (size,), and no other."""
+        return dc.replace(self._term, hidden={self._flight.name: swing})
+
+    def costs(self, swings: np.ndarray) -> np.ndarray:
+        """(k,) whitened squares and prior of swings (k, size)."""
+        return np.sum(self._misses(swings) ** 2, axis=1) + np.sum((swings / self._prior) ** 2, axis=1)
+
+    def widely(self, swing: np.ndarray, free: slice) -> np.ndarray:
+        """(size,) from the best of a grid of the free figures about `swing`, and from there itself."""
+        start = np.arange(self.size)[free]
+        grid = np.tile(swing, (GRID, 1))
+        grid[:, start] += self._limit[start] * (2 * qmc.Halton(len(start), scramble=False).random(GRID) - 1)
+        promising = grid[np.argsort(self.costs(grid))[:TRIED]]
+        ends = np.array([self.descend(s, free) for s in (swing, *promising)])
+        return ends[np.argmin(self.costs(ends))]
+
+    def descend(self, swing: np.ndarray, free: slice = slice(None)) -> np.ndarray:
+        """(size,) the best on the way of Gauss-Newton in the free figures."""
+        moved = np.eye(self.size)[free]
+        best, least = swing, np.inf
+        for _ in range(STEPS + 1):
+            miss, *beside = self._misses(swing + SMALL * np.concatenate([np.zeros((1, self.size)), moved]))
+            cost = float(miss @ miss + np.sum((swing / self._prior) ** 2))
+            if cost < least:
+                best, least = swing, cost
+            X = (miss - np.array(beside)).T / SMALL
+            A = X.T @ X + np.diag(self._prior[free] ** -2)
+            step = np.linalg.solve(A, X.T @ miss - swing[free] / self._prior[free] ** 2)
+            swing = np.clip(swing + step @ moved, -self._limit, self._limit)
+        return best
+
+    def _misses(self, swings: np.ndarray) -> np.ndarray:
+        """(k, n) whitened."""
+        wrench = swing_wrenches(self._flight, [self.term(s) for s in swings])
+        channels = np.zeros((len(wrench), self._flight.y.shape[1], len(swings)))
+        channels[:, WRENCH] = np.moveaxis(wrench, 1, 2)
+        return (self._target[..., None] - self._white(channels)).reshape(-1, len(swings)).T
+
+    def _white(self, values: np.ndarray) -> np.ndarray:
+        bridged = self._flight.bridged(values)[self._raw]
+        return self._noise.whiten(bridged, self._flight.name)[self._scored]

@@ -1,0 +1,76 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.hidden_swing import STATE
+from np_drake.diagnosis.payload_candidates import SWING
+from np_drake.diagnosis.signature import Term, signature
+from np_drake.diagnosis.swing_fit import SwingFit
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.suspended_payload import SuspendedPayload
+
+PAYLOAD = SuspendedPayload(0.2, 0.5, 0.0, 0.0, -0.05)
+WIDE = np.array([1.0, -0.8, -3.0, 4.0])  # [rad, rad/s]
+
+
+@pytest.fixture
+def thrown(seen):
+    """A flight whose payload swings as `WIDE` from the start, with nothing else but noise."""
+    flight = seen(name="c", seed=4, noise=1.0)
+    return dc.replace(flight, y=flight.y + signature(flight, [Term(PAYLOAD, hidden={"c": WIDE})]))
+
+
+def test_the_cost_is_that_of_whitening_the_whole_flight_and_the_prior(thrown, noise):
+    rows = (thrown.t > 3.0) & (thrown.t < 5.0)
+    drag = Term(LinearDrag(0.2, 0.2, 0.2))
+    dut = SwingFit([drag, Term(PAYLOAD)], 1, thrown, noise, None, rows)
+    swings = np.array([WIDE, 0.3 * WIDE])
+    for cost, swing in zip(dut.costs(swings), swings, strict=True):
+        left = thrown.y - signature(thrown, [drag, dut.term(swing)])
+        white = thrown.white(noise, left)[rows[noise.phi.shape[1] :]]
+        rate = np.sqrt(thrown.vehicle.gravity / PAYLOAD.length)
+        prior = np.sum((swing / (SWING * np.array([1.0, 1.0, rate, rate]))) ** 2)
+        assert cost == pytest.approx(np.sum(white**2) + prior, rel=1e-9)
+
+
+def test_a_wide_swing_is_found_from_rest_where_descent_alone_is_not_enough(thrown, noise):
+    rows = thrown.t < 2.0
+    dut = SwingFit([Term(PAYLOAD)], 0, thrown, noise, None, rows)
+    rest = np.zeros(STATE)
+    true, alone, found = dut.costs(np.array([WIDE, dut.descend(rest), dut.widely(rest, slice(STATE))]))
+    assert found < 1.1 * true < 0.5 * alone
+
+
+def test_a_search_never_ends_above_where_it_began(thrown, noise):
+    dut = SwingFit([Term(PAYLOAD)], 0, thrown, noise, None, thrown.t < 2.0)
+    before, descended, searched = dut.costs(
+        np.array([WIDE, dut.descend(WIDE), dut.widely(WIDE, slice(STATE))])
+    )
+    assert descended <= before
+    assert searched <= descended
+
+
+def test_figures_that_are_not_free_stay(thrown, noise):
+    flight = dc.replace(thrown, shocks=np.isin(np.arange(len(thrown.t)), [300, 301]))
+    dut = SwingFit([Term(PAYLOAD, hidden={"c": WIDE})], 0, flight, noise, None, flight.t > 6.0)
+    assert dut.size == 2 * STATE
+    np.testing.assert_array_equal(dut.known, [*WIDE, 0, 0, 0, 0])
+    jump = slice(STATE, 2 * STATE)
+    for swing in (dut.descend(dut.known, jump), dut.widely(dut.known, jump)):
+        np.testing.assert_array_equal(swing[:STATE], WIDE)
+        assert np.any(swing[jump] != 0.0)
+
+
+def test_rows_too_few_to_whiten_leave_the_prior_alone(thrown, noise):
+    order = noise.phi.shape[1]
+    assert order > 0
+    for rows in (np.zeros(len(thrown.t), bool), np.arange(len(thrown.t)) < order):
+        dut = SwingFit([Term(PAYLOAD)], 0, thrown, noise, None, rows)
+        assert dut.costs(np.zeros((1, STATE))) == 0.0
+        np.testing.assert_allclose(dut.descend(WIDE), 0.0, atol=1e-12)
+
+
+def test_the_payload_it_returns_begins_where_it_was_asked_to(thrown, noise):
+    dut = SwingFit([Term(PAYLOAD, {"a": 1.0})], 0, thrown, noise, 4.0, thrown.t > 4.0)
+    assert dut.term(WIDE).onset == {"a": 1.0, "c": 4.0}
