@@ -1,6 +1,6 @@
 """Scores answers to a challenge set against its truth: a pure function of the two."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from diagrams.challenge import score_onset as onset
@@ -26,18 +26,21 @@ SEED = 0  # of the bootstrap
 
 
 def score(cases: Sequence[Solved], *, least: float = VISIBLE, seed: int = SEED) -> dict[str, Any]:
-    """All figures; `groups` has them for every simulator and quality where the set mixes them.
+    """All figures; `groups` has them for every simulator and quality where the set mixes them, `qualities` for every
+
+    quality where it mixes simulators.
 
     Args: least: visibility from which a case counts as visible [1].
     """
-    groups = sorted({case.group for case in cases})
     whole = score_group(cases, least=least, seed=seed)
-    parts = {name: [case for case in cases if case.group == name] for name in groups}
-    whole["groups"] = (
-        {name: score_group(part, least=least, seed=seed) for name, part in parts.items()}
-        if len(groups) > 1
-        else {}
-    )
+    parts = parts_by(cases, lambda case: case.group)
+    qualities = parts_by(cases, lambda case: str(case.truth["quality"]))
+    mixed = {
+        "groups": parts if len(parts) > 1 else {},
+        "qualities": qualities if len(parts) > len(qualities) else {},
+    }
+    for key, some in mixed.items():
+        whole[key] = {name: score_group(part, least=least, seed=seed) for name, part in some.items()}
     whole["sets"] = [
         {"group": name, "cases": len(part), "seeds": sorted({int(case.truth["seed"]) for case in part})}
         for name, part in parts.items()
@@ -45,6 +48,11 @@ def score(cases: Sequence[Solved], *, least: float = VISIBLE, seed: int = SEED) 
     whole["warnings"] = warnings(cases)
     whole["cases"] = [case_row(case, least) for case in cases]
     return whole
+
+
+def parts_by(cases: Sequence[Solved], key: Callable[[Solved], str]) -> dict[str, list[Solved]]:
+    """The cases by key, sorted by it."""
+    return {name: [c for c in cases if key(c) == name] for name in sorted({key(c) for c in cases})}
 
 
 def score_group(cases: Sequence[Solved], *, least: float, seed: int) -> dict[str, Any]:

@@ -8,21 +8,23 @@ NOTHING = "–"
 
 
 def tables(score: dict[str, Any], least: float) -> list[Table]:
-    """Those worth printing: figures of the set (a column a simulator and quality), effects."""
+    """Those worth printing: figures by quality where a set mixes simulators, figures by set, effects."""
     parts = {**({"all": score} if score["groups"] else {name_of_set(score): score}), **score["groups"]}
-    rows = [[label, *(cell(part) for part in parts.values())] for label, cell in lines(least)]
+    title = f"score: [95 % interval], cases; (≥ {least:g}): of that visibility; shrink: true model = 1"
+    columns = [some for some in (score["qualities"], parts) if some]
     return [
-        (
-            f"score: [95 % interval], cases; (≥ {least:g}): of that visibility; shrink: true model = 1",
-            ["figure", *parts],
-            rows,
-        ),
+        *((title, ["figure", *some], figure_rows(some, least)) for some in columns),
         (
             f"effects, cases of one with visibility ≥ {least:g}",
             ["effect", "n", "found", "right name", "named wrongly", "median error", "coverage"],
             [effect_cells(row) for row in score["effects"]],
         ),
     ]
+
+
+def figure_rows(parts: dict[str, dict[str, Any]], least: float) -> list[list[Any]]:
+    """A row a figure, a column a part of the cases."""
+    return [[label, *(cell(part) for part in parts.values())] for label, cell in lines(least)]
 
 
 def lines(least: float) -> list[tuple[str, Any]]:

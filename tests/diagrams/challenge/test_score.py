@@ -4,6 +4,7 @@ import json
 import pytest
 
 from diagrams.challenge.score import score
+from diagrams.challenge.score_tables import tables
 from np_drake.atomic_file import plain
 
 
@@ -110,6 +111,17 @@ def test_a_mixed_set_is_scored_by_group_too(cases):
     assert dut["groups"]["drake, real"]["accuracy"]["single"] == 0.0
     assert dut["accuracy"]["single"] == 0.5
     assert dut["sets"][1] == {"group": "drake, real", "cases": 18, "seeds": [3]}
+    assert dut["qualities"] == {}  # one simulator: they are the groups
+
+
+def test_simulators_are_pooled_by_quality(cases):
+    other = [dc.replace(c, truth={**c.truth, "simulator": "rotorpy"}, answer=None) for c in cases]
+    real = [dc.replace(c, truth={**c.truth, "quality": "real"}) for c in cases]
+    dut = score([*cases, *other, *real])
+    assert {q: s["accuracy"]["single"] for q, s in dut["qualities"].items()} == {"clean": 0.5, "real": 1.0}
+    by_quality, by_set, _ = tables(dut, 1.5)
+    assert by_quality[1] == ["figure", "clean", "real"]
+    assert by_set[1] == ["figure", "all", "drake, clean", "drake, real", "rotorpy, clean"]
 
 
 def test_a_score_is_json_without_holes(cases, by_hand):
