@@ -26,9 +26,7 @@ SEED = 0  # of the bootstrap
 
 
 def score(cases: Sequence[Solved], *, least: float = VISIBLE, seed: int = SEED) -> dict[str, Any]:
-    """All figures; `groups` has them for every simulator and quality where the set mixes them, `qualities` for every
-
-    quality where it mixes simulators.
+    """All figures, also by simulator and quality (`groups`) and by quality (`qualities`) where the set mixes them.
 
     Args: least: visibility from which a case counts as visible [1].
     """
