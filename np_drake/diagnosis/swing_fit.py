@@ -21,8 +21,8 @@ SMALL = 0.02  # of the differences [rad]
 class SwingFit:
     """What term i, a payload that begins at `onset`, misses on `rows` (m,) of a flight, by its swing there.
 
-    A swing (size,): angles [rad] and rates [rad/s] at the start, and jumps at shocks (`hidden_size`).   Source: nonlinear
-    least squares, whitened, from a grid of starts; own choice of the grid: after a snap a swing may be anything.
+    A swing (size,): angles [rad] and rates [rad/s] at the start, and jumps at shocks (`hidden_size`).   Source:
+    nonlinear least squares, whitened, from a grid; own choice of the grid: after a snap a swing may be anything.
     """
 
     def __init__(
