@@ -60,6 +60,14 @@ def detected(case: Solved) -> bool:
     return 0 in matches(case)
 
 
+def tellable(case: Solved) -> bool:
+    """Do the training flights tell every true effect from all others but a few?
+
+    One that is lost in noise, or in what vehicle file and sensors may be off by, is the same as any other, and as none.
+    """
+    return all(len({name, *same}) <= WIDEST for name, same in _with_class(case))
+
+
 def names_right(case: Solved) -> tuple[int, int, int]:
     """Names that are right, too many (`unknown` among them) and missing, by class."""
     right = len(matches(case))
@@ -68,4 +76,9 @@ def names_right(case: Solved) -> tuple[int, int, int]:
 
 def is_true(case: Solved, name: str) -> bool:
     """Is `name` a true effect, or physically the same as one?"""
-    return any(name in {true, *same} for true, same in zip(case.true_names, case.truth["class"], strict=True))
+    return any(name in {true, *same} for true, same in _with_class(case))
+
+
+def _with_class(case: Solved) -> list[tuple[str, list[str]]]:
+    """Every true effect with its class."""
+    return list(zip(case.true_names, case.truth["class"], strict=True))

@@ -5,7 +5,7 @@ from typing import Any
 
 from diagrams.challenge import score_onset as onset
 from diagrams.challenge import score_parameters as parameters
-from diagrams.challenge.matching import exact, matches, right_class
+from diagrams.challenge.matching import exact, matches, right_class, tellable
 from diagrams.challenge.rates import median
 from diagrams.challenge.score_confusion import confusion, reliability
 from diagrams.challenge.score_detection import detection
@@ -62,6 +62,7 @@ def score_group(cases: Sequence[Solved], *, least: float, seed: int) -> dict[str
     rates = {
         "single": singles([c for c in visible if c.kind == "single"]),
         "single_felt": singles([c for c in visible if c.kind == "single" and c.felt_in_training >= least]),
+        "single_tellable": singles([c for c in visible if c.kind == "single" and tellable(c)]),
         "onset": singles([c for c in visible if c.kind == "onset"]),
         "pair": several([c for c in many if c.kind == "pair"], least),
         "triple": several([c for c in many if c.kind == "triple"], least),

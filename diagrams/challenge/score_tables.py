@@ -33,6 +33,7 @@ def lines(least: float) -> list[tuple[str, Any]]:
         (f"single (≥ {least:g}): right class", lambda s: share(s["rates"]["single"]["class"])),
         ("  `unknown` beside it allowed", lambda s: share(s["rates"]["single"]["class_unknown_allowed"])),
         ("  felt in training too: class", lambda s: share(s["rates"]["single_felt"]["class"])),
+        ("  that training tells from others: class", lambda s: share(s["rates"]["single_tellable"]["class"])),
         ("  right name, nothing else", lambda s: share(s["rates"]["single"]["exact"])),
         ("  a wind's drag may lack", lambda s: share(s["rates"]["single"]["exact_lenient"])),
         (f"onset in flight (≥ {least:g}): class", lambda s: share(s["rates"]["onset"]["class"])),

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy import signal
+from scipy.integrate import cumulative_trapezoid
 
 from np_drake import attitude
 from np_drake.diagnosis.smooth_attitude import smooth_attitude
@@ -13,6 +14,9 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle
 
+POSITION_SPAN = (
+    0.25  # half width of the parabola through what the velocity does not explain of the position [s]
+)
 VELOCITY_SPAN = 0.05  # half width of the cubic through the velocity [s]
 RATE_SPAN = 0.03  # half width of the cubic through the body rates [s]
 _SWEEPS = 3  # fixed-point steps that undo a sensor effect; a bias is exact after one or two
@@ -67,9 +71,21 @@ def smooth_states(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     """
     smooth, step = x.copy(), float(np.median(np.diff(t)))
     smooth[:, Q], _ = smooth_attitude(t, x[:, Q], x[:, W])
-    smooth[:, V] = local_polynomial(x[:, V], step, VELOCITY_SPAN, order=3)
+    velocity = x[:, V] + slow_velocity_error(t, x, step)
+    smooth[:, V] = local_polynomial(velocity, step, VELOCITY_SPAN, order=3)
     smooth[:, W] = local_polynomial(x[:, W], step, RATE_SPAN, order=3)
     return smooth
+
+
+def slow_velocity_error(t: np.ndarray, x: np.ndarray, step: float) -> np.ndarray:
+    """(n, 3) what the velocity lacks, as the position shows it, but for its mean over the flight [m/s].
+
+    A filter's velocity is off by some cm/s for a second, which is as many cm after a replay of that length; the
+    position knows better. A constant offset is an effect (`velocity_bias`), to be found and not to be smoothed away.
+    """
+    missed = x[:, P] - cumulative_trapezoid(x[:, V], t, axis=0, initial=0.0)
+    slope = local_polynomial(missed, step, POSITION_SPAN, order=2, derivative=1)
+    return slope - slope.mean(axis=0)
 
 
 def local_polynomial(

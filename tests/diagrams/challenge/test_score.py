@@ -6,6 +6,7 @@ import pytest
 from diagrams.challenge.score import score
 from diagrams.challenge.score_tables import tables
 from np_drake.atomic_file import plain
+from np_drake.effects.library import LIBRARY
 
 
 def felt(case, most):
@@ -63,6 +64,13 @@ def test_singles_that_training_shows_have_a_row_of_their_own(cases):
     rates = score(cases)["rates"]
     assert (rates["single"]["class"]["count"], rates["single"]["class"]["n"]) == (12, 13)
     assert (rates["single_felt"]["class"]["count"], rates["single_felt"]["class"]["n"]) == (12, 12)
+
+
+def test_singles_that_are_the_same_as_anything_have_no_place_among_those_that_can_be_told(cases):
+    lost = dc.replace(cases[0], truth={**cases[0].truth, "class": [list(LIBRARY)]}, answer=None)
+    rates = score([lost, *cases[1:]])["rates"]
+    assert (rates["single"]["class"]["count"], rates["single"]["class"]["n"]) == (12, 13)
+    assert (rates["single_tellable"]["class"]["count"], rates["single_tellable"]["class"]["n"]) == (12, 12)
 
 
 def test_an_invisible_single_is_no_miss(cases):
