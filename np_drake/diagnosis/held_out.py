@@ -101,13 +101,22 @@ def anchors(term: Term, flight: Evidence) -> list[np.ndarray]:
 
 
 def scored(terms: Sequence[Term], flight: Evidence) -> np.ndarray:
-    """(m,) rows that count: not those that a hidden state, or a fit, has seen, nor those of a tether's shocks."""
+    """(m,) rows that count: not those that a hidden state, or a fit, has seen, nor those of a tether's shocks.
+
+    Of a flight so short that none would be left, all that no fit has seen (`judged_by_its_own_swing`).
+    """
     rows = ~flight.joined
     for term in terms:
         fitted = anchors(term, flight)
         for some in [*fitted, flight.shocks] if fitted else []:
             rows = rows & ~some
-    return rows
+    return rows if rows.any() else ~flight.joined
+
+
+def judged_by_its_own_swing(terms: Sequence[Term], flight: Evidence) -> bool:
+    """Is the flight so short that it is scored on rows to which its own swing was fitted?"""
+    rows = scored(terms, flight)
+    return any(bool(np.any(rows & fitted)) for term in terms for fitted in anchors(term, flight))
 
 
 def settled(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list[Term]:

@@ -7,12 +7,14 @@ import numpy as np
 from np_drake.diagnosis.answer import Cause, Replay, ReplayGap, Rung, Shrink
 from np_drake.diagnosis.attribute import HeldOut
 from np_drake.diagnosis.evidence import WRENCH, Evidence
+from np_drake.diagnosis.held_out import judged_by_its_own_swing
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.signature import signature
 from np_drake.logs.flight_log import FlightLog
 
 BLOCK = 1.0  # of the bootstrap [s]
+FEWEST = 8  # blocks, shorter ones where flights are short; own choice
 DRAWS = 400
 SEED = 1
 LEAST_GAP = 0.02  # of the noise's power, below which there is no gap to close; own choice
@@ -44,7 +46,11 @@ def how_far(
     )
     interval = _bootstrap(before, after, noise, flights[0].grid.step)
     replays: tuple[ReplayGap | None, ReplayGap | None] = (None, None)
-    warnings: list[str] = []
+    warnings = [
+        f"{e.name}: too short to judge a payload by rows to which its swing was not fitted."
+        for e in flights
+        if judged_by_its_own_swing(held.terms[e.name], e)
+    ]
     if replay is not None:
         logs = [_judging(e) for e in flights]
         effects = [
@@ -116,19 +122,22 @@ def _ladder(causes, flights, noise, held: HeldOut) -> tuple[Rung, ...]:
 
 
 def _bootstrap(before, after, noise: NoiseModel, step: float) -> tuple[float, float]:
-    """95 % interval of the fraction over blocks of a second."""
-    size = max(1, round(BLOCK / step))
+    """95 % interval of the fraction over blocks of about a second."""
+    rows = sum(map(len, before.values()))
+    size = max(1, min(round(BLOCK / step), rows // FEWEST))
 
     def blocks(parts: dict[str, np.ndarray]) -> np.ndarray:
+        """(blocks, 2) sum of power over rows, and number of rows."""
         out = []
-        for rows in parts.values():
-            power = np.mean((rows[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)) ** 2, axis=1)
-            out += [power[i : i + size].mean() for i in range(0, max(len(power) - size + 1, 1), size)]
+        for residual in parts.values():
+            power = np.mean((residual[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)) ** 2, axis=1)
+            split = np.array_split(power, max(1, round(len(power) / size)))
+            out += [(some.sum(), len(some)) for some in split]
         return np.array(out)
 
     b, a = blocks(before), blocks(after)
     pick = np.random.default_rng(SEED).integers(0, len(b), (DRAWS, len(b)))
-    pairs = np.sqrt(np.stack([b[pick].mean(axis=1), a[pick].mean(axis=1)], axis=1))
+    pairs = np.sqrt([some[pick].sum(axis=1)[:, 0] / some[pick].sum(axis=1)[:, 1] for some in (b, a)]).T
     fractions = [shrink_fraction(x, y, 1.0) for x, y in pairs]
     low, high = np.quantile(fractions, [0.025, 0.975])
     return float(low), float(high)

@@ -6,7 +6,7 @@ Source: own choice, in the place of a heavy-tailed noise.
 """
 
 import numpy as np
-from scipy import signal
+from scipy import ndimage
 
 SPIKE = 12.0  # deviations of what is left by a running median; own choice
 WINDOW = 0.3  # of that median [s]
@@ -27,7 +27,7 @@ def find_shocks(
     size = 2 * max(1, round(0.5 * WINDOW / step)) + 1
     if len(residual) < 2 * size:
         return np.zeros(len(residual), bool)
-    spiky = np.abs(residual - signal.medfilt(residual, (size, 1)))
+    spiky = np.abs(residual - ndimage.median_filter(residual, (size, 1), mode="reflect"))
     usual = 1.4826 * np.median(spiky, axis=0)
     found = np.any(spiky > SPIKE * np.maximum(usual, 1e-9), axis=1)
     found = _short(found, max(2, round(longest / step)))
@@ -37,11 +37,11 @@ def find_shocks(
 
 
 def _short(found: np.ndarray, longest: int) -> np.ndarray:
-    """The runs of up to `longest` rows, but for the first and the last row."""
+    """The runs of up to `longest` rows."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], found.astype(int), [0]])))
     out = np.zeros_like(found)
     for a, b in edges.reshape(-1, 2):
-        out[a:b] = b - a <= longest and a > 0 and b < len(found)
+        out[a:b] = b - a <= longest
     return out
 
 

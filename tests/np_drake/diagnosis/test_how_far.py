@@ -58,6 +58,18 @@ def test_the_bootstrap_interval_holds_the_value_it_was_made_with():
     assert np.mean(widths) < 0.1
 
 
+@given(st.integers(20, 700), st.integers(1, 60))
+@settings(deadline=None, max_examples=40)
+def test_the_interval_holds_the_estimate_however_long_flights_are_and_wherever_the_gap_is(rows, spike):
+    noise = np.random.default_rng(rows).normal(size=(rows, 15))
+    gap = np.zeros((rows, 1))
+    gap[-min(spike, rows) :] = 6.0
+    before, after = {"a": noise + gap + 1.0}, {"a": noise + gap}
+    low, high = dut._bootstrap(before, after, NOISE, 0.02)
+    found = dut.shrink_fraction(*(dut.pooled(list(p.values()), NOISE) for p in (before, after)), 1.0)
+    assert low <= found <= high
+
+
 def test_the_bootstrap_is_the_same_each_time():
     before, after, _ = parts(0, 2.0, 0.5)
     assert dut._bootstrap(before, after, NOISE, 0.02) == dut._bootstrap(before, after, NOISE, 0.02)

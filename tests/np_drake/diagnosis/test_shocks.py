@@ -26,6 +26,13 @@ def test_a_spike_in_one_channel_is_a_shock(quiet):
     np.testing.assert_array_equal(np.flatnonzero(find_shocks(quiet, STEP)), np.arange(399, 403))
 
 
+@pytest.mark.parametrize("row", [0, -1])
+def test_a_shock_at_the_very_end_of_a_flight_is_one(quiet, row):
+    quiet[row] += 100.0
+    assert find_shocks(quiet, STEP)[row]
+    assert find_shocks(quiet, STEP).sum() < 5
+
+
 def test_shocks_that_are_close_are_one(quiet):
     quiet[400, 2] += 60.0
     quiet[400 + int(0.8 * APART / STEP), 3] -= 60.0
