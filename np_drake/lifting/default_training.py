@@ -19,6 +19,7 @@ from np_drake.lifting.onsets import Onsets
 from np_drake.lifting.segments import Segment, check_segments, group_scale
 
 OnEpoch = Callable[[int, int, float], None]
+SETTLED = 10  # steps after which a label no longer shows how it began [1]
 
 
 @dc.dataclass(frozen=True)
@@ -34,6 +35,7 @@ class DefaultConfig:
     onset_odds: float = 0.05  # that a swing or a new level began at one age in the window; 0: never [1]
     onset_size: float = 1.0  # its standard deviation, in scales of the force or torque [1]
     onset_spacing: int = 4  # between the ages that are considered [1]
+    other_odds: float = 1.0  # that the whole window shows another swing and level than the training [1]
     iterations: int = 150  # L-BFGS iterations at most, a block and a start [1]
     starts: int = 3  # starts from different modes; the best is kept [1]
     max_origins: int = 6000  # origins are thinned beyond [1]
@@ -42,12 +44,16 @@ class DefaultConfig:
     seed: int = 0
 
     @property
-    def onset_ages(self) -> range:
-        """The ages at which something may have begun in the window [steps]; none where `onset_odds` is 0."""
-        newest = max(1, self.onset_spacing - 1)
-        return range(
-            newest, self.delay - self.onset_spacing if self.onset_odds > 0 else 0, self.onset_spacing
-        )
+    def onsets(self) -> dict[int, float]:
+        """Ages at which something may have begun [steps] and their odds [1]; none where `onset_odds` is 0.
+
+        The last is before the window, by so much that the label has settled.
+        """
+        if self.onset_odds == 0:
+            return {}
+        within = range(max(1, self.onset_spacing - 1), self.delay - self.onset_spacing, self.onset_spacing)
+        before = {self.delay + SETTLED: self.other_odds} if self.other_odds > 0 else {}
+        return dict.fromkeys(within, self.onset_odds) | before
 
     def blocks(self) -> list[Block]:
         """The blocks that are fitted, in the order of their states in z."""
@@ -177,7 +183,7 @@ def _block_onsets(
     block: Block, modal: ModalBlock, m: BlockMatrices, scaled: list, config: DefaultConfig
 ) -> BlockOnsets | None:
     """Levels may begin in every block, and oscillation where something swings."""
-    if not config.onset_ages:
+    if not config.onsets:
         return None
     levels = np.arange(block.size - len(m.C), block.size)
     modes = np.concatenate([np.arange(2 * block.pairs if block.swings else 0), levels])
@@ -185,7 +191,7 @@ def _block_onsets(
         (chi @ view.selected.T, goal @ view.selected.T) for chi, _, goal in scaled for view in block.views
     ]
     return fit_onsets(
-        m, modal.whitener, modes=modes, ages=config.onset_ages, delay=config.delay, size=config.onset_size,
+        m, modal.whitener, modes=modes, ages=list(config.onsets), delay=config.delay, size=config.onset_size,
         lag=label_lag(views),
     )  # fmt: skip
 
@@ -201,4 +207,4 @@ def _onsets(
             return None
         for view in block.views:
             parts.append((scipy.linalg.block_diag(view.labels / chi_scale, view.inputs @ seen), found))
-    return stack_onsets(parts, config.onset_odds)
+    return stack_onsets(parts, np.array(list(config.onsets.values())))

@@ -27,7 +27,7 @@ class Regularisation:
     smallest_label_noise: float = 3e-4  # but at least this
     zeta_noise: float = 0.01  # white noise added to the zeta the encoder sees
     input_noise: float = 0.01  # white noise added to the coming zeta: keeps B from amplifying it
-    unknown_constant: float = 0.5  # constants added to label and target: an unknown constant wrench is held
+    unknown_constant: float = 0.1  # constants added to label and target: an unknown constant wrench is held
 
 
 @dc.dataclass(frozen=True)

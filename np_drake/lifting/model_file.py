@@ -106,8 +106,7 @@ def _delay_encoder(tensors: dict[str, np.ndarray], window: int) -> DelayEncoder:
 def _onsets(tensors: dict[str, np.ndarray]) -> Onsets | None:
     if not any(name.startswith("onsets/") for name in tensors):
         return None
-    found = {field.name: tensors[f"onsets/{field.name}"] for field in dc.fields(Onsets)}
-    return Onsets(**{**found, "odds": found["odds"].item()})
+    return Onsets(**{field.name: tensors[f"onsets/{field.name}"] for field in dc.fields(Onsets)})
 
 
 def _trust(tensors: dict[str, np.ndarray], K: int) -> Trust | None:

@@ -44,7 +44,7 @@ def fit_onsets(
     size: float,
     lag: float,
 ) -> BlockOnsets:
-    """For jumps of `modes` (indices into z) by N(0, size²) each, `ages` samples ago, D = `delay`.
+    """For jumps of `modes` (indices into z) by N(0, size²) each, `ages` samples ago, D = `delay`; age >= D: before it.
 
     With S = L L^T the second moment of ordinary windows, and J_r d what a jump by d adds to a window: Q Q^T = 1 + J_r^T
     S^-1 J_r, M_r = Q^-1 J_r^T S^-1, c_r = log det Q. E w + G_r M_r w, with G_r = (A^r - E J_r) Q^-T, is the best linear
@@ -69,16 +69,19 @@ def fit_onsets(
 
 def _shown(m: BlockMatrices, delay: int, age: int, features: int, lag: float) -> np.ndarray:
     """(D c, K) what a jump of each mode by one adds to a window, `age` samples later."""
-    shown = np.zeros((delay, features // delay, len(m.A)))
+    shown = np.zeros((max(delay, age + 1), features // delay, len(m.A)))
     label, jumped = np.zeros_like(m.C), np.eye(len(m.A))
-    for row in shown[delay - 1 - age :]:
+    for row in shown[len(shown) - 1 - age :]:
         label = lag * label + (1.0 - lag) * (m.C @ jumped)
         row[: len(m.C)], jumped = label, m.A @ jumped
-    return shown.reshape(features, -1)
+    return shown[-delay:].reshape(features, -1)
 
 
-def stack_onsets(views: Sequence[tuple[np.ndarray, BlockOnsets]], odds: float) -> Onsets:
-    """The onsets of views, each with its channels (c, 12) of a sample; zeros fill up where c or q differ."""
+def stack_onsets(views: Sequence[tuple[np.ndarray, BlockOnsets]], odds: np.ndarray | float) -> Onsets:
+    """The onsets of views, each with its channels (c, 12) of a sample; zeros fill up where c or q differ.
+
+    Args: odds: as in `Onsets`.
+    """
     c = max(len(channels) for channels, _ in views)
     q = max(found.jump.shape[2] for _, found in views)
     seen, watch, jump = [], [], []

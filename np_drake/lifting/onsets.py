@@ -2,13 +2,14 @@
 
 A linear encoder fits windows of which the whole is one motion. Where a swing begins or a weight is attached within
 the window, the samples before that say nothing about it. Of such a jump of the modes, r samples ago and Gaussian
-before it is seen, a window w shows M_r w, and it has the odds times e_r of being there. The mean of z over all that
+before it is seen, a window w shows M_r w, and it has the odds o_r e_r of being there. The mean of z over all that
 may have happened is
 
-    z = E w + sum over r of p_r G_r M_r w,      p_r = odds e_r / (1 + odds sum over s of e_s)
+    z = E w + sum over r of p_r G_r M_r w,      p_r = o_r e_r / (1 + sum over s of o_s e_s)
     e_r = exp(|M_r w|² / 2 - c_r)
 
-with the linear encoder E of ordinary windows. A forgetting that follows from the window alone: there is no memory.
+with the linear encoder E of ordinary windows. A forgetting that follows from the window alone: there is no memory. An
+age beyond the window is that of a free motion of which nothing seen is like the training's.
 Source: the likelihood ratio of jumps in linear systems is Willsky and Jones 1976; a Gaussian jump and the mean over
 its ages, in place of the most likely one: own choice, so that z has no steps.
 """
@@ -28,14 +29,15 @@ class Onsets:
 
     channels: (V, c, 12) what a view sees of a sample [chi, zeta], scaled; rows of zeros where it sees less than c.
     watch: (V, R, q, D c) M_r, oldest sample first.   cost: (V, R) c_r.   jump: (V, R, k, q) G_r, into the view's k
-    states of z, which stand side by side in it.   odds: of a jump at one age against none at all [1].
+    states of z, which stand side by side in it.   odds: o_r of a jump at that age against none at all, (R,) or one for
+    all ages [1].
     """
 
     channels: np.ndarray
     watch: np.ndarray
     cost: np.ndarray
     jump: np.ndarray
-    odds: float
+    odds: np.ndarray | float
 
     def __post_init__(self):
         V, R, q, n = self.watch.shape if self.watch.ndim == 4 else (0, 0, 0, 0)
@@ -45,8 +47,11 @@ class Onsets:
             raise ValueError(
                 "Onsets: watch (V, R, q, D c), channels, cost and jump must agree on V, R, q and c."
             )
-        if not 0 < self.odds < np.inf:
-            raise ValueError(f"Onsets: odds must be positive and finite; got {self.odds}.")
+        odds = np.asarray(self.odds)
+        if odds.shape not in ((), (1,), (R,)) or not (np.all(odds > 0) and np.all(np.isfinite(odds))):
+            raise ValueError(
+                f"Onsets: odds must be positive and finite, one or one an age; got {odds.tolist()}."
+            )
 
     @property
     def K(self) -> int:

@@ -11,6 +11,7 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.lifting.default_training import DefaultConfig
+from np_drake.lifting.delay_regression import Regularisation
 from np_drake.lifting.excitation import motion_near
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem, Mode
 from np_drake.lifting.segments import Segment
@@ -55,6 +56,7 @@ def pendulum_length(segments: list[Segment], *, gravity: float = GRAVITY, seed: 
         delay=max(2, round(LONGEST_DELAY / step)),
         horizon=max(2, round(SPAN / step)),
         onset_odds=0.0,
+        regularisation=Regularisation(unknown_constant=0.5),  # no onsets: one encoder has to hold any level
         seed=seed,
     )
     trained = train(driven, config).model.system

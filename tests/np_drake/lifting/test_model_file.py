@@ -58,15 +58,16 @@ def test_what_is_read_is_what_was_written(configuration, tmp_path):
     np.testing.assert_array_equal(read.lift(window), saved.lift(window))
 
 
-def with_onsets() -> LiftedModel:
+def with_onsets(odds: np.ndarray | float = 0.1) -> LiftedModel:
     generator = np.random.default_rng(2)
     channels, watch = generator.standard_normal((2, 3, 12)), 0.3 * generator.standard_normal((2, 4, 2, 15))
-    onsets = Onsets(channels, watch, np.ones((2, 4)), generator.standard_normal((2, 4, 2, 2)), 0.1)
+    onsets = Onsets(channels, watch, np.ones((2, 4)), generator.standard_normal((2, 4, 2, 2)), odds)
     return dc.replace(model(DEFAULT), onsets=onsets)
 
 
-def test_onsets_are_read_as_they_were_written(tmp_path):
-    saved = with_onsets()
+@pytest.mark.parametrize("odds", [0.1, np.array([0.1, 0.2, 0.3, 4.0])], ids=["one for all", "one an age"])
+def test_onsets_are_read_as_they_were_written(tmp_path, odds):
+    saved = with_onsets(odds)
     save_model(saved, tmp_path / "m.safetensors")
     read, window = load_model(tmp_path / "m.safetensors"), np.random.default_rng(1).standard_normal((5, 12))
     np.testing.assert_array_equal(read.lift(window), saved.lift(window))

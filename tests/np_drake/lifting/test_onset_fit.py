@@ -7,7 +7,7 @@ from np_drake.lifting.modal_fit import BlockMatrices
 from np_drake.lifting.onset_fit import fit_onsets, label_lag, stack_onsets
 
 D, K, SIZE, LAG = 8, 3, 1.5, 0.6
-MODES, AGES = np.array([0, 2]), (0, 3, 6)
+MODES, AGES = np.array([0, 2]), (0, 3, 6, D, D + 5)  # the last two before the window
 RNG = np.random.default_rng(0)
 ROOT = RNG.standard_normal((2 * D, 2 * D)) + 3.0 * np.eye(2 * D)
 MOMENT = ROOT @ ROOT.T  # of ordinary windows (D samples of a label and an input)
@@ -23,13 +23,13 @@ def fitted(lag: float = LAG):
 
 def shown(age: int, lag: float = LAG) -> np.ndarray:
     """(2 D, 2) a window `age` samples after jumps of size one, by simulation."""
-    window = np.zeros((D, 2, len(MODES)))
+    course = np.zeros((2 * D, 2, len(MODES)))
     for j, mode in enumerate(MODES):
         z, label = SIZE * np.eye(K)[mode], 0.0
-        for k in range(D - 1 - age, D):
+        for k in range(2 * D - 1 - age, 2 * D):
             label = lag * label + (1 - lag) * (M.C @ z)[0]
-            window[k, 0, j], z = label, A @ z
-    return window.reshape(2 * D, -1)
+            course[k, 0, j], z = label, A @ z
+    return course[D:].reshape(2 * D, -1)
 
 
 @pytest.mark.parametrize("r", range(len(AGES)))
@@ -78,7 +78,8 @@ def test_a_label_that_is_its_target_or_stands_still_has_no_lag():
 def test_a_view_of_fewer_channels_is_the_same_among_others():
     narrow, rng = fitted(), np.random.default_rng(3)
     channels = rng.standard_normal((2, 12))
-    wide = type(narrow)(rng.standard_normal((3, 4, D * 5)), np.ones(3), rng.standard_normal((3, K, 4)))
+    R = len(AGES)
+    wide = type(narrow)(rng.standard_normal((R, 4, D * 5)), np.ones(R), rng.standard_normal((R, K, 4)))
     alone = stack_onsets([(channels, narrow)], 0.1)
     both = stack_onsets([(rng.standard_normal((5, 12)), wide), (channels, narrow)], 0.1)
     window = rng.standard_normal((D, 12))

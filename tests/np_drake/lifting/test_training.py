@@ -140,7 +140,27 @@ def test_what_begins_within_the_window_is_seen_sooner_than_by_a_linear_encoder(t
 def test_a_motion_that_goes_on_is_left_to_the_linear_encoder(trained, dithered):
     samples = np.hstack([dithered.chi, dithered.zeta])[500:]
     windows = np.lib.stride_tricks.sliding_window_view(samples, trained.model.window, axis=0).swapaxes(1, 2)
-    assert trained.model.onsets.probability(windows[::10]).sum(axis=-1).mean() < 0.2
+    p = trained.model.onsets.probability(windows[::10])
+    assert p[..., :2, :].sum(axis=-1).mean() < 0.2
+    # That a level is the training's is no more likely than that it is an older one: both hold it.
+    assert p[..., :-1].sum(axis=-1).mean() < 0.2
+
+
+def test_a_wind_that_no_training_showed_is_held_better_where_the_window_may_be_of_another_motion(
+    trained, dithered
+):
+    def wind(t):
+        return np.array([5.0, 0.0, 0.0])  # [N]
+
+    samples, ages = begun(100, wind), range(52, 58)  # the window of 50 samples is full of it
+    without = train([dithered.segment], DefaultConfig(other_odds=0.0)).model
+    better, worse = (forecast_errors(model, samples, wind, ages) for model in (trained.model, without))
+    assert better < 0.8 * worse
+
+
+def test_without_odds_of_onsets_the_encoder_is_linear(dithered):
+    config = DefaultConfig(onset_odds=0.0, starts=1, iterations=2)
+    assert train([dithered.segment], config).model.onsets is None
 
 
 def test_it_learns_to_undo_the_delay_of_the_label(trained, lemniscate):
