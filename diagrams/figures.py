@@ -18,6 +18,7 @@ def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
     """
     first = flights[0]
     ref = first.signals["p_ref"][first.last_lap]
+    drawn = "last lap" if len(ref) < np.sum(first.scored) else "as scored"
     span = np.ptp(ref[:, :2], axis=0) + 0.3
     figure, axes = new_figure(1, 1, width=6.0, height=1.1 + 5.0 * min(span[1] / span[0], 1.0))
     ax = axes[0, 0]
@@ -25,7 +26,7 @@ def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
     for k, flight in enumerate(flights):
         p = flight.signals["x_true"][flight.last_lap]
         ax.plot(p[:, 0], p[:, 1], color=PALETTE[k], linestyle=DASHES[k], linewidth=1.3, label=flight.label)
-    ax.set(xlabel="x [m]", ylabel="y [m]", title=f"{title} · last lap", aspect="equal")
+    ax.set(xlabel="x [m]", ylabel="y [m]", title=f"{title} · {drawn}", aspect="equal")
     ax.grid(alpha=0.3)
     figure.legend(loc="outside lower center", ncols=4, fontsize=8)
     return figure

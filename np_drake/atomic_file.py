@@ -19,8 +19,13 @@ def require_writable(path: str | Path) -> Path:
         raise IsADirectoryError(f"{path}: must be a file to write; it is a folder.")
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path}: the folder {path.parent} must exist; create it or choose another.")
-    if not os.access(path.parent, os.W_OK):
-        raise PermissionError(f"{path}: the folder {path.parent} must be writable.")
+    probe = path.with_name(f".{secrets.token_hex(4)}")
+    try:
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        text = f"{path}: the folder {path.parent} must be writable ({error.strerror}); choose another."
+        raise PermissionError(text) from error
     return path
 
 

@@ -33,3 +33,20 @@ def test_every_link_leads_somewhere(page):
 def test_the_readmes_example_shows_thirty_lines_or_fewer():
     block = re.search(r"^```python\n(.*?)^```", (ROOT / "README.md").read_text(), re.S | re.M).group(1)
     assert len([line for line in block.splitlines() if line.strip()]) <= 30
+
+
+def test_the_experiment_of_the_docs_flies_well(tmp_path):
+    from diagrams.flight import FlightConfig
+    from diagrams.flight_result import fly
+    from np_drake.yaml_file import load_checked
+
+    block = re.search(
+        r"^```yaml\n(.*?)^```", (ROOT / "docs" / "extending.md").read_text(), re.S | re.M
+    ).group(1)
+    (tmp_path / "mine.yaml").write_text(block)
+    config = load_checked(FlightConfig, tmp_path / "mine.yaml", "scenario")
+    config.duration = 6.0
+    metrics = fly(config, seed=0).metrics()
+    assert metrics["E_xy"] < 0.03
+    assert metrics["E_z"] < 0.01
+    assert metrics["solve_failures"] == 0

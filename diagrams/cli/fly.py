@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from diagrams.cli import options
-from diagrams.cli.output import make_folder, print_table, progress, say, write_metrics
+from diagrams.cli.output import make_folder, print_table, progress, require_folder, say, write_metrics
 from np_drake.atomic_file import require_writable
 
 if TYPE_CHECKING:
@@ -66,12 +66,12 @@ def fly(
         config.controller, config.controller.believed(config.vehicle)
     )  # refused before any work
     if out is not None:
-        make_folder(out)
+        require_folder(out)
     with progress(f"flying {config.name} with {config.controller.kind}", config.end) as advance:
         flight = run(config, seed=seed, monitor=advance)
     print_flights([flight])
     if out is not None:
-        write_flight(flight, out)
+        write_flight(flight, make_folder(out))
     summary = flight.summary()
     write_metrics(json, "fly", config=as_config(config), **summary)
 
