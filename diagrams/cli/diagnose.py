@@ -26,7 +26,11 @@ def diagnose(
     ] = None,
     vehicle: Annotated[
         Path | None,
-        typer.Option("--vehicle", metavar="FILE", help="Vehicle file (YAML), or paper | neurobem."),
+        typer.Option(
+            "--vehicle",
+            metavar="FILE",
+            help="Vehicle file (YAML), or paper | neurobem; without it the latter for its flights, else the former.",
+        ),
     ] = None,
     train: Annotated[
         list[Path] | None, typer.Option("--train", metavar="LOG", help=f"To fit effects to. {LOG_HELP}")
@@ -105,9 +109,12 @@ def nominal_vehicle(files: "CaseFiles") -> "Vehicle":
     name = None if files.vehicle is None else str(files.vehicle)
     if name is None:
         name = "neurobem" if all(is_neurobem(path) for path in files.train + files.held_out) else "paper"
-    if name in NAMED_VEHICLES:
-        return published_vehicle() if name == "neurobem" else Vehicle()
-    return load_vehicle(name)
+    if name not in NAMED_VEHICLES:
+        return load_vehicle(name)
+    vehicle = published_vehicle() if name == "neurobem" else Vehicle()
+    if files.vehicle is None:
+        say(f"vehicle: {name}, {vehicle.mass:g} kg, as no --vehicle was given.")
+    return vehicle
 
 
 def open_flights(paths: tuple[Path, ...], vehicle: "Vehicle", *, repair: bool) -> "list[FlightLog]":

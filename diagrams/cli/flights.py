@@ -5,6 +5,7 @@ from pathlib import Path
 
 from diagrams.cli.output import say
 from np_drake.lifting.segments import Segment
+from np_drake.logs.accelerations import with_accelerations
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.neurobem import published_vehicle
 from np_drake.logs.open_log import is_neurobem, open_log
@@ -41,8 +42,12 @@ def open_flights(paths: list[Path], vehicle_file: Path | None, *, repair: bool =
     flights = []
     for path in paths:
         data = open_log(path, vehicle=vehicle, repair=repair)
+        data = with_accelerations(data) if isinstance(data, FlightLog) else data
         say(*(f"{data.name}: {note}" for note in data.notes))
         flights.append(Flight(data, vehicle or (published_vehicle() if is_neurobem(path) else Vehicle())))
+    if vehicle is None and flights:
+        used = sorted({f"{flight.vehicle.name}, {flight.vehicle.mass:g} kg" for flight in flights})
+        say(f"vehicle: {'; '.join(used)}, as no --vehicle was given.")
     require_one_frame(flights)
     return flights
 

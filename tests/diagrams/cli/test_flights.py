@@ -1,6 +1,9 @@
 """Laws of how a verb opens its flights."""
 
+import dataclasses as dc
+
 from diagrams.cli.flights import open_flights
+from np_drake.logs.log_file import write_log
 from np_drake.logs.neurobem import RACE_TRACK
 
 VEHICLE = "name: mine\nmass: 2.5\n"
@@ -12,6 +15,23 @@ def test_a_log_is_labelled_with_the_given_vehicle_or_the_papers(logs, tmp_path):
     (dut,) = open_flights(logs[:1], tmp_path / "vehicle.yaml")
     assert dut.vehicle.mass == 2.5
     assert dut.frame == "world"
+
+
+def test_the_vehicle_that_stands_in_is_said(logs, tmp_path, capsys):
+    (tmp_path / "vehicle.yaml").write_text(VEHICLE)
+    open_flights(logs, tmp_path / "vehicle.yaml")
+    assert "no --vehicle" not in capsys.readouterr().out
+    open_flights(logs, None)
+    assert "vehicle: paper, 2 kg, as no --vehicle was given." in capsys.readouterr().out
+
+
+def test_accelerations_that_are_derived_are_said(logs, tmp_path, capsys):
+    (flight,) = open_flights(logs[:1], None)
+    assert "differentiated" not in capsys.readouterr().out
+    write_log(dc.replace(flight.data, a=None, al=None), tmp_path / "bare.csv")
+    (bare,) = open_flights([tmp_path / "bare.csv"], None)
+    assert "a, al differentiated" in capsys.readouterr().out
+    assert bare.data.a.shape == flight.data.a.shape
 
 
 def test_a_real_flight_is_labelled_with_the_published_vehicle(neurobem, capsys):
