@@ -14,9 +14,7 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle
 
-POSITION_SPAN = (
-    0.25  # half width of the parabola through what the velocity does not explain of the position [s]
-)
+POSITION_SPAN = 0.25  # half width of the parabola through the position that the velocity does not explain [s]
 VELOCITY_SPAN = 0.05  # half width of the cubic through the velocity [s]
 RATE_SPAN = 0.03  # half width of the cubic through the body rates [s]
 _SWEEPS = 3  # fixed-point steps that undo a sensor effect; a bias is exact after one or two
@@ -82,6 +80,7 @@ def slow_velocity_error(t: np.ndarray, x: np.ndarray, step: float) -> np.ndarray
 
     A filter's velocity is off by some cm/s for a second, which is as many cm after a replay of that length; the
     position knows better. A constant offset is an effect (`velocity_bias`), to be found and not to be smoothed away.
+    Source: complementary filter, run both ways; own choice of the span (0.15 and 0.4 s replay no better).
     """
     missed = x[:, P] - cumulative_trapezoid(x[:, V], t, axis=0, initial=0.0)
     slope = local_polynomial(missed, step, POSITION_SPAN, order=2, derivative=1)

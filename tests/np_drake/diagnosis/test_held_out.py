@@ -9,6 +9,7 @@ from np_drake.diagnosis.held_out import (
     JUMP_SPAN,
     _span_by_span,
     adapt,
+    judged_by_its_own_swing,
     known_onset_profile,
     scored,
     settled,
@@ -144,6 +145,17 @@ def test_the_rows_of_a_shock_are_not_scored_beside_a_payload_only(seen):
     flight = knocked(seen(PAYLOAD, name="c", seed=3, noise=1.0), 6.0)
     assert not scored([Term(PAYLOAD)], flight)[flight.shocks].any()
     assert scored([Term(HEAVY), Term(PAYLOAD, {"c": NEVER})], flight).all()
+
+
+def test_a_flight_too_short_to_judge_a_payload_is_scored_whole_and_says_so(seen):
+    flight = seen(PAYLOAD, name="c", seed=3)
+    assert not judged_by_its_own_swing([Term(PAYLOAD)], flight)
+    short = dc.replace(
+        flight, shocks=flight.t >= flight.t[0] + HIDDEN_SPAN
+    )  # nothing is left beside its anchor
+    assert scored([Term(PAYLOAD)], short).all()
+    assert judged_by_its_own_swing([Term(PAYLOAD)], short)
+    assert not judged_by_its_own_swing([Term(HEAVY)], short)
 
 
 def test_a_swing_that_one_span_does_not_show_is_followed_from_the_start(seen, noise):
