@@ -29,11 +29,11 @@ def free_figures(terms: Sequence[Term], flights: Sequence[Evidence], scales: dic
     """What may move. scales: of calibration terms, by position: the prior deviation instead of the typical one."""
     found = []
     for i, term in enumerate(terms):
+        wide = _width(term)
         for p in term.effect.parameters:
             if not p.choices:
-                scale = scales.get(i, p.typical)
-                neutral = p.neutral
-                found.append(Free(i, p.name, scale, neutral, p.lower, p.upper))
+                scale = scales.get(i, wide * p.typical)
+                found.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
         if not hasattr(term.effect, "payload"):
             continue
         for e in flights:
@@ -41,6 +41,13 @@ def free_figures(terms: Sequence[Term], flights: Sequence[Evidence], scales: dic
                 scales_of = [SWING * (1 if k % STATE < 2 else 3) for k in range(_size(term, e))]
                 found += [Free(i, "swing", s, 0.0, -4.0, 4.0, e.name, k) for k, s in enumerate(scales_of)]
     return found
+
+
+def _width(term: Term) -> float:
+    """Of the prior, over the typical one: as large as the effect is, at least 1 (as in `Gram.evidence_of_groups`)."""
+    free = [p for p in term.effect.parameters if not p.choices]
+    sizes = [(float(getattr(term.effect, p.name)) - p.neutral) / p.typical for p in free]
+    return max(1.0, float(np.sqrt(np.mean(np.square(sizes)))))
 
 
 def _size(term: Term, e: Evidence) -> int:

@@ -8,11 +8,13 @@ import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy import linalg
 
 ORDER = 20  # 0.4 s at 50 Hz
 RIDGE = 1e-3  # white share added to every channel, for what the low-pass took from the highest frequencies
 ACTIVE = 1e-12  # a channel with less variance is absent
+BLOCK = 32  # rows that are filtered at a time
 QUIETEST = 0.1  # least errors of a flight over those of all: one at rest must not decide either; own choice
 
 
@@ -54,11 +56,7 @@ class NoiseModel:
         driven = np.zeros((n - p, *flat.shape[1:]))
         for c in np.flatnonzero(self.active):
             some = np.flatnonzero(flat[:, c].any(axis=0))
-            X = np.ascontiguousarray(flat[:, c, some])
-            left = X[p:].copy()
-            for i, phi in enumerate(self.phi[c], start=1):
-                left -= phi * X[p - i : n - i]
-            driven[:, c, some] = left
+            driven[:, c, some] = _innovations(self.phi[c], np.ascontiguousarray(flat[:, c, some]))
         return np.matmul(self.mixing, driven).reshape(n - p, *values.shape[1:])
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:
@@ -66,6 +64,22 @@ class NoiseModel:
         z = np.exp(-2j * np.pi * frequency * self.step)
         powers = z[None, :] ** np.arange(1, self.phi.shape[1] + 1)[:, None]
         return 2 * self.step * self.innovation[:, None] / np.abs(1 - self.phi @ powers) ** 2
+
+
+def _innovations(phi: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """(n - p, k) values_j - sum_i phi_i values_(j-i) of values (n, k): blocks of rows times one banded matrix."""
+    p, (n, k) = len(phi), values.shape
+    row = np.append(-phi[::-1], 1.0)
+    band = np.zeros((BLOCK, BLOCK + p))
+    for i in range(BLOCK):
+        band[i, i : i + p + 1] = row
+    whole, rest = divmod(n - p, BLOCK)
+    out = np.empty((n - p, k))
+    if whole:
+        blocks = sliding_window_view(values, (BLOCK + p, k))[::BLOCK, 0][:whole]
+        np.matmul(band, blocks, out=out[: whole * BLOCK].reshape(whole, BLOCK, k))
+    out[whole * BLOCK :] = band[:rest, : rest + p] @ values[whole * BLOCK :]
+    return out
 
 
 def scale_only(residuals: list[np.ndarray], step: float, flights: Sequence[str] = ()) -> NoiseModel:

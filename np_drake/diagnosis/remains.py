@@ -17,11 +17,11 @@ from np_drake.diagnosis.attribute import (
 )
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.excess import LINE, Line, slow_torque, strongest_line
-from np_drake.diagnosis.gusts import EXCESS, SlowForce, slow_force
 from np_drake.diagnosis.held_out import adapt
 from np_drake.diagnosis.refine import Fit, Generic
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import signature
+from np_drake.diagnosis.slow_force import LEAST, SlowForce, slow_force, slow_power
 from np_drake.diagnosis.unknown import PREFIX
 from np_drake.diagnosis.which import Ranking
 from np_drake.effects.base import Effect
@@ -79,13 +79,9 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
         for (f, material), repeats in zip(found, seen, strict=True)
         if material and repeats and f.size > LEAST_SHARE
     ]
-    slow = slow_force(flights, left, ranking.tolerance)
-    whole = slow_force(flights, {e.name: e.y for e in flights}, ranking.tolerance)
-    felt = any(t.effect.identifier == "linear_drag" for t in ranking.named.terms)
-    slowly = slow.probability(ranking.tolerance, felt=felt)
-    if swings and slow.force**2 < SWUNG * whole.force**2:
-        slowly = 0.0
-    novel = 0.0 if swings else _novel(unseen, swung, ranking.tolerance, gusty=slowly > 0.5)
+    slow, slowly = _slow(ranking, flights, left, unseen, swung)
+    usual = slow_power(flights, left)
+    novel = 0.0 if swings else _novel(unseen, swung, ranking.tolerance, usual, gusty=slowly > 0.5)
     beyond = [t for t in ranking.named.terms if at_its_bound(t.effect)]
     probability = max([*structure, vibrates, twists, novel, BEYOND if beyond else 0.0])
     findings = [f for f, _ in found]
@@ -127,23 +123,51 @@ def _without_swing(held: HeldOut, e: Evidence) -> np.ndarray:
     return e.bridged(e.y - signature(e, held.settled[e.name]))
 
 
+def _slow(
+    ranking: Ranking,
+    flights: Sequence[Evidence],
+    left: dict[str, np.ndarray],
+    unseen: Sequence[Evidence],
+    swung: dict[str, np.ndarray],
+) -> tuple[SlowForce, float]:
+    """A force in the air in what is left of all flights, and its probability: none where those of the fit show none.
+
+    A drag that was found would feel it however small it is; where none was, it is a matter if it is as large as an
+    effect has to be.
+    """
+    seen = slow_force(flights, left, ranking.tolerance)
+    both = slow_force([*flights, *unseen], left | swung, ranking.tolerance)
+    felt = any(t.effect.identifier == "linear_drag" for t in ranking.named.terms)
+    vehicle = flights[0].vehicle
+    matters = felt or both.deviation > MATERIAL_FORCE * vehicle.mass * vehicle.gravity
+    shown = seen.log_evidence > FAINT * LEAST[felt]
+    lost = swinging(ranking.named) and slow_power(flights, left) < SWUNG * slow_power(
+        flights, {e.name: e.y for e in flights}
+    )
+    return both, both.probability(felt=felt) if matters and shown and not lost else 0.0
+
+
 def _novel(
-    unseen: Sequence[Evidence], left: dict[str, np.ndarray], tolerance: Tolerance, *, gusty: bool
+    unseen: Sequence[Evidence],
+    left: dict[str, np.ndarray],
+    tolerance: Tolerance,
+    usual: float,
+    *,
+    gusty: bool,
 ) -> float:
     """Probability that unseen flights show something at work which the flights of the fit did not excite.
 
     A slow force or torque on them is several times what sensors have, and the causes leave much of it. Gusts, which do
-    not repeat, are no such force.
+    not repeat, are no such force.   usual: slow power that is left of the flights of the fit [N²].
     """
     torque, share = slow_torque(unseen, left)
     twists = _above(torque, NOVEL * SLOW_TORQUE[tolerance.real]) if share > MUCH else 0.0
-    if gusty:
-        return twists
-    before = slow_force(unseen, {e.name: e.y for e in unseen}, tolerance)
-    now = slow_force(unseen, left, tolerance)
+    before, after = slow_power(unseen, {e.name: e.y for e in unseen}), slow_power(unseen, left)
     weight = unseen[0].vehicle.mass * unseen[0].vehicle.gravity
-    much = now.force**2 > MUCH * before.force**2 and now.force > 0.5 * MATERIAL_FORCE * weight
-    return max(twists, _above(now.ratio, NOVEL * EXCESS[tolerance.real]) if much else 0.0)
+    if gusty or after < MUCH * before or after < (0.5 * MATERIAL_FORCE * weight) ** 2:
+        return twists
+    ratio = np.sqrt(after / max(usual, (weight * tolerance.attitude) ** 2))
+    return max(twists, _above(float(ratio), NOVEL))
 
 
 def _beyond(effect: Effect) -> Finding:

@@ -57,7 +57,8 @@ class Problem:
             X = np.concatenate([c.columns[e.name] for c in everything], axis=-1)
             self.grams[e.name] = gram(e.white(noise, X), e.white(noise, e.y)).tempered(temperature)
         self.total = sum_grams(list(self.grams.values()))
-        self._base = self.total.log_evidence(self.columns(()))
+        self._nuisance = sum(c.size for c in nuisance)
+        self._rest, _ = self.total.given(self._nuisance)
 
     def columns(self, members: Sequence[int]) -> np.ndarray:
         """Columns of nuisance and members."""
@@ -70,14 +71,15 @@ class Problem:
         chosen = [self.candidates[i] for i in members]
         effects = {name for c in chosen for name in c.identifiers}
         prior = sum(effect_prior(name) for name in effects) + sum(c.log_prior + c.onset_prior for c in chosen)
-        if any(c.possible for c in chosen) and not self._possible(members):
+        groups = [self._index[len(self.nuisance) + i] - self._nuisance for i in members]
+        if any(c.possible for c in chosen) and not self._possible(members, np.concatenate(groups)):
             return -np.inf
-        return self.total.log_evidence(self.columns(members)) - self._base + prior
+        return self._rest.evidence_of_groups(groups, [not c.generic for c in chosen]) + prior
 
-    def _possible(self, members: Sequence[int]) -> bool:
+    def _possible(self, members: Sequence[int], columns: np.ndarray) -> bool:
         """Are the posterior means of all members physical?"""
-        mean, _ = self.total.posterior(self.columns(members))
-        at = sum(c.size for c in self.nuisance)
+        mean, _ = self._rest.posterior(columns)
+        at = 0
         for i in members:
             c = self.candidates[i]
             if c.possible is not None and not c.possible(mean[at : at + c.size]):

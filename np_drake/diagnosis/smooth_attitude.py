@@ -46,6 +46,13 @@ def gyro_attitude(t: np.ndarray, q0: np.ndarray, w: np.ndarray) -> np.ndarray:
     return out / np.linalg.norm(out, axis=1, keepdims=True)
 
 
+def _rate_bias(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """(3,) what the gyro reads too much in the mean: it would be carried far from the readings."""
+    dt = np.diff(t)[:, None]
+    turned = rotation_vector(attitude.multiply(conjugate(q[:-1]), q[1:]))
+    return np.sum(0.5 * (w[1:] + w[:-1]) * dt - turned, axis=0) / (t[-1] - t[0])
+
+
 def smooth_attitude(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, float]:
     """(n, 4) attitude, and the white attitude noise found [rad].
 
@@ -53,7 +60,7 @@ def smooth_attitude(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> tuple[np.nda
     `QUIET` are returned as they are.   Source: the complementary filter, run both ways; own choice of the crossover.
     """
     step = float(np.median(np.diff(t)))
-    carried = gyro_attitude(t, q[0], w)
+    carried = gyro_attitude(t, q[0], w - _rate_bias(t, q, w))
     error = np.unwrap(rotation_vector(attitude.multiply(conjugate(carried), q)), axis=0)
     if 0.5 / step <= 2 * CROSSOVER or len(t) < 30:
         return q, 0.0

@@ -3,10 +3,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake import attitude
 from np_drake.diagnosis.answer import Cause, Estimate
-from np_drake.diagnosis.gusts import SlowForce, as_gusts, slow_force
-from np_drake.diagnosis.hidden_swing import attitude_on_grid
+from np_drake.diagnosis.gusts import as_gusts
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.constant_wind import ConstantWind
@@ -24,42 +22,10 @@ def flown(seen, *effects, seconds=30.0, **how):
     return [seen(*effects, name=str(i), seed=i, noise=1.0, seconds=seconds, **how) for i in (1, 2)]
 
 
-@pytest.mark.parametrize("time", [0.5, 1.5])
-def test_a_gust_is_felt(seen, time):
-    flights = flown(seen, DRAG, GustyWind(0.0, 0.0, 0.0, 1.5, time, seed=4))
-    dut = slow_force(flights, left_of(flights), LABORATORY)
-    assert dut.probability(LABORATORY) > 0.95
-
-
-@pytest.mark.parametrize("accelerations", [True, False])
-@pytest.mark.parametrize("attitude_noise", [0.0, 0.01], ids=["laboratory", "rig"])
-def test_noise_alone_is_no_gust(seen, attitude_noise, accelerations):
-    flights = flown(seen, DRAG, seconds=12.0, attitude_noise=attitude_noise, accelerations=accelerations)
-    tolerance = Tolerance() if attitude_noise else LABORATORY
-    assert slow_force(flights, left_of(flights), tolerance).probability(tolerance) < 0.05
-
-
-def test_a_steady_force_is_no_gust(seen):
-    flights = flown(seen, DRAG, seconds=12.0)
-    left = left_of(flights)
-    still = slow_force(flights, left, LABORATORY)
-    for e in flights:
-        pushed = np.tile([3.0, -2.0, 1.0], (len(e.t), 1))
-        left[e.name][:, :3] += attitude.rotate_back(attitude_on_grid(e), pushed)
-    assert slow_force(flights, left, LABORATORY).force == pytest.approx(still.force, rel=0.05)
-
-
 def cause(effect, **parameters) -> Cause:
     values = parameters or effect.values
     estimates = {n: Estimate(v, "", (v - 0.1, v + 0.1)) for n, v in values.items()}
     return Cause(effect.identifier, 1.0, estimates, {"1": None, "2": None}, effect=effect, share=0.5)
-
-
-def test_in_a_laboratory_a_drag_makes_gusts_likelier_and_on_a_rig_it_does_not():
-    small = SlowForce(0.16, 0.1)
-    assert small.probability(LABORATORY) < 0.2
-    assert small.probability(LABORATORY, felt=True) > 0.8
-    assert small.probability(Tolerance(), felt=True) == small.probability(Tolerance())
 
 
 @pytest.fixture(scope="module")

@@ -49,6 +49,33 @@ def test_posterior_is_that_of_the_joint_normal_distribution(seed):
     np.testing.assert_allclose(covariance, np.eye(4) - gain @ flat, atol=1e-9)
 
 
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10**6), st.integers(0, 3), st.sets(st.integers(0, 1)))
+def test_columns_of_every_model_may_be_taken_out_first(seed, n, chosen):
+    X, y = problem(seed, k=5)
+    dut, rest = gram(X, y), np.array(sorted(chosen), int)
+    index = np.concatenate([np.arange(n), n + rest])
+    given_n, base = dut.given(n)
+    assert base + given_n.log_evidence(rest) == pytest.approx(dut.log_evidence(index), abs=1e-8)
+    for whole, part in zip(dut.posterior(index), given_n.posterior(rest), strict=True):
+        np.testing.assert_allclose(part, whole[(slice(n, None),) * whole.ndim], atol=1e-9)
+
+
+def test_an_effect_of_usual_size_has_the_usual_prior_and_one_of_ten_times_the_size_is_not_punished_for_it():
+    rng = np.random.default_rng(5)
+    X = rng.normal(size=(200, 1, 3))
+    groups = [np.array([0, 1]), np.array([2])]
+    for size, gains in ((0.5, False), (10.0, True)):
+        dut = gram(X, X @ np.array([size, -size, 0.3]) + rng.normal(size=(200, 1)))
+        narrow = dut.evidence_of_groups(groups, [False, False])
+        assert narrow == pytest.approx(dut.log_evidence(np.arange(3)))
+        gain = dut.evidence_of_groups(groups, [True, True]) - narrow
+        assert gain > 50.0 if gains else gain == 0.0
+    cost = 0.5 * 2 * 10.0**2 - 2 * (np.log(10.0) + 0.5)
+    assert gain == pytest.approx(cost, rel=0.1)
+    assert dut.evidence_of_groups([], []) == 0.0
+
+
 def test_grams_of_two_flights_add_to_that_of_both():
     (X, y), (Z, u) = problem(0), problem(1, rows=7)
     both = gram(np.concatenate([X, Z]), np.concatenate([y, u]))

@@ -4,7 +4,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from np_drake.diagnosis.noise import QUIETEST, fit_noise, no_worse, no_worse_anywhere, scale_only
+from np_drake.diagnosis.noise import (
+    QUIETEST,
+    NoiseModel,
+    fit_noise,
+    no_worse,
+    no_worse_anywhere,
+    scale_only,
+)
 
 STEP = 0.02
 PHI = {0: [1.2, -0.6], 1: [0.5], 2: []}  # of three processes
@@ -59,6 +66,16 @@ def test_whitening_is_linear(a, b):
     dut = fit_noise([processes(0, 800)], STEP)
     x, y = processes(1, 300), processes(2, 300)
     np.testing.assert_allclose(dut.whiten(a * x + b * y), a * dut.whiten(x) + b * dut.whiten(y), atol=1e-9)
+
+
+@pytest.mark.parametrize("rows", [21, 40, 52, 53, 200])
+def test_whitening_takes_from_every_row_what_those_before_it_foretell(rows):
+    rng = np.random.default_rng(rows)
+    phi = 0.1 * rng.normal(size=(2, 20))
+    model = NoiseModel(phi, np.eye(2), np.ones(2), np.ones(2), 0.02)
+    values = rng.normal(size=(rows, 2, 3))
+    foretold = np.array([np.einsum("ci,ick->ck", phi, values[k - 20 : k][::-1]) for k in range(20, rows)])
+    np.testing.assert_allclose(model.whiten(values), values[20:] - foretold, atol=1e-12)
 
 
 def test_columns_are_whitened_each_as_a_signal():

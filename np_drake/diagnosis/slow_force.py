@@ -1,0 +1,136 @@
+"""Is there a force in the air? By how much slow residuals are likelier with one than by what sensors do alone.
+
+A force acts on position and accelerometer alike. An attitude that wanders turns the thrust that is taken out of the
+one; an accelerometer that drifts errs in the other, which counts where the attitude that turned it to W is known: it
+reads the force across the thrust whatever the attitude.   Source: Whittle's likelihood, cosine transforms in the place
+of Fourier's (the spectra are steep); priors of the sensors as a rig's tolerances say, those of the force own choice.
+"""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy import fft, optimize
+
+from np_drake import attitude
+from np_drake.diagnosis.evidence import FORCE, POSITION, VELOCITY, Evidence, low_pass
+from np_drake.diagnosis.hidden_swing import attitude_on_grid
+from np_drake.diagnosis.rig import Tolerance
+
+TOP = 1.0  # of what counts as slow [Hz]
+WANDERS = (10.0, 0.45)  # correlation time of an attitude's error [s] and its spread [e-folds]
+SPREAD = 0.25  # of that error's size, of whose median a rig's tolerance speaks [e-folds]
+DRIFTS = (0.55, 0.4)  # of an accelerometer: 1/f part, in tolerances per root e-fold, and its spread [e-folds]
+VAGUE = 3.0  # spread of what is white in either [e-folds]
+BLOWS = (1.0, 0.6)  # correlation time of a force in the air [s] and its spread [e-folds]
+REACH = 3.0  # spreads to either side
+STARTS = (0.2, 1.0)  # of the force's size, over the attitude's
+LEAST = {
+    True: 4.0,
+    False: 7.0,
+}  # log evidence that makes it even odds, where a drag would feel it and where none
+
+
+@dc.dataclass(frozen=True)
+class SlowForce:
+    """log_evidence: of a Gauss-Markov force over sensors alone [1].   deviation: its, of each level axis [N]."""
+
+    log_evidence: float
+    deviation: float
+
+    def probability(self, *, felt: bool) -> float:
+        """That a force is there.   felt: is there a drag that feels a wind?"""
+        return float(1 / (1 + np.exp(np.clip(LEAST[felt] - self.log_evidence, -50, 50))))
+
+
+@dc.dataclass(frozen=True)
+class _Spectra:
+    """Of one flight: f (k,) [Hz], values (c, k, 2) of position, or position and accelerometer, by level axes.
+
+    Their squares are in the mean one-sided power spectral densities [m²/s³].
+    """
+
+    f: np.ndarray
+    values: np.ndarray
+
+
+def slow_force(
+    flights: Sequence[Evidence], left: Mapping[str, np.ndarray], tolerance: Tolerance
+) -> SlowForce:
+    """In what is left (m, 15) of the flights."""
+    spectra = [_spectra(e, left[e.name]) for e in flights]
+    mass, gravity = flights[0].vehicle.mass, flights[0].vehicle.gravity
+    centre, spread = _prior(tolerance, gravity, max(len(s.values) for s in spectra))
+    bounds = list(zip(centre - REACH * spread, centre + REACH * spread, strict=True))
+    n, (time, times) = len(centre), BLOWS
+
+    def still(z: np.ndarray) -> float:
+        return _loss(spectra, z, None) + 0.5 * float(np.sum(((z - centre) / spread) ** 2))
+
+    def blown(z: np.ndarray) -> float:
+        own = 0.5 * float(np.sum(((z[:n] - centre) / spread) ** 2))
+        return _loss(spectra, z[:n], z[n:]) + own + 0.5 * ((z[n + 1] - np.log(time)) / times) ** 2
+
+    calm = optimize.minimize(still, centre, method="L-BFGS-B", bounds=bounds)
+    about = [(centre[0] - 4, centre[0] + 4), (np.log(time) - REACH * times, np.log(time) + REACH * times)]
+    starts = [
+        [*z, centre[0] + np.log(s), np.log(time)] for z, s in zip((calm.x, centre), STARTS, strict=True)
+    ]
+    ends = [optimize.minimize(blown, z, method="L-BFGS-B", bounds=[*bounds, *about]) for z in starts]
+    best = min(ends, key=lambda end: end.fun)
+    return SlowForce(max(float(calm.fun - best.fun), 0.0), mass * float(np.exp(best.x[n])))
+
+
+def slow_power(flights: Sequence[Evidence], left: Mapping[str, np.ndarray]) -> float:
+    """Of what is left (m, 15), as position shows it: mean square of a level axis, its mean apart [N²]."""
+    spectra = [_spectra(e, left[e.name]) for e in flights]
+    width = [s.f[0] for s in spectra]
+    power = [np.sum(np.mean(s.values[0] ** 2, axis=1)) * w for s, w in zip(spectra, width, strict=True)]
+    return float(flights[0].vehicle.mass ** 2 * np.mean(power))
+
+
+def _spectra(e: Evidence, left: np.ndarray) -> _Spectra:
+    step, R = e.grid.step, attitude_on_grid(e)
+    slip = attitude.rotate(R, left[:, POSITION])
+    from_position = np.gradient(slip, step, axis=0) + attitude.rotate(R, left[:, VELOCITY])
+    read = left[:, FORCE] / e.vehicle.mass
+    both = [read + attitude.rotate_back(R, from_position), *([read] if e.turned else [])]
+    across = [attitude.rotate(R, b * [1.0, 1.0, 0.0])[:, :2] for b in both]
+    edge = round(0.25 / (TOP * step))
+    slow = [low_pass(a, step, 4 * TOP)[edge:-edge] for a in across]
+    n = len(slow[0])
+    f = np.arange(n) / (2 * n * step)
+    some = (f > 0) & (f <= TOP)
+    return _Spectra(
+        f[some], np.stack([fft.dct(a, axis=0, norm="ortho")[some] * np.sqrt(2 * step) for a in slow])
+    )
+
+
+def _prior(tolerance: Tolerance, gravity: float, channels: int) -> tuple[np.ndarray, np.ndarray]:
+    """Centre and spread of the logarithms of what sensors do: attitude (RMS [m/s²], time [s], white), accelerometer."""
+    turned = gravity * tolerance.attitude
+    found = [(turned, SPREAD), WANDERS, (0.02 * turned, VAGUE)]
+    if channels == 2:
+        found += [(DRIFTS[0] * tolerance.acceleration, DRIFTS[1]), (0.2 * tolerance.acceleration, VAGUE)]
+    return np.log([centre for centre, _ in found]), np.array([spread for _, spread in found])
+
+
+def _markov(f: np.ndarray, rms: float, time: float) -> np.ndarray:
+    """(k,) one-sided power spectral density of a first-order Gauss-Markov process, of the logarithms."""
+    return 4 * np.exp(2 * rms + time) / (1 + (2 * np.pi * f * np.exp(time)) ** 2)
+
+
+def _loss(spectra: Sequence[_Spectra], z: np.ndarray, force: np.ndarray | None) -> float:
+    """Minus log likelihood, but for a constant, with the sensors' z and the force's (size, time), all logarithms."""
+    total = 0.0
+    for s in spectra:
+        common = np.zeros(len(s.f)) if force is None else _markov(s.f, *force)
+        position = _markov(s.f, z[0], z[1]) + np.exp(2 * z[2]) + common
+        if len(s.values) == 1:
+            total += float(np.sum(0.5 * np.sum(s.values[0] ** 2, axis=1) / position + np.log(position)))
+            continue
+        read = np.exp(2 * z[3]) / s.f + np.exp(2 * z[4]) + common
+        det = position * read - common**2
+        (pp, pr, rr) = (np.sum(s.values[i] * s.values[j], axis=1) for i, j in ((0, 0), (0, 1), (1, 1)))
+        total += float(np.sum(0.5 * (read * pp - 2 * common * pr + position * rr) / det + np.log(det)))
+    return total
