@@ -8,7 +8,7 @@ import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
+from numpy.lib.stride_tricks import as_strided
 from scipy import linalg
 
 ORDER = 20  # 0.4 s at 50 Hz
@@ -76,7 +76,9 @@ def _innovations(phi: np.ndarray, values: np.ndarray) -> np.ndarray:
     whole, rest = divmod(n - p, BLOCK)
     out = np.empty((n - p, k))
     if whole:
-        blocks = sliding_window_view(values, (BLOCK + p, k))[::BLOCK, 0][:whole]
+        row_size, item = values.strides
+        shape, steps = (whole, BLOCK + p, k), (BLOCK * row_size, row_size, item)
+        blocks = as_strided(values, shape, steps, writeable=False)
         np.matmul(band, blocks, out=out[: whole * BLOCK].reshape(whole, BLOCK, k))
     out[whole * BLOCK :] = band[:rest, : rest + p] @ values[whole * BLOCK :]
     return out

@@ -75,8 +75,11 @@ def noise_of(residuals, raw, step: float, tolerance: Tolerance, inexact: float =
 def _best_variants(flights, noise, candidates) -> list[Candidate]:
     """Of every effect the variant that explains most alone."""
     best: dict[tuple[str, ...], tuple[float, Candidate]] = {}
+    white = [e.white(noise, e.y) for e in flights]
     for c in candidates:
-        total = sum_grams([gram(e.white(noise, c.columns[e.name]), e.white(noise, e.y)) for e in flights])
+        total = sum_grams(
+            [gram(e.white(noise, c.columns[e.name]), y) for e, y in zip(flights, white, strict=True)]
+        )
         gain = total.log_evidence(np.arange(c.size))
         if c.identifiers not in best or gain > best[c.identifiers][0]:
             best[c.identifiers] = (gain, c)
