@@ -50,3 +50,20 @@ def test_the_experiment_of_the_docs_flies_well(tmp_path):
     assert metrics["E_xy"] < 0.03
     assert metrics["E_z"] < 0.01
     assert metrics["solve_failures"] == 0
+
+
+def test_the_tolerances_in_the_docs_are_those_of_the_code():
+    from np_drake.diagnosis.rig import LABORATORY, Tolerance
+
+    page = (ROOT / "docs" / "diagnosis.md").read_text()
+    rows = {
+        "mass, thrust of the vehicle file": ("mass", 100, "% each"),
+        "accelerometer, from flight to flight": ("acceleration", 1, "m/s²"),
+        "attitude": ("attitude", 1000, "mrad"),
+        "gyro": ("rate", 1, "rad/s"),
+        "velocity": ("velocity", 1, "m/s"),
+    }
+    for name, (field, factor, unit) in rows.items():
+        figures = [f"{round(factor * getattr(t, field), 6):g} {unit}" for t in (Tolerance(), LABORATORY)]
+        assert f"| {name} | {' | '.join(figures)} |" in page
+    assert (Tolerance().mass, LABORATORY.mass) == (Tolerance().thrust, LABORATORY.thrust)

@@ -44,6 +44,12 @@ def diagnose(
     no_second_look: Annotated[
         bool, typer.Option("--no-second-look", help="Fit nothing to held-out flights, whatever they show.")
     ] = False,
+    rig: Annotated[
+        bool | None,
+        typer.Option(
+            "--rig/--laboratory", help="What file and sensors may be off by; default: as logs look."
+        ),
+    ] = None,
     repair: options.Repair = False,
     seed: options.Seed = 0,
     out: Annotated[
@@ -59,12 +65,12 @@ def diagnose(
     files = choose_files(case, vehicle, list(train or ()), list(held_out or ()))
     nominal = nominal_vehicle(files)
     logs = [open_flights(paths, nominal, repair=repair) for paths in (files.train, files.held_out)]
-    found = run(nominal, *logs, replay=not no_replay, second_look=not no_second_look)
+    found = run(nominal, *logs, replay=not no_replay, second_look=not no_second_look, rig=rig)
     from diagrams.cli.diagnosis_tables import show
 
     show(found)
     config: dict[str, Any] = {"vehicle": nominal.name, "train": files.train, "held_out": files.held_out}
-    config |= {"replay": not no_replay, "second_look": not no_second_look, "repair": repair}
+    config |= {"replay": not no_replay, "second_look": not no_second_look, "rig": rig, "repair": repair}
     if out is not None:
         from np_drake.diagnosis.report.write import write_report
 
@@ -139,13 +145,18 @@ def run(
     *,
     replay: bool,
     second_look: bool = True,
+    rig: bool | None = None,
 ) -> "Diagnosis":
-    """The five steps behind a progress bar."""
+    """The five steps behind a progress bar.   rig: logs of one, or of a laboratory; None: as they look."""
     from diagrams.gap_replay import DrakeReplay
     from np_drake.diagnosis.diagnose import diagnose as five_steps
+    from np_drake.diagnosis.rig import LABORATORY, Tolerance
 
     with progress("diagnosing", 1.0) as advance:
         simulator = DrakeReplay(vehicle) if replay else None
-        found = five_steps(vehicle, train, held_out, simulator, second_look=second_look, on_progress=advance)
+        how = {None: None, True: Tolerance(), False: LABORATORY}[rig]
+        found = five_steps(
+            vehicle, train, held_out, simulator, second_look=second_look, tolerance=how, on_progress=advance
+        )
         advance(1.0)
     return found

@@ -10,7 +10,8 @@ from np_drake.diagnosis.report.verdict import headline, verdict_sentences
 
 def show(diagnosis: Diagnosis) -> None:
     """Prints it, the verdict first; warnings last."""
-    say(headline(diagnosis), *(text.replace(words.NBSP, " ") for text in verdict_sentences(diagnosis)), "")
+    say(headline(diagnosis), *(text.replace(words.NBSP, " ") for text in verdict_sentences(diagnosis)))
+    say(*(f"Judged as logs of a {name} (--rig, --laboratory)." for name in [diagnosis.judged_as] if name), "")
     tables = (
         ("causes", ["effect", "probability", "parameter", "value", "95 % interval", "onset"], cause_rows),
         ("held-out residual", ["simulator", "residual [noise units]"], ladder_rows),

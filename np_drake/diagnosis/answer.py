@@ -175,7 +175,7 @@ class Diagnosis:
 
     joined: held-out flights whose first half joined the fit, so that only their second half judges.
     cannot_tell: the logs excite nothing; then there is no verdict.   unknown: probability that something material
-    is left that no effect of the library explains.
+    is left that no effect of the library explains.   judged_as: logs of a rig or of a laboratory; empty: neither.
     """
 
     vehicle: str
@@ -193,6 +193,7 @@ class Diagnosis:
     warnings: tuple[str, ...] = ()
     wall: float = float("nan")  # [s]
     joined: tuple[str, ...] = ()
+    judged_as: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """`diagnosis.json` as a dictionary of plain types."""

@@ -19,6 +19,7 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "train": diagnosis.train,
         "held_out": diagnosis.held_out,
         "joined": diagnosis.joined,
+        "judged_as": diagnosis.judged_as,
         "verdict": diagnosis.verdict,
         "cannot_tell": diagnosis.cannot_tell,
         "unknown_probability": diagnosis.unknown_probability,

@@ -14,6 +14,7 @@ from np_drake.diagnosis.grid import natural_step
 from np_drake.diagnosis.how_far import how_far
 from np_drake.diagnosis.look import look
 from np_drake.diagnosis.noise import fit_noise
+from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.second_look import halved, unforeseen
 from np_drake.diagnosis.where import where
 from np_drake.logs.flight_log import FlightLog
@@ -29,6 +30,7 @@ def diagnose(
     replay: Replay | None = None,
     *,
     second_look: bool = True,
+    tolerance: Tolerance | None = None,
     on_progress: Progress | None = None,
 ) -> Diagnosis:
     """Where the nominal model of `vehicle` and the flights part, which effect causes it, how far it shrinks.
@@ -38,6 +40,8 @@ def diagnose(
         replay: the simulator as a callable (`diagrams.gap_replay.DrakeReplay`); without it, that figure is left out.
         second_look: where held-out flights show what the training flights do not, let their first halves join the
             fit and only their second halves judge; `Diagnosis.joined` names them.
+        tolerance: what vehicle file and sensors may be off by without a cause: `Tolerance()` for a rig,
+            `LABORATORY`, or one's own; default: a rig where attitudes are noisy or rotor speed is measured.
         on_progress: called with the share done [1] and what is going on.
     Raises: ValueError: on logs that cannot be used, one line with the remedy.
     """
@@ -53,12 +57,12 @@ def diagnose(
         answer = _cannot_tell(flights, unseen)
         return Diagnosis(**names, **answer, cannot_tell=True, wall=time.perf_counter() - start)
     tell(0.1, "effects")
-    found = look(flights, unseen)
+    found = look(flights, unseen, tolerance)
     joined: list[Evidence] = []
     if second_look and unforeseen(found):
         tell(0.4, "what held-out flights show")
         joined, judges = halved(unseen)
-        found = look([*flights, *joined], judges) if joined else found
+        found = look([*flights, *joined], judges, tolerance) if joined else found
     tell(0.7, "how far")
     held, noise = found.left.held, found.ranking.noise
     checked = check(found.flights, found.unseen, found.ranking.problem.candidates, noise)
@@ -68,6 +72,7 @@ def diagnose(
     return Diagnosis(
         **names,
         joined=halves,
+        judged_as=found.ranking.tolerance.name,
         verdict=verdict,
         causes=tuple(_without(c, _names(joined)) for c in found.causes),
         check=checked,

@@ -10,6 +10,7 @@ from np_drake.diagnosis.gusts import as_gusts
 from np_drake.diagnosis.held_out import without_shocks
 from np_drake.diagnosis.probability import BESIDE_UNKNOWN
 from np_drake.diagnosis.remains import Remains, remains
+from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.which import Ranking, rank
 
 
@@ -28,9 +29,9 @@ class Look:
     gusty: bool
 
 
-def look(flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> Look:
+def look(flights: Sequence[Evidence], unseen: Sequence[Evidence], tolerance: Tolerance | None = None) -> Look:
     """Ranks the effects by `flights` and asks `unseen` which of them are causes."""
-    ranking = rank(flights)
+    ranking = rank(flights, tolerance=tolerance)
     fit, flights = ranking.fits[0], ranking.problem.flights
     unseen = [without_shocks(ranking.named.everything, e, ranking.noise) for e in unseen]
     left = remains(ranking, fit, flights, unseen)

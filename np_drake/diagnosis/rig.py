@@ -35,6 +35,11 @@ class Tolerance:
     velocity: float = 0.02  # from flight to flight [m/s]
 
     @property
+    def name(self) -> str:
+        """rig | laboratory."""
+        return "rig" if self.real else "laboratory"
+
+    @property
     def real(self) -> bool:
         """Of a rig, not of a laboratory."""
         return self.mass > 0.003

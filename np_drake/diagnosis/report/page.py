@@ -57,6 +57,7 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
         "vehicle": diagnosis.vehicle,
         "facts": [
             ("vehicle", diagnosis.vehicle),
+            ("judged as logs of a", diagnosis.judged_as or "–"),
             ("np_drake", version("np_drake")),
             ("seed", str(seed)),
             ("computed in", f"{words.number(diagnosis.wall)} s"),

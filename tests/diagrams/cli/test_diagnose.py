@@ -14,7 +14,9 @@ from np_drake.logs.neurobem import RACE_TRACK
 VEHICLE = "name: mine\nmass: 2.5\n"
 
 
-def answer(vehicle, train, held_out, replay=None, *, second_look=True, on_progress=None) -> an.Diagnosis:
+def answer(
+    vehicle, train, held_out, replay=None, *, second_look=True, tolerance=None, on_progress=None
+) -> an.Diagnosis:
     """A mass error, whatever the logs say; the replay is the real one."""
     on_progress(0.5, "half")
     mass = an.Estimate(0.1, "kg", (0.08, 0.12))
@@ -33,6 +35,7 @@ def answer(vehicle, train, held_out, replay=None, *, second_look=True, on_progre
         an.Where((an.ChannelGap("force z", "N", 1.0, 0.1, 0.1, 0.99),)),
         an.Shrink(5.0, 1.2, 1.0, 0.98, (0.95, 0.99), ladder, gap, gap),
         minor=(an.Finding("gyro_bias", "0.001 rad/s about x.", 0.001),),
+        judged_as="" if tolerance is None else tolerance.name,
     )
 
 
@@ -89,6 +92,15 @@ def test_logs_can_be_named_one_by_one_and_the_replay_left_out(case, tmp_path, ca
     assert content["vehicle"] == "paper"
     assert content["shrink"]["replay"] is None
     assert "position [m]" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["rig", "laboratory"])
+def test_the_user_says_whether_logs_are_a_rigs_or_a_laboratorys(case, tmp_path, capsys, name):
+    metrics = tmp_path / "d.json"
+    assert run(["diagnose", str(case), "--no-replay", f"--{name}", "--json", str(metrics)]) == 0
+    assert f"Judged as logs of a {name}" in capsys.readouterr().out
+    content = json.loads(metrics.read_text())
+    assert (content["judged_as"], content["config"]["rig"]) == (name, name == "rig")
 
 
 def test_a_real_flight_has_its_published_vehicle(case, neurobem, tmp_path, capsys):

@@ -7,6 +7,7 @@ import pytest
 
 from np_drake.diagnosis.answer import Diagnosis
 from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.rig import Tolerance
 from np_drake.effects.base import Parameter, WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.library import register
@@ -51,6 +52,15 @@ def test_one_effect_is_found_with_its_size(diagnosed):
     assert dut.vehicle == "paper"
     assert dut.train == ("a", "b")
     assert dut.held_out == ("c",)
+
+
+def test_what_a_rigs_file_may_be_off_by_is_a_cause_in_a_laboratory(diagnosed, fly):
+    lighter = MassError(-0.012 * VEHICLE.mass)
+    assert diagnosed(lighter).judged_as == "laboratory"
+    assert diagnosed(lighter).verdict == ("mass_error",)
+    train, judge = ([fly(lighter, name=n, seed=i, **SHORT)] for n, i in (("a", 1), ("c", 3)))
+    dut = diagnose(VEHICLE, train, judge, tolerance=Tolerance())
+    assert (dut.judged_as, dut.verdict) == ("rig", ())
 
 
 def test_a_dead_time_is_found_and_a_late_clock_named_beside_it(diagnosed):
