@@ -5,8 +5,11 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import yaml
 
 from np_drake.yaml_file import load_checked
+
+RIGID = ("mass", "inertia", "rotor_positions", "thrust_coefficient", "torque_coefficient", "max_rotor_thrust")
 
 
 def _paper_rotors() -> list[list[float]]:
@@ -115,6 +118,12 @@ class Vehicle:
 def load_vehicle(path: str | Path) -> Vehicle:
     """Reads a vehicle file (YAML). Raises ValueError with file and field on bad content."""
     return load_checked(Vehicle, path, "vehicle file")
+
+
+def left_out(path: str | Path) -> list[str]:
+    """Figures of `RIGID` that a readable vehicle file does not name, so that they are the paper's vehicle's."""
+    named = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    return [name for name in RIGID if name not in named]
 
 
 def _require(condition: bool, message: str) -> None:

@@ -110,13 +110,16 @@ def nominal_vehicle(files: "CaseFiles") -> "Vehicle":
     """
     from np_drake.logs.neurobem import published_vehicle
     from np_drake.logs.open_log import is_neurobem
-    from np_drake.vehicle import Vehicle, load_vehicle
+    from np_drake.vehicle import Vehicle, left_out, load_vehicle
 
     name = None if files.vehicle is None else str(files.vehicle)
     if name is None:
         name = "neurobem" if all(is_neurobem(path) for path in files.train + files.held_out) else "paper"
     if name not in NAMED_VEHICLES:
-        return load_vehicle(name)
+        vehicle = load_vehicle(name)
+        if missing := left_out(name):
+            say(f"{name}: {', '.join(missing)} not named: those of the paper's vehicle are taken.")
+        return vehicle
     vehicle = published_vehicle() if name == "neurobem" else Vehicle()
     if files.vehicle is None:
         say(f"vehicle: {name}, {vehicle.mass:g} kg, as no --vehicle was given.")

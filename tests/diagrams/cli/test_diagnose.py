@@ -5,11 +5,13 @@ import json
 
 import numpy as np
 import pytest
+import yaml
 
 from diagrams.cli.main import run
 from np_drake.diagnosis import answer as an
 from np_drake.logs.case_folder import find_case
 from np_drake.logs.neurobem import RACE_TRACK
+from np_drake.vehicle import RIGID, Vehicle
 
 VEHICLE = "name: mine\nmass: 2.5\n"
 
@@ -101,6 +103,19 @@ def test_the_user_says_whether_logs_are_a_rigs_or_a_laboratorys(case, tmp_path, 
     assert f"Judged as logs of a {name}" in capsys.readouterr().out
     content = json.loads(metrics.read_text())
     assert (content["judged_as"], content["config"]["rig"]) == (name, name == "rig")
+
+
+def test_what_a_vehicle_file_leaves_out_is_said(case, capsys):
+    assert run(["diagnose", str(case), "--no-replay"]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert (
+        "inertia, rotor_positions, thrust_coefficient, torque_coefficient, max_rotor_thrust not named"
+        in printed
+    )
+    full = VEHICLE + yaml.safe_dump({name: getattr(Vehicle(), name) for name in RIGID[1:]})
+    (case / "vehicle.yaml").write_text(full)
+    assert run(["diagnose", str(case), "--no-replay"]) == 0
+    assert "not named" not in capsys.readouterr().out
 
 
 def test_a_real_flight_has_its_published_vehicle(case, neurobem, tmp_path, capsys):
