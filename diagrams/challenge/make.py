@@ -11,7 +11,7 @@ from pathlib import Path
 from joblib import Parallel, delayed
 
 from diagrams.challenge import rotorpy_extra
-from diagrams.challenge.case import FILES, NOISE, Case, CaseDraw, draw_case
+from diagrams.challenge.case import FILES, NOISE, Case, CaseDraw, draw_case, opaque
 from diagrams.challenge.composition import compose
 from diagrams.challenge.quality import kept_rows, measured, rows_of
 from diagrams.challenge.truth import truth, write_truth
@@ -51,6 +51,7 @@ def make(
     Raises: ValueError: on impossible arguments; FailedRun: where a case cannot be flown in any draw.
     """
     check_request(out, truth, simulator=simulator, quality=quality, seconds=seconds, cases=cases + clean)
+    require_no_other_set(out, truth, seed=seed, cases=cases + clean)
     for folder in (out, truth):
         folder.mkdir(parents=True, exist_ok=True)
     draws = compose(cases, clean, seed)
@@ -135,6 +136,15 @@ def whole_folder(path: Path) -> Iterator[Path]:
         os.replace(temporary, path)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def require_no_other_set(out: Path, truth: Path, *, seed: int, cases: int) -> None:
+    """Raises ValueError where a folder holds what is not of this set: two sets could not be told apart there."""
+    own = {opaque(seed, index) for index in range(cases)}
+    for folder in (out, truth):
+        others = sorted({path.name for path in folder.iterdir()} - own) if folder.is_dir() else []
+        if others:
+            raise ValueError(f"make: {folder} holds another set, or {others[0]}; give an empty folder.")
 
 
 def check_request(

@@ -30,12 +30,13 @@ def make(
     """Fly and write a set: about half single effects, then pairs, triples, onsets in flight, foreign effects."""
     if json is not None:
         require_writable(json)
-    from diagrams.challenge.make import check_request
+    from diagrams.challenge.make import check_request, require_no_other_set
     from diagrams.challenge.make import make as run
 
     check_request(out, truth, simulator=simulator, quality=quality, seconds=seconds, cases=cases + clean)
     for folder in (out, truth):
         require_folder(folder)
+    require_no_other_set(out, truth, seed=seed, cases=cases + clean)
     config = {"simulator": simulator, "quality": quality, "cases": cases, "clean": clean, "seconds": seconds}
     with progress(f"flying {cases + clean} cases", cases + clean) as advance:
         result = run(out, truth, seed=seed, jobs=jobs, on_progress=advance, **config)  # type: ignore[arg-type]

@@ -1,11 +1,12 @@
 import json
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
 
 from diagrams.challenge import make as module
-from diagrams.challenge.case import FILES, CaseDraw
-from diagrams.challenge.make import make, make_case
+from diagrams.challenge.case import FILES, CaseDraw, opaque
+from diagrams.challenge.make import make, make_case, require_no_other_set
 from diagrams.failed_run import FailedRun
 from np_drake.logs.log_file import read_log
 from np_drake.vehicle import load_vehicle
@@ -73,6 +74,17 @@ def test_the_truth_may_not_lie_with_the_cases(tmp_path, truth):
 def test_impossible_requests_are_refused(tmp_path, wrong):
     with pytest.raises(ValueError, match="make"):
         make(tmp_path / "cases", tmp_path / "truth", clean=0, **wrong)
+
+
+def test_a_set_is_not_mixed_with_another_but_may_be_made_again(tmp_path):
+    mine = opaque(5, 0)
+    for name, fine in ((mine, True), (opaque(6, 0), False), ("notes.txt", False)):
+        for holder in ("cases", "truth"):
+            folders = {n: tmp_path / f"{name}-{holder}" / n for n in ("cases", "truth")}
+            (folders[holder] / name).mkdir(parents=True)
+            expected = nullcontext() if fine else pytest.raises(ValueError, match="another set")
+            with expected:
+                require_no_other_set(folders["cases"], folders["truth"], seed=5, cases=2)
 
 
 def test_a_lost_vehicle_is_drawn_again_and_counted(tmp_path, monkeypatch):
