@@ -171,6 +171,7 @@ def causes_of(
         material = size.material(calibration=calibration, sensor=sensor, real=ranking.tolerance.real)
         material |= gusty and term.effect.identifier == GUSTY[0]
         sure = cause.probability >= SURE[ranking.tolerance.real]
+        sure |= gusty and term.effect.identifier == GUSTY[0]
         if confirmed and material and sure and not at_its_bound(term.effect):
             causes.append(cause)
         else:

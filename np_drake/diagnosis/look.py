@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from np_drake.diagnosis.answer import Cause, Finding
 from np_drake.diagnosis.attribute import causes_of, in_gusts
 from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.felt import with_drag
 from np_drake.diagnosis.gusts import as_gusts
 from np_drake.diagnosis.held_out import without_shocks
 from np_drake.diagnosis.probability import BESIDE_UNKNOWN
@@ -35,6 +36,10 @@ def look(flights: Sequence[Evidence], unseen: Sequence[Evidence], tolerance: Tol
     fit, flights = ranking.fits[0], ranking.problem.flights
     unseen = [without_shocks(ranking.named.everything, e, ranking.noise) for e in unseen]
     left = remains(ranking, fit, flights, unseen)
+    if left.slow_probability > 0.5 and not left.unknown and not left.structured:
+        felt = with_drag(ranking)
+        left = left if felt is ranking else remains(felt, fit, flights, unseen)
+        ranking = felt
     unknown, probability = left.unknown, left.probability
     slowly = left.slow_probability > 0.5 and not unknown
     gusty = slowly and not left.structured  # a slow force of the rotors is no gust
@@ -43,7 +48,8 @@ def look(flights: Sequence[Evidence], unseen: Sequence[Evidence], tolerance: Tol
         unknown, probability = True, left.slow_probability
     if gusty:
         rest = {e.name: ranking.named.left(e) for e in flights}
-        causes = as_gusts(flights, rest, causes, left.slow_probability, ranking.tolerance)
+        blows = left.slow_probability * ranking.probability.get("linear_drag", 1.0)
+        causes = as_gusts(flights, rest, causes, blows, ranking.tolerance)
         gusts = next((c for c in causes if c.identifier == "gusty_wind"), None)
         unknown = gusts is None  # nothing was found that would feel them
         probability = left.slow_probability if unknown else left.probability

@@ -8,6 +8,7 @@ import numpy as np
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.answer import CHANNELS, Finding
 from np_drake.diagnosis.attribute import (
+    EXACT,
     MATERIAL_FORCE,
     MATERIAL_GAP,
     MATERIAL_TORQUE,
@@ -139,7 +140,8 @@ def _slow(
     both = slow_force([*flights, *unseen], left | swung, ranking.tolerance)
     felt = any(t.effect.identifier == "linear_drag" for t in ranking.named.terms)
     vehicle = flights[0].vehicle
-    matters = felt or both.deviation > MATERIAL_FORCE * vehicle.mass * vehicle.gravity
+    least = MATERIAL_FORCE * (1.0 if ranking.tolerance.real else EXACT)
+    matters = felt or both.deviation > least * vehicle.mass * vehicle.gravity
     shown = seen.log_evidence > FAINT * LEAST[felt]
     lost = swinging(ranking.named) and slow_power(flights, left) < SWUNG * slow_power(
         flights, {e.name: e.y for e in flights}

@@ -82,12 +82,12 @@ def _refined(
 ) -> dict[Model, Fit]:
     """The models that come close to the best, and the best of them without its faint effects, each with its fit."""
     close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
-    fits = {m: _refine(problem, m, tolerance, best, noise) for m in close[:REFINED]}
+    fits = {m: refit(problem, m, tolerance, best, noise) for m in close[:REFINED]}
     first = min(fits, key=lambda m: precedence(fits[m]))
     fits[first] = _rested(problem, first, tolerance, fits[first], noise)
     for m in simpler(problem, first, fits[first]):
         if m not in fits:
-            fits[m] = _refine(problem, m, tolerance, _only(problem, m, fits[first]), noise)
+            fits[m] = refit(problem, m, tolerance, _only(problem, m, fits[first]), noise)
     return fits
 
 
@@ -106,7 +106,7 @@ def _search_twice(ready: Ready, tolerance: Tolerance) -> tuple[Problem, list[Mod
             problem = Problem(ready.flights, noise, ready.nuisance, everything, temperature=TEMPERATURE)
         models = library_first(problem, search(problem))
         acting = [problem.candidates[i] for i in models[0].members]
-        best = _refine(problem, models[0], tolerance, best, iterations=3)
+        best = refit(problem, models[0], tolerance, best, iterations=3)
         noise = noise_of([best.left(e) for e in ready.flights], ready.raw, ready.step, tolerance, INEXACT)
     assert best is not None
     return problem, models, best
@@ -128,7 +128,7 @@ def _without_generic(
         noise = _structured_noise(left, raw, flights)
         plain = Problem(flights, noise, problem.nuisance, candidates, temperature=TOGETHER)
         models = search(plain, most=MOST_MEASURED if measured else MOST_EFFECTS)
-        fit = _refine(plain, models[0], tolerance, None, iterations=5)
+        fit = refit(plain, models[0], tolerance, None, iterations=5)
     return fit, plain, models
 
 
@@ -142,7 +142,7 @@ def _structured_noise(
     return scale_only(no_worse_anywhere(left, raw), step, [e.name for e in flights])
 
 
-def _refine(
+def refit(
     problem: Problem,
     model: Model,
     tolerance: Tolerance,
@@ -181,7 +181,7 @@ def _rested(problem: Problem, model: Model, tolerance: Tolerance, fit: Fit, nois
     """The fit, where a swing is hidden in it, begun anew until it gains no more."""
     swings = any(hasattr(t.effect, "payload") for t in fit.terms)
     for _ in range(AGAIN if swings else 0):
-        before, fit = fit, _refine(problem, model, tolerance, fit, noise)
+        before, fit = fit, refit(problem, model, tolerance, fit, noise)
         if fit.log_evidence < before.log_evidence + 1.0:
             return max(before, fit, key=lambda f: f.log_evidence)
     return fit

@@ -1,0 +1,41 @@
+"""A drag too small to be named by itself, where gusts are there that have to be felt through one."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake.diagnosis.search import Model, effect_prior
+from np_drake.diagnosis.which import Ranking, names_of, names_of_fit, refit
+
+DRAG = "linear_drag"
+RATHER = (
+    2.3  # log odds of wind against what the library does not have, for a slow force of no shape; own choice
+)
+
+
+def with_drag(ranking: Ranking) -> Ranking:
+    """The same with a linear drag in the model that is named, where flights do not speak against it; else as it is.
+
+    Gusts and a drag are as rare together as something that is not in the library; what is left is what the flights
+    themselves say of the drag, its prior apart.
+    """
+    problem, key = ranking.named_problem, names_of_fit(ranking.named)
+    known = next((m for m in ranking.named_models if names_of(problem, m) == key), None)
+    if known is None or DRAG in key:
+        return ranking
+    sets = [
+        (*known.members, i)
+        for i, c in enumerate(problem.candidates)
+        if c.identifiers == (DRAG,) and not c.onset and problem.fits_together((*known.members, i))
+    ]
+    best = max((Model(m, problem.score(m)) for m in sets), key=lambda m: m.score, default=None)
+    if best is None:
+        return ranking
+    odds = best.score - problem.score(known.members) - effect_prior(DRAG) + RATHER
+    if odds < 0:
+        return ranking
+    own = ranking.noise if problem is ranking.problem else None
+    named = refit(problem, best, ranking.tolerance, None, own)
+    probability = ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))}
+    models = (best, *ranking.named_models)
+    return dc.replace(ranking, named=named, named_models=models, probability=probability)
