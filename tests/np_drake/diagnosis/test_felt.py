@@ -1,0 +1,32 @@
+import pytest
+
+from np_drake.diagnosis.felt import DRAG, with_drag
+from np_drake.diagnosis.look import look
+from np_drake.effects.gusty_wind import GustyWind
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+
+WEAK = LinearDrag(0.05, 0.05, 0.05)
+GUSTS = GustyWind(0.0, 0.0, 0.0, 3.0, 0.8, seed=4)
+
+
+def named(ranking) -> list[str]:
+    return [t.effect.identifier for t in ranking.named.terms]
+
+
+def test_gusts_are_felt_through_a_drag_that_is_too_small_to_be_named_by_itself(ranked):
+    case = ranked(WEAK, GUSTS)
+    assert DRAG not in named(case.ranking)
+    dut = look(case.flights, case.unseen)
+    causes = {c.identifier: c for c in dut.causes}
+    assert list(causes) == [DRAG, "gusty_wind"]
+    assert not dut.unknown
+    assert causes["gusty_wind"].probability == pytest.approx(dut.ranking.probability[DRAG], rel=0.01)
+    low, high = causes[DRAG].parameters["d_x"].ci95
+    assert low < 0.05 < high
+
+
+def test_where_flights_speak_against_a_drag_or_name_it_themselves_nothing_changes(ranked):
+    for effects in ((), (MassError(0.2),), (LinearDrag(0.6, 0.6, 0.6),)):
+        ranking = ranked(*effects).ranking
+        assert with_drag(ranking) is ranking
