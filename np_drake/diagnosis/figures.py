@@ -25,14 +25,19 @@ class Free:
     entry: int = 0
 
 
-def free_figures(terms: Sequence[Term], flights: Sequence[Evidence], scales: dict[int, float]) -> list[Free]:
-    """What may move. scales: of calibration terms, by position: the prior deviation instead of the typical one."""
+def free_figures(
+    terms: Sequence[Term], flights: Sequence[Evidence], scales: dict[int, float], *, wide: bool = True
+) -> list[Free]:
+    """What may move. scales: of calibration terms, by position: the prior deviation instead of the typical one.
+
+    wide: are priors as wide as effects are large?
+    """
     found = []
     for i, term in enumerate(terms):
-        wide = _width(term)
+        width = _width(term) if wide else 1.0
         for p in term.effect.parameters:
             if not p.choices:
-                scale = scales.get(i, wide * p.typical)
+                scale = scales.get(i, width * p.typical)
                 found.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
         if not hasattr(term.effect, "payload"):
             continue

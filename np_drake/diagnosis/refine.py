@@ -70,14 +70,15 @@ def refine(
     wander: dict[str, np.ndarray] | None = None,
     generic: Sequence[Candidate] = (),
     evaluations: int = 8,
+    wide: bool = True,
 ) -> Fit:
     """Fits terms and calibration (each with its prior deviation) to the flights, from the terms' values.
 
-    wander: (m, 15, k) by flight, linear nuisance with prior N(0, 1).
+    wander: (m, 15, k) by flight, linear nuisance with prior N(0, 1).   wide: are priors as wide as effects are large?
     """
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
-    free = free_figures(everything, flights, scales)
+    free = free_figures(everything, flights, scales, wide=wide)
     scale = np.array([f.scale for f in free])
     neutral = np.array([f.neutral for f in free])
     root = 1.0 / np.sqrt(temperature)
@@ -108,13 +109,13 @@ def refine(
     lower = np.array([f.lower for f in free]) / scale
     upper = np.array([f.upper for f in free]) / scale
     start = np.clip(read(everything, free) / scale, lower + 1e-6, upper - 1e-6)
-    wide = np.full(linear, 20.0)
+    reach = np.full(linear, 20.0)
     best = minimise(
         residual,
         jacobian,
         np.concatenate([start, np.zeros(linear)]),
-        np.concatenate([lower, -wide]),
-        np.concatenate([upper, wide]),
+        np.concatenate([lower, -reach]),
+        np.concatenate([upper, reach]),
         evaluations,
     )
     fitted = write(everything, free, best.z[:n] * scale)

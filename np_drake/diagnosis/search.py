@@ -35,7 +35,8 @@ class Model:
 class Problem:
     """Flights whitened, candidates as columns, Gram matrices by flight.
 
-    nuisance: columns that every model has (calibration within its tolerance).
+    nuisance: columns that every model has (calibration within its tolerance).   wide: may priors be as wide as strong
+    effects of the library ask for?
     """
 
     def __init__(
@@ -46,8 +47,9 @@ class Problem:
         candidates: list[Candidate],
         *,
         temperature: float,
+        wide: bool = True,
     ):
-        self.flights, self.noise, self.temperature = list(flights), noise, temperature
+        self.flights, self.noise, self.temperature, self.wide = list(flights), noise, temperature, wide
         self.nuisance, self.candidates = nuisance, candidates
         everything = [*nuisance, *candidates]
         ends = np.cumsum([0] + [c.size for c in everything])
@@ -74,7 +76,7 @@ class Problem:
         groups = [self._index[len(self.nuisance) + i] - self._nuisance for i in members]
         if any(c.possible for c in chosen) and not self._possible(members, np.concatenate(groups)):
             return -np.inf
-        return self._rest.evidence_of_groups(groups, [not c.generic for c in chosen]) + prior
+        return self._rest.evidence_of_groups(groups, [self.wide and not c.generic for c in chosen]) + prior
 
     def _possible(self, members: Sequence[int], columns: np.ndarray) -> bool:
         """Are the posterior means of all members physical?"""

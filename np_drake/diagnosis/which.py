@@ -119,14 +119,15 @@ def _without_generic(
 
     What remains is no noise then, and weighting by its spectrum would bend the figures: plain least squares, channels
     made comparable, in which errors hang together (`TOGETHER`). With measured rotor speed every flight is weighted
-    by what is left of it: that grows with how hard it is flown, and the loudest would decide for all.
+    by what is left of it: that grows with how hard it is flown, and the loudest would decide for all. There
+    figures would grow to stand for what real rotors do besides, and priors keep their usual width.
     """
     flights, measured = problem.flights, problem.flights[0].measured_rotors
     candidates = [c for c in problem.candidates if not c.generic]
     for _ in range(4 if measured else 2):  # until weights rest
         left = [e.bridged(e.y - signature(e, fit.everything)) for e in flights]
         noise = _structured_noise(left, raw, flights)
-        plain = Problem(flights, noise, problem.nuisance, candidates, temperature=TOGETHER)
+        plain = Problem(flights, noise, problem.nuisance, candidates, temperature=TOGETHER, wide=not measured)
         models = search(plain, most=MOST_MEASURED if measured else MOST_EFFECTS)
         fit = refit(plain, models[0], tolerance, None, iterations=5)
     return fit, plain, models
@@ -170,6 +171,7 @@ def refit(
             wander=drifting,
             generic=[problem.candidates[i] for i in model.members if problem.candidates[i].generic],
             evaluations=iterations,
+            wide=problem.wide,
         )
         for start in starts
     ]
