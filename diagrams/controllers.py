@@ -28,9 +28,6 @@ from systems.wrench_oracle import WrenchOracle
 
 DEFAULT_MODEL = Path(__file__).parent / "models" / "default.safetensors"
 SOLVER_SHARE = 0.5  # of the deadline, after which a solver wraps up with what it has [1]
-ALLOWED = (
-    1.25  # rotor lag that labels allow for, over the learned one; own choice: for motors twice as slow [1]
-)
 LEARNED = ("np", *REACTIONS)
 CONTROLLERS = ("nominal", "hold", "observer", "oracle", *LEARNED)
 
@@ -104,11 +101,11 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
 
 
 def labelled(vehicle: Vehicle, model: ResidualModel | None) -> Vehicle:
-    """The vehicle that labels for `model` reckon with: with `ALLOWED` times the rotor lag that it has learned.
+    """The vehicle that labels for `model` reckon with: with the rotor lag that it has learned.
 
     Where the vehicle's file names a lag, that one stays.
     """
-    lag = ALLOWED * getattr(model, "rotor_lag", 0.0)
+    lag = getattr(model, "rotor_lag", 0.0)
     return dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)
 
 
