@@ -100,6 +100,15 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
     return None
 
 
+def labelled(vehicle: Vehicle, model: ResidualModel | None) -> Vehicle:
+    """The vehicle that labels for `model` reckon with: with the rotor lag that it has learned.
+
+    Where the vehicle's file names a lag, that one stays.
+    """
+    lag = getattr(model, "rotor_lag", 0.0)
+    return dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)
+
+
 def _require_fit(model: Trained, step: float, config: ControllerConfig, vehicle: Vehicle) -> None:
     """Raises ValueError on a model trained for other axes, labels or steps."""
     _require_world_axes(model)
@@ -145,9 +154,10 @@ def add_controller(
     """
     believed = config.believed(vehicle)
     N, period = config.mpc.horizon, config.period
+    model = model or make_residual_model(config, believed)
     source = builder.AddNamedSystem("reference", ReferenceSource(reference, horizon=N, step=config.mpc.step))
     estimator = builder.AddNamedSystem(
-        "wrench_estimator", WrenchEstimator(believed, config.label, step=period)
+        "wrench_estimator", WrenchEstimator(labelled(believed, model), config.label, step=period)
     )
     solver = make_solver(config.solver, believed, config.mpc, time_limit=SOLVER_SHARE * config.deadline)
     mpc = builder.AddNamedSystem(
@@ -160,7 +170,6 @@ def add_controller(
     builder.Connect(rig.GetOutputPort("acceleration"), estimator.GetInputPort("acceleration"))
     builder.Connect(mpc.GetOutputPort("u"), estimator.GetInputPort("u"))
     ports = {"u": mpc.GetOutputPort("u"), "label": estimator.GetOutputPort("last_label")}
-    model = model or make_residual_model(config, believed)
     if model is not None:
         ports["chi_hat"] = _add_predictor(builder, model, config, rig, estimator, mpc)
     elif config.kind == "oracle":

@@ -27,6 +27,7 @@ from systems.recorder import Recorder, add_recorder
 from systems.sensor_rig import add_sensor_rig
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
+GROUND = 0.0  # height below which a vehicle counts as lost: the simulator has no ground, flights do [m]
 ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
 
 
@@ -236,7 +237,7 @@ def simulate(
     Args:
         monitor: called with the flight's time [s] about every second, for progress.
         events: what happens to the vehicle; at its time, before the controller's own event of that instant.
-    Raises: LostVehicle: if the integrator gives up or the vehicle leaves the arena.
+    Raises: LostVehicle: if the integrator gives up, or the vehicle leaves the arena or is below ground.
     """
     diagram, recorder = make_flight_diagram(config)
     simulator = Simulator(diagram)
@@ -265,6 +266,8 @@ def simulate(
         p_WB = vehicle.GetOutputPort("x").Eval(vehicle.GetMyContextFromRoot(context))[:3]
         if not np.linalg.norm(p_WB) < ARENA:
             raise lost(f"{config.controller.kind} lost the vehicle before {t:.1f} s.")
+        if p_WB[2] < GROUND:
+            raise lost(f"{config.controller.kind} flew into the ground before {t:.1f} s.")
         if t in due:
             due[t].apply(vehicle, context)
         if monitor is not None:

@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.flight_result import FlightResult
+from np_drake.lifting.lifted_model import DEFAULT
 from np_drake.lifting.model_file import save_model
-from np_drake.lifting.origin import origin_of, with_origin
+from np_drake.lifting.origin import origin_of, with_origin, with_rotor_lag
 from np_drake.lifting.training import TrainingResult, make_config, train
 from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.rotor_lag import learned_rotor_lag
 from np_drake.logs.training_segments import training_segments
 from np_drake.residual_models.motion_model import MotionModel
 from np_drake.residual_models.motion_training import train_motion_model
@@ -27,8 +29,9 @@ def train_predictor(
 
     Raises: ValueError: on an unknown configuration.
     """
+    log = _scored(flight)
     segments = training_segments(
-        _scored(flight),
+        log,
         flight.config.vehicle,
         flight.config.controller.label,
         step=flight.config.controller.period,
@@ -36,6 +39,8 @@ def train_predictor(
     result = train(segments, make_config(configuration, seed=seed), on_epoch=on_epoch)
     origin = origin_of("world", flight.config.vehicle, flight.config.controller.label)
     model = with_origin(result.model, origin)
+    if configuration == DEFAULT:
+        model = with_rotor_lag(model, learned_rotor_lag([(log, flight.config.vehicle)]))
     save_model(model, path)
     return TrainingResult(model, result.loss)
 

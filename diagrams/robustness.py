@@ -1,4 +1,4 @@
-"""How far does each controller carry? The circle, with one figure of payload, motion, air or sensors changed at a time.
+"""How far does each controller carry? The circle with one figure changed: payload, motion, air, sensors or motors.
 
 Models are trained once, on the standard training flight, and flown everywhere: what is tested is how they generalise.
 """
@@ -55,6 +55,7 @@ AXES = (
     Axis("speed", "speed", "m/s", 1.5, (0.5, 1.0, 1.5, 2.0, 2.5, 3.0)),
     Axis("wind", "wind", "m/s", 0.0, (0.0, 2.0, 4.0, 6.0, 8.0)),
     Axis("noise", "noise", "1", 1.0, (1.0, 1.5, 2.0, 2.5, 3.0)),
+    Axis("lag", "motor lag", "s", 0.03, (0.02, 0.03, 0.04, 0.05, 0.06)),
 )
 BASE = {axis.name: axis.base for axis in AXES}
 
@@ -75,6 +76,7 @@ def flight_config(case: Case, *, solver: str, model: str = "", duration: float =
         GUSTS * case["wind"],
         case["seed"],
     )
+    reality.motor_lag = case["lag"]
     config.reference.speed, config.reference.height, config.duration = case["speed"], HEIGHT, duration
     config.controller.extra_mass = case["mass"] if row.told_mass else 0.0
     return config.check()

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from diagrams.controllers import LEARNED, make_residual_model
+from diagrams.controllers import LEARNED, labelled, make_residual_model
 from diagrams.flight import FlightConfig
 from diagrams.flight_result import FlightResult, fly
 from diagrams.hover_swing import ROWS as HOVER_ROWS
@@ -77,7 +77,7 @@ def replay(flight: FlightResult, solver: str) -> Spent:
     config, s = flight.config, flight.signals
     believed, period = config.controller.believed(config.vehicle), config.controller.period
     model = make_residual_model(config.controller, believed)
-    labels = LabelFilter(believed, config.controller.label, step=period)
+    labels = LabelFilter(labelled(believed, model), config.controller.label, step=period)
     mpc = MpcController(
         believed, config.controller.mpc, make_solver(solver, believed, config.controller.mpc), period=period
     )

@@ -37,7 +37,7 @@ def robustness(
     ] = "",
     only: options.Only = None,
     axis: Annotated[
-        list[str] | None, typer.Option(help="Only these axes: mass | length | speed | wind | noise.")
+        list[str] | None, typer.Option(help="Only these axes: mass | length | speed | wind | noise | lag.")
     ] = None,
     duration: Annotated[float, typer.Option(min=10.0, help="Of a flight, after the ramp [s].")] = 20.0,
     seed: options.Seed = 1000,

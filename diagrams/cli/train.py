@@ -48,8 +48,9 @@ def train(
     from diagrams.cli.flights import open_flights
     from np_drake.figure_file import save
     from np_drake.labels import LabelConfig
+    from np_drake.lifting.lifted_model import DEFAULT
     from np_drake.lifting.model_file import save_model
-    from np_drake.lifting.origin import origin_of, with_origin
+    from np_drake.lifting.origin import origin_of, with_origin, with_rotor_lag
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
 
     if configuration in REACTIONS and checkpoint is not None:
@@ -73,7 +74,10 @@ def train(
     segments = [segment for flight in flights for segment in flight.segments(step)]
     result, wall = run_training(f"training {configuration}", segments, config, checkpoint)
     origin = origin_of(flights[0].frame, flights[0].vehicle, LabelConfig())
-    save_model(with_origin(result.model, origin), out)
+    model = with_origin(result.model, origin)
+    if configuration == DEFAULT:
+        model = with_rotor_lag(model, rotor_lag(flights))
+    save_model(model, out)
     save(loss_figure(result.loss), curve)
     say(f"excitation: {result.model.summary['excitation']}")
     report(result, wall)
@@ -100,6 +104,19 @@ def train_reaction(
         )  # fmt: skip
         advance(1.0)
     return model, loss, time.perf_counter() - start
+
+
+def rotor_lag(flights: "list[Flight]") -> float:
+    """The lag of the rotors that the flights show [s]; said, where there is one."""
+    from np_drake.logs.flight_log import FlightLog
+    from np_drake.logs.rotor_lag import learned_rotor_lag
+
+    lag = learned_rotor_lag([(f.data, f.vehicle) for f in flights if isinstance(f.data, FlightLog)])
+    if lag > 0:
+        say(
+            f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of this model allow for it."
+        )
+    return lag
 
 
 def configure(name: str, *, frame: str = "world", seed: int = 0, epochs: int | None = None) -> "Config":

@@ -40,7 +40,7 @@ class DefaultConfig:
     starts: int = 3  # starts from different modes; the best is kept [1]
     max_origins: int = 6000  # origins are thinned beyond [1]
     zeta_noise: tuple[float, ...] | None = None  # (6,) noise of zeta [m/s, rad/s]; None: estimated
-    regularisation: Regularisation = dc.field(default_factory=Regularisation)
+    regularisation: Regularisation = dc.field(default_factory=lambda: Regularisation(zeta_noise=0.02))
     seed: int = 0
 
     @property

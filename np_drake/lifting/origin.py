@@ -27,6 +27,16 @@ def with_origin(model: M, origin: dict[str, Any]) -> M:
     return dc.replace(model, summary={**model.summary, "origin": origin})  # type: ignore[type-var]
 
 
+def with_rotor_lag(model: M, lag: float) -> M:
+    """The model with the lag of its vehicle's rotors in its summary [s]: through it goes the command in flight."""
+    return dc.replace(model, summary={**model.summary, "rotor_lag": lag})  # type: ignore[type-var]
+
+
+def rotor_lag_of(model: Trained) -> float:
+    """The lag that the model was given [s]; 0 where it has none."""
+    return float(model.summary.get("rotor_lag", 0.0))
+
+
 def require_origin(model: Trained, origin: dict[str, Any]) -> None:
     """Raises ValueError where the model was trained on other labels than it would be fed; silent where unknown."""
     trained = model.summary.get("origin", {})

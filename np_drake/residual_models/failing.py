@@ -23,6 +23,7 @@ class Failing:
         if not onset >= 0:
             raise ValueError(f"Failing: onset must not be negative [s]; got {onset}.")
         self.name, self.step = f"{model.name}, {fault}", model.step
+        self.rotor_lag = getattr(model, "rotor_lag", 0.0)
         self._model, self._fault, self._last = model, fault, round(onset / model.step)
 
     def initial_memory(self) -> Memory:

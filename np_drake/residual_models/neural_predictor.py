@@ -10,6 +10,7 @@ from np_drake.lifting.encoders import DelayEncoder
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.lifted_model import DEFAULT, LiftedModel
 from np_drake.lifting.model_file import load_model
+from np_drake.lifting.origin import rotor_lag_of
 from np_drake.lifting.window_refit import WindowRefit
 from np_drake.residual_models.base import FlightForecasts, Memory, Sample, WrenchForecast
 from np_drake.residual_models.refit_forecasts import RefitForecasts
@@ -51,6 +52,7 @@ class NeuralPredictor:
         self.name = "np" if model.configuration == DEFAULT else f"np-{model.configuration}"
         self.step = model.step
         self.model, self.options = model, options
+        self.rotor_lag = rotor_lag_of(model)  # through which its labels want the command [s]
         self._blend = 1.0 - np.exp(-2 * np.pi * options.cutoff * model.step)
         self._C = model.system.C.copy()
         if options.torque == "hold":

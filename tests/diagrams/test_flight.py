@@ -189,6 +189,12 @@ def test_told_mass_reaches_controller_and_truth():
     assert abs(flight.chi_true[flight.scored, 2].mean()) < 1.5  # [N]; the 4 % of thrust stay
 
 
+def test_below_ground_a_vehicle_is_lost(monkeypatch):
+    monkeypatch.setattr(flight, "GROUND", 5.0)  # [m], and the circle is lower
+    with pytest.raises(FailedRun, match="nominal flew into the ground before 1"):
+        fly(short(), seed=0)
+
+
 def test_a_lost_vehicle_is_a_failed_run_and_no_result(monkeypatch):
     monkeypatch.setattr(flight, "ARENA", 0.5)  # [m], and the circle has a radius of 1 m
     with pytest.raises(FailedRun, match="nominal lost the vehicle before 1"):

@@ -60,6 +60,12 @@ def test_rows_fly_the_same_vehicle_weights_and_draws():
     assert configs[0].reality.gust_seed == 7
 
 
+def test_slow_motors_are_told_to_nobody():
+    config = flight_config({"row": "np", "seed": 1, **BASE, "lag": 0.05}, solver="sqp", model="x")
+    assert config.reality.motor_lag == 0.05  # [s]
+    assert config.vehicle.rotor_time_constant == 0.0
+
+
 def test_no_mass_is_no_payload_and_tells_nothing():
     config = flight_config({"row": "hold + total mass", "seed": 1, **BASE, "mass": 0.0}, solver="sqp")
     assert config.reality.payload.tether == "none"
@@ -191,7 +197,7 @@ def test_the_verb_prints_limits_errors_and_lost_flights_and_draws(made_flights, 
     assert cells[1][:5] == ["speed [m/s]", "hold", "0.5 … 2", "0.5 … 2", "3 (1 of 2)"]
     assert "| hold | 0.50 / 0.50 | 1.00 / 1.00 |" in page
     assert "lost 1 of 2" in page
-    assert "speed 3 m/s, wind 0 m/s, noise × 1, seed 41: lost at 7.50 s" in said
+    assert "speed 3 m/s, wind 0 m/s, noise × 1, motor lag 0.03 s, seed 41: lost at 7.50 s" in said
     assert "failed: its process died" in said
     assert "seeds 41 … 42, 20 s, trained on seed 40, sqp" in said
     assert "mpc: {'horizon'" in said
@@ -199,7 +205,7 @@ def test_the_verb_prints_limits_errors_and_lost_flights_and_draws(made_flights, 
     content = json.loads((tmp_path / "m.json").read_text())
     assert content["config"]["seeds"] == [41, 42]
     assert {line["axis"] for line in content["table"]} == {axis.name for axis in AXES}
-    assert len(content["runs"]) == 2 * 2 * 22
+    assert len(content["runs"]) == 2 * 2 * 26
 
 
 def test_an_axis_that_is_named_is_flown_alone(made_flights, capsys):
@@ -208,7 +214,9 @@ def test_an_axis_that_is_named_is_flown_alone(made_flights, capsys):
     assert "wind: the largest rotor command" in said
     assert "speed: the largest" not in said
     assert run(["reproduce", "robustness", "--axis", "rain"]) == 2
-    assert "--axis: must be one of mass, length, speed, wind, noise; got rain." in capsys.readouterr().err
+    assert (
+        "--axis: must be one of mass, length, speed, wind, noise, lag; got rain." in capsys.readouterr().err
+    )
 
 
 def test_a_lost_flight_leaves_no_mean(made_flights):
