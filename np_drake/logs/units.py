@@ -15,6 +15,8 @@ from np_drake.vehicle import Vehicle
 
 WINDOW = 0.5  # [s]
 RATIO = 6.0  # more than noise, wind-up or effects make; less than g, degrees or millimetres
+ALIKE = 0.5  # cosine below which two courses are no multiples of each other
+STILL = 1e-4  # ratio below which one of them does not move at all
 FASTEST_ROTOR = 5000.0  # [rad/s]; 48,000 rpm
 LEAST = {
     "position": 0.2,
@@ -51,11 +53,19 @@ def _compare(path: object, left: str, right: str, change: np.ndarray, sum_: np.n
     a, b = _spread(change), _spread(sum_)
     if max(a, b) < LEAST[kind] or RATIO * min(a, b) > max(a, b):
         return
+    if min(a, b) > STILL * max(a, b) and _likeness(change, sum_) < ALIKE:
+        return  # a sensor's bias that turns with the body, say
     raise LogError(
         f"{place(path, column=left)}: {kind} and its rate ({right} …) must agree; over {WINDOW} s {left} … "
         f"changes {a:.2g}, the integral of {right} … {b:.2g}. One of them is not in SI units "
         "(m, m/s, rad/s, m/s²), or not in its frame."
     )
+
+
+def _likeness(a: np.ndarray, b: np.ndarray) -> float:
+    """Cosine between two (n, 3), their means apart [1]: near one where they differ in their unit alone."""
+    a, b = a - a.mean(axis=0), b - b.mean(axis=0)
+    return float(abs(np.sum(a * b)) / max(np.linalg.norm(a) * np.linalg.norm(b), 1e-300))
 
 
 def _check_convention(q: np.ndarray, turned: np.ndarray, m: int, path: object) -> None:

@@ -10,6 +10,7 @@ from np_drake.logs.columns import disassemble
 from np_drake.logs.csv_file import write_csv
 from np_drake.logs.errors import LogError
 from np_drake.logs.log_file import read_log, write_log
+from np_drake.logs.units import check_units
 from np_drake.vehicle import Vehicle
 
 
@@ -207,6 +208,20 @@ def test_more_than_a_few_bad_rows_are_refused(columns, tmp_path, spoil, message)
     write_csv(tmp_path / "made.csv", columns)
     with pytest.raises(LogError, match=message):
         read_log(tmp_path / "made.csv", repair=True)
+
+
+def test_a_bias_of_the_velocity_that_turns_with_the_body_is_no_wrong_unit(flight):
+    yaw = 0.8 * flight.t
+    q = np.column_stack([np.cos(yaw / 2), 0 * yaw, 0 * yaw, np.sin(yaw / 2)])
+    w, still = np.tile([0.0, 0.0, 0.8], (len(flight), 1)), np.zeros((len(flight), 3))
+    v = 0.6 * np.column_stack([np.cos(yaw), np.sin(yaw), 0 * yaw])
+    p = 0.01 * np.random.default_rng(3).normal(size=(len(flight), 3))
+    spinning = dc.replace(flight, p=p, q=q, v=v, w=w, a=still, al=still)
+    check_units(spinning, "x.csv")
+    with pytest.raises(LogError, match="SI units"):
+        check_units(dc.replace(spinning, p=1e-3 * np.cumsum(v, axis=0) * flight.step), "x.csv")
+    with pytest.raises(LogError, match="SI units"):
+        check_units(dc.replace(spinning, p=0 * p), "x.csv")
 
 
 def test_biases_and_noise_are_no_wrong_units(flight, tmp_path):
