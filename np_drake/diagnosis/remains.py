@@ -22,7 +22,7 @@ from np_drake.diagnosis.held_out import adapt
 from np_drake.diagnosis.refine import Fit, Generic
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import signature
-from np_drake.diagnosis.slow_force import LEAST, SlowForce, slow_force, slow_power
+from np_drake.diagnosis.slow_force import LEAST, slow_force, slow_power
 from np_drake.diagnosis.unknown import PREFIX
 from np_drake.diagnosis.which import Ranking
 from np_drake.effects.base import Effect
@@ -49,7 +49,6 @@ class Remains:
     probability: float
     findings: tuple[Finding, ...]
     held: HeldOut
-    slow: SlowForce
     slow_probability: float
     line: Line
     slow_torque: float
@@ -80,7 +79,7 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
         for (f, material), repeats in zip(found, seen, strict=True)
         if material and repeats and f.size > LEAST_SHARE
     ]
-    slow, slowly = _slow(ranking, flights, left, unseen, swung)
+    slowly = _slow(ranking, flights, left, unseen, swung)
     usual = slow_power(flights, left)
     novel = 0.0 if swings else _novel(unseen, swung, ranking.tolerance, usual, gusty=slowly > 0.5)
     beyond = [t for t in ranking.named.terms if at_its_bound(t.effect)]
@@ -93,9 +92,7 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
         findings.append(_line_finding(line))
     if twists > 0.5:
         findings.append(Finding("slow torque", "a torque that comes and goes", torque, {"ratio": torque}))
-    return Remains(
-        probability > 0.5, probability, tuple(findings), held, slow, slowly, line, torque, structured
-    )
+    return Remains(probability > 0.5, probability, tuple(findings), held, slowly, line, torque, structured)
 
 
 def swinging(fit: Fit) -> bool:
@@ -130,8 +127,8 @@ def _slow(
     left: dict[str, np.ndarray],
     unseen: Sequence[Evidence],
     swung: dict[str, np.ndarray],
-) -> tuple[SlowForce, float]:
-    """A force in the air in what is left of all flights, and its probability: none where those of the fit show none.
+) -> float:
+    """Probability of a force in the air in what is left of all flights: none where those of the fit show none.
 
     A drag that was found would feel it however small it is; where none was, it is a matter if it is as large as an
     effect has to be.
@@ -146,7 +143,7 @@ def _slow(
     lost = swinging(ranking.named) and slow_power(flights, left) < SWUNG * slow_power(
         flights, {e.name: e.y for e in flights}
     )
-    return both, both.probability(felt=felt) if matters and shown and not lost else 0.0
+    return both.probability(felt=felt) if matters and shown and not lost else 0.0
 
 
 def _novel(

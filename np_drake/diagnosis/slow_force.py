@@ -97,7 +97,7 @@ def _spectra(e: Evidence, left: np.ndarray) -> _Spectra:
     both = [read + attitude.rotate_back(R, from_position), *([read] if e.turned else [])]
     across = [attitude.rotate(R, b * [1.0, 1.0, 0.0])[:, :2] for b in both]
     edge = round(0.25 / (TOP * step))
-    slow = [low_pass(a, step, 4 * TOP)[edge:-edge] for a in across]
+    slow = [low_pass(a, step, 4 * TOP)[edge : len(a) - edge] for a in across]
     n = len(slow[0])
     f = np.arange(n) / (2 * n * step)
     some = (f > 0) & (f <= TOP)

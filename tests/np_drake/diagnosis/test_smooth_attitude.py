@@ -66,3 +66,13 @@ def test_a_bias_of_the_gyro_is_no_noise_of_the_attitude(fly):
     q, noise = smooth_attitude(log.t, log.q, log.w)
     assert noise < 1e-3
     assert q is log.q
+
+
+def test_a_strong_bias_of_the_gyro_does_not_carry_the_attitude_away(fly):
+    log = fly(GyroBias(0.05, -0.08, 0.06), attitude_noise=0.008, seconds=20.0)
+    still = fly(attitude_noise=0.008, seconds=20.0)
+    errors = []
+    for one in (log, still):
+        q, _ = smooth_attitude(one.t, one.q, one.w)
+        errors.append(np.std(rotation_vector(attitude.multiply(conjugate(one.q), q)), axis=0))
+    np.testing.assert_allclose(errors[0], errors[1], rtol=0.1)
