@@ -62,7 +62,7 @@ def diagnose(
     if second_look and unforeseen(found):
         tell(0.4, "what held-out flights show")
         joined, judges = halved(unseen)
-        found = look([*flights, *joined], judges, tolerance) if joined else found
+        found = look([*flights, *joined], judges, tolerance, found.ranking) if joined else found
     tell(0.7, "how far")
     held, noise = found.left.held, found.ranking.noise
     checked = check(found.flights, found.unseen, found.ranking.problem.candidates, noise)

@@ -1,6 +1,7 @@
 """A flight's own instants to a uniform grid: interpolation, then a zero-phase low-pass and decimation."""
 
 import dataclasses as dc
+from functools import cache
 
 import numpy as np
 from scipy import signal
@@ -53,7 +54,12 @@ def to_grid(grid: Grid, t: np.ndarray, values: np.ndarray) -> np.ndarray:
 def _decimate(fine: np.ndarray, factor: int) -> np.ndarray:
     if factor == 1:
         return fine
-    half = TAPS * factor
-    taps = signal.firwin(2 * half + 1, 0.8 / factor)
+    half, taps = TAPS * factor, _low_pass(factor)
     padded = np.concatenate([np.repeat(fine[:1], half, 0), fine, np.repeat(fine[-1:], half, 0)])
     return signal.upfirdn(taps, padded, 1, factor, axis=0)[2 * half // factor :][: -(-len(fine) // factor)]
+
+
+@cache
+def _low_pass(factor: int) -> np.ndarray:
+    """Its taps: to design them takes longer than to apply them."""
+    return signal.firwin(2 * TAPS * factor + 1, 0.8 / factor)

@@ -30,8 +30,9 @@ class LateColumns:
 
     def whole(self, X: np.ndarray) -> Sums:
         """Of the columns (m', 15, k) as they are from each row (m + 1) on: a jump there is not in it."""
-        white = np.swapaxes(self._scale * self._e.white(self._noise, X), 1, 2)
-        sums = self._products(white, np.swapaxes(white, 1, 2), self.beside, self.y)
+        white = self._scale * self._e.white(self._noise, X)
+        Xt = np.swapaxes(white, 1, 2)
+        sums = Xt @ white, Xt @ self.beside, (Xt @ self.y[..., None])[..., 0]
         XX, XB, Xy = (np.concatenate([np.cumsum(a[::-1], axis=0)[::-1], 0 * a[:1]]) for a in sums)
         return XX, XB, Xy
 
@@ -45,23 +46,16 @@ class LateColumns:
         n, k = len(rows), X.shape[-1]
         flat = np.moveaxis(raw, 1, 2).reshape(len(offsets), X.shape[1], n * k)
         white = self._scale * self._noise.whiten(flat, self._e.name).reshape(-1, X.shape[1], n, k)
-        near = rows[:, None] + offsets[order:]
-        inside = ((near >= 0) & (near < m)).astype(float)
-        near = np.clip(near, 0, m - 1)
-        local = np.moveaxis(white, 2, 0) * inside[:, :, None, None]
-        local = local.reshape(n, near.shape[1] * X.shape[1], k)
-        B, y = (
-            self.beside[near].reshape(n, local.shape[1], self.beside.shape[-1]),
-            self.y[near].reshape(n, -1),
-        )
+        local = np.moveaxis(white, 2, 0)
         later = np.clip(rows + half + order + 1, 0, m)
-        sums = self._products(np.swapaxes(local, 1, 2), local, B, y)
-        XX, XB, Xy = (a + b[later] for a, b in zip(sums, whole, strict=True))
+        XX, XB, Xy = (part[later] for part in whole)
+        for i, row in enumerate(rows):
+            first, end = max(0, row - half), later[i]
+            P = local[i, first - (row - half) :][: end - first].reshape(-1, k)
+            XX[i] += P.T @ P
+            XB[i] += P.T @ self.beside[first:end].reshape(len(P), -1)
+            Xy[i] += P.T @ self.y[first:end].ravel()
         return XX, XB, Xy
-
-    @staticmethod
-    def _products(Xt: np.ndarray, X: np.ndarray, B: np.ndarray, y: np.ndarray) -> Sums:
-        return Xt @ X, Xt @ B, (Xt @ y[..., None])[..., 0]
 
 
 def rise(grid: Grid) -> np.ndarray:

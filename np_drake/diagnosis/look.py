@@ -30,9 +30,14 @@ class Look:
     gusty: bool
 
 
-def look(flights: Sequence[Evidence], unseen: Sequence[Evidence], tolerance: Tolerance | None = None) -> Look:
-    """Ranks the effects by `flights` and asks `unseen` which of them are causes."""
-    ranking = rank(flights, tolerance=tolerance)
+def look(
+    flights: Sequence[Evidence],
+    unseen: Sequence[Evidence],
+    tolerance: Tolerance | None = None,
+    before: Ranking | None = None,
+) -> Look:
+    """Ranks the effects by `flights` and asks `unseen` which of them are causes.   before: see `rank`."""
+    ranking = rank(flights, tolerance=tolerance, before=before)
     fit, flights = ranking.fits[0], ranking.problem.flights
     unseen = [without_shocks(ranking.named.everything, e, ranking.noise) for e in unseen]
     left = remains(ranking, fit, flights, unseen)

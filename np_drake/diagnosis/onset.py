@@ -39,8 +39,9 @@ def gated_candidates(problem: Problem, members: Sequence[int] = ()) -> list[Cand
             if beside not in scans:
                 scans[beside] = OnsetScan(problem, beside)
             scan = scans[beside]
-            for candidate in sorted(variants, key=scan.rough_evidence)[-VARIANTS:]:
-                found_at = scan.best(candidate)
+            tried = [(c, scan.whole(c)) for c in variants]
+            for candidate, whole in sorted(tried, key=lambda pair: scan.rough_evidence(pair[1]))[-VARIANTS:]:
+                found_at = scan.best(candidate, whole)
                 late = dc.replace(
                     gated(candidate, problem.flights, found_at.onset), onset_prior=found_at.prior
                 )
@@ -122,9 +123,12 @@ class OnsetScan:
         self._covariance = np.linalg.inv(np.eye(B.shape[1]) + B.T @ B)
         self._mean = self._covariance @ (B.T @ y)
 
-    def rough_evidence(self, candidate: Candidate) -> float:
-        """Log evidence of the candidate at its best onsets, as if what they switch on did not jump."""
-        whole = {name: f.whole(candidate.columns[name]) for name, f in self._flights.items()}
+    def whole(self, candidate: Candidate) -> dict[str, Sums]:
+        """Sums of its columns as they are from any row on, by flight."""
+        return {name: f.whole(candidate.columns[name]) for name, f in self._flights.items()}
+
+    def rough_evidence(self, whole: dict[str, Sums]) -> float:
+        """Log evidence of a candidate (its `whole`) at its best onsets, as if what they switch on did not jump."""
         start = {name: _at(sums, [0]) for name, sums in whole.items()}
         at = dict(start)
         for name, f in self._flights.items():
@@ -136,13 +140,14 @@ class OnsetScan:
         first, *rest = at.values()
         return float(self._evidence(first, rest)[0])
 
-    def best(self, candidate: Candidate) -> "Onsets":
+    def best(self, candidate: Candidate, whole: dict[str, Sums] | None = None) -> "Onsets":
         """Where it begins in flight.
 
         The prior is that of an instant as wide as the evidence leaves it: an onset that is known to a row has one in
         all rows, one that is known to half a flight has one half.
         """
-        scans = {name: _Flight(f, candidate.columns[name]) for name, f in self._flights.items()}
+        whole = whole or self.whole(candidate)
+        scans = {n: _Flight(f, candidate.columns[n], whole[n]) for n, f in self._flights.items()}
         priors, gains = dict[str, float](), dict[str, float]()
         for _ in range(2):
             for name, scan in scans.items():
@@ -177,9 +182,8 @@ class OnsetScan:
 class _Flight:
     """The sums of a candidate at the instants of one flight that have been tried, in order."""
 
-    def __init__(self, columns: LateColumns, X: np.ndarray):
-        self._columns, self._X = columns, X
-        self._whole = columns.whole(X)
+    def __init__(self, columns: LateColumns, X: np.ndarray, whole: Sums):
+        self._columns, self._X, self._whole = columns, X, whole
         self.start, self.never = _at(self._whole, [0]), _at(self._whole, [-1])
         self.now = self.start
         self.onset: float | None = None

@@ -11,7 +11,7 @@ from np_drake.diagnosis.figures import Free, free_figures, read, write
 from np_drake.diagnosis.gauss_newton import minimise
 from np_drake.diagnosis.hidden_swing import swing_wrenches
 from np_drake.diagnosis.noise import NoiseModel
-from np_drake.diagnosis.signature import Term, signature
+from np_drake.diagnosis.signature import Stages, Term, signature
 from np_drake.effects.base import SensorEffect
 
 BLOCK = 1.0  # over which residuals may hang together, for the robust covariance [s]
@@ -154,6 +154,7 @@ def _jacobian(
     """Whitened derivative of the signature by finite differences; only terms that feel each other are evaluated."""
     columns = np.zeros((*evidence.y.shape, len(free)))
     base: dict[tuple[int, ...], np.ndarray] = {}
+    stages = Stages()
     swinging: dict[int, list[tuple[int, float, Term]]] = {}
     for k, f in enumerate(free):
         if f.flight and f.flight != evidence.name:
@@ -167,8 +168,10 @@ def _jacobian(
             swinging.setdefault(f.term, []).append((k, step, moved[f.term]))
             continue
         if group not in base:
-            base[group] = signature(evidence, [now[i] for i in group])
-        columns[..., k] = (signature(evidence, [moved[i] for i in group]) - base[group]) / step * scale[k]
+            base[group] = signature(evidence, [now[i] for i in group], stages)
+        columns[..., k] = (
+            (signature(evidence, [moved[i] for i in group], stages) - base[group]) / step * scale[k]
+        )
     for term, moves in swinging.items():
         wrench = swing_wrenches(evidence, [now[term], *(m for _, _, m in moves)])
         for i, (k, step, _) in enumerate(moves, start=1):

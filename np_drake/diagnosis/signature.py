@@ -1,7 +1,9 @@
 """What a set of effects would leave in the channels of `Evidence`, if they were real: one function for all places."""
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -42,15 +44,41 @@ class Term:
         return self.onset.get(flight)
 
 
-def signature(evidence: Evidence, terms: Sequence[Term]) -> np.ndarray:
-    """(m, 15) sum of what the terms leave in the channels.   Wind acts through the drags among the terms."""
+class Stages:
+    """Parts of the signatures of one flight, each kept by the terms that it depends on: derivatives by one figure
+
+    after the other change one part at a time.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[tuple, Any] = {}
+
+    def once(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
+        """What `make` gives, or gave for the same key before."""
+        if (stage, key) not in self._known:
+            self._known[stage, key] = make()
+        return self._known[stage, key]
+
+
+def signature(evidence: Evidence, terms: Sequence[Term], stages: Stages | None = None) -> np.ndarray:
+    """(m, 15) sum of what the terms leave in the channels.   Wind acts through the drags among the terms.
+
+    stages: of signatures of this flight before; what they share with this one is not computed again.
+    """
+    stages, log = stages or Stages(), evidence.name
+    sensors = tuple(t.effect for t in terms if isinstance(t.effect, SensorEffect))
+    turning = tuple((t.effect, t.begins(log)) for t in terms if isinstance(t.effect, ActuatorEffect))
+    pushing = tuple((t.effect, t.begins(log)) for t in terms if isinstance(t.effect, WrenchEffect))
     y = np.zeros_like(evidence.y)
-    sensors = [t.effect for t in terms if isinstance(t.effect, SensorEffect)]
     for sensor in sensors:
-        y += sensor_trace(evidence, sensor)
-    evidence = without_errors(evidence, sensors)
-    thrust = _thrust(evidence, terms)
-    added = _actuators(evidence, thrust) + _wrenches(evidence, terms, thrust)
+        y += stages.once("sensor", (sensor,), partial(sensor_trace, evidence, sensor))
+    evidence = stages.once("before", sensors, partial(without_errors, evidence, sensors))
+    key = (turning, sum(s.clock_shift for s in sensors))
+    thrust = stages.once("thrust", key, partial(_thrust, evidence, terms))
+    added = stages.once("actuators", key, partial(_actuators, evidence, thrust))
+    added = added + stages.once(
+        "wrench", (key, sensors, pushing), partial(_wrenches, evidence, terms, thrust)
+    )
     for term in terms:
         if getattr(term.effect, "payload", None) is not None:
             added += swing_wrench(evidence, term)

@@ -9,6 +9,7 @@ from np_drake.diagnosis.candidates import Candidate
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.noise import NoiseModel, no_worse, no_worse_anywhere, scale_only
 from np_drake.diagnosis.onset import gated_candidates, late_payloads
+from np_drake.diagnosis.payload_search import PAYLOAD
 from np_drake.diagnosis.prepare import INEXACT, TEMPERATURE, Ready, noise_of, prepare
 from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.rig import Tolerance, calibration_terms, tolerance_of
@@ -25,6 +26,7 @@ from np_drake.diagnosis.unknown import PREFIX
 
 TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice
 MOST_MEASURED = 8  # effects that are named where rotor speed is measured: real rotors have many; own choice
+UNLIKELY = 0.01  # probability of a payload below which it is not sought again; own choice
 REFINED = 3  # models that are refined
 GIVES_WAY = 4.0  # log evidence by which generic structure must beat the library's effects; own choice
 AGAIN = 3  # times that a descent with a hidden swing is begun anew; own choice
@@ -49,11 +51,18 @@ class Ranking:
     tolerance: Tolerance
 
 
-def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> Ranking:
-    """The models of these (training) flights, best first."""
+def rank(
+    flights: Sequence[Evidence], *, tolerance: Tolerance | None = None, before: Ranking | None = None
+) -> Ranking:
+    """The models of these (training) flights, best first.
+
+    before: of some of them: its noise spares the first of two searches; and where it gave payloads no weight, none
+    is sought.
+    """
     tolerance = tolerance or tolerance_of(flights)
-    ready = prepare(flights, tolerance)
-    problem, models, best = _search_twice(ready, tolerance)
+    hanging = before is None or before.probability.get(PAYLOAD, 0.0) > UNLIKELY
+    ready = prepare(flights, tolerance, payloads=hanging)
+    problem, models, best = _search_twice(ready, tolerance, before.noise if before else None, hanging)
     noise = noise_of([best.left(e) for e in ready.flights], ready.raw, ready.step, tolerance)
     refined = _refined(problem, models, tolerance, best, noise)
     models = [*models, *(m for m in refined if m not in models)]
@@ -91,15 +100,20 @@ def _refined(
     return fits
 
 
-def _search_twice(ready: Ready, tolerance: Tolerance) -> tuple[Problem, list[Model], Fit]:
-    """Search and fit, once more with the noise that the fit leaves."""
+def _search_twice(
+    ready: Ready, tolerance: Tolerance, known: NoiseModel | None, hanging: bool
+) -> tuple[Problem, list[Model], Fit]:
+    """Search and fit, once more with the noise that the fit leaves; only once where noise is known.
+
+    hanging: are payloads sought that are hung on in flight?
+    """
     best: Fit | None = None
-    noise, candidates, acting = ready.noise, list(ready.candidates), list[Candidate]()
-    for first in (True, False):
+    noise, candidates, acting = known or ready.noise, list(ready.candidates), list[Candidate]()
+    for first in (True, False) if known is None else (True,):
         candidates += [c for c in acting if c.onset and not any(c is known for known in candidates)]
         problem = Problem(ready.flights, noise, ready.nuisance, candidates, temperature=TEMPERATURE)
         late = gated_candidates(problem, [i for i, c in enumerate(candidates) if any(c is a for a in acting)])
-        hung = late_payloads(problem, late) if first else []
+        hung = late_payloads(problem, late) if first and hanging else []
         candidates += hung
         if late or hung:
             everything = [*candidates, *late]

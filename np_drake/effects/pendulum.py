@@ -4,6 +4,7 @@ import dataclasses as dc
 from collections.abc import Mapping
 
 import numpy as np
+from numba import njit
 
 from np_drake import attitude
 from np_drake.rigid_body import Q, W
@@ -57,15 +58,12 @@ def swing_many(
     kicks = (-(step**2) * (a_hook + np.array([0.0, 0.0, gravity]))).reshape(len(a_hook), -1, 3)
     kicks = np.ascontiguousarray(kicks.transpose(0, 2, 1))
     pulls = np.empty((len(a_hook), *now.shape))
-    with np.errstate(
-        divide="ignore", invalid="ignore"
-    ):  # a slack payload at the hook itself: -inf is no pull
-        begin = 0
-        for k in sorted(jumps or {}):
-            _leapfrog(limit, now, move, kicks[begin:k], pulls[begin:k])
-            _jump(now, move, jumps[k], step)  # type: ignore[index]
-            begin = k
-        _leapfrog(limit, now, move, kicks[begin:], pulls[begin:])
+    begin = 0
+    for k in sorted(jumps or {}):
+        _leapfrog(limit, now, move, kicks[begin:k], pulls[begin:k])
+        _jump(now, move, jumps[k], step)  # type: ignore[index]
+        begin = k
+    _leapfrog(limit, now, move, kicks[begin:], pulls[begin:])
     pulls /= step**2
     return pulls.transpose(0, 2, 1)
 
@@ -98,34 +96,32 @@ def _jump(now, move, jump, step) -> None:
     move += step * span * (a_rate * e_x + b_rate * e_y)
 
 
-def _leapfrog(limit, now, move, kicks, pulls) -> None:
+@njit(cache=True, error_model="numpy")
+def _leapfrog(limit, now, move, kicks, pulls):
     """Writes pull = mu now (n, 3, m) [m], the least mu >= 0 with |now + move + kick - mu now|² <= limit = L².
 
     With b = now + move + kick:  mu = (b² - L²) / (now·b + sqrt((now·b)² - now² (b² - L²))).  Changes now and move.
+    Compiled: a payload is a thousand short steps, each of which needs the one before it.
     """
-    b, product = np.empty_like(now), np.empty_like(now)
-    square = np.sum(now * now, axis=0)  # now²
-    along, excess, root = np.empty_like(limit), np.empty_like(limit), np.empty_like(limit)
-    for kick, pull in zip(kicks, pulls, strict=True):
-        np.add(move, kick, out=move)
-        np.add(now, move, out=b)
-        np.multiply(now, b, out=product)
-        np.add.reduce(product, axis=0, out=along)
-        np.multiply(b, b, out=product)
-        np.add.reduce(product, axis=0, out=excess)
-        np.minimum(excess, limit, out=root)  # now² of the next step
-        np.subtract(excess, limit, out=excess)
-        np.multiply(square, excess, out=square)
-        square, root = root, square
-        np.subtract(along * along, root, out=root)
-        np.maximum(root, 0.0, out=root)
-        np.sqrt(root, out=root)
-        np.add(root, along, out=root)
-        np.divide(excess, root, out=root)
-        np.maximum(root, 0.0, out=root)
-        np.multiply(now, root, out=pull)
-        np.subtract(move, pull, out=move)
-        np.add(now, move, out=now)
+    for i in range(now.shape[1]):
+        x, y, z = now[0, i], now[1, i], now[2, i]
+        u, v, w = move[0, i], move[1, i], move[2, i]
+        own = min(i, kicks.shape[2] - 1)
+        square = x * x + y * y + z * z
+        for k in range(len(kicks)):
+            u, v, w = u + kicks[k, 0, own], v + kicks[k, 1, own], w + kicks[k, 2, own]
+            a, b, c = x + u, y + v, z + w
+            along, far = x * a + y * b + z * c, a * a + b * b + c * c
+            mu = 0.0
+            if far > limit[i]:
+                excess = far - limit[i]
+                mu = max(0.0, excess / (along + np.sqrt(max(0.0, along * along - square * excess))))
+            pulls[k, 0, i], pulls[k, 1, i], pulls[k, 2, i] = mu * x, mu * y, mu * z
+            u, v, w = u - mu * x, v - mu * y, w - mu * z
+            x, y, z = x + u, y + v, z + w
+            square = min(far, limit[i])
+        now[0, i], now[1, i], now[2, i] = x, y, z
+        move[0, i], move[1, i], move[2, i] = u, v, w
 
 
 def swing(
