@@ -9,12 +9,13 @@ mixed with the next, and a log without accelerations needs no other path.
 """
 
 import dataclasses as dc
+from functools import cached_property
 
 import numpy as np
 from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.grid import Grid, make_grid, to_grid
+from np_drake.diagnosis.grid import Grid, Onto, make_grid, to_grid
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.shocks import bridge
 from np_drake.diagnosis.smooth_attitude import conjugate, rotation_vector, smooth_attitude
@@ -84,11 +85,21 @@ class Evidence:
         """(m,) of the grid [s]."""
         return self.grid.t
 
+    @cached_property
+    def from_rows(self) -> Onto:
+        """From the instants of force to the grid."""
+        return Onto(self.grid, self.rows.t)
+
+    @cached_property
+    def from_mids(self) -> Onto:
+        """From the instants of torque to the grid."""
+        return Onto(self.grid, self.mids.t)
+
     def begun(self, onset: float | None) -> np.ndarray:
         """(m, 1) one from the onset on [s], on the grid: smeared as its low-pass smears a step."""
         if onset is None or not np.isfinite(onset):
             return np.full((len(self.t), 1), float(onset is None))
-        return to_grid(self.grid, self.rows.t, (self.rows.t >= onset - 1e-9).astype(float))[:, None]
+        return self.from_rows((self.rows.t >= onset - 1e-9).astype(float))[:, None]
 
     def bridged(self, values: np.ndarray) -> np.ndarray:
         """(m, ...) channels or columns without shocks."""
@@ -100,9 +111,7 @@ class Evidence:
 
     def on_grid(self, at_rows: np.ndarray, at_mids: np.ndarray) -> np.ndarray:
         """(m, 6) force (n, 3) at rows and torque (n-1, 3) at mids, on the grid."""
-        return np.concatenate(
-            [to_grid(self.grid, self.rows.t, at_rows), to_grid(self.grid, self.mids.t, at_mids)], axis=1
-        )
+        return np.concatenate([self.from_rows(at_rows), self.from_mids(at_mids)], axis=1)
 
 
 def make_evidence(log: FlightLog, vehicle: Vehicle, step: float | None = None) -> Evidence:

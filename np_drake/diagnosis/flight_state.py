@@ -6,7 +6,6 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.grid import to_grid
 
 SURELY = 4.0  # times the noise that an axis must move to be a regressor at all; own choice
 
@@ -39,10 +38,10 @@ def flight_state(evidence: Evidence) -> FlightState:
     u = evidence.nominal[:, 2:]
     arm = float(np.mean(np.linalg.norm(np.array(vehicle.rotor_positions), axis=1)))
     return FlightState(
-        v=_above_noise(to_grid(evidence.grid, mids.t, attitude.rotate_back(mids.q, mids.x[:, 7:10])), log.v),
-        p=to_grid(evidence.grid, mids.t, mids.x[:, :3]),
+        v=_above_noise(evidence.from_mids(attitude.rotate_back(mids.q, mids.x[:, 7:10])), log.v),
+        p=evidence.from_mids(mids.x[:, :3]),
         w=_above_noise(evidence.w, log.w),
-        R=to_grid(evidence.grid, mids.t, attitude.rotation_matrix(mids.q)),
+        R=evidence.from_mids(attitude.rotation_matrix(mids.q)),
         u=u,
         rotor=u @ vehicle.unmixer.T,
         t=evidence.t,

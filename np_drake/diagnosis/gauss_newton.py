@@ -51,7 +51,7 @@ def minimise(
                 z, r, cost, damping = new, r_new, cost_new, damping / 10
                 break
             damping *= 10
-        if before - cost < DONE:
-            break
+        if before - cost < DONE:  # so near to where the Jacobian was taken that it is the one here
+            return Minimum(z, cost, H, r, J)
     J = jacobian(z)
     return Minimum(z, cost, J.T @ J, r, J)

@@ -42,13 +42,26 @@ def make_grid(t: np.ndarray, step: float | None = None) -> Grid:
     return Grid(fine[::factor], step, factor, fine)
 
 
+class Onto:
+    """From instants t (n,) of a flight to its grid: where each lies is found once."""
+
+    def __init__(self, grid: Grid, t: np.ndarray):
+        self._factor = grid.factor
+        self._after = np.clip(np.searchsorted(t, grid.fine), 1, len(t) - 1)
+        before = t[self._after - 1]
+        self._share = np.clip((grid.fine - before) / (t[self._after] - before), 0.0, 1.0)[:, None]
+
+    def __call__(self, values: np.ndarray) -> np.ndarray:
+        """(m, ...) values (n, ...) on the grid; the ends are held."""
+        flat = values.reshape(len(values), -1)
+        before = flat[self._after - 1]
+        fine = before + (flat[self._after] - before) * self._share
+        return _decimate(fine, self._factor).reshape(-1, *values.shape[1:])
+
+
 def to_grid(grid: Grid, t: np.ndarray, values: np.ndarray) -> np.ndarray:
     """(m, ...) values (n, ...) at times t (n,) on the grid; the ends are held."""
-    flat = values.reshape(len(values), -1)
-    after = np.clip(np.searchsorted(t, grid.fine), 1, len(t) - 1)
-    share = np.clip((grid.fine - t[after - 1]) / (t[after] - t[after - 1]), 0.0, 1.0)[:, None]
-    fine = flat[after - 1] * (1 - share) + flat[after] * share
-    return _decimate(fine, grid.factor).reshape(-1, *values.shape[1:])
+    return Onto(grid, t)(values)
 
 
 def _decimate(fine: np.ndarray, factor: int) -> np.ndarray:

@@ -54,7 +54,8 @@ def prepare(flights: Sequence[Evidence], tolerance: Tolerance, *, payloads: bool
     white = scale_only(raw, step)
     noise = noise_of(_rich_residuals(flights, white, nuisance, everything), raw, step, tolerance, INEXACT)
     if payloads:
-        hung = PayloadSearch(flights).best(white, nuisance, _best_variants(flights, noise, plain))
+        others = [c for c, _ in _best_variants(flights, noise, plain)]
+        hung = PayloadSearch(flights).best(white, nuisance, others)
         left = _rich_residuals(flights, noise, nuisance, [*candidates, *hung, *late])
         noise, candidates = noise_of(left, raw, step, tolerance, INEXACT), [*candidates, *hung]
     return Ready(list(flights), raw, nuisance, candidates, noise)
@@ -73,24 +74,24 @@ def noise_of(residuals, raw, step: float, tolerance: Tolerance, inexact: float =
     return fit_noise(no_worse(residuals, raw), step, explained=explained, inexact=inexact, slow=slow)
 
 
-def _best_variants(flights, noise, candidates) -> list[Candidate]:
-    """Of every effect the variant that explains most alone."""
-    best: dict[tuple[str, ...], tuple[float, Candidate]] = {}
-    white = [e.white(noise, e.y) for e in flights]
+def _best_variants(flights, noise, candidates) -> list[tuple[Candidate, list[np.ndarray]]]:
+    """Of every effect the variant that explains most alone, and its whitened columns flight by flight."""
+    best: dict[tuple[str, ...], tuple[float, Candidate, list[np.ndarray]]] = {}
+    y = [e.white(noise, e.y) for e in flights]
     for c in candidates:
-        total = sum_grams(
-            [gram(e.white(noise, c.columns[e.name]), y) for e, y in zip(flights, white, strict=True)]
-        )
-        gain = total.log_evidence(np.arange(c.size))
+        white = [e.white(noise, c.columns[e.name]) for e in flights]
+        gain = sum_grams([gram(*pair) for pair in zip(white, y, strict=True)]).log_evidence(np.arange(c.size))
         if c.identifiers not in best or gain > best[c.identifiers][0]:
-            best[c.identifiers] = (gain, c)
-    return [c for _, c in best.values()]
+            best[c.identifiers] = (gain, c, white)
+    return [(c, white) for _, c, white in best.values()]
 
 
 def _rich_residuals(flights, noise, nuisance, candidates) -> list[np.ndarray]:
     """What is left of the channels when every effect helps, each in its best single variant."""
-    chosen = [*nuisance, *_best_variants(flights, noise, candidates)]
-    X = {e.name: np.concatenate([c.columns[e.name] for c in chosen], axis=-1) for e in flights}
-    total = sum_grams([gram(e.white(noise, X[e.name]), e.white(noise, e.y)) for e in flights])
+    always = [(c, [e.white(noise, c.columns[e.name]) for e in flights]) for c in nuisance]
+    chosen, white = zip(*always, *_best_variants(flights, noise, candidates), strict=True)
+    parts = (np.concatenate(own, axis=-1) for own in zip(*white, strict=True))
+    total = sum_grams([gram(X, e.white(noise, e.y)) for X, e in zip(parts, flights, strict=True)])
     mean, _ = total.posterior(np.arange(len(total.Xy)))
-    return [e.bridged(e.y - X[e.name] @ mean) for e in flights]
+    explained = (np.concatenate([c.columns[e.name] for c in chosen], axis=-1) @ mean for e in flights)
+    return [e.bridged(e.y - part) for e, part in zip(flights, explained, strict=True)]

@@ -39,14 +39,14 @@ def sensor_trace(evidence: Evidence, effect: SensorEffect) -> np.ndarray:
 
     dt = np.diff(log.t)[:, None]
     dv_W = np.diff(read.x[:, V] - truth.x[:, V], axis=0) / dt
-    rate = to_grid(evidence.grid, evidence.mids.t, attitude.rotate_back(evidence.mids.q, dv_W))
+    rate = evidence.from_mids(attitude.rotate_back(evidence.mids.q, dv_W))
     d_turn = (turn(read.x[:, Q]) - turn(q)) / dt
     rows = np.concatenate([evidence.vehicle.mass * ds, -dv, dw], axis=1)
     on_rows = to_grid(evidence.grid, log.t, rows)
     y[:, ev.FORCE] = on_rows[:, 0:3]
     y[:, ev.TORQUE] = _gyroscopic(evidence, on_rows[:, 6:9])
     y[:, ev.POSITION] = on_rows[:, 3:6]
-    y[:, ev.ATTITUDE] = to_grid(evidence.grid, evidence.mids.t, d_turn) - on_rows[:, 6:9]
+    y[:, ev.ATTITUDE] = evidence.from_mids(d_turn) - on_rows[:, 6:9]
     if log.a is None:
         y[:, ev.FORCE] += evidence.vehicle.mass * rate
         return y
