@@ -4,8 +4,10 @@ import dataclasses as dc
 
 import numpy as np
 
+from np_drake.diagnosis.candidates import Onset, gated
 from np_drake.diagnosis.search import Model, effect_prior
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit, refit
+from np_drake.diagnosis.wind_statistics import wind_force, wind_onset
 
 DRAG = "linear_drag"
 RATHER = (
@@ -17,25 +19,43 @@ def with_drag(ranking: Ranking) -> Ranking:
     """The same with a linear drag in the model that is named, where flights do not speak against it; else as it is.
 
     Gusts and a drag are as rare together as something that is not in the library; what is left is what the flights
-    themselves say of the drag, its prior apart.
+    themselves say of the drag, its prior apart. Where the slow force begins in flight, so may the drag.
     """
     problem, key = ranking.named_problem, names_of_fit(ranking.named)
     known = next((m for m in ranking.named_models if names_of(problem, m) == key), None)
     if known is None or DRAG in key:
         return ranking
-    sets = [
-        (*known.members, i)
-        for i, c in enumerate(problem.candidates)
-        if c.identifiers == (DRAG,) and not c.onset and problem.fits_together((*known.members, i))
-    ]
+    own = ranking.noise if problem is ranking.problem else None
+    drags = [i for i, c in enumerate(problem.candidates) if c.identifiers == (DRAG,) and not c.onset]
+    onset = {} if ranking.tolerance.real else _begins(ranking)
+    if onset:
+        late = [gated(problem.candidates[i], problem.flights, onset) for i in drags]
+        drags += [len(problem.candidates) + k for k in range(len(late))]
+        problem = problem.beside(late)
+    sets = [(*known.members, i) for i in drags if problem.fits_together((*known.members, i))]
     best = max((Model(m, problem.score(m)) for m in sets), key=lambda m: m.score, default=None)
     if best is None:
         return ranking
     odds = best.score - problem.score(known.members) - effect_prior(DRAG) + RATHER
     if odds < 0:
         return ranking
-    own = ranking.noise if problem is ranking.problem else None
     named = refit(problem, best, ranking.tolerance, None, own)
     probability = ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))}
     models = (best, *ranking.named_models)
-    return dc.replace(ranking, named=named, named_models=models, probability=probability)
+    return dc.replace(
+        ranking, named=named, named_problem=problem, named_models=models, probability=probability
+    )
+
+
+def _begins(ranking: Ranking) -> Onset:
+    """Flights in which the slow force that is left begins in flight, and when [s]: its own power pays for instants.
+
+    Not for a rig, whose attitude errs slowly with a gust's power.
+    """
+    flights = ranking.named_problem.flights
+    left = {e.name: ranking.named.left(e) for e in flights}
+    onset: Onset = {}
+    for _ in range(2):  # its figures are those of all the flight at first
+        force = wind_force(flights, left, onset)
+        onset = {e.name: wind_onset(e, left[e.name], onset.get(e.name), force) for e in flights}
+    return {name: begin for name, begin in onset.items() if begin is not None}

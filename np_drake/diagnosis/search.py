@@ -62,6 +62,17 @@ class Problem:
         self._nuisance = sum(c.size for c in nuisance)
         self._rest, _ = self.total.given(self._nuisance)
 
+    def beside(self, more: list[Candidate]) -> "Problem":
+        """The same with more candidates, after the ones it has."""
+        return Problem(
+            self.flights,
+            self.noise,
+            self.nuisance,
+            [*self.candidates, *more],
+            temperature=self.temperature,
+            wide=self.wide,
+        )
+
     def columns(self, members: Sequence[int]) -> np.ndarray:
         """Columns of nuisance and members."""
         n = len(self.nuisance)

@@ -114,10 +114,9 @@ def _search_twice(
         problem = Problem(ready.flights, noise, ready.nuisance, candidates, temperature=TEMPERATURE)
         late = gated_candidates(problem, [i for i, c in enumerate(candidates) if any(c is a for a in acting)])
         hung = late_payloads(problem, late) if first and hanging else []
-        candidates += hung
+        candidates = [*candidates, *hung]
         if late or hung:
-            everything = [*candidates, *late]
-            problem = Problem(ready.flights, noise, ready.nuisance, everything, temperature=TEMPERATURE)
+            problem = problem.beside([*hung, *late])
         models = library_first(problem, search(problem))
         acting = [problem.candidates[i] for i in models[0].members]
         best = refit(problem, models[0], tolerance, best, iterations=3)

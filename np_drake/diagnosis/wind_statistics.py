@@ -14,6 +14,8 @@ BIN = 0.1  # over which the force is averaged [s]
 SPAN = 20.0  # what lies farther apart counts as independent [s]
 SHORTEST, LONGEST = 0.1, 20.0  # correlation time [s]
 AROUND = 3.0  # of an onset, within which a better one is looked for [s]
+CALM = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
+MOST = 300  # instants that are tried
 GAIN = 8.0  # in log likelihood that a better one must bring; own choice
 STEP = 0.02  # of the logarithms, for their curvature [1]
 Z = 1.96  # deviations to either side: 95 %
@@ -63,8 +65,8 @@ def wind_force(
     )
 
 
-def wind_onset(e: Evidence, left: np.ndarray, begin: float, wind: WindForce) -> float:
-    """When the wind begins that was taken to begin at `begin` [s]: until then there is noise alone.
+def wind_onset(e: Evidence, left: np.ndarray, begin: float | None, wind: WindForce) -> float | None:
+    """When the wind begins that was taken to begin at `begin` [s] (None: from the start): until then there is noise.
 
     Gusts show by their power at once, where their mean, by which an onset is found first, may take a second.
     That stays where a better one gains little: it was found beside the drag, which is felt without gusts as well.
@@ -72,23 +74,25 @@ def wind_onset(e: Evidence, left: np.ndarray, begin: float, wind: WindForce) -> 
     """
     bins = _bins(e, left, e.t >= e.t[0])[:, :2]
     t = e.t[0] + BIN * np.arange(len(bins))
-    tried = np.flatnonzero((np.abs(t - begin) <= AROUND) & (t > e.t[0] + BIN) & (t < t[-1] - 1.0))
+    near = t > e.t[0] + CALM if begin is None else np.abs(t - begin) <= AROUND
+    tried = np.flatnonzero(near & (t > e.t[0] + BIN) & (t < t[-1] - 1.0))
     if not len(tried):
         return begin
-    factor = _factor(len(bins) - tried[0], wind.deviation[0], wind.correlation_time[0], wind.white)
+    tried = tried[:: -(-len(tried) // MOST)]
+    here = 0 if begin is None else int(tried[np.argmin(np.abs(t[tried] - begin))])
+    n = len(bins) - min(here, tried[0])
+    factor = _factor(n, wind.deviation[0], wind.correlation_time[0], wind.white)
     logdet = np.cumsum(2 * np.log(np.diag(factor)))
-    calm = bins[t < begin - AROUND]
-    noise = max(wind.white, float(np.sqrt(np.mean(calm**2))) if len(calm) else 0.0)
-    quiet = np.cumsum(np.sum((bins / noise) ** 2 + 2 * np.log(noise), axis=1))
+    power = np.concatenate([[0.0], np.cumsum(np.sum(bins**2, axis=1))])
 
     def loss(k: int) -> float:
         n = len(bins) - k
         after = linalg.solve_triangular(factor[:n, :n], bins[k:] - wind.mean[:2, 0], lower=True)
-        return float(quiet[k - 1] + np.sum(after**2) + 2 * logdet[n - 1])
+        noise = max(wind.white**2, power[k] / max(2 * k, 1))
+        return float(power[k] / noise + 2 * k * np.log(noise) + np.sum(after**2) + 2 * logdet[n - 1])
 
-    losses = {k: loss(k) for k in tried.tolist()}
+    losses = {k: loss(k) for k in (here, *tried.tolist())}
     best = min(losses, key=losses.__getitem__)
-    here = int(tried[np.argmin(np.abs(t[tried] - begin))])
     return float(t[best]) if losses[here] - losses[best] > 2 * GAIN else begin
 
 

@@ -7,6 +7,7 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 
 WEAK = LinearDrag(0.05, 0.05, 0.05)
+STRONG = GustyWind(0.0, 0.0, 0.0, 6.0, 0.8, seed=5)
 GUSTS = GustyWind(0.0, 0.0, 0.0, 3.0, 0.8, seed=4)
 
 
@@ -24,6 +25,17 @@ def test_gusts_are_felt_through_a_drag_that_is_too_small_to_be_named_by_itself(r
     assert causes["gusty_wind"].probability == pytest.approx(dut.ranking.probability[DRAG], rel=0.01)
     low, high = causes[DRAG].parameters["d_x"].ci95
     assert low < 0.05 < high
+
+
+def test_a_weak_drag_begins_where_its_gusts_do(seen):
+    how = {"noise": 1.0, "seconds": 14.0, "onset": {DRAG: 7.0, "gusty_wind": 7.0}}
+    flights = [seen(WEAK, STRONG, name=n, seed=i, **how) for i, n in enumerate(("a", "b"), start=1)]
+    dut = look(flights, [seen(WEAK, STRONG, name="c", seed=3, noise=1.0, seconds=14.0)])
+    causes = {c.identifier: c for c in dut.causes}
+    assert list(causes) == [DRAG, "gusty_wind"]
+    assert not dut.unknown
+    for cause in causes.values():
+        assert [cause.onset[n] for n in ("a", "b")] == pytest.approx([7.0, 7.0], abs=0.2)
 
 
 def test_where_flights_speak_against_a_drag_or_name_it_themselves_nothing_changes(ranked):

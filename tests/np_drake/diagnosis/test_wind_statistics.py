@@ -61,6 +61,17 @@ def test_gusts_begin_where_their_power_does_whatever_their_mean(flights, taken_f
         assert wind_onset(e, left[e.name], taken_for, wind) == pytest.approx(8.0, abs=2 * BIN)
 
 
+@pytest.mark.parametrize("mean", [0.0, 1.0])
+def test_gusts_that_begin_in_flight_are_told_from_gusts_from_the_start(flights, mean):
+    steady = np.stack([mean * MEAN, np.zeros(3)], axis=1)
+    wind = WindForce(steady, (DEVIATION, 0.3, 0.7), (0.5, 0.3, 0.8), 0.03)
+    for seed in range(8):
+        late, always = (pushed(flights, np.random.default_rng(seed), 0.5, begin=b) for b in (8.0, -np.inf))
+        for e in flights:
+            assert wind_onset(e, late[e.name], None, wind) == pytest.approx(8.0, abs=2 * BIN)
+            assert wind_onset(e, always[e.name], None, wind) is None
+
+
 def test_an_onset_stays_where_another_gains_little(flights):
     left = pushed(flights, np.random.default_rng(1), 0.5, begin=8.0)
     faint = {n: 0.1 * y for n, y in left.items()}
