@@ -56,13 +56,12 @@ def rank(
 ) -> Ranking:
     """The models of these (training) flights, best first.
 
-    before: of some of them: its noise spares the first of two searches; and where it gave payloads no weight, none
-    is sought.
+    before: of some of them: then one search is enough, and where it gave payloads no weight, none is sought.
     """
     tolerance = tolerance or tolerance_of(flights)
     hanging = before is None or before.probability.get(PAYLOAD, 0.0) > UNLIKELY
     ready = prepare(flights, tolerance, payloads=hanging)
-    problem, models, best = _search_twice(ready, tolerance, before.noise if before else None, hanging)
+    problem, models, best = _search(ready, tolerance, 2 if before is None else 1, hanging)
     noise = noise_of([best.left(e) for e in ready.flights], ready.raw, ready.step, tolerance)
     refined = _refined(problem, models, tolerance, best, noise)
     models = [*models, *(m for m in refined if m not in models)]
@@ -100,20 +99,21 @@ def _refined(
     return fits
 
 
-def _search_twice(
-    ready: Ready, tolerance: Tolerance, known: NoiseModel | None, hanging: bool
+def _search(
+    ready: Ready, tolerance: Tolerance, times: int, hanging: bool
 ) -> tuple[Problem, list[Model], Fit]:
-    """Search and fit, once more with the noise that the fit leaves; only once where noise is known.
+    """Search and fit, so many times, each with the noise that the fit before leaves.
 
     hanging: are payloads sought that are hung on in flight?
     """
     best: Fit | None = None
-    noise, candidates, acting = known or ready.noise, list(ready.candidates), list[Candidate]()
-    for first in (True, False) if known is None else (True,):
-        candidates += [c for c in acting if c.onset and not any(c is known for known in candidates)]
+    noise, candidates, acting = ready.noise, list(ready.candidates), list[Candidate]()
+    for turn in range(times):
+        begun = [c for c in acting if c.onset and not any(c is known for known in candidates)]
+        candidates = [*candidates, *begun]
         problem = Problem(ready.flights, noise, ready.nuisance, candidates, temperature=TEMPERATURE)
         late = gated_candidates(problem, [i for i, c in enumerate(candidates) if any(c is a for a in acting)])
-        hung = late_payloads(problem, late) if first and hanging else []
+        hung = late_payloads(problem, late) if turn == 0 and hanging else []
         candidates = [*candidates, *hung]
         if late or hung:
             problem = problem.beside([*hung, *late])
