@@ -26,6 +26,10 @@ class Gram:
         """As if noise had `temperature` times the variance."""
         return Gram(self.XX / temperature, self.Xy / temperature, self.yy / temperature, self.samples)
 
+    def only(self, index: np.ndarray) -> "Gram":
+        """Of these columns."""
+        return Gram(self.XX[np.ix_(index, index)], self.Xy[index], self.yy, self.samples)
+
     def given(self, n: int) -> tuple["Gram", float]:
         """Of the other columns when the first n are in every model, and the log evidence of these n alone.
 

@@ -45,6 +45,11 @@ class Beside:
         self.horizons = sorted({*(horizons or (*HORIZONS, *self._after_shocks()))})
         self._base = {horizon: self._gram(horizon) for horizon in self.horizons}
 
+    @property
+    def size(self) -> int:
+        """Columns of the others."""
+        return self._white[0][0].shape[1]
+
     def _begin(self, e: Evidence) -> float:
         return max(self._onset.get(e.name) or 0.0, e.t[0])
 
@@ -77,33 +82,40 @@ class Beside:
 
     def gain(self, candidate: White, horizon: float) -> tuple[float, np.ndarray]:
         """Log evidence that the candidate adds to the others, prior included, and its coefficients."""
-        both, n = self._joint(candidate, horizon)
-        index = np.arange(len(both.Xy))
-        evidence = both.log_evidence(index) - self._base[horizon][1]
-        return evidence + candidate.log_prior, both.posterior(index)[0][n:]
+        (both,), n = self.joints(candidate, [horizon]), self.size
+        return self.gain_of(both, candidate, horizon), both.posterior(np.arange(len(both.Xy)))[0][n:]
+
+    def gain_of(self, both: Gram, candidate: White, horizon: float) -> float:
+        """The log evidence alone, of one of its `joints`."""
+        evidence = both.log_evidence(np.arange(len(both.Xy))) - self._base[horizon][1]
+        return evidence + candidate.log_prior
 
     def swing_alone(self, candidate: White, horizon: float, mass: float) -> np.ndarray:
         """(k,) its coefficients with the mass given, hook and length at the guess."""
-        both, n = self._joint(candidate, horizon)
+        (both,), n = self.joints(candidate, [horizon]), self.size
         free = np.concatenate([np.arange(n), np.arange(n + SWING_COLUMNS, len(both.Xy))])
         left = Gram(both.XX, both.Xy - both.XX[:, n] * mass, 0.0, 0)
         fixed = np.concatenate([[mass], np.zeros(SWING_COLUMNS - 1)])
         return np.concatenate([fixed, left.posterior(free)[0][n:]])
 
-    def _joint(self, candidate: White, horizon: float) -> tuple[Gram, int]:
-        """Gram matrix of the others and the candidate, and the number of the others' columns."""
-        base, _ = self._base[horizon]
-        n, k = len(base.Xy), candidate.columns[0].shape[1]
-        XX, Xy = np.zeros((n + k, n + k)), np.zeros(n + k)
-        XX[:n, :n], Xy[:n] = base.XX, base.Xy
-        for e, (X, y), columns in zip(self._flights, self._white, candidate.columns, strict=True):
-            rows = self._rows(e, horizon)
-            P = columns[:rows]
-            XX[n:, :n] += P.T @ X[:rows]
-            XX[n:, n:] += P.T @ P
-            Xy[n:] += P.T @ y[:rows]
-        XX[:n, n:] = XX[n:, :n].T
-        return Gram(XX, Xy, 0.0, 0), n
+    def joints(self, candidate: White, horizons: Sequence[float]) -> list[Gram]:
+        """Gram matrices of the others and the candidate up to these horizons, from one pass over the rows."""
+        n, k = self.size, candidate.columns[0].shape[1]
+        PX, PP, Py = np.zeros((k, n)), np.zeros((k, k)), np.zeros(k)
+        done = dict.fromkeys((e.name for e in self._flights), 0)
+        found = {}
+        for horizon in sorted(horizons):
+            for e, (X, y), columns in zip(self._flights, self._white, candidate.columns, strict=True):
+                rows = slice(done[e.name], self._rows(e, horizon))
+                P = columns[rows]
+                PX += P.T @ X[rows]
+                PP += P.T @ P
+                Py += P.T @ y[rows]
+                done[e.name] = rows.stop
+            base, _ = self._base[horizon]
+            XX = np.block([[base.XX, PX.T], [PX, PP]])
+            found[horizon] = Gram(XX, np.concatenate([base.Xy, Py]), 0.0, 0)
+        return [found[horizon] for horizon in horizons]
 
 
 def _flat(noise: NoiseModel, values: np.ndarray) -> np.ndarray:

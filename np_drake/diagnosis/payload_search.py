@@ -59,7 +59,7 @@ class PayloadSearch:
         rich = Beside(self._flights, noise, [*nuisance, *others], self._onset)
         alone = Beside(self._flights, noise, nuisance, self._onset)
         asked = [(b, h) for b in (rich, alone) for h in ENDS]
-        gains = self._profiles(asked)
+        gains = self._profiles(rich, alone)
         if max(g.max() for g in gains[: len(ENDS)]) < PROMISING:
             return []
         found = []
@@ -87,17 +87,23 @@ class PayloadSearch:
 
     def profile(self, noise: NoiseModel, others: Sequence[Candidate]) -> np.ndarray:
         """(lengths,) log evidence that a payload adds to the others."""
-        return self._profiles([(Beside(self._flights, noise, others, self._onset), math.inf)])[0]
+        beside = Beside(self._flights, noise, others, self._onset)
+        return self._profiles(beside, beside)[len(ENDS) - 1]
 
-    def _profiles(self, asked: Sequence[tuple[Beside, float]]) -> list[np.ndarray]:
-        """Profiles beside several others, each up to a horizon."""
-        gains: list[list[float]] = [[] for _ in asked]
+    def _profiles(self, rich: Beside, alone: Beside) -> list[np.ndarray]:
+        """(lengths,) beside either, up to either of `ENDS`.   alone: has the first of the columns of rich."""
+        gains = []
         for start in range(0, len(LENGTHS), CHUNK):
             for c in payload_candidates(self._flights, LENGTHS[start : start + CHUNK], self._onset):
-                white = asked[0][0].white(c)
-                for some, (beside, horizon) in zip(gains, asked, strict=True):
-                    some.append(beside.gain(white, horizon)[0])
-        return [np.array(some) for some in gains]
+                white = rich.white(c)
+                joints = rich.joints(white, ENDS)
+                own = np.r_[: alone.size, rich.size : len(joints[0].Xy)]
+                some = [rich.gain_of(both, white, h) for both, h in zip(joints, ENDS, strict=True)]
+                some += [
+                    alone.gain_of(both.only(own), white, h) for both, h in zip(joints, ENDS, strict=True)
+                ]
+                gains.append(some)
+        return list(np.transpose(gains))
 
     def when(self, noise: NoiseModel, nuisance: Sequence[Candidate], guess: Guess) -> Onset:
         """The onsets, sharpened: where a payload like the guess, its swing free, explains the seconds about them."""

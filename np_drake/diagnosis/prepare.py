@@ -52,7 +52,9 @@ def prepare(flights: Sequence[Evidence], tolerance: Tolerance, *, payloads: bool
     flights = [dc.replace(e, shocks=find_shocks(r, step)) for e, r in zip(flights, left, strict=True)]
     raw = [e.bridged(e.y) for e in flights]
     white = scale_only(raw, step)
-    noise = noise_of(_rich_residuals(flights, white, nuisance, everything), raw, step, tolerance, INEXACT)
+    if any(e.shocks.any() for e in flights):
+        left = _rich_residuals(flights, white, nuisance, everything)
+    noise = noise_of(left, raw, step, tolerance, INEXACT)
     if payloads:
         others = [c for c, _ in _best_variants(flights, noise, plain)]
         hung = PayloadSearch(flights).best(white, nuisance, others)

@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -33,7 +34,7 @@ class Model:
 
 
 class Problem:
-    """Flights whitened, candidates as columns, Gram matrices by flight.
+    """Flights whitened, candidates as columns, their Gram matrix once it is asked for.
 
     nuisance: columns that every model has (calibration within its tolerance).   wide: may priors be as wide as strong
     effects of the library ask for?
@@ -51,16 +52,23 @@ class Problem:
     ):
         self.flights, self.noise, self.temperature, self.wide = list(flights), noise, temperature, wide
         self.nuisance, self.candidates = nuisance, candidates
-        everything = [*nuisance, *candidates]
-        ends = np.cumsum([0] + [c.size for c in everything])
+        ends = np.cumsum([0] + [c.size for c in (*nuisance, *candidates)])
         self._index = [np.arange(a, b) for a, b in pairwise(ends)]
-        self.grams: dict[str, Gram] = {}
-        for e in flights:
-            X = np.concatenate([c.columns[e.name] for c in everything], axis=-1)
-            self.grams[e.name] = gram(e.white(noise, X), e.white(noise, e.y)).tempered(temperature)
-        self.total = sum_grams(list(self.grams.values()))
         self._nuisance = sum(c.size for c in nuisance)
-        self._rest, _ = self.total.given(self._nuisance)
+
+    @cached_property
+    def total(self) -> Gram:
+        """Of nuisance and candidates, in all flights."""
+        return sum_grams([self._gram(e) for e in self.flights]).tempered(self.temperature)
+
+    @cached_property
+    def _rest(self) -> Gram:
+        """Of the candidates beside all nuisance."""
+        return self.total.given(self._nuisance)[0]
+
+    def _gram(self, e: Evidence) -> Gram:
+        X = np.concatenate([c.columns[e.name] for c in (*self.nuisance, *self.candidates)], axis=-1)
+        return gram(e.white(self.noise, X), e.white(self.noise, e.y))
 
     def beside(self, more: list[Candidate]) -> "Problem":
         """The same with more candidates, after the ones it has."""

@@ -56,12 +56,12 @@ def rank(
 ) -> Ranking:
     """The models of these (training) flights, best first.
 
-    before: of some of them: then one search is enough, and where it gave payloads no weight, none is sought.
+    before: of some of them; where it gave payloads no weight, none is sought.
     """
     tolerance = tolerance or tolerance_of(flights)
     hanging = before is None or before.probability.get(PAYLOAD, 0.0) > UNLIKELY
     ready = prepare(flights, tolerance, payloads=hanging)
-    problem, models, best = _search(ready, tolerance, 2 if before is None else 1, hanging)
+    problem, models, best = _search_twice(ready, tolerance, hanging)
     noise = noise_of([best.left(e) for e in ready.flights], ready.raw, ready.step, tolerance)
     refined = _refined(problem, models, tolerance, best, noise)
     models = [*models, *(m for m in refined if m not in models)]
@@ -99,21 +99,19 @@ def _refined(
     return fits
 
 
-def _search(
-    ready: Ready, tolerance: Tolerance, times: int, hanging: bool
-) -> tuple[Problem, list[Model], Fit]:
-    """Search and fit, so many times, each with the noise that the fit before leaves.
+def _search_twice(ready: Ready, tolerance: Tolerance, hanging: bool) -> tuple[Problem, list[Model], Fit]:
+    """Search and fit, once more with the noise that the fit leaves.
 
     hanging: are payloads sought that are hung on in flight?
     """
     best: Fit | None = None
     noise, candidates, acting = ready.noise, list(ready.candidates), list[Candidate]()
-    for turn in range(times):
+    for first in (True, False):
         begun = [c for c in acting if c.onset and not any(c is known for known in candidates)]
         candidates = [*candidates, *begun]
         problem = Problem(ready.flights, noise, ready.nuisance, candidates, temperature=TEMPERATURE)
         late = gated_candidates(problem, [i for i, c in enumerate(candidates) if any(c is a for a in acting)])
-        hung = late_payloads(problem, late) if turn == 0 and hanging else []
+        hung = late_payloads(problem, late) if first and hanging else []
         candidates = [*candidates, *hung]
         if late or hung:
             problem = problem.beside([*hung, *late])
