@@ -12,7 +12,7 @@ from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.solvers import make_solver, require_solver
 from np_drake.references.base import Reference
-from np_drake.residual_models.base import ResidualModel
+from np_drake.residual_models.base import KnowsRotorLag, ResidualModel
 from np_drake.residual_models.disturbance_observer import DisturbanceObserver
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.motion_model import REACTIONS, MotionModel
@@ -105,7 +105,7 @@ def labelled(vehicle: Vehicle, model: ResidualModel | None) -> Vehicle:
 
     Where the vehicle's file names a lag, that one stays.
     """
-    lag = getattr(model, "rotor_lag", 0.0)
+    lag = model.rotor_lag if isinstance(model, KnowsRotorLag) else 0.0
     return dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)
 
 

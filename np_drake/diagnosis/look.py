@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from np_drake.diagnosis.answer import Cause, Finding
 from np_drake.diagnosis.attribute import causes_of, in_gusts
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.felt import with_drag
+from np_drake.diagnosis.felt import DRAG, with_drag
 from np_drake.diagnosis.gusts import as_gusts
 from np_drake.diagnosis.held_out import without_shocks
 from np_drake.diagnosis.probability import BESIDE_UNKNOWN
@@ -41,19 +41,18 @@ def look(
     fit, flights = ranking.fits[0], ranking.problem.flights
     unseen = [without_shocks(ranking.named.everything, e, ranking.noise) for e in unseen]
     left = remains(ranking, fit, flights, unseen)
-    if left.slow_probability > 0.5 and not left.unknown and not left.structured:
+    if _gusty(left):
         felt = with_drag(ranking)
         left = left if felt is ranking else remains(felt, fit, flights, unseen)
         ranking = felt
     unknown, probability = left.unknown, left.probability
-    slowly = left.slow_probability > 0.5 and not unknown
-    gusty = slowly and not left.structured  # a slow force of the rotors is no gust
+    gusty = _gusty(left)
     causes, minor = causes_of(ranking, ranking.named, flights, unseen, left.held, gusty=gusty)
-    if slowly and not gusty:
+    if _slow(left) and not gusty:
         unknown, probability = True, left.slow_probability
     if gusty:
         rest = {e.name: ranking.named.left(e) for e in flights}
-        blows = left.slow_probability * ranking.probability.get("linear_drag", 1.0)
+        blows = left.slow_probability * ranking.probability.get(DRAG, 1.0)
         causes = as_gusts(flights, rest, causes, blows, ranking.tolerance)
         gusts = next((c for c in causes if c.identifier == "gusty_wind"), None)
         unknown = gusts is None  # nothing was found that would feel them
@@ -62,3 +61,13 @@ def look(
     if unknown:
         causes = [dc.replace(c, probability=min(c.probability, BESIDE_UNKNOWN)) for c in causes]
     return Look(flights, unseen, ranking, left, causes, minor, unknown, probability, gusty)
+
+
+def _slow(left: Remains) -> bool:
+    """Does a slow force remain, and nothing that says more?"""
+    return left.slow_probability > 0.5 and not left.unknown
+
+
+def _gusty(left: Remains) -> bool:
+    """And is it none of the rotors', which is no gust?"""
+    return _slow(left) and not left.structured

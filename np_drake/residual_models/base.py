@@ -136,6 +136,13 @@ class ForecastsWholeFlights(Protocol):
         ...
 
 
+@runtime_checkable
+class KnowsRotorLag(Protocol):
+    """A residual model whose labels want the command let through the rotors' lag of its training."""
+
+    rotor_lag: float  # [s]
+
+
 class ResidualModel(Protocol):
     """Predicts the residual wrench chi; pure functions of the memory."""
 

@@ -2,7 +2,14 @@
 
 import numpy as np
 
-from np_drake.residual_models.base import Memory, ResidualModel, Sample, WrenchForecast, no_forecast
+from np_drake.residual_models.base import (
+    KnowsRotorLag,
+    Memory,
+    ResidualModel,
+    Sample,
+    WrenchForecast,
+    no_forecast,
+)
 
 FAULTS = ("zero", "frozen")
 
@@ -23,7 +30,7 @@ class Failing:
         if not onset >= 0:
             raise ValueError(f"Failing: onset must not be negative [s]; got {onset}.")
         self.name, self.step = f"{model.name}, {fault}", model.step
-        self.rotor_lag = getattr(model, "rotor_lag", 0.0)
+        self.rotor_lag = model.rotor_lag if isinstance(model, KnowsRotorLag) else 0.0
         self._model, self._fault, self._last = model, fault, round(onset / model.step)
 
     def initial_memory(self) -> Memory:
