@@ -1,7 +1,7 @@
 """A payload under a moving hook: the wrench it puts on the quadrotor, for one pendulum or many at once."""
 
 import dataclasses as dc
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numba import njit
@@ -96,7 +96,15 @@ def _jump(now, move, jump, step) -> None:
     move += step * span * (a_rate * e_x + b_rate * e_y)
 
 
-@njit(cache=True, error_model="numpy")
+def _compiled(function: Callable) -> Callable:
+    """Compiled once for all processes; where no folder can be written to, once for each."""
+    try:
+        return njit(cache=True, error_model="numpy")(function)
+    except RuntimeError:
+        return njit(error_model="numpy")(function)
+
+
+@_compiled
 def _leapfrog(limit, now, move, kicks, pulls):
     """Writes pull = mu now (n, 3, m) [m], the least mu >= 0 with |now + move + kick - mu now|² <= limit = L².
 
