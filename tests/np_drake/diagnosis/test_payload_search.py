@@ -3,8 +3,9 @@ import pytest
 
 from np_drake.diagnosis.candidates import library_candidates
 from np_drake.diagnosis.grid import TAPS
+from np_drake.diagnosis.payload_beside import Beside
 from np_drake.diagnosis.payload_candidates import Guess, payload_candidates
-from np_drake.diagnosis.payload_search import KEPT, LENGTHS, NEAR, PayloadSearch
+from np_drake.diagnosis.payload_search import ENDS, KEPT, LENGTHS, NEAR, PayloadSearch
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 
@@ -64,3 +65,15 @@ def test_an_onset_that_is_known_roughly_is_sharpened_to_the_row(seen, noise, off
     dut = PayloadSearch([flight], {"1": 4.0 + off})
     assert dut.when(noise, [], Guess(0.5))["1"] == pytest.approx(4.0, abs=0.03)
     assert PayloadSearch([flight]).when(noise, [], Guess(0.5)) == {}  # what has no onset gets none
+
+
+def test_one_pass_over_the_rows_gives_every_horizon_and_every_set_of_others(seen, noise):
+    flights = [seen(SuspendedPayload(0.15, 0.6), name=str(i), seed=i, noise=1.0, seconds=7.0) for i in (1, 2)]
+    mass, *more = others(flights)
+    rich, alone = (Beside(flights, noise, some, None) for some in ([mass, *more], [mass]))
+    (candidate,) = payload_candidates(flights, np.array([0.6]))
+    own = np.r_[: alone.size, rich.size : rich.size + candidate.size]
+    white = rich.white(candidate)
+    for both, horizon in zip(rich.joints(white, ENDS), ENDS, strict=True):
+        assert rich.gain_of(both, white, horizon) == pytest.approx(rich.gain(white, horizon)[0])
+        assert alone.gain_of(both.only(own), white, horizon) == pytest.approx(alone.gain(white, horizon)[0])

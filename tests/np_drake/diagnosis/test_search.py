@@ -113,3 +113,12 @@ def test_nuisance_that_explains_an_effect_leaves_nothing_to_name(seen, noise):
     nuisance = Candidate((), "nuisance", own.columns, own.terms)
     problem = Problem(flights, noise, [nuisance], candidates, temperature=1.0)
     assert search(problem)[0].members == ()
+
+
+def test_candidates_put_beside_others_are_judged_as_if_they_had_been_there(seen, noise):
+    flights = [seen(MassError(0.2), name="1", seed=1, noise=1.0, seconds=6.0)]
+    first, *more = library_candidates(flights)[:4]
+    whole = Problem(flights, noise, [], [first, *more], temperature=2.0)
+    dut = Problem(flights, noise, [], [first], temperature=2.0).beside(more)
+    for members in ((0,), (1, 2), (0, 3)):
+        assert dut.score(members) == pytest.approx(whole.score(members))

@@ -3,9 +3,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from np_drake.diagnosis import prepare
 from np_drake.diagnosis.answer import Diagnosis
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.held_out import scored
+from np_drake.diagnosis.payload_search import PayloadSearch
 from np_drake.diagnosis.second_look import LEAST, halved
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.vehicle import Vehicle
@@ -50,6 +52,21 @@ def test_without_a_second_look_nothing_of_the_held_out_flight_is_fitted(diagnose
     assert dut.joined == ()
     assert "linear_drag" not in dut.verdict
     assert dut.shrink.fraction < 0.1
+
+
+def test_a_payload_that_training_gave_no_weight_is_not_sought_again(fly, monkeypatch):
+    sought = []
+
+    class Spy(PayloadSearch):
+        def __init__(self, flights, *more):
+            sought.append([e.name for e in flights])
+            super().__init__(flights, *more)
+
+    monkeypatch.setattr(prepare, "PayloadSearch", Spy)
+    own = {"noise": 1.0, "seconds": 10.0}
+    train = [fly(DRAG, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
+    assert diagnose(Vehicle(), train, [fly(DRAG, name="c", seed=3, **own)]).joined == ("c",)
+    assert sought == [["a", "b"]]
 
 
 def test_what_is_no_more_than_noise_asks_for_no_second_look(diagnosed):

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.diagnosis import evidence as ev
-from np_drake.diagnosis.signature import NEVER, Term, gate, signature
+from np_drake.diagnosis.signature import NEVER, Stages, Term, gate, signature
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.base import SensorEffect
@@ -201,3 +201,16 @@ def test_more_mass_pulls_the_residual_down_by_its_share_of_the_thrust(flown):
     expected = (2.0 / 2.5 - 1.0) * flown.nominal[:, 2]
     np.testing.assert_allclose(found[:, 2], expected, rtol=1e-9)
     np.testing.assert_allclose(found[:, [0, 1, 3, 4, 5]], 0.0, atol=1e-9)
+
+
+def test_parts_that_are_kept_change_no_signature(seen):
+    flight = seen(name="1", seed=1, seconds=5.0)
+    stages = Stages()
+    acting = [LinearDrag(), MotorLag(0.02), ThrustScale(0.9), MassError(0.2), GyroBias(0.02, 0.0, 0.0)]
+    acting += [AttitudeBias(0.01, 0.0, 0.0), ConstantWind(2.0, 0.0, 0.0), LIGHT]
+    moved = [LinearDrag(0.4), MotorLag(0.05), ThrustScale(1.1), MassError(0.1), GyroBias(0.01, 0.01, 0.0)]
+    moved += [AttitudeBias(0.0, 0.01, 0.0), ConstantWind(0.0, 1.0, 0.0), SuspendedPayload(0.1, 0.5)]
+    for i in range(len(acting)):
+        for onset in ({}, {"1": 2.0}):
+            now = [Term(e) for e in (*acting[:i], *acting[i + 1 :])] + [Term(moved[i], onset)]
+            np.testing.assert_array_equal(signature(flight, now, stages), signature(flight, now))
