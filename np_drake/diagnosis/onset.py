@@ -68,17 +68,16 @@ def _that_begin(problem: Problem) -> dict[tuple[str, ...], list[Candidate]]:
 def late_payloads(problem: Problem, late: list[Candidate]) -> list[Candidate]:
     """Payloads that begin where their weight does: as a payload at rest shows it, or mass or thrust in its place.
 
-    None where a payload that hangs from the start explains more than such a weight.
+    A payload from the start that swings as it likes may explain more than such a weight; which is there is told later.
     """
-    at_start = [i for i, c in enumerate(problem.candidates) if c.identifiers == (PAYLOAD,) and not c.onset]
-    best = max((problem.score((i,)) for i in at_start), default=0.0)
+    at_start = [c for c in problem.candidates if c.identifiers == (PAYLOAD,) and not c.onset]
     scan = OnsetScan(problem)
-    weights = [_at_rest(problem.candidates[i]) for i in at_start[:1]]
+    weights = [_at_rest(c) for c in at_start[:1]]
     weights += [c for c in problem.candidates if c.identifiers in WEIGHTS and not c.onset]
-    heavy = (f for f in map(scan.best, weights) if f.onset and f.gain + f.prior > SUBSTANTIAL)
-    found = next((f for f in heavy if f.evidence + f.prior > best), None)
-    if found is None:
+    heavy = [f for f in map(scan.best, weights) if f.onset and f.gain + f.prior > SUBSTANTIAL]
+    if not heavy:
         return []
+    found = max(heavy, key=lambda f: f.evidence + f.prior)
     others = [c for c in (*problem.candidates, *late) if c.size <= 3 and PAYLOAD not in c.identifiers]
     first = PayloadSearch(problem.flights, found.onset)
     guesses = [guess for guess, _ in first.followed(problem.noise, problem.nuisance, others)]
