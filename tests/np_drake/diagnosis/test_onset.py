@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.candidates import effect_candidates, library_candidates
-from np_drake.diagnosis.onset import ANOTHER, FIRST, OnsetScan, gated_candidates, late_payloads
+from np_drake.diagnosis.onset import ANOTHER, FIRST, WEIGHTS, OnsetScan, gated_candidates, late_payloads
+from np_drake.diagnosis.payload_search import PayloadSearch
 from np_drake.diagnosis.search import Problem
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -109,3 +110,18 @@ def test_a_payload_that_is_hung_on_in_flight_is_found_to_the_row(seen, noise):
     assert {c.identifiers for c in found} == {("suspended_payload",)}
     assert found[0].onset["1"] == pytest.approx(4.0, abs=0.03)
     assert float(found[0].variant.removeprefix("length=")) == pytest.approx(0.5, rel=0.05)
+
+
+def test_it_is_sought_where_one_from_the_start_explains_more_than_its_weight(seen, noise):
+    payload = SuspendedPayload(0.4, 0.55)
+    onset = {"suspended_payload": 3.0}
+    flights = [seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset=onset)]
+    plain = library_candidates(flights)
+    at_start = PayloadSearch(flights).best(noise, [], plain)
+    problem = Problem(flights, noise, [], [*plain, *at_start], temperature=2.0)
+    scores = [problem.score((len(plain) + k,)) for k in range(len(at_start))]
+    scan = OnsetScan(problem)
+    weights = [scan.best(c) for c in plain if c.identifiers in WEIGHTS]
+    assert max(scores) > max(w.evidence + w.prior for w in weights)
+    found = late_payloads(problem, gated_candidates(problem))
+    assert found[0].onset["1"] == pytest.approx(3.0, abs=0.05)
