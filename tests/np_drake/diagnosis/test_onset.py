@@ -114,7 +114,7 @@ def test_a_payload_that_is_hung_on_in_flight_is_found_to_the_row(seen, noise):
 
 def test_it_is_sought_where_one_from_the_start_explains_more_than_its_weight(seen, noise):
     payload = SuspendedPayload(0.4, 0.55)
-    onset = {"suspended_payload": 3.0}
+    onset = {"suspended_payload": 1.5}
     flights = [seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset=onset)]
     plain = library_candidates(flights)
     at_start = PayloadSearch(flights).best(noise, [], plain)
@@ -124,4 +124,4 @@ def test_it_is_sought_where_one_from_the_start_explains_more_than_its_weight(see
     weights = [scan.best(c) for c in plain if c.identifiers in WEIGHTS]
     assert max(scores) > max(w.evidence + w.prior for w in weights)
     found = late_payloads(problem, gated_candidates(problem))
-    assert found[0].onset["1"] == pytest.approx(3.0, abs=0.05)
+    assert found[0].onset["1"] == pytest.approx(1.5, abs=0.05)
