@@ -37,8 +37,8 @@ class Ready:
         return self.flights[0].grid.step
 
 
-def prepare(flights: Sequence[Evidence], tolerance: Tolerance, *, payloads: bool = True) -> Ready:
-    """Shocks, payloads (where they are sought) and noise as they show when every effect helps."""
+def prepare(flights: Sequence[Evidence], tolerance: Tolerance) -> Ready:
+    """Shocks, payloads and noise as they show when every effect helps."""
     drifting = wander(flights, tolerance)
     nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]
     plain = library_candidates(flights)
@@ -55,12 +55,11 @@ def prepare(flights: Sequence[Evidence], tolerance: Tolerance, *, payloads: bool
     if any(e.shocks.any() for e in flights):
         left = _rich_residuals(flights, white, nuisance, everything)
     noise = noise_of(left, raw, step, tolerance, INEXACT)
-    if payloads:
-        others = [c for c, _ in _best_variants(flights, noise, plain)]
-        hung = PayloadSearch(flights).best(white, nuisance, others)
-        left = _rich_residuals(flights, noise, nuisance, [*candidates, *hung, *late])
-        noise, candidates = noise_of(left, raw, step, tolerance, INEXACT), [*candidates, *hung]
-    return Ready(list(flights), raw, nuisance, candidates, noise)
+    others = [c for c, _ in _best_variants(flights, noise, plain)]
+    payloads = PayloadSearch(flights).best(white, nuisance, others)
+    left = _rich_residuals(flights, noise, nuisance, [*candidates, *payloads, *late])
+    noise = noise_of(left, raw, step, tolerance, INEXACT)
+    return Ready(list(flights), raw, nuisance, [*candidates, *payloads], noise)
 
 
 def noise_of(residuals, raw, step: float, tolerance: Tolerance, inexact: float = 0.0) -> NoiseModel:

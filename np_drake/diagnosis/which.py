@@ -56,11 +56,11 @@ def rank(
 ) -> Ranking:
     """The models of these (training) flights, best first.
 
-    before: of some of them; where it gave payloads no weight, none is sought.
+    before: of some of them; where it gave payloads no weight, none is sought that is hung on in flight.
     """
     tolerance = tolerance or tolerance_of(flights)
     hanging = before is None or before.probability.get(PAYLOAD, 0.0) > UNLIKELY
-    ready = prepare(flights, tolerance, payloads=hanging)
+    ready = prepare(flights, tolerance)
     problem, models, best = _search_twice(ready, tolerance, hanging)
     noise = noise_of([best.left(e) for e in ready.flights], ready.raw, ready.step, tolerance)
     refined = _refined(problem, models, tolerance, best, noise)

@@ -45,10 +45,3 @@ def test_flights_without_shocks_are_left_as_they_are(seen):
     ready = prepare(flights, LABORATORY)
     assert not ready.flights[0].shocks.any()
     np.testing.assert_array_equal(ready.raw[0], flight.y)
-
-
-def test_where_payloads_are_not_sought_there_are_none(seen):
-    flights = [seen(SuspendedPayload(0.15, 0.6), name="1", seed=1, noise=1.0, seconds=6.0)]
-    ready = prepare(flights, LABORATORY, payloads=False)
-    assert ready.candidates
-    assert not any("suspended_payload" in c.identifiers for c in ready.candidates)

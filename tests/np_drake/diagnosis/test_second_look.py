@@ -3,11 +3,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from np_drake.diagnosis import prepare
+from np_drake.diagnosis import which
 from np_drake.diagnosis.answer import Diagnosis
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.held_out import scored
-from np_drake.diagnosis.payload_search import PayloadSearch
+from np_drake.diagnosis.onset import late_payloads
 from np_drake.diagnosis.second_look import LEAST, halved
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.vehicle import Vehicle
@@ -54,15 +54,14 @@ def test_without_a_second_look_nothing_of_the_held_out_flight_is_fitted(diagnose
     assert dut.shrink.fraction < 0.1
 
 
-def test_a_payload_that_training_gave_no_weight_is_not_sought_again(fly, monkeypatch):
+def test_what_training_gave_no_weight_is_not_sought_as_hung_on_in_flight(fly, monkeypatch):
     sought = []
 
-    class Spy(PayloadSearch):
-        def __init__(self, flights, *more):
-            sought.append([e.name for e in flights])
-            super().__init__(flights, *more)
+    def spy(problem, late):
+        sought.append([e.name for e in problem.flights])
+        return late_payloads(problem, late)
 
-    monkeypatch.setattr(prepare, "PayloadSearch", Spy)
+    monkeypatch.setattr(which, "late_payloads", spy)
     own = {"noise": 1.0, "seconds": 10.0}
     train = [fly(DRAG, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
     assert diagnose(Vehicle(), train, [fly(DRAG, name="c", seed=3, **own)]).joined == ("c",)
