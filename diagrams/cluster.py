@@ -69,10 +69,13 @@ def _call(work: Callable[[Any], Any], case: Any) -> Any:
 def _outcome(future: Any) -> Outcome:
     from distributed import KilledWorker
 
-    if future.status == "finished":
+    status = future.status
+    if status == "finished":
         return Outcome(future.result())
-    if future.status != "error":
-        raise FailedRun(f"the scheduler gave a case up ({future.status}); is the cluster still there?")
+    if status in ("lost", "pending"):
+        return Outcome(error=DeadProcess("its worker died with the answer."))
+    if status != "error":
+        raise FailedRun(f"the scheduler gave a case up ({status}); is the cluster still there?")
     error = future.exception()
     if isinstance(error, KilledWorker):
         return Outcome(error=DeadProcess("its workers died; is the memory exhausted?"))

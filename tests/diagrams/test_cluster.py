@@ -1,12 +1,15 @@
 """Laws of campaigns on a Dask cluster, on one of this machine. Needs the extra `cluster`."""
 
 import os
+from types import SimpleNamespace
 
 import pytest
 
 from diagrams import cluster
 from diagrams.campaign import run_campaign
 from diagrams.cli.main import run
+from diagrams.failed_run import FailedRun
+from diagrams.processes import DeadProcess
 
 CASES = [{"number": number} for number in range(4)]
 
@@ -57,3 +60,15 @@ def test_without_the_extra_it_is_one_line(monkeypatch, capsys):
     monkeypatch.setattr(cluster, "find_spec", lambda name: None)
     assert run(["reproduce", "robustness", "--scheduler", "tcp://127.0.0.1:1"]) == 2
     assert "pip install 'np_drake[cluster]'" in capsys.readouterr().err.splitlines()[-1]
+
+
+@pytest.mark.parametrize("status", ["lost", "pending"])
+def test_an_answer_that_its_dead_worker_took_along_is_asked_for_again(status):
+    pytest.importorskip("distributed", reason="needs the extra `cluster`")
+    assert isinstance(cluster._outcome(SimpleNamespace(status=status)).error, DeadProcess)
+
+
+def test_a_case_that_the_scheduler_drops_ends_in_one_line():
+    pytest.importorskip("distributed", reason="needs the extra `cluster`")
+    with pytest.raises(FailedRun, match="is the cluster still there"):
+        cluster._outcome(SimpleNamespace(status="cancelled"))
