@@ -16,11 +16,12 @@ from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.grid import Grid, Onto, make_grid, to_grid
+from np_drake.diagnosis.motion import corrected_acceleration
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.shocks import bridge
 from np_drake.diagnosis.smooth_attitude import conjugate, rotation_vector, smooth_attitude
 from np_drake.logs.flight_log import FlightLog
-from np_drake.rigid_body import Q
+from np_drake.rigid_body import P, Q
 from np_drake.vehicle import Vehicle
 
 FORCE, TORQUE, WRENCH = slice(0, 3), slice(3, 6), slice(0, 6)
@@ -31,11 +32,11 @@ REGRESSOR_BAND = 8.0  # low-pass on accelerations that enter as regressors [Hz];
 
 @dc.dataclass(frozen=True)
 class Instants:
-    """States at some instants of a flight: t (n,), x (n, 13), s (n, 3) and al (n, 3) smoothed (regressors)."""
+    """States at some instants of a flight: t (n,), x (n, 13); smoothed, as regressors, a (n, 3) in W and al (n, 3)."""
 
     t: np.ndarray
     x: np.ndarray
-    s: np.ndarray
+    a: np.ndarray
     al: np.ndarray
 
     @property
@@ -128,7 +129,7 @@ def make_evidence(log: FlightLog, vehicle: Vehicle, step: float | None = None) -
     smooth, noise = smooth_attitude(log.t, log.q, log.w)
     q, turned = _attitude_for_force(log, smooth, vehicle.gravity)
     grid = make_grid(log.t, step)
-    rows, mids = _instants(log, q, smooth, vehicle.gravity)
+    rows, mids = _instants(log, smooth)
     thrust_rows, thrust_mids = nominal_thrust(log, vehicle)
     y = _channels(log, vehicle, grid, q, mids, thrust_rows, thrust_mids)
     u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T
@@ -163,8 +164,7 @@ def low_pass(values: np.ndarray, step: float, band: float) -> np.ndarray:
     return signal.sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(2 / (band * step))))
 
 
-def _instants(log: FlightLog, q: np.ndarray, smooth: np.ndarray, gravity: float) -> tuple[Instants, Instants]:
-    g = np.array([0.0, 0.0, gravity])
+def _instants(log: FlightLog, smooth: np.ndarray) -> tuple[Instants, Instants]:
     dt, step = np.diff(log.t)[:, None], log.step
     t_mid = 0.5 * (log.t[1:] + log.t[:-1])
     al = low_pass(np.diff(log.w, axis=0) / dt, step, REGRESSOR_BAND)
@@ -173,15 +173,12 @@ def _instants(log: FlightLog, q: np.ndarray, smooth: np.ndarray, gravity: float)
     x_mid = 0.5 * (x[1:] + x[:-1])
     x_mid[:, Q] /= np.linalg.norm(x_mid[:, Q], axis=1, keepdims=True)
     if log.a is None:
-        s_mid = low_pass(
-            attitude.rotate_back(x_mid[:, Q], np.diff(log.v, axis=0) / dt + g), step, REGRESSOR_BAND
-        )
-        s = np.stack([np.interp(log.t, t_mid, s_mid[:, i]) for i in range(3)], axis=1)
-    else:
-        s = low_pass(attitude.rotate_back(q, log.a + g), step, REGRESSOR_BAND)
-        s_mid = s[:-1]
-    rows, mids = Instants(log.t, x, s, al_rows), Instants(t_mid, x_mid, s_mid, al)
-    return (mids if log.a is None else rows), mids
+        rate = np.diff(log.v, axis=0) / dt
+        a = low_pass(corrected_acceleration(t_mid, x_mid[:, P], rate), step, REGRESSOR_BAND)
+        mids = Instants(t_mid, x_mid, a, al)
+        return mids, mids
+    a = low_pass(corrected_acceleration(log.t, log.p, log.a), step, REGRESSOR_BAND)
+    return Instants(log.t, x, a, al_rows), Instants(t_mid, x_mid, a[:-1], al)
 
 
 def _channels(log, vehicle, grid, q, mids, thrust_rows, thrust_mids) -> np.ndarray:

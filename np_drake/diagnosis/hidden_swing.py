@@ -61,13 +61,12 @@ def padded(hidden: np.ndarray | None, size: int) -> np.ndarray:
 
 
 def hook_acceleration(evidence: Evidence, hooks: np.ndarray) -> np.ndarray:
-    """(n-1, m, 3) in W at the middle of the grid's steps [m/s²], smoothed, of hooks (m, 3) in body axes."""
+    """(n-1, m, 3) in W at the middle of the grid's steps [m/s²], of hooks (m, 3) in body axes."""
     rows = evidence.rows
     w, al = rows.x[:, None, 10:13], rows.al[:, None]
     unique, which = np.unique(hooks, axis=0, return_inverse=True)
-    at_hook = rows.s[:, None] + np.cross(al, unique) + np.cross(w, np.cross(w, unique))
-    a = np.einsum("nij,nmj->nmi", attitude.rotation_matrix(rows.q), at_hook)
-    a[..., 2] -= evidence.vehicle.gravity
+    lever = np.cross(al, unique) + np.cross(w, np.cross(w, unique))
+    a = rows.a[:, None] + np.einsum("nij,nmj->nmi", attitude.rotation_matrix(rows.q), lever)
     middle = 0.5 * (evidence.t[1:] + evidence.t[:-1])
     flat = a.reshape(len(a), -1)
     out = np.stack([np.interp(middle, rows.t, column) for column in flat.T], axis=1)

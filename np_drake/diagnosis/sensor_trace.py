@@ -31,8 +31,8 @@ def sensor_trace(evidence: Evidence, effect: SensorEffect) -> np.ndarray:
     g = np.array([0.0, 0.0, evidence.vehicle.gravity])
     ds = attitude.rotate_back(read.x[:, Q], read.a + g) - attitude.rotate_back(q, truth.a + g)
     if log.a is None:
-        s_mid = np.concatenate([evidence.rows.s, evidence.rows.s[-1:]])
-        ds = attitude.rotate_back(read.x[:, Q], attitude.rotate(q, s_mid)) - s_mid
+        s_W = np.concatenate([evidence.rows.a, evidence.rows.a[-1:]]) + g
+        ds = attitude.rotate_back(read.x[:, Q], s_W) - attitude.rotate_back(q, s_W)
 
     def turn(quaternion: np.ndarray) -> np.ndarray:
         return rotation_vector(attitude.multiply(conjugate(quaternion[:-1]), quaternion[1:]))
@@ -76,10 +76,9 @@ def without_errors(evidence: Evidence, effects: Sequence[SensorEffect]) -> Evide
 
 
 def _instants_before(evidence: Evidence, read: Instants, effects: Sequence[SensorEffect]) -> Instants:
-    g, n = np.array([0.0, 0.0, evidence.vehicle.gravity]), len(read.t)
-    a = attitude.rotate(read.q, read.s) - g
-    truth = _before(evidence.vehicle, Measurement(read.x, a, np.zeros((n, 3)), np.zeros((n, 4))), effects)
-    return dc.replace(read, x=truth.x, s=attitude.rotate_back(truth.x[:, Q], truth.a + g))
+    none = np.zeros((len(read.t), 4))
+    truth = _before(evidence.vehicle, Measurement(read.x, read.a, none[:, :3], none), effects)
+    return dc.replace(read, x=truth.x)
 
 
 def _before(vehicle: Vehicle, read: Measurement, effects: Sequence[SensorEffect]) -> Measurement:

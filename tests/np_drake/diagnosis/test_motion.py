@@ -1,0 +1,91 @@
+"""Laws of the acceleration that position and accelerometer tell together."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+
+from np_drake.diagnosis.motion import corrected_acceleration
+
+STEP, SECONDS = 0.01, 20.0
+SIZES = st.floats(-1.0, 1.0)
+
+
+def flight(rng: np.random.Generator, jitter: float = 0.0):
+    """Times, exact positions and accelerations of a motion below 1.3 Hz; some rows are missing, times are uneven."""
+    t = np.arange(0.0, SECONDS, STEP)
+    t = t + jitter * STEP * rng.uniform(-1, 1, len(t))
+    if jitter:
+        t = np.delete(t, [200, 410, 900, 1500])
+    rates = 2 * np.pi * np.array([0.3, 0.7, 1.3])
+    size, phase = rng.uniform(0.1, 0.4, (3, 3)), rng.uniform(0, 6, (3, 3))
+    p = np.sum(size * np.sin(t[:, None, None] * rates + phase), axis=2)
+    return t, p, -np.sum(size * rates**2 * np.sin(t[:, None, None] * rates + phase), axis=2)
+
+
+def slow_share(error: np.ndarray) -> float:
+    """RMS between 0.5 and 1.5 Hz, where a payload rings."""
+    sos = signal.butter(2, [0.5, 1.5], "bandpass", fs=1 / STEP, output="sos")
+    return float(np.sqrt(np.mean(signal.sosfiltfilt(sos, error, axis=0)[200:-200] ** 2)))
+
+
+def flicker(rng: np.random.Generator, n: int, rms: float) -> np.ndarray:
+    """(n, 3) with a power that falls as 1 / f."""
+    f = np.fft.rfftfreq(n, STEP)
+    spectrum = np.fft.rfft(rng.normal(size=(n, 3)), axis=0) / np.sqrt(np.maximum(f, f[1]))[:, None]
+    out = np.fft.irfft(spectrum, n, axis=0)
+    return rms * out / out.std(axis=0)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**31))
+def test_what_is_exact_stays(seed):
+    t, p, a = flight(np.random.default_rng(seed))
+    np.testing.assert_allclose(corrected_acceleration(t, p, a), a, atol=2e-3 * np.abs(a).max())
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.tuples(SIZES, SIZES, SIZES), st.integers(0, 2**31))
+def test_a_bias_of_the_accelerometer_goes(bias, seed):
+    rng = np.random.default_rng(seed)
+    t, p, a = flight(rng)
+    p, noise = p + 1e-3 * rng.normal(size=p.shape), 0.1 * rng.normal(size=a.shape)
+    apart = corrected_acceleration(t, p, a + noise + bias) - corrected_acceleration(t, p, a + noise)
+    assert np.abs(apart).max() < 1e-2 * max(np.abs(bias).max(), 1e-9)
+
+
+@settings(max_examples=20, deadline=None)
+@given(SIZES, SIZES, st.integers(0, 2**31))
+def test_it_is_the_same_from_elsewhere_and_from_a_moving_origin(offset, speed, seed):
+    rng = np.random.default_rng(seed)
+    t, p, a = flight(rng)
+    p, a = p + 1e-3 * rng.normal(size=p.shape), a + 0.1 * rng.normal(size=a.shape)
+    moved = corrected_acceleration(t, p + offset + speed * t[:, None], a)
+    np.testing.assert_allclose(moved, corrected_acceleration(t, p, a), atol=1e-6)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.05])
+def test_where_a_payload_rings_it_is_three_times_as_good_as_the_accelerometer(jitter):
+    rng = np.random.default_rng(1)
+    t, p, a = flight(rng, jitter)
+    read = a + 0.1 * rng.normal(size=a.shape) + flicker(rng, len(t), 0.08)
+    found = corrected_acceleration(t, p + 1e-3 * rng.normal(size=p.shape), read)
+    assert 3 * slow_share(found - a) < slow_share(read - a)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.05])
+def test_what_is_fast_stays_the_accelerometers(jitter):
+    rng = np.random.default_rng(2)
+    t, p, a = flight(rng, jitter)
+    read = a + 0.1 * rng.normal(size=a.shape)
+    found = corrected_acceleration(t, p + 1e-3 * rng.normal(size=p.shape), read)
+    sos = signal.butter(4, 10.0, "highpass", fs=1 / STEP, output="sos")
+    fast = signal.sosfiltfilt(sos, found - read, axis=0)[200:-200]
+    assert np.sqrt(np.mean(fast**2)) < 0.02  # a fifth of the noise read
+
+
+def test_a_vehicle_at_rest_without_noise_rests():
+    t = np.arange(0.0, 5.0, STEP)
+    found = corrected_acceleration(t, np.ones((len(t), 3)), np.zeros((len(t), 3)))
+    np.testing.assert_allclose(found, 0.0, atol=1e-9)
