@@ -5,8 +5,9 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.diagnosis.candidates import Onset, gated
+from np_drake.diagnosis.descent import refit
 from np_drake.diagnosis.search import Model, effect_prior
-from np_drake.diagnosis.which import Ranking, names_of, names_of_fit, refit
+from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
 from np_drake.diagnosis.wind_statistics import wind_force, wind_onset
 
 DRAG = "linear_drag"

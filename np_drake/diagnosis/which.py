@@ -2,17 +2,19 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
 from np_drake.diagnosis.candidates import Candidate
+from np_drake.diagnosis.descent import first_fit, refit, rested
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.noise import NoiseModel, no_worse, no_worse_anywhere, scale_only
 from np_drake.diagnosis.onset import gated_candidates, late_payloads
 from np_drake.diagnosis.payload_search import PAYLOAD
 from np_drake.diagnosis.prepare import INEXACT, TEMPERATURE, Ready, noise_of, prepare
-from np_drake.diagnosis.refine import Fit, refine
-from np_drake.diagnosis.rig import Tolerance, calibration_terms, tolerance_of
+from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.rig import Tolerance, tolerance_of
 from np_drake.diagnosis.search import (
     MOST_EFFECTS,
     Model,
@@ -21,7 +23,7 @@ from np_drake.diagnosis.search import (
     library_first,
     search,
 )
-from np_drake.diagnosis.signature import Term, signature
+from np_drake.diagnosis.signature import signature
 from np_drake.diagnosis.unknown import PREFIX
 
 TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice
@@ -29,7 +31,6 @@ MOST_MEASURED = 8  # effects that are named where rotor speed is measured: real 
 UNLIKELY = 0.01  # probability of a payload below which it is not sought again; own choice
 REFINED = 3  # models that are refined
 GIVES_WAY = 4.0  # log evidence by which generic structure must beat the library's effects; own choice
-AGAIN = 3  # times that a descent with a hidden swing is begun anew; own choice
 CLOSE = 12.0  # of the best's log evidence, below which a model is not worth it
 
 
@@ -62,7 +63,7 @@ def rank(
     hanging = before is None or before.probability.get(PAYLOAD, 0.0) > UNLIKELY
     ready = prepare(flights, tolerance)
     problem, models, best = _search_twice(ready, tolerance, hanging)
-    noise = noise_of([best.left(e) for e in ready.flights], ready.raw, ready.step, tolerance)
+    noise = _noise_left(ready, best, tolerance)
     refined = _refined(problem, models, tolerance, best, noise)
     models = [*models, *(m for m in refined if m not in models)]
     fits = sorted(refined.values(), key=precedence)
@@ -92,7 +93,7 @@ def _refined(
     close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
     fits = {m: refit(problem, m, tolerance, best, noise) for m in close[:REFINED]}
     first = min(fits, key=lambda m: precedence(fits[m]))
-    fits[first] = _rested(problem, first, tolerance, fits[first], noise)
+    fits[first] = rested(problem, first, tolerance, fits[first], noise)
     for m in simpler(problem, first, fits[first]):
         if m not in fits:
             fits[m] = refit(problem, m, tolerance, _only(problem, m, fits[first]), noise)
@@ -117,10 +118,15 @@ def _search_twice(ready: Ready, tolerance: Tolerance, hanging: bool) -> tuple[Pr
             problem = problem.beside([*hung, *late])
         models = library_first(problem, search(problem))
         acting = [problem.candidates[i] for i in models[0].members]
-        best = refit(problem, models[0], tolerance, best, iterations=3)
-        noise = noise_of([best.left(e) for e in ready.flights], ready.raw, ready.step, tolerance, INEXACT)
+        fit = first_fit if best is None else partial(refit, known=best)
+        best = fit(problem, models[0], tolerance, iterations=3)
+        noise = _noise_left(ready, best, tolerance, INEXACT)
     assert best is not None
     return problem, models, best
+
+
+def _noise_left(ready: Ready, fit: Fit, tolerance: Tolerance, inexact: float = 0.0) -> NoiseModel:
+    return noise_of([fit.left(e) for e in ready.flights], ready.raw, ready.step, tolerance, inexact)
 
 
 def _without_generic(
@@ -152,69 +158,6 @@ def _structured_noise(
     if not flights[0].measured_rotors:
         return scale_only(no_worse(left, raw), step)
     return scale_only(no_worse_anywhere(left, raw), step, [e.name for e in flights])
-
-
-def refit(
-    problem: Problem,
-    model: Model,
-    tolerance: Tolerance,
-    known: Fit | None,
-    noise: NoiseModel | None = None,
-    iterations: int = 6,
-) -> Fit:
-    """A model's figures; where a fit of the same effects is known, from there.
-
-    With a hidden swing, whose tether snaps, the descent may rest on the way: then from the posterior as well.
-    """
-    terms = _terms_at_posterior(problem, model)
-    starts = [terms]
-    if known is not None and _same(known.terms, terms):
-        swings = any(hasattr(t.effect, "payload") for t in terms)
-        starts = [list(known.terms), terms] if swings else [list(known.terms)]
-    drifting = next((c.columns for c in problem.nuisance if c.variant == "wander"), None)
-    fits = [
-        refine(
-            start,
-            calibration_terms(problem.flights[0].vehicle, tolerance),
-            problem.flights,
-            noise or problem.noise,
-            temperature=problem.temperature,
-            wander=drifting,
-            generic=[problem.candidates[i] for i in model.members if problem.candidates[i].generic],
-            evaluations=iterations,
-            wide=problem.wide,
-        )
-        for start in starts
-    ]
-    best = max(fits, key=lambda f: f.log_evidence)
-    return dc.replace(best, onset_prior=sum(problem.candidates[i].onset_prior for i in model.members))
-
-
-def _rested(problem: Problem, model: Model, tolerance: Tolerance, fit: Fit, noise: NoiseModel) -> Fit:
-    """The fit, where a swing is hidden in it, begun anew until it gains no more."""
-    swings = any(hasattr(t.effect, "payload") for t in fit.terms)
-    for _ in range(AGAIN if swings else 0):
-        before, fit = fit, refit(problem, model, tolerance, fit, noise)
-        if fit.log_evidence < before.log_evidence + 1.0:
-            return max(before, fit, key=lambda f: f.log_evidence)
-    return fit
-
-
-def _terms_at_posterior(problem: Problem, model: Model) -> list[Term]:
-    """The terms of a model's members as the linear regression has them."""
-    mean, _ = problem.total.posterior(problem.columns(model.members))
-    at = sum(c.size for c in problem.nuisance)
-    terms: list[Term] = []
-    for i in model.members:
-        candidate = problem.candidates[i]
-        terms += candidate.terms(mean[at : at + candidate.size])
-        at += candidate.size
-    return terms
-
-
-def _same(a: Sequence[Term], b: Sequence[Term]) -> bool:
-    """The same effects with the same onsets, in the same order."""
-    return [(type(t.effect), t.onset) for t in a] == [(type(t.effect), t.onset) for t in b]
 
 
 def simpler(problem: Problem, model: Model, fit: Fit) -> list[Model]:

@@ -1,0 +1,110 @@
+"""From a set of candidates to its figures: the descent of `refine`, begun where a hidden swing would not hold it up."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.held_out import settled
+from np_drake.diagnosis.noise import NoiseModel, scale_only
+from np_drake.diagnosis.refine import Fit, refine
+from np_drake.diagnosis.rig import Tolerance, calibration_terms
+from np_drake.diagnosis.search import Model, Problem
+from np_drake.diagnosis.signature import Term, signature
+
+AGAIN = 3  # times that a descent with a hidden swing is begun anew; own choice
+
+
+def refit(
+    problem: Problem,
+    model: Model,
+    tolerance: Tolerance,
+    known: Fit | None,
+    noise: NoiseModel | None = None,
+    iterations: int = 6,
+) -> Fit:
+    """A model's figures; where a fit of the same effects is known, from there.
+
+    With a hidden swing, whose tether snaps, the descent may rest on the way: then from the posterior as well.
+    """
+    noise = noise or problem.noise
+    terms = _terms_at_posterior(problem, model)
+    starts = [terms]
+    if known is not None and _same(known.terms, terms):
+        starts = [list(known.terms), terms] if swings(terms) else [list(known.terms)]
+    fits = [_descend(problem, model, tolerance, start, noise, iterations) for start in starts]
+    best = max(fits, key=lambda f: f.log_evidence)
+    return dc.replace(best, onset_prior=sum(problem.candidates[i].onset_prior for i in model.members))
+
+
+def first_fit(problem: Problem, model: Model, tolerance: Tolerance, iterations: int) -> Fit:
+    """A model's figures where no fit is known: what it leaves is the noise of the next.
+
+    A swing that is not met yet is in the noise, which rings with it, and so hides it: then from the swings that suit
+    the posterior's other figures, flight by flight, with errors that are weighted alike.
+    """
+    flights, terms = problem.flights, _terms_at_posterior(problem, model)
+    if not swings(terms):
+        return refit(problem, model, tolerance, None, iterations=iterations)
+    alike = scale_only([e.bridged(e.y - signature(e, terms)) for e in flights], flights[0].grid.step)
+    return _descend(problem, model, tolerance, _swung(terms, flights, alike), alike, iterations)
+
+
+def rested(problem: Problem, model: Model, tolerance: Tolerance, fit: Fit, noise: NoiseModel) -> Fit:
+    """The fit, where a swing is hidden in it, begun anew until it gains no more."""
+    for _ in range(AGAIN if swings(fit.terms) else 0):
+        before, fit = fit, refit(problem, model, tolerance, fit, noise)
+        if fit.log_evidence < before.log_evidence + 1.0:
+            return max(before, fit, key=lambda f: f.log_evidence)
+    return fit
+
+
+def swings(terms: Sequence[Term]) -> bool:
+    """Is a swing hidden among them?"""
+    return any(hasattr(t.effect, "payload") for t in terms)
+
+
+def _descend(
+    problem: Problem,
+    model: Model,
+    tolerance: Tolerance,
+    start: list[Term],
+    noise: NoiseModel,
+    iterations: int,
+) -> Fit:
+    return refine(
+        start,
+        calibration_terms(problem.flights[0].vehicle, tolerance),
+        problem.flights,
+        noise,
+        temperature=problem.temperature,
+        wander=next((c.columns for c in problem.nuisance if c.variant == "wander"), None),
+        generic=[problem.candidates[i] for i in model.members if problem.candidates[i].generic],
+        evaluations=iterations,
+        wide=problem.wide,
+    )
+
+
+def _swung(terms: Sequence[Term], flights: Sequence[Evidence], noise: NoiseModel) -> list[Term]:
+    """The terms with the swings that suit each flight, the other figures being known."""
+    found = {e.name: settled(terms, e, noise) for e in flights}
+    return [
+        dc.replace(t, hidden={n: now[i].hidden[n] for n, now in found.items() if n in now[i].hidden})
+        for i, t in enumerate(terms)
+    ]
+
+
+def _terms_at_posterior(problem: Problem, model: Model) -> list[Term]:
+    """The terms of a model's members as the linear regression has them."""
+    mean, _ = problem.total.posterior(problem.columns(model.members))
+    at = sum(c.size for c in problem.nuisance)
+    terms: list[Term] = []
+    for i in model.members:
+        candidate = problem.candidates[i]
+        terms += candidate.terms(mean[at : at + candidate.size])
+        at += candidate.size
+    return terms
+
+
+def _same(a: Sequence[Term], b: Sequence[Term]) -> bool:
+    """The same effects with the same onsets, in the same order."""
+    return [(type(t.effect), t.onset) for t in a] == [(type(t.effect), t.onset) for t in b]
