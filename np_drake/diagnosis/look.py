@@ -10,9 +10,15 @@ from np_drake.diagnosis.felt import DRAG, with_drag
 from np_drake.diagnosis.gusts import as_gusts
 from np_drake.diagnosis.held_out import without_shocks
 from np_drake.diagnosis.probability import BESIDE_UNKNOWN
-from np_drake.diagnosis.remains import Remains, remains
+from np_drake.diagnosis.remains import Remains, remains, without_swing
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.which import Ranking, rank
+from np_drake.diagnosis.wind_statistics import chance_of_place, wind_force
+
+BY_CHANCE = (
+    1e-3  # probability below which it is not by chance that a slow force follows the place; own choice
+)
+PLACE = Finding("place", "a slow force tied to a place", 1.0, {})
 
 
 @dc.dataclass(frozen=True)
@@ -41,12 +47,15 @@ def look(
     fit, flights = ranking.fits[0], ranking.problem.flights
     unseen = [without_shocks(ranking.named.everything, e, ranking.noise) for e in unseen]
     left = remains(ranking, fit, flights, unseen)
-    if _gusty(left):
+    tied = _gusty(left) and _knows_its_place(ranking, left, flights, unseen)
+    if tied:
+        left = dc.replace(left, findings=(PLACE, *(f for f in left.findings if f.name != PLACE.name)))
+    elif _gusty(left):
         felt = with_drag(ranking)
         left = left if felt is ranking else remains(felt, fit, flights, unseen)
         ranking = felt
     unknown, probability = left.unknown, left.probability
-    gusty = _gusty(left)
+    gusty = _gusty(left) and not tied
     causes, minor = causes_of(ranking, ranking.named, flights, unseen, left.held, gusty=gusty)
     if _slow(left) and not gusty:
         unknown, probability = True, left.slow_probability
@@ -61,6 +70,16 @@ def look(
     if unknown:
         causes = [dc.replace(c, probability=min(c.probability, BESIDE_UNKNOWN)) for c in causes]
     return Look(flights, unseen, ranking, left, causes, minor, unknown, probability, gusty)
+
+
+def _knows_its_place(
+    ranking: Ranking, left: Remains, flights: Sequence[Evidence], unseen: Sequence[Evidence]
+) -> bool:
+    """Does the slow force follow the place, in all flights alike, as gusts would not?"""
+    rest = {e.name: ranking.named.left(e) for e in flights}
+    rest |= {e.name: without_swing(left.held, e) for e in unseen}
+    every = [*flights, *unseen]
+    return chance_of_place(every, rest, wind_force(every, rest, {})) < BY_CHANCE
 
 
 def _slow(left: Remains) -> bool:

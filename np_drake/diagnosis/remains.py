@@ -64,7 +64,7 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     seen = _repeat(ranking, fit, unseen, held)
     line, (torque, share) = strongest_line(flights, left), slow_torque(flights, left)
     limit = SLOW_TORQUE[ranking.tolerance.real]
-    swung = {e.name: _without_swing(held, e) for e in unseen}
+    swung = {e.name: without_swing(held, e) for e in unseen}
     again = (strongest_line(unseen, swung).prominence, slow_torque(unseen, swung)[0])
     loud = line.rms**2 > LEAST_SHARE * np.mean(np.concatenate([e.y[:, line.channel] for e in flights]) ** 2)
     vibrates = _above(line.prominence, LINE) if loud and again[0] > FAINT * LINE else 0.0
@@ -116,7 +116,7 @@ def _repeat(ranking: Ranking, fit: Fit, unseen: Sequence[Evidence], held: HeldOu
     return [bool(gain > HARM) for gain in gains]
 
 
-def _without_swing(held: HeldOut, e: Evidence) -> np.ndarray:
+def without_swing(held: HeldOut, e: Evidence) -> np.ndarray:
     """(m, 15) what is left of an unseen flight whatever a payload's hidden swing was, shocks apart."""
     return e.bridged(e.y - signature(e, held.settled[e.name]))
 

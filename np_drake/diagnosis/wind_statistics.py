@@ -4,11 +4,12 @@ import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import linalg, optimize
+from scipy import linalg, optimize, stats
 
 from np_drake import attitude
 from np_drake.diagnosis.evidence import FORCE, Evidence
 from np_drake.diagnosis.hidden_swing import attitude_on_grid
+from np_drake.rigid_body import P
 
 BIN = 0.1  # over which the force is averaged [s]
 SPAN = 20.0  # what lies farther apart counts as independent [s]
@@ -96,18 +97,53 @@ def wind_onset(e: Evidence, left: np.ndarray, begin: float | None, wind: WindFor
     return float(t[best]) if losses[here] - losses[best] > 2 * GAIN else begin
 
 
+def chance_of_place(flights: Sequence[Evidence], left: Mapping[str, np.ndarray], wind: WindForce) -> float:
+    """Probability that gusts, which do not know where the vehicle is, follow its place as much as this force does [1].
+
+    Source: likelihood ratio of a level force that is linear in the position beside gusts, and a mean in each span,
+    under the gusts' covariance: half a chi-squared of six.   left: (m, 15) what is left of the flights.
+    """
+    spans = [pair for e in flights for pair in _forces_and_places(e, left[e.name])]
+    XX, XF = np.zeros((3, 3)), np.zeros((3, 2))
+    for force, place in spans:
+        factor = _factor(len(force), wind.deviation[0], wind.correlation_time[0], wind.white)
+        white = linalg.solve_triangular(
+            factor, np.column_stack([force, place, np.ones(len(force))]), lower=True
+        )
+        one = white[:, -1]
+        about = white - np.outer(one, one @ white) / (one @ one)
+        F, X = about[:, :2], about[:, 2:-1]
+        XX, XF = XX + X.T @ X, XF + X.T @ F
+    gain = float(np.sum(XF * (linalg.pinvh(XX) @ XF)))
+    return float(stats.chi2.sf(gain, XF.size))
+
+
+def _forces_and_places(e: Evidence, left: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Level force (k, 2) [N] and position (k, 3) [m] in bins, of spans of at most `SPAN`."""
+    p = np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, P].T], axis=1)
+    every = np.ones(len(e.t), bool)
+    return [(f[:, :2], x) for f, x in zip(_split(_bins(e, left, every)), _split(_binned(e, p)), strict=True)]
+
+
 def _spans(e: Evidence, left: np.ndarray, begin: float | None) -> list[np.ndarray]:
     """(k, 3) forces in W in bins, of spans of at most `SPAN` [N]."""
-    bins = _bins(e, left, e.t >= (e.t[0] if begin is None else begin))
+    return _split(_bins(e, left, e.t >= (e.t[0] if begin is None else begin)))
+
+
+def _split(bins: np.ndarray) -> list[np.ndarray]:
     most = round(SPAN / BIN)
     return [bins[i : i + most] for i in range(0, len(bins), most) if len(bins) - i > 1]
 
 
 def _bins(e: Evidence, left: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """(k, 3) force in W of these rows (m,), averaged over bins [N]."""
-    force = attitude.rotate(attitude_on_grid(e), left[:, FORCE])[rows]
+    return _binned(e, attitude.rotate(attitude_on_grid(e), left[:, FORCE])[rows])
+
+
+def _binned(e: Evidence, values: np.ndarray) -> np.ndarray:
+    """(k, 3) means over bins of values (m, 3) on the grid."""
     size = max(1, round(BIN / e.grid.step))
-    return force[: len(force) // size * size].reshape(-1, size, 3).mean(axis=1)
+    return values[: len(values) // size * size].reshape(-1, size, 3).mean(axis=1)
 
 
 def _factor(n: int, deviation: float, time: float, white: float) -> np.ndarray:

@@ -3,7 +3,14 @@ import pytest
 
 from np_drake import attitude
 from np_drake.diagnosis.hidden_swing import attitude_on_grid
-from np_drake.diagnosis.wind_statistics import BIN, WindForce, _factor, wind_force, wind_onset
+from np_drake.diagnosis.wind_statistics import (
+    BIN,
+    WindForce,
+    _factor,
+    chance_of_place,
+    wind_force,
+    wind_onset,
+)
 
 DEVIATION, MEAN = 0.5, np.array([0.3, -0.2, 0.1])
 
@@ -100,3 +107,28 @@ def test_the_covariance_of_bins_is_that_of_averages():
     exact = np.exp(-np.abs(t[:, None] - t) / time).reshape(4, fine, 4, fine).mean(axis=(1, 3))
     factor = _factor(4, 1.0, time, 0.0)
     np.testing.assert_allclose(factor @ factor.T, exact, atol=2e-4)
+
+
+def field(e, slope, normal):
+    """(n, 3) force in W that grows along `normal`."""
+    p = np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, :3].T], axis=1)
+    return slope * (p @ normal)[:, None] * normal
+
+
+def test_gusts_follow_the_place_as_often_as_chance_has_it(flights):
+    found = []
+    for seed in range(60):
+        left = pushed(flights, np.random.default_rng(seed), 0.6)
+        found.append(chance_of_place(flights, left, wind_force(flights, left, {})))
+    assert 0.35 < np.mean(found) < 0.65
+    assert np.mean(np.array(found) < 0.1) < 0.25
+
+
+def test_a_force_tied_to_a_place_is_no_gust_whatever_its_mean_in_a_flight(flights):
+    normal = np.array([0.8, 0.6, 0.0])
+    left = pushed(flights, np.random.default_rng(3), 0.6)
+    for i, e in enumerate(flights):
+        tied = field(e, 1.0, normal) + 0.3 * i
+        left[e.name] = 0.3 * left[e.name]
+        left[e.name][:, :3] += attitude.rotate_back(attitude_on_grid(e), tied)
+    assert chance_of_place(flights, left, wind_force(flights, left, {})) < 1e-6
