@@ -32,8 +32,7 @@ def refit(
     if known is not None and _same(known.terms, terms):
         starts = [list(known.terms), terms] if swings(terms) else [list(known.terms)]
     fits = [_descend(problem, model, tolerance, start, noise, iterations) for start in starts]
-    best = max(fits, key=lambda f: f.log_evidence)
-    return dc.replace(best, onset_prior=sum(problem.candidates[i].onset_prior for i in model.members))
+    return max(fits, key=lambda f: f.log_evidence)
 
 
 def first_fit(problem: Problem, model: Model, tolerance: Tolerance, iterations: int) -> Fit:
@@ -71,7 +70,7 @@ def _descend(
     noise: NoiseModel,
     iterations: int,
 ) -> Fit:
-    return refine(
+    fit = refine(
         start,
         calibration_terms(problem.flights[0].vehicle, tolerance),
         problem.flights,
@@ -82,6 +81,7 @@ def _descend(
         evaluations=iterations,
         wide=problem.wide,
     )
+    return dc.replace(fit, onset_prior=sum(problem.candidates[i].onset_prior for i in model.members))
 
 
 def _swung(terms: Sequence[Term], flights: Sequence[Evidence], noise: NoiseModel) -> list[Term]:

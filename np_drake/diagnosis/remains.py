@@ -16,6 +16,7 @@ from np_drake.diagnosis.attribute import (
     at_its_bound,
     on_held_out,
 )
+from np_drake.diagnosis.descent import swings
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.excess import LINE, Line, slow_torque, strongest_line
 from np_drake.diagnosis.held_out import adapt
@@ -68,10 +69,10 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     again = (strongest_line(unseen, swung).prominence, slow_torque(unseen, swung)[0])
     loud = line.rms**2 > LEAST_SHARE * np.mean(np.concatenate([e.y[:, line.channel] for e in flights]) ** 2)
     vibrates = _above(line.prominence, LINE) if loud and again[0] > FAINT * LINE else 0.0
-    swings = swinging(ranking.named)
+    hidden = swings(ranking.named.terms)
     twists = (
         _above(torque, limit)
-        if share > (SWUNG if swings else LEAST_SHARE) and again[1] > FAINT * limit
+        if share > (SWUNG if hidden else LEAST_SHARE) and again[1] > FAINT * limit
         else 0.0
     )
     structure = [
@@ -81,7 +82,7 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     ]
     slowly = _slow(ranking, flights, left, unseen, swung)
     usual = slow_power(flights, left)
-    novel = 0.0 if swings else _novel(unseen, swung, ranking.tolerance, usual, gusty=slowly > 0.5)
+    novel = 0.0 if hidden else _novel(unseen, swung, ranking.tolerance, usual, gusty=slowly > 0.5)
     beyond = [t for t in ranking.named.terms if at_its_bound(t.effect)]
     probability = max([*structure, vibrates, twists, novel, BEYOND if beyond else 0.0])
     findings = [f for f, _ in found]
@@ -93,11 +94,6 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     if twists > 0.5:
         findings.append(Finding("slow torque", "a torque that comes and goes", torque, {"ratio": torque}))
     return Remains(probability > 0.5, probability, tuple(findings), held, slowly, line, torque, structured)
-
-
-def swinging(fit: Fit) -> bool:
-    """Is there a payload, whose swing may be lost?"""
-    return any(hasattr(t.effect, "payload") for t in fit.terms)
 
 
 def _repeat(ranking: Ranking, fit: Fit, unseen: Sequence[Evidence], held: HeldOut) -> list[bool]:
@@ -140,7 +136,7 @@ def _slow(
     least = MATERIAL_FORCE * (1.0 if ranking.tolerance.real else EXACT)
     matters = felt or both.deviation > least * vehicle.mass * vehicle.gravity
     shown = seen.log_evidence > FAINT * LEAST[felt]
-    lost = swinging(ranking.named) and slow_power(flights, left) < SWUNG * slow_power(
+    lost = swings(ranking.named.terms) and slow_power(flights, left) < SWUNG * slow_power(
         flights, {e.name: e.y for e in flights}
     )
     return both.probability(felt=felt) if matters and shown and not lost else 0.0

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.descent import swings
 from np_drake.diagnosis.evidence import WRENCH, Evidence, make_evidence
 from np_drake.diagnosis.look import Look
-from np_drake.diagnosis.remains import swinging
 
 UNFORESEEN = {True: 1.6, False: 1.25}  # residual over noise, on a rig and in a laboratory [1]; own choice
 LEAST = 4.0  # that either half must last [s]; own choice
@@ -22,7 +22,7 @@ def unforeseen(first: Look) -> bool:
 
     Gusts, which repeat nowhere, and a payload, whose swing may be lost, do not count.
     """
-    if first.gusty or swinging(first.ranking.named):
+    if first.gusty or swings(first.ranking.named.terms):
         return False
     held = first.left.held
     left = np.concatenate([held.left[e.name][held.rows[e.name], WRENCH] for e in first.unseen])
