@@ -16,6 +16,7 @@ from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.grid import Grid, Onto, make_grid, to_grid
+from np_drake.diagnosis.linear_bayes import Gram
 from np_drake.diagnosis.motion import corrected_acceleration
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.shocks import bridge
@@ -109,6 +110,13 @@ class Evidence:
     def white(self, noise: NoiseModel, values: np.ndarray) -> np.ndarray:
         """(m - p, ...) channels or columns (m, 15, ...) without shocks, whitened."""
         return noise.whiten(self.bridged(values), self.name)
+
+    def gram(self, noise: NoiseModel, X: np.ndarray) -> Gram:
+        """Of columns (m, 15, k), whitened, with the channels."""
+        both = np.concatenate([X, self.y[..., None]], axis=-1)
+        products = noise.products(self.bridged(both), self.name)
+        rows = len(X) - noise.phi.shape[1]
+        return Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), rows)
 
     def on_grid(self, at_rows: np.ndarray, at_mids: np.ndarray) -> np.ndarray:
         """(m, 6) force (n, 3) at rows and torque (n-1, 3) at mids, on the grid."""

@@ -49,15 +49,41 @@ class NoiseModel:
 
     def whiten(self, values: np.ndarray, flight: str = "") -> np.ndarray:
         """(m - p, c, ...) white with unit variance, of channels (m, c, ...) of a flight; the first p rows go."""
-        p, n = self.phi.shape[1], len(values)
-        flat = np.asarray(values, float).reshape(n, values.shape[1], -1)
-        if flight in self.loudness:
-            flat = flat / self.loudness[flight][:, None]
-        driven = np.zeros((n - p, *flat.shape[1:]))
+        parts = self._driven(values, flight)
+        n, k = len(values) - self.phi.shape[1], int(np.prod(values.shape[2:]))
+        driven = np.zeros((n, len(parts), k))
+        for i, (_, some, part) in enumerate(parts):
+            driven[:, i, slice(None) if len(some) == k else some] = part
+        mixed = np.matmul(np.ascontiguousarray(self.mixing[:, [c for c, _, _ in parts]]), driven)
+        return mixed.reshape(n, *values.shape[1:])
+
+    def products(self, values: np.ndarray, flight: str = "") -> np.ndarray:
+        """(k, k) inner products of columns (m, c, k) of a flight once they are white.
+
+        A column that is zero in most channels, as those of most effects are, is nothing there to be multiplied.
+        """
+        weight, out = self.mixing.T @ self.mixing, np.zeros((values.shape[-1],) * 2)
+        parts = self._driven(values, flight)
+        for i, (c, some, own) in enumerate(parts):
+            for d, others, beside in parts[: i + 1]:
+                block = weight[c, d] * (own.T @ beside)
+                out[np.ix_(some, others)] += block
+                if d != c:
+                    out[np.ix_(others, some)] += block.T
+        return out
+
+    def _driven(self, values: np.ndarray, flight: str) -> list[tuple[int, np.ndarray, np.ndarray]]:
+        """Of every channel: itself, its columns that are not zero, and what drives them (m - p, k')."""
+        flat = np.asarray(values, float).reshape(len(values), values.shape[1], -1)
+        there = np.any(flat.reshape(len(flat), -1) != 0, axis=0).reshape(flat.shape[1:])
+        loudness, parts = self.loudness.get(flight), []
         for c in np.flatnonzero(self.active):
-            some = np.flatnonzero(flat[:, c].any(axis=0))
-            driven[:, c, some] = _innovations(self.phi[c], np.ascontiguousarray(flat[:, c, some]))
-        return np.matmul(self.mixing, driven).reshape(n - p, *values.shape[1:])
+            some = np.flatnonzero(there[c])
+            if len(some):
+                own = np.ascontiguousarray(flat[:, c] if len(some) == flat.shape[2] else flat[:, c, some])
+                driven = _innovations(self.phi[c], own)
+                parts.append((int(c), some, driven if loudness is None else driven / loudness[c]))
+        return parts
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:
         """(c, f) one-sided power spectral density [unit²/Hz] at `frequency` (f,) [Hz]."""
@@ -69,6 +95,8 @@ class NoiseModel:
 def _innovations(phi: np.ndarray, values: np.ndarray) -> np.ndarray:
     """(n - p, k) values_j - sum_i phi_i values_(j-i) of values (n, k): blocks of rows times one banded matrix."""
     p, (n, k) = len(phi), values.shape
+    if not phi.any():
+        return values[p:]
     row = np.append(-phi[::-1], 1.0)
     band = np.zeros((BLOCK, BLOCK + p))
     for i in range(BLOCK):

@@ -20,9 +20,15 @@ SWING_COLUMNS = 5  # mass, hook and length come first
 
 @dc.dataclass(frozen=True)
 class White:
-    """Whitened columns of a payload (rows x channels, k), flight by flight, and its log prior."""
+    """Whitened columns of a payload, flight by flight, and its log prior.
+
+    columns: (rows x channels, k') without those that are zero there, as swings of other flights are.
+    at: (k',) their positions among all `size` of them.
+    """
 
     columns: list[np.ndarray]
+    at: list[np.ndarray]
+    size: int
     log_prior: float
 
 
@@ -77,8 +83,12 @@ class Beside:
 
     def white(self, candidate: Candidate) -> White:
         """Its columns, whitened."""
-        columns = [_flat(self._noise, e.bridged(candidate.columns[e.name])) for e in self._flights]
-        return White(columns, candidate.log_prior)
+        every = [candidate.columns[e.name] for e in self._flights]
+        at = [np.flatnonzero(X.any(axis=(0, 1))) for X in every]
+        own = [
+            _flat(self._noise, e.bridged(X[..., i])) for e, X, i in zip(self._flights, every, at, strict=True)
+        ]
+        return White(own, at, candidate.size, candidate.log_prior)
 
     def gain(self, candidate: White, horizon: float) -> tuple[float, np.ndarray]:
         """Log evidence that the candidate adds to the others, prior included, and its coefficients."""
@@ -100,17 +110,19 @@ class Beside:
 
     def joints(self, candidate: White, horizons: Sequence[float]) -> list[Gram]:
         """Gram matrices of the others and the candidate up to these horizons, from one pass over the rows."""
-        n, k = self.size, candidate.columns[0].shape[1]
+        n, k = self.size, candidate.size
         PX, PP, Py = np.zeros((k, n)), np.zeros((k, k)), np.zeros(k)
         done = dict.fromkeys((e.name for e in self._flights), 0)
         found = {}
         for horizon in sorted(horizons):
-            for e, (X, y), columns in zip(self._flights, self._white, candidate.columns, strict=True):
+            for e, (X, y), columns, some in zip(
+                self._flights, self._white, candidate.columns, candidate.at, strict=True
+            ):
                 rows = slice(done[e.name], self._rows(e, horizon))
                 P = columns[rows]
-                PX += P.T @ X[rows]
-                PP += P.T @ P
-                Py += P.T @ y[rows]
+                PX[some] += P.T @ X[rows]
+                PP[np.ix_(some, some)] += P.T @ P
+                Py[some] += P.T @ y[rows]
                 done[e.name] = rows.stop
             base, _ = self._base[horizon]
             XX = np.block([[base.XX, PX.T], [PX, PP]])

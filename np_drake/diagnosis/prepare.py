@@ -7,12 +7,11 @@ import numpy as np
 
 from np_drake.diagnosis.candidates import Candidate, library_candidates, wind_candidates
 from np_drake.diagnosis.evidence import FORCE, TORQUE, Evidence
-from np_drake.diagnosis.linear_bayes import gram
 from np_drake.diagnosis.noise import NoiseModel, fit_noise, no_worse, scale_only
 from np_drake.diagnosis.onset import gated_candidates
 from np_drake.diagnosis.payload_search import PayloadSearch
 from np_drake.diagnosis.rig import Tolerance, calibration, wander
-from np_drake.diagnosis.search import Problem, sum_grams
+from np_drake.diagnosis.search import Problem
 from np_drake.diagnosis.shocks import find_shocks
 from np_drake.diagnosis.unknown import candidates_of_the_unknown
 
@@ -48,16 +47,16 @@ def prepare(flights: Sequence[Evidence], tolerance: Tolerance) -> Ready:
     white = scale_only([e.y for e in flights], step)
     late = gated_candidates(Problem(flights, white, nuisance, candidates, temperature=TEMPERATURE))
     everything = [*candidates, *late]
-    left = _rich_residuals(flights, white, nuisance, everything)
+    left = _rich_residuals(Problem(flights, white, nuisance, everything, temperature=1.0))
     flights = [dc.replace(e, shocks=find_shocks(r, step)) for e, r in zip(flights, left, strict=True)]
     raw = [e.bridged(e.y) for e in flights]
     white = scale_only(raw, step)
     if any(e.shocks.any() for e in flights):
-        left = _rich_residuals(flights, white, nuisance, everything)
+        left = _rich_residuals(Problem(flights, white, nuisance, everything, temperature=1.0))
     noise = noise_of(left, raw, step, tolerance, INEXACT)
-    others = [c for c, _ in _best_variants(flights, noise, plain)]
+    others = [plain[i] for i in _best_variants(Problem(flights, noise, [], plain, temperature=1.0))]
     payloads = PayloadSearch(flights).best(white, nuisance, others)
-    left = _rich_residuals(flights, noise, nuisance, [*candidates, *payloads, *late])
+    left = _rich_residuals(Problem(flights, noise, nuisance, [*everything, *payloads], temperature=1.0))
     noise = noise_of(left, raw, step, tolerance, INEXACT)
     return Ready(list(flights), raw, nuisance, [*candidates, *payloads], noise)
 
@@ -75,24 +74,22 @@ def noise_of(residuals, raw, step: float, tolerance: Tolerance, inexact: float =
     return fit_noise(no_worse(residuals, raw), step, explained=explained, inexact=inexact, slow=slow)
 
 
-def _best_variants(flights, noise, candidates) -> list[tuple[Candidate, list[np.ndarray]]]:
-    """Of every effect the variant that explains most alone, and its whitened columns flight by flight."""
-    best: dict[tuple[str, ...], tuple[float, Candidate, list[np.ndarray]]] = {}
-    y = [e.white(noise, e.y) for e in flights]
-    for c in candidates:
-        white = [e.white(noise, c.columns[e.name]) for e in flights]
-        gain = sum_grams([gram(*pair) for pair in zip(white, y, strict=True)]).log_evidence(np.arange(c.size))
+def _best_variants(problem: Problem) -> list[int]:
+    """Of every effect the variant that explains most alone: its position."""
+    best: dict[tuple[str, ...], tuple[float, int]] = {}
+    for i, c in enumerate(problem.candidates):
+        gain = problem.total.log_evidence(problem.columns_of(i))
         if c.identifiers not in best or gain > best[c.identifiers][0]:
-            best[c.identifiers] = (gain, c, white)
-    return [(c, white) for _, c, white in best.values()]
+            best[c.identifiers] = (gain, i)
+    return [i for _, i in best.values()]
 
 
-def _rich_residuals(flights, noise, nuisance, candidates) -> list[np.ndarray]:
+def _rich_residuals(problem: Problem) -> list[np.ndarray]:
     """What is left of the channels when every effect helps, each in its best single variant."""
-    always = [(c, [e.white(noise, c.columns[e.name]) for e in flights]) for c in nuisance]
-    chosen, white = zip(*always, *_best_variants(flights, noise, candidates), strict=True)
-    parts = (np.concatenate(own, axis=-1) for own in zip(*white, strict=True))
-    total = sum_grams([gram(X, e.white(noise, e.y)) for X, e in zip(parts, flights, strict=True)])
-    mean, _ = total.posterior(np.arange(len(total.Xy)))
-    explained = (np.concatenate([c.columns[e.name] for c in chosen], axis=-1) @ mean for e in flights)
-    return [e.bridged(e.y - part) for e, part in zip(flights, explained, strict=True)]
+    chosen = _best_variants(problem)
+    mean, _ = problem.total.posterior(problem.columns(chosen))
+    columns = [*problem.nuisance, *(problem.candidates[i] for i in chosen)]
+    explained = (
+        np.concatenate([c.columns[e.name] for c in columns], axis=-1) @ mean for e in problem.flights
+    )
+    return [e.bridged(e.y - part) for e, part in zip(problem.flights, explained, strict=True)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from np_drake.diagnosis.candidates import Candidate
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.linear_bayes import Gram, gram
+from np_drake.diagnosis.linear_bayes import Gram
 from np_drake.diagnosis.noise import NoiseModel
 
 EFFECT_PRIOR = -3.0  # log prior of every effect named: about one in twenty; own choice
@@ -68,7 +68,7 @@ class Problem:
 
     def _gram(self, e: Evidence) -> Gram:
         X = np.concatenate([c.columns[e.name] for c in (*self.nuisance, *self.candidates)], axis=-1)
-        return gram(e.white(self.noise, X), e.white(self.noise, e.y))
+        return e.gram(self.noise, X)
 
     def beside(self, more: list[Candidate]) -> "Problem":
         """The same with more candidates, after the ones it has."""
@@ -81,10 +81,13 @@ class Problem:
             wide=self.wide,
         )
 
+    def columns_of(self, member: int) -> np.ndarray:
+        """Columns of one candidate."""
+        return self._index[len(self.nuisance) + member]
+
     def columns(self, members: Sequence[int]) -> np.ndarray:
         """Columns of nuisance and members."""
-        n = len(self.nuisance)
-        parts = [*self._index[:n], *(self._index[n + i] for i in members)]
+        parts = [*self._index[: len(self.nuisance)], *(self.columns_of(i) for i in members)]
         return np.concatenate(parts) if parts else np.zeros(0, int)
 
     def score(self, members: Sequence[int]) -> float:
@@ -92,7 +95,7 @@ class Problem:
         chosen = [self.candidates[i] for i in members]
         effects = {name for c in chosen for name in c.identifiers}
         prior = sum(effect_prior(name) for name in effects) + sum(c.log_prior + c.onset_prior for c in chosen)
-        groups = [self._index[len(self.nuisance) + i] - self._nuisance for i in members]
+        groups = [self.columns_of(i) - self._nuisance for i in members]
         if any(c.possible for c in chosen) and not self._possible(members, np.concatenate(groups)):
             return -np.inf
         return self._rest.evidence_of_groups(groups, [self.wide and not c.generic for c in chosen]) + prior
