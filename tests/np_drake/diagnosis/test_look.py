@@ -1,20 +1,70 @@
 """Laws of one look: how what remains becomes a verdict."""
 
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
 import pytest
 
 from np_drake.diagnosis import look as dut_module
 from np_drake.diagnosis.look import look
+from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.rigid_body import P
+from np_drake.vehicle import Vehicle
 
-DRAG, GUSTS = LinearDrag(0.3, 0.3, 0.3), GustyWind(0.0, 0.0, 0.0, 3.0, 0.8, seed=4)
+
+@dc.dataclass(frozen=True)
+class Wall(WrenchEffect):
+    """f_x = pull exp(-d / reach) at a distance d from a wall: no effect of the library."""
+
+    pull: float = 0.7  # [N]
+    reach: float = 0.3  # [m]
+    x: float = 1.3  # where the wall is [m]
+
+    identifier: ClassVar[str] = "wall"
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        chi = super().wrench(vehicle, motion)
+        chi[..., 0] = self.pull * np.exp(-np.maximum(self.x - motion.x[..., P][..., 0], 0.0) / self.reach)
+        return chi
 
 
-@pytest.mark.parametrize(("chance", "gusts"), [(0.5, True), (1e-6, False)])
-def test_a_slow_force_that_follows_the_place_is_unknown_and_not_gusts(ranked, monkeypatch, chance, gusts):
-    case = ranked(DRAG, GUSTS)
-    monkeypatch.setattr(dut_module, "chance_of_place", lambda *_: chance)
-    dut = look(case.flights, case.unseen)
-    assert ("gusty_wind" in {c.identifier for c in dut.causes}) == gusts == dut.gusty
-    assert dut.unknown != gusts
-    assert ("place" in {f.name for f in dut.left.findings}) != gusts
+DRAG, WALL = LinearDrag(0.3, 0.3, 0.3), Wall()
+
+
+def gusts(seed: int) -> GustyWind:
+    return GustyWind(0.0, 0.0, 0.0, 3.0, 0.8, seed)
+
+
+@pytest.fixture(scope="module")
+def flown(seen):
+    """Two flights to fit and a third, each under drag and a slow force of its own."""
+
+    def flights(*slow: WrenchEffect):
+        how = {"noise": 1.0, "seconds": 10.0}
+        *fitted, unseen = [seen(DRAG, s, name=str(i), seed=i, **how) for i, s in enumerate(slow, start=1)]
+        return fitted, [unseen]
+
+    return flights
+
+
+def test_a_slow_force_that_follows_the_place_is_unknown_and_not_gusts(flown):
+    dut = look(*flown(WALL, WALL, WALL))
+    assert not dut.gusty
+    assert "gusty_wind" not in {c.identifier for c in dut.causes}
+    assert dut.unknown
+    assert "place" in {f.name for f in dut.left.findings}
+
+
+def test_a_slow_force_that_does_not_is_gusts(flown):
+    dut = look(*flown(gusts(61), gusts(62), gusts(63)))
+    assert dut.gusty
+    assert "gusty_wind" in {c.identifier for c in dut.causes}
+    assert not dut.unknown
+
+
+def test_without_that_rule_the_wall_would_be_gusts(flown, monkeypatch):
+    monkeypatch.setattr(dut_module, "chance_of_place", lambda *_: 1.0)
+    assert look(*flown(WALL, WALL, WALL)).gusty

@@ -142,3 +142,14 @@ def test_no_worse_anywhere_judges_each_flight_by_itself():
     found = no_worse_anywhere(after, before)
     np.testing.assert_array_equal(found[0], after[0])
     np.testing.assert_array_equal(found[1], before[1])
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.lists(st.booleans(), min_size=12, max_size=12), st.booleans(), st.booleans())
+def test_inner_products_are_those_of_the_white_columns_whatever_is_zero(there, loud, slow):
+    mixing = np.array([[1.0, 0, 0], [0.8, 0.6, 0], [-0.5, 0.5, 0.7]])
+    errors = [processes(0, 400, mixing), 3.0 * processes(1, 400, mixing)]
+    dut = fit_noise(errors, STEP) if slow else scale_only(errors, STEP, ["a", "b"] if loud else [])
+    X = np.random.default_rng(3).normal(size=(60, 3, 4)) * np.reshape(there, (3, 4))
+    white = dut.whiten(X, "b").reshape(-1, 4)
+    np.testing.assert_allclose(dut.products(X, "b"), white.T @ white, atol=1e-9)
