@@ -1,0 +1,52 @@
+"""Laws of the descent from a set of candidates to its figures."""
+
+import pytest
+
+from np_drake.diagnosis.descent import first_fit, refit, rested, swings
+from np_drake.diagnosis.noise import fit_noise
+from np_drake.diagnosis.payload_candidates import Guess, payload_about
+from np_drake.diagnosis.rig import tolerance_of
+from np_drake.diagnosis.search import Model, Problem
+from np_drake.diagnosis.signature import Term
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.suspended_payload import SuspendedPayload
+
+PAYLOAD = SuspendedPayload(0.25, 1.2)
+ONLY = Model((0,), 0.0)
+
+
+@pytest.fixture(scope="module")
+def swinging(seen):
+    """Two flights with a payload, whose length is guessed, and noise that is all they show: it rings with the swing."""
+    flights = [seen(PAYLOAD, name=str(i), seed=i, noise=1.0, seconds=10.0) for i in (1, 2)]
+    noise = fit_noise([e.y for e in flights], flights[0].grid.step)
+    return Problem(flights, noise, [], [payload_about(flights, Guess(1.15))], temperature=2.0)
+
+
+def mass(fit) -> float:
+    return fit.terms[0].effect.payload.mass
+
+
+def test_the_first_fit_is_not_held_up_by_noise_that_rings_with_a_swing_not_met_yet(swinging):
+    tolerance = tolerance_of(swinging.flights)
+    first = first_fit(swinging, ONLY, tolerance, iterations=3)
+    bent = refit(swinging, ONLY, tolerance, None, iterations=3)
+    assert mass(first) == pytest.approx(PAYLOAD.mass, rel=0.01)
+    assert first.terms[0].effect.payload.length == pytest.approx(PAYLOAD.length, rel=0.01)
+    assert abs(mass(bent) - PAYLOAD.mass) > 3 * abs(mass(first) - PAYLOAD.mass)
+
+
+def test_a_known_fit_is_never_left_for_a_worse_one(swinging):
+    tolerance = tolerance_of(swinging.flights)
+    known = first_fit(swinging, ONLY, tolerance, iterations=3)
+    noise = fit_noise([known.left(e) for e in swinging.flights], swinging.noise.step)
+    again = refit(swinging, ONLY, tolerance, known, noise)
+    alone = refit(swinging, ONLY, tolerance, None, noise)
+    assert again.log_evidence >= alone.log_evidence
+    assert rested(swinging, ONLY, tolerance, again, noise).log_evidence >= again.log_evidence - 1e-9
+    assert mass(again) == pytest.approx(PAYLOAD.mass, rel=0.01)
+
+
+def test_a_payload_swings_and_a_mass_does_not():
+    assert swings([Term(MassError(0.1)), Term(PAYLOAD)])
+    assert not swings([Term(MassError(0.1))])
