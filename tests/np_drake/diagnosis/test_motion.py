@@ -89,3 +89,15 @@ def test_a_vehicle_at_rest_without_noise_rests():
     t = np.arange(0.0, 5.0, STEP)
     found = corrected_acceleration(t, np.ones((len(t), 3)), np.zeros((len(t), 3)))
     np.testing.assert_allclose(found, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("every", "seconds"), [(1, 6.0), (30, 20.0)])
+def test_a_log_too_short_or_too_slow_to_hear_ringing_is_corrected_by_its_white_noise(every, seconds):
+    rng = np.random.default_rng(3)
+    rate = 2 * np.pi * 0.25
+    t = np.arange(0.0, seconds, STEP)[::every]
+    p = 0.5 * np.sin(rate * t[:, None] + [0.0, 1.0, 2.0])
+    a = -(rate**2) * p
+    read = a + 0.05 * rng.normal(size=a.shape) + 0.3
+    found = corrected_acceleration(t, p + 1e-3 * rng.normal(size=p.shape), read)
+    assert np.sqrt(np.mean((found - a) ** 2)) < 0.3 * np.sqrt(np.mean((read - a) ** 2))
