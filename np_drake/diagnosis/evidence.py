@@ -9,6 +9,7 @@ mixed with the next, and a log without accelerations needs no other path.
 """
 
 import dataclasses as dc
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -111,11 +112,10 @@ class Evidence:
         """(m - p, ...) channels or columns (m, 15, ...) without shocks, whitened."""
         return noise.whiten(self.bridged(values), self.name)
 
-    def gram(self, noise: NoiseModel, X: np.ndarray) -> Gram:
-        """Of columns (m, 15, k), whitened, with the channels."""
-        both = np.concatenate([X, self.y[..., None]], axis=-1)
-        products = noise.products(self.bridged(both), self.name)
-        rows = len(X) - noise.phi.shape[1]
+    def gram(self, noise: NoiseModel, columns: Sequence[np.ndarray]) -> Gram:
+        """Of columns, in groups (m, 15, k_i), whitened, with the channels."""
+        products = noise.products([self.bridged(X) for X in (*columns, self.y[..., None])], self.name)
+        rows = len(self.t) - noise.phi.shape[1]
         return Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), rows)
 
     def on_grid(self, at_rows: np.ndarray, at_mids: np.ndarray) -> np.ndarray:

@@ -42,10 +42,12 @@ class LateColumns:
         offsets = np.arange(-half - order, half + order + 1)
         gate = np.concatenate([np.zeros(order), self._rise, np.ones(order)])
         at = np.clip(rows + order + offsets[:, None], 0, len(X) - 1)
-        raw = self._e.bridged(X)[at] * gate[:, None, None, None]
-        n, k = len(rows), X.shape[-1]
-        flat = np.moveaxis(raw, 1, 2).reshape(len(offsets), X.shape[1], n * k)
-        white = self._scale * self._noise.whiten(flat, self._e.name).reshape(-1, X.shape[1], n, k)
+        n, k, channels = len(rows), X.shape[-1], X.shape[1]
+        there = np.flatnonzero(X.any(axis=(0, 2)))
+        raw = np.zeros((len(offsets), channels, n, k))
+        raw[:, there] = np.moveaxis(self._e.bridged(X[:, there])[at], 1, 2) * gate[:, None, None, None]
+        flat = raw.reshape(len(offsets), channels, n * k)
+        white = self._scale * self._noise.whiten(flat, self._e.name).reshape(-1, channels, n, k)
         local = np.moveaxis(white, 2, 0)
         later = np.clip(rows + half + order + 1, 0, m)
         XX, XB, Xy = (part[later] for part in whole)

@@ -49,21 +49,23 @@ class NoiseModel:
 
     def whiten(self, values: np.ndarray, flight: str = "") -> np.ndarray:
         """(m - p, c, ...) white with unit variance, of channels (m, c, ...) of a flight; the first p rows go."""
-        parts = self._driven(values, flight)
-        n, k = len(values) - self.phi.shape[1], int(np.prod(values.shape[2:]))
+        flat = np.asarray(values, float).reshape(*values.shape[:2], -1)
+        parts = self._driven([flat], flight)
+        n, k = len(flat) - self.phi.shape[1], flat.shape[2]
         driven = np.zeros((n, len(parts), k))
         for i, (_, some, part) in enumerate(parts):
             driven[:, i, slice(None) if len(some) == k else some] = part
         mixed = np.matmul(np.ascontiguousarray(self.mixing[:, [c for c, _, _ in parts]]), driven)
         return mixed.reshape(n, *values.shape[1:])
 
-    def products(self, values: np.ndarray, flight: str = "") -> np.ndarray:
-        """(k, k) inner products of columns (m, c, k) of a flight once they are white.
+    def products(self, columns: Sequence[np.ndarray], flight: str = "") -> np.ndarray:
+        """(k, k) inner products of columns, in groups (m, c, k_i) of a flight, once they are white.
 
         A column that is zero in most channels, as those of most effects are, is nothing there to be multiplied.
         """
-        weight, out = self.mixing.T @ self.mixing, np.zeros((values.shape[-1],) * 2)
-        parts = self._driven(values, flight)
+        size = sum(X.shape[-1] for X in columns)
+        weight, out = self.mixing.T @ self.mixing, np.zeros((size, size))
+        parts = self._driven(columns, flight)
         for i, (c, some, own) in enumerate(parts):
             for d, others, beside in parts[: i + 1]:
                 block = weight[c, d] * (own.T @ beside)
@@ -72,17 +74,16 @@ class NoiseModel:
                     out[np.ix_(others, some)] += block.T
         return out
 
-    def _driven(self, values: np.ndarray, flight: str) -> list[tuple[int, np.ndarray, np.ndarray]]:
+    def _driven(self, columns: Sequence[np.ndarray], flight: str) -> list[tuple[int, np.ndarray, np.ndarray]]:
         """Of every channel: itself, its columns that are not zero, and what drives them (m - p, k')."""
-        flat = np.asarray(values, float).reshape(len(values), values.shape[1], -1)
-        there = np.any(flat.reshape(len(flat), -1) != 0, axis=0).reshape(flat.shape[1:])
+        there = np.concatenate([X.any(axis=0) for X in columns], axis=-1)
         loudness, parts = self.loudness.get(flight), []
-        for c in np.flatnonzero(self.active):
-            some = np.flatnonzero(there[c])
-            if len(some):
-                own = np.ascontiguousarray(flat[:, c] if len(some) == flat.shape[2] else flat[:, c, some])
-                driven = _innovations(self.phi[c], own)
-                parts.append((int(c), some, driven if loudness is None else driven / loudness[c]))
+        for c in np.flatnonzero(self.active & there.any(axis=-1)):
+            own = [X[:, c, s] for X, s in zip(columns, _split(there[c], columns), strict=True) if s.any()]
+            driven = _innovations(self.phi[c], np.concatenate(own, axis=1))
+            parts.append(
+                (int(c), np.flatnonzero(there[c]), driven if loudness is None else driven / loudness[c])
+            )
         return parts
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:
@@ -90,6 +91,11 @@ class NoiseModel:
         z = np.exp(-2j * np.pi * frequency * self.step)
         powers = z[None, :] ** np.arange(1, self.phi.shape[1] + 1)[:, None]
         return 2 * self.step * self.innovation[:, None] / np.abs(1 - self.phi @ powers) ** 2
+
+
+def _split(there: np.ndarray, columns: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """(k,) as it falls to the groups of columns."""
+    return np.split(there, np.cumsum([X.shape[-1] for X in columns])[:-1])
 
 
 def _innovations(phi: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -67,8 +67,7 @@ class Problem:
         return self.total.given(self._nuisance)[0]
 
     def _gram(self, e: Evidence) -> Gram:
-        X = np.concatenate([c.columns[e.name] for c in (*self.nuisance, *self.candidates)], axis=-1)
-        return e.gram(self.noise, X)
+        return e.gram(self.noise, [c.columns[e.name] for c in (*self.nuisance, *self.candidates)])
 
     def beside(self, more: list[Candidate]) -> "Problem":
         """The same with more candidates, after the ones it has."""

@@ -82,7 +82,8 @@ def signature(evidence: Evidence, terms: Sequence[Term], stages: Stages | None =
     for term in terms:
         if getattr(term.effect, "payload", None) is not None:
             added += swing_wrench(evidence, term)
-    y[:, ev.WRENCH] += _through_mass(evidence, terms, added)
+    ahead = stages.once("ahead", key, partial(_ahead, evidence, thrust))
+    y[:, ev.WRENCH] += _through_mass(evidence, terms, added, ahead)
     return y
 
 
@@ -127,6 +128,19 @@ def _actuators(evidence: Evidence, thrust: Thrust) -> np.ndarray:
     return evidence.on_grid(force, du_mids[:, 1:])
 
 
+def _ahead(evidence: Evidence, thrust: Thrust) -> np.ndarray:
+    """(m, 4) thrust and torques of the rotors at rows less those in the mean around them [N, N·m].
+
+    A command that is held is half a row ahead at a row of its mean over the intervals beside it.
+    """
+    if evidence.log.a is None:
+        return np.zeros((len(evidence.t), 4))
+    rows, mids = (part @ evidence.vehicle.mixer.T for part in thrust[:2])
+    force = evidence.on_grid(rows[:, :1], mids[:, :1])
+    torque = evidence.on_grid(rows[:, 1:], mids[:, 1:])
+    return np.concatenate([force[:, :1] - force[:, 1:], torque[:, :3] - torque[:, 3:]], axis=1)
+
+
 def _wrenches(evidence: Evidence, terms: Sequence[Term], thrust: Thrust) -> np.ndarray:
     acting = [t for t in terms if isinstance(t.effect, WrenchEffect) and not hasattr(t.effect, "payload")]
     if not acting:
@@ -150,12 +164,15 @@ def _wrenches(evidence: Evidence, terms: Sequence[Term], thrust: Thrust) -> np.n
     return evidence.on_grid(force, parts[1][:, 3:])
 
 
-def _through_mass(evidence: Evidence, terms: Sequence[Term], added: np.ndarray) -> np.ndarray:
+def _through_mass(
+    evidence: Evidence, terms: Sequence[Term], added: np.ndarray, ahead: np.ndarray
+) -> np.ndarray:
     """(m, 6) what nominal inverse dynamics make of the motion under the nominal wrench and `added` (m, 6).
 
     The motion is that of the real mass properties m', c, J' (forward dynamics), so that no measured acceleration
     enters: al = J'^-1 (tau - c x F - w x J' w), s = F / m' - al x c - w x (w x c); residual m s - thrust and
-    J al + w x J w - tau_nominal. Where the log follows the centre of mass, s = F / m'.
+    J al + w x J w - tau_nominal. Where the log follows the centre of mass, s = F / m'. Force is that at rows, torque
+    that in the mean between them; rotors are `ahead` there (m, 4).
     """
     acting = [t for t in terms if isinstance(t.effect, MassEffect)]
     onsets = sorted({t.begins(evidence.name) or -NEVER for t in acting} - {NEVER})
@@ -163,22 +180,26 @@ def _through_mass(evidence: Evidence, terms: Sequence[Term], added: np.ndarray) 
     for onset in onsets:
         now = [t.effect for t in acting if (t.begins(evidence.name) or -NEVER) <= onset]
         begun = evidence.begun(None if onset == -NEVER else onset)
-        out = begun * _moved(evidence, now, added) + (1 - begun) * out
+        out = begun * _moved(evidence, now, added, ahead) + (1 - begun) * out
     return out
 
 
-def _moved(evidence: Evidence, effects: list, added: np.ndarray) -> np.ndarray:
+def _moved(evidence: Evidence, effects: list, added: np.ndarray, ahead: np.ndarray) -> np.ndarray:
     vehicle = evidence.vehicle
     real = MassProperties.of(vehicle)
     for effect in effects:
         real = effect.properties(real)
     c, w = np.asarray(real.p_BoBcm_B, float), evidence.w
     wrench = evidence.nominal + added
-    F = wrench[:, :3]
-    tau = wrench[:, 3:] - np.cross(c, F) - np.cross(w, w @ real.J.T)
-    al = tau @ np.linalg.inv(real.J).T
+
+    def angular(F: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        return (tau - np.cross(c, F) - np.cross(w, w @ real.J.T)) @ np.linalg.inv(real.J).T
+
+    F, tau = wrench[:, :3], wrench[:, 3:]
+    al = angular(F - ahead[:, :1] * [0.0, 0.0, 1.0], tau)
     s = F / real.mass
     if vehicle.logged_point == "origin":
-        s = s - np.cross(al, c) - np.cross(w, np.cross(w, c))
+        at_rows = angular(F, tau + ahead[:, 1:])
+        s = s - np.cross(at_rows, c) - np.cross(w, np.cross(w, c))
     needed = np.concatenate([vehicle.mass * s, al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)], axis=1)
     return needed - evidence.nominal

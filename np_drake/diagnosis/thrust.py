@@ -35,7 +35,9 @@ def rotor_thrust(
     total = np.concatenate([np.zeros((1, 4)), np.cumsum(held, axis=0) * h])
     edges = np.append(t, t[-1] + h)
     at = np.stack([np.interp(log.t, edges, total[:, i]) for i in range(4)], axis=1)
-    rows = held[np.clip(np.round((log.t - t[0]) / h).astype(int), 0, len(t) - 1)]
+    row = np.clip(np.round((log.t - t[0]) / h).astype(int), 0, len(t) - 1)
+    smooth = any(isinstance(e, MotorLag) and e.time_constant > 0 for e in chain)  # else it jumps at a row
+    rows = 0.5 * (held[np.maximum(row - 1, 0)] + held[row]) if smooth else held[row]
     return rows, np.diff(at, axis=0) / np.diff(log.t)[:, None]
 
 

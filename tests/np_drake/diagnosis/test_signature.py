@@ -28,7 +28,7 @@ from np_drake.effects.velocity_bias import VelocityBias
 INSIDE = slice(25, -25)  # of the grid: the ends are held
 EVERY = pytest.mark.parametrize("effect", LIBRARY.values(), ids=LIBRARY.keys())
 # Of the trace: what a step between instants, a smoothed regressor or the second order may cost [1].
-INEXACT = {"suspended_payload": 0.06, "motor_lag": 0.06, "center_of_mass_offset": 0.05, "attitude_bias": 0.03}
+INEXACT = {"suspended_payload": 0.06, "motor_lag": 0.02, "attitude_bias": 0.03}
 LEFT = 5e-4  # of the trace for all others [1]
 SMALL = 5e-4  # a channel that an effect does not touch [N, N·m]
 LIGHT = SuspendedPayload(0.2, 0.35, 0.02, 0.0, -0.05)  # short: it does not swing up with the course
