@@ -91,7 +91,9 @@ def _refined(
 ) -> dict[Model, Fit]:
     """The models that come close to the best, and the best of them without its faint effects, each with its fit."""
     close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
-    fits = {m: refit(problem, m, tolerance, best, noise) for m in close[:REFINED]}
+    plainest = max((bare(problem, m) for m in close[:REFINED]), key=lambda m: m.score)
+    tried = dict.fromkeys([*close[:REFINED], plainest])
+    fits = {m: refit(problem, m, tolerance, best, noise) for m in tried}
     first = min(fits, key=lambda m: precedence(fits[m]))
     fits[first] = rested(problem, first, tolerance, fits[first], noise)
     for m in simpler(problem, first, fits[first]):
@@ -158,6 +160,12 @@ def _structured_noise(
     if not flights[0].measured_rotors:
         return scale_only(no_worse(left, raw), step)
     return scale_only(no_worse_anywhere(left, raw), step, [e.name for e in flights])
+
+
+def bare(problem: Problem, model: Model) -> Model:
+    """The model without generic structure: that may stand for what linear columns of its effects get wrong."""
+    members = tuple(i for i in model.members if not problem.candidates[i].generic)
+    return model if members == model.members else Model(members, problem.score(members))
 
 
 def simpler(problem: Problem, model: Model, fit: Fit) -> list[Model]:
