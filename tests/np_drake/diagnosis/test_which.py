@@ -6,7 +6,9 @@ import pytest
 from np_drake.diagnosis.refine import Generic
 from np_drake.diagnosis.search import Model
 from np_drake.diagnosis.signature import Term
-from np_drake.diagnosis.which import GIVES_WAY, names_of, names_of_fit, precedence, simpler
+from np_drake.diagnosis.which import GIVES_WAY, bare, names_of, names_of_fit, precedence, rank, simpler
+from np_drake.effects.attitude_bias import AttitudeBias
+from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -75,3 +77,19 @@ def test_the_model_is_tried_without_its_faint_effects_all_and_each(dut):
     assert [m.members for m in tried] == [members[:2]]
     strong = dc.replace(dut.fit, terms=(*dut.fit.terms, Term(ThrustScale(0.9))))
     assert simpler(problem, Model(members, 0.0), strong) == []
+
+
+def test_a_bare_model_has_its_effects_and_no_generic_structure(dut):
+    problem = dut.ranking.problem
+    generic = next(i for i, c in enumerate(problem.candidates) if c.generic)
+    mass = next(i for i, c in enumerate(problem.candidates) if c.identifiers == ("mass_error",))
+    found = bare(problem, Model((mass, generic), 0.0))
+    assert found == Model((mass,), problem.score((mass,)))
+    assert bare(problem, found) is found
+
+
+def test_what_two_effects_do_to_each_other_is_not_left_to_generic_structure(seen):
+    acting = (BladeFlapping(0.012), AttitudeBias(0.08, 0.02, -0.03))
+    how = {"noise": 1.0, "seconds": 10.0, "vigour": (0.15, 0.15, 3.0, 0.5)}
+    flights = [seen(*acting, name=str(i), seed=i, **how) for i in (1, 2)]
+    assert names_of_fit(rank(flights).fits[0]) == ("attitude_bias", "blade_flapping")
