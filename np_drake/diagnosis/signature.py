@@ -82,7 +82,7 @@ def signature(evidence: Evidence, terms: Sequence[Term], stages: Stages | None =
     for term in terms:
         if getattr(term.effect, "payload", None) is not None:
             added += swing_wrench(evidence, term)
-    ahead = stages.once("ahead", key, partial(_ahead, evidence, thrust))
+    ahead = partial(stages.once, "ahead", key, partial(_ahead, evidence, thrust))
     y[:, ev.WRENCH] += _through_mass(evidence, terms, added, ahead)
     return y
 
@@ -165,14 +165,14 @@ def _wrenches(evidence: Evidence, terms: Sequence[Term], thrust: Thrust) -> np.n
 
 
 def _through_mass(
-    evidence: Evidence, terms: Sequence[Term], added: np.ndarray, ahead: np.ndarray
+    evidence: Evidence, terms: Sequence[Term], added: np.ndarray, ahead: Callable[[], np.ndarray]
 ) -> np.ndarray:
     """(m, 6) what nominal inverse dynamics make of the motion under the nominal wrench and `added` (m, 6).
 
     The motion is that of the real mass properties m', c, J' (forward dynamics), so that no measured acceleration
     enters: al = J'^-1 (tau - c x F - w x J' w), s = F / m' - al x c - w x (w x c); residual m s - thrust and
     J al + w x J w - tau_nominal. Where the log follows the centre of mass, s = F / m'. Force is that at rows, torque
-    that in the mean between them; rotors are `ahead` there (m, 4).
+    that in the mean between them; rotors are `ahead` there, (m, 4).
     """
     acting = [t for t in terms if isinstance(t.effect, MassEffect)]
     onsets = sorted({t.begins(evidence.name) or -NEVER for t in acting} - {NEVER})
@@ -184,22 +184,25 @@ def _through_mass(
     return out
 
 
-def _moved(evidence: Evidence, effects: list, added: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+def _moved(
+    evidence: Evidence, effects: list, added: np.ndarray, ahead: Callable[[], np.ndarray]
+) -> np.ndarray:
     vehicle = evidence.vehicle
     real = MassProperties.of(vehicle)
     for effect in effects:
         real = effect.properties(real)
     c, w = np.asarray(real.p_BoBcm_B, float), evidence.w
     wrench = evidence.nominal + added
+    early = ahead() if c.any() else np.zeros((1, 4))
 
     def angular(F: np.ndarray, tau: np.ndarray) -> np.ndarray:
         return (tau - np.cross(c, F) - np.cross(w, w @ real.J.T)) @ np.linalg.inv(real.J).T
 
     F, tau = wrench[:, :3], wrench[:, 3:]
-    al = angular(F - ahead[:, :1] * [0.0, 0.0, 1.0], tau)
+    al = angular(F - early[:, :1] * [0.0, 0.0, 1.0], tau)
     s = F / real.mass
     if vehicle.logged_point == "origin":
-        at_rows = angular(F, tau + ahead[:, 1:])
+        at_rows = angular(F, tau + early[:, 1:])
         s = s - np.cross(at_rows, c) - np.cross(w, np.cross(w, c))
     needed = np.concatenate([vehicle.mass * s, al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)], axis=1)
     return needed - evidence.nominal
