@@ -210,7 +210,7 @@ def _cause(ranking, fit: Fit, i: int, term: Term, flights, same, size: Size, hel
         for k, free in enumerate(fit.free):
             if free.term == i and free.name == p.name and not free.flight:
                 half = 1.96 * float(np.sqrt(fit.covariance[k, k]))
-        if hasattr(effect, "payload"):
+        if term.swings:
             half = float(np.hypot(half, 1.96 * figure_error(p.name, value, real=ranking.tolerance.real)))
         parameters[p.name] = Estimate(value, p.unit, (value - half, value + half))
     return Cause(

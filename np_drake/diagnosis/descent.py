@@ -30,7 +30,7 @@ def refit(
     terms = _terms_at_posterior(problem, model)
     starts = [terms]
     if known is not None and _same(known.terms, terms):
-        starts = [list(known.terms), terms] if swings(terms) else [list(known.terms)]
+        starts = [list(known.terms), terms] if any(t.swings for t in terms) else [list(known.terms)]
     fits = [_descend(problem, model, tolerance, start, noise, iterations) for start in starts]
     return max(fits, key=lambda f: f.log_evidence)
 
@@ -42,7 +42,7 @@ def first_fit(problem: Problem, model: Model, tolerance: Tolerance, iterations: 
     the posterior's other figures, flight by flight, with errors that are weighted alike.
     """
     flights, terms = problem.flights, _terms_at_posterior(problem, model)
-    if not swings(terms):
+    if not any(t.swings for t in terms):
         return refit(problem, model, tolerance, None, iterations=iterations)
     alike = scale_only([e.bridged(e.y - signature(e, terms)) for e in flights], flights[0].grid.step)
     return _descend(problem, model, tolerance, _swung(terms, flights, alike), alike, iterations)
@@ -50,16 +50,11 @@ def first_fit(problem: Problem, model: Model, tolerance: Tolerance, iterations: 
 
 def rested(problem: Problem, model: Model, tolerance: Tolerance, fit: Fit, noise: NoiseModel) -> Fit:
     """The fit, where a swing is hidden in it, begun anew until it gains no more."""
-    for _ in range(AGAIN if swings(fit.terms) else 0):
+    for _ in range(AGAIN if any(t.swings for t in fit.terms) else 0):
         before, fit = fit, refit(problem, model, tolerance, fit, noise)
         if fit.log_evidence < before.log_evidence + 1.0:
             return max(before, fit, key=lambda f: f.log_evidence)
     return fit
-
-
-def swings(terms: Sequence[Term]) -> bool:
-    """Is a swing hidden among them?"""
-    return any(hasattr(t.effect, "payload") for t in terms)
 
 
 def _descend(

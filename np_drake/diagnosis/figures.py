@@ -39,7 +39,7 @@ def free_figures(
             if not p.choices:
                 scale = scales.get(i, width * p.typical)
                 found.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
-        if not hasattr(term.effect, "payload"):
+        if not term.swings:
             continue
         for e in flights:
             if term.begins(e.name) != NEVER:

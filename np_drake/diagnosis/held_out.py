@@ -59,8 +59,7 @@ def without_shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -
 
     A swing is lost at a shock, and what it misses from there on looks like more of them: they are taken in turn.
     """
-    swings = any(hasattr(t.effect, "payload") for t in terms)
-    for _ in range(MOST_JUMPS if swings else 0):
+    for _ in range(MOST_JUMPS if any(t.swings for t in terms) else 0):
         found = _shocks(terms, flight, noise, most=1.0)  # where a swing is lost it misses ever more
         first = _first_run(found & (flight.t > _end_of(flight.t, flight.shocks) + APART))
         if not first.any():
@@ -71,8 +70,8 @@ def without_shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -
 
 def _shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel, most: float = MOST) -> np.ndarray:
     left = flight.y - signature(flight, adapt(terms, flight, noise))
-    swings = any(hasattr(t.effect, "payload") for t in terms)
-    return find_shocks(left, flight.grid.step, BOUNCE if swings else LONGEST, most)
+    longest = BOUNCE if any(t.swings for t in terms) else LONGEST
+    return find_shocks(left, flight.grid.step, longest, most)
 
 
 def _first_run(found: np.ndarray) -> np.ndarray:
@@ -93,7 +92,7 @@ def _end_of(t: np.ndarray, rows: np.ndarray) -> float:
 def anchors(term: Term, flight: Evidence) -> list[np.ndarray]:
     """Rows (m,) to which the hidden state is fitted: at its start, and after every shock at which it may jump."""
     start = term.begins(flight.name)
-    if not hasattr(term.effect, "payload") or start == NEVER:
+    if not term.swings or start == NEVER:
         return []
     begin = flight.t[0] if start is None else start
     spans = [(begin, HIDDEN_SPAN), *((float(flight.t[k]), JUMP_SPAN) for k in jumps(flight, start))]
@@ -124,7 +123,7 @@ def settled(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list[
     terms = list(terms)
     for i, term in enumerate(terms):
         begin = term.begins(flight.name)
-        if not hasattr(term.effect, "payload") or begin == NEVER:
+        if not term.swings or begin == NEVER:
             continue
         start = flight.t[0] if begin is None else begin
         whole = SwingFit(terms, i, flight, noise, begin, flight.t >= start)
@@ -157,11 +156,7 @@ def _with_onset(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel, 
     """
     term = terms[i]
     rest = signature(flight, [t for j, t in enumerate(terms) if j != i])
-    trace = (
-        _span_by_span(terms, i, flight, noise)
-        if hasattr(term.effect, "payload")
-        else signature(flight, terms)
-    )
+    trace = _span_by_span(terms, i, flight, noise) if term.swings else signature(flight, terms)
     t, profile = known_onset_profile(flight, noise, flight.y - rest, trace - rest)
     k = int(np.argmax(profile))
     if k == 0 or profile[k] - profile[0] < (ONSET_GAIN if known else SURPRISE):

@@ -164,7 +164,7 @@ def _jacobian(
             step = -step
         moved = write(now, [f], np.array([z[k] * scale[k] + step]))
         group = _group(now, f.term)
-        if hasattr(now[f.term].effect, "payload") and len(group) == 1:
+        if now[f.term].swings and len(group) == 1:
             swinging.setdefault(f.term, []).append((k, step, moved[f.term]))
             continue
         if group not in base:
@@ -185,7 +185,7 @@ def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
 
     def alone(t: Term) -> bool:
         sensor = isinstance(t.effect, SensorEffect) and not t.effect.clock_shift
-        return sensor or hasattr(t.effect, "payload")
+        return sensor or t.swings
 
     if alone(terms[i]):
         return (i,)

@@ -16,7 +16,6 @@ from np_drake.diagnosis.attribute import (
     at_its_bound,
     on_held_out,
 )
-from np_drake.diagnosis.descent import swings
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.excess import LINE, Line, slow_torque, strongest_line
 from np_drake.diagnosis.held_out import adapt
@@ -69,7 +68,7 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     again = (strongest_line(unseen, swung).prominence, slow_torque(unseen, swung)[0])
     loud = line.rms**2 > LEAST_SHARE * np.mean(np.concatenate([e.y[:, line.channel] for e in flights]) ** 2)
     vibrates = _above(line.prominence, LINE) if loud and again[0] > FAINT * LINE else 0.0
-    hidden = swings(ranking.named.terms)
+    hidden = any(t.swings for t in ranking.named.terms)
     twists = (
         _above(torque, limit)
         if share > (SWUNG if hidden else LEAST_SHARE) and again[1] > FAINT * limit
@@ -136,7 +135,7 @@ def _slow(
     least = MATERIAL_FORCE * (1.0 if ranking.tolerance.real else EXACT)
     matters = felt or both.deviation > least * vehicle.mass * vehicle.gravity
     shown = seen.log_evidence > FAINT * LEAST[felt]
-    lost = swings(ranking.named.terms) and slow_power(flights, left) < SWUNG * slow_power(
+    lost = any(t.swings for t in ranking.named.terms) and slow_power(flights, left) < SWUNG * slow_power(
         flights, {e.name: e.y for e in flights}
     )
     return both.probability(felt=felt) if matters and shown and not lost else 0.0

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.descent import swings
 from np_drake.diagnosis.evidence import WRENCH, Evidence, make_evidence
 from np_drake.diagnosis.look import Look
 
@@ -22,7 +21,7 @@ def unforeseen(first: Look) -> bool:
 
     Gusts, which repeat nowhere, and a payload, whose swing may be lost, do not count.
     """
-    if first.gusty or swings(first.ranking.named.terms):
+    if first.gusty or any(t.swings for t in first.ranking.named.terms):
         return False
     held = first.left.held
     left = np.concatenate([held.left[e.name][held.rows[e.name], WRENCH] for e in first.unseen])

@@ -39,6 +39,11 @@ class Term:
     onset: dict[str, float | None] = dc.field(default_factory=dict)
     hidden: dict[str, np.ndarray] = dc.field(default_factory=dict)
 
+    @property
+    def swings(self) -> bool:
+        """Is a swing hidden in it?"""
+        return hasattr(self.effect, "payload")
+
     def begins(self, flight: str) -> float | None:
         """Onset in this flight [s]."""
         return self.onset.get(flight)
@@ -80,7 +85,7 @@ def signature(evidence: Evidence, terms: Sequence[Term], stages: Stages | None =
         "wrench", (key, sensors, pushing), partial(_wrenches, evidence, terms, thrust)
     )
     for term in terms:
-        if getattr(term.effect, "payload", None) is not None:
+        if term.swings:
             added += swing_wrench(evidence, term)
     ahead = partial(stages.once, "ahead", key, partial(_ahead, evidence, thrust))
     y[:, ev.WRENCH] += _through_mass(evidence, terms, added, ahead)
@@ -142,7 +147,7 @@ def _ahead(evidence: Evidence, thrust: Thrust) -> np.ndarray:
 
 
 def _wrenches(evidence: Evidence, terms: Sequence[Term], thrust: Thrust) -> np.ndarray:
-    acting = [t for t in terms if isinstance(t.effect, WrenchEffect) and not hasattr(t.effect, "payload")]
+    acting = [t for t in terms if isinstance(t.effect, WrenchEffect) and not t.swings]
     if not acting:
         return np.zeros((len(evidence.t), 6))
     name, vehicle = evidence.name, evidence.vehicle

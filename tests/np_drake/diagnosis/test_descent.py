@@ -2,7 +2,7 @@
 
 import pytest
 
-from np_drake.diagnosis.descent import first_fit, refit, rested, swings
+from np_drake.diagnosis.descent import first_fit, refit, rested
 from np_drake.diagnosis.noise import fit_noise
 from np_drake.diagnosis.payload_candidates import Guess, payload_about
 from np_drake.diagnosis.rig import tolerance_of
@@ -48,5 +48,5 @@ def test_a_known_fit_is_never_left_for_a_worse_one(swinging):
 
 
 def test_a_payload_swings_and_a_mass_does_not():
-    assert swings([Term(MassError(0.1)), Term(PAYLOAD)])
-    assert not swings([Term(MassError(0.1))])
+    assert Term(PAYLOAD).swings
+    assert not Term(MassError(0.1)).swings

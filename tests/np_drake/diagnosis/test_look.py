@@ -35,7 +35,7 @@ DRAG, WALL = LinearDrag(0.3, 0.3, 0.3), Wall()
 
 
 def gusts(seed: int) -> GustyWind:
-    return GustyWind(0.0, 0.0, 0.0, 3.0, 0.8, seed)
+    return GustyWind(0.0, 0.0, 0.0, 1.0, 0.8, seed)
 
 
 @pytest.fixture(scope="module")
