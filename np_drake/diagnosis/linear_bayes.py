@@ -78,9 +78,3 @@ class Gram:
         """Sum of squares left with given coefficients: held-out flights are scored with it."""
         XX = self.XX[np.ix_(index, index)]
         return float(self.yy - 2 * coefficients @ self.Xy[index] + coefficients @ XX @ coefficients)
-
-
-def gram(X: np.ndarray, y: np.ndarray) -> Gram:
-    """Of whitened columns X (m, c, k) and channels y (m, c)."""
-    flat, target = X.reshape(-1, X.shape[-1]), y.reshape(-1)
-    return Gram(flat.T @ flat, flat.T @ target, float(target @ target), len(y))

@@ -75,12 +75,12 @@ class NoiseModel:
         return out
 
     def _driven(self, columns: Sequence[np.ndarray], flight: str) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        """Of every channel: itself, its columns that are not zero, and what drives them (m - p, k')."""
+        """Active channels in which something is: each with its columns that are, and what drives them (m - p, k')."""
         there = np.concatenate([X.any(axis=0) for X in columns], axis=-1)
         loudness, parts = self.loudness.get(flight), []
         for c in np.flatnonzero(self.active & there.any(axis=-1)):
             own = [X[:, c, s] for X, s in zip(columns, _split(there[c], columns), strict=True) if s.any()]
-            driven = _innovations(self.phi[c], np.concatenate(own, axis=1))
+            driven = _innovations(self.phi[c], np.ascontiguousarray(np.concatenate(own, axis=1)))
             parts.append(
                 (int(c), np.flatnonzero(there[c]), driven if loudness is None else driven / loudness[c])
             )

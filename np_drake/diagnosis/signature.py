@@ -176,8 +176,8 @@ def _through_mass(
 
     The motion is that of the real mass properties m', c, J' (forward dynamics), so that no measured acceleration
     enters: al = J'^-1 (tau - c x F - w x J' w), s = F / m' - al x c - w x (w x c); residual m s - thrust and
-    J al + w x J w - tau_nominal. Where the log follows the centre of mass, s = F / m'. Force is that at rows, torque
-    that in the mean between them; rotors are `ahead` there, (m, 4).
+    J al + w x J w - tau_nominal. Where the log follows the centre of mass, s = F / m'. Where accelerations
+    are logged, force is that at rows and torque that in the mean between them, where rotors lag by what `ahead` gives.
     """
     acting = [t for t in terms if isinstance(t.effect, MassEffect)]
     onsets = sorted({t.begins(evidence.name) or -NEVER for t in acting} - {NEVER})
@@ -198,16 +198,14 @@ def _moved(
         real = effect.properties(real)
     c, w = np.asarray(real.p_BoBcm_B, float), evidence.w
     wrench = evidence.nominal + added
-    early = ahead() if c.any() else np.zeros((1, 4))
+    F, tau = wrench[:, :3], wrench[:, 3:]
 
     def angular(F: np.ndarray, tau: np.ndarray) -> np.ndarray:
         return (tau - np.cross(c, F) - np.cross(w, w @ real.J.T)) @ np.linalg.inv(real.J).T
 
-    F, tau = wrench[:, :3], wrench[:, 3:]
-    al = angular(F - early[:, :1] * [0.0, 0.0, 1.0], tau)
-    s = F / real.mass
-    if vehicle.logged_point == "origin":
-        at_rows = angular(F, tau + early[:, 1:])
-        s = s - np.cross(at_rows, c) - np.cross(w, np.cross(w, c))
+    early = ahead() if c.any() else np.zeros((1, 4))
+    s, al = F / real.mass, angular(F - early[:, :1] * [0.0, 0.0, 1.0], tau)
+    if c.any() and vehicle.logged_point == "origin":
+        s = s - np.cross(angular(F, tau + early[:, 1:]), c) - np.cross(w, np.cross(w, c))
     needed = np.concatenate([vehicle.mass * s, al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)], axis=1)
     return needed - evidence.nominal

@@ -32,12 +32,15 @@ def rotor_thrust(
         held = _held(log.t, np.maximum(command, 0.0), t - shift, h)
     for effect in chain:
         held = effect.respond(vehicle, t, held)
-    total = np.concatenate([np.zeros((1, 4)), np.cumsum(held, axis=0) * h])
+    later = np.concatenate([held[1:], held[-1:]]) if log.input == "rotor_speed" else held
+    mean = 0.5 * (held + later)
+    total = np.concatenate([np.zeros((1, 4)), np.cumsum(mean, axis=0) * h])
     edges = np.append(t, t[-1] + h)
     at = np.stack([np.interp(log.t, edges, total[:, i]) for i in range(4)], axis=1)
     row = np.clip(np.round((log.t - t[0]) / h).astype(int), 0, len(t) - 1)
-    smooth = any(isinstance(e, MotorLag) and e.time_constant > 0 for e in chain)  # else it jumps at a row
-    rows = 0.5 * (held[np.maximum(row - 1, 0)] + held[row]) if smooth else held[row]
+    rows = held[row]
+    if any(isinstance(e, MotorLag) and e.time_constant > 0 for e in chain):  # no jump at a row, but a kink
+        rows = 1.5 * held[np.maximum(row - 1, 0)] - 0.5 * held[np.maximum(row - 2, 0)]
     return rows, np.diff(at, axis=0) / np.diff(log.t)[:, None]
 
 

@@ -29,7 +29,7 @@ from np_drake.diagnosis.unknown import PREFIX
 TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice
 MOST_MEASURED = 8  # effects that are named where rotor speed is measured: real rotors have many; own choice
 UNLIKELY = 0.01  # probability of a payload below which it is not sought again; own choice
-REFINED = 3  # models that are refined
+REFINED = 3  # models that are refined, with what is simpler than these
 GIVES_WAY = 4.0  # log evidence by which generic structure must beat the library's effects; own choice
 CLOSE = 12.0  # of the best's log evidence, below which a model is not worth it
 
@@ -89,10 +89,13 @@ def rank(
 def _refined(
     problem: Problem, models: Sequence[Model], tolerance: Tolerance, best: Fit, noise: NoiseModel
 ) -> dict[Model, Fit]:
-    """The models that come close to the best, and the best of them without its faint effects, each with its fit."""
+    """The models that come close to the best, each with its fit.
+
+    With them the best that these are without generic structure, and the best fit without its faint effects.
+    """
     close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
     plainest = max((bare(problem, m) for m in close[:REFINED]), key=lambda m: m.score)
-    tried = dict.fromkeys([*close[:REFINED], plainest])
+    tried = dict.fromkeys([*close[:REFINED], *([plainest] if np.isfinite(plainest.score) else [])])
     fits = {m: refit(problem, m, tolerance, best, noise) for m in tried}
     first = min(fits, key=lambda m: precedence(fits[m]))
     fits[first] = rested(problem, first, tolerance, fits[first], noise)
@@ -231,7 +234,7 @@ def names_of_fit(fit: Fit) -> tuple[str, ...]:
 
 def _probabilities(problem: Problem, models: Sequence[Model], fits: Sequence[Fit]) -> dict[str, float]:
     """Of every effect: the share of the models that hold it, each with its (refined, where it is) evidence."""
-    refined = {names_of_fit(f): _score(f) for f in fits}
+    refined = {names_of_fit(f): _score(f) for f in sorted(fits, key=_score)}
     linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}
     shift = max(refined.values()) - max(linear[n] for n in refined if n in linear)
     scores = {n: s + min(shift, 0.0) for n, s in linear.items()} | refined

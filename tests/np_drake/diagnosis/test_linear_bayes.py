@@ -4,13 +4,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from np_drake.diagnosis.linear_bayes import gram
+from np_drake.diagnosis.linear_bayes import Gram
 
 
 def problem(seed: int, rows: int = 12, channels: int = 2, k: int = 4) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     X = rng.normal(size=(rows, channels, k))
     return X, X @ rng.normal(size=k) + rng.normal(size=(rows, channels))
+
+
+def gram(X: np.ndarray, y: np.ndarray) -> Gram:
+    """Of white columns (m, c, k) and channels (m, c)."""
+    flat, target = X.reshape(-1, X.shape[-1]), y.reshape(-1)
+    return Gram(flat.T @ flat, flat.T @ target, float(target @ target), len(y))
 
 
 def density(X: np.ndarray, y: np.ndarray, variance: float = 1.0) -> float:

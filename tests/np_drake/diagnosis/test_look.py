@@ -1,6 +1,7 @@
 """Laws of one look: how what remains becomes a verdict."""
 
 import dataclasses as dc
+from functools import cache
 from typing import ClassVar
 
 import numpy as np
@@ -40,8 +41,9 @@ def gusts(seed: int) -> GustyWind:
 
 @pytest.fixture(scope="module")
 def flown(seen):
-    """Two flights to fit and a third, each under drag and a slow force of its own."""
+    """Two flights to fit and a third, each under drag and a slow force of its own, made once."""
 
+    @cache
     def flights(*slow: WrenchEffect):
         how = {"noise": 1.0, "seconds": 10.0}
         *fitted, unseen = [seen(DRAG, s, name=str(i), seed=i, **how) for i, s in enumerate(slow, start=1)]

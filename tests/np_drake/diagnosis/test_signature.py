@@ -11,6 +11,7 @@ from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.base import SensorEffect
 from np_drake.effects.blade_flapping import BladeFlapping
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gyro_bias import GyroBias
@@ -53,6 +54,15 @@ def test_the_trace_of_the_true_effect_is_the_residual_of_an_exact_log(seen, effe
     share = INEXACT.get(effect.identifier, LEFT)
     for part in (ev.FORCE, ev.TORQUE):
         assert size(left[:, part]) < share * size(dut.y[:, part]) + SMALL
+
+
+@pytest.mark.parametrize("accelerations", [True, False])
+@pytest.mark.parametrize("beside", [(), (ThrustScale(0.8),)], ids=["alone", "with weak rotors"])
+def test_a_center_of_mass_turns_with_the_thrust_of_the_interval_not_of_a_row(seen, beside, accelerations):
+    acting = [CenterOfMassOffset(0.012, 0.007, 0.006), *beside]
+    dut = seen(*acting, accelerations=accelerations)
+    left = dut.y - signature(dut, [Term(e) for e in acting])
+    assert size(left[:, ev.TORQUE]) < 1e-6  # half a row of thrust at this lever is 5e-4 [N·m]
 
 
 @pytest.mark.parametrize("accelerations", [True, False])
@@ -215,9 +225,10 @@ def test_parts_that_are_kept_change_no_signature(seen):
     flight = seen(name="1", seed=1, seconds=5.0)
     stages = Stages()
     acting = [LinearDrag(), MotorLag(0.02), ThrustScale(0.9), MassError(0.2), GyroBias(0.02, 0.0, 0.0)]
-    acting += [AttitudeBias(0.01, 0.0, 0.0), ConstantWind(2.0, 0.0, 0.0), LIGHT]
+    acting += [AttitudeBias(0.01, 0.0, 0.0), ConstantWind(2.0, 0.0, 0.0), CenterOfMassOffset(0.01), LIGHT]
     moved = [LinearDrag(0.4), MotorLag(0.05), ThrustScale(1.1), MassError(0.1), GyroBias(0.01, 0.01, 0.0)]
-    moved += [AttitudeBias(0.0, 0.01, 0.0), ConstantWind(0.0, 1.0, 0.0), SuspendedPayload(0.1, 0.5)]
+    moved += [AttitudeBias(0.0, 0.01, 0.0), ConstantWind(0.0, 1.0, 0.0), CenterOfMassOffset(0.0, 0.01)]
+    moved += [SuspendedPayload(0.1, 0.5)]
     for i in range(len(acting)):
         for onset in ({}, {"1": 2.0}):
             now = [Term(e) for e in (*acting[:i], *acting[i + 1 :])] + [Term(moved[i], onset)]
