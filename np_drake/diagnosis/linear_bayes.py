@@ -73,8 +73,3 @@ class Gram:
         A = self.XX[np.ix_(index, index)] + np.eye(len(index))
         covariance = np.linalg.inv(A)
         return covariance @ self.Xy[index], covariance
-
-    def residual(self, index: np.ndarray, coefficients: np.ndarray) -> float:
-        """Sum of squares left with given coefficients: held-out flights are scored with it."""
-        XX = self.XX[np.ix_(index, index)]
-        return float(self.yy - 2 * coefficients @ self.Xy[index] + coefficients @ XX @ coefficients)

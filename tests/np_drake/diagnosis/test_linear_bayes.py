@@ -92,13 +92,6 @@ def test_grams_of_two_flights_add_to_that_of_both():
     assert total.samples == both.samples == 19
 
 
-def test_residual_is_the_sum_of_squares_that_coefficients_leave():
-    X, y = problem(2)
-    index, c = np.array([0, 2]), np.array([0.7, -1.1])
-    left = y - X[..., index] @ c
-    assert gram(X, y).residual(index, c) == pytest.approx(np.sum(left**2))
-
-
 def test_an_empty_model_has_the_evidence_of_noise():
     X, y = problem(3)
     assert gram(X, y).log_evidence(np.zeros(0, int)) == 0.0
