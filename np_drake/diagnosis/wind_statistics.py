@@ -9,7 +9,7 @@ from scipy import linalg, optimize, stats
 from np_drake import attitude
 from np_drake.diagnosis.evidence import FORCE, Evidence
 from np_drake.diagnosis.hidden_swing import attitude_on_grid
-from np_drake.rigid_body import P
+from np_drake.rigid_body import P, V
 
 BIN = 0.1  # over which the force is averaged [s]
 SPAN = 20.0  # what lies farther apart counts as independent [s]
@@ -19,6 +19,7 @@ CALM = 2.0  # that is quiet at least before a wind whose begin is not known at a
 MOST = 300  # instants that are tried
 GAIN = 8.0  # in log likelihood that a better one must bring; own choice
 STEP = 0.02  # of the logarithms, for their curvature [1]
+TINY = 1e-9  # [m], for a height that is kept
 Z = 1.96  # deviations to either side: 95 %
 
 
@@ -100,29 +101,42 @@ def wind_onset(e: Evidence, left: np.ndarray, begin: float | None, wind: WindFor
 def chance_of_place(flights: Sequence[Evidence], left: Mapping[str, np.ndarray], wind: WindForce) -> float:
     """Probability that gusts, which do not know where the vehicle is, follow its place as much as this force does [1].
 
-    Source: likelihood ratio of a level force that is linear in the position beside gusts, and a mean in each span,
-    under the gusts' covariance: half a chi-squared of six.   left: (m, 15) what is left of the flights.
+    Source: likelihood ratio of a level force that is quadratic in the position (a jet pushes in the middle of a
+    flight, which nothing linear tells) beside gusts, a mean in each span and a force linear in the velocity (a drag
+    may be found too weak), under the gusts' covariance: half a chi-squared of at most eighteen.
+    left: (m, 15) what is left of the flights.
     """
-    spans = [pair for e in flights for pair in _forces_and_places(e, left[e.name])]
-    XX, XF = np.zeros((3, 3)), np.zeros((3, 2))
-    for force, place in spans:
-        factor = _factor(len(force), wind.deviation[0], wind.correlation_time[0], wind.white)
-        white = linalg.solve_triangular(
-            factor, np.column_stack([force, place, np.ones(len(force))]), lower=True
-        )
-        one = white[:, -1]
-        about = white - np.outer(one, one @ white) / (one @ one)
-        F, X = about[:, :2], about[:, 2:-1]
-        XX, XF = XX + X.T @ X, XF + X.T @ F
-    gain = float(np.sum(XF * (linalg.pinvh(XX) @ XF)))
-    return float(stats.chi2.sf(gain, XF.size))
+    x = np.concatenate([e.rows.x[:, P] for e in flights])
+    middle, size = x.mean(axis=0), x.std(axis=0) + TINY
+    white = []
+    for e in flights:
+        force = _bins(e, left[e.name], np.ones(len(e.t), bool))[:, :2]
+        place = (_on_bins(e, P) - middle) / size
+        columns = np.hstack([force, _on_bins(e, V), place, _products(place)])
+        white += [_about_its_mean(span, wind) for span in _split(columns)]
+    force, drag, place = np.split(np.concatenate(white), [2, 5], axis=1)
+    less, more = linalg.orth(drag), linalg.orth(np.hstack([drag, place]))
+    gain = np.sum((more.T @ force) ** 2) - np.sum((less.T @ force) ** 2)
+    return float(stats.chi2.sf(gain, 2 * (more.shape[1] - less.shape[1])))
 
 
-def _forces_and_places(e: Evidence, left: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Level force (k, 2) [N] and position (k, 3) [m] in bins, of spans of at most `SPAN`."""
-    p = np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, P].T], axis=1)
-    every = np.ones(len(e.t), bool)
-    return [(f[:, :2], x) for f, x in zip(_split(_bins(e, left, every)), _split(_binned(e, p)), strict=True)]
+def _about_its_mean(span: np.ndarray, wind: WindForce) -> np.ndarray:
+    """(k, a) columns whitened, without what is constant before it was."""
+    factor = _factor(len(span), wind.deviation[0], wind.correlation_time[0], wind.white)
+    white = linalg.solve_triangular(factor, np.column_stack([span, np.ones(len(span))]), lower=True)
+    one = white[:, -1:]
+    return white[:, :-1] - one @ (one.T @ white[:, :-1]) / np.sum(one**2)
+
+
+def _products(x: np.ndarray) -> np.ndarray:
+    """(k, 6) of every two of three columns."""
+    i, j = np.triu_indices(3)
+    return x[:, i] * x[:, j]
+
+
+def _on_bins(e: Evidence, columns: slice) -> np.ndarray:
+    """(k, 3) of the state, in bins."""
+    return _binned(e, np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, columns].T], axis=1))
 
 
 def _spans(e: Evidence, left: np.ndarray, begin: float | None) -> list[np.ndarray]:

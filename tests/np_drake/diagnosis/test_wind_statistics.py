@@ -132,3 +132,25 @@ def test_a_force_tied_to_a_place_is_no_gust_whatever_its_mean_in_a_flight(flight
         left[e.name] = 0.3 * left[e.name]
         left[e.name][:, :3] += attitude.rotate_back(attitude_on_grid(e), tied)
     assert chance_of_place(flights, left, wind_force(flights, left, {})) < 1e-6
+
+
+def jet(e):
+    """(n, 3) level force in W about the middle of a flight: it points one way on all sides."""
+    p = np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, :3].T], axis=1)
+    away = (p - p.mean(axis=0)) / p.std(axis=0)
+    return np.exp(-0.5 * np.sum(away[:, :2] ** 2, axis=1))[:, None] * np.array([1.0, -0.5, 0.0])
+
+
+def behind(e):
+    """(n, 3) a drag's force in W."""
+    return -0.3 * np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, 7:10].T], axis=1)
+
+
+@pytest.mark.parametrize(("force", "tied"), [(jet, True), (behind, False)])
+def test_a_force_beside_gusts_is_tied_to_the_place_where_the_velocity_does_not_tell_it(flights, force, tied):
+    left = pushed(flights, np.random.default_rng(4), 0.6)
+    for e in flights:
+        left[e.name] = 0.3 * left[e.name]
+        left[e.name][:, :3] += attitude.rotate_back(attitude_on_grid(e), force(e))
+    chance = chance_of_place(flights, left, wind_force(flights, left, {}))
+    assert chance < 1e-6 if tied else chance > 1e-2
