@@ -12,7 +12,7 @@ from np_drake.diagnosis.wind_statistics import wind_force, wind_onset
 
 DRAG = "linear_drag"
 RATHER = (
-    2.3  # log odds of wind against what the library does not have, for a slow force of no shape; own choice
+    4.6  # log odds of wind against what the library does not have, for a slow force of no shape; own choice
 )
 
 

@@ -27,8 +27,8 @@ REAL = 1e-3  # attitude noise above which a log comes from a real rig [rad]
 class Tolerance:
     """Standard deviations. Source: own choice: a kitchen scale, motion capture, a MEMS sensor, a Kalman filter."""
 
-    mass: float = 0.006  # [1]
-    thrust: float = 0.006  # [1]
+    mass: float = 0.005  # [1]
+    thrust: float = 0.005  # [1]
     acceleration: float = 0.055  # from flight to flight [m/s²]
     attitude: float = 0.008  # from flight to flight [rad]
     rate: float = 0.01  # from flight to flight [rad/s]
