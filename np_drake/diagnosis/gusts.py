@@ -22,11 +22,13 @@ def as_gusts(
     causes: list[Cause],
     probability: float,
     tolerance: Tolerance,
+    unseen: Sequence[Evidence] = (),
 ) -> list[Cause]:
     """The causes with gusts among them, where a drag was found through which they can act; else as they are.
 
-    left: (m, 15) what the causes leave of the flights. A steady wind among them becomes the mean of the gusts, and
-    with it what is left in the mean. Gusts do not repeat: they explain no unseen flight.
+    left: (m, 15) what the causes leave of the flights, of which the figures are, and of unseen ones, in which the wind
+    may begin as well. A steady wind among them becomes the mean of the gusts, and with it what is left in the mean.
+    Gusts do not repeat: they explain no unseen flight.
     """
     drag = next((c for c in causes if c.identifier == "linear_drag"), None)
     if drag is None:
@@ -34,10 +36,9 @@ def as_gusts(
     wind = next((c for c in causes if c.identifier == "constant_wind"), None)
     force = wind_force(flights, left, drag.onset)
     onset = dict(drag.onset)
-    for e in flights:
-        begin = onset.get(e.name)
-        if begin is not None and not tolerance.real:  # slow errors of a rig's attitude have a gust's power
-            onset[e.name] = wind_onset(e, left[e.name], begin, force)
+    if not tolerance.real:  # a rig's attitude errs slowly, with a gust's power
+        onset = {e.name: wind_onset(e, left[e.name], onset.get(e.name), force) for e in (*flights, *unseen)}
+        force = wind_force(flights, left, onset)
     parameters = _statistics(flights, force, drag, wind, tolerance)
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
     gusts = Cause("gusty_wind", probability, parameters, onset, (), drag.share, effect)

@@ -3,6 +3,8 @@
 import dataclasses as dc
 from collections.abc import Sequence
 
+import numpy as np
+
 from np_drake.diagnosis.answer import Cause, Finding
 from np_drake.diagnosis.attribute import causes_of, in_gusts
 from np_drake.diagnosis.evidence import Evidence
@@ -60,9 +62,10 @@ def look(
     if _slow(left) and not gusty:
         unknown, probability = True, left.slow_probability
     if gusty:
-        rest = {e.name: ranking.named.left(e) for e in flights}
         blows = left.slow_probability * ranking.probability.get(DRAG, 1.0)
-        causes = as_gusts(flights, rest, causes, blows, ranking.tolerance)
+        causes = as_gusts(
+            flights, _rest(ranking, left, flights, unseen), causes, blows, ranking.tolerance, unseen
+        )
         gusts = next((c for c in causes if c.identifier == "gusty_wind"), None)
         unknown = gusts is None  # nothing was found that would feel them
         probability = left.slow_probability if unknown else left.probability
@@ -76,10 +79,16 @@ def _knows_its_place(
     ranking: Ranking, left: Remains, flights: Sequence[Evidence], unseen: Sequence[Evidence]
 ) -> bool:
     """Does the slow force follow the place, in all flights alike, as gusts would not?"""
-    rest = {e.name: ranking.named.left(e) for e in flights}
-    rest |= {e.name: without_swing(left.held, e) for e in unseen}
-    every = [*flights, *unseen]
+    rest, every = _rest(ranking, left, flights, unseen), [*flights, *unseen]
     return chance_of_place(every, rest, wind_force(every, rest, {})) < BY_CHANCE
+
+
+def _rest(
+    ranking: Ranking, left: Remains, flights: Sequence[Evidence], unseen: Sequence[Evidence]
+) -> dict[str, np.ndarray]:
+    """By flight, (m, 15) what the named effects leave of it."""
+    rest = {e.name: ranking.named.left(e) for e in flights}
+    return rest | {e.name: without_swing(left.held, e) for e in unseen}
 
 
 def _slow(left: Remains) -> bool:

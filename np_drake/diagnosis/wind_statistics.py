@@ -14,8 +14,7 @@ from np_drake.rigid_body import P, V
 BIN = 0.1  # over which the force is averaged [s]
 SPAN = 20.0  # what lies farther apart counts as independent [s]
 SHORTEST, LONGEST = 0.1, 20.0  # correlation time [s]
-AROUND = 3.0  # of an onset, within which a better one is looked for [s]
-CALM = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
+CALM = 2.0  # that is quiet at least before a wind that begins in flight [s]
 MOST = 300  # instants that are tried
 GAIN = 8.0  # in log likelihood that a better one must bring; own choice
 STEP = 0.02  # of the logarithms, for their curvature [1]
@@ -68,22 +67,19 @@ def wind_force(
 
 
 def wind_onset(e: Evidence, left: np.ndarray, begin: float | None, wind: WindForce) -> float | None:
-    """When the wind begins that was taken to begin at `begin` [s] (None: from the start): until then there is noise.
+    """When the wind begins that was taken to begin at `begin` [s] (None: from the start; infinite: not at all).
 
-    Gusts show by their power at once, where their mean, by which an onset is found first, may take a second.
-    That stays where a better one gains little: it was found beside the drag, which is felt without gusts as well.
+    Until then there is noise. Gusts show by their power at once, where their mean, by which an onset is found first,
+    may take a second, or miss it. That stays where a better one gains little: it was found beside the drag, which is
+    felt without gusts as well.
     left: (m, 15) what is left of the flight.
     """
     bins = _bins(e, left, e.t >= e.t[0])[:, :2]
     t = e.t[0] + BIN * np.arange(len(bins))
-    near = t > e.t[0] + CALM if begin is None else np.abs(t - begin) <= AROUND
-    tried = np.flatnonzero(near & (t > e.t[0] + BIN) & (t < t[-1] - 1.0))
-    if not len(tried):
-        return begin
-    tried = tried[:: -(-len(tried) // MOST)]
-    here = 0 if begin is None else int(tried[np.argmin(np.abs(t[tried] - begin))])
-    n = len(bins) - min(here, tried[0])
-    factor = _factor(n, wind.deviation[0], wind.correlation_time[0], wind.white)
+    tried = np.flatnonzero((t > e.t[0] + CALM) & (t < t[-1] - 1.0))
+    tried = tried[:: max(1, -(-len(tried) // MOST))]
+    here = 0 if begin is None else int(np.argmin(np.abs(t - min(begin, t[-1]))))
+    factor = _factor(len(bins), wind.deviation[0], wind.correlation_time[0], wind.white)
     logdet = np.cumsum(2 * np.log(np.diag(factor)))
     power = np.concatenate([[0.0], np.cumsum(np.sum(bins**2, axis=1))])
 
@@ -93,9 +89,11 @@ def wind_onset(e: Evidence, left: np.ndarray, begin: float | None, wind: WindFor
         noise = max(wind.white**2, power[k] / max(2 * k, 1))
         return float(power[k] / noise + 2 * k * np.log(noise) + np.sum(after**2) + 2 * logdet[n - 1])
 
-    losses = {k: loss(k) for k in (here, *tried.tolist())}
+    losses = {k: loss(k) for k in (here, 0, *tried.tolist())}
     best = min(losses, key=losses.__getitem__)
-    return float(t[best]) if losses[here] - losses[best] > 2 * GAIN else begin
+    if losses[here] - losses[best] <= 2 * GAIN:
+        return begin
+    return float(t[best]) if best else None
 
 
 def chance_of_place(flights: Sequence[Evidence], left: Mapping[str, np.ndarray], wind: WindForce) -> float:

@@ -58,7 +58,7 @@ def test_before_its_onset_there_is_no_wind(flights):
     assert wind_force(flights, left, {}).deviation[0] < late.deviation[0]
 
 
-@pytest.mark.parametrize("taken_for", [7.0, 8.0, 9.5])
+@pytest.mark.parametrize("taken_for", [7.0, 8.0, 9.5, 16.0, np.inf])
 @pytest.mark.parametrize("mean", [0.0, 1.0])
 def test_gusts_begin_where_their_power_does_whatever_their_mean(flights, taken_for, mean):
     left = pushed(flights, np.random.default_rng(1), 0.5, begin=8.0)
@@ -77,6 +77,7 @@ def test_gusts_that_begin_in_flight_are_told_from_gusts_from_the_start(flights, 
         for e in flights:
             assert wind_onset(e, late[e.name], None, wind) == pytest.approx(8.0, abs=2 * BIN)
             assert wind_onset(e, always[e.name], None, wind) is None
+            assert wind_onset(e, always[e.name], 9.0, wind) is None
 
 
 def test_an_onset_stays_where_another_gains_little(flights):
@@ -85,6 +86,13 @@ def test_an_onset_stays_where_another_gains_little(flights):
     wind = WindForce(np.zeros((3, 2)), (0.1 * DEVIATION, 0.03, 0.07), (0.5, 0.3, 0.8), 0.05)
     for e in flights:
         assert wind_onset(e, faint[e.name], 8.3, wind) == 8.3
+
+
+def test_gusts_that_are_absent_stay_so(flights):
+    wind = WindForce(np.zeros((3, 2)), (DEVIATION, 0.3, 0.7), (0.5, 0.3, 0.8), 0.05)
+    left = pushed(flights, np.random.default_rng(1), 0.5, begin=np.inf)
+    for e in flights:
+        assert wind_onset(e, left[e.name], np.inf, wind) == np.inf
 
 
 def test_an_onset_too_near_the_end_to_look_about_stays(flights):
