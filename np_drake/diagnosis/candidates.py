@@ -150,7 +150,11 @@ def at_value(effect, flights, onset, values: dict[str, float], variants: int) ->
 def wind_candidates(
     flights: Sequence[Evidence], drags: list[Candidate], onset: Onset | None = None
 ) -> list[Candidate]:
-    """Steady wind with its drag: v - wind through linear drag is the drag and three more columns."""
+    """Steady wind with its drag: v - wind through linear drag is the drag and three more columns.
+
+    Where the drag is so weak that its sign is not known, the wind pushes as much through one that brakes: a drag and
+    a wind turned about together push alike, and a descent does not come from one to the other.
+    """
     if "constant_wind" not in LIBRARY or "linear_drag" not in LIBRARY:
         return []
     wind_class, drag_class = LIBRARY["constant_wind"], LIBRARY["linear_drag"]
@@ -172,11 +176,11 @@ def wind_candidates(
             columns[e.name] = np.concatenate([drag.columns[e.name], extra], axis=-1)
 
         def terms(c: np.ndarray, drag: Candidate = drag) -> list[Term]:
-            drags = drag.terms(c[:3])
-            d = np.array(list(drags[0].effect.values.values()))
-            wind = 2.0 * c[3:] * typical / np.maximum(np.abs(d), 0.2 * typical)
+            (felt,) = drag.terms(c[:3])
+            d = {name: max(value, 0.2 * typical) for name, value in felt.effect.values.items()}
+            wind = 2.0 * c[3:] * typical / np.array(list(d.values()))
             values = dict(zip("xyz", np.clip(wind, -14.0, 14.0).tolist(), strict=True))
-            return [*drags, Term(wind_class.of(values), onset)]
+            return [dc.replace(felt, effect=drag_class.of(d)), Term(wind_class.of(values), onset)]
 
         out.append(
             Candidate(("linear_drag", "constant_wind"), drag.variant, columns, terms, drag.log_prior, onset)

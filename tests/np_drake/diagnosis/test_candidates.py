@@ -108,6 +108,16 @@ def test_wind_is_felt_through_the_drag_that_comes_with_it(flights, candidates, d
         assert gap(dut.columns[e.name] @ c, trace(dut, c, e)) < 1e-6
 
 
+@pytest.mark.parametrize("drag", [-0.3, 0.0, 0.1])
+def test_a_wind_pushes_as_much_whatever_the_sign_of_a_drag_too_weak_to_be_known(flights, candidates, drag):
+    (dut,) = wind_candidates(flights, [c for c in candidates if c.identifiers == ("linear_drag",)])
+    c = np.array([drag, drag, drag, 0.5, -0.4, 0.3])
+    felt, wind = dut.terms(c)
+    for e in flights:
+        pushed = signature(e, [felt, wind]) - signature(e, [felt])
+        assert gap(dut.columns[e.name][..., 3:] @ c[3:], pushed) < 1e-6
+
+
 def test_a_payload_at_rest_has_the_trace_of_its_terms(flights):
     (dut,) = payload_candidates(flights, np.array([0.6]))
     c = np.zeros(dut.size)
