@@ -66,7 +66,7 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     limit = SLOW_TORQUE[ranking.tolerance.real]
     swung = {e.name: without_swing(held, e) for e in unseen}
     again = (strongest_line(unseen, swung).prominence, slow_torque(unseen, swung)[0])
-    loud = line.rms**2 > LEAST_SHARE * np.mean(np.concatenate([e.y[:, line.channel] for e in flights]) ** 2)
+    loud = line.rms > _least_line(line, flights, ranking.tolerance)
     vibrates = _above(line.prominence, LINE) if loud and again[0] > FAINT * LINE else 0.0
     hidden = any(t.swings for t in ranking.named.terms)
     twists = (
@@ -180,23 +180,32 @@ def _line_finding(line: Line) -> Finding:
     return Finding("line", text, line.prominence, {"frequency": line.frequency, "rms": line.rms})
 
 
+def _least(flights: Sequence[Evidence]) -> tuple[float, float]:
+    """RMS force [N] and torque [N·m] of structure that is a matter: of a force half an effect's, it may be a part."""
+    tau = np.concatenate([e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights])
+    weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
+    return 0.5 * MATERIAL_FORCE * weight, MATERIAL_TORQUE * float(np.sqrt(np.mean(np.sum(tau**2, axis=1))))
+
+
+def _least_line(line: Line, flights: Sequence[Evidence], tolerance: Tolerance) -> float:
+    """RMS of a line that is a matter, of its channel's unit: a long flight shows lines that are none."""
+    share = LEAST_SHARE * np.mean(np.concatenate([e.y[:, line.channel] for e in flights]) ** 2)
+    least = _least(flights)[line.channel >= ev.TORQUE.start]
+    return max(float(np.sqrt(share)), least * (1.0 if tolerance.real else EXACT))
+
+
 def _generic(generic: Generic, ranking: Ranking, flights: Sequence[Evidence]) -> tuple[Finding, bool]:
     """A finding, and whether it is material as an effect would be."""
     noise = ranking.noise
     inverse = np.where(noise.rms > 0, 1 / np.maximum(noise.rms, 1e-12), 0.0)
     part = np.concatenate([generic.part(e) for e in flights])
     y = np.concatenate([e.y for e in flights])
-    tau = np.concatenate([e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights])
-    vehicle = flights[0].vehicle
+    least_force, least_torque = _least(flights)
     force = np.sqrt(np.mean(np.sum(part[:, ev.FORCE] ** 2, axis=1)))
     torque = np.sqrt(np.mean(np.sum(part[:, ev.TORQUE] ** 2, axis=1)))
     own = np.sum((part * inverse) ** 2)
     gap = own / max(np.sum((y * inverse) ** 2) - y.shape[0] * np.sum(noise.rms > 0), own)
-    material = (
-        force >= 0.5 * MATERIAL_FORCE * vehicle.mass * vehicle.gravity
-        or torque >= MATERIAL_TORQUE * np.sqrt(np.mean(np.sum(tau**2, axis=1)))
-        or gap >= MATERIAL_GAP
-    )
+    material = force >= least_force or torque >= least_torque or gap >= MATERIAL_GAP
     candidate = generic.candidate
     figures = {"force": float(force), "torque": float(torque), **candidate.figures}
     name = candidate.identifiers[0].removeprefix(PREFIX)

@@ -5,7 +5,10 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.remains import _repeat, remains
+from np_drake.diagnosis import remains as remains_module
+from np_drake.diagnosis.excess import Line
+from np_drake.diagnosis.remains import _least_line, _repeat, remains
+from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term
 from np_drake.effects.base import WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
@@ -13,6 +16,8 @@ from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.rigid_body import W
+
+CLEAR = 5.0  # prominence of a line in these short flights that noise does not have [1]
 
 
 @dc.dataclass(frozen=True)
@@ -72,6 +77,34 @@ def test_what_unseen_flights_alone_show_is_unknown(ranked, channel, size):
     dut = remains(case.ranking, case.fit, case.flights, unseen)
     assert dut.unknown
     assert [f.name for f in dut.findings] == ["unseen flights"]
+
+
+@pytest.mark.parametrize("channel", [0, 4], ids=["force", "torque"])
+@pytest.mark.parametrize("times", [0.7, 2.0], ids=["too small to matter", "large"])
+def test_a_line_is_unknown_where_it_is_large_enough_to_matter_however_clear_it_is(
+    ranked, monkeypatch, channel, times
+):
+    monkeypatch.setattr(remains_module, "LINE", CLEAR)
+    case = ranked()
+    ranking = dc.replace(case.ranking, tolerance=Tolerance())
+    least = _least_line(Line(channel, 2.3, 1e3, 0.0), case.flights, ranking.tolerance)
+    wave = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.unseen)]
+    for e in wave:
+        e.y[:, channel] += times * least * np.sqrt(2) * np.sin(2 * np.pi * 2.3 * e.t)
+    *flights, unseen = wave
+    dut = remains(ranking, case.fit, flights, [unseen])
+    assert dut.line.prominence > 2 * CLEAR
+    assert dut.line.channel == channel
+    assert dut.line.rms == pytest.approx(times * least, rel=0.1)
+    assert dut.unknown is (times > 1)
+    assert ("line" in {f.name for f in dut.findings}) is (times > 1)
+
+
+def test_a_line_matters_less_on_a_rig(ranked):
+    flights, line = ranked().flights, Line(0, 2.3, 1e3, 0.0)
+    weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
+    assert _least_line(line, flights, Tolerance()) == pytest.approx(0.005 * weight)
+    assert _least_line(line, flights, LABORATORY) < _least_line(line, flights, Tolerance())
 
 
 def test_the_unseen_flight_is_explained_too(of):
