@@ -152,8 +152,8 @@ def wind_candidates(
 ) -> list[Candidate]:
     """Steady wind with its drag: v - wind through linear drag is the drag and three more columns.
 
-    Where the drag is so weak that its sign is not known, the wind pushes as much through one that brakes: a drag and
-    a wind turned about together push alike, and a descent does not come from one to the other.
+    A drag that is weak, or comes out as none that brakes, is begun as a weak one that does, the wind so that it pushes
+    as much: a drag and a wind turned about together push alike, and a descent does not come from one to the other.
     """
     if "constant_wind" not in LIBRARY or "linear_drag" not in LIBRARY:
         return []

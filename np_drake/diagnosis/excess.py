@@ -8,7 +8,7 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import signal
+from scipy import ndimage, signal
 
 from np_drake.diagnosis.evidence import TORQUE, WRENCH, Evidence, low_pass
 
@@ -31,8 +31,12 @@ class Line:
     rms: float
 
 
-def strongest_line(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> Line:
-    """Of force (in W-independent body axes) and torque, over all flights together.
+def strongest_line(
+    flights: Sequence[Evidence], left: dict[str, np.ndarray], least: np.ndarray | None = None
+) -> Line:
+    """Of force (in W-independent body axes) and torque, over all flights together; `least` (6,): RMS that matters.
+
+    A smaller one does not hide one that matters; where none does, it is the strongest of all.
 
     Periodograms of all flights on one frequency axis are averaged; the line is the bin with the largest ratio to the
     median about it. In noise that ratio of an average of n flights is a gamma variate of shape n.   Where slow noise
@@ -49,9 +53,10 @@ def strongest_line(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> 
     floor = _floor(power, frequency, LOBE / max(e.t[-1] - e.t[0] for e in flights))
     inside = (frequency > LOWEST) & (frequency < min(HIGHEST, 0.4 * rate))
     ratio = np.where(inside[:, None], power / np.maximum(floor, 1e-300), 0.0)
-    k, channel = np.unravel_index(np.argmax(ratio), ratio.shape)
-    rms = float(np.sqrt(2 * np.sum(power[max(k - 2, 0) : k + 3, channel]) / size))
-    return Line(int(channel), float(frequency[k]), float(ratio[k, channel]), rms)
+    rms = np.sqrt(2 * ndimage.convolve1d(power, np.ones(5), axis=0, mode="constant") / size)
+    matters = ratio * (rms >= (0.0 if least is None else least))
+    k, channel = np.unravel_index(np.argmax(matters if matters.any() else ratio), ratio.shape)
+    return Line(int(channel), float(frequency[k]), float(ratio[k, channel]), float(rms[k, channel]))
 
 
 def _floor(power: np.ndarray, frequency: np.ndarray, lobe: float) -> np.ndarray:

@@ -8,7 +8,7 @@ from np_drake.diagnosis.candidates import Onset, gated
 from np_drake.diagnosis.descent import refit
 from np_drake.diagnosis.search import Model, effect_prior
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
-from np_drake.diagnosis.wind_statistics import wind_force, wind_onset
+from np_drake.diagnosis.wind_statistics import wind_begins
 
 DRAG = "linear_drag"
 RATHER = (
@@ -54,9 +54,5 @@ def _begins(ranking: Ranking) -> Onset:
     Not for a rig, whose attitude errs slowly with a gust's power.
     """
     flights = ranking.named_problem.flights
-    left = {e.name: ranking.named.left(e) for e in flights}
-    onset: Onset = {}
-    for _ in range(2):  # its figures are those of all the flight at first
-        force = wind_force(flights, left, onset)
-        onset = {e.name: wind_onset(e, left[e.name], onset.get(e.name), force) for e in flights}
-    return {name: begin for name, begin in onset.items() if begin is not None}
+    begins = wind_begins(flights, {e.name: ranking.named.left(e) for e in flights}, {})
+    return {name: begin for name, begin in begins.items() if begin is not None}

@@ -11,8 +11,9 @@ import numpy as np
 
 from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.held_out import SURPRISE
 from np_drake.diagnosis.rig import Tolerance
-from np_drake.diagnosis.wind_statistics import WindForce, wind_force, wind_onset
+from np_drake.diagnosis.wind_statistics import GAIN, WindForce, wind_force, wind_onset
 from np_drake.effects.gusty_wind import GustyWind
 
 
@@ -37,12 +38,17 @@ def as_gusts(
     force = wind_force(flights, left, drag.onset)
     onset = dict(drag.onset)
     if not tolerance.real:  # a rig's attitude errs slowly, with a gust's power
-        onset = {e.name: wind_onset(e, left[e.name], onset.get(e.name), force) for e in (*flights, *unseen)}
+        for e in flights:
+            onset[e.name] = wind_onset(e, left[e.name], onset.get(e.name), force)
+        late = any(onset[e.name] is not None for e in flights)
+        for e in unseen:  # what acts throughout the others hardly begins late here
+            begin, gain = (onset.get(e.name), GAIN) if late else (None, SURPRISE)
+            onset[e.name] = wind_onset(e, left[e.name], begin, force, gain)
         force = wind_force(flights, left, onset)
     parameters = _statistics(flights, force, drag, wind, tolerance)
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
     gusts = Cause("gusty_wind", probability, parameters, onset, (), drag.share, effect)
-    felt = dc.replace(drag, onset=onset)
+    felt = dc.replace(drag, onset={n: None if b is None else onset[n] for n, b in drag.onset.items()})
     return [felt if c is drag else c for c in causes if c is not wind] + [gusts]
 
 

@@ -11,11 +11,13 @@ from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.felt import DRAG, with_drag
 from np_drake.diagnosis.gusts import as_gusts
 from np_drake.diagnosis.held_out import without_shocks
+from np_drake.diagnosis.place import chance_of_place
 from np_drake.diagnosis.probability import BESIDE_UNKNOWN
 from np_drake.diagnosis.remains import Remains, remains, without_swing
 from np_drake.diagnosis.rig import Tolerance
+from np_drake.diagnosis.signature import Term
 from np_drake.diagnosis.which import Ranking, rank
-from np_drake.diagnosis.wind_statistics import chance_of_place, wind_force
+from np_drake.diagnosis.wind_statistics import Begins, wind_begins
 
 BY_CHANCE = (
     1e-3  # probability below which it is not by chance that a slow force follows the place; own choice
@@ -69,7 +71,7 @@ def look(
         gusts = next((c for c in causes if c.identifier == "gusty_wind"), None)
         unknown = gusts is None  # nothing was found that would feel them
         probability = left.slow_probability if unknown else left.probability
-        left = left if gusts is None else dc.replace(left, held=in_gusts(left.held, gusts, unseen))
+        left = left if gusts is None else dc.replace(left, held=in_gusts(left.held, causes, unseen))
     if unknown:
         causes = [dc.replace(c, probability=min(c.probability, BESIDE_UNKNOWN)) for c in causes]
     return Look(flights, unseen, ranking, left, causes, minor, unknown, probability, gusty)
@@ -79,8 +81,22 @@ def _knows_its_place(
     ranking: Ranking, left: Remains, flights: Sequence[Evidence], unseen: Sequence[Evidence]
 ) -> bool:
     """Does the slow force follow the place, in all flights alike, as gusts would not?"""
-    rest, every = _rest(ranking, left, flights, unseen), [*flights, *unseen]
-    return chance_of_place(every, rest, wind_force(every, rest, {})) < BY_CHANCE
+    every = [
+        *flights,
+        *(e for e in unseen if not e.joined.any()),
+    ]  # halves that joined the fit are there already
+    rest = _rest(ranking, left, flights, unseen)
+    begins: Begins = {
+        e.name: _felt_from(left.held.terms.get(e.name, ranking.named.terms), e.name) for e in every
+    }
+    if not ranking.tolerance.real:  # a rig's attitude errs slowly, with a gust's power
+        begins = wind_begins(every, rest, begins)
+    return chance_of_place(every, rest, begins) < BY_CHANCE
+
+
+def _felt_from(terms: Sequence[Term], flight: str) -> float | None:
+    """When a drag begins in a flight [s]; None: from the start, or there is none."""
+    return next((t.begins(flight) for t in terms if t.effect.identifier == DRAG), None)
 
 
 def _rest(

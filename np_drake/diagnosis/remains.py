@@ -62,11 +62,12 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     left = {e.name: fit.left(e) for e in flights}
     found = [_generic(g, ranking, flights) for g in fit.generic]
     seen = _repeat(ranking, fit, unseen, held)
-    line, (torque, share) = strongest_line(flights, left), slow_torque(flights, left)
+    least = _least_lines(flights, ranking.tolerance)
+    line, (torque, share) = strongest_line(flights, left, least), slow_torque(flights, left)
     limit = SLOW_TORQUE[ranking.tolerance.real]
     swung = {e.name: without_swing(held, e) for e in unseen}
     again = (strongest_line(unseen, swung).prominence, slow_torque(unseen, swung)[0])
-    loud = line.rms > _least_line(line, flights, ranking.tolerance)
+    loud = line.rms >= least[line.channel]
     vibrates = _above(line.prominence, LINE) if loud and again[0] > FAINT * LINE else 0.0
     hidden = any(t.swings for t in ranking.named.terms)
     twists = (
@@ -187,11 +188,11 @@ def _least(flights: Sequence[Evidence]) -> tuple[float, float]:
     return 0.5 * MATERIAL_FORCE * weight, MATERIAL_TORQUE * float(np.sqrt(np.mean(np.sum(tau**2, axis=1))))
 
 
-def _least_line(line: Line, flights: Sequence[Evidence], tolerance: Tolerance) -> float:
-    """RMS of a line that is a matter, of its channel's unit: a long flight shows lines that are none."""
-    share = LEAST_SHARE * np.mean(np.concatenate([e.y[:, line.channel] for e in flights]) ** 2)
-    least = _least(flights)[line.channel >= ev.TORQUE.start]
-    return max(float(np.sqrt(share)), least * (1.0 if tolerance.real else EXACT))
+def _least_lines(flights: Sequence[Evidence], tolerance: Tolerance) -> np.ndarray:
+    """(6,) RMS of a line that is a matter in a channel of the wrench: a long flight shows lines that are none."""
+    y = np.concatenate([e.y[:, ev.WRENCH] for e in flights])
+    least = np.repeat(_least(flights), 3) * (1.0 if tolerance.real else EXACT)
+    return np.maximum(np.sqrt(LEAST_SHARE * np.mean(y**2, axis=0)), least)
 
 
 def _generic(generic: Generic, ranking: Ranking, flights: Sequence[Evidence]) -> tuple[Finding, bool]:

@@ -4,22 +4,21 @@ import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import linalg, optimize, stats
+from scipy import linalg, optimize
 
-from np_drake import attitude
-from np_drake.diagnosis.evidence import FORCE, Evidence
-from np_drake.diagnosis.hidden_swing import attitude_on_grid
-from np_drake.rigid_body import P, V
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.force_bins import factor, forces, instants, spans, width
 
-BIN = 0.1  # over which the force is averaged [s]
-SPAN = 20.0  # what lies farther apart counts as independent [s]
 SHORTEST, LONGEST = 0.1, 20.0  # correlation time [s]
-CALM = 2.0  # that is quiet at least before a wind that begins in flight [s]
-MOST = 300  # instants that are tried
+FIRST, LAST = 0.7, 1.0  # of a flight, in which no begin is looked for [s]
+CALM = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
+OWN = 1.0  # deviations by which a flight's mean may be its own [1]; own choice
 GAIN = 8.0  # in log likelihood that a better one must bring; own choice
 STEP = 0.02  # of the logarithms, for their curvature [1]
-TINY = 1e-9  # [m], for a height that is kept
 Z = 1.96  # deviations to either side: 95 %
+
+
+Begins = Mapping[str, float | None]  # by flight, when the wind begins [s]; None: from the start
 
 
 @dc.dataclass(frozen=True)
@@ -35,28 +34,31 @@ class WindForce:
     correlation_time: tuple[float, float, float]
     white: float
 
+    @property
+    def figures(self) -> tuple[float, float, float]:
+        """Deviation [N], correlation time [s] and noise [N] alone."""
+        return self.deviation[0], self.correlation_time[0], self.white
 
-def wind_force(
-    flights: Sequence[Evidence], left: Mapping[str, np.ndarray], begins: Mapping[str, float | None]
-) -> WindForce:
+
+def wind_force(flights: Sequence[Evidence], left: Mapping[str, np.ndarray], begins: Begins) -> WindForce:
     """Of what is left (m, 15) of the flights, from when the wind begins on [s].
 
     Source: restricted maximum likelihood, the mean of each axis taken out; the intervals by its curvature in the
     logarithms. Deviation and correlation time are those of the two level axes together.
     """
-    spans = [span for e in flights for span in _spans(e, left[e.name], begins.get(e.name))]
-    level = [span[:, :2] for span in spans]
+    blown = [s for e in flights for s in spans(e, forces(e, left[e.name]), begins.get(e.name))]
+    level, size_of_bin = [span[:, :2] for span in blown], width(flights[0])
     size = float(np.sqrt(np.mean(np.concatenate(level).var(axis=0))))
     start = np.log([size, 1.0, 0.3 * size])
     reach = [(start[0] - 4, start[0] + 3), (np.log(SHORTEST), np.log(LONGEST)), (start[0] - 6, start[0] + 1)]
 
     def loss(z: np.ndarray) -> float:
-        return _restricted_loss(level, *np.exp(z))
+        return _restricted_loss(level, size_of_bin, *np.exp(z))
 
     best = optimize.minimize(loss, start, method="L-BFGS-B", bounds=reach).x
     deviation, time, white = np.exp(best)
     wide = np.exp(Z * np.sqrt(np.diag(np.linalg.inv(_curvature(loss, best)))))
-    value, variance = _mean(spans, deviation, time, white)
+    value, variance = _mean(blown, size_of_bin, deviation, time, white)
     half = np.full(3, Z * np.sqrt(variance))
     return WindForce(
         np.stack([value, half], axis=1),
@@ -66,129 +68,68 @@ def wind_force(
     )
 
 
-def wind_onset(e: Evidence, left: np.ndarray, begin: float | None, wind: WindForce) -> float | None:
+def wind_onset(
+    e: Evidence, left: np.ndarray, begin: float | None, wind: WindForce, gain: float = GAIN
+) -> float | None:
     """When the wind begins that was taken to begin at `begin` [s] (None: from the start; infinite: not at all).
 
     Until then there is noise. Gusts show by their power at once, where their mean, by which an onset is found first,
-    may take a second, or miss it. That stays where a better one gains little: it was found beside the drag, which is
-    felt without gusts as well.
+    may take a second, or miss it. That stays where a better one gains less than `gain` in log likelihood: it was found
+    beside the drag, which is felt without gusts as well.
     left: (m, 15) what is left of the flight.
     """
-    bins = _bins(e, left, e.t >= e.t[0])[:, :2]
-    t = e.t[0] + BIN * np.arange(len(bins))
-    tried = np.flatnonzero((t > e.t[0] + CALM) & (t < t[-1] - 1.0))
-    tried = tried[:: max(1, -(-len(tried) // MOST))]
+    bins, t = forces(e, left)[:, :2], instants(e)
+    n, k = len(t), np.arange(len(t))
     here = 0 if begin is None else int(np.argmin(np.abs(t - min(begin, t[-1]))))
-    factor = _factor(len(bins), wind.deviation[0], wind.correlation_time[0], wind.white)
-    logdet = np.cumsum(2 * np.log(np.diag(factor)))
-    power = np.concatenate([[0.0], np.cumsum(np.sum(bins**2, axis=1))])
-
-    def loss(k: int) -> float:
-        n = len(bins) - k
-        after = linalg.solve_triangular(factor[:n, :n], bins[k:] - wind.mean[:2, 0], lower=True)
-        noise = max(wind.white**2, power[k] / max(2 * k, 1))
-        return float(power[k] / noise + 2 * k * np.log(noise) + np.sum(after**2) + 2 * logdet[n - 1])
-
-    losses = {k: loss(k) for k in (here, 0, *tried.tolist())}
-    best = min(losses, key=losses.__getitem__)
-    if losses[here] - losses[best] <= 2 * GAIN:
+    root = factor(n, width(e), *wind.figures, OWN * wind.deviation[0])
+    # A stationary process is the same backwards: one solution has those from every bin to the last.
+    back = linalg.solve_triangular(root, (bins - wind.mean[:2, 0])[::-1], lower=True)
+    blown = np.cumsum(np.sum(back**2, axis=1) + 4 * np.log(np.diag(root)))[::-1]
+    power = np.concatenate([[0.0], np.cumsum(np.sum(bins**2, axis=1))[:-1]])
+    noise = np.maximum(wind.white**2, power / np.maximum(2 * k, 1))
+    loss = power / noise + 2 * k * np.log(noise) + blown
+    near = (t > t[0] + (CALM if begin is None else FIRST)) & (t < t[-1] - LAST)
+    tried = np.union1d(k[near], [0, here])
+    best = int(tried[np.argmin(loss[tried])])
+    if loss[here] - loss[best] <= 2 * gain:
         return begin
     return float(t[best]) if best else None
 
 
-def chance_of_place(flights: Sequence[Evidence], left: Mapping[str, np.ndarray], wind: WindForce) -> float:
-    """Probability that gusts, which do not know where the vehicle is, follow its place as much as this force does [1].
-
-    Source: likelihood ratio of a level force that is quadratic in the position (a jet pushes in the middle of a
-    flight, which nothing linear tells) beside gusts, a mean in each span and a force linear in the velocity (a drag
-    may be found too weak), under the gusts' covariance: half a chi-squared of at most eighteen.
-    left: (m, 15) what is left of the flights.
-    """
-    x = np.concatenate([e.rows.x[:, P] for e in flights])
-    middle, size = x.mean(axis=0), x.std(axis=0) + TINY
-    white = []
-    for e in flights:
-        force = _bins(e, left[e.name], np.ones(len(e.t), bool))[:, :2]
-        place = (_on_bins(e, P) - middle) / size
-        columns = np.hstack([force, _on_bins(e, V), place, _products(place)])
-        white += [_about_its_mean(span, wind) for span in _split(columns)]
-    force, drag, place = np.split(np.concatenate(white), [2, 5], axis=1)
-    less, more = linalg.orth(drag), linalg.orth(np.hstack([drag, place]))
-    gain = np.sum((more.T @ force) ** 2) - np.sum((less.T @ force) ** 2)
-    return float(stats.chi2.sf(gain, 2 * (more.shape[1] - less.shape[1])))
+def wind_begins(flights: Sequence[Evidence], left: Mapping[str, np.ndarray], known: Begins) -> Begins:
+    """Where it begins in each flight by its own power, from where it is taken to; left: (m, 15) by flight."""
+    begins = known
+    for _ in range(2):  # its figures are those of all the flight at first
+        force = wind_force(flights, left, begins)
+        begins = {e.name: wind_onset(e, left[e.name], begins.get(e.name), force) for e in flights}
+    return begins
 
 
-def _about_its_mean(span: np.ndarray, wind: WindForce) -> np.ndarray:
-    """(k, a) columns whitened, without what is constant before it was."""
-    factor = _factor(len(span), wind.deviation[0], wind.correlation_time[0], wind.white)
-    white = linalg.solve_triangular(factor, np.column_stack([span, np.ones(len(span))]), lower=True)
-    one = white[:, -1:]
-    return white[:, :-1] - one @ (one.T @ white[:, :-1]) / np.sum(one**2)
-
-
-def _products(x: np.ndarray) -> np.ndarray:
-    """(k, 6) of every two of three columns."""
-    i, j = np.triu_indices(3)
-    return x[:, i] * x[:, j]
-
-
-def _on_bins(e: Evidence, columns: slice) -> np.ndarray:
-    """(k, 3) of the state, in bins."""
-    return _binned(e, np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, columns].T], axis=1))
-
-
-def _spans(e: Evidence, left: np.ndarray, begin: float | None) -> list[np.ndarray]:
-    """(k, 3) forces in W in bins, of spans of at most `SPAN` [N]."""
-    return _split(_bins(e, left, e.t >= (e.t[0] if begin is None else begin)))
-
-
-def _split(bins: np.ndarray) -> list[np.ndarray]:
-    most = round(SPAN / BIN)
-    return [bins[i : i + most] for i in range(0, len(bins), most) if len(bins) - i > 1]
-
-
-def _bins(e: Evidence, left: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """(k, 3) force in W of these rows (m,), averaged over bins [N]."""
-    return _binned(e, attitude.rotate(attitude_on_grid(e), left[:, FORCE])[rows])
-
-
-def _binned(e: Evidence, values: np.ndarray) -> np.ndarray:
-    """(k, 3) means over bins of values (m, 3) on the grid."""
-    size = max(1, round(BIN / e.grid.step))
-    return values[: len(values) // size * size].reshape(-1, size, 3).mean(axis=1)
-
-
-def _factor(n: int, deviation: float, time: float, white: float) -> np.ndarray:
-    """(n, n) lower Cholesky factor of the covariance of n bins, in each of which the process is averaged."""
-    b = BIN / time
-    column = 2 * (np.cosh(b) - 1) / b**2 * np.exp(-np.arange(n) * b)
-    column[0] = 2 * (b - 1 + np.exp(-b)) / b**2
-    column *= deviation**2
-    column[0] += white**2
-    return linalg.cholesky(linalg.toeplitz(column), lower=True)
-
-
-def _whitened(spans: Sequence[np.ndarray], deviation, time, white) -> tuple[np.ndarray, np.ndarray, float]:
+def _whitened(
+    pieces: Sequence[np.ndarray], size, deviation, time, white
+) -> tuple[np.ndarray, np.ndarray, float]:
     """Forces (k, a) and ones (k,) whitened, all spans in a row, and the log determinant of their covariance."""
-    factors = {n: _factor(n, deviation, time, white) for n in {len(s) for s in spans}}
+    factors = {n: factor(n, size, deviation, time, white) for n in {len(s) for s in pieces}}
     both = [
         linalg.solve_triangular(factors[len(s)], np.column_stack([s, np.ones(len(s))]), lower=True)
-        for s in spans
+        for s in pieces
     ]
     whole = np.concatenate(both)
-    return whole[:, :-1], whole[:, -1], sum(2 * np.log(np.diag(factors[len(s)])).sum() for s in spans)
+    return whole[:, :-1], whole[:, -1], sum(2 * np.log(np.diag(factors[len(s)])).sum() for s in pieces)
 
 
-def _restricted_loss(spans: Sequence[np.ndarray], deviation: float, time: float, white: float) -> float:
-    F, one, logdet = _whitened(spans, deviation, time, white)
+def _restricted_loss(
+    pieces: Sequence[np.ndarray], size: float, deviation: float, time: float, white: float
+) -> float:
+    F, one, logdet = _whitened(pieces, size, deviation, time, white)
     weight = one @ one
     power = np.sum(F**2) - np.sum((one @ F) ** 2) / weight
     return float(0.5 * (power + F.shape[1] * (logdet + np.log(weight))))
 
 
-def _mean(spans: Sequence[np.ndarray], deviation, time, white) -> tuple[np.ndarray, float]:
+def _mean(pieces: Sequence[np.ndarray], size, deviation, time, white) -> tuple[np.ndarray, float]:
     """(3,) by generalised least squares, and its variance."""
-    F, one, _ = _whitened(spans, deviation, time, white)
+    F, one, _ = _whitened(pieces, size, deviation, time, white)
     return one @ F / (one @ one), float(1.0 / (one @ one))
 
 

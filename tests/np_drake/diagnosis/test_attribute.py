@@ -171,11 +171,16 @@ def test_of_gusts_the_mean_is_foreseen_in_the_place_of_a_steady_wind(seen, drag)
     flight = seen(LinearDrag(0.3, 0.3, 0.3), ConstantWind(3.0, -1.0, 0.5), name="c", seed=5)
     terms = [Term(wind), Term(LinearDrag(0.3, 0.3, 0.3), {"c": None})]
     held = HeldOut({"c": terms}, {"c": flight.y}, {"c": np.ones(len(flight.t), bool)}, {"c": terms})
-    cause = Cause("gusty_wind", 0.9, {}, {}, effect=gusts)
-    dut = in_gusts(held, cause, [flight])
+    causes = [
+        Cause("linear_drag", 0.9, {}, {"c": None}),
+        Cause("gusty_wind", 0.9, {}, {"c": None}, effect=gusts),
+    ]
+    dut = in_gusts(held, causes, [flight])
     assert [t.effect.identifier for t in dut.terms["c"]] == ["linear_drag", "gusty_wind"]
     assert np.abs(dut.left["c"][:, :6]).max() < 1e-3
     assert held.left["c"] is flight.y
+    late = [dc.replace(c, onset={"c": 4.0}) for c in causes]
+    assert [t.begins("c") for t in in_gusts(held, late, [flight]).terms["c"]] == [4.0, 4.0]
 
 
 def test_a_cause_helps_on_unseen_flights_by_what_it_explains(drag):

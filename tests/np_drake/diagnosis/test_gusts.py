@@ -85,15 +85,26 @@ def test_gusts_that_were_found_late_begin_where_their_power_does_but_on_a_rig(se
             assert list(blown.onset.values()) == pytest.approx([begin, begin], abs=0.15)
 
 
+def test_a_drag_that_acts_from_the_start_does_so_before_gusts(seen):
+    gusts = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4)
+    flights = flown(seen, DRAG, gusts, seconds=16.0, onset={"gusty_wind": 8.0})
+    drag, wind = as_gusts(flights, left_of(flights), [cause(DRAG)], 0.9, LABORATORY)
+    assert drag.onset == {"1": None, "2": None}
+    assert list(wind.onset.values()) == pytest.approx([8.0, 8.0], abs=0.15)
+
+
 def test_in_an_unseen_flight_gusts_begin_where_their_power_does_and_their_figures_are_those_of_the_others(
     seen,
 ):
     gusts, late = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4), {"linear_drag": 8.0, "gusty_wind": 8.0}
-    flights = flown(seen, DRAG, gusts, seconds=16.0)
+    flights = flown(seen, DRAG, gusts, seconds=16.0, onset=late)
     unseen = seen(DRAG, gusts, name="3", seed=3, noise=1.0, seconds=16.0, onset=late)
-    left = left_of(flights) | {"3": unseen.y - signature(unseen, [Term(DRAG, {"3": 8.0})])}
-    alone, beside = (as_gusts(flights, left, [cause(DRAG)], 0.9, LABORATORY, u)[-1] for u in ([], [unseen]))
-    assert beside.onset == {"1": None, "2": None, "3": pytest.approx(8.0, abs=0.15)}
+    left = {e.name: e.y - signature(e, [Term(DRAG, {e.name: 8.0})]) for e in (*flights, unseen)}
+    found = dc.replace(cause(DRAG), onset={"1": 8.0, "2": 8.0, "3": 9.5})
+    alone, (drag, beside) = (as_gusts(flights, left, [found], 0.9, LABORATORY, u) for u in ([], [unseen]))
+    alone = alone[-1]
+    assert list(beside.onset.values()) == pytest.approx([8.0, 8.0, 8.0], abs=0.15)
+    assert drag.onset == beside.onset
     assert beside.parameters == alone.parameters
 
 

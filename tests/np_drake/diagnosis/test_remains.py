@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis import remains as remains_module
-from np_drake.diagnosis.excess import Line
-from np_drake.diagnosis.remains import _least_line, _repeat, remains
+from np_drake.diagnosis.excess import strongest_line
+from np_drake.diagnosis.remains import _least_lines, _repeat, remains
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term
 from np_drake.effects.base import WrenchEffect
@@ -17,7 +17,7 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.rigid_body import W
 
-CLEAR = 5.0  # prominence of a line in these short flights that noise does not have [1]
+CLEAR = 10.0  # prominence of a line in these short flights that noise does not have [1]
 
 
 @dc.dataclass(frozen=True)
@@ -87,24 +87,41 @@ def test_a_line_is_unknown_where_it_is_large_enough_to_matter_however_clear_it_i
     monkeypatch.setattr(remains_module, "LINE", CLEAR)
     case = ranked()
     ranking = dc.replace(case.ranking, tolerance=Tolerance())
-    least = _least_line(Line(channel, 2.3, 1e3, 0.0), case.flights, ranking.tolerance)
+    least = _least_lines(case.flights, ranking.tolerance)[channel]
     wave = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.unseen)]
     for e in wave:
         e.y[:, channel] += times * least * np.sqrt(2) * np.sin(2 * np.pi * 2.3 * e.t)
     *flights, unseen = wave
+    line = strongest_line(flights, {e.name: case.fit.left(e) for e in flights})
+    assert line.prominence > CLEAR
+    assert line.channel == channel
+    assert line.rms == pytest.approx(times * least, rel=0.1)
     dut = remains(ranking, case.fit, flights, [unseen])
-    assert dut.line.prominence > 2 * CLEAR
-    assert dut.line.channel == channel
-    assert dut.line.rms == pytest.approx(times * least, rel=0.1)
     assert dut.unknown is (times > 1)
     assert ("line" in {f.name for f in dut.findings}) is (times > 1)
 
 
 def test_a_line_matters_less_on_a_rig(ranked):
-    flights, line = ranked().flights, Line(0, 2.3, 1e3, 0.0)
+    flights = ranked().flights
     weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
-    assert _least_line(line, flights, Tolerance()) == pytest.approx(0.005 * weight)
-    assert _least_line(line, flights, LABORATORY) < _least_line(line, flights, Tolerance())
+    rig, laboratory = (_least_lines(flights, t) for t in (Tolerance(), LABORATORY))
+    assert rig[0] == pytest.approx(0.005 * weight)
+    assert np.all(laboratory[:3] == pytest.approx(0.3 * rig[:3]))
+
+
+def test_a_line_that_does_not_matter_hides_none_that_does(ranked, monkeypatch):
+    monkeypatch.setattr(remains_module, "LINE", CLEAR)
+    case = ranked()
+    ranking = dc.replace(case.ranking, tolerance=Tolerance())
+    least = _least_lines(case.flights, ranking.tolerance)
+    both = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.unseen)]
+    for e in both:
+        for channel, times, f in ((0, 0.8, 2.3), (4, 1.3, 5.3)):
+            e.y[:, channel] += times * least[channel] * np.sqrt(2) * np.sin(2 * np.pi * f * e.t)
+    *flights, unseen = both
+    dut = remains(ranking, case.fit, flights, [unseen])
+    assert dut.line.channel == 4
+    assert dut.unknown
 
 
 def test_the_unseen_flight_is_explained_too(of):

@@ -1,0 +1,58 @@
+"""What is left of a flight as level forces over bins of a tenth of a second, and the covariance of gusts in them."""
+
+import numpy as np
+from scipy import linalg
+
+from np_drake import attitude
+from np_drake.diagnosis.evidence import FORCE, Evidence
+from np_drake.diagnosis.hidden_swing import attitude_on_grid
+
+BIN = 0.1  # over which the force is averaged, to a whole number of rows [s]
+SPAN = 20.0  # what lies farther apart counts as independent [s]
+
+
+def forces(e: Evidence, left: np.ndarray) -> np.ndarray:
+    """(k, 3) force in W of what is left (m, 15), averaged over bins [N]."""
+    return binned(e, attitude.rotate(attitude_on_grid(e), left[:, FORCE]))
+
+
+def binned(e: Evidence, values: np.ndarray) -> np.ndarray:
+    """(k, a) means over bins of values (m, a) on the grid."""
+    size = _size(e)
+    return values[: len(values) // size * size].reshape(-1, size, values.shape[1]).mean(axis=1)
+
+
+def width(e: Evidence) -> float:
+    """Of a bin [s]."""
+    return _size(e) * e.grid.step
+
+
+def instants(e: Evidence) -> np.ndarray:
+    """(k,) at which bins begin [s]."""
+    return e.t[0] + width(e) * np.arange(len(e.t) // _size(e))
+
+
+def spans(e: Evidence, values: np.ndarray, begin: float | None) -> list[np.ndarray]:
+    """Bins (k, a) of a flight from `begin` on [s] (None: from the start), in pieces of at most `SPAN`."""
+    later = values[0 if begin is None else np.searchsorted(instants(e), begin) :]
+    most = round(SPAN / width(e))
+    return [later[i : i + most] for i in range(0, len(later), most) if len(later) - i > 1]
+
+
+def factor(
+    n: int, width: float, deviation: float, time: float, white: float, common: float = 0.0
+) -> np.ndarray:
+    """(n, n) lower Cholesky factor of the covariance of n bins, in each of which a Gauss-Markov process is averaged.
+
+    deviation, time [s]: of the process.   white: deviation of a bin's noise.   common: of what all bins share.
+    """
+    b = width / time
+    column = 2 * (np.cosh(b) - 1) / b**2 * np.exp(-np.arange(n) * b)
+    column[0] = 2 * (b - 1 + np.exp(-b)) / b**2
+    column = column * deviation**2 + common**2
+    column[0] += white**2
+    return linalg.cholesky(linalg.toeplitz(column), lower=True)
+
+
+def _size(e: Evidence) -> int:
+    return max(1, round(BIN / e.grid.step))

@@ -1,0 +1,73 @@
+"""Is a slow force tied to a place? Gusts do not know where the vehicle is."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy import linalg, stats
+
+from np_drake import attitude
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.force_bins import binned, factor, forces, spans, width
+from np_drake.diagnosis.hidden_swing import attitude_on_grid
+from np_drake.diagnosis.wind_statistics import Begins, WindForce, wind_force
+from np_drake.rigid_body import P, V
+
+TINY = 1e-9  # [m], for a height that is kept
+
+
+def chance_of_place(flights: Sequence[Evidence], left: Mapping[str, np.ndarray], begins: Begins) -> float:
+    """Probability that gusts, which do not know where the vehicle is, follow its place as much as this force does [1].
+
+    Source: likelihood ratio of a level force that is quadratic in the position (a jet pushes in the middle of a
+    flight, which nothing linear tells) beside gusts, a mean in each span and a drag (which may be found too weak),
+    under the gusts' covariance, as strong in each flight as they are there: half a chi-squared of at most eighteen.
+    left: (m, 15) what is left of the flights.
+    """
+    wind = wind_force(flights, left, begins)
+    x = np.concatenate([e.rows.x[:, P] for e in flights])
+    middle, size = x.mean(axis=0), x.std(axis=0) + TINY
+    white = []
+    for e in flights:
+        place = (_on_grid(e, P) - middle) / size
+        level = np.hstack(
+            [forces(e, left[e.name])[:, :2], _drags(e), binned(e, place), binned(e, _products(place))]
+        )
+        pieces = [_about_its_mean(p, width(e), wind) for p in spans(e, level, begins.get(e.name))]
+        if pieces:
+            own = np.concatenate(pieces)
+            white.append(own / np.sqrt(np.mean(own[:, :2] ** 2)))
+    if not white:
+        return 1.0
+    force, drag_x, drag_y, place = np.split(np.concatenate(white), [2, 5, 8], axis=1)
+    less = linalg.orth(np.vstack([drag_x, drag_y]))
+    more = linalg.orth(np.hstack([np.vstack([drag_x, drag_y]), linalg.block_diag(place, place)]))
+    both = force.T.ravel()
+    gain = np.sum((more.T @ both) ** 2) - np.sum((less.T @ both) ** 2)
+    return float(stats.chi2.sf(gain, more.shape[1] - less.shape[1]))
+
+
+def _about_its_mean(span: np.ndarray, width: float, wind: WindForce) -> np.ndarray:
+    """(k, a) columns whitened, without what is constant before it was."""
+    root = factor(len(span), width, *wind.figures)
+    white = linalg.solve_triangular(root, np.column_stack([span, np.ones(len(span))]), lower=True)
+    one = white[:, -1:]
+    return white[:, :-1] - one @ (one.T @ white[:, :-1]) / np.sum(one**2)
+
+
+def _products(x: np.ndarray) -> np.ndarray:
+    """(m, 6) of every two of three columns."""
+    i, j = np.triu_indices(3)
+    return x[:, i] * x[:, j]
+
+
+def _on_grid(e: Evidence, columns: slice) -> np.ndarray:
+    """(m, 3) of the state."""
+    return np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, columns].T], axis=1)
+
+
+def _drags(e: Evidence) -> np.ndarray:
+    """(k, 6) level force, x of all three and then y, of a drag along each axis of the body [N/(N·s/m)]."""
+    R = attitude_on_grid(e)
+    v_B = attitude.rotate_back(R, _on_grid(e, V))
+    pushed = np.stack([binned(e, attitude.rotate(R, -v_B * axis)) for axis in np.eye(3)], axis=-1)
+    return np.hstack([pushed[:, 0], pushed[:, 1]])
