@@ -29,11 +29,11 @@ def test_a_tolerance_is_of_a_sensor_and_of_nothing_else():
 
 def test_calibration_is_mass_and_thrust_at_their_deviations(flights):
     found = {type(t.effect).identifier: d for t, d in calibration_terms(Vehicle(), Tolerance())}
-    assert found == {"thrust_scale": 0.006, "mass_error": pytest.approx(0.012)}
+    assert found == {"thrust_scale": 0.005, "mass_error": pytest.approx(0.010)}
     columns = calibration(flights, Tolerance())
     assert [c.size for c in columns] == [1, 1]
     e = flights[0]
-    expected = signature(e, [Term(MassError(0.012))])
+    expected = signature(e, [Term(MassError(0.010))])
     np.testing.assert_allclose(
         columns[1].columns["a"][..., 0], expected, rtol=0.15, atol=1e-6
     )  # linear to 10 %
