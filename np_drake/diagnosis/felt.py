@@ -6,6 +6,7 @@ import numpy as np
 
 from np_drake.diagnosis.candidates import Onset, gated
 from np_drake.diagnosis.descent import refit
+from np_drake.diagnosis.like_size import of_like_size
 from np_drake.diagnosis.search import Model, effect_prior
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
 from np_drake.diagnosis.wind_statistics import wind_begins
@@ -40,7 +41,7 @@ def with_drag(ranking: Ranking) -> Ranking:
     odds = best.score - problem.score(known.members) - effect_prior(DRAG) + RATHER
     if odds < 0:
         return ranking
-    named = refit(problem, best, ranking.tolerance, None, own)
+    named = of_like_size(refit(problem, best, ranking.tolerance, None, own))
     probability = ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))}
     models = (best, *ranking.named_models)
     return dc.replace(

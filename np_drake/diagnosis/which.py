@@ -9,6 +9,7 @@ import numpy as np
 from np_drake.diagnosis.candidates import Candidate
 from np_drake.diagnosis.descent import first_fit, refit, rested
 from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.like_size import of_like_size
 from np_drake.diagnosis.noise import NoiseModel, no_worse, no_worse_anywhere, scale_only
 from np_drake.diagnosis.onset import gated_candidates, late_payloads
 from np_drake.diagnosis.payload_search import PAYLOAD
@@ -75,7 +76,7 @@ def rank(
         probability = _probabilities(named_problem, named_models, [named]) | structure
     return Ranking(
         tuple(fits),
-        named,
+        of_like_size(named),
         named_problem,
         tuple(named_models),
         probability,

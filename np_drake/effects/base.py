@@ -44,6 +44,7 @@ class Effect:
     linear: ClassVar[bool] = True  # in all parameters
     begins: ClassVar[bool] = True  # may begin in mid-flight
     needs: ClassVar[tuple[str, ...]] = ()  # it acts through one of these (wind through a drag)
+    isotropic: ClassVar[bool] = False  # its figures are one vector that prefers no axis
 
     @property
     def values(self) -> dict[str, float]:

@@ -1,0 +1,39 @@
+"""Figures that the flights hardly tell, beside others of the same vector that they do: of like size on every axis."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake.diagnosis.figures import write
+from np_drake.diagnosis.refine import Fit
+
+TOLD = 2.0  # deviations from neutral at which a figure is one that the flights tell [1]; own choice
+
+
+def of_like_size(fit: Fit) -> Fit:
+    """The fit with priors of `isotropic` effects as wide as those of their figures are large that the flights tell.
+
+    A search does not know how large an effect is, and its priors are wide: where one axis is hardly excited, its figure
+    is noise as large as that prior. Evidence stays that of the search.
+    Source: conditioning of the posterior on one more observation of each such figure: its neutral value.
+    """
+    values, covariance = fit.values.copy(), fit.covariance.copy()
+    for i in (i for i, t in enumerate(fit.terms) if t.effect.isotropic):
+        own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight]
+        away = np.abs([values[k] - fit.free[k].neutral for k in own])
+        told = away > TOLD * np.sqrt(np.diag(covariance)[own])
+        size = float(np.sqrt(np.mean(away[told] ** 2))) if told.any() else np.inf
+        for k in (k for k, known in zip(own, told, strict=True) if not known and size < fit.free[k].scale):
+            more = 1.0 / (size**-2 - fit.free[k].scale ** -2)
+            gain = covariance[:, k] / (covariance[k, k] + more)
+            values = values + gain * (fit.free[k].neutral - values[k])
+            covariance = covariance - np.outer(gain, covariance[k])
+    everything = write(fit.everything, list(fit.free), values)
+    n = len(fit.terms)
+    return dc.replace(
+        fit,
+        terms=tuple(everything[:n]),
+        calibration=tuple(everything[n:]),
+        values=values,
+        covariance=covariance,
+    )
