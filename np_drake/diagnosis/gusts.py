@@ -13,8 +13,10 @@ from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import SURPRISE
 from np_drake.diagnosis.rig import Tolerance
-from np_drake.diagnosis.wind_statistics import GAIN, WindForce, wind_force, wind_onset
+from np_drake.diagnosis.wind_statistics import GAIN, WindForce, Z, wind_force, wind_onset
 from np_drake.effects.gusty_wind import GustyWind
+
+UPWARD = 0.5  # of the mean of a wind: the ground is near [m/s]; own choice
 
 
 def as_gusts(
@@ -67,6 +69,9 @@ def _statistics(
         steady = 0.0 if wind is None else wind.parameters[axis].value
         value = steady + force.mean[i, 0] / d[i]
         half = float(np.linalg.norm([force.mean[i, 1] / d[i], off[i] / d[i], known * value]))
+        if axis == "z":
+            told = UPWARD**2 / (UPWARD**2 + (half / Z) ** 2)
+            value, half = told * value, np.sqrt(told) * half
         out[f"mean_{axis}"] = Estimate(float(value), "m/s", (float(value) - half, float(value) + half))
     value, lower, upper = force.deviation
     wider = [float(np.exp(np.hypot(np.log(end / value), known))) for end in (lower, upper)]
