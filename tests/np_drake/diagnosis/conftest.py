@@ -7,9 +7,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from np_drake import attitude
 from np_drake.diagnosis.evidence import Evidence, make_evidence
+from np_drake.diagnosis.hidden_swing import attitude_on_grid
 from np_drake.diagnosis.noise import NoiseModel, fit_noise
 from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.which import Ranking, rank
@@ -83,3 +86,28 @@ def library() -> Iterator[dict[str, type[Effect]]]:
     yield LIBRARY
     LIBRARY.clear()
     LIBRARY.update(before)
+
+
+def _process(rng: np.random.Generator, t: np.ndarray, time: float) -> np.ndarray:
+    """(n, 3) first-order Gauss-Markov, exactly, of deviation 1."""
+    decay = np.exp(-np.diff(t) / time)
+    out = [rng.standard_normal(3)]
+    for a in decay:
+        out.append(a * out[-1] + np.sqrt(1 - a**2) * rng.standard_normal(3))
+    return np.array(out)
+
+
+@pytest.fixture(scope="session")
+def pushed() -> Callable[..., dict[str, np.ndarray]]:
+    """What is left (m, 15) of flights in gusts of 0.5 N about a mean, from `begin` on, and noise."""
+
+    def left_of(flights, rng, time, *, begin=-np.inf, white=0.05) -> dict[str, np.ndarray]:
+        left = {}
+        for e in flights:
+            gusts = 0.5 * _process(rng, e.t, time) + white * rng.standard_normal((len(e.t), 3))
+            force = np.array([0.3, -0.2, 0.1]) + gusts
+            left[e.name] = np.zeros_like(e.y)
+            left[e.name][:, :3] = attitude.rotate_back(attitude_on_grid(e), force * (e.t >= begin)[:, None])
+        return left
+
+    return left_of

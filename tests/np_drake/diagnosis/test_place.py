@@ -10,40 +10,19 @@ from np_drake.diagnosis.hidden_swing import attitude_on_grid
 from np_drake.diagnosis.place import chance_of_place
 from np_drake.rigid_body import P, V
 
-DEVIATION, MEAN = 0.5, np.array([0.3, -0.2, 0.1])
-
 
 @pytest.fixture(scope="module")
 def flights(seen):
     return [seen(name=str(i), seed=i, seconds=20.0) for i in (1, 2)]
 
 
-def process(rng, t, time):
-    """(n, 3) first-order Gauss-Markov, exactly."""
-    decay = np.exp(-np.diff(t) / time)
-    out = [DEVIATION * rng.standard_normal(3)]
-    for a in decay:
-        out.append(a * out[-1] + DEVIATION * np.sqrt(1 - a**2) * rng.standard_normal(3))
-    return np.array(out)
-
-
-def pushed(flights, rng, time, *, begin=-np.inf, white=0.05):
-    left = {}
-    for e in flights:
-        force = MEAN + process(rng, e.t, time) + white * rng.standard_normal((len(e.t), 3))
-        left[e.name] = np.zeros_like(e.y)
-        left[e.name][:, :3] = attitude.rotate_back(attitude_on_grid(e), force * (e.t >= begin)[:, None])
-    return left
-
-
-@pytest.mark.parametrize("time", [0.3, 2.0])
 def field(e, slope, normal):
     """(n, 3) force in W that grows along `normal`."""
     p = np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, :3].T], axis=1)
     return slope * (p @ normal)[:, None] * normal
 
 
-def test_gusts_follow_the_place_as_often_as_chance_has_it(flights):
+def test_gusts_follow_the_place_as_often_as_chance_has_it(flights, pushed):
     found = []
     for seed in range(60):
         left = pushed(flights, np.random.default_rng(seed), 0.6)
@@ -52,7 +31,7 @@ def test_gusts_follow_the_place_as_often_as_chance_has_it(flights):
     assert np.mean(np.array(found) < 0.1) < 0.25
 
 
-def test_a_force_tied_to_a_place_is_no_gust_whatever_its_mean_in_a_flight(flights):
+def test_a_force_tied_to_a_place_is_no_gust_whatever_its_mean_in_a_flight(flights, pushed):
     normal = np.array([0.8, 0.6, 0.0])
     left = pushed(flights, np.random.default_rng(3), 0.6)
     for i, e in enumerate(flights):
@@ -75,7 +54,9 @@ def behind(e):
 
 
 @pytest.mark.parametrize(("force", "tied"), [(jet, True), (behind, False)])
-def test_a_force_beside_gusts_is_tied_to_the_place_where_the_velocity_does_not_tell_it(flights, force, tied):
+def test_a_force_beside_gusts_is_tied_to_the_place_where_the_velocity_does_not_tell_it(
+    flights, force, tied, pushed
+):
     left = pushed(flights, np.random.default_rng(4), 0.6)
     for e in flights:
         left[e.name] = 0.3 * left[e.name]
@@ -93,7 +74,7 @@ def around(e):
     return dc.replace(e, rows=dc.replace(e.rows, x=x))
 
 
-def test_on_a_circle_where_velocity_goes_with_the_place_a_field_is_no_drag(flights):
+def test_on_a_circle_where_velocity_goes_with_the_place_a_field_is_no_drag(flights, pushed):
     normal, left = np.array([0.8, 0.6, 0.0]), pushed(flights, np.random.default_rng(5), 0.6)
     circles = [around(e) for e in flights]
     assert chance_of_place(circles, left, {}) > 1e-2
@@ -103,7 +84,7 @@ def test_on_a_circle_where_velocity_goes_with_the_place_a_field_is_no_drag(fligh
     assert chance_of_place(circles, left, {}) < 1e-3
 
 
-def test_gusts_in_one_flight_alone_or_from_late_on_are_tied_to_no_place(flights):
+def test_gusts_in_one_flight_alone_or_from_late_on_are_tied_to_no_place(flights, pushed):
     for seed in range(20):
         begins = ({}, {e.name: 10.0 for e in flights}, {flights[0].name: np.inf})[seed % 3]
         left = pushed(flights, np.random.default_rng(seed), 0.6)
@@ -112,6 +93,6 @@ def test_gusts_in_one_flight_alone_or_from_late_on_are_tied_to_no_place(flights)
         assert chance_of_place(flights, left, begins) > 1e-3
 
 
-def test_where_no_wind_blows_nothing_follows_the_place(flights):
+def test_where_no_wind_blows_nothing_follows_the_place(flights, pushed):
     left = pushed(flights, np.random.default_rng(1), 0.6, begin=15.0)
     assert chance_of_place(flights, left, {flights[0].name: 19.95, flights[1].name: 15.0}) > 1e-3

@@ -1,12 +1,10 @@
 import numpy as np
 import pytest
 
-from np_drake import attitude
 from np_drake.diagnosis.force_bins import BIN
-from np_drake.diagnosis.hidden_swing import attitude_on_grid
 from np_drake.diagnosis.wind_statistics import WindForce, wind_force, wind_onset
 
-DEVIATION, MEAN = 0.5, np.array([0.3, -0.2, 0.1])
+DEVIATION, MEAN = 0.5, np.array([0.3, -0.2, 0.1])  # of `pushed`
 
 
 @pytest.fixture(scope="module")
@@ -14,26 +12,8 @@ def flights(seen):
     return [seen(name=str(i), seed=i, seconds=20.0) for i in (1, 2)]
 
 
-def process(rng, t, time):
-    """(n, 3) first-order Gauss-Markov, exactly."""
-    decay = np.exp(-np.diff(t) / time)
-    out = [DEVIATION * rng.standard_normal(3)]
-    for a in decay:
-        out.append(a * out[-1] + DEVIATION * np.sqrt(1 - a**2) * rng.standard_normal(3))
-    return np.array(out)
-
-
-def pushed(flights, rng, time, *, begin=-np.inf, white=0.05):
-    left = {}
-    for e in flights:
-        force = MEAN + process(rng, e.t, time) + white * rng.standard_normal((len(e.t), 3))
-        left[e.name] = np.zeros_like(e.y)
-        left[e.name][:, :3] = attitude.rotate_back(attitude_on_grid(e), force * (e.t >= begin)[:, None])
-    return left
-
-
 @pytest.mark.parametrize("time", [0.3, 2.0])
-def test_nine_of_ten_intervals_hold_the_truth(flights, time):
+def test_nine_of_ten_intervals_hold_the_truth(flights, time, pushed):
     inside = []
     for seed in range(20):
         dut = wind_force(flights, pushed(flights, np.random.default_rng(seed), time), {})
@@ -44,7 +24,7 @@ def test_nine_of_ten_intervals_hold_the_truth(flights, time):
     assert 0.88 < np.mean(inside) <= 1.0
 
 
-def test_before_its_onset_there_is_no_wind(flights):
+def test_before_its_onset_there_is_no_wind(flights, pushed):
     left = pushed(flights, np.random.default_rng(1), 0.5, begin=8.0)
     late = wind_force(flights, left, {"1": 8.0, "2": 8.0})
     assert late.deviation[1] < DEVIATION < late.deviation[2]
@@ -54,7 +34,7 @@ def test_before_its_onset_there_is_no_wind(flights):
 
 @pytest.mark.parametrize("taken_for", [7.0, 8.0, 9.5, 16.0, np.inf])
 @pytest.mark.parametrize("mean", [0.0, 1.0])
-def test_gusts_begin_where_their_power_does_whatever_their_mean(flights, taken_for, mean):
+def test_gusts_begin_where_their_power_does_whatever_their_mean(flights, taken_for, mean, pushed):
     left = pushed(flights, np.random.default_rng(1), 0.5, begin=8.0)
     steady = np.stack([mean * MEAN, np.zeros(3)], axis=1)
     wind = WindForce(steady, (DEVIATION, 0.3, 0.7), (0.5, 0.3, 0.8), 0.03)
@@ -63,7 +43,7 @@ def test_gusts_begin_where_their_power_does_whatever_their_mean(flights, taken_f
 
 
 @pytest.mark.parametrize("mean", [0.0, 1.0])
-def test_gusts_that_begin_in_flight_are_told_from_gusts_from_the_start(flights, mean):
+def test_gusts_that_begin_in_flight_are_told_from_gusts_from_the_start(flights, mean, pushed):
     steady = np.stack([mean * MEAN, np.zeros(3)], axis=1)
     wind = WindForce(steady, (DEVIATION, 0.3, 0.7), (0.5, 0.3, 0.8), 0.03)
     for seed in range(8):
@@ -74,7 +54,7 @@ def test_gusts_that_begin_in_flight_are_told_from_gusts_from_the_start(flights, 
             assert wind_onset(e, always[e.name], 9.0, wind) is None
 
 
-def test_an_onset_stays_where_another_gains_little(flights):
+def test_an_onset_stays_where_another_gains_little(flights, pushed):
     rng = np.random.default_rng(1)
     left = pushed(flights, rng, 0.5, begin=8.0)
     wind = WindForce(np.zeros((3, 2)), (0.1 * DEVIATION, 0.03, 0.07), (0.5, 0.3, 0.8), 0.05)
@@ -85,7 +65,7 @@ def test_an_onset_stays_where_another_gains_little(flights):
         assert wind_onset(e, faint, 8.3, wind) == 8.3
 
 
-def test_gusts_that_are_absent_stay_so(flights):
+def test_gusts_that_are_absent_stay_so(flights, pushed):
     wind = WindForce(np.zeros((3, 2)), (DEVIATION, 0.3, 0.7), (0.5, 0.3, 0.8), 0.05)
     left = pushed(flights, np.random.default_rng(1), 0.5, begin=np.inf)
     for e in flights:
@@ -93,14 +73,14 @@ def test_gusts_that_are_absent_stay_so(flights):
 
 
 @pytest.mark.parametrize("true", [1.2, 1.8, 17.0])
-def test_an_onset_that_is_known_is_made_better_wherever_it_is(flights, true):
+def test_an_onset_that_is_known_is_made_better_wherever_it_is(flights, true, pushed):
     left = pushed(flights, np.random.default_rng(2), 0.5, begin=true)
     wind = wind_force(flights, left, {e.name: true for e in flights})
     for e in flights:
         assert wind_onset(e, left[e.name], true + 1.0, wind) == pytest.approx(true, abs=2 * BIN)
 
 
-def test_a_flight_may_have_a_mean_of_its_own(flights):
+def test_a_flight_may_have_a_mean_of_its_own(flights, pushed):
     for seed in range(6):
         left = pushed(flights, np.random.default_rng(seed), 0.2)
         wind = WindForce(np.full((3, 2), 1.0), (DEVIATION, 0.3, 0.7), (0.2, 0.1, 0.4), 0.05)
