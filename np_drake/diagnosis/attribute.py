@@ -237,24 +237,6 @@ def on_held_out(
     return HeldOut(terms, left, rows, whole)
 
 
-def in_gusts(held: HeldOut, causes: Sequence[Cause], flights: Sequence[Evidence]) -> HeldOut:
-    """The same where the wind is one of gusts: all that is foreseen of it, its mean, in the place of a steady wind.
-
-    causes: the gusts and the drag that feels them among them, each from when on it acts.
-    """
-    gusts = next(c for c in causes if c.identifier == "gusty_wind")
-    drag = next(c for c in causes if c.identifier == GUSTY[0])
-    assert gusts.effect is not None
-    terms, left = dict(held.terms), dict(held.left)
-    for e in flights:
-        felt = next(t for t in held.terms[e.name] if t.effect.identifier == GUSTY[0])
-        rest = [t for t in held.terms[e.name] if t.effect.identifier not in GUSTY]
-        felt = dc.replace(felt, onset={e.name: drag.onset.get(e.name)})
-        terms[e.name] = [*rest, felt, Term(gusts.effect.foreseen, {e.name: gusts.onset.get(e.name)})]
-        left[e.name] = e.y - signature(e, terms[e.name])
-    return dc.replace(held, terms=terms, left=left)
-
-
 Drift = dict[str, np.ndarray]  # by flight, (m, 15, k) columns of what its sensors may be off by, whitened
 
 

@@ -10,9 +10,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.answer import Cause, Estimate
+from np_drake.diagnosis.attribute import GUSTY, HeldOut
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import SURPRISE
 from np_drake.diagnosis.rig import Tolerance
+from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.wind_statistics import GAIN, WindForce, Z, wind_force, wind_onset
 from np_drake.effects.gusty_wind import GustyWind
 
@@ -33,10 +35,9 @@ def as_gusts(
     may begin as well. A steady wind among them becomes the mean of the gusts, and with it what is left in the mean.
     Gusts do not repeat: they explain no unseen flight.
     """
-    drag = next((c for c in causes if c.identifier == "linear_drag"), None)
+    drag, wind = (next((c for c in causes if c.identifier == name), None) for name in GUSTY)
     if drag is None:
         return causes
-    wind = next((c for c in causes if c.identifier == "constant_wind"), None)
     force = wind_force(flights, left, drag.onset)
     onset = dict(drag.onset)
     if not tolerance.real:  # a rig's attitude errs slowly, with a gust's power
@@ -52,6 +53,24 @@ def as_gusts(
     gusts = Cause("gusty_wind", probability, parameters, onset, (), drag.share, effect)
     felt = dc.replace(drag, onset={n: None if b is None else onset[n] for n, b in drag.onset.items()})
     return [felt if c is drag else c for c in causes if c is not wind] + [gusts]
+
+
+def in_gusts(held: HeldOut, causes: Sequence[Cause], flights: Sequence[Evidence]) -> HeldOut:
+    """The same where the wind is one of gusts: all that is foreseen of it, its mean, in the place of a steady wind.
+
+    causes: the gusts and the drag that feels them among them, each from when on it acts.
+    """
+    by_name = {c.identifier: c for c in causes}
+    gusts, drag = by_name["gusty_wind"], by_name[GUSTY[0]]
+    assert gusts.effect is not None
+    terms, left = dict(held.terms), dict(held.left)
+    for e in flights:
+        felt = next(t for t in held.terms[e.name] if t.effect.identifier == GUSTY[0])
+        rest = [t for t in held.terms[e.name] if t.effect.identifier not in GUSTY]
+        felt = dc.replace(felt, onset={e.name: drag.onset.get(e.name)})
+        terms[e.name] = [*rest, felt, Term(gusts.effect.foreseen, {e.name: gusts.onset.get(e.name)})]
+        left[e.name] = e.y - signature(e, terms[e.name])
+    return dc.replace(held, terms=terms, left=left)
 
 
 def _statistics(

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.answer import Cause, Finding
-from np_drake.diagnosis.attribute import causes_of, in_gusts
+from np_drake.diagnosis.attribute import causes_of
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.felt import DRAG, with_drag
-from np_drake.diagnosis.gusts import as_gusts
+from np_drake.diagnosis.gusts import as_gusts, in_gusts
 from np_drake.diagnosis.held_out import without_shocks
 from np_drake.diagnosis.place import chance_of_place
 from np_drake.diagnosis.probability import BESIDE_UNKNOWN

@@ -13,14 +13,12 @@ from np_drake.diagnosis.attribute import (
     MATERIAL_TORQUE,
     MISFIT,
     SURE,
-    HeldOut,
     Size,
     alike,
     at_its_bound,
     causes_of,
     drift_of,
     helps,
-    in_gusts,
     least_help,
     on_held_out,
     size_of,
@@ -35,7 +33,6 @@ from np_drake.diagnosis.which import rank
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.base import Effect
 from np_drake.effects.constant_wind import ConstantWind
-from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -164,23 +161,6 @@ def test_where_gusts_blow_the_drag_that_feels_them_matters_however_small(drag):
     given = (drag.ranking, fit, drag.flights, drag.unseen, held)
     assert causes_of(*given)[0] == []
     assert [c.identifier for c in causes_of(*given, gusty=True)[0]] == ["linear_drag"]
-
-
-def test_of_gusts_the_mean_is_foreseen_in_the_place_of_a_steady_wind(seen, drag):
-    wind, gusts = ConstantWind(1.0, 0.0, 0.0), GustyWind(3.0, -1.0, 0.5, 2.0, 0.5)
-    flight = seen(LinearDrag(0.3, 0.3, 0.3), ConstantWind(3.0, -1.0, 0.5), name="c", seed=5)
-    terms = [Term(wind), Term(LinearDrag(0.3, 0.3, 0.3), {"c": None})]
-    held = HeldOut({"c": terms}, {"c": flight.y}, {"c": np.ones(len(flight.t), bool)}, {"c": terms})
-    causes = [
-        Cause("linear_drag", 0.9, {}, {"c": None}),
-        Cause("gusty_wind", 0.9, {}, {"c": None}, effect=gusts),
-    ]
-    dut = in_gusts(held, causes, [flight])
-    assert [t.effect.identifier for t in dut.terms["c"]] == ["linear_drag", "gusty_wind"]
-    assert np.abs(dut.left["c"][:, :6]).max() < 1e-3
-    assert held.left["c"] is flight.y
-    late = [dc.replace(c, onset={"c": 4.0}) for c in causes]
-    assert [t.begins("c") for t in in_gusts(held, late, [flight]).terms["c"]] == [4.0, 4.0]
 
 
 def test_a_cause_helps_on_unseen_flights_by_what_it_explains(drag):

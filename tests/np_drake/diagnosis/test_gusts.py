@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.answer import Cause, Estimate
-from np_drake.diagnosis.gusts import as_gusts
+from np_drake.diagnosis.attribute import HeldOut
+from np_drake.diagnosis.gusts import as_gusts, in_gusts
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.constant_wind import ConstantWind
@@ -128,3 +129,20 @@ def test_without_a_drag_a_slow_force_stays_unnamed(blown):
     causes = [cause(ConstantWind())]
     assert as_gusts(*blown, causes, 0.9, LABORATORY) == causes
     assert as_gusts(*blown, [], 0.9, LABORATORY) == []
+
+
+def test_of_gusts_the_mean_is_foreseen_in_the_place_of_a_steady_wind(seen):
+    wind, gusts = ConstantWind(1.0, 0.0, 0.0), GustyWind(3.0, -1.0, 0.5, 2.0, 0.5)
+    flight = seen(LinearDrag(0.3, 0.3, 0.3), ConstantWind(3.0, -1.0, 0.5), name="c", seed=5)
+    terms = [Term(wind), Term(LinearDrag(0.3, 0.3, 0.3), {"c": None})]
+    held = HeldOut({"c": terms}, {"c": flight.y}, {"c": np.ones(len(flight.t), bool)}, {"c": terms})
+    causes = [
+        Cause("linear_drag", 0.9, {}, {"c": None}),
+        Cause("gusty_wind", 0.9, {}, {"c": None}, effect=gusts),
+    ]
+    dut = in_gusts(held, causes, [flight])
+    assert [t.effect.identifier for t in dut.terms["c"]] == ["linear_drag", "gusty_wind"]
+    assert np.abs(dut.left["c"][:, :6]).max() < 1e-3
+    assert held.left["c"] is flight.y
+    late = [dc.replace(c, onset={"c": 4.0}) for c in causes]
+    assert [t.begins("c") for t in in_gusts(held, late, [flight]).terms["c"]] == [4.0, 4.0]
