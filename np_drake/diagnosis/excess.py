@@ -34,7 +34,8 @@ class Line:
 def strongest_line(
     flights: Sequence[Evidence], left: dict[str, np.ndarray], least: np.ndarray | None = None
 ) -> Line:
-    """Of force (in W-independent body axes) and torque, over all flights together; `least` (6,): RMS that matters.
+    """Of force (in W-independent body axes) and torque, over all flights together; `least` (6,): RMS that
+    matters [N, N·m]; none: any.
 
     A smaller one does not hide one that matters; where none does, it is the strongest of all.
 

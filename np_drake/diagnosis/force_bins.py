@@ -44,7 +44,8 @@ def factor(
 ) -> np.ndarray:
     """(n, n) lower Cholesky factor of the covariance of n bins, in each of which a Gauss-Markov process is averaged.
 
-    deviation, time [s]: of the process.   white: deviation of a bin's noise.   common: of what all bins share.
+    width [s]: of a bin.   deviation [N], time [s]: of the process.   white [N]: deviation of a bin's noise.
+    common [N]: of what all bins share.   Source: own derivation: the double integral of exp(-|t| / time) over bins.
     """
     b = width / time
     column = 2 * (np.cosh(b) - 1) / b**2 * np.exp(-np.arange(n) * b)

@@ -21,7 +21,7 @@ def chance_of_place(flights: Sequence[Evidence], left: Mapping[str, np.ndarray],
     Source: likelihood ratio of a level force that is quadratic in the position (a jet pushes in the middle of a
     flight, which nothing linear tells) beside gusts, a mean in each span and a drag (which may be found too weak),
     under the gusts' covariance, as strong in each flight as they are there: half a chi-squared of at most eighteen.
-    left: (m, 15) what is left of the flights.
+    left: (m, 15) by flight, what is left of it.   begins: by flight, when the wind begins [s].
     """
     wind = wind_force(flights, left, begins)
     x = np.concatenate([e.rows.x[:, P] for e in flights])
