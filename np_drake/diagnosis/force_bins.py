@@ -6,6 +6,8 @@ from scipy import linalg
 from np_drake import attitude
 from np_drake.diagnosis.evidence import FORCE, Evidence
 from np_drake.diagnosis.hidden_swing import attitude_on_grid
+from np_drake.diagnosis.signature import Term, signature
+from np_drake.effects.linear_drag import LinearDrag
 
 BIN = 0.1  # over which the force is averaged, to a whole number of rows [s]
 SPAN = 20.0  # what lies farther apart counts as independent [s]
@@ -14,6 +16,12 @@ SPAN = 20.0  # what lies farther apart counts as independent [s]
 def forces(e: Evidence, left: np.ndarray) -> np.ndarray:
     """(k, 3) force in W of what is left (m, 15), averaged over bins [N]."""
     return binned(e, attitude.rotate(attitude_on_grid(e), left[:, FORCE]))
+
+
+def drags(e: Evidence) -> np.ndarray:
+    """(k, 3, 3) force in W of a unit drag along each axis of the body (the last), averaged over bins [m/s]."""
+    units = [Term(LinearDrag(*axis)) for axis in np.eye(3).tolist()]
+    return np.stack([forces(e, signature(e, [unit])) for unit in units], axis=-1)
 
 
 def binned(e: Evidence, values: np.ndarray) -> np.ndarray:

@@ -12,13 +12,14 @@ import numpy as np
 from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.attribute import GUSTY, HeldOut
 from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.gust_drag import drag_in_gusts
 from np_drake.diagnosis.held_out import SURPRISE
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import Term, signature
-from np_drake.diagnosis.wind_statistics import GAIN, WindForce, Z, wind_force, wind_onset
+from np_drake.diagnosis.wind_statistics import GAIN, Begins, WindForce, Z, wind_force, wind_onset
 from np_drake.effects.gusty_wind import GustyWind
 
-UPWARD = 0.5  # of the mean of a wind: the ground is near [m/s]; own choice
+UPWARD = 0.5  # usual mean of a wind upward: the ground is near [m/s]; own choice
 
 
 def as_gusts(
@@ -47,12 +48,21 @@ def as_gusts(
         for e in unseen:  # what acts throughout the others hardly begins late here
             begin, gain = (onset.get(e.name), GAIN) if late else (None, SURPRISE)
             onset[e.name] = wind_onset(e, left[e.name], begin, force, gain)
-        force = wind_force(flights, left, onset)
-    parameters = _statistics(flights, force, drag, wind, tolerance)
+    felt = {e.name: left[e.name] + signature(e, _blown(e, onset, drag, wind)) for e in flights}
+    drag = drag_in_gusts(drag, flights, felt, onset)
+    rest = {e.name: felt[e.name] - signature(e, _blown(e, onset, drag)) for e in flights}
+    parameters = _statistics(flights, wind_force(flights, rest, onset), drag, tolerance)
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
     gusts = Cause("gusty_wind", probability, parameters, onset, (), drag.share, effect)
-    felt = dc.replace(drag, onset={n: None if b is None else onset[n] for n, b in drag.onset.items()})
-    return [felt if c is drag else c for c in causes if c is not wind] + [gusts]
+    drag = dc.replace(drag, onset={n: None if b is None else onset[n] for n, b in drag.onset.items()})
+    return [drag if c.identifier == GUSTY[0] else c for c in causes if c is not wind] + [gusts]
+
+
+def _blown(e: Evidence, onset: Begins, *causes: Cause | None) -> list[Term]:
+    """Those of the causes that there are, from the wind's begin in this flight on."""
+    return [
+        Term(c.effect, {e.name: onset.get(e.name)}) for c in causes if c is not None and c.effect is not None
+    ]
 
 
 def in_gusts(held: HeldOut, causes: Sequence[Cause], flights: Sequence[Evidence]) -> HeldOut:
@@ -63,18 +73,18 @@ def in_gusts(held: HeldOut, causes: Sequence[Cause], flights: Sequence[Evidence]
     by_name = {c.identifier: c for c in causes}
     gusts, drag = by_name["gusty_wind"], by_name[GUSTY[0]]
     assert gusts.effect is not None
+    assert drag.effect is not None
     terms, left = dict(held.terms), dict(held.left)
     for e in flights:
-        felt = next(t for t in held.terms[e.name] if t.effect.identifier == GUSTY[0])
         rest = [t for t in held.terms[e.name] if t.effect.identifier not in GUSTY]
-        felt = dc.replace(felt, onset={e.name: drag.onset.get(e.name)})
+        felt = Term(drag.effect, {e.name: drag.onset.get(e.name)})
         terms[e.name] = [*rest, felt, Term(gusts.effect.foreseen, {e.name: gusts.onset.get(e.name)})]
         left[e.name] = e.y - signature(e, terms[e.name])
     return dc.replace(held, terms=terms, left=left)
 
 
 def _statistics(
-    flights: Sequence[Evidence], force: WindForce, drag: Cause, wind: Cause | None, tolerance: Tolerance
+    flights: Sequence[Evidence], force: WindForce, drag: Cause, tolerance: Tolerance
 ) -> dict[str, Estimate]:
     """Figures of the wind [m/s, s] from those of its force: a drag is known to a share, a rig's axes to an angle."""
     d = np.array([max(abs(drag.parameters[f"d_{axis}"].value), 1e-6) for axis in "xyz"])
@@ -82,16 +92,15 @@ def _statistics(
     known = max(_half(drag.parameters[f"d_{axis}"]) for axis in "xy") / level
     weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
     tilt = tolerance.attitude / np.sqrt(len(flights))
-    off = weight * 1.96 * np.array([tilt, tilt, np.hypot(tolerance.mass, tolerance.thrust)])
+    off = weight * Z * np.array([tilt, tilt, np.hypot(tolerance.mass, tolerance.thrust)])
     out = {}
-    for i, axis in enumerate("xyz"):
-        steady = 0.0 if wind is None else wind.parameters[axis].value
-        value = steady + force.mean[i, 0] / d[i]
-        half = float(np.linalg.norm([force.mean[i, 1] / d[i], off[i] / d[i], known * value]))
-        if axis == "z":
-            told = UPWARD**2 / (UPWARD**2 + (half / Z) ** 2)
-            value, half = told * value, np.sqrt(told) * half
-        out[f"mean_{axis}"] = Estimate(float(value), "m/s", (float(value) - half, float(value) + half))
+    for i, p in enumerate(GustyWind.parameters[:3]):
+        half = float(np.hypot(force.mean[i, 1], off[i])) / d[i]
+        usual = UPWARD if p.name == "mean_z" else p.typical
+        told = usual**2 / (usual**2 + (half / Z) ** 2)
+        value = told * force.mean[i, 0] / d[i]
+        half = float(np.hypot(np.sqrt(told) * half, known * value))
+        out[p.name] = Estimate(float(value), "m/s", (float(value) - half, float(value) + half))
     value, lower, upper = force.deviation
     wider = [float(np.exp(np.hypot(np.log(end / value), known))) for end in (lower, upper)]
     out["deviation"] = Estimate(value / level, "m/s", (value / level / wider[0], value / level * wider[1]))

@@ -5,12 +5,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import linalg, stats
 
-from np_drake import attitude
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.force_bins import binned, factor, forces, spans, width
-from np_drake.diagnosis.hidden_swing import attitude_on_grid
+from np_drake.diagnosis.force_bins import binned, drags, factor, forces, spans, width
 from np_drake.diagnosis.wind_statistics import Begins, WindForce, wind_force
-from np_drake.rigid_body import P, V
+from np_drake.rigid_body import P
 
 TINY = 1e-9  # [m], for a height that is kept
 
@@ -29,8 +27,9 @@ def chance_of_place(flights: Sequence[Evidence], left: Mapping[str, np.ndarray],
     white = []
     for e in flights:
         place = (_on_grid(e, P) - middle) / size
+        dragged = np.hstack([*np.moveaxis(drags(e)[:, :2], 1, 0)])
         level = np.hstack(
-            [forces(e, left[e.name])[:, :2], _drags(e), binned(e, place), binned(e, _products(place))]
+            [forces(e, left[e.name])[:, :2], dragged, binned(e, place), binned(e, _products(place))]
         )
         pieces = [_about_its_mean(p, width(e), wind) for p in spans(e, level, begins.get(e.name))]
         if pieces:
@@ -61,13 +60,5 @@ def _products(x: np.ndarray) -> np.ndarray:
 
 
 def _on_grid(e: Evidence, columns: slice) -> np.ndarray:
-    """(m, 3) of the state."""
+    """(m, a) of the state."""
     return np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, columns].T], axis=1)
-
-
-def _drags(e: Evidence) -> np.ndarray:
-    """(k, 6) level force, x of all three and then y, of a drag along each axis of the body [N/(N·s/m)]."""
-    R = attitude_on_grid(e)
-    v_B = attitude.rotate_back(R, _on_grid(e, V))
-    pushed = np.stack([binned(e, attitude.rotate(R, -v_B * axis)) for axis in np.eye(3)], axis=-1)
-    return np.hstack([pushed[:, 0], pushed[:, 1]])

@@ -3,7 +3,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.force_bins import BIN, binned, factor, instants, spans, width
+from np_drake.diagnosis.force_bins import BIN, binned, drags, factor, forces, instants, spans, width
+from np_drake.diagnosis.signature import Term, signature
+from np_drake.effects.linear_drag import LinearDrag
 
 
 def test_the_covariance_of_bins_is_that_of_averages():
@@ -26,3 +28,8 @@ def test_bins_are_where_their_clock_says_at_every_rate(step):
     np.testing.assert_allclose(binned(e, e.t[:, None])[:, 0], middle)
     (later,) = spans(e, instants(e)[:, None], 5.0)
     assert 5.0 <= later[0, 0] < 5.0 + width(e)
+
+
+def test_the_force_of_a_drag_is_its_columns_times_its_figures(seen):
+    e, d = seen(name="1", seed=1, seconds=8.0), (0.3, 0.2, 0.1)
+    np.testing.assert_allclose(drags(e) @ d, forces(e, signature(e, [Term(LinearDrag(*d))])), atol=1e-9)

@@ -32,8 +32,17 @@ def cause(effect, **parameters) -> Cause:
 @pytest.fixture(scope="module")
 def blown(seen):
     """Two flights in gusts about a mean, and what the drag alone leaves of them."""
-    flights = flown(seen, DRAG, GustyWind(1.0, -0.5, 0.0, 1.5, 0.5, seed=4))
+    winds = [GustyWind(1.0, -0.5, 0.0, 1.5, 0.5, seed=seed) for seed in (1, 2)]
+    flights = [
+        seen(DRAG, wind, name=str(i), seed=i, noise=1.0, seconds=30.0) for i, wind in enumerate(winds, 1)
+    ]
     return flights, left_of(flights)
+
+
+@pytest.fixture
+def known_drag(monkeypatch):
+    """The drag is as it was found, whatever gusts say of it."""
+    monkeypatch.setattr("np_drake.diagnosis.gusts.drag_in_gusts", lambda drag, *others: drag)
 
 
 def test_through_a_drag_a_slow_force_is_a_wind_with_its_figures(blown):
@@ -62,10 +71,10 @@ def test_a_steady_wind_that_was_found_is_part_of_the_mean(blown):
     )
     for axis, wind in zip("xyz", (2.0, -1.0, 0.5), strict=True):
         moved = beside.parameters[f"mean_{axis}"].value - alone.parameters[f"mean_{axis}"].value
-        assert moved == pytest.approx(wind) if axis != "z" else 0.0 < moved < wind
+        assert moved == pytest.approx(wind, rel=0.1) if axis != "z" else 0.0 < moved < wind
 
 
-def test_a_mean_wind_is_level_as_far_as_the_flights_do_not_tell(blown):
+def test_a_mean_wind_is_level_as_far_as_the_flights_do_not_tell(blown, known_drag):
     flights, left = blown
     upward = {n: y.copy() for n, y in left.items()}
     for y in upward.values():
@@ -78,10 +87,10 @@ def test_a_mean_wind_is_level_as_far_as_the_flights_do_not_tell(blown):
     assert 0.5 < told[0] < 2.0
     assert abs(told[1]) < 1.0  # through a drag as weak as this one it would be 60 m/s
     for e in found:
-        assert e.ci95[1] - e.ci95[0] < 2 * 1.96 * 0.5
+        assert e.ci95[1] - e.ci95[0] < 2 * np.hypot(1.96 * 0.5, 0.34 * e.value)  # of it and of the drag
 
 
-def test_a_drag_that_is_hardly_known_widens_the_figures_of_the_wind(blown):
+def test_a_drag_that_is_hardly_known_widens_the_figures_of_the_wind(blown, known_drag):
     sharp, vague = cause(DRAG), cause(DRAG)
     for name, estimate in sharp.parameters.items():
         sharp.parameters[name] = dc.replace(estimate, ci95=(0.299, 0.301))
@@ -90,6 +99,19 @@ def test_a_drag_that_is_hardly_known_widens_the_figures_of_the_wind(blown):
         gusts = as_gusts(*blown, [drag], 0.9, LABORATORY)[-1]
         widths.append([np.diff(gusts.parameters[name].ci95)[0] for name in ("mean_x", "deviation")])
     assert np.all(np.array(widths[1]) > 1.1 * np.array(widths[0]))
+
+
+def test_a_drag_that_was_found_too_weak_is_as_strong_as_it_is_under_the_gusts(blown):
+    flights, _ = blown
+    left = {e.name: e.y - signature(e, [Term(LinearDrag(0.1, 0.1, 0.1))]) for e in flights}
+    drag, gusts = as_gusts(flights, left, [cause(LinearDrag(0.1, 0.1, 0.1))], 0.9, LABORATORY)
+    for axis in "xyz":
+        low, high = drag.parameters[f"d_{axis}"].ci95
+        assert 0.2 < low < 0.31
+        assert 0.29 < high < 0.4
+    assert drag.effect.values == {n: e.value for n, e in drag.parameters.items()}
+    low, high = gusts.parameters["deviation"].ci95
+    assert 1.0 < low < 1.5 < high < 2.2
 
 
 def test_gusts_that_were_found_late_begin_where_their_power_does_but_on_a_rig(seen):
@@ -134,10 +156,10 @@ def test_without_a_drag_a_slow_force_stays_unnamed(blown):
 def test_of_gusts_the_mean_is_foreseen_in_the_place_of_a_steady_wind(seen):
     wind, gusts = ConstantWind(1.0, 0.0, 0.0), GustyWind(3.0, -1.0, 0.5, 2.0, 0.5)
     flight = seen(LinearDrag(0.3, 0.3, 0.3), ConstantWind(3.0, -1.0, 0.5), name="c", seed=5)
-    terms = [Term(wind), Term(LinearDrag(0.3, 0.3, 0.3), {"c": None})]
+    terms = [Term(wind), Term(LinearDrag(0.1, 0.1, 0.1), {"c": None})]
     held = HeldOut({"c": terms}, {"c": flight.y}, {"c": np.ones(len(flight.t), bool)}, {"c": terms})
     causes = [
-        Cause("linear_drag", 0.9, {}, {"c": None}),
+        Cause("linear_drag", 0.9, {}, {"c": None}, effect=LinearDrag(0.3, 0.3, 0.3)),
         Cause("gusty_wind", 0.9, {}, {"c": None}, effect=gusts),
     ]
     dut = in_gusts(held, causes, [flight])

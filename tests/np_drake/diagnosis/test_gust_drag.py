@@ -1,0 +1,120 @@
+"""Laws of the drag that feels gusts."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake import attitude
+from np_drake.diagnosis.answer import Cause, Estimate
+from np_drake.diagnosis.gust_drag import drag_in_gusts
+from np_drake.diagnosis.hidden_swing import attitude_on_grid
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.rigid_body import P, V
+
+D = np.array([0.25, 0.2, 0.15])
+MASS, STIFFNESS, DAMPING = 1.0, 3.0, 3.0
+LATE = 8.0
+
+
+@pytest.fixture(scope="module")
+def flights(seen):
+    return [seen(name=str(i), seed=i, seconds=20.0) for i in (1, 2)]
+
+
+def yielding(e, rng, mean, *, deviation=2.0, time=1.5, effort=1.0, stiff=1.0, white=0.02, begin=-np.inf):
+    """The flight of a vehicle that a soft controller holds in gusts, and what they leave of it (m, 15) by their drag.
+
+    effort [N]: of the slow forces that move it about on purpose.   stiff: how much less it gives way [1].
+    white [N]: noise.
+    """
+    t, R = e.t, attitude_on_grid(e)
+    step, x = e.grid.step, np.zeros((len(t), 6))
+    force, wind = np.zeros((len(t), 3)), deviation * rng.standard_normal(3)
+    phase = rng.uniform(0, 2 * np.pi, (2, 3))
+    for k in range(len(t)):
+        felt = np.matmul(rotation(R[k]).T, x[k, 3:] - mean - wind)
+        force[k] = -rotation(R[k]) @ (D * felt) * (t[k] >= begin)
+        push = effort * np.sin(np.array([[0.5], [1.7]]) * 2 * t[k] + phase).sum(axis=0)
+        a = (force[k] + push - stiff * (STIFFNESS * x[k, :3] + DAMPING * x[k, 3:])) / MASS
+        if k + 1 < len(t):
+            x[k + 1, 3:] = x[k, 3:] + step * a
+            x[k + 1, :3] = x[k, :3] + step * 0.5 * (x[k, 3:] + x[k + 1, 3:])
+        decay = np.exp(-step / time)
+        wind = decay * wind + deviation * np.sqrt(1 - decay**2) * rng.standard_normal(3)
+    rows = e.rows.x.copy()
+    for columns, own in ((P, x[:, :3]), (V, x[:, 3:])):
+        rows[:, columns] = np.stack([np.interp(e.rows.t, t, axis) for axis in own.T], axis=1)
+    left = np.zeros_like(e.y)
+    left[:, :3] = attitude.rotate_back(R, force + white * rng.standard_normal(force.shape))
+    moved = dc.replace(e.rows, x=rows)
+    return dc.replace(e, rows=moved, mids=dc.replace(e.mids, x=between(rows))), left
+
+
+def between(x):
+    return 0.5 * (x[1:] + x[:-1])
+
+
+def rotation(q):
+    return attitude.rotate(np.tile(q, (3, 1)), np.eye(3)).T
+
+
+def cause(*values):
+    estimates = {
+        f"d_{a}": Estimate(v, "N·s/m", (v - 0.1, v + 0.1)) for a, v in zip("xyz", values, strict=True)
+    }
+    return Cause("linear_drag", 1.0, estimates, {}, effect=LinearDrag(*values), share=0.5)
+
+
+def found(flights, rng, first=(0.1, 0.1, 0.1), begins=None, **how):
+    """The drag as a cause, of two flights in wind."""
+    begins = begins or {}
+    mean = np.array([1.0, -0.5, 0.0])
+    pairs = [yielding(e, rng, mean, begin=begins.get(e.name, -np.inf), **how) for e in flights]
+    felt = {e.name: left for e, left in pairs}
+    return drag_in_gusts(cause(*first), [e for e, _ in pairs], felt, begins)
+
+
+def values_of(drag):
+    return np.array([drag.parameters[f"d_{a}"].value for a in "xyz"])
+
+
+@pytest.mark.parametrize("begins", [{}, {"1": LATE, "2": LATE}])
+def test_a_vehicle_that_yields_to_gusts_has_the_drag_it_has_and_intervals_hold_it(flights, begins):
+    drags = [found(flights, np.random.default_rng(seed), begins=begins) for seed in range(10)]
+    values = np.array([values_of(drag) for drag in drags])
+    error = values.std(axis=0) / np.sqrt(len(values))
+    assert np.all(np.abs(values.mean(axis=0) - D) < 3 * error + 0.02 * D)
+    inside = [
+        low < true < high
+        for drag in drags
+        for true, (low, high) in zip(D, (drag.parameters[f"d_{a}"].ci95 for a in "xyz"), strict=True)
+    ]
+    assert np.mean(inside) > 0.85
+
+
+def test_it_does_not_matter_from_which_drag_the_search_starts(flights):
+    two = [
+        values_of(found(flights, np.random.default_rng(3), first)) for first in ((0.1,) * 3, (0.4, 0.5, 0.3))
+    ]
+    assert two[0] == pytest.approx(two[1], rel=0.02)
+
+
+def test_an_axis_along_which_nothing_moves_is_like_the_other_level_one(flights):
+    for seed in range(4):
+        rng, effort = np.random.default_rng(seed), np.array([20.0, 0.0, 20.0])
+        still = found(flights, rng, deviation=0.3, effort=effort, stiff=10.0, white=1.0)
+        x, y = still.parameters["d_x"], still.parameters["d_y"]
+        assert abs(y.value - x.value) < 0.1
+        assert y.ci95[1] - y.ci95[0] > x.ci95[1] - x.ci95[0]
+
+
+def test_where_no_drag_is_there_the_cause_stays_as_it_is(flights):
+    felt = {e.name: np.zeros_like(e.y) for e in flights}
+    rng = np.random.default_rng(2)
+    for e in flights:  # a force along the motion is no drag
+        v = np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, V].T], axis=1)
+        force = 0.3 * v + 0.05 * rng.standard_normal(v.shape)
+        felt[e.name][:, :3] = attitude.rotate_back(attitude_on_grid(e), force)
+    drag = cause(0.1, 0.1, 0.1)
+    assert drag_in_gusts(drag, flights, felt, {}) is drag
