@@ -12,6 +12,7 @@ import numpy as np
 from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.attribute import GUSTY, HeldOut
 from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.felt import DRAG
 from np_drake.diagnosis.gust_drag import drag_in_gusts
 from np_drake.diagnosis.held_out import SURPRISE
 from np_drake.diagnosis.rig import Tolerance
@@ -24,7 +25,7 @@ UPWARD = 0.5  # usual mean of a wind upward: the ground is near [m/s]; own choic
 
 def as_gusts(
     flights: Sequence[Evidence],
-    left: Mapping[str, np.ndarray],
+    felt: Mapping[str, np.ndarray],
     causes: list[Cause],
     probability: float,
     tolerance: Tolerance,
@@ -32,13 +33,14 @@ def as_gusts(
 ) -> list[Cause]:
     """The causes with gusts among them, where a drag was found through which they can act; else as they are.
 
-    left: (m, 15) what the causes leave of the flights, of which the figures are, and of unseen ones, in which the wind
-    may begin as well. A steady wind among them becomes the mean of the gusts, and with it what is left in the mean.
+    felt: by flight, (m, 15) what drag and wind together leave in it: in those of which the figures are, and in unseen
+    ones, in which the wind may begin as well. A steady wind among the causes becomes the mean of the gusts.
     Gusts do not repeat: they explain no unseen flight.
     """
-    drag, wind = (next((c for c in causes if c.identifier == name), None) for name in GUSTY)
+    drag = next((c for c in causes if c.identifier == DRAG), None)
     if drag is None:
         return causes
+    left = {e.name: felt[e.name] - _trace(e, drag, drag.onset) for e in (*flights, *unseen)}
     force = wind_force(flights, left, drag.onset)
     onset = dict(drag.onset)
     if not tolerance.real:  # a rig's attitude errs slowly, with a gust's power
@@ -48,21 +50,20 @@ def as_gusts(
         for e in unseen:  # what acts throughout the others hardly begins late here
             begin, gain = (onset.get(e.name), GAIN) if late else (None, SURPRISE)
             onset[e.name] = wind_onset(e, left[e.name], begin, force, gain)
-    felt = {e.name: left[e.name] + signature(e, _blown(e, onset, drag, wind)) for e in flights}
     drag = drag_in_gusts(drag, flights, felt, onset)
-    rest = {e.name: felt[e.name] - signature(e, _blown(e, onset, drag)) for e in flights}
-    parameters = _statistics(flights, wind_force(flights, rest, onset), drag, tolerance)
+    force = wind_force(flights, {e.name: felt[e.name] - _trace(e, drag, onset) for e in flights}, onset)
+    parameters = _statistics(flights, force, drag, tolerance)
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
     gusts = Cause("gusty_wind", probability, parameters, onset, (), drag.share, effect)
     drag = dc.replace(drag, onset={n: None if b is None else onset[n] for n, b in drag.onset.items()})
-    return [drag if c.identifier == GUSTY[0] else c for c in causes if c is not wind] + [gusts]
+    others = [c for c in causes if c.identifier not in GUSTY[1:]]
+    return [*(drag if c.identifier == DRAG else c for c in others), gusts]
 
 
-def _blown(e: Evidence, onset: Begins, *causes: Cause | None) -> list[Term]:
-    """Those of the causes that there are, from the wind's begin in this flight on."""
-    return [
-        Term(c.effect, {e.name: onset.get(e.name)}) for c in causes if c is not None and c.effect is not None
-    ]
+def _trace(e: Evidence, drag: Cause, onset: Begins) -> np.ndarray:
+    """(m, 15) of the drag alone, from `onset` on."""
+    assert drag.effect is not None
+    return signature(e, [Term(drag.effect, {e.name: onset.get(e.name)})])
 
 
 def in_gusts(held: HeldOut, causes: Sequence[Cause], flights: Sequence[Evidence]) -> HeldOut:
@@ -71,7 +72,7 @@ def in_gusts(held: HeldOut, causes: Sequence[Cause], flights: Sequence[Evidence]
     causes: the gusts and the drag that feels them among them, each from when on it acts.
     """
     by_name = {c.identifier: c for c in causes}
-    gusts, drag = by_name["gusty_wind"], by_name[GUSTY[0]]
+    gusts, drag = by_name["gusty_wind"], by_name[DRAG]
     assert gusts.effect is not None
     assert drag.effect is not None
     terms, left = dict(held.terms), dict(held.left)

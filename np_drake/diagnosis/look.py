@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.answer import Cause, Finding
-from np_drake.diagnosis.attribute import causes_of
+from np_drake.diagnosis.attribute import GUSTY, causes_of
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.felt import DRAG, with_drag
 from np_drake.diagnosis.gusts import as_gusts, in_gusts
@@ -15,7 +15,7 @@ from np_drake.diagnosis.place import chance_of_place
 from np_drake.diagnosis.probability import BESIDE_UNKNOWN
 from np_drake.diagnosis.remains import Remains, remains, without_swing
 from np_drake.diagnosis.rig import Tolerance
-from np_drake.diagnosis.signature import Term
+from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.which import Ranking, rank
 from np_drake.diagnosis.wind_statistics import Begins, wind_begins
 
@@ -66,7 +66,7 @@ def look(
     if gusty:
         blows = left.slow_probability * ranking.probability.get(DRAG, 1.0)
         causes = as_gusts(
-            flights, _rest(ranking, left, flights, unseen), causes, blows, ranking.tolerance, unseen
+            flights, _felt(ranking, left, flights, unseen), causes, blows, ranking.tolerance, unseen
         )
         gusts = next((c for c in causes if c.identifier == "gusty_wind"), None)
         unknown = gusts is None  # nothing was found that would feel them
@@ -105,6 +105,18 @@ def _rest(
     """By flight, (m, 15) what the named effects leave of it."""
     rest = {e.name: ranking.named.left(e) for e in flights}
     return rest | {e.name: without_swing(left.held, e) for e in unseen}
+
+
+def _felt(
+    ranking: Ranking, left: Remains, flights: Sequence[Evidence], unseen: Sequence[Evidence]
+) -> dict[str, np.ndarray]:
+    """By flight, (m, 15) what drag and wind leave in it: the rest, and what the fit has of them, a cause or not."""
+    rest = _rest(ranking, left, flights, unseen)
+    blown = {
+        e.name: [t for t in left.held.terms.get(e.name, ranking.named.terms) if t.effect.identifier in GUSTY]
+        for e in (*flights, *unseen)
+    }
+    return {e.name: rest[e.name] + signature(e, blown[e.name]) for e in (*flights, *unseen)}
 
 
 def _slow(left: Remains) -> bool:
