@@ -16,6 +16,9 @@ SHIFTS = np.geomspace(0.003, 0.06, 10)  # of commands against states that are tr
 Onset = dict[str, float | None]
 
 
+Mended = tuple[np.ndarray, float]  # coefficients and their log probability
+
+
 @dc.dataclass(frozen=True)
 class Candidate:
     """Columns (m, 15, k) by flight with prior N(0, 1) on their coefficients, and the terms that coefficients mean.
@@ -31,6 +34,7 @@ class Candidate:
     log_prior: float = 0.0
     onset: Onset = dc.field(default_factory=dict)
     possible: Callable[[np.ndarray], bool] | None = None  # are these coefficients physical?
+    mended: Callable[[np.ndarray, np.ndarray], Mended] | None = None  # and which are, where a bound is near?
     generic: Callable[[Evidence], np.ndarray] | None = None  # columns on any flight, of what is no effect
     figures: dict[str, float] = dc.field(default_factory=dict)
     onset_prior: float = 0.0
@@ -39,6 +43,13 @@ class Candidate:
     def size(self) -> int:
         """Number of columns."""
         return next(iter(self.columns.values())).shape[-1]
+
+    def physical(self, mean: np.ndarray, covariance: np.ndarray) -> Mended:
+        """Coefficients (k,) for a posterior's mean (k,) and covariance (k, k), and the log probability of such ones."""
+        c, log_probability = (mean, 0.0) if self.mended is None else self.mended(mean, covariance)
+        if self.possible is not None and not self.possible(c):
+            return c, -math.inf
+        return c, log_probability
 
 
 def nonlinear_grid(effect: type[Effect], flight: Evidence) -> list[dict[str, float]]:

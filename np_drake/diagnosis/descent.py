@@ -90,12 +90,13 @@ def _swung(terms: Sequence[Term], flights: Sequence[Evidence], noise: NoiseModel
 
 def _terms_at_posterior(problem: Problem, model: Model) -> list[Term]:
     """The terms of a model's members as the linear regression has them."""
-    mean, _ = problem.total.posterior(problem.columns(model.members))
+    mean, covariance = problem.total.posterior(problem.columns(model.members))
     at = sum(c.size for c in problem.nuisance)
     terms: list[Term] = []
     for i in model.members:
         candidate = problem.candidates[i]
-        terms += candidate.terms(mean[at : at + candidate.size])
+        own = slice(at, at + candidate.size)
+        terms += candidate.terms(candidate.physical(mean[own], covariance[own, own])[0])
         at += candidate.size
     return terms
 

@@ -11,6 +11,7 @@ from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.hidden_swing import jumps
 from np_drake.diagnosis.linear_bayes import Gram
 from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.payload_candidates import heavy_enough
 
 CHANNELS = 6  # force and torque alone see a payload
 HORIZONS = (5.0, 10.0, math.inf)  # over which a guess is followed, one after the other [s]
@@ -91,9 +92,11 @@ class Beside:
         return White(own, at, candidate.size, candidate.log_prior)
 
     def gain(self, candidate: White, horizon: float) -> tuple[float, np.ndarray]:
-        """Log evidence that the candidate adds to the others, prior included, and its coefficients."""
+        """Log evidence that the candidate adds to the others, priors included, and its coefficients (physical ones)."""
         (both,), n = self.joints(candidate, [horizon]), self.size
-        return self.gain_of(both, candidate, horizon), both.posterior(np.arange(len(both.Xy)))[0][n:]
+        mean, covariance = both.posterior(np.arange(len(both.Xy)))
+        mean, log_probability = heavy_enough(mean[n:], covariance[n:, n:])
+        return self.gain_of(both, candidate, horizon) + log_probability, mean
 
     def gain_of(self, both: Gram, candidate: White, horizon: float) -> float:
         """The log evidence alone, of one of its `joints`."""

@@ -5,9 +5,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import stats
 
 from np_drake.diagnosis import evidence as ev
-from np_drake.diagnosis.candidates import Candidate, Onset
+from np_drake.diagnosis.candidates import Candidate, Mended, Onset
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.hidden_swing import STATE, hidden_size, padded, specific_pull, swing_units
 from np_drake.diagnosis.signature import NEVER, Term
@@ -19,6 +20,7 @@ LENGTH = 0.05  # prior deviation of the length about a guess, relative [1]
 SMALL = 0.02  # difference quotients: of a swing [rad], of a length, relative [1]
 WIDEST = 1.2  # swing [rad], and with the natural rate its rate, that a guess may have
 LONGEST, SHORTEST = 3.0, 0.1  # tether [m]
+SURELY = 2.0  # deviations that a mass is at least above zero [1]
 
 
 @dc.dataclass(frozen=True)
@@ -125,6 +127,7 @@ def _candidate(
         _log_prior(guess, sizes, rate),
         onset,
         lambda c: _hangs(c, first),
+        heavy_enough,
     )
 
 
@@ -140,6 +143,20 @@ def _wrench(e: Evidence, force: np.ndarray, hook: np.ndarray) -> np.ndarray:
     y[:, ev.FORCE] = force
     y[:, ev.TORQUE] = np.cross(hook, force)
     return y
+
+
+def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
+    """The coefficients with a mass that is surely positive, and the log probability that it is.
+
+    Where files may be off by as much as a payload weighs, hook and swing are known by their products with the mass:
+    with a mass that is too small, or negative, they would be too wide to come back from.
+    Source: conditioning of the posterior; own choice of `SURELY`.
+    """
+    deviation = math.sqrt(covariance[0, 0])
+    if mean[0] >= SURELY * deviation:
+        return mean, 0.0
+    more = covariance[:, 0] / covariance[0, 0] * (SURELY * deviation - mean[0])
+    return mean + more, float(stats.norm.logcdf(mean[0] / deviation))
 
 
 def _hangs(c: np.ndarray, first: int) -> bool:

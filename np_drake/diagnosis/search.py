@@ -95,20 +95,21 @@ class Problem:
         effects = {name for c in chosen for name in c.identifiers}
         prior = sum(effect_prior(name) for name in effects) + sum(c.log_prior + c.onset_prior for c in chosen)
         groups = [self.columns_of(i) - self._nuisance for i in members]
-        if any(c.possible for c in chosen) and not self._possible(members, np.concatenate(groups)):
-            return -np.inf
+        if any(c.possible for c in chosen):
+            prior += self._log_probability(members, np.concatenate(groups))
+        if prior == -np.inf:
+            return prior
         return self._rest.evidence_of_groups(groups, [self.wide and not c.generic for c in chosen]) + prior
 
-    def _possible(self, members: Sequence[int], columns: np.ndarray) -> bool:
-        """Are the posterior means of all members physical?"""
-        mean, _ = self._rest.posterior(columns)
-        at = 0
-        for i in members:
-            c = self.candidates[i]
-            if c.possible is not None and not c.possible(mean[at : at + c.size]):
-                return False
+    def _log_probability(self, members: Sequence[int], columns: np.ndarray) -> float:
+        """That all members are physical, by the posterior."""
+        mean, covariance = self._rest.posterior(columns)
+        at, total = 0, 0.0
+        for c in (self.candidates[i] for i in members):
+            own = slice(at, at + c.size)
+            total += c.physical(mean[own], covariance[own, own])[1]
             at += c.size
-        return True
+        return total
 
     def fits_together(self, members: Sequence[int]) -> bool:
         """No effect twice, and at most one that shifts commands against states."""

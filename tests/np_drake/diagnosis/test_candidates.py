@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import stats
 
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.candidates import (
@@ -13,7 +14,7 @@ from np_drake.diagnosis.candidates import (
     wind_candidates,
 )
 from np_drake.diagnosis.evidence import make_evidence
-from np_drake.diagnosis.payload_candidates import payload_candidates
+from np_drake.diagnosis.payload_candidates import SURELY, heavy_enough, payload_candidates
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
@@ -152,6 +153,32 @@ def test_a_payload_weighs_something(flights):
     assert dut.possible(c)
     c[4] = 50.0  # swings further than a payload can
     assert not dut.possible(c)
+
+
+def test_a_mass_that_the_flights_hardly_tell_is_one_that_hangs_and_all_else_goes_with_it():
+    covariance = np.array([[0.01, -0.006, 0.0], [-0.006, 0.02, 0.001], [0.0, 0.001, 0.03]])
+    for mean in (-0.05, 0.1):
+        c = np.array([mean, 0.3, -0.2])
+        mended, log_probability = heavy_enough(c, covariance)
+        assert mended[0] == pytest.approx(SURELY * 0.1)
+        moved = mended - c  # as the posterior's conditional mean does
+        np.testing.assert_allclose(moved, covariance[:, 0] / 0.01 * moved[0])
+        assert np.exp(log_probability) == pytest.approx(stats.norm.cdf(mean / 0.1))
+    heavy = np.array([0.5, 0.3, -0.2])
+    mended, log_probability = heavy_enough(heavy, covariance)
+    assert mended is heavy
+    assert log_probability == 0.0
+
+
+def test_a_payload_of_a_mass_below_zero_by_its_error_is_possible_and_one_that_swings_too_wide_is_not(flights):
+    (dut,) = payload_candidates(flights, np.array([0.6]))
+    c, covariance = np.zeros(dut.size), 0.01 * np.eye(dut.size)
+    c[0] = -0.05
+    mended, log_probability = dut.physical(c, covariance)
+    assert mended[0] == pytest.approx(0.2)
+    assert np.isfinite(log_probability)
+    c[4] = 50.0
+    assert dut.physical(c, covariance)[1] == -np.inf
 
 
 @pytest.mark.parametrize("effect", [LinearDrag, MassError], ids=lambda e: e.identifier)

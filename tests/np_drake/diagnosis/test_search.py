@@ -1,3 +1,4 @@
+import dataclasses as dc
 import math
 
 import numpy as np
@@ -102,6 +103,15 @@ def test_an_impossible_set_is_never_a_model(seen, noise):
     models = search(problem)
     assert [names(problem, m.members) for m in models if 0 in m.members] == []
     assert names(problem, models[0].members) == ["light"]
+
+
+def test_a_set_that_may_be_impossible_is_less_likely_by_as_much(seen, noise):
+    flights = [seen(MassError(0.2), name="1", seed=1, noise=1.0, seconds=6.0)]
+    mass = next(c for c in library_candidates(flights) if c.identifiers == ("mass_error",))
+    sure = Candidate(("mass_error",), "", mass.columns, mass.terms, possible=lambda c: True)
+    unsure = dc.replace(sure, mended=lambda mean, covariance: (mean, -3.0))
+    problem = Problem(flights, noise, [], [sure, unsure], temperature=1.0)
+    assert problem.score((1,)) == pytest.approx(problem.score((0,)) - 3.0)
 
 
 def test_nuisance_that_explains_an_effect_leaves_nothing_to_name(seen, noise):
