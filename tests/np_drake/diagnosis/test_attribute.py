@@ -3,7 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.answer import Cause
+from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.attribute import (
     FAINT,
     HURT,
@@ -17,6 +17,7 @@ from np_drake.diagnosis.attribute import (
     alike,
     at_its_bound,
     causes_of,
+    differs,
     drift_of,
     helps,
     least_help,
@@ -153,6 +154,29 @@ def test_an_effect_at_its_bound_is_no_cause(drag):
     causes, minor = causes_of(drag.ranking, fit, drag.flights, drag.unseen, held)
     assert causes == []
     assert "bound" in minor[0].text
+
+
+def test_an_effect_whose_figures_may_all_be_none_is_no_cause(drag):
+    fit = drag.fit
+    held = on_held_out(fit, drag.unseen, drag.ranking.noise)
+    vague = dc.replace(fit, covariance=100.0 * np.eye(len(fit.values)))
+    named, unnamed = (causes_of(drag.ranking, f, drag.flights, drag.unseen, held) for f in (fit, vague))
+    assert [c.identifier for c in named[0]] == ["linear_drag"]
+    assert unnamed[0] == []
+    assert "none" in unnamed[1][0].text
+    blown = causes_of(drag.ranking, vague, drag.flights, drag.unseen, held, gusty=True)
+    assert [c.identifier for c in blown[0]] == ["linear_drag"]
+
+
+def test_one_figure_that_is_told_is_enough_for_a_cause():
+    def cause(*intervals):
+        figures = zip(("d_x", "d_y", "d_z"), intervals, strict=True)
+        estimates = {name: Estimate(0.5 * sum(ends), "N·s/m", ends) for name, ends in figures}
+        return Cause("linear_drag", 1.0, estimates, {}, effect=LinearDrag())
+
+    assert not differs(cause((-0.1, 0.1), (0.0, 0.2), (-0.3, 0.0)))
+    assert differs(cause((-0.1, 0.1), (0.01, 0.2), (-0.3, 0.1)))
+    assert differs(cause((-0.1, 0.1), (-0.1, 0.2), (-0.3, -0.1)))
 
 
 def test_where_gusts_blow_the_drag_that_feels_them_matters_however_small(drag):
