@@ -67,6 +67,24 @@ def test_a_slow_force_that_does_not_is_gusts(flown):
     assert not dut.unknown
 
 
+def test_the_mean_of_gusts_holds_a_steady_wind_that_the_fit_has_and_that_is_no_cause(flown, monkeypatch):
+    blown = flown(*(dc.replace(gusts(seed), mean_x=3.0) for seed in (61, 62, 63)))
+    causes_of = dut_module.causes_of
+
+    def without_wind(*given, **how):
+        causes, minor = causes_of(*given, **how)
+        return [c for c in causes if c.identifier != "constant_wind"], minor
+
+    means = []
+    for rule in (causes_of, without_wind):
+        monkeypatch.setattr(dut_module, "causes_of", rule)
+        dut = look(*blown)
+        assert "constant_wind" in {t.effect.identifier for t in dut.ranking.named.terms}
+        means.append(next(c for c in dut.causes if c.identifier == "gusty_wind").parameters["mean_x"].value)
+    assert means[0] == pytest.approx(3.0, abs=1.0)
+    assert means[1] == pytest.approx(means[0])
+
+
 def test_without_that_rule_the_wall_would_be_gusts(flown, monkeypatch):
     monkeypatch.setattr(dut_module, "chance_of_place", lambda *_: 1.0)
     assert look(*flown(WALL, WALL, WALL)).gusty
