@@ -27,7 +27,7 @@ CHUNK = 12  # lengths whose columns are held at a time
 ENDS = (HORIZONS[0], HORIZONS[-1])
 SHARPENED = ((0.4, 0.05), (0.04, 0.01))  # about an onset: span to either side and step, in turn [s]
 AFTER_ONSET = 2.0  # up to which an onset is judged [s]
-FOLLOWED = 2  # lengths of each profile that are followed: from the first horizon, and from its own
+FOLLOWED = 2  # lengths of each profile that are followed from its horizon, the best from the first one too
 PROMISING = 8.0  # log evidence that a length must add to everything else to be followed; own choice
 STEPS = 3  # Gauss-Newton steps at each horizon
 TOLD_APART = 12  # lengths that can be told apart by eye; own choice
@@ -64,10 +64,11 @@ class PayloadSearch:
             return []
         found = []
         for (beside, horizon), profile in zip(asked, gains, strict=True):
-            for i in _peaks(profile)[:FOLLOWED]:
-                for first in dict.fromkeys((ENDS[0], horizon)):
-                    _, guess, candidate = self._follow(beside, Guess(float(LENGTHS[i])), first)
-                    found.append((rich.gain(rich.white(candidate), math.inf)[0], guess, candidate))
+            best, *others_of_it = _peaks(profile)[:FOLLOWED]
+            starts = [(best, first) for first in dict.fromkeys((ENDS[0], horizon))]
+            for i, first in [*starts, *((i, horizon) for i in others_of_it)]:
+                _, guess, candidate = self._follow(beside, Guess(float(LENGTHS[i])), first)
+                found.append((rich.gain(rich.white(candidate), math.inf)[0], guess, candidate))
         return self._distinct(found)
 
     def from_guesses(
