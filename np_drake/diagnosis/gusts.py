@@ -40,24 +40,37 @@ def as_gusts(
     drag = next((c for c in causes if c.identifier == DRAG), None)
     if drag is None:
         return causes
-    left = {e.name: felt[e.name] - _trace(e, drag, drag.onset) for e in (*flights, *unseen)}
-    force = wind_force(flights, left, drag.onset)
     onset = dict(drag.onset)
     if not tolerance.real:  # a rig's attitude errs slowly, with a gust's power
-        for e in flights:
-            onset[e.name] = wind_onset(e, left[e.name], onset.get(e.name), force)
-        late = any(onset[e.name] is not None for e in flights)
-        for e in unseen:  # what acts throughout the others hardly begins late here
-            begin, gain = (onset.get(e.name), GAIN) if late else (None, SURPRISE)
-            onset[e.name] = wind_onset(e, left[e.name], begin, force, gain)
+        onset = _begins(flights, felt, drag, unseen)
+    together = any(begin is not None for begin in drag.onset.values())
     drag = drag_in_gusts(drag, flights, felt, onset)
     force = wind_force(flights, {e.name: felt[e.name] - _trace(e, drag, onset) for e in flights}, onset)
     parameters = _statistics(flights, force, drag, tolerance)
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
     gusts = Cause("gusty_wind", probability, parameters, onset, (), drag.share, effect)
-    drag = dc.replace(drag, onset={n: None if b is None else onset[n] for n, b in drag.onset.items()})
+    drag = dc.replace(drag, onset=onset if together else drag.onset)
     others = [c for c in causes if c.identifier not in GUSTY[1:]]
     return [*(drag if c.identifier == DRAG else c for c in others), gusts]
+
+
+def _begins(
+    flights: Sequence[Evidence], felt: Mapping[str, np.ndarray], drag: Cause, unseen: Sequence[Evidence]
+) -> dict[str, float | None]:
+    """By flight, when the wind begins. A drag that begins in a flight does so with the wind, in all of them."""
+    every, together = (*flights, *unseen), any(begin is not None for begin in drag.onset.values())
+    left = {e.name: felt[e.name] - _trace(e, drag, drag.onset) for e in flights}
+    force = wind_force(flights, left, drag.onset)
+    blown = {e.name: felt[e.name] - _trace(e, drag, {}) for e in every}
+    calm = felt if together else blown
+    onset = dict(drag.onset)
+    for e in flights:
+        onset[e.name] = wind_onset(e, blown[e.name], onset.get(e.name), force, calm=calm[e.name])
+    late = any(onset[e.name] is not None for e in flights)
+    for e in unseen:  # what acts throughout the others hardly begins late here
+        begin, gain = (onset.get(e.name), GAIN) if late else (None, SURPRISE)
+        onset[e.name] = wind_onset(e, blown[e.name], begin, force, gain, calm[e.name])
+    return onset
 
 
 def _trace(e: Evidence, drag: Cause, onset: Begins) -> np.ndarray:

@@ -69,23 +69,29 @@ def wind_force(flights: Sequence[Evidence], left: Mapping[str, np.ndarray], begi
 
 
 def wind_onset(
-    e: Evidence, left: np.ndarray, begin: float | None, wind: WindForce, gain: float = GAIN
+    e: Evidence,
+    left: np.ndarray,
+    begin: float | None,
+    wind: WindForce,
+    gain: float = GAIN,
+    calm: np.ndarray | None = None,
 ) -> float | None:
     """When the wind begins that was taken to begin at `begin` [s] (None: from the start; infinite: not at all).
 
     Until then there is noise. Gusts show by their power at once, where their mean, by which an onset is found first,
     may take a second, or miss it. That stays where a better one gains less than `gain` in log likelihood: it was found
     beside the drag, which is felt without gusts as well.
-    left: (m, 15) what is left of the flight.
+    left: (m, 15) what is left of the flight while it blows.   calm: and before; default: the same.
     """
     bins, t = forces(e, left)[:, :2], instants(e)
+    still = bins if calm is None else forces(e, calm)[:, :2]
     n, k = len(t), np.arange(len(t))
     here = 0 if begin is None else int(np.argmin(np.abs(t - min(begin, t[-1]))))
     root = factor(n, width(e), *wind.figures, OWN * wind.deviation[0])
     # A stationary process is the same backwards: one solution has those from every bin to the last.
     back = linalg.solve_triangular(root, (bins - wind.mean[:2, 0])[::-1], lower=True)
     blown = np.cumsum(np.sum(back**2, axis=1) + 4 * np.log(np.diag(root)))[::-1]
-    power = np.concatenate([[0.0], np.cumsum(np.sum(bins**2, axis=1))[:-1]])
+    power = np.concatenate([[0.0], np.cumsum(np.sum(still**2, axis=1))[:-1]])
     noise = np.maximum(wind.white**2, power / np.maximum(2 * k, 1))
     loss = power / noise + 2 * k * np.log(noise) + blown
     near = (t > t[0] + (CALM if begin is None else FIRST)) & (t < t[-1] - LAST)

@@ -117,6 +117,18 @@ def test_gusts_that_were_found_late_begin_where_their_power_does_but_on_a_rig(se
             assert list(blown.onset.values()) == pytest.approx([begin, begin], abs=0.15)
 
 
+def test_a_drag_that_begins_with_the_wind_in_one_flight_does_so_in_another_that_did_not_tell(seen):
+    gusts, how = GustyWind(1.0, -0.5, 0.0, 1.0, 0.5, seed=4), {"noise": 1.0, "seconds": 16.0}
+    begins = {"1": 8.0, "2": 5.0}
+    flights = [
+        seen(DRAG, gusts, name=n, seed=int(n), onset=dict.fromkeys(("linear_drag", "gusty_wind"), t), **how)
+        for n, t in begins.items()
+    ]
+    found = dc.replace(cause(DRAG), onset={"1": 8.0, "2": None})
+    for blown in as_gusts(flights, felt_in(flights), [found], 0.9, LABORATORY):
+        assert list(blown.onset.values()) == pytest.approx(list(begins.values()), abs=0.15)
+
+
 def test_a_drag_that_acts_from_the_start_does_so_before_gusts(seen):
     gusts = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4)
     flights = flown(seen, DRAG, gusts, seconds=16.0, onset={"gusty_wind": 8.0})
