@@ -135,17 +135,6 @@ def at_its_bound(effect: Effect) -> bool:
     return False
 
 
-def differs(cause: Cause) -> bool:
-    """Is a figure surely not the one at which the effect vanishes?
-
-    What helps beside others while no figure of it is told stands for what these get wrong.
-    """
-    effect = cause.effect
-    assert effect is not None
-    intervals = [(p.neutral, cause.parameters[p.name].ci95) for p in effect.parameters if not p.choices]
-    return any(not low <= neutral <= high for neutral, (low, high) in intervals)
-
-
 def within_calibration(term: Term, tolerance: Tolerance) -> bool:
     """Is it what the file of a rig may be off by? Not if it begins in flight: files do not change there."""
     late = any(begin is not None for begin in term.onset.values())
@@ -180,14 +169,15 @@ def causes_of(
         confirmed = helps(fit, i, held_out, ranking.noise, held, drift) > least
         confirmed |= gusty and term.effect.identifier in GUSTY
         material = size.material(calibration=calibration, sensor=sensor, real=ranking.tolerance.real)
-        material |= gusty and term.effect.identifier == GUSTY[0]
+        feels_gusts = gusty and term.effect.identifier == GUSTY[0]
+        material |= feels_gusts
         sure = cause.probability >= SURE[ranking.tolerance.real]
-        sure |= gusty and term.effect.identifier == GUSTY[0]
-        told = differs(cause) or (gusty and term.effect.identifier == GUSTY[0])
+        sure |= feels_gusts
+        told = fit.tells(i) or feels_gusts
         if confirmed and material and sure and told and not at_its_bound(term.effect):
             causes.append(cause)
         else:
-            minor.append(_minor(cause, size, confirmed, material))
+            minor.append(_minor(cause, size, confirmed, material, told))
     return without_faint_shifts(causes, minor)
 
 
@@ -202,14 +192,14 @@ def without_faint_shifts(causes: list[Cause], minor: list[Finding]) -> tuple[lis
     return [c for c in causes if c not in faint], [*minor, *texts]
 
 
-def _minor(cause: Cause, size: Size, confirmed: bool, material: bool) -> Finding:
+def _minor(cause: Cause, size: Size, confirmed: bool, material: bool, told: bool) -> Finding:
     values = ", ".join(f"{n} {e.value:.3g} {e.unit}" for n, e in cause.parameters.items())
     why = "immaterial" if confirmed else "not confirmed by the held-out flights"
     if confirmed and material:
         why = f"not sure, {cause.probability:.2g}"
     if cause.effect is not None and at_its_bound(cause.effect):
         why = "a figure at its bound is none"
-    elif confirmed and material and cause.effect is not None and not differs(cause):
+    elif confirmed and material and not told:
         why = "its figures may as well be none"
     text = f"{values}: {why} ({100 * size.force:.2g} % of weight, {100 * size.torque:.2g} % of torque)"
     return Finding(cause.identifier, text, size.gap, {"force": size.force, "torque": size.torque})

@@ -3,6 +3,8 @@
 import dataclasses as dc
 from collections.abc import Sequence
 
+import numpy as np
+
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import settled
 from np_drake.diagnosis.noise import NoiseModel, scale_only
@@ -89,16 +91,16 @@ def _swung(terms: Sequence[Term], flights: Sequence[Evidence], noise: NoiseModel
 
 
 def _terms_at_posterior(problem: Problem, model: Model) -> list[Term]:
-    """The terms of a model's members as the linear regression has them."""
+    """The terms of a model's members as the linear regression has them, all given that each is physical."""
     mean, covariance = problem.total.posterior(problem.columns(model.members))
-    at = sum(c.size for c in problem.nuisance)
-    terms: list[Term] = []
-    for i in model.members:
-        candidate = problem.candidates[i]
-        own = slice(at, at + candidate.size)
-        terms += candidate.terms(candidate.physical(mean[own], covariance[own, own])[0])
-        at += candidate.size
-    return terms
+    first = sum(c.size for c in problem.nuisance)
+    chosen = [problem.candidates[i] for i in model.members]
+    ends = np.cumsum([first, *(c.size for c in chosen)])
+    parts = [(c, slice(a, b)) for c, a, b in zip(chosen, ends[:-1], ends[1:], strict=True)]
+    for candidate, own in parts:
+        coefficients, _ = candidate.physical(mean[own], covariance[own, own])
+        mean = mean + covariance[:, own] @ np.linalg.solve(covariance[own, own], coefficients - mean[own])
+    return [term for candidate, own in parts for term in candidate.terms(mean[own])]
 
 
 def _same(a: Sequence[Term], b: Sequence[Term]) -> bool:

@@ -47,6 +47,11 @@ def spans(e: Evidence, values: np.ndarray, begin: float | None) -> list[np.ndarr
     return [later[i : i + most] for i in range(0, len(later), most) if len(later) - i > 1]
 
 
+def blows(e: Evidence, begin: float | None) -> bool:
+    """Are there bins from `begin` on [s] (None: from the start) to read a wind from?"""
+    return bool(spans(e, instants(e)[:, None], begin))
+
+
 def factor(
     n: int, width: float, deviation: float, time: float, white: float, common: float = 0.0
 ) -> np.ndarray:

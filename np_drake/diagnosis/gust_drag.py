@@ -8,81 +8,105 @@ from scipy import linalg
 
 from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.force_bins import drags, factor, forces, spans, width
+from np_drake.diagnosis.force_bins import drags, factor, forces, instants, spans, width
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.wind_statistics import Begins, WindForce, Z, wind_force
 from np_drake.effects.linear_drag import LinearDrag
 
-ALIKE = np.array(
+APART = np.array(
     [0.3, 0.3, 1.0]
-)  # by which axes differ from what they share: level, level, upright [1]; own choice
+)  # of the axes from what they share, in its size: level ones, upright [1]; own choice
 ROUNDS = 3  # of gusts from the drag and drag under the gusts
-WEAKEST = 1e-4  # drag that feels anything [N·s/m]
-Axes = ("d_x", "d_y", "d_z")
+WEAKEST = 1e-4  # level drag that feels anything [N·s/m]
+STEEPEST = 5.0  # by which the upright axis may feel gusts more, or less, than the level ones [1]
+FIGURES = LinearDrag.parameters
 
 
 def drag_in_gusts(
     drag: Cause, flights: Sequence[Evidence], felt: Mapping[str, np.ndarray], begins: Begins
 ) -> Cause:
-    """The drag with figures and intervals under the gusts' own covariance; as it is, where that is none.
+    """The drag with figures and intervals under the gusts' own covariance; as it is, where that gives no drag.
+
+    Where the drag acts before the wind begins, what is felt until then counts with white noise alone.
 
     Args:
         felt: by flight, (m, 15) what drag and wind together leave in it.
-        begins: by flight, when both begin [s]; None: from the start.
+        begins: by flight, when the wind begins [s]; None: from the start.
     Source: generalised least squares with instrumental variables. A gust changes the velocity within its own bin, so
-    that each bin's velocity is known from those before it; level axes are alike as those of one airframe are (own
-    choice: `ALIKE`; x and y of rotor drag 0.54 and 0.39 1/s, Faessler et al. 2018).
+    that each bin's velocity is known from those before it; level axes share most of their size, as those of one
+    airframe do (own choice: `APART`; x and y of rotor drag 0.54 and 0.39 1/s, Faessler et al. 2018).
     """
-    d = np.array([drag.parameters[axis].value for axis in Axes])
+    d = np.array([drag.parameters[p.name].value for p in FIGURES])
+    early = all(drag.onset.get(e.name) is None for e in flights)
+    pieces = [piece for e in flights for piece in _pieces(e, felt[e.name], begins.get(e.name), early=early)]
     for _ in range(ROUNDS):
-        gusts = wind_force(flights, {e.name: felt[e.name] - _trace(e, d, begins) for e in flights}, begins)
-        d, deviation = _estimate(flights, felt, begins, gusts, float(np.mean(np.abs(d[:2]))))
-        if not np.all(np.isfinite(deviation)) or d[:2].mean() < WEAKEST:
+        if not _feels(d):
             return drag
+        left = {e.name: felt[e.name] - drag_trace(e, LinearDrag(*d.tolist()), begins) for e in flights}
+        d, deviation = _estimate(pieces, width(flights[0]), wind_force(flights, left, begins), d)
+    if not _feels(d):
+        return drag
     found = {
-        axis: Estimate(float(value), "N·s/m", (float(value - Z * sd), float(value + Z * sd)))
-        for axis, value, sd in zip(Axes, d, deviation, strict=True)
+        p.name: Estimate(value, p.unit, (value - Z * sd, value + Z * sd))
+        for p, value, sd in zip(FIGURES, d.tolist(), deviation.tolist(), strict=True)
     }
-    return dc.replace(drag, parameters=found, effect=_effect(d))
+    return dc.replace(drag, parameters=found, effect=LinearDrag(*d.tolist()))
 
 
-def _effect(d: np.ndarray) -> LinearDrag:
-    return LinearDrag(*(float(value) for value in d))
+def drag_trace(e: Evidence, drag: LinearDrag, begins: Begins) -> np.ndarray:
+    """(m, 15) of a drag alone, from its begin in this flight on."""
+    return signature(e, [Term(drag, {e.name: begins.get(e.name)})])
 
 
-def _trace(e: Evidence, d: np.ndarray, begins: Begins) -> np.ndarray:
-    """(m, 15) of the drag alone."""
-    return signature(e, [Term(_effect(d), {e.name: begins.get(e.name)})])
+def _feels(d: np.ndarray) -> bool:
+    """Is it a drag, within what is physical, that a wind acts through?"""
+    inside = all(p.lower <= value <= p.upper for p, value in zip(FIGURES, d, strict=True))
+    return inside and float(np.mean(d[:2])) > WEAKEST
+
+
+@dc.dataclass(frozen=True)
+class _Piece:
+    """Bins in a row: force (k, 3) in W [N]; columns (k, 3, 3) of a unit drag [m/s]; blown: does the wind?"""
+
+    force: np.ndarray
+    columns: np.ndarray
+    blown: bool
+
+
+def _pieces(e: Evidence, felt: np.ndarray, begin: float | None, *, early: bool) -> list[_Piece]:
+    """Of a flight from the wind's begin on; `early`: and before it."""
+    both = np.hstack([forces(e, felt), drags(e).reshape(-1, 9)])
+    found = [(span, True) for span in spans(e, both, begin)]
+    if early and begin is not None:
+        found.append((both[instants(e) < begin - width(e)], False))
+    return [_Piece(span[:, :3], span[:, 3:].reshape(-1, 3, 3), blown) for span, blown in found]
 
 
 def _estimate(
-    flights: Sequence[Evidence], felt: Mapping[str, np.ndarray], begins: Begins, gusts: WindForce, size: float
+    pieces: Sequence[_Piece], width: float, gusts: WindForce, d: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(3,) drag and (3,) its deviation [N·s/m], beside a mean force in W. size: level drag that it starts from."""
+    """(3,) drag and (3,) its deviation [N·s/m], beside a mean force in W; from the drag d (3,) that was known."""
     cross, own, target = np.zeros((7, 7)), np.zeros((7, 7)), np.zeros(7)
-    for e in flights:
-        F, D = forces(e, felt[e.name]), drags(e)
-        pairs = zip(
-            spans(e, F, begins.get(e.name)), spans(e, D.reshape(-1, 9), begins.get(e.name)), strict=True
-        )
-        for force, columns in pairs:
-            root = factor(len(force), width(e), *gusts.figures)
-            for axis in range(3):
-                X = np.zeros((len(force), 7))
-                X[:, :3] = columns.reshape(-1, 3, 3)[:, axis]
-                X[:, 3 + axis] = 1.0
-                white = linalg.solve_triangular(root, np.column_stack([X, force[:, axis]]), lower=True)
-                instrument = white[:, :7] - (X - _known_before(X)) / np.diag(root)[:, None]
-                cross += instrument.T @ white[:, :7]
-                own += instrument.T @ instrument
-                target += instrument.T @ white[:, 7]
+    deviation, time, white = gusts.figures
+    steep = float(np.clip(abs(d[2]) / np.mean(d[:2]), 1 / STEEPEST, STEEPEST))
+    for piece in pieces:
+        for axis in range(3):
+            X = np.zeros((len(piece.force), 7))
+            X[:, :3], X[:, 3 + axis] = piece.columns[:, axis], float(piece.blown)
+            gust = deviation * (steep if axis == 2 else 1.0) if piece.blown else 0.0
+            root = factor(len(X), width, gust, time, white)
+            both = linalg.solve_triangular(root, np.column_stack([X, piece.force[:, axis]]), lower=True)
+            instrument = both[:, :7] - (X - _known_before(X)) / np.diag(root)[:, None]
+            cross += instrument.T @ both[:, :7]
+            own += instrument.T @ instrument
+            target += instrument.T @ both[:, 7]
+    size = float(np.mean(d[:2]))
     for _ in range(ROUNDS):
-        prior = _of_like_size(size)
+        prior = _of_one_airframe(size)
         solution = np.linalg.solve(cross + prior, target)
         size = max(float(solution[6]), WEAKEST)
     inverse = np.linalg.inv(cross + prior)
-    deviation = np.sqrt(np.diag(inverse @ (own + prior) @ inverse.T))
-    return solution[:3], deviation[:3]
+    return solution[:3], np.sqrt(np.diag(inverse @ (own + prior) @ inverse.T))[:3]
 
 
 def _known_before(X: np.ndarray) -> np.ndarray:
@@ -91,10 +115,10 @@ def _known_before(X: np.ndarray) -> np.ndarray:
     return np.concatenate([early, 2 * X[1:-1] - X[:-2]])[: len(X)]
 
 
-def _of_like_size(size: float) -> np.ndarray:
-    """(7, 7) precision of three drags about what they share, the seventh unknown, which is as large as usual."""
+def _of_one_airframe(size: float) -> np.ndarray:
+    """(7, 7) precision of three drags about what they share, the seventh unknown, itself of usual size or as large."""
     apart = np.zeros((3, 7))
     apart[:, :3], apart[:, 6] = np.eye(3), -1.0
-    apart /= (ALIKE * size)[:, None]
-    shared = np.diag([0.0] * 6 + [LinearDrag.parameters[0].typical ** -2])
+    apart /= (APART * size)[:, None]
+    shared = np.diag([0.0] * 6 + [max(FIGURES[0].typical, size) ** -2])
     return apart.T @ apart + shared

@@ -13,13 +13,16 @@ from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.attribute import GUSTY, HeldOut
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.felt import DRAG
-from np_drake.diagnosis.gust_drag import drag_in_gusts
+from np_drake.diagnosis.force_bins import blows
+from np_drake.diagnosis.gust_drag import drag_in_gusts, drag_trace
 from np_drake.diagnosis.held_out import SURPRISE
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.wind_statistics import GAIN, Begins, WindForce, Z, wind_force, wind_onset
 from np_drake.effects.gusty_wind import GustyWind
+from np_drake.effects.linear_drag import LinearDrag
 
+TINY = 1e-6  # drag that is none [N·s/m]
 UPWARD = 0.5  # usual mean of a wind upward: the ground is near [m/s]; own choice
 
 
@@ -40,30 +43,45 @@ def as_gusts(
     drag = next((c for c in causes if c.identifier == DRAG), None)
     if drag is None:
         return causes
-    onset = dict(drag.onset)
+    together = any(drag.onset.get(e.name) is not None for e in flights)
+    onset = _known(causes, drag)
+    if not any(blows(e, onset.get(e.name)) for e in flights):
+        return causes
     if not tolerance.real:  # a rig's attitude errs slowly, with a gust's power
-        onset = _begins(flights, felt, drag, unseen)
-    together = any(begin is not None for begin in drag.onset.values())
+        onset = _begins(flights, unseen, felt, drag, onset, together=together)
     drag = drag_in_gusts(drag, flights, felt, onset)
-    force = wind_force(flights, {e.name: felt[e.name] - _trace(e, drag, onset) for e in flights}, onset)
+    begun = onset if together else drag.onset
+    rest = {e.name: felt[e.name] - _trace(e, drag, begun) for e in flights}
+    force = wind_force(flights, rest, onset)
     parameters = _statistics(flights, force, drag, tolerance)
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
     gusts = Cause("gusty_wind", probability, parameters, onset, (), drag.share, effect)
-    drag = dc.replace(drag, onset=onset if together else drag.onset)
+    drag = dc.replace(drag, onset=begun)
     others = [c for c in causes if c.identifier not in GUSTY[1:]]
     return [*(drag if c.identifier == DRAG else c for c in others), gusts]
 
 
+def _known(causes: Sequence[Cause], drag: Cause) -> dict[str, float | None]:
+    """By flight, when the wind begins as the causes have it: with its drag, or a steady wind's own begin."""
+    steady = next((c.onset for c in causes if c.identifier in GUSTY[1:]), {})
+    return {name: steady.get(name) if begin is None else begin for name, begin in drag.onset.items()}
+
+
 def _begins(
-    flights: Sequence[Evidence], felt: Mapping[str, np.ndarray], drag: Cause, unseen: Sequence[Evidence]
+    flights: Sequence[Evidence],
+    unseen: Sequence[Evidence],
+    felt: Mapping[str, np.ndarray],
+    drag: Cause,
+    known: Begins,
+    *,
+    together: bool,
 ) -> dict[str, float | None]:
-    """By flight, when the wind begins. A drag that begins in a flight does so with the wind, in all of them."""
-    every, together = (*flights, *unseen), any(begin is not None for begin in drag.onset.values())
-    left = {e.name: felt[e.name] - _trace(e, drag, drag.onset) for e in flights}
-    force = wind_force(flights, left, drag.onset)
+    """By flight, when the wind begins by its power.   together: with the drag that feels it, in every flight."""
+    every = (*flights, *unseen)
+    force = wind_force(flights, {e.name: felt[e.name] - _trace(e, drag, drag.onset) for e in flights}, known)
     blown = {e.name: felt[e.name] - _trace(e, drag, {}) for e in every}
     calm = felt if together else blown
-    onset = dict(drag.onset)
+    onset = dict(known)
     for e in flights:
         onset[e.name] = wind_onset(e, blown[e.name], onset.get(e.name), force, calm=calm[e.name])
     late = any(onset[e.name] is not None for e in flights)
@@ -75,8 +93,8 @@ def _begins(
 
 def _trace(e: Evidence, drag: Cause, onset: Begins) -> np.ndarray:
     """(m, 15) of the drag alone, from `onset` on."""
-    assert drag.effect is not None
-    return signature(e, [Term(drag.effect, {e.name: onset.get(e.name)})])
+    assert isinstance(drag.effect, LinearDrag)
+    return drag_trace(e, drag.effect, onset)
 
 
 def in_gusts(held: HeldOut, causes: Sequence[Cause], flights: Sequence[Evidence]) -> HeldOut:
@@ -101,15 +119,16 @@ def _statistics(
     flights: Sequence[Evidence], force: WindForce, drag: Cause, tolerance: Tolerance
 ) -> dict[str, Estimate]:
     """Figures of the wind [m/s, s] from those of its force: a drag is known to a share, a rig's axes to an angle."""
-    d = np.array([max(abs(drag.parameters[f"d_{axis}"].value), 1e-6) for axis in "xyz"])
-    level = float(d[:2].mean())
+    d = np.array([drag.parameters[f"d_{axis}"].value for axis in "xyz"])
+    d[np.abs(d) < TINY] = TINY
+    level = float(np.abs(d[:2]).mean())
     known = max(_half(drag.parameters[f"d_{axis}"]) for axis in "xy") / level
     weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
     tilt = tolerance.attitude / np.sqrt(len(flights))
     off = weight * Z * np.array([tilt, tilt, np.hypot(tolerance.mass, tolerance.thrust)])
     out = {}
     for i, p in enumerate(GustyWind.parameters[:3]):
-        half = float(np.hypot(force.mean[i, 1], off[i])) / d[i]
+        half = float(np.hypot(force.mean[i, 1], off[i])) / abs(d[i])
         usual = UPWARD if p.name == "mean_z" else p.typical
         told = usual**2 / (usual**2 + (half / Z) ** 2)
         value = told * force.mean[i, 0] / d[i]

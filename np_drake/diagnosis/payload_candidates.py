@@ -153,10 +153,11 @@ def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
     Source: conditioning of the posterior; own choice of `SURELY`.
     """
     deviation = math.sqrt(covariance[0, 0])
+    log_probability = float(stats.norm.logcdf(mean[0] / deviation))
     if mean[0] >= SURELY * deviation:
-        return mean, 0.0
+        return mean, log_probability
     more = covariance[:, 0] / covariance[0, 0] * (SURELY * deviation - mean[0])
-    return mean + more, float(stats.norm.logcdf(mean[0] / deviation))
+    return mean + more, log_probability
 
 
 def _hangs(c: np.ndarray, first: int) -> bool:

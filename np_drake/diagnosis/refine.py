@@ -4,6 +4,7 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import stats
 
 from np_drake.diagnosis.candidates import Candidate
 from np_drake.diagnosis.evidence import WRENCH, Evidence
@@ -14,6 +15,7 @@ from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.signature import Stages, Term, signature
 from np_drake.effects.base import SensorEffect
 
+TOLD = 0.95  # probability that figures are not none, from which they are told [1]
 BLOCK = 1.0  # over which residuals may hang together, for the robust covariance [s]
 
 
@@ -53,6 +55,20 @@ class Fit:
         """(m, 15) what the model leaves of a flight, shocks apart; of a fitted one, without its sensors' own wander."""
         left = e.y - signature(e, self.everything)
         return e.bridged(left - self.wander[e.name] if e.name in self.wander else left)
+
+    def tells(self, i: int) -> bool:
+        """Are the figures of term i not those at which its effect vanishes, by 95 %?
+
+        What helps beside others while its figures may be none stands for what these get wrong.
+        Source: Wald test of all of them together.
+        """
+        vanishing = {p.name for p in self.terms[i].effect.parameters if p.vanishes}
+        own = [k for k, f in enumerate(self.free) if f.term == i and not f.flight and f.name in vanishing]
+        if not own:
+            return True
+        away = self.values[own] - np.array([self.free[k].neutral for k in own])
+        distance = float(away @ np.linalg.solve(self.covariance[np.ix_(own, own)], away))
+        return distance > stats.chi2.ppf(TOLD, len(own))
 
     @property
     def everything(self) -> list[Term]:

@@ -95,7 +95,7 @@ class Problem:
         effects = {name for c in chosen for name in c.identifiers}
         prior = sum(effect_prior(name) for name in effects) + sum(c.log_prior + c.onset_prior for c in chosen)
         groups = [self.columns_of(i) - self._nuisance for i in members]
-        if any(c.possible for c in chosen):
+        if any(c.possible or c.mended for c in chosen):
             prior += self._log_probability(members, np.concatenate(groups))
         if prior == -np.inf:
             return prior

@@ -21,7 +21,7 @@ _STEADY = np.zeros(4)
 class Parameter:
     """One figure of an effect: where it vanishes, where it may lie, and how large it usually is.
 
-    neutral: value at which the effect vanishes.   lower, upper: bounds of a fit.
+    neutral: value at which the effect vanishes, if `vanishes`.   lower, upper: bounds of a fit.
     typical: usual distance from neutral: the deviation of the prior, and the scale of finite differences.
     choices: the only values, where it is no continuous figure.
     """
@@ -33,6 +33,7 @@ class Parameter:
     upper: float
     typical: float
     choices: tuple[float, ...] = ()
+    vanishes: bool = True
 
 
 class Effect:

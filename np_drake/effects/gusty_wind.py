@@ -44,7 +44,7 @@ class GustyWind(WrenchEffect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         *(Parameter(f"mean_{axis}", "m/s", 0.0, -15.0, 15.0, 2.0) for axis in "xyz"),
         Parameter("deviation", "m/s", 0.0, 0.0, 8.0, 1.0),
-        Parameter("correlation_time", "s", 1.0, 0.05, 20.0, 1.0),
+        Parameter("correlation_time", "s", 1.0, 0.05, 20.0, 1.0, vanishes=False),
     )
 
     @property

@@ -29,7 +29,7 @@ class SuspendedPayload(WrenchEffect):
     linear: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("mass", "kg", 0.0, 0.0, 2.0, 0.2),
-        Parameter("length", "m", 0.8, 0.1, 4.0, 0.5),
+        Parameter("length", "m", 0.8, 0.1, 4.0, 0.5, vanishes=False),
         *(Parameter(f"hook_{axis}", "m", 0.0, -0.3, 0.3, 0.03) for axis in "xyz"),
     )
 

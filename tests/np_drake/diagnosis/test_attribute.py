@@ -3,7 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.answer import Cause, Estimate
+from np_drake.diagnosis.answer import Cause
 from np_drake.diagnosis.attribute import (
     FAINT,
     HURT,
@@ -17,7 +17,6 @@ from np_drake.diagnosis.attribute import (
     alike,
     at_its_bound,
     causes_of,
-    differs,
     drift_of,
     helps,
     least_help,
@@ -166,17 +165,6 @@ def test_an_effect_whose_figures_may_all_be_none_is_no_cause(drag):
     assert "none" in unnamed[1][0].text
     blown = causes_of(drag.ranking, vague, drag.flights, drag.unseen, held, gusty=True)
     assert [c.identifier for c in blown[0]] == ["linear_drag"]
-
-
-def test_one_figure_that_is_told_is_enough_for_a_cause():
-    def cause(*intervals):
-        figures = zip(("d_x", "d_y", "d_z"), intervals, strict=True)
-        estimates = {name: Estimate(0.5 * sum(ends), "N·s/m", ends) for name, ends in figures}
-        return Cause("linear_drag", 1.0, estimates, {}, effect=LinearDrag())
-
-    assert not differs(cause((-0.1, 0.1), (0.0, 0.2), (-0.3, 0.0)))
-    assert differs(cause((-0.1, 0.1), (0.01, 0.2), (-0.3, 0.1)))
-    assert differs(cause((-0.1, 0.1), (-0.1, 0.2), (-0.3, -0.1)))
 
 
 def test_where_gusts_blow_the_drag_that_feels_them_matters_however_small(drag):

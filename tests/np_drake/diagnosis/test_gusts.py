@@ -129,6 +129,25 @@ def test_a_drag_that_begins_with_the_wind_in_one_flight_does_so_in_another_that_
         assert list(blown.onset.values()) == pytest.approx(list(begins.values()), abs=0.15)
 
 
+@pytest.mark.parametrize("unseen", [None, 3.0])
+def test_what_an_unseen_flight_seems_to_show_moves_nothing_in_the_fitted_ones(seen, unseen):
+    gusts = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4)
+    *flights, third = (
+        seen(DRAG, gusts, name=n, seed=int(n), noise=1.0, seconds=16.0, onset={"gusty_wind": 8.0})
+        for n in "123"
+    )
+    found = dc.replace(cause(DRAG), onset={"1": None, "2": None, "3": unseen})
+    drag, wind = as_gusts(flights, felt_in([*flights, third]), [found], 0.9, LABORATORY, [third])
+    assert drag.onset == found.onset
+    assert [wind.onset[n] for n in "12"] == pytest.approx([8.0, 8.0], abs=0.15)
+
+
+def test_where_the_wind_begins_too_late_to_be_read_the_causes_stay(seen):
+    flights = flown(seen, DRAG, seconds=8.0)
+    found = dc.replace(cause(DRAG), onset={"1": 7.99, "2": 7.99})
+    assert as_gusts(flights, felt_in(flights), [found], 0.9, Tolerance()) == [found]
+
+
 def test_a_drag_that_acts_from_the_start_does_so_before_gusts(seen):
     gusts = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4)
     flights = flown(seen, DRAG, gusts, seconds=16.0, onset={"gusty_wind": 8.0})

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.figures import free_figures, read, write
-from np_drake.diagnosis.refine import refine
+from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.signature import NEVER, Term
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias
@@ -117,3 +117,24 @@ def test_choices_are_not_free_and_absent_payloads_do_not_swing(seen):
     assert [f.name for f in free if f.term == 0] == ["efficiency"]
     assert {f.flight for f in free if f.name == "swing"} == {"a"}
     assert [f.scale for f in free if f.term == 2] == [0.01]
+
+
+def test_figures_that_only_together_differ_from_none_are_told_and_a_figure_that_only_shapes_tells_nothing():
+    drag, payload = Term(LinearDrag(0.2, 0.2, 0.0)), Term(SuspendedPayload(0.0, 0.6))
+    free = [f for f in free_figures([drag, payload], [], {}) if not f.flight]
+
+    def fit(covariance, values):
+        free_of = [f for f in free if f.term == (0 if len(values) == 3 else 1)]
+        terms = (drag,) if len(values) == 3 else (payload,)
+        free_of = tuple(dc.replace(f, term=0) for f in free_of)
+        return Fit(terms, (), free_of, np.array(values), np.array(covariance), 0.0, 0.0, 1)
+
+    against = np.array([[1.0, -0.99, 0.0], [-0.99, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    assert fit(0.04 * against, [0.2, 0.2, 0.0]).tells(0)  # each is one deviation from none, their sum ten
+    assert not fit(0.04 * np.eye(3), [0.2, 0.2, 0.0]).tells(0)
+    assert fit(0.0025 * np.eye(3), [0.2, 0.2, 0.0]).tells(0)
+    size = len([f for f in free if f.term == 1])
+    assert not fit(1e-4 * np.eye(size), [0.0, 0.6, 0.0, 0.0, 0.0]).tells(
+        0
+    )  # no payload, of a length that is known
+    assert fit(1e-4 * np.eye(size), [0.1, 0.6, 0.0, 0.0, 0.0]).tells(0)
