@@ -13,9 +13,8 @@ from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.wind_statistics import Begins, WindForce, Z, wind_force
 from np_drake.effects.linear_drag import LinearDrag
 
-APART = np.array(
-    [0.3, 0.3, 1.0]
-)  # of the axes from what they share, in its size: level ones, upright [1]; own choice
+# By which axes differ from what they share, in its size: level ones, the upright one [1]; own choice.
+APART = np.array([0.3, 0.3, 1.0])
 ROUNDS = 3  # of gusts from the drag and drag under the gusts
 WEAKEST = 1e-4  # level drag that feels anything [N·s/m]
 STEEPEST = 5.0  # by which the upright axis may feel gusts more, or less, than the level ones [1]
@@ -77,8 +76,9 @@ def _pieces(e: Evidence, felt: np.ndarray, begin: float | None, *, early: bool) 
     """Of a flight from the wind's begin on; `early`: and before it."""
     both = np.hstack([forces(e, felt), drags(e).reshape(-1, 9)])
     found = [(span, True) for span in spans(e, both, begin)]
-    if early and begin is not None:
-        found.append((both[instants(e) < begin - width(e)], False))
+    calm = both[instants(e) < begin - width(e)] if early and begin is not None else both[:0]
+    if len(calm) > 1:
+        found.append((calm, False))
     return [_Piece(span[:, :3], span[:, 3:].reshape(-1, 3, 3), blown) for span, blown in found]
 
 

@@ -142,6 +142,12 @@ def test_an_axis_along_which_nothing_moves_is_like_the_other_level_one(flights):
         assert y.ci95[1] - y.ci95[0] > x.ci95[1] - x.ci95[0]
 
 
+def test_a_calm_of_no_bins_before_the_wind_tells_nothing(flights):
+    begins = {"1": 0.05, "2": LATE}
+    drag = found(flights, np.random.default_rng(6), begins=begins, early=True, effort=2.0)
+    assert np.all(np.abs(values_of(drag) - D) < 0.5 * D)
+
+
 def test_where_no_drag_is_there_the_cause_stays_as_it_is(flights):
     felt = {e.name: np.zeros_like(e.y) for e in flights}
     rng = np.random.default_rng(2)
