@@ -13,7 +13,7 @@ from np_drake.diagnosis.gauss_newton import minimise
 from np_drake.diagnosis.hidden_swing import swing_wrenches
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.signature import Stages, Term, signature
-from np_drake.effects.base import SensorEffect
+from np_drake.effects.base import ActuatorEffect, SensorEffect
 
 TOLD = 0.95  # probability that figures are not none, from which they are told [1]
 BLOCK = 1.0  # over which residuals may hang together, for the robust covariance [s]
@@ -175,7 +175,7 @@ def _jacobian(
     for k, f in enumerate(free):
         if f.flight and f.flight != evidence.name:
             continue
-        step = 0.01 * scale[k]
+        step = max(0.01 * scale[k], _least_step(now[f.term], evidence))
         if z[k] * scale[k] + step > f.upper:
             step = -step
         moved = write(now, [f], np.array([z[k] * scale[k] + step]))
@@ -194,6 +194,18 @@ def _jacobian(
             columns[:, WRENCH, k] = (wrench[:, i] - wrench[:, 0]) / step * scale[k]
     white = evidence.white(noise, columns)
     return white.reshape(-1, len(free))
+
+
+def _least_step(term: Term, evidence: Evidence) -> float:
+    """By which a figure has to move for a derivative [its unit].
+
+    A held command jumps from row to row, and a force at rows changes with a delay by these jumps alone: none may fall
+    into a smaller step.
+    """
+    effect = term.effect
+    shifts = isinstance(effect, ActuatorEffect) and effect.dead_time > 0
+    shifts |= isinstance(effect, SensorEffect) and effect.clock_shift != 0
+    return evidence.log.step if shifts else 0.0
 
 
 def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:

@@ -119,6 +119,22 @@ def test_choices_are_not_free_and_absent_payloads_do_not_swing(seen):
     assert [f.scale for f in free if f.term == 2] == [0.01]
 
 
+@pytest.mark.parametrize("delay", [0.0262, 0.0271, 0.0287])
+def test_a_delay_is_told_by_forces_alone_wherever_between_two_rows_it_falls(seen, noise, delay):
+    flight = seen(CommandDelay(delay), noise=1.0, seconds=8.0, name="1")
+    deaf = np.ones(15)
+    deaf[3:6] = 1e6  # to torque
+    dut = refine(
+        [Term(CommandDelay(delay))],
+        [],
+        [flight],
+        dc.replace(noise, loudness={"1": deaf}),
+        temperature=1.0,
+        evaluations=1,
+    )
+    assert deviation(dut)[0] < 0.1 * dut.free[0].scale
+
+
 def test_figures_that_only_together_differ_from_none_are_told_and_a_figure_that_only_shapes_tells_nothing():
     drag, payload = Term(LinearDrag(0.2, 0.2, 0.0)), Term(SuspendedPayload(0.0, 0.6))
     free = [f for f in free_figures([drag, payload], [], {}) if not f.flight]
