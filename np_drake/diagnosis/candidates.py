@@ -14,8 +14,6 @@ from np_drake.effects.library import LIBRARY, effects_for
 ROTOR_SPEED_BLIND = ("motor_lag", "command_delay", "clock_offset")
 SHIFTS = np.geomspace(0.003, 0.06, 10)  # of commands against states that are tried [s]
 Onset = dict[str, float | None]
-
-
 Mended = tuple[np.ndarray, float]  # coefficients and their log probability
 
 

@@ -16,8 +16,8 @@ from np_drake.effects.linear_drag import LinearDrag
 # By which axes differ from what they share, in its size: level ones, the upright one [1]; own choice.
 APART = np.array([0.3, 0.3, 1.0])
 ROUNDS = 3  # of gusts from the drag and drag under the gusts
-WEAKEST = 1e-4  # level drag that feels anything [N·s/m]
-STEEPEST = 5.0  # by which the upright axis may feel gusts more, or less, than the level ones [1]
+WEAKEST = 1e-4  # level drag that feels anything [N·s/m]; own choice
+STEEPEST = 5.0  # by which the upright axis may feel gusts more, or less, than the level ones [1]; own choice
 FIGURES = LinearDrag.parameters
 
 
@@ -110,7 +110,7 @@ def _estimate(
 
 
 def _known_before(X: np.ndarray) -> np.ndarray:
-    """(k, a) columns as the two rows before each foretell it."""
+    """(k, a) columns X (k, a) as the two rows before each foretell it, by the line through them."""
     early = X[:1].repeat(min(2, len(X)), axis=0)
     return np.concatenate([early, 2 * X[1:-1] - X[:-2]])[: len(X)]
 

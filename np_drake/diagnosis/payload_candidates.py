@@ -20,7 +20,7 @@ LENGTH = 0.05  # prior deviation of the length about a guess, relative [1]
 SMALL = 0.02  # difference quotients: of a swing [rad], of a length, relative [1]
 WIDEST = 1.2  # swing [rad], and with the natural rate its rate, that a guess may have
 LONGEST, SHORTEST = 3.0, 0.1  # tether [m]
-SURELY = 2.0  # deviations that a mass is at least above zero [1]
+SURELY = 2.0  # deviations that a mass is at least above zero [1]; own choice
 
 
 @dc.dataclass(frozen=True)
@@ -146,7 +146,9 @@ def _wrench(e: Evidence, force: np.ndarray, hook: np.ndarray) -> np.ndarray:
 
 
 def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
-    """The coefficients with a mass that is surely positive, and the log probability that it is.
+    """The coefficients (k,), the mass first, with one that is surely positive, and the log probability that it is.
+
+    mean (k,), covariance (k, k): of the posterior, in units of the prior's deviations.
 
     Where files may be off by as much as a payload weighs, hook and swing are known by their products with the mass:
     with a mass that is too small, or negative, they would be too wide to come back from.

@@ -57,7 +57,7 @@ class Fit:
         return e.bridged(left - self.wander[e.name] if e.name in self.wander else left)
 
     def tells(self, i: int) -> bool:
-        """Are the figures of term i not those at which its effect vanishes, by 95 %?
+        """Are the figures of `terms[i]` not those at which its effect vanishes, by 95 %?
 
         What helps beside others while its figures may be none stands for what these get wrong.
         Source: Wald test of all of them together.

@@ -150,7 +150,6 @@ def test_figures_that_only_together_differ_from_none_are_told_and_a_figure_that_
     assert not fit(0.04 * np.eye(3), [0.2, 0.2, 0.0]).tells(0)
     assert fit(0.0025 * np.eye(3), [0.2, 0.2, 0.0]).tells(0)
     size = len([f for f in free if f.term == 1])
-    assert not fit(1e-4 * np.eye(size), [0.0, 0.6, 0.0, 0.0, 0.0]).tells(
-        0
-    )  # no payload, of a length that is known
+    nothing = fit(1e-4 * np.eye(size), [0.0, 0.6, 0.0, 0.0, 0.0])  # no payload, of a length that is known
+    assert not nothing.tells(0)
     assert fit(1e-4 * np.eye(size), [0.1, 0.6, 0.0, 0.0, 0.0]).tells(0)
