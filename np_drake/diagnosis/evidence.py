@@ -56,6 +56,7 @@ class Evidence:
     attitude_noise: white, as found [rad]; turned: `a` was turned to W with the attitude that was read.
     shocks (m,): rows on the grid that say nothing (`shocks`); none, until a model has been seen to miss them.
     joined (m,): rows of an unseen flight that a fit has seen after all (`second_look`).
+    goes_on: the flight goes on after these rows, so that what is absent here may begin later.
     """
 
     log: FlightLog
@@ -72,6 +73,7 @@ class Evidence:
     turned: bool
     shocks: np.ndarray
     joined: np.ndarray
+    goes_on: bool = False
 
     @property
     def name(self) -> str:

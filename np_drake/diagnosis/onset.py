@@ -11,11 +11,15 @@ from np_drake.diagnosis.candidates import Candidate, gated
 from np_drake.diagnosis.late_columns import LateColumns, Sums
 from np_drake.diagnosis.payload_search import PAYLOAD, PayloadSearch
 from np_drake.diagnosis.search import Problem
+from np_drake.diagnosis.signature import NEVER
 from np_drake.effects.library import effects_for
 
 MARGIN = 0.7  # from either end of a flight, in which no onset is looked for [s]
 FIRST = math.log(1 / 6)  # prior of an onset in a flight; own choice
 ANOTHER = math.log(1 / 2)  # and in one more; own choice
+ABSENT = math.log(
+    1 / 4
+)  # of what begins in another flight not having begun at the end of this one; own choice
 LEAST = 1.0  # gain in log evidence, prior included, from which an onset is tried; own choice
 SUBSTANTIAL = 8.0  # from which a payload is looked for that is hung on in flight; own choice
 WEIGHTS = (("mass_error",), ("thrust_scale",))
@@ -95,8 +99,9 @@ def _at_rest(payload: Candidate) -> Candidate:
 
 @dc.dataclass(frozen=True)
 class Onsets:
-    """onset: by flight in which it helps [s]; prior: log prior of all of them; gain: in log evidence by them.
+    """onset: by flight, where it does not act from the start [s]; infinite: not at all.
 
+    prior: log prior of all of them; gain: in log evidence by them.
     evidence: log evidence of the candidate, over that of what is beside it alone.
     """
 
@@ -112,6 +117,7 @@ class OnsetScan:
     def __init__(self, problem: Problem, members: Sequence[int] = ()):
         beside = [*problem.nuisance, *(problem.candidates[i] for i in members)]
         scale = problem.temperature**-0.5
+        self._go_on = {e.name for e in problem.flights if e.goes_on}
         self._flights: dict[str, LateColumns] = {}
         for e in problem.flights:
             columns = [c.columns[e.name] for c in beside] or [np.zeros((*e.y.shape, 0))]
@@ -146,8 +152,29 @@ class OnsetScan:
         all rows, one that is known to half a flight has one half.
         """
         whole = whole or self.whole(candidate)
-        scans = {n: _Flight(f, candidate.columns[n], whole[n]) for n, f in self._flights.items()}
-        priors, gains = dict[str, float](), dict[str, float]()
+        scans = {
+            n: _Flight(f, candidate.columns[n], whole[n], goes_on=n in self._go_on)
+            for n, f in self._flights.items()
+        }
+        found = [self._climbed(scans)]
+        if sum(self._begins_alone(scan) for scan in scans.values()) > 1:
+            found.append(self._climbed(scans))
+        return max(found, key=lambda f: f.evidence + f.prior)
+
+    def _begins_alone(self, scan: "_Flight") -> bool:
+        """Settles a flight where the effect would begin with figures of that flight's own: does it in flight?
+
+        Flights that start from its beginning in all others may never leave it: a drift from the start stands for a
+        step in each.
+        """
+        profile = self._evidence(scan.sums, [])
+        late = len(profile) > 0 and profile.max() > self._evidence(scan.start, [])[0]
+        scan.settle(scan.rows[np.argmax(profile)] if late else None)
+        return late
+
+    def _climbed(self, scans: dict[str, "_Flight"]) -> "Onsets":
+        """From where they are settled, flight by flight, the others as they are."""
+        gains, widths = dict[str, float](), dict[str, float]()
         for _ in range(2):
             for name, scan in scans.items():
                 rest = [s.now for n, s in scans.items() if n != name]
@@ -155,19 +182,29 @@ class OnsetScan:
                 for rows in scan.finer(profile):
                     scan.add(rows)
                     profile = self._evidence(scan.sums, rest)
-                start, never = (self._evidence(sums, rest)[0] for sums in (scan.start, scan.never))
-                priors.pop(name, None)
-                prior = (ANOTHER if priors else FIRST) + scan.log_width(profile)
-                late = len(profile) > 0 and profile.max() + prior - max(start, never) > LEAST
-                if late:
-                    priors[name], gains[name] = prior, float(profile.max() - start)
-                scan.settle(scan.most_likely(profile) if late else None)
-            if not priors:
+                start, never = (float(self._evidence(sums, rest)[0]) for sums in (scan.start, scan.never))
+                others = any(s.begins for n, s in scans.items() if n != name)
+                best, widths[name] = float(profile.max(initial=-np.inf)), scan.log_width(profile)
+                prior = (ANOTHER if others else FIRST) + widths[name]
+                if best + prior - max(start, never) > LEAST:
+                    gains[name] = best - start
+                    scan.settle(scan.most_likely(profile))
+                elif others and scan.goes_on and never + ABSENT - start > LEAST:
+                    gains[name] = never - start
+                    scan.leave_out()
+                else:
+                    scan.settle(None)
+            if not any(scan.begins for scan in scans.values()):
                 break
-        at = {name: scans[name].onset for name in priors}
+        begin = [n for n, scan in scans.items() if scan.begins]
+        if not begin:  # what begins nowhere is absent from none
+            for scan in scans.values():
+                scan.settle(None)
+        onset: dict[str, float | None] = {n: s.onset for n, s in scans.items() if s.onset is not None}
+        prior = sum(widths[n] for n in begin) + ABSENT * (len(onset) - len(begin))
+        prior += FIRST + ANOTHER * (len(begin) - 1) if begin else 0.0
         first, *rest = (scan.now for scan in scans.values())
-        gain = sum(gains[name] for name in priors)
-        return Onsets(at, sum(priors.values()), gain, float(self._evidence(first, rest)[0]))
+        return Onsets(onset, prior, sum(gains[n] for n in onset), float(self._evidence(first, rest)[0]))
 
     def _evidence(self, own: Sums, rest: list[Sums]) -> np.ndarray:
         """(n,) log evidence with these sums of one flight, each with those of the rest."""
@@ -181,12 +218,12 @@ class OnsetScan:
 class _Flight:
     """The sums of a candidate at the instants of one flight that have been tried, in order."""
 
-    def __init__(self, columns: LateColumns, X: np.ndarray, whole: Sums):
+    def __init__(self, columns: LateColumns, X: np.ndarray, whole: Sums, *, goes_on: bool):
         self._columns, self._X, self._whole = columns, X, whole
         self.start, self.never = _at(self._whole, [0]), _at(self._whole, [-1])
         self.now = self.start
         self.onset: float | None = None
-        self._inside = _inside(columns.t)
+        self._inside, self.goes_on = _inside(columns.t), goes_on
         self.rows = self._inside[::COARSE]
         self.sums = columns.begun(X, self._whole, self.rows)
 
@@ -225,6 +262,15 @@ class _Flight:
         first = int(np.argmax(mass))
         span = np.cumsum(weight[first : first + width])
         return int(self._inside[first + np.searchsorted(span, 0.5 * span[-1])])
+
+    @property
+    def begins(self) -> bool:
+        """Is it settled on an instant of the flight?"""
+        return self.onset is not None and self.onset != NEVER
+
+    def leave_out(self) -> None:
+        """Absent from now on."""
+        self.now, self.onset = self.never, NEVER
 
     def settle(self, row: int | None) -> None:
         """Begins at this row from now on; None: from the start."""

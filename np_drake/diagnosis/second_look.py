@@ -39,6 +39,6 @@ def halved(flights: Sequence[Evidence]) -> tuple[list[Evidence], list[Evidence]]
             judges.append(e)
             continue
         half = dc.replace(log.rows(0, int(np.searchsorted(log.t, middle))), name=NAME.format(e.name))
-        halves.append(make_evidence(half, e.vehicle, e.grid.step))
+        halves.append(dc.replace(make_evidence(half, e.vehicle, e.grid.step), goes_on=True))
         judges.append(dc.replace(e, joined=e.t <= middle))
     return halves, judges

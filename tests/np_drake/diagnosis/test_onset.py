@@ -1,14 +1,26 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 
 from np_drake.diagnosis.candidates import effect_candidates, library_candidates
-from np_drake.diagnosis.onset import ANOTHER, FIRST, WEIGHTS, OnsetScan, gated_candidates, late_payloads
+from np_drake.diagnosis.onset import (
+    ABSENT,
+    ANOTHER,
+    FIRST,
+    WEIGHTS,
+    OnsetScan,
+    gated_candidates,
+    late_payloads,
+)
 from np_drake.diagnosis.payload_search import PayloadSearch
 from np_drake.diagnosis.search import Problem
+from np_drake.diagnosis.signature import NEVER
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.effects.weak_rotor import WeakRotor
 
 
@@ -54,6 +66,35 @@ def test_each_flight_has_its_own_onset(seen, noise):
     assert late.log_prior == problem.candidates[0].log_prior
     rows = round((12.0 - 2 * 0.7) / 0.02)
     assert FIRST + ANOTHER - 2 * np.log(rows) <= late.onset_prior < FIRST + ANOTHER - np.log(rows)
+
+
+def test_a_step_in_every_flight_is_no_drift_from_the_start(seen, noise):
+    step = ThrustDrift(1.004, 0.0)
+    whens = {"1": 5.0, "2": 5.0}
+    flights = [
+        seen(step, name=n, seed=int(n), noise=1.0, onset={"thrust_drift": when}) for n, when in whens.items()
+    ]
+    problem = problem_of(flights, noise, [step])
+    dut = OnsetScan(problem).best(problem.candidates[0])
+    assert dut.onset == pytest.approx(whens, abs=0.2)
+
+
+def test_what_has_not_begun_at_the_end_of_a_half_is_absent_from_it(seen, noise):
+    effect = MassError(0.2)
+    late = seen(effect, name="late", seed=1, noise=1.0, onset={"mass_error": 8.0})
+    without = seen(name="without", seed=2, noise=1.0, seconds=6.0)
+    for half in (dc.replace(without, goes_on=True), without):
+        problem = problem_of([late, half], noise, [effect])
+        dut = OnsetScan(problem).best(problem.candidates[0])
+        assert dut.onset["late"] == pytest.approx(8.0, abs=0.03)
+        assert dut.onset.get("without") == (NEVER if half.goes_on else None)
+        if half.goes_on:
+            assert FIRST + ABSENT - np.log(12.0 / 0.02) < dut.prior < FIRST + ABSENT
+    (alone,) = [dc.replace(without, goes_on=True)]
+    problem = problem_of([alone], noise, [effect])
+    assert (
+        OnsetScan(problem).best(problem.candidates[0]).onset == {}
+    )  # absent from none, where it begins in none
 
 
 def test_an_effect_begins_in_no_flight_that_shows_nothing_of_it(seen, noise):

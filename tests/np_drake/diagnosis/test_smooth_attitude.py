@@ -68,6 +68,28 @@ def test_a_bias_of_the_gyro_is_no_noise_of_the_attitude(fly):
     assert q is log.q
 
 
+def circling(tilt: float, turns: float, seconds: float = 20.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """t (n,) and attitudes (n, 4) of a body whose axis goes about the vertical, without yaw, and its rates (n, 3)."""
+    t = np.arange(0.0, seconds, 0.01)
+    about = 2 * np.pi * turns * t
+    q = from_rotation_vector(tilt * np.stack([np.cos(about), np.sin(about), 0 * t], axis=1))
+    w = rotation_vector(attitude.multiply(conjugate(q[:-1]), q[1:])) / 0.01
+    return t, q, np.concatenate([w[:1], 0.5 * (w[1:] + w[:-1]), w[-1:]])
+
+
+@pytest.mark.parametrize("off", [0.0, 0.03])
+def test_on_a_tight_circle_the_gyros_drift_is_not_left_to_the_attitude(off):
+    """off: what the reading is off by in body axes [rad], which stays."""
+    t, truth, w = circling(tilt=0.7, turns=0.9)
+    rng = np.random.default_rng(1)
+    read = attitude.multiply(truth, from_rotation_vector(0.008 * rng.normal(size=w.shape) + [0, off, 0]))
+    drift = 0.02 * np.stack([np.sin(0.3 * t), np.cos(0.4 * t), 0 * t], axis=1)  # up to 0.07 rad in all
+    q, _ = smooth_attitude(t, read, w + drift)
+    left = rotation_vector(attitude.multiply(conjugate(truth), q))[100:-100]
+    assert np.all(np.std(left[:, :2], axis=0) < 0.003)
+    np.testing.assert_allclose(left[:, 1].mean(), off, atol=0.002)
+
+
 def test_a_strong_bias_of_the_gyro_does_not_carry_the_attitude_away(fly):
     log = fly(GyroBias(0.05, -0.08, 0.06), attitude_noise=0.008, seconds=20.0)
     still = fly(attitude_noise=0.008, seconds=20.0)
