@@ -79,6 +79,18 @@ def test_what_unseen_flights_alone_show_is_unknown(ranked, channel, size):
     assert [f.name for f in dut.findings] == ["unseen flights"]
 
 
+@pytest.mark.parametrize("times, unknown", [(2.2, False), (2.8, True)])
+def test_a_slow_force_of_unseen_flights_alone_is_more_than_an_attitude_that_wanders(
+    ranked, monkeypatch, times, unknown
+):
+    case, rig = ranked(), Tolerance()
+    weight = case.unseen[0].vehicle.mass * case.unseen[0].vehicle.gravity
+    monkeypatch.setattr(remains_module, "slow_power", lambda *_: (times * weight * rig.attitude) ** 2)
+    left = {e.name: e.y for e in case.unseen}
+    assert (remains_module._novel(case.unseen, left, rig, 0.0, gusty=False) > 0.5) == unknown
+    assert remains_module._novel(case.unseen, left, rig, 0.0, gusty=True) < 0.5
+
+
 @pytest.mark.parametrize("channel", [0, 4], ids=["force", "torque"])
 @pytest.mark.parametrize("times", [0.7, 2.0], ids=["too small to matter", "large"])
 def test_a_line_is_unknown_where_it_is_large_enough_to_matter_however_clear_it_is(
