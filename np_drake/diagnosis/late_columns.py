@@ -27,14 +27,20 @@ class LateColumns:
         self._order = noise.phi.shape[1]
         self.t = evidence.t[self._order :]
         self._rise = rise(evidence.grid)
+        both = np.concatenate([self.beside, self.y[..., None]], axis=-1)
+        self._facing = noise.mixing.T @ both  # what drives a channel times this is what is white times `both`
 
     def whole(self, X: np.ndarray) -> Sums:
         """Of the columns (m', 15, k) as they are from each row (m + 1) on: a jump there is not in it."""
-        white = self._scale * self._e.white(self._noise, X)
-        Xt = np.swapaxes(white, 1, 2)
-        sums = Xt @ white, Xt @ self.beside, (Xt @ self.y[..., None])[..., 0]
-        XX, XB, Xy = (np.concatenate([np.cumsum(a[::-1], axis=0)[::-1], 0 * a[:1]]) for a in sums)
-        return XX, XB, Xy
+        channels, driven = self._noise.driven(self._e.bridged(X), self._e.name)
+        own = self._scale * driven
+        Xt = np.swapaxes(own, 1, 2)
+        sums = Xt @ (self._weight(channels) @ own), Xt @ self._facing[:, channels]
+        XX, XBy = (np.concatenate([np.cumsum(a[::-1], axis=0)[::-1], 0 * a[:1]]) for a in sums)
+        return XX, XBy[..., :-1], XBy[..., -1]
+
+    def _weight(self, channels: np.ndarray) -> np.ndarray:
+        return self._noise.weight[np.ix_(channels, channels)]
 
     def begun(self, X: np.ndarray, whole: Sums, rows: np.ndarray) -> Sums:
         """Of the columns (m', 15, k), each time switched on at one of the whitened rows (n,), as the grid smears it."""
@@ -42,21 +48,23 @@ class LateColumns:
         offsets = np.arange(-half - order, half + order + 1)
         gate = np.concatenate([np.zeros(order), self._rise, np.ones(order)])
         at = np.clip(rows + order + offsets[:, None], 0, len(X) - 1)
-        n, k, channels = len(rows), X.shape[-1], X.shape[1]
+        n, k, size = len(rows), X.shape[-1], X.shape[1]
         there = np.flatnonzero(X.any(axis=(0, 2)))
-        raw = np.zeros((len(offsets), channels, n, k))
+        raw = np.zeros((len(offsets), size, n, k))
         raw[:, there] = np.moveaxis(self._e.bridged(X[:, there])[at], 1, 2) * gate[:, None, None, None]
-        flat = raw.reshape(len(offsets), channels, n * k)
-        white = self._scale * self._noise.whiten(flat, self._e.name).reshape(-1, channels, n, k)
-        local = np.moveaxis(white, 2, 0)
+        channels, driven = self._noise.driven(raw, self._e.name)
+        own = self._scale * np.moveaxis(driven, 2, 0)
+        weighted, facing = self._weight(channels) @ own, self._facing[:, channels]
         later = np.clip(rows + half + order + 1, 0, m)
         XX, XB, Xy = (part[later] for part in whole)
         for i, row in enumerate(rows):
             first, end = max(0, row - half), later[i]
-            P = local[i, first - (row - half) :][: end - first].reshape(-1, k)
-            XX[i] += P.T @ P
-            XB[i] += P.T @ self.beside[first:end].reshape(len(P), -1)
-            Xy[i] += P.T @ self.y[first:end].ravel()
+            near = slice(first - (row - half), first - (row - half) + end - first)
+            P = own[i, near].reshape(-1, k)
+            XX[i] += P.T @ weighted[i, near].reshape(-1, k)
+            XBy = P.T @ facing[first:end].reshape(len(P), -1)
+            XB[i] += XBy[:, :-1]
+            Xy[i] += XBy[:, -1]
         return XX, XB, Xy
 
 

@@ -5,7 +5,9 @@ squares generalised least squares.   Source: Yule-Walker equations; the order is
 """
 
 import dataclasses as dc
+import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
@@ -47,16 +49,28 @@ class NoiseModel:
             self.step,
         )
 
+    @cached_property
+    def weight(self) -> np.ndarray:
+        """(c, c) of what drives the channels: the inverse of its covariance, zero for absent channels."""
+        return self.mixing.T @ self.mixing
+
     def whiten(self, values: np.ndarray, flight: str = "") -> np.ndarray:
         """(m - p, c, ...) white with unit variance, of channels (m, c, ...) of a flight; the first p rows go."""
+        channels, driven = self.driven(values, flight)
+        flat = driven.reshape(*driven.shape[:2], math.prod(values.shape[2:]))
+        mixed = np.matmul(np.ascontiguousarray(self.mixing[:, channels]), flat)
+        return mixed.reshape(len(mixed), *values.shape[1:])
+
+    def driven(self, values: np.ndarray, flight: str = "") -> tuple[np.ndarray, np.ndarray]:
+        """(a,) active channels in which something is, and (m - p, a, ...) what drives them, for values (m, c, ...)."""
         flat = np.asarray(values, float).reshape(*values.shape[:2], -1)
         parts = self._driven([flat], flight)
         n, k = len(flat) - self.phi.shape[1], flat.shape[2]
         driven = np.zeros((n, len(parts), k))
         for i, (_, some, part) in enumerate(parts):
             driven[:, i, slice(None) if len(some) == k else some] = part
-        mixed = np.matmul(np.ascontiguousarray(self.mixing[:, [c for c, _, _ in parts]]), driven)
-        return mixed.reshape(n, *values.shape[1:])
+        channels = np.array([c for c, _, _ in parts], dtype=int)
+        return channels, driven.reshape(n, len(parts), *values.shape[2:])
 
     def products(self, columns: Sequence[np.ndarray], flight: str = "") -> np.ndarray:
         """(k, k) inner products of columns, in groups (m, c, k_i) of a flight, once they are white.
@@ -64,7 +78,7 @@ class NoiseModel:
         A column that is zero in most channels, as those of most effects are, is nothing there to be multiplied.
         """
         size = sum(X.shape[-1] for X in columns)
-        weight, out = self.mixing.T @ self.mixing, np.zeros((size, size))
+        weight, out = self.weight, np.zeros((size, size))
         parts = self._driven(columns, flight)
         for i, (c, some, own) in enumerate(parts):
             for d, others, beside in parts[: i + 1]:

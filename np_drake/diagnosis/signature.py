@@ -153,9 +153,9 @@ def _wrenches(evidence: Evidence, terms: Sequence[Term], thrust: Thrust) -> np.n
     name, vehicle = evidence.name, evidence.vehicle
     mids_only = evidence.log.a is None
     parts = []
-    for instants, f, rate in (
-        (evidence.rows, thrust[1] if mids_only else thrust[0], thrust[3] if mids_only else thrust[2]),
-        (evidence.mids, thrust[1], thrust[3]),
+    for instants, f, rate, asked in (
+        (evidence.rows, *((thrust[1], thrust[3]) if mids_only else (thrust[0], thrust[2])), "pushes"),
+        (evidence.mids, thrust[1], thrust[3], "turns"),
     ):
         wind = np.zeros((len(instants.t), 3))
         for term in acting:
@@ -163,8 +163,10 @@ def _wrenches(evidence: Evidence, terms: Sequence[Term], thrust: Thrust) -> np.n
             assert isinstance(effect, WrenchEffect)
             wind = wind + effect.air_velocity(instants.t) * gate(instants.t, term.begins(name))
         motion = Motion(instants.t, instants.x, f, wind, rate)
-        chi = sum(t.effect.wrench(vehicle, motion) * gate(instants.t, t.begins(name)) for t in acting)  # type: ignore[attr-defined]
-        parts.append(np.asarray(chi))
+        chi = np.zeros((len(instants.t), 6))
+        for term in (t for t in acting if getattr(t.effect, asked)):
+            chi += term.effect.wrench(vehicle, motion) * gate(instants.t, term.begins(name))  # type: ignore[attr-defined]
+        parts.append(chi)
     force = attitude.rotate_back(evidence.rows.q, parts[0][:, :3])
     return evidence.on_grid(force, parts[1][:, 3:])
 

@@ -84,10 +84,16 @@ class Motion:
 
 
 class WrenchEffect(Effect):
-    """Adds a wrench to the body, or moves the air (`air_velocity`), which the drags of the same model feel."""
+    """Adds a wrench to the body, or moves the air (`air_velocity`), which the drags of the same model feel.
+
+    pushes, turns, feels_rotor_rate: has it a force, a torque, is it one of rotor acceleration? False spares the fit,
+    or the simulator, an evaluation.
+    """
 
     place = "wrench"
-    feels_rotor_rate: ClassVar[bool] = True  # False spares the simulator its evaluation
+    pushes: ClassVar[bool] = True
+    turns: ClassVar[bool] = True
+    feels_rotor_rate: ClassVar[bool] = True
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) its part of chi = [f in W, tau in B] [N, N·m]; the force acts at Bo."""

@@ -21,6 +21,7 @@ class BladeFlapping(WrenchEffect):
 
     identifier: ClassVar[str] = "blade_flapping"
     feels_rotor_rate: ClassVar[bool] = False
+    pushes: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("moment", "N·m·s/m", 0.0, -0.2, 0.2, 0.02),)
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:

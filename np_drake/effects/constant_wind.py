@@ -18,6 +18,8 @@ class ConstantWind(WrenchEffect):
 
     identifier: ClassVar[str] = "constant_wind"
     feels_rotor_rate: ClassVar[bool] = False
+    pushes: ClassVar[bool] = False
+    turns: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ("linear_drag", "quadratic_drag")
     linear: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(

@@ -39,6 +39,8 @@ class GustyWind(WrenchEffect):
 
     identifier: ClassVar[str] = "gusty_wind"
     feels_rotor_rate: ClassVar[bool] = False
+    pushes: ClassVar[bool] = False
+    turns: ClassVar[bool] = False
     needs: ClassVar[tuple[str, ...]] = ("linear_drag", "quadratic_drag")
     linear: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (

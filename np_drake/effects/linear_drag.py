@@ -25,6 +25,7 @@ class LinearDrag(WrenchEffect):
 
     identifier: ClassVar[str] = "linear_drag"
     feels_rotor_rate: ClassVar[bool] = False
+    turns: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(name, "N·s/m", 0.0, -0.2, 3.0, 0.3) for name in ("d_x", "d_y", "d_z")
     )

@@ -26,6 +26,7 @@ class MixerGain(WrenchEffect):
     identifier: ClassVar[str] = "mixer_gain"
     begins: ClassVar[bool] = False
     feels_rotor_rate: ClassVar[bool] = False
+    pushes: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(name, "1", 1.0, 0.0, 2.0, 0.5) for name in ("roll", "pitch", "yaw")
     )

@@ -23,6 +23,7 @@ class QuadraticDrag(WrenchEffect):
 
     identifier: ClassVar[str] = "quadratic_drag"
     feels_rotor_rate: ClassVar[bool] = False
+    turns: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(name, "N·s²/m²", 0.0, -0.1, 2.0, 0.08) for name in ("c_x", "c_y", "c_z")
     )

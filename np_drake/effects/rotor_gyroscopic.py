@@ -21,6 +21,7 @@ class RotorGyroscopic(WrenchEffect):
     rotor_inertia: float = 6.0e-5  # of one rotor about its axis [kg·m²]
 
     identifier: ClassVar[str] = "rotor_gyroscopic"
+    pushes: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("rotor_inertia", "kg·m²", 0.0, -2e-4, 3e-3, 1e-4),
     )

@@ -21,6 +21,7 @@ class TranslationalLift(WrenchEffect):
 
     identifier: ClassVar[str] = "translational_lift"
     feels_rotor_rate: ClassVar[bool] = False
+    turns: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("lift", "N·s²/m²", 0.0, -0.3, 1.0, 0.05),)
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:

@@ -53,6 +53,12 @@ def test_an_effect_that_says_so_feels_no_rotor_rate(effect, motion: Motion):
 
 
 @every(WrenchEffect, but=(SuspendedPayload,))
+def test_an_effect_that_says_so_has_no_force_or_no_torque(effect, motion: Motion):
+    chi = effect().wrench(VEHICLE, motion)
+    assert (chi[:, :3].any(), chi[:, 3:].any()) == (effect.pushes, effect.turns)
+
+
+@every(WrenchEffect, but=(SuspendedPayload,))
 def test_neutral_wrench_effect_does_nothing(effect, motion: Motion):
     dut = effect.neutral()
     np.testing.assert_array_equal(dut.wrench(VEHICLE, motion), np.zeros((7, 6)))
