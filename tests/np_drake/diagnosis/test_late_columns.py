@@ -1,0 +1,38 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.late_columns import LateColumns
+from np_drake.diagnosis.signature import Term, signature
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.weak_rotor import WeakRotor
+
+SCALE = 0.7
+
+
+@pytest.mark.parametrize("loud", [False, True], ids=["alike", "a flight louder than the model"])
+@pytest.mark.parametrize(
+    "effects", [[MassError(0.2)], [LinearDrag(0.3, 0.3, 0.3), WeakRotor(1, 0.9)]], ids=["one", "two"]
+)
+def test_sums_are_those_of_the_whitened_columns_from_each_row_on(seen, noise, effects, loud):
+    flight = seen(name="1", seed=1, noise=1.0, seconds=6.0)
+    noise = dc.replace(noise, loudness={"1": np.linspace(0.5, 2.0, 15)}) if loud else noise
+    X = np.stack([signature(flight, [Term(effect)]) for effect in effects], axis=-1)
+    B = signature(flight, [Term(CenterOfMassOffset(0.01, 0.0, 0.0))])[..., None]
+    dut = LateColumns(flight, noise, flight.y, B, SCALE)
+    whole = dut.whole(X)
+    rows = np.array([40, 150, len(dut.t) - 40])
+    found = dut.begun(X, whole, rows)
+    y, beside = (SCALE * flight.white(noise, part) for part in (flight.y, B))
+    np.testing.assert_allclose(dut.y, y)
+    for i, row in enumerate(rows):
+        late = SCALE * flight.white(noise, X * flight.begun(dut.t[row])[..., None])
+        for sums, other in zip(found, (late, beside, y), strict=True):
+            expected = np.tensordot(late, other, axes=([0, 1], [0, 1]))
+            np.testing.assert_allclose(sums[i], expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
+    always = SCALE * flight.white(noise, X)
+    expected = np.tensordot(always, always, axes=([0, 1], [0, 1]))
+    np.testing.assert_allclose(whole[0][0], expected, rtol=1e-9)
