@@ -90,14 +90,15 @@ class NoiseModel:
 
     def _driven(self, columns: Sequence[np.ndarray], flight: str) -> list[tuple[int, np.ndarray, np.ndarray]]:
         """Active channels in which something is: each with its columns that are, and what drives them (m - p, k')."""
-        there = np.concatenate([X.any(axis=0) for X in columns], axis=-1)
+        there = [np.asarray(X.any(axis=0)) for X in columns]
+        acts = np.array([some.any(axis=-1) for some in there])
+        groups = list(zip(columns, there, strict=True))
         loudness, parts = self.loudness.get(flight), []
-        for c in np.flatnonzero(self.active & there.any(axis=-1)):
-            own = [X[:, c, s] for X, s in zip(columns, _split(there[c], columns), strict=True) if s.any()]
+        for c in np.flatnonzero(self.active & acts.any(axis=0)):
+            own = [X[:, c, some[c]] for (X, some), here in zip(groups, acts[:, c], strict=True) if here]
             driven = _innovations(self.phi[c], np.ascontiguousarray(np.concatenate(own, axis=1)))
-            parts.append(
-                (int(c), np.flatnonzero(there[c]), driven if loudness is None else driven / loudness[c])
-            )
+            where = np.flatnonzero(np.concatenate([some[c] for some in there]))
+            parts.append((int(c), where, driven if loudness is None else driven / loudness[c]))
         return parts
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:
@@ -105,11 +106,6 @@ class NoiseModel:
         z = np.exp(-2j * np.pi * frequency * self.step)
         powers = z[None, :] ** np.arange(1, self.phi.shape[1] + 1)[:, None]
         return 2 * self.step * self.innovation[:, None] / np.abs(1 - self.phi @ powers) ** 2
-
-
-def _split(there: np.ndarray, columns: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """(k,) as it falls to the groups of columns."""
-    return np.split(there, np.cumsum([X.shape[-1] for X in columns])[:-1])
 
 
 def _innovations(phi: np.ndarray, values: np.ndarray) -> np.ndarray:
