@@ -62,7 +62,7 @@ class LateColumns:
             near = slice(first - (row - half), first - (row - half) + end - first)
             P = own[i, near].reshape(-1, k)
             XX[i] += P.T @ weighted[i, near].reshape(-1, k)
-            XBy = P.T @ facing[first:end].reshape(len(P), -1)
+            XBy = P.T @ facing[first:end].reshape(-1, self._facing.shape[-1])
             XB[i] += XBy[:, :-1]
             Xy[i] += XBy[:, -1]
         return XX, XB, Xy

@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.special import logsumexp
@@ -17,9 +17,7 @@ from np_drake.effects.library import effects_for
 MARGIN = 0.7  # from either end of a flight, in which no onset is looked for [s]
 FIRST = math.log(1 / 6)  # prior of an onset in a flight; own choice
 ANOTHER = math.log(1 / 2)  # and in one more; own choice
-ABSENT = math.log(
-    1 / 4
-)  # of what begins in another flight not having begun at the end of this one; own choice
+ABSENT = math.log(1 / 4)  # of one that has not begun at the end of this flight; own choice
 LEAST = 1.0  # gain in log evidence, prior included, from which an onset is tried; own choice
 SUBSTANTIAL = 8.0  # from which a payload is looked for that is hung on in flight; own choice
 WEIGHTS = (("mass_error",), ("thrust_scale",))
@@ -101,7 +99,7 @@ def _at_rest(payload: Candidate) -> Candidate:
 class Onsets:
     """onset: by flight, where it does not act from the start [s]; infinite: not at all.
 
-    prior: log prior of all of them; gain: in log evidence by them.
+    prior: log prior of all of them; gain: in log evidence over all from the start.
     evidence: log evidence of the candidate, over that of what is beside it alone.
     """
 
@@ -157,24 +155,25 @@ class OnsetScan:
             for n, f in self._flights.items()
         }
         found = [self._climbed(scans)]
-        if sum(self._begins_alone(scan) for scan in scans.values()) > 1:
+        for scan in scans.values():
+            self._settle_alone(scan)
+        if sum(scan.begins for scan in scans.values()) > 1:
             found.append(self._climbed(scans))
         return max(found, key=lambda f: f.evidence + f.prior)
 
-    def _begins_alone(self, scan: "_Flight") -> bool:
-        """Settles a flight where the effect would begin with figures of that flight's own: does it in flight?
+    def _settle_alone(self, scan: "_Flight") -> None:
+        """Where the effect would begin with figures of that flight's own, no prior asked: to climb from there.
 
         Flights that start from its beginning in all others may never leave it: a drift from the start stands for a
         step in each.
         """
         profile = self._evidence(scan.sums, [])
-        late = len(profile) > 0 and profile.max() > self._evidence(scan.start, [])[0]
+        late = profile.max(initial=-np.inf) > self._evidence(scan.start, [])[0]
         scan.settle(scan.rows[np.argmax(profile)] if late else None)
-        return late
 
     def _climbed(self, scans: dict[str, "_Flight"]) -> "Onsets":
         """From where they are settled, flight by flight, the others as they are."""
-        gains, widths = dict[str, float](), dict[str, float]()
+        widths = dict[str, float]()
         for _ in range(2):
             for name, scan in scans.items():
                 rest = [s.now for n, s in scans.items() if n != name]
@@ -184,27 +183,28 @@ class OnsetScan:
                     profile = self._evidence(scan.sums, rest)
                 start, never = (float(self._evidence(sums, rest)[0]) for sums in (scan.start, scan.never))
                 others = any(s.begins for n, s in scans.items() if n != name)
+                may_lack = others and scan.goes_on
                 best, widths[name] = float(profile.max(initial=-np.inf)), scan.log_width(profile)
-                prior = (ANOTHER if others else FIRST) + widths[name]
-                if best + prior - max(start, never) > LEAST:
-                    gains[name] = best - start
+                best += (ANOTHER if others else FIRST) + widths[name]
+                never += ABSENT if may_lack else 0.0
+                if best - max(start, never) > LEAST:
                     scan.settle(scan.most_likely(profile))
-                elif others and scan.goes_on and never + ABSENT - start > LEAST:
-                    gains[name] = never - start
+                elif may_lack and never - start > LEAST:
                     scan.leave_out()
                 else:
                     scan.settle(None)
             if not any(scan.begins for scan in scans.values()):
                 break
+        onset = _onsets(scans)
         begin = [n for n, scan in scans.items() if scan.begins]
-        if not begin:  # what begins nowhere is absent from none
-            for scan in scans.values():
-                scan.settle(None)
-        onset: dict[str, float | None] = {n: s.onset for n, s in scans.items() if s.onset is not None}
         prior = sum(widths[n] for n in begin) + ABSENT * (len(onset) - len(begin))
         prior += FIRST + ANOTHER * (len(begin) - 1) if begin else 0.0
-        first, *rest = (scan.now for scan in scans.values())
-        return Onsets(onset, prior, sum(gains[n] for n in onset), float(self._evidence(first, rest)[0]))
+        now, start = (self._together([getattr(s, at) for s in scans.values()]) for at in ("now", "start"))
+        return Onsets(onset, prior, now - start, now)
+
+    def _together(self, sums: Sequence[Sums]) -> float:
+        """Log evidence with these sums of all flights."""
+        return float(self._evidence(sums[0], list(sums[1:]))[0])
 
     def _evidence(self, own: Sums, rest: list[Sums]) -> np.ndarray:
         """(n,) log evidence with these sums of one flight, each with those of the rest."""
@@ -213,6 +213,14 @@ class OnsetScan:
         b = Xy - XB @ self._mean
         explained = 0.5 * np.einsum("mi,mi->m", b, np.linalg.solve(A, b[..., None])[..., 0])
         return explained - 0.5 * np.linalg.slogdet(A)[1]
+
+
+def _onsets(scans: Mapping[str, "_Flight"]) -> dict[str, float | None]:
+    """Of the flights in which it does not act from the start. What begins nowhere is absent from none."""
+    if not any(scan.begins for scan in scans.values()):
+        for scan in scans.values():
+            scan.settle(None)
+    return {name: scan.onset for name, scan in scans.items() if scan.onset is not None}
 
 
 class _Flight:

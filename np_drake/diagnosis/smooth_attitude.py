@@ -7,7 +7,7 @@ from np_drake import attitude
 
 CROSSOVER = 1.0  # [Hz]; own choice: above it the gyro is better than a reading of 1 mrad or worse
 DRIFT = 0.2  # [Hz]; own choice: below it the gyro drifts, in W, and a reading wanders, in the body
-ROUNDS = 3  # in which the two are told apart; own choice: a fourth gains 5 % on a tight circle
+ROUNDS = 3  # in which the two are told apart; own choice
 QUIET = 1e-3  # attitude noise below which readings are used as they are [rad]
 
 
@@ -55,8 +55,20 @@ def _rate_bias(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> np.ndarray:
     return np.sum(0.5 * (w[1:] + w[:-1]) * dt - turned, axis=0) / (t[-1] - t[0])
 
 
+def _unwound(r: np.ndarray) -> np.ndarray:
+    """(n, 3) the rotation vectors r (n, 3), each as many turns further along its axis as is next to the one before."""
+    angle = np.linalg.norm(r, axis=1)
+    if angle.max() < 0.5 * np.pi:
+        return r
+    out = r.copy()
+    for i, axis in enumerate(r / np.maximum(angle, 1e-12)[:, None]):
+        turns = round(float(out[max(i - 1, 0)] @ axis - angle[i]) / (2 * np.pi))
+        out[i] = (angle[i] + 2 * np.pi * turns) * axis
+    return out
+
+
 def _low_pass(values: np.ndarray, step: float, band: float) -> np.ndarray:
-    """(n, 3) zero phase, second order [Hz]."""
+    """(n, 3) of values (n, 3), zero phase, of second order either way; `band` in Hz."""
     sos = signal.butter(2, band * 2 * step, output="sos")
     return signal.sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(1 / (band * step))))
 
@@ -70,7 +82,7 @@ def _without_drift(carried: np.ndarray, q: np.ndarray, step: float) -> np.ndarra
     wander = np.zeros((len(q), 3))
     for _ in range(ROUNDS):
         was = attitude.multiply(q, from_rotation_vector(-wander))
-        drift = np.unwrap(rotation_vector(attitude.multiply(was, conjugate(carried))), axis=0)
+        drift = _unwound(rotation_vector(attitude.multiply(was, conjugate(carried))))
         carried = attitude.multiply(from_rotation_vector(_low_pass(drift, step, DRIFT)), carried)
         wander = _low_pass(rotation_vector(attitude.multiply(conjugate(carried), q)), step, DRIFT)
     return carried

@@ -7,7 +7,7 @@ leading axes. An effect acts at one of four places: wrench, actuator, mass, meas
 
 import dataclasses as dc
 from collections.abc import Mapping
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -86,14 +86,21 @@ class Motion:
 class WrenchEffect(Effect):
     """Adds a wrench to the body, or moves the air (`air_velocity`), which the drags of the same model feel.
 
-    pushes, turns, feels_rotor_rate: has it a force, a torque, is it one of rotor acceleration? False spares the fit,
-    or the simulator, an evaluation.
+    pushes, turns: has it a force, a torque? The fit takes none from an effect that says no.   feels_rotor_rate: does it
+    depend on the rotors' acceleration? The simulator gives none to one that says no. A class with a `wrench` of its
+    own says so for itself.
     """
 
     place = "wrench"
     pushes: ClassVar[bool] = True
     turns: ClassVar[bool] = True
     feels_rotor_rate: ClassVar[bool] = True
+
+    def __init_subclass__(cls, **given: Any) -> None:
+        super().__init_subclass__(**given)
+        for flag in ("pushes", "turns", "feels_rotor_rate") if "wrench" in vars(cls) else ():
+            if flag not in vars(cls):
+                setattr(cls, flag, True)
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) its part of chi = [f in W, tau in B] [N, N·m]; the force acts at Bo."""

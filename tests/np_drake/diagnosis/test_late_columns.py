@@ -3,11 +3,14 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.held_out import adapt
 from np_drake.diagnosis.late_columns import LateColumns
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
+from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.weak_rotor import WeakRotor
 
 SCALE = 0.7
@@ -36,3 +39,13 @@ def test_sums_are_those_of_the_whitened_columns_from_each_row_on(seen, noise, ef
     always = SCALE * flight.white(noise, X)
     expected = np.tensordot(always, always, axes=([0, 1], [0, 1]))
     np.testing.assert_allclose(whole[0][0], expected, rtol=1e-9)
+
+
+def test_what_leaves_no_trace_has_no_sums_and_begins_nowhere(seen, noise):
+    flight = seen(name="1", seed=1, noise=1.0, seconds=6.0)
+    dut = LateColumns(flight, noise, flight.y, np.zeros((*flight.y.shape, 0)))
+    nothing = np.zeros((*flight.y.shape, 2))
+    assert not any(part.any() for part in dut.begun(nothing, dut.whole(nothing), np.array([40, 150])))
+    for effect in (MotorLag(0.0), CommandDelay(0.0)):
+        (term,) = adapt([Term(effect)], flight, noise)
+        assert term.begins("1") is None

@@ -1,4 +1,5 @@
 import dataclasses as dc
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from np_drake.diagnosis.onset import (
     FIRST,
     WEIGHTS,
     OnsetScan,
+    _onsets,
     gated_candidates,
     late_payloads,
 )
@@ -90,11 +92,30 @@ def test_what_has_not_begun_at_the_end_of_a_half_is_absent_from_it(seen, noise):
         assert dut.onset.get("without") == (NEVER if half.goes_on else None)
         if half.goes_on:
             assert FIRST + ABSENT - np.log(12.0 / 0.02) < dut.prior < FIRST + ABSENT
-    (alone,) = [dc.replace(without, goes_on=True)]
-    problem = problem_of([alone], noise, [effect])
-    assert (
-        OnsetScan(problem).best(problem.candidates[0]).onset == {}
-    )  # absent from none, where it begins in none
+
+
+def test_what_begins_nowhere_is_absent_from_none():
+    def settle(row):
+        half.onset = row
+
+    half = SimpleNamespace(begins=False, onset=NEVER, settle=settle)
+    whole = SimpleNamespace(begins=True, onset=3.0, settle=settle)
+    assert _onsets({"half": half, "whole": whole}) == {"half": NEVER, "whole": 3.0}
+    assert _onsets({"half": half}) == {}
+
+
+def test_gain_is_over_all_from_the_start_however_many_begin(seen, noise):
+    effect = MassError(0.2)
+    whens = {"1": 4.0, "2": 6.0, "3": 8.0}
+    flights = [
+        seen(effect, name=n, seed=int(n), noise=1.0, onset={"mass_error": when}) for n, when in whens.items()
+    ]
+    problem = problem_of(flights, noise, [effect])
+    scan = OnsetScan(problem)
+    dut = scan.best(problem.candidates[0])
+    assert dut.onset.keys() == whens.keys()
+    start = [tuple(part[[0]] for part in sums) for sums in scan.whole(problem.candidates[0]).values()]
+    assert dut.gain == pytest.approx(dut.evidence - scan._evidence(start[0], start[1:])[0])
 
 
 def test_an_effect_begins_in_no_flight_that_shows_nothing_of_it(seen, noise):

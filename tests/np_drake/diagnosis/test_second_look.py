@@ -78,6 +78,7 @@ def test_a_half_is_the_flight_up_to_its_middle_and_its_rows_do_not_count(seen):
     flight = seen(name="c", seconds=10.0)
     (half,), (judge,) = halved([flight])
     assert half.name == "first half of c"
+    assert (half.goes_on, judge.goes_on, flight.goes_on) == (True, False, False)
     assert half.log.t[-1] < 5.0 <= half.log.t[-1] + 2 * flight.log.step
     assert half.grid.step == pytest.approx(flight.grid.step)
     np.testing.assert_array_equal(scored([], judge), judge.t > 5.0)

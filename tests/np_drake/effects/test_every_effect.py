@@ -16,7 +16,8 @@ from np_drake.effects.base import (
     WrenchEffect,
 )
 from np_drake.effects.clock_offset import ClockOffset
-from np_drake.effects.library import LIBRARY
+from np_drake.effects.library import LIBRARY, effects_for
+from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.logs.columns import COLUMNS
 from np_drake.vehicle import Vehicle
@@ -52,10 +53,24 @@ def test_an_effect_that_says_so_feels_no_rotor_rate(effect, motion: Motion):
     assert same != effect.feels_rotor_rate
 
 
-@every(WrenchEffect, but=(SuspendedPayload,))
+@pytest.mark.parametrize(
+    "effect", [e for e in effects_for("rotor_speed").values() if issubclass(e, WrenchEffect)]
+)
 def test_an_effect_that_says_so_has_no_force_or_no_torque(effect, motion: Motion):
     chi = effect().wrench(VEHICLE, motion)
     assert (chi[:, :3].any(), chi[:, 3:].any()) == (effect.pushes, effect.turns)
+
+
+def test_a_wrench_of_its_own_inherits_no_such_word():
+    class Twisting(LinearDrag):
+        def wrench(self, vehicle, motion):
+            return super().wrench(vehicle, motion) + 1e-3
+
+    class Plain(LinearDrag):
+        pass
+
+    assert (Twisting.pushes, Twisting.turns, Twisting.feels_rotor_rate) == (True, True, True)
+    assert (Plain.pushes, Plain.turns, Plain.feels_rotor_rate) == (True, False, False)
 
 
 @every(WrenchEffect, but=(SuspendedPayload,))
