@@ -32,8 +32,7 @@ LEAST_SHARE = 0.03  # of the gap, and of a channel's power, below which structur
 FAINT = 0.4  # share of a threshold that unseen flights must show as well; own choice
 MUCH = 0.3  # share of the power of a slow force or torque of unseen flights that no good model leaves; own choice
 SWUNG = 0.25  # the same, beside a payload: what a swing that is lost at a snap leaves; own choice
-NOVEL_TORQUE = 2.0  # times its threshold, at which one of unseen flights alone tells; own choice
-NOVEL_FORCE = 2.5  # the same; own choice: at 2 rigs whose attitude wanders more in one flight were `unknown`
+NOVEL = 2.0  # times a threshold at which unseen flights alone tell; own choice
 BEYOND = 0.9  # probability of something else where an effect needs a figure beyond its bounds; own choice
 HARM = -1.0  # log likelihood on unseen flights below which a structure does not repeat
 STEEP = 6.0  # of the probability with the logarithm of a ratio; own choice
@@ -157,13 +156,13 @@ def _novel(
     not repeat, are no such force.   usual: slow power that is left of the flights of the fit [N²].
     """
     torque, share = slow_torque(unseen, left)
-    twists = _above(torque, NOVEL_TORQUE * SLOW_TORQUE[tolerance.real]) if share > MUCH else 0.0
+    twists = _above(torque, NOVEL * SLOW_TORQUE[tolerance.real]) if share > MUCH else 0.0
     before, after = slow_power(unseen, {e.name: e.y for e in unseen}), slow_power(unseen, left)
     weight = unseen[0].vehicle.mass * unseen[0].vehicle.gravity
     if gusty or after < MUCH * before or after < (0.5 * MATERIAL_FORCE * weight) ** 2:
         return twists
     ratio = np.sqrt(after / max(usual, (weight * tolerance.attitude) ** 2))
-    return max(twists, _above(float(ratio), NOVEL_FORCE))
+    return max(twists, _above(float(ratio), NOVEL))
 
 
 def _beyond(effect: Effect) -> Finding:

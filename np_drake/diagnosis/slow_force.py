@@ -82,19 +82,24 @@ def slow_force(
 
 
 def slow_power(flights: Sequence[Evidence], left: Mapping[str, np.ndarray]) -> float:
-    """Of what is left (m, 15), as position shows it: mean square of a level axis, its mean apart [N²]."""
-    spectra = [_spectra(e, left[e.name]) for e in flights]
+    """Of what is left (m, 15), as position shows it: mean square of a level axis, its mean apart [N²].
+
+    In the body as in W: an attitude that is read askew turns with a vehicle that yaws.
+    """
+    spectra = [_spectra(e, left[e.name], upright=True) for e in flights]
     width = [s.f[0] for s in spectra]
     power = [np.sum(np.mean(s.values[0] ** 2, axis=1)) * w for s, w in zip(spectra, width, strict=True)]
     return float(flights[0].vehicle.mass ** 2 * np.mean(power))
 
 
-def _spectra(e: Evidence, left: np.ndarray) -> _Spectra:
+def _spectra(e: Evidence, left: np.ndarray, *, upright: bool = False) -> _Spectra:
+    """upright: without its mean in the body."""
     step, R = e.grid.step, attitude_on_grid(e)
     slip = attitude.rotate(R, left[:, POSITION])
     from_position = np.gradient(slip, step, axis=0) + attitude.rotate(R, left[:, VELOCITY])
     read = left[:, FORCE] / e.vehicle.mass
     both = [read + attitude.rotate_back(R, from_position), *([read] if e.turned else [])]
+    both = [b - b.mean(axis=0) for b in both] if upright else both
     across = [attitude.rotate(R, b * [1.0, 1.0, 0.0])[:, :2] for b in both]
     edge = round(0.25 / (TOP * step))
     slow = [low_pass(a, step, 4 * TOP)[edge : len(a) - edge] for a in across]

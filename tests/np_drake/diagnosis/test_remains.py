@@ -79,7 +79,7 @@ def test_what_unseen_flights_alone_show_is_unknown(ranked, channel, size):
     assert [f.name for f in dut.findings] == ["unseen flights"]
 
 
-@pytest.mark.parametrize("times, unknown", [(2.2, False), (2.8, True)])
+@pytest.mark.parametrize("times, unknown", [(1.7, False), (2.3, True)])
 def test_a_slow_force_of_unseen_flights_alone_is_more_than_an_attitude_that_wanders(
     ranked, monkeypatch, times, unknown
 ):

@@ -14,6 +14,7 @@ from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.slow_force import LEAST, SlowForce, _markov, slow_force, slow_power
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.rigid_body import Q
 
 DRAG = LinearDrag(0.3, 0.3, 0.3)
 
@@ -124,3 +125,20 @@ def test_the_power_of_a_slow_force_is_its_mean_square_and_a_fast_one_has_none(se
             left[e.name] = np.zeros_like(e.y)
             left[e.name][:, FORCE] = force
         assert slow_power(flights, left) == pytest.approx(expected, rel=0.1, abs=0.01)
+
+
+def test_an_attitude_that_is_read_askew_is_no_slow_force_where_the_vehicle_yaws(seen):
+    flight, _ = flown(seen, seconds=20.0)
+    x = flight.rows.x.copy()
+    half = 0.2 * flight.rows.t
+    x[:, Q] = np.column_stack([np.cos(half), 0 * half, 0 * half, np.sin(half)])
+    yawing = dc.replace(flight, rows=dc.replace(flight.rows, x=x))
+    askew, wind = np.zeros_like(yawing.y), np.zeros_like(yawing.y)
+    askew[:, FORCE] = [0.8, -0.5, 0.0]
+    wind[:, FORCE] = attitude.rotate_back(
+        attitude_on_grid(yawing), np.tile([0.8, -0.5, 0.0], (len(yawing.t), 1))
+    )
+    size = 0.8**2 + 0.5**2
+    assert slow_power([yawing], {"1": askew}) < 1e-6 * size
+    assert slow_power([yawing], {"1": wind}) < 0.1 * size
+    assert slow_power([yawing], {"1": wind * np.sin(1.5 * yawing.t)[:, None]}) > 0.1 * size
