@@ -23,10 +23,12 @@ FIGURES = LinearDrag.parameters
 
 def drag_in_gusts(
     drag: Cause, flights: Sequence[Evidence], felt: Mapping[str, np.ndarray], begins: Begins
-) -> Cause:
-    """The drag with figures and intervals under the gusts' own covariance; as it is, where that gives no drag.
+) -> Cause | None:
+    """The drag with figures and intervals under the gusts' own covariance; None where no wind acts through it.
 
-    Where the drag acts before the wind begins, what is felt until then counts with white noise alone.
+    As it is, where it has no such figures. Where the drag that was found would feel no wind, least squares having lost
+    it to the gusts, one is sought from its usual size. Where the drag acts before the wind begins, what is felt until
+    then counts with white noise alone.
 
     Args:
         felt: by flight, (m, 15) what drag and wind together leave in it.
@@ -35,21 +37,23 @@ def drag_in_gusts(
     that each bin's velocity is known from those before it; level axes share most of their size, as those of one
     airframe do (own choice: `APART`; x and y of rotor drag 0.54 and 0.39 1/s, Faessler et al. 2018).
     """
-    d = np.array([drag.parameters[p.name].value for p in FIGURES])
+    found = np.array([drag.parameters[p.name].value for p in FIGURES])
+    known = _feels(found)
+    d = found if known else np.array([p.typical for p in FIGURES])
     early = all(drag.onset.get(e.name) is None for e in flights)
     pieces = [piece for e in flights for piece in _pieces(e, felt[e.name], begins.get(e.name), early=early)]
     for _ in range(ROUNDS):
         if not _feels(d):
-            return drag
+            return drag if known else None
         left = {e.name: felt[e.name] - drag_trace(e, LinearDrag(*d.tolist()), begins) for e in flights}
         d, deviation = _estimate(pieces, width(flights[0]), wind_force(flights, left, begins), d)
     if not _feels(d):
-        return drag
-    found = {
+        return drag if known else None
+    figures = {
         p.name: Estimate(value, p.unit, (value - Z * sd, value + Z * sd))
         for p, value, sd in zip(FIGURES, d.tolist(), deviation.tolist(), strict=True)
     }
-    return dc.replace(drag, parameters=found, effect=LinearDrag(*d.tolist()))
+    return dc.replace(drag, parameters=figures, effect=LinearDrag(*d.tolist()))
 
 
 def drag_trace(e: Evidence, drag: LinearDrag, begins: Begins) -> np.ndarray:

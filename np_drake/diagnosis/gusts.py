@@ -49,7 +49,10 @@ def as_gusts(
         return causes
     if not tolerance.real:  # a rig's attitude errs slowly, with a gust's power
         onset = _begins(flights, unseen, felt, drag, onset, together=together)
-    drag = drag_in_gusts(drag, flights, felt, onset)
+    felt_by = drag_in_gusts(drag, flights, felt, onset)
+    if felt_by is None:
+        return causes
+    drag = felt_by
     begun = onset if together else drag.onset
     rest = {e.name: felt[e.name] - _trace(e, drag, begun) for e in flights}
     force = wind_force(flights, rest, onset)

@@ -8,7 +8,9 @@ import pytest
 from np_drake import attitude
 from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.gust_drag import drag_in_gusts
+from np_drake.diagnosis.gusts import as_gusts
 from np_drake.diagnosis.hidden_swing import attitude_on_grid
+from np_drake.diagnosis.rig import LABORATORY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.rigid_body import P, V
 
@@ -127,10 +129,12 @@ def test_a_drag_that_acts_before_the_wind_is_known_from_then(flights):
 
 
 def test_it_does_not_matter_from_which_drag_the_search_starts(flights):
-    two = [
-        values_of(found(flights, np.random.default_rng(3), first)) for first in ((0.1,) * 3, (0.4, 0.5, 0.3))
+    some = [
+        values_of(found(flights, np.random.default_rng(3), first))
+        for first in ((0.1,) * 3, (0.4, 0.5, 0.3), (-0.09, -0.04, 0.1))  # the last lost to the gusts
     ]
-    assert two[0] == pytest.approx(two[1], rel=0.02)
+    assert some[0] == pytest.approx(some[1], rel=0.02)
+    assert some[0] == pytest.approx(some[2], rel=0.02)
 
 
 def test_an_axis_along_which_nothing_moves_is_like_the_other_level_one(flights):
@@ -157,3 +161,6 @@ def test_where_no_drag_is_there_the_cause_stays_as_it_is(flights):
         felt[e.name][:, :3] = attitude.rotate_back(attitude_on_grid(e), force)
     drag = cause(0.1, 0.1, 0.1)
     assert drag_in_gusts(drag, flights, felt, {}) is drag
+    against = cause(-0.1, -0.1, 0.1)  # through which no wind acts
+    assert drag_in_gusts(against, flights, felt, {}) is None
+    assert as_gusts(flights, felt, [against], 0.9, LABORATORY) == [against]
