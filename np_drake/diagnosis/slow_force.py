@@ -93,7 +93,7 @@ def slow_power(flights: Sequence[Evidence], left: Mapping[str, np.ndarray]) -> f
 
 
 def _spectra(e: Evidence, left: np.ndarray, *, upright: bool = False) -> _Spectra:
-    """upright: without its mean in the body."""
+    """Of what is left of a flight (m, 15); `upright`: without its mean in body axes, (3,)."""
     step, R = e.grid.step, attitude_on_grid(e)
     slip = attitude.rotate(R, left[:, POSITION])
     from_position = np.gradient(slip, step, axis=0) + attitude.rotate(R, left[:, VELOCITY])
