@@ -63,6 +63,12 @@ def quaternion_rate(q: np.ndarray, w_WB_B: np.ndarray) -> np.ndarray:
     )
 
 
+def skew(r: np.ndarray) -> np.ndarray:
+    """(3, 3) of a vector r (3,): skew(r) @ s is r x s."""
+    x, y, z = r
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def rotate(q: np.ndarray, r_B: np.ndarray) -> np.ndarray:
     """(..., 3) a body vector in W."""
     return (rotation_matrix(q) @ r_B[..., None])[..., 0]

@@ -16,12 +16,13 @@ import numpy as np
 from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.grid import Grid, Onto, make_grid, to_grid
+from np_drake.diagnosis.grid import Grid, Onto, make_grid
 from np_drake.diagnosis.linear_bayes import Gram
 from np_drake.diagnosis.motion import corrected_acceleration
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.shocks import bridge
 from np_drake.diagnosis.smooth_attitude import conjugate, rotation_vector, smooth_attitude
+from np_drake.diagnosis.thrust import Rotors
 from np_drake.logs.flight_log import FlightLog
 from np_drake.rigid_body import P, Q
 from np_drake.vehicle import Vehicle
@@ -46,6 +47,11 @@ class Instants:
         """(n, 4) attitude."""
         return self.x[:, Q]
 
+    @cached_property
+    def R_WB(self) -> np.ndarray:
+        """(n, 3, 3) the same as rotation matrices."""
+        return attitude.rotation_matrix(self.q)
+
 
 @dc.dataclass(frozen=True)
 class Evidence:
@@ -56,6 +62,7 @@ class Evidence:
     attitude_noise: white, as found [rad]; turned: `a` was turned to W with the attitude that was read.
     shocks (m,): rows on the grid that say nothing (`shocks`); none, until a model has been seen to miss them.
     joined (m,): rows of an unseen flight that a fit has seen after all (`second_look`).
+    from_rows, from_mids: from the instants of force, and of torque, to the grid.
     goes_on: the flight goes on after these rows, so that what is absent here may begin later.
     """
 
@@ -73,6 +80,9 @@ class Evidence:
     turned: bool
     shocks: np.ndarray
     joined: np.ndarray
+    from_rows: Onto
+    from_mids: Onto
+    rotors: Rotors
     goes_on: bool = False
 
     @property
@@ -91,14 +101,21 @@ class Evidence:
         return self.grid.t
 
     @cached_property
-    def from_rows(self) -> Onto:
-        """From the instants of force to the grid."""
-        return Onto(self.grid, self.rows.t)
+    def q(self) -> np.ndarray:
+        """(m, 4) attitude at the grid's times."""
+        near = attitude.one_hemisphere(self.rows.q, self.rows.q[0])
+        q = np.stack([np.interp(self.t, self.rows.t, component) for component in near.T], axis=1)
+        return q / np.linalg.norm(q, axis=1, keepdims=True)
 
     @cached_property
-    def from_mids(self) -> Onto:
-        """From the instants of torque to the grid."""
-        return Onto(self.grid, self.mids.t)
+    def R_WB(self) -> np.ndarray:
+        """(m, 3, 3) the same as rotation matrices."""
+        return attitude.rotation_matrix(self.q)
+
+    @cached_property
+    def gyroscopic(self) -> np.ndarray:
+        """(m, 3) w x J w of the vehicle file's inertia [N·m]."""
+        return np.cross(self.w, self.w @ self.vehicle.J.T)
 
     def begun(self, onset: float | None) -> np.ndarray:
         """(m, 1) one from the onset on [s], on the grid: smeared as its low-pass smears a step."""
@@ -130,8 +147,6 @@ def make_evidence(log: FlightLog, vehicle: Vehicle, step: float | None = None) -
 
     Raises: ValueError: if it is too short for a grid.
     """
-    from np_drake.diagnosis.thrust import nominal_thrust
-
     if log.t[-1] - log.t[0] < 3.0:
         raise ValueError(
             f"diagnose: {log.name} must last at least 3 s; got {log.t[-1] - log.t[0]:.3g} s. Give a longer flight."
@@ -140,17 +155,33 @@ def make_evidence(log: FlightLog, vehicle: Vehicle, step: float | None = None) -
     q, turned = _attitude_for_force(log, smooth, vehicle.gravity)
     grid = make_grid(log.t, step)
     rows, mids = _instants(log, smooth)
-    thrust_rows, thrust_mids = nominal_thrust(log, vehicle)
-    y = _channels(log, vehicle, grid, q, mids, thrust_rows, thrust_mids)
+    rotors = Rotors(log, vehicle)
+    thrust_rows, thrust_mids = rotors.thrust([])
+    from_rows, from_mids = Onto(grid, rows.t), Onto(grid, mids.t)
+    force, others = _channels(log, vehicle, q, mids, thrust_rows, thrust_mids)
+    y = np.concatenate([from_rows(force), from_mids(others)], axis=1)
     u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T
     f = u_mids[:, :1] if log.a is None else u_rows[:, :1]
-    nominal = np.concatenate(
-        [np.zeros((len(grid), 2)), to_grid(grid, rows.t, f), to_grid(grid, mids.t, u_mids[:, 1:])], axis=1
-    )
-    w = to_grid(grid, mids.t, mids.x[:, 10:13])
+    nominal = np.concatenate([np.zeros((len(grid), 2)), from_rows(f), from_mids(u_mids[:, 1:])], axis=1)
     none = np.zeros(len(grid), bool)
     return Evidence(
-        log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, none, none
+        log,
+        vehicle,
+        grid,
+        y,
+        rows,
+        mids,
+        thrust_rows,
+        thrust_mids,
+        nominal,
+        from_mids(mids.x[:, 10:13]),
+        noise,
+        turned,
+        none,
+        none,
+        from_rows,
+        from_mids,
+        rotors,
     )
 
 
@@ -191,17 +222,18 @@ def _instants(log: FlightLog, smooth: np.ndarray) -> tuple[Instants, Instants]:
     return Instants(log.t, x, a, al_rows), Instants(t_mid, x_mid, a[:-1], al)
 
 
-def _channels(log, vehicle, grid, q, mids, thrust_rows, thrust_mids) -> np.ndarray:
+def _channels(log, vehicle, q, mids, thrust_rows, thrust_mids) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3) the force channels at the instants of force, (n-1, 12) the others at those of torque."""
     dt = np.diff(log.t)[:, None]
     g = np.array([0.0, 0.0, vehicle.gravity])
     rate = np.diff(log.v, axis=0) / dt
     from_v = attitude.rotate_back(mids.q, rate + g)
     u_mids = thrust_mids @ vehicle.mixer.T
     if log.a is None:
-        t_force, s, f = mids.t, from_v, u_mids[:, 0]
+        s, f = from_v, u_mids[:, 0]
         e_a = np.zeros((len(mids.t), 3))
     else:
-        t_force, s = log.t, attitude.rotate_back(q, log.a + g)
+        s = attitude.rotate_back(q, log.a + g)
         f = (thrust_rows @ vehicle.mixer.T)[:, 0]
         e_a = from_v - s[:-1]
     force = vehicle.mass * s
@@ -211,10 +243,4 @@ def _channels(log, vehicle, grid, q, mids, thrust_rows, thrust_mids) -> np.ndarr
     torque = al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T) - u_mids[:, 1:]
     e_v = attitude.rotate_back(mids.q, np.diff(log.p, axis=0) / dt - mids.x[:, 7:10])
     turn = rotation_vector(attitude.multiply(conjugate(log.q[:-1]), log.q[1:])) / dt
-    return np.concatenate(
-        [
-            to_grid(grid, t_force, force),
-            to_grid(grid, mids.t, np.concatenate([torque, e_v, e_a, turn - w], axis=1)),
-        ],
-        axis=1,
-    )
+    return force, np.concatenate([torque, e_v, e_a, turn - w], axis=1)

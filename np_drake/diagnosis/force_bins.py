@@ -5,7 +5,6 @@ from scipy import linalg
 
 from np_drake import attitude
 from np_drake.diagnosis.evidence import FORCE, Evidence
-from np_drake.diagnosis.hidden_swing import attitude_on_grid
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.linear_drag import LinearDrag
 
@@ -15,7 +14,7 @@ SPAN = 20.0  # what lies farther apart counts as independent [s]
 
 def forces(e: Evidence, left: np.ndarray) -> np.ndarray:
     """(k, 3) force in W of what is left (m, 15), averaged over bins [N]."""
-    return binned(e, attitude.rotate(attitude_on_grid(e), left[:, FORCE]))
+    return binned(e, attitude.rotate(e.q, left[:, FORCE]))
 
 
 def drags(e: Evidence) -> np.ndarray:

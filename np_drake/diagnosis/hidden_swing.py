@@ -63,23 +63,16 @@ def padded(hidden: np.ndarray | None, size: int) -> np.ndarray:
 def hook_acceleration(evidence: Evidence, hooks: np.ndarray) -> np.ndarray:
     """(n-1, m, 3) in W at the middle of the grid's steps [m/s²], of hooks (m, 3) in body axes."""
     rows = evidence.rows
-    w, al = rows.x[:, None, 10:13], rows.al[:, None]
+    w = rows.x[:, None, 10:13]
     unique, which = np.unique(hooks, axis=0, return_inverse=True)
-    lever = np.cross(al, unique) + np.cross(w, np.cross(w, unique))
-    a = rows.a[:, None] + np.einsum("nij,nmj->nmi", attitude.rotation_matrix(rows.q), lever)
+    turning = np.stack([rows.al @ attitude.skew(hook) for hook in unique], axis=1)  # al x hook
+    towards = np.sum(w * unique, axis=-1, keepdims=True) * w - np.sum(w**2, axis=-1, keepdims=True) * unique
+    a = rows.a[:, None] + (turning + towards) @ np.swapaxes(rows.R_WB, 1, 2)
     middle = 0.5 * (evidence.t[1:] + evidence.t[:-1])
     flat = a.reshape(len(a), -1)
     out = np.stack([np.interp(middle, rows.t, column) for column in flat.T], axis=1)
     out = out.reshape(len(middle), -1, 3)
     return out if len(unique) == 1 else out[:, which.ravel()]
-
-
-def attitude_on_grid(evidence: Evidence) -> np.ndarray:
-    """(m, 4) at the grid's times."""
-    rows = evidence.rows
-    near = attitude.one_hemisphere(rows.q, rows.q[0])
-    q = np.stack([np.interp(evidence.t, rows.t, component) for component in near.T], axis=1)
-    return q / np.linalg.norm(q, axis=1, keepdims=True)
 
 
 def start_of_swing(lengths: np.ndarray, swing: np.ndarray, pull: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -115,10 +108,10 @@ def specific_pull(
     middle = swing_many(lengths, r, r_rate, driving, evidence.grid.step, evidence.vehicle.gravity, jumped)
     at_grid = np.concatenate([middle[:1], 0.5 * (middle[1:] + middle[:-1]), middle[-1:]])
     if onset is None:
-        return at_grid @ attitude.rotation_matrix(attitude_on_grid(evidence))
+        return at_grid @ evidence.R_WB
     begun = evidence.begun(onset)[:, :, None]
     held = np.concatenate([np.repeat(at_grid[:1], first, axis=0), at_grid])
-    return begun * (held @ attitude.rotation_matrix(attitude_on_grid(evidence)))
+    return begun * (held @ evidence.R_WB)
 
 
 def swing_wrenches(evidence: Evidence, terms: "Sequence[Term]") -> np.ndarray:

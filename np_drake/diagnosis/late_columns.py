@@ -4,6 +4,7 @@ Whitening of slow noise turns a step into a spike: the rows about an onset tell 
 """
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.grid import TAPS, Grid, to_grid
@@ -28,19 +29,27 @@ class LateColumns:
         self.t = evidence.t[self._order :]
         self._rise = rise(evidence.grid)
         both = np.concatenate([self.beside, self.y[..., None]], axis=-1)
-        self._facing = noise.mixing.T @ both  # what drives a channel times this is what is white times `both`
+        facing = noise.mixing.T @ both  # what drives a channel times this is what is white times `both`
+        self._facing = np.ascontiguousarray(np.moveaxis(facing, 1, 0))
+        ends = (0, 0), (len(self._rise) // 2, len(self._rise) // 2 + self._order), (0, 0)
+        self._windows = sliding_window_view(np.pad(self._facing, ends), self._near, axis=1)
+
+    @property
+    def _near(self) -> int:
+        """Whitened rows in which a column that begins is none of what follows: from half a rise before it on."""
+        return len(self._rise) + self._order
 
     def whole(self, X: np.ndarray) -> Sums:
         """Of the columns (m', 15, k) as they are from each row (m + 1) on: a jump there is not in it."""
-        channels, driven = self._noise.driven(self._e.bridged(X), self._e.name)
-        own = self._scale * driven
-        Xt = np.swapaxes(own, 1, 2)
-        sums = Xt @ (self._weight(channels) @ own), Xt @ self._facing[:, channels]
-        XX, XBy = (np.concatenate([np.cumsum(a[::-1], axis=0)[::-1], 0 * a[:1]]) for a in sums)
+        channels = self._channels(X)
+        own = self._driven(channels, self._e.bridged(X[:, channels]))
+        weighted = np.tensordot(self._weight(channels), own, 1)
+        XX = np.sum(own[..., :, None] * weighted[..., None, :], axis=0)
+        XBy = np.zeros((*own.shape[1:], self._facing.shape[-1]))
+        for part, c in zip(own, channels, strict=True):
+            XBy += part[:, :, None] * self._facing[c][:, None]
+        XX, XBy = (np.concatenate([np.cumsum(a[::-1], axis=0)[::-1], 0 * a[:1]]) for a in (XX, XBy))
         return XX, XBy[..., :-1], XBy[..., -1]
-
-    def _weight(self, channels: np.ndarray) -> np.ndarray:
-        return self._noise.weight[np.ix_(channels, channels)]
 
     def begun(self, X: np.ndarray, whole: Sums, rows: np.ndarray) -> Sums:
         """Of the columns (m', 15, k), each time switched on at one of the whitened rows (n,), as the grid smears it."""
@@ -48,24 +57,42 @@ class LateColumns:
         offsets = np.arange(-half - order, half + order + 1)
         gate = np.concatenate([np.zeros(order), self._rise, np.ones(order)])
         at = np.clip(rows + order + offsets[:, None], 0, len(X) - 1)
-        n, k, size = len(rows), X.shape[-1], X.shape[1]
-        there = np.flatnonzero(X.any(axis=(0, 2)))
-        raw = np.zeros((len(offsets), size, n, k))
-        raw[:, there] = np.moveaxis(self._e.bridged(X[:, there])[at], 1, 2) * gate[:, None, None, None]
-        channels, driven = self._noise.driven(raw, self._e.name)
-        own = self._scale * np.moveaxis(driven, 2, 0)
-        weighted, facing = self._weight(channels) @ own, self._facing[:, channels]
-        later = np.clip(rows + half + order + 1, 0, m)
-        XX, XB, Xy = (part[later] for part in whole)
-        for i, row in enumerate(rows):
-            first, end = max(0, row - half), later[i]
-            near = slice(first - (row - half), first - (row - half) + end - first)
-            P = own[i, near].reshape(-1, k)
-            XX[i] += P.T @ weighted[i, near].reshape(-1, k)
-            XBy = P.T @ facing[first:end].reshape(-1, self._facing.shape[-1])
-            XB[i] += XBy[:, :-1]
-            Xy[i] += XBy[:, -1]
+        channels = self._channels(X)
+        late = self._e.bridged(X[:, channels])[at] * gate[:, None, None, None]
+        own = self._driven(channels, np.moveaxis(late, 2, 1))
+        row = rows - half + np.arange(self._near)[:, None]
+        own = np.where(((row >= 0) & (row < m))[..., None], own, 0.0).transpose(0, 2, 3, 1)
+        weighted = np.tensordot(self._weight(channels), own, 1)
+        XX, XB, Xy = (part[np.clip(rows - half + self._near, 0, m)] for part in whole)
+        XX += np.sum(own @ np.swapaxes(weighted, 2, 3), axis=0)
+        for part, c in zip(own, channels, strict=True):
+            XBy = part @ np.swapaxes(_taken(self._windows[c], rows), 1, 2)
+            XB += XBy[..., :-1]
+            Xy += XBy[..., -1]
         return XX, XB, Xy
+
+    def _channels(self, X: np.ndarray) -> np.ndarray:
+        """Those in which a column is."""
+        return np.flatnonzero(self._noise.active & X.any(axis=(0, 2)))
+
+    def _driven(self, channels: np.ndarray, values: np.ndarray) -> np.ndarray:
+        """(a, m - p, ...) what drives the channels (a,), for values (m, a, ...)."""
+        parts = [
+            self._noise.driven_in(c, values[:, i], self._e.name) for i, c in enumerate(channels.tolist())
+        ]
+        shape = (len(values) - self._order, *values.shape[2:])
+        return self._scale * np.reshape(parts, (len(parts), *shape))
+
+    def _weight(self, channels: np.ndarray) -> np.ndarray:
+        return self._noise.weight[np.ix_(channels, channels)]
+
+
+def _taken(windows: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """windows[rows], not copied where rows (n,) are equally far apart."""
+    steps = np.unique(np.diff(rows))
+    if len(steps) != 1 or steps[0] <= 0:
+        return windows[rows]
+    return windows[rows[0] : rows[-1] + 1 : steps[0]]
 
 
 def rise(grid: Grid) -> np.ndarray:

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import lapack
 
+AT_ONCE = 200_000  # figures in the matrices of the sets that are solved together
+
 
 @dc.dataclass(frozen=True)
 class Gram:
@@ -54,17 +56,34 @@ class Gram:
         An effect may be ten times what is usual: a normal prior would rather have two effects of the usual size.
         Source: local empirical Bayes (Liang et al. 2008, Mixtures of g priors); one width a group, at least 1.
         """
-        if not len(groups):
-            return 0.0
-        index = np.concatenate(groups)
-        XX, Xy = self.XX[index[:, None], index], self.Xy[index]
-        mean, evidence = _solved(XX, Xy)
-        parts = np.split(mean, np.cumsum([len(g) for g in groups])[:-1])
-        own = [max(1.0, np.sqrt(np.mean(c**2))) if w else 1.0 for c, w in zip(parts, wide, strict=True)]
-        width = np.repeat(own, [len(g) for g in groups])
-        if np.all(width == 1.0):
-            return evidence
-        return _solved(XX * np.outer(width, width), Xy * width)[1]
+        return float(self.evidence_of_sets([groups], [wide])[0])
+
+    def evidence_of_sets(
+        self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]
+    ) -> np.ndarray:
+        """(n,) `evidence_of_groups` of many sets of groups, those with as many columns at a time."""
+        sizes = np.array([sum(map(len, groups)) for groups in sets])
+        evidence = np.zeros(len(sets))
+        for size in set(sizes.tolist()) - {0}:
+            for some in _portions(np.flatnonzero(sizes == size), size):
+                evidence[some] = self._evidence([sets[i] for i in some], [wide[i] for i in some])
+        return evidence
+
+    def _evidence(self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]) -> np.ndarray:
+        """(n,) of sets with k columns each."""
+        index = np.stack([np.concatenate(groups) for groups in sets])
+        XX, Xy = self.XX[index[:, :, None], index[:, None, :]], self.Xy[index]
+        one = np.eye(index.shape[1])
+        mean = np.linalg.solve(XX + one, Xy[..., None])[..., 0]
+        counts = np.array([len(g) for groups in sets for g in groups])
+        begins = np.cumsum([0, *counts[:-1]])
+        own = np.sqrt(np.add.reduceat(mean.ravel() ** 2, begins) / counts)
+        own = np.where(np.concatenate(wide), np.maximum(own, 1.0), 1.0)
+        width = np.repeat(own, counts).reshape(mean.shape)
+        factor = np.linalg.cholesky(XX * width[:, :, None] * width[:, None, :] + one)
+        b = np.linalg.solve(factor, (Xy * width)[..., None])[..., 0]
+        logdet = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+        return 0.5 * np.sum(b**2, axis=1) - logdet
 
     def posterior(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(k,) mean and (k, k) covariance of the coefficients of these columns."""
@@ -73,8 +92,13 @@ class Gram:
         return covariance @ self.Xy[index], covariance
 
 
+def _portions(positions: np.ndarray, size: int) -> list[np.ndarray]:
+    """Parts of which each has no more than `AT_ONCE` figures in its matrices."""
+    return np.array_split(positions, -(-len(positions) * size**2 // AT_ONCE))
+
+
 def _solved(XX: np.ndarray, Xy: np.ndarray) -> tuple[np.ndarray, float]:
-    """Posterior mean (k,) and log evidence by one factor: of the thousands of small sets of a search, each once."""
+    """Posterior mean (k,) and log evidence by one factor."""
     A = XX.copy()
     A[np.diag_indices(len(A))] += 1.0
     factor, failed = lapack.dpotrf(A, lower=1)

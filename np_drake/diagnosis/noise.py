@@ -72,6 +72,12 @@ class NoiseModel:
         channels = np.array([c for c, _, _ in parts], dtype=int)
         return channels, driven.reshape(n, len(parts), *values.shape[2:])
 
+    def driven_in(self, channel: int, values: np.ndarray, flight: str = "") -> np.ndarray:
+        """(m - p, ...) what drives one channel, for its values (m, ...)."""
+        flat = np.ascontiguousarray(values, float).reshape(len(values), -1)
+        driven = _innovations(self.phi[channel], flat).reshape(-1, *values.shape[1:])
+        return driven if flight not in self.loudness else driven / self.loudness[flight][channel]
+
     def products(self, columns: Sequence[np.ndarray], flight: str = "") -> np.ndarray:
         """(k, k) inner products of columns, in groups (m, c, k_i) of a flight, once they are white.
 

@@ -5,8 +5,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
+from np_drake import attitude
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.candidates import Candidate, Mended, Onset
 from np_drake.diagnosis.evidence import Evidence
@@ -97,7 +98,7 @@ def _candidate(
         at_guess, moved = mass * pulls[e.name][:, 0], mass * (pulls[e.name][:, 1:] - pulls[e.name][:, :1])
         X[..., 0] = _wrench(e, at_guess, guess.hook)
         for axis in range(3):
-            X[:, ev.TORQUE, 1 + axis] = np.cross(HOOK * np.eye(3)[axis], at_guess)
+            X[:, ev.TORQUE, 1 + axis] = at_guess @ attitude.skew(HOOK * np.eye(3)[axis]).T
         for k in range(sizes[e.name]):
             X[..., begins[e.name] + k] = _wrench(e, moved[:, k], guess.hook) * (SWING / SMALL)
         if longer:
@@ -141,7 +142,7 @@ def _wrench(e: Evidence, force: np.ndarray, hook: np.ndarray) -> np.ndarray:
     """(m, 15) channels of a force (m, 3) at the hook."""
     y = np.zeros_like(e.y)
     y[:, ev.FORCE] = force
-    y[:, ev.TORQUE] = np.cross(hook, force)
+    y[:, ev.TORQUE] = force @ attitude.skew(hook).T
     return y
 
 
@@ -155,7 +156,7 @@ def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
     Source: conditioning of the posterior; own choice of `SURELY`.
     """
     deviation = math.sqrt(covariance[0, 0])
-    log_probability = float(stats.norm.logcdf(mean[0] / deviation))
+    log_probability = float(special.log_ndtr(mean[0] / deviation))
     if mean[0] >= SURELY * deviation:
         return mean, log_probability
     more = covariance[:, 0] / covariance[0, 0] * (SURELY * deviation - mean[0])

@@ -1,7 +1,7 @@
 """Which effects: a beam search over sets of candidates by Bayesian evidence, with removals and swaps."""
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from itertools import pairwise
 
@@ -91,15 +91,27 @@ class Problem:
 
     def score(self, members: Sequence[int]) -> float:
         """Log evidence and prior of a set."""
+        return self.scores([members])[0]
+
+    def scores(self, sets: Sequence[Sequence[int]]) -> list[float]:
+        """The same of many sets: together they take a tenth of the time."""
+        priors = np.array([self._log_prior(members) for members in sets])
+        groups = [[self.columns_of(i) - self._nuisance for i in members] for members in sets]
+        wide = [[self.wide and not self.candidates[i].generic for i in members] for members in sets]
+        some = np.flatnonzero(np.isfinite(priors))
+        evidence = np.zeros(len(sets))
+        evidence[some] = self._rest.evidence_of_sets([groups[i] for i in some], [wide[i] for i in some])
+        return (evidence + priors).tolist()
+
+    def _log_prior(self, members: Sequence[int]) -> float:
+        """Of a set, and that it is physical."""
         chosen = [self.candidates[i] for i in members]
         effects = {name for c in chosen for name in c.identifiers}
         prior = sum(effect_prior(name) for name in effects) + sum(c.log_prior + c.onset_prior for c in chosen)
-        groups = [self.columns_of(i) - self._nuisance for i in members]
         if any(c.possible or c.mended for c in chosen):
-            prior += self._log_probability(members, np.concatenate(groups))
-        if prior == -np.inf:
-            return prior
-        return self._rest.evidence_of_groups(groups, [self.wide and not c.generic for c in chosen]) + prior
+            columns = np.concatenate([self.columns_of(i) for i in members]) - self._nuisance
+            prior += self._log_probability(members, columns)
+        return prior
 
     def _log_probability(self, members: Sequence[int], columns: np.ndarray) -> float:
         """That all members are physical, by the posterior."""
@@ -129,11 +141,9 @@ def search(problem: Problem, *, beam: int = BEAM, most: int = MOST_EFFECTS) -> l
     """All models met, best first. Grows a beam by one candidate at a time, then swaps and removes until it rests."""
     seen: dict[tuple[int, ...], float] = {(): 0.0}
 
-    def score(members: tuple[int, ...]) -> float:
-        key = tuple(sorted(members))
-        if key not in seen:
-            seen[key] = problem.score(key)
-        return seen[key]
+    def score_all(sets: Iterable[tuple[int, ...]]) -> None:
+        new = [members for members in sets if members not in seen]
+        seen.update(zip(new, problem.scores(new), strict=True))
 
     everyone = range(len(problem.candidates))
     layer: list[tuple[int, ...]] = [()]
@@ -146,16 +156,18 @@ def search(problem: Problem, *, beam: int = BEAM, most: int = MOST_EFFECTS) -> l
         }
         if not grown:
             break
-        ranked = sorted(grown, key=score, reverse=True)
+        score_all(grown)
+        ranked = sorted(grown, key=lambda m: (-seen[m], m))
         best = max(seen.values())
         layer = _diverse(problem, ranked, beam)
-        if score(layer[0]) < best - 8.0:
+        if seen[layer[0]] < best - 8.0:
             break
     current = max(seen, key=lambda m: seen[m])
     while True:
         better = _neighbours(problem, current)
-        candidate = max(better, key=score, default=current)
-        if score(candidate) <= score(current):
+        score_all(better)
+        candidate = max(better, key=lambda m: seen[m], default=current)
+        if seen[candidate] <= seen[current]:
             break
         current = candidate
     return [Model(m, s) for m, s in sorted(seen.items(), key=lambda item: -item[1]) if s > -np.inf]
@@ -175,11 +187,12 @@ def library_first(problem: Problem, models: list[Model]) -> list[Model]:
         return models
     now = plain
     while True:
-        grown = [
-            Model((*now.members, i), problem.score((*now.members, i)))
+        sets = [
+            (*now.members, i)
             for i, c in enumerate(problem.candidates)
             if c.generic and i not in now.members and problem.fits_together((*now.members, i))
         ]
+        grown = [Model(m, s) for m, s in zip(sets, problem.scores(sets), strict=True)]
         better = max(grown, key=lambda m: m.score, default=now)
         if better.score <= now.score:
             break

@@ -8,7 +8,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.evidence import Evidence, Instants
-from np_drake.diagnosis.grid import to_grid
+from np_drake.diagnosis.grid import Onto
 from np_drake.diagnosis.smooth_attitude import conjugate, rotation_vector
 from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.rigid_body import Q, V, W
@@ -42,7 +42,8 @@ def sensor_trace(evidence: Evidence, effect: SensorEffect) -> np.ndarray:
     rate = evidence.from_mids(attitude.rotate_back(evidence.mids.q, dv_W))
     d_turn = (turn(read.x[:, Q]) - turn(q)) / dt
     rows = np.concatenate([evidence.vehicle.mass * ds, -dv, dw], axis=1)
-    on_rows = to_grid(evidence.grid, log.t, rows)
+    onto = Onto(evidence.grid, log.t) if log.a is None else evidence.from_rows
+    on_rows = onto(rows)
     y[:, ev.FORCE] = on_rows[:, 0:3]
     y[:, ev.TORQUE] = _gyroscopic(evidence, on_rows[:, 6:9])
     y[:, ev.POSITION] = on_rows[:, 3:6]
@@ -51,14 +52,14 @@ def sensor_trace(evidence: Evidence, effect: SensorEffect) -> np.ndarray:
         y[:, ev.FORCE] += evidence.vehicle.mass * rate
         return y
     accelerometer = attitude.rotate_back(q, read.a - truth.a)
-    y[:, ev.VELOCITY] = rate - to_grid(evidence.grid, log.t, accelerometer)
+    y[:, ev.VELOCITY] = rate - onto(accelerometer)
     return y
 
 
 def _gyroscopic(evidence: Evidence, dw: np.ndarray) -> np.ndarray:
     """(m, 3) what rates that are read wrong by dw (m, 3) add to w x J w."""
     J, w = evidence.vehicle.J, evidence.w - dw
-    return np.cross(evidence.w, evidence.w @ J.T) - np.cross(w, w @ J.T)
+    return evidence.gyroscopic - np.cross(w, w @ J.T)
 
 
 def without_errors(evidence: Evidence, effects: Sequence[SensorEffect]) -> Evidence:
@@ -71,7 +72,7 @@ def without_errors(evidence: Evidence, effects: Sequence[SensorEffect]) -> Evide
         return evidence
     rows = _instants_before(evidence, evidence.rows, acting)
     mids = _instants_before(evidence, evidence.mids, acting)
-    dw = to_grid(evidence.grid, mids.t, evidence.mids.x[:, W] - mids.x[:, W])
+    dw = evidence.from_mids(evidence.mids.x[:, W] - mids.x[:, W])
     return dc.replace(evidence, rows=rows, mids=mids, w=evidence.w - dw)
 
 

@@ -12,7 +12,6 @@ from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.hidden_swing import swing_wrench
 from np_drake.diagnosis.sensor_trace import sensor_trace, without_errors
-from np_drake.diagnosis.thrust import rotor_thrust
 from np_drake.effects.base import (
     ActuatorEffect,
     Effect,
@@ -107,10 +106,10 @@ def _thrust(evidence: Evidence, terms: Sequence[Term]) -> Thrust:
     acting.sort(key=lambda pair: not pair[0].turns_rotor)  # the motor comes before the propeller
     shift = sum(t.effect.clock_shift for t in terms if isinstance(t.effect, SensorEffect))
     always = [effect for effect, begin in acting if begin == -NEVER]
-    rows, mids = rotor_thrust(log, vehicle, always, shift=-shift)
+    rows, mids = evidence.rotors.thrust(always, shift=-shift)
     for onset in sorted({begin for _, begin in acting} - {-NEVER, NEVER}):
         now = [effect for effect, begin in acting if begin <= onset]
-        late_rows, late_mids = rotor_thrust(log, vehicle, now, shift=-shift)
+        late_rows, late_mids = evidence.rotors.thrust(now, shift=-shift)
         rows = np.where(gate(log.t, onset) > 0, late_rows, rows)
         mids = np.where(gate(evidence.mids.t, onset) > 0, late_mids, mids)
     lagged = (
@@ -167,7 +166,7 @@ def _wrenches(evidence: Evidence, terms: Sequence[Term], thrust: Thrust) -> np.n
         for term in (t for t in acting if getattr(t.effect, asked)):
             chi += term.effect.wrench(vehicle, motion) * gate(instants.t, term.begins(name))  # type: ignore[attr-defined]
         parts.append(chi)
-    force = attitude.rotate_back(evidence.rows.q, parts[0][:, :3])
+    force = (parts[0][:, None, :3] @ evidence.rows.R_WB)[:, 0]
     return evidence.on_grid(force, parts[1][:, 3:])
 
 
@@ -201,13 +200,15 @@ def _moved(
     c, w = np.asarray(real.p_BoBcm_B, float), evidence.w
     wrench = evidence.nominal + added
     F, tau = wrench[:, :3], wrench[:, 3:]
+    same = np.array_equal(real.J, vehicle.J)
+    gyroscopic = evidence.gyroscopic if same else np.cross(w, w @ real.J.T)
 
     def angular(F: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        return (tau - np.cross(c, F) - np.cross(w, w @ real.J.T)) @ np.linalg.inv(real.J).T
+        return (tau - F @ attitude.skew(c).T - gyroscopic) @ np.linalg.inv(real.J).T
 
     early = ahead() if c.any() else np.zeros((1, 4))
     s, al = F / real.mass, angular(F - early[:, :1] * [0.0, 0.0, 1.0], tau)
     if c.any() and vehicle.logged_point == "origin":
-        s = s - np.cross(angular(F, tau + early[:, 1:]), c) - np.cross(w, np.cross(w, c))
-    needed = np.concatenate([vehicle.mass * s, al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T)], axis=1)
+        s = s + angular(F, tau + early[:, 1:]) @ attitude.skew(c).T - np.cross(w, np.cross(w, c))
+    needed = np.concatenate([vehicle.mass * s, al @ vehicle.J.T + evidence.gyroscopic], axis=1)
     return needed - evidence.nominal

@@ -14,7 +14,6 @@ from scipy import fft, optimize
 
 from np_drake import attitude
 from np_drake.diagnosis.evidence import FORCE, POSITION, VELOCITY, Evidence, low_pass
-from np_drake.diagnosis.hidden_swing import attitude_on_grid
 from np_drake.diagnosis.rig import Tolerance
 
 TOP = 1.0  # of what counts as slow [Hz]
@@ -94,7 +93,7 @@ def slow_power(flights: Sequence[Evidence], left: Mapping[str, np.ndarray]) -> f
 
 def _spectra(e: Evidence, left: np.ndarray, *, upright: bool = False) -> _Spectra:
     """Of what is left of a flight (m, 15); `upright`: without its mean in body axes, (3,)."""
-    step, R = e.grid.step, attitude_on_grid(e)
+    step, R = e.grid.step, e.q
     slip = attitude.rotate(R, left[:, POSITION])
     from_position = np.gradient(slip, step, axis=0) + attitude.rotate(R, left[:, VELOCITY])
     read = left[:, FORCE] / e.vehicle.mass

@@ -1,5 +1,8 @@
 """Rotor thrust of a log: commands through actuator effects, at rows and in the mean between them."""
 
+from collections.abc import Sequence
+from functools import cached_property
+
 import numpy as np
 
 from np_drake.effects.base import ActuatorEffect
@@ -10,43 +13,77 @@ from np_drake.vehicle import Vehicle
 SUBSTEPS = 4  # of the log's interval; own choice
 
 
-def rotor_thrust(
-    log: FlightLog, vehicle: Vehicle, effects: list[ActuatorEffect], *, shift: float = 0.0
-) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 4) at the rows, right-sided, and (n-1, 4) in the mean between them [N].
+class Rotors:
+    """The rotors of one flight; what no effect changes is found once."""
 
-    Commands are held between rows and shifted by `shift` (positive: taken later than logged [s]), then pass the
-    effects (a dead time among them). The vehicle file's own lag acts unless `effects` bring a lag. Measured rotor speed
-    (`log.input`) is not held but interpolated, and passes propeller effects only.
-    """
-    h = log.step / SUBSTEPS
-    t = np.arange(log.t[0], log.t[-1] + 0.5 * h, h)
-    command = log.u @ vehicle.unmixer.T
-    if log.input == "rotor_speed":
-        held = np.stack([np.interp(t, log.t, command[:, i]) for i in range(4)], axis=1)
-        chain = [e for e in effects if not e.turns_rotor and e.dead_time == 0.0]
-    else:
-        chain = list(effects)
-        if vehicle.rotor_time_constant > 0 and not any(isinstance(e, MotorLag) for e in chain):
-            chain.insert(0, MotorLag(vehicle.rotor_time_constant))
-        held = _held(log.t, np.maximum(command, 0.0), t - shift, h)
-    for effect in chain:
-        held = effect.respond(vehicle, t, held)
-    later = np.concatenate([held[1:], held[-1:]]) if log.input == "rotor_speed" else held
-    mean = 0.5 * (held + later)
-    total = np.concatenate([np.zeros((1, 4)), np.cumsum(mean, axis=0) * h])
-    edges = np.append(t, t[-1] + h)
-    at = np.stack([np.interp(log.t, edges, total[:, i]) for i in range(4)], axis=1)
-    row = np.clip(np.round((log.t - t[0]) / h).astype(int), 0, len(t) - 1)
-    rows = held[row]
-    if any(isinstance(e, MotorLag) and e.time_constant > 0 for e in chain):  # no jump at a row, but a kink
-        rows = 1.5 * held[np.maximum(row - 1, 0)] - 0.5 * held[np.maximum(row - 2, 0)]
-    return rows, np.diff(at, axis=0) / np.diff(log.t)[:, None]
+    def __init__(self, log: FlightLog, vehicle: Vehicle):
+        self._log, self._vehicle = log, vehicle
+        self._step = log.step / SUBSTEPS
+        self._t = np.arange(log.t[0], log.t[-1] + 0.5 * self._step, self._step)
+        self._measured = log.input == "rotor_speed"
+        place = (log.t - log.t[0]) / self._step
+        self._row = np.clip(np.round(place).astype(int), 0, len(self._t) - 1)
+        self._before = np.clip(place.astype(int), 0, len(self._t) - 1)
+        self._share = (place - self._before)[:, None]
 
+    def thrust(
+        self, effects: Sequence[ActuatorEffect], *, shift: float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(n, 4) at the rows, right-sided, and (n-1, 4) in the mean between them [N].
 
-def nominal_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
-    """As `rotor_thrust` without effects."""
-    return rotor_thrust(log, vehicle, [])
+        Commands are held between rows and shifted by `shift` (positive: taken later than logged [s]), then pass the
+        effects (a dead time among them). The vehicle file's own lag acts unless `effects` bring a lag. Measured rotor
+        speed (`log.input`) is not held but interpolated, and passes propeller effects only.
+        """
+        own = self._vehicle.rotor_time_constant
+        if self._measured:
+            chain = [e for e in effects if not e.turns_rotor and e.dead_time == 0.0]
+            thrust, lag = self._commanded, 0.0
+        else:
+            chain = list(effects)
+            lags = [e.time_constant for e in chain if isinstance(e, MotorLag)]
+            lag = max(lags, default=own)
+            thrust = self._commanded if shift == 0.0 else self._held(shift)
+            if not lags and own > 0:
+                thrust = self._lagged if shift == 0.0 else self._lag(thrust)
+        for effect in chain:
+            thrust = effect.respond(self._vehicle, self._t, thrust)
+        return self._at_rows(thrust, kinks=lag > 0), self._mean(thrust)
+
+    def _at_rows(self, thrust: np.ndarray, *, kinks: bool) -> np.ndarray:
+        """(n, 4); where the rotors lag, thrust has no jump at a row, but a kink."""
+        row = self._row
+        if not kinks:
+            return thrust[row]
+        return 1.5 * thrust[np.maximum(row - 1, 0)] - 0.5 * thrust[np.maximum(row - 2, 0)]
+
+    def _mean(self, thrust: np.ndarray) -> np.ndarray:
+        """(n-1, 4) between rows."""
+        later = np.concatenate([thrust[1:], thrust[-1:]]) if self._measured else thrust
+        part = 0.5 * self._step * (thrust + later)
+        total = np.concatenate([np.zeros((1, 4)), np.cumsum(part, axis=0)])
+        at = total[self._before] + self._share * part[self._before]
+        return np.diff(at, axis=0) / np.diff(self._log.t)[:, None]
+
+    @cached_property
+    def _commanded(self) -> np.ndarray:
+        """(m, 4) at substeps [N]."""
+        if not self._measured:
+            return self._held(0.0)
+        command = self._log.u @ self._vehicle.unmixer.T
+        return np.stack([np.interp(self._t, self._log.t, command[:, i]) for i in range(4)], axis=1)
+
+    def _held(self, shift: float) -> np.ndarray:
+        command = np.maximum(self._log.u @ self._vehicle.unmixer.T, 0.0)
+        return _held(self._log.t, command, self._t - shift, self._step)
+
+    @cached_property
+    def _lagged(self) -> np.ndarray:
+        """(m, 4) after the vehicle file's own lag [N]."""
+        return self._lag(self._commanded)
+
+    def _lag(self, thrust: np.ndarray) -> np.ndarray:
+        return MotorLag(self._vehicle.rotor_time_constant).respond(self._vehicle, self._t, thrust)
 
 
 def _held(t_row: np.ndarray, command: np.ndarray, t: np.ndarray, h: float) -> np.ndarray:

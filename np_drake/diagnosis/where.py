@@ -10,7 +10,6 @@ from scipy import signal
 from np_drake import attitude
 from np_drake.diagnosis.answer import CHANNELS, Band, ChannelGap, Regime, Segment, Where
 from np_drake.diagnosis.evidence import WRENCH, Evidence
-from np_drake.diagnosis.grid import to_grid
 from np_drake.diagnosis.noise import NoiseModel
 
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
@@ -88,7 +87,7 @@ def quantities(flight: Evidence) -> dict[str, tuple[np.ndarray, str]]:
         ],
         axis=1,
     )
-    on = to_grid(flight.grid, mids.t, raw)
+    on = flight.from_mids(raw)
     return {
         "speed": (on[:, 0], "m/s"),
         "thrust": (flight.nominal[:, 2], "N"),

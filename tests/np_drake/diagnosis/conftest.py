@@ -12,7 +12,6 @@ import pytest
 
 from np_drake import attitude
 from np_drake.diagnosis.evidence import Evidence, make_evidence
-from np_drake.diagnosis.hidden_swing import attitude_on_grid
 from np_drake.diagnosis.noise import NoiseModel, fit_noise
 from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.which import Ranking, rank
@@ -107,7 +106,7 @@ def pushed() -> Callable[..., dict[str, np.ndarray]]:
             gusts = 0.5 * _process(rng, e.t, time) + white * rng.standard_normal((len(e.t), 3))
             force = np.array([0.3, -0.2, 0.1]) + gusts
             left[e.name] = np.zeros_like(e.y)
-            left[e.name][:, :3] = attitude.rotate_back(attitude_on_grid(e), force * (e.t >= begin)[:, None])
+            left[e.name][:, :3] = attitude.rotate_back(e.q, force * (e.t >= begin)[:, None])
         return left
 
     return left_of

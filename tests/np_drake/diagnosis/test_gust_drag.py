@@ -9,7 +9,6 @@ from np_drake import attitude
 from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.gust_drag import drag_in_gusts
 from np_drake.diagnosis.gusts import as_gusts
-from np_drake.diagnosis.hidden_swing import attitude_on_grid
 from np_drake.diagnosis.rig import LABORATORY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.rigid_body import P, V
@@ -43,7 +42,7 @@ def yielding(
     effort [N]: of the slow forces that move it about on purpose.   stiff: how much less it gives way [1].
     white [N]: noise.   early: does the drag act before the wind begins?
     """
-    t, R = e.t, attitude_on_grid(e)
+    t, R = e.t, e.q
     step, x = e.grid.step, np.zeros((len(t), 6))
     force, wind = np.zeros((len(t), 3)), deviation * rng.standard_normal(3)
     phase = rng.uniform(0, 2 * np.pi, (2, 3))
@@ -158,7 +157,7 @@ def test_where_no_drag_is_there_the_cause_stays_as_it_is(flights):
     for e in flights:  # a force along the motion is no drag
         v = np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, V].T], axis=1)
         force = 0.3 * v + 0.05 * rng.standard_normal(v.shape)
-        felt[e.name][:, :3] = attitude.rotate_back(attitude_on_grid(e), force)
+        felt[e.name][:, :3] = attitude.rotate_back(e.q, force)
     drag = cause(0.1, 0.1, 0.1)
     assert drag_in_gusts(drag, flights, felt, {}) is drag
     against = cause(-0.1, -0.1, 0.1)  # through which no wind acts

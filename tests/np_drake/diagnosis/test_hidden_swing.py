@@ -9,7 +9,6 @@ from np_drake.diagnosis.grid import TAPS
 from np_drake.diagnosis.hidden_swing import (
     MOST_JUMPS,
     STATE,
-    attitude_on_grid,
     hidden_size,
     hook_acceleration,
     jumps,
@@ -65,7 +64,7 @@ def test_hooks_are_worked_out_as_each_alone(seen):
 
 def test_attitude_on_the_grid_is_that_of_the_rows(seen):
     dut = seen()
-    q = attitude_on_grid(dut)
+    q = dut.q
     np.testing.assert_allclose(np.linalg.norm(q, axis=1), 1.0)
     np.testing.assert_allclose(q, dut.log.q[::2], atol=1e-12)
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.diagnosis.hidden_swing import attitude_on_grid
 from np_drake.diagnosis.place import chance_of_place
 from np_drake.rigid_body import P, V
 
@@ -37,7 +36,7 @@ def test_a_force_tied_to_a_place_is_no_gust_whatever_its_mean_in_a_flight(flight
     for i, e in enumerate(flights):
         tied = field(e, 1.0, normal) + 0.3 * i
         left[e.name] = 0.3 * left[e.name]
-        left[e.name][:, :3] += attitude.rotate_back(attitude_on_grid(e), tied)
+        left[e.name][:, :3] += attitude.rotate_back(e.q, tied)
     assert chance_of_place(flights, left, {}) < 1e-6
 
 
@@ -60,7 +59,7 @@ def test_a_force_beside_gusts_is_tied_to_the_place_where_the_velocity_does_not_t
     left = pushed(flights, np.random.default_rng(4), 0.6)
     for e in flights:
         left[e.name] = 0.3 * left[e.name]
-        left[e.name][:, :3] += attitude.rotate_back(attitude_on_grid(e), force(e))
+        left[e.name][:, :3] += attitude.rotate_back(e.q, force(e))
     chance = chance_of_place(flights, left, {})
     assert chance < 1e-6 if tied else chance > 1e-2
 
@@ -80,7 +79,7 @@ def test_on_a_circle_where_velocity_goes_with_the_place_a_field_is_no_drag(fligh
     assert chance_of_place(circles, left, {}) > 1e-2
     for e in circles:
         left[e.name] = 0.3 * left[e.name]
-        left[e.name][:, :3] += attitude.rotate_back(attitude_on_grid(e), field(e, 0.6, normal))
+        left[e.name][:, :3] += attitude.rotate_back(e.q, field(e, 0.6, normal))
     assert chance_of_place(circles, left, {}) < 1e-3
 
 

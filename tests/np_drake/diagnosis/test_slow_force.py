@@ -8,7 +8,6 @@ from scipy import integrate, signal
 
 from np_drake import attitude
 from np_drake.diagnosis.evidence import FORCE, VELOCITY
-from np_drake.diagnosis.hidden_swing import attitude_on_grid
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.slow_force import LEAST, SlowForce, _markov, slow_force, slow_power
@@ -41,7 +40,7 @@ def pushed(
     """left, with forces [N RMS] that position alone, the accelerometer alone, or both show."""
     out = {}
     for i, e in enumerate(flights):
-        R, mass = attitude_on_grid(e), e.vehicle.mass
+        R, mass = e.q, e.vehicle.mass
         force = [markov(e, size, time, 10 * i + k) for k, size in enumerate((position, accelerometer, both))]
         seen, read, common = (attitude.rotate_back(R, f) for f in force)
         y = left[e.name].copy()
@@ -72,9 +71,7 @@ def test_a_steady_force_is_none(seen):
     left = left_of(flights)
     still = slow_force(flights, left, LABORATORY).log_evidence
     for e in flights:
-        left[e.name][:, FORCE] += attitude.rotate_back(
-            attitude_on_grid(e), np.tile([3.0, -2.0, 0.0], (len(e.t), 1))
-        )
+        left[e.name][:, FORCE] += attitude.rotate_back(e.q, np.tile([3.0, -2.0, 0.0], (len(e.t), 1)))
     assert slow_force(flights, left, LABORATORY).log_evidence == pytest.approx(still, abs=0.5)
 
 
@@ -121,7 +118,7 @@ def test_the_power_of_a_slow_force_is_its_mean_square_and_a_fast_one_has_none(se
         left = {}
         for e in flights:
             level = 0.8 * np.sin(2 * np.pi * frequency * e.t)
-            force = attitude.rotate_back(attitude_on_grid(e), np.column_stack([level, level, 0 * level]))
+            force = attitude.rotate_back(e.q, np.column_stack([level, level, 0 * level]))
             left[e.name] = np.zeros_like(e.y)
             left[e.name][:, FORCE] = force
         assert slow_power(flights, left) == pytest.approx(expected, rel=0.1, abs=0.01)
@@ -135,9 +132,7 @@ def test_an_attitude_that_is_read_askew_is_no_slow_force_where_the_vehicle_yaws(
     yawing = dc.replace(flight, rows=dc.replace(flight.rows, x=x))
     askew, wind = np.zeros_like(yawing.y), np.zeros_like(yawing.y)
     askew[:, FORCE] = [0.8, -0.5, 0.0]
-    wind[:, FORCE] = attitude.rotate_back(
-        attitude_on_grid(yawing), np.tile([0.8, -0.5, 0.0], (len(yawing.t), 1))
-    )
+    wind[:, FORCE] = attitude.rotate_back(yawing.q, np.tile([0.8, -0.5, 0.0], (len(yawing.t), 1)))
     size = 0.8**2 + 0.5**2
     assert slow_power([yawing], {"1": askew}) < 1e-6 * size
     assert slow_power([yawing], {"1": wind}) < 0.1 * size

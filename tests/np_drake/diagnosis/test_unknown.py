@@ -7,7 +7,6 @@ from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.candidates import library_candidates
-from np_drake.diagnosis.hidden_swing import attitude_on_grid
 from np_drake.diagnosis.search import Problem, search
 from np_drake.diagnosis.unknown import PREFIX, candidates_of_the_unknown
 from np_drake.diagnosis.which import rank
@@ -146,7 +145,7 @@ def test_groups_are_of_the_size_of_their_prior_and_leave_sensors_alone(groups):
 def test_a_force_at_a_place_is_along_the_axes_of_the_world(groups):
     flights, candidates = groups
     place = next(c for c in candidates if c.identifiers == (PREFIX + "place",)).columns["1"]
-    R = attitude.rotation_matrix(attitude_on_grid(flights[0]))
+    R = flights[0].R_WB
     force_W = np.einsum("nij,njk->nik", R, place[:, :3])
     each = place.shape[-1] // 3
     for axis in range(3):
