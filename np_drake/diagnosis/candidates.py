@@ -42,6 +42,11 @@ class Candidate:
         """Number of columns."""
         return next(iter(self.columns.values())).shape[-1]
 
+    @property
+    def bounded(self) -> bool:
+        """May coefficients not be physical?"""
+        return self.possible is not None or self.mended is not None
+
     def physical(self, mean: np.ndarray, covariance: np.ndarray) -> Mended:
         """Coefficients (k,) for a posterior's mean (k,) and covariance (k, k), and the log probability of such ones."""
         c, log_probability = (mean, 0.0) if self.mended is None else self.mended(mean, covariance)

@@ -16,21 +16,24 @@ Sums = tuple[np.ndarray, np.ndarray, np.ndarray]  # X'X (n, k, k), X'B (n, k, b)
 class LateColumns:
     """One flight: sums over its whitened rows of columns X that begin at any of them.
 
-    y (m, 15): target; beside B (m', 15, b): raw columns of what acts as well.   t (m,): of the whitened rows [s].
+    Target y (m', 15) and B (m', 15, b), columns of what acts as well, are raw.   products (b + 1, b + 1): of B and y,
+    white.   t (m,): of the whitened rows [s].
     """
 
     def __init__(
         self, evidence: Evidence, noise: NoiseModel, target: np.ndarray, beside: np.ndarray, scale=1.0
     ):
         self._e, self._noise, self._scale = evidence, noise, scale
-        self.y = scale * evidence.white(noise, target)
-        self.beside = scale * evidence.white(noise, beside)
         self._order = noise.phi.shape[1]
         self.t = evidence.t[self._order :]
         self._rise = rise(evidence.grid)
-        both = np.concatenate([self.beside, self.y[..., None]], axis=-1)
-        facing = noise.mixing.T @ both  # what drives a channel times this is what is white times `both`
-        self._facing = np.ascontiguousarray(np.moveaxis(facing, 1, 0))
+        both = np.concatenate([beside, target[..., None]], axis=-1)
+        active = np.flatnonzero(noise.active)
+        driven = self._driven(active, evidence.bridged(both[:, active]))
+        # What drives a channel times this is what is white times `both`.
+        self._facing = np.zeros((both.shape[1], *driven.shape[1:]))
+        self._facing[active] = np.tensordot(self._weight(active), driven, 1)
+        self.products = np.sum(np.swapaxes(driven, 1, 2) @ self._facing[active], axis=0)
         ends = (0, 0), (len(self._rise) // 2, len(self._rise) // 2 + self._order), (0, 0)
         self._windows = sliding_window_view(np.pad(self._facing, ends), self._near, axis=1)
 

@@ -5,7 +5,7 @@ log p(y) = -1/2 (y'y - b' A^-1 b) - 1/2 log det A + const, with A = X'X + 1, b =
 """
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.linalg import lapack
@@ -62,11 +62,9 @@ class Gram:
         self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]
     ) -> np.ndarray:
         """(n,) `evidence_of_groups` of many sets of groups, those with as many columns at a time."""
-        sizes = np.array([sum(map(len, groups)) for groups in sets])
         evidence = np.zeros(len(sets))
-        for size in set(sizes.tolist()) - {0}:
-            for some in _portions(np.flatnonzero(sizes == size), size):
-                evidence[some] = self._evidence([sets[i] for i in some], [wide[i] for i in some])
+        for some in _alike([sum(map(len, groups)) for groups in sets]):
+            evidence[some] = self._evidence([sets[i] for i in some], [wide[i] for i in some])
         return evidence
 
     def _evidence(self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]) -> np.ndarray:
@@ -87,14 +85,25 @@ class Gram:
 
     def posterior(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(k,) mean and (k, k) covariance of the coefficients of these columns."""
-        A = self.XX[np.ix_(index, index)] + np.eye(len(index))
-        covariance = np.linalg.inv(A)
-        return covariance @ self.Xy[index], covariance
+        return self.posteriors([index])[0]
+
+    def posteriors(self, indices: Sequence[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
+        """`posterior` of many sets of columns."""
+        found = [(np.zeros(0), np.zeros((0, 0)))] * len(indices)
+        for some in _alike([len(index) for index in indices]):
+            index = np.stack([indices[i] for i in some])
+            covariance = np.linalg.inv(self.XX[index[:, :, None], index[:, None, :]] + np.eye(index.shape[1]))
+            mean = (covariance @ self.Xy[index][..., None])[..., 0]
+            for i, *one in zip(some, mean, covariance, strict=True):
+                found[i] = (one[0], one[1])
+        return found
 
 
-def _portions(positions: np.ndarray, size: int) -> list[np.ndarray]:
-    """Parts of which each has no more than `AT_ONCE` figures in its matrices."""
-    return np.array_split(positions, -(-len(positions) * size**2 // AT_ONCE))
+def _alike(sizes: Sequence[int]) -> Iterator[np.ndarray]:
+    """Positions of sets with as many columns, no more at a time than have `AT_ONCE` figures; empty sets apart."""
+    for size in set(sizes) - {0}:
+        same = np.flatnonzero(np.equal(sizes, size))
+        yield from np.array_split(same, -(-len(same) * size**2 // AT_ONCE))
 
 
 def _solved(XX: np.ndarray, Xy: np.ndarray) -> tuple[np.ndarray, float]:

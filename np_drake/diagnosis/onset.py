@@ -121,10 +121,9 @@ class OnsetScan:
             columns = [c.columns[e.name] for c in beside] or [np.zeros((*e.y.shape, 0))]
             B = np.concatenate(columns, axis=-1)
             self._flights[e.name] = LateColumns(e, problem.noise, e.y, B, scale)
-        B = np.concatenate([f.beside.reshape(f.y.size, f.beside.shape[-1]) for f in self._flights.values()])
-        y = np.concatenate([f.y.ravel() for f in self._flights.values()])
-        self._covariance = np.linalg.inv(np.eye(B.shape[1]) + B.T @ B)
-        self._mean = self._covariance @ (B.T @ y)
+        products = sum(f.products for f in self._flights.values())
+        self._covariance = np.linalg.inv(np.eye(len(products) - 1) + products[:-1, :-1])
+        self._mean = self._covariance @ products[:-1, -1]
 
     def whole(self, candidate: Candidate) -> dict[str, Sums]:
         """Sums of its columns as they are from any row on, by flight."""

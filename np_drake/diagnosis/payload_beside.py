@@ -44,11 +44,12 @@ class Beside:
         onset: Onset | None,
         horizons: Sequence[float] = (),
     ):
-        self._flights, self._noise, self._onset = list(flights), noise, onset or {}
+        self._flights, self._noise, self._onset = list(flights), noise.head(CHANNELS), onset or {}
         self._white = []
         for e in flights:
-            X = np.concatenate([np.zeros((*e.y.shape, 0)), *(c.columns[e.name] for c in others)], axis=-1)
-            self._white.append((_flat(noise, e.bridged(X)), _flat(noise, e.bridged(e.y)[..., None])[:, 0]))
+            y = e.y[:, :CHANNELS, None]
+            X = np.concatenate([y[..., :0], *(c.columns[e.name][:, :CHANNELS] for c in others)], axis=-1)
+            self._white.append((self._flat(e, X), self._flat(e, y)[:, 0]))
         self.horizons = sorted({*(horizons or (*HORIZONS, *self._after_shocks()))})
         self._base = {horizon: self._gram(horizon) for horizon in self.horizons}
 
@@ -84,11 +85,9 @@ class Beside:
 
     def white(self, candidate: Candidate) -> White:
         """Its columns, whitened."""
-        every = [candidate.columns[e.name] for e in self._flights]
+        every = [candidate.columns[e.name][:, :CHANNELS] for e in self._flights]
         at = [np.flatnonzero(X.any(axis=(0, 1))) for X in every]
-        own = [
-            _flat(self._noise, e.bridged(X[..., i])) for e, X, i in zip(self._flights, every, at, strict=True)
-        ]
+        own = [self._flat(e, X[..., i]) for e, X, i in zip(self._flights, every, at, strict=True)]
         return White(own, at, candidate.size, candidate.log_prior)
 
     def gain(self, candidate: White, horizon: float) -> tuple[float, np.ndarray]:
@@ -132,8 +131,7 @@ class Beside:
             found[horizon] = Gram(XX, np.concatenate([base.Xy, Py]), 0.0, 0)
         return [found[horizon] for horizon in horizons]
 
-
-def _flat(noise: NoiseModel, values: np.ndarray) -> np.ndarray:
-    """(rows x channels, k) whitened force and torque."""
-    white = noise.head(CHANNELS).whiten(values[:, :CHANNELS])
-    return white.reshape(len(white) * CHANNELS, values.shape[-1])
+    def _flat(self, e: Evidence, values: np.ndarray) -> np.ndarray:
+        """(rows x channels, k) force and torque (m, 6, k), whitened."""
+        white = self._noise.whiten(e.bridged(values))
+        return white.reshape(len(white) * CHANNELS, values.shape[-1])

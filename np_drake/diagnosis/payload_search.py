@@ -62,13 +62,15 @@ class PayloadSearch:
         gains = self._profiles(rich, alone)
         if max(g.max() for g in gains[: len(ENDS)]) < PROMISING:
             return []
-        found = []
+        starts: dict[tuple[Beside, int, float], None] = {}
         for (beside, horizon), profile in zip(asked, gains, strict=True):
             best, *others_of_it = _peaks(profile)[:FOLLOWED]
-            starts = [(best, first) for first in dict.fromkeys((ENDS[0], horizon))]
-            for i, first in [*starts, *((i, horizon) for i in others_of_it)]:
-                _, guess, candidate = self._follow(beside, Guess(float(LENGTHS[i])), first)
-                found.append((rich.gain(rich.white(candidate), math.inf)[0], guess, candidate))
+            starts |= dict.fromkeys((beside, best, first) for first in (ENDS[0], horizon))
+            starts |= dict.fromkeys((beside, i, horizon) for i in others_of_it)
+        found = []
+        for beside, i, first in starts:
+            _, guess, candidate = self._follow(beside, Guess(float(LENGTHS[i])), first)
+            found.append((rich.gain(rich.white(candidate), math.inf)[0], guess, candidate))
         return self._distinct(found)
 
     def from_guesses(

@@ -9,7 +9,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.diagnosis import evidence as ev
-from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.evidence import Evidence, Instants
 from np_drake.diagnosis.hidden_swing import swing_wrench
 from np_drake.diagnosis.sensor_trace import sensor_trace, without_errors
 from np_drake.effects.base import (
@@ -72,7 +72,10 @@ def signature(evidence: Evidence, terms: Sequence[Term], stages: Stages | None =
     stages, log = stages or Stages(), evidence.name
     sensors = tuple(t.effect for t in terms if isinstance(t.effect, SensorEffect))
     turning = tuple((t.effect, t.begins(log)) for t in terms if isinstance(t.effect, ActuatorEffect))
-    pushing = tuple((t.effect, t.begins(log)) for t in terms if isinstance(t.effect, WrenchEffect))
+    pushing = [
+        (t.effect, t.begins(log)) for t in terms if isinstance(t.effect, WrenchEffect) and not t.swings
+    ]
+    blowing = tuple(pair for pair in pushing if type(pair[0]).air_velocity is not WrenchEffect.air_velocity)
     y = np.zeros_like(evidence.y)
     for sensor in sensors:
         y += stages.once("sensor", (sensor,), partial(sensor_trace, evidence, sensor))
@@ -80,12 +83,14 @@ def signature(evidence: Evidence, terms: Sequence[Term], stages: Stages | None =
     key = (turning, sum(s.clock_shift for s in sensors))
     thrust = stages.once("thrust", key, partial(_thrust, evidence, terms))
     added = stages.once("actuators", key, partial(_actuators, evidence, thrust))
-    added = added + stages.once(
-        "wrench", (key, sensors, pushing), partial(_wrenches, evidence, terms, thrust)
-    )
+    if pushing:
+        air = stages.once("air", blowing, partial(_air, evidence, blowing))
+        for one in (pair for pair in pushing if pair[0].pushes or pair[0].turns):
+            own = (key, sensors, blowing, one)
+            added = added + stages.once("wrench", own, partial(_wrench, evidence, *one, thrust, air))
     for term in terms:
         if term.swings:
-            added += swing_wrench(evidence, term)
+            added = added + swing_wrench(evidence, term)
     ahead = partial(stages.once, "ahead", key, partial(_ahead, evidence, thrust))
     y[:, ev.WRENCH] += _through_mass(evidence, terms, added, ahead)
     return y
@@ -96,6 +101,7 @@ def gate(t: np.ndarray, onset: float | None) -> np.ndarray:
     return np.ones((len(t), 1)) if onset is None else (np.asarray(t) >= onset).astype(float)[:, None]
 
 
+Begun = tuple[WrenchEffect, float | None]  # an effect and its onset [s]
 Thrust = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # rows, mids [N]; their rotor rates [rad/s²]
 
 
@@ -145,29 +151,37 @@ def _ahead(evidence: Evidence, thrust: Thrust) -> np.ndarray:
     return np.concatenate([force[:, :1] - force[:, 1:], torque[:, :3] - torque[:, 3:]], axis=1)
 
 
-def _wrenches(evidence: Evidence, terms: Sequence[Term], thrust: Thrust) -> np.ndarray:
-    acting = [t for t in terms if isinstance(t.effect, WrenchEffect) and not t.swings]
-    if not acting:
-        return np.zeros((len(evidence.t), 6))
-    name, vehicle = evidence.name, evidence.vehicle
-    mids_only = evidence.log.a is None
-    parts = []
-    for instants, f, rate, asked in (
-        (evidence.rows, *((thrust[1], thrust[3]) if mids_only else (thrust[0], thrust[2])), "pushes"),
-        (evidence.mids, thrust[1], thrust[3], "turns"),
-    ):
-        wind = np.zeros((len(instants.t), 3))
-        for term in acting:
-            effect = term.effect
-            assert isinstance(effect, WrenchEffect)
-            wind = wind + effect.air_velocity(instants.t) * gate(instants.t, term.begins(name))
-        motion = Motion(instants.t, instants.x, f, wind, rate)
-        chi = np.zeros((len(instants.t), 6))
-        for term in (t for t in acting if getattr(t.effect, asked)):
-            chi += term.effect.wrench(vehicle, motion) * gate(instants.t, term.begins(name))  # type: ignore[attr-defined]
-        parts.append(chi)
-    force = (parts[0][:, None, :3] @ evidence.rows.R_WB)[:, 0]
-    return evidence.on_grid(force, parts[1][:, 3:])
+Air = tuple[np.ndarray, np.ndarray]  # its velocity at the instants of force and of torque, in W [m/s]
+
+
+def _air(evidence: Evidence, blowing: Sequence[Begun]) -> Air:
+    """What the winds move."""
+
+    def at(t: np.ndarray) -> np.ndarray:
+        still = np.zeros((len(t), 3))
+        return sum((effect.air_velocity(t) * gate(t, begin) for effect, begin in blowing), start=still)
+
+    return at(evidence.rows.t), at(evidence.mids.t)
+
+
+def _wrench(
+    evidence: Evidence, effect: WrenchEffect, begin: float | None, thrust: Thrust, air: Air
+) -> np.ndarray:
+    """(m, 6) of one effect, body axes."""
+    rows, mids, rate_rows, rate_mids = thrust
+    at_force = (mids, rate_mids) if evidence.log.a is None else (rows, rate_rows)
+
+    def at(instants: Instants, f: np.ndarray, rate: np.ndarray, wind: np.ndarray) -> np.ndarray:
+        chi = effect.wrench(evidence.vehicle, Motion(instants.t, instants.x, f, wind, rate))
+        return chi * gate(instants.t, begin)
+
+    out = np.zeros((len(evidence.t), 6))
+    if effect.pushes:
+        force = at(evidence.rows, *at_force, air[0])[:, None, :3] @ evidence.rows.R_WB
+        out[:, ev.FORCE] = evidence.from_rows(force[:, 0])
+    if effect.turns:
+        out[:, ev.TORQUE] = evidence.from_mids(at(evidence.mids, mids, rate_mids, air[1])[:, 3:])
+    return out
 
 
 def _through_mass(

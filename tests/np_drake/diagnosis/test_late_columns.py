@@ -20,17 +20,19 @@ SCALE = 0.7
 @pytest.mark.parametrize(
     "effects", [[MassError(0.2)], [LinearDrag(0.3, 0.3, 0.3), WeakRotor(1, 0.9)]], ids=["one", "two"]
 )
-def test_sums_are_those_of_the_whitened_columns_from_each_row_on(seen, noise, effects, loud):
+@pytest.mark.parametrize("equally", [False, True], ids=["any rows", "rows equally far apart"])
+def test_sums_are_those_of_the_whitened_columns_from_each_row_on(seen, noise, effects, loud, equally):
     flight = seen(name="1", seed=1, noise=1.0, seconds=6.0)
     noise = dc.replace(noise, loudness={"1": np.linspace(0.5, 2.0, 15)}) if loud else noise
     X = np.stack([signature(flight, [Term(effect)]) for effect in effects], axis=-1)
     B = signature(flight, [Term(CenterOfMassOffset(0.01, 0.0, 0.0))])[..., None]
     dut = LateColumns(flight, noise, flight.y, B, SCALE)
     whole = dut.whole(X)
-    rows = np.array([40, 150, len(dut.t) - 40])
+    rows = np.arange(40, 100, 20) if equally else np.array([3, 150, len(dut.t) - 4])
     found = dut.begun(X, whole, rows)
     y, beside = (SCALE * flight.white(noise, part) for part in (flight.y, B))
-    np.testing.assert_allclose(dut.y, y)
+    both = np.concatenate([beside, y[..., None]], axis=-1)
+    np.testing.assert_allclose(dut.products, np.tensordot(both, both, axes=([0, 1], [0, 1])), rtol=1e-9)
     for i, row in enumerate(rows):
         late = SCALE * flight.white(noise, X * flight.begun(dut.t[row])[..., None])
         for sums, other in zip(found, (late, beside, y), strict=True):

@@ -67,6 +67,21 @@ def test_columns_of_every_model_may_be_taken_out_first(seed, n, chosen):
         np.testing.assert_allclose(part, whole[(slice(n, None),) * whole.ndim], atol=1e-9)
 
 
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10**6), st.lists(st.lists(st.sampled_from([0, 1, 2]), unique=True), max_size=6))
+def test_many_sets_together_are_each_by_itself(seed, sets):
+    dut = gram(*problem(seed, k=5))
+    columns = [np.array([0, 1]), np.array([2]), np.array([3, 4])]
+    groups = [[columns[i] for i in chosen] for chosen in sets]
+    wide = [[i != 1 for i in chosen] for chosen in sets]
+    alone = [dut.evidence_of_groups(g, w) for g, w in zip(groups, wide, strict=True)]
+    np.testing.assert_allclose(dut.evidence_of_sets(groups, wide), alone, atol=1e-9)
+    indices = [np.concatenate([np.zeros(0, int), *g]) for g in groups]
+    for found, index in zip(dut.posteriors(indices), indices, strict=True):
+        for part, whole in zip(found, dut.posterior(index), strict=True):
+            np.testing.assert_allclose(part, whole, atol=1e-9)
+
+
 def test_an_effect_of_usual_size_has_the_usual_prior_and_one_of_ten_times_the_size_is_not_punished_for_it():
     rng = np.random.default_rng(5)
     X = rng.normal(size=(200, 1, 3))
