@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.thrust import nominal_thrust, rotor_thrust
+from np_drake.diagnosis.thrust import Rotors
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
@@ -29,7 +29,7 @@ def commands(seed: int = 0, n: int = 60) -> np.ndarray:
 
 def test_a_command_is_held_from_its_row_to_the_next():
     f = commands()
-    rows, mids = nominal_thrust(log_of(f), VEHICLE)
+    rows, mids = Rotors(log_of(f), VEHICLE).thrust([])
     np.testing.assert_allclose(rows, f, atol=1e-9)
     np.testing.assert_allclose(mids, f[:-1], atol=1e-9)
 
@@ -39,7 +39,7 @@ def test_commands_are_held_between_rows_of_any_spacing():
     log = log_of(f)
     spacing = np.random.default_rng(2).choice([STEP, 2 * STEP], 59, p=[0.8, 0.2])
     log.t = 2.0 + np.concatenate([[0.0], np.cumsum(spacing)])
-    rows, mids = nominal_thrust(log, VEHICLE)
+    rows, mids = Rotors(log, VEHICLE).thrust([])
     np.testing.assert_allclose(rows, f, atol=1e-9)
     np.testing.assert_allclose(mids, f[:-1], atol=1e-9)
 
@@ -48,7 +48,7 @@ def test_commands_are_held_between_rows_of_any_spacing():
 @given(st.floats(0.0, 0.12), st.integers(0, 100))
 def test_a_delay_mixes_two_commands_in_the_mean_of_an_interval(delay, seed):
     f = commands(seed)
-    _, mids = rotor_thrust(log_of(f), VEHICLE, [CommandDelay(delay)])
+    _, mids = Rotors(log_of(f), VEHICLE).thrust([CommandDelay(delay)])
     whole, part = divmod(delay / STEP, 1)
     k = np.arange(len(f) - 1) - int(whole)
     expected = (1 - part) * f[np.maximum(k, 0)] + part * f[np.maximum(k - 1, 0)]
@@ -59,15 +59,15 @@ def test_a_delay_mixes_two_commands_in_the_mean_of_an_interval(delay, seed):
 @given(st.floats(0.0, 0.12), st.integers(0, 100))
 def test_a_late_clock_and_a_delay_shift_the_command_alike_and_once(delay, seed):
     log = log_of(commands(seed))
-    by_delay = rotor_thrust(log, VEHICLE, [CommandDelay(delay)])
-    by_clock = rotor_thrust(log, VEHICLE, [], shift=delay)
+    by_delay = Rotors(log, VEHICLE).thrust([CommandDelay(delay)])
+    by_clock = Rotors(log, VEHICLE).thrust([], shift=delay)
     np.testing.assert_allclose(by_clock[1], by_delay[1], atol=1e-6)
     np.testing.assert_allclose(by_clock[0], by_delay[0], atol=1e-6)
 
 
 def test_a_clock_that_runs_ahead_takes_commands_earlier():
     f = commands()
-    rows, mids = rotor_thrust(log_of(f), VEHICLE, [], shift=-3 * STEP)
+    rows, mids = Rotors(log_of(f), VEHICLE).thrust([], shift=-3 * STEP)
     np.testing.assert_allclose(rows[:-3], f[3:], atol=1e-9)
     np.testing.assert_allclose(mids[:-3], f[3:-1], atol=1e-9)
 
@@ -76,7 +76,7 @@ def test_a_lag_answers_a_step_as_an_exponential_of_rotor_speed():
     T, low, high = 0.04, 3.0, 6.0
     f = np.full((60, 4), low)
     f[20:] = high
-    rows, mids = rotor_thrust(log_of(f), VEHICLE, [MotorLag(T)])
+    rows, mids = Rotors(log_of(f), VEHICLE).thrust([MotorLag(T)])
     since = STEP * np.arange(39)  # from row 20 on
     s0, s1 = np.sqrt(low), np.sqrt(high)
     e = np.exp(-since / T)
@@ -93,19 +93,35 @@ def test_a_lag_answers_a_step_as_an_exponential_of_rotor_speed():
 
 def test_the_vehicles_own_lag_acts_unless_an_effect_brings_one():
     slow, log = dc.replace(VEHICLE, rotor_time_constant=0.05), log_of(commands())
-    own = rotor_thrust(log, VEHICLE, [MotorLag(0.05)])[1]
-    np.testing.assert_allclose(nominal_thrust(log, slow)[1], own, atol=1e-9)
-    other = rotor_thrust(log, VEHICLE, [MotorLag(0.02)])[1]
-    np.testing.assert_allclose(rotor_thrust(log, slow, [MotorLag(0.02)])[1], other, atol=1e-9)
+    own = Rotors(log, VEHICLE).thrust([MotorLag(0.05)])[1]
+    np.testing.assert_allclose(Rotors(log, slow).thrust([])[1], own, atol=1e-9)
+    other = Rotors(log, VEHICLE).thrust([MotorLag(0.02)])[1]
+    np.testing.assert_allclose(Rotors(log, slow).thrust([MotorLag(0.02)])[1], other, atol=1e-9)
     assert np.abs(own - other).max() > 0.1  # [N]
+
+
+def test_what_is_found_once_does_not_depend_on_what_was_asked_before():
+    slow, log = dc.replace(VEHICLE, rotor_time_constant=0.05), log_of(commands())
+    dut = Rotors(log, slow)
+    asked = [
+        ([ThrustScale(0.8)], 0.0),
+        ([], 0.01),
+        ([MotorLag(0.02)], 0.0),
+        ([], 0.0),
+        ([ThrustScale(0.8)], 0.0),
+    ]
+    for effects, shift in asked:
+        alone = Rotors(log, slow).thrust(effects, shift=shift)
+        for found, expected in zip(dut.thrust(effects, shift=shift), alone, strict=True):
+            np.testing.assert_array_equal(found, expected)
 
 
 def test_measured_rotor_speed_is_between_rows_and_passes_propellers_only():
     f = commands()
     log = dc.replace(log_of(f), input="rotor_speed")
     chain = [MotorLag(0.05), CommandDelay(0.03), ThrustScale(0.9)]
-    rows, mids = rotor_thrust(log, VEHICLE, chain)
-    at_rows, between = rotor_thrust(log, VEHICLE, [ThrustScale(0.9)])
+    rows, mids = Rotors(log, VEHICLE).thrust(chain)
+    at_rows, between = Rotors(log, VEHICLE).thrust([ThrustScale(0.9)])
     np.testing.assert_array_equal(rows, at_rows)
     np.testing.assert_array_equal(mids, between)
     np.testing.assert_allclose(rows, 0.9 * f, atol=1e-9)
@@ -115,7 +131,7 @@ def test_measured_rotor_speed_is_between_rows_and_passes_propellers_only():
 @pytest.mark.parametrize("scale", [0.5, 1.2])
 def test_a_memoryless_effect_scales_every_mean(scale):
     f = commands()
-    rows, mids = rotor_thrust(log_of(f), VEHICLE, [ThrustScale(scale)])
+    rows, mids = Rotors(log_of(f), VEHICLE).thrust([ThrustScale(scale)])
     np.testing.assert_allclose(rows, scale * f, atol=1e-9)
     np.testing.assert_allclose(mids, scale * f[:-1], atol=1e-9)
 
@@ -123,5 +139,5 @@ def test_a_memoryless_effect_scales_every_mean(scale):
 def test_a_rotor_cannot_pull():
     f = commands()
     f[:, 0] = -1.0
-    rows, _ = nominal_thrust(log_of(f), VEHICLE)
+    rows, _ = Rotors(log_of(f), VEHICLE).thrust([])
     np.testing.assert_array_equal(rows[:, 0], 0.0)
