@@ -28,14 +28,14 @@ class LateColumns:
         self.t = evidence.t[self._order :]
         self._rise = rise(evidence.grid)
         both = np.concatenate([beside, target[..., None]], axis=-1)
-        active = np.flatnonzero(noise.active)
+        active, half, m = np.flatnonzero(noise.active), len(self._rise) // 2, len(self.t)
         driven = self._driven(active, evidence.bridged(both[:, active]))
-        # What drives a channel times this is what is white times `both`.
-        self._facing = np.zeros((both.shape[1], *driven.shape[1:]))
+        # What drives a channel times this is what is white times `both`; no row is beyond either end.
+        padded = np.zeros((both.shape[1], half + m + half + self._order, both.shape[2]))
+        self._facing = padded[:, half : half + m]
         self._facing[active] = np.tensordot(self._weight(active), driven, 1)
+        self._windows = sliding_window_view(padded, self._near, axis=1)
         self.products = np.sum(np.swapaxes(driven, 1, 2) @ self._facing[active], axis=0)
-        ends = (0, 0), (len(self._rise) // 2, len(self._rise) // 2 + self._order), (0, 0)
-        self._windows = sliding_window_view(np.pad(self._facing, ends), self._near, axis=1)
 
     @property
     def _near(self) -> int:

@@ -94,7 +94,7 @@ class Problem:
         return self.scores([members])[0]
 
     def scores(self, sets: Sequence[Sequence[int]]) -> list[float]:
-        """The same of many sets: together they take a tenth of the time."""
+        """The same of many sets, solved together."""
         priors = np.array([self._log_prior(members) for members in sets]) + self._log_probability(sets)
         wide = [[self.wide and not self.candidates[i].generic for i in members] for members in sets]
         some = np.flatnonzero(np.isfinite(priors)).tolist()
