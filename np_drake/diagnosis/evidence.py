@@ -62,7 +62,6 @@ class Evidence:
     attitude_noise: white, as found [rad]; turned: `a` was turned to W with the attitude that was read.
     shocks (m,): rows on the grid that say nothing (`shocks`); none, until a model has been seen to miss them.
     joined (m,): rows of an unseen flight that a fit has seen after all (`second_look`).
-    from_rows, from_mids: from the instants of force, and of torque, to the grid.
     goes_on: the flight goes on after these rows, so that what is absent here may begin later.
     """
 
@@ -80,9 +79,6 @@ class Evidence:
     turned: bool
     shocks: np.ndarray
     joined: np.ndarray
-    from_rows: Onto
-    from_mids: Onto
-    rotors: Rotors
     goes_on: bool = False
 
     @property
@@ -99,6 +95,21 @@ class Evidence:
     def t(self) -> np.ndarray:
         """(m,) of the grid [s]."""
         return self.grid.t
+
+    @cached_property
+    def from_rows(self) -> Onto:
+        """From the instants of force to the grid."""
+        return Onto(self.grid, self.rows.t)
+
+    @cached_property
+    def from_mids(self) -> Onto:
+        """From the instants of torque to the grid."""
+        return Onto(self.grid, self.mids.t)
+
+    @cached_property
+    def rotors(self) -> Rotors:
+        """What makes thrust of the log's commands."""
+        return Rotors(self.log, self.vehicle)
 
     @cached_property
     def q(self) -> np.ndarray:
@@ -155,33 +166,17 @@ def make_evidence(log: FlightLog, vehicle: Vehicle, step: float | None = None) -
     q, turned = _attitude_for_force(log, smooth, vehicle.gravity)
     grid = make_grid(log.t, step)
     rows, mids = _instants(log, smooth)
-    rotors = Rotors(log, vehicle)
-    thrust_rows, thrust_mids = rotors.thrust([])
+    thrust_rows, thrust_mids = Rotors(log, vehicle).thrust([])
     from_rows, from_mids = Onto(grid, rows.t), Onto(grid, mids.t)
     force, others = _channels(log, vehicle, q, mids, thrust_rows, thrust_mids)
     y = np.concatenate([from_rows(force), from_mids(others)], axis=1)
     u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T
     f = u_mids[:, :1] if log.a is None else u_rows[:, :1]
     nominal = np.concatenate([np.zeros((len(grid), 2)), from_rows(f), from_mids(u_mids[:, 1:])], axis=1)
+    w = from_mids(mids.x[:, 10:13])
     none = np.zeros(len(grid), bool)
     return Evidence(
-        log,
-        vehicle,
-        grid,
-        y,
-        rows,
-        mids,
-        thrust_rows,
-        thrust_mids,
-        nominal,
-        from_mids(mids.x[:, 10:13]),
-        noise,
-        turned,
-        none,
-        none,
-        from_rows,
-        from_mids,
-        rotors,
+        log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, none, none
     )
 
 

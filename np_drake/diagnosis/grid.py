@@ -1,6 +1,7 @@
 """A flight's own instants to a uniform grid: interpolation, then a zero-phase low-pass and decimation."""
 
 import dataclasses as dc
+from functools import cache
 
 import numpy as np
 from scipy import signal, sparse
@@ -42,14 +43,20 @@ def make_grid(t: np.ndarray, step: float | None = None) -> Grid:
 
 
 class Onto:
-    """From instants t (n,) of a flight to its grid, as one sparse matrix: to make it takes longer than to apply it."""
+    """From instants t (n,) of a flight to its grid: where each lies is found once."""
 
     def __init__(self, grid: Grid, t: np.ndarray):
-        self._map = _decimation(len(grid.fine), grid.factor) @ _interpolation(grid.fine, t)
+        self._factor = grid.factor
+        after = np.clip(np.searchsorted(t, grid.fine), 1, len(t) - 1)
+        share = np.clip((grid.fine - t[after - 1]) / (t[after] - t[after - 1]), 0.0, 1.0)
+        entries = np.stack([1.0 - share, share], axis=1), np.stack([after - 1, after], axis=1)
+        ends = 2 * np.arange(len(grid.fine) + 1)
+        self._between = sparse.csr_array((*map(np.ravel, entries), ends), (len(grid.fine), len(t)))
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """(m, ...) values (n, ...) on the grid; the ends are held."""
-        return (self._map @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:])
+        fine = self._between @ values.reshape(len(values), -1)
+        return _decimate(fine, self._factor).reshape(-1, *values.shape[1:])
 
 
 def to_grid(grid: Grid, t: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -57,20 +64,15 @@ def to_grid(grid: Grid, t: np.ndarray, values: np.ndarray) -> np.ndarray:
     return Onto(grid, t)(values)
 
 
-def _interpolation(fine: np.ndarray, t: np.ndarray) -> sparse.csr_array:
-    """(f, n) from instants t (n,) to the fine ones (f,)."""
-    after = np.clip(np.searchsorted(t, fine), 1, len(t) - 1)
-    share = np.clip((fine - t[after - 1]) / (t[after] - t[after - 1]), 0.0, 1.0)
-    entries = np.stack([1.0 - share, share], axis=1), np.stack([after - 1, after], axis=1)
-    return sparse.csr_array((*map(np.ravel, entries), 2 * np.arange(len(fine) + 1)), (len(fine), len(t)))
-
-
-def _decimation(fine: int, factor: int) -> sparse.csr_array:
-    """(m, f) low-pass and every `factor`-th of the fine instants."""
+def _decimate(fine: np.ndarray, factor: int) -> np.ndarray:
     if factor == 1:
-        return sparse.csr_array(sparse.identity(fine))
-    taps = signal.firwin(2 * TAPS * factor + 1, 0.8 / factor)
-    middle = np.arange(0, fine, factor)
-    at = np.clip(middle[:, None] + np.arange(-TAPS * factor, TAPS * factor + 1), 0, fine - 1)
-    rows = np.repeat(np.arange(len(middle)), len(taps))
-    return sparse.csr_array((np.tile(taps, len(middle)), (rows, at.ravel())), (len(middle), fine))
+        return fine
+    half, taps = TAPS * factor, _low_pass(factor)
+    padded = np.concatenate([np.repeat(fine[:1], half, 0), fine, np.repeat(fine[-1:], half, 0)])
+    return signal.upfirdn(taps, padded, 1, factor, axis=0)[2 * half // factor :][: -(-len(fine) // factor)]
+
+
+@cache
+def _low_pass(factor: int) -> np.ndarray:
+    """Its taps: to design them takes longer than to apply them."""
+    return signal.firwin(2 * TAPS * factor + 1, 0.8 / factor)

@@ -1,4 +1,4 @@
-"""Bayesian linear regression on Gram matrices: evidence and posterior of any subset of columns in microseconds.
+"""Bayesian linear regression on Gram matrices: evidence and posterior of any subset of columns.
 
 y = X c + n, n white with unit variance, c ~ N(0, 1) column by column (columns carry the prior's scale).
 log p(y) = -1/2 (y'y - b' A^-1 b) - 1/2 log det A + const, with A = X'X + 1, b = X'y.      Source: standard.
@@ -74,8 +74,8 @@ class Gram:
         one = np.eye(index.shape[1])
         mean = np.linalg.solve(XX + one, Xy[..., None])[..., 0]
         counts = np.array([len(g) for groups in sets for g in groups])
-        begins = np.cumsum([0, *counts[:-1]])
-        own = np.sqrt(np.add.reduceat(mean.ravel() ** 2, begins) / counts)
+        group = np.repeat(np.arange(len(counts)), counts)
+        own = np.sqrt(np.bincount(group, mean.ravel() ** 2, len(counts)) / np.maximum(counts, 1))
         own = np.where(np.concatenate(wide), np.maximum(own, 1.0), 1.0)
         width = np.repeat(own, counts).reshape(mean.shape)
         factor = np.linalg.cholesky(XX * width[:, :, None] * width[:, None, :] + one)
@@ -100,10 +100,11 @@ class Gram:
 
 
 def _alike(sizes: Sequence[int]) -> Iterator[np.ndarray]:
-    """Positions of sets with as many columns, no more at a time than have `AT_ONCE` figures; empty sets apart."""
+    """Positions of sets with as many columns, as many at a time as `AT_ONCE` allows; empty sets apart."""
     for size in set(sizes) - {0}:
         same = np.flatnonzero(np.equal(sizes, size))
-        yield from np.array_split(same, -(-len(same) * size**2 // AT_ONCE))
+        most = max(1, AT_ONCE // size**2)
+        yield from (same[first : first + most] for first in range(0, len(same), most))
 
 
 def _solved(XX: np.ndarray, Xy: np.ndarray) -> tuple[np.ndarray, float]:

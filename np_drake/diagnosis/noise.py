@@ -74,8 +74,9 @@ class NoiseModel:
 
     def driven_in(self, channel: int, values: np.ndarray, flight: str = "") -> np.ndarray:
         """(m - p, ...) what drives one channel, for its values (m, ...)."""
-        flat = np.ascontiguousarray(values, float).reshape(len(values), -1)
-        driven = _innovations(self.phi[channel], flat).reshape(-1, *values.shape[1:])
+        flat = np.ascontiguousarray(values, float).reshape(len(values), math.prod(values.shape[1:]))
+        driven = _innovations(self.phi[channel], flat)
+        driven = driven.reshape(len(driven), *values.shape[1:])
         return driven if flight not in self.loudness else driven / self.loudness[flight][channel]
 
     def products(self, columns: Sequence[np.ndarray], flight: str = "") -> np.ndarray:
@@ -99,12 +100,11 @@ class NoiseModel:
         there = [np.asarray(X.any(axis=0)) for X in columns]
         acts = np.array([some.any(axis=-1) for some in there])
         groups = list(zip(columns, there, strict=True))
-        loudness, parts = self.loudness.get(flight), []
-        for c in np.flatnonzero(self.active & acts.any(axis=0)):
+        parts = []
+        for c in np.flatnonzero(self.active & acts.any(axis=0)).tolist():
             own = [X[:, c, some[c]] for (X, some), here in zip(groups, acts[:, c], strict=True) if here]
-            driven = _innovations(self.phi[c], np.ascontiguousarray(np.concatenate(own, axis=1)))
             where = np.flatnonzero(np.concatenate([some[c] for some in there]))
-            parts.append((int(c), where, driven if loudness is None else driven / loudness[c]))
+            parts.append((c, where, self.driven_in(c, np.concatenate(own, axis=1), flight)))
         return parts
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake import attitude
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.evidence import low_pass, make_evidence
 from np_drake.effects.velocity_bias import VelocityBias
@@ -100,3 +101,10 @@ def test_the_low_pass_keeps_what_is_slow_without_phase_and_removes_what_is_fast(
 def test_a_band_beyond_the_rate_changes_nothing():
     values = np.random.default_rng(0).normal(size=(100, 2))
     assert low_pass(values, 0.05, 9.5) is values
+
+
+def test_attitude_on_the_grid_is_that_of_the_rows(seen):
+    dut = seen()
+    np.testing.assert_allclose(np.linalg.norm(dut.q, axis=1), 1.0)
+    np.testing.assert_allclose(dut.q, dut.log.q[::2], atol=1e-12)
+    np.testing.assert_allclose(dut.R_WB, attitude.rotation_matrix(dut.q))

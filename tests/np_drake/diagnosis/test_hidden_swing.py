@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from np_drake import attitude
 from np_drake.diagnosis.grid import TAPS
 from np_drake.diagnosis.hidden_swing import (
     MOST_JUMPS,
@@ -54,19 +55,17 @@ def test_the_hook_of_a_hovering_vehicle_rests(seen):
     np.testing.assert_allclose(pull[:, 0], np.tile([0, 0, -9.81], (len(dut.t), 1)), atol=1e-6)
 
 
-def test_hooks_are_worked_out_as_each_alone(seen):
+def test_a_hook_accelerates_as_a_point_of_the_body_many_as_each_alone(seen):
     dut = seen()
-    hooks = np.array([[0.1, 0.0, 0.0], [0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
-    together = hook_acceleration(dut, hooks)
-    for i in range(3):
-        np.testing.assert_allclose(together[:, i], hook_acceleration(dut, hooks[i : i + 1])[:, 0])
-
-
-def test_attitude_on_the_grid_is_that_of_the_rows(seen):
-    dut = seen()
-    q = dut.q
-    np.testing.assert_allclose(np.linalg.norm(q, axis=1), 1.0)
-    np.testing.assert_allclose(q, dut.log.q[::2], atol=1e-12)
+    hooks = np.array([[0.1, 0.0, 0.0], [0.03, -0.2, 0.05], [0.1, 0.0, 0.0]])
+    together, rows = hook_acceleration(dut, hooks), dut.rows
+    middle = 0.5 * (dut.t[1:] + dut.t[:-1])
+    for i, hook in enumerate(hooks):
+        w = rows.x[:, 10:13]
+        turned = attitude.rotate(rows.q, np.cross(rows.al, hook) + np.cross(w, np.cross(w, hook)))
+        expected = [np.interp(middle, rows.t, column) for column in (rows.a + turned).T]
+        np.testing.assert_allclose(together[:, i], np.transpose(expected), atol=1e-9)
+        np.testing.assert_allclose(together[:, i], hook_acceleration(dut, hooks[i : i + 1])[:, 0], atol=1e-12)
 
 
 def test_many_payloads_pull_as_each_does_alone(seen):

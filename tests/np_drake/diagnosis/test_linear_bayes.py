@@ -1,9 +1,13 @@
+from itertools import pairwise
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from np_drake.diagnosis import linear_bayes
 from np_drake.diagnosis.linear_bayes import Gram
 
 
@@ -67,19 +71,33 @@ def test_columns_of_every_model_may_be_taken_out_first(seed, n, chosen):
         np.testing.assert_allclose(part, whole[(slice(n, None),) * whole.ndim], atol=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 10**6), st.lists(st.lists(st.sampled_from([0, 1, 2]), unique=True), max_size=6))
-def test_many_sets_together_are_each_by_itself(seed, sets):
-    dut = gram(*problem(seed, k=5))
-    columns = [np.array([0, 1]), np.array([2]), np.array([3, 4])]
+@settings(max_examples=30, deadline=None)
+@given(
+    st.integers(0, 10**6),
+    st.lists(st.lists(st.sampled_from([0, 1, 2, 3]), unique=True), max_size=6),
+    st.sampled_from([1, 30, 10**6]),
+)
+def test_many_sets_together_have_each_its_density_with_priors_as_wide_as_asked(seed, sets, at_once):
+    X, y = problem(seed, k=5)
+    dut, columns = gram(4.0 * X, y), [np.array([0, 1]), np.array([2]), np.array([3, 4]), np.zeros(0, int)]
     groups = [[columns[i] for i in chosen] for chosen in sets]
     wide = [[i != 1 for i in chosen] for chosen in sets]
-    alone = [dut.evidence_of_groups(g, w) for g, w in zip(groups, wide, strict=True)]
-    np.testing.assert_allclose(dut.evidence_of_sets(groups, wide), alone, atol=1e-9)
     indices = [np.concatenate([np.zeros(0, int), *g]) for g in groups]
-    for found, index in zip(dut.posteriors(indices), indices, strict=True):
-        for part, whole in zip(found, dut.posterior(index), strict=True):
-            np.testing.assert_allclose(part, whole, atol=1e-9)
+    with patch.object(linear_bayes, "AT_ONCE", at_once):
+        evidence, posteriors = dut.evidence_of_sets(groups, wide), dut.posteriors(indices)
+    for found, (mean, covariance), index, g, w in zip(
+        evidence, posteriors, indices, groups, wide, strict=True
+    ):
+        flat = 4.0 * X.reshape(-1, 5)[:, index]
+        gain = flat.T @ np.linalg.inv(np.eye(len(flat)) + flat @ flat.T)
+        np.testing.assert_allclose(mean, gain @ y.ravel(), atol=1e-9)
+        np.testing.assert_allclose(covariance, np.eye(len(index)) - gain @ flat, atol=1e-9)
+        ends = np.cumsum([0, *(len(one) for one in g)])
+        size = [np.sqrt(np.mean(mean[a:b] ** 2)) if a < b else 0.0 for a, b in pairwise(ends)]
+        own = [max(1.0, s) if may else 1.0 for s, may in zip(size, w, strict=True)]
+        width = np.repeat(own, [len(one) for one in g])
+        expected = density(4.0 * X[..., index] * width, y) - density(X[..., :0], y)
+        assert found == pytest.approx(expected, abs=1e-7)
 
 
 def test_an_effect_of_usual_size_has_the_usual_prior_and_one_of_ten_times_the_size_is_not_punished_for_it():

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.candidates import effect_candidates, library_candidates
+from np_drake.diagnosis.evidence import make_evidence
 from np_drake.diagnosis.onset import (
     ABSENT,
     ANOTHER,
@@ -24,6 +25,8 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.effects.weak_rotor import WeakRotor
+from np_drake.logs.flight_log import FlightLog
+from np_drake.vehicle import Vehicle
 
 
 def problem_of(flights, noise, effects) -> Problem:
@@ -51,6 +54,14 @@ def test_what_acts_from_the_start_has_no_onset(seen, noise):
     problem = problem_of(flights, noise, [effect])
     assert OnsetScan(problem).best(problem.candidates[0]).onset == {}
     assert gated_candidates(problem) == []
+
+
+def test_in_a_flight_that_is_too_short_for_an_onset_nothing_begins(fly, noise):
+    log = fly(MassError(0.2), name="short", seed=1, noise=1.0, seconds=3.3)
+    columns = {f.name: getattr(log, f.name) for f in dc.fields(log)}
+    slow = {k: v[::10] if isinstance(v, np.ndarray) else v for k, v in columns.items()}  # 10 Hz
+    problem = problem_of([make_evidence(FlightLog(**slow), Vehicle())], noise, [MassError(0.2)])
+    assert OnsetScan(problem).best(problem.candidates[0]).onset == {}
 
 
 def test_each_flight_has_its_own_onset(seen, noise):
