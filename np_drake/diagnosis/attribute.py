@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.answer import Cause, Estimate, Finding
+from np_drake.diagnosis.bounds import impossible, interval
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import adapt, scored, settled
 from np_drake.diagnosis.hidden_swing import figure_error
@@ -17,7 +18,6 @@ from np_drake.diagnosis.rig import Tolerance, wander
 from np_drake.diagnosis.search import Model, Problem
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
-from np_drake.effects.base import Effect
 
 MATERIAL_FORCE = 0.01  # of weight [1]; own choice: at 2 % a drag beside a large payload went unnamed
 MATERIAL_TORQUE = 0.01  # of RMS commanded torque [1]
@@ -34,7 +34,6 @@ SHIFTING = ("motor_lag", "command_delay", "clock_offset")
 FAINT = 0.03  # of the largest among them [1]; own choice, as linear columns are `INEXACT`
 SAME = 3.5  # difference of log evidence below which two explanations are the same in these data
 MOST_LIKE = 2  # names beside a cause's own
-EDGE = 1e-3  # of a figure's range, within which it lies at its bound [1]
 GUSTY = ("linear_drag", "constant_wind")  # what gusts, which no unseen flight repeats, hide on it
 
 
@@ -122,19 +121,6 @@ def alike(problem: Problem, model: Model) -> dict[str, tuple[str, ...]]:
     return out
 
 
-def at_its_bound(effect: Effect) -> bool:
-    """Does a figure lie at the end of what is physical, without being neutral there?
-
-    Then the effect stands for something else, which would need more of it.
-    """
-    for p in effect.parameters:
-        value, edge = float(getattr(effect, p.name)), EDGE * (p.upper - p.lower)
-        ends = value <= p.lower + edge or value >= p.upper - edge
-        if ends and not p.choices and abs(value - p.neutral) > edge:
-            return True
-    return False
-
-
 def within_calibration(term: Term, tolerance: Tolerance) -> bool:
     """Is it what the file of a rig may be off by? Not if it begins in flight: files do not change there."""
     late = any(begin is not None for begin in term.onset.values())
@@ -174,10 +160,11 @@ def causes_of(
         sure = cause.probability >= SURE[ranking.tolerance.real]
         sure |= feels_gusts
         told = fit.tells(i) or feels_gusts
-        if confirmed and material and sure and told and not at_its_bound(term.effect):
+        stands_for = impossible(fit, i, flights[0].vehicle)
+        if confirmed and material and sure and told and not stands_for:
             causes.append(cause)
         else:
-            minor.append(_minor(cause, size, confirmed, material, told))
+            minor.append(_minor(cause, size, confirmed, material, told, stands_for))
     return without_faint_shifts(causes, minor)
 
 
@@ -192,13 +179,13 @@ def without_faint_shifts(causes: list[Cause], minor: list[Finding]) -> tuple[lis
     return [c for c in causes if c not in faint], [*minor, *texts]
 
 
-def _minor(cause: Cause, size: Size, confirmed: bool, material: bool, told: bool) -> Finding:
+def _minor(cause: Cause, size: Size, confirmed: bool, material: bool, told: bool, stands_for: str) -> Finding:
     values = ", ".join(f"{n} {e.value:.3g} {e.unit}" for n, e in cause.parameters.items())
     why = "immaterial" if confirmed else "not confirmed by the held-out flights"
     if confirmed and material:
         why = f"not sure, {cause.probability:.2g}"
-    if cause.effect is not None and at_its_bound(cause.effect):
-        why = "a figure at its bound is none"
+    if stands_for:
+        why = stands_for
     elif confirmed and material and not told:
         why = "its figures may as well be none"
     text = f"{values}: {why} ({100 * size.force:.2g} % of weight, {100 * size.torque:.2g} % of torque)"
@@ -209,11 +196,8 @@ def _cause(ranking, fit: Fit, i: int, term: Term, flights, same, size: Size, hel
     effect = term.effect
     parameters = {}
     for p in effect.parameters:
-        value = float(getattr(effect, p.name))
-        half = 0.0
-        for k, free in enumerate(fit.free):
-            if free.term == i and free.name == p.name and not free.flight:
-                half = 1.96 * float(np.sqrt(fit.covariance[k, k]))
+        value, (lower, upper) = float(getattr(effect, p.name)), interval(fit, i, p.name)
+        half = 0.5 * (upper - lower)
         if term.swings:
             half = float(np.hypot(half, 1.96 * figure_error(p.name, value, real=ranking.tolerance.real)))
         parameters[p.name] = Estimate(value, p.unit, (value - half, value + half))

@@ -13,9 +13,9 @@ from np_drake.diagnosis.attribute import (
     MATERIAL_GAP,
     MATERIAL_TORQUE,
     HeldOut,
-    at_its_bound,
     on_held_out,
 )
+from np_drake.diagnosis.bounds import impossible
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.excess import LINE, Line, slow_torque, strongest_line
 from np_drake.diagnosis.held_out import adapt
@@ -83,12 +83,14 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     slowly = _slow(ranking, flights, left, unseen, swung)
     usual = slow_power(flights, left)
     novel = 0.0 if hidden else _novel(unseen, swung, ranking.tolerance, usual, gusty=slowly > 0.5)
-    beyond = [t for t in ranking.named.terms if at_its_bound(t.effect)]
+    named = ranking.named
+    why = [impossible(named, i, flights[0].vehicle) for i in range(len(named.terms))]
+    beyond = [_beyond(t.effect, w) for t, w in zip(named.terms, why, strict=True) if w]
     probability = max([*structure, vibrates, twists, novel, BEYOND if beyond else 0.0])
     findings = [f for f, _ in found]
     if novel > 0.5:
         findings.append(Finding("unseen flights", "what unseen flights show is not in these", novel, {}))
-    findings += [_beyond(t.effect) for t in beyond]
+    findings += beyond
     if vibrates > 0.5:
         findings.append(_line_finding(line))
     if twists > 0.5:
@@ -165,9 +167,8 @@ def _novel(
     return max(twists, _above(float(ratio), NOVEL))
 
 
-def _beyond(effect: Effect) -> Finding:
-    text = f"{effect.identifier} would need a figure beyond its bounds"
-    return Finding("beyond bounds", text, 1.0, effect.values)
+def _beyond(effect: Effect, why: str) -> Finding:
+    return Finding("beyond bounds", f"{effect.identifier} stands for it: {why}", 1.0, effect.values)
 
 
 def _above(ratio: float, threshold: float) -> float:

@@ -161,6 +161,12 @@ class MassProperties:
         """As the vehicle file has them: the centre of mass at Bo."""
         return MassProperties(vehicle.mass, np.zeros(3), vehicle.J)
 
+    @property
+    def rigid(self) -> bool:
+        """Has any rigid body these? No principal moment exceeds the sum of the two others."""
+        least, _, most = moments = np.linalg.eigvalsh(self.J)
+        return bool(self.mass > 0 and least > 0 and 2 * most <= moments.sum() * (1 + 1e-9))
+
 
 class MassEffect(Effect):
     """Changes the mass properties of the rigid vehicle."""

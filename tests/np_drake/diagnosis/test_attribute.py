@@ -15,7 +15,6 @@ from np_drake.diagnosis.attribute import (
     SURE,
     Size,
     alike,
-    at_its_bound,
     causes_of,
     drift_of,
     helps,
@@ -31,12 +30,9 @@ from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term
 from np_drake.diagnosis.which import rank
 from np_drake.effects.accelerometer_bias import AccelerometerBias
-from np_drake.effects.base import Effect
-from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
-from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.weak_rotor import WeakRotor
 
@@ -130,21 +126,6 @@ def test_what_does_not_help_on_unseen_flights_is_no_cause(seen, drag):
     causes, minor = causes_of(drag.ranking, drag.fit, drag.flights, unseen, upside)
     assert causes == []
     assert "not confirmed" in minor[0].text
-
-
-@pytest.mark.parametrize(
-    "effect, at_end",
-    [
-        (ConstantWind(1.0, -15.0, 0.0), True),
-        (LinearDrag(0.3, -0.2, 0.3), True),
-        (ConstantWind(1.0, -14.0, 0.0), False),
-        (MotorLag(0.0), False),  # neutral
-        (WeakRotor(4, 0.9), False),  # a choice
-    ],
-    ids=str,
-)
-def test_a_figure_at_its_bound_is_none_unless_it_is_neutral(effect: Effect, at_end):
-    assert at_its_bound(effect) is at_end
 
 
 def test_an_effect_at_its_bound_is_no_cause(drag):

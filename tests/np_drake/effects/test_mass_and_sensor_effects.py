@@ -30,6 +30,22 @@ def test_inertia_error_scales_the_moments_and_leaves_the_products():
     np.testing.assert_allclose(found, [[0.022, 0.001, 0], [0.001, 0.018, 0], [0, 0, 0.042]])
 
 
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6), st.integers(4, 7))
+def test_what_points_of_mass_have_is_a_rigid_bodys_and_more_about_one_axis_than_about_both_others_is_none(
+    seed, points
+):
+    rng = np.random.default_rng(seed)
+    mass, r = rng.uniform(0.1, 1.0, points), rng.normal(size=(points, 3))
+    r -= mass @ r / mass.sum()
+    J = np.einsum("n,ij->ij", mass * np.sum(r**2, axis=1), np.eye(3)) - np.einsum("n,ni,nj->ij", mass, r, r)
+    assert MassProperties(float(mass.sum()), np.zeros(3), J).rigid
+    moments, axes = np.linalg.eigh(J)
+    beyond = axes @ np.diag([*moments[:2], 1.01 * moments[:2].sum()]) @ axes.T
+    assert not MassProperties(1.0, np.zeros(3), beyond).rigid
+    assert not MassProperties(0.0, np.zeros(3), J).rigid
+
+
 def test_mass_effects_add_up_whatever_their_order():
     effects = [MassError(0.3), InertiaError(1.2, 1.2, 1.2), CenterOfMassOffset(0.01, 0.02, 0.03)]
     for order in (effects, effects[::-1]):
