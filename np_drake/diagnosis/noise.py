@@ -88,7 +88,7 @@ class NoiseModel:
         weight, out = self.weight, np.zeros((size, size))
         parts = self._driven(columns, flight)
         for i, (c, some, own) in enumerate(parts):
-            for d, others, beside in parts[: i + 1]:
+            for d, others, beside in (part for part in parts[: i + 1] if weight[c, part[0]]):
                 block = weight[c, d] * (own.T @ beside)
                 out[np.ix_(some, others)] += block
                 if d != c:

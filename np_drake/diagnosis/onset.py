@@ -195,23 +195,23 @@ class OnsetScan:
             if not any(scan.begins for scan in scans.values()):
                 break
         onset = _onsets(scans)
-        begin = [n for n, scan in scans.items() if scan.begins]
-        prior = sum(widths[n] for n in begin) + ABSENT * (len(onset) - len(begin))
+        begin = [widths[name] for name in onset if scans[name].begins]
+        prior = sum(begin) + ABSENT * (len(onset) - len(begin))
         prior += FIRST + ANOTHER * (len(begin) - 1) if begin else 0.0
-        now, start = (self._together([getattr(s, at) for s in scans.values()]) for at in ("now", "start"))
+        all_of = ([getattr(scan, at) for scan in scans.values()] for at in ("now", "start"))
+        now, start = (float(self._evidence(first, rest)[0]) for first, *rest in all_of)
         return Onsets(onset, prior, now - start, now)
-
-    def _together(self, sums: Sequence[Sums]) -> float:
-        """Log evidence with these sums of all flights."""
-        return float(self._evidence(sums[0], list(sums[1:]))[0])
 
     def _evidence(self, own: Sums, rest: list[Sums]) -> np.ndarray:
         """(n,) log evidence with these sums of one flight, each with those of the rest."""
         XX, XB, Xy = (part + sum(r[i] for r in rest) for i, part in enumerate(own))
-        A = XX + np.eye(XX.shape[1]) - XB @ self._covariance @ np.swapaxes(XB, 1, 2)
+        known = np.tensordot(XB, self._covariance, 1)
+        A = XX + np.eye(XX.shape[1]) - known @ np.swapaxes(XB, 1, 2)
         b = Xy - XB @ self._mean
-        explained = 0.5 * np.einsum("mi,mi->m", b, np.linalg.solve(A, b[..., None])[..., 0])
-        return explained - 0.5 * np.linalg.slogdet(A)[1]
+        if b.shape[1] == 1:  # most effects
+            return 0.5 * (b**2 / A[..., 0] - np.log(A[..., 0]))[:, 0]
+        explained = np.sum(b * np.linalg.solve(A, b[..., None])[..., 0], axis=1)
+        return 0.5 * (explained - np.linalg.slogdet(A)[1])
 
 
 def _onsets(scans: Mapping[str, "_Flight"]) -> dict[str, float | None]:

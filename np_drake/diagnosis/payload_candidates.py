@@ -95,14 +95,15 @@ def _candidate(
     columns = {}
     for e in flights:
         X = np.zeros((*e.y.shape, first + sum(sizes.values())))
-        at_guess, moved = mass * pulls[e.name][:, 0], mass * (pulls[e.name][:, 1:] - pulls[e.name][:, :1])
-        X[..., 0] = _wrench(e, at_guess, guess.hook)
+        at_guess, moved = mass * pulls[e.name][:, :1], mass * (pulls[e.name][:, 1:] - pulls[e.name][:, :1])
+        more = np.repeat([SWING / SMALL, LENGTH / SMALL], [sizes[e.name], int(longer)])
+        force = np.concatenate([at_guess, moved * more[:, None]], axis=1)
+        swung = np.arange(begins[e.name], begins[e.name] + sizes[e.name])
+        at = np.concatenate([[0], swung, np.full(int(longer), first - 1)])
+        X[:, ev.FORCE][..., at] = np.swapaxes(force, 1, 2)
+        X[:, ev.TORQUE][..., at] = np.swapaxes(force @ attitude.skew(guess.hook).T, 1, 2)
         for axis in range(3):
-            X[:, ev.TORQUE, 1 + axis] = at_guess @ attitude.skew(HOOK * np.eye(3)[axis]).T
-        for k in range(sizes[e.name]):
-            X[..., begins[e.name] + k] = _wrench(e, moved[:, k], guess.hook) * (SWING / SMALL)
-        if longer:
-            X[..., 4] = _wrench(e, moved[:, -1], guess.hook) * (LENGTH / SMALL)
+            X[:, ev.TORQUE, 1 + axis] = at_guess[:, 0] @ attitude.skew(HOOK * np.eye(3)[axis]).T
         columns[e.name] = X
     effect = LIBRARY["suspended_payload"]
 
@@ -136,14 +137,6 @@ def _log_prior(guess: Guess, sizes: dict[str, int], rate: float) -> float:
     """Of the swings of a guess: what moves it from there has its own prior."""
     relative = [guess.at(name, size) / (SWING * swing_units(size, rate)) for name, size in sizes.items()]
     return -0.5 * float(np.sum(np.concatenate(relative) ** 2))
-
-
-def _wrench(e: Evidence, force: np.ndarray, hook: np.ndarray) -> np.ndarray:
-    """(m, 15) channels of a force (m, 3) at the hook."""
-    y = np.zeros_like(e.y)
-    y[:, ev.FORCE] = force
-    y[:, ev.TORQUE] = force @ attitude.skew(hook).T
-    return y
 
 
 def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:

@@ -84,10 +84,10 @@ def signature(evidence: Evidence, terms: Sequence[Term], stages: Stages | None =
     thrust = stages.once("thrust", key, partial(_thrust, evidence, terms))
     added = stages.once("actuators", key, partial(_actuators, evidence, thrust))
     if pushing:
-        air = stages.once("air", blowing, partial(_air, evidence, blowing))
+        moving = (key, sensors, blowing)
+        motions = stages.once("motions", moving, partial(_motions, evidence, thrust, blowing))
         for one in (pair for pair in pushing if pair[0].pushes or pair[0].turns):
-            own = (key, sensors, blowing, one)
-            added = added + stages.once("wrench", own, partial(_wrench, evidence, *one, thrust, air))
+            added = added + stages.once("wrench", (moving, one), partial(_wrench, evidence, *one, *motions))
     for term in terms:
         if term.swings:
             added = added + swing_wrench(evidence, term)
@@ -151,36 +151,33 @@ def _ahead(evidence: Evidence, thrust: Thrust) -> np.ndarray:
     return np.concatenate([force[:, :1] - force[:, 1:], torque[:, :3] - torque[:, 3:]], axis=1)
 
 
-Air = tuple[np.ndarray, np.ndarray]  # its velocity at the instants of force and of torque, in W [m/s]
-
-
-def _air(evidence: Evidence, blowing: Sequence[Begun]) -> Air:
-    """What the winds move."""
-
-    def at(t: np.ndarray) -> np.ndarray:
-        still = np.zeros((len(t), 3))
-        return sum((effect.air_velocity(t) * gate(t, begin) for effect, begin in blowing), start=still)
-
-    return at(evidence.rows.t), at(evidence.mids.t)
-
-
-def _wrench(
-    evidence: Evidence, effect: WrenchEffect, begin: float | None, thrust: Thrust, air: Air
-) -> np.ndarray:
-    """(m, 6) of one effect, body axes."""
+def _motions(evidence: Evidence, thrust: Thrust, blowing: Sequence[Begun]) -> tuple[Motion, Motion]:
+    """At the instants of force and of torque, in the air that the winds move."""
     rows, mids, rate_rows, rate_mids = thrust
     at_force = (mids, rate_mids) if evidence.log.a is None else (rows, rate_rows)
 
-    def at(instants: Instants, f: np.ndarray, rate: np.ndarray, wind: np.ndarray) -> np.ndarray:
-        chi = effect.wrench(evidence.vehicle, Motion(instants.t, instants.x, f, wind, rate))
-        return chi * gate(instants.t, begin)
+    def at(instants: Instants, f: np.ndarray, rate: np.ndarray) -> Motion:
+        t, still = instants.t, np.zeros((len(instants.t), 3))
+        wind = sum((effect.air_velocity(t) * gate(t, begin) for effect, begin in blowing), start=still)
+        return Motion(t, instants.x, f, wind, rate)
+
+    return at(evidence.rows, *at_force), at(evidence.mids, mids, rate_mids)
+
+
+def _wrench(
+    evidence: Evidence, effect: WrenchEffect, begin: float | None, at_force: Motion, at_torque: Motion
+) -> np.ndarray:
+    """(m, 6) of one effect, body axes."""
+
+    def at(motion: Motion) -> np.ndarray:
+        return effect.wrench(evidence.vehicle, motion) * gate(motion.t, begin)  # type: ignore[arg-type]
 
     out = np.zeros((len(evidence.t), 6))
     if effect.pushes:
-        force = at(evidence.rows, *at_force, air[0])[:, None, :3] @ evidence.rows.R_WB
+        force = at(at_force)[:, None, :3] @ evidence.rows.R_WB
         out[:, ev.FORCE] = evidence.from_rows(force[:, 0])
     if effect.turns:
-        out[:, ev.TORQUE] = evidence.from_mids(at(evidence.mids, mids, rate_mids, air[1])[:, 3:])
+        out[:, ev.TORQUE] = evidence.from_mids(at(at_torque)[:, 3:])
     return out
 
 

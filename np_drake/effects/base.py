@@ -7,10 +7,13 @@ leading axes. An effect acts at one of four places: wrench, actuator, mass, meas
 
 import dataclasses as dc
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
+from np_drake import attitude
+from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
 
 _STILL = np.zeros(3)
@@ -81,6 +84,11 @@ class Motion:
     rotor_thrust: np.ndarray
     wind: np.ndarray = dc.field(default_factory=lambda: _STILL)
     rotor_rate: np.ndarray = dc.field(default_factory=lambda: _STEADY)
+
+    @cached_property
+    def R_WB(self) -> np.ndarray:
+        """(..., 3, 3) attitude."""
+        return attitude.rotation_matrix(self.x[..., Q])
 
 
 class WrenchEffect(Effect):

@@ -6,9 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from np_drake import attitude
+from np_drake.effects.air_speed import air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.rigid_body import Q, V
 from np_drake.vehicle import Vehicle
 
 
@@ -34,9 +33,5 @@ class LinearDrag(WrenchEffect):
         """(..., 6) [N, N·m]; the drag acts at the centre of mass."""
         hover = math.sqrt(vehicle.mass * vehicle.gravity / 4)
         speed = np.sqrt(np.maximum(motion.rotor_thrust, 0.0)).sum(axis=-1) / (4 * hover)
-        R = attitude.rotation_matrix(motion.x[..., Q])
-        v_B = ((motion.x[..., V] - motion.wind)[..., None, :] @ R)[..., 0, :]
-        f_B = np.array([-self.d_x, -self.d_y, -self.d_z]) * v_B * speed[..., None]
-        chi = np.zeros((*v_B.shape[:-1], 6))
-        chi[..., :3] = (R @ f_B[..., None])[..., 0]
-        return chi
+        f_B = np.array([-self.d_x, -self.d_y, -self.d_z]) * air_velocity_B(motion) * speed[..., None]
+        return chi_from_body(motion, f_B)
