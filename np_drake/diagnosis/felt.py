@@ -9,7 +9,7 @@ from np_drake.diagnosis.descent import refit
 from np_drake.diagnosis.like_size import of_like_size
 from np_drake.diagnosis.search import Model, effect_prior
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
-from np_drake.diagnosis.wind_statistics import wind_begins
+from np_drake.diagnosis.wind_onset import wind_begins
 
 DRAG = "linear_drag"
 RATHER = (
@@ -29,7 +29,7 @@ def with_drag(ranking: Ranking) -> Ranking:
         return ranking
     own = ranking.noise if problem is ranking.problem else None
     drags = [i for i, c in enumerate(problem.candidates) if c.identifiers == (DRAG,) and not c.onset]
-    onset = {} if ranking.tolerance.real else _begins(ranking)
+    onset = _begins(ranking)
     if onset:
         late = [gated(problem.candidates[i], problem.flights, onset) for i in drags]
         drags += [len(problem.candidates) + k for k in range(len(late))]
@@ -50,10 +50,7 @@ def with_drag(ranking: Ranking) -> Ranking:
 
 
 def _begins(ranking: Ranking) -> Onset:
-    """Flights in which the slow force that is left begins in flight, and when [s]: its own power pays for instants.
-
-    Not for a rig, whose attitude errs slowly with a gust's power.
-    """
+    """Flights in which the slow force that is left begins in flight, and when [s]: its own power pays for instants."""
     flights = ranking.named_problem.flights
-    begins = wind_begins(flights, {e.name: ranking.named.left(e) for e in flights}, {})
+    begins = wind_begins(flights, {e.name: ranking.named.left(e) for e in flights}, {}, ranking.tolerance)
     return {name: begin for name, begin in begins.items() if begin is not None}

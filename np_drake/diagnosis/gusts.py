@@ -15,10 +15,10 @@ from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.felt import DRAG
 from np_drake.diagnosis.force_bins import blows
 from np_drake.diagnosis.gust_drag import drag_in_gusts, drag_trace
-from np_drake.diagnosis.held_out import SURPRISE
+from np_drake.diagnosis.gust_onset import GustOnset
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import Term, signature
-from np_drake.diagnosis.wind_statistics import GAIN, Begins, WindForce, Z, wind_force, wind_onset
+from np_drake.diagnosis.wind_statistics import WindForce, Z, wind_force
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
@@ -43,23 +43,20 @@ def as_gusts(
     drag = next((c for c in causes if c.identifier == DRAG), None)
     if drag is None:
         return causes
-    together = any(drag.onset.get(e.name) is not None for e in flights)
-    onset = _known(causes, drag)
-    if not any(blows(e, onset.get(e.name)) for e in flights):
+    known = _known(causes, drag)
+    if not any(blows(e, known.get(e.name)) for e in flights):
         return causes
-    if not tolerance.real:  # a rig's attitude errs slowly, with a gust's power
-        onset = _begins(flights, unseen, felt, drag, onset, together=together)
-    felt_by = drag_in_gusts(drag, flights, felt, onset)
+    onset, begun = GustOnset(flights, unseen, felt, drag, tolerance).begins(known)
+    felt_by = drag_in_gusts(dc.replace(drag, onset=begun), flights, felt, onset)
     if felt_by is None:
         return causes
     drag = felt_by
-    begun = onset if together else drag.onset
-    rest = {e.name: felt[e.name] - _trace(e, drag, begun) for e in flights}
-    force = wind_force(flights, rest, onset)
+    assert isinstance(drag.effect, LinearDrag)
+    left = {e.name: felt[e.name] - drag_trace(e, drag.effect, begun) for e in flights}
+    force = wind_force(flights, left, onset)
     parameters = _statistics(flights, force, drag, tolerance)
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
     gusts = Cause("gusty_wind", probability, parameters, onset, (), drag.share, effect)
-    drag = dc.replace(drag, onset=begun)
     others = [c for c in causes if c.identifier not in GUSTY[1:]]
     return [*(drag if c.identifier == DRAG else c for c in others), gusts]
 
@@ -68,36 +65,6 @@ def _known(causes: Sequence[Cause], drag: Cause) -> dict[str, float | None]:
     """By flight, when the wind begins as the causes have it: with its drag, or a steady wind's own begin."""
     steady = next((c.onset for c in causes if c.identifier in GUSTY[1:]), {})
     return {name: steady.get(name) if begin is None else begin for name, begin in drag.onset.items()}
-
-
-def _begins(
-    flights: Sequence[Evidence],
-    unseen: Sequence[Evidence],
-    felt: Mapping[str, np.ndarray],
-    drag: Cause,
-    known: Begins,
-    *,
-    together: bool,
-) -> dict[str, float | None]:
-    """By flight, when the wind begins by its power.   together: with the drag that feels it, in every flight."""
-    every = (*flights, *unseen)
-    force = wind_force(flights, {e.name: felt[e.name] - _trace(e, drag, drag.onset) for e in flights}, known)
-    blown = {e.name: felt[e.name] - _trace(e, drag, {}) for e in every}
-    calm = felt if together else blown
-    onset = dict(known)
-    for e in flights:
-        onset[e.name] = wind_onset(e, blown[e.name], onset.get(e.name), force, calm=calm[e.name])
-    late = any(onset[e.name] is not None for e in flights)
-    for e in unseen:  # what acts throughout the others hardly begins late here
-        begin, gain = (onset.get(e.name), GAIN) if late else (None, SURPRISE)
-        onset[e.name] = wind_onset(e, blown[e.name], begin, force, gain, calm[e.name])
-    return onset
-
-
-def _trace(e: Evidence, drag: Cause, onset: Begins) -> np.ndarray:
-    """(m, 15) of the drag alone, from `onset` on."""
-    assert isinstance(drag.effect, LinearDrag)
-    return drag_trace(e, drag.effect, onset)
 
 
 def in_gusts(held: HeldOut, causes: Sequence[Cause], flights: Sequence[Evidence]) -> HeldOut:

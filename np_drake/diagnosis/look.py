@@ -17,7 +17,8 @@ from np_drake.diagnosis.remains import Remains, remains, without_swing
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.which import Ranking, rank
-from np_drake.diagnosis.wind_statistics import Begins, wind_begins
+from np_drake.diagnosis.wind_onset import wind_begins
+from np_drake.diagnosis.wind_statistics import Begins
 
 BY_CHANCE = (
     1e-3  # probability below which it is not by chance that a slow force follows the place; own choice
@@ -89,8 +90,7 @@ def _knows_its_place(
     begins: Begins = {
         e.name: _felt_from(left.held.terms.get(e.name, ranking.named.terms), e.name) for e in every
     }
-    if not ranking.tolerance.real:  # a rig's attitude errs slowly, with a gust's power
-        begins = wind_begins(every, rest, begins)
+    begins = wind_begins(every, rest, begins, ranking.tolerance)
     return chance_of_place(every, rest, begins) < BY_CHANCE
 
 

@@ -7,13 +7,9 @@ import numpy as np
 from scipy import linalg, optimize
 
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.force_bins import factor, forces, instants, spans, width
+from np_drake.diagnosis.force_bins import factor, forces, spans, width
 
 SHORTEST, LONGEST = 0.1, 20.0  # correlation time [s]
-FIRST, LAST = 0.7, 1.0  # of a flight, in which no begin is looked for [s]
-CALM = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
-OWN = 1.0  # deviations by which a flight's mean may be its own [1]; own choice
-GAIN = 8.0  # in log likelihood that a better one must bring; own choice
 STEP = 0.02  # of the logarithms, for their curvature [1]
 Z = 1.96  # deviations to either side: 95 %
 
@@ -66,49 +62,6 @@ def wind_force(flights: Sequence[Evidence], left: Mapping[str, np.ndarray], begi
         (float(time), float(time / wide[1]), float(time * wide[1])),
         float(white),
     )
-
-
-def wind_onset(
-    e: Evidence,
-    left: np.ndarray,
-    begin: float | None,
-    wind: WindForce,
-    gain: float = GAIN,
-    calm: np.ndarray | None = None,
-) -> float | None:
-    """When the wind begins that was taken to begin at `begin` [s] (None: from the start; infinite: not at all).
-
-    Until then there is noise. Gusts show by their power at once, where their mean, by which an onset is found first,
-    may take a second, or miss it. That stays where a better one gains less than `gain` in log likelihood: it was found
-    beside the drag, which is felt without gusts as well.
-    left: (m, 15) what is left of the flight while it blows.   calm: and before; default: the same.
-    """
-    bins, t = forces(e, left)[:, :2], instants(e)
-    still = bins if calm is None else forces(e, calm)[:, :2]
-    n, k = len(t), np.arange(len(t))
-    here = 0 if begin is None else int(np.argmin(np.abs(t - min(begin, t[-1]))))
-    root = factor(n, width(e), *wind.figures, OWN * wind.deviation[0])
-    # A stationary process is the same backwards: one solution has those from every bin to the last.
-    back = linalg.solve_triangular(root, (bins - wind.mean[:2, 0])[::-1], lower=True)
-    blown = np.cumsum(np.sum(back**2, axis=1) + 4 * np.log(np.diag(root)))[::-1]
-    power = np.concatenate([[0.0], np.cumsum(np.sum(still**2, axis=1))[:-1]])
-    noise = np.maximum(wind.white**2, power / np.maximum(2 * k, 1))
-    loss = power / noise + 2 * k * np.log(noise) + blown
-    near = (t > t[0] + (CALM if begin is None else FIRST)) & (t < t[-1] - LAST)
-    tried = np.union1d(k[near], [0, here])
-    best = int(tried[np.argmin(loss[tried])])
-    if loss[here] - loss[best] <= 2 * gain:
-        return begin
-    return float(t[best]) if best else None
-
-
-def wind_begins(flights: Sequence[Evidence], left: Mapping[str, np.ndarray], known: Begins) -> Begins:
-    """Where it begins in each flight by its own power, from where it is taken to; left: (m, 15) by flight."""
-    begins = known
-    for _ in range(2):  # its figures are those of all the flight at first
-        force = wind_force(flights, left, begins)
-        begins = {e.name: wind_onset(e, left[e.name], begins.get(e.name), force) for e in flights}
-    return begins
 
 
 def _whitened(

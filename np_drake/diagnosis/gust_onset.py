@@ -1,0 +1,83 @@
+"""When gusts begin in every flight, and whether the drag that feels them begins with them."""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.answer import Cause
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.gust_drag import drag_trace
+from np_drake.diagnosis.held_out import SURPRISE
+from np_drake.diagnosis.rig import Tolerance
+from np_drake.diagnosis.wind_onset import ASKED, GAIN, Asked, Begin, loss_of_calm, wind_onset
+from np_drake.diagnosis.wind_statistics import Begins, WindForce, wind_force
+from np_drake.effects.linear_drag import LinearDrag
+
+ROUNDS = 2  # the wind is that of all the flight at first
+MOVES = 2.0  # log likelihood for another instant, where the drag's own begin is weighed with the wind's; own choice
+
+
+@dc.dataclass(frozen=True)
+class GustOnset:
+    """Gusts that are felt through `drag` in `flights`, of which their figures are, and in `unseen` ones.
+
+    felt: by flight, (m, 15) what drag and wind together leave in it.
+    """
+
+    flights: Sequence[Evidence]
+    unseen: Sequence[Evidence]
+    felt: Mapping[str, np.ndarray]
+    drag: Cause
+    tolerance: Tolerance
+
+    def begins(self, known: Begins) -> tuple[dict[str, float | None], dict[str, float | None]]:
+        """By flight, when the wind begins by its power, taken to be `known` [s], and when the drag does.
+
+        A drag that begins with the wind in one flight does so in all. Flights of the fit say whether it does: what an
+        unseen one seems to show moves nothing in them.
+        """
+        acts: Begins = self.drag.onset
+        blown = {e.name: self._left(e, {}) for e in self._every}
+        at_once = 2 * GAIN * any(self.drag.onset.get(e.name) is not None for e in self.flights)
+        for _ in range(ROUNDS):
+            wind = wind_force(self.flights, {e.name: self._left(e, acts) for e in self.flights}, known)
+            apart = self._sought(blown, blown, known, wind, ASKED.moves)
+            together = self._sought(blown, self.felt, known, wind, MOVES)
+            late = [e for e in self.flights if any(b[e.name].at is not None for b in (apart, together))]
+            gain = sum(apart[e.name].loss - together[e.name].loss for e in late or self.unseen)
+            known = {name: begin.at for name, begin in (together if gain + at_once > 0 else apart).items()}
+            acts = known if gain + at_once > 0 else self.drag.onset
+        return dict(known), dict(acts)
+
+    def _left(self, e: Evidence, acts: Begins) -> np.ndarray:
+        """(m, 15) of what is felt without the drag, which acts from then on."""
+        assert isinstance(self.drag.effect, LinearDrag)
+        return self.felt[e.name] - drag_trace(e, self.drag.effect, acts)
+
+    @property
+    def _every(self) -> tuple[Evidence, ...]:
+        return (*self.flights, *self.unseen)
+
+    def _sought(
+        self,
+        blown: Mapping[str, np.ndarray],
+        calm: Mapping[str, np.ndarray],
+        known: Begins,
+        wind: WindForce,
+        moves: float,
+    ) -> dict[str, Begin]:
+        """In every flight.   blown, calm: (m, 15) by flight, what is left of it with a wind and before."""
+        before = {e.name: loss_of_calm(e, calm[e.name], wind, self.tolerance) for e in self._every}
+        asked = Asked(moves=moves)
+        found = {
+            e.name: wind_onset(e, blown[e.name], known.get(e.name), wind, before[e.name], asked)
+            for e in self.flights
+        }
+        late = any(begin.at is not None for begin in found.values())
+        for e in self.unseen:  # what acts throughout the others hardly begins late here
+            begin = known.get(e.name) if late else None
+            found[e.name] = wind_onset(
+                e, blown[e.name], begin, wind, before[e.name], asked if late else Asked(SURPRISE)
+            )
+        return found

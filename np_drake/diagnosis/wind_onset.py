@@ -1,0 +1,127 @@
+"""When a wind begins: the instant from which gusts are likelier than what sensors alone do."""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy import linalg
+
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.force_bins import SPAN, factor, forces, instants, width
+from np_drake.diagnosis.rig import Tolerance
+from np_drake.diagnosis.wind_statistics import Begins, WindForce, wind_force
+
+FIRST, LAST = 0.7, 1.0  # of a flight, in which no begin is looked for [s]
+CALM = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
+OWN = 1.0  # deviations by which a flight's mean may be its own [1]; own choice
+GAIN = 8.0  # in log likelihood that a better begin must bring; own choice
+WANDER = 8.0  # correlation time of what a rig's attitude errs by [s]; own choice
+SIZES = np.array([0.35, 0.5, 0.7, 1.0, 1.4, 2.0])  # of that error, in tolerances
+SPREAD = 0.7  # of its size [e-folds]; own choice
+WHITES = (0.6, 0.8, 1.0)  # of a bin's noise, in what bins differ by from the mean of their neighbours
+
+
+@dc.dataclass(frozen=True)
+class Asked:
+    """Gain in log likelihood that a begin must bring over the one that was known.
+
+    begins: in flight, over the start, or the start over it.   moves: at another instant of the flight.
+    """
+
+    begins: float = GAIN
+    moves: float = GAIN
+
+
+ASKED = Asked()
+
+
+@dc.dataclass(frozen=True)
+class Begin:
+    """at: when the wind begins [s]; None: from the start; infinite: not at all.   loss: -2 log likelihood of it."""
+
+    at: float | None
+    loss: float
+
+
+def wind_onset(
+    e: Evidence,
+    left: np.ndarray,
+    begin: float | None,
+    wind: WindForce,
+    before: np.ndarray,
+    asked: Asked = ASKED,
+) -> Begin:
+    """When the wind begins that was taken to begin at `begin` [s] (None: from the start; infinite: not at all).
+
+    Gusts show by their power at once, where their mean, by which an onset is found first, may take a second, or miss
+    it. What was known stays where a better one gains less than is asked: it was found beside the drag, which is felt
+    without gusts as well.
+    left: (m, 15) what is left of the flight while it blows.   before: (k,) `loss_of_calm` of what is left until then.
+    """
+    bins, t = forces(e, left)[:, :2], instants(e)
+    k = np.arange(len(t))
+    here = 0 if begin is None else int(np.argmin(np.abs(t - min(begin, t[-1]))))
+    root = factor(len(t), width(e), *wind.figures, OWN * wind.deviation[0])
+    # A stationary process is the same backwards: one solution has those from every bin to the last.
+    loss = before + np.cumsum(_loss_of_bins((bins - wind.mean[:2, 0])[::-1], root))[::-1]
+    near = (t > t[0] + (CALM if begin is None else FIRST)) & (t < t[-1] - LAST)
+    tried = np.union1d(k[near], [0, here])
+    best = int(tried[np.argmin(loss[tried])])
+    if loss[here] - loss[best] <= 2 * (asked.moves if here and best else asked.begins):
+        return Begin(begin, float(loss[here]))
+    return Begin(float(t[best]) if best else None, float(loss[best]))
+
+
+def wind_begins(
+    flights: Sequence[Evidence], left: Mapping[str, np.ndarray], known: Begins, tolerance: Tolerance
+) -> Begins:
+    """Where it begins in each flight by its own power, from where it is taken to; left: (m, 15) by flight."""
+    begins = known
+    for _ in range(2):  # its figures are those of all the flight at first
+        wind = wind_force(flights, left, begins)
+        calm = {e.name: loss_of_calm(e, left[e.name], wind, tolerance) for e in flights}
+        begins = {
+            e.name: wind_onset(e, left[e.name], begins.get(e.name), wind, calm[e.name]).at for e in flights
+        }
+    return begins
+
+
+def loss_of_calm(e: Evidence, left: np.ndarray, wind: WindForce, tolerance: Tolerance) -> np.ndarray:
+    """(k,) -2 log likelihood of the level forces in the bins before each bin of a flight, without a wind.
+
+    left: (m, 15) what is left of it while it is calm.   A laboratory's sensors leave white noise, as the wind has it
+    at least. A rig's attitude errs slowly as well, by what its tolerance says, more or less.
+    """
+    bins = forces(e, left)[:, :2]
+    if not tolerance.real:
+        count = 2 * np.arange(len(bins))
+        power = _before(np.sum(bins**2, axis=1))
+        noise = np.maximum(wind.white**2, power / np.maximum(count, 1))
+        return power / noise + count * np.log(noise)
+    size = e.vehicle.mass * e.vehicle.gravity * tolerance.attitude
+    rough = np.sqrt(np.mean(np.diff(bins, 2, axis=0) ** 2) / 6)
+    n = min(len(bins), round(SPAN / width(e)))
+    losses = [
+        _calm(bins, factor(n, width(e), s * size, WANDER, w * rough, size)) + (np.log(s) / SPREAD) ** 2
+        for s in SIZES
+        for w in WHITES
+    ]
+    return np.min(losses, axis=0)
+
+
+def _calm(bins: np.ndarray, root: np.ndarray) -> np.ndarray:
+    """(k,) of the bins before each; what lies farther apart than the covariance reaches counts as independent."""
+    n = len(root)
+    pieces = [bins[i : i + n] for i in range(0, len(bins), n)]
+    return _before(np.concatenate([_loss_of_bins(p, root[: len(p), : len(p)]) for p in pieces]))
+
+
+def _loss_of_bins(bins: np.ndarray, root: np.ndarray) -> np.ndarray:
+    """(k,) -2 log likelihood of each bin (k, 2) after those before it."""
+    white = linalg.solve_triangular(root, bins, lower=True)
+    return np.sum(white**2, axis=1) + 4 * np.log(np.diag(root))
+
+
+def _before(values: np.ndarray) -> np.ndarray:
+    """(k,) sums of the values before each."""
+    return np.concatenate([[0.0], np.cumsum(values)[:-1]])
