@@ -46,8 +46,9 @@ class GustOnset:
             together = self._sought(blown, self.felt, known, wind, MOVES)
             late = [e for e in self.flights if any(b[e.name].at is not None for b in (apart, together))]
             gain = sum(apart[e.name].loss - together[e.name].loss for e in late or self.unseen)
-            known = {name: begin.at for name, begin in (together if gain + at_once > 0 else apart).items()}
-            acts = known if gain + at_once > 0 else self.drag.onset
+            both = gain + at_once > 0
+            known = {name: begin.at for name, begin in (together if both else apart).items()}
+            acts = known if both else self.drag.onset
         return dict(known), dict(acts)
 
     def _left(self, e: Evidence, acts: Begins) -> np.ndarray:
