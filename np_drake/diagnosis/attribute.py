@@ -19,9 +19,13 @@ from np_drake.diagnosis.search import Model, Problem
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
 
-MATERIAL_FORCE = 0.01  # of weight [1]; own choice: at 2 % a drag beside a large payload went unnamed
+LEAST_FORCE = {
+    True: 0.006,
+    False: 0.003,
+}  # of weight, in all flights, on a rig and in a laboratory [1]; own choice
+MATERIAL_FORCE = 0.01  # of weight, of structure that is no effect [1]
 MATERIAL_TORQUE = 0.01  # of RMS commanded torque [1]
-EXACT = 0.3  # of either, where logs come from a laboratory [1]; own choice
+EXACT = 0.3  # of that structure and torque, where logs come from a laboratory [1]; own choice
 CALIBRATED = 0.02  # of weight, below which mass and thrust are within what files are off by [1]
 MATERIAL_GAP = 0.10  # of the gap above the noise [1]
 LEAST_SHARE = 1e-5  # of it, less than what the causes beside it get wrong [1]; own choice: 0.3 % in size
@@ -57,8 +61,8 @@ class Size:
             return self.force >= CALIBRATED
         if sensor:
             return self.sensor >= MATERIAL_SENSOR
-        least = 1.0 if real else EXACT
-        strong = self.force >= least * MATERIAL_FORCE or self.torque >= least * MATERIAL_TORQUE
+        least = MATERIAL_TORQUE * (1.0 if real else EXACT)
+        strong = self.force >= LEAST_FORCE[real] or self.torque >= least
         return strong or self.gap >= MATERIAL_GAP
 
 
@@ -75,19 +79,30 @@ class HeldOut:
     settled: dict[str, list[Term]]
 
 
-def size_of(fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, tolerance: Tolerance) -> Size:
-    """Of the fit's term i, over the flights in which it acts."""
+def size_of(
+    fit: Fit,
+    i: int,
+    flights: Sequence[Evidence],
+    noise: NoiseModel,
+    tolerance: Tolerance,
+    unseen: Sequence[tuple[Evidence, Sequence[Term]]] = (),
+) -> Size:
+    """Of the fit's term i, over its flights and unseen ones (with their terms as `adapt` has them); its gap: its own.
+
+    What does little where it was fitted may do much elsewhere, as a drag in a flight that is faster.
+    """
     force = torque = command = rows = own = gap = 0.0
     inverse = np.where(noise.rms > 0, 1.0 / np.maximum(noise.rms, 1e-12), 0.0)
-    for e in flights:
-        whole = signature(e, fit.everything)
-        part = whole - signature(e, [t for j, t in enumerate(fit.everything) if j != i])
+    fitted = [(e, fit.everything) for e in flights]
+    for k, (e, terms) in enumerate([*fitted, *unseen]):
+        part = signature(e, terms) - signature(e, [t for j, t in enumerate(terms) if j != i])
         force += np.sum(part[:, ev.FORCE] ** 2)
         torque += np.sum(part[:, ev.TORQUE] ** 2)
         command += np.sum((e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0)) ** 2)
         rows += len(part)
-        own += np.sum((part * inverse) ** 2)
-        gap += np.sum((e.y * inverse) ** 2) - e.y.shape[0] * np.sum(noise.rms > 0)
+        if k < len(fitted):
+            own += np.sum((part * inverse) ** 2)
+            gap += np.sum((e.y * inverse) ** 2) - e.y.shape[0] * np.sum(noise.rms > 0)
     weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
     effect = fit.terms[i].effect
     return Size(
@@ -146,8 +161,9 @@ def causes_of(
     same = alike(ranking.named_problem, members[key]) if key in members else {}
     drift = drift_of([*flights, *held_out], ranking.noise, ranking.tolerance)
     causes, minor = [], []
+    unseen = [(e, held.terms[e.name]) for e in held_out]
     for i, term in enumerate(fit.terms):
-        size = size_of(fit, i, flights, ranking.noise, ranking.tolerance)
+        size = size_of(fit, i, flights, ranking.noise, ranking.tolerance, unseen)
         cause = _cause(ranking, fit, i, term, [*flights, *held_out], same, size, held)
         calibration = within_calibration(term, ranking.tolerance)
         sensor = ranking.tolerance.of(term.effect.identifier) > 0

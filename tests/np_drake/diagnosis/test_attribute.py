@@ -7,8 +7,8 @@ from np_drake.diagnosis.answer import Cause
 from np_drake.diagnosis.attribute import (
     FAINT,
     HURT,
+    LEAST_FORCE,
     LEAST_SHARE,
-    MATERIAL_FORCE,
     MATERIAL_GAP,
     MATERIAL_TORQUE,
     MISFIT,
@@ -43,11 +43,11 @@ PLAIN = {"calibration": False, "sensor": False, "real": True}
 @pytest.mark.parametrize(
     "size, matters",
     [
-        (Size(1.01 * MATERIAL_FORCE, 0.0, FELT, 0.0), True),
+        (Size(1.01 * LEAST_FORCE[True], 0.0, FELT, 0.0), True),
         (Size(0.0, 1.01 * MATERIAL_TORQUE, FELT, 0.0), True),
         (Size(0.0, 0.0, 1.01 * MATERIAL_GAP, 0.0), True),
-        (Size(9.0 * MATERIAL_FORCE, 0.0, 0.99 * LEAST_SHARE, 0.0), False),
-        (Size(0.99 * MATERIAL_FORCE, 0.99 * MATERIAL_TORQUE, 0.99 * MATERIAL_GAP, 9.0), False),
+        (Size(9.0 * LEAST_FORCE[True], 0.0, 0.99 * LEAST_SHARE, 0.0), False),
+        (Size(0.99 * LEAST_FORCE[True], 0.99 * MATERIAL_TORQUE, 0.99 * MATERIAL_GAP, 9.0), False),
     ],
     ids=["force", "torque", "gap", "a trace", "none"],
 )
@@ -56,10 +56,10 @@ def test_an_effect_matters_by_force_torque_or_share(size, matters):
 
 
 def test_in_a_laboratory_less_matters():
-    faint = Size(0.5 * MATERIAL_FORCE, 0.0, FELT, 0.0)
+    faint = Size(1.01 * LEAST_FORCE[False], 0.0, FELT, 0.0)
     assert not faint.material(**PLAIN)
     assert faint.material(**{**PLAIN, "real": False})
-    assert not dc.replace(faint, force=0.2 * MATERIAL_FORCE).material(**{**PLAIN, "real": False})
+    assert not dc.replace(faint, force=0.99 * LEAST_FORCE[False]).material(**{**PLAIN, "real": False})
 
 
 def test_calibration_matters_by_force_alone_and_a_sensor_by_its_tolerance():
@@ -84,6 +84,19 @@ def test_the_size_of_a_mass_is_its_share_of_the_weight(ranked):
     assert found.force == pytest.approx(expected, rel=0.02)
     assert found.torque < 0.02
     assert 0.5 < found.gap <= 1.0
+
+
+def test_what_does_little_where_it_was_fitted_matters_by_what_it_does_on_an_unseen_flight(drag):
+    i = next(k for k, t in enumerate(drag.fit.terms) if isinstance(t.effect, LinearDrag))
+    args = (drag.fit, i, drag.flights, drag.ranking.noise, LABORATORY)
+    strong = [
+        dc.replace(t, effect=LinearDrag(6.0, 6.0, 6.0)) if j == i else t
+        for j, t in enumerate(drag.fit.everything)
+    ]
+    alone, beside = size_of(*args), size_of(*args, [(e, strong) for e in drag.flights])
+    found = drag.fit.terms[i].effect.d_x
+    assert beside.force == pytest.approx(alone.force * np.sqrt((1 + (6.0 / found) ** 2) / 2), rel=0.1)
+    assert (beside.gap, beside.sensor) == (alone.gap, alone.sensor)
 
 
 def test_the_size_of_a_sensors_error_is_in_its_tolerance(drag):
