@@ -19,11 +19,9 @@ from np_drake.diagnosis.search import Model, Problem
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
 
-LEAST_FORCE = {
-    True: 0.006,
-    False: 0.003,
-}  # of weight, in all flights, on a rig and in a laboratory [1]; own choice
-MATERIAL_FORCE = 0.01  # of weight, of structure that is no effect [1]
+# Of weight, in all flights, on a rig and in a laboratory [1]; own choice.
+LEAST_FORCE = {True: 0.006, False: 0.003}
+MATERIAL_FORCE = 0.01  # of weight, of structure that is no effect [1]; own choice
 MATERIAL_TORQUE = 0.01  # of RMS commanded torque [1]
 EXACT = 0.3  # of that structure and torque, where logs come from a laboratory [1]; own choice
 CALIBRATED = 0.02  # of weight, below which mass and thrust are within what files are off by [1]
@@ -89,7 +87,8 @@ def size_of(
 ) -> Size:
     """Of the fit's term i, over its flights and unseen ones (with their terms as `adapt` has them); its gap: its own.
 
-    What does little where it was fitted may do much elsewhere, as a drag in a flight that is faster.
+    What does little where it was fitted may do much elsewhere, as a drag in a flight that is faster. A half of a flight
+    that joined the fit counts in both.   Source: own choice.
     """
     force = torque = command = rows = own = gap = 0.0
     inverse = np.where(noise.rms > 0, 1.0 / np.maximum(noise.rms, 1e-12), 0.0)

@@ -9,8 +9,7 @@ from np_drake.diagnosis.refine import Fit
 from np_drake.effects.base import Effect, MassEffect, MassProperties
 from np_drake.vehicle import Vehicle
 
-EDGE = 1e-3  # of a figure's range, within which it lies at its bound [1]
-
+EDGE = 1e-3  # of a figure's range, within which it lies at its bound [1]; own choice
 STEPS = 3  # in which an interval is gone through; own choice
 
 

@@ -10,11 +10,10 @@ from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.gust_drag import drag_trace
 from np_drake.diagnosis.held_out import SURPRISE
 from np_drake.diagnosis.rig import Tolerance
-from np_drake.diagnosis.wind_onset import ASKED, GAIN, Asked, Begin, loss_of_calm, wind_onset
+from np_drake.diagnosis.wind_onset import ASKED, GAIN, ROUNDS, Asked, Begin, loss_of_calm, wind_onset
 from np_drake.diagnosis.wind_statistics import Begins, WindForce, wind_force
 from np_drake.effects.linear_drag import LinearDrag
 
-ROUNDS = 2  # the wind is that of all the flight at first
 MOVES = 2.0  # log likelihood for another instant, where the drag's own begin is weighed with the wind's; own choice
 
 

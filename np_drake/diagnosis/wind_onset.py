@@ -14,11 +14,16 @@ from np_drake.diagnosis.wind_statistics import Begins, WindForce, wind_force
 FIRST, LAST = 0.7, 1.0  # of a flight, in which no begin is looked for [s]
 CALM = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
 OWN = 1.0  # deviations by which a flight's mean may be its own [1]; own choice
+ROUNDS = 2  # of wind and its begins: at first it is that of all the flight
 GAIN = 8.0  # in log likelihood that a better begin must bring; own choice
 WANDER = 8.0  # correlation time of what a rig's attitude errs by [s]; own choice
-SIZES = np.array([0.35, 0.5, 0.7, 1.0, 1.4, 2.0])  # of that error, in tolerances
+SIZES = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # of that error, in tolerances [1]; own choice
 SPREAD = 0.7  # of its size [e-folds]; own choice
-WHITES = (0.6, 0.8, 1.0)  # of a bin's noise, in what bins differ by from the mean of their neighbours
+WHITES = (
+    0.6,
+    0.8,
+    1.0,
+)  # of a bin's noise, in what bins differ by from their neighbours' line [1]; own choice
 
 
 @dc.dataclass(frozen=True)
@@ -55,7 +60,7 @@ def wind_onset(
 
     Gusts show by their power at once, where their mean, by which an onset is found first, may take a second, or miss
     it. What was known stays where a better one gains less than is asked: it was found beside the drag, which is felt
-    without gusts as well.
+    without gusts as well.   Source: likelihood of a change point; the two sides independent (own choice).
     left: (m, 15) what is left of the flight while it blows.   before: (k,) `loss_of_calm` of what is left until then.
     """
     bins, t = forces(e, left)[:, :2], instants(e)
@@ -75,9 +80,9 @@ def wind_onset(
 def wind_begins(
     flights: Sequence[Evidence], left: Mapping[str, np.ndarray], known: Begins, tolerance: Tolerance
 ) -> Begins:
-    """Where it begins in each flight by its own power, from where it is taken to; left: (m, 15) by flight."""
+    """When it begins in each flight by its own power [s], from where it is taken to; left: (m, 15) by flight."""
     begins = known
-    for _ in range(2):  # its figures are those of all the flight at first
+    for _ in range(ROUNDS):
         wind = wind_force(flights, left, begins)
         calm = {e.name: loss_of_calm(e, left[e.name], wind, tolerance) for e in flights}
         begins = {
@@ -90,7 +95,8 @@ def loss_of_calm(e: Evidence, left: np.ndarray, wind: WindForce, tolerance: Tole
     """(k,) -2 log likelihood of the level forces in the bins before each bin of a flight, without a wind.
 
     left: (m, 15) what is left of it while it is calm.   A laboratory's sensors leave white noise, as the wind has it
-    at least. A rig's attitude errs slowly as well, by what its tolerance says, more or less.
+    at least. A rig's attitude errs slowly as well, a Gauss-Markov process about the tolerance in size, whichever fits
+    best; its white noise is that of the whole flight.   Source: profile likelihood; own choice of the grid.
     """
     bins = forces(e, left)[:, :2]
     if not tolerance.real:

@@ -99,6 +99,13 @@ def test_on_a_rig_gusts_begin_where_their_power_does_beside_an_attitude_that_err
         assert list(begins.values()) == pytest.approx([8.0, 8.0], abs=2 * BIN)
 
 
+def test_on_a_rig_gusts_begin_where_their_power_does_in_a_flight_longer_than_a_span(seen, pushed):
+    flights, rng = [seen(name="1", seed=1, seconds=30.0)], np.random.default_rng(3)
+    left = pushed(flights, rng, 0.5, begin=25.0)
+    left = {e.name: left[e.name] + wandering(e, rng) for e in flights}
+    assert wind_begins(flights, left, {}, RIG)["1"] == pytest.approx(25.0, abs=2 * BIN)
+
+
 def test_on_a_rig_gusts_that_blow_throughout_begin_at_no_instant(flights, pushed):
     for seed in range(8):
         rng = np.random.default_rng(seed)
