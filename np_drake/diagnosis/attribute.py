@@ -7,7 +7,7 @@ import numpy as np
 
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.answer import Cause, Estimate, Finding
-from np_drake.diagnosis.bounds import impossible, interval
+from np_drake.diagnosis.bounds import DRAG, impossible, interval
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import adapt, scored, settled
 from np_drake.diagnosis.hidden_swing import figure_error
@@ -36,7 +36,7 @@ SHIFTING = ("motor_lag", "command_delay", "clock_offset")
 FAINT = 0.03  # of the largest among them [1]; own choice, as linear columns are `INEXACT`
 SAME = 3.5  # difference of log evidence below which two explanations are the same in these data
 MOST_LIKE = 2  # names beside a cause's own
-GUSTY = ("linear_drag", "constant_wind")  # what gusts, which no unseen flight repeats, hide on it
+GUSTY = (DRAG, "constant_wind")  # what gusts, which no unseen flight repeats, hide on it
 
 
 @dc.dataclass(frozen=True)
@@ -152,8 +152,8 @@ def causes_of(
 ) -> tuple[list[Cause], list[Finding]]:
     """Causes and minor findings of a fit: a cause is material, and helps on flights that the fit has not seen.
 
-    gusty: gusts were felt. Then the drag that feels them matters however small it is by itself, and neither it nor
-    the wind must help on unseen flights, where it blew otherwise.
+    gusty: gusts were felt. Then the drag that feels them matters however small it is by itself, may lie at its bound,
+    and neither it nor the wind must help on unseen flights, where it blew otherwise.
     """
     members = {names_of(ranking.named_problem, m): m for m in reversed(ranking.named_models)}
     key = names_of_fit(ranking.named)
@@ -170,12 +170,12 @@ def causes_of(
         confirmed = helps(fit, i, held_out, ranking.noise, held, drift) > least
         confirmed |= gusty and term.effect.identifier in GUSTY
         material = size.material(calibration=calibration, sensor=sensor, real=ranking.tolerance.real)
-        feels_gusts = gusty and term.effect.identifier == GUSTY[0]
+        feels_gusts = gusty and term.effect.identifier == DRAG
         material |= feels_gusts
         sure = cause.probability >= SURE[ranking.tolerance.real]
         sure |= feels_gusts
         told = fit.tells(i) or feels_gusts
-        stands_for = impossible(fit, i, flights[0].vehicle)
+        stands_for = impossible(fit, i, flights[0].vehicle, gusty=gusty)
         if confirmed and material and sure and told and not stands_for:
             causes.append(cause)
         else:

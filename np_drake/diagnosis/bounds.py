@@ -10,6 +10,7 @@ from np_drake.effects.base import Effect, MassEffect, MassProperties
 from np_drake.vehicle import Vehicle
 
 EDGE = 1e-3  # of a figure's range, within which it lies at its bound [1]; own choice
+DRAG = "linear_drag"  # through which gusts are felt
 STEPS = 3  # in which an interval is gone through; own choice
 
 
@@ -34,13 +35,14 @@ def at_its_bound(effect: Effect) -> bool:
     return False
 
 
-def impossible(fit: Fit, i: int, vehicle: Vehicle) -> str:
+def impossible(fit: Fit, i: int, vehicle: Vehicle, *, gusty: bool = False) -> str:
     """Why term i's effect must stand for something else: a figure is at its bound, or no rigid body has such figures,
 
-    wherever in their 95 % intervals; "": it need not.
+    wherever in their 95 % intervals; "": it need not.   gusty: do gusts blow? They are what a drag at its bound stands
+    for: fitted without them, it may lose an axis to them.
     """
     effect = fit.terms[i].effect
-    if at_its_bound(effect):
+    if at_its_bound(effect) and not (gusty and effect.identifier == DRAG):
         return "a figure at its bound is none"
     if not isinstance(effect, MassEffect):
         return ""

@@ -4,6 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
+from np_drake.diagnosis.bounds import DRAG
 from np_drake.diagnosis.candidates import Onset, gated
 from np_drake.diagnosis.descent import refit
 from np_drake.diagnosis.like_size import of_like_size
@@ -11,7 +12,6 @@ from np_drake.diagnosis.search import Model, effect_prior
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
 from np_drake.diagnosis.wind_onset import wind_begins
 
-DRAG = "linear_drag"
 RATHER = (
     4.6  # log odds of wind against what the library does not have, for a slow force of no shape; own choice
 )

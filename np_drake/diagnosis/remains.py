@@ -15,7 +15,7 @@ from np_drake.diagnosis.attribute import (
     HeldOut,
     on_held_out,
 )
-from np_drake.diagnosis.bounds import impossible
+from np_drake.diagnosis.bounds import DRAG, impossible
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.excess import LINE, Line, slow_torque, strongest_line
 from np_drake.diagnosis.held_out import adapt
@@ -82,9 +82,10 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     ]
     slowly = _slow(ranking, flights, left, unseen, swung)
     usual = slow_power(flights, left)
-    novel = 0.0 if hidden else _novel(unseen, swung, ranking.tolerance, usual, gusty=slowly > 0.5)
+    gusty = slowly > 0.5
+    novel = 0.0 if hidden else _novel(unseen, swung, ranking.tolerance, usual, gusty=gusty)
     named = ranking.named
-    why = [impossible(named, i, flights[0].vehicle) for i in range(len(named.terms))]
+    why = [impossible(named, i, flights[0].vehicle, gusty=gusty) for i in range(len(named.terms))]
     beyond = [_beyond(t.effect, w) for t, w in zip(named.terms, why, strict=True) if w]
     probability = max([*structure, vibrates, twists, novel, BEYOND if beyond else 0.0])
     findings = [f for f, _ in found]
@@ -133,7 +134,7 @@ def _slow(
     """
     seen = slow_force(flights, left, ranking.tolerance)
     both = slow_force([*flights, *unseen], left | swung, ranking.tolerance)
-    felt = any(t.effect.identifier == "linear_drag" for t in ranking.named.terms)
+    felt = any(t.effect.identifier == DRAG for t in ranking.named.terms)
     vehicle = flights[0].vehicle
     least = MATERIAL_FORCE * (1.0 if ranking.tolerance.real else EXACT)
     matters = felt or both.deviation > least * vehicle.mass * vehicle.gravity

@@ -147,6 +147,8 @@ def test_an_effect_at_its_bound_is_no_cause(drag):
     causes, minor = causes_of(drag.ranking, fit, drag.flights, drag.unseen, held)
     assert causes == []
     assert "bound" in minor[0].text
+    blown, _ = causes_of(drag.ranking, fit, drag.flights, drag.unseen, held, gusty=True)
+    assert [c.identifier for c in blown] == ["linear_drag"]
 
 
 def test_an_effect_whose_figures_may_all_be_none_is_no_cause(drag):

@@ -62,6 +62,17 @@ def test_a_figure_at_its_bound_stands_for_something_else():
     assert "bound" in impossible(fit_of(LinearDrag(0.3, -0.2, 0.3), deviation=0.1), 0, FLAT)
 
 
+@pytest.mark.parametrize(
+    "effect, stands",
+    [(LinearDrag(0.3, -0.2, 0.3), False), (ConstantWind(1.0, -15.0, 0.0), True)],
+    ids=lambda v: getattr(v, "identifier", str(v)),
+)
+def test_where_gusts_blow_a_drag_at_its_bound_stands_for_nothing_else(effect, stands):
+    fit = fit_of(effect, deviation=0.1)
+    assert bool(impossible(fit, 0, FLAT, gusty=True)) is stands
+    assert "bound" in impossible(fit, 0, FLAT)
+
+
 def test_an_interval_is_that_of_the_figure_of_its_own_term():
     fit = fit_of(LinearDrag(0.1, 0.2, 0.3), InertiaError(1.0, 1.1, 1.2), deviation=0.1)
     assert interval(fit, 1, "scale_yy") == pytest.approx((1.1 - 0.196, 1.1 + 0.196))

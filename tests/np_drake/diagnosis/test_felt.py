@@ -1,6 +1,7 @@
 import pytest
 
-from np_drake.diagnosis.felt import DRAG, with_drag
+from np_drake.diagnosis.bounds import DRAG
+from np_drake.diagnosis.felt import with_drag
 from np_drake.diagnosis.look import look
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag

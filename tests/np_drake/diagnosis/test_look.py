@@ -9,6 +9,8 @@ import pytest
 
 from np_drake.diagnosis import look as dut_module
 from np_drake.diagnosis.look import look
+from np_drake.diagnosis.signature import Term
+from np_drake.diagnosis.which import rank
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -83,6 +85,17 @@ def test_the_mean_of_gusts_holds_a_steady_wind_that_the_fit_has_and_that_is_no_c
         means.append(next(c for c in dut.causes if c.identifier == "gusty_wind").parameters["mean_x"].value)
     assert means[0] == pytest.approx(3.0, abs=1.0)
     assert means[1] == pytest.approx(means[0])
+
+
+def test_a_drag_that_lost_an_axis_to_gusts_is_not_unknown(flown, monkeypatch):
+    fitted, unseen = flown(gusts(61), gusts(62), gusts(63))
+    ranked = rank(fitted)
+    assert [t.effect.identifier for t in ranked.named.terms] == ["linear_drag"]
+    lost = dc.replace(ranked.named, terms=(Term(dc.replace(DRAG, d_x=-0.2)),))
+    monkeypatch.setattr(dut_module, "rank", lambda *_, **__: dc.replace(ranked, named=lost))
+    dut = look(fitted, unseen)
+    assert not dut.unknown
+    assert {c.identifier for c in dut.causes} == {"linear_drag", "gusty_wind"}
 
 
 def test_without_that_rule_the_wall_would_be_gusts(flown, monkeypatch):
