@@ -55,7 +55,8 @@ def prepare(flights: Sequence[Evidence], tolerance: Tolerance) -> Ready:
         left = _rich_residuals(Problem(flights, white, nuisance, everything, temperature=1.0))
     noise = noise_of(left, raw, step, tolerance, INEXACT)
     others = [plain[i] for i in _best_variants(Problem(flights, noise, [], plain, temperature=1.0))]
-    payloads = PayloadSearch(flights).best(white, nuisance, others)
+    left = _rich_residuals(Problem(flights, white, nuisance, others, temperature=1.0))
+    payloads = PayloadSearch(flights).best(scale_only(no_worse(left, raw), step), nuisance, others)
     left = _rich_residuals(Problem(flights, noise, nuisance, [*everything, *payloads], temperature=1.0))
     noise = noise_of(left, raw, step, tolerance, INEXACT)
     return Ready(list(flights), raw, nuisance, [*candidates, *payloads], noise)

@@ -59,16 +59,33 @@ class Fit:
     def tells(self, i: int) -> bool:
         """Are the figures of `terms[i]` not those at which its effect vanishes, by 95 %?
 
-        What helps beside others while its figures may be none stands for what these get wrong.
-        Source: Wald test of all of them together.
+        What helps beside others while its figures may be none stands for what these get wrong. Of an effect that is
+        felt through another the products with that one's figures are asked: where a drag is hardly known, so is the
+        wind, but not how it pushes.   Source: Wald test of all of them together.
         """
-        vanishing = {p.name for p in self.terms[i].effect.parameters if p.vanishes}
-        own = [k for k, f in enumerate(self.free) if f.term == i and not f.flight and f.name in vanishing]
+        own = self._vanishing(i)
         if not own:
             return True
         away = self.values[own] - np.array([self.free[k].neutral for k in own])
-        distance = float(away @ np.linalg.solve(self.covariance[np.ix_(own, own)], away))
-        return distance > stats.chi2.ppf(TOLD, len(own))
+        slope = np.eye(len(self.values))[own]
+        through = self._felt_through(i)
+        if len(through) == len(own):
+            slope = slope * self.values[through][:, None]
+            slope[range(len(own)), through] = away
+            away = away * self.values[through]
+        spread = slope @ self.covariance @ slope.T
+        return bool(away @ np.linalg.pinv(spread) @ away > stats.chi2.ppf(TOLD, len(own)))
+
+    def _vanishing(self, i: int) -> list[int]:
+        """Positions in `free` of the figures of term i at whose neutral values it is none."""
+        names = {p.name for p in self.terms[i].effect.parameters if p.vanishes}
+        return [k for k, f in enumerate(self.free) if f.term == i and not f.flight and f.name in names]
+
+    def _felt_through(self, i: int) -> list[int]:
+        """The same of the term through which term i is felt; none where it needs none."""
+        needs = type(self.terms[i].effect).needs
+        felt = (j for j, t in enumerate(self.terms) if t.effect.identifier in needs)
+        return next(map(self._vanishing, felt), [])
 
     @property
     def everything(self) -> list[Term]:

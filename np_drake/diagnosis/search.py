@@ -11,6 +11,7 @@ from np_drake.diagnosis.candidates import Candidate
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.linear_bayes import Gram
 from np_drake.diagnosis.noise import NoiseModel
+from np_drake.effects.library import LIBRARY
 
 EFFECT_PRIOR = -3.0  # log prior of every effect named: about one in twenty; own choice
 LESS_LIKELY = {"clock_offset": 0.7, "unknown": 3.0}  # than the others, in log prior; own choice
@@ -23,6 +24,14 @@ SHIFTS = ("command_delay", "clock_offset")  # the same but for the sign
 def effect_prior(identifier: str) -> float:
     """Log prior of an effect. A late clock is half as likely as a delay: the same but for where it arises."""
     return EFFECT_PRIOR - LESS_LIKELY.get(identifier.split(":")[0], 0.0)
+
+
+def prior_of(identifiers: Iterable[str]) -> float:
+    """Log prior of a set of effects. One that is felt through another alone brings it: that one costs no more."""
+    every = set(identifiers)
+    needs = [LIBRARY[name].needs for name in every if name in LIBRARY]
+    brought = {next((name for name in some if name in every), "") for some in needs}
+    return sum(effect_prior(name) for name in every - brought)
 
 
 @dc.dataclass(frozen=True)
@@ -111,7 +120,7 @@ class Problem:
     def _log_prior(self, members: Sequence[int]) -> float:
         chosen = [self.candidates[i] for i in members]
         effects = {name for c in chosen for name in c.identifiers}
-        return sum(map(effect_prior, effects)) + sum(c.log_prior + c.onset_prior for c in chosen)
+        return prior_of(effects) + sum(c.log_prior + c.onset_prior for c in chosen)
 
     def _log_probability(self, sets: Sequence[Sequence[int]]) -> np.ndarray:
         """(n,) that all members of each set are physical, by the posterior."""

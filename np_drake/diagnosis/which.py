@@ -20,8 +20,8 @@ from np_drake.diagnosis.search import (
     MOST_EFFECTS,
     Model,
     Problem,
-    effect_prior,
     library_first,
+    prior_of,
     search,
 )
 from np_drake.diagnosis.signature import signature
@@ -209,8 +209,7 @@ def precedence(fit: Fit) -> float:
 
 
 def _score(fit: Fit) -> float:
-    prior = sum(effect_prior(t.effect.identifier) for t in fit.terms)
-    prior += sum(effect_prior(g.candidate.identifiers[0]) + g.candidate.log_prior for g in fit.generic)
+    prior = prior_of(names_of_fit(fit)) + sum(g.candidate.log_prior for g in fit.generic)
     return fit.log_evidence + prior + fit.onset_prior
 
 

@@ -3,6 +3,7 @@ import pytest
 
 from np_drake.diagnosis.prepare import noise_of, prepare
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
+from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 STEP = 0.02
@@ -38,6 +39,14 @@ def test_a_payload_is_among_the_candidates_of_flights_that_have_one(seen):
     lengths = [c.variant for c in ready.candidates if c.identifiers == ("suspended_payload",)]
     assert min(abs(float(v.removeprefix("length=")) - 0.6) for v in lengths) < 0.02
     assert ready.step == pytest.approx(STEP)
+
+
+def test_a_light_payload_is_found_beside_an_effect_that_is_much_larger(seen):
+    effects = MassError(0.6), SuspendedPayload(0.01, 0.6)
+    flights = [seen(*effects, name=str(i), seed=i, noise=1.0, seconds=8.0) for i in (1, 2)]
+    ready = prepare(flights, LABORATORY)
+    lengths = [c.variant for c in ready.candidates if c.identifiers == ("suspended_payload",)]
+    assert min(abs(float(v.removeprefix("length=")) - 0.6) for v in lengths) < 0.02
 
 
 def test_flights_without_shocks_are_left_as_they_are(seen):

@@ -7,6 +7,7 @@ from np_drake.diagnosis.figures import free_figures, read, write
 from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.signature import NEVER, Term
 from np_drake.effects.command_delay import CommandDelay
+from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -153,3 +154,18 @@ def test_figures_that_only_together_differ_from_none_are_told_and_a_figure_that_
     nothing = fit(1e-4 * np.eye(size), [0.0, 0.6, 0.0, 0.0, 0.0])  # no payload, of a length that is known
     assert not nothing.tells(0)
     assert fit(1e-4 * np.eye(size), [0.1, 0.6, 0.0, 0.0, 0.0]).tells(0)
+
+
+@pytest.mark.parametrize(
+    "push, told", [([0.5, 0.0, 0.0], True), ([0.0, 0.0, 0.0], False)], ids=["blows", "calm"]
+)
+def test_a_wind_is_told_by_how_it_pushes_however_little_is_known_of_its_drag(push, told):
+    drag, wind = np.full(3, 0.25), np.array(push) / 0.25
+    terms = (Term(LinearDrag(*drag)), Term(ConstantWind(*wind)))
+    figures_of = np.linalg.inv(
+        np.block([[np.eye(3), np.zeros((3, 3))], [np.diag(wind), np.diag(drag)]])
+    )  # of drag and push
+    covariance = figures_of @ np.diag([0.13**2] * 3 + [0.1**2] * 3) @ figures_of.T
+    dut = Fit(terms, (), tuple(free_figures(terms, [], {})), np.r_[drag, wind], covariance, 0.0, 0.0, 1)
+    assert wind[0] < 2.0 * np.sqrt(covariance[3, 3])  # by itself it may as well be none
+    assert dut.tells(1) is told

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.candidates import Candidate, library_candidates
-from np_drake.diagnosis.search import Problem, effect_prior, search
+from np_drake.diagnosis.search import Problem, effect_prior, prior_of, search
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -132,3 +132,19 @@ def test_candidates_put_beside_others_are_judged_as_if_they_had_been_there(seen,
     dut = Problem(flights, noise, [], [first], temperature=2.0).beside(more)
     for members in ((0,), (1, 2), (0, 3)):
         assert dut.score(members) == pytest.approx(whole.score(members))
+
+
+@pytest.mark.parametrize(
+    "effects, costs",
+    [
+        (["constant_wind", "linear_drag"], ["constant_wind"]),
+        (["constant_wind", "linear_drag", "quadratic_drag"], ["constant_wind", "quadratic_drag"]),
+        (["constant_wind"], ["constant_wind"]),
+        (["linear_drag", "mass_error"], ["linear_drag", "mass_error"]),
+        (["unknown:rates", "clock_offset"], ["unknown:rates", "clock_offset"]),
+        ([], []),
+    ],
+    ids=str,
+)
+def test_a_wind_brings_the_drag_through_which_it_is_felt(effects, costs):
+    assert prior_of(effects) == pytest.approx(sum(map(effect_prior, costs)))
