@@ -15,7 +15,7 @@ from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.probability import reported
 from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.rig import Tolerance, wander
-from np_drake.diagnosis.search import Model, Problem
+from np_drake.diagnosis.search import SHIFTING, Model, Problem
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
 
@@ -32,7 +32,6 @@ MATERIAL_SENSOR = 1.5  # of the tolerance of that sensor [1]
 CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
 HURT = 2.0  # log evidence that an effect may cost on flights that it has not seen; own choice
 MISFIT = 0.01  # and of what it brings to those of its fit [1]; own choice
-SHIFTING = ("motor_lag", "command_delay", "clock_offset")
 FAINT = 0.03  # of the largest among them [1]; own choice, as linear columns are `INEXACT`
 SAME = 3.5  # difference of log evidence below which two explanations are the same in these data
 MOST_LIKE = 2  # names beside a cause's own

@@ -43,6 +43,7 @@ class Remains:
     """unknown: is something material left?   findings: where it lives.   held: the fit on unseen flights.
 
     structured: with measured rotor speed, is there structure beside the effects, whether or not it repeats?
+    novel: do unseen flights alone show something?
     """
 
     unknown: bool
@@ -53,6 +54,7 @@ class Remains:
     line: Line
     slow_torque: float
     structured: bool = False
+    novel: bool = False
 
 
 def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> Remains:
@@ -96,7 +98,9 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
         findings.append(_line_finding(line))
     if twists > 0.5:
         findings.append(Finding("slow torque", "a torque that comes and goes", torque, {"ratio": torque}))
-    return Remains(probability > 0.5, probability, tuple(findings), held, slowly, line, torque, structured)
+    return Remains(
+        probability > 0.5, probability, tuple(findings), held, slowly, line, torque, structured, novel > 0.5
+    )
 
 
 def _repeat(ranking: Ranking, fit: Fit, unseen: Sequence[Evidence], held: HeldOut) -> list[bool]:

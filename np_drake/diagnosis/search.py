@@ -19,6 +19,7 @@ MOSTLY = 0.8  # of the best evidence that the library must reach to go before ge
 BEAM = 6
 MOST_EFFECTS = 5
 SHIFTS = ("command_delay", "clock_offset")  # the same but for the sign
+SHIFTING = ("motor_lag", *SHIFTS)  # of commands against states
 
 
 def effect_prior(identifier: str) -> float:

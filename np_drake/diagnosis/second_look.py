@@ -17,12 +17,14 @@ NAME = "first half of {}"
 
 
 def unforeseen(first: Look) -> bool:
-    """Is more left on some channel of the held-out flights than noise?
+    """Is more left on some channel of the held-out flights than noise, or a force or torque that these do not excite?
 
     Gusts, which repeat nowhere, and a payload, whose swing may be lost, do not count.
     """
     if first.gusty or any(t.swings for t in first.ranking.named.terms):
         return False
+    if first.left.novel:
+        return True
     held = first.left.held
     left = np.concatenate([held.left[e.name][held.rows[e.name], WRENCH] for e in first.unseen])
     ratio = np.sqrt(np.mean(left**2, axis=0)) / np.maximum(first.ranking.noise.rms[WRENCH], 1e-12)

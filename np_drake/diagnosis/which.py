@@ -18,6 +18,7 @@ from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.rig import Tolerance, tolerance_of
 from np_drake.diagnosis.search import (
     MOST_EFFECTS,
+    SHIFTING,
     Model,
     Problem,
     library_first,
@@ -175,11 +176,18 @@ def bare(problem: Problem, model: Model) -> Model:
 def simpler(problem: Problem, model: Model, fit: Fit) -> list[Model]:
     """The model without its faint effects, all and each: columns that are only linear may have asked for them.
 
-    Faint is an effect whose trace, whitened, is less than `INEXACT` of that of all: what linear columns get wrong.
+    Faint is an effect whose trace, whitened, is less than `INEXACT` of that of all: what linear columns get wrong. And
+    one that shifts commands against states beside another that shifts them more: these are tried a third apart.
     """
     own = {i: _trace(fit, problem.candidates[i].identifiers, problem) for i in model.members}
     whole = _trace(fit, None, problem)
-    faint = [i for i in model.members if not problem.candidates[i].generic and own[i] < INEXACT * whole]
+    shifting = [i for i in model.members if problem.candidates[i].identifiers[0] in SHIFTING]
+    lesser = sorted(shifting, key=lambda i: own[i])[:-1]
+    faint = [
+        i
+        for i in model.members
+        if not problem.candidates[i].generic and (own[i] < INEXACT * whole or i in lesser)
+    ]
     if len(faint) == len(model.members):
         return []
     dropped = dict.fromkeys([tuple(faint), *((i,) for i in faint)])

@@ -45,6 +45,7 @@ def test_of_a_nominal_flight_nothing_remains(of):
     assert dut.probability < 0.2
     assert dut.slow_probability < 0.2
     assert dut.findings == ()
+    assert not dut.novel
 
 
 def test_a_torque_that_no_effect_explains_remains_and_says_where_it_lives(of):
@@ -77,6 +78,7 @@ def test_what_unseen_flights_alone_show_is_unknown(ranked, channel, size):
     dut = remains(case.ranking, case.fit, case.flights, unseen)
     assert dut.unknown
     assert [f.name for f in dut.findings] == ["unseen flights"]
+    assert dut.novel
 
 
 @pytest.mark.parametrize("times, unknown", [(1.7, False), (2.3, True)])

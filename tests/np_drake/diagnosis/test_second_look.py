@@ -1,3 +1,4 @@
+import dataclasses as dc
 from functools import cache
 
 import numpy as np
@@ -7,9 +8,11 @@ from np_drake.diagnosis import which
 from np_drake.diagnosis.answer import Diagnosis
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.held_out import scored
+from np_drake.diagnosis.look import look
 from np_drake.diagnosis.onset import late_payloads
-from np_drake.diagnosis.second_look import LEAST, halved
+from np_drake.diagnosis.second_look import LEAST, halved, unforeseen
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle import Vehicle
 
 DRAG = LinearDrag(0.6, 0.6, 0.0)
@@ -45,6 +48,23 @@ def test_the_half_that_joins_is_no_flight_of_the_answer(diagnosed):
     dut = diagnosed(DRAG)
     assert (dut.train, dut.held_out) == (("a", "b"), ("c",))
     assert set(dut.causes[0].onset) == {"a", "b", "c"}
+
+
+def test_where_training_cannot_tell_two_effects_the_held_out_flight_does(diagnosed):
+    dut = diagnosed(ThrustScale(0.9))
+    assert dut.verdict == ("thrust_scale",)
+    assert dut.joined == ("c",)
+
+
+def test_a_force_that_unseen_flights_alone_show_asks_for_a_second_look_however_small_it_is(seen):
+    how = {"noise": 1.0, "seconds": 8.0}
+    first = look(
+        [seen(name=n, seed=i, **how) for i, n in enumerate("ab", 1)], [seen(name="c", seed=3, **how)]
+    )
+    assert not unforeseen(first)
+    novel = dc.replace(first, left=dc.replace(first.left, novel=True))
+    assert unforeseen(novel)
+    assert not unforeseen(dc.replace(novel, gusty=True))
 
 
 def test_without_a_second_look_nothing_of_the_held_out_flight_is_fitted(diagnosed):

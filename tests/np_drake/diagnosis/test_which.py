@@ -10,8 +10,10 @@ from np_drake.diagnosis.which import GIVES_WAY, bare, names_of, names_of_fit, pr
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
+from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
 
 BOTH = (MassError(0.2), LinearDrag(0.6, 0.6, 0.6))
@@ -77,6 +79,22 @@ def test_the_model_is_tried_without_its_faint_effects_all_and_each(dut):
     assert [m.members for m in tried] == [members[:2]]
     strong = dc.replace(dut.fit, terms=(*dut.fit.terms, Term(ThrustScale(0.9))))
     assert simpler(problem, Model(members, 0.0), strong) == []
+
+
+def test_of_effects_that_shift_commands_the_model_is_tried_with_the_one_that_shifts_most(dut):
+    names = ["mass_error", "motor_lag", "command_delay"]
+    problem = dut.ranking.problem
+    at = {c.identifiers[0]: i for i, c in enumerate(problem.candidates) if len(c.identifiers) == 1}
+    members = tuple(at[name] for name in names)
+    for lag, delay, lesser in ((0.02, 0.06, "motor_lag"), (0.06, 0.02, "command_delay")):
+        shifted = dc.replace(dut.fit, terms=(*dut.fit.terms, Term(MotorLag(lag)), Term(CommandDelay(delay))))
+        tried = simpler(problem, Model(members, 0.0), shifted)
+        assert [m.members for m in tried] == [tuple(i for i in members if i != at[lesser])]
+
+
+@pytest.mark.parametrize("delay", [0.047, 0.0512])  # [s], between two that are tried
+def test_a_delay_between_those_that_are_tried_is_not_helped_by_a_lag(ranked, delay):
+    assert names_of_fit(ranked(CommandDelay(delay)).fit) == ("command_delay",)
 
 
 def test_a_bare_model_has_its_effects_and_no_generic_structure(dut):
