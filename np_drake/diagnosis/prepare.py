@@ -56,7 +56,8 @@ def prepare(flights: Sequence[Evidence], tolerance: Tolerance) -> Ready:
     noise = noise_of(left, raw, step, tolerance, INEXACT)
     others = [plain[i] for i in _best_variants(Problem(flights, noise, [], plain, temperature=1.0))]
     left = _rich_residuals(Problem(flights, white, nuisance, others, temperature=1.0))
-    payloads = PayloadSearch(flights).best(scale_only(no_worse(left, raw), step), nuisance, others)
+    weights = (white, scale_only(no_worse(left, raw), step))  # a light payload shows in the second alone
+    payloads = next(filter(None, (PayloadSearch(flights).best(n, nuisance, others) for n in weights)), [])
     left = _rich_residuals(Problem(flights, noise, nuisance, [*everything, *payloads], temperature=1.0))
     noise = noise_of(left, raw, step, tolerance, INEXACT)
     return Ready(list(flights), raw, nuisance, [*candidates, *payloads], noise)
