@@ -38,7 +38,7 @@ def as_gusts(
 
     felt: by flight, (m, 15) what drag and wind together leave in it: in those of which the figures are, and in unseen
     ones, in which the wind may begin as well. A steady wind among the causes becomes the mean of the gusts.
-    Gusts do not repeat: they explain no unseen flight.
+    Gusts do not repeat: they explain no unseen flight. Stronger than a wind can be they are none.
     """
     drag = next((c for c in causes if c.identifier == DRAG), None)
     if drag is None:
@@ -54,11 +54,20 @@ def as_gusts(
     assert isinstance(drag.effect, LinearDrag)
     left = {e.name: felt[e.name] - drag_trace(e, drag.effect, begun) for e in flights}
     force = wind_force(flights, left, onset)
+    if _too_strong(force, drag):
+        return causes
     parameters = _statistics(flights, force, drag, tolerance)
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
     gusts = Cause("gusty_wind", probability, parameters, onset, (), drag.share, effect)
     others = [c for c in causes if c.identifier not in GUSTY[1:]]
     return [*(drag if c.identifier == DRAG else c for c in others), gusts]
+
+
+def _too_strong(force: WindForce, drag: Cause) -> bool:
+    """Would the wind have to vary by more than one does, however large in its interval the drag that feels it is?"""
+    (deviation,) = (p for p in GustyWind.parameters if p.name == "deviation")
+    most = np.mean([max(map(abs, drag.parameters[name].ci95)) for name in ("d_x", "d_y")])
+    return bool(force.deviation[0] > deviation.upper * most)
 
 
 def _known(causes: Sequence[Cause], drag: Cause) -> dict[str, float | None]:

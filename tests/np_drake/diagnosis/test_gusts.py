@@ -45,6 +45,16 @@ def known_drag(monkeypatch):
     monkeypatch.setattr("np_drake.diagnosis.gusts.drag_in_gusts", lambda drag, *others: drag)
 
 
+@pytest.mark.parametrize("most, named", [(0.04, False), (0.2, True)])  # [N·s/m], for gusts of some 0.8 N
+def test_gusts_that_need_more_wind_than_there_is_through_all_the_drag_there_may_be_are_none(
+    blown, known_drag, most, named
+):
+    weak = cause(LinearDrag(0.02, 0.02, 0.02))
+    weak = dc.replace(weak, parameters={n: Estimate(0.02, "", (0.0, most)) for n in weak.parameters})
+    causes = as_gusts(*blown, [weak], 0.9, LABORATORY)
+    assert ("gusty_wind" in {c.identifier for c in causes}) is named
+
+
 def test_through_a_drag_a_slow_force_is_a_wind_with_its_figures(blown):
     causes = as_gusts(*blown, [cause(DRAG)], 0.9, LABORATORY)
     gusts = next(c for c in causes if c.identifier == "gusty_wind")
