@@ -45,7 +45,7 @@ def known_drag(monkeypatch):
     monkeypatch.setattr("np_drake.diagnosis.gusts.drag_in_gusts", lambda drag, *others: drag)
 
 
-@pytest.mark.parametrize("most, named", [(0.04, False), (0.2, True)])  # [N·s/m], for gusts of some 0.8 N
+@pytest.mark.parametrize("most, named", [(0.1, False), (0.3, True)])  # [N·s/m], for a force of 1.7 N
 def test_gusts_that_need_more_wind_than_there_is_through_all_the_drag_there_may_be_are_none(
     blown, known_drag, most, named
 ):
