@@ -64,7 +64,10 @@ def as_gusts(
 
 
 def _too_strong(force: WindForce, drag: Cause) -> bool:
-    """Would the wind have to vary by more than one does, however large in its interval the drag that feels it is?"""
+    """Would the wind have to vary by more than one does, however large in its interval the drag that feels it is?
+
+    Source: own choice: the library's bound [m/s] on what gusts deviate by.
+    """
     (deviation,) = (p for p in GustyWind.parameters if p.name == "deviation")
     most = np.mean([max(map(abs, drag.parameters[name].ci95)) for name in ("d_x", "d_y")])
     return bool(force.deviation[0] > deviation.upper * most)

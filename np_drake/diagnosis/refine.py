@@ -61,7 +61,8 @@ class Fit:
 
         What helps beside others while its figures may be none stands for what these get wrong. Of an effect that is
         felt through another the products with that one's figures are asked: where a drag is hardly known, so is the
-        wind, but not how it pushes.   Source: Wald test of all of them together.
+        wind, but not how it pushes (axis by axis; where the two have not as many figures, its own are asked).
+        Source: Wald test of all of them together; products to first order.
         """
         own = self._vanishing(i)
         if not own:
