@@ -8,6 +8,7 @@ from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.signature import NEVER, Term
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -169,3 +170,22 @@ def test_a_wind_is_told_by_how_it_pushes_however_little_is_known_of_its_drag(pus
     dut = Fit(terms, (), tuple(free_figures(terms, [], {})), np.r_[drag, wind], covariance, 0.0, 0.0, 1)
     assert wind[0] < 2.0 * np.sqrt(covariance[3, 3])  # by itself it may as well be none
     assert dut.tells(1) is told
+
+
+def told_beside_a_drag(drag, wind, deviation):
+    """Is the wind told, beside the drag that it is felt through, where every figure has this deviation?"""
+    terms = (Term(LinearDrag(*drag)), Term(wind))
+    free = tuple(f for f in free_figures(terms, [], {}) if not f.flight)
+    values = read(terms, free)
+    return Fit(terms, (), free, values, deviation**2 * np.eye(len(values)), 0.0, 0.0, 1).tells(1)
+
+
+def test_a_wind_is_told_where_along_one_axis_there_is_neither_wind_nor_drag():
+    assert told_beside_a_drag([0.25, 0.25, 0.0], ConstantWind(2.0, 0.0, 0.0), 0.02)
+    assert not told_beside_a_drag([0.25, 0.25, 0.0], ConstantWind(2.0, 0.0, 0.0), 1.0)
+
+
+def test_gusts_which_have_not_as_many_figures_as_a_drag_are_told_by_their_own():
+    unknown_drag = [0.01, 0.01, 0.01]
+    assert told_beside_a_drag(unknown_drag, GustyWind(0.0, 0.0, 0.0, 1.0, 1.0), 0.1)
+    assert not told_beside_a_drag(unknown_drag, GustyWind(0.0, 0.0, 0.0, 0.1, 1.0), 0.1)
