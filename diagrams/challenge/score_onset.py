@@ -28,6 +28,7 @@ def onset_errors(case: Solved) -> list[dict[str, Any]]:
                 best = case.truth.get("best_onset", {}).get(flight, true)
                 told = abs(best - true) <= TOLERANCE
                 row = {"flight": flight, "named": cause is not None, "error": error, "told": told}
+                row["visibility"] = case.visibility_in(flight)
                 rows[flight, true] = max(rows.get((flight, true), row), row, key=_badness)
     return list(rows.values())
 
@@ -45,6 +46,7 @@ def summary(cases: Sequence[Solved], least: float) -> dict[str, Any]:
     """Share of flights with the right onset, and the median error [s].
 
     within: of visible cases.   within_all: of all.   within_if_named: of visible cases whose effect is named.
+    within_if_seen: of visible cases, flights in which the effect is visible, as by visibility in that flight itself.
     within_if_told: of visible cases, flights in which who knows the effect itself would be as near (`onset_bound`).
     """
     rows = [row for case in cases if case.visibility >= least for row in onset_errors(case)]
@@ -52,6 +54,7 @@ def summary(cases: Sequence[Solved], least: float) -> dict[str, Any]:
         "within": rate(within(row) for row in rows),
         "within_all": rate(within(row) for case in cases for row in onset_errors(case)),
         "within_if_named": rate(within(row) for row in rows if row["named"]),
+        "within_if_seen": rate(within(row) for row in rows if row["visibility"] >= least),
         "within_if_told": rate(within(row) for row in rows if row["told"]),
         "median_error": median(None if row["error"] is None else abs(row["error"]) for row in rows),
     }

@@ -39,6 +39,7 @@ def lines(least: float) -> list[tuple[str, Any]]:
         (f"onset in flight (≥ {least:g}): class", lambda s: share(s["rates"]["onset"]["class"])),
         ("  flights with onset within 0.2 s", lambda s: share(s["onset"]["within"])),
         ("  of those whose effect is named", lambda s: share(s["onset"]["within_if_named"])),
+        (f"  of those in which it shows (≥ {least:g} there)", lambda s: share(s["onset"]["within_if_seen"])),
         ("  of those that the true effect tells", lambda s: share(s["onset"]["within_if_told"])),
         ("pairs: precision, recall, F1", lambda s: three(s["rates"]["pair"]["all"])),
         (f"  ≥ {least:g}", lambda s: three(s["rates"]["pair"]["visible"])),

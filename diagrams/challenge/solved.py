@@ -46,6 +46,10 @@ class Solved:
         """The same in the flights of the fit, the most of them; 0 where the truth does not say [1]."""
         return max(self.truth.get("visibility_in_training", {}).values(), default=0.0)
 
+    def visibility_in(self, flight: str) -> float:
+        """The same in one flight; that of the case where the truth does not say [1]."""
+        return float(self.truth.get("visibility_in_training", {}).get(flight, self.visibility))
+
     @property
     def true_names(self) -> tuple[str, ...]:
         """Of all effects that act."""

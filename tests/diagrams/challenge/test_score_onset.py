@@ -56,3 +56,11 @@ def test_onsets_that_the_true_effect_does_not_tell_stand_apart(by_hand):
     found = summary([case], 1.5)
     assert (found["within"]["count"], found["within"]["n"]) == (1, 2)
     assert (found["within_if_told"]["count"], found["within_if_told"]["n"]) == (1, 1)
+
+
+def test_flights_in_which_what_begins_does_not_show_stand_apart(by_hand):
+    seen = {"train_1.csv": 1.0}
+    case = case_with(by_hand, {"train_1": None, "heldout_1": 5.1}, visibility_in_training=seen)
+    found = summary([case], 1.5)
+    assert (found["within"]["count"], found["within"]["n"]) == (1, 2)
+    assert (found["within_if_seen"]["count"], found["within_if_seen"]["n"]) == (1, 1)
