@@ -7,7 +7,8 @@ import numpy as np
 
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.answer import Cause, Estimate, Finding
-from np_drake.diagnosis.bounds import DRAG, impossible, interval
+from np_drake.diagnosis.bounds import impossible, interval
+from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import adapt, scored, settled
 from np_drake.diagnosis.hidden_swing import figure_error

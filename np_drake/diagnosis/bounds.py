@@ -5,12 +5,12 @@ from itertools import product
 
 import numpy as np
 
+from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.refine import Fit
 from np_drake.effects.base import Effect, MassEffect, MassProperties
 from np_drake.vehicle import Vehicle
 
 EDGE = 1e-3  # of a figure's range, within which it lies at its bound [1]; own choice
-DRAG = "linear_drag"  # through which gusts are felt
 STEPS = 3  # in which an interval is gone through; own choice
 
 

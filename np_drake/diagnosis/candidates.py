@@ -11,6 +11,7 @@ from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.library import LIBRARY, effects_for
 
+DRAG = "linear_drag"  # through which winds are felt
 ROTOR_SPEED_BLIND = ("motor_lag", "command_delay", "clock_offset")
 SHIFTS = np.geomspace(0.003, 0.06, 10)  # of commands against states that are tried [s]
 Onset = dict[str, float | None]
@@ -162,22 +163,20 @@ def at_value(effect, flights, onset, values: dict[str, float], variants: int) ->
 
 
 def wind_candidates(
-    flights: Sequence[Evidence], drags: list[Candidate], onset: Onset | None = None
+    flights: Sequence[Evidence], plain: Sequence[Candidate], onset: Onset | None = None
 ) -> list[Candidate]:
-    """Steady wind with its drag: v - wind through linear drag is the drag and three more columns.
+    """Steady wind with each drag of `plain`: v - wind through linear drag is the drag and three more columns.
 
     A drag that is weak, or comes out as none that brakes, is begun as a weak one that does, the wind so that it pushes
     as much: a drag and a wind turned about together push alike, and a descent does not come from one to the other.
     """
-    if "constant_wind" not in LIBRARY or "linear_drag" not in LIBRARY:
+    if "constant_wind" not in LIBRARY or DRAG not in LIBRARY:
         return []
-    wind_class, drag_class = LIBRARY["constant_wind"], LIBRARY["linear_drag"]
+    wind_class, drag_class = LIBRARY["constant_wind"], LIBRARY[DRAG]
     onset = onset or {}
     typical = drag_class.parameters[0].typical
     out = []
-    for drag in drags:
-        if drag.identifiers != ("linear_drag",):
-            continue
+    for drag in (c for c in plain if c.identifiers == (DRAG,)):
         columns = {}
         for e in flights:
             unit = Term(drag_class.of(dict.fromkeys(("d_x", "d_y", "d_z"), typical)), drag.onset)
@@ -196,9 +195,7 @@ def wind_candidates(
             values = dict(zip("xyz", np.clip(wind, -14.0, 14.0).tolist(), strict=True))
             return [dc.replace(felt, effect=drag_class.of(d)), Term(wind_class.of(values), onset)]
 
-        out.append(
-            Candidate(("linear_drag", "constant_wind"), drag.variant, columns, terms, drag.log_prior, onset)
-        )
+        out.append(Candidate((DRAG, "constant_wind"), drag.variant, columns, terms, drag.log_prior, onset))
     return out
 
 

@@ -44,8 +44,7 @@ def collinear_effects(
     onset: Onset = {n: t for n, t in terms[i].onset.items() if t is not None and t != NEVER}
     plain = library_candidates(flights, onset or None)
     plain += _mirror_images(flights, terms[i], onset)
-    drags = [c for c in plain if c.identifiers == ("linear_drag",)]
-    options = [*plain, *wind_candidates(flights, drags, onset), *payload_candidates(flights, LENGTHS, onset)]
+    options = [*plain, *wind_candidates(flights, plain, onset), *payload_candidates(flights, LENGTHS, onset)]
     own_name, others = terms[i].effect.identifier, {t.effect.identifier for t in rest}
     fixed = _columns(flights, nuisance, noise)
     found: dict[str, float] = {}

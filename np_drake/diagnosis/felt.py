@@ -4,8 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.diagnosis.bounds import DRAG
-from np_drake.diagnosis.candidates import Onset, gated
+from np_drake.diagnosis.candidates import DRAG, Onset, gated
 from np_drake.diagnosis.descent import refit
 from np_drake.diagnosis.like_size import of_like_size
 from np_drake.diagnosis.search import Model, effect_prior

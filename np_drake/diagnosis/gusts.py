@@ -11,7 +11,7 @@ import numpy as np
 
 from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.attribute import GUSTY, HeldOut
-from np_drake.diagnosis.bounds import DRAG
+from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.force_bins import blows
 from np_drake.diagnosis.gust_drag import drag_in_gusts, drag_trace

@@ -7,7 +7,7 @@ import numpy as np
 
 from np_drake.diagnosis.answer import Cause, Finding
 from np_drake.diagnosis.attribute import GUSTY, causes_of
-from np_drake.diagnosis.bounds import DRAG
+from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.felt import with_drag
 from np_drake.diagnosis.gusts import as_gusts, in_gusts

@@ -41,8 +41,7 @@ def prepare(flights: Sequence[Evidence], tolerance: Tolerance) -> Ready:
     drifting = wander(flights, tolerance)
     nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]
     plain = library_candidates(flights)
-    drags = [c for c in plain if c.identifiers == ("linear_drag",)]
-    candidates = [*plain, *wind_candidates(flights, drags), *candidates_of_the_unknown(flights)]
+    candidates = [*plain, *wind_candidates(flights, plain), *candidates_of_the_unknown(flights)]
     step = flights[0].grid.step
     white = scale_only([e.y for e in flights], step)
     late = gated_candidates(Problem(flights, white, nuisance, candidates, temperature=TEMPERATURE))

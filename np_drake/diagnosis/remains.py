@@ -15,7 +15,8 @@ from np_drake.diagnosis.attribute import (
     HeldOut,
     on_held_out,
 )
-from np_drake.diagnosis.bounds import DRAG, impossible
+from np_drake.diagnosis.bounds import impossible
+from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.excess import LINE, Line, slow_torque, strongest_line
 from np_drake.diagnosis.held_out import adapt
@@ -35,6 +36,7 @@ SWUNG = 0.25  # the same, beside a payload: what a swing that is lost at a snap 
 NOVEL = 2.0  # times a threshold at which unseen flights alone tell; own choice
 BEYOND = 0.9  # probability of something else where an effect needs a figure beyond its bounds; own choice
 HARM = -1.0  # log likelihood on unseen flights below which a structure does not repeat
+UNSEEN = "unseen flights"  # name of what they alone show
 STEEP = 6.0  # of the probability with the logarithm of a ratio; own choice
 
 
@@ -43,7 +45,6 @@ class Remains:
     """unknown: is something material left?   findings: where it lives.   held: the fit on unseen flights.
 
     structured: with measured rotor speed, is there structure beside the effects, whether or not it repeats?
-    novel: do unseen flights alone show something?
     """
 
     unknown: bool
@@ -54,7 +55,11 @@ class Remains:
     line: Line
     slow_torque: float
     structured: bool = False
-    novel: bool = False
+
+    @property
+    def novel(self) -> bool:
+        """Do unseen flights alone show something?"""
+        return any(f.name == UNSEEN for f in self.findings)
 
 
 def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> Remains:
@@ -92,15 +97,13 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     probability = max([*structure, vibrates, twists, novel, BEYOND if beyond else 0.0])
     findings = [f for f, _ in found]
     if novel > 0.5:
-        findings.append(Finding("unseen flights", "what unseen flights show is not in these", novel, {}))
+        findings.append(Finding(UNSEEN, "what unseen flights show is not in these", novel, {}))
     findings += beyond
     if vibrates > 0.5:
         findings.append(_line_finding(line))
     if twists > 0.5:
         findings.append(Finding("slow torque", "a torque that comes and goes", torque, {"ratio": torque}))
-    return Remains(
-        probability > 0.5, probability, tuple(findings), held, slowly, line, torque, structured, novel > 0.5
-    )
+    return Remains(probability > 0.5, probability, tuple(findings), held, slowly, line, torque, structured)
 
 
 def _repeat(ranking: Ranking, fit: Fit, unseen: Sequence[Evidence], held: HeldOut) -> list[bool]:

@@ -1,6 +1,6 @@
 import pytest
 
-from np_drake.diagnosis.bounds import DRAG
+from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.felt import with_drag
 from np_drake.diagnosis.look import look
 from np_drake.effects.gusty_wind import GustyWind

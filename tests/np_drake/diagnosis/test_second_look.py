@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis import which
-from np_drake.diagnosis.answer import Diagnosis
+from np_drake.diagnosis.answer import Diagnosis, Finding
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.held_out import scored
 from np_drake.diagnosis.look import look
 from np_drake.diagnosis.onset import late_payloads
+from np_drake.diagnosis.remains import UNSEEN
 from np_drake.diagnosis.second_look import LEAST, halved, unforeseen
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.thrust_scale import ThrustScale
@@ -62,7 +63,7 @@ def test_a_force_that_unseen_flights_alone_show_asks_for_a_second_look_however_s
         [seen(name=n, seed=i, **how) for i, n in enumerate("ab", 1)], [seen(name="c", seed=3, **how)]
     )
     assert not unforeseen(first)
-    novel = dc.replace(first, left=dc.replace(first.left, novel=True))
+    novel = dc.replace(first, left=dc.replace(first.left, findings=(Finding(UNSEEN, "", 1.0),)))
     assert unforeseen(novel)
     assert not unforeseen(dc.replace(novel, gusty=True))
 
