@@ -13,7 +13,7 @@ from np_drake.diagnosis.felt import with_drag
 from np_drake.diagnosis.gusts import as_gusts, in_gusts
 from np_drake.diagnosis.held_out import without_shocks
 from np_drake.diagnosis.place import chance_of_place
-from np_drake.diagnosis.probability import BESIDE_UNKNOWN
+from np_drake.diagnosis.probability import BESIDE_UNKNOWN, TRUST
 from np_drake.diagnosis.remains import Remains, remains, without_swing
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import Term, signature
@@ -66,7 +66,7 @@ def look(
     if _slow(left) and not gusty:
         unknown, probability = True, left.slow_probability
     if gusty:
-        blows = left.slow_probability * ranking.probability.get(DRAG, 1.0)
+        blows = TRUST * left.slow_probability * ranking.probability.get(DRAG, 1.0)
         causes = as_gusts(
             flights, _felt(ranking, left, flights, unseen), causes, blows, ranking.tolerance, unseen
         )

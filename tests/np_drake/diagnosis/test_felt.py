@@ -3,6 +3,7 @@ import pytest
 from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.felt import with_drag
 from np_drake.diagnosis.look import look
+from np_drake.diagnosis.probability import TRUST
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -23,7 +24,7 @@ def test_gusts_are_felt_through_a_drag_that_is_too_small_to_be_named_by_itself(r
     causes = {c.identifier: c for c in dut.causes}
     assert list(causes) == [DRAG, "gusty_wind"]
     assert not dut.unknown
-    assert causes["gusty_wind"].probability == pytest.approx(dut.ranking.probability[DRAG], rel=0.01)
+    assert causes["gusty_wind"].probability == pytest.approx(TRUST * dut.ranking.probability[DRAG], rel=0.01)
     low, high = causes[DRAG].parameters["d_x"].ci95
     assert low < 0.05 < high
 

@@ -9,6 +9,7 @@ import pytest
 
 from np_drake.diagnosis import look as dut_module
 from np_drake.diagnosis.look import look
+from np_drake.diagnosis.probability import TRUST
 from np_drake.diagnosis.signature import Term
 from np_drake.diagnosis.which import rank
 from np_drake.effects.base import Motion, WrenchEffect
@@ -67,6 +68,12 @@ def test_a_slow_force_that_does_not_is_gusts(flown):
     assert dut.gusty
     assert "gusty_wind" in {c.identifier for c in dut.causes}
     assert not dut.unknown
+
+
+def test_gusts_are_no_surer_than_any_other_name_however_loud_they_are(flown):
+    dut = look(*flown(gusts(61), gusts(62), gusts(63)))
+    (surest,) = (c.probability for c in dut.causes if c.identifier == "gusty_wind")
+    assert 0.95 * TRUST < surest <= TRUST
 
 
 def test_the_mean_of_gusts_holds_a_steady_wind_that_the_fit_has_and_that_is_no_cause(flown, monkeypatch):
