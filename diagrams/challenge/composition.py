@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 
 from diagrams.challenge.case import CaseDraw
-from diagrams.challenge.foreign import FOREIGN
+from diagrams.challenge.foreign import SEEN, UNSEEN
 from np_drake.effects.library import LIBRARY
 
 SHARES = {"pair": 0.15, "triple": 0.08, "onset": 0.12, "foreign": 0.15}  # the rest are single effects
@@ -26,16 +26,21 @@ def compatible(names: tuple[str, ...]) -> bool:
     return len({LIBRARY[name].place for name in names}) == len(names)
 
 
-def compose(cases: int, clean: int, seed: int) -> list[CaseDraw]:
-    """`cases` with an effect and `clean` without, in shuffled order; single effects cycle through the library."""
+def compose(cases: int, clean: int, seed: int, *, unseen: bool = False) -> list[CaseDraw]:
+    """`cases` with an effect and `clean` without, in shuffled order; single effects cycle through the library.
+
+    unseen: all with a foreign effect, of the kinds that the other sets do not have.
+    """
     rng = np.random.default_rng([seed, 7])
-    counts = {kind: round(share * cases) for kind, share in SHARES.items()}
+    counts = (
+        {kind: round(share * cases) for kind, share in SHARES.items()} if not unseen else {"foreign": cases}
+    )
     kinds = ["single"] * (cases - sum(counts.values()))
     kinds += [kind for kind, count in counts.items() for _ in range(count)] + ["clean"] * clean
     names = {
         "single": _cycle(rng, [(name,) for name in LIBRARY]),
         "onset": _cycle(rng, [(name,) for name, effect in LIBRARY.items() if effect.begins]),
-        "foreign": _cycle(rng, [(name,) for name in FOREIGN]),
+        "foreign": _cycle(rng, [(name,) for name in (UNSEEN if unseen else SEEN)]),
         "pair": _cycle(rng, [c for c in combinations(LIBRARY, 2) if compatible(c)]),
         "triple": _cycle(rng, [c for c in combinations(LIBRARY, 3) if compatible(c)]),
         "clean": _cycle(rng, [()]),

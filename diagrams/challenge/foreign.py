@@ -5,6 +5,16 @@ from collections.abc import Callable
 import numpy as np
 
 from diagrams.challenge.foreign_actuators import BentThrustCurve, LiquidSlosh, ThrustRateTorque, YawBacklash
+from diagrams.challenge.foreign_unseen import (
+    CeilingEffect,
+    RotorSaturation,
+    SlidingLoad,
+    StutteringRotor,
+    TwistedCable,
+    VortexRing,
+    Weathervane,
+    WindShear,
+)
 from diagrams.challenge.foreign_wrenches import (
     FanJet,
     GroundTether,
@@ -64,7 +74,37 @@ def _rate_torque(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
     return ThrustRateTorque(float(x), float(y), rng.uniform(0.08, 0.3))
 
 
-FOREIGN: dict[str, Draw] = {
+def _vortex_ring(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    speed = rng.uniform(0.6, 1.8)
+    return VortexRing(log_uniform(rng, 0.04, 0.3), speed, rng.uniform(0.3, 0.5) * speed)
+
+
+def _ceiling(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    return CeilingEffect(log_uniform(rng, 0.04, 0.25), rng.uniform(0.3, 1.0), rng.uniform(1.8, 3.0))
+
+
+def _saturation(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    return RotorSaturation((1.0 + log_uniform(rng, 0.05, 0.4)) * _weight(vehicle) / 4)
+
+
+def _sliding(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    return SlidingLoad(
+        log_uniform(rng, 0.005, 0.05) * arm(vehicle) * _weight(vehicle), rng.uniform(0.03, 0.15)
+    )
+
+
+def _stuttering(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    loss = log_uniform(rng, 0.03, 0.2)
+    return StutteringRotor(int(rng.integers(4)), loss, rng.uniform(1.5, 5.0), rng.uniform(0.15, 0.5))
+
+
+def _shear(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    return WindShear(
+        log_uniform(rng, 0.1, 1.0) * vehicle.mass, rng.uniform(1.0, 2.0), rng.uniform(-np.pi, np.pi)
+    )
+
+
+SEEN: dict[str, Draw] = {
     "fan_jet": _fan_jet,
     "periodic_force": _periodic,
     "rotational_damping": lambda rng, v: RotationalDamping(log_uniform(rng, 0.5, 5.0) * v.J[0, 0]),
@@ -78,6 +118,19 @@ FOREIGN: dict[str, Draw] = {
     "yaw_backlash": lambda rng, v: YawBacklash(log_uniform(rng, 0.3, 2.0) * v.J[2, 2]),
     "liquid_slosh": _slosh,
 }
+
+
+UNSEEN: dict[str, Draw] = {  # no constant of the diagnosis was set on sets with these
+    "vortex_ring": _vortex_ring,
+    "weathervane": lambda rng, v: Weathervane(log_uniform(rng, 0.3, 3.0) * v.J[2, 2]),
+    "ceiling_effect": _ceiling,
+    "rotor_saturation": _saturation,
+    "twisted_cable": lambda rng, v: TwistedCable(log_uniform(rng, 0.5, 5.0) * v.J[2, 2]),
+    "sliding_load": _sliding,
+    "stuttering_rotor": _stuttering,
+    "wind_shear": _shear,
+}
+FOREIGN = SEEN | UNSEEN
 
 
 def draw_foreign(name: str, rng: np.random.Generator, vehicle: Vehicle) -> Effect:

@@ -42,11 +42,13 @@ def make(
     clean: int = 20,
     seconds: float = 20.0,
     seed: int = 0,
+    unseen: bool = False,
     jobs: int = 1,
     on_progress: Callable[[int], None] | None = None,
 ) -> dict:
     """Writes `cases` + `clean` case folders into `out` and as many truths into `truth`.
 
+    unseen: all `cases` have a foreign effect, of the kinds that no other set has.
     Returns: {"written", "kinds": {kind: count}, "redrawn": how many draws were lost on the way, "lost": which}.
     Raises: ValueError: on impossible arguments; FailedRun: where a case cannot be flown in any draw.
     """
@@ -54,7 +56,7 @@ def make(
     require_no_other_set(out, truth, seed=seed, cases=cases + clean)
     for folder in (out, truth):
         folder.mkdir(parents=True, exist_ok=True)
-    draws = compose(cases, clean, seed)
+    draws = compose(cases, clean, seed, unseen=unseen)
     options = {"simulator": simulator, "quality": quality, "seconds": seconds, "seed": seed}
     work = (delayed(make_case)(draw, out, truth, **options) for draw in draws)
     lost: dict[str, int] = {}

@@ -8,6 +8,7 @@ from rotorpy.vehicles.multirotor import Multirotor
 from diagrams.challenge.rotorpy_foreign import FOREIGN_LAWS, HIDDEN
 from diagrams.challenge.rotorpy_laws import GAINS, LAWS, Acting, Instant, cross, cushion
 from diagrams.challenge.rotorpy_tether import Tether
+from diagrams.challenge.rotorpy_unseen import UNSEEN_LAWS
 from diagrams.challenge.rotorpy_wind import winds
 from np_drake import attitude
 from np_drake.vehicle import Vehicle
@@ -32,7 +33,7 @@ class RealMultirotor(Multirotor):
         self._beside = bool(np.any(self.center))
         self.dead_time = sum(a.values["delay"] for a in acting if a.name == "command_delay")
         self._winds = winds(list(acting))
-        laws = LAWS | FOREIGN_LAWS
+        laws = LAWS | FOREIGN_LAWS | UNSEEN_LAWS
         self._laws = [(laws[a.name], a.values) for a in acting if a.name in laws]
         self._gains = [(GAINS[a.name], a.values) for a in acting if a.name in GAINS]
         self._ground = [a.values for a in acting if a.name == "ground_effect"]

@@ -23,6 +23,9 @@ def make(
     cases: Annotated[int, typer.Option(min=0, help="Cases with effects.")] = 44,
     clean: Annotated[int, typer.Option(min=0, help="Clean controls: cases without.")] = 20,
     seconds: Annotated[float, typer.Option(help="Length of every flight [s].")] = 20.0,
+    unseen: Annotated[
+        bool, typer.Option("--unseen", help="Foreign effects alone, of kinds in no other set.")
+    ] = False,
     jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
     seed: options.Seed = 0,
     json: options.Json = None,
@@ -38,6 +41,7 @@ def make(
         require_folder(folder)
     require_no_other_set(out, truth, seed=seed, cases=cases + clean)
     config = {"simulator": simulator, "quality": quality, "cases": cases, "clean": clean, "seconds": seconds}
+    config["unseen"] = unseen
     with progress(f"flying {cases + clean} cases", cases + clean) as advance:
         result = run(out, truth, seed=seed, jobs=jobs, on_progress=advance, **config)  # type: ignore[arg-type]
     kinds = ", ".join(f"{count} {kind}" for kind, count in result["kinds"].items())
