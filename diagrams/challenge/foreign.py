@@ -84,7 +84,7 @@ def _ceiling(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
 
 
 def _saturation(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
-    return RotorSaturation((1.0 + log_uniform(rng, 0.05, 0.4)) * _weight(vehicle) / 4)
+    return RotorSaturation((1.0 + log_uniform(rng, 0.12, 0.6)) * _weight(vehicle) / 4)
 
 
 def _sliding(rng: np.random.Generator, vehicle: Vehicle) -> Effect:

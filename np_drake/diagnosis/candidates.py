@@ -35,6 +35,9 @@ class Candidate:
     possible: Callable[[np.ndarray], bool] | None = None  # are these coefficients physical?
     mended: Callable[[np.ndarray, np.ndarray], Mended] | None = None  # and which are, where a bound is near?
     generic: Callable[[Evidence], np.ndarray] | None = None  # columns on any flight, of what is no effect
+    swing: Callable[[float, float, Evidence], np.ndarray] | None = (
+        None  # generic columns at a frequency and damping
+    )
     figures: dict[str, float] = dc.field(default_factory=dict)
     onset_prior: float = 0.0
 

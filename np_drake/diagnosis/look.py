@@ -12,6 +12,7 @@ from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.felt import with_drag
 from np_drake.diagnosis.gusts import as_gusts, in_gusts
 from np_drake.diagnosis.held_out import without_shocks
+from np_drake.diagnosis.how_far import without_idle
 from np_drake.diagnosis.place import chance_of_place
 from np_drake.diagnosis.probability import BESIDE_UNKNOWN, TRUST
 from np_drake.diagnosis.remains import Remains, remains, without_swing
@@ -75,7 +76,9 @@ def look(
         probability = left.slow_probability if unknown else left.probability
         left = left if gusts is None else dc.replace(left, held=in_gusts(left.held, causes, unseen))
     if unknown:
+        causes, idle = without_idle(causes, unseen, ranking.noise, left.held)
         causes = [dc.replace(c, probability=min(c.probability, BESIDE_UNKNOWN)) for c in causes]
+        minor = [*minor, *idle]
     return Look(flights, unseen, ranking, left, causes, minor, unknown, probability, gusty)
 
 

@@ -20,6 +20,7 @@ from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.excess import LINE, Line, slow_torque, strongest_line
 from np_drake.diagnosis.held_out import adapt
+from np_drake.diagnosis.mode import mode_of
 from np_drake.diagnosis.refine import Fit, Generic
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import signature
@@ -67,7 +68,7 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     structured = bool(ranking.fits[0].generic) and flights[0].measured_rotors
     held = on_held_out(ranking.named, unseen, ranking.noise, structured=structured)
     left = {e.name: fit.left(e) for e in flights}
-    found = [_generic(g, ranking, flights) for g in fit.generic]
+    found = [_generic(g, ranking, flights, left) for g in fit.generic]
     seen = _repeat(ranking, fit, unseen, held)
     least = _least_lines(flights, ranking.tolerance)
     line, (torque, share) = strongest_line(flights, left, least), slow_torque(flights, left)
@@ -204,7 +205,9 @@ def _least_lines(flights: Sequence[Evidence], tolerance: Tolerance) -> np.ndarra
     return np.maximum(np.sqrt(LEAST_SHARE * np.mean(y**2, axis=0)), least)
 
 
-def _generic(generic: Generic, ranking: Ranking, flights: Sequence[Evidence]) -> tuple[Finding, bool]:
+def _generic(
+    generic: Generic, ranking: Ranking, flights: Sequence[Evidence], left: dict[str, np.ndarray]
+) -> tuple[Finding, bool]:
     """A finding, and whether it is material as an effect would be."""
     noise = ranking.noise
     inverse = np.where(noise.rms > 0, 1 / np.maximum(noise.rms, 1e-12), 0.0)
@@ -218,5 +221,9 @@ def _generic(generic: Generic, ranking: Ranking, flights: Sequence[Evidence]) ->
     material = force >= least_force or torque >= least_torque or gap >= MATERIAL_GAP
     candidate = generic.candidate
     figures = {"force": float(force), "torque": float(torque), **candidate.figures}
+    text = candidate.variant
+    if candidate.swing is not None and material:
+        figures["frequency"], figures["damping"] = mode_of(generic, flights, left, noise)
+        text += "; fitted: {frequency:.3g} Hz, damping {damping:.2g}".format(**figures)
     name = candidate.identifiers[0].removeprefix(PREFIX)
-    return Finding(name, candidate.variant, float(gap), figures), bool(material)
+    return Finding(name, text, float(gap), figures), bool(material)

@@ -43,20 +43,22 @@ def candidates_of_the_unknown(flights: Sequence[Evidence]) -> list[Candidate]:
             ("place", "a force tied to a place", _place(states)),
         )
     ]
-    for name, driven, frequencies, pushes in (
-        ("resonance", "the motion", RESONANCES, _resonance),
-        ("twist", "the commanded torque", TWISTS, _twist),
+    for name, driven, frequencies, pushes, modes in (
+        ("resonance", "the motion", RESONANCES, _resonance, _resonance),
+        ("twist", "the commanded torque", TWISTS, _twist, _one_twist),
     ):
         prior = -math.log(len(frequencies))
         for f in frequencies:
             text = f"an answer to {driven} with a resonance near {f:.3g} Hz"
             figures = {"frequency": f, "damping": DAMPING}
-            found.append(_candidate(flights, states, name, text, pushes(f), prior, figures))
+            found.append(_candidate(flights, states, name, text, pushes(f), prior, figures, modes))
     return found
 
 
-def _candidate(flights, states, name, text, pushes: Pushes, log_prior=0.0, figures=None) -> Candidate:
-    def columns(e: Evidence) -> np.ndarray:
+def _candidate(
+    flights, states, name, text, pushes: Pushes, log_prior=0.0, figures=None, modes=None
+) -> Candidate:
+    def columns(e: Evidence, pushes: Pushes = pushes) -> np.ndarray:
         state = states.get(e.name) or flight_state(e)
         weight = e.vehicle.mass * e.vehicle.gravity
         arm = float(np.mean(np.linalg.norm(np.array(e.vehicle.rotor_positions), axis=1)))
@@ -73,6 +75,7 @@ def _candidate(flights, states, name, text, pushes: Pushes, log_prior=0.0, figur
         lambda c: [],
         log_prior,
         generic=columns,
+        swing=modes and (lambda frequency, damping, e: columns(e, modes(frequency, damping))),
         figures=figures or {},
     )
 
@@ -159,7 +162,7 @@ def _place(states: dict[str, FlightState]) -> Pushes:
     return pushes
 
 
-def _resonance(frequency: float) -> Pushes:
+def _resonance(frequency: float, damping: float = DAMPING) -> Pushes:
     """Two phases of the motion behind a lightly damped resonance: force along the axis, torque across.
 
     What drives it is the acceleration that the command gives, not the measured one: any force at all is in the latter,
@@ -169,12 +172,12 @@ def _resonance(frequency: float) -> Pushes:
 
     def pushes(s: FlightState) -> np.ndarray:
         system = signal.cont2discrete(
-            ([omega**2], [1.0, 2 * DAMPING * omega, omega**2]), s.step, method="bilinear"
+            ([omega**2], [1.0, 2 * damping * omega, omega**2]), s.step, method="bilinear"
         )
         drive = s.R[:, :, 2] * (s.u[:, :1] / s.weight * s.gravity)
         answer = signal.lfilter(system[0].ravel(), system[1], (drive - drive.mean(axis=0)) / 2.0, axis=0)
         lagged = signal.lfilter([1.0 / s.step, -1.0 / s.step], [1.0], answer, axis=0) / omega
-        pair = 2 * DAMPING * np.einsum("mij,mik->mjk", s.R, np.stack([answer, lagged], axis=2))
+        pair = 2 * damping * np.einsum("mij,mik->mjk", s.R, np.stack([answer, lagged], axis=2))
         parts = [_each(pair[:, i], [i]) for i in range(3)]
         parts += [_each(pair[:, 0], [4]), _each(pair[:, 1], [3])]
         return _joined(*parts)
@@ -182,7 +185,13 @@ def _resonance(frequency: float) -> Pushes:
     return pushes
 
 
-def _twist(frequency: float) -> Pushes:
+def _one_twist(frequency: float, damping: float) -> Pushes:
+    """Torque behind one very resonance: G and D G / w of `_twist` alone."""
+    both = _twist(frequency, damping)
+    return lambda s: both(s)[..., [0, 1, 4, 5, 8, 9]]
+
+
+def _twist(frequency: float, damping: float = DAMPING) -> Pushes:
     """Torque behind a lightly damped resonance that the commanded torque drives, every axis for itself.
 
     With G = w² / (D² + 2 z w D + w²) the columns are G, D G / w, G² and D G² / w: what G and its derivatives by w and z
@@ -192,7 +201,7 @@ def _twist(frequency: float) -> Pushes:
 
     def pushes(s: FlightState) -> np.ndarray:
         b, a, _ = signal.cont2discrete(
-            ([omega**2], [1.0, 2 * DAMPING * omega, omega**2]), s.step, method="bilinear"
+            ([omega**2], [1.0, 2 * damping * omega, omega**2]), s.step, method="bilinear"
         )
         rest = signal.lfilter_zi(b.ravel(), a)[:, None]
 
@@ -202,7 +211,7 @@ def _twist(frequency: float) -> Pushes:
         once = behind(GAIN * s.u[:, 1:] / (SIZE * s.weight * s.torque_unit))
         twice = behind(once)
         changes = [np.gradient(g, s.step, axis=0) / omega for g in (once, twice)]
-        peak = 2 * DAMPING  # of G, by which it is made one
+        peak = 2 * damping  # of G, by which it is made one
         parts = np.stack([peak * once, peak * changes[0], peak**2 * twice, peak**2 * changes[1]], axis=2)
         return _joined(*(_each(parts[:, i], [3 + i]) for i in range(3)))
 

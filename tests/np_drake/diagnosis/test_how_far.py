@@ -9,9 +9,12 @@ from np_drake.diagnosis import how_far as dut
 from np_drake.diagnosis.answer import ReplayGap
 from np_drake.diagnosis.attribute import causes_of, on_held_out
 from np_drake.diagnosis.noise import scale_only
+from np_drake.diagnosis.signature import Term
+from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+from np_drake.effects.thrust_scale import ThrustScale
 
 NOISE = scale_only([np.random.default_rng(0).normal(size=(20000, 15))], 0.02)
 
@@ -157,3 +160,27 @@ def test_a_simulator_that_refuses_the_effects_costs_the_replay_alone():
     assert dut._with_effects(refuse, [], [("effect", {})], warnings) is None
     assert warnings == ["no replay with the effects: no rigid body."]
     assert dut._with_effects(refuse, [], [], warnings) is None
+
+
+def test_beside_what_is_unknown_a_cause_that_takes_nothing_off_is_none(solved):
+    case, held, causes = solved
+    wrong = Term(ThrustScale(1.1))
+    idle = dc.replace(causes[0], identifier=wrong.effect.identifier, effect=wrong.effect)
+    held = dc.replace(held, terms={n: [*terms, wrong] for n, terms in held.terms.items()})
+    kept, minor = dut.without_idle([*causes, idle], case.unseen, case.ranking.noise, held)
+    assert kept == causes
+    assert [f.name for f in minor] == ["thrust_scale"]
+    assert dut.without_idle(causes, case.unseen, case.ranking.noise, held) == (causes, [])
+
+
+def test_a_drag_stays_with_the_wind_that_acts_through_it(solved):
+    case, held, causes = solved
+    drag = next(c for c in causes if c.identifier == "linear_drag")
+    none = {n: [Term(LinearDrag(0.0, 0.0, 0.0))] for n in held.terms}
+    wind = dc.replace(drag, identifier="constant_wind", effect=ConstantWind(1.0))
+    flights, noise = case.unseen, case.ranking.noise
+    kept, _ = dut.without_idle([drag, wind], flights, noise, dc.replace(held, terms=none))
+    assert kept == []  # the wind goes first
+    blown = {n: [Term(LinearDrag(0.6, 0.6, 0.6)), Term(MassError(0.2))] for n in held.terms}
+    kept, _ = dut.without_idle(causes, flights, noise, dc.replace(held, terms=blown))
+    assert kept == causes

@@ -7,6 +7,7 @@ from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.candidates import library_candidates
+from np_drake.diagnosis.mode import mode_of
 from np_drake.diagnosis.search import Problem, search
 from np_drake.diagnosis.unknown import PREFIX, candidates_of_the_unknown
 from np_drake.diagnosis.which import rank
@@ -99,6 +100,11 @@ def test_a_torque_that_swings_behind_its_command_is_a_twist_at_that_frequency(se
     twist = max(dut.generic, key=lambda g: sum(np.sum(g.part(e) ** 2) for e in flights)).candidate
     assert twist.identifiers == (PREFIX + "twist",)
     assert twist.figures["frequency"] == pytest.approx(frequency, rel=0.3)
+    left = {e.name: dut.left(e) for e in flights}
+    (strongest,) = (g for g in dut.generic if g.candidate is twist)
+    found_at, damped = mode_of(strongest, flights, left, rank(flights).noise)
+    assert found_at == pytest.approx(frequency, rel=0.03)
+    assert damped == pytest.approx(damping, abs=0.03)
 
 
 def test_what_drives_a_resonance_is_the_command_alone(groups):

@@ -1,0 +1,51 @@
+"""The mode of what swings behind a drive: its frequency and damping, fitted, where a grid found that it swings."""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy import optimize
+
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.refine import Generic
+
+WITHIN = 1.5  # times the frequency that the grid found, up or down; own choice
+DAMPINGS = (0.005, 1.0)  # that are looked for [1]; own choice
+DRIFT = 0.1  # step of the simplex in the logarithm of either
+TRIES = 80  # evaluations, of some ten milliseconds
+
+
+def mode_of(
+    generic: Generic, flights: Sequence[Evidence], left: Mapping[str, np.ndarray], noise: NoiseModel
+) -> tuple[float, float]:
+    """Frequency [Hz] and damping [1] of the oscillator s'' + 2 z w s' + w² s = w² drive that leaves the least.
+
+    left: (m, 15) by flight, of the whole fit, the structure itself among what it explains.
+    Source: output error with the gains projected out (Golub and Pereyra 1973, variable projection).
+    Raises: ValueError: of structure that does not swing.
+    """
+    candidate = generic.candidate
+    if candidate.swing is None:
+        raise ValueError(f"mode_of: {candidate.identifiers[0]} does not swing.")
+    swing = candidate.swing
+    targets = [dc.replace(e, y=left[e.name] + generic.part(e)) for e in flights]
+
+    def misfit(logs: np.ndarray) -> float:
+        frequency, damping = np.exp(logs)
+        columns = [swing(frequency, damping, e) for e in targets]
+        grams = [e.gram(noise, [X]) for e, X in zip(targets, columns, strict=True)]
+        return -sum(grams[1:], grams[0]).log_evidence(np.arange(columns[0].shape[-1]))
+
+    start = np.log([candidate.figures["frequency"], candidate.figures["damping"]])
+    about = start[0] + np.log(WITHIN) * np.array([-1.0, 1.0])
+    simplex = start + DRIFT * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    found = optimize.minimize(
+        misfit,
+        start,
+        method="Nelder-Mead",
+        bounds=[tuple(about), tuple(np.log(DAMPINGS))],
+        options={"initial_simplex": simplex, "maxfev": TRIES, "xatol": 1e-3, "fatol": 0.05},
+    )
+    frequency, damping = np.exp(found.x)
+    return float(frequency), float(damping)
