@@ -35,6 +35,17 @@ def test_the_readmes_example_shows_thirty_lines_or_fewer():
     assert len([line for line in block.splitlines() if line.strip()]) <= 30
 
 
+def test_the_readmes_diagnosis_is_ten_lines_and_finds_what_it_says(tmp_path, monkeypatch, capsys):
+    page = (ROOT / "README.md").read_text()
+    block = next(b for b in re.findall(r"^```python\n(.*?)^```", page, re.S | re.M) if "diagnose(" in b)
+    assert len([line for line in block.splitlines() if line.strip()]) <= 10
+    monkeypatch.chdir(tmp_path)
+    example: dict = {"__name__": "example"}
+    exec(compile(block, "README.md", "exec"), example)
+    assert example["found"].verdict == ("suspended_payload",)
+    assert round(1000 * example["found"].causes[0].parameters["mass"].value) == 27  # [g]
+
+
 def test_the_experiment_of_the_docs_flies_well(tmp_path):
     from diagrams.flight import FlightConfig
     from diagrams.flight_result import fly

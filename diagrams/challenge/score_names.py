@@ -1,5 +1,6 @@
 """How often names are right: single effects, pairs and triples, clean controls, foreign effects, each effect."""
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -54,6 +55,20 @@ def foreign(cases: Sequence[Solved], least: float) -> dict[str, Any]:
         "unknown_all": rate(UNKNOWN in c.verdict for c in cases),
         "wrong_and_sure": rate(bool(wrong_and_sure(c)) for c in visible),
         "wrong_and_sure_all": rate(bool(wrong_and_sure(c)) for c in cases),
+        "alone": rate(c.verdict == (UNKNOWN,) for c in visible),
+        "kinds": [foreign_kind(kind, visible) for kind in sorted({c.true_names[0] for c in visible})],
+    }
+
+
+def foreign_kind(kind: str, cases: Sequence[Solved]) -> dict[str, Any]:
+    """Of the cases of one kind: how many are called unknown, and nothing else, and which names are said instead."""
+    mine = [c for c in cases if c.true_names[0] == kind]
+    said = Counter(name for c in mine for name in c.named)
+    return {
+        "kind": kind,
+        "unknown": rate(UNKNOWN in c.verdict for c in mine),
+        "alone": rate(c.verdict == (UNKNOWN,) for c in mine),
+        "named": dict(said.most_common()),
     }
 
 

@@ -19,6 +19,7 @@ def tables(score: dict[str, Any], least: float) -> list[Table]:
             ["effect", "n", "found", "right name", "named wrongly", "median error", "coverage"],
             [effect_cells(row) for row in score["effects"]],
         ),
+        *foreign_table(score, least),
     ]
 
 
@@ -50,6 +51,8 @@ def lines(least: float) -> list[tuple[str, Any]]:
         (f"foreign (≥ {least:g}): `unknown`", lambda s: share(s["rates"]["foreign"]["unknown"])),
         ("  all", lambda s: share(s["rates"]["foreign"]["unknown_all"])),
         ("  a wrong name above 0.9", lambda s: share(s["rates"]["foreign"]["wrong_and_sure"])),
+        ("  of all", lambda s: share(s["rates"]["foreign"]["wrong_and_sure_all"])),
+        ("  `unknown` and no name", lambda s: share(s["rates"]["foreign"]["alone"])),
         ("parameters: median relative error", lambda s: percent(s["parameters"]["median_error"])),
         ("  inside the 95 % interval", lambda s: share(s["parameters"]["coverage_rate"])),
         ("  hook, median error [m]", lambda s: number(s["parameters"]["place_error"])),
@@ -62,6 +65,25 @@ def lines(least: float) -> list[tuple[str, Any]]:
         ("replay, 1 s: median reduction", lambda s: percent(s["replay"]["median_reduction"])),
         ("median time a case [s]", lambda s: number(s["wall"])),
     ]
+
+
+def foreign_table(score: dict[str, Any], least: float) -> list[Table]:
+    """A row a kind that the library does not have, where there are any."""
+    rows = [
+        [
+            row["kind"],
+            *(f"{row[how]['count']} of {row[how]['n']}" for how in ("unknown", "alone")),
+            named(row),
+        ]
+        for row in score["rates"]["foreign"]["kinds"]
+    ]
+    title = f"foreign effects with visibility ≥ {least:g}"
+    return [(title, ["kind", "`unknown`", "and no name", "names"], rows)] if rows else []
+
+
+def named(row: dict[str, Any]) -> str:
+    """Names and how often they were said."""
+    return ", ".join(f"{name} {count}" for name, count in row["named"].items()) or NOTHING
 
 
 def effect_cells(row: dict[str, Any]) -> list[Any]:

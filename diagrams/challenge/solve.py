@@ -11,8 +11,7 @@ from diagrams.failed_run import one_line
 from diagrams.processes import as_they_finish
 from np_drake.atomic_file import write_json
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.logs.case_folder import TRAIN, VEHICLE, find_case, open_flight
-from np_drake.vehicle import load_vehicle
+from np_drake.logs.case_folder import TRAIN, VEHICLE, open_case
 
 ANSWER, COST = "diagnosis.json", "cost.json"
 KIBIBYTE = 1024  # unit of ru_maxrss on Linux [byte]
@@ -94,12 +93,7 @@ def solve_case(folder: Path, answers: Path, replay: bool) -> dict[str, Any]:
 
 def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
     """The content of diagnosis.json for a case folder."""
-    files = find_case(folder)
-    assert files.vehicle is not None
-    vehicle = load_vehicle(str(files.vehicle))
-    train, held_out = (
-        [open_flight(path, vehicle) for path in paths] for paths in (files.train, files.held_out)
-    )
+    vehicle, train, held_out = open_case(folder)
     simulator = None
     if replay:
         from diagrams.gap_replay import DrakeReplay

@@ -6,7 +6,7 @@ from pathlib import Path
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.log_file import SUFFIXES
 from np_drake.logs.open_log import open_log
-from np_drake.vehicle import Vehicle
+from np_drake.vehicle import Vehicle, load_vehicle
 
 VEHICLE, TRAIN, HELD_OUT = "vehicle.yaml", "train_", "heldout"
 
@@ -53,3 +53,16 @@ def open_flight(path: Path, vehicle: Vehicle, *, repair: bool = False) -> Flight
     if not isinstance(log, FlightLog):
         raise ValueError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
     return dc.replace(log, name=path.name)
+
+
+def open_case(folder: str | Path) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
+    """The vehicle of a case folder, its flights to fit and its flights to judge with.
+
+    Raises: ValueError, LogError, OSError: one line, if the folder is no case, or a file of it is not usable.
+    """
+    files = find_case(folder)
+    vehicle = load_vehicle(str(files.vehicle))
+    train, held_out = (
+        [open_flight(path, vehicle) for path in paths] for paths in (files.train, files.held_out)
+    )
+    return vehicle, train, held_out

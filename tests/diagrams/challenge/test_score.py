@@ -102,6 +102,10 @@ def test_a_foreign_effect_must_be_called_unknown_and_nothing_else_surely(cases, 
     assert (found["unknown"]["count"], found["unknown"]["n"]) == (2, 3)
     assert (found["unknown_all"]["count"], found["unknown_all"]["n"]) == (2, 4)
     assert (found["wrong_and_sure"]["count"], found["wrong_and_sure"]["n"]) == (1, 3)
+    assert (found["alone"]["count"], found["alone"]["n"]) == (1, 3)
+    (kind,) = found["kinds"]
+    assert (kind["unknown"]["count"], kind["alone"]["count"], kind["unknown"]["n"]) == (2, 1, 3)
+    assert kind["named"] == {"gusty_wind": 2}
 
 
 def test_names_of_pairs_are_pooled(cases, by_hand):
@@ -127,7 +131,7 @@ def test_simulators_are_pooled_by_quality(cases):
     real = [dc.replace(c, truth={**c.truth, "quality": "real"}) for c in cases]
     dut = score([*cases, *other, *real])
     assert {q: s["accuracy"]["single"] for q, s in dut["qualities"].items()} == {"clean": 0.5, "real": 1.0}
-    by_quality, by_set, _ = tables(dut, 1.5)
+    by_quality, by_set, *_ = tables(dut, 1.5)
     assert by_quality[1] == ["figure", "clean", "real"]
     assert by_set[1] == ["figure", "all", "drake, clean", "drake, real", "rotorpy, clean"]
 
