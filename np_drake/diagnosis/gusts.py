@@ -24,6 +24,7 @@ from np_drake.effects.linear_drag import LinearDrag
 
 TINY = 1e-6  # drag that is none [N·s/m]
 UPWARD = 0.5  # usual mean of a wind upward: the ground is near [m/s]; own choice
+ROUGH = 2.0  # times as wide are intervals of gusts on a rig, of whose own wander they cannot quite be told; own choice
 
 
 def as_gusts(
@@ -116,10 +117,13 @@ def _statistics(
         value = told * force.mean[i, 0] / d[i]
         half = float(np.hypot(np.sqrt(told) * half, known * value))
         out[p.name] = Estimate(float(value), "m/s", (float(value) - half, float(value) + half))
+    rough = ROUGH if tolerance.real else 1.0
     value, lower, upper = force.deviation
-    wider = [float(np.exp(np.hypot(np.log(end / value), known))) for end in (lower, upper)]
+    wider = [float(np.exp(rough * np.hypot(np.log(end / value), known))) for end in (lower, upper)]
     out["deviation"] = Estimate(value / level, "m/s", (value / level / wider[0], value / level * wider[1]))
-    out["correlation_time"] = Estimate(force.correlation_time[0], "s", force.correlation_time[1:])
+    time, lower, upper = force.correlation_time
+    ends = (float(time * (lower / time) ** rough), float(time * (upper / time) ** rough))
+    out["correlation_time"] = Estimate(time, "s", ends)
     return out
 
 

@@ -209,3 +209,13 @@ def test_of_gusts_the_mean_is_foreseen_in_the_place_of_a_steady_wind(seen):
     assert held.left["c"] is flight.y
     late = [dc.replace(c, onset={"c": 4.0}) for c in causes]
     assert [t.begins("c") for t in in_gusts(held, late, [flight]).terms["c"]] == [4.0, 4.0]
+
+
+def test_on_a_rig_the_size_and_time_of_gusts_are_known_half_as_well(blown, known_drag):
+    laboratory, rig = (
+        as_gusts(*blown, [cause(DRAG)], 0.9, t)[-1].parameters for t in (LABORATORY, Tolerance())
+    )
+    for name in ("deviation", "correlation_time"):
+        assert rig[name].value == pytest.approx(laboratory[name].value)
+        widths = [np.log(some[name].ci95[1] / some[name].ci95[0]) for some in (laboratory, rig)]
+        assert widths[1] == pytest.approx(2.0 * widths[0])
