@@ -22,6 +22,8 @@ def load_checked(schema: type, path: str | Path, kind: str) -> Any:
         raise ValueError(f"{path}: not a {kind}: {error.strerror or error}.") from error
     except (yaml.YAMLError, RuntimeError, ValueError, TypeError, KeyError, AttributeError) as error:
         reason = " ".join(str(error).split())
+        if "root was a <class 'NoneType'>" in reason:
+            reason = "it is empty; at least one field must be named."
         raise ValueError(f"{path}: not a {kind}: {reason[:300]}{_remedy(schema, reason)}") from error
 
 

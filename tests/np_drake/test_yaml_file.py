@@ -50,6 +50,11 @@ def test_other_errors_have_no_such_remedy(tmp_path):
         assert "did you mean" not in message
 
 
+@pytest.mark.parametrize("text", ["", "# nothing but this"])
+def test_an_empty_file_is_said_to_be_empty(tmp_path, text):
+    assert said(tmp_path, text).endswith("it is empty; at least one field must be named.")
+
+
 def test_what_the_file_does_not_name_keeps_its_default(tmp_path):
     (tmp_path / "x.yaml").write_text("first: {weight: 3.0}")
     dut = load_checked(Outer, tmp_path / "x.yaml", "thing")
