@@ -15,6 +15,7 @@ DRAG = "linear_drag"  # through which winds are felt
 ROTOR_SPEED_BLIND = ("motor_lag", "command_delay", "clock_offset")
 SHIFTS = np.geomspace(0.003, 0.06, 10)  # of commands against states that are tried [s]
 Onset = dict[str, float | None]
+Swing = Callable[[float, float, Evidence], np.ndarray]
 Mended = tuple[np.ndarray, float]  # coefficients and their log probability
 
 
@@ -35,9 +36,7 @@ class Candidate:
     possible: Callable[[np.ndarray], bool] | None = None  # are these coefficients physical?
     mended: Callable[[np.ndarray, np.ndarray], Mended] | None = None  # and which are, where a bound is near?
     generic: Callable[[Evidence], np.ndarray] | None = None  # columns on any flight, of what is no effect
-    swing: Callable[[float, float, Evidence], np.ndarray] | None = (
-        None  # generic columns at a frequency and damping
-    )
+    swing: Swing | None = None  # the same of one frequency [Hz] and damping [1]
     figures: dict[str, float] = dc.field(default_factory=dict)
     onset_prior: float = 0.0
 

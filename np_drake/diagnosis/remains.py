@@ -222,7 +222,7 @@ def _generic(
     candidate = generic.candidate
     figures = {"force": float(force), "torque": float(torque), **candidate.figures}
     text = candidate.variant
-    if candidate.swing is not None and material:
+    if candidate.swing is not None:
         figures["frequency"], figures["damping"] = mode_of(generic, flights, left, noise)
         text += "; fitted: {frequency:.3g} Hz, damping {damping:.2g}".format(**figures)
     name = candidate.identifiers[0].removeprefix(PREFIX)

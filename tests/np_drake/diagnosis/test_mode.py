@@ -1,0 +1,42 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.mode import mode_of
+from np_drake.diagnosis.refine import Generic
+from np_drake.diagnosis.unknown import PREFIX, candidates_of_the_unknown
+
+
+@pytest.fixture(scope="module")
+def swinging(seen):
+    """Nominal flights with what a group of columns of one frequency and damping gives, and the nearest of the grid."""
+
+    def made(name: str, frequency: float, damping: float):
+        flights = [seen(name=str(i), seed=i, noise=1.0, seconds=12.0) for i in (1, 2)]
+        groups = [c for c in candidates_of_the_unknown(flights) if c.identifiers == (PREFIX + name,)]
+        nearest = min(groups, key=lambda c: abs(np.log(c.figures["frequency"] / frequency)))
+        size = nearest.swing(frequency, damping, flights[0]).shape[-1]
+        gains = np.random.default_rng(3).normal(size=size)
+        flights = [dc.replace(e, y=e.y + 3.0 * nearest.swing(frequency, damping, e) @ gains) for e in flights]
+        return flights, Generic(nearest, np.zeros(nearest.size))
+
+    return made
+
+
+@pytest.mark.parametrize("name", ["resonance", "twist"])
+@pytest.mark.parametrize("frequency, damping", [(0.9, 0.2), (2.1, 0.06), (3.5, 0.12)])
+def test_frequency_and_damping_of_what_swings_are_found_between_those_of_the_grid(
+    swinging, noise, name, frequency, damping
+):
+    flights, generic = swinging(name, frequency, damping)
+    found, damped = mode_of(generic, flights, {e.name: e.y for e in flights}, noise)
+    assert found == pytest.approx(frequency, rel=0.03)
+    assert damped == pytest.approx(damping, rel=0.25)
+
+
+def test_what_does_not_swing_has_no_mode(seen, noise):
+    flights = [seen(seconds=6.0)]
+    place = next(c for c in candidates_of_the_unknown(flights) if c.swing is None)
+    with pytest.raises(ValueError, match="does not swing"):
+        mode_of(Generic(place, np.zeros(place.size)), flights, {e.name: e.y for e in flights}, noise)
