@@ -10,6 +10,7 @@ pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np
 
 from diagrams.challenge import drake_simulator, rotorpy_simulator
 from diagrams.challenge.foreign import FOREIGN, draw_foreign
+from diagrams.challenge.foreign_unseen import RotorSaturation, StutteringRotor
 from diagrams.challenge.plans import draw_plan
 from diagrams.challenge.quality import Quality
 from diagrams.challenge.rotorpy_simulator import KNOWN, fly
@@ -123,9 +124,16 @@ def test_rotors_that_speed_up_twist_back_as_in_the_other_simulator(t):
     assert rms(ours.al - theirs.al) < 0.02 * added
 
 
+IN_THESE_SECONDS = {  # what acts now and then, as it acts in these few
+    "rotor_saturation": lambda v: RotorSaturation(1.005 * v.mass * v.gravity / 4),
+    "stuttering_rotor": lambda v: StutteringRotor(0, 0.1, 0.8, 0.4),
+}
+
+
 @pytest.mark.parametrize("name", [n for n in (*LIBRARY, *FOREIGN) if n in FOREIGN or LIBRARY[n].begins])
 def test_before_its_onset_an_effect_does_nothing(name, vehicle, plan, t, clean):
-    log = fly(vehicle, plan, drawn(name, vehicle), t=t, onset=1.2)
+    effects = [IN_THESE_SECONDS[name](vehicle)] if name in IN_THESE_SECONDS else drawn(name, vehicle)
+    log = fly(vehicle, plan, effects, t=t, onset=1.2)
     before = log.t < 1.2 - 1e-9
     np.testing.assert_allclose(log.x[before], clean.x[before], atol=1e-12)
     assert rms(log.x[~before] - clean.x[~before]) > 1e-7
