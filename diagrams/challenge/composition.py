@@ -32,9 +32,8 @@ def compose(cases: int, clean: int, seed: int, *, unseen: bool = False) -> list[
     unseen: all with a foreign effect, of the kinds that the other sets do not have.
     """
     rng = np.random.default_rng([seed, 7])
-    counts = (
-        {kind: round(share * cases) for kind, share in SHARES.items()} if not unseen else {"foreign": cases}
-    )
+    shares = {"foreign": 1.0} if unseen else SHARES
+    counts = {kind: round(share * cases) for kind, share in shares.items()}
     kinds = ["single"] * (cases - sum(counts.values()))
     kinds += [kind for kind, count in counts.items() for _ in range(count)] + ["clean"] * clean
     names = {

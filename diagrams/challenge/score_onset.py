@@ -27,8 +27,9 @@ def onset_errors(case: Solved) -> list[dict[str, Any]]:
                 error = None if given is None else given - true
                 best = case.truth.get("best_onset", {}).get(flight, true)
                 told = abs(best - true) <= TOLERANCE
-                row = {"flight": flight, "named": cause is not None, "error": error, "told": told}
-                row["visibility"] = case.visibility_in(flight)
+                seen = case.visibility_in(flight)
+                row = {"flight": flight, "named": cause is not None, "error": error}
+                row |= {"told": told, "visibility": seen}
                 rows[flight, true] = max(rows.get((flight, true), row), row, key=_badness)
     return list(rows.values())
 

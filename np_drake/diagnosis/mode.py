@@ -9,17 +9,21 @@ from scipy import optimize
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.refine import Generic
+from np_drake.diagnosis.unknown import DAMPING
 
 WITHIN = 1.5  # times the frequency that the grid found, up or down; own choice
 DAMPINGS = (0.005, 1.0)  # that are looked for [1]; own choice
-DRIFT = 0.1  # step of the simplex in the logarithm of either
+STEP = 0.1  # first one, in the logarithm of either
+EDGE = 1e-3  # of a bound, in the logarithm
 TRIES = 80  # evaluations, of some ten milliseconds
 
 
 def mode_of(
     generic: Generic, flights: Sequence[Evidence], left: Mapping[str, np.ndarray], noise: NoiseModel
-) -> tuple[float, float]:
+) -> tuple[float, float] | None:
     """Frequency [Hz] and damping [1] of the oscillator s'' + 2 z w s' + w² s = w² drive that leaves the least.
+
+    None where there is none within the bounds, or the search has not come to an end.
 
     left: (m, 15) by flight, of the whole fit, the structure itself among what it explains.
     Source: output error with the gains projected out (Golub and Pereyra 1973, variable projection).
@@ -37,9 +41,9 @@ def mode_of(
         grams = [e.gram(noise, [X]) for e, X in zip(targets, columns, strict=True)]
         return -sum(grams[1:], grams[0]).log_evidence(np.arange(columns[0].shape[-1]))
 
-    start = np.log([candidate.figures["frequency"], candidate.figures["damping"]])
+    start = np.log([candidate.figures["frequency"], DAMPING])
     about = start[0] + np.log(WITHIN) * np.array([-1.0, 1.0])
-    simplex = start + DRIFT * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    simplex = start + STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     found = optimize.minimize(
         misfit,
         start,
@@ -47,5 +51,7 @@ def mode_of(
         bounds=[tuple(about), tuple(np.log(DAMPINGS))],
         options={"initial_simplex": simplex, "maxfev": TRIES, "xatol": 1e-3, "fatol": 0.05},
     )
+    ends = np.array([about, np.log(DAMPINGS)]).T
+    inside = np.all(np.abs(found.x - ends) > EDGE)
     frequency, damping = np.exp(found.x)
-    return float(frequency), float(damping)
+    return (float(frequency), float(damping)) if found.success and inside else None

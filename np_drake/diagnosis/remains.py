@@ -222,8 +222,9 @@ def _generic(
     candidate = generic.candidate
     figures = {"force": float(force), "torque": float(torque), **candidate.figures}
     text = candidate.variant
-    if candidate.swing is not None:
-        figures["frequency"], figures["damping"] = mode_of(generic, flights, left, noise)
+    mode = mode_of(generic, flights, left, noise) if candidate.swing is not None else None
+    if mode is not None:
+        figures["frequency"], figures["damping"] = mode
         text += "; fitted: {frequency:.3g} Hz, damping {damping:.2g}".format(**figures)
     name = candidate.identifiers[0].removeprefix(PREFIX)
     return Finding(name, text, float(gap), figures), bool(material)

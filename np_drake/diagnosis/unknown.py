@@ -50,7 +50,7 @@ def candidates_of_the_unknown(flights: Sequence[Evidence]) -> list[Candidate]:
         prior = -math.log(len(frequencies))
         for f in frequencies:
             text = f"an answer to {driven} with a resonance near {f:.3g} Hz"
-            figures = {"frequency": f, "damping": DAMPING}
+            figures = {"frequency": f}
             found.append(_candidate(flights, states, name, text, pushes(f), prior, figures, modes))
     return found
 

@@ -30,9 +30,16 @@ def test_frequency_and_damping_of_what_swings_are_found_between_those_of_the_gri
     swinging, noise, name, frequency, damping
 ):
     flights, generic = swinging(name, frequency, damping)
-    found, damped = mode_of(generic, flights, {e.name: e.y for e in flights}, noise)
+    found, damped = mode_of(generic, flights, {e.name: e.y for e in flights}, noise) or (0.0, 0.0)
     assert found == pytest.approx(frequency, rel=0.03)
     assert damped == pytest.approx(damping, rel=0.25)
+
+
+def test_a_mode_far_from_where_the_grid_found_it_is_none(swinging, noise):
+    flights, generic = swinging("twist", 3.5, 0.1)
+    far = dc.replace(generic.candidate, figures={"frequency": 1.5})
+    left = {e.name: e.y for e in flights}
+    assert mode_of(dc.replace(generic, candidate=far), flights, left, noise) is None
 
 
 def test_what_does_not_swing_has_no_mode(seen, noise):
