@@ -2,6 +2,7 @@ import json
 
 import pytest
 
+from diagrams.challenge.foreign import UNSEEN
 from diagrams.cli.main import run
 
 
@@ -42,3 +43,14 @@ def test_a_file_where_a_folder_should_be_is_refused_before_any_work(tmp_path, ca
     assert "must be a folder" in message
     assert message.count("\n") == 1
     assert not (tmp_path / "truth").exists()
+
+
+def test_unseen_kinds_are_flown_alone_where_they_are_asked_for(tmp_path):
+    arguments = ["challenge", "make", "--out", str(tmp_path / "cases"), "--truth", str(tmp_path / "truth")]
+    metrics = tmp_path / "make.json"
+    small = ["--cases", "2", "--clean", "0", "--seconds", "5", "--seed", "3", "--json", str(metrics)]
+    assert run([*arguments, "--unseen", *small]) == 0
+    truths = [json.loads(path.read_text()) for path in (tmp_path / "truth").glob("*/truth.json")]
+    assert [truth["kind"] for truth in truths] == ["foreign", "foreign"]
+    assert all(truth["effects"][0]["effect"] in UNSEEN for truth in truths)
+    assert json.loads(metrics.read_text())["config"]["unseen"] is True
