@@ -1,7 +1,7 @@
-"""Power that noise does not have: lines in the spectrum, and slow torques.
+"""What noise does not do: lines in the spectrum, slow torques, forces now and then, flights that weigh differently.
 
 What has no shape that an unseen flight would repeat (a vibration, a stuck axis now and then) is not found by
-regression; it is found by where its power lies.
+regression; it is found by where its power lies, or by when.
 """
 
 import dataclasses as dc
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage, signal
 
-from np_drake.diagnosis.evidence import TORQUE, WRENCH, Evidence, low_pass
+from np_drake.diagnosis.evidence import FORCE, TORQUE, WRENCH, Evidence, low_pass
 
 LINE = 20.0  # power of a line over its neighbourhood above which it is no noise [1]; own choice
 NEIGHBOURHOOD = 1.2  # of a line, to either side at most [Hz]
@@ -19,6 +19,9 @@ LOBE = 4.0  # but at least so many over the flight's length, for a line of a sho
 LOWEST, HIGHEST = 0.4, 15.0  # [Hz]
 SLOW = 1.0  # torque below it is compared with that in `MIDDLE` [Hz]
 MIDDLE = (4.0, 8.0)  # [Hz]
+BRIEF = 1.5  # below it a force is asked for bursts [Hz]
+EDGE = 0.5  # of a flight, where the filter errs [s]
+NORMAL = 1.4826  # deviations of a normal variate that its median size is, inverted
 
 
 @dc.dataclass(frozen=True)
@@ -29,6 +32,47 @@ class Line:
     frequency: float
     prominence: float
     rms: float
+
+
+@dc.dataclass(frozen=True)
+class Burst:
+    """The largest deviation of a force from its median: axis, flight, time [s], size [N], and over noise's own [1]."""
+
+    axis: int
+    flight: str
+    time: float
+    size: float
+    prominence: float
+
+
+def strongest_burst(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> Burst:
+    """Of slow force, body axis by body axis, over what the median deviation in all flights has a normal variate do.
+
+    Noise and sensors that wander are normal, and stay within five deviations in minutes of flight; what acts now and
+    then does not count in a median.   Source: own choice.
+    """
+    parts = [_slow_force(e, left[e.name]) for e in flights]
+    parts = [f - np.median(f, axis=0) for f in parts]
+    every = np.abs(np.concatenate(parts))
+    usual = NORMAL * np.median(every, axis=0)
+    ratio = np.divide(every, usual, out=np.zeros_like(every), where=usual > 0)
+    row, axis = np.unravel_index(np.argmax(ratio), ratio.shape)
+    ends = np.cumsum([len(f) for f in parts])
+    k = int(np.searchsorted(ends, row, side="right"))
+    e, i = flights[k], int(row) - (int(ends[k - 1]) if k else 0)
+    first = (len(e.t) - len(parts[k])) // 2
+    return Burst(int(axis), e.name, float(e.t[first + i]), float(every[row, axis]), float(ratio[row, axis]))
+
+
+def _slow_force(e: Evidence, left: np.ndarray) -> np.ndarray:
+    """(n, 3) low-passed force of what is left (m, 15) of a flight, without its edges [N]."""
+    edge = min(round(EDGE / e.grid.step), (len(left) - 1) // 2)
+    return low_pass(left[:, FORCE], e.grid.step, BRIEF)[edge : len(left) - edge]
+
+
+def lift_apart(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> float:
+    """Largest mean force along body z of a flight [N]: across z, an attitude that is off would do as much."""
+    return max(abs(float(np.mean(left[e.name][:, FORCE][:, 2]))) for e in flights)
 
 
 def strongest_line(

@@ -18,7 +18,7 @@ from np_drake.diagnosis.attribute import (
 from np_drake.diagnosis.bounds import impossible
 from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.excess import LINE, Line, slow_torque, strongest_line
+from np_drake.diagnosis.excess import LINE, Line, lift_apart, slow_torque, strongest_burst, strongest_line
 from np_drake.diagnosis.held_out import adapt
 from np_drake.diagnosis.mode import mode_of
 from np_drake.diagnosis.refine import Fit, Generic
@@ -37,6 +37,8 @@ SWUNG = 0.25  # the same, beside a payload: what a swing that is lost at a snap 
 NOVEL = 2.0  # times a threshold at which unseen flights alone tell; own choice
 BEYOND = 0.9  # probability of something else where an effect needs a figure beyond its bounds; own choice
 HARM = -1.0  # log likelihood on unseen flights below which a structure does not repeat
+BURST = 8.0  # of a slow force over its usual deviation, above which no noise is; own choice
+APART = 5.0  # of a flight's mean lift over what sensors may be off by, above which it is none; own choice
 UNSEEN = "unseen flights"  # name of what they alone show
 STEEP = 6.0  # of the probability with the logarithm of a ratio; own choice
 
@@ -92,11 +94,12 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     usual = slow_power(flights, left)
     gusty = slowly > 0.5
     novel = 0.0 if hidden else _novel(unseen, swung, ranking.tolerance, usual, gusty=gusty)
+    odd = [] if hidden or gusty else _odd([*flights, *unseen], left | swung, ranking.tolerance)
     named = ranking.named
     why = [impossible(named, i, flights[0].vehicle, gusty=gusty) for i in range(len(named.terms))]
     beyond = [_beyond(t.effect, w) for t, w in zip(named.terms, why, strict=True) if w]
-    probability = max([*structure, vibrates, twists, novel, BEYOND if beyond else 0.0])
-    findings = [f for f, _ in found]
+    probability = max([*structure, vibrates, twists, novel, BEYOND if beyond else 0.0, *(p for p, _ in odd)])
+    findings = [f for f, _ in found] + [f for p, f in odd if p > 0.5]
     if novel > 0.5:
         findings.append(Finding(UNSEEN, "what unseen flights show is not in these", novel, {}))
     findings += beyond
@@ -174,6 +177,28 @@ def _novel(
         return twists
     ratio = np.sqrt(after / max(usual, (weight * tolerance.attitude) ** 2))
     return max(twists, _above(float(ratio), NOVEL))
+
+
+def _odd(
+    flights: Sequence[Evidence], left: dict[str, np.ndarray], tolerance: Tolerance
+) -> list[tuple[float, Finding]]:
+    """What neither noise nor sensors do, whatever the shape, and its probability.
+
+    A payload, whose swing may be lost, and gusts do the like: beside these it is not asked.
+    """
+    vehicle, share = flights[0].vehicle, 1.0 if tolerance.real else EXACT
+    least = share * MATERIAL_FORCE * vehicle.mass * vehicle.gravity
+    burst, lift = strongest_burst(flights, left), lift_apart(flights, left)
+    apart = lift / (vehicle.mass * tolerance.acceleration)
+    axis, figures = CHANNELS[burst.axis], {"time": burst.time, "force": burst.size}
+    now = f"a {axis} that comes now and then, as in {burst.flight} at {burst.time:.1f} s, {burst.size:.2g} N"
+    other = f"a mean lift that differs from flight to flight, {lift:.2g} N"
+    bursts = _above(burst.prominence, BURST) if burst.size > least else 0.0
+    differs = _above(apart, APART) if lift > least else 0.0
+    return [
+        (bursts, Finding("burst", now, burst.prominence, figures)),
+        (differs, Finding("lift", other, apart, {"force": lift})),
+    ]
 
 
 def _beyond(effect: Effect, why: str) -> Finding:

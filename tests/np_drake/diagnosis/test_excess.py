@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from np_drake.diagnosis.excess import LINE, slow_torque, strongest_line
-from np_drake.diagnosis.remains import SLOW_TORQUE
+from np_drake.diagnosis.excess import LINE, lift_apart, slow_torque, strongest_burst, strongest_line
+from np_drake.diagnosis.remains import BURST, SLOW_TORQUE
 
 
 @pytest.fixture(scope="module")
@@ -71,3 +71,45 @@ def test_a_torque_that_comes_and_goes_is_seen(flights, axis):
     for e in flights:
         left[e.name][:, 3 + axis] += 0.03 * (np.sin(2 * np.pi * 0.3 * e.t) > 0.5)  # [N·m]
     assert slow_torque(flights, left)[0] > SLOW_TORQUE[False]
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("time", [0.02, 0.5, 5.0])
+def test_normal_noise_however_slow_bursts_nowhere(flights, seed, time):
+    left = left_of(flights)
+    rng = np.random.default_rng(seed)
+    keep = np.exp(-flights[0].grid.step / time)
+    for e in flights:
+        left[e.name][:, :3] = signal.lfilter([1.0], [1, -keep], rng.normal(size=(len(e.t), 3)), axis=0)
+    assert strongest_burst(flights, left).prominence < 0.8 * BURST
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_burst_is_found_in_its_flight_at_its_time_and_size(flights, axis):
+    left = left_of(flights)
+    struck = flights[1]
+    left["1"][:, axis] -= 3.0 * np.exp(-(((struck.t - 2.5) / 0.3) ** 2))
+    dut = strongest_burst(flights, left)
+    assert (dut.axis, dut.flight) == (axis, "1")
+    assert dut.time == pytest.approx(2.5, abs=0.1)
+    assert dut.size == pytest.approx(3.0, rel=0.2)
+    assert dut.prominence > BURST
+
+
+def test_more_noise_is_no_more_of_a_burst(flights):
+    left = left_of(flights)
+    louder = {n: 7.0 * y for n, y in left.items()}
+    assert strongest_burst(flights, louder).prominence == pytest.approx(
+        strongest_burst(flights, left).prominence
+    )
+
+
+def test_without_any_force_nothing_bursts(flights):
+    dut = strongest_burst(flights, {e.name: np.zeros_like(e.y) for e in flights})
+    assert dut.prominence == dut.size == 0
+
+
+def test_the_lift_of_the_flight_that_errs_most_counts_whatever_its_sign(flights):
+    left = {e.name: np.zeros_like(e.y) for e in flights}
+    left["0"][:, 2], left["2"][:, 2], left["1"][:, :2] = 0.3, -0.5, 9.0
+    assert lift_apart(flights, left) == pytest.approx(0.5)

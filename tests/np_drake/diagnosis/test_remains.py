@@ -77,8 +77,57 @@ def test_what_unseen_flights_alone_show_is_unknown(ranked, channel, size):
         e.y[:, channel] += size * np.sin(2 * np.pi * 0.5 * e.t) * np.sin(2 * np.pi * 0.13 * e.t)
     dut = remains(case.ranking, case.fit, case.flights, unseen)
     assert dut.unknown
-    assert [f.name for f in dut.findings] == ["unseen flights"]
+    assert {f.name for f in dut.findings} - {"burst"} == {"unseen flights"}
     assert dut.novel
+
+
+@pytest.mark.parametrize("where", ["a flight of the fit", "the unseen one"])
+@pytest.mark.parametrize("size, unknown", [(0.03, False), (2.0, True)], ids=["as noise", "large"])
+def test_a_force_now_and_then_is_unknown_wherever_it_is(ranked, where, size, unknown):
+    case = ranked()
+    flights, unseen = list(case.flights), list(case.unseen)
+    struck = flights if where == "a flight of the fit" else unseen
+    struck[0] = dc.replace(struck[0], y=struck[0].y.copy())
+    struck[0].y[:, 2] -= size * np.exp(-(((struck[0].t - 3.0) / 0.3) ** 2))
+    dut = remains(case.ranking, case.fit, flights, unseen)
+    assert dut.unknown is unknown
+    bursts = [f for f in dut.findings if f.name == "burst"]
+    assert len(bursts) == unknown
+    for found in bursts:
+        assert struck[0].name in found.text
+        assert found.figures["time"] == pytest.approx(3.0, abs=0.1)
+
+
+@pytest.mark.parametrize("share, unknown", [(0.001, False), (0.01, True)])
+def test_a_flight_that_weighs_otherwise_than_the_others_is_unknown(ranked, share, unknown):
+    case = ranked()
+    (unseen,) = case.unseen
+    unseen = dc.replace(unseen, y=unseen.y.copy())
+    unseen.y[:, 2] += share * unseen.vehicle.mass * unseen.vehicle.gravity
+    dut = remains(case.ranking, case.fit, case.flights, [unseen])
+    assert dut.unknown is unknown
+    assert [f.name for f in dut.findings] == ["lift"] * unknown
+
+
+def test_on_a_rig_an_accelerometer_may_read_another_weight_in_every_flight(ranked):
+    case = ranked()
+    left = {e.name: np.zeros_like(e.y) for e in case.flights}
+    left[case.flights[0].name][:, 2] = 0.01 * case.flights[0].vehicle.mass * 9.81
+    odd = {t.name: remains_module._odd(case.flights, left, t) for t in (Tolerance(), LABORATORY)}
+    assert [p > 0.5 for p, _ in odd["rig"]] == [False, False]
+    assert [p > 0.5 for p, _ in odd["laboratory"]] == [False, True]
+
+
+@pytest.mark.parametrize("force", [0.005, 0.05], ids=["too small to matter", "large"])
+def test_a_burst_is_asked_whether_it_matters(ranked, force):
+    """Of weight, in logs that have next to no noise."""
+    case = ranked()
+    weight = case.flights[0].vehicle.mass * 9.81
+    left = {e.name: 1e-4 * weight * np.sin(e.t)[:, None] * np.ones(15) for e in case.flights}
+    left[case.flights[0].name][200:260, 2] += force * weight
+    (burst, found), _ = remains_module._odd(case.flights, left, Tolerance())
+    assert found.size > 2 * remains_module.BURST
+    assert (burst > 0.5) is (force > 0.01)
 
 
 @pytest.mark.parametrize("times, unknown", [(1.7, False), (2.3, True)])
@@ -160,3 +209,14 @@ def test_structure_repeats_where_it_helps_beside_the_effects_that_it_was_fitted_
     assert repeats(part, with_it, noise) == [True]
     assert repeats(-part, with_it, noise) == [False]
     assert repeats(part, flight, noise) == [False]
+
+
+def test_in_gusts_which_come_and_go_no_burst_is_asked_for(ranked, monkeypatch):
+    case = ranked()
+    (unseen,) = case.unseen
+    unseen = dc.replace(unseen, y=unseen.y.copy())
+    unseen.y[:, 2] -= 2.0 * np.exp(-(((unseen.t - 3.0) / 0.3) ** 2))
+    for slowly, found in ((0.0, True), (1.0, False)):
+        monkeypatch.setattr(remains_module, "_slow", lambda *_, slowly=slowly: slowly)
+        dut = remains(case.ranking, case.fit, case.flights, [unseen])
+        assert ("burst" in {f.name for f in dut.findings}) is found
