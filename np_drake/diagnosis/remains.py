@@ -94,7 +94,8 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     usual = slow_power(flights, left)
     gusty = slowly > 0.5
     novel = 0.0 if hidden else _novel(unseen, swung, ranking.tolerance, usual, gusty=gusty)
-    odd = [] if hidden or gusty else _odd([*flights, *unseen], left | swung, ranking.tolerance)
+    every, rest = [*flights, *unseen], {e.name: ranking.named.left(e) for e in flights} | swung
+    odd = [] if hidden or gusty else _odd(every, rest, ranking.tolerance)
     named = ranking.named
     why = [impossible(named, i, flights[0].vehicle, gusty=gusty) for i in range(len(named.terms))]
     beyond = [_beyond(t.effect, w) for t, w in zip(named.terms, why, strict=True) if w]
