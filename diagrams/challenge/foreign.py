@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from diagrams.challenge.foreign_actuators import BentThrustCurve, LiquidSlosh, ThrustRateTorque, YawBacklash
-from diagrams.challenge.foreign_unseen import (
+from diagrams.challenge.foreign_further import (
     CeilingEffect,
     RotorSaturation,
     SlidingLoad,
@@ -14,6 +14,16 @@ from diagrams.challenge.foreign_unseen import (
     VortexRing,
     Weathervane,
     WindShear,
+)
+from diagrams.challenge.foreign_unseen import (
+    CreepingBlades,
+    DoorwayDraft,
+    DynamicInflow,
+    LiftedCable,
+    PassingVehicle,
+    SpinningLidar,
+    TwistingMount,
+    WakeInterference,
 )
 from diagrams.challenge.foreign_wrenches import (
     FanJet,
@@ -25,7 +35,7 @@ from diagrams.challenge.foreign_wrenches import (
     StickingAxis,
     WallSuction,
 )
-from diagrams.challenge.strengths import arm, direction, log_uniform
+from diagrams.challenge.strengths import arm, direction, log_uniform, signed
 from np_drake.effects.base import Effect
 from np_drake.vehicle import Vehicle
 
@@ -104,6 +114,24 @@ def _shear(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
     )
 
 
+def _draft(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    force = log_uniform(rng, 0.03, 0.2) * _weight(vehicle) * direction(rng, 0.2)
+    course = rng.uniform(-np.pi, np.pi)
+    normal = (float(np.cos(course)), float(np.sin(course)), 0.0)
+    return DoorwayDraft(tuple(force), normal, rng.uniform(-0.7, 0.7), rng.uniform(0.05, 0.3))
+
+
+def _passing(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    force, lever = log_uniform(rng, 0.04, 0.3) * _weight(vehicle), rng.uniform(0.05, 0.3) * arm(vehicle)
+    period = rng.uniform(3.0, 8.0)
+    passage, duration = rng.uniform(0.0, period), rng.uniform(0.1, 0.4)
+    return PassingVehicle(force, lever, rng.uniform(-np.pi, np.pi), period, passage, duration)
+
+
+def _mount(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    return TwistingMount(int(rng.integers(4)), signed(rng, 0.01, 0.15))
+
+
 SEEN: dict[str, Draw] = {
     "fan_jet": _fan_jet,
     "periodic_force": _periodic,
@@ -117,10 +145,6 @@ SEEN: dict[str, Draw] = {
     "thrust_rate_torque": _rate_torque,
     "yaw_backlash": lambda rng, v: YawBacklash(log_uniform(rng, 0.3, 2.0) * v.J[2, 2]),
     "liquid_slosh": _slosh,
-}
-
-
-UNSEEN: dict[str, Draw] = {  # no constant of the diagnosis was set on sets with these
     "vortex_ring": _vortex_ring,
     "weathervane": lambda rng, v: Weathervane(log_uniform(rng, 0.3, 3.0) * v.J[2, 2]),
     "ceiling_effect": _ceiling,
@@ -129,6 +153,17 @@ UNSEEN: dict[str, Draw] = {  # no constant of the diagnosis was set on sets with
     "sliding_load": _sliding,
     "stuttering_rotor": _stuttering,
     "wind_shear": _shear,
+}
+
+UNSEEN: dict[str, Draw] = {  # no constant of the diagnosis was set on sets with these
+    "lifted_cable": lambda rng, v: LiftedCable(log_uniform(rng, 0.005, 0.06) * v.mass),
+    "doorway_draft": _draft,
+    "passing_vehicle": _passing,
+    "wake_interference": lambda rng, v: WakeInterference(log_uniform(rng, 0.01, 0.15), rng.uniform(0.8, 2.5)),
+    "spinning_lidar": lambda rng, v: SpinningLidar(signed(rng, 0.5, 10.0) * v.J[0, 0]),
+    "twisting_mount": _mount,
+    "creeping_blades": lambda rng, v: CreepingBlades(log_uniform(rng, 0.08, 0.6), rng.uniform(0.5, 2.5)),
+    "dynamic_inflow": lambda rng, v: DynamicInflow(log_uniform(rng, 0.1, 1.0), rng.uniform(0.06, 0.3)),
 }
 FOREIGN = SEEN | UNSEEN
 

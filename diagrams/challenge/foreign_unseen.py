@@ -1,4 +1,4 @@
-"""More forces and torques that the library does not have: kinds on which no constant of the diagnosis was set.
+"""Foreign effects on which no constant of the diagnosis was set: forces, torques and thrusts.
 
 Source of each law: own choice, of what vehicles are known to meet.
 """
@@ -8,152 +8,178 @@ from typing import ClassVar
 
 import numpy as np
 
+from diagrams.challenge.foreign_actuators import ForeignActuator
 from diagrams.challenge.foreign_wrenches import ForeignWrench
 from np_drake.effects.air_speed import air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion
-from np_drake.rigid_body import P, V
+from np_drake.rigid_body import P, W
 from np_drake.vehicle import Vehicle
 
 
-def _thrust(motion: Motion) -> np.ndarray:
-    """(...,) of all rotors [N]."""
-    return motion.rotor_thrust.sum(axis=-1)
+@dc.dataclass(frozen=True)
+class LiftedCable(ForeignWrench):
+    """f_z = -density g z in W: the weight of what a vehicle has lifted of a cable on the ground."""
 
+    density: float  # of the cable [kg/m]
 
-def _along_z(motion: Motion, force: np.ndarray) -> np.ndarray:
-    """(..., 6) chi of a force (...,) along body z [N]."""
-    return chi_from_body(motion, force[..., None] * np.array([0.0, 0.0, 1.0]))
+    identifier: ClassVar[str] = "lifted_cable"
 
-
-def _twist(torque_B: np.ndarray) -> np.ndarray:
-    """(..., 6) chi of a torque (..., 3) in B [N·m]."""
-    return np.concatenate([np.zeros_like(torque_B), torque_B], axis=-1)
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """(..., 6) [N, N·m]."""
+        lifted = np.maximum(motion.x[..., P][..., 2], 0.0)
+        return -self.density * vehicle.gravity * lifted[..., None] * np.eye(6)[2]
 
 
 @dc.dataclass(frozen=True)
-class VortexRing(ForeignWrench):
-    """The rotors lose `loss` of their thrust where the vehicle sinks into its own downwash, at about `speed`."""
+class DoorwayDraft(ForeignWrench):
+    """f = force (1 + tanh((normal · p - from_origin) / edge)) / 2 in W: air moves on one side."""
+
+    force: tuple[float, float, float]  # well inside [N]
+    normal: tuple[float, float, float]  # into the draft
+    from_origin: float  # distance of the plane [m]
+    edge: float  # [m]
+
+    identifier: ClassVar[str] = "doorway_draft"
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """(..., 6) [N, N·m]."""
+        inside = motion.x[..., P] @ np.array(self.normal) - self.from_origin
+        share = 0.5 * (1.0 + np.tanh(inside / self.edge))
+        return share[..., None] * np.array([*self.force, 0.0, 0.0, 0.0])
+
+
+@dc.dataclass(frozen=True)
+class PassingVehicle(ForeignWrench):
+    """Downwash of a vehicle that passes above once in every `period`; s = time from the passage / duration.
+
+    f_z = -force exp(-s²/2) in W, tau = force lever s exp(-s²/2) about the level `course` in W: it hits one
+    side first, then the other.
+    """
+
+    force: float  # right below it [N]
+    lever: float  # [m]
+    course: float  # [rad]
+    period: float  # [s]
+    passage: float  # of the first one [s]
+    duration: float  # [s]
+
+    identifier: ClassVar[str] = "passing_vehicle"
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """(..., 6) [N, N·m]."""
+        since = np.mod(np.asarray(motion.t) - self.passage + self.period / 2, self.period) - self.period / 2
+        s = since / self.duration
+        push = self.force * np.exp(-0.5 * s**2)
+        axis_B = np.array([np.cos(self.course), np.sin(self.course), 0.0]) @ motion.R_WB
+        f_W = -push[..., None] * np.array([0.0, 0.0, 1.0])
+        return np.concatenate(np.broadcast_arrays(f_W, (self.lever * s * push)[..., None] * axis_B), axis=-1)
+
+
+@dc.dataclass(frozen=True)
+class WakeInterference(ForeignWrench):
+    """Rotors behind others fly in their wake: each loses loss b g of its thrust, most at one air `speed`.
+
+    g = u exp((1 - u²) / 2), u = level speed / speed; b = cosine of the angle between rotor and dead astern, 0
+    for those ahead.
+    """
 
     loss: float  # [1]
-    speed: float  # of descent [m/s]
-    width: float  # [m/s]
+    speed: float  # [m/s]
 
-    identifier: ClassVar[str] = "vortex_ring"
-
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
-        off = (motion.x[..., V][..., 2] + self.speed) / self.width
-        return _along_z(motion, -self.loss * _thrust(motion) * np.exp(-(off**2)))
-
-
-@dc.dataclass(frozen=True)
-class Weathervane(ForeignWrench):
-    """tau_z = c |v| v_y in body axes: the tail turns into the wind."""
-
-    c: float  # [N·s²/m]
-
-    identifier: ClassVar[str] = "weathervane"
+    identifier: ClassVar[str] = "wake_interference"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) [N, N·m]."""
-        v_B = air_velocity_B(motion)
-        turn = self.c * np.linalg.norm(v_B, axis=-1) * v_B[..., 1]
-        return _twist(turn[..., None] * np.array([0.0, 0.0, 1.0]))
+        v = air_velocity_B(motion)[..., :2]
+        u = np.linalg.norm(v, axis=-1, keepdims=True) / self.speed
+        place = np.array(vehicle.rotor_positions)[:, :2]
+        outwards = place / np.linalg.norm(place, axis=1, keepdims=True)
+        astern = np.maximum(-v @ outwards.T, 0.0) / self.speed  # b u
+        lost = self.loss * np.exp(0.5 * (1.0 - u**2)) * astern * motion.rotor_thrust
+        given = -lost @ vehicle.mixer.T
+        return chi_from_body(motion, given[..., :1] * np.array([0.0, 0.0, 1.0]), given[..., 1:])
 
 
 @dc.dataclass(frozen=True)
-class CeilingEffect(ForeignWrench):
-    """The rotors give `strength` more just below a ceiling at `height`, fading over `reach`."""
+class SpinningLidar(ForeignWrench):
+    """tau = -w x h with h along body z: a part that turns steadily, whatever the rotors do."""
 
-    strength: float  # [1]
-    reach: float  # [m]
-    height: float  # [m]
+    h: float  # angular momentum [N·m·s]
 
-    identifier: ClassVar[str] = "ceiling_effect"
+    identifier: ClassVar[str] = "spinning_lidar"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) [N, N·m]."""
-        below = np.maximum(self.height - motion.x[..., P][..., 2], 0.0)
-        return _along_z(motion, self.strength * _thrust(motion) * np.exp(-below / self.reach))
+        tau = -np.cross(motion.x[..., W], [0.0, 0.0, self.h])
+        return np.concatenate([np.zeros_like(tau), tau], axis=-1)
 
 
 @dc.dataclass(frozen=True)
-class RotorSaturation(ForeignWrench):
-    """No rotor gives more than `limit`."""
+class TwistingMount(ForeignWrench):
+    """A rotor's mount gives way: thrust f tilts by twist f / h [rad] about its arm, h the thrust in hover.
 
-    limit: float  # [N]
-
-    identifier: ClassVar[str] = "rotor_saturation"
-
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
-        lost = -np.maximum(motion.rotor_thrust - self.limit, 0.0) @ vehicle.mixer.T
-        return _along_z(motion, lost[..., 0]) + _twist(lost[..., 1:])
-
-
-@dc.dataclass(frozen=True)
-class TwistedCable(ForeignWrench):
-    """tau = -k sin(heading) about the vertical: a power cable that was laid out straight."""
-
-    k: float  # [N·m]
-
-    identifier: ClassVar[str] = "twisted_cable"
-
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
-        R = motion.R_WB
-        heading = np.arctan2(R[..., 1, 0], R[..., 0, 0])
-        return _twist(-self.k * np.sin(heading)[..., None] * R[..., 2, :])
-
-
-@dc.dataclass(frozen=True)
-class SlidingLoad(ForeignWrench):
-    """A load slides to the low side: tau = moment (n_y, -n_x) tanh(|n| / tilt) / |n| with n the lean of W's z in B."""
-
-    moment: float  # weight times way [N·m]
-    tilt: float  # [rad]
-
-    identifier: ClassVar[str] = "sliding_load"
-
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
-        n = motion.R_WB[..., 2, :]
-        lean = np.maximum(np.hypot(n[..., 0], n[..., 1]), 1e-9)
-        size = self.moment * np.tanh(lean / self.tilt) / lean
-        return _twist(size[..., None] * np.stack([n[..., 1], -n[..., 0], np.zeros_like(lean)], axis=-1))
-
-
-@dc.dataclass(frozen=True)
-class StutteringRotor(ForeignWrench):
-    """For `share` of every `period` one rotor gives less by `loss`."""
+    A force twist f² / h at the rotor, level and across the arm; what tilt takes from f is of second order.
+    """
 
     rotor: int  # 0, 1, 2, 3
-    loss: float  # [1]
-    period: float  # [s]
-    share: float  # [1]
+    twist: float  # in hover [rad]
 
-    identifier: ClassVar[str] = "stuttering_rotor"
+    identifier: ClassVar[str] = "twisting_mount"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) [N, N·m]."""
-        stutters = np.mod(motion.t, self.period) < self.share * self.period
-        lost = -self.loss * stutters * motion.rotor_thrust[..., self.rotor]
-        given = lost[..., None] * vehicle.mixer[:, self.rotor]
-        return _along_z(motion, given[..., 0]) + _twist(given[..., 1:])
+        hover = vehicle.mass * vehicle.gravity / 4
+        place = np.array(vehicle.rotor_positions[self.rotor])
+        across = np.array([-place[1], place[0], 0.0]) / np.hypot(place[0], place[1])
+        f_B = (self.twist * motion.rotor_thrust[..., self.rotor] ** 2 / hover)[..., None] * across
+        return chi_from_body(motion, f_B, np.cross(place, f_B))
 
 
 @dc.dataclass(frozen=True)
-class WindShear(ForeignWrench):
-    """f = c (z - height) towards `course` in W: air that moves faster the higher, as far as a drag feels it."""
+class CreepingBlades(ForeignActuator):
+    """Soft blades give way slowly: f = c (1 - creep (s - 1)), time s' = c / h - s, h that in hover."""
 
-    c: float  # [N/m]
-    height: float  # [m]
-    course: float  # [rad]
+    creep: float  # [1]
+    time: float  # [s]
 
-    identifier: ClassVar[str] = "wind_shear"
+    identifier: ClassVar[str] = "creeping_blades"
+    state_size: ClassVar[int] = 4
 
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
-        push = self.c * (motion.x[..., P][..., 2] - self.height)
-        f_W = push[..., None] * np.array([np.cos(self.course), np.sin(self.course), 0.0])
-        return np.concatenate([f_W, np.zeros_like(f_W)], axis=-1)
+    def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
+        """(4,) load, filtered, over that in hover [1]."""
+        return 4 * np.asarray(thrust, float) / (vehicle.mass * vehicle.gravity)
+
+    def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """(..., 4) [1/s]."""
+        return (self.state_at(vehicle, command) - state) / self.time
+
+    def thrust(
+        self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
+    ) -> np.ndarray:
+        """(..., 4) [N]."""
+        return command * (1.0 - self.creep * (state - 1.0))
+
+
+@dc.dataclass(frozen=True)
+class DynamicInflow(ForeignActuator):
+    """The air through a rotor follows late, so thrust overshoots: f = c + gain (c - s), time s' = c - s."""
+
+    gain: float  # [1]
+    time: float  # [s]
+
+    identifier: ClassVar[str] = "dynamic_inflow"
+    state_size: ClassVar[int] = 4
+
+    def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
+        """(4,) filtered thrust [N]."""
+        return np.array(thrust, float)
+
+    def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """(..., 4) [N/s]."""
+        return (command - state) / self.time
+
+    def thrust(
+        self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
+    ) -> np.ndarray:
+        """(..., 4) [N]."""
+        return np.maximum(command + self.gain * (command - state), 0.0)

@@ -79,15 +79,15 @@ class Hidden:
 
     size = 1
 
-    def __init__(self, values: Values):
-        self.c = values
+    def __init__(self, vehicle: Vehicle, values: Values):
+        self.vehicle, self.c = vehicle, values
 
     def rest(self, drive: np.ndarray) -> np.ndarray:
         """(size,) at which nothing happens under a constant drive."""
         raise NotImplementedError
 
     def act(self, drive: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(3,) torque in B [N·m], and the rate (size,) of its state."""
+        """(4,) what it adds to the drive [N, N·m], and the rate (size,) of its state."""
         raise NotImplementedError
 
 
@@ -101,8 +101,8 @@ class ThrustRateTorque(Hidden):
     def act(self, drive: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """High-passed thrust times the arms."""
         change = float(drive[0] - own[0])
-        torque = np.array([self.c["arm_x"] * change, self.c["arm_y"] * change, 0.0])
-        return torque, np.array([change / self.c["time"]])
+        added = np.array([0.0, self.c["arm_x"] * change, self.c["arm_y"] * change, 0.0])
+        return added, np.array([change / self.c["time"]])
 
 
 class YawBacklash(Hidden):
@@ -116,7 +116,7 @@ class YawBacklash(Hidden):
         """What comes through instead of what was sent; it moves when pushed from an edge of the band."""
         ahead = float(drive[3] - own[0])
         push = ahead - min(max(ahead, -self.c["play"]), self.c["play"])
-        return np.array([0.0, 0.0, -ahead]), np.array([push / self.c["time"]])
+        return np.array([0.0, 0.0, 0.0, -ahead]), np.array([push / self.c["time"]])
 
 
 class LiquidSlosh(Hidden):
@@ -132,7 +132,8 @@ class LiquidSlosh(Hidden):
         """The liquid twists back by `gain` times its deflection."""
         w = math.tau * self.c["frequency"]
         pull = w * (w * (drive[1:3] - own[:2]) - 2.0 * self.c["damping"] * own[2:])
-        return np.array([-self.c["gain"] * own[0], -self.c["gain"] * own[1], 0.0]), np.append(own[2:], pull)
+        back = self.c["gain"] * own[:2]
+        return np.array([0.0, -back[0], -back[1], 0.0]), np.append(own[2:], pull)
 
 
 HIDDEN: dict[str, type[Hidden]] = {

@@ -12,9 +12,10 @@ import numpy as np
 from diagrams.challenge.plan import Plan
 from diagrams.challenge.rotorpy_flight import Flight
 from diagrams.challenge.rotorpy_foreign import FOREIGN_LAWS, HIDDEN
+from diagrams.challenge.rotorpy_further import FURTHER_LAWS
 from diagrams.challenge.rotorpy_laws import GAINS, LAWS, Acting, read
 from diagrams.challenge.rotorpy_readings import ERRORS, misread
-from diagrams.challenge.rotorpy_unseen import UNSEEN_LAWS
+from diagrams.challenge.rotorpy_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
 from diagrams.challenge.rotorpy_vehicle import RealMultirotor
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
@@ -25,7 +26,12 @@ _OWN_PLACE = [
     *("mass_error", "inertia_error", "center_of_mass_offset", "thrust_scale", "motor_lag", "command_delay"),
     *("constant_wind", "gusty_wind", "ground_effect", "suspended_payload", "clock_offset"),
 ]
-KNOWN = frozenset([*_OWN_PLACE, *LAWS, *GAINS, *ERRORS, *FOREIGN_LAWS, *UNSEEN_LAWS, *HIDDEN])
+KNOWN = frozenset(
+    [
+        *(*_OWN_PLACE, *LAWS, *GAINS, *ERRORS),
+        *(*FOREIGN_LAWS, *HIDDEN, *FURTHER_LAWS, *UNSEEN_LAWS, *UNSEEN_HIDDEN),
+    ]
+)
 
 
 def fly(

@@ -4,78 +4,110 @@ import math
 
 import numpy as np
 
-from diagrams.challenge.rotorpy_laws import Instant, Law, Values, at_center
+from diagrams.challenge.rotorpy_foreign import Hidden
+from diagrams.challenge.rotorpy_further import of_rotors
+from diagrams.challenge.rotorpy_laws import Instant, Law, Values, cross
 from np_drake.vehicle import Vehicle
 
 
-def vortex_ring(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
-    """A dip of the thrust about one speed of descent."""
-    off = (c["speed"] - -float(now.v[2])) / c["width"]
-    return at_center(0.0, 0.0, -c["loss"] * float(now.thrust.sum()) * math.exp(-off * off))
+def lifted_cable(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
+    """Weight that grows with height."""
+    weight = vehicle.gravity * c["density"] * max(float(now.p[2]), 0.0)
+    return np.append(-weight * now.R[2], [0.0, 0.0, 0.0])
 
 
-def weathervane(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
-    """Yaw torque from flow that comes from the side."""
-    return np.array([0, 0, 0, 0, 0, c["c"] * math.hypot(*now.air) * float(now.air[1])])
+def doorway_draft(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
+    """A force in W on the far side of a plane; the edge is a logistic curve."""
+    ahead = sum(n * p for n, p in zip(c["normal"], now.p.tolist(), strict=True)) - c["from_origin"]
+    exponent = min(-2.0 * ahead / c["edge"], 700.0)  # beyond which the exponential overflows
+    return np.append(np.array(c["force"]) @ now.R / (1.0 + math.exp(exponent)), [0.0, 0.0, 0.0])
 
 
-def ceiling_effect(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
-    """More thrust the nearer the ceiling is."""
-    gap = max(c["height"] - float(now.p[2]), 0.0)
-    return at_center(0.0, 0.0, float(now.thrust.sum()) * c["strength"] / math.exp(gap / c["reach"]))
+def passing_vehicle(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
+    """A bell of downward force about the nearest passage, and a torque that changes sign there."""
+    cycles = (now.t - c["passage"]) / c["period"]
+    s = (cycles - math.floor(cycles + 0.5)) * c["period"] / c["duration"]
+    push = c["force"] / math.exp(0.5 * s * s)
+    turn = c["lever"] * s * push
+    f_W = np.array([0.0, 0.0, -push])
+    tau_W = np.array([turn * math.cos(c["course"]), turn * math.sin(c["course"]), 0.0])
+    return np.concatenate([f_W @ now.R, tau_W @ now.R])
 
 
-def rotor_saturation(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
-    """What every rotor lacks above its limit."""
-    over = now.thrust - np.minimum(now.thrust, c["limit"])
-    return _of_rotors(vehicle, -over)
-
-
-def twisted_cable(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
-    """A torque about the vertical, back to the heading of the world's x axis."""
-    x, y = float(now.R[0, 0]), float(now.R[1, 0])
-    turn_W = np.array([0.0, 0.0, -c["k"] * y / max(math.hypot(x, y), 1e-12)])
-    return np.concatenate([np.zeros(3), turn_W @ now.R])
-
-
-def sliding_load(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
-    """The torque of a weight that lies where the floor is lowest, a little at little tilt."""
-    x, y = now.R[2, :2].tolist()
-    lean = math.hypot(x, y)
-    if lean < 1e-9:
+def wake_interference(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
+    """The rear rotors give less, most of all at one speed."""
+    x, y, _ = now.air.tolist()
+    level = math.hypot(x, y)
+    if level < 1e-12:
         return np.zeros(6)
-    way = c["moment"] * math.tanh(lean / c["tilt"]) / lean
-    return np.array([0.0, 0.0, 0.0, way * y, -way * x, 0.0])
-
-
-def stuttering_rotor(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
-    """One rotor gives less at the beginning of every period."""
+    u = level / c["speed"]
+    worst = c["loss"] * u * math.exp(0.5 - 0.5 * u * u)
     lost = np.zeros(4)
-    if now.t % c["period"] < c["share"] * c["period"]:
-        lost[c["rotor"]] = c["loss"] * now.thrust[c["rotor"]]
-    return _of_rotors(vehicle, -lost)
+    for i, (along_x, along_y, _) in enumerate(vehicle.rotor_positions):
+        ahead = (along_x * x + along_y * y) / (math.hypot(along_x, along_y) * level)
+        lost[i] = worst * max(-ahead, 0.0) * now.thrust[i]
+    return of_rotors(vehicle, -lost)
 
 
-def wind_shear(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
-    """A level force that grows with height and turns round at one."""
-    push = c["c"] * (float(now.p[2]) - c["height"])
-    f_W = np.array([push * math.cos(c["course"]), push * math.sin(c["course"]), 0.0])
-    return np.concatenate([f_W @ now.R, np.zeros(3)])
+def spinning_lidar(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
+    """Roll rate twists in pitch, pitch rate in roll."""
+    x, y, _ = now.w.tolist()
+    return np.array([0.0, 0.0, 0.0, -c["h"] * y, c["h"] * x, 0.0])
 
 
-def _of_rotors(vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
-    """(6,) of additional thrusts (4,) [N]."""
-    force, *torque = vehicle.mixer @ thrust
-    return np.array([0.0, 0.0, force, *torque])
+def twisting_mount(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
+    """A level force at one rotor, across its arm, with the square of its thrust."""
+    x, y, z = vehicle.rotor_positions[c["rotor"]]
+    thrust = float(now.thrust[c["rotor"]])
+    aside = c["twist"] * thrust * thrust * 4.0 / (vehicle.mass * vehicle.gravity) / math.hypot(x, y)
+    force = np.array([-y * aside, x * aside, 0.0])
+    return np.append(force, cross(np.array([x, y, z]), force))
 
 
 UNSEEN_LAWS: dict[str, Law] = {
-    "vortex_ring": vortex_ring,
-    "weathervane": weathervane,
-    "ceiling_effect": ceiling_effect,
-    "rotor_saturation": rotor_saturation,
-    "twisted_cable": twisted_cable,
-    "sliding_load": sliding_load,
-    "stuttering_rotor": stuttering_rotor,
-    "wind_shear": wind_shear,
+    "lifted_cable": lifted_cable,
+    "doorway_draft": doorway_draft,
+    "passing_vehicle": passing_vehicle,
+    "wake_interference": wake_interference,
+    "spinning_lidar": spinning_lidar,
+    "twisting_mount": twisting_mount,
+}
+
+
+class CreepingBlades(Hidden):
+    """Every rotor gives less by its filtered load above that in hover. State: the four filtered loads [N]."""
+
+    size = 4
+
+    def rest(self, drive: np.ndarray) -> np.ndarray:
+        """(4,) [N]."""
+        return self.vehicle.unmixer @ drive
+
+    def act(self, drive: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What the four lose; the blades give way slowly."""
+        load, hover = self.vehicle.unmixer @ drive, self.vehicle.mass * self.vehicle.gravity / 4
+        lost = self.c["creep"] * load * (own - hover) / hover
+        return -(self.vehicle.mixer @ lost), (load - own) / self.c["time"]
+
+
+class DynamicInflow(Hidden):
+    """Every rotor's thrust with a share of its own high-pass. State: the four low-passes [N]."""
+
+    size = 4
+
+    def rest(self, drive: np.ndarray) -> np.ndarray:
+        """(4,) [N]."""
+        return self.vehicle.unmixer @ drive
+
+    def act(self, drive: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The overshoot; no rotor pulls downwards."""
+        load = self.vehicle.unmixer @ drive
+        change = load - own
+        over = np.maximum(self.c["gain"] * change, -load)
+        return self.vehicle.mixer @ over, change / self.c["time"]
+
+
+UNSEEN_HIDDEN: dict[str, type[Hidden]] = {
+    "creeping_blades": CreepingBlades,
+    "dynamic_inflow": DynamicInflow,
 }

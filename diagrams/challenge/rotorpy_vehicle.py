@@ -6,9 +6,10 @@ import numpy as np
 from rotorpy.vehicles.multirotor import Multirotor
 
 from diagrams.challenge.rotorpy_foreign import FOREIGN_LAWS, HIDDEN
+from diagrams.challenge.rotorpy_further import FURTHER_LAWS
 from diagrams.challenge.rotorpy_laws import GAINS, LAWS, Acting, Instant, cross, cushion
 from diagrams.challenge.rotorpy_tether import Tether
-from diagrams.challenge.rotorpy_unseen import UNSEEN_LAWS
+from diagrams.challenge.rotorpy_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
 from diagrams.challenge.rotorpy_wind import winds
 from np_drake import attitude
 from np_drake.vehicle import Vehicle
@@ -33,11 +34,12 @@ class RealMultirotor(Multirotor):
         self._beside = bool(np.any(self.center))
         self.dead_time = sum(a.values["delay"] for a in acting if a.name == "command_delay")
         self._winds = winds(list(acting))
-        laws = LAWS | FOREIGN_LAWS | UNSEEN_LAWS
+        laws = LAWS | FOREIGN_LAWS | FURTHER_LAWS | UNSEEN_LAWS
         self._laws = [(laws[a.name], a.values) for a in acting if a.name in laws]
         self._gains = [(GAINS[a.name], a.values) for a in acting if a.name in GAINS]
         self._ground = [a.values for a in acting if a.name == "ground_effect"]
-        self._hidden = [HIDDEN[a.name](a.values) for a in acting if a.name in HIDDEN]
+        hidden = HIDDEN | UNSEEN_HIDDEN
+        self._hidden = [hidden[a.name](vehicle, a.values) for a in acting if a.name in hidden]
         self._tether = next((Tether(a.values) for a in acting if a.name == "suspended_payload"), None)
         self._plain = not (self._laws or self._gains or self._ground or self._hidden or self._tether)
         self._t, self._s, self._command = 0.0, np.zeros(SIZE), np.zeros(4)  # overwritten for every rate
@@ -89,17 +91,17 @@ class RealMultirotor(Multirotor):
         for law, values in self._laws:
             extra += law(self.vehicle, values, now)
         if self._hidden:
-            extra[3:] += self._twists(now)
+            extra[2:] += self._given(now)
         if self._beside:
             extra[3:] -= cross(self.center, extra[:3])
         return force + extra[:3], torque + extra[3:]
 
-    def _twists(self, now: Instant) -> np.ndarray:
-        """(3,) torque of effects with a hidden state [N·m]; keeps their rates."""
-        total, at = np.zeros(3), SIZE
+    def _given(self, now: Instant) -> np.ndarray:
+        """(4,) thrust and torque of effects with a hidden state [N, N·m]; keeps their rates."""
+        total, at = np.zeros(4), SIZE
         for effect in self._hidden:
-            twist, rate = effect.act(self.vehicle.mixer @ now.thrust, self._s[at : at + effect.size])
-            total += twist
+            given, rate = effect.act(self.vehicle.mixer @ now.thrust, self._s[at : at + effect.size])
+            total += given
             at += effect.size
             self._rates.append(rate)
         return total

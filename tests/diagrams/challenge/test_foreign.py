@@ -4,7 +4,7 @@ import pytest
 from diagrams.challenge.composition import compose
 from diagrams.challenge.drake_simulator import fly
 from diagrams.challenge.foreign import FOREIGN, SEEN, UNSEEN, draw_foreign
-from diagrams.challenge.foreign_unseen import RotorSaturation, SlidingLoad
+from diagrams.challenge.foreign_further import RotorSaturation, SlidingLoad
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.library import LIBRARY
 from np_drake.labels import raw_labels
@@ -23,8 +23,10 @@ def test_a_foreign_effect_flies_and_shows(name, vehicle, plan, t):
         np.testing.assert_allclose(chi, expected, atol=1e-5)  # [N, N·m]
 
 
-def test_there_are_at_least_eight():
-    assert len(FOREIGN) >= 8
+def test_there_are_twenty_and_eight():
+    assert len(SEEN) == 20
+    assert len(UNSEEN) == 8
+    assert len(FOREIGN) == 28
 
 
 def test_what_nothing_was_set_on_is_in_no_usual_set_and_alone_in_its_own():

@@ -10,7 +10,8 @@ pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np
 
 from diagrams.challenge import drake_simulator, rotorpy_simulator
 from diagrams.challenge.foreign import FOREIGN, draw_foreign
-from diagrams.challenge.foreign_unseen import RotorSaturation, StutteringRotor
+from diagrams.challenge.foreign_further import RotorSaturation, StutteringRotor
+from diagrams.challenge.foreign_unseen import PassingVehicle
 from diagrams.challenge.plans import draw_plan
 from diagrams.challenge.quality import Quality
 from diagrams.challenge.rotorpy_simulator import KNOWN, fly
@@ -27,6 +28,7 @@ FILES = sorted(Path(rotorpy_simulator.__file__).parent.glob("rotorpy_*.py"))
 SHARED = [
     *("center_of_mass_offset", "suspended_payload", "motor_lag", "command_delay", "clock_offset"),
     *("linear_drag", "rotor_gyroscopic", "thrust_rate_torque", "yaw_backlash", "liquid_slosh"),
+    *("creeping_blades", "dynamic_inflow"),
 ]
 
 
@@ -127,6 +129,7 @@ def test_rotors_that_speed_up_twist_back_as_in_the_other_simulator(t):
 IN_THESE_SECONDS = {  # what acts now and then, as it acts in these few
     "rotor_saturation": lambda v: RotorSaturation(1.005 * v.mass * v.gravity / 4),
     "stuttering_rotor": lambda v: StutteringRotor(0, 0.1, 0.8, 0.4),
+    "passing_vehicle": lambda v: PassingVehicle(1.0, 0.02, 0.5, 4.0, 1.8, 0.1),
 }
 
 
