@@ -30,6 +30,7 @@ from np_drake.diagnosis.which import Ranking
 from np_drake.effects.base import Effect
 
 SLOW_TORQUE = {True: 12.0, False: 9.0}  # above it a slow torque is no gyro's, on a rig and in a laboratory
+CLEAR = 6.0  # times that limit, above which it is a matter however small its share; own choice
 LEAST_SHARE = 0.03  # of the gap, and of a channel's power, below which structure is no matter; own choice
 FAINT = 0.4  # share of a threshold that unseen flights must show as well; own choice
 MUCH = 0.3  # share of the power of a slow force or torque of unseen flights that no good model leaves; own choice
@@ -80,11 +81,8 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     loud = line.rms >= least[line.channel]
     vibrates = _above(line.prominence, LINE) if loud and again[0] > FAINT * LINE else 0.0
     hidden = any(t.swings for t in ranking.named.terms)
-    twists = (
-        _above(torque, limit)
-        if share > (SWUNG if hidden else LEAST_SHARE) and again[1] > FAINT * limit
-        else 0.0
-    )
+    large = share > SWUNG if hidden else share > LEAST_SHARE or torque > CLEAR * limit
+    twists = _above(torque, limit) if large and again[1] > FAINT * limit else 0.0
     structure = [
         ranking.probability.get(PREFIX + f.name, 0.0)
         for (f, material), repeats in zip(found, seen, strict=True)

@@ -220,3 +220,20 @@ def test_in_gusts_which_come_and_go_no_burst_is_asked_for(ranked, monkeypatch):
         monkeypatch.setattr(remains_module, "_slow", lambda *_, slowly=slowly: slowly)
         dut = remains(case.ranking, case.fit, case.flights, [unseen])
         assert ("burst" in {f.name for f in dut.findings}) is found
+
+
+@pytest.mark.parametrize(
+    "times, share, unknown",
+    [(1.5, 0.01, False), (1.5, 0.05, True), (8.0, 0.01, True), (0.5, 0.9, False)],
+    ids=["a small share", "a large one", "small but far from any noise", "noise"],
+)
+def test_a_slow_torque_matters_by_its_share_or_far_above_what_noise_has(
+    ranked, monkeypatch, times, share, unknown
+):
+    case = ranked()
+    ratio = times * remains_module.SLOW_TORQUE[case.ranking.tolerance.real]
+    monkeypatch.setattr(remains_module, "slow_torque", lambda *_: (ratio, share))
+    monkeypatch.setattr(remains_module, "_novel", lambda *_, **__: 0.0)
+    dut = remains(case.ranking, case.fit, case.flights, case.unseen)
+    assert dut.unknown is unknown
+    assert ("slow torque" in {f.name for f in dut.findings}) is unknown
