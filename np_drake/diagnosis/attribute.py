@@ -240,6 +240,12 @@ def on_held_out(
     return HeldOut(terms, left, rows, whole)
 
 
+def misfit(held: HeldOut, noise: NoiseModel) -> np.ndarray:
+    """(6,) RMS that is left of unseen flights over the noise, by channel of the wrench [1]."""
+    left = np.concatenate([held.left[name][rows, ev.WRENCH] for name, rows in held.rows.items()])
+    return np.sqrt(np.mean(left**2, axis=0)) / np.maximum(noise.rms[ev.WRENCH], 1e-12)
+
+
 Drift = dict[str, np.ndarray]  # by flight, (m, 15, k) columns of what its sensors may be off by, whitened
 
 

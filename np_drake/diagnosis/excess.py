@@ -20,7 +20,7 @@ LOWEST, HIGHEST = 0.4, 15.0  # [Hz]
 SLOW = 1.0  # torque below it is compared with that in `MIDDLE` [Hz]
 MIDDLE = (4.0, 8.0)  # [Hz]
 BRIEF = 1.5  # below it a force is asked for bursts [Hz]
-EDGE = 0.5  # of a flight, where the filter errs [s]
+EDGE = 1.0  # of a flight, where the filter errs [s]
 NORMAL = 1.4826  # deviations of a normal variate that its median size is, inverted
 
 
@@ -113,10 +113,10 @@ def _floor(power: np.ndarray, frequency: np.ndarray, lobe: float) -> np.ndarray:
     return np.stack([np.median(power[a:b], axis=0) for a, b in zip(first, last, strict=True)])
 
 
-def slow_torque(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> tuple[float, float]:
+def slow_torque(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> tuple[float, float, float]:
     """Largest ratio over axes of slow torque to what gyro noise, seen in the middle band, would have there [1],
 
-    and the share of that axis' slow residual, before anything was explained, that it is [1].
+    the share of that axis' slow residual, before anything was explained, that it is [1], and its RMS [N·m].
 
     The derivative of white gyro noise has power proportional to frequency squared.
     """
@@ -135,4 +135,5 @@ def slow_torque(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> tup
     expected = SLOW**3 / (MIDDLE[1] ** 3 - MIDDLE[0] ** 3)
     ratio = slow / np.maximum(middle * expected, 1e-30)
     axis = int(np.argmax(ratio))
-    return float(np.sqrt(ratio[axis])), float(slow[axis] / max(before[axis], 1e-30))
+    rms = float(np.sqrt(slow[axis] / len(flights)))
+    return float(np.sqrt(ratio[axis])), float(slow[axis] / max(before[axis], 1e-30)), rms

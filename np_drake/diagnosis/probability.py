@@ -11,6 +11,7 @@ import numpy as np
 
 TEMPER = 0.4  # exponent of the odds
 TRUST = 0.97  # that what explains the flights best is one of the library's names at all
+DOUBTED = 0.8  # that a name is right where unseen flights leave more than noise
 BESIDE_UNKNOWN = 0.2  # that a name is right where something unknown is left: it mostly stands for that
 
 

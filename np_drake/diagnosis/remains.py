@@ -74,14 +74,15 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     found = [_generic(g, ranking, flights, left) for g in fit.generic]
     seen = _repeat(ranking, fit, unseen, held)
     least = _least_lines(flights, ranking.tolerance)
-    line, (torque, share) = strongest_line(flights, left, least), slow_torque(flights, left)
+    line, (torque, share, rms) = strongest_line(flights, left, least), slow_torque(flights, left)
     limit = SLOW_TORQUE[ranking.tolerance.real]
     swung = {e.name: without_swing(held, e) for e in unseen}
     again = (strongest_line(unseen, swung).prominence, slow_torque(unseen, swung)[0])
     loud = line.rms >= least[line.channel]
     vibrates = _above(line.prominence, LINE) if loud and again[0] > FAINT * LINE else 0.0
     hidden = any(t.swings for t in ranking.named.terms)
-    large = share > SWUNG if hidden else share > LEAST_SHARE or torque > CLEAR * limit
+    clear = torque > CLEAR * limit and rms > _matters(flights, ranking.tolerance)[1]
+    large = share > SWUNG if hidden else share > LEAST_SHARE or clear
     twists = _above(torque, limit) if large and again[1] > FAINT * limit else 0.0
     structure = [
         ranking.probability.get(PREFIX + f.name, 0.0)
@@ -168,7 +169,7 @@ def _novel(
     A slow force or torque on them is several times what sensors have, and the causes leave much of it. Gusts, which do
     not repeat, are no such force.   usual: slow power that is left of the flights of the fit [N²].
     """
-    torque, share = slow_torque(unseen, left)
+    torque, share, _ = slow_torque(unseen, left)
     twists = _above(torque, NOVEL * SLOW_TORQUE[tolerance.real]) if share > MUCH else 0.0
     before, after = slow_power(unseen, {e.name: e.y for e in unseen}), slow_power(unseen, left)
     weight = unseen[0].vehicle.mass * unseen[0].vehicle.gravity
@@ -222,10 +223,15 @@ def _least(flights: Sequence[Evidence]) -> tuple[float, float]:
     return 0.5 * MATERIAL_FORCE * weight, MATERIAL_TORQUE * float(np.sqrt(np.mean(np.sum(tau**2, axis=1))))
 
 
+def _matters(flights: Sequence[Evidence], tolerance: Tolerance) -> np.ndarray:
+    """(2,) the same, less in a laboratory [N, N·m]."""
+    return np.array(_least(flights)) * (1.0 if tolerance.real else EXACT)
+
+
 def _least_lines(flights: Sequence[Evidence], tolerance: Tolerance) -> np.ndarray:
     """(6,) RMS of a line that is a matter in a channel of the wrench: a long flight shows lines that are none."""
     y = np.concatenate([e.y[:, ev.WRENCH] for e in flights])
-    least = np.repeat(_least(flights), 3) * (1.0 if tolerance.real else EXACT)
+    least = np.repeat(_matters(flights, tolerance), 3)
     return np.maximum(np.sqrt(LEAST_SHARE * np.mean(y**2, axis=0)), least)
 
 

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.evidence import WRENCH, Evidence, make_evidence
+from np_drake.diagnosis.attribute import misfit
+from np_drake.diagnosis.evidence import Evidence, make_evidence
 from np_drake.diagnosis.look import Look
 
 UNFORESEEN = {True: 1.6, False: 1.25}  # residual over noise, on a rig and in a laboratory [1]; own choice
@@ -25,9 +26,7 @@ def unforeseen(first: Look) -> bool:
         return False
     if first.left.novel:
         return True
-    held = first.left.held
-    left = np.concatenate([held.left[e.name][held.rows[e.name], WRENCH] for e in first.unseen])
-    ratio = np.sqrt(np.mean(left**2, axis=0)) / np.maximum(first.ranking.noise.rms[WRENCH], 1e-12)
+    ratio = misfit(first.left.held, first.ranking.noise)
     return bool(ratio.max() > UNFORESEEN[first.ranking.tolerance.real])
 
 

@@ -2,14 +2,16 @@
 
 import dataclasses as dc
 from functools import cache
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from np_drake.diagnosis import look as dut_module
-from np_drake.diagnosis.look import look
-from np_drake.diagnosis.probability import TRUST
+from np_drake.diagnosis.look import look, misfits
+from np_drake.diagnosis.probability import DOUBTED, TRUST
+from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term
 from np_drake.diagnosis.which import rank
 from np_drake.effects.base import Motion, WrenchEffect
@@ -108,3 +110,50 @@ def test_a_drag_that_lost_an_axis_to_gusts_is_not_unknown(flown, monkeypatch):
 def test_without_that_rule_the_wall_would_be_gusts(flown, monkeypatch):
     monkeypatch.setattr(dut_module, "chance_of_place", lambda *_: 1.0)
     assert look(*flown(WALL, WALL, WALL)).gusty
+
+
+@pytest.mark.parametrize("noise, doubted", [(1.0, False), (1.3, True)])
+def test_a_name_is_less_sure_where_unseen_flights_leave_more_than_noise(seen, noise, doubted):
+    how = {"seconds": 10.0}
+    fitted = [seen(DRAG, name=str(i), seed=i, noise=1.0, **how) for i in (1, 2)]
+    dut = look(fitted, [seen(DRAG, name="3", seed=3, noise=noise, **how)])
+    assert [c.identifier for c in dut.causes] == ["linear_drag"]
+    assert not dut.unknown
+    assert (dut.causes[0].probability <= DOUBTED) is doubted
+
+
+def left_by(tolerance: Tolerance, ratio: tuple[float, ...], rows: int, *, swings: bool = False):
+    """What `misfits` asks of unseen flights that leave `ratio` (6,) of the noise."""
+    left = {"a": np.tile([*ratio, *[9.0] * 9], (rows, 1))}
+    term = SimpleNamespace(swings=swings)
+    ranking = SimpleNamespace(
+        named=SimpleNamespace(terms=[term]), tolerance=tolerance, noise=SimpleNamespace(rms=np.ones(15))
+    )
+    return ranking, SimpleNamespace(held=SimpleNamespace(left=left, rows={"a": np.ones(rows, bool)}))
+
+
+@pytest.mark.parametrize(
+    "tolerance, ratio, rows, swings, found",
+    [
+        (LABORATORY, (1.2, 1, 1, 1, 1, 1), 1000, False, True),
+        (LABORATORY, (1.05, 1, 1, 1, 1, 1), 1000, False, False),
+        (LABORATORY, (1.05, 1, 1, 1, 1, 1), 20_000, False, False),
+        (LABORATORY, (1, 1, 1, 1, 1, 1.2), 100, False, False),
+        (LABORATORY, (1, 1, 1.2, 1, 1, 1), 1000, True, False),
+        (Tolerance(), (3, 3, 1.2, 1, 1, 1), 1000, False, False),
+        (Tolerance(), (1, 1, 1.5, 1, 1, 1), 1000, False, True),
+        (Tolerance(), (1, 1, 1, 1, 1, 1.5), 1000, False, True),
+    ],
+    ids=[
+        "more than noise",
+        "as inexact as noise is known",
+        "that in a long flight",
+        "a short flight, by chance",
+        "a swing that is lost",
+        "an attitude that wanders",
+        "a rig's lift",
+        "a rig's torque",
+    ],
+)
+def test_what_is_more_than_noise_depends_on_what_sensors_and_chance_do(tolerance, ratio, rows, swings, found):
+    assert misfits(*left_by(tolerance, ratio, rows, swings=swings)) is found  # type: ignore[arg-type]

@@ -223,16 +223,24 @@ def test_in_gusts_which_come_and_go_no_burst_is_asked_for(ranked, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "times, share, unknown",
-    [(1.5, 0.01, False), (1.5, 0.05, True), (8.0, 0.01, True), (0.5, 0.9, False)],
-    ids=["a small share", "a large one", "small but far from any noise", "noise"],
+    "times, share, size, unknown",
+    [
+        (1.5, 0.01, 9.0, False),
+        (1.5, 0.05, 0.1, True),
+        (8.0, 0.01, 9.0, True),
+        (8.0, 0.01, 0.1, False),
+        (0.5, 0.9, 9.0, False),
+    ],
+    ids=["a small share", "a large one", "small but far from any noise", "in logs without noise", "noise"],
 )
 def test_a_slow_torque_matters_by_its_share_or_far_above_what_noise_has(
-    ranked, monkeypatch, times, share, unknown
+    ranked, monkeypatch, times, share, size, unknown
 ):
+    """size: of the torque, over what matters."""
     case = ranked()
+    size = size * remains_module._matters(case.flights, case.ranking.tolerance)[1]
     ratio = times * remains_module.SLOW_TORQUE[case.ranking.tolerance.real]
-    monkeypatch.setattr(remains_module, "slow_torque", lambda *_: (ratio, share))
+    monkeypatch.setattr(remains_module, "slow_torque", lambda *_: (ratio, share, size))
     monkeypatch.setattr(remains_module, "_novel", lambda *_, **__: 0.0)
     dut = remains(case.ranking, case.fit, case.flights, case.unseen)
     assert dut.unknown is unknown
