@@ -155,7 +155,8 @@ SEEN: dict[str, Draw] = {
     "wind_shear": _shear,
 }
 
-UNSEEN: dict[str, Draw] = {  # no constant of the diagnosis was set on sets with these
+# What is `unknown` was not set on sets with these; how sure a name is where flights leave more than noise was.
+UNSEEN: dict[str, Draw] = {
     "lifted_cable": lambda rng, v: LiftedCable(log_uniform(rng, 0.005, 0.06) * v.mass),
     "doorway_draft": _draft,
     "passing_vehicle": _passing,

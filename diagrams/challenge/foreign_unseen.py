@@ -1,4 +1,4 @@
-"""Foreign effects on which no constant of the diagnosis was set: forces, torques and thrusts.
+"""Foreign effects of sets of their own, on which it was not set what is unknown: forces, torques and thrusts.
 
 Source of each law: own choice, of what vehicles are known to meet.
 """
