@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis.answer import Cause, Finding
 from np_drake.diagnosis.attribute import GUSTY, causes_of, misfit
 from np_drake.diagnosis.candidates import DRAG
-from np_drake.diagnosis.evidence import FORCE, Evidence
+from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.felt import with_drag
 from np_drake.diagnosis.gusts import as_gusts, in_gusts
 from np_drake.diagnosis.held_out import without_shocks
@@ -99,7 +99,7 @@ def misfits(ranking: Ranking, left: Remains) -> bool:
         return False
     ratio = misfit(left.held, ranking.noise)
     real, rows = ranking.tolerance.real, sum(int(some.sum()) for some in left.held.rows.values())
-    asked = ratio[FORCE.start + 2 if real else FORCE.start :]
+    asked = ratio[2:] if real else ratio
     return bool(asked.max() > max(MISFIT[real], 1 + CHANCE / np.sqrt(2 * rows)))
 
 

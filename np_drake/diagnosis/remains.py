@@ -186,10 +186,9 @@ def _odd(
 
     A payload, whose swing may be lost, and gusts do the like: beside these it is not asked.
     """
-    vehicle, share = flights[0].vehicle, 1.0 if tolerance.real else EXACT
-    least = share * MATERIAL_FORCE * vehicle.mass * vehicle.gravity
+    least = 2 * _matters(flights, tolerance)[0]  # no part of an effect, for which a half is enough
     burst, lift = strongest_burst(flights, left), lift_apart(flights, left)
-    apart = lift / (vehicle.mass * tolerance.acceleration)
+    apart = lift / (flights[0].vehicle.mass * tolerance.acceleration)
     axis, figures = CHANNELS[burst.axis], {"time": burst.time, "force": burst.size}
     now = f"a {axis} that comes now and then, as in {burst.flight} at {burst.time:.1f} s, {burst.size:.2g} N"
     other = f"a mean lift that differs from flight to flight, {lift:.2g} N"
