@@ -29,7 +29,12 @@ MISFIT = {
     True: 1.4,
     False: 1.11,
 }  # on a rig and in a laboratory: what the true model leaves is less; own choice
+GUSTS = 1.5  # the same in gusts, which a tilted vehicle feels along its thrust; own choice
+NO_GUSTS = 2.0  # above which what is left there is none of theirs; own choice
 CHANCE = 3.5  # deviations of white noise's RMS, within which it is chance in a short flight; own choice
+UPRIGHT = Finding(
+    "upright", "a force along the thrust or a torque, which gusts, being level, do not have", 1.0, {}
+)
 PLACE = Finding("place", "a slow force tied to a place", 1.0, {})
 
 
@@ -78,29 +83,37 @@ def look(
         )
         gusts = next((c for c in causes if c.identifier == "gusty_wind"), None)
         unknown = gusts is None  # nothing was found that would feel them
+        if gusts is not None:
+            left = dc.replace(left, held=in_gusts(left.held, causes, unseen))
+            unknown = _left_beside(ranking, left, gusty=True) > NO_GUSTS  # gusts are level
+            left = dc.replace(left, findings=(*left.findings, UPRIGHT)) if unknown else left
         probability = left.slow_probability if unknown else left.probability
-        left = left if gusts is None else dc.replace(left, held=in_gusts(left.held, causes, unseen))
     if unknown:
         causes, idle = without_idle(causes, unseen, ranking.noise, left.held)
         causes = [dc.replace(c, probability=min(c.probability, BESIDE_UNKNOWN)) for c in causes]
         minor = [*minor, *idle]
-    elif not gusty and misfits(ranking, left):
+    elif misfits(ranking, left, gusty=gusty):
         causes = [dc.replace(c, probability=min(c.probability, DOUBTED)) for c in causes]
     return Look(flights, unseen, ranking, left, causes, minor, unknown, probability, gusty)
 
 
-def misfits(ranking: Ranking, left: Remains) -> bool:
-    """Do unseen flights leave more than noise, whatever it is? Then a name may stand for something like it.
+def misfits(ranking: Ranking, left: Remains, *, gusty: bool = False) -> bool:
+    """Do unseen flights leave more than noise, whatever it is? Then a name may stand for something like it."""
+    real, rows = ranking.tolerance.real, sum(int(some.sum()) for some in left.held.rows.values())
+    limit = GUSTS if gusty else MISFIT[real]
+    return bool(_left_beside(ranking, left, gusty=gusty) > max(limit, 1 + CHANCE / np.sqrt(2 * rows)))
 
-    A payload's swing may be lost, and on a rig an attitude that wanders turns thrust into force across it: neither is
-    asked.
+
+def _left_beside(ranking: Ranking, left: Remains, *, gusty: bool) -> float:
+    """The most that unseen flights leave on a channel that is asked, over noise.
+
+    A payload's swing may be lost, on a rig an attitude that wanders turns thrust into force across it, and gusts are
+    level: none of these is asked.
     """
     if any(t.swings for t in ranking.named.terms):
-        return False
+        return 0.0
     ratio = misfit(left.held, ranking.noise)
-    real, rows = ranking.tolerance.real, sum(int(some.sum()) for some in left.held.rows.values())
-    asked = ratio[2:] if real else ratio
-    return bool(asked.max() > max(MISFIT[real], 1 + CHANCE / np.sqrt(2 * rows)))
+    return float(np.max(ratio[2:] if gusty or ranking.tolerance.real else ratio))
 
 
 def _knows_its_place(

@@ -122,6 +122,18 @@ def test_a_name_is_less_sure_where_unseen_flights_leave_more_than_noise(seen, no
     assert (dut.causes[0].probability <= DOUBTED) is doubted
 
 
+@pytest.mark.parametrize(
+    "ratio, sure, unknown", [(1.3, True, False), (1.7, False, False), (2.3, False, True)]
+)
+def test_what_is_left_of_lift_and_torque_in_gusts_is_none_of_theirs(flown, monkeypatch, ratio, sure, unknown):
+    blown = flown(gusts(61), gusts(62), gusts(63))
+    monkeypatch.setattr(dut_module, "misfit", lambda *_: np.array([3.0, 3.0, ratio, 1.0, 1.0, 1.0]))
+    dut = look(*blown)
+    assert dut.unknown is unknown
+    assert ("upright" in {f.name for f in dut.left.findings}) is unknown
+    assert (max(c.probability for c in dut.causes) > 0.9) is sure
+
+
 def left_by(tolerance: Tolerance, ratio: tuple[float, ...], rows: int, *, swings: bool = False):
     """What `misfits` asks of unseen flights that leave `ratio` (6,) of the noise."""
     left = {"a": np.tile([*ratio, *[9.0] * 9], (rows, 1))}
