@@ -15,6 +15,16 @@ class ForeignActuator(ActuatorEffect):
     parameters: ClassVar[tuple[Parameter, ...]] = ()
 
 
+class LaggingActuator(ForeignActuator):
+    """One whose state follows what `state_at` has of the commands, with a lag of first order."""
+
+    time: float  # of the lag [s]
+
+    def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """(..., state_size) [state/s]."""
+        return (self.state_at(vehicle, command) - state) / self.time
+
+
 @dc.dataclass(frozen=True)
 class BentThrustCurve(ForeignActuator):
     """f = c - bend (c - h)³ / h² with h the thrust of a hovering rotor: right in hover, too little far above."""
@@ -32,7 +42,7 @@ class BentThrustCurve(ForeignActuator):
 
 
 @dc.dataclass(frozen=True)
-class ThrustRateTorque(ForeignActuator):
+class ThrustRateTorque(LaggingActuator):
     """A torque that grows with the change of collective thrust F: (arm_x, arm_y) (F - F filtered over `time`)."""
 
     arm_x: float  # [m]
@@ -43,12 +53,8 @@ class ThrustRateTorque(ForeignActuator):
     state_size: ClassVar[int] = 1
 
     def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
-        """(1,) filtered collective thrust [N]."""
-        return np.array([np.sum(thrust)])
-
-    def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(..., 1) [N/s]."""
-        return (np.sum(command, axis=-1, keepdims=True) - state) / self.time
+        """(..., 1) filtered collective thrust [N]."""
+        return np.sum(thrust, axis=-1, keepdims=True)
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from diagrams.challenge.foreign_wrenches import ForeignWrench
-from np_drake.effects.air_speed import air_velocity_B, chi_from_body
+from diagrams.challenge.foreign_wrenches import ForeignWrench, along_z, pushed, twisted
+from np_drake.effects.air_speed import air_velocity_B
 from np_drake.effects.base import Motion
 from np_drake.rigid_body import P, V
 from np_drake.vehicle import Vehicle
@@ -18,16 +18,6 @@ from np_drake.vehicle import Vehicle
 def _thrust(motion: Motion) -> np.ndarray:
     """(...,) of all rotors [N]."""
     return motion.rotor_thrust.sum(axis=-1)
-
-
-def _along_z(motion: Motion, force: np.ndarray) -> np.ndarray:
-    """(..., 6) chi of a force (...,) along body z [N]."""
-    return chi_from_body(motion, force[..., None] * np.array([0.0, 0.0, 1.0]))
-
-
-def _twist(torque_B: np.ndarray) -> np.ndarray:
-    """(..., 6) chi of a torque (..., 3) in B [N·m]."""
-    return np.concatenate([np.zeros_like(torque_B), torque_B], axis=-1)
 
 
 @dc.dataclass(frozen=True)
@@ -43,7 +33,7 @@ class VortexRing(ForeignWrench):
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) [N, N·m]."""
         off = (motion.x[..., V][..., 2] + self.speed) / self.width
-        return _along_z(motion, -self.loss * _thrust(motion) * np.exp(-(off**2)))
+        return along_z(motion, -self.loss * _thrust(motion) * np.exp(-(off**2)))
 
 
 @dc.dataclass(frozen=True)
@@ -58,7 +48,7 @@ class Weathervane(ForeignWrench):
         """(..., 6) [N, N·m]."""
         v_B = air_velocity_B(motion)
         turn = self.c * np.linalg.norm(v_B, axis=-1) * v_B[..., 1]
-        return _twist(turn[..., None] * np.array([0.0, 0.0, 1.0]))
+        return twisted(turn[..., None] * np.array([0.0, 0.0, 1.0]))
 
 
 @dc.dataclass(frozen=True)
@@ -74,7 +64,7 @@ class CeilingEffect(ForeignWrench):
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) [N, N·m]."""
         below = np.maximum(self.height - motion.x[..., P][..., 2], 0.0)
-        return _along_z(motion, self.strength * _thrust(motion) * np.exp(-below / self.reach))
+        return along_z(motion, self.strength * _thrust(motion) * np.exp(-below / self.reach))
 
 
 @dc.dataclass(frozen=True)
@@ -88,7 +78,7 @@ class RotorSaturation(ForeignWrench):
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) [N, N·m]."""
         lost = -np.maximum(motion.rotor_thrust - self.limit, 0.0) @ vehicle.mixer.T
-        return _along_z(motion, lost[..., 0]) + _twist(lost[..., 1:])
+        return along_z(motion, lost[..., 0]) + twisted(lost[..., 1:])
 
 
 @dc.dataclass(frozen=True)
@@ -103,7 +93,7 @@ class TwistedCable(ForeignWrench):
         """(..., 6) [N, N·m]."""
         R = motion.R_WB
         heading = np.arctan2(R[..., 1, 0], R[..., 0, 0])
-        return _twist(-self.k * np.sin(heading)[..., None] * R[..., 2, :])
+        return twisted(-self.k * np.sin(heading)[..., None] * R[..., 2, :])
 
 
 @dc.dataclass(frozen=True)
@@ -120,7 +110,7 @@ class SlidingLoad(ForeignWrench):
         n = motion.R_WB[..., 2, :]
         lean = np.maximum(np.hypot(n[..., 0], n[..., 1]), 1e-9)
         size = self.moment * np.tanh(lean / self.tilt) / lean
-        return _twist(size[..., None] * np.stack([n[..., 1], -n[..., 0], np.zeros_like(lean)], axis=-1))
+        return twisted(size[..., None] * np.stack([n[..., 1], -n[..., 0], np.zeros_like(lean)], axis=-1))
 
 
 @dc.dataclass(frozen=True)
@@ -139,7 +129,7 @@ class StutteringRotor(ForeignWrench):
         stutters = np.mod(motion.t, self.period) < self.share * self.period
         lost = -self.loss * stutters * motion.rotor_thrust[..., self.rotor]
         given = lost[..., None] * vehicle.mixer[:, self.rotor]
-        return _along_z(motion, given[..., 0]) + _twist(given[..., 1:])
+        return along_z(motion, given[..., 0]) + twisted(given[..., 1:])
 
 
 @dc.dataclass(frozen=True)
@@ -156,4 +146,4 @@ class WindShear(ForeignWrench):
         """(..., 6) [N, N·m]."""
         push = self.c * (motion.x[..., P][..., 2] - self.height)
         f_W = push[..., None] * np.array([np.cos(self.course), np.sin(self.course), 0.0])
-        return np.concatenate([f_W, np.zeros_like(f_W)], axis=-1)
+        return pushed(f_W)

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from diagrams.challenge.foreign_actuators import ForeignActuator
-from diagrams.challenge.foreign_wrenches import ForeignWrench
+from diagrams.challenge.foreign_actuators import LaggingActuator
+from diagrams.challenge.foreign_wrenches import ForeignWrench, along_z, pushed, twisted
 from np_drake.effects.air_speed import air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion
 from np_drake.rigid_body import P, W
@@ -27,7 +27,7 @@ class LiftedCable(ForeignWrench):
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) [N, N·m]."""
         lifted = np.maximum(motion.x[..., P][..., 2], 0.0)
-        return -self.density * vehicle.gravity * lifted[..., None] * np.eye(6)[2]
+        return pushed(-self.density * vehicle.gravity * lifted[..., None] * np.array([0.0, 0.0, 1.0]))
 
 
 @dc.dataclass(frozen=True)
@@ -45,7 +45,7 @@ class DoorwayDraft(ForeignWrench):
         """(..., 6) [N, N·m]."""
         inside = motion.x[..., P] @ np.array(self.normal) - self.from_origin
         share = 0.5 * (1.0 + np.tanh(inside / self.edge))
-        return share[..., None] * np.array([*self.force, 0.0, 0.0, 0.0])
+        return pushed(share[..., None] * self.force)
 
 
 @dc.dataclass(frozen=True)
@@ -97,7 +97,7 @@ class WakeInterference(ForeignWrench):
         astern = np.maximum(-v @ outwards.T, 0.0) / self.speed  # b u
         lost = self.loss * np.exp(0.5 * (1.0 - u**2)) * astern * motion.rotor_thrust
         given = -lost @ vehicle.mixer.T
-        return chi_from_body(motion, given[..., :1] * np.array([0.0, 0.0, 1.0]), given[..., 1:])
+        return along_z(motion, given[..., 0]) + twisted(given[..., 1:])
 
 
 @dc.dataclass(frozen=True)
@@ -110,8 +110,7 @@ class SpinningLidar(ForeignWrench):
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) [N, N·m]."""
-        tau = -np.cross(motion.x[..., W], [0.0, 0.0, self.h])
-        return np.concatenate([np.zeros_like(tau), tau], axis=-1)
+        return twisted(-np.cross(motion.x[..., W], [0.0, 0.0, self.h]))
 
 
 @dc.dataclass(frozen=True)
@@ -136,7 +135,7 @@ class TwistingMount(ForeignWrench):
 
 
 @dc.dataclass(frozen=True)
-class CreepingBlades(ForeignActuator):
+class CreepingBlades(LaggingActuator):
     """Soft blades give way slowly: f = c (1 - creep (s - 1)), time s' = c / h - s, h that in hover."""
 
     creep: float  # [1]
@@ -146,12 +145,8 @@ class CreepingBlades(ForeignActuator):
     state_size: ClassVar[int] = 4
 
     def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
-        """(4,) load, filtered, over that in hover [1]."""
+        """(..., 4) load, filtered, over that in hover [1]."""
         return 4 * np.asarray(thrust, float) / (vehicle.mass * vehicle.gravity)
-
-    def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(..., 4) [1/s]."""
-        return (self.state_at(vehicle, command) - state) / self.time
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
@@ -161,7 +156,7 @@ class CreepingBlades(ForeignActuator):
 
 
 @dc.dataclass(frozen=True)
-class DynamicInflow(ForeignActuator):
+class DynamicInflow(LaggingActuator):
     """The air through a rotor follows late, so thrust overshoots: f = c + gain (c - s), time s' = c - s."""
 
     gain: float  # [1]
@@ -171,12 +166,8 @@ class DynamicInflow(ForeignActuator):
     state_size: ClassVar[int] = 4
 
     def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
-        """(4,) filtered thrust [N]."""
+        """(..., 4) filtered thrust [N]."""
         return np.array(thrust, float)
-
-    def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(..., 4) [N/s]."""
-        return (command - state) / self.time
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0

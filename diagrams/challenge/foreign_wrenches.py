@@ -17,9 +17,19 @@ class ForeignWrench(WrenchEffect):
     parameters: ClassVar[tuple[Parameter, ...]] = ()
 
 
-def _pushed(f_W: np.ndarray) -> np.ndarray:
+def pushed(f_W: np.ndarray) -> np.ndarray:
     """(..., 6) chi of a force at Bo (..., 3) in W [N]."""
     return np.concatenate([f_W, np.zeros_like(f_W)], axis=-1)
+
+
+def along_z(motion: Motion, force: np.ndarray) -> np.ndarray:
+    """(..., 6) chi of a force (...,) along body z [N]."""
+    return chi_from_body(motion, force[..., None] * np.array([0.0, 0.0, 1.0]))
+
+
+def twisted(tau_B: np.ndarray) -> np.ndarray:
+    """(..., 6) chi of a torque (..., 3) in B [N·m]."""
+    return np.concatenate([np.zeros_like(tau_B), tau_B], axis=-1)
 
 
 @dc.dataclass(frozen=True)
@@ -35,7 +45,7 @@ class FanJet(ForeignWrench):
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) [N, N·m]."""
         away = np.sum((motion.x[..., P] - self.center) ** 2, axis=-1)
-        return _pushed(np.exp(-0.5 * away / self.size**2)[..., None] * self.force)
+        return pushed(np.exp(-0.5 * away / self.size**2)[..., None] * self.force)
 
 
 @dc.dataclass(frozen=True)
@@ -51,7 +61,7 @@ class PeriodicForce(ForeignWrench):
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) [N, N·m]."""
         wave = np.sin(2 * np.pi * self.frequency * np.asarray(motion.t) + self.phase)
-        return _pushed(np.broadcast_to(wave[..., None] * self.force, (*motion.x.shape[:-1], 3)))
+        return pushed(np.broadcast_to(wave[..., None] * self.force, (*motion.x.shape[:-1], 3)))
 
 
 @dc.dataclass(frozen=True)
@@ -65,7 +75,7 @@ class RotationalDamping(ForeignWrench):
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """(..., 6) [N, N·m]."""
         w = motion.x[..., W]
-        return np.concatenate([np.zeros_like(w), -self.c * np.abs(w) * w], axis=-1)
+        return twisted(-self.c * np.abs(w) * w)
 
 
 @dc.dataclass(frozen=True)
@@ -95,7 +105,7 @@ class GroundTether(ForeignWrench):
         """(..., 6) [N, N·m]."""
         r = motion.x[..., P] - self.anchor
         span = np.maximum(np.linalg.norm(r, axis=-1, keepdims=True), 1e-6)
-        return _pushed(-self.stiffness * np.maximum(span - self.slack, 0.0) * r / span)
+        return pushed(-self.stiffness * np.maximum(span - self.slack, 0.0) * r / span)
 
 
 @dc.dataclass(frozen=True)
@@ -133,7 +143,7 @@ class WallSuction(ForeignWrench):
         """(..., 6) [N, N·m]."""
         d = np.maximum(self.from_origin - motion.x[..., P] @ np.array(self.normal), 0.0)
         pull = self.strength * motion.rotor_thrust.sum(axis=-1) * np.exp(-d / self.reach)
-        return _pushed(pull[..., None] * np.array(self.normal))
+        return pushed(pull[..., None] * np.array(self.normal))
 
 
 @dc.dataclass(frozen=True)
