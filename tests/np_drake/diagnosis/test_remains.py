@@ -5,10 +5,11 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from np_drake.diagnosis import oddities
 from np_drake.diagnosis import remains as remains_module
 from np_drake.diagnosis.excess import strongest_line
-from np_drake.diagnosis.remains import _least_lines, _repeat, remains
-from np_drake.diagnosis.rig import LABORATORY, Tolerance
+from np_drake.diagnosis.remains import _repeat, remains
+from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import Term
 from np_drake.effects.base import WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
@@ -109,48 +110,15 @@ def test_a_flight_that_weighs_otherwise_than_the_others_is_unknown(ranked, share
     assert [f.name for f in dut.findings] == ["lift"] * unknown
 
 
-def test_on_a_rig_an_accelerometer_may_read_another_weight_in_every_flight(ranked):
-    case = ranked()
-    left = {e.name: np.zeros_like(e.y) for e in case.flights}
-    left[case.flights[0].name][:, 2] = 0.01 * case.flights[0].vehicle.mass * 9.81
-    odd = {t.name: remains_module._odd(case.flights, left, t) for t in (Tolerance(), LABORATORY)}
-    assert [p > 0.5 for p, _ in odd["rig"]] == [False, False]
-    assert [p > 0.5 for p, _ in odd["laboratory"]] == [False, True]
-
-
-@pytest.mark.parametrize("force", [0.005, 0.05], ids=["too small to matter", "large"])
-def test_a_burst_is_asked_whether_it_matters(ranked, force):
-    """Of weight, in logs that have next to no noise."""
-    case = ranked()
-    weight = case.flights[0].vehicle.mass * 9.81
-    left = {e.name: 1e-4 * weight * np.sin(e.t)[:, None] * np.ones(15) for e in case.flights}
-    left[case.flights[0].name][200:260, 2] += force * weight
-    (burst, found), _ = remains_module._odd(case.flights, left, Tolerance())
-    assert found.size > 2 * remains_module.BURST
-    assert (burst > 0.5) is (force > 0.01)
-
-
-@pytest.mark.parametrize("times, unknown", [(1.7, False), (2.3, True)])
-def test_a_slow_force_of_unseen_flights_alone_is_more_than_an_attitude_that_wanders(
-    ranked, monkeypatch, times, unknown
-):
-    case, rig = ranked(), Tolerance()
-    weight = case.unseen[0].vehicle.mass * case.unseen[0].vehicle.gravity
-    monkeypatch.setattr(remains_module, "slow_power", lambda *_: (times * weight * rig.attitude) ** 2)
-    left = {e.name: e.y for e in case.unseen}
-    assert (remains_module._novel(case.unseen, left, rig, 0.0, gusty=False) > 0.5) == unknown
-    assert remains_module._novel(case.unseen, left, rig, 0.0, gusty=True) < 0.5
-
-
 @pytest.mark.parametrize("channel", [0, 4], ids=["force", "torque"])
 @pytest.mark.parametrize("times", [0.7, 2.0], ids=["too small to matter", "large"])
 def test_a_line_is_unknown_where_it_is_large_enough_to_matter_however_clear_it_is(
     ranked, monkeypatch, channel, times
 ):
-    monkeypatch.setattr(remains_module, "LINE", CLEAR)
+    monkeypatch.setattr(oddities, "LINE", CLEAR)
     case = ranked()
     ranking = dc.replace(case.ranking, tolerance=Tolerance())
-    least = _least_lines(case.flights, ranking.tolerance)[channel]
+    least = oddities.least_lines(case.flights, ranking.tolerance)[channel]
     wave = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.unseen)]
     for e in wave:
         e.y[:, channel] += times * least * np.sqrt(2) * np.sin(2 * np.pi * 2.3 * e.t)
@@ -164,19 +132,11 @@ def test_a_line_is_unknown_where_it_is_large_enough_to_matter_however_clear_it_i
     assert ("line" in {f.name for f in dut.findings}) is (times > 1)
 
 
-def test_a_line_matters_less_on_a_rig(ranked):
-    flights = ranked().flights
-    weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
-    rig, laboratory = (_least_lines(flights, t) for t in (Tolerance(), LABORATORY))
-    assert rig[0] == pytest.approx(0.005 * weight)
-    assert np.all(laboratory[:3] == pytest.approx(0.3 * rig[:3]))
-
-
 def test_a_line_that_does_not_matter_hides_none_that_does(ranked, monkeypatch):
-    monkeypatch.setattr(remains_module, "LINE", CLEAR)
+    monkeypatch.setattr(oddities, "LINE", CLEAR)
     case = ranked()
     ranking = dc.replace(case.ranking, tolerance=Tolerance())
-    least = _least_lines(case.flights, ranking.tolerance)
+    least = oddities.least_lines(case.flights, ranking.tolerance)
     both = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.unseen)]
     for e in both:
         for channel, times, f in ((0, 0.8, 2.3), (4, 1.3, 5.3)):
@@ -220,28 +180,3 @@ def test_in_gusts_which_come_and_go_no_burst_is_asked_for(ranked, monkeypatch):
         monkeypatch.setattr(remains_module, "_slow", lambda *_, slowly=slowly: slowly)
         dut = remains(case.ranking, case.fit, case.flights, [unseen])
         assert ("burst" in {f.name for f in dut.findings}) is found
-
-
-@pytest.mark.parametrize(
-    "times, share, size, unknown",
-    [
-        (1.5, 0.01, 9.0, False),
-        (1.5, 0.05, 0.1, True),
-        (8.0, 0.01, 9.0, True),
-        (8.0, 0.01, 0.1, False),
-        (0.5, 0.9, 9.0, False),
-    ],
-    ids=["a small share", "a large one", "small but far from any noise", "in logs without noise", "noise"],
-)
-def test_a_slow_torque_matters_by_its_share_or_far_above_what_noise_has(
-    ranked, monkeypatch, times, share, size, unknown
-):
-    """size: of the torque, over what matters."""
-    case = ranked()
-    size = size * remains_module._matters(case.flights, case.ranking.tolerance)[1]
-    ratio = times * remains_module.SLOW_TORQUE[case.ranking.tolerance.real]
-    monkeypatch.setattr(remains_module, "slow_torque", lambda *_: (ratio, share, size))
-    monkeypatch.setattr(remains_module, "_novel", lambda *_, **__: 0.0)
-    dut = remains(case.ranking, case.fit, case.flights, case.unseen)
-    assert dut.unknown is unknown
-    assert ("slow torque" in {f.name for f in dut.findings}) is unknown

@@ -9,8 +9,8 @@ from np_drake.diagnosis.answer import Diagnosis, Finding
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.held_out import scored
 from np_drake.diagnosis.look import look
+from np_drake.diagnosis.oddities import UNSEEN
 from np_drake.diagnosis.onset import late_payloads
-from np_drake.diagnosis.remains import UNSEEN
 from np_drake.diagnosis.second_look import LEAST, halved, unforeseen
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.thrust_scale import ThrustScale
