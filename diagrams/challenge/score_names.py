@@ -61,13 +61,14 @@ def foreign(cases: Sequence[Solved], least: float) -> dict[str, Any]:
 
 
 def foreign_kind(kind: str, cases: Sequence[Solved]) -> dict[str, Any]:
-    """Of the cases of one kind: how many are called unknown, and nothing else, and which names are said instead."""
+    """Of the cases of one kind: how many are called unknown, nothing else, surely something else, and what."""
     mine = [c for c in cases if c.true_names[0] == kind]
     said = Counter(name for c in mine for name in c.named)
     return {
         "kind": kind,
         "unknown": rate(UNKNOWN in c.verdict for c in mine),
         "alone": rate(c.verdict == (UNKNOWN,) for c in mine),
+        "wrong_and_sure": rate(bool(wrong_and_sure(c)) for c in mine),
         "named": dict(said.most_common()),
     }
 

@@ -72,13 +72,13 @@ def foreign_table(score: dict[str, Any], least: float) -> list[Table]:
     rows = [
         [
             row["kind"],
-            *(f"{row[how]['count']} of {row[how]['n']}" for how in ("unknown", "alone")),
+            *(f"{row[how]['count']} of {row[how]['n']}" for how in ("unknown", "alone", "wrong_and_sure")),
             named(row),
         ]
         for row in score["rates"]["foreign"]["kinds"]
     ]
     title = f"foreign effects with visibility ≥ {least:g}"
-    return [(title, ["kind", "`unknown`", "and no name", "names"], rows)] if rows else []
+    return [(title, ["kind", "`unknown`", "and no name", "wrong above 0.9", "names"], rows)] if rows else []
 
 
 def named(row: dict[str, Any]) -> str:
