@@ -5,6 +5,14 @@ from collections.abc import Callable
 import numpy as np
 
 from diagrams.challenge.foreign_actuators import BentThrustCurve, LiquidSlosh, ThrustRateTorque, YawBacklash
+from diagrams.challenge.foreign_fresh import (
+    PanelFlutter,
+    RubbingLine,
+    ShakingRotors,
+    SoftArms,
+    StandingEddy,
+    TiltedCushion,
+)
 from diagrams.challenge.foreign_further import (
     CeilingEffect,
     RotorSaturation,
@@ -132,6 +140,31 @@ def _mount(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
     return TwistingMount(int(rng.integers(4)), signed(rng, 0.01, 0.15))
 
 
+def _eddy(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    force, (x, y) = signed(rng, 0.03, 0.2) * _weight(vehicle), rng.uniform(-1.0, 1.0, 2)
+    return StandingEddy(force, (float(x), float(y)), rng.uniform(0.4, 1.5))
+
+
+def _rubbing(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    return RubbingLine(log_uniform(rng, 0.01, 0.12) * _weight(vehicle), rng.uniform(0.1, 0.4))
+
+
+def _cushion(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    return TiltedCushion(log_uniform(rng, 0.03, 0.3) * arm(vehicle), rng.uniform(0.5, 2.0))
+
+
+def _flutter(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    force = log_uniform(rng, 0.02, 0.2) * _weight(vehicle)
+    x, y = rng.uniform(0.1, 0.4) * arm(vehicle) * direction(rng, 0.0)[:2]
+    onset, frequency = rng.uniform(0.3, 1.0), log_uniform(rng, 1.0, 6.0)
+    return PanelFlutter(force, float(x), float(y), onset, frequency, rng.uniform(0, 2 * np.pi))
+
+
+def _shaking(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    loss, load = log_uniform(rng, 0.03, 0.3), rng.uniform(1.08, 1.3)
+    return ShakingRotors(loss, load, rng.uniform(0.05, 0.1), rng.uniform(0.1, 0.6))
+
+
 SEEN: dict[str, Draw] = {
     "fan_jet": _fan_jet,
     "periodic_force": _periodic,
@@ -165,6 +198,12 @@ UNSEEN: dict[str, Draw] = {
     "twisting_mount": _mount,
     "creeping_blades": lambda rng, v: CreepingBlades(log_uniform(rng, 0.08, 0.6), rng.uniform(0.5, 2.5)),
     "dynamic_inflow": lambda rng, v: DynamicInflow(log_uniform(rng, 0.1, 1.0), rng.uniform(0.06, 0.3)),
+    "standing_eddy": _eddy,
+    "rubbing_line": _rubbing,
+    "tilted_cushion": _cushion,
+    "panel_flutter": _flutter,
+    "shaking_rotors": _shaking,
+    "soft_arms": lambda rng, v: SoftArms(signed(rng, 0.06, 0.5), rng.uniform(0.03, 0.2)),
 }
 FOREIGN = SEEN | UNSEEN
 

@@ -12,6 +12,7 @@ import numpy as np
 from diagrams.challenge.plan import Plan
 from diagrams.challenge.rotorpy_flight import Flight
 from diagrams.challenge.rotorpy_foreign import FOREIGN_LAWS, HIDDEN
+from diagrams.challenge.rotorpy_fresh import FRESH_HIDDEN, FRESH_LAWS
 from diagrams.challenge.rotorpy_further import FURTHER_LAWS
 from diagrams.challenge.rotorpy_laws import GAINS, LAWS, Acting, read
 from diagrams.challenge.rotorpy_readings import ERRORS, misread
@@ -29,7 +30,7 @@ _OWN_PLACE = [
 KNOWN = frozenset(
     [
         *(*_OWN_PLACE, *LAWS, *GAINS, *ERRORS),
-        *(*FOREIGN_LAWS, *HIDDEN, *FURTHER_LAWS, *UNSEEN_LAWS, *UNSEEN_HIDDEN),
+        *(*FOREIGN_LAWS, *HIDDEN, *FURTHER_LAWS, *UNSEEN_LAWS, *UNSEEN_HIDDEN, *FRESH_LAWS, *FRESH_HIDDEN),
     ]
 )
 

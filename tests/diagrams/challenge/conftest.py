@@ -35,10 +35,21 @@ def plan(vehicle):
     return draw_plan(np.random.default_rng(3), vehicle, SECONDS, "aggressive_multisine")
 
 
-@pytest.fixture(scope="session")
-def by_hand():
-    """The module beside this one: answers and truths whose score can be counted."""
-    spec = importlib.util.spec_from_file_location("hand_made", Path(__file__).with_name("hand_made.py"))
+def _beside(name):
+    """The module of that name in this folder."""
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture(scope="session")
+def by_hand():
+    """Answers and truths whose score can be counted."""
+    return _beside("hand_made")
+
+
+@pytest.fixture(scope="session")
+def two_forms():
+    """Random motions, and what the two forms of a foreign effect must have in common."""
+    return _beside("two_forms")
