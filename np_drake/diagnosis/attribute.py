@@ -16,9 +16,10 @@ from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.probability import reported
 from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.rig import Tolerance, wander
-from np_drake.diagnosis.search import SHIFTING, Model, Problem
+from np_drake.diagnosis.search import Model, Problem
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
+from np_drake.diagnosis.withdrawn import without_faint_shifts, without_unfelt
 
 # Of weight, in all flights, on a rig and in a laboratory [1]; own choice.
 LEAST_FORCE = {True: 0.006, False: 0.003}
@@ -33,9 +34,9 @@ MATERIAL_SENSOR = 1.5  # of the tolerance of that sensor [1]
 CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
 HURT = 2.0  # log evidence that an effect may cost on flights that it has not seen; own choice
 MISFIT = 0.01  # and of what it brings to those of its fit [1]; own choice
-FAINT = 0.03  # of the largest among them [1]; own choice, as linear columns are `INEXACT`
 SAME = 3.5  # difference of log evidence below which two explanations are the same in these data
 MOST_LIKE = 2  # names beside a cause's own
+PROBABILITY = "probability"  # figure of a finding that would be a cause if it were surer
 GUSTY = (DRAG, "constant_wind")  # what gusts, which no unseen flight repeats, hide on it
 
 
@@ -180,31 +181,22 @@ def causes_of(
             causes.append(cause)
         else:
             minor.append(_minor(cause, size, confirmed, material, told, stands_for))
-    return without_faint_shifts(causes, minor)
-
-
-def without_faint_shifts(causes: list[Cause], minor: list[Finding]) -> tuple[list[Cause], list[Finding]]:
-    """Lag, delay and clock all move commands against states: where one does, a trace of another is its misfit."""
-    largest = max((c.share for c in causes if c.identifier in SHIFTING), default=0.0)
-    faint = [c for c in causes if c.identifier in SHIFTING and c.share < FAINT * largest]
-    texts = [
-        Finding(c.identifier, f"a {c.share / largest:.2g} of what another shift of time does", c.share, {})
-        for c in faint
-    ]
-    return [c for c in causes if c not in faint], [*minor, *texts]
+    return without_faint_shifts(*without_unfelt(causes, minor))
 
 
 def _minor(cause: Cause, size: Size, confirmed: bool, material: bool, told: bool, stands_for: str) -> Finding:
     values = ", ".join(f"{n} {e.value:.3g} {e.unit}" for n, e in cause.parameters.items())
     why = "immaterial" if confirmed else "not confirmed by the held-out flights"
+    figures = {"force": size.force, "torque": size.torque}
     if confirmed and material:
         why = f"not sure, {cause.probability:.2g}"
+        figures |= {PROBABILITY: cause.probability} if told and not stands_for else {}
     if stands_for:
         why = stands_for
     elif confirmed and material and not told:
         why = "its figures may as well be none"
     text = f"{values}: {why} ({100 * size.force:.2g} % of weight, {100 * size.torque:.2g} % of torque)"
-    return Finding(cause.identifier, text, size.gap, {"force": size.force, "torque": size.torque})
+    return Finding(cause.identifier, text, size.gap, figures)
 
 
 def _cause(ranking, fit: Fit, i: int, term: Term, flights, same, size: Size, held) -> Cause:

@@ -5,12 +5,13 @@ from itertools import product
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import DRAG
+from np_drake.diagnosis.candidates import DRAG, DRAGS
 from np_drake.diagnosis.refine import Fit
 from np_drake.effects.base import Effect, MassEffect, MassProperties
 from np_drake.vehicle import Vehicle
 
 EDGE = 1e-3  # of a figure's range, within which it lies at its bound [1]; own choice
+PUSHES = 3.0  # deviations below none, at which a drag is one that pushes; own choice
 STEPS = 3  # in which an interval is gone through; own choice
 
 
@@ -35,15 +36,27 @@ def at_its_bound(effect: Effect) -> bool:
     return False
 
 
-def impossible(fit: Fit, i: int, vehicle: Vehicle, *, gusty: bool = False) -> str:
-    """Why term i's effect must stand for something else: a figure is at its bound, or no rigid body has such figures,
+def _pushes(fit: Fit, i: int) -> bool:
+    """Is it a drag, and surely less than none along an axis? Of two drags one may make up for the other."""
+    effect = fit.terms[i].effect
+    if effect.identifier not in DRAGS:
+        return False
+    own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight]
+    return any(fit.values[k] < -PUSHES * np.sqrt(fit.covariance[k, k]) for k in own)
 
-    wherever in their 95 % intervals; "": it need not.   gusty: do gusts blow? They are what a drag at its bound stands
-    for: fitted without them, it may lose an axis to them.
+
+def impossible(fit: Fit, i: int, vehicle: Vehicle, *, gusty: bool = False) -> str:
+    """Why term i's effect must stand for something else: a figure is at its bound, a drag pushes, or no rigid body has
+
+    such figures, wherever in their 95 % intervals; "": it need not.   gusty: do gusts blow? They are what a drag that
+    feels them stands for where it is at its bound or pushes: fitted without them, it may lose an axis to them.
     """
     effect = fit.terms[i].effect
-    if at_its_bound(effect) and not (gusty and effect.identifier == DRAG):
-        return "a figure at its bound is none"
+    if not (gusty and effect.identifier == DRAG):
+        if at_its_bound(effect):
+            return "a figure at its bound is none"
+        if _pushes(fit, i):
+            return "no drag pushes"
     if not isinstance(effect, MassEffect):
         return ""
     tried = [np.linspace(*interval(fit, i, p.name), STEPS).tolist() for p in effect.parameters]

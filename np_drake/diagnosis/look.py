@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.answer import Cause, Finding
-from np_drake.diagnosis.attribute import GUSTY, causes_of, misfit
+from np_drake.diagnosis.attribute import GUSTY, PROBABILITY, causes_of, misfit
 from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.felt import with_drag
@@ -18,6 +18,7 @@ from np_drake.diagnosis.probability import BESIDE_UNKNOWN, DOUBTED, TRUST
 from np_drake.diagnosis.remains import Remains, remains, without_swing
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import Term, signature
+from np_drake.diagnosis.unknown import PREFIX
 from np_drake.diagnosis.which import Ranking, rank
 from np_drake.diagnosis.wind_onset import wind_begins
 from np_drake.diagnosis.wind_statistics import Begins
@@ -76,6 +77,8 @@ def look(
     causes, minor = causes_of(ranking, ranking.named, flights, unseen, left.held, gusty=gusty)
     if _slow(left) and not gusty:
         unknown, probability = True, left.slow_probability
+    elif not (unknown or gusty or causes) and any(PROBABILITY in f.figures for f in minor):
+        unknown, probability, left = _or_structure(ranking, left)
     if gusty:
         blows = TRUST * left.slow_probability * ranking.probability.get(DRAG, 1.0)
         causes = as_gusts(
@@ -95,6 +98,17 @@ def look(
     elif misfits(ranking, left, gusty=gusty):
         causes = [dc.replace(c, probability=min(c.probability, DOUBTED)) for c in causes]
     return Look(flights, unseen, ranking, left, causes, minor, unknown, probability, gusty)
+
+
+def _or_structure(ranking: Ranking, left: Remains) -> tuple[bool, float, Remains]:
+    """Where something acts and no name is sure: is it more likely structure that no effect has?"""
+    shares = {n: p for n, p in ranking.probability.items() if n.startswith(PREFIX)}
+    if sum(shares.values()) <= 0.5:
+        return left.unknown, left.probability, left
+    name = max(shares, key=lambda n: shares[n])
+    text = "structure that says as much as effects of which none is sure"
+    found = Finding(name.removeprefix(PREFIX), text, shares[name], {})
+    return True, min(sum(shares.values()), TRUST), dc.replace(left, findings=(*left.findings, found))
 
 
 def misfits(ranking: Ranking, left: Remains, *, gusty: bool = False) -> bool:

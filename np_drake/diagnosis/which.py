@@ -177,22 +177,27 @@ def simpler(problem: Problem, model: Model, fit: Fit) -> list[Model]:
     """The model without its faint effects, all and each: columns that are only linear may have asked for them.
 
     Faint is an effect whose trace, whitened, is less than `INEXACT` of that of all: what linear columns get wrong. And
-    one that shifts commands against states beside another that shifts them more: these are tried a third apart.
+    one that shifts commands against states beside another that shifts them more: these are tried a third apart. And one
+    of two or more whose figures may all be none: each may say what another does, or they take from each other.
     """
     own = {i: _trace(fit, problem.candidates[i].identifiers, problem) for i in model.members}
     whole = _trace(fit, None, problem)
     shifting = [i for i in model.members if problem.candidates[i].identifiers[0] in SHIFTING]
     lesser = sorted(shifting, key=lambda i: own[i])[:-1]
-    faint = [
-        i
-        for i in model.members
-        if not problem.candidates[i].generic and (own[i] < INEXACT * whole or i in lesser)
-    ]
-    if len(faint) == len(model.members):
-        return []
-    dropped = dict.fromkeys([tuple(faint), *((i,) for i in faint)])
+    named = [i for i in model.members if not problem.candidates[i].generic]
+    faint = [i for i in named if own[i] < INEXACT * whole or i in lesser]
+    vague = [i for i in named if _vague(fit, problem.candidates[i].identifiers)]
+    doubted = dict.fromkeys([*faint, *(vague if len(vague) > 1 else [])])
+    dropped = dict.fromkeys([tuple(faint), *((i,) for i in doubted)])
     kept = [tuple(i for i in model.members if i not in some) for some in dropped if some]
+    kept = [members for members in kept if members]
     return [Model(members, problem.score(members)) for members in kept]
+
+
+def _vague(fit: Fit, names: tuple[str, ...]) -> bool:
+    """Are there no figures of these effects that the fit tells from none?"""
+    own = [i for i, t in enumerate(fit.terms) if t.effect.identifier in names]
+    return bool(own) and not any(fit.tells(i) for i in own)
 
 
 def _only(problem: Problem, model: Model, fit: Fit) -> Fit:

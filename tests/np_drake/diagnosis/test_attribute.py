@@ -3,9 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.answer import Cause
 from np_drake.diagnosis.attribute import (
-    FAINT,
     HURT,
     LEAST_FORCE,
     LEAST_SHARE,
@@ -22,7 +20,6 @@ from np_drake.diagnosis.attribute import (
     on_held_out,
     size_of,
     within_calibration,
-    without_faint_shifts,
 )
 from np_drake.diagnosis.hidden_swing import ERROR
 from np_drake.diagnosis.probability import TEMPER, TRUST
@@ -209,20 +206,6 @@ def test_a_mass_that_comes_in_flight_is_no_error_of_the_file():
     assert not within_calibration(Term(MassError(0.1), {"a": 3.0}), rig)
     assert not within_calibration(Term(MassError(0.1)), LABORATORY)
     assert not within_calibration(Term(LinearDrag()), rig)
-
-
-def test_a_trace_of_one_shift_of_time_beside_another_is_minor():
-    def cause(name: str, share: float) -> Cause:
-        return Cause(name, 1.0, {}, {}, (), share, None)
-
-    delay, drag = cause("command_delay", 0.7), cause("linear_drag", 1e-3)
-    lag = cause("motor_lag", 0.5 * FAINT * 0.7)
-    causes, minor = without_faint_shifts([lag, delay, drag], [])
-    assert causes == [delay, drag]
-    assert [m.name for m in minor] == ["motor_lag"]
-    equal = dc.replace(lag, share=2 * FAINT * 0.7)
-    assert without_faint_shifts([equal, delay], []) == ([equal, delay], [])
-    assert without_faint_shifts([drag], []) == ([drag], [])
 
 
 def test_the_figures_of_a_payload_are_known_no_better_than_the_motion_that_drives_it(ranked):

@@ -11,6 +11,7 @@ from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.quadratic_drag import QuadraticDrag
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
 
@@ -60,6 +61,24 @@ def test_an_inertia_that_no_rigid_body_has_stands_for_something_else(effect, dev
 
 def test_a_figure_at_its_bound_stands_for_something_else():
     assert "bound" in impossible(fit_of(LinearDrag(0.3, -0.2, 0.3), deviation=0.1), 0, FLAT)
+
+
+@pytest.mark.parametrize(
+    "effect, deviation, pushes",
+    [
+        (LinearDrag(0.3, -0.05, 0.3), 0.01, True),
+        (LinearDrag(0.3, -0.05, 0.3), 0.03, False),  # for all that is known
+        (QuadraticDrag(0.1, 0.1, -0.05), 0.01, True),
+        (ConstantWind(1.0, -5.0, 0.0), 0.01, False),
+        (CenterOfMassOffset(-0.05, 0.0, 0.0), 0.01, False),
+    ],
+    ids=str,
+)
+def test_a_drag_that_pushes_stands_for_something_else(effect, deviation, pushes):
+    fit = fit_of(WeakRotor(2, 0.9), effect, deviation=deviation)
+    assert impossible(fit, 1, FLAT) == ("no drag pushes" if pushes else "")
+    felt = pushes and effect.identifier != "linear_drag"
+    assert bool(impossible(fit, 1, FLAT, gusty=True)) is felt  # what gusts take from it
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis import look as dut_module
+from np_drake.diagnosis.answer import Finding
+from np_drake.diagnosis.attribute import PROBABILITY
 from np_drake.diagnosis.look import look, misfits
 from np_drake.diagnosis.probability import DOUBTED, TRUST
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term
+from np_drake.diagnosis.unknown import PREFIX
 from np_drake.diagnosis.which import rank
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.gusty_wind import GustyWind
@@ -132,6 +135,29 @@ def test_what_is_left_of_lift_and_torque_in_gusts_is_none_of_theirs(flown, monke
     assert dut.unknown is unknown
     assert ("upright" in {f.name for f in dut.left.findings}) is unknown
     assert (max(c.probability for c in dut.causes) > 0.9) is sure
+
+
+@pytest.mark.parametrize(
+    "unsure, share, unknown",
+    [(True, 0.7, True), (True, 0.3, False), (False, 0.7, False)],
+    ids=["structure is as likely", "it is not", "nothing is near to a cause"],
+)
+def test_where_no_name_is_sure_and_structure_is_as_likely_it_is_unknown(
+    seen, monkeypatch, unsure, share, unknown
+):
+    doubt = Finding("linear_drag", "", 1.0, {PROBABILITY: 0.6} if unsure else {})
+    monkeypatch.setattr(dut_module, "causes_of", lambda *_, **__: ([], [doubt]))
+    ranked = dut_module.rank
+
+    def torn(flights, **how):
+        ranking = ranked(flights, **how)
+        return dc.replace(ranking, probability={**ranking.probability, f"{PREFIX}height": share})
+
+    monkeypatch.setattr(dut_module, "rank", torn)
+    flights = [seen(DRAG, name=str(i), seed=i, noise=1.0, seconds=10.0) for i in (1, 2, 3)]
+    dut = look(flights[:2], flights[2:])
+    assert dut.unknown is unknown
+    assert ("height" in {f.name for f in dut.left.findings}) is unknown
 
 
 def left_by(tolerance: Tolerance, ratio: tuple[float, ...], rows: int, *, swings: bool = False):

@@ -3,7 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.refine import Generic
+from np_drake.diagnosis.refine import Fit, Generic
 from np_drake.diagnosis.search import Model
 from np_drake.diagnosis.signature import Term
 from np_drake.diagnosis.which import GIVES_WAY, bare, names_of, names_of_fit, precedence, rank, simpler
@@ -79,6 +79,20 @@ def test_the_model_is_tried_without_its_faint_effects_all_and_each(dut):
     assert [m.members for m in tried] == [members[:2]]
     strong = dc.replace(dut.fit, terms=(*dut.fit.terms, Term(ThrustScale(0.9))))
     assert simpler(problem, Model(members, 0.0), strong) == []
+
+
+@pytest.mark.parametrize(
+    "vague, tried_without", [((), 0), ((0,), 0), ((0, 1), 2)], ids=["none", "one", "both"]
+)
+def test_of_effects_whose_figures_may_all_be_none_the_model_is_tried_without_each(
+    dut, monkeypatch, vague, tried_without
+):
+    problem = dut.ranking.problem
+    at = {c.identifiers[0]: i for i, c in enumerate(problem.candidates) if len(c.identifiers) == 1}
+    members = tuple(at[t.effect.identifier] for t in dut.fit.terms)
+    monkeypatch.setattr(Fit, "tells", lambda _, i: i not in vague)
+    tried = {m.members for m in simpler(problem, Model(members, 0.0), dut.fit)}
+    assert tried == ({(members[0],), (members[1],)} if tried_without else set())
 
 
 def test_of_effects_that_shift_commands_the_model_is_tried_with_the_one_that_shifts_most(dut):
