@@ -188,7 +188,7 @@ SEEN: dict[str, Draw] = {
     "wind_shear": _shear,
 }
 
-# What is `unknown` was not set on sets with these; how sure a name is where flights leave more than noise was.
+# In none of the sets on which it was set what is `unknown`; on the first eight was, how sure a name is beside misfits.
 UNSEEN: dict[str, Draw] = {
     "lifted_cable": lambda rng, v: LiftedCable(log_uniform(rng, 0.005, 0.06) * v.mass),
     "doorway_draft": _draft,
