@@ -101,14 +101,14 @@ def look(
 
 
 def _or_structure(ranking: Ranking, left: Remains) -> tuple[bool, float, Remains]:
-    """Where something acts and no name is sure: is it more likely structure that no effect has?"""
+    """Where something acts and no name is sure: is it more likely a structure that no effect has?"""
     shares = {n: p for n, p in ranking.probability.items() if n.startswith(PREFIX)}
-    if sum(shares.values()) <= 0.5:
+    name = max(shares, key=lambda n: shares[n], default="")
+    if shares.get(name, 0.0) <= 0.5:
         return left.unknown, left.probability, left
-    name = max(shares, key=lambda n: shares[n])
     text = "structure that says as much as effects of which none is sure"
     found = Finding(name.removeprefix(PREFIX), text, shares[name], {})
-    return True, min(sum(shares.values()), TRUST), dc.replace(left, findings=(*left.findings, found))
+    return True, min(shares[name], TRUST), dc.replace(left, findings=(*left.findings, found))
 
 
 def misfits(ranking: Ranking, left: Remains, *, gusty: bool = False) -> bool:

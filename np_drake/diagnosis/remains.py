@@ -16,7 +16,7 @@ from np_drake.diagnosis.attribute import (
 )
 from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.excess import Line, slow_torque, strongest_line
+from np_drake.diagnosis.excess import slow_torque, strongest_line
 from np_drake.diagnosis.held_out import adapt
 from np_drake.diagnosis.mode import mode_of
 from np_drake.diagnosis.oddities import (
@@ -54,8 +54,6 @@ class Remains:
     findings: tuple[Finding, ...]
     held: HeldOut
     slow_probability: float
-    line: Line
-    slow_torque: float
     structured: bool = False
 
     @property
@@ -88,7 +86,7 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     shares = _shares(ranking, generic, _repeat(ranking, fit, unseen, held))
     probability = max([*shares, *(p for p, _ in said)])
     findings = (*(f for f, _ in generic), *(f for p, f in said if p > 0.5))
-    return Remains(probability > 0.5, probability, findings, held, slowly, line, torque[0], structured)
+    return Remains(probability > 0.5, probability, findings, held, slowly, structured)
 
 
 def _shares(
