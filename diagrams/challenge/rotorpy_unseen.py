@@ -1,4 +1,4 @@
-"""The foreign kinds on which nothing of the diagnosis was set, written anew for the simulator `rotorpy`."""
+"""The foreign kinds of sets of their own, written anew for the simulator `rotorpy`."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The kinds that nothing was set on: the two forms of each law against each other, and closed forms."""
+"""The kinds of sets of their own: the two forms of each law against each other, and closed forms."""
 
 import numpy as np
 import pytest
