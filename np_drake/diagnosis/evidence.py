@@ -16,7 +16,7 @@ import numpy as np
 from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.grid import Grid, Onto, make_grid
+from np_drake.diagnosis.grid import STEP, Grid, Onto, make_grid
 from np_drake.diagnosis.linear_bayes import Gram
 from np_drake.diagnosis.motion import corrected_acceleration
 from np_drake.diagnosis.noise import NoiseModel
@@ -31,6 +31,11 @@ FORCE, TORQUE, WRENCH = slice(0, 3), slice(3, 6), slice(0, 6)
 POSITION, VELOCITY, ATTITUDE = slice(6, 9), slice(9, 12), slice(12, 15)
 SIZE = 15
 REGRESSOR_BAND = 8.0  # low-pass on accelerations that enter as regressors [Hz]; own choice
+LEAST = 3.0  # of a flight [s]; own choice
+SETTLING = 7.0  # time constants after which what rotors did before the log began is forgotten; own choice
+OFF = (
+    0.4  # of what hovering takes, by which rotors then give something else than the first command; own choice
+)
 
 
 @dc.dataclass(frozen=True)
@@ -158,17 +163,18 @@ def make_evidence(log: FlightLog, vehicle: Vehicle, step: float | None = None) -
 
     Raises: ValueError: if it is too short for a grid.
     """
-    if log.t[-1] - log.t[0] < 3.0:
+    if log.t[-1] - log.t[0] < LEAST:
         raise ValueError(
-            f"diagnose: {log.name} must last at least 3 s; got {log.t[-1] - log.t[0]:.3g} s. Give a longer flight."
+            f"diagnose: {log.name} must last at least {LEAST:g} s; got {log.t[-1] - log.t[0]:.3g} s. "
+            "Give a longer flight."
         )
     smooth, noise = smooth_attitude(log.t, log.q, log.w)
     q, turned = _attitude_for_force(log, smooth, vehicle.gravity)
-    grid = make_grid(log.t, step)
     rows, mids = _instants(log, smooth)
     thrust_rows, thrust_mids = Rotors(log, vehicle).thrust([])
-    from_rows, from_mids = Onto(grid, rows.t), Onto(grid, mids.t)
     force, others = _channels(log, vehicle, q, mids, thrust_rows, thrust_mids)
+    grid = make_grid(log.t[log.t >= _settled(log, vehicle, force[:, 2:], others[:, :3])], step)
+    from_rows, from_mids = Onto(grid, rows.t), Onto(grid, mids.t)
     y = np.concatenate([from_rows(force), from_mids(others)], axis=1)
     u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T
     f = u_mids[:, :1] if log.a is None else u_rows[:, :1]
@@ -178,6 +184,20 @@ def make_evidence(log: FlightLog, vehicle: Vehicle, step: float | None = None) -
     return Evidence(
         log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, none, none
     )
+
+
+def _settled(log: FlightLog, vehicle: Vehicle, thrust: np.ndarray, torque: np.ndarray) -> float:
+    """From when on rotors are known by their commands [s]; those that lag may not have held the first one until then.
+
+    thrust (n, 1) [N], torque (n-1, 3) [N·m]: what rotors that did would have missed.
+    """
+    lag = 0.0 if log.input == "rotor_speed" else vehicle.rotor_time_constant
+    first = int(np.sum(log.t[1:] <= log.t[0] + STEP))
+    missed = np.concatenate([thrust[:first].mean(axis=0), torque[:first].mean(axis=0)]) @ vehicle.unmixer.T
+    hover = 0.25 * vehicle.mass * vehicle.gravity
+    if np.sqrt(np.mean(missed**2)) < OFF * hover:
+        return float(log.t[0])
+    return float(min(log.t[0] + SETTLING * lag, log.t[-1] - LEAST))
 
 
 def _attitude_for_force(log: FlightLog, smooth: np.ndarray, gravity: float) -> tuple[np.ndarray, bool]:

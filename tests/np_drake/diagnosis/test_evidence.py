@@ -6,6 +6,7 @@ import pytest
 from np_drake import attitude
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.evidence import low_pass, make_evidence
+from np_drake.diagnosis.thrust import Rotors
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
@@ -48,6 +49,31 @@ def test_without_accelerations_a_change_of_velocity_meets_the_command_before_it(
     np.testing.assert_allclose(make_evidence(bare, VEHICLE).y, 0.0, atol=1e-9)
     swapped = dc.replace(bare, u=np.roll(bare.u, 1, axis=0))
     assert np.std(make_evidence(swapped, VEHICLE).y[INSIDE, 2]) > 0.5  # [N]
+
+
+@pytest.fixture
+def lagging():
+    """(vehicle, log): rotors that lag, and are called to hover in row 400."""
+    vehicle = dc.replace(VEHICLE, rotor_time_constant=0.04)
+    log = shaken()
+    log.u[:400, 0] = 9.0
+    f = Rotors(log, vehicle).thrust([])[0].sum(axis=1)
+    a = np.stack([0 * f, 0 * f, f / VEHICLE.mass - VEHICLE.gravity], axis=1)
+    return vehicle, dc.replace(log, a=a)
+
+
+def test_what_rotors_did_before_the_log_began_is_no_residual(lagging):
+    vehicle, log = lagging
+    cut = log.rows(400, 800)
+    dut = make_evidence(cut, vehicle)
+    assert dut.t[0] == pytest.approx(cut.t[0] + 7 * 0.04, abs=0.01)
+    np.testing.assert_allclose(dut.y[:, 2], 0.0, atol=0.02)  # [N], e^-7 of what was missed
+
+
+def test_a_log_that_begins_as_its_first_command_has_it_or_with_measured_rotors_is_kept_whole(lagging):
+    vehicle, log = lagging
+    for kept in (log, dc.replace(log.rows(400, 800), input="rotor_speed")):
+        assert make_evidence(kept, vehicle).t[0] == kept.t[0]
 
 
 def test_a_wrench_on_the_body_is_the_residual():
