@@ -15,6 +15,8 @@ from np_drake.effects.linear_drag import LinearDrag
 
 # By which axes differ from what they share, in its size: level ones, the upright one [1]; own choice.
 APART = np.array([0.3, 0.3, 1.0])
+SIZES = np.geomspace(0.01, 3.0, 60)  # that axes may share [N·s/m]; own choice
+SPREAD = 1.0  # of the size's logarithm about that of a usual drag [1]; own choice
 ROUNDS = 3  # of gusts from the drag and drag under the gusts
 WEAKEST = 1e-4  # level drag that feels anything [N·s/m]; own choice
 STEEPEST = 5.0  # by which the upright axis may feel gusts more, or less, than the level ones [1]; own choice
@@ -90,39 +92,47 @@ def _estimate(
     pieces: Sequence[_Piece], width: float, gusts: WindForce, d: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """(3,) drag and (3,) its deviation [N·s/m], beside a mean force in W; from the drag d (3,) that was known."""
-    cross, own, target = np.zeros((7, 7)), np.zeros((7, 7)), np.zeros(7)
+    cross, own, target = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
     deviation, time, white = gusts.figures
     steep = float(np.clip(abs(d[2]) / np.mean(d[:2]), 1 / STEEPEST, STEEPEST))
     for piece in pieces:
         for axis in range(3):
-            X = np.zeros((len(piece.force), 7))
+            X = np.zeros((len(piece.force), 6))
             X[:, :3], X[:, 3 + axis] = piece.columns[:, axis], float(piece.blown)
             gust = deviation * (steep if axis == 2 else 1.0) if piece.blown else 0.0
             root = factor(len(X), width, gust, time, white)
             both = linalg.solve_triangular(root, np.column_stack([X, piece.force[:, axis]]), lower=True)
-            instrument = both[:, :7] - (X - _known_before(X)) / np.diag(root)[:, None]
-            cross += instrument.T @ both[:, :7]
+            instrument = both[:, :6] - (X - _known_before(X)) / np.diag(root)[:, None]
+            cross += instrument.T @ both[:, :6]
             own += instrument.T @ instrument
-            target += instrument.T @ both[:, 7]
-    size = float(np.mean(d[:2]))
-    for _ in range(ROUNDS):
-        prior = _of_one_airframe(size)
-        solution = np.linalg.solve(cross + prior, target)
-        size = max(float(solution[6]), WEAKEST)
-    inverse = np.linalg.inv(cross + prior)
-    return solution[:3], np.sqrt(np.diag(inverse @ (own + prior) @ inverse.T))[:3]
+            target += instrument.T @ both[:, 6]
+    weighted = np.linalg.lstsq(own, np.column_stack([cross, target]), rcond=None)[0]
+    return _of_one_airframe(cross.T @ weighted[:, :6], cross.T @ weighted[:, 6])
+
+
+def _of_one_airframe(precision: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(3,) mean and (3,) deviation of three drags that share a size, of which `SIZES` are tried, beside a mean force.
+
+    precision (6, 6), target (6,): of the estimate that the data alone give, and times it.   Source: Bayes; a size of
+    which one is sought instead goes to none where data say little of level axes.
+    """
+    some, means, covariances = np.zeros(len(SIZES)), np.zeros((len(SIZES), 3)), np.zeros((len(SIZES), 3, 3))
+    for i, size in enumerate(SIZES):
+        prior, pull = np.zeros((6, 6)), np.zeros(6)
+        prior[:3, :3], pull[:3] = np.diag((APART * size) ** -2.0), size / (APART * size) ** 2
+        inverse = np.linalg.inv(precision + prior)
+        solution = inverse @ (target + pull)
+        means[i], covariances[i] = solution[:3], inverse[:3, :3]
+        some[i] = 0.5 * (np.linalg.slogdet(inverse)[1] + (target + pull) @ solution) - 3 * np.log(size)
+        some[i] -= 0.5 * (np.log(size / FIGURES[0].typical) / SPREAD) ** 2
+    weight = np.exp(some - some.max())
+    weight /= weight.sum()
+    mean = weight @ means
+    spread = weight @ (means - mean) ** 2
+    return mean, np.sqrt(weight @ np.diagonal(covariances, axis1=1, axis2=2) + spread)
 
 
 def _known_before(X: np.ndarray) -> np.ndarray:
     """(k, a) columns X (k, a) as the two rows before each foretell it, by the line through them."""
     early = X[:1].repeat(min(2, len(X)), axis=0)
     return np.concatenate([early, 2 * X[1:-1] - X[:-2]])[: len(X)]
-
-
-def _of_one_airframe(size: float) -> np.ndarray:
-    """(7, 7) precision of three drags about what they share, the seventh unknown, itself of usual size or as large."""
-    apart = np.zeros((3, 7))
-    apart[:, :3], apart[:, 6] = np.eye(3), -1.0
-    apart /= (APART * size)[:, None]
-    shared = np.diag([0.0] * 6 + [max(FIGURES[0].typical, size) ** -2])
-    return apart.T @ apart + shared

@@ -145,6 +145,15 @@ def test_an_axis_along_which_nothing_moves_is_like_the_other_level_one(flights):
         assert y.ci95[1] - y.ci95[0] > x.ci95[1] - x.ci95[0]
 
 
+def test_where_flights_hardly_show_the_drag_that_feels_gusts_it_is_a_usual_one_in_wide_intervals(flights):
+    true = np.array([0.4, 0.35, 0.3])
+    for seed in range(4):
+        drag = found(flights, np.random.default_rng(seed), (-0.1, -0.1, 0.3), D=true, effort=0.0, stiff=20.0)
+        assert drag is not None
+        assert np.all(np.abs(np.log(values_of(drag) / true)) < np.log(4.0))
+        assert all(low < d < high for d, (low, high) in zip(true, ends_of(drag), strict=True))
+
+
 def test_a_calm_of_no_bins_before_the_wind_tells_nothing(flights):
     begins = {"1": 0.05, "2": LATE}
     drag = found(flights, np.random.default_rng(6), begins=begins, early=True, effort=2.0)
