@@ -192,7 +192,7 @@ def _settled(log: FlightLog, vehicle: Vehicle, thrust: np.ndarray, torque: np.nd
     thrust (n, 1) [N], torque (n-1, 3) [N·m]: what rotors that did would have missed.
     """
     lag = 0.0 if log.input == "rotor_speed" else vehicle.rotor_time_constant
-    first = int(np.sum(log.t[1:] <= log.t[0] + STEP))
+    first = max(1, int(np.sum(log.t[1:] <= log.t[0] + STEP)))
     missed = np.concatenate([thrust[:first].mean(axis=0), torque[:first].mean(axis=0)]) @ vehicle.unmixer.T
     hover = 0.25 * vehicle.mass * vehicle.gravity
     if np.sqrt(np.mean(missed**2)) < OFF * hover:
