@@ -20,6 +20,7 @@ from np_drake.diagnosis.search import Model, Problem
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
 from np_drake.diagnosis.withdrawn import without_faint_shifts, without_unfelt
+from np_drake.effects.base import ActuatorEffect, SensorEffect
 
 # Of weight, in all flights, on a rig and in a laboratory [1]; own choice.
 LEAST_FORCE = {True: 0.006, False: 0.003}
@@ -29,7 +30,9 @@ EXACT = 0.3  # of that structure and torque, where logs come from a laboratory [
 CALIBRATED = 0.02  # of weight, below which mass and thrust are within what files are off by [1]
 MATERIAL_GAP = 0.10  # of the gap above the noise [1]
 LEAST_SHARE = 1e-5  # of it, less than what the causes beside it get wrong [1]; own choice: 0.3 % in size
+LEAST_FORCED = 1e-3  # the same beside a payload, which no pendulum is to more than 3 %; own choice
 SURE = {True: 0.5, False: 0.75}  # least probability of a name, on a rig and in a laboratory; own choice
+SEEN_AGAIN = 20.0  # log evidence that it brings to unseen flights, where a rig's will do; own choice
 MATERIAL_SENSOR = 1.5  # of the tolerance of that sensor [1]
 CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
 HURT = 2.0  # log evidence that an effect may cost on flights that it has not seen; own choice
@@ -52,16 +55,16 @@ class Size:
     gap: float
     sensor: float
 
-    def material(self, *, calibration: bool, sensor: bool, real: bool) -> bool:
-        """Does it matter?   real: to a rig, not to a laboratory."""
-        if self.gap < LEAST_SHARE:
+    def material(self, *, calibration: bool, sensor: bool, real: bool, least: float = LEAST_SHARE) -> bool:
+        """Does it matter?   real: to a rig, not to a laboratory.   least: of the gap."""
+        if self.gap < least:
             return False
         if calibration:
             return self.force >= CALIBRATED
         if sensor:
             return self.sensor >= MATERIAL_SENSOR
-        least = MATERIAL_TORQUE * (1.0 if real else EXACT)
-        strong = self.force >= LEAST_FORCE[real] or self.torque >= least
+        torque = MATERIAL_TORQUE * (1.0 if real else EXACT)
+        strong = self.force >= LEAST_FORCE[real] or self.torque >= torque
         return strong or self.gap >= MATERIAL_GAP
 
 
@@ -166,15 +169,16 @@ def causes_of(
         size = size_of(fit, i, flights, ranking.noise, ranking.tolerance, unseen)
         cause = _cause(ranking, fit, i, term, [*flights, *held_out], same, size, held)
         calibration = within_calibration(term, ranking.tolerance)
-        sensor = ranking.tolerance.of(term.effect.identifier) > 0
-        least = least_help(fit, i, flights, ranking.noise, drift)
-        confirmed = helps(fit, i, held_out, ranking.noise, held, drift) > least
+        sensor, real = ranking.tolerance.of(term.effect.identifier) > 0, ranking.tolerance.real
+        brought = helps(fit, i, held_out, ranking.noise, held, drift)
+        confirmed = brought > least_help(fit, i, flights, ranking.noise, drift)
         confirmed |= gusty and term.effect.identifier in GUSTY
-        material = size.material(calibration=calibration, sensor=sensor, real=ranking.tolerance.real)
+        material = size.material(
+            calibration=calibration, sensor=sensor, real=real, least=_least_share(fit, i)
+        )
         feels_gusts = gusty and term.effect.identifier == DRAG
         material |= feels_gusts
-        sure = cause.probability >= SURE[ranking.tolerance.real]
-        sure |= feels_gusts
+        sure = cause.probability >= SURE[real or brought > SEEN_AGAIN] or feels_gusts
         told = fit.tells(i) or feels_gusts
         stands_for = impossible(fit, i, flights[0].vehicle, gusty=gusty)
         if confirmed and material and sure and told and not stands_for:
@@ -182,6 +186,14 @@ def causes_of(
         else:
             minor.append(_minor(cause, size, confirmed, material, told, stands_for))
     return without_faint_shifts(*without_unfelt(causes, minor))
+
+
+def _least_share(fit: Fit, i: int) -> float:
+    """Of the gap, for term i to matter [1]. What sensors and clocks do, or a dead time, is unlike a payload's swing."""
+    effect = fit.terms[i].effect
+    timed = isinstance(effect, ActuatorEffect) and effect.dead_time > 0.0
+    beside = any(t.swings for j, t in enumerate(fit.terms) if j != i)
+    return LEAST_FORCED if beside and not (timed or isinstance(effect, SensorEffect)) else LEAST_SHARE
 
 
 def _minor(cause: Cause, size: Size, confirmed: bool, material: bool, told: bool, stands_for: str) -> Finding:

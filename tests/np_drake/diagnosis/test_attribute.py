@@ -3,13 +3,16 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake.diagnosis import attribute
 from np_drake.diagnosis.attribute import (
     HURT,
     LEAST_FORCE,
+    LEAST_FORCED,
     LEAST_SHARE,
     MATERIAL_GAP,
     MATERIAL_TORQUE,
     MISFIT,
+    SEEN_AGAIN,
     SURE,
     Size,
     alike,
@@ -27,6 +30,7 @@ from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term
 from np_drake.diagnosis.which import rank
 from np_drake.effects.accelerometer_bias import AccelerometerBias
+from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -220,14 +224,40 @@ def test_the_figures_of_a_payload_are_known_no_better_than_the_motion_that_drive
     assert np.diff(cause.parameters["hook_z"].ci95) >= 2 * 1.95 * ERROR[False]["hook"]
 
 
-@pytest.mark.parametrize(("share", "named"), [(SURE[False] + 0.05, True), (SURE[False] - 0.05, False)])
-def test_a_name_that_is_not_sure_is_minor(drag, share, named):
+@pytest.mark.parametrize(
+    ("probability", "brought", "named"),
+    [
+        (SURE[False] + 0.05, 0.9 * SEEN_AGAIN, True),
+        (SURE[False] - 0.05, 0.9 * SEEN_AGAIN, False),
+        (SURE[True] + 0.05, 1.1 * SEEN_AGAIN, True),
+        (SURE[True] - 0.05, 1e3, False),
+    ],
+)
+def test_a_name_that_is_not_sure_is_minor_unless_unseen_flights_bear_it_out(
+    drag, monkeypatch, probability, brought, named
+):
+    monkeypatch.setattr(attribute, "helps", lambda *_: brought)
+    monkeypatch.setattr(attribute, "least_help", lambda *_: 0.0)
     held = on_held_out(drag.fit, drag.unseen, drag.ranking.noise)
-    odds = (share / (TRUST - share)) ** (1 / TEMPER)
+    odds = (probability / (TRUST - probability)) ** (1 / TEMPER)
     doubted = dc.replace(drag.ranking, probability={"linear_drag": odds / (1 + odds)})
     causes, minor = causes_of(doubted, drag.fit, drag.flights, drag.unseen, held)
     assert ("linear_drag" in [c.identifier for c in causes]) is named
     assert any("not sure" in m.text for m in minor) is not named
+
+
+@pytest.mark.parametrize(("effect", "named"), [(WeakRotor(1, 0.9), False), (CommandDelay(0.02), True)])
+def test_beside_a_payload_a_trace_of_a_force_is_what_no_pendulum_has_and_one_of_a_delay_is_a_delay(
+    ranked, monkeypatch, effect, named
+):
+    case = ranked(SuspendedPayload(0.2, 0.6))
+    monkeypatch.setattr(attribute, "helps", lambda *_: 1e3)
+    monkeypatch.setattr(attribute, "size_of", lambda *_: Size(0.1, 0.1, 0.5 * LEAST_FORCED, 0.0))
+    fit = dc.replace(case.fit, terms=(*case.fit.terms, Term(effect)))
+    sure = dc.replace(case.ranking, probability={effect.identifier: 0.999, "suspended_payload": 0.999})
+    held = on_held_out(fit, case.unseen, case.ranking.noise)
+    named_ones = {c.identifier for c in causes_of(sure, fit, case.flights, case.unseen, held)[0]}
+    assert named_ones == {"suspended_payload", *([effect.identifier] if named else [])}
 
 
 def test_an_effect_may_cost_on_an_unseen_flight_a_share_of_what_it_brings(drag):
