@@ -33,9 +33,7 @@ SIZE = 15
 REGRESSOR_BAND = 8.0  # low-pass on accelerations that enter as regressors [Hz]; own choice
 LEAST = 3.0  # of a flight [s]; own choice
 SETTLING = 7.0  # time constants after which what rotors did before the log began is forgotten; own choice
-OFF = (
-    0.4  # of what hovering takes, by which rotors then give something else than the first command; own choice
-)
+OFF = 0.4  # of what hovering takes, by which rotors then give something else; own choice
 
 
 @dc.dataclass(frozen=True)
