@@ -13,6 +13,7 @@ from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.verdict import has_gap, headline, verdict_sentences
 
 TEMPLATE = "report.html.j2"
+SEEN = 1.05  # of the noise, below which a channel has no gap to speak of [1]; own choice
 
 
 def render(diagnosis: Diagnosis, figures: Mapping[str, bytes], *, seed: int = 0) -> str:
@@ -100,7 +101,8 @@ def _largest(channels: Sequence[ChannelGap]) -> str:
 
 def _channel_row(channel: ChannelGap) -> list[str]:
     figures = [words.number(v) for v in (channel.rms, channel.after, channel.noise_floor)]
-    return [channel.channel, channel.unit, *figures, words.percent(channel.explained)]
+    seen = channel.rms >= SEEN * channel.noise_floor
+    return [channel.channel, channel.unit, *figures, words.percent(channel.explained) if seen else "–"]
 
 
 def _judges(diagnosis: Diagnosis) -> list[tuple[str, str]]:

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from np_drake.diagnosis.answer import ChannelGap
+from np_drake.diagnosis.report.page import SEEN, content
 from np_drake.diagnosis.report.write import write_report
 
 HOSTILE = '<script>alert("x")</script>&$\\frac{$ 飞.csv'
@@ -67,6 +69,14 @@ def test_a_page_without_a_verdict_claims_nothing(diagnosis, tmp_path):
     assert "No verdict" in page
     assert "No replay was made" in page
     assert "Probability that" not in page
+
+
+@pytest.mark.parametrize(("before", "shown"), [(0.99 * SEEN, "–"), (1.01 * SEEN, "−50")])
+def test_where_a_channel_has_hardly_a_gap_no_share_of_it_is_explained(diagnosis, before, shown):
+    channel = ChannelGap("force y", "N", before, 1.0, before, -0.5)
+    dut = dc.replace(diagnosis, where=dc.replace(diagnosis.where, channels=(channel,)))
+    ((*_, explained),) = content(dut, 0)["channels"]
+    assert explained.startswith(shown)
 
 
 def test_hostile_names_are_text(diagnosis, tmp_path):
