@@ -16,6 +16,7 @@ from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.force_bins import blows
 from np_drake.diagnosis.gust_drag import drag_in_gusts, drag_trace
 from np_drake.diagnosis.gust_onset import GustOnset
+from np_drake.diagnosis.probability import DOUBTED
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.wind_statistics import WindForce, Z, wind_force
@@ -23,6 +24,7 @@ from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
 TINY = 1e-6  # drag that is none [N·s/m]
+STRONGEST = next(p.upper for p in GustyWind.parameters if p.name == "deviation")  # that a wind varies [m/s]
 UPWARD = 0.5  # usual mean of a wind upward: the ground is near [m/s]; own choice
 ROUGH = 2.0  # times as wide are intervals of gusts on a rig, of whose own wander they cannot quite be told; own choice
 
@@ -58,6 +60,9 @@ def as_gusts(
     if _too_strong(force, drag):
         return causes
     parameters = _statistics(flights, force, drag, tolerance)
+    if parameters["deviation"].value > STRONGEST:  # only a drag at the end of its interval makes a wind of it
+        probability = min(probability, DOUBTED)
+        drag = dc.replace(drag, probability=min(drag.probability, DOUBTED))
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
     gusts = Cause("gusty_wind", probability, parameters, onset, (), drag.share, effect)
     others = [c for c in causes if c.identifier not in GUSTY[1:]]
@@ -65,13 +70,9 @@ def as_gusts(
 
 
 def _too_strong(force: WindForce, drag: Cause) -> bool:
-    """Would the wind have to vary by more than one does, however large in its interval the drag that feels it is?
-
-    Source: own choice: the library's bound [m/s] on what gusts deviate by.
-    """
-    (deviation,) = (p for p in GustyWind.parameters if p.name == "deviation")
+    """Would the wind have to vary by more than one does, however large in its interval the drag that feels it is?"""
     most = np.mean([max(map(abs, drag.parameters[name].ci95)) for name in ("d_x", "d_y")])
-    return bool(force.deviation[0] > deviation.upper * most)
+    return bool(force.deviation[0] > STRONGEST * most)
 
 
 def _known(causes: Sequence[Cause], drag: Cause) -> dict[str, float | None]:

@@ -3,9 +3,11 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake.diagnosis import gusts as dut
 from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.attribute import HeldOut
 from np_drake.diagnosis.gusts import as_gusts, in_gusts
+from np_drake.diagnosis.probability import DOUBTED
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term
 from np_drake.effects.constant_wind import ConstantWind
@@ -116,6 +118,18 @@ def test_a_drag_that_was_found_too_weak_is_as_strong_as_it_is_under_the_gusts(bl
     assert drag.effect.values == {n: e.value for n, e in drag.parameters.items()}
     low, high = gusts.parameters["deviation"].ci95
     assert 1.0 < low < 1.5 < high < 2.2
+
+
+def test_gusts_that_only_the_end_of_the_drags_interval_makes_a_wind_are_doubted_with_it(blown, monkeypatch):
+    flights, _ = blown
+    found = [cause(LinearDrag(0.1, 0.1, 0.1))]
+    drag, wind = as_gusts(flights, felt_in(flights), found, 0.9, LABORATORY)
+    assert (drag.probability, wind.probability) == (found[0].probability, 0.9)
+    monkeypatch.setattr(dut, "STRONGEST", 0.95 * wind.parameters["deviation"].value)
+    drag, wind = as_gusts(flights, felt_in(flights), found, 0.9, LABORATORY)
+    assert (drag.probability, wind.probability) == (DOUBTED, DOUBTED)
+    monkeypatch.setattr(dut, "STRONGEST", 0.5 * wind.parameters["deviation"].value)
+    assert as_gusts(flights, felt_in(flights), found, 0.9, LABORATORY) == found
 
 
 @pytest.mark.parametrize("tolerance", [LABORATORY, Tolerance()])
