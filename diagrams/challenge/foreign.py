@@ -188,7 +188,7 @@ SEEN: dict[str, Draw] = {
     "wind_shear": _shear,
 }
 
-# In none of the usual sets. How sure a name is beside misfits, and that no drag pushes, was set with these in view.
+# In none of the usual sets. Some rules of the diagnosis were set with earlier sets of these in view.
 UNSEEN: dict[str, Draw] = {
     "lifted_cable": lambda rng, v: LiftedCable(log_uniform(rng, 0.005, 0.06) * v.mass),
     "doorway_draft": _draft,

@@ -24,7 +24,7 @@ from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
 TINY = 1e-6  # drag that is none [N·s/m]
-STRONGEST = next(p.upper for p in GustyWind.parameters if p.name == "deviation")  # that a wind varies [m/s]
+STRONGEST = next(p.upper for p in GustyWind.parameters if p.name == "deviation")  # of a wind [m/s]
 UPWARD = 0.5  # usual mean of a wind upward: the ground is near [m/s]; own choice
 ROUGH = 2.0  # times as wide are intervals of gusts on a rig, of whose own wander they cannot quite be told; own choice
 
