@@ -10,7 +10,7 @@ from diagrams.challenge.case import FILES, Case
 from diagrams.challenge.onset_bound import best_onset
 from np_drake.atomic_file import write_json
 from np_drake.diagnosis.collinear import collinear_effects
-from np_drake.diagnosis.evidence import make_evidence
+from np_drake.diagnosis.evidence import Evidence, make_evidence
 from np_drake.diagnosis.noise import fit_noise
 from np_drake.diagnosis.rig import tolerance_of
 from np_drake.diagnosis.signature import Term, signature
@@ -22,42 +22,37 @@ CHANNELS = tuple(
 )
 
 
-def collinear_class(case: Case, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]) -> list[list[str]]:
-    """Per effect the names that are physically the same in the training flights, its own first.
+@dc.dataclass(frozen=True)
+class Pair:
+    """The evidence of one flight as it is measured, and as it would be without noise, on the same grid."""
 
-    Whitened with what noise really left there (noisy less exact), so that nothing is solved for it.
-    """
-    training = [file for file in FILES[:-1] if file in noisy]
-    if not case.effects or case.draw.kind == "foreign":
-        return [[effect.identifier] for effect in case.effects]
-    flights = [make_evidence(dc.replace(noisy[f], name=f), case.vehicle) for f in training]
-    errors = [e.y - make_evidence(exact[f], case.vehicle).y for e, f in zip(flights, training, strict=True)]
-    noise = fit_noise(errors, flights[0].grid.step)
-    terms = [Term(effect, dict(case.onset)) for effect in case.effects]
-    tolerance = tolerance_of(flights)
-    return [
-        [effect.identifier, *collinear_effects(flights, terms, i, noise, tolerance)]
-        for i, effect in enumerate(case.effects)
-    ]
+    measured: Evidence
+    true: Evidence
+
+    @property
+    def errors(self) -> np.ndarray:
+        """(m, 15) what noise leaves to the true model."""
+        return self.measured.y - self.true.y
 
 
 def truth(case: Case, simulator: str, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]) -> dict:
     """The content of truth.json. exact, noisy: the logs by file, the same rows."""
-    held_out = FILES[-1]
-    residual, visibility = seen(case, exact[held_out], noisy[held_out])
+    flights = {file: pair_of(case, file, exact[file], noisy[file]) for file in FILES}
+    held_out = flights[FILES[-1]]
+    residual, visibility = seen(case, held_out)
     return {
         "effects": [
             {"effect": e.identifier, "parameters": parameters(e), "onset": case.onset} for e in case.effects
         ],
-        "class": collinear_class(case, exact, noisy),
+        "class": collinear_class(case, [flights[file] for file in FILES[:-1]]),
         "true_model_residual": dict(zip(CHANNELS, residual.tolist(), strict=True)),
         "parameters_residual": dict(
-            zip(CHANNELS, unforeseen(case, exact[held_out], residual).tolist(), strict=True)
+            zip(CHANNELS, unforeseen(case, held_out, residual).tolist(), strict=True)
         ),
-        "best_onset": {f: best for f in FILES if (best := knowable_onset(case, exact, noisy, f)) is not None},
+        "best_onset": {f: best for f in FILES if (best := knowable_onset(case, flights[f])) is not None},
         "visibility": visibility,
-        "visibility_in_training": {f: seen(case, exact[f], noisy[f])[1] for f in FILES[:-1]},
-        "visibility_of_each": own_visibility(case, exact[held_out], residual),
+        "visibility_in_training": {f: seen(case, flights[f])[1] for f in FILES[:-1]},
+        "visibility_of_each": own_visibility(case, held_out, residual),
         "simulator": simulator,
         "quality": case.quality.name,
         "kind": case.draw.kind,
@@ -69,52 +64,69 @@ def truth(case: Case, simulator: str, exact: dict[str, FlightLog], noisy: dict[s
     }
 
 
+def pair_of(case: Case, file: str, exact: FlightLog, noisy: FlightLog) -> Pair:
+    """Of a flight, named by its file: both from when on the measured one counts."""
+    measured = make_evidence(dc.replace(noisy, name=file), case.vehicle)
+    since = float(measured.t[0])
+    return Pair(measured, make_evidence(dc.replace(exact, name=file), case.vehicle, since=since))
+
+
 def parameters(effect: Effect) -> dict[str, Any]:
     """By name; of a foreign effect its fields."""
     return effect.values or dict(vars(effect))
 
 
-def seen(case: Case, exact: FlightLog, noisy: FlightLog) -> tuple[np.ndarray, float]:
+def collinear_class(case: Case, training: list[Pair]) -> list[list[str]]:
+    """Per effect the names that are physically the same in the training flights, its own first.
+
+    Whitened with what noise really left there, so that nothing is solved for it.
+    """
+    if not case.effects or case.draw.kind == "foreign":
+        return [[effect.identifier] for effect in case.effects]
+    flights = [pair.measured for pair in training]
+    noise = fit_noise([pair.errors for pair in training], flights[0].grid.step)
+    terms = [Term(effect, dict(case.onset)) for effect in case.effects]
+    tolerance = tolerance_of(flights)
+    return [
+        [effect.identifier, *collinear_effects(flights, terms, i, noise, tolerance)]
+        for i, effect in enumerate(case.effects)
+    ]
+
+
+def seen(case: Case, flight: Pair) -> tuple[np.ndarray, float]:
     """RMS (15,) that noise leaves to the true model, and visibility: the largest ratio of a channel's RMS to it.
 
     What the vehicle file is off by is no effect: it is taken out of the nominal residual.
     """
-    with_noise, without = (make_evidence(log, case.vehicle) for log in (noisy, exact))
-    noise = np.sqrt(np.mean((with_noise.y - without.y) ** 2, axis=0))
+    noise = np.sqrt(np.mean(flight.errors**2, axis=0))
     off = [Term(effect) for effect in case.quality.background(case.vehicle)]
-    total = np.sqrt(np.mean((with_noise.y - signature(without, off)) ** 2, axis=0))
+    total = np.sqrt(np.mean((flight.measured.y - signature(flight.true, off)) ** 2, axis=0))
     return noise, float(np.max(total / np.maximum(noise, 1e-12)))
 
 
-def unforeseen(case: Case, exact: FlightLog, noise: np.ndarray) -> np.ndarray:
+def unforeseen(case: Case, flight: Pair, noise: np.ndarray) -> np.ndarray:
     """RMS (15,) that the true parameters leave: noise, and gusts, of which they say how strong but not which."""
     if case.draw.kind == "foreign" or all(effect.foreseen is effect for effect in case.effects):
         return noise
-    evidence = make_evidence(dc.replace(exact, name=FILES[-1]), case.vehicle)
     known = [*case.quality.background(case.vehicle), *(e.foreseen for e in case.effects)]
-    left = evidence.y - signature(evidence, [Term(effect, dict(case.onset)) for effect in known])
+    left = flight.true.y - signature(flight.true, [Term(effect, dict(case.onset)) for effect in known])
     return np.sqrt(noise**2 + np.mean(left**2, axis=0))
 
 
-def knowable_onset(
-    case: Case, exact: dict[str, FlightLog], noisy: dict[str, FlightLog], file: str
-) -> float | None:
+def knowable_onset(case: Case, flight: Pair) -> float | None:
     """What `best_onset` reads from a flight [s]; None where nothing begins in it."""
+    file = flight.true.name
     onset = case.onset[file]
     if onset is None or case.draw.kind == "foreign":
         return None
-    measured, true = (
-        make_evidence(dc.replace(logs[file], name=file), case.vehicle) for logs in (noisy, exact)
-    )
-    errors = measured.y - true.y
     terms = [Term(effect, dict(case.onset)) for effect in case.effects_of(file)]
-    return best_onset(true, errors, terms, onset, fit_noise([errors], true.grid.step))
+    noise = fit_noise([flight.errors], flight.true.grid.step)
+    return best_onset(flight.true, flight.errors, terms, onset, noise)
 
 
-def own_visibility(case: Case, exact: FlightLog, noise: np.ndarray) -> list[float]:
+def own_visibility(case: Case, flight: Pair, noise: np.ndarray) -> list[float]:
     """Of every effect alone: the largest ratio of noise with its trace to noise; NaN for foreign ones."""
-    evidence = make_evidence(dc.replace(exact, name=FILES[-1]), case.vehicle)
-    effects = case.effects_of(FILES[-1])
+    evidence, effects = flight.true, case.effects_of(FILES[-1])
     if case.draw.kind == "foreign":
         return [float("nan")] * len(effects)
     terms = [Term(effect, dict(case.onset)) for effect in effects]

@@ -156,8 +156,13 @@ class Evidence:
         return np.concatenate([self.from_rows(at_rows), self.from_mids(at_mids)], axis=1)
 
 
-def make_evidence(log: FlightLog, vehicle: Vehicle, step: float | None = None) -> Evidence:
-    """Residuals of one flight.   step: of its grid, where flights are to share it; default: the log's own [s].
+def make_evidence(
+    log: FlightLog, vehicle: Vehicle, step: float | None = None, since: float | None = None
+) -> Evidence:
+    """Residuals of one flight.
+
+    step: of its grid, where flights are to share it; default: the log's own [s].
+    since: from when on it counts [s]; default: from when its rotors are known by their commands.
 
     Raises: ValueError: if it is too short for a grid.
     """
@@ -171,7 +176,8 @@ def make_evidence(log: FlightLog, vehicle: Vehicle, step: float | None = None) -
     rows, mids = _instants(log, smooth)
     thrust_rows, thrust_mids = Rotors(log, vehicle).thrust([])
     force, others = _channels(log, vehicle, q, mids, thrust_rows, thrust_mids)
-    grid = make_grid(log.t[log.t >= _settled(log, vehicle, force[:, 2:], others[:, :3])], step)
+    since = _settled(log, vehicle, force[:, 2:], others[:, :3]) if since is None else since
+    grid = make_grid(log.t[log.t >= since], step)
     from_rows, from_mids = Onto(grid, rows.t), Onto(grid, mids.t)
     y = np.concatenate([from_rows(force), from_mids(others)], axis=1)
     u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T

@@ -5,7 +5,7 @@ import pytest
 
 from diagrams.challenge.case import FILES, CaseDraw, draw_case
 from diagrams.challenge.make import fly_case
-from diagrams.challenge.truth import seen, unforeseen
+from diagrams.challenge.truth import pair_of, seen, unforeseen
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
@@ -18,13 +18,15 @@ def windy():
     case = draw_case(CaseDraw(0, "single", ("linear_drag",)), quality="clean", seed=3, seconds=5.0)
     gusts = GustyWind(2.0, 0.0, 0.0, 1.0, 1.0)
     case = dc.replace(case, effects=(gusts, LinearDrag(0.3, 0.3, 0.3)))
-    return case, *fly_case(case, "drake")
+    exact, noisy = fly_case(case, "drake")
+    return case, exact[HELD_OUT], noisy[HELD_OUT]
 
 
 def test_parameters_alone_do_not_tell_the_gusts(windy):
     case, exact, noisy = windy
-    noise, _ = seen(case, exact[HELD_OUT], noisy[HELD_OUT])
-    left = unforeseen(case, exact[HELD_OUT], noise)
+    flight = pair_of(case, HELD_OUT, exact, noisy)
+    noise, _ = seen(case, flight)
+    left = unforeseen(case, flight, noise)
     gusts = np.sqrt(left[:2] ** 2 - noise[:2] ** 2)
     assert np.all((gusts > 0.1) & (gusts < 0.9))  # 0.3 N·s/m of a meter a second: not the drag, nor the mean
     assert left[3:] == pytest.approx(noise[3:], rel=0.05)
@@ -33,5 +35,18 @@ def test_parameters_alone_do_not_tell_the_gusts(windy):
 def test_what_has_no_chance_in_it_leaves_noise_alone(windy):
     case, exact, noisy = windy
     steady = dc.replace(case, effects=case.effects[1:])
-    noise, _ = seen(case, exact[HELD_OUT], noisy[HELD_OUT])
-    assert unforeseen(steady, exact[HELD_OUT], noise) is noise
+    flight = pair_of(case, HELD_OUT, exact, noisy)
+    noise, _ = seen(case, flight)
+    assert unforeseen(steady, flight, noise) is noise
+
+
+def test_a_flight_that_counts_later_for_its_noise_is_compared_from_there(windy):
+    case, exact, noisy = windy
+    shaken = noisy.rows(0, len(noisy))
+    shaken.w[0] += 1.0  # [rad/s], as no rotors turn it in a row
+    flight = pair_of(case, HELD_OUT, exact, shaken)
+    assert flight.measured.t[0] > noisy.t[0]
+    assert flight.true.t == pytest.approx(flight.measured.t)
+    assert seen(case, flight)[0] == pytest.approx(
+        seen(case, pair_of(case, HELD_OUT, exact, noisy))[0], rel=0.2
+    )
