@@ -1,14 +1,14 @@
 """The drag that feels gusts: a vehicle yields to a gust, which least squares would take for less drag."""
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from scipy import linalg
 
 from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.force_bins import drags, factor, forces, instants, spans, width
+from np_drake.diagnosis.instruments import Block, instrumented
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.wind_statistics import Begins, WindForce, Z, wind_force
 from np_drake.effects.linear_drag import LinearDrag
@@ -35,9 +35,8 @@ def drag_in_gusts(
     Args:
         felt: by flight, (m, 15) what drag and wind together leave in it.
         begins: by flight, when the wind begins [s]; None: from the start.
-    Source: generalised least squares with instrumental variables. A gust changes the velocity within its own bin, so
-    that each bin's velocity is known from those before it; level axes share most of their size, as those of one
-    airframe do (own choice: `APART`; x and y of rotor drag 0.54 and 0.39 1/s, Faessler et al. 2018).
+    Source: `instruments`; level axes share most of their size, as those of one airframe do (own choice: `APART`; x and
+    y of rotor drag 0.54 and 0.39 1/s, Faessler et al. 2018).
     """
     found = np.array([drag.parameters[p.name].value for p in FIGURES])
     known = _feels(found)
@@ -92,7 +91,11 @@ def _estimate(
     pieces: Sequence[_Piece], width: float, gusts: WindForce, d: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """(3,) drag and (3,) its deviation [N·s/m], beside a mean force in W; from the drag d (3,) that was known."""
-    cross, own, target = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6)
+    return _of_one_airframe(*instrumented(_blocks(pieces, width, gusts, d)))
+
+
+def _blocks(pieces: Sequence[_Piece], width: float, gusts: WindForce, d: np.ndarray) -> Iterator[Block]:
+    """By piece and axis of W, drags and a mean force; along an axis gusts are as strong as its drag, of d (3,)."""
     deviation, time, white = gusts.figures
     steep = float(np.clip(abs(d[2]) / np.mean(d[:2]), 1 / STEEPEST, STEEPEST))
     for piece in pieces:
@@ -100,14 +103,7 @@ def _estimate(
             X = np.zeros((len(piece.force), 6))
             X[:, :3], X[:, 3 + axis] = piece.columns[:, axis], float(piece.blown)
             gust = deviation * (steep if axis == 2 else 1.0) if piece.blown else 0.0
-            root = factor(len(X), width, gust, time, white)
-            both = linalg.solve_triangular(root, np.column_stack([X, piece.force[:, axis]]), lower=True)
-            instrument = both[:, :6] - (X - _known_before(X)) / np.diag(root)[:, None]
-            cross += instrument.T @ both[:, :6]
-            own += instrument.T @ instrument
-            target += instrument.T @ both[:, 6]
-    weighted = np.linalg.lstsq(own, np.column_stack([cross, target]), rcond=None)[0]
-    return _of_one_airframe(cross.T @ weighted[:, :6], cross.T @ weighted[:, 6])
+            yield X, piece.force[:, axis], factor(len(X), width, gust, time, white)
 
 
 def _of_one_airframe(precision: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -130,9 +126,3 @@ def _of_one_airframe(precision: np.ndarray, target: np.ndarray) -> tuple[np.ndar
     mean = weight @ means
     spread = weight @ (means - mean) ** 2
     return mean, np.sqrt(weight @ np.diagonal(covariances, axis1=1, axis2=2) + spread)
-
-
-def _known_before(X: np.ndarray) -> np.ndarray:
-    """(k, a) columns X (k, a) as the two rows before each foretell it, by the line through them."""
-    early = X[:1].repeat(min(2, len(X)), axis=0)
-    return np.concatenate([early, 2 * X[1:-1] - X[:-2]])[: len(X)]

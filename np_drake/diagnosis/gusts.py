@@ -14,6 +14,7 @@ from np_drake.diagnosis.attribute import GUSTY, HeldOut
 from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.force_bins import blows
+from np_drake.diagnosis.friction import dry_friction
 from np_drake.diagnosis.gust_drag import drag_in_gusts, drag_trace
 from np_drake.diagnosis.gust_onset import GustOnset
 from np_drake.diagnosis.probability import DOUBTED
@@ -26,6 +27,7 @@ from np_drake.effects.linear_drag import LinearDrag
 TINY = 1e-6  # drag that is none [N·s/m]
 STRONGEST = next(p.upper for p in GustyWind.parameters if p.name == "deviation")  # of a wind [m/s]
 UPWARD = 0.5  # usual mean of a wind upward: the ground is near [m/s]; own choice
+RUBS, MAY_RUB = 2.0, 1.3  # deviations of a friction that gusts have not, and hardly have; own choice
 ROUGH = 2.0  # times as wide are intervals of gusts on a rig, of whose own wander they cannot quite be told; own choice
 
 
@@ -41,7 +43,8 @@ def as_gusts(
 
     felt: by flight, (m, 15) what drag and wind together leave in it: in those of which the figures are, and in unseen
     ones, in which the wind may begin as well. A steady wind among the causes becomes the mean of the gusts.
-    Gusts do not repeat: they explain no unseen flight. Stronger than a wind can be they are none.
+    Gusts do not repeat: they explain no unseen flight. Stronger than a wind can be they are none, nor where they rub
+    against the way over ground.
     """
     drag = next((c for c in causes if c.identifier == DRAG), None)
     if drag is None:
@@ -57,10 +60,12 @@ def as_gusts(
     assert isinstance(drag.effect, LinearDrag)
     left = {e.name: felt[e.name] - drag_trace(e, drag.effect, begun) for e in flights}
     force = wind_force(flights, left, onset)
-    if _too_strong(force, drag):
+    friction = dry_friction(flights, felt, onset, force)
+    if _too_strong(force, drag) or friction > RUBS:
         return causes
     parameters = _statistics(flights, force, drag, tolerance)
-    if parameters["deviation"].value > STRONGEST:  # only a drag at the end of its interval makes a wind of it
+    # Only a drag at the end of its interval makes a wind of what is so strong.
+    if parameters["deviation"].value > STRONGEST or friction > MAY_RUB:
         probability = min(probability, DOUBTED)
         drag = dc.replace(drag, probability=min(drag.probability, DOUBTED))
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})

@@ -1,0 +1,57 @@
+"""Laws of a force that knows which way the vehicle goes."""
+
+import numpy as np
+import pytest
+
+from np_drake import attitude
+from np_drake.diagnosis.friction import dry_friction
+from np_drake.diagnosis.gust_drag import drag_trace
+from np_drake.diagnosis.gusts import as_gusts
+from np_drake.diagnosis.probability import DOUBTED
+from np_drake.diagnosis.rig import LABORATORY
+from np_drake.diagnosis.wind_statistics import wind_force
+from np_drake.effects.linear_drag import LinearDrag
+from tests.np_drake.diagnosis.test_gust_drag import D, cause, yielding
+
+MEAN = np.array([0.8, -0.4, 0.0])
+
+
+def flown(seen, seed, *, friction=0.0, deviation=2.0):
+    """(flights, felt) of a vehicle that yields to gusts and rubs along with a force [N], to which it does not."""
+    rng, flights, felt = np.random.default_rng(seed), [], {}
+    for i in (1, 2):
+        e, left = yielding(
+            seen(name=str(i), seed=i, seconds=20.0), rng, MEAN, deviation=deviation, white=0.05
+        )
+        v = e.from_rows(e.rows.x[:, 7:10])
+        rubs = -friction * v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), 1e-9)
+        left[:, :3] += attitude.rotate_back(e.q, rubs)
+        flights.append(e)
+        felt[e.name] = left
+    return flights, felt
+
+
+def found(flights, felt):
+    left = {e.name: felt[e.name] - drag_trace(e, LinearDrag(*D), {}) for e in flights}
+    return dry_friction(flights, felt, {}, wind_force(flights, left, {}))
+
+
+def test_gusts_do_not_know_which_way_a_vehicle_goes_that_yields_to_them(seen):
+    values = [found(*flown(seen, seed)) for seed in range(8)]
+    assert max(values) < 1.3
+    assert np.mean(values) < 0.0
+
+
+@pytest.mark.parametrize(("deviation", "least"), [(0.2, 5.0), (1.0, 2.0)])
+def test_a_line_that_rubs_does(seen, deviation, least):
+    assert found(*flown(seen, 1, friction=0.5, deviation=deviation)) > least
+
+
+def test_what_rubs_is_no_gust_and_what_may_is_a_doubted_one(seen, monkeypatch):
+    flights, felt = flown(seen, 1)
+    for size, named, most in ((0.0, 2, 1.0), (1.5, 2, DOUBTED), (2.5, 1, 1.0)):
+        monkeypatch.setattr("np_drake.diagnosis.gusts.dry_friction", lambda *_, size=size: size)
+        causes = as_gusts(flights, felt, [cause(*D)], 0.95, LABORATORY)
+        assert len(causes) == named
+        assert max(c.probability for c in causes) <= most
+        assert (max(c.probability for c in causes) > DOUBTED) == (most > DOUBTED)
