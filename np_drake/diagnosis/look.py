@@ -32,6 +32,7 @@ MISFIT = {
 }  # on a rig and in a laboratory: what the true model leaves is less; own choice
 GUSTS = 1.5  # the same in gusts, which a tilted vehicle feels along its thrust; own choice
 NO_GUSTS = 2.0  # above which what is left there is none of theirs; own choice
+VAGUE = 0.375  # of a rate, half of its interval [1]; own choice, set on made flights
 CHANCE = 3.5  # deviations of white noise's RMS, within which it is chance in a short flight; own choice
 UPRIGHT = Finding(
     "upright", "a force along the thrust or a torque, which gusts, being level, do not have", 1.0, {}
@@ -95,8 +96,10 @@ def look(
         causes, idle = without_idle(causes, unseen, ranking.noise, left.held)
         causes = [dc.replace(c, probability=min(c.probability, BESIDE_UNKNOWN)) for c in causes]
         minor = [*minor, *idle]
-    elif misfits(ranking, left, gusty=gusty):
-        causes = [dc.replace(c, probability=min(c.probability, DOUBTED)) for c in causes]
+    else:
+        all_of_them = DOUBTED if misfits(ranking, left, gusty=gusty) else 1.0
+        most = [min(all_of_them, DOUBTED if wanders(c, ranking.tolerance) else 1.0) for c in causes]
+        causes = [dc.replace(c, probability=min(c.probability, p)) for c, p in zip(causes, most, strict=True)]
     return Look(flights, unseen, ranking, left, causes, minor, unknown, probability, gusty)
 
 
@@ -116,6 +119,14 @@ def misfits(ranking: Ranking, left: Remains, *, gusty: bool = False) -> bool:
     real, rows = ranking.tolerance.real, sum(int(some.sum()) for some in left.held.rows.values())
     limit = GUSTS if gusty else MISFIT[real]
     return bool(_left_beside(ranking, left, gusty=gusty) > max(limit, 1 + CHANCE / np.sqrt(2 * rows)))
+
+
+def wanders(cause: Cause, tolerance: Tolerance) -> bool:
+    """Is it a drift of thrust whose rate is hardly known, on a rig? What its sensors read wanders like that."""
+    rate = cause.parameters.get("rate")
+    if not tolerance.real or cause.identifier != "thrust_drift" or rate is None:
+        return False
+    return rate.ci95[1] - rate.ci95[0] > 2 * VAGUE * abs(rate.value)
 
 
 def _left_beside(ranking: Ranking, left: Remains, *, gusty: bool) -> float:

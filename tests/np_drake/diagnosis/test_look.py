@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis import look as dut_module
-from np_drake.diagnosis.answer import Finding
+from np_drake.diagnosis.answer import Cause, Estimate, Finding
 from np_drake.diagnosis.attribute import PROBABILITY
-from np_drake.diagnosis.look import look, misfits
+from np_drake.diagnosis.look import look, misfits, wanders
 from np_drake.diagnosis.probability import DOUBTED, TRUST
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term
@@ -195,3 +195,15 @@ def left_by(tolerance: Tolerance, ratio: tuple[float, ...], rows: int, *, swings
 )
 def test_what_is_more_than_noise_depends_on_what_sensors_and_chance_do(tolerance, ratio, rows, swings, found):
     assert misfits(*left_by(tolerance, ratio, rows, swings=swings)) is found  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("half", "real", "found"), [(0.003, True, False), (0.004, True, True), (0.004, False, False)]
+)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_on_a_rig_a_drift_of_thrust_that_is_hardly_known_may_be_what_its_sensors_do(half, real, found, sign):
+    rate = Estimate(sign * 0.01, "1/s", (sign * 0.01 - half, sign * 0.01 + half))
+    drift = Cause("thrust_drift", 0.97, {"rate": rate}, {})
+    tolerance = Tolerance() if real else LABORATORY
+    assert wanders(drift, tolerance) is found
+    assert not wanders(dc.replace(drift, identifier="mass_error"), tolerance)
