@@ -23,6 +23,14 @@ from diagrams.challenge.foreign_further import (
     Weathervane,
     WindShear,
 )
+from diagrams.challenge.foreign_newest import (
+    BentVane,
+    LosingSync,
+    OddPropeller,
+    PlatformEdge,
+    SprungLoad,
+    WinchTether,
+)
 from diagrams.challenge.foreign_unseen import (
     CreepingBlades,
     DoorwayDraft,
@@ -165,6 +173,31 @@ def _shaking(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
     return ShakingRotors(loss, load, rng.uniform(0.05, 0.1), rng.uniform(0.1, 0.6))
 
 
+def _winch(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    tension, anchor = log_uniform(rng, 0.03, 0.25) * _weight(vehicle), (*rng.uniform(-1.5, 1.5, 2), 0.0)
+    return WinchTether(tension, rng.uniform(0.1, 0.5), rng.uniform(0.05, 0.2), anchor)
+
+
+def _platform(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    course = rng.uniform(-np.pi, np.pi)
+    normal = (float(np.cos(course)), float(np.sin(course)), 0.0)
+    strength, reach, height = log_uniform(rng, 0.06, 0.4), rng.uniform(0.8, 2.0), rng.uniform(0.0, 0.3)
+    return PlatformEdge(strength, reach, height, normal, rng.uniform(-0.7, 0.7), rng.uniform(0.05, 0.3))
+
+
+def _vane(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    return BentVane(signed(rng, 0.3, 3.0) * vehicle.J[2, 2] / _weight(vehicle), rng.uniform(0.8, 2.5))
+
+
+def _sprung(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    return SprungLoad(log_uniform(rng, 0.8, 2.5), rng.uniform(0.02, 0.15), log_uniform(rng, 0.12, 0.5))
+
+
+def _sync(rng: np.random.Generator, vehicle: Vehicle) -> Effect:
+    loss, jump = log_uniform(rng, 0.05, 0.4), rng.uniform(0.015, 0.05)
+    return LosingSync(int(rng.integers(4)), loss, jump, rng.uniform(0.2, 0.6))
+
+
 SEEN: dict[str, Draw] = {
     "fan_jet": _fan_jet,
     "periodic_force": _periodic,
@@ -188,7 +221,8 @@ SEEN: dict[str, Draw] = {
     "wind_shear": _shear,
 }
 
-# In none of the usual sets. Some rules of the diagnosis were set with earlier sets of these in view.
+# In none of the usual sets. Some rules of the diagnosis were set with earlier sets of these in view, of the
+# last six with none.
 UNSEEN: dict[str, Draw] = {
     "lifted_cable": lambda rng, v: LiftedCable(log_uniform(rng, 0.005, 0.06) * v.mass),
     "doorway_draft": _draft,
@@ -204,6 +238,12 @@ UNSEEN: dict[str, Draw] = {
     "panel_flutter": _flutter,
     "shaking_rotors": _shaking,
     "soft_arms": lambda rng, v: SoftArms(signed(rng, 0.06, 0.5), rng.uniform(0.03, 0.2)),
+    "winch_tether": _winch,
+    "platform_edge": _platform,
+    "odd_propeller": lambda rng, v: OddPropeller(int(rng.integers(4)), signed(rng, 0.03, 0.3) * v.mass),
+    "bent_vane": _vane,
+    "sprung_load": _sprung,
+    "losing_sync": _sync,
 }
 FOREIGN = SEEN | UNSEEN
 

@@ -15,6 +15,7 @@ from diagrams.challenge.rotorpy_foreign import FOREIGN_LAWS, HIDDEN
 from diagrams.challenge.rotorpy_fresh import FRESH_HIDDEN, FRESH_LAWS
 from diagrams.challenge.rotorpy_further import FURTHER_LAWS
 from diagrams.challenge.rotorpy_laws import GAINS, LAWS, Acting, read
+from diagrams.challenge.rotorpy_newest import NEWEST_HIDDEN, NEWEST_LAWS
 from diagrams.challenge.rotorpy_readings import ERRORS, misread
 from diagrams.challenge.rotorpy_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
 from diagrams.challenge.rotorpy_vehicle import RealMultirotor
@@ -31,6 +32,7 @@ KNOWN = frozenset(
     [
         *(*_OWN_PLACE, *LAWS, *GAINS, *ERRORS),
         *(*FOREIGN_LAWS, *HIDDEN, *FURTHER_LAWS, *UNSEEN_LAWS, *UNSEEN_HIDDEN, *FRESH_LAWS, *FRESH_HIDDEN),
+        *(*NEWEST_LAWS, *NEWEST_HIDDEN),
     ]
 )
 

@@ -9,6 +9,7 @@ from diagrams.challenge.rotorpy_foreign import FOREIGN_LAWS, HIDDEN
 from diagrams.challenge.rotorpy_fresh import FRESH_HIDDEN, FRESH_LAWS
 from diagrams.challenge.rotorpy_further import FURTHER_LAWS
 from diagrams.challenge.rotorpy_laws import GAINS, LAWS, Acting, Instant, cross, cushion
+from diagrams.challenge.rotorpy_newest import NEWEST_HIDDEN, NEWEST_LAWS
 from diagrams.challenge.rotorpy_tether import Tether
 from diagrams.challenge.rotorpy_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
 from diagrams.challenge.rotorpy_wind import winds
@@ -35,11 +36,11 @@ class RealMultirotor(Multirotor):
         self._beside = bool(np.any(self.center))
         self.dead_time = sum(a.values["delay"] for a in acting if a.name == "command_delay")
         self._winds = winds(list(acting))
-        laws = LAWS | FOREIGN_LAWS | FURTHER_LAWS | UNSEEN_LAWS | FRESH_LAWS
+        laws = LAWS | FOREIGN_LAWS | FURTHER_LAWS | UNSEEN_LAWS | FRESH_LAWS | NEWEST_LAWS
         self._laws = [(laws[a.name], a.values) for a in acting if a.name in laws]
         self._gains = [(GAINS[a.name], a.values) for a in acting if a.name in GAINS]
         self._ground = [a.values for a in acting if a.name == "ground_effect"]
-        hidden = HIDDEN | UNSEEN_HIDDEN | FRESH_HIDDEN
+        hidden = HIDDEN | UNSEEN_HIDDEN | FRESH_HIDDEN | NEWEST_HIDDEN
         self._hidden = [hidden[a.name](vehicle, a.values) for a in acting if a.name in hidden]
         self._tether = next((Tether(a.values) for a in acting if a.name == "suspended_payload"), None)
         self._plain = not (self._laws or self._gains or self._ground or self._hidden or self._tether)

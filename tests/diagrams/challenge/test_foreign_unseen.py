@@ -22,7 +22,7 @@ LEVEL = np.eye(13)[3]  # at the origin, at rest
 
 
 def test_every_kind_has_its_two_forms():
-    assert len(UNSEEN) == 14
+    assert len(UNSEEN) == 20
     assert set(UNSEEN_LAWS) | set(UNSEEN_HIDDEN) == set(list(UNSEEN)[:8])
     assert not set(UNSEEN_LAWS) & set(UNSEEN_HIDDEN)
 
