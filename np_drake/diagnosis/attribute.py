@@ -35,7 +35,7 @@ SURE = {True: 0.5, False: 0.75}  # least probability of a name, on a rig and in 
 SEEN_AGAIN = 20.0  # log evidence that it brings to unseen flights, where a rig's will do; own choice
 MATERIAL_SENSOR = 1.5  # of the tolerance of that sensor [1]
 CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
-HURT = 2.0  # log evidence that an effect may cost on flights that it has not seen; own choice
+HURT = 2.0  # log evidence on flights that it has not seen, which says nothing of an effect; own choice
 MISFIT = 0.01  # and of what it brings to those of its fit [1]; own choice
 SAME = 3.5  # difference of log evidence below which two explanations are the same in these data
 MOST_LIKE = 2  # names beside a cause's own
@@ -174,7 +174,7 @@ def causes_of(
         confirmed = brought > least_help(fit, i, flights, ranking.noise, drift)
         confirmed |= gusty and term.effect.identifier in GUSTY
         material = size.material(
-            calibration=calibration, sensor=sensor, real=real, least=_least_share(fit, i)
+            calibration=calibration, sensor=sensor, real=real, least=_least_share(fit, i, brought)
         )
         feels_gusts = gusty and term.effect.identifier == DRAG
         material |= feels_gusts
@@ -188,12 +188,17 @@ def causes_of(
     return without_faint_shifts(*without_unfelt(causes, minor))
 
 
-def _least_share(fit: Fit, i: int) -> float:
-    """Of the gap, for term i to matter [1]. What sensors and clocks do, or a dead time, is unlike a payload's swing."""
+def _least_share(fit: Fit, i: int, brought: float) -> float:
+    """Of the gap, for term i to matter [1].   brought: log evidence that it brings to unseen flights.
+
+    What sensors and clocks do is unlike a payload's swing and may be fainter beside one than a force; and so may a dead
+    time that unseen flights bear out.
+    """
     effect = fit.terms[i].effect
     timed = isinstance(effect, ActuatorEffect) and effect.dead_time > 0.0
     beside = any(t.swings for j, t in enumerate(fit.terms) if j != i)
-    return LEAST_FORCED if beside and not (timed or isinstance(effect, SensorEffect)) else LEAST_SHARE
+    unlike = isinstance(effect, SensorEffect) or (timed and brought > HURT)
+    return LEAST_FORCED if beside and not unlike else LEAST_SHARE
 
 
 def _minor(cause: Cause, size: Size, confirmed: bool, material: bool, told: bool, stands_for: str) -> Finding:

@@ -32,6 +32,7 @@ TOGETHER = 25.0  # rows over which errors hang together where structure remains:
 MOST_MEASURED = 8  # effects that are named where rotor speed is measured: real rotors have many; own choice
 UNLIKELY = 0.01  # probability of a payload below which it is not sought again; own choice
 REFINED = 3  # models that are refined, with what is simpler than these
+FAINT = 0.1  # of the trace of all, below which a model is tried without an effect [1]; own choice
 GIVES_WAY = 4.0  # log evidence by which generic structure must beat the library's effects; own choice
 CLOSE = 12.0  # of the best's log evidence, below which a model is not worth it
 
@@ -176,7 +177,7 @@ def bare(problem: Problem, model: Model) -> Model:
 def simpler(problem: Problem, model: Model, fit: Fit) -> list[Model]:
     """The model without its faint effects, all and each: columns that are only linear may have asked for them.
 
-    Faint is an effect whose trace, whitened, is less than `INEXACT` of that of all: what linear columns get wrong. And
+    Faint is an effect whose trace, whitened, is less than `FAINT` of that of all: what linear columns get wrong. And
     one that shifts commands against states beside another that shifts them more: these are tried a third apart. And one
     of two or more whose figures may all be none: each may say what another does, or they take from each other.
     """
@@ -185,7 +186,7 @@ def simpler(problem: Problem, model: Model, fit: Fit) -> list[Model]:
     shifting = [i for i in model.members if problem.candidates[i].identifiers[0] in SHIFTING]
     lesser = sorted(shifting, key=lambda i: own[i])[:-1]
     named = [i for i in model.members if not problem.candidates[i].generic]
-    faint = [i for i in named if own[i] < INEXACT * whole or i in lesser]
+    faint = [i for i in named if own[i] < FAINT * whole or i in lesser]
     vague = [i for i in named if _vague(fit, problem.candidates[i].identifiers)]
     doubted = dict.fromkeys([*faint, *(vague if len(vague) > 1 else [])])
     dropped = dict.fromkeys([tuple(faint), *((i,) for i in doubted)])

@@ -246,13 +246,22 @@ def test_a_name_that_is_not_sure_is_minor_unless_unseen_flights_bear_it_out(
     assert any("not sure" in m.text for m in minor) is not named
 
 
-@pytest.mark.parametrize(("effect", "named"), [(WeakRotor(1, 0.9), False), (CommandDelay(0.02), True)])
-def test_beside_a_payload_a_trace_of_a_force_is_what_no_pendulum_has_and_one_of_a_delay_is_a_delay(
-    ranked, monkeypatch, effect, named
+@pytest.mark.parametrize(
+    ("effect", "brought", "named"),
+    [
+        (WeakRotor(1, 0.9), 1e3, False),
+        (CommandDelay(0.02), 1.5 * HURT, True),
+        (CommandDelay(0.02), 0.5 * HURT, False),
+        (GyroBias(0.1, 0.0, 0.0), 0.0, True),
+    ],
+)
+def test_beside_a_payload_a_trace_of_a_force_is_what_no_pendulum_has_one_of_a_delay_that_is_seen_again_a_delay(
+    ranked, monkeypatch, effect, brought, named
 ):
     case = ranked(SuspendedPayload(0.2, 0.6))
-    monkeypatch.setattr(attribute, "helps", lambda *_: 1e3)
-    monkeypatch.setattr(attribute, "size_of", lambda *_: Size(0.1, 0.1, 0.5 * LEAST_FORCED, 0.0))
+    monkeypatch.setattr(attribute, "helps", lambda *_: brought)
+    monkeypatch.setattr(attribute, "least_help", lambda *_: -1.0)
+    monkeypatch.setattr(attribute, "size_of", lambda *_: Size(0.1, 0.1, 0.5 * LEAST_FORCED, 9.0))
     fit = dc.replace(case.fit, terms=(*case.fit.terms, Term(effect)))
     sure = dc.replace(case.ranking, probability={effect.identifier: 0.999, "suspended_payload": 0.999})
     held = on_held_out(fit, case.unseen, case.ranking.noise)
