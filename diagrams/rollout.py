@@ -61,7 +61,7 @@ class Rollout:
         parts = split_effects(effects)
         hung = parts.payload if parts.payload is not None and parts.payload.mass > 0 else None
         self._payload = hung.payload if hung else None
-        config = payload_config(hung)
+        config = _as_light(payload_config(hung))
         self._stiffness = config.stiffness
         self._dead_time = sum(e.delay for e in parts.actuator if isinstance(e, CommandDelay))  # [s]
         actuators = [effect for effect in parts.actuator if _acts(effect)]
@@ -135,6 +135,12 @@ def _acts(effect: ActuatorEffect) -> bool:
 def _steady(effect: WrenchEffect) -> WrenchEffect:
     """Of a gusty wind its mean, for nobody knows the gusts of the flight."""
     return dc.replace(effect, deviation=0.0) if isinstance(effect, GustyWind) else effect
+
+
+def _as_light(payload: PayloadConfig) -> PayloadConfig:
+    """Its cable gives way and damps as the usual one under the usual payload: a light one would need tiny steps."""
+    share = min(payload.mass / PayloadConfig.mass, 1.0)
+    return dc.replace(payload, stiffness=share * payload.stiffness, damping=share * payload.damping)
 
 
 def _integrator(vehicle: Vehicle, payload: PayloadConfig, lags: Sequence[float]) -> SimulatorConfig:
