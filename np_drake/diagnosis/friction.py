@@ -20,6 +20,7 @@ def dry_friction(
     """A force of one size against the way over ground beside drag and gusts, in its deviations; above 0: there is one.
 
     The lesser of two: gusts bias the estimate without instruments away from friction, and the other not at all.
+    0 where nothing moves.
     felt: by flight, (m, 15) what drag and wind leave in it.   begins: by flight, when the wind begins [s].
     """
     blocks = list(_blocks(flights, felt, begins, gusts))
@@ -28,7 +29,8 @@ def dry_friction(
 
 def _against(precision: np.ndarray, target: np.ndarray) -> float:
     covariance = np.linalg.pinv(precision)
-    return float(-(covariance @ target)[FRICTION] / np.sqrt(covariance[FRICTION, FRICTION]))
+    variance = float(covariance[FRICTION, FRICTION])
+    return float(-(covariance @ target)[FRICTION]) / np.sqrt(variance) if variance > 0.0 else 0.0
 
 
 def _blocks(

@@ -1,5 +1,7 @@
 """Laws of a force that knows which way the vehicle goes."""
 
+import dataclasses as dc
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,13 @@ def test_gusts_do_not_know_which_way_a_vehicle_goes_that_yields_to_them(seen):
 @pytest.mark.parametrize(("deviation", "least"), [(0.2, 5.0), (1.0, 2.0)])
 def test_a_line_that_rubs_does(seen, deviation, least):
     assert found(*flown(seen, 1, friction=0.5, deviation=deviation)) > least
+
+
+def test_of_a_vehicle_that_stands_still_there_is_no_telling(seen):
+    flights, felt = flown(seen, 1)
+    still = [dc.replace(e, rows=dc.replace(e.rows, x=e.rows.x * (np.arange(13) < 7))) for e in flights]
+    left = wind_force(flights, felt, {})
+    assert dry_friction(still, felt, {}, left) == 0.0
 
 
 def test_what_rubs_is_no_gust_and_what_may_is_a_doubted_one(seen, monkeypatch):
