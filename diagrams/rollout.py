@@ -138,7 +138,10 @@ def _steady(effect: WrenchEffect) -> WrenchEffect:
 
 
 def _as_light(payload: PayloadConfig) -> PayloadConfig:
-    """Its cable gives way and damps as the usual one under the usual payload: a light one would need tiny steps."""
+    """Its cable gives way and damps as the usual one under the usual payload: a light one would need tiny steps.
+
+    Source: own choice: stiffness and damping over mass stay, and with them the stretch under its weight.
+    """
     share = min(payload.mass / PayloadConfig.mass, 1.0)
     return dc.replace(payload, stiffness=share * payload.stiffness, damping=share * payload.damping)
 

@@ -191,8 +191,7 @@ def causes_of(
 def _least_share(fit: Fit, i: int, brought: float) -> float:
     """Of the gap, for term i to matter [1].   brought: log evidence that it brings to unseen flights.
 
-    What sensors and clocks do is unlike a payload's swing and may be fainter beside one than a force; and so may a dead
-    time that unseen flights bear out.
+    Unlike a payload's swing, and so fainter beside it, are sensors, clocks, and dead times that unseen flights bear out.
     """
     effect = fit.terms[i].effect
     timed = isinstance(effect, ActuatorEffect) and effect.dead_time > 0.0

@@ -22,6 +22,7 @@ def dry_friction(
     The lesser of two: gusts bias the estimate without instruments away from friction, and the other not at all.
     0 where nothing moves.
     felt: by flight, (m, 15) what drag and wind leave in it.   begins: by flight, when the wind begins [s].
+    Source: `instruments`; that the friction has one size, whatever the speed: Coulomb's law.
     """
     blocks = list(_blocks(flights, felt, begins, gusts))
     return min(_against(*instrumented(blocks)), _against(*plain(blocks)))
