@@ -191,7 +191,7 @@ def causes_of(
 def _least_share(fit: Fit, i: int, brought: float) -> float:
     """Of the gap, for term i to matter [1].   brought: log evidence that it brings to unseen flights.
 
-    Unlike a payload's swing, and so fainter beside it, are sensors, clocks, and dead times that unseen flights bear out.
+    Unlike a payload's swing, so fainter beside it, are sensors, clocks, and dead times that unseen flights bear out.
     """
     effect = fit.terms[i].effect
     timed = isinstance(effect, ActuatorEffect) and effect.dead_time > 0.0
