@@ -14,7 +14,7 @@ from diagrams.challenge import rotorpy_extra
 from diagrams.challenge.case import FILES, NOISE, Case, CaseDraw, draw_case, opaque
 from diagrams.challenge.composition import compose
 from diagrams.challenge.quality import kept_rows, measured, rows_of
-from diagrams.challenge.truth import truth, write_truth
+from diagrams.challenge.truth import Pair, looks_like, pairs_of, truth, write_truth
 from diagrams.challenge.vehicles import vehicle_file
 from diagrams.failed_run import FailedRun
 from np_drake.atomic_file import write_text
@@ -74,16 +74,21 @@ def make(
 def make_case(
     draw: CaseDraw, out: Path, truth: Path, *, simulator: str, quality: str, seconds: float, seed: int
 ) -> int:
-    """Draws a case until its vehicle comes home, and writes it. Returns how many draws were lost."""
+    """Draws a case until its vehicle comes home and what is foreign shows as such, and writes it.
+
+    Returns: how many draws were lost.
+    """
     last: FailedRun | None = None
     for attempt in range(ATTEMPTS):
         case = draw_case(dc.replace(draw, attempt=attempt), quality=quality, seed=seed, seconds=seconds)
         try:
             exact, noisy = fly_case(case, simulator)
+            flights = pairs_of(case, exact, noisy)
+            require_foreign(case, flights)
         except FailedRun as error:
             last = error
             continue
-        write_case(case, simulator, exact, noisy, out, truth)
+        write_case(case, simulator, noisy, flights, out, truth)
         return attempt
     raise FailedRun(f"make: no draw of {draw.names} could be flown; the last: {last}")
 
@@ -109,17 +114,23 @@ def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str
     return exact, noisy
 
 
+def require_foreign(case: Case, flights: dict[str, Pair]) -> None:
+    """Raises FailedRun where an effect of the library leaves in the flights what the foreign one leaves there."""
+    if case.draw.kind == "foreign" and (names := looks_like(case, flights)):
+        raise FailedRun(f"make: {case.draw.names[0]} must be no {names[0]} where it is flown.")
+
+
 def write_case(
     case: Case,
     simulator: str,
-    exact: dict[str, FlightLog],
     noisy: dict[str, FlightLog],
+    flights: dict[str, Pair],
     out: Path,
     truth_folder: Path,
 ) -> None:
     """Both folders, each whole or not at all."""
     with whole_folder(truth_folder / case.name) as folder:
-        write_truth(truth(case, simulator, exact, noisy), folder)
+        write_truth(truth(case, simulator, flights), folder)
     with whole_folder(out / case.name) as folder:
         write_text(folder / "vehicle.yaml", vehicle_file(case.vehicle))
         for file in FILES:

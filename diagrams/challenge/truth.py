@@ -9,7 +9,7 @@ import numpy as np
 from diagrams.challenge.case import FILES, Case
 from diagrams.challenge.onset_bound import best_onset
 from np_drake.atomic_file import write_json
-from np_drake.diagnosis.collinear import collinear_effects
+from np_drake.diagnosis.collinear import collinear_effects, effects_of_trace
 from np_drake.diagnosis.evidence import Evidence, make_evidence
 from np_drake.diagnosis.noise import fit_noise
 from np_drake.diagnosis.rig import tolerance_of
@@ -17,6 +17,7 @@ from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.base import Effect
 from np_drake.logs.flight_log import FlightLog
 
+NO_GAP = 1.1  # visibility below which what is left is no gap [1]; own choice, that of the score's shrink
 CHANNELS = tuple(
     f"{kind}_{axis}" for kind in ("force", "torque", "velocity", "acceleration", "rate") for axis in "xyz"
 )
@@ -35,9 +36,13 @@ class Pair:
         return self.measured.y - self.true.y
 
 
-def truth(case: Case, simulator: str, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]) -> dict:
-    """The content of truth.json. exact, noisy: the logs by file, the same rows."""
-    flights = {file: pair_of(case, file, exact[file], noisy[file]) for file in FILES}
+def pairs_of(case: Case, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]) -> dict[str, Pair]:
+    """By file. exact, noisy: the logs by file, the same rows."""
+    return {file: pair_of(case, file, exact[file], noisy[file]) for file in FILES}
+
+
+def truth(case: Case, simulator: str, flights: dict[str, Pair]) -> dict:
+    """The content of truth.json. flights: by file."""
     held_out = flights[FILES[-1]]
     residual, visibility = seen(case, held_out)
     return {
@@ -69,6 +74,20 @@ def pair_of(case: Case, file: str, exact: FlightLog, noisy: FlightLog) -> Pair:
     measured = make_evidence(dc.replace(noisy, name=file), case.vehicle)
     since = float(measured.t[0])
     return Pair(measured, make_evidence(dc.replace(exact, name=file), case.vehicle, since=since))
+
+
+def looks_like(case: Case, flights: dict[str, Pair]) -> list[str]:
+    """Effects of the library that leave, in all flights, what the foreign effect of a case leaves there.
+
+    As a ceiling does whose lift is even above a height, of vehicles that stay there: it is a mass. What the nearest
+    effect does not take is of a visibility below `NO_GAP`, were all of it in one channel.
+    """
+    off = [Term(effect) for effect in case.quality.background(case.vehicle)]
+    measured = [pair.measured for pair in flights.values()]
+    trace = {pair.true.name: pair.true.y - signature(pair.true, off) for pair in flights.values()}
+    noise = fit_noise([pair.errors for pair in flights.values()], measured[0].grid.step)
+    rows = sum(len(y) for y in trace.values())
+    return effects_of_trace(measured, trace, noise, tolerance_of(measured), (NO_GAP**2 - 1.0) * rows)
 
 
 def parameters(effect: Effect) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Which effects are physically the same in given data: by collinearity of their traces, before anything is solved."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -37,24 +37,50 @@ def collinear_effects(
     mass, thrust and sensors free within their tolerance, it comes within `DISTANCE`.
     """
     rest = [t for j, t in enumerate(terms) if j != i]
-    own = {e.name: signature(e, terms) - signature(e, rest) for e in flights}
-    target = np.concatenate([noise.whiten(own[e.name]).ravel() for e in flights])
-    drifting = wander(flights, tolerance)
-    nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]
+    trace = {e.name: signature(e, terms) - signature(e, rest) for e in flights}
     onset: Onset = {n: t for n, t in terms[i].onset.items() if t is not None and t != NEVER}
-    plain = library_candidates(flights, onset or None)
-    plain += _mirror_images(flights, terms[i], onset)
-    options = [*plain, *wind_candidates(flights, plain, onset), *payload_candidates(flights, LENGTHS, onset)]
-    own_name, others = terms[i].effect.identifier, {t.effect.identifier for t in rest}
-    fixed = _columns(flights, nuisance, noise)
+    options = [*_options(flights, onset), *_mirror_images(flights, terms[i], onset)]
+    known = {t.effect.identifier for t in terms}
+    options = [option for option in options if option.identifiers[-1] not in known]
+    return _same(flights, trace, options, noise, tolerance)
+
+
+def effects_of_trace(
+    flights: Sequence[Evidence],
+    trace: Mapping[str, np.ndarray],
+    noise: NoiseModel,
+    tolerance: Tolerance,
+    within: float = DISTANCE,
+) -> list[str]:
+    """Effects of the library that come within this squared distance of a trace in these flights, the nearest first.
+
+    trace: by flight, (m, 15) in the channels of `Evidence`.   Returns: none where mass, thrust and sensors within
+    their tolerance come as near by themselves.
+    """
+    if _Distance(flights, trace, noise, tolerance).to([]) < within:
+        return []
+    return _same(flights, trace, _options(flights, {}), noise, tolerance, within)
+
+
+def _same(
+    flights: Sequence[Evidence],
+    trace: Mapping[str, np.ndarray],
+    options: Sequence[Candidate],
+    noise: NoiseModel,
+    tolerance: Tolerance,
+    within: float = DISTANCE,
+) -> list[str]:
+    distance = _Distance(flights, trace, noise, tolerance)
     found: dict[str, float] = {}
     for option in options:
         name = option.identifiers[-1]
-        if name == own_name or name in others:
-            continue
-        distance = _distance(np.hstack([fixed, _columns(flights, [option], noise)]), target)
-        found[name] = min(distance, found.get(name, np.inf))
-    return sorted((n for n, d in found.items() if d < DISTANCE), key=lambda n: found[n])
+        found[name] = min(distance.to([option]), found.get(name, np.inf))
+    return sorted((n for n, d in found.items() if d < within), key=lambda n: found[n])
+
+
+def _options(flights: Sequence[Evidence], onset: Onset) -> list[Candidate]:
+    plain = library_candidates(flights, onset or None)
+    return [*plain, *wind_candidates(flights, plain, onset), *payload_candidates(flights, LENGTHS, onset)]
 
 
 def _mirror_images(flights: Sequence[Evidence], term: Term, onset: dict) -> list[Candidate]:
@@ -73,16 +99,30 @@ def _mirror_images(flights: Sequence[Evidence], term: Term, onset: dict) -> list
     ]
 
 
-def _columns(flights: Sequence[Evidence], candidates, noise: NoiseModel) -> np.ndarray:
-    parts = []
-    for e in flights:
-        X = noise.whiten(np.concatenate([c.columns[e.name] for c in candidates], axis=-1))
-        parts.append(X.reshape(-1, X.shape[-1]))
-    return np.concatenate(parts)
+class _Distance:
+    """Squared whitened distance of a trace from what candidates can leave beside what the rig tolerates."""
 
+    def __init__(
+        self,
+        flights: Sequence[Evidence],
+        trace: Mapping[str, np.ndarray],
+        noise: NoiseModel,
+        tolerance: Tolerance,
+    ) -> None:
+        self._flights, self._noise = flights, noise
+        self._target = np.concatenate([noise.whiten(trace[e.name]).ravel() for e in flights])
+        drifting = wander(flights, tolerance)
+        self._fixed = self._columns([*calibration(flights, tolerance), *([drifting] if drifting else [])])
 
-def _distance(X: np.ndarray, target: np.ndarray) -> float:
-    """min |target - X c|² + |c|²: leaving the prior costs as well."""
-    A = X.T @ X + np.eye(X.shape[1])
-    b = X.T @ target
-    return float(target @ target - b @ np.linalg.solve(A, b))
+    def to(self, candidates: Sequence[Candidate]) -> float:
+        """min |target - X c|² + |c|²: leaving the prior costs as well."""
+        X = np.hstack([self._fixed, self._columns(candidates)]) if candidates else self._fixed
+        b = X.T @ self._target
+        return float(self._target @ self._target - b @ np.linalg.solve(X.T @ X + np.eye(X.shape[1]), b))
+
+    def _columns(self, candidates: Sequence[Candidate]) -> np.ndarray:
+        parts = []
+        for e in self._flights:
+            X = self._noise.whiten(np.concatenate([c.columns[e.name] for c in candidates], axis=-1))
+            parts.append(X.reshape(-1, X.shape[-1]))
+        return np.concatenate(parts)

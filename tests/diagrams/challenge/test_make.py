@@ -107,6 +107,15 @@ def test_a_lost_vehicle_is_drawn_again_and_counted(tmp_path, monkeypatch):
     assert len(list(out.iterdir())) == 1
 
 
+def test_what_is_foreign_in_name_alone_is_drawn_again(tmp_path, monkeypatch):
+    answers = iter([["mass_error"], []])
+    monkeypatch.setattr(module, "looks_like", lambda *_: next(answers))
+    for folder in ("cases", "truth"):
+        (tmp_path / folder).mkdir()
+    draw = CaseDraw(0, "foreign", ("ceiling_effect",))
+    assert make_case(draw, tmp_path / "cases", tmp_path / "truth", **OPTIONS) == 1
+
+
 def test_a_case_that_cannot_be_flown_leaves_nothing_behind(tmp_path, monkeypatch):
     def lost(case, simulator):
         raise FailedRun("lost")

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from diagrams.challenge.case import FILES, CaseDraw, draw_case
+from diagrams.challenge.foreign_further import CeilingEffect
 from diagrams.challenge.make import fly_case
-from diagrams.challenge.truth import pair_of, seen, unforeseen
+from diagrams.challenge.truth import looks_like, pair_of, pairs_of, seen, unforeseen
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
@@ -50,3 +51,11 @@ def test_a_flight_that_counts_later_for_its_noise_is_compared_from_there(windy):
     assert seen(case, flight)[0] == pytest.approx(
         seen(case, pair_of(case, HELD_OUT, exact, noisy))[0], rel=0.2
     )
+
+
+@pytest.mark.parametrize(("height", "names"), [(0.0, "mass_error"), (2.5, None)])
+def test_a_ceiling_is_a_mass_to_vehicles_that_stay_above_it(height, names):
+    case = draw_case(CaseDraw(0, "foreign", ("ceiling_effect",)), quality="clean", seed=3, seconds=5.0)
+    case = dc.replace(case, effects=(CeilingEffect(0.2, 0.5, height),))
+    found = looks_like(case, pairs_of(case, *fly_case(case, "drake")))
+    assert (names in found) if names else not found

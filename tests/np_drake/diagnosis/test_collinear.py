@@ -1,8 +1,8 @@
 import pytest
 
-from np_drake.diagnosis.collinear import collinear_effects
+from np_drake.diagnosis.collinear import collinear_effects, effects_of_trace
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
-from np_drake.diagnosis.signature import Term
+from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias
@@ -50,3 +50,15 @@ def test_what_a_rig_may_be_off_by_can_stand_in_for_an_effect(seen, noise):
     slight = GyroBias(0.005, 0.0, 0.0)
     strict, loose = (same_as(seen, noise, slight, tolerance=t) for t in (LABORATORY, Tolerance()))
     assert len(loose) > len(strict)
+
+
+def test_of_a_trace_the_effect_that_left_it_is_found(seen, noise):
+    flight = seen(name="a", seed=1, noise=1.0, seconds=8.0)
+    trace = {"a": signature(flight, [Term(LinearDrag(0.1, 0.1, 0.1))])}
+    assert "linear_drag" in effects_of_trace([flight], trace, noise, LABORATORY)
+
+
+def test_of_what_is_lost_in_noise_no_effect_is_found(seen, noise):
+    flight = seen(name="a", seed=1, noise=1.0, seconds=8.0)
+    faint = {"a": signature(flight, [Term(LinearDrag(1e-6, 1e-6, 1e-6))])}
+    assert effects_of_trace([flight], faint, noise, LABORATORY) == []
