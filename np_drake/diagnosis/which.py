@@ -178,8 +178,9 @@ def simpler(problem: Problem, model: Model, fit: Fit) -> list[Model]:
     """The model without its faint effects, all and each: columns that are only linear may have asked for them.
 
     Faint is an effect whose trace, whitened, is less than `FAINT` of that of all: what linear columns get wrong. And
-    one that shifts commands against states beside another that shifts them more: these are tried a third apart. And one
-    of two or more whose figures may all be none: each may say what another does, or they take from each other.
+    one that shifts commands against states beside another that shifts them more: these are tried a third apart, and all
+    of them, as a lag that is shorter than the vehicle file's and a delay may stand for that lag. And one of two or
+    more whose figures may all be none: each may say what another does, or they take from each other.
     """
     own = {i: _trace(fit, problem.candidates[i].identifiers, problem) for i in model.members}
     whole = _trace(fit, None, problem)
@@ -189,7 +190,7 @@ def simpler(problem: Problem, model: Model, fit: Fit) -> list[Model]:
     faint = [i for i in named if own[i] < FAINT * whole or i in lesser]
     vague = [i for i in named if _vague(fit, problem.candidates[i].identifiers)]
     doubted = dict.fromkeys([*faint, *(vague if len(vague) > 1 else [])])
-    dropped = dict.fromkeys([tuple(faint), *((i,) for i in doubted)])
+    dropped = dict.fromkeys([tuple(faint), tuple(shifting if lesser else []), *((i,) for i in doubted)])
     kept = [tuple(i for i in model.members if i not in some) for some in dropped if some]
     kept = [members for members in kept if members]
     return [Model(members, problem.score(members)) for members in kept]
