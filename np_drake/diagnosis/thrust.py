@@ -11,6 +11,7 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 SUBSTEPS = 4  # of the log's interval; own choice
+FROM_MEANS = (11 / 6, -7 / 6, 1 / 3)  # of the steps before an instant: of a parabola with these means its value there
 
 
 class Rotors:
@@ -55,7 +56,7 @@ class Rotors:
         row = self._row
         if not kinks:
             return thrust[row]
-        return 1.5 * thrust[np.maximum(row - 1, 0)] - 0.5 * thrust[np.maximum(row - 2, 0)]
+        return sum(c * thrust[np.maximum(row - k, 0)] for k, c in enumerate(FROM_MEANS, start=1))
 
     def _mean(self, thrust: np.ndarray) -> np.ndarray:
         """(n-1, 4) between rows."""

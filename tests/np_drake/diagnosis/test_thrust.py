@@ -88,7 +88,16 @@ def test_a_lag_answers_a_step_as_an_exponential_of_rotor_speed():
     np.testing.assert_allclose(mids[20:, 0], expected, atol=1e-5)  # Simpson's rule on a quarter of a row [N]
     np.testing.assert_allclose(mids[:20], low, atol=1e-9)
     at_rows = (s1 + (s0 - s1) * e) ** 2
-    np.testing.assert_allclose(rows[20:59, 0], at_rows, atol=5e-3)  # continued over a quarter of a row [N]
+    np.testing.assert_allclose(rows[20:59, 0], at_rows, atol=1e-3)  # continued over a quarter of a row [N]
+
+
+def test_rotors_that_swing_from_row_to_row_have_at_every_row_the_thrust_of_their_speed():
+    f, T = np.tile([[0.1], [9.0]], (30, 4)), 0.02
+    rows, _ = Rotors(log_of(f), VEHICLE).thrust([MotorLag(T)])
+    speed, target = np.sqrt(f[0, 0]), np.sqrt(f[:, 0])
+    for k in range(1, len(f)):
+        speed = target[k - 1] + (speed - target[k - 1]) * np.exp(-STEP / T)
+        assert rows[k] == pytest.approx(speed**2, abs=3e-3 * f.max())
 
 
 def test_the_vehicles_own_lag_acts_unless_an_effect_brings_one():
