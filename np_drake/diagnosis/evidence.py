@@ -4,6 +4,7 @@ Channels, all in body axes:
     0-2   force   m s - thrust, s = R^T (a + g): specific force [N]
     3-5   torque  J dw/dt + w x J w - torque of the command [N·m]
     6-8   dp/dt - v [m/s]      9-11  dv/dt - a [m/s²]      12-14  rate of q - w [rad/s]
+a is that at a row, dv/dt the mean until the next: by what thrust changes in between (`after_rows`) they may differ.
 Derivatives are differences over the interval between two rows, over which exactly one command acts: no command is
 mixed with the next, and a log without accelerations needs no other path.
 """
@@ -216,6 +217,11 @@ def _attitude_for_force(log: FlightLog, smooth: np.ndarray, gravity: float) -> t
     return (log.q if turned else smooth), bool(turned)
 
 
+def after_rows(f_rows: np.ndarray, f_mids: np.ndarray) -> np.ndarray:
+    """(n-1,) by how much thrust in the mean until the next row exceeds that at a row; f_rows (n,), f_mids (n-1,)."""
+    return f_mids - f_rows[:-1]
+
+
 def low_pass(values: np.ndarray, step: float, band: float) -> np.ndarray:
     """(n, m) zero-phase second-order low-pass [Hz]; as it is where the band is beyond the rate."""
     if band >= 0.45 / step or len(values) < 20:
@@ -255,6 +261,7 @@ def _channels(log, vehicle, q, mids, thrust_rows, thrust_mids) -> tuple[np.ndarr
         s = attitude.rotate_back(q, log.a + g)
         f = (thrust_rows @ vehicle.mixer.T)[:, 0]
         e_a = from_v - s[:-1]
+        e_a[:, 2] -= after_rows(f, u_mids[:, 0]) / vehicle.mass
     force = vehicle.mass * s
     force[:, 2] -= f
     w = mids.x[:, 10:13]

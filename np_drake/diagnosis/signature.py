@@ -83,6 +83,8 @@ def signature(evidence: Evidence, terms: Sequence[Term], stages: Stages | None =
     key = (turning, sum(s.clock_shift for s in sensors))
     thrust = stages.once("thrust", key, partial(_thrust, evidence, terms))
     added = stages.once("actuators", key, partial(_actuators, evidence, thrust))
+    if evidence.log.a is not None and any(key):
+        y[:, ev.VELOCITY] += stages.once("after rows", key, partial(_after_rows, evidence, thrust))
     if pushing:
         moving = (key, sensors, blowing)
         motions = stages.once("motions", moving, partial(_motions, evidence, thrust, blowing))
@@ -136,6 +138,16 @@ def _actuators(evidence: Evidence, thrust: Thrust) -> np.ndarray:
     force = np.zeros((len(du_force), 3))
     force[:, 2] = du_force[:, 0]
     return evidence.on_grid(force, du_mids[:, 1:])
+
+
+def _after_rows(evidence: Evidence, thrust: Thrust) -> np.ndarray:
+    """(m, 3) what actual thrust changes between rows, over what nominal thrust does: dv/dt - a in body axes [m/s²]."""
+    rows, mids = (
+        f @ evidence.vehicle.mixer.T[:, 0]
+        for f in (thrust[0] - evidence.thrust_rows, thrust[1] - evidence.thrust_mids)
+    )
+    s_z = evidence.from_mids(ev.after_rows(rows, mids) / evidence.vehicle.mass)
+    return s_z[:, None] * [0.0, 0.0, 1.0]
 
 
 def _ahead(evidence: Evidence, thrust: Thrust) -> np.ndarray:

@@ -11,7 +11,11 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 SUBSTEPS = 4  # of the log's interval; own choice
-FROM_MEANS = (11 / 6, -7 / 6, 1 / 3)  # of the steps before an instant: of a parabola with these means its value there
+FROM_MEANS = (
+    11 / 6,
+    -7 / 6,
+    1 / 3,
+)  # of the steps before an instant: of a parabola with these means its value there
 
 
 class Rotors:

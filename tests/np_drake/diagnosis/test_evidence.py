@@ -6,7 +6,9 @@ import pytest
 from np_drake import attitude
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.evidence import low_pass, make_evidence
+from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.thrust import Rotors
+from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
@@ -60,6 +62,31 @@ def lagging():
     f = Rotors(log, vehicle).thrust([])[0].sum(axis=1)
     a = np.stack([0 * f, 0 * f, f / VEHICLE.mass - VEHICLE.gravity], axis=1)
     return vehicle, dc.replace(log, a=a)
+
+
+@pytest.fixture
+def between():
+    """(vehicle, log): rotors that lag, whose thrust changes from row to row and between rows."""
+    vehicle = dc.replace(VEHICLE, rotor_time_constant=0.04)
+    log = shaken()
+    at, until = (f.sum(axis=1) / vehicle.mass - vehicle.gravity for f in Rotors(log, vehicle).thrust([]))
+    a, v = np.zeros((2, len(log), 3))
+    a[:, 2], v[1:, 2] = at, 0.01 * np.cumsum(until)
+    p = np.concatenate([np.zeros((1, 3)), 0.005 * np.cumsum(v[1:] + v[:-1], axis=0)])
+    return vehicle, dc.replace(log, a=a, v=v, p=p)
+
+
+def test_what_thrust_changes_until_the_next_row_is_no_disagreement_of_accelerometer_and_velocity(between):
+    vehicle, log = between
+    np.testing.assert_allclose(make_evidence(log, vehicle).y, 0.0, atol=1e-9)
+
+
+def test_what_a_lag_changes_until_the_next_row_is_in_its_trace(between):
+    vehicle, log = between
+    dut = make_evidence(log, VEHICLE)
+    assert np.std(dut.y[:, 11]) > 0.02  # [m/s²]
+    trace = signature(dut, [Term(MotorLag(vehicle.rotor_time_constant))])
+    np.testing.assert_allclose(dut.y, trace, atol=1e-9)
 
 
 def test_what_rotors_did_before_the_log_began_is_no_residual(lagging):
