@@ -8,6 +8,7 @@ import numpy as np
 
 from diagrams.challenge.case import FILES, Case
 from diagrams.challenge.onset_bound import best_onset
+from diagrams.challenge.score_shrink import VISIBLE as NO_GAP
 from np_drake.atomic_file import write_json
 from np_drake.diagnosis.collinear import collinear_effects, effects_of_trace
 from np_drake.diagnosis.evidence import Evidence, make_evidence
@@ -17,7 +18,6 @@ from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.base import Effect
 from np_drake.logs.flight_log import FlightLog
 
-NO_GAP = 1.1  # visibility below which what is left is no gap [1]; own choice, that of the score's shrink
 CHANNELS = tuple(
     f"{kind}_{axis}" for kind in ("force", "torque", "velocity", "acceleration", "rate") for axis in "xyz"
 )

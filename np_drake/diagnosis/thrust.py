@@ -11,11 +11,8 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 SUBSTEPS = 4  # of the log's interval; own choice
-FROM_MEANS = (
-    11 / 6,
-    -7 / 6,
-    1 / 3,
-)  # of the steps before an instant: of a parabola with these means its value there
+# Of the steps before an instant, the last first: the value there of a parabola with these means; closed form.
+FROM_MEANS = (11 / 6, -7 / 6, 1 / 3)
 
 
 class Rotors:
@@ -56,7 +53,7 @@ class Rotors:
         return self._at_rows(thrust, kinks=lag > 0), self._mean(thrust)
 
     def _at_rows(self, thrust: np.ndarray, *, kinks: bool) -> np.ndarray:
-        """(n, 4); where the rotors lag, thrust has no jump at a row, but a kink."""
+        """(n, 4) [N]; where the rotors lag, thrust has no jump at a row, but a kink: it is continued from before."""
         row = self._row
         if not kinks:
             return thrust[row]
