@@ -204,7 +204,7 @@ def wind_candidates(
 
 def gated(candidate: Candidate, flights: Sequence[Evidence], onset: Onset) -> Candidate:
     """The candidate from its onsets on (not for hidden states, which begin anew)."""
-    columns = {e.name: candidate.columns[e.name] * e.begun(onset.get(e.name))[:, :, None] for e in flights}
+    columns = {e.name: candidate.columns[e.name] * e.begun(onset.get(e.name))[..., None] for e in flights}
 
     def terms(c: np.ndarray) -> list[Term]:
         return [dc.replace(term, onset=onset) for term in candidate.terms(c)]

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.grid import STEP, Grid, Onto, make_grid
+from np_drake.diagnosis.grid import STEP, TAPS, Grid, Onto, make_grid, to_grid
 from np_drake.diagnosis.linear_bayes import Gram
 from np_drake.diagnosis.motion import corrected_acceleration
 from np_drake.diagnosis.noise import NoiseModel
@@ -133,10 +133,25 @@ class Evidence:
         return np.cross(self.w, self.w @ self.vehicle.J.T)
 
     def begun(self, onset: float | None) -> np.ndarray:
-        """(m, 1) one from the onset on [s], on the grid: smeared as its low-pass smears a step."""
+        """(m, 15) one from the onset on [s], on the grid: smeared as its low-pass smears a step of each channel."""
         if onset is None or not np.isfinite(onset):
-            return np.full((len(self.t), 1), float(onset is None))
-        return self.from_rows((self.rows.t >= onset - 1e-9).astype(float))[:, None]
+            return np.full((len(self.t), SIZE), float(onset is None))
+        force, others = (
+            to((instants.t >= onset - 1e-9).astype(float))
+            for to, instants in ((self.from_rows, self.rows), (self.from_mids, self.mids))
+        )
+        return _by_channel(force, others)
+
+    def rise(self) -> np.ndarray:
+        """(2 k + 1, 15) how a step at the middle one of so many rows shows on them, where the log's are even."""
+        fine, middle = self.grid.fine, len(self.grid) // 2
+        half = min(TAPS if self.grid.factor > 1 else 1, middle - 1)
+        mids = fine + 0.5 * (fine[1] - fine[0])
+        force, others = (
+            to_grid(self.grid, t, (t >= self.t[middle] - 1e-9).astype(float))
+            for t in (mids if self.log.a is None else fine, mids)
+        )
+        return _by_channel(force, others)[middle - half : middle + half + 1]
 
     def bridged(self, values: np.ndarray) -> np.ndarray:
         """(m, ...) channels or columns without shocks."""
@@ -215,6 +230,11 @@ def _attitude_for_force(log: FlightLog, smooth: np.ndarray, gravity: float) -> t
     ]
     turned = roughness[0] < roughness[1]
     return (log.q if turned else smooth), bool(turned)
+
+
+def _by_channel(force: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(m, 15) of what holds for the channels of force (m,) and for those measured between rows (m,)."""
+    return np.repeat(np.stack([force, others], axis=1), [3, SIZE - 3], axis=1)
 
 
 def after_rows(f_rows: np.ndarray, f_mids: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.evidence import FORCE, Evidence
 from np_drake.effects.pendulum import across, swing_many
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def specific_pull(
     at_grid = np.concatenate([middle[:1], 0.5 * (middle[1:] + middle[:-1]), middle[-1:]])
     if onset is None:
         return at_grid @ evidence.R_WB
-    begun = evidence.begun(onset)[:, :, None]
+    begun = evidence.begun(onset)[:, None, FORCE]
     held = np.concatenate([np.repeat(at_grid[:1], first, axis=0), at_grid])
     return begun * (held @ evidence.R_WB)
 

@@ -6,8 +6,7 @@ Whitening of slow noise turns a step into a spike: the rows about an onset tell 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.grid import TAPS, Grid, to_grid
+from np_drake.diagnosis.evidence import SIZE, Evidence
 from np_drake.diagnosis.noise import NoiseModel
 
 Sums = tuple[np.ndarray, np.ndarray, np.ndarray]  # X'X (n, k, k), X'B (n, k, b), X'y (n, k)
@@ -26,7 +25,7 @@ class LateColumns:
         self._e, self._noise, self._scale = evidence, noise, scale
         self._order = noise.phi.shape[1]
         self.t = evidence.t[self._order :]
-        self._rise = rise(evidence.grid)
+        self._rise = evidence.rise()
         both = np.concatenate([beside, target[..., None]], axis=-1)
         active, half, m = np.flatnonzero(noise.active), len(self._rise) // 2, len(self.t)
         driven = self._driven(active, evidence.bridged(both[:, active]))
@@ -58,10 +57,10 @@ class LateColumns:
         """Of the columns (m', 15, k), each time switched on at one of the whitened rows (n,), as the grid smears it."""
         half, order, m = len(self._rise) // 2, self._order, len(self.t)
         offsets = np.arange(-half - order, half + order + 1)
-        gate = np.concatenate([np.zeros(order), self._rise, np.ones(order)])
+        gate = np.concatenate([np.zeros((order, SIZE)), self._rise, np.ones((order, SIZE))])
         at = np.clip(rows + order + offsets[:, None], 0, len(X) - 1)
         channels = self._channels(X)
-        late = self._e.bridged(X[:, channels])[at] * gate[:, None, None, None]
+        late = self._e.bridged(X[:, channels])[at] * gate[:, None, channels, None]
         own = self._driven(channels, np.moveaxis(late, 2, 1))
         row = rows - half + np.arange(self._near)[:, None]
         own = np.where(((row >= 0) & (row < m))[..., None], own, 0.0).transpose(0, 2, 3, 1)
@@ -96,11 +95,3 @@ def _taken(windows: np.ndarray, rows: np.ndarray) -> np.ndarray:
     if len(steps) != 1 or steps[0] <= 0:
         return windows[rows]
     return windows[rows[0] : rows[-1] + 1 : steps[0]]
-
-
-def rise(grid: Grid) -> np.ndarray:
-    """(2 k + 1,) how a step at the middle one shows on rows of the grid."""
-    middle = len(grid) // 2
-    half = min(TAPS if grid.factor > 1 else 1, middle - 1)
-    step = to_grid(grid, grid.fine, (grid.fine >= grid.t[middle] - 1e-9).astype(float))
-    return step[middle - half : middle + half + 1]

@@ -208,7 +208,7 @@ def _through_mass(
     out = added
     for onset in onsets:
         now = [t.effect for t in acting if (t.begins(evidence.name) or -NEVER) <= onset]
-        begun = evidence.begun(None if onset == -NEVER else onset)
+        begun = evidence.begun(None if onset == -NEVER else onset)[:, ev.WRENCH]
         out = begun * _moved(evidence, now, added, ahead) + (1 - begun) * out
     return out
 

@@ -192,6 +192,15 @@ def test_an_onset_in_a_flight_leaves_the_trace_of_that_onset(seen, effect):
     assert size(left[outside][:, ev.WRENCH]) < share * size(dut.y[:, ev.WRENCH])
 
 
+@pytest.mark.parametrize("accelerations", [True, False])
+@pytest.mark.parametrize("at", [5.0, 5.01], ids=["on the grid", "between"])
+def test_what_begins_at_a_row_turns_the_vehicle_from_the_interval_after_it_on(seen, accelerations, at):
+    effect = CenterOfMassOffset(0.012, 0.007, 0.006)
+    dut = seen(effect, onset={effect.identifier: at}, accelerations=accelerations)
+    left = dut.y - signature(dut, [Term(effect, {dut.name: at})])
+    assert size(left[:, ev.TORQUE]) < 1e-3 * size(dut.y[:, ev.TORQUE])
+
+
 def test_two_onsets_of_actuators_are_switched_in_one_after_the_other(flown):
     terms = [Term(ThrustScale(0.9), {flown.name: 3.0}), Term(CommandDelay(0.05), {flown.name: 6.0})]
     found = signature(flown, terms)
