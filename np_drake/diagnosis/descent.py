@@ -13,6 +13,7 @@ from np_drake.diagnosis.rig import Tolerance, calibration_terms
 from np_drake.diagnosis.search import Model, Problem
 from np_drake.diagnosis.signature import Term, signature
 
+ITERATIONS = 6
 AGAIN = 3  # times that a descent with a hidden swing is begun anew; own choice
 
 
@@ -22,7 +23,7 @@ def refit(
     tolerance: Tolerance,
     known: Fit | None,
     noise: NoiseModel | None = None,
-    iterations: int = 6,
+    iterations: int = ITERATIONS,
 ) -> Fit:
     """A model's figures; where a fit of the same effects is known, from there.
 
@@ -51,9 +52,9 @@ def first_fit(problem: Problem, model: Model, tolerance: Tolerance, iterations: 
 
 
 def rested(problem: Problem, model: Model, tolerance: Tolerance, fit: Fit, noise: NoiseModel) -> Fit:
-    """The fit, where a swing is hidden in it, begun anew until it gains no more."""
+    """The fit, where a swing is hidden in it, begun anew until it gains no more; `fit`: a `refit` with this noise."""
     for _ in range(AGAIN if any(t.swings for t in fit.terms) else 0):
-        before, fit = fit, refit(problem, model, tolerance, fit, noise)
+        before, fit = fit, _descend(problem, model, tolerance, list(fit.terms), noise, ITERATIONS)
         if fit.log_evidence < before.log_evidence + 1.0:
             return max(before, fit, key=lambda f: f.log_evidence)
     return fit

@@ -8,6 +8,7 @@ import numpy as np
 from np_drake.diagnosis.answer import Cause, Finding
 from np_drake.diagnosis.attribute import GUSTY, PROBABILITY, causes_of, misfit
 from np_drake.diagnosis.candidates import DRAG
+from np_drake.diagnosis.close_call import told_by_unseen
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.felt import with_drag
 from np_drake.diagnosis.gusts import as_gusts, in_gusts
@@ -65,6 +66,8 @@ def look(
     ranking = rank(flights, tolerance=tolerance, before=before)
     fit, flights = ranking.fits[0], ranking.problem.flights
     unseen = [without_shocks(ranking.named.everything, e, ranking.noise) for e in unseen]
+    ranking = told_by_unseen(ranking, unseen)
+    fit = ranking.fits[0]
     left = remains(ranking, fit, flights, unseen)
     tied = _gusty(left) and _knows_its_place(ranking, left, flights, unseen)
     if tied:

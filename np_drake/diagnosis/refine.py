@@ -36,7 +36,7 @@ class Generic:
 class Fit:
     """A fitted model. covariance (k, k) of `free` in physical units; loss: whitened sum of squares on its flights;
 
-    wander (m, 15) by flight: of its sensors and of what is generic.
+    wander (m, 15) by flight: of its sensors and of what is generic.   unseen: what unseen flights add to its evidence.
     """
 
     terms: tuple[Term, ...]
@@ -50,6 +50,7 @@ class Fit:
     wander: dict[str, np.ndarray] = dc.field(default_factory=dict)
     generic: tuple[Generic, ...] = ()
     onset_prior: float = 0.0
+    unseen: float = 0.0
 
     def left(self, e: Evidence) -> np.ndarray:
         """(m, 15) what the model leaves of a flight, shocks apart; of a fitted one, without its sensors' own wander."""

@@ -89,6 +89,13 @@ def rank(
     )
 
 
+def of_fits(ranking: Ranking, fits: Sequence[Fit]) -> Ranking:
+    """The ranking of its own fits as they are scored now; for rankings without generic structure in the best."""
+    fits = sorted(fits, key=precedence)
+    probability = _probabilities(ranking.problem, ranking.models, fits)
+    return dc.replace(ranking, fits=tuple(fits), named=of_like_size(fits[0]), probability=probability)
+
+
 def _refined(
     problem: Problem, models: Sequence[Model], tolerance: Tolerance, best: Fit, noise: NoiseModel
 ) -> dict[Model, Fit]:
@@ -220,12 +227,13 @@ def _trace(fit: Fit, names: tuple[str, ...] | None, problem: Problem) -> float:
 
 def precedence(fit: Fit) -> float:
     """The least goes first: the best score, but generic structure gives way to effects that are nearly as good."""
-    return -_score(fit) + (GIVES_WAY if fit.generic else 0.0)
+    return -score_of(fit) + (GIVES_WAY if fit.generic else 0.0)
 
 
-def _score(fit: Fit) -> float:
+def score_of(fit: Fit) -> float:
+    """Log evidence with the priors of its effects and onsets, and what unseen flights said, where they were asked."""
     prior = prior_of(names_of_fit(fit)) + sum(g.candidate.log_prior for g in fit.generic)
-    return fit.log_evidence + prior + fit.onset_prior
+    return fit.log_evidence + prior + fit.onset_prior + fit.unseen
 
 
 def _distinct(problem: Problem, models: Sequence[Model]) -> list[Model]:
@@ -249,9 +257,10 @@ def names_of_fit(fit: Fit) -> tuple[str, ...]:
 
 def _probabilities(problem: Problem, models: Sequence[Model], fits: Sequence[Fit]) -> dict[str, float]:
     """Of every effect: the share of the models that hold it, each with its (refined, where it is) evidence."""
-    refined = {names_of_fit(f): _score(f) for f in sorted(fits, key=_score)}
+    refined = {names_of_fit(f): score_of(f) for f in sorted(fits, key=score_of)}
     linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}
-    shift = max(refined.values()) - max(linear[n] for n in refined if n in linear)
+    of_fitted = max(score_of(f) - f.unseen for f in fits)
+    shift = of_fitted - max(linear[n] for n in refined if n in linear)
     scores = {n: s + min(shift, 0.0) for n, s in linear.items()} | refined
     top = max(scores.values())
     weight = {n: np.exp(s - top) for n, s in scores.items()}

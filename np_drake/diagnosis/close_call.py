@@ -1,0 +1,73 @@
+"""Models between which the fitted flights hardly decide: those that no fit has seen are asked as well."""
+
+import dataclasses as dc
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import logsumexp
+
+from np_drake.diagnosis.attribute import HeldOut, drift_of, on_held_out
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.held_out import known_onset_profile
+from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.onset import ABSENT, ANOTHER
+from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.signature import NEVER, Term, signature
+from np_drake.diagnosis.which import Ranking, names_of_fit, of_fits, score_of
+
+CLOSE = 5.0  # log evidence within which flights hardly decide; own choice
+
+
+def told_by_unseen(ranking: Ranking, unseen: Sequence[Evidence]) -> Ranking:
+    """The ranking, its best models in the order that fitted and unseen flights give them together.
+
+    Asked are models that name something else, and what is simpler, none among it; not those that name more: what
+    fitted flights hardly show would be named for anything that unseen ones show (`second_look`). A payload's swing is
+    fitted to unseen flights, and structure that is no effect is not carried over to them: then none is asked.
+    Source: own choice: what a model predicts of unseen flights is evidence like any other.
+    """
+    best = ranking.fits[0]
+    near = [f for f in ranking.fits if score_of(f) > score_of(best) - CLOSE]
+    close = [f for f in near if f is best or not _names(best) < _names(f)]
+    rivals = any(not _names(f) < _names(best) for f in close if f is not best)
+    if not rivals or any(f.generic or any(t.swings for t in f.terms) for f in close):
+        return ranking
+    tolerance, noise = ranking.tolerance, ranking.noise
+    drift = {e.name: drift_of([e], noise, tolerance).get(e.name) for e in unseen}
+    said = [sum(_log_likelihood(f, e, noise, drift[e.name]) for e in unseen) for f in close]
+    asked = {id(f): dc.replace(f, unseen=s - said[0]) for f, s in zip(close, said, strict=True)}
+    return of_fits(ranking, [asked.get(id(f), f) for f in ranking.fits])
+
+
+def _names(fit: Fit) -> set[str]:
+    return set(names_of_fit(fit))
+
+
+def _log_likelihood(fit: Fit, e: Evidence, noise: NoiseModel, drift: np.ndarray | None) -> float:
+    """Of an unseen flight, but for a constant, whatever its own sensors (columns `drift`) are off by."""
+    held = on_held_out(fit, [e], noise)
+    counted = held.rows[e.name][noise.phi.shape[1] :]
+    left = e.white(noise, held.left[e.name])[counted].ravel()
+    loss = float(left @ left)
+    if drift is not None:
+        D = drift[counted].reshape(len(left), -1)
+        factor = np.linalg.cholesky(D.T @ D + np.eye(D.shape[1]))
+        loss -= float(np.sum(np.linalg.solve(factor, D.T @ left) ** 2))
+    return -0.5 * loss + sum(_onset_prior(held.terms[e.name], at, e, noise) for at in _onsets(held, e))
+
+
+def _onsets(held: HeldOut, e: Evidence) -> set[float]:
+    """Those that were sought in it, each once (a wind begins with its drag)."""
+    return {begin for t in held.terms[e.name] if (begin := t.begins(e.name)) is not None}
+
+
+def _onset_prior(terms: Sequence[Term], at: float, e: Evidence, noise: NoiseModel) -> float:
+    """Log prior of what begins at this instant, of an instant as wide as its peak; of what does not begin at all."""
+    if at == NEVER:
+        return ABSENT
+    rest = signature(e, [t for t in terms if t.begins(e.name) != at])
+    always = [dc.replace(t, onset={}) if t.begins(e.name) == at else t for t in terms]
+    _, profile = known_onset_profile(e, noise, e.y - rest, signature(e, always) - rest)
+    inside = profile[1:-1]
+    return ANOTHER + float(logsumexp(inside) - inside.max() - math.log(len(inside)))

@@ -1,0 +1,75 @@
+import dataclasses as dc
+
+import pytest
+
+from np_drake.diagnosis.close_call import CLOSE, told_by_unseen
+from np_drake.diagnosis.signature import Term
+from np_drake.diagnosis.which import names_of_fit, rank, score_of
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.quadratic_drag import QuadraticDrag
+from np_drake.effects.suspended_payload import SuspendedPayload
+
+FAINT = LinearDrag(0.05, 0.05, 0.05)
+SLOW, FAST = 0.5, 1.5  # vigour
+
+
+@pytest.fixture(scope="module")
+def flight(seen):
+    def look(name: str, seed: int, vigour: float, effect: LinearDrag = FAINT):
+        return seen(effect, name=name, seed=seed, noise=1.0, seconds=10.0, vigour=vigour)
+
+    return look
+
+
+@pytest.fixture(scope="module")
+def slow(flight):
+    """What slow flights say: a drag, and hardly which."""
+    return rank([flight("a", 1, SLOW), flight("b", 2, SLOW)])
+
+
+def test_unseen_flights_decide_between_names_that_fitted_ones_leave_open(flight, slow):
+    wrong, right = ({names_of_fit(f): f for f in slow.fits}[n,] for n in ("quadratic_drag", "linear_drag"))
+    assert 0 < score_of(wrong) - score_of(right) < CLOSE
+    dut = told_by_unseen(slow, [flight("c", 3, FAST)])
+    assert names_of_fit(dut.fits[0]) == names_of_fit(dut.named) == ("linear_drag",)
+    assert dut.probability["linear_drag"] > 0.99 > 0.9 > slow.probability["linear_drag"]
+    assert dut.fits[0].values == pytest.approx(right.values)  # unseen flights are not fitted to
+
+
+def test_two_unseen_flights_say_what_each_says(flight, slow):
+    c, d = flight("c", 3, FAST), flight("d", 4, FAST)
+    brought = [told_by_unseen(slow, some).fits[0].unseen for some in ([c], [d], [c, d])]
+    assert brought[2] == pytest.approx(sum(brought[:2]))
+
+
+def test_an_unseen_flight_that_shows_no_more_than_the_fitted_ones_decides_nothing(flight, slow):
+    dut = told_by_unseen(slow, [flight("c", 3, SLOW)])
+    assert all(abs(f.unseen) < CLOSE for f in dut.fits if f.terms)
+
+
+def test_names_that_are_more_or_less_are_not_asked_for_what_training_does_not_show(flight):
+    hidden = LinearDrag(0.03, 0.03, 0.03)
+    ranking = rank([flight("a", 1, 0.3, hidden), flight("b", 2, 0.3, hidden)])
+    assert names_of_fit(ranking.fits[0]) == ()
+    assert told_by_unseen(ranking, [flight("c", 3, 2.0, hidden)]) is ranking
+
+
+def test_none_is_asked_beside_two_names_of_which_neither_is_right(flight, slow):
+    """What is best by chance must not make way for the next best, which unseen flights do not contradict."""
+    drags, none = [f for f in slow.fits if f.terms], next(f for f in slow.fits if not f.terms)
+    wild, idle = (
+        dc.replace(f, terms=(Term(effect),))
+        for f, effect in zip(
+            drags[:2], (QuadraticDrag(0.5, 0.5, 0.5), LinearDrag(0.0, 0.0, 0.0)), strict=True
+        )
+    )
+    nothing = [flight("c", 3, FAST, LinearDrag(0.0, 0.0, 0.0))]
+    dut = told_by_unseen(dc.replace(slow, fits=(wild, idle, none)), nothing)
+    assert min(f.unseen for f in dut.fits[:2]) > 100
+    assert {names_of_fit(f) for f in dut.fits[:2]} == {(), ("linear_drag",)}
+
+
+def test_a_swing_that_unseen_flights_would_be_fitted_to_is_not_asked(flight, slow):
+    swings = (dc.replace(slow.fits[0], terms=(Term(SuspendedPayload()),)), *slow.fits[1:])
+    ranking = dc.replace(slow, fits=swings)
+    assert told_by_unseen(ranking, [flight("c", 3, FAST)]) is ranking
