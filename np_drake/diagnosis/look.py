@@ -64,7 +64,7 @@ def look(
 ) -> Look:
     """Ranks the effects by `flights` and asks `unseen` which of them are causes.   before: see `rank`."""
     ranking = rank(flights, tolerance=tolerance, before=before)
-    fit, flights = ranking.fits[0], ranking.problem.flights
+    flights = ranking.problem.flights
     unseen = [without_shocks(ranking.named.everything, e, ranking.noise) for e in unseen]
     ranking = told_by_unseen(ranking, unseen)
     fit = ranking.fits[0]
