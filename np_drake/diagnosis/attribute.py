@@ -12,6 +12,7 @@ from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import adapt, scored, settled
 from np_drake.diagnosis.hidden_swing import figure_error
+from np_drake.diagnosis.linear_bayes import loss_beside
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.probability import reported
 from np_drake.diagnosis.refine import Fit
@@ -279,14 +280,8 @@ def _brings(
     counted = rows[noise.phi.shape[1] :]
     without = e.y - signature(e, [t for j, t in enumerate(terms) if j != i])
     left = [e.white(noise, r)[counted].ravel() for r in (without, e.y - signature(e, terms))]
-    losses = [float(r @ r) for r in left]
-    if e.name in drift:
-        D = drift[e.name][counted].reshape(len(left[0]), -1)
-        factor = np.linalg.cholesky(D.T @ D + np.eye(D.shape[1]))
-        losses = [
-            a - float(np.sum(np.linalg.solve(factor, D.T @ r) ** 2))
-            for a, r in zip(losses, left, strict=True)
-        ]
+    D = drift[e.name][counted].reshape(len(left[0]), -1) if e.name in drift else np.zeros((len(left[0]), 0))
+    losses = [loss_beside(r, D) for r in left]
     return 0.5 * (losses[0] - losses[1])
 
 

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import logsumexp
 
-from np_drake.diagnosis.attribute import HeldOut, drift_of, on_held_out
+from np_drake.diagnosis.attribute import Drift, HeldOut, drift_of, on_held_out
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import known_onset_profile
+from np_drake.diagnosis.linear_bayes import loss_beside
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.onset import ABSENT, ANOTHER
 from np_drake.diagnosis.refine import Fit
@@ -33,9 +34,8 @@ def told_by_unseen(ranking: Ranking, unseen: Sequence[Evidence]) -> Ranking:
     rivals = any(not _names(f) < _names(best) for f in close if f is not best)
     if not rivals or any(f.generic or any(t.swings for t in f.terms) for f in close):
         return ranking
-    tolerance, noise = ranking.tolerance, ranking.noise
-    drift = {e.name: drift_of([e], noise, tolerance).get(e.name) for e in unseen}
-    said = [sum(_log_likelihood(f, e, noise, drift[e.name]) for e in unseen) for f in close]
+    drift = drift_of(unseen, ranking.noise, ranking.tolerance)
+    said = [sum(_log_likelihood(f, e, ranking.noise, drift) for e in unseen) for f in close]
     asked = {id(f): dc.replace(f, unseen=s - said[0]) for f, s in zip(close, said, strict=True)}
     return of_fits(ranking, [asked.get(id(f), f) for f in ranking.fits])
 
@@ -44,17 +44,15 @@ def _names(fit: Fit) -> set[str]:
     return set(names_of_fit(fit))
 
 
-def _log_likelihood(fit: Fit, e: Evidence, noise: NoiseModel, drift: np.ndarray | None) -> float:
-    """Of an unseen flight, but for a constant, whatever its own sensors (columns `drift`) are off by."""
+def _log_likelihood(fit: Fit, e: Evidence, noise: NoiseModel, drift: Drift) -> float:
+    """Of an unseen flight, but for a constant, whatever its own sensors are off by."""
     held = on_held_out(fit, [e], noise)
     counted = held.rows[e.name][noise.phi.shape[1] :]
     left = e.white(noise, held.left[e.name])[counted].ravel()
-    loss = float(left @ left)
-    if drift is not None:
-        D = drift[counted].reshape(len(left), -1)
-        factor = np.linalg.cholesky(D.T @ D + np.eye(D.shape[1]))
-        loss -= float(np.sum(np.linalg.solve(factor, D.T @ left) ** 2))
-    return -0.5 * loss + sum(_onset_prior(held.terms[e.name], at, e, noise) for at in _onsets(held, e))
+    D = drift[e.name][counted].reshape(len(left), -1) if e.name in drift else np.zeros((len(left), 0))
+    return -0.5 * loss_beside(left, D) + sum(
+        _onset_prior(held.terms[e.name], at, e, noise) for at in _onsets(held, e)
+    )
 
 
 def _onsets(held: HeldOut, e: Evidence) -> set[float]:

@@ -116,3 +116,12 @@ def _solved(XX: np.ndarray, Xy: np.ndarray) -> tuple[np.ndarray, float]:
         raise np.linalg.LinAlgError("the Gram matrix of a set of columns is not positive definite")
     mean, _ = lapack.dpotrs(factor, Xy, lower=1)
     return mean, float(0.5 * Xy @ mean - np.log(factor.diagonal()).sum())
+
+
+def loss_beside(left: np.ndarray, columns: np.ndarray) -> float:
+    """Sum of squares of what is left (n,), white, less what columns (n, k) take of it, with prior N(0, 1) each.
+
+    Minus half of it is a log likelihood, whatever their coefficients are, but for what does not depend on `left`.
+    """
+    factor = np.linalg.cholesky(columns.T @ columns + np.eye(columns.shape[1]))
+    return float(left @ left) - float(np.sum(np.linalg.solve(factor, columns.T @ left) ** 2))
