@@ -10,7 +10,7 @@ from np_drake.diagnosis.answer import Cause, Estimate, Finding
 from np_drake.diagnosis.bounds import impossible, interval
 from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.held_out import adapt, scored, settled
+from np_drake.diagnosis.held_out import SURPRISE, adapt, scored, settled
 from np_drake.diagnosis.hidden_swing import figure_error
 from np_drake.diagnosis.linear_bayes import loss_beside
 from np_drake.diagnosis.noise import NoiseModel
@@ -267,8 +267,13 @@ def drift_of(flights: Sequence[Evidence], noise: NoiseModel, tolerance: Toleranc
 def helps(
     fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, held: HeldOut, drift: Drift
 ) -> float:
-    """Log evidence that term i brings on the held-out flights, whatever their own sensors are off by."""
-    return sum(_brings(held.settled[e.name], i, e, noise, held.rows[e.name], drift) for e in flights)
+    """Log evidence that term i brings on the held-out flights, whatever their own sensors are off by.
+
+    What acts throughout the flights of the fit, but not in one of these, must bring there what its onset had to.
+    """
+    brought = sum(_brings(held.settled[e.name], i, e, noise, held.rows[e.name], drift) for e in flights)
+    late = sum(held.terms[e.name][i].begins(e.name) is not None for e in flights)
+    return brought if set(fit.terms[i].onset.values()) - {None} else brought - SURPRISE * late
 
 
 def _brings(

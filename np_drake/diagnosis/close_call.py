@@ -35,7 +35,7 @@ def told_by_unseen(ranking: Ranking, unseen: Sequence[Evidence]) -> Ranking:
     if not rivals or any(f.generic or any(t.swings for t in f.terms) for f in close):
         return ranking
     drift = drift_of(unseen, ranking.noise, ranking.tolerance)
-    said = [sum(_log_likelihood(f, e, ranking.noise, drift) for e in unseen) for f in close]
+    said = [sum(_log_evidence(f, e, ranking, drift) for e in unseen) for f in close]
     asked = {id(f): dc.replace(f, unseen=s - said[0]) for f, s in zip(close, said, strict=True)}
     return of_fits(ranking, [asked.get(id(f), f) for f in ranking.fits])
 
@@ -44,15 +44,14 @@ def _names(fit: Fit) -> set[str]:
     return set(names_of_fit(fit))
 
 
-def _log_likelihood(fit: Fit, e: Evidence, noise: NoiseModel, drift: Drift) -> float:
-    """Of an unseen flight, but for a constant, whatever its own sensors are off by."""
-    held = on_held_out(fit, [e], noise)
+def _log_evidence(fit: Fit, e: Evidence, ranking: Ranking, drift: Drift) -> float:
+    """Of an unseen flight, but for a constant, whatever its own sensors are off by; tempered as that of the others."""
+    noise, held = ranking.noise, on_held_out(fit, [e], ranking.noise)
     counted = held.rows[e.name][noise.phi.shape[1] :]
     left = e.white(noise, held.left[e.name])[counted].ravel()
     D = drift[e.name][counted].reshape(len(left), -1) if e.name in drift else np.zeros((len(left), 0))
-    return -0.5 * loss_beside(left, D) + sum(
-        _onset_prior(held.terms[e.name], at, e, noise) for at in _onsets(held, e)
-    )
+    priors = (_onset_prior(held.terms[e.name], at, e, noise) for at in _onsets(held, e))
+    return -0.5 * loss_beside(left, D) / ranking.problem.temperature + sum(priors)
 
 
 def _onsets(held: HeldOut, e: Evidence) -> set[float]:

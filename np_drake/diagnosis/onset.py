@@ -80,7 +80,8 @@ def late_payloads(problem: Problem, late: list[Candidate]) -> list[Candidate]:
     if not heavy:
         return []
     found = max(heavy, key=lambda f: f.evidence + f.prior)
-    others = [c for c in (*problem.candidates, *late) if c.size <= 3 and PAYLOAD not in c.identifiers]
+    unlike = [c for c in late if c.onset != found.onset]  # what begins when it does stands for it
+    others = [c for c in (*problem.candidates, *unlike) if c.size <= 3 and PAYLOAD not in c.identifiers]
     first = PayloadSearch(problem.flights, found.onset)
     guesses = [guess for guess, _ in first.followed(problem.noise, problem.nuisance, others)]
     if not guesses:

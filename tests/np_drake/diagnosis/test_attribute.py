@@ -24,6 +24,7 @@ from np_drake.diagnosis.attribute import (
     size_of,
     within_calibration,
 )
+from np_drake.diagnosis.held_out import SURPRISE
 from np_drake.diagnosis.hidden_swing import ERROR
 from np_drake.diagnosis.probability import TEMPER, TRUST
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
@@ -175,6 +176,16 @@ def test_where_gusts_blow_the_drag_that_feels_them_matters_however_small(drag):
 def test_a_cause_helps_on_unseen_flights_by_what_it_explains(drag):
     held = on_held_out(drag.fit, drag.unseen, drag.ranking.noise)
     assert helps(drag.fit, 0, drag.unseen, drag.ranking.noise, held, {}) > 100.0
+
+
+def test_what_begins_late_in_an_unseen_flight_alone_must_bring_there_what_its_onset_had_to(drag):
+    held = on_held_out(drag.fit, drag.unseen, drag.ranking.noise)
+    late = {n: [dc.replace(t, onset={n: 9.0}) for t in terms] for n, terms in held.settled.items()}
+    held = dc.replace(held, terms=late, settled=late)
+    known = dc.replace(drag.fit, terms=tuple(dc.replace(t, onset={"a": 2.0}) for t in drag.fit.terms))
+    asked = [helps(fit, 0, drag.unseen, drag.ranking.noise, held, {}) for fit in (known, drag.fit)]
+    assert asked[0] > 0
+    assert asked[1] == pytest.approx(asked[0] - SURPRISE)
 
 
 def test_a_flight_whose_own_sensor_is_off_does_not_speak_against_the_error_of_all(seen, ranked):

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.candidates import effect_candidates, library_candidates
+from np_drake.diagnosis.candidates import effect_candidates, gated, library_candidates
 from np_drake.diagnosis.evidence import make_evidence
 from np_drake.diagnosis.onset import (
     ABSENT,
@@ -183,6 +183,22 @@ def test_a_payload_that_is_hung_on_in_flight_is_found_to_the_row(seen, noise):
     assert {c.identifiers for c in found} == {("suspended_payload",)}
     assert found[0].onset["1"] == pytest.approx(4.0, abs=0.03)
     assert float(found[0].variant.removeprefix("length=")) == pytest.approx(0.5, rel=0.05)
+
+
+def test_what_begins_when_it_does_stands_for_it_and_is_not_beside_it(seen, noise, monkeypatch):
+    payload = SuspendedPayload(0.2, 0.5)
+    flights = [seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset={"suspended_payload": 4.0})]
+    problem = problem_of(flights, noise, [MassError(0.2)])
+    weight = OnsetScan(problem).best(problem.candidates[0])
+    drag = effect_candidates(LinearDrag, flights, {})[0]
+    then, later = (gated(drag, flights, onset) for onset in (weight.onset, {"1": 7.0}))
+    beside = []
+    monkeypatch.setattr(
+        PayloadSearch, "followed", lambda self, noise, nuisance, others: beside.extend(others) or []
+    )
+    assert late_payloads(problem, [then, later]) == []
+    assert any(c is later for c in beside)
+    assert not any(c is then for c in beside)
 
 
 def test_it_is_sought_where_one_from_the_start_explains_more_than_its_weight(seen, noise):
