@@ -12,11 +12,10 @@ from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import SURPRISE, adapt, scored, settled
 from np_drake.diagnosis.hidden_swing import figure_error
-from np_drake.diagnosis.linear_bayes import loss_beside
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.probability import reported
 from np_drake.diagnosis.refine import Fit
-from np_drake.diagnosis.rig import Tolerance, wander
+from np_drake.diagnosis.rig import Drift, Tolerance, drift_of, loss_on
 from np_drake.diagnosis.search import Model, Problem
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
@@ -255,15 +254,6 @@ def misfit(held: HeldOut, noise: NoiseModel) -> np.ndarray:
     return np.sqrt(np.mean(left**2, axis=0)) / np.maximum(noise.rms[ev.WRENCH], 1e-12)
 
 
-Drift = dict[str, np.ndarray]  # by flight, (m, 15, k) columns of what its sensors may be off by, whitened
-
-
-def drift_of(flights: Sequence[Evidence], noise: NoiseModel, tolerance: Tolerance) -> Drift:
-    """Every flight's own sensor errors within tolerance, each with prior N(0, 1)."""
-    found = {e.name: wander([e], tolerance) for e in flights}
-    return {e.name: e.white(noise, w.columns[e.name]) for e in flights if (w := found[e.name])}
-
-
 def helps(
     fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, held: HeldOut, drift: Drift
 ) -> float:
@@ -282,11 +272,8 @@ def _brings(
     """Log evidence that terms[i] brings to the others on these rows (m,) of a flight."""
     if terms[i].begins(e.name) == NEVER:
         return 0.0
-    counted = rows[noise.phi.shape[1] :]
     without = e.y - signature(e, [t for j, t in enumerate(terms) if j != i])
-    left = [e.white(noise, r)[counted].ravel() for r in (without, e.y - signature(e, terms))]
-    D = drift[e.name][counted].reshape(len(left[0]), -1) if e.name in drift else np.zeros((len(left[0]), 0))
-    losses = [loss_beside(r, D) for r in left]
+    losses = [loss_on(e, r, noise, rows, drift) for r in (without, e.y - signature(e, terms))]
     return 0.5 * (losses[0] - losses[1])
 
 

@@ -4,16 +4,15 @@ import dataclasses as dc
 import math
 from collections.abc import Sequence
 
-import numpy as np
 from scipy.special import logsumexp
 
-from np_drake.diagnosis.attribute import Drift, HeldOut, drift_of, on_held_out
+from np_drake.diagnosis.attribute import HeldOut, on_held_out
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import known_onset_profile
-from np_drake.diagnosis.linear_bayes import loss_beside
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.onset import ABSENT, ANOTHER
 from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.rig import Drift, drift_of, loss_on
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.which import Ranking, names_of_fit, of_fits, score_of
 
@@ -47,11 +46,9 @@ def _names(fit: Fit) -> set[str]:
 def _log_evidence(fit: Fit, e: Evidence, ranking: Ranking, drift: Drift) -> float:
     """Of an unseen flight, but for a constant, whatever its own sensors are off by; tempered as that of the others."""
     noise, held = ranking.noise, on_held_out(fit, [e], ranking.noise)
-    counted = held.rows[e.name][noise.phi.shape[1] :]
-    left = e.white(noise, held.left[e.name])[counted].ravel()
-    D = drift[e.name][counted].reshape(len(left), -1) if e.name in drift else np.zeros((len(left), 0))
+    loss = loss_on(e, held.left[e.name], noise, held.rows[e.name], drift)
     priors = (_onset_prior(held.terms[e.name], at, e, noise) for at in _onsets(held, e))
-    return -0.5 * loss_beside(left, D) / ranking.problem.temperature + sum(priors)
+    return -0.5 * loss / ranking.problem.temperature + sum(priors)
 
 
 def _onsets(held: HeldOut, e: Evidence) -> set[float]:

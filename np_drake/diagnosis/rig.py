@@ -10,6 +10,8 @@ import numpy as np
 
 from np_drake.diagnosis.candidates import Candidate
 from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.linear_bayes import loss_beside
+from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
@@ -102,3 +104,20 @@ def wander(flights: Sequence[Evidence], tolerance: Tolerance) -> Candidate | Non
             X[..., i * len(units) + j] = signature(e, [Term(sensor.of(values))])
         columns[e.name] = X
     return Candidate((), "wander", columns, lambda c: [])
+
+
+Drift = dict[str, np.ndarray]  # by flight, (m, 15, k) columns of what its sensors may be off by, whitened
+
+
+def drift_of(flights: Sequence[Evidence], noise: NoiseModel, tolerance: Tolerance) -> Drift:
+    """Every flight's own sensor errors within tolerance, each with prior N(0, 1)."""
+    found = {e.name: wander([e], tolerance) for e in flights}
+    return {e.name: e.white(noise, w.columns[e.name]) for e in flights if (w := found[e.name])}
+
+
+def loss_on(e: Evidence, left: np.ndarray, noise: NoiseModel, rows: np.ndarray, drift: Drift) -> float:
+    """Whitened sum of squares of what is left (m, 15) on these rows (m,), less what the flight's own sensors take."""
+    counted = rows[noise.phi.shape[1] :]
+    white = e.white(noise, left)[counted].ravel()
+    D = drift[e.name][counted].reshape(len(white), -1) if e.name in drift else np.zeros((len(white), 0))
+    return loss_beside(white, D)

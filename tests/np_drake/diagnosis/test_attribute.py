@@ -17,7 +17,6 @@ from np_drake.diagnosis.attribute import (
     Size,
     alike,
     causes_of,
-    drift_of,
     helps,
     least_help,
     on_held_out,
@@ -27,7 +26,7 @@ from np_drake.diagnosis.attribute import (
 from np_drake.diagnosis.held_out import SURPRISE
 from np_drake.diagnosis.hidden_swing import ERROR
 from np_drake.diagnosis.probability import TEMPER, TRUST
-from np_drake.diagnosis.rig import LABORATORY, Tolerance
+from np_drake.diagnosis.rig import LABORATORY, Tolerance, drift_of
 from np_drake.diagnosis.signature import Term
 from np_drake.diagnosis.which import rank
 from np_drake.effects.accelerometer_bias import AccelerometerBias

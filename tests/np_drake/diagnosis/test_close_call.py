@@ -1,9 +1,12 @@
+import copy
 import dataclasses as dc
+import math
 
 import pytest
 
-from np_drake.diagnosis.close_call import CLOSE, told_by_unseen
-from np_drake.diagnosis.signature import Term
+from np_drake.diagnosis.close_call import CLOSE, _onset_prior, told_by_unseen
+from np_drake.diagnosis.onset import ABSENT, ANOTHER
+from np_drake.diagnosis.signature import NEVER, Term
 from np_drake.diagnosis.which import names_of_fit, rank, score_of
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.quadratic_drag import QuadraticDrag
@@ -40,6 +43,27 @@ def test_two_unseen_flights_say_what_each_says(flight, slow):
     c, d = flight("c", 3, FAST), flight("d", 4, FAST)
     brought = [told_by_unseen(slow, some).fits[0].unseen for some in ([c], [d], [c, d])]
     assert brought[2] == pytest.approx(sum(brought[:2]))
+
+
+def test_what_unseen_flights_say_is_tempered_as_what_fitted_ones_do(flight, slow):
+    hot = dc.replace(slow, problem=copy.copy(slow.problem))
+    hot.problem.temperature = 2 * slow.problem.temperature
+    brought = [told_by_unseen(r, [flight("c", 3, FAST)]).fits[0].unseen for r in (slow, hot)]
+    assert brought[1] == pytest.approx(0.5 * brought[0])
+
+
+def test_an_onset_that_is_sought_in_an_unseen_flight_costs_its_prior(flight, slow):
+    """As much as one of many instants is worth, and not what the best of them explains."""
+    late = [dc.replace(f, terms=tuple(dc.replace(t, onset={"a": 6.0}) for t in f.terms)) for f in slow.fits]
+    nothing = [flight("c", 3, FAST, LinearDrag(0.0, 0.0, 0.0))]
+    e = flight("c", 3, FAST)
+    terms = [Term(FAINT, {"c": 6.0})]
+    cost = _onset_prior(terms, 6.0, e, slow.noise)
+    assert ANOTHER - math.log(len(e.t)) <= cost < ANOTHER - 1.0
+    assert _onset_prior(terms, NEVER, e, slow.noise) == ABSENT
+    dut = told_by_unseen(dc.replace(slow, fits=tuple(late)), nothing)
+    none = next(f for f in dut.fits if not f.terms)
+    assert all(f.unseen <= none.unseen for f in dut.fits)
 
 
 def test_an_unseen_flight_that_shows_no_more_than_the_fitted_ones_decides_nothing(flight, slow):
