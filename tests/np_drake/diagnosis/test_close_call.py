@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from np_drake.diagnosis import close_call
 from np_drake.diagnosis.close_call import CLOSE, _onset_prior, told_by_unseen
 from np_drake.diagnosis.onset import ABSENT, ANOTHER
 from np_drake.diagnosis.signature import NEVER, Term
@@ -52,18 +53,21 @@ def test_what_unseen_flights_say_is_tempered_as_what_fitted_ones_do(flight, slow
     assert brought[1] == pytest.approx(0.5 * brought[0])
 
 
-def test_an_onset_that_is_sought_in_an_unseen_flight_costs_its_prior(flight, slow):
-    """As much as one of many instants is worth, and not what the best of them explains."""
-    late = [dc.replace(f, terms=tuple(dc.replace(t, onset={"a": 6.0}) for t in f.terms)) for f in slow.fits]
-    nothing = [flight("c", 3, FAST, LinearDrag(0.0, 0.0, 0.0))]
-    e = flight("c", 3, FAST)
-    terms = [Term(FAINT, {"c": 6.0})]
-    cost = _onset_prior(terms, 6.0, e, slow.noise)
-    assert ANOTHER - math.log(len(e.t)) <= cost < ANOTHER - 1.0
-    assert _onset_prior(terms, NEVER, e, slow.noise) == ABSENT
-    dut = told_by_unseen(dc.replace(slow, fits=tuple(late)), nothing)
-    none = next(f for f in dut.fits if not f.terms)
-    assert all(f.unseen <= none.unseen for f in dut.fits)
+def test_an_onset_that_is_sought_in_an_unseen_flight_costs_its_prior(seen, slow, monkeypatch):
+    e = seen(FAINT, name="c", seed=3, noise=1.0, seconds=10.0, vigour=3.0, onset={"linear_drag": 6.0})
+    assert ANOTHER - math.log(len(e.t)) <= _onset_prior([Term(FAINT, {"c": 6.0})], 6.0, e, slow.noise) < -1.0
+    assert _onset_prior([], NEVER, e, slow.noise) == ABSENT
+    wrong, right = (
+        next(f for f in slow.fits if names_of_fit(f) == (n,)) for n in ("quadratic_drag", "linear_drag")
+    )
+    begun = dc.replace(right, terms=(Term(FAINT, {"a": 6.0}),))
+    ranking = dc.replace(slow, fits=(dc.replace(wrong, terms=(Term(QuadraticDrag(0.0, 0.0, 0.0)),)), begun))
+    brought = []
+    for prior in (0.0, -7.0):
+        monkeypatch.setattr(close_call, "_onset_prior", lambda *_, prior=prior: prior)
+        (asked,) = (f for f in told_by_unseen(ranking, [e]).fits if names_of_fit(f) == ("linear_drag",))
+        brought.append(asked.unseen)
+    assert brought[1] == pytest.approx(brought[0] - 7.0)
 
 
 def test_an_unseen_flight_that_shows_no_more_than_the_fitted_ones_decides_nothing(flight, slow):
