@@ -64,9 +64,10 @@ def quaternion_rate(q: np.ndarray, w_WB_B: np.ndarray) -> np.ndarray:
 
 
 def skew(r: np.ndarray) -> np.ndarray:
-    """(3, 3) of a vector r (3,): skew(r) @ s is r x s."""
-    x, y, z = r
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    """(..., 3, 3) of vectors r (..., 3): skew(r) @ s is r x s."""
+    x, y, z = np.moveaxis(np.asarray(r), -1, 0)
+    o = 0.0 * x
+    return np.moveaxis(np.array([[o, -z, y], [z, o, -x], [-y, x, o]]), (0, 1), (-2, -1))
 
 
 def rotate(q: np.ndarray, r_B: np.ndarray) -> np.ndarray:

@@ -14,47 +14,24 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.grid import STEP, TAPS, Grid, Onto, make_grid, to_grid
+from np_drake.diagnosis.instants import Instants, make_instants
 from np_drake.diagnosis.linear_bayes import Gram
-from np_drake.diagnosis.motion import corrected_acceleration
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.shocks import bridge
 from np_drake.diagnosis.smooth_attitude import conjugate, rotation_vector, smooth_attitude
 from np_drake.diagnosis.thrust import Rotors
 from np_drake.logs.flight_log import FlightLog
-from np_drake.rigid_body import P, Q
 from np_drake.vehicle import Vehicle
 
 FORCE, TORQUE, WRENCH = slice(0, 3), slice(3, 6), slice(0, 6)
 POSITION, VELOCITY, ATTITUDE = slice(6, 9), slice(9, 12), slice(12, 15)
 SIZE = 15
-REGRESSOR_BAND = 8.0  # low-pass on accelerations that enter as regressors [Hz]; own choice
 LEAST = 3.0  # of a flight [s]; own choice
 SETTLING = 7.0  # time constants after which what rotors did before the log began is forgotten; own choice
 OFF = 0.4  # of what hovering takes, by which rotors then give something else; own choice
-
-
-@dc.dataclass(frozen=True)
-class Instants:
-    """States at some instants of a flight: t (n,), x (n, 13); smoothed, as regressors, a (n, 3) in W and al (n, 3)."""
-
-    t: np.ndarray
-    x: np.ndarray
-    a: np.ndarray
-    al: np.ndarray
-
-    @property
-    def q(self) -> np.ndarray:
-        """(n, 4) attitude."""
-        return self.x[:, Q]
-
-    @cached_property
-    def R_WB(self) -> np.ndarray:
-        """(n, 3, 3) the same as rotation matrices."""
-        return attitude.rotation_matrix(self.q)
 
 
 @dc.dataclass(frozen=True)
@@ -132,6 +109,24 @@ class Evidence:
         """(m, 3) w x J w of the vehicle file's inertia [N·m]."""
         return np.cross(self.w, self.w @ self.vehicle.J.T)
 
+    @cached_property
+    def driving(self) -> np.ndarray:
+        """(m-1, 3, 4) in W at the middle of the grid's steps: `a` [m/s²], and `lever` of body-fixed points [1/s²]."""
+        values = np.concatenate([self.rows.a[..., None], self.rows.lever], axis=-1)
+        middle = 0.5 * (self.t[1:] + self.t[:-1])
+        columns = [np.interp(middle, self.rows.t, column) for column in values.reshape(-1, 12).T]
+        return np.stack(columns, axis=1).reshape(-1, 3, 4)
+
+    def head(self, rows: int) -> "Evidence":
+        """The flight up to so many of the grid's rows at least: as it is there, and as if no more were known."""
+        known = np.append(np.flatnonzero(~self.shocks[rows - 1 :]), len(self.t))
+        n = rows + int(known[0]) + TAPS  # beyond what bridges shocks, and as far as the low-pass reaches
+        if n >= len(self.t):
+            return self
+        grid = dc.replace(self.grid, t=self.t[:n], fine=self.grid.fine[: (n - 1) * self.grid.factor + 1])
+        parts = {name: getattr(self, name)[:n] for name in ("y", "nominal", "w", "shocks", "joined")}
+        return dc.replace(self, grid=grid, **parts)
+
     def begun(self, onset: float | None) -> np.ndarray:
         """(m, 15) one from the onset on [s], on the grid: smeared as its low-pass smears a step of each channel."""
         if onset is None or not np.isfinite(onset):
@@ -189,7 +184,7 @@ def make_evidence(
         )
     smooth, noise = smooth_attitude(log.t, log.q, log.w)
     q, turned = _attitude_for_force(log, smooth, vehicle.gravity)
-    rows, mids = _instants(log, smooth)
+    rows, mids = make_instants(log, smooth)
     thrust_rows, thrust_mids = Rotors(log, vehicle).thrust([])
     force, others = _channels(log, vehicle, q, mids, thrust_rows, thrust_mids)
     since = _settled(log, vehicle, force[:, 2:], others[:, :3]) if since is None else since
@@ -240,31 +235,6 @@ def _by_channel(force: np.ndarray, others: np.ndarray) -> np.ndarray:
 def after_rows(f_rows: np.ndarray, f_mids: np.ndarray) -> np.ndarray:
     """(n-1,) by how much thrust in the mean until the next row exceeds that at a row; f_rows (n,), f_mids (n-1,)."""
     return f_mids - f_rows[:-1]
-
-
-def low_pass(values: np.ndarray, step: float, band: float) -> np.ndarray:
-    """(n, m) zero-phase second-order low-pass [Hz]; as it is where the band is beyond the rate."""
-    if band >= 0.45 / step or len(values) < 20:
-        return values
-    sos = signal.butter(2, band * 2 * step, output="sos")
-    return signal.sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(2 / (band * step))))
-
-
-def _instants(log: FlightLog, smooth: np.ndarray) -> tuple[Instants, Instants]:
-    dt, step = np.diff(log.t)[:, None], log.step
-    t_mid = 0.5 * (log.t[1:] + log.t[:-1])
-    al = low_pass(np.diff(log.w, axis=0) / dt, step, REGRESSOR_BAND)
-    al_rows = np.stack([np.interp(log.t, t_mid, al[:, i]) for i in range(3)], axis=1)
-    x = np.concatenate([log.p, smooth, log.v, log.w], axis=1)
-    x_mid = 0.5 * (x[1:] + x[:-1])
-    x_mid[:, Q] /= np.linalg.norm(x_mid[:, Q], axis=1, keepdims=True)
-    if log.a is None:
-        rate = np.diff(log.v, axis=0) / dt
-        a = low_pass(corrected_acceleration(t_mid, x_mid[:, P], rate), step, REGRESSOR_BAND)
-        mids = Instants(t_mid, x_mid, a, al)
-        return mids, mids
-    a = low_pass(corrected_acceleration(log.t, log.p, log.a), step, REGRESSOR_BAND)
-    return Instants(log.t, x, a, al_rows), Instants(t_mid, x_mid, a[:-1], al)
 
 
 def _channels(log, vehicle, q, mids, thrust_rows, thrust_mids) -> tuple[np.ndarray, np.ndarray]:

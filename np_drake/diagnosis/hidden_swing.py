@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from np_drake import attitude
 from np_drake.diagnosis.evidence import FORCE, Evidence
 from np_drake.effects.pendulum import across, swing_many
 
@@ -61,18 +60,10 @@ def padded(hidden: np.ndarray | None, size: int) -> np.ndarray:
 
 
 def hook_acceleration(evidence: Evidence, hooks: np.ndarray) -> np.ndarray:
-    """(n-1, m, 3) in W at the middle of the grid's steps [m/s²], of hooks (m, 3) in body axes."""
-    rows = evidence.rows
-    w = rows.x[:, None, 10:13]
-    unique, which = np.unique(hooks, axis=0, return_inverse=True)
-    turning = np.stack([rows.al @ attitude.skew(hook) for hook in unique], axis=1)  # al x hook
-    towards = np.sum(w * unique, axis=-1, keepdims=True) * w - np.sum(w**2, axis=-1, keepdims=True) * unique
-    a = rows.a[:, None] + (turning + towards) @ np.swapaxes(rows.R_WB, 1, 2)
-    middle = 0.5 * (evidence.t[1:] + evidence.t[:-1])
-    flat = a.reshape(len(a), -1)
-    out = np.stack([np.interp(middle, rows.t, column) for column in flat.T], axis=1)
-    out = out.reshape(len(middle), -1, 3)
-    return out if len(unique) == 1 else out[:, which.ravel()]
+    """(n-1, m, 3) in W at the middle of the grid's steps [m/s²], of hooks (m, 3) in body axes; of one if all are it."""
+    own = hooks[:1] if np.all(hooks == hooks[0]) else hooks
+    a, lever = evidence.driving[..., 0], evidence.driving[..., 1:]
+    return a[:, None] + np.swapaxes(lever @ own.T, 1, 2)
 
 
 def start_of_swing(lengths: np.ndarray, swing: np.ndarray, pull: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

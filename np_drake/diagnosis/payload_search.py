@@ -117,22 +117,21 @@ class PayloadSearch:
             if near is None or near == NEVER:
                 continue
             for span, step in SHARPENED:
+                head = e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))
+                beside = Beside([head], noise, nuisance, {e.name: near}, horizons=(AFTER_ONSET,))
                 times = np.arange(max(e.t[1], near - span), min(e.t[-1], near + span), max(step, e.grid.step))
-                gains = [
-                    self._gain_from(e, float(t), near + AFTER_ONSET, noise, nuisance, guess) for t in times
-                ]
+                gains = [self._gain_from(head, float(t), beside, guess) for t in times]
                 near = float(times[int(np.argmax(gains))])
             found[e.name] = near
         return found
 
-    def _gain_from(self, e: Evidence, begin: float, end: float, noise, nuisance, guess: Guess) -> float:
-        """Log evidence of a payload that begins there, in one flight up to `end`."""
-        beside = Beside([e], noise, nuisance, {e.name: begin}, horizons=(end - begin,))
+    def _gain_from(self, e: Evidence, begin: float, beside: Beside, guess: Guess) -> float:
+        """Log evidence of a payload that begins there, in one flight."""
         candidate = payload_about([e], dc.replace(guess, swing={}), {e.name: begin})
         for _ in range(STEPS):
-            _, mean = beside.gain(beside.white(candidate), end - begin)
+            _, mean = beside.gain(beside.white(candidate), AFTER_ONSET)
             candidate = payload_about([e], _moved(candidate, mean), {e.name: begin})
-        return beside.gain(beside.white(candidate), end - begin)[0]
+        return beside.gain(beside.white(candidate), AFTER_ONSET)[0]
 
     def _follow(self, beside: Beside, guess: Guess, first: float) -> tuple[float, Guess, Candidate]:
         """From a guess through the horizons: log evidence that it adds at last, the guess and its columns.

@@ -9,8 +9,9 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.diagnosis import evidence as ev
-from np_drake.diagnosis.evidence import Evidence, Instants
+from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.hidden_swing import swing_wrench
+from np_drake.diagnosis.instants import Instants
 from np_drake.diagnosis.sensor_trace import sensor_trace, without_errors
 from np_drake.effects.base import (
     ActuatorEffect,

@@ -35,13 +35,14 @@ class SwingFit:
         rows: np.ndarray,
     ):
         self._term = dc.replace(terms[i], onset={**terms[i].onset, flight.name: onset})
-        self._flight, self._noise = flight, noise
         order, found = noise.phi.shape[1], np.flatnonzero(rows)
         first, last = (found[0], found[-1]) if len(found) else (0, 0)
         begin = max(first - order, 0)
         self._raw = slice(begin, max(last + 1, begin + order))
         self._scored = rows[self._raw][order:]
-        self._target = self._white(flight.y - signature(flight, [t for j, t in enumerate(terms) if j != i]))
+        self._flight, self._noise = flight.head(self._raw.stop), noise
+        others = [t for j, t in enumerate(terms) if j != i]
+        self._target = self._white(self._flight.y - signature(self._flight, others))
         self.size = hidden_size(flight, onset)
         rate = np.sqrt(flight.vehicle.gravity / terms[i].effect.payload.length)  # type: ignore[attr-defined]
         unit = swing_units(self.size, rate)

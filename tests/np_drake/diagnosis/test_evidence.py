@@ -5,9 +5,11 @@ import pytest
 
 from np_drake import attitude
 from np_drake.diagnosis import evidence as ev
-from np_drake.diagnosis.evidence import low_pass, make_evidence
+from np_drake.diagnosis.evidence import make_evidence
+from np_drake.diagnosis.instants import low_pass
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.thrust import Rotors
+from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.logs.flight_log import FlightLog
@@ -161,3 +163,22 @@ def test_attitude_on_the_grid_is_that_of_the_rows(seen):
     np.testing.assert_allclose(np.linalg.norm(dut.q, axis=1), 1.0)
     np.testing.assert_allclose(dut.q, dut.log.q[::2], atol=1e-12)
     np.testing.assert_allclose(dut.R_WB, attitude.rotation_matrix(dut.q))
+
+
+@pytest.mark.parametrize("shocked", [(), range(146, 153)])
+def test_the_head_of_a_flight_is_as_the_whole_is_there(seen, shocked):
+    whole = seen(seconds=8.0)
+    whole = dc.replace(whole, shocks=np.isin(np.arange(len(whole.t)), shocked))
+    dut = whole.head(150)
+    assert 150 < len(dut.t) < 200
+    terms = [Term(MotorLag(0.05), {whole.name: 1.0}), Term(LinearDrag(0.3, 0.2, 0.1))]
+    for of in (lambda e: e.bridged(e.y), lambda e: e.bridged(signature(e, terms)), lambda e: e.begun(2.0)):
+        np.testing.assert_allclose(of(dut)[:150], of(whole)[:150], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(dut.driving[:149], whole.driving[:149], atol=1e-12)
+
+
+def test_the_head_of_a_flight_that_is_not_longer_is_the_flight(seen):
+    whole = seen(seconds=8.0)
+    assert whole.head(len(whole.t)) is whole
+    all_shocks = dc.replace(whole, shocks=np.arange(len(whole.t)) > 100)
+    assert all_shocks.head(150) is all_shocks

@@ -21,16 +21,18 @@ def thrown(seen):
     return dc.replace(flight, y=flight.y + signature(flight, [Term(PAYLOAD, hidden={"c": WIDE})]))
 
 
-def test_the_cost_is_that_of_whitening_the_whole_flight_and_the_prior(thrown, noise):
+@pytest.mark.parametrize("shocked", [(), range(245, 262)])
+def test_the_cost_is_that_of_whitening_the_whole_flight_and_the_prior(thrown, noise, shocked):
+    thrown = dc.replace(thrown, shocks=np.isin(np.arange(len(thrown.t)), shocked))
     rows = (thrown.t > 3.0) & (thrown.t < 5.0)
     drag = Term(LinearDrag(0.2, 0.2, 0.2))
     dut = SwingFit([drag, Term(PAYLOAD)], 1, thrown, noise, None, rows)
-    swings = np.array([WIDE, 0.3 * WIDE])
+    swings = np.array([np.resize(WIDE, dut.size), np.resize(0.3 * WIDE, dut.size)])
     for cost, swing in zip(dut.costs(swings), swings, strict=True):
         left = thrown.y - signature(thrown, [drag, dut.term(swing)])
         white = thrown.white(noise, left)[rows[noise.phi.shape[1] :]]
         rate = np.sqrt(thrown.vehicle.gravity / PAYLOAD.length)
-        prior = np.sum((swing / (SWING * np.array([1.0, 1.0, rate, rate]))) ** 2)
+        prior = np.sum((swing / (SWING * np.resize([1.0, 1.0, rate, rate], dut.size))) ** 2)
         assert cost == pytest.approx(np.sum(white**2) + prior, rel=1e-9)
 
 
