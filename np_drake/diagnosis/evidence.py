@@ -93,6 +93,12 @@ class Evidence:
         return Rotors(self.log, self.vehicle)
 
     @cached_property
+    def rotor_noise(self) -> np.ndarray:
+        """(15,) deviation of the channels on the grid by readings of rotor speed, were it white; zero without any."""
+        f_tau = np.sqrt(self.vehicle.mixer**2 @ self.rotors.noise**2 * self.log.step / self.grid.step)
+        return np.concatenate([[0.0, 0.0], f_tau, np.zeros(SIZE - 6)])
+
+    @cached_property
     def q(self) -> np.ndarray:
         """(m, 4) attitude at the grid's times."""
         near = attitude.one_hemisphere(self.rows.q, self.rows.q[0])

@@ -119,7 +119,7 @@ def slow_torque(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> tup
 
     the share of that axis' slow residual, before anything was explained, that it is [1], and its RMS [N·m].
 
-    The derivative of white gyro noise has power proportional to frequency squared.
+    The derivative of white gyro noise has power proportional to frequency squared; noise of rotor speed is white.
     """
     slow, middle, before = np.zeros(3), np.zeros(3), np.zeros(3)
     for e in flights:
@@ -133,8 +133,9 @@ def slow_torque(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> tup
         before += np.mean(low_pass(first, e.grid.step, SLOW)[inside] ** 2, axis=0)
         slow += np.mean(low**2, axis=0)
         middle += np.mean(band**2, axis=0)
+    rotors = sum(2 * SLOW * e.grid.step * e.rotor_noise[TORQUE] ** 2 for e in flights)
     expected = SLOW**3 / (MIDDLE[1] ** 3 - MIDDLE[0] ** 3)
-    ratio = slow / np.maximum(middle * expected, 1e-30)
+    ratio = slow / np.maximum(middle * expected + rotors, 1e-30)
     axis = int(np.argmax(ratio))
     rms = float(np.sqrt(slow[axis] / len(flights)))
     return float(np.sqrt(ratio[axis])), float(slow[axis] / max(before[axis], 1e-30)), rms

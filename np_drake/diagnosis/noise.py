@@ -174,14 +174,15 @@ def fit_noise(
     explained: list[np.ndarray] | None = None,
     inexact: float = 0.0,
     slow: np.ndarray | None = None,
+    white: np.ndarray | None = None,
     order: int = ORDER,
 ) -> NoiseModel:
     """From residuals (m, c) of one or more flights. Noise has no mean: a mean is a finding.
 
     explained: (m, c) what a model predicts there, good to a share `inexact` [1] only: that share counts as noise too.
-    slow: (c,) RMS of errors that hardly change over the model's memory.
+    slow: (c,) RMS of errors that hardly change over the model's memory; white: (c,) of some that residuals may lack.
     """
-    drift = np.zeros(residuals[0].shape[1]) if slow is None else slow**2
+    drift, sudden = (np.zeros(residuals[0].shape[1]) if rms is None else rms**2 for rms in (slow, white))
     smear = [inexact * (p - p.mean(axis=0)) for p in explained or []] if inexact else []
     residuals = [r - r.mean(axis=0) for r in residuals]
     channels = residuals[0].shape[1]
@@ -195,13 +196,14 @@ def fit_noise(
             sum((_autocovariance(r[:, c], order) for r in [*residuals, *smear]), np.zeros(order + 1)) / total
         )
         lags += drift[c]
-        lags[0] *= 1 + RIDGE
+        lags[0] = (1 + RIDGE) * lags[0] + sudden[c]
         phi[c] = linalg.solve_toeplitz(lags[:-1], lags[1:])
         innovation[c] = lags[0] - phi[c] @ lags[1:]
     plain = NoiseModel(phi, np.eye(channels), rms, innovation, step)
     driven = np.concatenate([plain.whiten(r) for r in [*residuals, *smear]])
     rows = total - order * len(residuals)
-    return dc.replace(plain, mixing=_mixing(driven.T @ driven / rows, plain.active))
+    sudden = np.where(plain.active, sudden * (1 + np.sum(phi**2, axis=1)), 0.0)
+    return dc.replace(plain, mixing=_mixing(driven.T @ driven / rows + np.diag(sudden), plain.active))
 
 
 def _autocovariance(e: np.ndarray, order: int) -> np.ndarray:

@@ -52,27 +52,34 @@ def prepare(flights: Sequence[Evidence], tolerance: Tolerance) -> Ready:
     white = scale_only(raw, step)
     if any(e.shocks.any() for e in flights):
         left = _rich_residuals(Problem(flights, white, nuisance, everything, temperature=1.0))
-    noise = noise_of(left, raw, step, tolerance, INEXACT)
+    noise = noise_of(flights, left, raw, tolerance, INEXACT)
     others = [plain[i] for i in _best_variants(Problem(flights, noise, [], plain, temperature=1.0))]
     left = _rich_residuals(Problem(flights, white, nuisance, others, temperature=1.0))
     weights = (white, scale_only(no_worse(left, raw), step))  # a light payload shows in the second alone
     payloads = next(filter(None, (PayloadSearch(flights).best(n, nuisance, others) for n in weights)), [])
     left = _rich_residuals(Problem(flights, noise, nuisance, [*everything, *payloads], temperature=1.0))
-    noise = noise_of(left, raw, step, tolerance, INEXACT)
+    noise = noise_of(flights, left, raw, tolerance, INEXACT)
     return Ready(list(flights), raw, nuisance, [*candidates, *payloads], noise)
 
 
-def noise_of(residuals, raw, step: float, tolerance: Tolerance, inexact: float = 0.0) -> NoiseModel:
+def noise_of(
+    flights: Sequence[Evidence], residuals, raw, tolerance: Tolerance, inexact: float = 0.0
+) -> NoiseModel:
     """Noise as residuals show it, and what errors of the regressors add to it.
 
     inexact: share of what a model explains that it gets wrong, `INEXACT` for columns that are only linear. A force is
     known in body axes as well as the attitude is, and so is its torque, at a lever of `LEVER`: slow, as a rig wanders.
+    Thrust from rotor speed is known as well as that is read.
     """
     explained = [y - r for y, r in zip(raw, residuals, strict=True)]
     force = np.sqrt(np.mean(np.sum(np.concatenate(explained)[:, FORCE] ** 2, axis=1)))
     slow = np.zeros(raw[0].shape[1])
     slow[FORCE], slow[TORQUE] = tolerance.attitude * force, tolerance.attitude * force * LEVER
-    return fit_noise(no_worse(residuals, raw), step, explained=explained, inexact=inexact, slow=slow)
+    white = np.sqrt(np.mean([e.rotor_noise**2 for e in flights], axis=0))
+    step = flights[0].grid.step
+    return fit_noise(
+        no_worse(residuals, raw), step, explained=explained, inexact=inexact, slow=slow, white=white
+    )
 
 
 def _best_variants(problem: Problem) -> list[int]:

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from np_drake.diagnosis.read_rotors import read_thrust
 from np_drake.effects.base import ActuatorEffect
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.logs.flight_log import FlightLog
@@ -67,13 +68,22 @@ class Rotors:
         at = total[self._before] + self._share * part[self._before]
         return np.diff(at, axis=0) / np.diff(self._log.t)[:, None]
 
+    @property
+    def noise(self) -> np.ndarray:
+        """(4,) deviation of what readings of their speed err by, row by row [N]; zero where commands are known."""
+        return self._read[1] if self._measured else np.zeros(4)
+
+    @cached_property
+    def _read(self) -> tuple[np.ndarray, np.ndarray]:
+        return read_thrust(self._log, self._vehicle)
+
     @cached_property
     def _commanded(self) -> np.ndarray:
         """(m, 4) at substeps [N]."""
         if not self._measured:
             return self._held(0.0)
-        command = self._log.u @ self._vehicle.unmixer.T
-        return np.stack([np.interp(self._t, self._log.t, command[:, i]) for i in range(4)], axis=1)
+        read, _ = self._read
+        return np.stack([np.interp(self._t, self._log.t, read[:, i]) for i in range(4)], axis=1)
 
     def _held(self, shift: float) -> np.ndarray:
         command = np.maximum(self._log.u @ self._vehicle.unmixer.T, 0.0)

@@ -141,7 +141,7 @@ def _search_twice(ready: Ready, tolerance: Tolerance, hanging: bool) -> tuple[Pr
 
 
 def _noise_left(ready: Ready, fit: Fit, tolerance: Tolerance, inexact: float = 0.0) -> NoiseModel:
-    return noise_of([fit.left(e) for e in ready.flights], ready.raw, ready.step, tolerance, inexact)
+    return noise_of(ready.flights, [fit.left(e) for e in ready.flights], ready.raw, tolerance, inexact)
 
 
 def _without_generic(

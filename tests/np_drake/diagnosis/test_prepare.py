@@ -19,17 +19,18 @@ def left() -> list[np.ndarray]:
     return [np.random.default_rng(1).normal(size=(1000, 15))]
 
 
-def test_a_force_that_is_explained_is_known_no_better_than_the_attitude(left):
+def test_a_force_that_is_explained_is_known_no_better_than_the_attitude(seen, left):
     force = np.zeros((1000, 15))
     force[:, 0] = 1000.0  # [N]
     rig = Tolerance()
-    calm = noise_of(left, left, STEP, rig)
-    pulled = noise_of(left, [left[0] + force], STEP, rig)
+    flights = [seen(seconds=4.0)]
+    calm = noise_of(flights, left, left, rig)
+    pulled = noise_of(flights, left, [left[0] + force], rig)
     for channel in range(6):
         assert slow_power(pulled, channel) > 2.0 * slow_power(calm, channel)
     for channel in range(6, 15):  # a pull says nothing of the sensors
         assert slow_power(pulled, channel) == pytest.approx(slow_power(calm, channel))
-    laboratory = noise_of(left, [left[0] + force], STEP, LABORATORY)
+    laboratory = noise_of(flights, left, [left[0] + force], LABORATORY)
     assert slow_power(laboratory, 3) < slow_power(pulled, 3)
 
 

@@ -1,0 +1,110 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.evidence import make_evidence
+from np_drake.diagnosis.excess import slow_torque
+from np_drake.diagnosis.look import look
+from np_drake.diagnosis.oddities import SLOW_TORQUE
+from np_drake.diagnosis.read_rotors import most_likely, read_thrust
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.rotor_input import rotor_speed, rotor_wrench
+from np_drake.vehicle import Vehicle
+
+VEHICLE = Vehicle()
+NOISE = 4.0  # of readings of rotor speed [rad/s]
+
+
+def known(log: FlightLog) -> FlightLog:
+    """The log with rotor speed at its rows, and no command: of one that is held, in the middle of its step."""
+    at_rows = np.concatenate([log.u[:1], 0.5 * (log.u[1:] + log.u[:-1])])
+    return dc.replace(log, u=at_rows, input="rotor_speed")
+
+
+def read(log: FlightLog, noise: float = NOISE, seed: int = 0) -> FlightLog:
+    """The same, read with noise [rad/s]."""
+    spin = rotor_speed(VEHICLE, known(log).u)
+    spin = spin + noise * np.random.default_rng(seed).normal(size=spin.shape)
+    return dc.replace(known(log), u=rotor_wrench(VEHICLE, spin))
+
+
+def thrust_noise(log: FlightLog) -> np.ndarray:
+    """(4,) deviation of thrust [N] by that of the readings, in the mean."""
+    return 2 * VEHICLE.thrust_coefficient * NOISE * np.mean(rotor_speed(VEHICLE, log.u), axis=0)
+
+
+def test_noise_alone_goes_and_slow_motion_stays():
+    t = 0.01 * np.arange(2000)
+    slow = np.stack([np.sin(2 * np.pi * 0.7 * t), 0 * t], axis=1)
+    values = slow + np.random.default_rng(0).normal(scale=[0.1, 0.1], size=slow.shape)
+    missed = np.sqrt(np.mean((most_likely(values, np.array([0.1, 0.1]), 0.01) - slow) ** 2, axis=0))
+    assert missed[0] < 0.03
+    assert missed[1] < 0.02
+
+
+def test_what_was_read_without_noise_is_as_it_was_read():
+    values = np.random.default_rng(0).normal(size=(501, 3))
+    np.testing.assert_allclose(most_likely(values, np.zeros(3), 0.01), values, atol=1e-12)
+
+
+def test_the_most_likely_thrust_is_nearer_than_what_was_read_and_its_noise_is_known(fly):
+    log = fly(noise=1.0, seconds=20.0)
+    true, seen = (x.u @ VEHICLE.unmixer.T for x in (known(log), read(log)))
+    found, noise = read_thrust(read(log), VEHICLE)
+    np.testing.assert_allclose(noise, thrust_noise(log), rtol=0.1)
+    assert np.std(found - true) < 0.5 * np.std(seen - true)
+
+
+def test_how_the_most_likely_thrust_errs_does_not_go_with_what_it_is(fly):
+    """What was read does: there lies the share of noise that a regression takes for an answer."""
+    log = fly(noise=1.0, seconds=20.0, vigour=0.2)
+    true, seen = (x.u @ VEHICLE.unmixer.T for x in (known(log), read(log)))
+    found, _ = read_thrust(read(log), VEHICLE)
+    slopes = [
+        np.sum((x - true) * (x - x.mean(axis=0))) / np.sum((x - x.mean(axis=0)) ** 2) for x in (found, seen)
+    ]
+    assert abs(slopes[0]) < 0.3 * slopes[1]
+
+
+def test_thrust_that_jitters_is_no_noise_where_the_motion_answers_to_it(fly):
+    log = fly(seconds=10.0)
+    jitter = np.zeros_like(log.u)
+    jitter[:, 1] = 0.05 * np.random.default_rng(0).normal(size=len(log.t))
+    turned = np.zeros_like(log.w)
+    turned[1:, 0] = np.cumsum(0.5 * (jitter[1:, 1] + jitter[:-1, 1]) * np.diff(log.t)) / VEHICLE.J[0, 0]
+    shaken = dc.replace(log, u=log.u + jitter, input="rotor_speed")
+    found, noise = read_thrust(dc.replace(shaken, w=log.w + turned), VEHICLE)
+    np.testing.assert_array_equal(found, shaken.u @ VEHICLE.unmixer.T)
+    np.testing.assert_array_equal(noise, 0.0)
+    _, noise = read_thrust(shaken, VEHICLE)  # nothing turns
+    assert noise.min() > 0.0
+
+
+def test_the_channels_know_how_well_thrust_was_read(fly):
+    log = fly(seconds=20.0, vigour=0.0)
+    dut = make_evidence(read(log), VEHICLE)
+    raw = np.random.default_rng(1).normal(size=(20000, 4)) * thrust_noise(log) @ VEHICLE.mixer.T
+    per_grid = raw.std(axis=0) * np.sqrt(log.step / dut.grid.step)
+    np.testing.assert_allclose(dut.rotor_noise[2:6], per_grid, rtol=0.1)
+    np.testing.assert_array_equal(dut.rotor_noise[[0, 1, *range(6, 15)]], 0.0)
+    np.testing.assert_array_equal(make_evidence(log, VEHICLE).rotor_noise, 0.0)
+
+
+def test_torque_that_was_read_with_noise_is_no_torque_that_comes_and_goes(fly):
+    flights = [make_evidence(read(fly(noise=1.0, seed=i, name=str(i)), seed=i), VEHICLE) for i in range(2)]
+    ratio, _, _ = slow_torque(flights, {e.name: e.y for e in flights})
+    assert ratio < SLOW_TORQUE[True]
+    deaf = [dc.replace(e, log=dc.replace(e.log, input="command")) for e in flights]
+    assert slow_torque(deaf, {e.name: e.y for e in flights})[0] > 2 * ratio
+
+
+@pytest.mark.parametrize("effects", [(), (LinearDrag(0.3, 0.3, 0.3),)])
+def test_noisy_readings_of_rotor_speed_are_no_cause_and_hide_none(fly, effects):
+    flights = [
+        make_evidence(read(fly(*effects, noise=1.0, seed=i, name=str(i)), seed=i), VEHICLE) for i in range(3)
+    ]
+    found = look(flights[:2], flights[2:])
+    assert [c.identifier for c in found.causes] == [e.identifier for e in effects]
+    assert not found.unknown
