@@ -28,7 +28,8 @@ class Cause:
     """One unmodelled effect that the logs show.
 
     onset: by flight, the time at which it begins [s]; None where it acts from the start (or not at all: absent).
-    share: of the gap above the noise that it explains [1].   effect: the fitted object.
+    share: square of its own trace over that of the gap above the noise, in the flights of the fit [1]; NaN for gusts,
+        which have none there. Traces overlap: shares need not add up.   effect: the fitted object.
     """
 
     identifier: str

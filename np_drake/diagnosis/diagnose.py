@@ -107,13 +107,30 @@ def _require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) 
     names = [log.name for log in [*train, *held_out]]
     twice = {n for n in names if names.count(n) > 1}
     if twice:
-        raise ValueError(f"diagnose: flights must have different names; got {sorted(twice)[0]!r} twice.")
+        raise ValueError(
+            f"diagnose: flights must have different names; got {sorted(twice)[0]!r} twice. "
+            "Rename one, or give each flight once."
+        )
     if len({log.input for log in [*train, *held_out]}) > 1:
         raise ValueError("diagnose: all flights must have the same input; got command and rotor_speed.")
     present = {log.name: log.a is not None for log in [*train, *held_out]}
     if len(set(present.values())) > 1:
         without = next(n for n, there in present.items() if not there)
         raise ValueError(f"diagnose: all flights or none must have accelerations; {without} has none.")
+    for log in held_out:
+        same = next((other.name for other in train if _same(log, other)), None)
+        if same is not None:
+            raise ValueError(
+                f"diagnose: {log.name} is the same flight as {same}, to which effects are fitted, and can judge none. "
+                "Give one that was flown apart."
+            )
+
+
+def _same(a: FlightLog, b: FlightLog) -> bool:
+    """Is it the same motion, row by row? What never moves is no motion."""
+    pairs = ((a.p, b.p), (a.v, b.v), (a.w, b.w))
+    moves = any(np.ptp(x, axis=0).any() for x, _ in pairs)
+    return moves and len(a.t) == len(b.t) and all(np.array_equal(x, y) for x, y in pairs)
 
 
 def _cannot_tell(flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> dict:

@@ -69,7 +69,7 @@ def as_gusts(
         probability = min(probability, DOUBTED)
         drag = dc.replace(drag, probability=min(drag.probability, DOUBTED))
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
-    gusts = Cause("gusty_wind", probability, parameters, onset, (), drag.share, effect)
+    gusts = Cause("gusty_wind", probability, parameters, onset, (), effect=effect)
     others = [c for c in causes if c.identifier not in GUSTY[1:]]
     return [*(drag if c.identifier == DRAG else c for c in others), gusts]
 

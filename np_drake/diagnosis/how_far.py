@@ -104,7 +104,7 @@ def _onset_of(terms, identifier: str, flight: str) -> float | None:
 
 def _order(cause: Cause) -> tuple[bool, float]:
     """The largest first, but a wind after the drag that it acts through."""
-    return bool(cause.effect is not None and type(cause.effect).needs), -cause.share
+    return bool(cause.effect is not None and type(cause.effect).needs), -float(np.nan_to_num(cause.share))
 
 
 def _ladder(causes, flights, noise, held: HeldOut) -> tuple[Rung, ...]:

@@ -1,6 +1,7 @@
 """The page: what the template shows, as plain text; figures and style are inside, nothing is fetched."""
 
 import base64
+import math
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from importlib.metadata import version
@@ -129,7 +130,7 @@ def _cause(cause: Cause, flights: int) -> dict[str, Any]:
         "title": words.title_of(cause.identifier),
         "identifier": cause.identifier,
         "probability": words.probability(cause.probability),
-        "share": words.percent(cause.share),
+        "share": words.percent(cause.share) if math.isfinite(cause.share) else "",
         "rows": rows,
         "onset": "; ".join([*begins, *onset]),
         "others": words.listed([words.name_of(other) for other in cause.indistinguishable_from], "or"),

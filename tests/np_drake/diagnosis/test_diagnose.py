@@ -158,6 +158,7 @@ def bad_inputs(fly):
     yield "same input", [a], [dc.replace(b, input="rotor_speed")]
     yield "b has none", [a], [dc.replace(b, a=None)]
     yield "at least 3 s", [a], [fly(name="b", seconds=2.0)]
+    yield "b is the same flight as a", [a], [dc.replace(a, name="b")]
 
 
 def test_bad_inputs_are_refused_in_one_line_that_says_what_is_wrong(fly):
