@@ -1,6 +1,5 @@
 """`np-drake diagnose`: where simulator and flights part, which effect causes it, how far it shrinks."""
 
-import dataclasses as dc
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -51,7 +50,7 @@ def diagnose(
         ),
     ] = None,
     repair: options.Repair = False,
-    seed: options.Seed = 0,
+    seed: options.Undrawn = 0,
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Folder for report, figures and JSON.")
     ] = None,
@@ -66,18 +65,20 @@ def diagnose(
     nominal = nominal_vehicle(files)
     logs = [open_flights(paths, nominal, repair=repair) for paths in (files.train, files.held_out)]
     found = run(nominal, *logs, replay=not no_replay, second_look=not no_second_look, rig=rig)
-    from diagrams.cli.diagnosis_tables import show
-
-    show(found)
     config: dict[str, Any] = {"vehicle": nominal.name, "train": files.train, "held_out": files.held_out}
     config |= {"replay": not no_replay, "second_look": not no_second_look, "rig": rig, "repair": repair}
     if out is not None:
         from np_drake.diagnosis.report.write import write_report
 
-        say(f"report: {write_report(found, make_folder(out), seed=seed, config=config)}")
+        report = write_report(found, make_folder(out), seed=seed, config=config)
     content = found.as_json()
     del content["schema"]  # the head says it
     write_metrics(json, "diagnosis", seed=seed, config=config, **content)
+    from diagrams.cli.diagnosis_tables import show
+
+    show(found)
+    if out is not None:
+        say(f"report: {report}")
 
 
 def choose_files(
@@ -99,8 +100,7 @@ def choose_files(
         )
     if train or held_out:
         raise ValueError("give either a case folder or --train and --held-out, not both.")
-    files = find_case(case)
-    return files if vehicle is None else dc.replace(files, vehicle=vehicle)
+    return find_case(case, vehicle)
 
 
 def nominal_vehicle(files: "CaseFiles") -> "Vehicle":
@@ -153,8 +153,10 @@ def run(
     """The five steps behind a progress bar.   rig: logs of one, or of a laboratory; None: as they look."""
     from diagrams.gap_replay import DrakeReplay
     from np_drake.diagnosis.diagnose import diagnose as five_steps
+    from np_drake.diagnosis.diagnose import require_flights
     from np_drake.diagnosis.rig import LABORATORY, Tolerance
 
+    require_flights(train, held_out)  # what is refused is so without a bar
     with progress("diagnosing", 1.0) as advance:
         simulator = DrakeReplay(vehicle) if replay else None
         how = {None: None, True: Tolerance(), False: LABORATORY}[rig]

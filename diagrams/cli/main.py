@@ -38,6 +38,12 @@ app.add_typer(reproduce.reproduce, name="reproduce")
 app.command("bench")(bench.bench)
 app.add_typer(challenge.challenge, name="challenge")
 
+GROUPS = {
+    group.name: {command.name for command in group.typer_instance.registered_commands}
+    for group in app.registered_groups
+    if group.typer_instance is not None
+}
+
 
 @app.callback(invoke_without_command=True)
 def about(
@@ -86,8 +92,12 @@ def _text(error: Exception) -> str:
 
 
 def _report(arguments: list[str], message: str, code: int) -> int:
-    verb = next((argument for argument in arguments if not argument.startswith("-")), "")
-    message = " ".join(message.split()).removeprefix(f"{verb}: ")
-    line = " ".join(f"{PROGRAM} {verb}".split()) + ": " + message
+    verbs = [argument for argument in arguments if not argument.startswith("-")][:1]
+    if verbs and verbs[0] in GROUPS and len(arguments) > 1 and arguments[1] in GROUPS[verbs[0]]:
+        verbs.append(arguments[1])
+    message = " ".join(message.split())
+    for verb in verbs:
+        message = message.removeprefix(f"{verb}: ")
+    line = " ".join([PROGRAM, *verbs]) + ": " + message
     console(stderr=True).print(line, markup=False, soft_wrap=True)
     return code

@@ -47,7 +47,7 @@ def diagnose(
     """
     start = time.perf_counter()
     tell = on_progress or (lambda share, text: None)
-    _require_flights(train, held_out)
+    require_flights(train, held_out)
     tell(0.0, "residuals")
     step = max(natural_step(log.t) for log in [*train, *held_out])
     flights = [make_evidence(log, vehicle, step) for log in train]
@@ -100,7 +100,8 @@ def _names(flights: Sequence[Evidence]) -> tuple[str, ...]:
     return tuple(e.name for e in flights)
 
 
-def _require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> None:
+def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> None:
+    """Raises: ValueError: where these flights, together, cannot be diagnosed; one line with the remedy."""
     for name, logs in (("train", train), ("held_out", held_out)):
         if not logs:
             raise ValueError(f"diagnose: {name} must hold at least one flight; got none.")

@@ -20,8 +20,8 @@ class CaseFiles:
     held_out: tuple[Path, ...]
 
 
-def find_case(folder: str | Path) -> CaseFiles:
-    """The files of a case folder, sorted by name; nothing is opened.
+def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
+    """The files of a case folder, sorted by name; nothing is opened.   vehicle: in the place of the folder's.
 
     Raises: ValueError: if it is no folder, or the vehicle or a flight of either kind is missing.
     """
@@ -30,8 +30,8 @@ def find_case(folder: str | Path) -> CaseFiles:
         raise ValueError(
             f"{folder}: must be a case folder; it is {'a file' if folder.exists() else 'not there'}."
         )
-    if not (folder / VEHICLE).is_file():
-        raise ValueError(f"{folder}: a case folder must hold {VEHICLE}.")
+    if vehicle is None and not (folder / VEHICLE).is_file():
+        raise ValueError(f"{folder}: a case folder must hold {VEHICLE}, or a vehicle must be named.")
     flights = sorted(path for path in folder.iterdir() if path.name.endswith(SUFFIXES) and path.is_file())
     train, held_out = (
         tuple(path for path in flights if path.name.startswith(start)) for start in (TRAIN, HELD_OUT)
@@ -41,7 +41,7 @@ def find_case(folder: str | Path) -> CaseFiles:
             raise ValueError(
                 f"{folder}: a case folder must hold {start}*{{{', '.join(SUFFIXES)}}}; got none."
             )
-    return CaseFiles(folder / VEHICLE, train, held_out)
+    return CaseFiles(vehicle or folder / VEHICLE, train, held_out)
 
 
 def open_flight(path: Path, vehicle: Vehicle, *, repair: bool = False) -> FlightLog:

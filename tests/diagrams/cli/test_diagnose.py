@@ -10,7 +10,6 @@ import yaml
 from diagrams.cli.main import run
 from np_drake.diagnosis import answer as an
 from np_drake.logs.case_folder import find_case
-from np_drake.logs.neurobem import RACE_TRACK
 from np_drake.vehicle import RIGID, Vehicle
 
 VEHICLE = "name: mine\nmass: 2.5\n"
@@ -119,10 +118,10 @@ def test_what_a_vehicle_file_leaves_out_is_said(case, capsys):
 
 
 def test_a_real_flight_has_its_published_vehicle(case, neurobem, tmp_path, capsys):
-    flight = str(neurobem / "csv" / f"{RACE_TRACK}.csv")
+    flight, other = (str(path) for path in sorted((neurobem / "csv").glob("*.csv"))[:2])
     for extra in ([], ["--vehicle", "neurobem"]):
         metrics = tmp_path / "d.json"
-        arguments = ["--train", flight, "--held-out", flight, "--no-replay", "--json", str(metrics), *extra]
+        arguments = ["--train", flight, "--held-out", other, "--no-replay", "--json", str(metrics), *extra]
         assert run(["diagnose", *arguments]) == 0, capsys.readouterr().err
         assert json.loads(metrics.read_text())["vehicle"] == "neurobem"
 
@@ -160,6 +159,21 @@ def test_bad_input_is_one_line_and_leaves_nothing(case, tmp_path, monkeypatch, c
     assert last.startswith("np-drake diagnose: ")
     assert message in last
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_flight_that_was_fitted_to_judges_nothing(case, tmp_path, capsys):
+    copy = tmp_path / "other.csv"
+    copy.write_bytes((case / "train_1.csv").read_bytes())
+    assert run(["diagnose", "--train", str(case / "train_1.csv"), "--held-out", str(copy)]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()[-1:]
+    assert "other.csv is the same flight as train_1.csv" in line
+    assert "diagnosing" not in line
+
+
+def test_flights_without_a_vehicle_file_are_a_case_where_a_vehicle_is_named(case, tmp_path):
+    named = tmp_path / "mine.yaml"
+    (case / "vehicle.yaml").rename(named)
+    assert run(["diagnose", str(case), "--vehicle", str(named), "--no-replay"]) == 0
 
 
 def test_logs_that_cannot_be_diagnosed_leave_nothing(case, tmp_path, monkeypatch, capsys):

@@ -84,3 +84,9 @@ def test_startup_waits_for_neither_torch_nor_drake():
     code = f"import sys, diagrams.cli.main; print(sorted({slow} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_line_names_the_verb_of_a_group(capsys):
+    for verb in ("solve", "score"):
+        assert dut.run(["challenge", verb]) == 2
+        assert capsys.readouterr().err.startswith(f"np-drake challenge {verb}: Missing ")
