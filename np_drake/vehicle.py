@@ -9,6 +9,9 @@ import yaml
 
 from np_drake.yaml_file import load_checked
 
+SLOWEST_ROTOR = 1.0  # time constant beyond which the file's is in another unit than seconds [s]
+LONGEST_ARM = 5.0  # beyond which rotor positions are in another unit than metres [m]
+POSITIVE = ("mass", "gravity", "thrust_coefficient", "rotor_radius", "max_rotor_thrust")
 RIGID = ("mass", "inertia", "rotor_positions", "thrust_coefficient", "torque_coefficient", "max_rotor_thrust")
 
 
@@ -62,9 +65,15 @@ class Vehicle:
 
     def check(self) -> "Vehicle":
         """Returns self; raises ValueError where a figure is impossible."""
-        for name in ("mass", "gravity", "thrust_coefficient", "rotor_radius", "max_rotor_thrust"):
+        for name, value in dc.asdict(self).items():
+            if not isinstance(value, (str, dict)):
+                _require(bool(np.all(np.isfinite(value))), f"{name} must be finite; got {value}")
+        for name in POSITIVE:
             _require(getattr(self, name) > 0, f"{name} must be positive; got {getattr(self, name)}")
-        _require(self.rotor_time_constant >= 0, "rotor_time_constant must not be negative [s]")
+        _require(
+            0 <= self.rotor_time_constant <= SLOWEST_ROTOR,
+            f"rotor_time_constant must be 0 to {SLOWEST_ROTOR:g} s; got {self.rotor_time_constant}. Is it in seconds?",
+        )
         _require(np.shape(self.rotor_positions) == (4, 3), "rotor_positions must be 4 x 3 [m]")
         _require(
             np.shape(self.rotor_directions) == (4,) and set(np.abs(self.rotor_directions)) == {1.0},
@@ -78,10 +87,27 @@ class Vehicle:
         _require(self.logged_point in ("origin", "center_of_mass"), "logged_point: origin | center_of_mass")
         _require(self.input in ("command", "rotor_speed"), "input: command | rotor_speed")
         self.measurement_noise.check()
-        numbers = [self.mass, self.gravity, self.thrust_coefficient, self.torque_coefficient]
-        _require(bool(np.all(np.isfinite(numbers))), "every number must be finite")
-        _require(abs(np.linalg.det(self.mixer)) > 1e-12, "the rotors must span thrust and three torques")
+        self._check_rotors()
         return self
+
+    def _check_rotors(self) -> None:
+        longest = float(np.linalg.norm(self.rotor_positions, axis=1).max())
+        _require(
+            longest <= LONGEST_ARM,
+            f"rotor_positions must be within {LONGEST_ARM:g} m of the origin; got {longest:g}. Are they in metres?",
+        )
+        _require(
+            self.torque_coefficient >= 0,
+            "torque_coefficient must not be negative, for rotor_directions hold the signs; "
+            f"got {self.torque_coefficient}",
+        )
+        _require(abs(np.linalg.det(self.mixer)) > 1e-12, "the rotors must span thrust and three torques")
+        lift, weight = 4 * self.max_rotor_thrust, self.mass * self.gravity
+        _require(
+            lift >= weight,
+            f"max_rotor_thrust must let four rotors carry the weight, {weight:.4g} N; got {self.max_rotor_thrust} N "
+            "each. Is it in N, of one rotor, and the mass in kg?",
+        )
 
     @cached_property
     def J(self) -> np.ndarray:
@@ -128,4 +154,4 @@ def left_out(path: str | Path) -> list[str]:
 
 def _require(condition: bool, message: str) -> None:
     if not condition:
-        raise ValueError(f"Vehicle: {message}.")
+        raise ValueError(f"Vehicle: {message}{'' if message.endswith('?') else '.'}")

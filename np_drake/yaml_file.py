@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydrake.common.yaml import yaml_load_typed
+from pydrake.common.yaml import yaml_load_file, yaml_load_typed
+
+from np_drake.yaml_kinds import fields_of, misfit
 
 
 def load_checked(schema: type, path: str | Path, kind: str) -> Any:
@@ -17,14 +19,27 @@ def load_checked(schema: type, path: str | Path, kind: str) -> Any:
     Raises: ValueError: one line with file, field and reason, as "<path>: not a <kind>: …".
     """
     try:
-        return yaml_load_typed(schema=schema, filename=str(path), defaults=schema()).check()
+        default = schema()
+        _require_kinds(schema, yaml_load_file(str(path), private=True), default)
+        return yaml_load_typed(schema=schema, filename=str(path), defaults=default).check()
     except OSError as error:
         raise ValueError(f"{path}: not a {kind}: {error.strerror or error}.") from error
-    except (yaml.YAMLError, RuntimeError, ValueError, TypeError, KeyError, AttributeError) as error:
-        reason = " ".join(str(error).split())
-        if "root was a <class 'NoneType'>" in reason:
-            reason = "it is empty; at least one field must be named."
+    # AssertionError, ArithmeticError: what Drake's reader and NumPy raise on content that nobody foresaw.
+    except (
+        *(yaml.YAMLError, RuntimeError, ValueError, TypeError, KeyError, AttributeError),
+        *(AssertionError, ArithmeticError),
+    ) as error:
+        reason = " ".join(str(error).split()) or "it cannot be read."
         raise ValueError(f"{path}: not a {kind}: {reason[:300]}{_remedy(schema, reason)}") from error
+
+
+def _require_kinds(schema: type, content: Any, default: Any) -> None:
+    """Before Drake reads it, whose errors do not always name the field. default: of `schema`."""
+    if content is None:
+        raise ValueError("it is empty; at least one field must be named.")
+    reason = misfit(schema, content, "", default)
+    if reason is not None:
+        raise ValueError(reason)
 
 
 def _remedy(schema: type, reason: str) -> str:
@@ -40,12 +55,11 @@ def _remedy(schema: type, reason: str) -> str:
     return f"; known are {', '.join(field.name for field in dc.fields(schema))}."
 
 
-def _fields(schema: type) -> list[str]:
+def _fields(schema: Any) -> list[str]:
     """Names of all fields of a dataclass, and of those that its fields hold."""
-    hints = typing.get_type_hints(schema)
-    found = list(hints)
-    for hint in hints.values():
-        for inner in (hint, *typing.get_args(hint)):
-            if dc.is_dataclass(inner):
-                found += _fields(inner)  # type: ignore[arg-type]
+    kinds = fields_of(schema)
+    found = list(kinds)
+    for kind in kinds.values():
+        for inner in (kind, *typing.get_args(kind)):
+            found += _fields(inner)
     return found

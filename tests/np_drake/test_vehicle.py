@@ -55,3 +55,40 @@ def test_changed_mass_is_checked():
     assert Vehicle().with_mass(3.0).mass == 3.0
     with pytest.raises(ValueError, match="mass"):
         dc.replace(Vehicle(), mass=float("nan")).check()
+
+
+FAR = "rotor_positions: [[127, 127, 0], [127, -127, 0], [-127, -127, 0], [-127, 127, 0]]"
+
+
+@pytest.mark.parametrize(
+    "text, reason",
+    [
+        ("rotor_radius: .inf", "rotor_radius must be finite; got inf."),
+        ("max_rotor_thrust: .inf", "max_rotor_thrust must be finite; got inf."),
+        ("torque_coefficient: .nan", "torque_coefficient must be finite; got nan."),
+        ("rotor_time_constant: .nan", "rotor_time_constant must be finite; got nan."),
+        ("inertia: [[.inf, 0, 0], [0, .inf, 0], [0, 0, .inf]]", "inertia must be finite; got [[inf, "),
+        (FAR.replace("[127, 127", "[.nan, 127"), "rotor_positions must be finite; got [[nan, "),
+        ("rotor_directions: [1, -1, 1, .nan]", "rotor_directions must be finite; got [1.0, -1.0, 1.0, nan]."),
+        ("max_rotor_thrust: 0.1", "must let four rotors carry the weight, 19.62 N; got 0.1 N each."),
+        ("mass: 2000", "must let four rotors carry the weight, 1.962e+04 N; got 12.0 N each."),
+        ("rotor_time_constant: 35", "rotor_time_constant must be 0 to 1 s; got 35.0. Is it in seconds?"),
+        ("rotor_time_constant: -0.01", "rotor_time_constant must be 0 to 1 s; got -0.01."),
+        (FAR, "rotor_positions must be within 5 m of the origin; got 179.605. Are they in metres?"),
+        ("torque_coefficient: -1.6e-7", "torque_coefficient must not be negative"),
+        ("torque_coefficient: 0.0", "the rotors must span thrust and three torques."),
+        ("inertia: [.02, .02, .03]", "inertia must be a matrix, 3 rows of 3 numbers, as [[0.02, 0.0, 0.0], "),
+    ],
+)
+def test_an_impossible_figure_is_refused_in_one_line_with_field_and_unit(tmp_path, text, reason):
+    file = tmp_path / "vehicle.yaml"
+    file.write_text(text)
+    with pytest.raises(ValueError, match=r"vehicle\.yaml: not a vehicle file: ") as caught:
+        load_vehicle(file)
+    assert reason in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_vehicle_that_just_hovers_and_the_largest_there_are_stay():
+    Vehicle(max_rotor_thrust=2.0 * 9.81 / 4).check()
+    Vehicle(rotor_time_constant=1.0, rotor_positions=[[3, 3, 0], [3, -3, 0], [-3, -3, 0], [-3, 3, 0]]).check()
