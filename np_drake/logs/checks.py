@@ -9,6 +9,7 @@ LEAST_ROWS = 20  # own choice: below it nothing can be filtered or differentiate
 GAP = 2.5  # median intervals between two rows that count as a gap
 NORM_TOLERANCE = 0.01  # of a quaternion [1]; rounding to two decimals stays inside
 STEP_RANGE = (5e-5, 0.25)  # plausible sampling intervals [s]
+LARGEST = 1e12  # size of a cell, time apart, beyond which it is no figure of any flight in any unit
 
 
 def check_table(table: Table, fields: list[str]) -> None:
@@ -31,14 +32,15 @@ def check_table(table: Table, fields: list[str]) -> None:
 
 def _check_finite(table: Table, fields: list[str]) -> None:
     names = [name for field in fields for name in COLUMNS[field]]
-    bad = ~np.isfinite(table.array(tuple(names)))
+    bad = ~np.stack([is_figure(table, name) for name in names], axis=1)
     rows = np.flatnonzero(bad.any(axis=1))
     if rows.size:
         row = int(rows[0])
         name = names[int(np.flatnonzero(bad[row])[0])]
+        given = table.columns[name][row]
+        must = f"below {LARGEST:g} in size" if np.isfinite(given) else "finite"
         raise table.error(
-            f"must be finite; got {table.columns[name][row]}{_more(rows)}. "
-            "Use --repair to interpolate a few rows.",
+            f"must be {must}; got {given}{_more(rows)}. Use --repair to interpolate a few rows.",
             column=name,
             row=row,
         )
@@ -74,6 +76,12 @@ def _check_time(table: Table) -> None:
             column="t",
             row=row,
         )
+
+
+def is_figure(table: Table, name: str) -> np.ndarray:
+    """(n,) bool: is the cell a number that can be squared? Time may count nanoseconds, which `_check_time` tells."""
+    column = table.columns[name]
+    return np.isfinite(column) if name == "t" else np.abs(column) <= LARGEST
 
 
 def quaternion_norm(table: Table) -> np.ndarray:

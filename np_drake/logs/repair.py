@@ -3,7 +3,7 @@
 import numpy as np
 
 from np_drake import attitude
-from np_drake.logs.checks import GAP, LEAST_ROWS, NORM_TOLERANCE, quaternion_norm
+from np_drake.logs.checks import GAP, LEAST_ROWS, NORM_TOLERANCE, is_figure, quaternion_norm
 from np_drake.logs.columns import COLUMNS
 from np_drake.logs.table import Table
 
@@ -21,7 +21,7 @@ def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
     """
     if len(table) < LEAST_ROWS:
         return table, []  # the check says so
-    kept, dropped = _in_time(table)
+    kept, dropped = _in_time(_figures(table))
     bridged, inserted = _bridge_gaps(kept)
     normalised = _normalise(bridged)
     filled = _fill(bridged, fields)
@@ -39,6 +39,14 @@ def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
         )
     notes = [f"repaired: {count} of {len(table)} rows {what}" for what, count in counts.items() if count]
     return bridged, notes
+
+
+def _figures(table: Table) -> Table:
+    """The same with NaN in every cell that holds no figure."""
+    columns = table.columns.items()
+    return _replaced(
+        table, {name: np.where(is_figure(table, name), column, np.nan) for name, column in columns}
+    )
 
 
 def _in_time(table: Table) -> tuple[Table, int]:

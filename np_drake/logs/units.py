@@ -2,7 +2,9 @@
 
 Over windows of half a second, the change of position is compared with the integral of velocity, attitude
 with body rates, velocity with acceleration, each as a spread about its own mean (so a bias is not a unit).
-Thrust is compared with weight.  Source: own choice; thresholds tried on 43 NeuroBEM flights.
+Thrust is compared with weight, torque with the change of angular momentum and with what rotors can give.
+Source: own choice; thresholds tried on 43 NeuroBEM flights, those of torque also on 2760 simulated ones with
+every effect of the library and many that it does not have.
 """
 
 import numpy as np
@@ -17,6 +19,12 @@ WINDOW = 0.5  # [s]
 RATIO = 6.0  # more than noise, wind-up or effects make; less than g, degrees or millimetres
 ALIKE = 0.5  # cosine below which two courses are no multiples of each other
 STILL = 1e-4  # ratio below which one of them does not move at all
+TURNS = 0.3  # spread of an axis' rate over a window below which its torque is not judged [rad/s]
+TORQUE = ("tx", "ty", "tz")
+WINDOWS = 8  # that a flight must last for its torque to be judged
+TORQUE_RATIO = 30.0  # of two integrals of one course; 5.3 at most in sound flights, 3.4 in those that turn
+AGAINST = -0.5  # cosine of torque and turn; 0.03 at least in sound flights, -0.13 at a third of `TURNS`
+STRONGEST = 6.0  # times what rotors can give; sound flights have 1 where rotors saturate, 0.2 elsewhere
 FASTEST_ROTOR = 5000.0  # [rad/s]; 48,000 rpm
 LEAST = {
     "position": 0.2,
@@ -47,6 +55,9 @@ def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) ->
         )
     if vehicle is not None:
         _check_thrust(log, path, vehicle)
+        _check_torque_limit(log, path, vehicle)
+        if len(log) > WINDOWS * m:
+            _check_torque(log, path, vehicle, m)
 
 
 def _compare(path: object, left: str, right: str, change: np.ndarray, sum_: np.ndarray, kind: str) -> None:
@@ -109,6 +120,52 @@ def _check_thrust(log: FlightLog, path: object, vehicle: Vehicle) -> None:
                 f"{vehicle.name!r}, {weight:.3g} N; got {high:.3g} N. Is it in N (rotor speed in rad/s), "
                 "and the vehicle file the right one?"
             )
+
+
+def _check_torque_limit(log: FlightLog, path: object, vehicle: Vehicle) -> None:
+    """The upper range of commanded torque must be what rotors can give; that from rotor speed always is."""
+    if log.input != "command" or not np.isfinite(log.u).any():
+        return
+    most = 0.5 * vehicle.max_rotor_thrust * np.abs(vehicle.mixer[1:]).sum(axis=1)
+    high = np.nanpercentile(np.abs(log.u[:, 1:]), 95, axis=0)
+    for i in np.flatnonzero(high > STRONGEST * most):
+        raise LogError(
+            f"{place(path, column=TORQUE[i])}: torque must be what the rotors of vehicle {vehicle.name!r} can give, at "
+            f"most {most[i]:.3g} N·m; got {high[i]:.3g}. Is it in N·m, and the vehicle file the right one?"
+        )
+
+
+def _check_torque(log: FlightLog, path: object, vehicle: Vehicle, m: int) -> None:
+    """Torque must be what turns the vehicle, J dw/dt + w x J w, in size and, axis by axis, in sign.
+
+    What a controller does against a disturbance goes with the turn that is left, as does what it does to turn.
+    """
+    momentum = log.w @ vehicle.J.T
+    turn = _change(momentum, m) + _integral(np.cross(log.w, momentum), log.t, m)
+    push = _integral(np.nan_to_num(log.u[:, 1:]), log.t, m)
+    turns = np.std(turn, axis=0) > TURNS * np.diag(vehicle.J)
+    columns, remedy = TORQUE, "Write it about the body axes of the rates."
+    if log.input == "rotor_speed":
+        columns = ("rotor1",) * 3
+        remedy = f"Are rotor_positions and rotor_directions of vehicle {vehicle.name!r} in the log's order?"
+    a, b = _spread(push), _spread(turn)
+    if turns.any() and TORQUE_RATIO * min(a, b) < max(a, b) and _likeness(push, turn) > ALIKE:
+        raise LogError(
+            f"{place(path, column=columns[0])}: torque must be what turns the vehicle; over {WINDOW} s its integral "
+            f"changes by {a:.2g} N·m·s, J w by {b:.2g}. Is torque in N·m, and J of vehicle {vehicle.name!r} in kg·m²?"
+        )
+    for i in np.flatnonzero(turns):
+        if _cosine(push[:, i], turn[:, i]) < AGAINST:
+            raise LogError(
+                f"{place(path, column=columns[i])}: torque must be what turns the vehicle; about body {'xyz'[i]} it "
+                f"goes against J dw/dt + w x J w. {remedy}"
+            )
+
+
+def _cosine(a: np.ndarray, b: np.ndarray) -> float:
+    """Of two (n,), their means apart [1]; 0 where one of them does not change."""
+    a, b = a - a.mean(), b - b.mean()
+    return float(a @ b / max(np.linalg.norm(a) * np.linalg.norm(b), 1e-300))
 
 
 def _change(value: np.ndarray, m: int) -> np.ndarray:
