@@ -5,15 +5,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+from diagrams.challenge import solved_forms as forms
+from diagrams.challenge.form import Form, misfit
 from diagrams.challenge.solve import ANSWER
 from np_drake.diagnosis.answer import UNKNOWN
 
 TRUTH = "truth.json"
-TRUTH_KEYS = {
-    **{"effects": list, "class": list, "true_model_residual": dict, "visibility": (int, float)},
-    **{"simulator": str, "quality": str, "kind": str, "seed": int},
-}
-ANSWER_KEYS = {"verdict": list, "causes": list, "gap": dict, "shrink": dict}
 COMPANION = "linear_drag"  # through which a wind is felt, and which is then named too
 WINDS = ("constant_wind", "gusty_wind")
 
@@ -81,7 +78,8 @@ class Solved:
 def read_solved(answers: Path, truth: Path) -> list[Solved]:
     """Every case that has a truth, sorted by name; of a folder of sets, `<set>/<case>`.
 
-    Raises: ValueError: if there is no truth, or a file is no JSON; OSError: if one cannot be read.
+    Raises: ValueError: if there is no truth, or a file is no JSON or not what docs/files.md says: one line with file,
+        field and what it must be; OSError: if one cannot be read.
     """
     names = [file.parent.relative_to(truth) for file in sorted(truth.rglob(TRUTH)) if file.parent != truth]
     if not names:
@@ -90,20 +88,20 @@ def read_solved(answers: Path, truth: Path) -> list[Solved]:
 
 
 def _read_case(name: str, truth: Path, answer: Path) -> Solved:
-    found = _read(answer, ANSWER_KEYS) if answer.is_file() else None
-    return Solved(name, _read(truth, TRUTH_KEYS), found)
+    found = _read(answer, forms.ANSWER) if answer.is_file() else None
+    return Solved(name, _read(truth, forms.TRUTH), found)
 
 
-def _read(path: Path, needed: dict[str, Any]) -> dict[str, Any]:
+def _read(path: Path, form: Form) -> dict[str, Any]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError:
+    except (ValueError, RecursionError):
         content = None
     if not isinstance(content, dict):
         raise ValueError(f"{path}: must hold a JSON object.")
-    for key, kind in needed.items():
-        if not isinstance(content.get(key), kind):
-            raise ValueError(f"{path}: {key} is missing or of another form; see docs/files.md.")
+    fault = misfit(form, content)
+    if fault is not None:
+        raise ValueError(f"{path}: {fault}")
     return content
 
 

@@ -1,5 +1,6 @@
 """`np-drake challenge score`: answers against the truth, as tables, figures and JSON."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -29,6 +30,8 @@ def score(
     for file in (json, markdown):
         if file is not None:
             require_writable(file)
+    if not math.isfinite(visible):
+        raise ValueError(f"--visible must be finite; got {visible}.")
     if out is not None:
         require_folder(out)
     for folder in (answers, truth):
