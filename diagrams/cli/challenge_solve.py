@@ -18,7 +18,10 @@ def solve(
     again: Annotated[bool, typer.Option("--again", help="Also where there is an answer already.")] = False,
     json: options.Json = None,
 ) -> None:
-    """Diagnose every case folder in parallel; answers that are there already are kept."""
+    """Diagnose every case folder in parallel; answers that are there already are kept.
+
+    Exit code 0 where at least one case has an answer: what fails is a line, `failed` in --json.
+    """
     if json is not None:
         require_writable(json)
     require_folder(out)
