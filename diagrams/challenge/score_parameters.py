@@ -27,7 +27,6 @@ class Error:
     size: relative [1], of a place [m], of a choice 0 or 1.   inside: by scalar, whether its interval holds the truth.
     """
 
-    case: str
     effect: str
     parameter: str
     size: float
@@ -42,29 +41,29 @@ def errors_of(case: Solved) -> list[Error]:
     for true in case.truth["effects"]:
         name = true["effect"]
         if name in case.named and name in LIBRARY and name in case.causes:
-            found += _effect_errors(case.name, name, true["parameters"], case.causes[name]["parameters"])
+            found += _effect_errors(name, true["parameters"], case.causes[name]["parameters"])
     return found
 
 
-def _effect_errors(case: str, effect: str, true: dict[str, float], estimates: dict[str, Any]) -> list[Error]:
+def _effect_errors(effect: str, true: dict[str, float], estimates: dict[str, Any]) -> list[Error]:
     groups: dict[str, list[Parameter]] = {}
     for parameter in LIBRARY[effect].parameters:
         if parameter.name in true and parameter.name in estimates:
             groups.setdefault(group_of(parameter.name), []).append(parameter)
-    return [_group_error(case, effect, name, group, true, estimates) for name, group in groups.items()]
+    return [_group_error(effect, name, group, true, estimates) for name, group in groups.items()]
 
 
-def _group_error(case: str, effect: str, name: str, group: list[Parameter], true, estimates) -> Error:
+def _group_error(effect: str, name: str, group: list[Parameter], true, estimates) -> Error:
     real = np.array([true[p.name] for p in group], float)
     given = np.array([_number(estimates[p.name]["value"]) for p in group])
     if group[0].choices:
-        return Error(case, effect, name, float(not np.array_equal(real, np.round(given))), "choice")
+        return Error(effect, name, float(not np.array_equal(real, np.round(given))), "choice")
     bounds = np.array([[_number(b) for b in estimates[p.name]["ci95"]] for p in group])
     inside = tuple(bool(low <= x <= high) for x, (low, high) in zip(real, bounds, strict=True))
     size, kind = float(np.linalg.norm(given - real)), "place"
     if name != PLACE:
         size, kind = size / _scale(effect, group, real), "relative"
-    return Error(case, effect, name, size, kind, inside, int(np.sum(bounds[:, 0] == bounds[:, 1])))
+    return Error(effect, name, size, kind, inside, int(np.sum(bounds[:, 0] == bounds[:, 1])))
 
 
 def _scale(effect: str, group: list[Parameter], real: np.ndarray) -> float:

@@ -49,7 +49,7 @@ def free_figures(
 
 
 def _width(term: Term) -> float:
-    """Of the prior, over the typical one: as large as the effect is, at least 1 (as in `Gram.evidence_of_groups`)."""
+    """Of the prior, over the typical one: as large as the effect is, at least 1 (as in `Gram.evidence_of_sets`)."""
     free = [p for p in term.effect.parameters if not p.choices]
     sizes = [(float(getattr(term.effect, p.name)) - p.neutral) / p.typical for p in free]
     return max(1.0, float(np.sqrt(np.mean(np.square(sizes)))))

@@ -50,18 +50,14 @@ class Gram:
             return 0.0
         return _solved(self.XX[index[:, None], index], self.Xy[index])[1]
 
-    def evidence_of_groups(self, groups: Sequence[np.ndarray], wide: Sequence[bool]) -> float:
-        """The same of columns in groups, whose prior, where `wide`, is as wide as their coefficients ask for.
+    def evidence_of_sets(
+        self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]
+    ) -> np.ndarray:
+        """(n,) the same of n sets of groups of columns, whose prior, where `wide`, is as wide as they ask for.
 
         An effect may be ten times what is usual: a normal prior would rather have two effects of the usual size.
         Source: local empirical Bayes (Liang et al. 2008, Mixtures of g priors); one width a group, at least 1.
         """
-        return float(self.evidence_of_sets([groups], [wide])[0])
-
-    def evidence_of_sets(
-        self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]
-    ) -> np.ndarray:
-        """(n,) `evidence_of_groups` of many sets of groups, those with as many columns at a time."""
         evidence = np.zeros(len(sets))
         for some in _alike([sum(map(len, groups)) for groups in sets]):
             evidence[some] = self._evidence([sets[i] for i in some], [wide[i] for i in some])

@@ -106,13 +106,13 @@ def test_an_effect_of_usual_size_has_the_usual_prior_and_one_of_ten_times_the_si
     groups = [np.array([0, 1]), np.array([2])]
     for size, gains in ((0.5, False), (10.0, True)):
         dut = gram(X, X @ np.array([size, -size, 0.3]) + rng.normal(size=(200, 1)))
-        narrow = dut.evidence_of_groups(groups, [False, False])
+        narrow, wide = dut.evidence_of_sets([groups, groups], [[False, False], [True, True]])
         assert narrow == pytest.approx(dut.log_evidence(np.arange(3)))
-        gain = dut.evidence_of_groups(groups, [True, True]) - narrow
+        gain = wide - narrow
         assert gain > 50.0 if gains else gain == 0.0
     cost = 0.5 * 2 * 10.0**2 - 2 * (np.log(10.0) + 0.5)
     assert gain == pytest.approx(cost, rel=0.1)
-    assert dut.evidence_of_groups([], []) == 0.0
+    np.testing.assert_array_equal(dut.evidence_of_sets([[]], [[]]), [0.0])
 
 
 def test_grams_of_two_flights_add_to_that_of_both():
