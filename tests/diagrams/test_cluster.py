@@ -51,9 +51,8 @@ def test_a_scheduler_that_does_not_answer_is_one_line(address, monkeypatch, caps
     monkeypatch.setattr(cluster, "PATIENCE", 0.2)
     assert run(["reproduce", "robustness", "--scheduler", address]) == 2
     err = capsys.readouterr().err
-    assert (
-        err.splitlines()[-1] == f"np-drake reproduce: --scheduler: no Dask scheduler answers at '{address}'."
-    )
+    said = f"--scheduler: no Dask scheduler answers at '{address}'."
+    assert err.splitlines()[-1] == f"np-drake reproduce robustness: {said}"
 
 
 def test_without_the_extra_it_is_one_line(monkeypatch, capsys):

@@ -35,7 +35,8 @@ def test_bad_input_is_one_line(case, monkeypatch, capsys):
     arguments, message = BAD[case]
     assert run(["reproduce", *arguments]) == 2
     last = capsys.readouterr().err.splitlines()[-1]
-    assert last.startswith("np-drake reproduce: ")
+    verb = "" if case == "unknown" else f" {arguments[0]}"
+    assert last.startswith(f"np-drake reproduce{verb}: ")
     assert message in last
 
 

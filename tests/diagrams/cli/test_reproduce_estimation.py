@@ -78,6 +78,6 @@ def test_bad_input_is_one_line_and_leaves_nothing(folder, tmp_path, monkeypatch,
     arguments, message = BAD[case]
     assert run(["reproduce", *(words.get(word, word) for word in arguments)]) == 2
     last = capsys.readouterr().err.splitlines()[-1]
-    assert last.startswith("np-drake reproduce: ")
+    assert last.startswith(f"np-drake reproduce {arguments[0]}: ")
     assert message in last
     assert list(tmp_path.iterdir()) == [file]

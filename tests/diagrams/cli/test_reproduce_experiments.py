@@ -95,4 +95,4 @@ def test_a_timing_row_states_median_and_quantile():
 def test_an_unknown_row_is_one_line(table, capsys):
     assert run(["reproduce", table, "--only", "magic"]) == 2
     last = capsys.readouterr().err.splitlines()[-1]
-    assert last.startswith("np-drake reproduce: --only: must name rows of the table (nominal; hold")
+    assert last.startswith(f"np-drake reproduce {table}: --only: must name rows of the table (nominal; hold")
