@@ -71,8 +71,8 @@ def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, monkeypatch, capsys,
     assert run(arguments) == 2
     err = capsys.readouterr().err
     assert message in err
-    verb = " ".join(arguments[:2]) if arguments[0] == "reproduce" else arguments[0]
-    assert err.splitlines()[-1].startswith(f"np-drake {verb}: ")
+    verbs = arguments[:1], arguments[:2]  # of a table, if there is one
+    assert err.splitlines()[-1].startswith(tuple(f"np-drake {' '.join(verb)}: " for verb in verbs))
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]
 
 
