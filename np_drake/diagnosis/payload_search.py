@@ -26,6 +26,7 @@ PAYLOAD = "suspended_payload"
 CHUNK = 12  # lengths whose columns are held at a time
 ENDS = (HORIZONS[0], HORIZONS[-1])
 SHARPENED = ((0.4, 0.05), (0.04, 0.01))  # about an onset: span to either side and step, in turn [s]
+MOVES = 4  # of a span, at most, whose best instant is nearer to an end than to its middle; own choice
 AFTER_ONSET = 2.0  # up to which an onset is judged [s]
 FOLLOWED = 2  # lengths of each profile that are followed from its horizon, the best from the first one too
 PROMISING = 8.0  # log evidence that a length must add to everything else to be followed; own choice
@@ -117,13 +118,21 @@ class PayloadSearch:
             if near is None or near == NEVER:
                 continue
             for span, step in SHARPENED:
-                head = e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))
-                beside = Beside([head], noise, nuisance, {e.name: near}, horizons=(AFTER_ONSET,))
-                times = np.arange(max(e.t[1], near - span), min(e.t[-1], near + span), max(step, e.grid.step))
-                gains = [self._gain_from(head, float(t), beside, guess) for t in times]
-                near = float(times[int(np.argmax(gains))])
+                for _ in range(MOVES):
+                    before, near = near, self._best_about(e, near, span, step, noise, nuisance, guess)
+                    if abs(near - before) <= 0.5 * span:
+                        break
             found[e.name] = near
         return found
+
+    def _best_about(
+        self, e: Evidence, near: float, span: float, step: float, noise, nuisance, guess
+    ) -> float:
+        """The best instant of one flight within `span` of `near` [s]."""
+        head = e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))
+        beside = Beside([head], noise, nuisance, {e.name: near}, horizons=(AFTER_ONSET,))
+        times = np.arange(max(e.t[1], near - span), min(e.t[-1], near + span), max(step, e.grid.step))
+        return float(times[np.argmax([self._gain_from(head, float(t), beside, guess) for t in times])])
 
     def _gain_from(self, e: Evidence, begin: float, beside: Beside, guess: Guess) -> float:
         """Log evidence of a payload that begins there, in one flight."""

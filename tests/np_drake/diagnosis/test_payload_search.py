@@ -58,7 +58,7 @@ def test_a_library_without_payload_searches_nothing(seen, noise, library):
     assert PayloadSearch([seen(seconds=5.0)]).best(noise, [], []) == []
 
 
-@pytest.mark.parametrize("off", [-0.25, 0.2])
+@pytest.mark.parametrize("off", [-0.25, 0.2, 0.9])
 def test_an_onset_that_is_known_roughly_is_sharpened_to_the_row(seen, noise, off):
     payload = SuspendedPayload(0.2, 0.5)
     flight = seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset={"suspended_payload": 4.0})
