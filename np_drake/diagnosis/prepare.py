@@ -30,11 +30,6 @@ class Ready:
     candidates: list[Candidate]
     noise: NoiseModel
 
-    @property
-    def step(self) -> float:
-        """Of the grid [s]."""
-        return self.flights[0].grid.step
-
 
 def prepare(flights: Sequence[Evidence], tolerance: Tolerance) -> Ready:
     """Shocks, payloads and noise as they show when every effect helps."""

@@ -106,6 +106,14 @@ def test_the_ladder_goes_down_cause_by_cause_from_nominal_to_the_floor(solved):
     assert sizes[-1] == pytest.approx(found.after)
 
 
+def test_a_cause_whose_share_is_not_known_comes_last_on_the_ladder_wherever_it_stands(solved):
+    case, held, causes = solved
+    blind = [dc.replace(c, share=np.nan) if c.identifier == "mass_error" else c for c in causes]
+    for some in (blind, blind[::-1]):
+        found = dut.how_far(case.fit, some, case.unseen, case.ranking.noise, held, None)
+        assert [r.name for r in found.ladder] == ["nominal", "+ linear_drag", "+ mass_error", "noise floor"]
+
+
 def test_without_causes_nothing_changes_and_the_replay_is_nominal(solved):
     case, held, _ = solved
     calls = []

@@ -6,8 +6,6 @@ from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 
-STEP = 0.02
-
 
 def slow_power(noise, channel: int) -> float:
     """One-sided spectral density at 0.1 Hz."""
@@ -39,7 +37,6 @@ def test_a_payload_is_among_the_candidates_of_flights_that_have_one(seen):
     ready = prepare(flights, LABORATORY)
     lengths = [c.variant for c in ready.candidates if c.identifiers == ("suspended_payload",)]
     assert min(abs(float(v.removeprefix("length=")) - 0.6) for v in lengths) < 0.02
-    assert ready.step == pytest.approx(STEP)
 
 
 def test_a_light_payload_is_found_beside_an_effect_that_is_much_larger(seen):

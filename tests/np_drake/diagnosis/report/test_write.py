@@ -79,6 +79,15 @@ def test_where_a_channel_has_hardly_a_gap_no_share_of_it_is_explained(diagnosis,
     assert explained.startswith(shown)
 
 
+@pytest.mark.parametrize("share", [0.94, float("nan")])
+def test_a_share_is_said_to_be_of_the_trace_where_there_is_one(diagnosis, tmp_path, share):
+    causes = (dc.replace(diagnosis.causes[0], share=share),)
+    write_report(dc.replace(diagnosis, causes=causes), tmp_path)
+    assert ("Its own trace is 94" in (tmp_path / "report.html").read_text()) == (share == 0.94)
+    (written,) = json.loads((tmp_path / "diagnosis.json").read_text())["causes"]
+    assert written["share"] == (0.94 if share == 0.94 else None)
+
+
 def test_hostile_names_are_text(diagnosis, tmp_path):
     where = diagnosis.where
     renamed = {name: {HOSTILE: traces["heldout_1"]} for name, traces in _traces(where).items()}
