@@ -1,6 +1,8 @@
 """The same cases on a Dask cluster: the optional extra `cluster`, imported when it is asked for."""
 
+import asyncio
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Any
@@ -19,11 +21,21 @@ def client(address: str) -> Iterator[Any]:
     from distributed import Client
 
     try:
+        # A client that never connects leaves a thread, and stalls whichever thread collects it.
+        with ThreadPoolExecutor(1) as pool:  # where no loop runs, as one does in a notebook
+            pool.submit(asyncio.run, _reach(address)).result()
         connected = Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:  # unreachable, or no address at all
         raise ValueError(f"--scheduler: no Dask scheduler answers at {address!r}.") from error
     with connected:
         yield connected
+
+
+async def _reach(address: str) -> None:
+    """Raises: OSError, ValueError, TypeError: where nothing listens."""
+    from distributed.comm import connect
+
+    await (await connect(address, timeout=PATIENCE)).close()
 
 
 def on_cluster(

@@ -1,6 +1,7 @@
 """Laws of campaigns on a Dask cluster, on one of this machine. Needs the extra `cluster`."""
 
 import os
+import threading
 from types import SimpleNamespace
 
 import pytest
@@ -53,6 +54,15 @@ def test_a_scheduler_that_does_not_answer_is_one_line(address, monkeypatch, caps
     err = capsys.readouterr().err
     said = f"--scheduler: no Dask scheduler answers at '{address}'."
     assert err.splitlines()[-1] == f"np-drake reproduce robustness: {said}"
+
+
+def test_a_scheduler_that_does_not_answer_leaves_no_thread(monkeypatch):
+    pytest.importorskip("distributed", reason="needs the extra `cluster`")
+    monkeypatch.setattr(cluster, "PATIENCE", 0.2)
+    before = set(threading.enumerate())
+    with pytest.raises(ValueError, match="no Dask scheduler answers"), cluster.client("tcp://127.0.0.1:1"):
+        pass
+    assert set(threading.enumerate()) <= before
 
 
 def test_without_the_extra_it_is_one_line(monkeypatch, capsys):
