@@ -10,7 +10,7 @@ from np_drake.diagnosis.answer import Cause, Estimate, Finding
 from np_drake.diagnosis.bounds import impossible, interval
 from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.held_out import SURPRISE, adapt, scored, settled
+from np_drake.diagnosis.held_out import SURPRISE, adapt, foreseen, scored, settled
 from np_drake.diagnosis.hidden_swing import figure_error
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.probability import reported
@@ -241,10 +241,11 @@ def on_held_out(
     """The fit's terms on flights that it has not seen; `structured` as in `adapt`."""
     terms, left, rows, whole = {}, {}, {}, {}
     for e in flights:
-        terms[e.name] = adapt(fit.everything, e, noise, structured=structured)
+        known = adapt(fit.everything, e, noise, structured=structured)
+        terms[e.name] = foreseen(known, e, noise)
         left[e.name] = e.y - signature(e, terms[e.name])
         rows[e.name] = scored(terms[e.name], e)
-        whole[e.name] = settled(terms[e.name], e, noise)
+        whole[e.name] = settled(known, e, noise)
     return HeldOut(terms, left, rows, whole)
 
 

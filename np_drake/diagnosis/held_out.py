@@ -47,6 +47,22 @@ def adapt(
     return terms
 
 
+def foreseen(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list[Term]:
+    """Adapted terms, payloads with all the ways in which the rows that their swing was fitted to let them swing.
+
+    The least squared miss of the rest of the flight is expected of their mean: a swing that is not known, or that no
+    motion tells for long after its tether went slack, fades to the weight that hangs.
+    """
+    out = list(terms)
+    for i, term in enumerate(terms):
+        begin = term.begins(flight.name)
+        spans = [SwingFit(terms, i, flight, noise, begin, rows) for rows in anchors(term, flight)]
+        if spans:
+            doubts = [fit.doubts(slice(k * STATE, (k + 1) * STATE)) for k, fit in enumerate(spans)]
+            out[i] = dc.replace(term, hidden={flight.name: spans[0].known + sum(doubts)})
+    return out
+
+
 def _felt_by(terms: Sequence[Term], i: int) -> int | None:
     """The drag that feels the wind which is term i, if they began together in the flights of the fit."""
     needed = type(terms[i].effect).needs

@@ -1,5 +1,6 @@
 """A payload as a hidden state: a pendulum that the quadrotor's measured motion drives."""
 
+import dataclasses as dc
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -120,5 +121,8 @@ def swing_wrenches(evidence: Evidence, terms: "Sequence[Term]") -> np.ndarray:
 
 
 def swing_wrench(evidence: Evidence, term: "Term") -> np.ndarray:
-    """(n, 6) wrench of one suspended payload in body axes."""
-    return swing_wrenches(evidence, [term])[:, 0]
+    """(n, 6) wrench of one suspended payload in body axes; of one that may swing in many ways, their mean."""
+    ways = np.atleast_2d(term.hidden.get(evidence.name, np.zeros(0)))
+    return swing_wrenches(evidence, [dc.replace(term, hidden={evidence.name: way}) for way in ways]).mean(
+        axis=1
+    )

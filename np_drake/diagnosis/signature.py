@@ -32,7 +32,8 @@ class Term:
     """An effect in a model of the logs.
 
     onset: by flight, the time at which it begins [s]; missing or None: from the start; `NEVER`: not at all.
-    hidden: by flight, the hidden state (a payload's initial swing, and its jumps at shocks).
+    hidden: by flight, the hidden state (a payload's initial swing, and its jumps at shocks), or many (k, size) that it
+    may be, whose mean is what the term leaves.
     """
 
     effect: Effect

@@ -16,6 +16,7 @@ STEPS = 3  # of Gauss-Newton
 GRID = 128  # swings, as wide as may be, from which it may descend; own choice
 TRIED = 3  # of them from which it does, beside the swing that is there; own choice
 SMALL = 0.02  # of the differences [rad]
+WAYS = 32  # in which a payload may swing, of whose traces the mean is foreseen; own choice
 
 
 class SwingFit:
@@ -72,18 +73,31 @@ class SwingFit:
 
     def descend(self, swing: np.ndarray, free: slice = slice(None)) -> np.ndarray:
         """(size,) the best on the way of Gauss-Newton in the free figures."""
-        moved = np.eye(self.size)[free]
         best, least = swing, np.inf
         for _ in range(STEPS + 1):
-            miss, *beside = self._misses(swing + SMALL * np.concatenate([np.zeros((1, self.size)), moved]))
+            miss, X, A = self._normal(swing, free)
             cost = float(miss @ miss + np.sum((swing / self._prior) ** 2))
             if cost < least:
                 best, least = swing, cost
-            X = (miss - np.array(beside)).T / SMALL
-            A = X.T @ X + np.diag(self._prior[free] ** -2)
             step = np.linalg.solve(A, X.T @ miss - swing[free] / self._prior[free] ** 2)
-            swing = np.clip(swing + step @ moved, -self._limit, self._limit)
+            swing = np.clip(swing + step @ np.eye(self.size)[free], -self._limit, self._limit)
         return best
+
+    def doubts(self, free: slice) -> np.ndarray:
+        """(`WAYS`, size) errors of the term's own swing, in its free figures, that these rows allow.
+
+        Source: Laplace's approximation.
+        """
+        covariance = np.linalg.inv(self._normal(self.known, free)[2])
+        normal = qmc.MultivariateNormalQMC(np.zeros(len(covariance)), covariance, rng=free.start)
+        return normal.random(WAYS) @ np.eye(self.size)[free]
+
+    def _normal(self, swing: np.ndarray, free: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Misses (n,), their negative derivatives (n, f) by the free figures, and the normal matrix (f, f)."""
+        moved = np.eye(self.size)[free]
+        miss, *beside = self._misses(swing + SMALL * np.concatenate([np.zeros((1, self.size)), moved]))
+        X = (miss - np.array(beside)).T / SMALL
+        return miss, X, X.T @ X + np.diag(self._prior[free] ** -2)
 
     def _misses(self, swings: np.ndarray) -> np.ndarray:
         """(k, n) whitened."""

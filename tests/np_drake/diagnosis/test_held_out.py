@@ -9,6 +9,7 @@ from np_drake.diagnosis.held_out import (
     JUMP_SPAN,
     _span_by_span,
     adapt,
+    foreseen,
     judged_by_its_own_swing,
     known_onset_profile,
     scored,
@@ -107,6 +108,28 @@ def test_the_swing_at_the_start_of_an_unseen_flight_is_found(fly, noise):
     assert np.abs(dut.hidden["c"]).max() > 0.05  # [rad, rad/s]
     assert np.sqrt(np.mean(left**2)) < 1.3
     assert np.sqrt(np.mean(still**2)) > 1.2 * np.sqrt(np.mean(left**2))
+
+
+def test_of_a_swing_that_is_hardly_known_the_mean_is_foreseen_which_misses_less(seen, noise):
+    faint, missed = dc.replace(PAYLOAD, mass=0.01), []
+    for seed, swing in enumerate(np.random.default_rng(1).normal(size=(6, 4)) * [0.4, 0.4, 2.0, 2.0]):
+        flight = seen(name="c", seed=seed, noise=1.0, seconds=8.0)
+        real = signature(flight, [Term(faint, hidden={"c": swing})])
+        terms = adapt([Term(faint)], dc.replace(flight, y=flight.y + real), noise)
+        ways = (terms, foreseen(terms, dc.replace(flight, y=flight.y + real), noise))
+        rows = scored(terms, flight)
+        missed.append([np.sum((signature(flight, w) - real)[rows, WRENCH] ** 2) for w in ways])
+    best, mean = np.sum(missed, axis=0)
+    assert mean < 0.9 * best
+
+
+def test_a_swing_that_is_known_is_foreseen_as_it_is(seen, noise):
+    flight = seen(PAYLOAD, name="c", seed=3, noise=1.0)
+    terms = adapt([Term(PAYLOAD), Term(HEAVY)], flight, noise)
+    dut = foreseen(terms, flight, noise)
+    assert dut[1] is terms[1]
+    known, ahead = signature(flight, terms[:1]), signature(flight, dut[:1])
+    assert np.std(ahead - known) < 0.02 * np.std(known)
 
 
 def test_rows_that_a_hidden_start_was_fitted_to_are_not_scored(seen):

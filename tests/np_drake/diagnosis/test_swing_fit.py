@@ -76,3 +76,25 @@ def test_rows_too_few_to_whiten_leave_the_prior_alone(thrown, noise):
 def test_the_payload_it_returns_begins_where_it_was_asked_to(thrown, noise):
     dut = SwingFit([Term(PAYLOAD, {"a": 1.0})], 0, thrown, noise, 4.0, thrown.t > 4.0)
     assert dut.term(WIDE).onset == {"a": 1.0, "c": 4.0}
+
+
+def test_a_swing_of_which_rows_say_nothing_is_doubted_as_widely_as_before(thrown, noise):
+    dut = SwingFit([Term(PAYLOAD)], 0, thrown, noise, None, np.zeros(len(thrown.t), bool))
+    rate = np.sqrt(thrown.vehicle.gravity / PAYLOAD.length)
+    wide = dut.doubts(slice(STATE)) / (SWING * np.array([1.0, 1.0, rate, rate]))
+    np.testing.assert_allclose(np.cov(wide.T), np.eye(STATE), atol=0.2)
+    np.testing.assert_allclose(wide.mean(axis=0), 0.0, atol=0.1)
+
+
+def test_doubts_are_of_free_figures_and_as_large_as_the_errors_of_fits(seen, noise):
+    errors = []
+    for seed in range(12):
+        flight = seen(name="c", seed=seed, noise=1.0, seconds=4.0)
+        flight = dc.replace(flight, y=flight.y + signature(flight, [Term(PAYLOAD, hidden={"c": WIDE})]))
+        dut = SwingFit([Term(PAYLOAD, hidden={"c": WIDE})], 0, flight, noise, None, flight.t < 2.0)
+        deviation = dut.doubts(slice(STATE)).std(axis=0)
+        errors.append((dut.descend(WIDE) - WIDE) / deviation)
+    assert 0.6 < np.sqrt(np.mean(np.square(errors))) < 1.5
+    shocked = dc.replace(flight, shocks=np.isin(np.arange(len(flight.t)), [150, 151]))
+    dut = SwingFit([Term(PAYLOAD)], 0, shocked, noise, None, shocked.t > 3.0)
+    assert not dut.doubts(slice(STATE, 2 * STATE))[:, :STATE].any()
