@@ -7,6 +7,7 @@ from diagrams.cli import (
     reproduce_attach,
     reproduce_configurations,
     reproduce_cooperative,
+    reproduce_cost,
     reproduce_estimation,
     reproduce_experiments,
     reproduce_flights,
@@ -47,5 +48,6 @@ for name, table in (
     ("timing", reproduce_experiments.timing),
     ("cooperative", reproduce_cooperative.cooperative),
     ("robustness", reproduce_robustness.robustness),
+    ("cost", reproduce_cost.cost),
 ):
     reproduce.command(name)(table)
