@@ -1,129 +1,74 @@
-"""What a value of a JSON file must be, as a tree of forms; the first misfit is one sentence with its place."""
+"""Forms of JSON values, as JSON Schema (Draft 2020-12); a misfit is one sentence.
 
-import dataclasses as dc
-import math
-from collections.abc import Callable, Iterable, Mapping
+`description` of a schema says what a value must be, in the words that follow "must be".
+"""
+
+import sys
+from collections.abc import Iterable, Mapping
 from typing import Any
+
+from jsonschema import Draft202012Validator
+from jsonschema.protocols import Validator
+from jsonschema.validators import extend
 
 from np_drake.yaml_kinds import shown
 
-Inside = Callable[[Any, str], str | None]
+Schema = dict[str, Any]
 
 
-def _nothing(value: Any, place: str) -> str | None:
-    return None
+def _is_number(checker: Any, value: Any) -> bool:
+    """JSON Schema itself would take NaN, Infinity and what overflows."""
+    numeric = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return numeric and abs(value) <= sys.float_info.max
 
 
-@dc.dataclass(frozen=True)
-class Form:
-    """must: words for what it is.   suits: is a value so on the face of it?   inside: the misfit of what it holds."""
-
-    must: str
-    suits: Callable[[Any], bool]
-    inside: Inside = _nothing
-    spare: bool = False  # may be missing from a record
+TYPES = Draft202012Validator.TYPE_CHECKER.redefine("number", _is_number)
+Form = extend(Draft202012Validator, type_checker=TYPES)
 
 
-def misfit(form: Form, value: Any, place: str = "") -> str | None:
-    """Where the value stands, what it must be and what it is; None where it suits.
+def misfit(form: Validator, value: Any, place: str = "") -> str | None:
+    """Where the value first misfits, what it must be there and what it is; None where it suits.
 
-    Args: place: as `effects[0].onset`; empty for the whole file.
+    Args: form: `Form(schema)`.   place: of the value, as `effects[0].onset`; empty for the whole file.
     """
-    if not form.suits(value):
-        return f"{place or 'it'} must be {form.must}; got {shown(value)}."
-    return form.inside(value, place)
+    error = next(form.iter_errors(value), None)
+    if error is None:
+        return None
+    place = _joined(place, error.absolute_path)
+    if error.validator != "required":
+        return f"{place or 'it'} must be {error.schema['description']}; got {shown(error.instance)}."
+    name = next(name for name in error.validator_value if name not in error.instance)
+    must = error.schema["properties"][name]["description"]
+    return f"{_joined(place, [name])} is missing; it must be {must}."
 
 
-def number(least: float = -math.inf, most: float = math.inf) -> Form:
-    """A finite number, bounds included."""
-    bounds = [
-        f"at {word} {bound:g}" for word, bound in (("least", least), ("most", most)) if math.isfinite(bound)
-    ]
-    words = " ".join(["a finite number,", " and ".join(bounds)]) if bounds else "a finite number"
-    return Form(words, lambda value: _is_number(value) and least <= value <= most)
+def list_of(item: Schema) -> Schema:
+    """A list of any length, whose items are all `item`."""
+    return {"description": f"a list, each {item['description']}", "type": "array", "items": item}
 
 
-def whole() -> Form:
-    """A whole number."""
-    return Form("a whole number", lambda value: isinstance(value, int) and not isinstance(value, bool))
+def table_of(value: Schema) -> Schema:
+    """An object of any names, whose values are all `value`."""
+    must = f"an object, each value {value['description']}"
+    # A pattern that every name has: `additionalProperties` would go through them in no order.
+    return {"description": must, "type": "object", "patternProperties": {"": value}}
 
 
-def text(*choices: str) -> Form:
-    """Text; one of `choices` if there are any."""
-    must = f"one of {', '.join(choices)}" if choices else "text"
-    return Form(must, lambda value: isinstance(value, str) and (not choices or value in choices))
+def record(fields: Mapping[str, Schema], spare: Mapping[str, Schema] | None = None) -> Schema:
+    """An object with these fields, and possibly with `spare`; what else it holds is of no matter."""
+    known = {**fields, **(spare or {})}
+    must = f"an object with {', '.join(known)}"
+    # In the order in which a misfit is looked for: what is there, then what is missing.
+    return {"description": must, "type": "object", "properties": known, "required": list(fields)}
 
 
-def list_of(item: Form, length: int | None = None) -> Form:
-    """A list whose items are all `item`, of any length unless one is given."""
-    return Form(
-        f"a list{'' if length is None else f' of {length}'}, each {item.must}",
-        lambda value: isinstance(value, list) and length in (None, len(value)),
-        lambda value, place: _first(misfit(item, inner, f"{place}[{i}]") for i, inner in enumerate(value)),
-    )
+def or_null(schema: Schema) -> Schema:
+    """May be null; of a schema with one type."""
+    return {**schema, "description": f"{schema['description']}, or null", "type": [schema["type"], "null"]}
 
 
-def table_of(item: Form) -> Form:
-    """An object of any names, whose values are all `item`."""
-    return Form(
-        f"an object, each value {item.must}",
-        lambda value: isinstance(value, dict),
-        lambda value, place: _first(misfit(item, inner, _joined(place, key)) for key, inner in value.items()),
-    )
-
-
-def record(fields: Mapping[str, Form]) -> Form:
-    """An object that holds these fields; what else it holds is of no matter."""
-
-    def one(name: str, form: Form, value: dict[str, Any], place: str) -> str | None:
-        if name in value:
-            return misfit(form, value[name], _joined(place, name))
-        return None if form.spare else f"{_joined(place, name)} is missing; it must be {form.must}."
-
-    return Form(
-        f"an object with {', '.join(fields)}",
-        lambda value: isinstance(value, dict),
-        lambda value, place: _first(one(name, form, value, place) for name, form in fields.items()),
-    )
-
-
-def anything() -> Form:
-    """What is not read."""
-    return Form("of any kind", lambda value: True)
-
-
-def spare(form: Form) -> Form:
-    """May be missing from a record."""
-    return dc.replace(form, spare=True)
-
-
-def or_null(form: Form) -> Form:
-    """May be null."""
-    return dc.replace(
-        form,
-        must=f"{form.must}, or null",
-        suits=lambda value: value is None or form.suits(value),
-        inside=lambda value, place: None if value is None else form.inside(value, place),
-    )
-
-
-def also(form: Form, rule: Inside) -> Form:
-    """A form whose parts must also agree with each other, by `rule`, which sees only what suits the form."""
-    return dc.replace(form, inside=lambda value, place: form.inside(value, place) or rule(value, place))
-
-
-def _is_number(value: Any) -> bool:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return False
-    try:
-        return math.isfinite(value)
-    except OverflowError:
-        return False
-
-
-def _joined(place: str, name: str) -> str:
-    return f"{place}.{name}" if place else name
-
-
-def _first(sentences: Iterable[str | None]) -> str | None:
-    return next((sentence for sentence in sentences if sentence is not None), None)
+def _joined(place: str, path: Iterable[str | int]) -> str:
+    """path: names and indices, as in `effects`, 0, `onset`; a name may be any text, and stays on one line."""
+    for step in path:
+        place += f"[{step}]" if isinstance(step, int) else f"{'.' if place else ''}{' '.join(step.split())}"
+    return place

@@ -2,12 +2,12 @@
 
 import dataclasses as dc
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from diagrams.challenge import solved_forms as forms
-from diagrams.challenge.form import Form, misfit
 from diagrams.challenge.solve import ANSWER
+from diagrams.challenge.solved_forms import fault_of_answer, fault_of_truth
 from np_drake.diagnosis.answer import UNKNOWN
 
 TRUTH = "truth.json"
@@ -88,18 +88,18 @@ def read_solved(answers: Path, truth: Path) -> list[Solved]:
 
 
 def _read_case(name: str, truth: Path, answer: Path) -> Solved:
-    found = _read(answer, forms.ANSWER) if answer.is_file() else None
-    return Solved(name, _read(truth, forms.TRUTH), found)
+    found = _read(answer, fault_of_answer) if answer.is_file() else None
+    return Solved(name, _read(truth, fault_of_truth), found)
 
 
-def _read(path: Path, form: Form) -> dict[str, Any]:
+def _read(path: Path, fault_of: Callable[[dict[str, Any]], str | None]) -> dict[str, Any]:
+    fault: str | None = "must hold a JSON object."
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError):
-        content = None
-    if not isinstance(content, dict):
-        raise ValueError(f"{path}: must hold a JSON object.")
-    fault = misfit(form, content)
+        if isinstance(content, dict):
+            fault = fault_of(content)
+    except (ValueError, RecursionError):  # no JSON; too deep to be read or to be quoted
+        pass
     if fault is not None:
         raise ValueError(f"{path}: {fault}")
     return content

@@ -3,34 +3,86 @@
 from collections.abc import Iterator
 from typing import Any
 
-from diagrams.challenge.form import (
-    also,
-    anything,
-    list_of,
-    misfit,
-    number,
-    or_null,
-    record,
-    spare,
-    table_of,
-    text,
-    whole,
-)
+from diagrams.challenge.form import Form, list_of, misfit, or_null, record, table_of
 from np_drake.effects.library import LIBRARY
 
-KINDS = ("single", "pair", "triple", "onset", "clean", "foreign")
-SIZE = number(0.0)
-INSTANTS = table_of(or_null(number()))  # by flight [s]
-RESIDUAL = record({f"{kind}_{axis}": SIZE for kind in ("force", "torque") for axis in "xyz"})
 FOREIGN, CLEAN = "foreign", "clean"
+KINDS = ("single", "pair", "triple", "onset", CLEAN, FOREIGN)
+ANYTHING = {"description": "of any kind"}
+TEXT = {"description": "text", "type": "string"}
+KIND = {"description": f"one of {', '.join(KINDS)}", "enum": list(KINDS)}
+WHOLE = {"description": "a whole number", "type": "integer"}
+NUMBER = {"description": "a finite number", "type": "number"}
+SIZE = {"description": "a finite number, at least 0", "type": "number", "minimum": 0}
+SHARE = {**SIZE, "description": "a finite number, at least 0 and at most 1", "maximum": 1}
+BOUNDS = {
+    **list_of(or_null(NUMBER)),
+    "description": "a list of 2, each a finite number, or null",
+    "minItems": 2,
+    "maxItems": 2,
+}
+INSTANTS = table_of(or_null(NUMBER))  # by flight [s]
+RESIDUAL = record({f"{kind}_{axis}": SIZE for kind in ("force", "torque") for axis in "xyz"})
+EFFECT = record({"effect": TEXT, "parameters": table_of(ANYTHING)}, spare={"onset": INSTANTS})
+TRUTH = Form(
+    record(
+        {
+            "effects": list_of(EFFECT),
+            "class": list_of(list_of(TEXT)),
+            "true_model_residual": RESIDUAL,
+            "visibility": SIZE,
+            "simulator": TEXT,
+            "quality": TEXT,
+            "kind": KIND,
+            "seed": WHOLE,
+        },
+        spare={
+            "parameters_residual": or_null(RESIDUAL),
+            "best_onset": table_of(NUMBER),
+            "visibility_in_training": table_of(SIZE),
+        },
+    )
+)
+FIGURES = Form(table_of(NUMBER))  # of an effect of the library
+
+ESTIMATE = record({"value": or_null(NUMBER), "ci95": BOUNDS})
+CAUSE = record(
+    {"effect": TEXT, "parameters": table_of(ESTIMATE)},
+    spare={
+        "probability": or_null(SHARE),
+        "onset": INSTANTS,
+        "indistinguishable_from": list_of(TEXT),
+    },
+)
+CHANNEL = record({}, spare={"rms": or_null(SIZE), "after": or_null(SIZE)})
+AXES = record({}, spare=dict.fromkeys("xyz", CHANNEL))
+MEDIANS = or_null(record({"position": list_of(or_null(NUMBER))}))
+REPLAY = record({"horizon": list_of(NUMBER)}, spare={"before": MEDIANS, "after": MEDIANS})
+ANSWER = Form(
+    record(
+        {
+            "verdict": list_of(TEXT),
+            "causes": list_of(CAUSE),
+            "gap": record({}, spare={"force": AXES, "torque": AXES}),
+            "shrink": record({}, spare={"replay": or_null(REPLAY)}),
+        },
+        spare={"wall": or_null(SIZE)},
+    )
+)
 
 
-def _effects_and_classes_agree(truth: dict[str, Any], place: str) -> str | None:
-    """Names are of the library, but for a foreign effect; every effect has its class."""
-    return next(_disagreements(truth), None)
+def fault_of_truth(truth: dict[str, Any]) -> str | None:
+    """One sentence on the first field that cannot be read, or does not agree with the others; None: there is none."""
+    return misfit(TRUTH, truth) or next(_disagreements(truth), None)
+
+
+def fault_of_answer(answer: dict[str, Any]) -> str | None:
+    """The same of an answer."""
+    return misfit(ANSWER, answer) or next(_unlike(answer["shrink"].get("replay") or {}), None)
 
 
 def _disagreements(truth: dict[str, Any]) -> Iterator[str]:
+    """Names are of the library, but for a foreign effect; every effect has its class."""
     kind, effects, classes = truth["kind"], truth["effects"], truth["class"]
     if (kind == CLEAN) != (not effects):
         must = "be empty" if kind == CLEAN else "name what acts"
@@ -42,7 +94,7 @@ def _disagreements(truth: dict[str, Any]) -> Iterator[str]:
         if kind != FOREIGN:
             if own not in LIBRARY:
                 yield f"effects[{i}].effect must be an effect of the library; got {own!r}."
-            wrong = misfit(table_of(number()), effect["parameters"], f"effects[{i}].parameters")
+            wrong = misfit(FIGURES, effect["parameters"], f"effects[{i}].parameters")
             if wrong is not None:
                 yield wrong
         for name in names:
@@ -50,57 +102,9 @@ def _disagreements(truth: dict[str, Any]) -> Iterator[str]:
                 yield f"class[{i}] must hold effects of the library; got {name!r}."
 
 
-TRUTH = also(
-    record(
-        {
-            "effects": list_of(
-                record({"effect": text(), "parameters": table_of(anything()), "onset": spare(INSTANTS)})
-            ),
-            "class": list_of(list_of(text())),
-            "true_model_residual": RESIDUAL,
-            "parameters_residual": spare(or_null(RESIDUAL)),
-            "best_onset": spare(table_of(number())),
-            "visibility": SIZE,
-            "visibility_in_training": spare(table_of(SIZE)),
-            "simulator": text(),
-            "quality": text(),
-            "kind": text(*KINDS),
-            "seed": whole(),
-        }
-    ),
-    _effects_and_classes_agree,
-)
-
-
-def _as_many(replay: dict[str, Any], place: str) -> str | None:
+def _unlike(replay: dict[str, Any]) -> Iterator[str]:
     """Every horizon has its error."""
     for name in [name for name in ("before", "after") if replay.get(name) is not None]:
         given, asked = len(replay[name]["position"]), len(replay["horizon"])
         if given != asked:
-            return f"{place}.{name}.position must hold an error for each of {asked} horizons; got {given}."
-    return None
-
-
-ESTIMATE = record({"value": or_null(number()), "ci95": list_of(or_null(number()), 2)})
-CAUSE = record(
-    {
-        "effect": text(),
-        "probability": spare(or_null(number(0.0, 1.0))),
-        "parameters": table_of(ESTIMATE),
-        "onset": spare(INSTANTS),
-        "indistinguishable_from": spare(list_of(text())),
-    }
-)
-CHANNEL = record({name: spare(or_null(SIZE)) for name in ("rms", "after")})
-AXES = record({axis: spare(CHANNEL) for axis in "xyz"})
-MEDIANS = spare(or_null(record({"position": list_of(or_null(number()))})))
-REPLAY = also(record({"horizon": list_of(number()), "before": MEDIANS, "after": MEDIANS}), _as_many)
-ANSWER = record(
-    {
-        "verdict": list_of(text()),
-        "causes": list_of(CAUSE),
-        "gap": record({kind: spare(AXES) for kind in ("force", "torque")}),
-        "shrink": record({"replay": spare(or_null(REPLAY))}),
-        "wall": spare(or_null(SIZE)),
-    }
-)
+            yield f"shrink.replay.{name}.position must hold an error for each of {asked} horizons; got {given}."

@@ -242,3 +242,13 @@ def test_a_file_too_deep_to_read_is_named(folders):
     (answers / "a1" / "diagnosis.json").write_text("[" * 100_000)
     with pytest.raises(ValueError, match=r"a1/diagnosis\.json: must hold a JSON object"):
         read_solved(answers, truth)
+
+
+def test_a_value_too_deep_to_quote_is_one_line(folders):
+    answers, truth = folders
+    for depth in range(
+        400, 1000
+    ):  # what the stack takes: first read and quoted, then read alone, then neither
+        (answers / "a1" / "diagnosis.json").write_text(f'{{"verdict": [{"[" * depth}{"]" * depth}]}}')
+        with pytest.raises(ValueError, match=r"a1/diagnosis\.json: (must hold a JSON object|verdict\[0\])"):
+            read_solved(answers, truth)
