@@ -1,0 +1,174 @@
+"""Scores of several draws side by side, against what is asked for."""
+
+import dataclasses as dc
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from diagrams.challenge.form import Form, list_of, misfit, or_null, record, table_of
+from diagrams.challenge.score_tables import NOTHING
+
+QUALITIES = ("clean", "real")
+SCORE, DRAWS = "np_drake.challenge_score/1", "np_drake.challenge_compare/1"
+Value = dict[
+    str, Any
+]  # {"count", "n"} of a share, {"value"} of what is no share; None where there are no cases
+
+
+@dc.dataclass(frozen=True)
+class Figure:
+    """of: the figure of a score (`share` or `plain`).   asked: by quality, least and most; None: not asked for."""
+
+    label: str
+    of: Callable[[dict[str, Any]], Value]
+    clean: tuple[float, float] | None = None
+    real: tuple[float, float] | None = None
+
+    def falls_short(self, quality: str, value: Value) -> bool:
+        """Is it outside what is asked for?"""
+        asked, figure = self.asked(quality), number(value)
+        return asked is not None and figure is not None and not asked[0] <= figure <= asked[1]
+
+    def asked(self, quality: str) -> tuple[float, float] | None:
+        """Least and most [1]."""
+        return self.clean if quality == "clean" else self.real
+
+
+def least(bound: float) -> tuple[float, float]:
+    """At least this."""
+    return bound, float("inf")
+
+
+def most(bound: float) -> tuple[float, float]:
+    """At most this."""
+    return -float("inf"), bound
+
+
+def share(*keys: str) -> Callable[[dict[str, Any]], Value]:
+    """Of a count and how many there were, at these keys of a score."""
+    return lambda score: {key: _at(score, keys)[key] for key in ("count", "n")}
+
+
+def plain(*keys: str) -> Callable[[dict[str, Any]], Value]:
+    """Of a number at these keys of a score."""
+    return lambda score: {"value": _at(score, keys)}
+
+
+FIGURES = (
+    Figure("single: right class", share("rates", "single", "class"), least(0.98), least(0.88)),
+    Figure("right name, nothing else", share("rates", "single", "exact"), least(0.93), least(0.80)),
+    Figure("pairs and triples: F1", plain("rates", "several", "all", "f1"), least(0.92), least(0.75)),
+    Figure("clean controls: false alarm", share("rates", "clean", "false_alarm"), most(0.01), most(0.03)),
+    Figure("foreign: `unknown`", share("rates", "foreign", "unknown"), least(0.92), least(0.75)),
+    Figure("a wrong name above 0.9", share("rates", "foreign", "wrong_and_sure"), most(0.0), most(0.02)),
+    Figure("parameters: median error", plain("parameters", "median_error"), most(0.03), most(0.08)),
+    Figure("in the 95 % interval", share("parameters", "coverage_rate"), (0.90, 0.99), (0.88, 0.99)),
+    Figure("onset within 0.2 s", share("onset", "within"), least(0.90), least(0.75)),
+    Figure("where it shows", share("onset", "within_if_seen")),
+    Figure("where the true effect tells", share("onset", "within_if_told")),
+    Figure("shrink, mean", plain("shrink_relative", "mean"), least(0.95), least(0.85)),
+    Figure("true parameters, not every gust", plain("shrink_relative_parameters", "mean")),
+    Figure("half are found at visibility", plain("detection", "half"), most(1.1), most(1.3)),
+    Figure("replay, 1 s: reduction", plain("replay", "median_reduction"), least(0.70), least(0.70)),
+)
+
+LABELS = [figure.label for figure in FIGURES]
+NUMBER = {"description": "a finite number", "type": "number"}
+WHOLE = {"description": "a whole number", "type": "integer"}
+VALUE = record({}, spare={"count": WHOLE, "n": WHOLE, "value": or_null(NUMBER)})
+DRAW = record({"seeds": list_of(WHOLE)}, spare=dict.fromkeys(QUALITIES, table_of(VALUE)))
+KEPT = Form(record({"draws": list_of(DRAW)}))
+
+
+def read_draws(files: Iterable[Path]) -> list[dict[str, Any]]:
+    """{"seeds", quality: {label: value}} of every draw, in order of seeds; of one that is there twice, the last.
+
+    Args: files: each what `challenge score --json` wrote, or `challenge compare --json`.
+    Raises: ValueError: where a file is neither; OSError: where it cannot be read.
+    """
+    found = {tuple(draw["seeds"]): draw for file in files for draw in _read(file)}
+    return [found[seeds] for seeds in sorted(found)]
+
+
+def _read(file: Path) -> list[dict[str, Any]]:
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+        schema = content["schema"]
+    except (ValueError, TypeError, KeyError, RecursionError):
+        schema = None
+    if schema == DRAWS:
+        fault = misfit(KEPT, content)
+        if fault is not None:
+            raise ValueError(f"{file}: {fault}")
+        return list(content["draws"])
+    if schema != SCORE:
+        raise ValueError(
+            f"{file}: must be what `challenge score --json` or `challenge compare --json` wrote."
+        )
+    try:
+        return [draw_of(content)]
+    except (KeyError, TypeError, IndexError) as error:
+        raise ValueError(f"{file}: must be a whole score; {error} cannot be read.") from error
+
+
+def draw_of(score: dict[str, Any]) -> dict[str, Any]:
+    """The figures of a score by quality, and the seeds of its sets."""
+    seeds = sorted({seed for part in score["sets"] for seed in part["seeds"]})
+    parts = score["qualities"] or {score["sets"][0]["group"].rsplit(", ", 1)[1]: score}
+    figures = {name: {f.label: f.of(part) for f in FIGURES} for name, part in parts.items()}
+    return {"seeds": seeds, **figures}
+
+
+def table(draws: Sequence[dict[str, Any]], quality: str) -> tuple[list[str], list[list[str]]]:
+    """Header and rows: a row a figure, a column a draw; shares of all draws together in the last; short ones bold."""
+    having = [draw for draw in draws if quality in draw]
+    header = [quality, "asked", *map(name_of, having), "together"]
+    rows = []
+    for figure in FIGURES:
+        values = [draw[quality].get(figure.label, {}) for draw in having]
+        cells = [_cell(figure, quality, value) for value in [*values, together(values)]]
+        rows.append([figure.label, _asked(figure.asked(quality)), *cells])
+    return header, rows
+
+
+def name_of(draw: dict[str, Any]) -> str:
+    """`48xxx` where all seeds begin so."""
+    thousands = {seed // 1000 for seed in draw["seeds"]}
+    return f"{thousands.pop()}xxx" if len(thousands) == 1 else ", ".join(map(str, draw["seeds"]))
+
+
+def together(values: Sequence[Value]) -> Value:
+    """The share of all; nothing of what is no share."""
+    shares = [value for value in values if "count" in value and "n" in value]
+    return {key: sum(value[key] for value in shares) for key in ("count", "n")} if shares else {}
+
+
+def number(value: Value) -> float | None:
+    """The share, or the number."""
+    if "count" in value and "n" in value:
+        return value["count"] / value["n"] if value["n"] else None
+    return value.get("value")
+
+
+def _cell(figure: Figure, quality: str, value: Value) -> str:
+    known = number(value)
+    if known is None:
+        return NOTHING
+    text = f"{value['count']}/{value['n']}" if "count" in value else f"{known:.3g}"
+    return f"**{text}**" if figure.falls_short(quality, value) else text
+
+
+def _asked(bounds: tuple[float, float] | None) -> str:
+    if bounds is None:
+        return NOTHING
+    low, high = bounds
+    if high == float("inf"):
+        return f"≥ {low:g}"
+    return f"≤ {high:g}" if low == -float("inf") else f"{low:g} … {high:g}"
+
+
+def _at(score: dict[str, Any], keys: Sequence[str]) -> Any:
+    for key in keys:
+        score = score[key]
+    return score

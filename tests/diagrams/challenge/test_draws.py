@@ -1,0 +1,111 @@
+"""Laws of draws side by side."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from diagrams.challenge.draws import (
+    FIGURES,
+    LABELS,
+    Figure,
+    draw_of,
+    name_of,
+    number,
+    read_draws,
+    share,
+    table,
+    together,
+)
+from diagrams.challenge.score import score
+from diagrams.cli.main import run
+from np_drake.atomic_file import plain
+
+DOCS = Path(__file__).parents[3] / "docs"
+
+
+@pytest.fixture
+def whole(by_hand):
+    return {"schema": "np_drake.challenge_score/1", **plain(score(by_hand.perfect_set()))}
+
+
+def test_every_figure_is_one_of_the_score(whole):
+    dut = draw_of(whole)
+    assert dut["seeds"] == whole["sets"][0]["seeds"]
+    (figures,) = [dut[name] for name in ("clean", "real") if name in dut]
+    assert list(figures) == LABELS
+    assert figures["single: right class"] == {"count": 13, "n": 13}
+    assert figures["shrink, mean"] == {"value": 1.0}
+    assert figures["parameters: median error"] == {"value": 0.0}
+
+
+def test_figures_that_were_kept_are_those_of_the_scores(whole, tmp_path, capsys):
+    files = [tmp_path / f"{name}.json" for name in ("score", "kept", "again")]
+    files[0].write_text(json.dumps(whole))
+    written = []
+    for source, target in ((files[0], files[1]), (files[1], files[2])):
+        page = target.with_suffix(".md")
+        assert run(["challenge", "compare", str(source), "--json", str(target), "--markdown", str(page)]) == 0
+        written.append(page.read_text())
+    assert written[0] == written[1]
+    assert (
+        read_draws(files[:1]) == read_draws(files[1:]) == read_draws(files)
+    )  # one draw, however often given
+
+
+@pytest.mark.parametrize(
+    "value, short",
+    [({"count": 98, "n": 100}, False), ({"count": 97, "n": 100}, True), ({"count": 0, "n": 0}, False), ({}, False)],
+    ids=str,
+)  # fmt: skip
+def test_what_is_asked_for_is_enough_and_no_cases_fall_short_of_nothing(value, short):
+    dut = Figure("x", share(), clean=(0.98, float("inf")))
+    assert dut.falls_short("clean", value) is short
+    assert not dut.falls_short("real", value)
+
+
+def test_together_is_of_all_cases_not_of_all_draws():
+    values = [{"count": 1, "n": 1}, {"count": 0, "n": 3}, {}, {"value": 0.5}]
+    assert number(together(values)) == 0.25
+    assert together([{"value": 0.5}]) == {}
+
+
+def test_short_figures_are_bold_and_draws_have_a_column_each():
+    figures = {"single: right class": {"count": 1, "n": 2}, "shrink, mean": {"value": 0.96}}
+    draws = [{"seeds": [5107, 5111], "clean": figures}, {"seeds": [3, 5107], "real": figures}]
+    header, rows = table(draws, "clean")
+    assert header == ["clean", "asked", "5xxx", "together"]
+    assert [len(row) for row in rows] == [4] * len(FIGURES)
+    assert rows[0] == ["single: right class", "≥ 0.98", "**1/2**", "**1/2**"]
+    assert [row[1:] for row in rows if row[0] == "shrink, mean"] == [["≥ 0.95", "0.96", "–"]]
+    assert name_of(draws[1]) == "3, 5107"
+
+
+BAD = {
+    "no JSON": ("nothing", "must be what `challenge score --json`"),
+    "another verb": ('{"schema": "np_drake.bench/1"}', "must be what `challenge score --json`"),
+    "half a score": ('{"schema": "np_drake.challenge_score/1", "sets": []}', "must be a whole score"),
+    "a draw of text": (
+        '{"schema": "np_drake.challenge_compare/1", "draws": [{"seeds": ["a"]}]}',
+        "draws[0].seeds[0] must be a whole number; got 'a'.",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_file_that_is_no_score_is_one_line(case, tmp_path, capsys):
+    text, message = BAD[case]
+    file = tmp_path / "score.json"
+    file.write_text(text)
+    assert run(["challenge", "compare", str(file)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"np-drake challenge compare: {file}: ")
+    assert message in line
+
+
+def test_the_pages_table_is_that_of_the_figures_that_are_kept(tmp_path, capsys):
+    page = tmp_path / "draws.md"
+    assert run(["challenge", "compare", str(DOCS / "draws.json"), "--markdown", str(page)]) == 0
+    rows = [line for line in page.read_text().splitlines() if line.startswith("|")]
+    assert len(rows) == 2 * (2 + len(FIGURES))
+    assert set(rows) <= set((DOCS / "challenge.md").read_text().splitlines())
