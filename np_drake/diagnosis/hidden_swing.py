@@ -123,6 +123,5 @@ def swing_wrenches(evidence: Evidence, terms: "Sequence[Term]") -> np.ndarray:
 def swing_wrench(evidence: Evidence, term: "Term") -> np.ndarray:
     """(n, 6) wrench of one suspended payload in body axes; of one that may swing in many ways, their mean."""
     ways = np.atleast_2d(term.hidden.get(evidence.name, np.zeros(0)))
-    return swing_wrenches(evidence, [dc.replace(term, hidden={evidence.name: way}) for way in ways]).mean(
-        axis=1
-    )
+    terms = [dc.replace(term, hidden={evidence.name: way}) for way in ways]
+    return swing_wrenches(evidence, terms).mean(axis=1)
