@@ -204,4 +204,7 @@ class Diagnosis:
 
 
 Replay = Callable[[list[FlightLog], list[tuple[Effect, dict[str, float | None]]]], ReplayGap]
-"""(held-out logs, effects with their onset by flight) -> error of the simulator with these effects; [] is nominal."""
+"""(held-out logs, effects with their onset by flight) -> error of the simulator with these effects; [] is nominal.
+
+Times of logs and onsets count from the flight's first row.
+"""

@@ -1,5 +1,6 @@
 """Step 4: how far the gap shrinks on held-out flights, as a ladder, and in the simulator's replay."""
 
+import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,7 +11,7 @@ from np_drake.diagnosis.evidence import WRENCH, Evidence
 from np_drake.diagnosis.held_out import judged_by_its_own_swing
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.refine import Fit
-from np_drake.diagnosis.signature import signature
+from np_drake.diagnosis.signature import Term, signature
 from np_drake.logs.flight_log import FlightLog
 
 BLOCK = 1.0  # of the bootstrap [s]
@@ -54,7 +55,7 @@ def how_far(
     if replay is not None:
         logs = [_judging(e) for e in flights]
         effects = [
-            (c.effect.foreseen, {e.name: _onset_of(kept[e.name], c.identifier, e.name) for e in flights})
+            (c.effect.foreseen, {e.name: _onset_of(kept[e.name], c.identifier, e) for e in flights})
             for c in causes
             if c.effect is not None
         ]
@@ -72,11 +73,12 @@ def how_far(
 
 
 def _judging(flight: Evidence) -> FlightLog:
-    """The log, without what a fit has seen of it."""
+    """The log, its time from its first row on, without what a fit has seen of it."""
+    log = dc.replace(flight.log, t=flight.log.t - flight.log.t[0])
     if not flight.joined.any():
-        return flight.log
+        return log
     first = np.searchsorted(flight.log.t, flight.t[flight.joined][-1], side="right")
-    return flight.log.rows(int(first), len(flight.log))
+    return log.rows(int(first), len(log))
 
 
 def _with_effects(replay: Replay, logs, effects, warnings: list[str]) -> ReplayGap | None:
@@ -98,8 +100,10 @@ def shrink_fraction(before: float, after: float, floor: float) -> float:
     return float(np.clip(1 - (after**2 - floor**2) / gap, -1.0, 1.0))
 
 
-def _onset_of(terms, identifier: str, flight: str) -> float | None:
-    return next((t.begins(flight) for t in terms if t.effect.identifier == identifier), None)
+def _onset_of(terms: Sequence[Term], identifier: str, flight: Evidence) -> float | None:
+    """From the first row of the log on [s]."""
+    begin = next((t.begins(flight.name) for t in terms if t.effect.identifier == identifier), None)
+    return None if begin is None else begin - float(flight.log.t[0])
 
 
 def _order(cause: Cause) -> tuple[bool, float]:

@@ -22,9 +22,10 @@ class Rotors:
     def __init__(self, log: FlightLog, vehicle: Vehicle):
         self._log, self._vehicle = log, vehicle
         self._step = log.step / SUBSTEPS
-        self._t = np.arange(log.t[0], log.t[-1] + 0.5 * self._step, self._step)
+        self._row_t = log.t - log.t[0]
+        self._t = np.arange(0.0, self._row_t[-1] + 0.5 * self._step, self._step)
         self._measured = log.input == "rotor_speed"
-        place = (log.t - log.t[0]) / self._step
+        place = self._row_t / self._step
         self._row = np.clip(np.round(place).astype(int), 0, len(self._t) - 1)
         self._before = np.clip(place.astype(int), 0, len(self._t) - 1)
         self._share = (place - self._before)[:, None]
@@ -35,8 +36,9 @@ class Rotors:
         """(n, 4) at the rows, right-sided, and (n-1, 4) in the mean between them [N].
 
         Commands are held between rows and shifted by `shift` (positive: taken later than logged [s]), then pass the
-        effects (a dead time among them). The vehicle file's own lag acts unless `effects` bring a lag. Measured rotor
-        speed (`log.input`) is not held but interpolated, and passes propeller effects only.
+        effects (a dead time among them), whose time counts from the first row. The vehicle file's own lag acts unless
+        `effects` bring a lag. Measured rotor speed (`log.input`) is not held but interpolated, and passes propeller
+        effects only.
         """
         own = self._vehicle.rotor_time_constant
         if self._measured:
@@ -66,7 +68,7 @@ class Rotors:
         part = 0.5 * self._step * (thrust + later)
         total = np.concatenate([np.zeros((1, 4)), np.cumsum(part, axis=0)])
         at = total[self._before] + self._share * part[self._before]
-        return np.diff(at, axis=0) / np.diff(self._log.t)[:, None]
+        return np.diff(at, axis=0) / np.diff(self._row_t)[:, None]
 
     @property
     def noise(self) -> np.ndarray:
@@ -83,11 +85,11 @@ class Rotors:
         if not self._measured:
             return self._held(0.0)
         read, _ = self._read
-        return np.stack([np.interp(self._t, self._log.t, read[:, i]) for i in range(4)], axis=1)
+        return np.stack([np.interp(self._t, self._row_t, read[:, i]) for i in range(4)], axis=1)
 
     def _held(self, shift: float) -> np.ndarray:
         command = np.maximum(self._log.u @ self._vehicle.unmixer.T, 0.0)
-        return _held(self._log.t, command, self._t - shift, self._step)
+        return _held(self._row_t, command, self._t - shift, self._step)
 
     @cached_property
     def _lagged(self) -> np.ndarray:

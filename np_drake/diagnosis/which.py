@@ -25,6 +25,7 @@ from np_drake.diagnosis.search import (
     prior_of,
     search,
 )
+from np_drake.diagnosis.sharp_onset import sharpened
 from np_drake.diagnosis.signature import signature
 from np_drake.diagnosis.unknown import PREFIX
 
@@ -133,6 +134,7 @@ def _search_twice(ready: Ready, tolerance: Tolerance, hanging: bool) -> tuple[Pr
             problem = problem.beside([*hung, *late])
         models = library_first(problem, search(problem))
         acting = [problem.candidates[i] for i in models[0].members]
+        candidates = [*candidates, *(sharpened(problem, models[0]) if first else [])]
         fit = first_fit if best is None else partial(refit, known=best)
         best = fit(problem, models[0], tolerance, iterations=3)
         noise = _noise_left(ready, best, tolerance, INEXACT)

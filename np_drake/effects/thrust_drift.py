@@ -11,7 +11,7 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class ThrustDrift(ActuatorEffect):
-    """f = (start + rate t) f_command on every rotor, t the time of the flight.   Source: own choice: battery sag."""
+    """f = (start + rate t) f_command on every rotor, t since the flight began.   Source: own choice: battery sag."""
 
     start: float = 1.0  # [1]
     rate: float = -0.005  # [1/s]

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from np_drake.diagnosis import how_far as dut
 from np_drake.diagnosis.answer import ReplayGap
 from np_drake.diagnosis.attribute import causes_of, on_held_out
+from np_drake.diagnosis.evidence import make_evidence
 from np_drake.diagnosis.noise import scale_only
 from np_drake.diagnosis.signature import Term
 from np_drake.effects.constant_wind import ConstantWind
@@ -142,6 +143,25 @@ def test_the_replay_gets_the_fitted_effects_and_their_onsets(solved):
     assert before == []
     assert {e.identifier for e, _ in after} == {"mass_error", "linear_drag"}
     assert all(onset == {"c": None} for _, onset in after)
+
+
+def test_to_the_replay_a_flight_begins_at_its_first_row(solved):
+    case, held, causes = solved
+    calls = []
+
+    def replay(logs, effects):
+        calls.append((logs[0].t, effects))
+        return ReplayGap((0.5,), *(np.zeros((1, 3)) for _ in range(3)), 1)
+
+    (flight,) = case.unseen
+    late = make_evidence(dc.replace(flight.log, t=flight.log.t + 50.0), flight.vehicle)
+    late = dc.replace(late, joined=np.arange(len(late.t)) < 100)
+    terms = [dc.replace(t, onset={"c": 57.0}) for t in held.terms["c"]]
+    begun = dc.replace(held, rows={"c": ~late.joined}, terms={"c": terms})
+    dut.how_far(case.fit, causes, [late], case.ranking.noise, begun, replay)
+    (_, _), (t, effects) = calls
+    assert t[0] == pytest.approx(flight.t[100] - flight.log.t[0], abs=0.02)  # what a fit has seen is left out
+    assert [onset["c"] for _, onset in effects] == pytest.approx([7.0, 7.0])
 
 
 def test_the_replay_gets_of_gusts_what_is_foreseen_of_them(solved):

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from np_drake.diagnosis.thrust import Rotors
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
@@ -155,3 +156,13 @@ def test_a_rotor_cannot_pull():
     f[:, 0] = -1.0
     rows, _ = Rotors(log_of(f), VEHICLE).thrust([])
     np.testing.assert_array_equal(rows[:, 0], 0.0)
+
+
+@pytest.mark.parametrize("start", [0.0, 50.0, 1.7e9])
+def test_a_drift_counts_from_the_flights_first_row(start):
+    log = log_of(commands())
+    log.t = start + log.t - log.t[0]
+    rows, _ = Rotors(log, VEHICLE).thrust([ThrustDrift(0.9, -0.01)])
+    np.testing.assert_allclose(
+        rows, (0.9 - 0.01 * STEP * np.arange(60))[:, None] * commands(), atol=2e-3
+    )  # [N]; stamps of 1e9 s are rounded

@@ -1,0 +1,66 @@
+"""Onsets to a row of the logs: the grid on which they are sought may be coarser.
+
+A strong effect that begins a row late or early leaves a step of one row, which a lag or a clock would explain.
+"""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.candidates import Candidate, gated
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.payload_search import PAYLOAD
+from np_drake.diagnosis.search import Model, Problem
+
+
+def sharpened(problem: Problem, model: Model) -> list[Candidate]:
+    """The model's effects that begin in flight, from the rows on from which they say most: alone, and beside the rest.
+
+    Not a payload, whose swing begins anew with its onset: `PayloadSearch.when` is as sharp.
+    """
+    found: list[Candidate] = []
+    members = [problem.candidates[i] for i in model.members]
+    for late in (c for c in members if c.onset and PAYLOAD not in c.identifiers):
+        others = [c for c in members if c is not late]
+        for beside in [[], others] if others else [[]]:
+            sharp = _sharp(problem, late, beside)
+            if sharp.onset not in [
+                late.onset,
+                *(c.onset for c in found if c.identifiers == late.identifiers),
+            ]:
+                found.append(sharp)
+    return found
+
+
+def _sharp(problem: Problem, late: Candidate, beside: Sequence[Candidate]) -> Candidate:
+    """Flight by flight, the onsets in the others as they are."""
+    whole = next(c for c in problem.candidates if _from_the_start(c, late))
+    for e in problem.flights:
+        begin = late.onset.get(e.name)
+        if begin is None or not np.isfinite(begin):
+            continue
+        onsets = [{**late.onset, e.name: float(t)} for t in _rows_about(e, begin)]
+        tried = [dc.replace(gated(whole, problem.flights, o), onset_prior=late.onset_prior) for o in onsets]
+        small = Problem(
+            problem.flights,
+            problem.noise,
+            problem.nuisance,
+            [*beside, late, *tried],
+            temperature=problem.temperature,
+            wide=problem.wide,
+        )
+        rest = range(len(beside))
+        scores = small.scores([(*rest, k) for k in range(len(beside), len(small.candidates))])
+        late = [late, *tried][int(np.argmax(scores))]
+    return late
+
+
+def _from_the_start(candidate: Candidate, late: Candidate) -> bool:
+    same = (candidate.identifiers, candidate.variant) == (late.identifiers, late.variant)
+    return same and not candidate.onset
+
+
+def _rows_about(e: Evidence, begin: float) -> np.ndarray:
+    """Instants of the log within a step of the grid."""
+    return e.log.t[np.abs(e.log.t - begin) < 1.01 * e.grid.step]
