@@ -75,10 +75,10 @@ FIGURES = (
 
 LABELS = [figure.label for figure in FIGURES]
 NUMBER = {"description": "a finite number", "type": "number"}
-WHOLE = {"description": "a whole number", "type": "integer"}
+WHOLE = {"description": "a whole number from 0", "type": "integer", "minimum": 0}
 VALUE = record({}, spare={"count": WHOLE, "n": WHOLE, "value": or_null(NUMBER)})
 DRAW = record({"seeds": list_of(WHOLE)}, spare=dict.fromkeys(QUALITIES, table_of(VALUE)))
-KEPT = Form(record({"draws": list_of(DRAW)}))
+KEPT, ONE = Form(record({"draws": list_of(DRAW)})), Form(DRAW)
 
 
 def read_draws(files: Iterable[Path]) -> list[dict[str, Any]]:
@@ -107,17 +107,27 @@ def _read(file: Path) -> list[dict[str, Any]]:
             f"{file}: must be what `challenge score --json` or `challenge compare --json` wrote."
         )
     try:
-        return [draw_of(content)]
-    except (KeyError, TypeError, IndexError) as error:
+        draw = draw_of(content)
+    except (KeyError, TypeError, IndexError, AttributeError) as error:
         raise ValueError(f"{file}: must be a whole score; {error} cannot be read.") from error
+    fault = misfit(ONE, draw)
+    if fault is not None:
+        raise ValueError(f"{file}: must be a whole score; {fault}")
+    return [draw]
 
 
 def draw_of(score: dict[str, Any]) -> dict[str, Any]:
     """The figures of a score by quality, and the seeds of its sets."""
     seeds = sorted({seed for part in score["sets"] for seed in part["seeds"]})
-    parts = score["qualities"] or {score["sets"][0]["group"].rsplit(", ", 1)[1]: score}
-    figures = {name: {f.label: f.of(part) for f in FIGURES} for name, part in parts.items()}
+    figures = {name: {f.label: f.of(part) for f in FIGURES} for name, part in _by_quality(score).items()}
     return {"seeds": seeds, **figures}
+
+
+def _by_quality(score: dict[str, Any]) -> dict[str, Any]:
+    """Of a set of one quality, or of one simulator in two, the score has no part of that name."""
+    groups = score["groups"] or {score["sets"][0]["group"]: score}
+    parts = score["qualities"] or {group.rsplit(", ", 1)[1]: part for group, part in groups.items()}
+    return {name: parts[name] for name in QUALITIES if name in parts}
 
 
 def table(draws: Sequence[dict[str, Any]], quality: str) -> tuple[list[str], list[list[str]]]:

@@ -22,7 +22,13 @@ def _is_number(checker: Any, value: Any) -> bool:
     return numeric and abs(value) <= sys.float_info.max
 
 
-TYPES = Draft202012Validator.TYPE_CHECKER.redefine("number", _is_number)
+def _is_whole(checker: Any, value: Any) -> bool:
+    """JSON Schema itself would take any number of digits, and 3.0."""
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) <= EXACT
+
+
+EXACT = 2**53  # up to which every whole number is a float
+TYPES = Draft202012Validator.TYPE_CHECKER.redefine_many({"number": _is_number, "integer": _is_whole})
 Form = extend(Draft202012Validator, type_checker=TYPES)
 
 

@@ -1,5 +1,6 @@
 """Laws of draws side by side."""
 
+import dataclasses as dc
 import json
 from pathlib import Path
 
@@ -22,6 +23,28 @@ from diagrams.cli.main import run
 from np_drake.atomic_file import plain
 
 DOCS = Path(__file__).parents[3] / "docs"
+
+
+SCORED = json.dumps(
+    {
+        "schema": "np_drake.challenge_score/1",
+        "sets": [{"group": "drake, clean", "seeds": [1]}],
+        "groups": {},
+        "qualities": {},
+        "rates": {
+            "single": {"class": {"count": "$", "n": 1}, "exact": {"count": 1, "n": 1}},
+            "several": {"all": {"f1": 1.0}},
+            "clean": {"false_alarm": {"count": 0, "n": 1}},
+            "foreign": {"unknown": {"count": 1, "n": 1}, "wrong_and_sure": {"count": 0, "n": 1}},
+        },
+        "parameters": {"median_error": 0.1, "coverage_rate": {"count": 1, "n": 1}},
+        "onset": {name: {"count": 1, "n": 1} for name in ("within", "within_if_seen", "within_if_told")},
+        "shrink_relative": {"mean": 1.0},
+        "shrink_relative_parameters": {"mean": 1.0},
+        "detection": {"half": 1.0},
+        "replay": {"median_reduction": 0.9},
+    }
+).replace('"$"', "$")
 
 
 @pytest.fixture
@@ -81,13 +104,27 @@ def test_short_figures_are_bold_and_draws_have_a_column_each():
     assert name_of(draws[1]) == "3, 5107"
 
 
+def test_one_simulator_in_two_qualities_has_figures_of_each(by_hand):
+    cases = by_hand.perfect_set()
+    noisy = [dc.replace(c, truth={**c.truth, "quality": "real", "seed": 7}) for c in cases]
+    kept = draw_of(plain(score(cases)))
+    both = draw_of(plain(score([*cases, *[dc.replace(c, name=f"again {c.name}") for c in noisy]])))
+    assert both["clean"] == both["real"] == kept["clean"]
+
+
 BAD = {
     "no JSON": ("nothing", "must be what `challenge score --json`"),
     "another verb": ('{"schema": "np_drake.bench/1"}', "must be what `challenge score --json`"),
     "half a score": ('{"schema": "np_drake.challenge_score/1", "sets": []}', "must be a whole score"),
+    "parts that are a list": (
+        '{"schema": "np_drake.challenge_score/1", "sets": [], "groups": {}, "qualities": [1]}',
+        "must be a whole score",
+    ),
+    "a count of text": (SCORED.replace("$", '"x"'), "must be a whole score; clean.single: right class.count"),
+    "a count beyond all": (SCORED.replace("$", "1" + "0" * 400), "must be a whole score; clean.single"),
     "a draw of text": (
         '{"schema": "np_drake.challenge_compare/1", "draws": [{"seeds": ["a"]}]}',
-        "draws[0].seeds[0] must be a whole number; got 'a'.",
+        "draws[0].seeds[0] must be a whole number from 0; got 'a'.",
     ),
 }
 
