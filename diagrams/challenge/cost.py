@@ -1,5 +1,6 @@
 """What a diagnosis costs: whole processes on one core, from the start of the program to its answer."""
 
+import json
 import os
 import subprocess
 import sys
@@ -11,13 +12,15 @@ from pathlib import Path
 from typing import Any
 
 from diagrams.challenge.make import make
-from diagrams.challenge.solve import KIBIBYTE, case_folders
+from diagrams.challenge.solve import COST, case_folders
 from diagrams.failed_run import FailedRun
 from diagrams.processes import ONE_THREAD
+from np_drake.diagnosis.diagnose import require_flights
 from np_drake.logs.case_folder import open_case
 
 LENGTHS = (20.0, 60.0, 200.0)  # of every flight [s]
 MADE = {"simulator": "drake", "quality": "real", "cases": 1, "clean": 1}
+LINK = "case"  # to the case, whatever it is called
 PROGRAM = "from diagrams.cli.main import main; main()"
 
 
@@ -54,9 +57,10 @@ def _made(scratch: Path, lengths: Sequence[float], seed: int) -> Iterator[Path]:
 def size_of(case: Path) -> dict[str, Any]:
     """{"case", "seconds": of the longest flight, "rows": of all flights}.   Raises: ValueError: if it is no case."""
     _, train, held_out = open_case(case)
+    require_flights(train, held_out)
     logs = [*train, *held_out]
     return {
-        "case": case.name,
+        "case": case.resolve().name,
         "seconds": max(float(log.t[-1] - log.t[0]) for log in logs),
         "rows": sum(map(len, logs)),
     }
@@ -70,24 +74,21 @@ def cost_of(case: Path, *, replay: bool) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as scratch:
         cases, answers = Path(scratch, "cases"), Path(scratch, "answers")
         cases.mkdir()
-        (cases / case.name).symlink_to(case.resolve())
+        (cases / LINK).symlink_to(case.resolve())
         arguments = ["challenge", "solve", cases, "--out", answers, *(["--replay"] if replay else [])]
-        return _measured([sys.executable, "-c", PROGRAM, *map(str, arguments)], case.name)
+        times = _times([sys.executable, "-c", PROGRAM, *map(str, arguments)], case.resolve().name)
+        return {**times, "peak_memory": json.loads((answers / LINK / COST).read_text())["peak_memory"]}
 
 
-def _measured(command: Sequence[str], name: str) -> dict[str, float]:
+def _times(command: Sequence[str], name: str) -> dict[str, float]:
+    """Of a process, from its start to its end [s]."""
     start = time.perf_counter()
     with tempfile.TemporaryFile("w+") as said:
-        process = subprocess.Popen(
-            command, env={**os.environ, **ONE_THREAD}, stdout=subprocess.DEVNULL, stderr=said
-        )
+        environment = {**os.environ, **ONE_THREAD}
+        process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=said)
         _, status, used = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
         said.seek(0)
         if process.returncode != 0:
             raise FailedRun(f"cost: {name} has no answer: {(said.read().splitlines() or ['it died.'])[-1]}")
-    return {
-        "processor": used.ru_utime + used.ru_stime,
-        "wall": time.perf_counter() - start,
-        "peak_memory": float(used.ru_maxrss * KIBIBYTE),
-    }
+    return {"processor": used.ru_utime + used.ru_stime, "wall": time.perf_counter() - start}

@@ -1,7 +1,9 @@
 """Laws of what a diagnosis costs."""
 
 import json
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from diagrams.challenge import cost
@@ -22,6 +24,16 @@ def test_every_case_of_every_length_is_timed_in_a_process_of_its_own(tmp_path, m
     assert 1.0 < line["processor"] < 1.2 * line["wall"]  # on one core; imports alone take more than a second
     assert 1e8 < line["peak_memory"] < 2**30
     assert line["case"] in capsys.readouterr().out
+
+
+def test_memory_is_that_of_the_process_not_of_its_parent_whatever_the_case_is_called(monkeypatch, tmp_path):
+    monkeypatch.setitem(cost.MADE, "cases", 0)
+    (case,) = cost._made(tmp_path, [5.0], 9)
+    monkeypatch.chdir(case.rename(case.with_name(".hidden")))
+    big = np.ones(2**27)  # 1 GiB
+    (line,) = cost.cost_table([Path()], [], seed=0, replay=False)
+    assert line["case"] == ".hidden"
+    assert 1e8 < line["peak_memory"] < big.nbytes
 
 
 def test_a_folder_that_is_no_case_is_one_line_before_any_work(tmp_path, monkeypatch, capsys):
