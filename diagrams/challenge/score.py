@@ -6,7 +6,7 @@ from typing import Any
 from diagrams.challenge import score_onset as onset
 from diagrams.challenge import score_parameters as parameters
 from diagrams.challenge.matching import exact, matches, right_class, tellable
-from diagrams.challenge.rates import median
+from diagrams.challenge.rates import median, rate
 from diagrams.challenge.score_confusion import confusion, reliability
 from diagrams.challenge.score_detection import detection
 from diagrams.challenge.score_names import clean, foreign, of_effect, several, singles, wrong_and_sure
@@ -23,6 +23,7 @@ from np_drake.effects.library import LIBRARY
 
 VISIBLE = 1.5  # least visibility of cases that count as visible [1]
 SEED = 0  # of the bootstrap
+GUSTS = "gusty_wind"
 
 
 def score(cases: Sequence[Solved], *, least: float = VISIBLE, seed: int = SEED) -> dict[str, Any]:
@@ -78,12 +79,14 @@ def score_group(cases: Sequence[Solved], *, least: float, seed: int) -> dict[str
         "onset": onset.summary(known, least),
         "shrink_relative": shrink_summary(known),
         "shrink_relative_parameters": shrink_summary(known, PARAMETERS),
+        "shrink_relative_calm": shrink_summary([c for c in known if GUSTS not in c.true_names]),
         "shrink_relative_foreign": shrink_summary(kinds["foreign"]),
         "replay": replay_summary(known, least),
         "detection": detection([*kinds["single"], *kinds["onset"]], seed),
         "reliability": reliability(cases),
         "effects": effect_rows(cases, errors, least),
         "confusion": confusion(cases, least),
+        "second_look": rate(bool(c.answer.get("joined")) for c in cases if c.answer is not None),
         "wall": median(c.answer.get("wall") for c in cases if c.answer is not None),
     }
 

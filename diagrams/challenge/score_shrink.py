@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.rates import mean, median
+from diagrams.challenge.rates import mean, median, rate
 from diagrams.challenge.solved import Solved
 
 CHANNELS = tuple((kind, axis) for kind in ("force", "torque") for axis in "xyz")
@@ -68,7 +68,8 @@ def replay_reduction(case: Solved) -> float | None:
 
 
 def replay_summary(cases: Sequence[Solved], least: float) -> dict[str, Any]:
-    """Median reduction of the position error, over visible cases of the library's effects."""
+    """Median reduction of the position error, and where it grows, over visible cases of the library's effects."""
     values = [replay_reduction(case) for case in cases if case.visibility >= least]
     known = [value for value in values if value is not None]
-    return {"n": len(known), "horizon": HORIZON, "median_reduction": median(known)}
+    worse = rate(value < 0 for value in known)
+    return {"n": len(known), "horizon": HORIZON, "median_reduction": median(known), "worse": worse}

@@ -14,6 +14,7 @@ def tables(score: dict[str, Any], least: float) -> list[Table]:
     columns = [some for some in (score["qualities"], parts) if some]
     return [
         *((title, ["figure", *some], figure_rows(some, least)) for some in columns),
+        *(detection_table(some) for some in columns[:1]),
         (
             f"effects, cases of one with visibility ≥ {least:g}",
             ["effect", "n", "found", "right name", "named wrongly", "median error", "coverage"],
@@ -59,12 +60,27 @@ def lines(least: float) -> list[tuple[str, Any]]:
         ("  rotor, right number", lambda s: share(s["parameters"]["choice"])),
         ("held-out shrink: mean, median", lambda s: shrink(s["shrink_relative"])),
         ("  true parameters, not every gust", lambda s: shrink(s["shrink_relative_parameters"])),
+        ("  cases without gusts", lambda s: shrink(s["shrink_relative_calm"])),
         ("  foreign effects", lambda s: shrink(s["shrink_relative_foreign"])),
         ("half are found at visibility", lambda s: half(s["detection"])),
         ("Brier score, calibration error", lambda s: reliability(s["reliability"])),
         ("replay, 1 s: median reduction", lambda s: percent(s["replay"]["median_reduction"])),
+        ("  it grows", lambda s: share(s["replay"]["worse"])),
+        ("second look taken", lambda s: share(s["second_look"])),
         ("median time a case [s]", lambda s: number(s["wall"])),
     ]
+
+
+def detection_table(parts: dict[str, dict[str, Any]]) -> Table:
+    """Single effects found, by visibility: a row a bin, a column a part of the cases."""
+    bins = [{(row["lower"], row["upper"]): row for row in s["detection"]["bins"]} for s in parts.values()]
+    edges = sorted({edge for some in bins for edge in some})
+    rows = [[f"{a:g} … {b:g}", *(_found(some.get((a, b))) for some in bins)] for a, b in edges]
+    return "single effects found, from the start or begun in flight", ["visibility", *parts], rows
+
+
+def _found(row: dict[str, Any] | None) -> str:
+    return f"{row['count']} of {row['n']}" if row else NOTHING
 
 
 def foreign_table(score: dict[str, Any], least: float) -> list[Table]:

@@ -66,7 +66,7 @@ ANSWER = Form(
             "gap": record({}, spare={"force": AXES, "torque": AXES}),
             "shrink": record({}, spare={"replay": or_null(REPLAY)}),
         },
-        spare={"wall": or_null(SIZE)},
+        spare={"wall": or_null(SIZE), "joined": list_of(TEXT)},
     )
 )
 

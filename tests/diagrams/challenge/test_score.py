@@ -148,3 +148,22 @@ def test_a_score_is_json_without_holes(cases, by_hand):
     assert dut["parameters"]["median_error"] == 0.0
     assert dut["parameters"]["coverage"] < 1.0
     json.dumps(plain(dut), allow_nan=False)
+
+
+def test_cases_without_gusts_and_second_looks_are_counted_apart(cases, by_hand):
+    before = score(cases)
+    gusts = by_hand.make_truth({"effect": "gusty_wind", "parameters": {"deviation": 1.0}})
+    blown = by_hand.make_case(gusts, by_hand.perfect(gusts), "blown")
+    again = dc.replace(cases[1], answer={**cases[1].answer, "joined": ["heldout_1"]}, name="again")
+    dut = score([*cases, blown, again])
+    assert dut["shrink_relative"]["n"] == before["shrink_relative"]["n"] + 2
+    assert dut["shrink_relative_calm"]["n"] == before["shrink_relative"]["n"] + 1
+    assert (dut["second_look"]["count"], dut["second_look"]["n"]) == (1, len(cases) + 2)
+
+
+def test_what_is_found_is_a_table_by_visibility(cases):
+    (table,) = [t for t in tables(score(cases), 1.5) if t[0].startswith("single effects found")]
+    _, header, rows = table
+    assert header[0] == "visibility"
+    assert rows[0] == ["1.5 … 2", "1 of 1"]
+    assert rows[-1] == ["10 … inf", "1 of 1"]

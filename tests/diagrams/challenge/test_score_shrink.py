@@ -48,7 +48,11 @@ def test_the_replay_is_compared_at_one_second(by_hand):
     before, after = {"position": [0.1, 0.4]}, {"position": [0.1, 0.1]}
     case.answer["shrink"]["replay"] = {"horizon": [0.5, 1.0], "before": before, "after": after}
     assert replay_reduction(case) == pytest.approx(0.75)
-    assert replay_summary([case], 1.5)["n"] == 1
+    worse = by_hand.make_case(case.truth, {**case.answer, "shrink": {"replay": {"horizon": [1.0]}}})
+    worse.answer["shrink"]["replay"] |= {"before": {"position": [0.1]}, "after": {"position": [0.2]}}
+    dut = replay_summary([case, worse], 1.5)
+    assert dut["n"] == 2
+    assert (dut["worse"]["count"], dut["worse"]["n"]) == (1, 2)
     case.answer["shrink"]["replay"]["after"] = None
     assert replay_reduction(case) is None
 
