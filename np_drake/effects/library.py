@@ -2,7 +2,7 @@
 
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
-from np_drake.effects.base import Effect
+from np_drake.effects.base import Effect, WrenchEffect
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.clock_offset import ClockOffset
@@ -44,14 +44,27 @@ def effects_for(log_input: str) -> dict[str, type[Effect]]:
 def register(effect: type[Effect]) -> type[Effect]:
     """Adds a user's own effect to the library; a class decorator.
 
-    Raises: ValueError: where the identifier is taken by another class, or a parameter has no field.
+    Raises: ValueError: where the identifier is taken by another class, a parameter has no field, or the effect acts
+        through another one only, as a wind through a drag: the search knows no more such than the library's.
     """
     known = LIBRARY.get(effect.identifier)
     if known is not None and known is not effect:
         raise ValueError(f"register: {effect.identifier!r} must be a new identifier; it is taken by {known}.")
+    if known is None and _acts_through_others(effect):
+        raise ValueError(
+            f"register: {effect.__name__} must act by itself; what is felt through another effect, as a wind through "
+            "a drag, is never tried. Leave `needs` empty and give it a `wrench`: all the force, by a drag of its own."
+        )
     neutral = effect.neutral()
     for parameter in effect.parameters:
         if not hasattr(neutral, parameter.name):
             raise ValueError(f"register: {effect.__name__} must have a field {parameter.name!r}.")
     LIBRARY[effect.identifier] = effect
     return effect
+
+
+def _acts_through_others(effect: type[Effect]) -> bool:
+    """Does it name effects that it needs, or move the air and push nothing by itself?"""
+    if effect.needs or not issubclass(effect, WrenchEffect):
+        return bool(effect.needs)
+    return effect.air_velocity is not WrenchEffect.air_velocity and effect.wrench is WrenchEffect.wrench

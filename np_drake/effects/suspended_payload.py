@@ -15,7 +15,10 @@ from np_drake.vehicle import Vehicle
 class SuspendedPayload(WrenchEffect):
     """A point mass on a massless, inextensible tether that may go slack; the hook is p_BoTo_B.
 
-    It has a hidden state, (r, r_rate) of the payload from the hook in W: no momentary wrench. Over a log the measured
+    With r = p_ToPo_W, |r| = L, and z up:  T/m = |r'|²/L - (r/L) · (g z + a_hook); the force on the hook is T r/L, and
+    the tether is taut only where T > 0: else there is no force, and the payload falls freely.
+
+    It has a hidden state, (r, r') of the payload from the hook in W: no momentary wrench. Over a log the measured
     motion of the hook drives it (`wrench_along`). In a diagram it is a body.   Source: Newton on the payload.
     """
 

@@ -77,6 +77,29 @@ def test_a_parameter_without_a_field_is_refused():
     assert "lost" not in LIBRARY
 
 
+@dc.dataclass(frozen=True)
+class Breeze(Push):
+    identifier: ClassVar[str] = "breeze"
+    needs: ClassVar[tuple[str, ...]] = ("linear_drag",)
+
+
+@dc.dataclass(frozen=True)
+class Draught(WrenchEffect):
+    speed: float = 1.0
+    identifier: ClassVar[str] = "draught"
+    parameters: ClassVar = (Parameter("speed", "m/s", 0.0, -5.0, 5.0, 1.0),)
+
+    def air_velocity(self, t):
+        return np.broadcast_to([self.speed, 0.0, 0.0], (*np.shape(t), 3))
+
+
+@pytest.mark.parametrize("effect", [Breeze, Draught])
+def test_what_is_felt_through_another_effect_alone_is_refused(effect):
+    with pytest.raises(ValueError, match=f"register: {effect.__name__} must act by itself; .* never tried"):
+        register(effect)
+    assert effect.identifier not in LIBRARY
+
+
 def test_what_an_own_effect_leaves_out_does_nothing(motion):
     np.testing.assert_array_equal(Push().wrench(None, motion), np.zeros((7, 6)))
     np.testing.assert_array_equal(Push().air_velocity(motion.t), np.zeros((7, 3)))
