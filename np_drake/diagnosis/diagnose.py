@@ -11,7 +11,7 @@ from np_drake.diagnosis.answer import UNKNOWN, Cause, Check, Diagnosis, Replay, 
 from np_drake.diagnosis.check import check, confusables, excitation, excited
 from np_drake.diagnosis.evidence import Evidence, make_evidence
 from np_drake.diagnosis.grid import natural_step
-from np_drake.diagnosis.how_far import how_far
+from np_drake.diagnosis.how_far import how_far, pooled
 from np_drake.diagnosis.look import look
 from np_drake.diagnosis.noise import fit_noise
 from np_drake.diagnosis.rig import Tolerance
@@ -118,8 +118,10 @@ def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -
     if len(set(present.values())) > 1:
         without = next(n for n, there in present.items() if not there)
         raise ValueError(f"diagnose: all flights or none must have accelerations; {without} has none.")
+    seen = {log.name: _motion(log) for log in train}
     for log in held_out:
-        same = next((other.name for other in train if _same(log, other)), None)
+        own = _motion(log)
+        same = next((name for name, rows in seen.items() if _same(own, rows)), None)
         if same is not None:
             raise ValueError(
                 f"diagnose: {log.name} is the same flight as {same}, to which effects are fitted, and can judge none. "
@@ -127,11 +129,15 @@ def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -
             )
 
 
-def _same(a: FlightLog, b: FlightLog) -> bool:
-    """Is it the same motion, row by row? What never moves is no motion."""
-    pairs = ((a.p, b.p), (a.v, b.v), (a.w, b.w))
-    moves = any(np.ptp(x, axis=0).any() for x, _ in pairs)
-    return moves and len(a.t) == len(b.t) and all(np.array_equal(x, y) for x, y in pairs)
+def _motion(log: FlightLog) -> set[bytes]:
+    """What p, v and w are at its rows; rows at rest are one."""
+    rows = np.concatenate([log.p, log.v, log.w], axis=1, dtype=float) + 0.0  # no zero has a sign
+    return set(np.ascontiguousarray(rows).view(f"V{rows[:1].nbytes}").ravel().tolist())
+
+
+def _same(held_out: set[bytes], train: set[bytes]) -> bool:
+    """Is more than half of the motion in the training flight too? What never moves is no motion."""
+    return len(held_out) > 1 and 2 * len(held_out & train) > len(held_out)
 
 
 def _cannot_tell(flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> dict:
@@ -145,7 +151,7 @@ def _cannot_tell(flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> dic
     checked = Check(
         False, excitation(flights), {}, tuple(pairs), ("nothing is excited: these logs cannot tell.",)
     )
-    size = float(np.sqrt(np.mean(np.concatenate([e.y[:, :6] for e in unseen]) ** 2 / noise.rms[:6] ** 2)))
+    size = pooled([e.y for e in unseen], noise)
     shrunk = Shrink(size, size, 1.0, 0.0, (0.0, 0.0), ())
     return {
         "verdict": (),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.answer import Diagnosis
-from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.diagnose import diagnose, require_flights
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.effects.base import Parameter, WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
@@ -95,6 +95,13 @@ def test_flights_that_hover_cannot_tell(diagnosed):
     assert dut.shrink.before > 1.0
 
 
+def test_a_hover_without_noise_is_judged_without_a_warning(fly):
+    logs = [fly(MassError(0.3), name=n, noise=0.0, vigour=0.0, seconds=5.0) for n in "ab"]
+    dut = diagnose(VEHICLE, logs[:1], logs[1:])
+    assert dut.cannot_tell
+    assert np.isfinite(dut.shrink.before)
+
+
 def test_the_same_logs_give_the_same_answer(diagnosed, fly):
     effect = LinearDrag(0.6, 0.6, 0.6)
     train = [fly(effect, name=n, seed=i, **SHORT) for i, n in enumerate(("a", "b"), start=1)]
@@ -157,8 +164,9 @@ def bad_inputs(fly):
     yield "'a' twice", [a, dc.replace(b, name="a")], [b]
     yield "same input", [a], [dc.replace(b, input="rotor_speed")]
     yield "b has none", [a], [dc.replace(b, a=None)]
-    yield "at least 3 s", [a], [fly(name="b", seconds=2.0)]
-    yield "b is the same flight as a", [a], [dc.replace(a, name="b")]
+    yield "at least 3 s", [a], [fly(name="b", seed=1, seconds=2.0)]
+    for copy in (a, a.rows(0, len(a) - 7), a.rows(33, len(a)), a.rows(0, len(a) // 4)):
+        yield "b is the same flight as a", [a], [dc.replace(copy, name="b")]
 
 
 def test_bad_inputs_are_refused_in_one_line_that_says_what_is_wrong(fly):
@@ -167,3 +175,12 @@ def test_bad_inputs_are_refused_in_one_line_that_says_what_is_wrong(fly):
             diagnose(VEHICLE, train, held_out)
         assert "\n" not in str(error.value)
         assert str(error.value).startswith("diagnose: ")
+
+
+def test_flights_that_share_a_beginning_or_stand_still_may_judge(fly):
+    a, b = fly(name="a", seconds=5.0), fly(name="b", seed=1, seconds=5.0)
+    shared = np.arange(len(a))[:, None] < 0.4 * len(a)
+    begun = dc.replace(b, **{f: np.where(shared, getattr(a, f), getattr(b, f)) for f in "pvw"})
+    still = dc.replace(a, **{f: np.zeros_like(getattr(a, f)) for f in "pvw"})
+    require_flights([a], [begun])
+    require_flights([still], [dc.replace(still, name="b")])
