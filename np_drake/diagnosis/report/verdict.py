@@ -13,6 +13,9 @@ from np_drake.diagnosis.report.words import (
     unit_of,
 )
 
+PLAIN_GAP = (
+    1.4  # residual over its floor above which a simulator does not agree with the logs [1]; own choice
+)
 LEAST_GAP = 1.05  # residual over its floor below which a share of the gap says nothing [1]; own choice
 
 
@@ -31,7 +34,7 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.cannot_tell:
         return "These logs cannot tell"
     if not diagnosis.verdict:
-        return "Nothing material is missing"
+        return "No cause is told" if _unexplained(diagnosis.shrink) else "Nothing material is missing"
     names = listed([name_of(identifier) for identifier in diagnosis.verdict])
     return f"Missing: {names}"
 
@@ -48,11 +51,16 @@ def _cannot_tell(diagnosis: Diagnosis) -> tuple[str, str]:
 
 def _nothing(diagnosis: Diagnosis) -> tuple[str, str]:
     shrink = diagnosis.shrink
-    first = "Nothing material is missing: on flights it has not seen, the simulator agrees with the logs."
-    second = (
-        f"What is left is {number(shrink.before, 2)} times the noise, where noise alone would give "
-        f"{number(shrink.floor, 2)}"
-    )
+    left = f"{number(shrink.before, 2)} times the noise"
+    if _unexplained(shrink):
+        first = (
+            "No effect of the library, and no structure, is told in what is left, "
+            f"which is {left} of the training flights."
+        )
+        second = "The flights that judge are noisier, or differ in what the training flights do not excite"
+    else:
+        first = "Nothing material is missing: on flights it has not seen, the simulator agrees with the logs."
+        second = f"What is left is {left}, where noise alone would give {number(shrink.floor, 2)}"
     minor = len(diagnosis.minor)
     return first, second + (f"; {minor} minor finding{'s' * (minor > 1)} below." if minor else ".")
 
@@ -103,6 +111,11 @@ def _figures(cause: Cause) -> list[str]:
         text = f"{name} {value}{NBSP * bool(unit)}{unit}"
         shown.append(f"{text}, 95{NBSP}% interval {bounds}" if len(cause.parameters) == 1 else text)
     return [", ".join(shown)]
+
+
+def _unexplained(shrink: Shrink) -> bool:
+    """Is so much left on held-out flights that the simulator cannot be said to agree with them?"""
+    return shrink.before > PLAIN_GAP * shrink.floor
 
 
 def has_gap(shrink: Shrink) -> bool:

@@ -66,6 +66,16 @@ def test_minor_findings_are_announced_on_a_clean_log(diagnosis):
     assert "1 minor finding below" in verdict_sentences(clean(diagnosis))[1]
 
 
+def test_where_much_is_left_and_nothing_told_the_simulator_is_not_said_to_agree(diagnosis):
+    dut = clean(diagnosis)
+    dut = dc.replace(dut, shrink=dc.replace(dut.shrink, before=7.4, after=7.4))
+    said = [headline(dut), *verdict_sentences(dut)]
+    assert not any("agree" in sentence or "Nothing" in sentence for sentence in said)
+    assert said[1].endswith("told in what is left, which is 7.4 times the noise of the training flights.")
+    assert said[2].startswith("The flights that judge are noisier, or differ in what")
+    assert "1 minor finding below" in said[2]
+
+
 def test_without_a_manoeuvre_more_motion_is_asked_for(diagnosis):
     check = dc.replace(diagnosis.check, not_identifiable=())
     assert "more motion" in verdict_sentences(dc.replace(cannot_tell(diagnosis), check=check))[1]
