@@ -24,8 +24,10 @@ NAMES = tuple(name for group in COLUMNS.values() for name in group)
 def present_fields(table: Table) -> list[str]:
     """The fields whose columns are there and not wholly empty.
 
-    Raises: LogError: if a column of the state is missing or empty, or a group is there in part.
+    Raises: LogError: if there is no row, a column of the state is missing or empty, or a group is there in part.
     """
+    if not len(table):
+        raise table.error("must hold rows; it has a header and no rows. Export the flight again.")
     fields = []
     for field, names in COLUMNS.items():
         filled = [name for name in names if name in table.columns and not _empty(table.columns[name])]

@@ -72,6 +72,11 @@ def _with_input(log: FlightLog, table: Table, fields: list[str], vehicle: Vehicl
     """The log with its command, or with thrust and torque from rotor speed."""
     wants_rotor = vehicle is not None and vehicle.input == "rotor_speed" and log.rotor is not None
     if "u" in fields and not wants_rotor:
+        if vehicle is not None and vehicle.input == "rotor_speed":
+            log.notes.append(
+                f"no rotor speed: thrust and torque from the command, though vehicle {vehicle.name!r} says "
+                "input: rotor_speed"
+            )
         return log
     if log.rotor is None:
         raise table.error(

@@ -21,7 +21,7 @@ def read_parquet(path: str | Path) -> Table:
     try:
         content = pyarrow.parquet.read_table(str(path))
     except (pyarrow.ArrowException, OSError) as error:
-        raise LogError(f"{path}: must be a Parquet file; {str(error).splitlines()[0][:80]}.") from error
+        raise LogError(f"{path}: must be a whole Parquet file; {_reason(error)}. Copy it again.") from error
     columns = {}
     for name in content.column_names:
         try:
@@ -37,6 +37,12 @@ def write_parquet(path: str | Path, columns: dict[str, np.ndarray]) -> None:
     pyarrow = _pyarrow(path)
     with atomic_path(path) as temporary:
         pyarrow.parquet.write_table(pyarrow.table(columns), str(temporary))
+
+
+def _reason(error: Exception) -> str:
+    """The first sentence, without the file's name, which pyarrow puts before it."""
+    line = (str(error).splitlines() or [type(error).__name__])[0]
+    return line.split("': ", 1)[-1].split(". ")[0].rstrip(".")
 
 
 def _pyarrow(path: str | Path) -> Any:

@@ -73,7 +73,7 @@ FAULTS = {  # spoil the columns: (how, what the message must say)
     "grams": (scale("thrust", 102.0), r"column thrust: .*weight of vehicle 'paper'"),
     "throttle": (scale("thrust", 0.02), r"column thrust: .*weight"),
     "too short": (cut(8), r"made\.csv: must have at least 20 rows; got 8"),
-    "no row": (cut(0), r"at least|is empty"),
+    "no row": (cut(0), r"made\.csv: must hold rows; it has a header and no rows\. Export"),
 }
 
 
@@ -119,10 +119,20 @@ def test_a_broken_gzip_is_refused(tmp_path, content):
         read_log(tmp_path / "made.csv.gz")
 
 
-def test_a_broken_parquet_is_refused(tmp_path):
+@pytest.mark.parametrize(
+    "content, reason",
+    [
+        (b"PAR1 but cut off", "Parquet magic bytes not found in footer"),
+        (b"", "Parquet file size is 0 bytes"),
+        (b"PAR1" + bytes(50) + b"PAR1", "Couldn't deserialize thrift: .*"),
+    ],
+    ids=["cut off", "empty", "hollow"],
+)
+def test_a_broken_parquet_is_refused_in_whole_sentences(tmp_path, content, reason):
     pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
-    (tmp_path / "made.parquet").write_bytes(b"PAR1 but cut off")
-    with pytest.raises(LogError, match="must be a Parquet file"):
+    (tmp_path / "made.parquet").write_bytes(content)
+    line = rf"made\.parquet: must be a whole Parquet file; {reason}\. Copy it again\.$"
+    with pytest.raises(LogError, match=line):
         read_log(tmp_path / "made.parquet")
 
 

@@ -69,6 +69,15 @@ def test_a_vehicle_file_can_ask_for_rotor_speed(flight, tmp_path):
     assert read_log(tmp_path / "made.csv", vehicle=Vehicle(input="rotor_speed")).input == "rotor_speed"
 
 
+def test_a_vehicle_file_that_asks_for_rotor_speed_in_vain_is_told_of(flight, tmp_path):
+    write_log(dc.replace(flight, rotor=None), tmp_path / "made.csv")
+    dut = read_log(tmp_path / "made.csv", vehicle=Vehicle(input="rotor_speed"))
+    assert dut.input == "command"
+    assert dut.notes == [
+        "no rotor speed: thrust and torque from the command, though vehicle 'paper' says input: rotor_speed"
+    ]
+
+
 @pytest.mark.parametrize("rotor, remedy", [(True, "--vehicle"), (False, "rotor1")])
 def test_no_command_and_no_way_to_one_is_refused(flight, tmp_path, rotor, remedy):
     log = dc.replace(flight, input="rotor_speed")
