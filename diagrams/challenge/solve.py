@@ -78,12 +78,18 @@ def solve_case(folder: Path, answers: Path, replay: bool) -> dict[str, Any]:
 
     The peak is of this process, which may have solved other cases before.
     """
-    start = time.perf_counter()
     try:
-        answer = diagnose_folder(folder, replay)
+        return _solve(folder, answers / folder.name, replay)
     except Exception as error:
         return {"case": folder.name, "error": one_line(error)}
-    out = answers / folder.name
+
+
+def _solve(folder: Path, out: Path, replay: bool) -> dict[str, Any]:
+    """The row of a case that is answered. Raises before the diagnosis where the answer has no place."""
+    start = time.perf_counter()
+    if out.exists() and not out.is_dir():
+        raise NotADirectoryError(f"{out}: must be a folder for the answer; it is a file. Move it away.")
+    answer = diagnose_folder(folder, replay)
     out.mkdir(parents=True, exist_ok=True)
     cost = {"wall": time.perf_counter() - start, "peak_memory": peak_memory(), "replay": replay}
     write_json(out / COST, cost)

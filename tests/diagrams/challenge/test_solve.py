@@ -105,6 +105,24 @@ def test_what_was_not_foreseen_is_one_line_too(cases, tmp_path, monkeypatch):
     assert "\n" not in row["error"]
 
 
+def test_an_answer_without_a_place_is_refused_before_the_diagnosis(cases, tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(module, "diagnose", lambda *given: asked.append(given))
+    (tmp_path / "a1").write_text("no folder")
+    row = solve_case(cases / "a1", tmp_path, replay=False)
+    assert row["error"] == f"{tmp_path / 'a1'}: must be a folder for the answer; it is a file. Move it away."
+    assert not asked
+
+
+@pytest.mark.usefixtures("quick")
+def test_an_answer_that_cannot_be_written_is_a_row_too(cases, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(module, "write_json", full)
+    assert "No space left" in solve_case(cases / "a1", tmp_path, replay=False)["error"]
+
+
 def test_a_process_that_dies_loses_only_its_case(tmp_path, monkeypatch):
     def dying(folder, answers, replay):
         if folder.name == "b2":
