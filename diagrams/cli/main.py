@@ -68,6 +68,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def run(arguments: list[str]) -> int:
     """The exit code; every expected failure has become one line on stderr."""
+    empty = _empty(arguments)
+    if empty is not None:
+        line = (
+            f"an argument must not be empty; got {empty}. Name a file, a folder or a value, or leave it out."
+        )
+        return _report(arguments, line, BAD_INPUT)
     try:
         code = app(arguments, prog_name=PROGRAM, standalone_mode=False)
         return _report(arguments, "interrupted.", code) if code == INTERRUPTED else int(code or 0)
@@ -84,6 +90,16 @@ def run(arguments: list[str]) -> int:
         raise
 
 
+def _empty(arguments: list[str]) -> str | None:
+    """What is given as nothing, if anything is: as a path it would be the folder that one stands in."""
+    for before, argument in zip([PROGRAM, *arguments], arguments, strict=False):
+        if not argument:
+            return f"'' behind {before}"
+        if argument.startswith("--") and argument.find("=") == len(argument) - 1:
+            return f"{argument} with nothing behind it"
+    return None
+
+
 def _text(error: Exception) -> str:
     """The message; of a bare operating-system error, the file and the reason."""
     if isinstance(error, OSError) and error.strerror:
@@ -92,7 +108,7 @@ def _text(error: Exception) -> str:
 
 
 def _report(arguments: list[str], message: str, code: int) -> int:
-    verbs = [argument for argument in arguments if not argument.startswith("-")][:1]
+    verbs = [argument for argument in arguments if argument and not argument.startswith("-")][:1]
     if verbs and verbs[0] in GROUPS and len(arguments) > 1 and arguments[1] in GROUPS[verbs[0]]:
         verbs.append(arguments[1])
     message = " ".join(message.split())

@@ -67,6 +67,23 @@ def test_a_wrong_command_line_is_one_line_and_exit_code_2(capsys, arguments, mes
     assert captured.err.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    "arguments, given",
+    [
+        (["train", "a.csv", "--out", ""], "'' behind --out"),
+        (["train", "a.csv", "--out="], "--out= with nothing behind it"),
+        (["train", ""], "'' behind train"),
+        (["challenge", "solve", ""], "'' behind solve"),
+        ([""], "'' behind np-drake"),
+    ],
+)
+def test_an_empty_argument_is_not_the_current_folder(capsys, arguments, given):
+    assert dut.run(arguments) == 2
+    line = capsys.readouterr().err
+    assert f": an argument must not be empty; got {given}. Name " in line
+    assert line.count("\n") == 1
+
+
 def test_the_program_says_its_version_and_its_verbs(capsys):
     assert dut.run(["--version"]) == 0
     assert capsys.readouterr().out.startswith("np-drake 0.")
