@@ -20,6 +20,7 @@ def load_checked(schema: type, path: str | Path, kind: str) -> Any:
     """
     try:
         default = schema()
+        _require_once(yaml.compose(Path(path).read_bytes(), Loader=yaml.SafeLoader))
         _require_kinds(schema, yaml_load_file(str(path), private=True), default)
         return yaml_load_typed(schema=schema, filename=str(path), defaults=default).check()
     except OSError as error:
@@ -31,6 +32,34 @@ def load_checked(schema: type, path: str | Path, kind: str) -> Any:
     ) as error:
         reason = " ".join(str(error).split()) or "it cannot be read."
         raise ValueError(f"{path}: not a {kind}: {reason[:300]}{_remedy(schema, reason)}") from error
+
+
+def _require_once(root: yaml.Node | None) -> None:
+    """Raises where a field stands twice, of which a reader would take the last."""
+    left: list[tuple[str, yaml.Node | None]] = [("", root)]
+    seen: set[int] = set()
+    while left:
+        name, node = left.pop()
+        if id(node) in seen:  # an alias, which may lie within itself
+            continue
+        seen.add(id(node))
+        if isinstance(node, yaml.SequenceNode):
+            left += [(f"{name}[{i}]", item) for i, item in enumerate(node.value)]
+        if isinstance(node, yaml.MappingNode):
+            left += _fields_once(name, node)
+
+
+def _fields_once(name: str, node: yaml.MappingNode) -> list[tuple[str, yaml.Node]]:
+    """Name and value of every field of `name`, empty for the whole file; merge keys may stand twice."""
+    lines: dict[str, int] = {}
+    found = []
+    for key, value in node.value:
+        field, line = f"{name}.{key.value}" if name else str(key.value), key.start_mark.line + 1
+        if field in lines and key.tag != "tag:yaml.org,2002:merge":
+            raise ValueError(f"{field} must stand once; it stands in lines {lines[field]} and {line}.")
+        lines[field] = line
+        found.append((field, value))
+    return found
 
 
 def _require_kinds(schema: type, content: Any, default: Any) -> None:

@@ -60,6 +60,25 @@ def test_an_empty_file_is_said_to_be_empty(tmp_path, text):
     assert said(tmp_path, text).endswith("it is empty; at least one field must be named.")
 
 
+@pytest.mark.parametrize(
+    "text, field, lines",
+    [
+        ("speed: 2.0\ncount: 3\n'speed': 2.0", "speed", "1 and 3"),
+        ("first:\n  weight: 1.0\n  weight: 2.0", "first.weight", "2 and 3"),
+        ("many: [{}, {weight: 1.0,\n weight: 2.0}]", "many[1].weight", "1 and 2"),
+    ],
+)
+def test_a_field_that_stands_twice_is_refused_with_its_lines(tmp_path, text, field, lines):
+    assert said(tmp_path, text).endswith(
+        f": not a thing: {field} must stand once; it stands in lines {lines}."
+    )
+
+
+def test_an_alias_may_stand_as_often_as_it_is_wanted(tmp_path):
+    (tmp_path / "x.yaml").write_text("first: &a {weight: 3.0}\nmany: [*a, *a]")
+    assert load_checked(Outer, tmp_path / "x.yaml", "thing").many == [Inner(3.0), Inner(3.0)]
+
+
 def test_what_the_file_does_not_name_keeps_its_default(tmp_path):
     (tmp_path / "x.yaml").write_text("first: {weight: 3.0}")
     dut = load_checked(Outer, tmp_path / "x.yaml", "thing")
