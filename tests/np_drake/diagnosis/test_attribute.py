@@ -27,7 +27,8 @@ from np_drake.diagnosis.held_out import SURPRISE
 from np_drake.diagnosis.hidden_swing import ERROR
 from np_drake.diagnosis.probability import TEMPER, TRUST
 from np_drake.diagnosis.rig import LABORATORY, Tolerance, drift_of
-from np_drake.diagnosis.signature import Term
+from np_drake.diagnosis.signature import Term, signature
+from np_drake.diagnosis.swing_fit import WAYS
 from np_drake.diagnosis.which import rank
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.command_delay import CommandDelay
@@ -287,3 +288,13 @@ def test_an_effect_may_cost_on_an_unseen_flight_a_share_of_what_it_brings(drag):
     fit = dc.replace(drag.fit, terms=(*drag.fit.terms, Term(WeakRotor(1, 0.999))))
     nothing = least_help(fit, len(drag.fit.terms), drag.flights, drag.ranking.noise, {})
     assert nothing == pytest.approx(-HURT, abs=0.5)
+
+
+def test_what_is_left_of_an_unseen_flight_is_left_by_all_ways_a_payload_may_swing_there(drag):
+    payload = Term(SuspendedPayload(0.01, 0.5, 0.0, 0.0, -0.05))
+    fit = dc.replace(drag.fit, terms=(payload,), calibration=())
+    held, (e,) = on_held_out(fit, drag.unseen, drag.ranking.noise), drag.unseen
+    (foreseen,), (whole,) = held.terms[e.name], held.settled[e.name]
+    assert len(np.unique(foreseen.hidden[e.name], axis=0)) == WAYS
+    assert whole.hidden[e.name].ndim == 1  # the one that fits the whole flight
+    np.testing.assert_array_equal(held.left[e.name], e.y - signature(e, [foreseen]))
