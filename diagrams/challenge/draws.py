@@ -73,7 +73,6 @@ FIGURES = (
     Figure("replay, 1 s: reduction", plain("replay", "median_reduction"), least(0.70), least(0.70)),
 )
 
-LABELS = [figure.label for figure in FIGURES]
 NUMBER = {"description": "a finite number", "type": "number"}
 WHOLE = {"description": "a whole number from 0", "type": "integer", "minimum": 0}
 VALUE = record({}, spare={"count": WHOLE, "n": WHOLE, "value": or_null(NUMBER)})

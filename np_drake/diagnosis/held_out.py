@@ -51,7 +51,10 @@ def foreseen(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list
     """Adapted terms, payloads with all the ways in which the rows that their swing was fitted to let them swing.
 
     The least squared miss of the rest of the flight is expected of their mean: a swing that is not known, or that no
-    motion tells for long after its tether went slack, fades to the weight that hangs.
+    motion tells for long after its tether went slack, fades to the weight that hangs.   Source: mean of a posterior;
+    own choice: by Laplace's approximation, figures kept.
+
+    Returns: the terms; hidden swings are (`WAYS`, size) [rad, rad/s].
     """
     out = list(terms)
     for i, term in enumerate(terms):

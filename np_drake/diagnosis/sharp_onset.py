@@ -17,7 +17,8 @@ from np_drake.diagnosis.search import Model, Problem
 def sharpened(problem: Problem, model: Model) -> list[Candidate]:
     """The model's effects that begin in flight, from the rows on from which they say most: alone, and beside the rest.
 
-    Not a payload, whose swing begins anew with its onset: `PayloadSearch.when` is as sharp.
+    Not a payload, whose swing begins anew with its onset: `PayloadSearch.when` is as sharp.   Source: log evidence at
+    every row [s] within a step of the grid; own choice: flight by flight, once, and only those that differ are given.
     """
     found: list[Candidate] = []
     members = [problem.candidates[i] for i in model.members]

@@ -8,7 +8,6 @@ import pytest
 
 from diagrams.challenge.draws import (
     FIGURES,
-    LABELS,
     Figure,
     draw_of,
     name_of,
@@ -56,7 +55,7 @@ def test_every_figure_is_one_of_the_score(whole):
     dut = draw_of(whole)
     assert dut["seeds"] == whole["sets"][0]["seeds"]
     (figures,) = [dut[name] for name in ("clean", "real") if name in dut]
-    assert list(figures) == LABELS
+    assert list(figures) == [figure.label for figure in FIGURES]
     assert figures["single: right class"] == {"count": 13, "n": 13}
     assert figures["shrink, mean"] == {"value": 1.0}
     assert figures["parameters: median error"] == {"value": 0.0}
