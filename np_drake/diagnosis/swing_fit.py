@@ -86,10 +86,11 @@ class SwingFit:
     def doubts(self, free: slice) -> np.ndarray:
         """(`WAYS`, size) errors of the term's own swing, in its free figures, that these rows allow.
 
-        Source: Laplace's approximation.
+        The same at each call.   Source: Laplace's approximation.
         """
         covariance = np.linalg.inv(self._normal(self.known, free)[2])
-        normal = qmc.MultivariateNormalQMC(np.zeros(len(covariance)), covariance, rng=free.start)
+        seed = free.indices(self.size)[0]
+        normal = qmc.MultivariateNormalQMC(np.zeros(len(covariance)), covariance, rng=seed)
         return normal.random(WAYS) @ np.eye(self.size)[free]
 
     def _normal(self, swing: np.ndarray, free: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

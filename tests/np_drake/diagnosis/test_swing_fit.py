@@ -86,6 +86,12 @@ def test_a_swing_of_which_rows_say_nothing_is_doubted_as_widely_as_before(thrown
     np.testing.assert_allclose(wide.mean(axis=0), 0.0, atol=0.1)
 
 
+@pytest.mark.parametrize("free", [slice(None), slice(STATE), slice(0, STATE)])
+def test_doubts_are_the_same_at_each_call(thrown, noise, free):
+    dut = SwingFit([Term(PAYLOAD)], 0, thrown, noise, None, np.zeros(len(thrown.t), bool))
+    np.testing.assert_array_equal(dut.doubts(free), dut.doubts(slice(0, STATE)))
+
+
 def test_doubts_are_of_free_figures_and_as_large_as_the_errors_of_fits(seen, noise):
     errors = []
     for seed in range(12):
