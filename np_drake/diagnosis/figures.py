@@ -7,7 +7,7 @@ import numpy as np
 
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.hidden_swing import STATE, hidden_size, padded
-from np_drake.diagnosis.payload_candidates import SWING
+from np_drake.diagnosis.payload_columns import SWING
 from np_drake.diagnosis.signature import NEVER, Term
 
 

@@ -9,6 +9,7 @@ from scipy.special import logsumexp
 
 from np_drake.diagnosis.candidates import Candidate, gated
 from np_drake.diagnosis.late_columns import LateColumns, Sums
+from np_drake.diagnosis.payload_columns import AT_REST
 from np_drake.diagnosis.payload_search import PAYLOAD, PayloadSearch
 from np_drake.diagnosis.search import Problem
 from np_drake.diagnosis.signature import NEVER
@@ -21,7 +22,6 @@ ABSENT = math.log(1 / 4)  # of one that has not begun at the end of this flight;
 LEAST = 1.0  # gain in log evidence, prior included, from which an onset is tried; own choice
 SUBSTANTIAL = 8.0  # from which a payload is looked for that is hung on in flight; own choice
 WEIGHTS = (("mass_error",), ("thrust_scale",))
-AT_REST = 4  # columns of a payload: mass and hook
 LARGEST = 8  # columns of a candidate that is scanned
 VARIANTS = 2  # of an effect, that promise most
 COARSE = 5  # rows between instants that are tried at first

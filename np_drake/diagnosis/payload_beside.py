@@ -11,20 +11,19 @@ from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.hidden_swing import jumps
 from np_drake.diagnosis.linear_bayes import Gram
 from np_drake.diagnosis.noise import NoiseModel
-from np_drake.diagnosis.payload_candidates import heavy_enough
+from np_drake.diagnosis.payload_columns import AT_REST, PayloadColumns, heavy_enough
+from np_drake.diagnosis.shocks import bridge
 
 CHANNELS = 6  # force and torque alone see a payload
 HORIZONS = (5.0, 10.0, math.inf)  # over which a guess is followed, one after the other [s]
 AFTER_SHOCK = 2.0  # a horizon of its own, for the swing that a shock leaves [s]
-SWING_COLUMNS = 5  # mass, hook and length come first
 
 
 @dc.dataclass(frozen=True)
 class White:
     """Whitened columns of a payload, flight by flight, and its log prior.
 
-    columns: (rows x channels, k') without those that are zero there, as swings of other flights are.
-    at: (k',) their positions among all `size` of them.
+    columns: (rows x channels, k') by flight; at: (k',) their positions among all `size` of them.
     """
 
     columns: list[np.ndarray]
@@ -45,6 +44,7 @@ class Beside:
         horizons: Sequence[float] = (),
     ):
         self._flights, self._noise, self._onset = list(flights), noise.head(CHANNELS), onset or {}
+        self._heads: dict[float, list[Evidence]] = {}
         self._white = []
         for e in flights:
             y = e.y[:, :CHANNELS, None]
@@ -59,6 +59,13 @@ class Beside:
     def size(self) -> int:
         """Columns of the others."""
         return self._white[0][0].shape[1]
+
+    def heads(self, horizon: float) -> list[Evidence]:
+        """The flights as far as the horizon asks for."""
+        if horizon not in self._heads:
+            ends = [int(np.searchsorted(e.t, self._begin(e) + horizon)) for e in self._flights]
+            self._heads[horizon] = [e.head(end) for e, end in zip(self._flights, ends, strict=True)]
+        return self._heads[horizon]
 
     def _begin(self, e: Evidence) -> float:
         return max(self._onset.get(e.name) or 0.0, e.t[0])
@@ -85,12 +92,11 @@ class Beside:
         total = sum(parts[1:], parts[0])
         return total, total.log_evidence(np.arange(len(total.Xy)))
 
-    def white(self, candidate: Candidate) -> White:
-        """Its columns, whitened."""
-        every = [candidate.columns[e.name][:, :CHANNELS] for e in self._flights]
-        at = [np.flatnonzero(X.any(axis=(0, 1))) for X in every]
-        own = [self._flat(e, X[..., i]) for e, X, i in zip(self._flights, every, at, strict=True)]
-        return White(own, at, candidate.size, candidate.log_prior)
+    def white(self, payload: PayloadColumns) -> White:
+        """Its columns, whitened; of the flights or of `heads`."""
+        own = [self._flat(e, payload.own[e.name]) for e in self._flights]
+        at = [payload.at(e.name) for e in self._flights]
+        return White(own, at, payload.size, payload.log_prior)
 
     def gain(self, candidate: White, horizon: float) -> tuple[float, np.ndarray]:
         """Log evidence that the candidate adds to the others, priors included, and its coefficients (physical ones)."""
@@ -105,11 +111,11 @@ class Beside:
         return evidence + candidate.log_prior
 
     def swing_alone(self, candidate: White, horizon: float, mass: float) -> np.ndarray:
-        """(k,) its coefficients with the mass given, hook and length at the guess."""
+        """(k,) coefficients of a `longer` one with the mass given, hook and length at the guess."""
         (both,), n = self.joints(candidate, [horizon]), self.size
-        free = np.concatenate([np.arange(n), np.arange(n + SWING_COLUMNS, len(both.Xy))])
+        free = np.r_[:n, n + AT_REST + 1 : len(both.Xy)]
         left = Gram(both.XX, both.Xy - both.XX[:, n] * mass, 0.0, 0)
-        fixed = np.concatenate([[mass], np.zeros(SWING_COLUMNS - 1)])
+        fixed = np.concatenate([[mass], np.zeros(AT_REST)])
         return np.concatenate([fixed, left.posterior(free)[0][n:]])
 
     def joints(self, candidate: White, horizons: Sequence[float]) -> list[Gram]:
@@ -134,6 +140,6 @@ class Beside:
         return [found[horizon] for horizon in horizons]
 
     def _flat(self, e: Evidence, values: np.ndarray) -> np.ndarray:
-        """(rows x channels, k) force and torque (m, 6, k), whitened."""
-        white = self._noise.whiten(e.bridged(values))
+        """(rows x channels, k) force and torque (m, 6, k), of the first m rows, whitened."""
+        white = self._noise.whiten(bridge(values, e.shocks[: len(values)]))
         return white.reshape(len(white) * CHANNELS, values.shape[-1])

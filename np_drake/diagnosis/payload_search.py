@@ -16,7 +16,8 @@ from np_drake.diagnosis.candidates import Candidate, Onset
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.payload_beside import HORIZONS, Beside
-from np_drake.diagnosis.payload_candidates import Guess, payload_about, payload_candidates
+from np_drake.diagnosis.payload_candidates import payload_about, payloads_of
+from np_drake.diagnosis.payload_columns import Guess, PayloadColumns
 from np_drake.diagnosis.signature import NEVER
 from np_drake.effects.library import LIBRARY
 
@@ -31,6 +32,7 @@ AFTER_ONSET = 2.0  # up to which an onset is judged [s]
 FOLLOWED = 2  # lengths of each profile that are followed from its horizon, the best from the first one too
 PROMISING = 8.0  # log evidence that a length must add to everything else to be followed; own choice
 STEPS = 3  # Gauss-Newton steps at each horizon
+LOST = -400.0  # log evidence below which no guess has come back that was followed; own choice
 TOLD_APART = 12  # lengths that can be told apart by eye; own choice
 NEAR = 0.06  # lengths closer than this are the same, relative [1]
 
@@ -70,8 +72,9 @@ class PayloadSearch:
             starts |= dict.fromkeys((beside, i, horizon) for i in others_of_it)
         found = []
         for beside, i, first in starts:
-            _, guess, candidate = self._follow(beside, Guess(float(LENGTHS[i])), first)
-            found.append((rich.gain(rich.white(candidate), math.inf)[0], guess, candidate))
+            payload = self._follow(beside, Guess(float(LENGTHS[i])), first)
+            if payload is not None:
+                found.append((rich.gain(rich.white(payload), math.inf)[0], payload))
         return self._distinct(found)
 
     def from_guesses(
@@ -79,13 +82,16 @@ class PayloadSearch:
     ) -> list[tuple[Guess, Candidate]]:
         """Followed from guesses whose swing is not known."""
         alone = Beside(self._flights, noise, nuisance, self._onset)
-        return self._distinct([self._follow(alone, dc.replace(g, swing={}), HORIZONS[0]) for g in guesses])
+        found = [self._follow(alone, dc.replace(g, swing={}), HORIZONS[0]) for g in guesses]
+        return self._distinct([(alone.gain(alone.white(p), math.inf)[0], p) for p in found if p is not None])
 
-    def _distinct(self, found: Sequence[tuple[float, Guess, Candidate]]) -> list[tuple[Guess, Candidate]]:
+    def _distinct(self, found: Sequence[tuple[float, PayloadColumns]]) -> list[tuple[Guess, Candidate]]:
         """The best, of different lengths."""
         kept: list[tuple[Guess, Candidate]] = []
-        for _, guess, candidate in sorted(found, key=lambda f: -f[0]):
+        for _, payload in sorted(found, key=lambda f: -f[0]):
+            guess = payload.guess
             if all(abs(math.log(guess.length / g.length)) > NEAR for g, _ in kept) and len(kept) < KEPT:
+                candidate = payload.candidate(self._flights)
                 prior = -math.log(len(LENGTHS) / TOLD_APART)
                 kept.append((guess, dc.replace(candidate, log_prior=candidate.log_prior + prior)))
         return kept
@@ -99,7 +105,7 @@ class PayloadSearch:
         """(lengths,) beside either, up to either of `ENDS`.   alone: has the first of the columns of rich."""
         gains = []
         for start in range(0, len(LENGTHS), CHUNK):
-            for c in payload_candidates(self._flights, LENGTHS[start : start + CHUNK], self._onset):
+            for c in payloads_of(self._flights, LENGTHS[start : start + CHUNK], self._onset):
                 white = rich.white(c)
                 joints = rich.joints(white, ENDS)
                 own = np.r_[: alone.size, rich.size : len(joints[0].Xy)]
@@ -136,45 +142,42 @@ class PayloadSearch:
 
     def _gain_from(self, e: Evidence, begin: float, beside: Beside, guess: Guess) -> float:
         """Log evidence of a payload that begins there, in one flight."""
-        candidate = payload_about([e], dc.replace(guess, swing={}), {e.name: begin})
+        payload = payload_about([e], dc.replace(guess, swing={}), {e.name: begin})
         for _ in range(STEPS):
-            _, mean = beside.gain(beside.white(candidate), AFTER_ONSET)
-            candidate = payload_about([e], _moved(candidate, mean), {e.name: begin})
-        return beside.gain(beside.white(candidate), AFTER_ONSET)[0]
+            _, mean = beside.gain(beside.white(payload), AFTER_ONSET)
+            payload = payload_about([e], payload.moved(mean), {e.name: begin})
+        return beside.gain(beside.white(payload), AFTER_ONSET)[0]
 
-    def _follow(self, beside: Beside, guess: Guess, first: float) -> tuple[float, Guess, Candidate]:
-        """From a guess through the horizons: log evidence that it adds at last, the guess and its columns.
+    def _follow(self, beside: Beside, guess: Guess, first: float) -> PayloadColumns | None:
+        """From a guess through the horizons, to the payload about which it fits best; none where it is `LOST`.
 
         At every further horizon swings move alone at first: out of step, a lighter payload would fit better than
         this one, and there would be no way back.
         """
-        candidate = payload_about(self._flights, guess, self._onset)
-        white, mean = beside.white(candidate), np.zeros(0)
+        mean = np.zeros(0)
         for horizon in [h for h in beside.horizons if h >= first]:
+            flights = beside.heads(horizon)
+            payload = payload_about(flights, guess, self._onset)
+            white = beside.white(payload)
             for _ in range(STEPS - 1 if len(mean) else 0):
-                guess = _moved(candidate, beside.swing_alone(white, horizon, mean[0]))
-                candidate = payload_about(self._flights, guess, self._onset)
-                white = beside.white(candidate)
+                swung = payload.moved(beside.swing_alone(white, horizon, mean[0]))
+                payload = payload_about(flights, swung, self._onset)
+                white = beside.white(payload)
             gain, mean = beside.gain(white, horizon)
             for _ in range(STEPS):
-                new_guess = _moved(candidate, mean)
-                new = payload_about(self._flights, new_guess, self._onset)
+                new = payload_about(flights, payload.moved(mean), self._onset)
                 new_white = beside.white(new)
                 new_gain, new_mean = beside.gain(new_white, horizon)
                 if new_gain < gain and horizon == math.inf:
                     break
                 done = abs(new_gain - gain) < 0.5
-                guess, candidate, white, gain, mean = new_guess, new, new_white, new_gain, new_mean
+                payload, white, gain, mean = new, new_white, new_gain, new_mean
                 if done:
                     break
-        return beside.gain(white, math.inf)[0], guess, candidate
-
-
-def _moved(candidate: Candidate, mean: np.ndarray) -> Guess:
-    """Where the coefficients point to."""
-    (term,) = candidate.terms(mean)
-    payload = term.effect.payload  # type: ignore[attr-defined]
-    return Guess(payload.length, np.array(payload.hook), term.hidden)
+            if gain < LOST:
+                return None
+            guess = payload.guess
+        return payload
 
 
 def _peaks(gains: np.ndarray) -> list[int]:

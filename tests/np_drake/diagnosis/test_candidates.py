@@ -14,7 +14,8 @@ from np_drake.diagnosis.candidates import (
     wind_candidates,
 )
 from np_drake.diagnosis.evidence import make_evidence
-from np_drake.diagnosis.payload_candidates import SURELY, heavy_enough, payload_candidates
+from np_drake.diagnosis.payload_candidates import payload_candidates
+from np_drake.diagnosis.payload_columns import SURELY, heavy_enough
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag

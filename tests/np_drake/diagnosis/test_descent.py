@@ -6,7 +6,8 @@ import pytest
 
 from np_drake.diagnosis.descent import first_fit, refit, rested
 from np_drake.diagnosis.noise import fit_noise
-from np_drake.diagnosis.payload_candidates import Guess, payload_about
+from np_drake.diagnosis.payload_candidates import payload_about
+from np_drake.diagnosis.payload_columns import Guess
 from np_drake.diagnosis.rig import tolerance_of
 from np_drake.diagnosis.search import Model, Problem
 from np_drake.diagnosis.signature import Term
@@ -21,7 +22,9 @@ def swinging(seen):
     """Two flights with a payload, whose length is guessed, and noise that is all they show: it rings with the swing."""
     flights = [seen(PAYLOAD, name=str(i), seed=i, noise=1.0, seconds=10.0) for i in (1, 2)]
     noise = fit_noise([e.y for e in flights], flights[0].grid.step)
-    return Problem(flights, noise, [], [payload_about(flights, Guess(1.15))], temperature=2.0)
+    return Problem(
+        flights, noise, [], [payload_about(flights, Guess(1.15)).candidate(flights)], temperature=2.0
+    )
 
 
 def mass(fit) -> float:

@@ -4,7 +4,8 @@ import pytest
 from np_drake.diagnosis.candidates import library_candidates
 from np_drake.diagnosis.grid import TAPS
 from np_drake.diagnosis.payload_beside import Beside
-from np_drake.diagnosis.payload_candidates import Guess, payload_candidates
+from np_drake.diagnosis.payload_candidates import payload_candidates, payloads_of
+from np_drake.diagnosis.payload_columns import Guess
 from np_drake.diagnosis.payload_search import ENDS, KEPT, LENGTHS, NEAR, PayloadSearch
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -71,7 +72,7 @@ def test_one_pass_over_the_rows_gives_every_horizon_and_every_set_of_others(seen
     flights = [seen(SuspendedPayload(0.15, 0.6), name=str(i), seed=i, noise=1.0, seconds=7.0) for i in (1, 2)]
     mass, *more = others(flights)
     rich, alone = (Beside(flights, noise, some, None) for some in ([mass, *more], [mass]))
-    (candidate,) = payload_candidates(flights, np.array([0.6]))
+    (candidate,) = payloads_of(flights, np.array([0.6]))
     own = np.r_[: alone.size, rich.size : rich.size + candidate.size]
     white = rich.white(candidate)
     for both, horizon in zip(rich.joints(white, ENDS), ENDS, strict=True):

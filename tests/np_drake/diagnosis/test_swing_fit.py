@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.hidden_swing import STATE
-from np_drake.diagnosis.payload_candidates import SWING
+from np_drake.diagnosis.payload_columns import SWING
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.swing_fit import SwingFit
 from np_drake.effects.linear_drag import LinearDrag
