@@ -1,12 +1,12 @@
 """The mode of what swings behind a drive: its frequency and damping, fitted, where a grid found that it swings."""
 
-import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy import optimize
 
 from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.linear_bayes import Gram
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.refine import Generic
 from np_drake.diagnosis.unknown import DAMPING
@@ -33,13 +33,13 @@ def mode_of(
     if candidate.swing is None:
         raise ValueError(f"mode_of: {candidate.identifiers[0]} does not swing.")
     swing = candidate.swing
-    targets = [dc.replace(e, y=left[e.name] + generic.part(e)) for e in flights]
+    target = np.concatenate([e.white(noise, left[e.name] + generic.part(e)).ravel() for e in flights])
 
     def misfit(logs: np.ndarray) -> float:
         frequency, damping = np.exp(logs)
-        columns = [swing(frequency, damping, e) for e in targets]
-        grams = [e.gram(noise, [X]) for e, X in zip(targets, columns, strict=True)]
-        return -sum(grams[1:], grams[0]).log_evidence(np.arange(columns[0].shape[-1]))
+        columns = [e.white(noise, swing(frequency, damping, e)) for e in flights]
+        X = np.concatenate([part.reshape(-1, part.shape[-1]) for part in columns])
+        return -Gram(X.T @ X, X.T @ target, 0.0, len(X)).log_evidence(np.arange(X.shape[1]))
 
     start = np.log([candidate.figures["frequency"], DAMPING])
     about = start[0] + np.log(WITHIN) * np.array([-1.0, 1.0])

@@ -18,43 +18,48 @@ from np_drake.vehicle import Vehicle
 
 def sensor_trace(evidence: Evidence, effect: SensorEffect) -> np.ndarray:
     """(m, 15) the channels as they are read, less those that were: exact to second order in the error."""
-    log = evidence.log
-    y = np.zeros_like(evidence.y)
+    log, y = evidence.log, np.zeros_like(evidence.y)
     if not effect.corrupts or effect.clock_shift:
         return y
     a = np.zeros((len(log), 3)) if log.a is None else log.a
     logged = Measurement(evidence_state(evidence), a, np.zeros((len(log), 3)), np.zeros((len(log), 4)))
     truth = _before(evidence.vehicle, logged, [effect])
     read = effect.measure(evidence.vehicle, truth, np.zeros((len(log), 0)))
-    q, w = truth.x[:, Q], truth.x[:, W]
-    dv = attitude.rotate_back(q, read.x[:, V] - truth.x[:, V])
-    dw = read.x[:, W] - w
-    g = np.array([0.0, 0.0, evidence.vehicle.gravity])
-    ds = attitude.rotate_back(read.x[:, Q], read.a + g) - attitude.rotate_back(q, truth.a + g)
-    if log.a is None:
-        s_W = np.concatenate([evidence.rows.a, evidence.rows.a[-1:]]) + g
-        ds = attitude.rotate_back(read.x[:, Q], s_W) - attitude.rotate_back(q, s_W)
-
-    def turn(quaternion: np.ndarray) -> np.ndarray:
-        return rotation_vector(attitude.multiply(conjugate(quaternion[:-1]), quaternion[1:]))
-
-    dt = np.diff(log.t)[:, None]
-    dv_W = np.diff(read.x[:, V] - truth.x[:, V], axis=0) / dt
-    rate = evidence.from_mids(attitude.rotate_back(evidence.mids.q, dv_W))
-    d_turn = (turn(read.x[:, Q]) - turn(q)) / dt
-    rows = np.concatenate([evidence.vehicle.mass * ds, -dv, dw], axis=1)
     onto = Onto(evidence.grid, log.t) if log.a is None else evidence.from_rows
-    on_rows = onto(rows)
-    y[:, ev.FORCE] = on_rows[:, 0:3]
-    y[:, ev.TORQUE] = _gyroscopic(evidence, on_rows[:, 6:9])
-    y[:, ev.POSITION] = on_rows[:, 3:6]
-    y[:, ev.ATTITUDE] = evidence.from_mids(d_turn) - on_rows[:, 6:9]
-    if log.a is None:
-        y[:, ev.FORCE] += evidence.vehicle.mass * rate
-        return y
-    accelerometer = attitude.rotate_back(q, read.a - truth.a)
-    y[:, ev.VELOCITY] = rate - onto(accelerometer)
+    mass, moved = evidence.vehicle.mass, read.x - truth.x
+    if moved[:, V].any():
+        y[:, ev.POSITION] = -onto(attitude.rotate_back(truth.x[:, Q], moved[:, V]))
+        dv_W = np.diff(moved[:, V], axis=0) / np.diff(log.t)[:, None]
+        rate = evidence.from_mids(attitude.rotate_back(evidence.mids.q, dv_W))
+        if log.a is None:
+            y[:, ev.FORCE] = mass * rate
+        else:
+            y[:, ev.VELOCITY] = rate
+    if moved[:, W].any():
+        dw = onto(moved[:, W])
+        y[:, ev.TORQUE], y[:, ev.ATTITUDE] = _gyroscopic(evidence, dw), -dw
+    turned, biased = bool(moved[:, Q].any()), log.a is not None and bool(np.any(read.a != truth.a))
+    if turned:
+        y[:, ev.ATTITUDE] += evidence.from_mids(_turn_rate(log.t, read) - _turn_rate(log.t, truth))
+    if turned or biased:
+        y[:, ev.FORCE] += mass * onto(_specific_force(evidence, read) - _specific_force(evidence, truth))
+    if biased:
+        y[:, ev.VELOCITY] -= onto(attitude.rotate_back(truth.x[:, Q], read.a - truth.a))
     return y
+
+
+def _turn_rate(t: np.ndarray, read: Measurement) -> np.ndarray:
+    """(n-1, 3) between rows, body axes [rad/s]."""
+    q = read.x[:, Q]
+    return rotation_vector(attitude.multiply(conjugate(q[:-1]), q[1:])) / np.diff(t)[:, None]
+
+
+def _specific_force(evidence: Evidence, read: Measurement) -> np.ndarray:
+    """(n, 3) of a reading, body axes [m/s²]; by what drives regressors where no acceleration is logged."""
+    a = read.a
+    if evidence.log.a is None:
+        a = np.concatenate([evidence.rows.a, evidence.rows.a[-1:]])
+    return attitude.rotate_back(read.x[:, Q], a + np.array([0.0, 0.0, evidence.vehicle.gravity]))
 
 
 def _gyroscopic(evidence: Evidence, dw: np.ndarray) -> np.ndarray:
