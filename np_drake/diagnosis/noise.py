@@ -54,6 +54,16 @@ class NoiseModel:
         """(c, c) of what drives the channels: the inverse of its covariance, zero for absent channels."""
         return self.mixing.T @ self.mixing
 
+    @cached_property
+    def _bands(self) -> np.ndarray:
+        """(c, `BLOCK`, `BLOCK` + p) for every channel: times that many rows of values, what drives the last of them."""
+        p = self.phi.shape[1]
+        bands = np.zeros((len(self.phi), BLOCK, BLOCK + p))
+        for i in range(BLOCK):
+            bands[:, i, i : i + p] = -self.phi[:, ::-1]
+            bands[:, i, i + p] = 1.0
+        return bands
+
     def whiten(self, values: np.ndarray, flight: str = "") -> np.ndarray:
         """(m - p, c, ...) white with unit variance, of channels (m, c, ...) of a flight; the first p rows go."""
         channels, driven = self.driven(values, flight)
@@ -75,7 +85,7 @@ class NoiseModel:
     def driven_in(self, channel: int, values: np.ndarray, flight: str = "") -> np.ndarray:
         """(m - p, ...) what drives one channel, for its values (m, ...)."""
         flat = np.ascontiguousarray(values, float).reshape(len(values), math.prod(values.shape[1:]))
-        driven = _innovations(self.phi[channel], flat)
+        driven = _innovations(self._bands[channel], flat)
         driven = driven.reshape(len(driven), *values.shape[1:])
         return driven if flight not in self.loudness else driven / self.loudness[flight][channel]
 
@@ -114,15 +124,11 @@ class NoiseModel:
         return 2 * self.step * self.innovation[:, None] / np.abs(1 - self.phi @ powers) ** 2
 
 
-def _innovations(phi: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _innovations(band: np.ndarray, values: np.ndarray) -> np.ndarray:
     """(n - p, k) values_j - sum_i phi_i values_(j-i) of values (n, k): blocks of rows times one banded matrix."""
-    p, (n, k) = len(phi), values.shape
-    if not phi.any():
+    p, (n, k) = band.shape[1] - BLOCK, values.shape
+    if not band[0, :p].any():
         return values[p:]
-    row = np.append(-phi[::-1], 1.0)
-    band = np.zeros((BLOCK, BLOCK + p))
-    for i in range(BLOCK):
-        band[i, i : i + p + 1] = row
     whole, rest = divmod(n - p, BLOCK)
     out = np.empty((n - p, k))
     if whole:

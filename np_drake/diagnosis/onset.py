@@ -285,8 +285,10 @@ class _Flight:
         if row is None:
             self.now, self.onset = self.start, None
         else:
-            sums = self._columns.begun(self._X, self._whole, np.array([row]))
-            self.now, self.onset = sums, float(self._columns.t[row])
+            tried = np.flatnonzero(self.rows == row)
+            found = _at(self.sums, tried) if len(tried) else None
+            self.now = found or self._columns.begun(self._X, self._whole, np.array([row]))
+            self.onset = float(self._columns.t[row])
 
 
 def _at(sums: Sums, rows) -> Sums:

@@ -126,6 +126,7 @@ def refine(
     linear = 0 if wander is None else next(iter(wander.values())).shape[-1]
     white = {e.name: e.white(noise, wander[e.name]).reshape(-1, linear) for e in flights} if wander else {}
     n = len(free)
+    rows = sum((len(e.t) - noise.phi.shape[1]) * noise.phi.shape[0] for e in flights)
 
     def residual(z: np.ndarray) -> np.ndarray:
         now = write(everything, free, z[:n] * scale)
@@ -136,10 +137,15 @@ def refine(
 
     def jacobian(z: np.ndarray) -> np.ndarray:
         now = write(everything, free, z[:n] * scale)
-        parts = [_jacobian(now, free, e, noise, z[:n], scale) for e in flights]
-        if linear:
-            parts = [np.hstack([p, white[e.name]]) for p, e in zip(parts, flights, strict=True)]
-        return np.concatenate([*(-root * p for p in parts), np.eye(n + linear)])
+        J, at = np.zeros((rows + n + linear, n + linear)), 0
+        for e in flights:
+            part = _jacobian(now, free, e, noise, z[:n], scale)
+            own = slice(at, at := at + len(part))
+            np.multiply(part, -root, out=J[own, :n])
+            if linear:
+                np.multiply(white[e.name], -root, out=J[own, n:])
+        J[rows:] = np.eye(n + linear)
+        return J
 
     lower = np.array([f.lower for f in free]) / scale
     upper = np.array([f.upper for f in free]) / scale
