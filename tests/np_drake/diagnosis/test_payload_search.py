@@ -1,12 +1,17 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 
+from np_drake.diagnosis import payload_search
 from np_drake.diagnosis.candidates import library_candidates
+from np_drake.diagnosis.evidence import FORCE
 from np_drake.diagnosis.grid import TAPS
 from np_drake.diagnosis.payload_beside import Beside
-from np_drake.diagnosis.payload_candidates import payload_candidates, payloads_of
+from np_drake.diagnosis.payload_candidates import payload_about, payload_candidates, payloads_of
 from np_drake.diagnosis.payload_columns import Guess
 from np_drake.diagnosis.payload_search import ENDS, KEPT, LENGTHS, NEAR, PayloadSearch
+from np_drake.diagnosis.signature import signature
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 
@@ -78,3 +83,57 @@ def test_one_pass_over_the_rows_gives_every_horizon_and_every_set_of_others(seen
     for both, horizon in zip(rich.joints(white, ENDS), ENDS, strict=True):
         assert rich.gain_of(both, white, horizon) == pytest.approx(rich.gain(white, horizon)[0])
         assert alone.gain_of(both.only(own), white, horizon) == pytest.approx(alone.gain(white, horizon)[0])
+
+
+def test_a_head_of_the_flights_tells_up_to_its_horizon_what_all_of_them_do(seen, noise):
+    flights = [seen(SuspendedPayload(0.15, 0.6), name=str(i), seed=i, noise=1.0, seconds=9.0) for i in (1, 2)]
+    shocks = [
+        np.isin(np.arange(len(e.t)), rows) for e, rows in zip(flights, ([150, 151], [300]), strict=True)
+    ]
+    flights = [dc.replace(e, shocks=s) for e, s in zip(flights, shocks, strict=True)]
+    dut = Beside(flights, noise, others(flights), {"2": 1.0}, horizons=(4.0, np.inf))
+    heads = dut.heads(4.0)
+    assert [len(e.t) for e in heads] < [len(e.t) for e in flights]
+    guess = Guess(0.55, swing={"1": np.array([0.1, -0.1, 0.2, 0.3])})
+    short, whole = (payload_about(some, guess, {"2": 1.0}) for some in (heads, flights))
+    (gain, mean), (expected, all_of_it) = (dut.gain(dut.white(p), 4.0) for p in (short, whole))
+    assert gain == pytest.approx(expected, rel=1e-9)
+    moved, far = short.moved(mean), whole.moved(all_of_it)
+    assert moved.length == pytest.approx(far.length)
+    np.testing.assert_allclose(moved.hook, far.hook)
+    for e, columns in zip(flights, dut.white(whole).columns, strict=True):
+        expected = noise.head(6).whiten(e.bridged(whole.own[e.name]))
+        np.testing.assert_allclose(columns.reshape(expected.shape), expected, atol=1e-12)
+    for e in heads:  # what jumps after the horizon is not known there
+        np.testing.assert_allclose(moved.swing[e.name], far.swing[e.name][: len(moved.swing[e.name])])
+
+
+def test_a_guess_that_is_lost_is_given_up(seen, noise, monkeypatch):
+    flights = [seen(SuspendedPayload(0.15, 0.5), name="1", seed=1, noise=1.0, seconds=6.0)]
+    dut = PayloadSearch(flights)
+    assert dut.best(noise, [], others(flights))
+    monkeypatch.setattr(payload_search, "LOST", np.inf)
+    assert dut.best(noise, [], others(flights)) == []
+    assert dut.from_guesses(noise, [], [Guess(0.5)]) == []
+
+
+def test_columns_of_a_payload_mean_what_its_guess_moves_to(seen):
+    flights = [seen(name=str(i), seed=i, seconds=5.0) for i in (1, 2)]
+    dut = payload_about(flights, Guess(0.6, np.array([0.01, 0.0, -0.1])))
+    c = 0.1 * np.random.default_rng(1).normal(size=dut.size)
+    c[:4] = 0.7, 0.0, 0.0, 0.0  # what a hook adds to the force is of second order
+    guess, (term,) = dut.moved(c), dut.terms(c)
+    payload = term.effect.payload
+    assert (payload.mass, payload.length) == pytest.approx((0.7 * dut.unit, guess.length))
+    np.testing.assert_allclose(payload.hook, guess.hook)
+    for name, swing in guess.swing.items():
+        np.testing.assert_array_equal(term.hidden[name], swing)
+    columns = dut.candidate(flights).columns
+    for e in flights:
+        elsewhere = np.setdiff1d(np.arange(dut.size), dut.at(e.name))
+        assert not columns[e.name][..., elsewhere].any()
+        np.testing.assert_array_equal(columns[e.name][:, :6][..., dut.at(e.name)], dut.own[e.name])
+        assert not columns[e.name][:, 6:].any()
+        still = np.where(np.arange(dut.size) == 0, c, 0.0)
+        moved = signature(e, [term])[:, FORCE] - signature(e, dut.terms(still))[:, FORCE]
+        assert np.linalg.norm(columns[e.name][:, FORCE] @ (c - still) - moved) < 0.1 * np.linalg.norm(moved)
