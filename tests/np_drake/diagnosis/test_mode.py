@@ -35,6 +35,15 @@ def test_frequency_and_damping_of_what_swings_are_found_between_those_of_the_gri
     assert damped == pytest.approx(damping, rel=0.25)
 
 
+def test_the_mode_is_that_of_what_a_fit_explains_by_it_and_of_what_it_leaves(swinging, noise):
+    flights, generic = swinging("twist", 2.1, 0.06)
+    y = {e.name: e.y for e in flights}
+    whole = mode_of(generic, flights, y, noise)
+    fitted = Generic(generic.candidate, np.random.default_rng(4).normal(size=generic.candidate.size))
+    left = {e.name: e.y - fitted.part(e) for e in flights}
+    assert mode_of(fitted, flights, left, noise) == pytest.approx(whole, rel=1e-6)
+
+
 def test_a_mode_far_from_where_the_grid_found_it_is_none(swinging, noise):
     flights, generic = swinging("twist", 3.5, 0.1)
     far = dc.replace(generic.candidate, figures={"frequency": 1.5})

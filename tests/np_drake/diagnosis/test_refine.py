@@ -91,6 +91,13 @@ def test_calibration_moves_no_further_than_its_prior_lets_it(seen, noise):
     assert loose.calibration[0].effect.delta_mass == pytest.approx(0.2, rel=0.03)
 
 
+def test_what_no_flight_tells_is_left_to_its_prior(seen, noise):
+    dut = refine([Term(MassError(0.1), {"a": NEVER})], [], [seen(seconds=5.0)], noise, temperature=1.0)
+    (free,) = dut.free
+    assert dut.values[0] == pytest.approx(free.neutral, abs=1e-6)
+    assert deviation(dut)[0] == pytest.approx(free.scale)
+
+
 def test_wander_takes_what_is_a_flights_own(seen, noise):
     flight = seen(noise=1.0, seconds=6.0)
     drift = np.zeros((*flight.y.shape, 1))
