@@ -18,6 +18,8 @@ BLOCK = 1.0  # of the bootstrap [s]
 FEWEST = 8  # blocks, shorter ones where flights are short; own choice
 DRAWS = 400
 SEED = 1
+LEAD = 0.5  # of commands before a replay, for motors and delays [s]
+LEAST_REPLAYED = 3.0  # of a flight after a cause begins, or all of it is replayed [s]; own choice
 LEAST_GAP = 0.02  # of the noise's power, below which there is no gap to close; own choice
 
 
@@ -53,12 +55,12 @@ def how_far(
         if judged_by_its_own_swing(held.terms[e.name], e)
     ]
     if replay is not None:
-        logs = [_judging(e) for e in flights]
         effects = [
             (c.effect.foreseen, {e.name: _onset_of(kept[e.name], c.identifier, e) for e in flights})
             for c in causes
             if c.effect is not None
         ]
+        logs = [_judging(e, [onset[e.name] for _, onset in effects]) for e in flights]
         replays = (replay(logs, []), _with_effects(replay, logs, effects, warnings))
     return Shrink(
         pooled(list(before.values()), noise),
@@ -72,13 +74,19 @@ def how_far(
     )
 
 
-def _judging(flight: Evidence) -> FlightLog:
-    """The log, its time from its first row on, without what a fit has seen of it."""
+def _judging(flight: Evidence, onsets: Sequence[float | None]) -> FlightLog:
+    """The log, its time from its first row on, without what a fit has seen of it, and from where a cause acts on:
+
+    until then the simulator is the same with all of them and without.   onsets: of the causes, from the first row [s].
+    """
     log = dc.replace(flight.log, t=flight.log.t - flight.log.t[0])
-    if not flight.joined.any():
-        return log
-    first = np.searchsorted(flight.log.t, flight.t[flight.joined][-1], side="right")
-    return log.rows(int(first), len(log))
+    first = 0
+    if flight.joined.any():
+        first = int(np.searchsorted(flight.log.t, flight.t[flight.joined][-1], side="right"))
+    acting = min((-np.inf if onset is None else onset for onset in onsets), default=-np.inf)
+    if log.t[-1] - acting > LEAST_REPLAYED:
+        first = max(first, int(np.searchsorted(log.t, acting - LEAD)))
+    return log.rows(first, len(log))
 
 
 def _with_effects(replay: Replay, logs, effects, warnings: list[str]) -> ReplayGap | None:

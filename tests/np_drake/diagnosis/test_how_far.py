@@ -10,7 +10,7 @@ from np_drake.diagnosis.answer import ReplayGap
 from np_drake.diagnosis.attribute import causes_of, on_held_out
 from np_drake.diagnosis.evidence import make_evidence
 from np_drake.diagnosis.noise import scale_only
-from np_drake.diagnosis.signature import Term
+from np_drake.diagnosis.signature import NEVER, Term
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -145,7 +145,8 @@ def test_the_replay_gets_the_fitted_effects_and_their_onsets(solved):
     assert all(onset == {"c": None} for _, onset in after)
 
 
-def test_to_the_replay_a_flight_begins_at_its_first_row(solved):
+@pytest.mark.parametrize("begin", [1.0, 7.5])
+def test_to_the_replay_a_flight_begins_at_its_first_row(solved, begin):
     case, held, causes = solved
     calls = []
 
@@ -156,12 +157,42 @@ def test_to_the_replay_a_flight_begins_at_its_first_row(solved):
     (flight,) = case.unseen
     late = make_evidence(dc.replace(flight.log, t=flight.log.t + 50.0), flight.vehicle)
     late = dc.replace(late, joined=np.arange(len(late.t)) < 100)
-    terms = [dc.replace(t, onset={"c": 57.0}) for t in held.terms["c"]]
+    terms = [dc.replace(t, onset={"c": 50.0 + begin}) for t in held.terms["c"]]
     begun = dc.replace(held, rows={"c": ~late.joined}, terms={"c": terms})
     dut.how_far(case.fit, causes, [late], case.ranking.noise, begun, replay)
     (_, _), (t, effects) = calls
     assert t[0] == pytest.approx(flight.t[100] - flight.log.t[0], abs=0.02)  # what a fit has seen is left out
-    assert [onset["c"] for _, onset in effects] == pytest.approx([7.0, 7.0])
+    assert [onset["c"] for _, onset in effects] == pytest.approx([begin, begin])
+
+
+@pytest.mark.parametrize(
+    "onsets, first",
+    [
+        ((3.0, 4.0), 2.5),
+        ((4.0, NEVER), 3.5),
+        ((None, 4.0), 0.0),  # the other acts throughout
+        ((NEVER, NEVER), 0.0),
+        ((0.2, 0.2), 0.0),
+        ((8.0, 8.5), 0.0),  # too little is left
+    ],
+)
+def test_a_flight_is_replayed_from_where_a_cause_acts_on(solved, onsets, first):
+    case, held, causes = solved
+    calls = []
+
+    def replay(logs, effects):
+        calls.append(logs[0].t)
+        return ReplayGap((0.5,), *(np.zeros((1, 3)) for _ in range(3)), 1)
+
+    (flight,) = case.unseen
+    begins = dict(zip((c.identifier for c in causes), onsets, strict=True))
+    terms = [dc.replace(t, onset={"c": begins.get(t.effect.identifier)}) for t in held.terms["c"]]
+    some = dc.replace(held, terms={"c": terms})
+    dut.how_far(case.fit, causes, case.unseen, case.ranking.noise, some, replay)
+    before, after = calls
+    np.testing.assert_array_equal(before, after)
+    assert before[0] == pytest.approx(first, abs=1.5 * flight.log.step)
+    assert before[-1] == flight.log.t[-1] - flight.log.t[0]
 
 
 def test_the_replay_gets_of_gusts_what_is_foreseen_of_them(solved):
