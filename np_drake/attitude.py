@@ -65,9 +65,10 @@ def quaternion_rate(q: np.ndarray, w_WB_B: np.ndarray) -> np.ndarray:
 
 def skew(r: np.ndarray) -> np.ndarray:
     """(..., 3, 3) of vectors r (..., 3): skew(r) @ s is r x s."""
-    x, y, z = np.moveaxis(np.asarray(r), -1, 0)
+    x, y, z = _components(r)
     o = 0.0 * x
-    return np.moveaxis(np.array([[o, -z, y], [z, o, -x], [-y, x, o]]), (0, 1), (-2, -1))
+    S = _vector(o, -z, y, z, o, -x, -y, x, o)
+    return S.reshape(*S.shape[:-1], 3, 3)
 
 
 def rotate(q: np.ndarray, r_B: np.ndarray) -> np.ndarray:

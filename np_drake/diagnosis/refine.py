@@ -127,6 +127,10 @@ def refine(
     white = {e.name: e.white(noise, wander[e.name]).reshape(-1, linear) for e in flights} if wander else {}
     n = len(free)
     rows = sum((len(e.t) - noise.phi.shape[1]) * noise.phi.shape[0] for e in flights)
+    J = np.zeros((rows + n + linear, n + linear))
+    J[rows:] = np.eye(n + linear)
+    if linear:
+        J[:rows, n:] = -root * np.concatenate([white[e.name] for e in flights])
 
     def residual(z: np.ndarray) -> np.ndarray:
         now = write(everything, free, z[:n] * scale)
@@ -137,14 +141,8 @@ def refine(
 
     def jacobian(z: np.ndarray) -> np.ndarray:
         now = write(everything, free, z[:n] * scale)
-        J, at = np.zeros((rows + n + linear, n + linear)), 0
-        for e in flights:
-            part = _jacobian(now, free, e, noise, z[:n], scale)
-            own = slice(at, at := at + len(part))
-            np.multiply(part, -root, out=J[own, :n])
-            if linear:
-                np.multiply(white[e.name], -root, out=J[own, n:])
-        J[rows:] = np.eye(n + linear)
+        parts = [_jacobian(now, free, e, noise, z[:n], scale) for e in flights]
+        np.multiply(np.concatenate(parts), -root, out=J[:rows, :n])
         return J
 
     lower = np.array([f.lower for f in free]) / scale

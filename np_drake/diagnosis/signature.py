@@ -230,12 +230,15 @@ def _moved(
     same = np.array_equal(real.J, vehicle.J)
     gyroscopic = evidence.gyroscopic if same else np.cross(w, w @ real.J.T)
 
+    lever, turned = attitude.skew(c).T, np.linalg.inv(real.J).T
+
     def angular(F: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        return (tau - F @ attitude.skew(c).T - gyroscopic) @ np.linalg.inv(real.J).T
+        return (tau - F @ lever - gyroscopic) @ turned
 
     early = ahead() if c.any() else np.zeros((1, 4))
     s, al = F / real.mass, angular(F - early[:, :1] * [0.0, 0.0, 1.0], tau)
     if c.any() and vehicle.logged_point == "origin":
-        s = s + angular(F, tau + early[:, 1:]) @ attitude.skew(c).T - np.cross(w, np.cross(w, c))
+        inward = w * (w @ c)[:, None] - c * np.sum(w**2, axis=1)[:, None]  # w x (w x c)
+        s = s + angular(F, tau + early[:, 1:]) @ lever - inward
     needed = np.concatenate([vehicle.mass * s, al @ vehicle.J.T + evidence.gyroscopic], axis=1)
     return needed - evidence.nominal
