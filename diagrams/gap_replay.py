@@ -10,6 +10,7 @@ import numpy as np
 
 from diagrams.rollout import Commands, Rollout, Swing
 from np_drake.diagnosis.answer import HORIZONS, ReplayGap
+from np_drake.diagnosis.how_far import LEAD
 from np_drake.diagnosis.payload_track import Track, payload_track
 from np_drake.diagnosis.replay_error import replay_gap, state_error
 from np_drake.diagnosis.replay_states import States, true_states
@@ -19,7 +20,6 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 STARTS = 24  # a flight
-_LEAD = 0.5  # of commands before the first start, for motors and delays [s]
 _MARGIN = 0.3  # between the last comparison and the end of the log, for shifted clocks [s]
 
 Hidden = Mapping[str, Track] | Callable[[str], Track | None]
@@ -97,9 +97,9 @@ class DrakeReplay:
 
     def _start_rows(self, log: FlightLog) -> np.ndarray:
         """Evenly spread rows, with commands before and states after them."""
-        first, last = log.t[0] + _LEAD, log.t[-1] - self._horizons[-1] - _MARGIN
+        first, last = log.t[0] + LEAD, log.t[-1] - self._horizons[-1] - _MARGIN
         if last < first:
-            least = _LEAD + self._horizons[-1] + _MARGIN
+            least = LEAD + self._horizons[-1] + _MARGIN
             raise ValueError(
                 f"DrakeReplay: {log.name} must last at least {least:.2g} s; got {np.ptp(log.t):.3g} s."
             )

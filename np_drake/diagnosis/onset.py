@@ -5,17 +5,15 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.special import logsumexp
 
 from np_drake.diagnosis.candidates import Candidate, gated
 from np_drake.diagnosis.late_columns import LateColumns, Sums
 from np_drake.diagnosis.payload_columns import AT_REST
 from np_drake.diagnosis.payload_search import PAYLOAD, PayloadSearch
 from np_drake.diagnosis.search import Problem
-from np_drake.diagnosis.signature import NEVER
+from np_drake.diagnosis.tried_onsets import TriedOnsets, at_rows, possible_onsets
 from np_drake.effects.library import effects_for
 
-MARGIN = 0.7  # from either end of a flight, in which no onset is looked for [s]
 FIRST = math.log(1 / 6)  # prior of an onset in a flight; own choice
 ANOTHER = math.log(1 / 2)  # and in one more; own choice
 ABSENT = math.log(1 / 4)  # of one that has not begun at the end of this flight; own choice
@@ -24,8 +22,6 @@ SUBSTANTIAL = 8.0  # from which a payload is looked for that is hung on in fligh
 WEIGHTS = (("mass_error",), ("thrust_scale",))
 LARGEST = 8  # columns of a candidate that is scanned
 VARIANTS = 2  # of an effect, that promise most
-COARSE = 5  # rows between instants that are tried at first
-SPAN = 0.4  # within which an onset is to lie as likely as may be [s]; own choice
 
 
 def gated_candidates(problem: Problem, members: Sequence[int] = ()) -> list[Candidate]:
@@ -132,14 +128,14 @@ class OnsetScan:
 
     def rough_evidence(self, whole: dict[str, Sums]) -> float:
         """Log evidence of a candidate (its `whole`) at its best onsets, as if what they switch on did not jump."""
-        start = {name: _at(sums, [0]) for name, sums in whole.items()}
+        start = {name: at_rows(sums, [0]) for name, sums in whole.items()}
         at = dict(start)
         for name, f in self._flights.items():
-            rows = _inside(f.t)
-            profile = self._evidence(_at(whole[name], rows), [at[n] for n in at if n != name])
+            rows = possible_onsets(f.t)
+            profile = self._evidence(at_rows(whole[name], rows), [at[n] for n in at if n != name])
             now = self._evidence(start[name], [at[n] for n in at if n != name])[0]
             if len(rows) and profile.max() > now:
-                at[name] = _at(whole[name], [rows[np.argmax(profile)]])
+                at[name] = at_rows(whole[name], [rows[np.argmax(profile)]])
         first, *rest = at.values()
         return float(self._evidence(first, rest)[0])
 
@@ -151,7 +147,7 @@ class OnsetScan:
         """
         whole = whole or self.whole(candidate)
         scans = {
-            n: _Flight(f, candidate.columns[n], whole[n], goes_on=n in self._go_on)
+            n: TriedOnsets(f, candidate.columns[n], whole[n], goes_on=n in self._go_on)
             for n, f in self._flights.items()
         }
         found = [self._climbed(scans)]
@@ -161,7 +157,7 @@ class OnsetScan:
             found.append(self._climbed(scans))
         return max(found, key=lambda f: f.evidence + f.prior)
 
-    def _settle_alone(self, scan: "_Flight") -> None:
+    def _settle_alone(self, scan: TriedOnsets) -> None:
         """Where the effect would begin with figures of that flight's own, no prior asked: to climb from there.
 
         Flights that start from its beginning in all others may never leave it: a drift from the start stands for a
@@ -171,7 +167,7 @@ class OnsetScan:
         late = profile.max(initial=-np.inf) > self._evidence(scan.start, [])[0]
         scan.settle(scan.rows[np.argmax(profile)] if late else None)
 
-    def _climbed(self, scans: dict[str, "_Flight"]) -> "Onsets":
+    def _climbed(self, scans: dict[str, TriedOnsets]) -> "Onsets":
         """From where they are settled, flight by flight, the others as they are."""
         widths = dict[str, float]()
         for _ in range(2):
@@ -215,87 +211,9 @@ class OnsetScan:
         return 0.5 * (explained - np.linalg.slogdet(A)[1])
 
 
-def _onsets(scans: Mapping[str, "_Flight"]) -> dict[str, float | None]:
+def _onsets(scans: Mapping[str, TriedOnsets]) -> dict[str, float | None]:
     """Of the flights in which it does not act from the start. What begins nowhere is absent from none."""
     if not any(scan.begins for scan in scans.values()):
         for scan in scans.values():
             scan.settle(None)
     return {name: scan.onset for name, scan in scans.items() if scan.onset is not None}
-
-
-class _Flight:
-    """The sums of a candidate at the instants of one flight that have been tried, in order."""
-
-    def __init__(self, columns: LateColumns, X: np.ndarray, whole: Sums, *, goes_on: bool):
-        self._columns, self._X, self._whole = columns, X, whole
-        self.start, self.never = _at(self._whole, [0]), _at(self._whole, [-1])
-        self.now = self.start
-        self.onset: float | None = None
-        self._inside, self.goes_on = _inside(columns.t), goes_on
-        self.rows = self._inside[::COARSE]
-        self.sums = columns.begun(X, self._whole, self.rows)
-
-    def finer(self, profile: np.ndarray) -> list[np.ndarray]:
-        """Rows about the best that have not been tried."""
-        if not len(profile):
-            return []
-        about = self._inside[np.abs(self._inside - self.rows[np.argmax(profile)]) < 2 * COARSE]
-        new = np.setdiff1d(about, self.rows)
-        return [new] if len(new) else []
-
-    def add(self, rows: np.ndarray) -> None:
-        """Tries these as well."""
-        order = np.argsort(np.concatenate([self.rows, rows]))
-        new = self._columns.begun(self._X, self._whole, rows)
-        self.rows = np.concatenate([self.rows, rows])[order]
-        XX, XB, Xy = (np.concatenate(pair)[order] for pair in zip(self.sums, new, strict=True))
-        self.sums = (XX, XB, Xy)
-
-    def log_width(self, profile: np.ndarray) -> float:
-        """Of the peak, in shares of the flight."""
-        if not len(profile):
-            return -np.inf
-        width = np.gradient(self.rows.astype(float)) if len(self.rows) > 1 else np.ones(1)
-        return float(logsumexp(profile, b=width) - profile.max() - math.log(len(self._inside)))
-
-    def most_likely(self, profile: np.ndarray) -> int:
-        """The middle of the span as wide as `SPAN` that most likely holds the onset: a row.   Source: own choice."""
-        dense = np.interp(self._inside, self.rows, profile)
-        weight = np.exp(dense - dense.max())
-        step = self._columns.t[1] - self._columns.t[0]
-        width = max(1, round(SPAN / step))
-        mass = (
-            np.convolve(weight, np.ones(width), "valid") if width < len(weight) else np.array([weight.sum()])
-        )
-        first = int(np.argmax(mass))
-        span = np.cumsum(weight[first : first + width])
-        return int(self._inside[first + np.searchsorted(span, 0.5 * span[-1])])
-
-    @property
-    def begins(self) -> bool:
-        """Is it settled on an instant of the flight?"""
-        return self.onset is not None and self.onset != NEVER
-
-    def leave_out(self) -> None:
-        """Absent from now on."""
-        self.now, self.onset = self.never, NEVER
-
-    def settle(self, row: int | None) -> None:
-        """Begins at this row from now on; None: from the start."""
-        if row is None:
-            self.now, self.onset = self.start, None
-        else:
-            tried = np.flatnonzero(self.rows == row)
-            found = _at(self.sums, tried) if len(tried) else None
-            self.now = found or self._columns.begun(self._X, self._whole, np.array([row]))
-            self.onset = float(self._columns.t[row])
-
-
-def _at(sums: Sums, rows) -> Sums:
-    XX, XB, Xy = sums
-    return XX[rows], XB[rows], Xy[rows]
-
-
-def _inside(t: np.ndarray) -> np.ndarray:
-    """Rows that may be onsets."""
-    return np.flatnonzero((t > t[0] + MARGIN) & (t < t[-1] - MARGIN))

@@ -127,6 +127,7 @@ def refine(
     white = {e.name: e.white(noise, wander[e.name]).reshape(-1, linear) for e in flights} if wander else {}
     n = len(free)
     rows = sum((len(e.t) - noise.phi.shape[1]) * noise.phi.shape[0] for e in flights)
+    # One buffer for all steps: only the first n columns of its rows change, and each step needs its own alone.
     J = np.zeros((rows + n + linear, n + linear))
     J[rows:] = np.eye(n + linear)
     if linear:

@@ -1,0 +1,92 @@
+"""The instants at which an effect may begin in one flight: those tried, the likeliest, and where it is settled."""
+
+import math
+
+import numpy as np
+from scipy.special import logsumexp
+
+from np_drake.diagnosis.late_columns import LateColumns, Sums
+from np_drake.diagnosis.signature import NEVER
+
+MARGIN = 0.7  # from either end of a flight, in which no onset is looked for [s]
+COARSE = 5  # rows between instants that are tried at first
+SPAN = 0.4  # within which an onset is to lie as likely as may be [s]; own choice
+
+
+class TriedOnsets:
+    """The sums of a candidate at the instants of one flight that have been tried, in order."""
+
+    def __init__(self, columns: LateColumns, X: np.ndarray, whole: Sums, *, goes_on: bool):
+        self._columns, self._X, self._whole = columns, X, whole
+        self.start, self.never = at_rows(self._whole, [0]), at_rows(self._whole, [-1])
+        self.now = self.start
+        self.onset: float | None = None
+        self._inside, self.goes_on = possible_onsets(columns.t), goes_on
+        self.rows = self._inside[::COARSE]
+        self.sums = columns.begun(X, self._whole, self.rows)
+
+    def finer(self, profile: np.ndarray) -> list[np.ndarray]:
+        """Rows about the best that have not been tried."""
+        if not len(profile):
+            return []
+        about = self._inside[np.abs(self._inside - self.rows[np.argmax(profile)]) < 2 * COARSE]
+        new = np.setdiff1d(about, self.rows)
+        return [new] if len(new) else []
+
+    def add(self, rows: np.ndarray) -> None:
+        """Tries these as well."""
+        order = np.argsort(np.concatenate([self.rows, rows]))
+        new = self._columns.begun(self._X, self._whole, rows)
+        self.rows = np.concatenate([self.rows, rows])[order]
+        XX, XB, Xy = (np.concatenate(pair)[order] for pair in zip(self.sums, new, strict=True))
+        self.sums = (XX, XB, Xy)
+
+    def log_width(self, profile: np.ndarray) -> float:
+        """Of the peak, in shares of the flight."""
+        if not len(profile):
+            return -np.inf
+        width = np.gradient(self.rows.astype(float)) if len(self.rows) > 1 else np.ones(1)
+        return float(logsumexp(profile, b=width) - profile.max() - math.log(len(self._inside)))
+
+    def most_likely(self, profile: np.ndarray) -> int:
+        """The middle of the span as wide as `SPAN` that most likely holds the onset: a row.   Source: own choice."""
+        dense = np.interp(self._inside, self.rows, profile)
+        weight = np.exp(dense - dense.max())
+        step = self._columns.t[1] - self._columns.t[0]
+        width = max(1, round(SPAN / step))
+        mass = (
+            np.convolve(weight, np.ones(width), "valid") if width < len(weight) else np.array([weight.sum()])
+        )
+        first = int(np.argmax(mass))
+        span = np.cumsum(weight[first : first + width])
+        return int(self._inside[first + np.searchsorted(span, 0.5 * span[-1])])
+
+    @property
+    def begins(self) -> bool:
+        """Is it settled on an instant of the flight?"""
+        return self.onset is not None and self.onset != NEVER
+
+    def leave_out(self) -> None:
+        """Absent from now on."""
+        self.now, self.onset = self.never, NEVER
+
+    def settle(self, row: int | None) -> None:
+        """Begins at this row from now on; None: from the start."""
+        if row is None:
+            self.now, self.onset = self.start, None
+        else:
+            tried = np.flatnonzero(self.rows == row)
+            found = at_rows(self.sums, tried) if len(tried) else None
+            self.now = found or self._columns.begun(self._X, self._whole, np.array([row]))
+            self.onset = float(self._columns.t[row])
+
+
+def at_rows(sums: Sums, rows) -> Sums:
+    """The sums of these rows alone."""
+    XX, XB, Xy = sums
+    return XX[rows], XB[rows], Xy[rows]
+
+
+def possible_onsets(t: np.ndarray) -> np.ndarray:
+    """Rows, of whitened ones at t (m,) [s], that may be onsets."""
+    return np.flatnonzero((t > t[0] + MARGIN) & (t < t[-1] - MARGIN))
