@@ -15,7 +15,7 @@ from np_drake.diagnosis.how_far import how_far, pooled
 from np_drake.diagnosis.look import look
 from np_drake.diagnosis.noise import fit_noise
 from np_drake.diagnosis.rig import Tolerance
-from np_drake.diagnosis.second_look import halved, unforeseen
+from np_drake.diagnosis.second_look import look_twice
 from np_drake.diagnosis.where import where
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
@@ -57,12 +57,11 @@ def diagnose(
         answer = _cannot_tell(flights, unseen)
         return Diagnosis(**names, **answer, cannot_tell=True, wall=time.perf_counter() - start)
     tell(0.1, "effects")
-    found = look(flights, unseen, tolerance)
-    joined: list[Evidence] = []
-    if second_look and unforeseen(found):
-        tell(0.4, "what held-out flights show")
-        joined, judges = halved(unseen)
-        found = look([*flights, *joined], judges, tolerance, found.ranking) if joined else found
+    found, joined = (
+        look_twice(flights, unseen, tolerance, tell)
+        if second_look
+        else (look(flights, unseen, tolerance), [])
+    )
     tell(0.7, "how far")
     held, noise = found.left.held, found.ranking.noise
     checked = check(found.flights, found.unseen, found.ranking.problem.candidates, noise)

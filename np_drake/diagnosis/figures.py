@@ -72,9 +72,10 @@ def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
 
 
 def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> list[Term]:
-    """The terms with the free figures set."""
+    """The terms with the free figures set; those that have none are as they are."""
+    moved = {f.term for f in free}
     fields: list[dict[str, float]] = [{} for _ in terms]
-    hidden: list[dict[str, np.ndarray]] = [{k: np.array(v) for k, v in t.hidden.items()} for t in terms]
+    hidden = {i: {k: np.array(v) for k, v in terms[i].hidden.items()} for i in moved}
     for f, value in zip(free, values, strict=True):
         if f.flight:
             known = padded(
@@ -86,5 +87,7 @@ def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> li
             fields[f.term][f.name] = float(value)
     return [
         dc.replace(t, effect=dc.replace(t.effect, **fields[i]), hidden=hidden[i])  # type: ignore[type-var]
+        if i in moved
+        else t
         for i, t in enumerate(terms)
     ]

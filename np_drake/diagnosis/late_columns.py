@@ -89,6 +89,22 @@ class LateColumns:
         return self._noise.weight[np.ix_(channels, channels)]
 
 
+class LateSums:
+    """Sums of one candidate's columns X (m', 15, k) in one flight, for every scan of it: each is made once."""
+
+    def __init__(self, columns: LateColumns, X: np.ndarray):
+        self.t, self._columns, self._X = columns.t, columns, X
+        self.whole = columns.whole(X)
+        self._begun: dict[bytes, Sums] = {}
+
+    def begun(self, rows: np.ndarray) -> Sums:
+        """Switched on at each of the whitened rows (n,); not to be written to."""
+        key = rows.tobytes()
+        if key not in self._begun:
+            self._begun[key] = self._columns.begun(self._X, self.whole, rows)
+        return self._begun[key]
+
+
 def _taken(windows: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """windows[rows], not copied where rows (n,) are equally far apart."""
     steps = np.unique(np.diff(rows))

@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.diagnosis.answer import Cause, Finding
 from np_drake.diagnosis.attribute import GUSTY, PROBABILITY, causes_of, misfit
+from np_drake.diagnosis.best_model import Found, find
 from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.close_call import told_by_unseen
 from np_drake.diagnosis.evidence import Evidence
@@ -20,7 +21,7 @@ from np_drake.diagnosis.remains import Remains, remains, without_swing
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.unknown import PREFIX
-from np_drake.diagnosis.which import Ranking, rank
+from np_drake.diagnosis.which import Ranking, ranked
 from np_drake.diagnosis.wind_onset import wind_begins
 from np_drake.diagnosis.wind_statistics import Begins
 
@@ -56,14 +57,14 @@ class Look:
     gusty: bool
 
 
-def look(
-    flights: Sequence[Evidence],
-    unseen: Sequence[Evidence],
-    tolerance: Tolerance | None = None,
-    before: Ranking | None = None,
-) -> Look:
-    """Ranks the effects by `flights` and asks `unseen` which of them are causes.   before: see `rank`."""
-    ranking = rank(flights, tolerance=tolerance, before=before)
+def look(flights: Sequence[Evidence], unseen: Sequence[Evidence], tolerance: Tolerance | None = None) -> Look:
+    """Ranks the effects by `flights` and asks `unseen` which of them are causes."""
+    return judge(find(flights, tolerance), unseen)
+
+
+def judge(found: Found, unseen: Sequence[Evidence]) -> Look:
+    """Compares the best model with its rivals, and asks `unseen` which effects are causes."""
+    ranking = ranked(found)
     flights = ranking.problem.flights
     unseen = [without_shocks(ranking.named.everything, e, ranking.noise) for e in unseen]
     ranking = told_by_unseen(ranking, unseen)

@@ -1,5 +1,6 @@
 """When an effect begins: the best instant of every flight beside all else that acts, from suffix sums of Grams."""
 
+import copy
 import dataclasses as dc
 import math
 from collections.abc import Mapping, Sequence
@@ -7,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.candidates import Candidate, gated
-from np_drake.diagnosis.late_columns import LateColumns, Sums
+from np_drake.diagnosis.late_columns import LateColumns, LateSums, Sums
 from np_drake.diagnosis.payload_columns import AT_REST
 from np_drake.diagnosis.payload_search import PAYLOAD, PayloadSearch
 from np_drake.diagnosis.search import Problem
@@ -30,16 +31,13 @@ def gated_candidates(problem: Problem, members: Sequence[int] = ()) -> list[Cand
     members: of a model. Every effect is tried alone, and beside those members that are another effect.
     """
     found: list[Candidate] = []
-    scans: dict[tuple[int, ...], OnsetScan] = {}
+    whole = OnsetScan(problem, members)
     for own, variants in _that_begin(problem).items():
         others = tuple(i for i in members if not set(own) & set(problem.candidates[i].identifiers))
-        for beside in dict.fromkeys([(), others]):
-            if beside not in scans:
-                scans[beside] = OnsetScan(problem, beside)
-            scan = scans[beside]
-            tried = [(c, scan.whole(c)) for c in variants]
-            for candidate, whole in sorted(tried, key=lambda pair: scan.rough_evidence(pair[1]))[-VARIANTS:]:
-                found_at = scan.best(candidate, whole)
+        tried = [(c, whole.sums(c)) for c in variants]
+        for scan in map(whole.beside, dict.fromkeys([(), others])):
+            for candidate, sums in sorted(tried, key=lambda pair: scan.rough_evidence(pair[1]))[-VARIANTS:]:
+                found_at = scan.best(candidate, sums)
                 late = dc.replace(
                     gated(candidate, problem.flights, found_at.onset), onset_prior=found_at.prior
                 )
@@ -110,24 +108,39 @@ class OnsetScan:
     """Evidence of a candidate from any instant on, beside nuisance and members of a model, flights together."""
 
     def __init__(self, problem: Problem, members: Sequence[int] = ()):
-        beside = [*problem.nuisance, *(problem.candidates[i] for i in members)]
+        chosen = [*problem.nuisance, *(problem.candidates[i] for i in members)]
         scale = problem.temperature**-0.5
         self._go_on = {e.name for e in problem.flights if e.goes_on}
         self._flights: dict[str, LateColumns] = {}
         for e in problem.flights:
-            columns = [c.columns[e.name] for c in beside] or [np.zeros((*e.y.shape, 0))]
+            columns = [c.columns[e.name] for c in chosen] or [np.zeros((*e.y.shape, 0))]
             B = np.concatenate(columns, axis=-1)
             self._flights[e.name] = LateColumns(e, problem.noise, e.y, B, scale)
-        products = sum(f.products for f in self._flights.values())
-        self._covariance = np.linalg.inv(np.eye(len(products) - 1) + products[:-1, :-1])
-        self._mean = self._covariance @ products[:-1, -1]
+        self._products = sum(f.products for f in self._flights.values())
+        self._owner = np.repeat([-1] * len(problem.nuisance) + [*members], [c.size for c in chosen])
+        self._regress(np.arange(len(self._owner)))
 
-    def whole(self, candidate: Candidate) -> dict[str, Sums]:
-        """Sums of its columns as they are from any row on, by flight."""
-        return {name: f.whole(candidate.columns[name]) for name, f in self._flights.items()}
+    def _regress(self, on: np.ndarray) -> None:
+        """Posterior of these columns (b',) of what acts as well; the others are known to be zero."""
+        b = len(self._owner)
+        self._covariance, self._mean = np.zeros((b, b)), np.zeros(b)
+        own = np.linalg.inv(np.eye(len(on)) + self._products[np.ix_(on, on)])
+        self._covariance[np.ix_(on, on)] = own
+        self._mean[on] = own @ self._products[on, -1]
 
-    def rough_evidence(self, whole: dict[str, Sums]) -> float:
-        """Log evidence of a candidate (its `whole`) at its best onsets, as if what they switch on did not jump."""
+    def beside(self, members: Sequence[int]) -> "OnsetScan":
+        """The same beside nuisance and some of its members alone, from the same sums."""
+        fewer = copy.copy(self)
+        fewer._regress(np.flatnonzero(np.isin(self._owner, [-1, *members])))
+        return fewer
+
+    def sums(self, candidate: Candidate) -> dict[str, LateSums]:
+        """Of its columns, by flight, for `best` and `rough_evidence` of all scans of which this is one."""
+        return {name: LateSums(f, candidate.columns[name]) for name, f in self._flights.items()}
+
+    def rough_evidence(self, late: Mapping[str, LateSums]) -> float:
+        """Log evidence of a candidate (its `sums`) at its best onsets, as if what they switch on did not jump."""
+        whole = {name: sums.whole for name, sums in late.items()}
         start = {name: at_rows(sums, [0]) for name, sums in whole.items()}
         at = dict(start)
         for name, f in self._flights.items():
@@ -139,17 +152,14 @@ class OnsetScan:
         first, *rest = at.values()
         return float(self._evidence(first, rest)[0])
 
-    def best(self, candidate: Candidate, whole: dict[str, Sums] | None = None) -> "Onsets":
+    def best(self, candidate: Candidate, sums: Mapping[str, LateSums] | None = None) -> "Onsets":
         """Where it begins in flight.
 
         The prior is that of an instant as wide as the evidence leaves it: an onset that is known to a row has one in
         all rows, one that is known to half a flight has one half.
         """
-        whole = whole or self.whole(candidate)
-        scans = {
-            n: TriedOnsets(f, candidate.columns[n], whole[n], goes_on=n in self._go_on)
-            for n, f in self._flights.items()
-        }
+        late = sums or self.sums(candidate)
+        scans = {n: TriedOnsets(of, goes_on=n in self._go_on) for n, of in late.items()}
         found = [self._climbed(scans)]
         for scan in scans.values():
             self._settle_alone(scan)

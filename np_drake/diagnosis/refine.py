@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy import stats
@@ -118,32 +119,31 @@ def refine(
     neutral = np.array([f.neutral for f in free])
     root = 1.0 / np.sqrt(temperature)
 
-    if generic:
-        parts = {e.name: [wander[e.name]] if wander else [] for e in flights}
-        wander = {
-            n: np.concatenate([*p, *(g.columns[n] for g in generic)], axis=-1) for n, p in parts.items()
-        }
-    linear = 0 if wander is None else next(iter(wander.values())).shape[-1]
-    white = {e.name: e.white(noise, wander[e.name]).reshape(-1, linear) for e in flights} if wander else {}
+    beside = _linear(flights, wander or {}, generic)
+    linear = next(iter(beside.values())).shape[-1] if beside else 0
     n = len(free)
-    rows = sum((len(e.t) - noise.phi.shape[1]) * noise.phi.shape[0] for e in flights)
+    sizes = [(len(e.t) - noise.phi.shape[1]) * noise.phi.shape[0] for e in flights]
+    spans = [slice(*ends) for ends in pairwise(np.cumsum([0, *sizes]).tolist())]
+    rows = sum(sizes)
     # One buffer for all steps: only the first n columns of its rows change, and each step needs its own alone.
     J = np.zeros((rows + n + linear, n + linear))
     J[rows:] = np.eye(n + linear)
-    if linear:
-        J[:rows, n:] = -root * np.concatenate([white[e.name] for e in flights])
+    for e, own in zip(flights if linear else [], spans, strict=False):
+        np.multiply(e.white(noise, beside[e.name]).reshape(-1, linear), -root, out=J[own, n:])
 
     def residual(z: np.ndarray) -> np.ndarray:
         now = write(everything, free, z[:n] * scale)
-        parts = [e.white(noise, e.y - signature(e, now)).ravel() for e in flights]
+        r = np.concatenate([np.empty(rows), z[:n] - neutral / scale, z[n:]])
+        for e, own in zip(flights, spans, strict=True):
+            np.multiply(e.white(noise, e.y - signature(e, now)).ravel(), root, out=r[own])
         if linear:
-            parts = [p - white[e.name] @ z[n:] for p, e in zip(parts, flights, strict=True)]
-        return np.concatenate([*(root * p for p in parts), z[:n] - neutral / scale, z[n:]])
+            r[:rows] += J[:rows, n:] @ z[n:]
+        return r
 
     def jacobian(z: np.ndarray) -> np.ndarray:
         now = write(everything, free, z[:n] * scale)
-        parts = [_jacobian(now, free, e, noise, z[:n], scale) for e in flights]
-        np.multiply(np.concatenate(parts), -root, out=J[:rows, :n])
+        for e, own in zip(flights, spans, strict=True):
+            np.multiply(_jacobian(now, free, e, noise, z[:n], scale), -root, out=J[own, :n])
         return J
 
     lower = np.array([f.lower for f in free]) / scale
@@ -157,13 +157,14 @@ def refine(
         np.concatenate([lower, -reach]),
         np.concatenate([upper, reach]),
         evaluations,
+        linear,
     )
     fitted = write(everything, free, best.z[:n] * scale)
     covariance = np.linalg.inv(best.information)
     robust = _robust(covariance, best.jacobian, best.residual, flights, noise)
     covariance = (covariance * np.sqrt(np.outer(robust, robust)))[:n, :n]
     logdet = np.linalg.slogdet(best.information)[1]
-    drifted = {e.name: wander[e.name] @ best.z[n:] for e in flights} if wander else {}
+    drifted = {name: columns @ best.z[n:] for name, columns in beside.items()}
     return Fit(
         tuple(fitted[: len(terms)]),
         tuple(fitted[len(terms) :]),
@@ -176,6 +177,16 @@ def refine(
         drifted,
         _split(generic, best.z[n:]),
     )
+
+
+def _linear(
+    flights: Sequence[Evidence], wander: dict[str, np.ndarray], generic: Sequence[Candidate]
+) -> dict[str, np.ndarray]:
+    """(m, 15, k) by flight, of all that is linear; {} where nothing is."""
+    if not (wander or generic):
+        return {}
+    parts = {e.name: [wander[e.name]] if wander else [] for e in flights}
+    return {n: np.concatenate([*p, *(g.columns[n] for g in generic)], axis=-1) for n, p in parts.items()}
 
 
 def _split(generic: Sequence[Candidate], coefficients: np.ndarray) -> tuple[Generic, ...]:

@@ -34,6 +34,7 @@ from np_drake.diagnosis.oddities import (
     vibrates,
 )
 from np_drake.diagnosis.refine import Fit, Generic
+from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import signature
 from np_drake.diagnosis.slow_force import LEAST, slow_force, slow_power
 from np_drake.diagnosis.unknown import PREFIX
@@ -70,7 +71,7 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     left = {e.name: fit.left(e) for e in flights}
     swung = {e.name: without_swing(held, e) for e in unseen}
     hidden = any(t.swings for t in named.terms)
-    slowly = _slow(ranking, flights, left, unseen, swung)
+    slowly = blown(named, tolerance, flights, left, unseen, swung)
     gusty = slowly > 0.5
     line, torque = strongest_line(flights, left, least_lines(flights, tolerance)), slow_torque(flights, left)
     said: list[Said] = []
@@ -121,8 +122,9 @@ def without_swing(held: HeldOut, e: Evidence) -> np.ndarray:
     return e.bridged(e.y - signature(e, held.settled[e.name]))
 
 
-def _slow(
-    ranking: Ranking,
+def blown(
+    named: Fit,
+    tolerance: Tolerance,
     flights: Sequence[Evidence],
     left: dict[str, np.ndarray],
     unseen: Sequence[Evidence],
@@ -133,14 +135,14 @@ def _slow(
     A drag that was found would feel it however small it is; where none was, it is a matter if it is as large as an
     effect has to be.
     """
-    seen = slow_force(flights, left, ranking.tolerance)
-    both = slow_force([*flights, *unseen], left | swung, ranking.tolerance)
-    felt = any(t.effect.identifier == DRAG for t in ranking.named.terms)
+    seen = slow_force(flights, left, tolerance)
+    both = slow_force([*flights, *unseen], left | swung, tolerance)
+    felt = any(t.effect.identifier == DRAG for t in named.terms)
     vehicle = flights[0].vehicle
-    least = MATERIAL_FORCE * (1.0 if ranking.tolerance.real else EXACT)
+    least = MATERIAL_FORCE * (1.0 if tolerance.real else EXACT)
     matters = felt or both.deviation > least * vehicle.mass * vehicle.gravity
     shown = seen.log_evidence > FAINT * LEAST[felt]
-    lost = any(t.swings for t in ranking.named.terms) and slow_power(flights, left) < SWUNG * slow_power(
+    lost = any(t.swings for t in named.terms) and slow_power(flights, left) < SWUNG * slow_power(
         flights, {e.name: e.y for e in flights}
     )
     return both.probability(felt=felt) if matters and shown and not lost else 0.0

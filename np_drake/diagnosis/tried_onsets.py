@@ -5,7 +5,7 @@ import math
 import numpy as np
 from scipy.special import logsumexp
 
-from np_drake.diagnosis.late_columns import LateColumns, Sums
+from np_drake.diagnosis.late_columns import LateSums, Sums
 from np_drake.diagnosis.signature import NEVER
 
 MARGIN = 0.7  # from either end of a flight, in which no onset is looked for [s]
@@ -16,14 +16,14 @@ SPAN = 0.4  # within which an onset is to lie as likely as may be [s]; own choic
 class TriedOnsets:
     """The sums of a candidate at the instants of one flight that have been tried, in order."""
 
-    def __init__(self, columns: LateColumns, X: np.ndarray, whole: Sums, *, goes_on: bool):
-        self._columns, self._X, self._whole = columns, X, whole
-        self.start, self.never = at_rows(self._whole, [0]), at_rows(self._whole, [-1])
+    def __init__(self, late: LateSums, *, goes_on: bool):
+        self._late = late
+        self.start, self.never = at_rows(late.whole, [0]), at_rows(late.whole, [-1])
         self.now = self.start
         self.onset: float | None = None
-        self._inside, self.goes_on = possible_onsets(columns.t), goes_on
+        self._inside, self.goes_on = possible_onsets(late.t), goes_on
         self.rows = self._inside[::COARSE]
-        self.sums = columns.begun(X, self._whole, self.rows)
+        self.sums = late.begun(self.rows)
 
     def finer(self, profile: np.ndarray) -> list[np.ndarray]:
         """Rows about the best that have not been tried."""
@@ -36,7 +36,7 @@ class TriedOnsets:
     def add(self, rows: np.ndarray) -> None:
         """Tries these as well."""
         order = np.argsort(np.concatenate([self.rows, rows]))
-        new = self._columns.begun(self._X, self._whole, rows)
+        new = self._late.begun(rows)
         self.rows = np.concatenate([self.rows, rows])[order]
         XX, XB, Xy = (np.concatenate(pair)[order] for pair in zip(self.sums, new, strict=True))
         self.sums = (XX, XB, Xy)
@@ -52,7 +52,7 @@ class TriedOnsets:
         """The middle of the span as wide as `SPAN` that most likely holds the onset: a row.   Source: own choice."""
         dense = np.interp(self._inside, self.rows, profile)
         weight = np.exp(dense - dense.max())
-        step = self._columns.t[1] - self._columns.t[0]
+        step = self._late.t[1] - self._late.t[0]
         width = max(1, round(SPAN / step))
         mass = (
             np.convolve(weight, np.ones(width), "valid") if width < len(weight) else np.array([weight.sum()])
@@ -77,8 +77,8 @@ class TriedOnsets:
         else:
             tried = np.flatnonzero(self.rows == row)
             found = at_rows(self.sums, tried) if len(tried) else None
-            self.now = found or self._columns.begun(self._X, self._whole, np.array([row]))
-            self.onset = float(self._columns.t[row])
+            self.now = found or self._late.begun(np.array([row]))
+            self.onset = float(self._late.t[row])
 
 
 def at_rows(sums: Sums, rows) -> Sums:

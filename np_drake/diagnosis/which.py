@@ -1,37 +1,30 @@
-"""Step 3: which effects. Noise from the logs, search by evidence, onsets, refinement of all parameters."""
+"""Step 3: which effects. The best model (`best_model`) among its rivals, all parameters of each refined."""
 
 import dataclasses as dc
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import Candidate
-from np_drake.diagnosis.descent import first_fit, refit, rested
+from np_drake.diagnosis.best_model import Found, find
+from np_drake.diagnosis.descent import refit, rested
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.like_size import of_like_size
 from np_drake.diagnosis.noise import NoiseModel, no_worse, no_worse_anywhere, scale_only
-from np_drake.diagnosis.onset import gated_candidates, late_payloads
-from np_drake.diagnosis.payload_search import PAYLOAD
-from np_drake.diagnosis.prepare import INEXACT, TEMPERATURE, Ready, noise_of, prepare
 from np_drake.diagnosis.refine import Fit
-from np_drake.diagnosis.rig import Tolerance, tolerance_of
+from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.search import (
     MOST_EFFECTS,
     SHIFTING,
     Model,
     Problem,
-    library_first,
     prior_of,
     search,
 )
-from np_drake.diagnosis.sharp_onset import sharpened
 from np_drake.diagnosis.signature import signature
 from np_drake.diagnosis.unknown import PREFIX
 
 TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice
 MOST_MEASURED = 8  # effects that are named where rotor speed is measured: real rotors have many; own choice
-UNLIKELY = 0.01  # probability of a payload below which it is not sought again; own choice
 REFINED = 3  # models that are refined, with what is simpler than these
 FAINT = 0.1  # of the trace of all, below which a model is tried without an effect [1]; own choice
 GIVES_WAY = 4.0  # log evidence by which generic structure must beat the library's effects; own choice
@@ -56,27 +49,23 @@ class Ranking:
     tolerance: Tolerance
 
 
-def rank(
-    flights: Sequence[Evidence], *, tolerance: Tolerance | None = None, before: Ranking | None = None
-) -> Ranking:
-    """The models of these (training) flights, best first.
+def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> Ranking:
+    """The models of these (training) flights, best first."""
+    return ranked(find(flights, tolerance))
 
-    before: of some of them; where it gave payloads no weight, none is sought that is hung on in flight.
-    """
-    tolerance = tolerance or tolerance_of(flights)
-    hanging = before is None or before.probability.get(PAYLOAD, 0.0) > UNLIKELY
-    ready = prepare(flights, tolerance)
-    problem, models, best = _search_twice(ready, tolerance, hanging)
-    noise = _noise_left(ready, best, tolerance)
-    refined = _refined(problem, models, tolerance, best, noise)
-    models = [*models, *(m for m in refined if m not in models)]
+
+def ranked(found: Found) -> Ranking:
+    """The best model among its rivals, each refined."""
+    problem, best, tolerance, noise = found.problem, found.best, found.tolerance, found.noise
+    refined = _refined(problem, found.models, tolerance, best, noise)
+    models = [*found.models, *(m for m in refined if m not in found.models)]
     fits = sorted(refined.values(), key=precedence)
-    probability = _probabilities(problem, models, fits)
+    probability = probabilities(problem, models, fits)
     named, named_problem, named_models = fits[0], problem, models
     if fits[0].generic and fits[0].terms:
-        named, named_problem, named_models = _without_generic(problem, fits[0], ready.raw, tolerance)
+        named, named_problem, named_models = _without_generic(problem, fits[0], found.raw, tolerance)
         structure = {n: p for n, p in probability.items() if n.startswith(PREFIX)}
-        probability = _probabilities(named_problem, named_models, [named]) | structure
+        probability = probabilities(named_problem, named_models, [named]) | structure
     return Ranking(
         tuple(fits),
         of_like_size(named),
@@ -93,7 +82,7 @@ def rank(
 def of_fits(ranking: Ranking, fits: Sequence[Fit]) -> Ranking:
     """The ranking of its own fits as they are scored now; for rankings without generic structure in the best."""
     fits = sorted(fits, key=precedence)
-    probability = _probabilities(ranking.problem, ranking.models, fits)
+    probability = probabilities(ranking.problem, ranking.models, fits)
     return dc.replace(ranking, fits=tuple(fits), named=of_like_size(fits[0]), probability=probability)
 
 
@@ -114,36 +103,6 @@ def _refined(
         if m not in fits:
             fits[m] = refit(problem, m, tolerance, _only(problem, m, fits[first]), noise)
     return fits
-
-
-def _search_twice(ready: Ready, tolerance: Tolerance, hanging: bool) -> tuple[Problem, list[Model], Fit]:
-    """Search and fit, once more with the noise that the fit leaves.
-
-    hanging: are payloads sought that are hung on in flight?
-    """
-    best: Fit | None = None
-    noise, candidates, acting = ready.noise, list(ready.candidates), list[Candidate]()
-    for first in (True, False):
-        begun = [c for c in acting if c.onset and not any(c is known for known in candidates)]
-        candidates = [*candidates, *begun]
-        problem = Problem(ready.flights, noise, ready.nuisance, candidates, temperature=TEMPERATURE)
-        late = gated_candidates(problem, [i for i, c in enumerate(candidates) if any(c is a for a in acting)])
-        hung = late_payloads(problem, late) if first and hanging else []
-        candidates = [*candidates, *hung]
-        if late or hung:
-            problem = problem.beside([*hung, *late])
-        models = library_first(problem, search(problem))
-        acting = [problem.candidates[i] for i in models[0].members]
-        candidates = [*candidates, *(sharpened(problem, models[0]) if first else [])]
-        fit = first_fit if best is None else partial(refit, known=best)
-        best = fit(problem, models[0], tolerance, iterations=3)
-        noise = _noise_left(ready, best, tolerance, INEXACT)
-    assert best is not None
-    return problem, models, best
-
-
-def _noise_left(ready: Ready, fit: Fit, tolerance: Tolerance, inexact: float = 0.0) -> NoiseModel:
-    return noise_of(ready.flights, [fit.left(e) for e in ready.flights], ready.raw, tolerance, inexact)
 
 
 def _without_generic(
@@ -257,7 +216,7 @@ def names_of_fit(fit: Fit) -> tuple[str, ...]:
     return tuple(sorted([*(t.effect.identifier for t in fit.terms), *generic]))
 
 
-def _probabilities(problem: Problem, models: Sequence[Model], fits: Sequence[Fit]) -> dict[str, float]:
+def probabilities(problem: Problem, models: Sequence[Model], fits: Sequence[Fit]) -> dict[str, float]:
     """Of every effect: the share of the models that hold it, each with its (refined, where it is) evidence."""
     refined = {names_of_fit(f): score_of(f) for f in sorted(fits, key=score_of)}
     linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}

@@ -83,3 +83,19 @@ def test_nothing_free_is_no_error():
     J, y = linear(2)
     dut = solved(J, y, np.zeros(3), np.zeros(3))
     np.testing.assert_array_equal(dut.z, 0.0)
+
+
+def test_figures_of_which_the_residual_is_linear_change_nothing_but_what_is_worked_out_once():
+    J, y = linear(3, n=4)
+
+    def residual(z):
+        return J @ np.r_[z[:2] + 0.1 * z[:2] ** 2, z[2:]] - y
+
+    def jacobian(z):
+        return J * np.r_[1 + 0.2 * z[:2], 1.0, 1.0]
+
+    start, bound = np.zeros(4), np.full(4, 50.0)
+    bent = minimise(residual, jacobian, start, -bound, bound, 5)
+    dut = minimise(residual, jacobian, start, -bound, bound, 5, linear=2)
+    np.testing.assert_allclose(dut.z, bent.z, rtol=1e-9)
+    np.testing.assert_allclose(dut.information, dut.jacobian.T @ dut.jacobian, rtol=1e-9)

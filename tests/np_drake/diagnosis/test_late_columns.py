@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.held_out import adapt
-from np_drake.diagnosis.late_columns import LateColumns
+from np_drake.diagnosis.late_columns import LateColumns, LateSums
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.command_delay import CommandDelay
@@ -54,3 +54,19 @@ def test_what_leaves_no_trace_has_no_sums_and_begins_nowhere(seen, noise):
     for effect in (MotorLag(0.0), CommandDelay(0.0)):
         (term,) = adapt([Term(effect)], flight, noise)
         assert term.begins("1") is None
+
+
+def test_the_sums_of_a_candidate_are_made_once_for_the_same_rows(seen, noise, monkeypatch):
+    flight = seen(name="1", seed=1, noise=1.0, seconds=6.0)
+    columns = LateColumns(flight, noise, flight.y, np.zeros((*flight.y.shape, 0)))
+    X = signature(flight, [Term(MassError(0.2))])[..., None]
+    made = []
+    begun = columns.begun
+    monkeypatch.setattr(columns, "begun", lambda *of: made.append(1) or begun(*of))
+    dut = LateSums(columns, X)
+    some, other = np.array([40, 150]), np.array([40, 151])
+    assert dut.begun(some) is dut.begun(some.copy())
+    for rows in (some, other):
+        for part, expected in zip(dut.begun(rows), begun(X, dut.whole, rows), strict=True):
+            np.testing.assert_array_equal(part, expected)
+    assert len(made) == 2

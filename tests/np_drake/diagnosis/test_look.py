@@ -101,10 +101,10 @@ def test_the_mean_of_gusts_holds_a_steady_wind_that_the_fit_has_and_that_is_no_c
 
 def test_a_drag_that_lost_an_axis_to_gusts_is_not_unknown(flown, monkeypatch):
     fitted, unseen = flown(gusts(61), gusts(62), gusts(63))
-    ranked = rank(fitted)
-    assert [t.effect.identifier for t in ranked.named.terms] == ["linear_drag"]
-    lost = dc.replace(ranked.named, terms=(Term(dc.replace(DRAG, d_x=-0.2)),))
-    monkeypatch.setattr(dut_module, "rank", lambda *_, **__: dc.replace(ranked, named=lost))
+    ranking = rank(fitted)
+    assert [t.effect.identifier for t in ranking.named.terms] == ["linear_drag"]
+    lost = dc.replace(ranking.named, terms=(Term(dc.replace(DRAG, d_x=-0.2)),))
+    monkeypatch.setattr(dut_module, "ranked", lambda _: dc.replace(ranking, named=lost))
     dut = look(fitted, unseen)
     assert not dut.unknown
     assert {c.identifier for c in dut.causes} == {"linear_drag", "gusty_wind"}
@@ -147,13 +147,13 @@ def test_where_no_name_is_sure_and_structure_is_as_likely_it_is_unknown(
 ):
     doubt = Finding("linear_drag", "", 1.0, {PROBABILITY: 0.6} if unsure else {})
     monkeypatch.setattr(dut_module, "causes_of", lambda *_, **__: ([], [doubt]))
-    ranked = dut_module.rank
+    ranked = dut_module.ranked
 
-    def torn(flights, **how):
-        ranking = ranked(flights, **how)
+    def torn(found):
+        ranking = ranked(found)
         return dc.replace(ranking, probability={**ranking.probability, f"{PREFIX}height": share})
 
-    monkeypatch.setattr(dut_module, "rank", torn)
+    monkeypatch.setattr(dut_module, "ranked", torn)
     flights = [seen(DRAG, name=str(i), seed=i, noise=1.0, seconds=10.0) for i in (1, 2, 3)]
     dut = look(flights[:2], flights[2:])
     assert dut.unknown is unknown

@@ -125,7 +125,7 @@ def test_gain_is_over_all_from_the_start_however_many_begin(seen, noise):
     scan = OnsetScan(problem)
     dut = scan.best(problem.candidates[0])
     assert dut.onset.keys() == whens.keys()
-    start = [tuple(part[[0]] for part in sums) for sums in scan.whole(problem.candidates[0]).values()]
+    start = [tuple(part[[0]] for part in of.whole) for of in scan.sums(problem.candidates[0]).values()]
     assert dut.gain == pytest.approx(dut.evidence - scan._evidence(start[0], start[1:])[0])
 
 
@@ -146,7 +146,7 @@ def test_of_the_variants_that_begin_late_those_go_on_that_explain_most(seen, noi
     problem = problem_of(flights, noise, [lag])
     scan = OnsetScan(problem)
     whole = {c.variant: scan.best(c).evidence for c in problem.candidates}
-    dut = {c.variant: scan.rough_evidence(scan.whole(c)) for c in problem.candidates}
+    dut = {c.variant: scan.rough_evidence(scan.sums(c)) for c in problem.candidates}
     assert max(dut, key=dut.__getitem__) in sorted(whole, key=whole.__getitem__)[-2:]
 
 
@@ -162,6 +162,27 @@ def test_an_onset_is_found_beside_what_else_acts(seen, noise):
     problem = problem_of(flights, noise, [drag, late])
     dut = OnsetScan(problem, [0]).best(problem.candidates[1])
     assert dut.onset["1"] == pytest.approx(5.3, abs=0.03)
+
+
+def test_a_scan_beside_fewer_is_one_of_its_own_from_the_same_sums(seen, noise):
+    drag, late = LinearDrag(0.6, 0.6, 0.6), MassError(0.2)
+    whens = {"1": 5.3, "2": 7.0}
+    flights = [
+        seen(drag, late, name=n, seed=int(n), noise=1.0, onset={"mass_error": when})
+        for n, when in whens.items()
+    ]
+    problem = problem_of(flights, noise, [drag, WeakRotor(), late])
+    mass = next(c for c in problem.candidates if c.identifiers == ("mass_error",))
+    whole = OnsetScan(problem, [0, 1])
+    sums = whole.sums(mass)
+    for members in ([], [0], [0, 1]):
+        own, dut = OnsetScan(problem, members), whole.beside(members)
+        assert dut.rough_evidence(sums) == pytest.approx(own.rough_evidence(own.sums(mass)), rel=1e-9)
+        expected, found = own.best(mass), dut.best(mass, sums)
+        assert found.onset == expected.onset
+        assert (found.prior, found.gain, found.evidence) == pytest.approx(
+            (expected.prior, expected.gain, expected.evidence), rel=1e-9
+        )
 
 
 def test_a_vague_onset_costs_less_than_a_sharp_one(seen, noise):

@@ -4,15 +4,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from np_drake.diagnosis import which
+from np_drake.diagnosis import best_model, second_look
 from np_drake.diagnosis.answer import Diagnosis, Finding
+from np_drake.diagnosis.best_model import find
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.held_out import scored
-from np_drake.diagnosis.look import look
+from np_drake.diagnosis.look import judge, look
 from np_drake.diagnosis.oddities import UNSEEN
 from np_drake.diagnosis.onset import late_payloads
-from np_drake.diagnosis.second_look import LEAST, halved, unforeseen
+from np_drake.diagnosis.refine import Generic
+from np_drake.diagnosis.second_look import LEAST, halved, look_twice, plainly_unforeseen, unforeseen
+from np_drake.diagnosis.signature import Term
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle import Vehicle
 
@@ -82,11 +86,70 @@ def test_what_training_gave_no_weight_is_not_sought_as_hung_on_in_flight(fly, mo
         sought.append([e.name for e in problem.flights])
         return late_payloads(problem, late)
 
-    monkeypatch.setattr(which, "late_payloads", spy)
+    monkeypatch.setattr(best_model, "late_payloads", spy)
     own = {"noise": 1.0, "seconds": 10.0}
     train = [fly(DRAG, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
     assert diagnose(Vehicle(), train, [fly(DRAG, name="c", seed=3, **own)]).joined == ("c",)
     assert sought == [["a", "b"]]
+
+
+def found(seen, *effects, seconds: float = 10.0, structured: bool = True, **held):
+    """A best model, with structure that no effect explains in it, and unseen flights."""
+    how = {"noise": 1.0, "seconds": seconds}
+    flights = [seen(*effects, name=n, seed=i, vigour=UP_AND_DOWN, **how) for i, n in enumerate("ab", 1)]
+    unseen = [seen(*effects, name="c", seed=3, **(how | held))]
+    return (with_structure(find(flights)) if structured else find(flights)), unseen
+
+
+def with_structure(model):
+    structure = next(c for c in model.problem.candidates if c.generic)
+    part = Generic(structure, np.zeros(structure.size))
+    return dc.replace(model, best=dc.replace(model.best, generic=(part,)))
+
+
+def test_where_the_best_model_plainly_shows_it_models_are_compared_once(fly, monkeypatch):
+    compared = []
+    monkeypatch.setattr(second_look, "judge", lambda *asked: compared.append(asked) or judge(*asked))
+    own = {"noise": 1.0, "seconds": 10.0}
+    train = [fly(DRAG, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
+    held_out = [fly(DRAG, name="c", seed=3, **own)]
+    assert diagnose(Vehicle(), train, held_out).joined == ("c",)
+    assert [len(at.problem.flights) for at, _ in compared] == [2, 3]
+    monkeypatch.setattr(second_look, "find", lambda *of, **how: with_structure(find(*of, **how)))
+    compared.clear()
+    assert diagnose(Vehicle(), train, held_out).joined == ("c",)
+    ((at, judges),) = compared
+    assert [e.name for e in at.problem.flights] == ["a", "b", "first half of c"]
+    assert [e.joined.any() for e in judges] == [True]
+
+
+def test_what_the_best_model_leaves_of_unseen_flights_is_plain_where_structure_is_in_it(seen):
+    assert plainly_unforeseen(*found(seen, DRAG))
+    assert not plainly_unforeseen(*found(seen, DRAG, structured=False))
+    assert not plainly_unforeseen(*found(seen))
+    assert not plainly_unforeseen(*found(seen, DRAG, vigour=UP_AND_DOWN))
+
+
+def test_a_swing_that_may_be_lost_is_not_plain(seen):
+    model, unseen = found(seen, DRAG)
+    swings = Term(SuspendedPayload(0.1, 1.0))
+    hung = dc.replace(model, best=dc.replace(model.best, terms=(*model.best.terms, swings)))
+    assert not plainly_unforeseen(hung, unseen)
+
+
+def test_a_force_that_unseen_flights_alone_show_is_plain_however_small_it_is(seen, monkeypatch):
+    model, unseen = found(seen)
+    monkeypatch.setattr(second_look, "novel", lambda *_, **how: (0.9, Finding(UNSEEN, "", 0.9)))
+    assert plainly_unforeseen(model, unseen)
+
+
+def test_where_no_flight_is_long_enough_for_two_halves_there_is_one_look(seen):
+    model, unseen = found(seen, DRAG, seconds=2 * LEAST - 0.5)
+    assert plainly_unforeseen(model, unseen)
+    flights = model.problem.flights
+    first, joined = look_twice(flights, unseen, None, lambda share, text: None)
+    assert joined == []
+    assert [e.name for e in first.flights] == ["a", "b"]
 
 
 def test_what_is_no_more_than_noise_asks_for_no_second_look(diagnosed):

@@ -1,0 +1,71 @@
+"""The model that explains flights best: search and fit, once more with the noise that the fit leaves."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from np_drake.diagnosis.candidates import Candidate
+from np_drake.diagnosis.descent import first_fit, refit
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.onset import gated_candidates, late_payloads
+from np_drake.diagnosis.prepare import INEXACT, TEMPERATURE, Ready, noise_of, prepare
+from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.rig import Tolerance, tolerance_of
+from np_drake.diagnosis.search import Model, Problem, library_first, search
+from np_drake.diagnosis.sharp_onset import sharpened
+
+
+@dc.dataclass(frozen=True)
+class Found:
+    """All models met, best first, the best of them fitted, and the noise that it leaves; no rival is fitted yet.
+
+    raw: (m, 15) channels of each flight without shocks.
+    """
+
+    raw: list[np.ndarray]
+    problem: Problem
+    models: list[Model]
+    best: Fit
+    noise: NoiseModel
+    tolerance: Tolerance
+
+
+def find(flights: Sequence[Evidence], tolerance: Tolerance | None = None, *, hanging: bool = True) -> Found:
+    """The best model of these (training) flights.   hanging: are payloads sought that are hung on in flight?"""
+    tolerance = tolerance or tolerance_of(flights)
+    ready = prepare(flights, tolerance)
+    problem, models, best = _search_twice(ready, tolerance, hanging)
+    return Found(ready.raw, problem, models, best, _noise_left(ready, best, tolerance), tolerance)
+
+
+def _search_twice(ready: Ready, tolerance: Tolerance, hanging: bool) -> tuple[Problem, list[Model], Fit]:
+    """Search and fit, once more with the noise that the fit leaves.
+
+    hanging: are payloads sought that are hung on in flight?
+    """
+    best: Fit | None = None
+    noise, candidates, acting = ready.noise, list(ready.candidates), list[Candidate]()
+    for first in (True, False):
+        begun = [c for c in acting if c.onset and not any(c is known for known in candidates)]
+        candidates = [*candidates, *begun]
+        problem = Problem(ready.flights, noise, ready.nuisance, candidates, temperature=TEMPERATURE)
+        late = gated_candidates(problem, [i for i, c in enumerate(candidates) if any(c is a for a in acting)])
+        hung = late_payloads(problem, late) if first and hanging else []
+        candidates = [*candidates, *hung]
+        if late or hung:
+            problem = problem.beside([*hung, *late])
+        models = library_first(problem, search(problem))
+        acting = [problem.candidates[i] for i in models[0].members]
+        candidates = [*candidates, *(sharpened(problem, models[0]) if first else [])]
+        fit = first_fit if best is None else partial(refit, known=best)
+        best = fit(problem, models[0], tolerance, iterations=3)
+        noise = _noise_left(ready, best, tolerance, INEXACT)
+    assert best is not None
+    return problem, models, best
+
+
+def _noise_left(ready: Ready, fit: Fit, tolerance: Tolerance, inexact: float = 0.0) -> NoiseModel:
+    return noise_of(ready.flights, [fit.left(e) for e in ready.flights], ready.raw, tolerance, inexact)
