@@ -19,6 +19,7 @@ from np_drake.diagnosis.onset import (
 from np_drake.diagnosis.payload_search import PayloadSearch
 from np_drake.diagnosis.search import Problem
 from np_drake.diagnosis.signature import NEVER
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
@@ -171,7 +172,8 @@ def test_a_scan_beside_fewer_is_one_of_its_own_from_the_same_sums(seen, noise):
         seen(drag, late, name=n, seed=int(n), noise=1.0, onset={"mass_error": when})
         for n, when in whens.items()
     ]
-    problem = problem_of(flights, noise, [drag, WeakRotor(), late])
+    turn, *candidates = problem_of(flights, noise, [CenterOfMassOffset(), drag, WeakRotor(), late]).candidates
+    problem = Problem(flights, noise, [turn], candidates, temperature=1.0)
     mass = next(c for c in problem.candidates if c.identifiers == ("mass_error",))
     whole = OnsetScan(problem, [0, 1])
     sums = whole.sums(mass)
@@ -183,6 +185,11 @@ def test_a_scan_beside_fewer_is_one_of_its_own_from_the_same_sums(seen, noise):
         assert (found.prior, found.gain, found.evidence) == pytest.approx(
             (expected.prior, expected.gain, expected.evidence), rel=1e-9
         )
+        begun = problem.beside([gated(mass, flights, found.onset)])
+        rest = begun.columns(members)
+        own = np.r_[rest, begun.columns_of(len(problem.candidates))]
+        evidence = begun.total.log_evidence(own) - begun.total.log_evidence(rest)
+        assert found.evidence == pytest.approx(evidence, rel=1e-6)
 
 
 def test_a_vague_onset_costs_less_than_a_sharp_one(seen, noise):

@@ -179,6 +179,6 @@ def test_in_gusts_which_come_and_go_no_burst_is_asked_for(ranked, monkeypatch):
     unseen = dc.replace(unseen, y=unseen.y.copy())
     unseen.y[:, 2] -= 2.0 * np.exp(-(((unseen.t - 3.0) / 0.3) ** 2))
     for slowly, found in ((0.0, True), (1.0, False)):
-        monkeypatch.setattr(remains_module, "_slow", lambda *_, slowly=slowly: slowly)
+        monkeypatch.setattr(remains_module, "blown", lambda *_, slowly=slowly: slowly)
         dut = remains(case.ranking, case.fit, case.flights, [unseen])
         assert ("burst" in {f.name for f in dut.findings}) is found

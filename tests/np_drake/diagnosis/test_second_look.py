@@ -115,12 +115,19 @@ def test_where_the_best_model_plainly_shows_it_models_are_compared_once(fly, mon
     held_out = [fly(DRAG, name="c", seed=3, **own)]
     assert diagnose(Vehicle(), train, held_out).joined == ("c",)
     assert [len(at.problem.flights) for at, _ in compared] == [2, 3]
-    monkeypatch.setattr(second_look, "find", lambda *of, **how: with_structure(find(*of, **how)))
+    sought = []
+
+    def structured(*of, **how):
+        sought.append(how)
+        return with_structure(find(*of, **how))
+
+    monkeypatch.setattr(second_look, "find", structured)
     compared.clear()
     assert diagnose(Vehicle(), train, held_out).joined == ("c",)
     ((at, judges),) = compared
     assert [e.name for e in at.problem.flights] == ["a", "b", "first half of c"]
     assert [e.joined.any() for e in judges] == [True]
+    assert sought == [{}, {"hanging": False}]
 
 
 def test_what_the_best_model_leaves_of_unseen_flights_is_plain_where_structure_is_in_it(seen):
