@@ -130,7 +130,9 @@ def test_where_the_best_model_plainly_shows_it_models_are_compared_once(fly, mon
     assert sought == [{}, {"hanging": False}]
 
 
-def test_what_the_best_model_leaves_of_unseen_flights_is_plain_where_structure_is_in_it(seen):
+def test_what_the_best_model_leaves_of_unseen_flights_is_plain_where_structure_is_in_it(seen, monkeypatch):
+    assert plainly_unforeseen(*found(seen, DRAG))
+    monkeypatch.setattr(second_look, "novel", lambda *_, **how: (0.0, Finding(UNSEEN, "", 0.0)))
     assert plainly_unforeseen(*found(seen, DRAG))
     assert not plainly_unforeseen(*found(seen, DRAG, structured=False))
     assert not plainly_unforeseen(*found(seen))
@@ -150,12 +152,14 @@ def test_a_force_that_unseen_flights_alone_show_is_plain_however_small_it_is(see
     assert plainly_unforeseen(model, unseen)
 
 
-def test_where_no_flight_is_long_enough_for_two_halves_there_is_one_look(seen):
+def test_where_no_flight_is_long_enough_for_two_halves_there_is_one_look(seen, monkeypatch):
     model, unseen = found(seen, DRAG, seconds=2 * LEAST - 0.5)
     assert plainly_unforeseen(model, unseen)
-    flights = model.problem.flights
-    first, joined = look_twice(flights, unseen, None, lambda share, text: None)
+    sought = []
+    monkeypatch.setattr(second_look, "find", lambda *of, **how: sought.append(of) or model)
+    first, joined = look_twice(model.problem.flights, unseen, None, lambda share, text: None)
     assert joined == []
+    assert len(sought) == 1
     assert [e.name for e in first.flights] == ["a", "b"]
 
 
