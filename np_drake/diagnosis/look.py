@@ -17,7 +17,7 @@ from np_drake.diagnosis.held_out import without_shocks
 from np_drake.diagnosis.how_far import without_idle
 from np_drake.diagnosis.place import chance_of_place
 from np_drake.diagnosis.probability import BESIDE_UNKNOWN, DOUBTED, TRUST
-from np_drake.diagnosis.remains import Remains, remains, without_swing
+from np_drake.diagnosis.remains import Remains, remains, with_modes, without_swing
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.unknown import PREFIX
@@ -43,27 +43,33 @@ PLACE = Finding("place", "a slow force tied to a place", 1.0, {})
 
 
 @dc.dataclass(frozen=True)
-class Look:
-    """What `flights`, fitted, and `unseen`, which judge, say.   gusty: do slow forces come and go?"""
+class Shown:
+    """What `flights`, fitted, and `unseen`, which judge, show.   gusty: do slow forces come and go?"""
 
     flights: Sequence[Evidence]
     unseen: Sequence[Evidence]
     ranking: Ranking
     left: Remains
+    gusty: bool
+
+
+@dc.dataclass(frozen=True)
+class Look(Shown):
+    """And which causes that tells."""
+
     causes: list[Cause]
     minor: list[Finding]
     unknown: bool
     unknown_probability: float
-    gusty: bool
 
 
 def look(flights: Sequence[Evidence], unseen: Sequence[Evidence], tolerance: Tolerance | None = None) -> Look:
     """Ranks the effects by `flights` and asks `unseen` which of them are causes."""
-    return judge(find(flights, tolerance), unseen)
+    return tell(show(find(flights, tolerance), unseen))
 
 
-def judge(found: Found, unseen: Sequence[Evidence]) -> Look:
-    """Compares the best model with its rivals, and asks `unseen` which effects are causes."""
+def show(found: Found, unseen: Sequence[Evidence]) -> Shown:
+    """Compares the best model with its rivals, and lays it on `unseen`."""
     ranking = ranked(found)
     flights = ranking.problem.flights
     unseen = [without_shocks(ranking.named.everything, e, ranking.noise) for e in unseen]
@@ -77,8 +83,14 @@ def judge(found: Found, unseen: Sequence[Evidence]) -> Look:
         felt = with_drag(ranking)
         left = left if felt is ranking else remains(felt, fit, flights, unseen)
         ranking = felt
+    return Shown(flights, unseen, ranking, left, _gusty(left) and not tied)
+
+
+def tell(shown: Shown) -> Look:
+    """Which effects are causes, and whether there is one that is unknown."""
+    flights, unseen, ranking, gusty = shown.flights, shown.unseen, shown.ranking, shown.gusty
+    left = with_modes(shown.left, ranking)
     unknown, probability = left.unknown, left.probability
-    gusty = _gusty(left) and not tied
     causes, minor = causes_of(ranking, ranking.named, flights, unseen, left.held, gusty=gusty)
     if _slow(left) and not gusty:
         unknown, probability = True, left.slow_probability
@@ -104,7 +116,7 @@ def judge(found: Found, unseen: Sequence[Evidence]) -> Look:
         all_of_them = DOUBTED if misfits(ranking, left, gusty=gusty) else 1.0
         most = [min(all_of_them, DOUBTED if wanders(c, ranking.tolerance) else 1.0) for c in causes]
         causes = [dc.replace(c, probability=min(c.probability, p)) for c, p in zip(causes, most, strict=True)]
-    return Look(flights, unseen, ranking, left, causes, minor, unknown, probability, gusty)
+    return Look(flights, unseen, ranking, left, gusty, causes, minor, unknown, probability)
 
 
 def _or_structure(ranking: Ranking, left: Remains) -> tuple[bool, float, Remains]:

@@ -19,6 +19,7 @@ from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.excess import slow_torque, strongest_line
 from np_drake.diagnosis.held_out import adapt
 from np_drake.diagnosis.mode import mode_of
+from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.oddities import (
     FAINT,
     LEAST_SHARE,
@@ -83,7 +84,7 @@ def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Seq
     said += beyond(named, flights[0].vehicle, gusty=gusty)
     said.append(vibrates(line, flights, unseen, swung, tolerance))
     said.append(twists(torque, flights, unseen, swung, tolerance, hidden=hidden))
-    generic = [_generic(g, ranking, flights, left) for g in fit.generic]
+    generic = [_generic(g, ranking.noise, flights) for g in fit.generic]
     shares = _shares(ranking, generic, _repeat(ranking, fit, unseen, held))
     probability = max([*shares, *(p for p, _ in said)])
     findings = (*(f for f, _ in generic), *(f for p, f in said if p > 0.5))
@@ -148,11 +149,8 @@ def blown(
     return both.probability(felt=felt) if matters and shown and not lost else 0.0
 
 
-def _generic(
-    generic: Generic, ranking: Ranking, flights: Sequence[Evidence], left: dict[str, np.ndarray]
-) -> tuple[Finding, bool]:
+def _generic(generic: Generic, noise: NoiseModel, flights: Sequence[Evidence]) -> tuple[Finding, bool]:
     """A finding, and whether it is material as an effect would be."""
-    noise = ranking.noise
     inverse = np.where(noise.rms > 0, 1 / np.maximum(noise.rms, 1e-12), 0.0)
     part = np.concatenate([generic.part(e) for e in flights])
     y = np.concatenate([e.y for e in flights])
@@ -164,10 +162,23 @@ def _generic(
     material = force >= least_force or torque >= least_torque or gap >= MATERIAL_GAP
     candidate = generic.candidate
     figures = {"force": float(force), "torque": float(torque), **candidate.figures}
-    text = candidate.variant
-    mode = mode_of(generic, flights, left, noise) if candidate.swing is not None else None
-    if mode is not None:
-        figures["frequency"], figures["damping"] = mode
-        text += "; fitted: {frequency:.3g} Hz, damping {damping:.2g}".format(**figures)
     name = candidate.identifiers[0].removeprefix(PREFIX)
-    return Finding(name, text, float(gap), figures), bool(material)
+    return Finding(name, candidate.variant, float(gap), figures), bool(material)
+
+
+def with_modes(left: Remains, ranking: Ranking) -> Remains:
+    """The same, with frequency and damping of what swings fitted: they are for the answer alone, and take a while."""
+    fit, flights = ranking.fits[0], ranking.problem.flights
+    rest = {e.name: fit.left(e) for e in flights}
+    swinging = [g for g in fit.generic if g.candidate.swing is not None]
+    modes = {g.candidate.variant: mode_of(g, flights, rest, ranking.noise) for g in swinging}
+    return dc.replace(left, findings=tuple(_with_mode(f, modes.get(f.text)) for f in left.findings))
+
+
+def _with_mode(finding: Finding, mode: tuple[float, float] | None) -> Finding:
+    if mode is None:
+        return finding
+    frequency, damping = mode
+    figures = finding.figures | {"frequency": frequency, "damping": damping}
+    text = f"{finding.text}; fitted: {frequency:.3g} Hz, damping {damping:.2g}"
+    return dc.replace(finding, text=text, figures=figures)

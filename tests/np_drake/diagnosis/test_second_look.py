@@ -9,7 +9,7 @@ from np_drake.diagnosis.answer import Diagnosis, Finding
 from np_drake.diagnosis.best_model import find
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.held_out import scored
-from np_drake.diagnosis.look import judge, look
+from np_drake.diagnosis.look import look, show
 from np_drake.diagnosis.oddities import UNSEEN
 from np_drake.diagnosis.onset import late_payloads
 from np_drake.diagnosis.refine import Generic
@@ -109,7 +109,7 @@ def with_structure(model):
 
 def test_where_the_best_model_plainly_shows_it_models_are_compared_once(fly, monkeypatch):
     compared = []
-    monkeypatch.setattr(second_look, "judge", lambda *asked: compared.append(asked) or judge(*asked))
+    monkeypatch.setattr(second_look, "show", lambda *asked: compared.append(asked) or show(*asked))
     own = {"noise": 1.0, "seconds": 10.0}
     train = [fly(DRAG, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
     held_out = [fly(DRAG, name="c", seed=3, **own)]
