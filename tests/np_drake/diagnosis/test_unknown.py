@@ -8,6 +8,7 @@ from scipy import signal
 from np_drake import attitude
 from np_drake.diagnosis.candidates import library_candidates
 from np_drake.diagnosis.mode import mode_of
+from np_drake.diagnosis.remains import remains, with_modes
 from np_drake.diagnosis.search import Problem, search
 from np_drake.diagnosis.unknown import PREFIX, candidates_of_the_unknown
 from np_drake.diagnosis.which import rank
@@ -95,16 +96,24 @@ def test_what_no_effect_explains_is_found_where_it_lives(seen, noise, effect, na
 
 @pytest.mark.parametrize("frequency, damping", [(1.0, 0.05), (2.4, 0.2), (4.0, 0.05)])
 def test_a_torque_that_swings_behind_its_command_is_a_twist_at_that_frequency(seen, frequency, damping):
-    flights = [swinging(seen(name=str(i), seed=i, noise=1.0), frequency, damping) for i in (1, 2)]
-    dut = rank(flights).fits[0]
+    *flights, unseen = [swinging(seen(name=str(i), seed=i, noise=1.0), frequency, damping) for i in (1, 2, 3)]
+    ranking = rank(flights)
+    dut = ranking.fits[0]
     twist = max(dut.generic, key=lambda g: sum(np.sum(g.part(e) ** 2) for e in flights)).candidate
     assert twist.identifiers == (PREFIX + "twist",)
     assert twist.figures["frequency"] == pytest.approx(frequency, rel=0.3)
     left = {e.name: dut.left(e) for e in flights}
     (strongest,) = (g for g in dut.generic if g.candidate is twist)
-    found_at, damped = mode_of(strongest, flights, left, rank(flights).noise) or (0.0, 0.0)
+    found_at, damped = mode_of(strongest, flights, left, ranking.noise) or (0.0, 0.0)
     assert found_at == pytest.approx(frequency, rel=0.03)
     assert damped == pytest.approx(damping, abs=0.03)
+    rough = remains(ranking, dut, flights, [unseen])
+    fitted = with_modes(rough, ranking)
+    grid, at = (next(f for f in r.findings if f.name == "twist") for r in (rough, fitted))
+    assert "damping" not in grid.figures
+    assert (at.figures["frequency"], at.figures["damping"]) == (found_at, damped)
+    assert at.text == f"{grid.text}; fitted: {found_at:.3g} Hz, damping {damped:.2g}"
+    assert [f for f in fitted.findings if f is not at] == [f for f in rough.findings if f is not grid]
 
 
 def test_what_drives_a_resonance_is_the_command_alone(groups):
