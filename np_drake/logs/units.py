@@ -23,7 +23,7 @@ TURNS = 0.3  # spread of an axis' rate over a window below which its torque is n
 TORQUE = ("tx", "ty", "tz")
 WINDOWS = 8  # that a flight must last for its torque to be judged
 TORQUE_RATIO = 30.0  # of two integrals of one course; 5.3 at most in sound flights, 3.4 in those that turn
-AGAINST = -0.5  # cosine of torque and turn; 0.03 at least in sound flights, -0.13 at a third of `TURNS`
+OPPOSITE = 0.7  # of the turn, left by the opposite torque where the sign is wrong; sound flights leave 1.3
 STRONGEST = 6.0  # times what rotors can give; sound flights have 1 where rotors saturate, 0.2 elsewhere
 FASTEST_ROTOR = 5000.0  # [rad/s]; 48,000 rpm
 LEAST = {
@@ -138,7 +138,8 @@ def _check_torque_limit(log: FlightLog, path: object, vehicle: Vehicle) -> None:
 def _check_torque(log: FlightLog, path: object, vehicle: Vehicle, m: int) -> None:
     """Torque must be what turns the vehicle, J dw/dt + w x J w, in size and, axis by axis, in sign.
 
-    What a controller does against a disturbance goes with the turn that is left, as does what it does to turn.
+    What a controller does against a disturbance goes with the turn that is left, as does what it does to turn; where
+    it is too late for a strong one it goes against that turn, but is a multiple of it.
     """
     momentum = log.w @ vehicle.J.T
     turn = _change(momentum, m) + _integral(np.cross(log.w, momentum), log.t, m)
@@ -155,17 +156,11 @@ def _check_torque(log: FlightLog, path: object, vehicle: Vehicle, m: int) -> Non
             f"changes by {a:.2g} N·m·s, J w by {b:.2g}. Is torque in N·m, and J of vehicle {vehicle.name!r} in kg·m²?"
         )
     for i in np.flatnonzero(turns):
-        if _cosine(push[:, i], turn[:, i]) < AGAINST:
+        if np.std(push[:, i] + turn[:, i]) < OPPOSITE * np.std(turn[:, i]):
             raise LogError(
                 f"{place(path, column=columns[i])}: torque must be what turns the vehicle; about body {'xyz'[i]} it "
                 f"goes against J dw/dt + w x J w. {remedy}"
             )
-
-
-def _cosine(a: np.ndarray, b: np.ndarray) -> float:
-    """Of two (n,), their means apart [1]; 0 where one of them does not change."""
-    a, b = a - a.mean(), b - b.mean()
-    return float(a @ b / max(np.linalg.norm(a) * np.linalg.norm(b), 1e-300))
 
 
 def _change(value: np.ndarray, m: int) -> np.ndarray:

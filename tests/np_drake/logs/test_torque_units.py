@@ -82,6 +82,19 @@ def test_torque_against_a_disturbance_is_no_wrong_sign(turning):
     check_units(dc.replace(turning, w=w, q=q, al=None, u=held), "made.csv", Vehicle())
 
 
+@pytest.mark.parametrize("times, sound", [(2.0, True), (1.5, False)])
+def test_torque_that_comes_too_late_against_a_strong_disturbance_is_a_multiple_of_the_turn(
+    turning, times, sound
+):
+    """A load swings the vehicle, the controller, a little late, takes most of it back."""
+    fought = dc.replace(turning, u=turning.u * [1, *[-times] * 3])
+    if sound:
+        check_units(fought, "made.csv", Vehicle())
+    else:
+        with pytest.raises(LogError, match="goes against"):
+            check_units(fought, "made.csv", Vehicle())
+
+
 def test_torque_of_a_short_flight_is_not_judged(turning):
     against = dc.replace(turning, u=turning.u * [1, -1, -1, -1])
     check_units(against.rows(0, 380), "made.csv", Vehicle())
