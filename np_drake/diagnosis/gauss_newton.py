@@ -31,28 +31,17 @@ def minimise(
     lower: np.ndarray,
     upper: np.ndarray,
     iterations: int = ITERATIONS,
-    linear: int = 0,
+    settled: np.ndarray | None = None,
 ) -> Minimum:
     """Least squares from `start`; a figure at its bound stays there while the descent points outwards.
 
-    linear: of so many figures, the last ones, the residual is linear: their columns of the Jacobian stay as they are.
+    settled (k, k): J'J of the last k figures, where the residual is linear in them and it stays as it is.
     """
     z, r = start, residual(start)
-    n, settled = len(start) - linear, np.zeros((0, 0))
-
-    def information(J: np.ndarray) -> np.ndarray:
-        nonlocal settled
-        if not linear:
-            return J.T @ J
-        if not settled.size:
-            settled = J[:, n:].T @ J[:, n:]
-        top = J[:, :n].T @ J
-        return np.block([[top], [top[:, n:].T, settled]])
-
     cost, damping = 0.5 * float(r @ r), 1e-3
     for _ in range(iterations):
         J = jacobian(z)
-        H, g = information(J), J.T @ r
+        H, g = _information(J, settled), J.T @ r
         free = ~(((z <= lower) & (g > 0)) | ((z >= upper) & (g < 0)))
         before = cost
         for _ in range(TRIES):
@@ -69,4 +58,13 @@ def minimise(
         if before - cost < DONE:  # so near to where the Jacobian was taken that it is the one here
             return Minimum(z, cost, H, r, J)
     J = jacobian(z)
-    return Minimum(z, cost, information(J), r, J)
+    return Minimum(z, cost, _information(J, settled), r, J)
+
+
+def _information(J: np.ndarray, settled: np.ndarray | None) -> np.ndarray:
+    """(n, n) J'J, its last block given."""
+    if settled is None:
+        return J.T @ J
+    n = J.shape[1] - len(settled)
+    top = J[:, :n].T @ J
+    return np.block([[top], [top[:, n:].T, settled]])

@@ -43,7 +43,7 @@ PLACE = Finding("place", "a slow force tied to a place", 1.0, {})
 
 
 @dc.dataclass(frozen=True)
-class Shown:
+class Compared:
     """What `flights`, fitted, and `unseen`, which judge, show.   gusty: do slow forces come and go?"""
 
     flights: Sequence[Evidence]
@@ -54,7 +54,7 @@ class Shown:
 
 
 @dc.dataclass(frozen=True)
-class Look(Shown):
+class Look(Compared):
     """And which causes that tells."""
 
     causes: list[Cause]
@@ -65,10 +65,10 @@ class Look(Shown):
 
 def look(flights: Sequence[Evidence], unseen: Sequence[Evidence], tolerance: Tolerance | None = None) -> Look:
     """Ranks the effects by `flights` and asks `unseen` which of them are causes."""
-    return tell(show(find(flights, tolerance), unseen))
+    return conclude(compare(find(flights, tolerance), unseen))
 
 
-def show(found: Found, unseen: Sequence[Evidence]) -> Shown:
+def compare(found: Found, unseen: Sequence[Evidence]) -> Compared:
     """Compares the best model with its rivals, and lays it on `unseen`."""
     ranking = ranked(found)
     flights = ranking.problem.flights
@@ -83,13 +83,13 @@ def show(found: Found, unseen: Sequence[Evidence]) -> Shown:
         felt = with_drag(ranking)
         left = left if felt is ranking else remains(felt, fit, flights, unseen)
         ranking = felt
-    return Shown(flights, unseen, ranking, left, _gusty(left) and not tied)
+    return Compared(flights, unseen, ranking, left, _gusty(left) and not tied)
 
 
-def tell(shown: Shown) -> Look:
+def conclude(compared: Compared) -> Look:
     """Which effects are causes, and whether there is one that is unknown."""
-    flights, unseen, ranking, gusty = shown.flights, shown.unseen, shown.ranking, shown.gusty
-    left = with_modes(shown.left, ranking)
+    flights, unseen, ranking, gusty = compared.flights, compared.unseen, compared.ranking, compared.gusty
+    left = with_modes(compared.left, ranking)
     unknown, probability = left.unknown, left.probability
     causes, minor = causes_of(ranking, ranking.named, flights, unseen, left.held, gusty=gusty)
     if _slow(left) and not gusty:

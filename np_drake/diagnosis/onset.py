@@ -184,8 +184,9 @@ class OnsetScan:
             for name, scan in scans.items():
                 rest = [s.now for n, s in scans.items() if n != name]
                 profile = self._evidence(scan.sums, rest)
-                for rows in scan.finer(profile):
-                    scan.add(rows)
+                finer = scan.finer(profile)
+                if len(finer):
+                    scan.add(finer)
                     profile = self._evidence(scan.sums, rest)
                 start, never = (float(self._evidence(sums, rest)[0]) for sums in (scan.start, scan.never))
                 others = any(s.begins for n, s in scans.items() if n != name)

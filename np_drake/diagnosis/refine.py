@@ -157,7 +157,7 @@ def refine(
         np.concatenate([lower, -reach]),
         np.concatenate([upper, reach]),
         evaluations,
-        linear,
+        J[:, n:].T @ J[:, n:] if linear else None,
     )
     fitted = write(everything, free, best.z[:n] * scale)
     covariance = np.linalg.inv(best.information)

@@ -12,7 +12,7 @@ from np_drake.diagnosis.attribute import HeldOut, misfit, on_held_out
 from np_drake.diagnosis.best_model import Found, find
 from np_drake.diagnosis.evidence import Evidence, make_evidence
 from np_drake.diagnosis.held_out import without_shocks
-from np_drake.diagnosis.look import Look, Shown, show, tell
+from np_drake.diagnosis.look import Compared, Look, compare, conclude
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.oddities import novel
 from np_drake.diagnosis.payload_search import PAYLOAD
@@ -39,18 +39,18 @@ def look_twice(
     """
     found = find(flights, tolerance)
     if not any(_middle(e) - e.log.t[0] >= LEAST for e in unseen):
-        return tell(show(found, unseen)), []
-    first = None if plainly_unforeseen(found, unseen) else show(found, unseen)
+        return conclude(compare(found, unseen)), []
+    first = None if plainly_unforeseen(found, unseen) else compare(found, unseen)
     if first is not None and not unforeseen(first):
-        return tell(first), []
+        return conclude(first), []
     on_progress(0.4, "what held-out flights show")
     joined, judges = halved(unseen)
     likely = first.ranking.probability if first else probabilities(found.problem, found.models, [found.best])
     hanging = likely.get(PAYLOAD, 0.0) > UNLIKELY
-    return tell(show(find([*flights, *joined], tolerance, hanging=hanging), judges)), joined
+    return conclude(compare(find([*flights, *joined], tolerance, hanging=hanging), judges)), joined
 
 
-def unforeseen(first: Shown) -> bool:
+def unforeseen(first: Compared) -> bool:
     """Is more left on some channel of the held-out flights than noise, or a force or torque that these do not excite?
 
     Gusts, which repeat nowhere, and a payload, whose swing may be lost, do not count.

@@ -25,13 +25,12 @@ class TriedOnsets:
         self.rows = self._inside[::COARSE]
         self.sums = late.begun(self.rows)
 
-    def finer(self, profile: np.ndarray) -> list[np.ndarray]:
-        """Rows about the best that have not been tried."""
+    def finer(self, profile: np.ndarray) -> np.ndarray:
+        """Rows about the best of the profile (n,) that have not been tried."""
         if not len(profile):
-            return []
+            return self.rows
         about = self._inside[np.abs(self._inside - self.rows[np.argmax(profile)]) < 2 * COARSE]
-        new = np.setdiff1d(about, self.rows)
-        return [new] if len(new) else []
+        return np.setdiff1d(about, self.rows)
 
     def add(self, rows: np.ndarray) -> None:
         """Tries these as well."""

@@ -3,7 +3,7 @@
 Over windows of half a second, the change of position is compared with the integral of velocity, attitude
 with body rates, velocity with acceleration, each as a spread about its own mean (so a bias is not a unit).
 Thrust is compared with weight, torque with the change of angular momentum and with what rotors can give.
-Source: own choice; thresholds tried on 43 NeuroBEM flights, those of torque also on 2760 simulated ones with
+Source: own choice; thresholds tried on 43 NeuroBEM flights, those of torque also on 2760 to 2892 simulated ones with
 every effect of the library and many that it does not have.
 """
 
@@ -23,7 +23,7 @@ TURNS = 0.3  # spread of an axis' rate over a window below which its torque is n
 TORQUE = ("tx", "ty", "tz")
 WINDOWS = 8  # that a flight must last for its torque to be judged
 TORQUE_RATIO = 30.0  # of two integrals of one course; 5.3 at most in sound flights, 3.4 in those that turn
-OPPOSITE = 0.7  # of the turn, left by the opposite torque where the sign is wrong; sound flights leave 1.3
+OPPOSITE = 0.7  # of the turn, left by the opposite torque where the sign is wrong; sound flights leave 0.97
 STRONGEST = 6.0  # times what rotors can give; sound flights have 1 where rotors saturate, 0.2 elsewhere
 FASTEST_ROTOR = 5000.0  # [rad/s]; 48,000 rpm
 LEAST = {

@@ -96,6 +96,6 @@ def test_figures_of_which_the_residual_is_linear_change_nothing_but_what_is_work
 
     start, bound = np.zeros(4), np.full(4, 50.0)
     bent = minimise(residual, jacobian, start, -bound, bound, 5)
-    dut = minimise(residual, jacobian, start, -bound, bound, 5, linear=2)
+    dut = minimise(residual, jacobian, start, -bound, bound, 5, settled=J[:, 2:].T @ J[:, 2:])
     np.testing.assert_allclose(dut.z, bent.z, rtol=1e-9)
     np.testing.assert_allclose(dut.information, dut.jacobian.T @ dut.jacobian, rtol=1e-9)

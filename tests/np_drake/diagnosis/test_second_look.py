@@ -9,7 +9,7 @@ from np_drake.diagnosis.answer import Diagnosis, Finding
 from np_drake.diagnosis.best_model import find
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.held_out import scored
-from np_drake.diagnosis.look import look, show
+from np_drake.diagnosis.look import compare, look
 from np_drake.diagnosis.oddities import UNSEEN
 from np_drake.diagnosis.onset import late_payloads
 from np_drake.diagnosis.refine import Generic
@@ -109,7 +109,7 @@ def with_structure(model):
 
 def test_where_the_best_model_plainly_shows_it_models_are_compared_once(fly, monkeypatch):
     compared = []
-    monkeypatch.setattr(second_look, "show", lambda *asked: compared.append(asked) or show(*asked))
+    monkeypatch.setattr(second_look, "compare", lambda *asked: compared.append(asked) or compare(*asked))
     own = {"noise": 1.0, "seconds": 10.0}
     train = [fly(DRAG, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
     held_out = [fly(DRAG, name="c", seed=3, **own)]
@@ -148,8 +148,14 @@ def test_a_swing_that_may_be_lost_is_not_plain(seen):
 
 def test_a_force_that_unseen_flights_alone_show_is_plain_however_small_it_is(seen, monkeypatch):
     model, unseen = found(seen)
-    monkeypatch.setattr(second_look, "novel", lambda *_, **how: (0.9, Finding(UNSEEN, "", 0.9)))
-    assert plainly_unforeseen(model, unseen)
+    asked = []
+    monkeypatch.setattr(
+        second_look, "novel", lambda *_, gusty: asked.append(gusty) or (0.9, Finding(UNSEEN, "", 0.9))
+    )
+    for slowly in (0.1, 0.9):
+        monkeypatch.setattr(second_look, "blown", lambda *_, slowly=slowly: slowly)
+        assert plainly_unforeseen(model, unseen)
+    assert asked == [False, True]
 
 
 def test_where_no_flight_is_long_enough_for_two_halves_there_is_one_look(seen, monkeypatch):

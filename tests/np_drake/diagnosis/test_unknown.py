@@ -7,7 +7,7 @@ from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.candidates import library_candidates
-from np_drake.diagnosis.look import Shown, tell
+from np_drake.diagnosis.look import Compared, conclude
 from np_drake.diagnosis.mode import mode_of
 from np_drake.diagnosis.remains import remains, with_modes
 from np_drake.diagnosis.search import Problem, search
@@ -114,7 +114,7 @@ def test_a_torque_that_swings_behind_its_command_is_a_twist_at_that_frequency(se
     assert "damping" not in grid.figures
     assert (at.figures["frequency"], at.figures["damping"]) == (found_at, damped)
     assert at.text == f"{grid.text}; fitted: {found_at:.3g} Hz, damping {damped:.2g}"
-    told = tell(Shown(ranking.problem.flights, [unseen], ranking, rough, gusty=False))
+    told = conclude(Compared(ranking.problem.flights, [unseen], ranking, rough, gusty=False))
     assert at in told.left.findings
     assert [f for f in fitted.findings if f is not at] == [f for f in rough.findings if f is not grid]
 
