@@ -111,6 +111,18 @@ class Evidence:
         return attitude.rotation_matrix(self.q)
 
     @cached_property
+    def ahead(self) -> np.ndarray:
+        """(m, 4) thrust and torques of nominal rotors at rows, less those in the mean around them [N, N·m].
+
+        A command that is held is half a row ahead at a row of its mean over the intervals beside it. Zero where no
+        accelerations are logged: then all are means.
+        """
+        if self.log.a is None:
+            return np.zeros((len(self.t), 4))
+        mixer = self.vehicle.mixer
+        return self.from_rows(self.thrust_rows @ mixer.T) - self.from_mids(self.thrust_mids @ mixer.T)
+
+    @cached_property
     def gyroscopic(self) -> np.ndarray:
         """(m, 3) w x J w of the vehicle file's inertia [N·m]."""
         return np.cross(self.w, self.w @ self.vehicle.J.T)
@@ -167,10 +179,6 @@ class Evidence:
         products = noise.products([self.bridged(X) for X in (*columns, self.y[..., None])], self.name)
         rows = len(self.t) - noise.phi.shape[1]
         return Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), rows)
-
-    def on_grid(self, at_rows: np.ndarray, at_mids: np.ndarray) -> np.ndarray:
-        """(m, 6) force (n, 3) at rows and torque (n-1, 3) at mids, on the grid."""
-        return np.concatenate([self.from_rows(at_rows), self.from_mids(at_mids)], axis=1)
 
 
 def make_evidence(

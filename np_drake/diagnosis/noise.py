@@ -112,9 +112,12 @@ class NoiseModel:
         groups = list(zip(columns, there, strict=True))
         parts = []
         for c in np.flatnonzero(self.active & acts.any(axis=0)).tolist():
-            own = [X[:, c, some[c]] for (X, some), here in zip(groups, acts[:, c], strict=True) if here]
+            own = [
+                _columns(X[:, c], some[c]) for (X, some), here in zip(groups, acts[:, c], strict=True) if here
+            ]
             where = np.flatnonzero(np.concatenate([some[c] for some in there]))
-            parts.append((c, where, self.driven_in(c, np.concatenate(own, axis=1), flight)))
+            values = own[0] if len(own) == 1 else np.concatenate(own, axis=1)
+            parts.append((c, where, self.driven_in(c, values, flight)))
         return parts
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:
@@ -122,6 +125,11 @@ class NoiseModel:
         z = np.exp(-2j * np.pi * frequency * self.step)
         powers = z[None, :] ** np.arange(1, self.phi.shape[1] + 1)[:, None]
         return 2 * self.step * self.innovation[:, None] / np.abs(1 - self.phi @ powers) ** 2
+
+
+def _columns(values: np.ndarray, some: np.ndarray) -> np.ndarray:
+    """Those of values (n, k) that are asked for; not copied where all are."""
+    return values if some.all() else values[:, some]
 
 
 def _innovations(band: np.ndarray, values: np.ndarray) -> np.ndarray:

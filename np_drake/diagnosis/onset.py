@@ -188,7 +188,7 @@ class OnsetScan:
                 if len(finer):
                     scan.add(finer)
                     profile = self._evidence(scan.sums, rest)
-                start, never = (float(self._evidence(sums, rest)[0]) for sums in (scan.start, scan.never))
+                start, never = self._evidence(scan.ends, rest).tolist()
                 others = any(s.begins for n, s in scans.items() if n != name)
                 may_lack = others and scan.goes_on
                 best, widths[name] = float(profile.max(initial=-np.inf)), scan.log_width(profile)
@@ -213,7 +213,7 @@ class OnsetScan:
     def _evidence(self, own: Sums, rest: list[Sums]) -> np.ndarray:
         """(n,) log evidence with these sums of one flight, each with those of the rest."""
         XX, XB, Xy = (part + sum(r[i] for r in rest) for i, part in enumerate(own))
-        known = np.tensordot(XB, self._covariance, 1)
+        known = (XB.reshape(-1, XB.shape[2]) @ self._covariance).reshape(XB.shape) if XB.size else XB
         A = XX + np.eye(XX.shape[1]) - known @ np.swapaxes(XB, 1, 2)
         b = Xy - XB @ self._mean
         if b.shape[1] == 1:  # most effects

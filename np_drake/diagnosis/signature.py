@@ -7,17 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from np_drake import attitude
 from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.hidden_swing import swing_wrench
 from np_drake.diagnosis.instants import Instants
+from np_drake.diagnosis.moved_body import MovedBody
 from np_drake.diagnosis.sensor_trace import sensor_trace, without_errors
 from np_drake.effects.base import (
     ActuatorEffect,
     Effect,
     MassEffect,
-    MassProperties,
     Motion,
     SensorEffect,
     WrenchEffect,
@@ -86,9 +85,10 @@ def signature(evidence: Evidence, terms: Sequence[Term], stages: Stages | None =
     evidence = stages.once("before", sensors, partial(without_errors, evidence, sensors))
     key = (turning, sum(s.clock_shift for s in sensors))
     thrust = stages.once("thrust", key, partial(_thrust, evidence, terms))
-    added = stages.once("actuators", key, partial(_actuators, evidence, thrust))
+    turned = stages.once("turned", key, partial(_turned, evidence, thrust))
+    added = turned.wrench
     if evidence.log.a is not None and any(key):
-        y[:, ev.VELOCITY] += stages.once("after rows", key, partial(_after_rows, evidence, thrust))
+        y[:, 11] += turned.after
     if pushing:
         moving = (key, sensors, blowing)
         motions = stages.once("motions", moving, partial(_motions, evidence, thrust, blowing))
@@ -97,8 +97,13 @@ def signature(evidence: Evidence, terms: Sequence[Term], stages: Stages | None =
     for term in terms:
         if term.swings:
             added = added + swing_wrench(evidence, term)
-    ahead = partial(stages.once, "ahead", key, partial(_ahead, evidence, thrust))
-    y[:, ev.WRENCH] += _through_mass(evidence, terms, added, ahead)
+    y[:, ev.WRENCH] += _through_mass(
+        evidence,
+        terms,
+        added,
+        turned.ahead,
+        lambda now: stages.once("body", (sensors, now), partial(MovedBody, evidence, now)),
+    )
     return y
 
 
@@ -134,37 +139,35 @@ def _thrust(evidence: Evidence, terms: Sequence[Term]) -> Thrust:
     return rows, mids, np.concatenate([rate, rate[-1:]]), rate
 
 
-def _actuators(evidence: Evidence, thrust: Thrust) -> np.ndarray:
+@dc.dataclass(frozen=True)
+class Turned:
+    """What rotors do, on the grid.   wrench (m, 6) over that of nominal ones, body axes.
+
+    Where accelerations are logged:
+    after (m,): by how much thrust in the mean until the next row exceeds that at a row, over what nominal thrust does:
+        dv/dt - a along the thrust [m/s²];
+    ahead (m, 4): thrust and torques at rows less those in the mean around them [N, N·m]: a command that is held is half
+        a row ahead at a row of its mean over the intervals beside it.
+    """
+
+    wrench: np.ndarray
+    after: np.ndarray
+    ahead: np.ndarray
+
+
+def _turned(evidence: Evidence, thrust: Thrust) -> Turned:
     mixer = evidence.vehicle.mixer
     du_rows = (thrust[0] - evidence.thrust_rows) @ mixer.T
     du_mids = (thrust[1] - evidence.thrust_mids) @ mixer.T
-    du_force = du_mids if evidence.log.a is None else du_rows
-    force = np.zeros((len(du_force), 3))
-    force[:, 2] = du_force[:, 0]
-    return evidence.on_grid(force, du_mids[:, 1:])
-
-
-def _after_rows(evidence: Evidence, thrust: Thrust) -> np.ndarray:
-    """(m, 3) what actual thrust changes between rows, over what nominal thrust does: dv/dt - a in body axes [m/s²]."""
-    rows, mids = (
-        f @ evidence.vehicle.mixer.T[:, 0]
-        for f in (thrust[0] - evidence.thrust_rows, thrust[1] - evidence.thrust_mids)
-    )
-    s_z = evidence.from_mids(ev.after_rows(rows, mids) / evidence.vehicle.mass)
-    return s_z[:, None] * [0.0, 0.0, 1.0]
-
-
-def _ahead(evidence: Evidence, thrust: Thrust) -> np.ndarray:
-    """(m, 4) thrust and torques of the rotors at rows less those in the mean around them [N, N·m].
-
-    A command that is held is half a row ahead at a row of its mean over the intervals beside it.
-    """
+    wrench = np.zeros((len(evidence.t), 6))
     if evidence.log.a is None:
-        return np.zeros((len(evidence.t), 4))
-    rows, mids = (part @ evidence.vehicle.mixer.T for part in thrust[:2])
-    force = evidence.on_grid(rows[:, :1], mids[:, :1])
-    torque = evidence.on_grid(rows[:, 1:], mids[:, 1:])
-    return np.concatenate([force[:, :1] - force[:, 1:], torque[:, :3] - torque[:, 3:]], axis=1)
+        wrench[:, 2:] = evidence.from_mids(du_mids)
+        return Turned(wrench, wrench[:, 0], evidence.ahead)
+    after = ev.after_rows(du_rows[:, 0], du_mids[:, 0]) / evidence.vehicle.mass
+    at_rows = evidence.from_rows(du_rows)
+    at_mids = evidence.from_mids(np.column_stack([du_mids, after]))
+    wrench[:, 2], wrench[:, 3:] = at_rows[:, 0], at_mids[:, 1:4]
+    return Turned(wrench, at_mids[:, 4], evidence.ahead + at_rows - at_mids[:, :4])
 
 
 def _motions(evidence: Evidence, thrust: Thrust, blowing: Sequence[Begun]) -> tuple[Motion, Motion]:
@@ -198,47 +201,26 @@ def _wrench(
 
 
 def _through_mass(
-    evidence: Evidence, terms: Sequence[Term], added: np.ndarray, ahead: Callable[[], np.ndarray]
+    evidence: Evidence,
+    terms: Sequence[Term],
+    added: np.ndarray,
+    ahead: np.ndarray,
+    body: Callable[[tuple[MassEffect, ...]], MovedBody],
 ) -> np.ndarray:
-    """(m, 6) what nominal inverse dynamics make of the motion under the nominal wrench and `added` (m, 6).
+    """(m, 6) `MovedBody.needs` with the effects that act at each instant; without any, what is `added` (m, 6).
 
-    The motion is that of the real mass properties m', c, J' (forward dynamics), so that no measured acceleration
-    enters: al = J'^-1 (tau - c x F - w x J' w), s = F / m' - al x c - w x (w x c); residual m s - thrust and
-    J al + w x J w - tau_nominal. Where the log follows the centre of mass, s = F / m'. Where accelerations
-    are logged, force is that at rows and torque that in the mean between them, where rotors lag by what `ahead` gives.
+    ahead: as there.   body: of these effects.
     """
-    acting = [t for t in terms if isinstance(t.effect, MassEffect)]
-    onsets = sorted({t.begins(evidence.name) or -NEVER for t in acting} - {NEVER})
+    acting = [
+        (t.effect, t.begins(evidence.name) or -NEVER) for t in terms if isinstance(t.effect, MassEffect)
+    ]
     out = added
-    for onset in onsets:
-        now = [t.effect for t in acting if (t.begins(evidence.name) or -NEVER) <= onset]
-        begun = evidence.begun(None if onset == -NEVER else onset)[:, ev.WRENCH]
-        out = begun * _moved(evidence, now, added, ahead) + (1 - begun) * out
+    for onset in sorted({begin for _, begin in acting} - {NEVER}):
+        now = tuple(effect for effect, begin in acting if begin <= onset)
+        moved = body(now).needs(added, ahead)
+        if onset == -NEVER:
+            out = moved
+        else:
+            begun = evidence.begun(onset)[:, ev.WRENCH]
+            out = begun * moved + (1 - begun) * out
     return out
-
-
-def _moved(
-    evidence: Evidence, effects: list, added: np.ndarray, ahead: Callable[[], np.ndarray]
-) -> np.ndarray:
-    vehicle = evidence.vehicle
-    real = MassProperties.of(vehicle)
-    for effect in effects:
-        real = effect.properties(real)
-    c, w = np.asarray(real.p_BoBcm_B, float), evidence.w
-    wrench = evidence.nominal + added
-    F, tau = wrench[:, :3], wrench[:, 3:]
-    same = np.array_equal(real.J, vehicle.J)
-    gyroscopic = evidence.gyroscopic if same else np.cross(w, w @ real.J.T)
-
-    lever, turned = attitude.skew(c).T, np.linalg.inv(real.J).T
-
-    def angular(F: np.ndarray, tau: np.ndarray) -> np.ndarray:
-        return (tau - F @ lever - gyroscopic) @ turned
-
-    early = ahead() if c.any() else np.zeros((1, 4))
-    s, al = F / real.mass, angular(F - early[:, :1] * [0.0, 0.0, 1.0], tau)
-    if c.any() and vehicle.logged_point == "origin":
-        inward = w * (w @ c)[:, None] - c * np.sum(w**2, axis=1)[:, None]  # w x (w x c)
-        s = s + angular(F, tau + early[:, 1:]) @ lever - inward
-    needed = np.concatenate([vehicle.mass * s, al @ vehicle.J.T + evidence.gyroscopic], axis=1)
-    return needed - evidence.nominal

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from scipy.special import logsumexp
 
 from np_drake.diagnosis.late_columns import LateSums, Sums
 from np_drake.diagnosis.signature import NEVER
@@ -18,7 +17,8 @@ class TriedOnsets:
 
     def __init__(self, late: LateSums, *, goes_on: bool):
         self._late = late
-        self.start, self.never = at_rows(late.whole, [0]), at_rows(late.whole, [-1])
+        self.ends = at_rows(late.whole, [0, -1])  # from the start, and never
+        self.start, self.never = at_rows(self.ends, [0]), at_rows(self.ends, [1])
         self.now = self.start
         self.onset: float | None = None
         self._inside, self.goes_on = possible_onsets(late.t), goes_on
@@ -45,7 +45,7 @@ class TriedOnsets:
         if not len(profile):
             return -np.inf
         width = np.gradient(self.rows.astype(float)) if len(self.rows) > 1 else np.ones(1)
-        return float(logsumexp(profile, b=width) - profile.max() - math.log(len(self._inside)))
+        return math.log(float(np.exp(profile - profile.max()) @ width) / len(self._inside))
 
     def most_likely(self, profile: np.ndarray) -> int:
         """The middle of the span as wide as `SPAN` that most likely holds the onset: a row.   Source: own choice."""

@@ -1,0 +1,46 @@
+"""A rigid body whose mass properties are not the vehicle file's: what nominal inverse dynamics miss of its motion."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.diagnosis.evidence import Evidence
+from np_drake.effects.base import MassEffect, MassProperties
+
+
+class MovedBody:
+    """The mass properties of a flight's vehicle under these effects, and what its motion makes of them."""
+
+    def __init__(self, evidence: Evidence, effects: Sequence[MassEffect]):
+        self._e = evidence
+        real = MassProperties.of(evidence.vehicle)
+        for effect in effects:
+            real = effect.properties(real)
+        w, c = evidence.w, np.asarray(real.p_BoBcm_B, float)
+        self._mass, self._lever, self._turned = real.mass, attitude.skew(c).T, np.linalg.inv(real.J).T
+        self._gyroscopic = np.cross(w, w @ real.J.T)
+        self._offset, self._at_origin = c.any(), c.any() and evidence.vehicle.logged_point == "origin"
+        self._inward = w * (w @ c)[:, None] - c * np.sum(w**2, axis=1)[:, None]  # w x (w x c)
+
+    def needs(self, added: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+        """(m, 6) what nominal inverse dynamics make of the motion under the nominal wrench and `added` (m, 6).
+
+        The motion is that of the real mass properties m', c, J' (forward dynamics), so that no measured acceleration
+        enters: al = J'^-1 (tau - c x F - w x J' w), s = F / m' - al x c - w x (w x c); residual m s - thrust and
+        J al + w x J w - tau_nominal. Where the log follows the centre of mass, s = F / m'. Where accelerations
+        are logged, force is that at rows and torque that in the mean between them, where rotors lag by what `ahead`
+        (m, 4) gives.
+        """
+        e = self._e
+        wrench = e.nominal + added
+        F, tau = wrench[:, :3], wrench[:, 3:]
+        at_mids = F - ahead[:, :1] * [0.0, 0.0, 1.0] if self._offset else F
+        s, al = F / self._mass, self._angular(at_mids, tau)
+        if self._at_origin:
+            s = s + self._angular(F, tau + ahead[:, 1:]) @ self._lever - self._inward
+        needed = np.concatenate([e.vehicle.mass * s, al @ e.vehicle.J.T + e.gyroscopic], axis=1)
+        return needed - e.nominal
+
+    def _angular(self, F: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        return (tau - F @ self._lever - self._gyroscopic) @ self._turned
