@@ -8,8 +8,6 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
-from joblib.externals.loky import ProcessPoolExecutor
-
 from diagrams.failed_run import FailedRun
 
 # Small matrices are slower on several threads, and the processes run side by side.
@@ -83,6 +81,8 @@ def _pool(
 
     Returns: the cases that were in work when a process died, and what is known about its end.
     """
+    from joblib.externals.loky import ProcessPoolExecutor  # takes a while: not where one process is enough
+
     pool = ProcessPoolExecutor(max_workers=min(jobs, len(waiting)), env=ONE_THREAD)
     running: dict[Future, Numbered] = {}
     suspects: list[Numbered] = []

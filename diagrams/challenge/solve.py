@@ -1,9 +1,10 @@
 """Diagnoses every case of a challenge set. It is told where the cases lie, and nothing of the truth."""
 
+import gc
 import resource
 import time
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -113,4 +114,11 @@ def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
         from diagrams.gap_replay import DrakeReplay
 
         simulator = DrakeReplay(vehicle)
+    _keep_what_is_loaded()
     return diagnose(vehicle, train, held_out, simulator).as_json()
+
+
+@cache
+def _keep_what_is_loaded() -> None:
+    """Modules are not gone through for garbage again and again while this process lives."""
+    gc.freeze()

@@ -2,12 +2,12 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.signature import Term, signature
+from np_drake.diagnosis.signature import Stages, Term, signature
 from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.library import LIBRARY, effects_for
 
@@ -86,6 +86,7 @@ def library_candidates(flights: Sequence[Evidence], onset: Onset | None = None) 
     onset: begin there; effects that cannot begin in flight are left out then.
     """
     found: list[Candidate] = []
+    stages = {e.name: Stages() for e in flights}
     blind = flights[0].measured_rotors
     for identifier, effect in effects_for(flights[0].log.input).items():
         if effect.needs or identifier == "suspended_payload" or (onset and not effect.begins):
@@ -94,7 +95,7 @@ def library_candidates(flights: Sequence[Evidence], onset: Onset | None = None) 
             continue
         if not _readable(effect, flights):
             continue
-        found += effect_candidates(effect, flights, onset or {})
+        found += effect_candidates(effect, flights, onset or {}, stages)
     return found
 
 
@@ -105,19 +106,25 @@ def _readable(effect: type[Effect], flights: Sequence[Evidence]) -> bool:
     return not (flights[0].log.a is None and set(effect.corrupts) == {"ax", "ay", "az"})
 
 
-def effect_candidates(effect: type[Effect], flights: Sequence[Evidence], onset: Onset) -> list[Candidate]:
-    """The variants of one effect."""
+def effect_candidates(
+    effect: type[Effect],
+    flights: Sequence[Evidence],
+    onset: Onset,
+    stages: Mapping[str, Stages] | None = None,
+) -> list[Candidate]:
+    """The variants of one effect.   stages: by flight, of its signatures before."""
+    stages = stages or {e.name: Stages() for e in flights}
     discrete = [p for p in effect.parameters if p.choices]
     settings: list[dict[str, float]] = [{}]
     for p in discrete:
         settings = [{**s, p.name: choice} for s in settings for choice in p.choices]
     grid = nonlinear_grid(effect, flights[0])
     if effect.linear or discrete or not grid:
-        return [_linear(effect, flights, onset, s, len(settings)) for s in settings]
-    return [at_value(effect, flights, onset, values, len(grid)) for values in grid]
+        return [_linear(effect, flights, onset, s, len(settings), stages) for s in settings]
+    return [at_value(effect, flights, onset, values, len(grid), stages) for values in grid]
 
 
-def _linear(effect, flights, onset, fixed: dict[str, float], variants: int) -> Candidate:
+def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stages) -> Candidate:
     free = [p for p in effect.parameters if not p.choices]
     neutral = {p.name: p.neutral for p in free} | fixed
 
@@ -126,7 +133,8 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int) -> C
         for p in free:
             step = _step_of(effect, p)
             values = {**neutral, p.name: p.neutral + step}
-            columns.append(signature(evidence, [Term(effect.of(values), onset)]) * (p.typical / step))
+            left = signature(evidence, [Term(effect.of(values), onset)], stages[evidence.name])
+            columns.append(left * (p.typical / step))
         return np.stack(columns, axis=-1)
 
     def terms(c: np.ndarray) -> list[Term]:
@@ -147,9 +155,9 @@ def _step_of(effect: type[Effect], p) -> float:
     return step if p.neutral + step <= p.upper else -step
 
 
-def at_value(effect, flights, onset, values: dict[str, float], variants: int) -> Candidate:
+def at_value(effect, flights, onset, values: dict[str, float], variants: int, stages) -> Candidate:
     term = Term(effect.of(values), onset)
-    columns = {e.name: 2.0 * signature(e, [term])[..., None] for e in flights}
+    columns = {e.name: 2.0 * signature(e, [term], stages[e.name])[..., None] for e in flights}
 
     def terms(c: np.ndarray) -> list[Term]:
         scaled = {
@@ -183,11 +191,10 @@ def wind_candidates(
         columns = {}
         for e in flights:
             unit = Term(drag_class.of(dict.fromkeys(("d_x", "d_y", "d_z"), typical)), drag.onset)
-            still = signature(e, [unit])
-            blown = [
-                signature(e, [unit, Term(wind_class.of({"x": 0.0, "y": 0.0, "z": 0.0, axis: 1.0}), onset)])
-                for axis in "xyz"
-            ]
+            stages = Stages()
+            still = signature(e, [unit], stages)
+            winds = [wind_class.of({"x": 0.0, "y": 0.0, "z": 0.0, axis: 1.0}) for axis in "xyz"]
+            blown = [signature(e, [unit, Term(wind, onset)], stages) for wind in winds]
             extra = np.stack([2.0 * (b - still) for b in blown], axis=-1)
             columns[e.name] = np.concatenate([drag.columns[e.name], extra], axis=-1)
 

@@ -15,7 +15,7 @@ from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.noise import NoiseModel
 from np_drake.diagnosis.payload_candidates import payload_candidates
 from np_drake.diagnosis.rig import Tolerance, calibration, wander
-from np_drake.diagnosis.signature import NEVER, Term, signature
+from np_drake.diagnosis.signature import NEVER, Stages, Term, signature
 from np_drake.effects.library import LIBRARY
 
 DISTANCE = (
@@ -92,8 +92,9 @@ def _mirror_images(flights: Sequence[Evidence], term: Term, onset: dict) -> list
     twins = [("clock_offset", {"offset": -delay})] + (
         [("command_delay", {"delay": delay})] if delay > 0 else []
     )
+    stages = {e.name: Stages() for e in flights}
     return [
-        at_value(LIBRARY[name], flights, onset, values, 1)
+        at_value(LIBRARY[name], flights, onset, values, 1, stages)
         for name, values in twins
         if not (onset and not LIBRARY[name].begins)
     ]

@@ -92,7 +92,8 @@ def _rich_residuals(problem: Problem) -> list[np.ndarray]:
     chosen = _best_variants(problem)
     mean, _ = problem.total.posterior(problem.columns(chosen))
     columns = [*problem.nuisance, *(problem.candidates[i] for i in chosen)]
-    explained = (
-        np.concatenate([c.columns[e.name] for c in columns], axis=-1) @ mean for e in problem.flights
-    )
-    return [e.bridged(e.y - part) for e, part in zip(problem.flights, explained, strict=True)]
+    parts = np.split(mean, np.cumsum([c.size for c in columns])[:-1])
+    return [
+        e.bridged(e.y - sum(c.columns[e.name] @ part for c, part in zip(columns, parts, strict=True)))
+        for e in problem.flights
+    ]

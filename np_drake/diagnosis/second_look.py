@@ -37,17 +37,26 @@ def look_twice(
 
     Where the best model plainly shows that there is, it is not compared with its rivals before.
     """
-    found = find(flights, tolerance)
-    if not any(_middle(e) - e.log.t[0] >= LEAST for e in unseen):
-        return conclude(compare(found, unseen)), []
-    first = None if plainly_unforeseen(found, unseen) else compare(found, unseen)
-    if first is not None and not unforeseen(first):
-        return conclude(first), []
+    first = _first_look(flights, unseen, tolerance)
+    if isinstance(first, Look):
+        return first, []
     on_progress(0.4, "what held-out flights show")
     joined, judges = halved(unseen)
-    likely = first.ranking.probability if first else probabilities(found.problem, found.models, [found.best])
-    hanging = likely.get(PAYLOAD, 0.0) > UNLIKELY
+    hanging = first > UNLIKELY
     return conclude(compare(find([*flights, *joined], tolerance, hanging=hanging), judges)), joined
+
+
+def _first_look(
+    flights: Sequence[Evidence], unseen: Sequence[Evidence], tolerance: Tolerance | None
+) -> Look | float:
+    """The look, if it is enough, else the probability of a payload in it: the rest would take memory of the second."""
+    found = find(flights, tolerance)
+    if not any(_middle(e) - e.log.t[0] >= LEAST for e in unseen):
+        return conclude(compare(found, unseen))
+    if plainly_unforeseen(found, unseen):
+        return probabilities(found.problem, found.models, [found.best]).get(PAYLOAD, 0.0)
+    first = compare(found, unseen)
+    return first.ranking.probability.get(PAYLOAD, 0.0) if unforeseen(first) else conclude(first)
 
 
 def unforeseen(first: Compared) -> bool:
