@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -68,14 +69,15 @@ def _descend(
     noise: NoiseModel,
     iterations: int,
 ) -> Fit:
+    drifting = [c for c in problem.nuisance if c.variant == "wander"]
     fit = refine(
         start,
         calibration_terms(problem.flights[0].vehicle, tolerance),
         problem.flights,
         noise,
         temperature=problem.temperature,
-        wander=next((c.columns for c in problem.nuisance if c.variant == "wander"), None),
-        generic=[problem.candidates[i] for i in model.members if problem.candidates[i].generic],
+        linear=[*drifting, *(problem.candidates[i] for i in model.members if problem.candidates[i].generic)],
+        white=partial(problem.white, noise),
         evaluations=iterations,
         wide=problem.wide,
     )

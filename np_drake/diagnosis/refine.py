@@ -1,7 +1,7 @@
 """All parameters of a set of effects at once: nonlinear least squares in the whitened channels, with priors."""
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -103,14 +103,15 @@ def refine(
     noise: NoiseModel,
     *,
     temperature: float,
-    wander: dict[str, np.ndarray] | None = None,
-    generic: Sequence[Candidate] = (),
+    linear: Sequence[Candidate] = (),
+    white: Callable[[Evidence, Candidate], np.ndarray] | None = None,
     evaluations: int = 8,
     wide: bool = True,
 ) -> Fit:
     """Fits terms and calibration (each with its prior deviation) to the flights, from the terms' values.
 
-    wander: (m, 15, k) by flight, linear nuisance with prior N(0, 1).   wide: are priors as wide as effects are large?
+    linear: what is beside them, nuisance first, then what is generic.   white: (m - p, 15, k) columns of one in a
+    flight, whitened (default: by `noise`).   wide: are priors as wide as effects are large?
     """
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
@@ -119,24 +120,25 @@ def refine(
     neutral = np.array([f.neutral for f in free])
     root = 1.0 / np.sqrt(temperature)
 
-    beside = _linear(flights, wander or {}, generic)
-    linear = next(iter(beside.values())).shape[-1] if beside else 0
-    n = len(free)
+    n, sizes_of = len(free), [c.size for c in linear]
+    k = sum(sizes_of)
     sizes = [(len(e.t) - noise.phi.shape[1]) * noise.phi.shape[0] for e in flights]
     spans = [slice(*ends) for ends in pairwise(np.cumsum([0, *sizes]).tolist())]
     rows = sum(sizes)
     # One buffer for all steps: only the first n columns of its rows change, and each step needs its own alone.
-    J = np.zeros((rows + n + linear, n + linear))
-    J[rows:] = np.eye(n + linear)
-    for e, own in zip(flights if linear else [], spans, strict=False):
-        np.multiply(e.white(noise, beside[e.name]).reshape(-1, linear), -root, out=J[own, n:])
+    J = np.zeros((rows + n + k, n + k))
+    J[rows:] = np.eye(n + k)
+    for c, at in zip(linear, pairwise(np.cumsum([n, *sizes_of]).tolist()), strict=True):
+        for e, own in zip(flights, spans, strict=True):
+            columns = e.white(noise, c.columns[e.name]) if white is None else white(e, c)
+            np.multiply(columns.reshape(-1, c.size), -root, out=J[own, slice(*at)])
 
     def residual(z: np.ndarray) -> np.ndarray:
         now = write(everything, free, z[:n] * scale)
         r = np.concatenate([np.empty(rows), z[:n] - neutral / scale, z[n:]])
         for e, own in zip(flights, spans, strict=True):
             np.multiply(e.white(noise, e.y - signature(e, now)).ravel(), root, out=r[own])
-        if linear:
+        if k:
             r[:rows] += J[:rows, n:] @ z[n:]
         return r
 
@@ -149,22 +151,24 @@ def refine(
     lower = np.array([f.lower for f in free]) / scale
     upper = np.array([f.upper for f in free]) / scale
     start = np.clip(read(everything, free) / scale, lower + 1e-6, upper - 1e-6)
-    reach = np.full(linear, 20.0)
+    reach = np.full(k, 20.0)
     best = minimise(
         residual,
         jacobian,
-        np.concatenate([start, np.zeros(linear)]),
+        np.concatenate([start, np.zeros(k)]),
         np.concatenate([lower, -reach]),
         np.concatenate([upper, reach]),
         evaluations,
-        J[:, n:].T @ J[:, n:] if linear else None,
+        J[:, n:].T @ J[:, n:] if k else None,
     )
     fitted = write(everything, free, best.z[:n] * scale)
     covariance = np.linalg.inv(best.information)
     robust = _robust(covariance, best.jacobian, best.residual, flights, noise)
     covariance = (covariance * np.sqrt(np.outer(robust, robust)))[:n, :n]
     logdet = np.linalg.slogdet(best.information)[1]
-    drifted = {name: columns @ best.z[n:] for name, columns in beside.items()}
+    coefficients = np.split(best.z[n:], np.cumsum(sizes_of)[:-1])
+    parts = list(zip(linear, coefficients, strict=False))
+    drifted = {e.name: sum(c.columns[e.name] @ own for c, own in parts) for e in flights if parts}
     return Fit(
         tuple(fitted[: len(terms)]),
         tuple(fitted[len(terms) :]),
@@ -172,31 +176,11 @@ def refine(
         best.z[:n] * scale,
         covariance * np.outer(scale, scale),
         float(-best.cost - 0.5 * logdet),
-        float(np.sum(best.residual[: -(n + linear)] ** 2)),
+        float(np.sum(best.residual[: -(n + k)] ** 2)),
         sum(len(e.t) for e in flights),
         drifted,
-        _split(generic, best.z[n:]),
+        tuple(Generic(c, own) for c, own in parts if c.generic),
     )
-
-
-def _linear(
-    flights: Sequence[Evidence], wander: dict[str, np.ndarray], generic: Sequence[Candidate]
-) -> dict[str, np.ndarray]:
-    """(m, 15, k) by flight, of all that is linear; {} where nothing is."""
-    if not (wander or generic):
-        return {}
-    parts = {e.name: [wander[e.name]] if wander else [] for e in flights}
-    return {n: np.concatenate([*p, *(g.columns[n] for g in generic)], axis=-1) for n, p in parts.items()}
-
-
-def _split(generic: Sequence[Candidate], coefficients: np.ndarray) -> tuple[Generic, ...]:
-    """The last coefficients belong to the generic candidates, in their order."""
-    at = len(coefficients) - sum(g.size for g in generic)
-    out = []
-    for g in generic:
-        out.append(Generic(g, coefficients[at : at + g.size]))
-        at += g.size
-    return tuple(out)
 
 
 def _jacobian(

@@ -68,6 +68,7 @@ class Problem:
         ends = np.cumsum([0] + [c.size for c in (*nuisance, *candidates)])
         self._index = [np.arange(a, b) for a, b in pairwise(ends)]
         self._nuisance = sum(c.size for c in nuisance)
+        self._white: tuple[NoiseModel, dict[tuple[str, int], np.ndarray]] = (noise, {})
 
     @cached_property
     def total(self) -> Gram:
@@ -81,6 +82,15 @@ class Problem:
 
     def _gram(self, e: Evidence) -> Gram:
         return e.gram(self.noise, [c.columns[e.name] for c in (*self.nuisance, *self.candidates)])
+
+    def white(self, noise: NoiseModel, e: Evidence, candidate: Candidate) -> np.ndarray:
+        """(m - p, 15, k) columns of one of its candidates or nuisances, whitened; kept until another noise asks."""
+        if self._white[0] is not noise:
+            self._white = (noise, {})
+        kept, key = self._white[1], (e.name, id(candidate))
+        if key not in kept:
+            kept[key] = e.white(noise, candidate.columns[e.name])
+        return kept[key]
 
     def beside(self, more: list[Candidate]) -> "Problem":
         """The same with more candidates, after the ones it has."""

@@ -3,6 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.candidates import Candidate
 from np_drake.diagnosis.figures import free_figures, read, write
 from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.signature import NEVER, Term
@@ -103,7 +104,8 @@ def test_wander_takes_what_is_a_flights_own(seen, noise):
     drift = np.zeros((*flight.y.shape, 1))
     drift[:, 2] = 1.0  # [N]
     pushed = dc.replace(flight, y=flight.y + 1.7 * drift[..., 0])
-    fit = refine([Term(LinearDrag(0, 0, 0))], [], [pushed], noise, temperature=1.0, wander={"a": drift})
+    wander = Candidate((), "wander", {"a": drift}, lambda c: [])
+    fit = refine([Term(LinearDrag(0, 0, 0))], [], [pushed], noise, temperature=1.0, linear=[wander])
     np.testing.assert_allclose(fit.wander["a"][:, 2], 1.7, atol=0.1)  # four sigma [N]
     np.testing.assert_array_equal(np.delete(fit.wander["a"], 2, axis=1), 0.0)
     assert abs(np.mean(fit.left(pushed)[:, 2])) < 0.1
