@@ -6,6 +6,8 @@ from functools import cache
 import numpy as np
 from scipy import signal, sparse
 
+from np_drake.diagnosis.fir import banded, filtered
+
 STEP = 0.02  # of the grid [s]; own choice: rigid-body effects live below 15 Hz
 NEARLY = 0.1  # of a row: rows of a jittered log are not counted one short; own choice
 SAME = 0.01  # difference of steps that is none, for which rows are not interpolated [1]; own choice
@@ -67,12 +69,12 @@ def to_grid(grid: Grid, t: np.ndarray, values: np.ndarray) -> np.ndarray:
 def _decimate(fine: np.ndarray, factor: int) -> np.ndarray:
     if factor == 1:
         return fine
-    half, taps = TAPS * factor, _low_pass(factor)
+    half = TAPS * factor
     padded = np.concatenate([np.repeat(fine[:1], half, 0), fine, np.repeat(fine[-1:], half, 0)])
-    return signal.upfirdn(taps, padded, 1, factor, axis=0)[2 * half // factor :][: -(-len(fine) // factor)]
+    return filtered(_low_pass(factor), padded, factor)
 
 
 @cache
 def _low_pass(factor: int) -> np.ndarray:
-    """Its taps: to design them takes longer than to apply them."""
-    return signal.firwin(2 * TAPS * factor + 1, 0.8 / factor)
+    """Its taps, banded: to design them takes longer than to apply them."""
+    return banded(signal.firwin(2 * TAPS * factor + 1, 0.8 / factor), factor)

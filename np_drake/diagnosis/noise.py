@@ -10,13 +10,13 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 from scipy import linalg
+
+from np_drake.diagnosis.fir import banded, filtered
 
 ORDER = 20  # 0.4 s at 50 Hz
 RIDGE = 1e-3  # white share added to every channel, for what the low-pass took from the highest frequencies
 ACTIVE = 1e-12  # a channel with less variance is absent
-BLOCK = 32  # rows that are filtered at a time
 QUIETEST = 0.1  # least errors of a flight over those of all: one at rest must not decide either; own choice
 
 
@@ -56,13 +56,8 @@ class NoiseModel:
 
     @cached_property
     def _bands(self) -> np.ndarray:
-        """(c, `BLOCK`, `BLOCK` + p) for every channel: times that many rows of values, what drives the last of them."""
-        p = self.phi.shape[1]
-        bands = np.zeros((len(self.phi), BLOCK, BLOCK + p))
-        for i in range(BLOCK):
-            bands[:, i, i : i + p] = -self.phi[:, ::-1]
-            bands[:, i, i + p] = 1.0
-        return bands
+        """(c, ...) for every channel, what makes of its values what drives them (`fir`)."""
+        return banded(np.concatenate([-self.phi[:, ::-1], np.ones((len(self.phi), 1))], axis=1))
 
     def whiten(self, values: np.ndarray, flight: str = "") -> np.ndarray:
         """(m - p, c, ...) white with unit variance, of channels (m, c, ...) of a flight; the first p rows go."""
@@ -85,7 +80,9 @@ class NoiseModel:
     def driven_in(self, channel: int, values: np.ndarray, flight: str = "") -> np.ndarray:
         """(m - p, ...) what drives one channel, for its values (m, ...)."""
         flat = np.ascontiguousarray(values, float).reshape(len(values), math.prod(values.shape[1:]))
-        driven = _innovations(self._bands[channel], flat)
+        driven = (
+            filtered(self._bands[channel], flat) if self.phi[channel].any() else flat[self.phi.shape[1] :]
+        )
         driven = driven.reshape(len(driven), *values.shape[1:])
         return driven if flight not in self.loudness else driven / self.loudness[flight][channel]
 
@@ -130,22 +127,6 @@ class NoiseModel:
 def _columns(values: np.ndarray, some: np.ndarray) -> np.ndarray:
     """Those of values (n, k) that are asked for; not copied where all are."""
     return values if some.all() else values[:, some]
-
-
-def _innovations(band: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(n - p, k) values_j - sum_i phi_i values_(j-i) of values (n, k): blocks of rows times one banded matrix."""
-    p, (n, k) = band.shape[1] - BLOCK, values.shape
-    if not band[0, :p].any():
-        return values[p:]
-    whole, rest = divmod(n - p, BLOCK)
-    out = np.empty((n - p, k))
-    if whole:
-        row_size, item = values.strides
-        shape, steps = (whole, BLOCK + p, k), (BLOCK * row_size, row_size, item)
-        blocks = as_strided(values, shape, steps, writeable=False)
-        np.matmul(band, blocks, out=out[: whole * BLOCK].reshape(whole, BLOCK, k))
-    out[whole * BLOCK :] = band[:rest, : rest + p] @ values[whole * BLOCK :]
-    return out
 
 
 def scale_only(residuals: list[np.ndarray], step: float, flights: Sequence[str] = ()) -> NoiseModel:
