@@ -193,8 +193,9 @@ def _wrench(
 
     out = np.zeros((len(evidence.t), 6))
     if effect.pushes:
-        force = at(at_force)[:, None, :3] @ evidence.rows.R_WB
-        out[:, ev.FORCE] = evidence.from_rows(force[:, 0])
+        out[:, ev.FORCE] = evidence.from_rows(
+            np.einsum("mi,mij->mj", at(at_force)[:, :3], evidence.rows.R_WB)
+        )
     if effect.turns:
         out[:, ev.TORQUE] = evidence.from_mids(at(at_torque)[:, 3:])
     return out

@@ -66,7 +66,8 @@ class Rotors:
         """(n-1, 4) between rows."""
         later = np.concatenate([thrust[1:], thrust[-1:]]) if self._measured else thrust
         part = 0.5 * self._step * (thrust + later)
-        total = np.concatenate([np.zeros((1, 4)), np.cumsum(part, axis=0)])
+        total = np.zeros((len(part) + 1, 4))
+        np.cumsum(part, axis=0, out=total[1:])
         at = total[self._before] + self._share * part[self._before]
         return np.diff(at, axis=0) / np.diff(self._row_t)[:, None]
 

@@ -6,6 +6,7 @@ library effect that explains as much with fewer figures wins over it.   Source: 
 
 import math
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 from scipy import signal
@@ -162,6 +163,15 @@ def _place(states: dict[str, FlightState]) -> Pushes:
     return pushes
 
 
+@lru_cache(maxsize=32)
+def _oscillator(omega: float, damping: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Numerator and denominator of w² / (s² + 2 z w s + w²) every `step` [s]; flights share it."""
+    b, a, _ = signal.cont2discrete(
+        ([omega**2], [1.0, 2 * damping * omega, omega**2]), step, method="bilinear"
+    )
+    return b.ravel(), a
+
+
 def _resonance(frequency: float, damping: float = DAMPING) -> Pushes:
     """Two phases of the motion behind a lightly damped resonance: force along the axis, torque across.
 
@@ -171,13 +181,11 @@ def _resonance(frequency: float, damping: float = DAMPING) -> Pushes:
     omega = 2 * np.pi * frequency
 
     def pushes(s: FlightState) -> np.ndarray:
-        system = signal.cont2discrete(
-            ([omega**2], [1.0, 2 * damping * omega, omega**2]), s.step, method="bilinear"
-        )
+        b, a = _oscillator(omega, damping, s.step)
         drive = s.R[:, :, 2] * (s.u[:, :1] / s.weight * s.gravity)
-        answer = signal.lfilter(system[0].ravel(), system[1], (drive - drive.mean(axis=0)) / 2.0, axis=0)
+        answer = signal.lfilter(b, a, (drive - drive.mean(axis=0)) / 2.0, axis=0)
         lagged = signal.lfilter([1.0 / s.step, -1.0 / s.step], [1.0], answer, axis=0) / omega
-        pair = 2 * damping * np.einsum("mij,mik->mjk", s.R, np.stack([answer, lagged], axis=2))
+        pair = 2 * damping * (np.swapaxes(s.R, 1, 2) @ np.stack([answer, lagged], axis=2))
         parts = [_each(pair[:, i], [i]) for i in range(3)]
         parts += [_each(pair[:, 0], [4]), _each(pair[:, 1], [3])]
         return _joined(*parts)
@@ -200,13 +208,11 @@ def _twist(frequency: float, damping: float = DAMPING) -> Pushes:
     omega = 2 * np.pi * frequency
 
     def pushes(s: FlightState) -> np.ndarray:
-        b, a, _ = signal.cont2discrete(
-            ([omega**2], [1.0, 2 * damping * omega, omega**2]), s.step, method="bilinear"
-        )
-        rest = signal.lfilter_zi(b.ravel(), a)[:, None]
+        b, a = _oscillator(omega, damping, s.step)
+        rest = signal.lfilter_zi(b, a)[:, None]
 
         def behind(drive: np.ndarray) -> np.ndarray:
-            return signal.lfilter(b.ravel(), a, drive, axis=0, zi=rest * drive[:1])[0]
+            return signal.lfilter(b, a, drive, axis=0, zi=rest * drive[:1])[0]
 
         once = behind(GAIN * s.u[:, 1:] / (SIZE * s.weight * s.torque_unit))
         twice = behind(once)
