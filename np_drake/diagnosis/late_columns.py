@@ -46,10 +46,8 @@ class LateColumns:
         channels = self._channels(X)
         own = self._driven(channels, self._e.bridged(X[:, channels]))
         weighted = np.tensordot(self._weight(channels), own, 1)
-        XX = np.sum(own[..., :, None] * weighted[..., None, :], axis=0)
-        XBy = np.zeros((*own.shape[1:], self._facing.shape[-1]))
-        for part, c in zip(own, channels, strict=True):
-            XBy += part[:, :, None] * self._facing[c][:, None]
+        by_row = own.transpose(1, 2, 0)
+        XX, XBy = (by_row @ np.swapaxes(a, 0, 1) for a in (weighted, self._facing[channels]))
         XX, XBy = (np.concatenate([np.cumsum(a[::-1], axis=0)[::-1], 0 * a[:1]]) for a in (XX, XBy))
         return XX, XBy[..., :-1], XBy[..., -1]
 
