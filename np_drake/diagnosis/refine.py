@@ -110,8 +110,8 @@ def refine(
 ) -> Fit:
     """Fits terms and calibration (each with its prior deviation) to the flights, from the terms' values.
 
-    linear: what is beside them, nuisance first, then what is generic.   white: (m - p, 15, k) columns of one in a
-    flight, whitened (default: by `noise`).   wide: are priors as wide as effects are large?
+    linear: what acts beside them, with its coefficients free.   white: (m - p, 15, k) columns of one of these in a
+    flight, whitened; by default, by `noise`.   wide: are priors as wide as effects are large?
     """
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}

@@ -2,6 +2,8 @@
 
 import os
 import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -53,3 +55,10 @@ def test_processes_that_die_lose_their_own_cases_only(tmp_path):
 def test_isolated_work_never_runs_in_this_process():
     ((_, dut),) = as_they_finish(lambda _: os.getpid(), [0], jobs=1, isolated=True)
     assert dut.unwrap() != os.getpid()
+
+
+def test_one_process_alone_loads_nothing_for_more():
+    program = "import sys; from diagrams.processes import in_order; in_order(abs, [1], jobs=1)"
+    program += "; print('joblib' in sys.modules)"
+    dut = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert dut.stdout.strip() == "False"

@@ -1,3 +1,4 @@
+import gc
 import inspect
 import json
 import os
@@ -181,3 +182,14 @@ def test_no_truth_is_opened_wherever_one_lies(cases, tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+@pytest.mark.usefixtures("quick")
+def test_modules_are_not_gone_through_for_garbage_while_cases_are_solved(cases, tmp_path):
+    gc.unfreeze()
+    module._keep_what_is_loaded.cache_clear()
+    solve_case(cases / "a1", tmp_path / "answers", replay=False)
+    kept = gc.get_freeze_count()
+    assert kept > 10_000
+    solve_case(cases / "c3", tmp_path / "answers", replay=False)
+    assert gc.get_freeze_count() <= kept  # what a case leaves behind is not kept

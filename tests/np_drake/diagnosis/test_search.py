@@ -34,6 +34,20 @@ PLANTED = [
 ]
 
 
+def test_whitened_columns_are_kept_until_another_noise_asks(seen, noise):
+    dut = problem_of(seen, noise)
+    flight, other = dut.flights
+    first, second = dut.candidates[:2]
+    kept = dut.white(noise, flight, first)
+    np.testing.assert_array_equal(kept, flight.white(noise, first.columns[flight.name]))
+    assert dut.white(noise, flight, first) is kept
+    assert dut.white(noise, other, first) is not kept
+    assert dut.white(noise, flight, second) is not kept
+    louder = dc.replace(noise, mixing=0.5 * noise.mixing)
+    np.testing.assert_allclose(dut.white(louder, flight, first), 0.5 * kept, rtol=1e-12)
+    assert dut.white(noise, flight, first) is not kept
+
+
 @pytest.mark.parametrize("effects", PLANTED, ids=lambda e: "+".join(i.identifier for i in e) or "nothing")
 def test_planted_sets_are_found(seen, noise, effects):
     dut = problem_of(seen, noise, *effects)

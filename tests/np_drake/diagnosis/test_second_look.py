@@ -1,4 +1,6 @@
 import dataclasses as dc
+import gc
+import weakref
 from functools import cache
 
 import numpy as np
@@ -128,6 +130,23 @@ def test_where_the_best_model_plainly_shows_it_models_are_compared_once(fly, mon
     assert [e.name for e in at.problem.flights] == ["a", "b", "first half of c"]
     assert [e.joined.any() for e in judges] == [True]
     assert sought == [{}, {"hanging": False}]
+
+
+def test_what_a_first_look_was_found_from_is_forgotten_when_a_second_begins(fly, monkeypatch):
+    first, left = [], []
+
+    def watched(*of, **how):
+        gc.collect()
+        left.extend(known() for known in first)
+        found_now = find(*of, **how)
+        first.append(weakref.ref(found_now.problem))
+        return found_now
+
+    monkeypatch.setattr(second_look, "find", watched)
+    own = {"noise": 1.0, "seconds": 10.0}
+    train = [fly(DRAG, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
+    assert diagnose(Vehicle(), train, [fly(DRAG, name="c", seed=3, **own)]).joined == ("c",)
+    assert left == [None]
 
 
 def test_what_the_best_model_leaves_of_unseen_flights_is_plain_where_structure_is_in_it(seen, monkeypatch):
