@@ -8,7 +8,7 @@ from np_drake.diagnosis.fir import BLOCK, banded, filtered
 
 
 @given(
-    st.integers(1, 30), st.integers(1, 4), st.integers(0, 3 * BLOCK), st.integers(1, 5), st.integers(0, 99)
+    st.integers(1, 30), st.integers(1, 4), st.integers(0, 9 * BLOCK), st.integers(1, 5), st.integers(0, 99)
 )
 def test_every_sum_is_that_of_its_own_rows_however_many_there_are(p, every, more, k, seed):
     rng = np.random.default_rng(seed)

@@ -56,6 +56,12 @@ def test_the_trace_of_the_true_effect_is_the_residual_of_an_exact_log(seen, effe
         assert size(left[:, part]) < share * size(dut.y[:, part]) + SMALL
 
 
+def test_thrust_that_lags_leaves_its_trace_between_velocity_and_acceleration(seen):
+    dut = seen(MotorLag(0.05), seconds=8.0)
+    left = dut.y - signature(dut, [Term(MotorLag(0.05))])
+    assert size(left[:, ev.VELOCITY]) < 0.1 * size(dut.y[:, ev.VELOCITY])  # a row is long for its kinks
+
+
 @pytest.mark.parametrize("accelerations", [True, False])
 @pytest.mark.parametrize("beside", [(), (ThrustScale(0.8),)], ids=["alone", "with weak rotors"])
 def test_a_center_of_mass_turns_with_the_thrust_of_the_interval_not_of_a_row(seen, beside, accelerations):
