@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from diagrams.cli import challenge_compare, challenge_score, challenge_solve, options
+from diagrams.cli import challenge_compare, challenge_golden, challenge_score, challenge_solve, options
 from diagrams.cli.output import progress, require_folder, say, write_metrics
 from np_drake.atomic_file import require_writable
 
@@ -13,6 +13,7 @@ challenge = typer.Typer(help="Withheld-effect challenge sets.", add_completion=F
 challenge.command("solve")(challenge_solve.solve)
 challenge.command("score")(challenge_score.score)
 challenge.command("compare")(challenge_compare.compare)
+challenge.command("golden")(challenge_golden.golden)
 
 
 @challenge.command("make")

@@ -1,0 +1,235 @@
+"""Frozen cases and their answers: a check that a change of the code changes no diagnosis.
+
+The cases are fixed by name and remade from their seed: every effect of the library in both simulators, pairs, triples,
+onsets, out-of-library effects and clean controls, in both sensor qualities. Where the published real flights are at
+hand, two diagnoses of them are compared as well.
+"""
+
+import json
+import tempfile
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from diagrams.challenge.case import CaseDraw, opaque
+from diagrams.challenge.form import Form, misfit, record, table_of
+from diagrams.challenge.make import make_case
+from diagrams.challenge.solve import diagnose_folder
+from diagrams.processes import in_order
+from diagrams.real_flights import agile_flights
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.effects.library import LIBRARY
+from np_drake.logs.neurobem import published_vehicle
+
+SEED, SECONDS = 36, 10.0
+DIGITS = 10  # significant ones that are stored
+SETTINGS = (
+    ("drake", "clean"),
+    ("rotorpy", "real"),
+    ("drake", "real"),
+    ("rotorpy", "clean"),
+)  # the first two and the last
+# two hold both simulators and both qualities: every effect is flown in one of the two pairs
+PAIRS = (
+    ("mass_error", "linear_drag"),
+    ("suspended_payload", "motor_lag"),
+    ("thrust_scale", "attitude_bias"),
+    ("center_of_mass_offset", "velocity_bias"),
+    ("weak_rotor", "constant_wind"),
+    ("command_delay", "blade_flapping"),
+    ("inertia_error", "quadratic_drag"),
+    ("suspended_payload", "linear_drag"),
+    ("motor_lag", "gyro_bias"),
+    ("translational_lift", "accelerometer_bias"),
+)
+TRIPLES = (
+    ("mass_error", "linear_drag", "motor_lag"),
+    ("suspended_payload", "thrust_scale", "velocity_bias"),
+    ("inertia_error", "quadratic_drag", "clock_offset"),
+    ("center_of_mass_offset", "constant_wind", "command_delay"),
+)
+ONSETS = (
+    "suspended_payload",
+    "weak_rotor",
+    "constant_wind",
+    "thrust_scale",
+    "motor_lag",
+    "linear_drag",
+    "mass_error",
+    "accelerometer_bias",
+    "center_of_mass_offset",
+    "thrust_drift",
+)
+OUT_OF_LIBRARY = (
+    "fan_jet",
+    "periodic_force",
+    "rotational_damping",
+    "ground_tether",
+    "sticking_axis",
+    "wall_suction",
+    "bent_thrust_curve",
+    "yaw_backlash",
+    "liquid_slosh",
+    "vortex_ring",
+    "rotor_saturation",
+    "twisted_cable",
+    "wind_shear",
+    "doorway_draft",
+    "spinning_lidar",
+    "creeping_blades",
+    "rubbing_line",
+    "winch_tether",
+    "odd_propeller",
+    "losing_sync",
+)
+CONTROLS = 12
+REAL = "neurobem"
+Settings = tuple[str, str, CaseDraw]  # simulator, quality, draw
+SCHEMA = "np_drake.golden/1"
+OBJECT = {"description": "an object", "type": "object"}
+FILE = Form(record({"schema": {"description": SCHEMA, "const": SCHEMA}, "answers": table_of(OBJECT)}))
+
+
+def golden_cases() -> dict[str, Settings]:
+    """Every simulated case by name, in the order of its index."""
+    drawn: list[tuple[int, str, tuple[str, ...]]] = []  # setting, kind, names
+    for i, name in enumerate(sorted(LIBRARY)):
+        drawn += [(2 * (i % 2), "single", (name,)), (2 * (i % 2) + 1, "single", (name,))]
+    for kind, members in (("pair", PAIRS), ("triple", TRIPLES)):
+        drawn += [(i % 4, kind, names) for i, names in enumerate(members)]
+    drawn += [(i % 4, "onset", (name,)) for i, name in enumerate(ONSETS)]
+    drawn += [(i % 4, "foreign", (name,)) for i, name in enumerate(OUT_OF_LIBRARY)]
+    drawn += [(i % 4, "clean", ()) for i in range(CONTROLS)]
+    cases: dict[str, Settings] = {}
+    for index, (setting, kind, names) in enumerate(drawn):
+        simulator, quality = SETTINGS[setting]
+        label = "+".join(names) or str(index)
+        cases[f"{kind}/{label}/{simulator}/{quality}"] = (simulator, quality, CaseDraw(index, kind, names))
+    return cases
+
+
+def answer_all(
+    names: Sequence[str],
+    *,
+    neurobem: Path | None = None,
+    jobs: int = 1,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
+) -> dict[str, dict[str, Any]]:
+    """{case: answer} of these cases, and of the real flights where their folder is given.
+
+    Raises: ValueError: on a name that is no case; FailedRun: where a case cannot be flown.
+    """
+    cases = golden_cases()
+    unknown = sorted(set(names) - set(cases))
+    if unknown:
+        raise ValueError(f"golden: {unknown[0]!r} must be a case; `golden --list` shows their names.")
+    tasks = [*names, *(f"{REAL}/{i}" for i in range(2) if neurobem is not None)]
+    return dict(
+        zip(
+            tasks,
+            in_order(partial(answer, neurobem=neurobem), tasks, jobs=jobs, on_progress=on_progress),
+            strict=True,
+        )
+    )
+
+
+def answer(name: str, neurobem: Path | None = None) -> dict[str, Any]:
+    """Flies and diagnoses one case: verdict, probabilities, parameters, onsets and residuals, rounded."""
+    if name.startswith(f"{REAL}/"):
+        if neurobem is None:
+            raise ValueError(f"golden: {name} needs the folder of the NeuroBEM flights.")
+        flights, held = agile_flights(neurobem), int(name.split("/")[1])
+        train = [flights[(held + 1) % len(flights)]]
+        return summary(diagnose(published_vehicle(), train, [flights[held]], second_look=False).as_json())
+    simulator, quality, draw = golden_cases()[name]
+    with tempfile.TemporaryDirectory() as scratch:
+        cases, truth = Path(scratch) / "cases", Path(scratch) / "truth"
+        cases.mkdir()
+        truth.mkdir()
+        make_case(draw, cases, truth, simulator=simulator, quality=quality, seconds=SECONDS, seed=SEED)
+        return summary(diagnose_folder(cases / opaque(SEED, draw.index), replay=False))
+
+
+def summary(diagnosis: dict[str, Any]) -> dict[str, Any]:
+    """What of `diagnosis.json` must not change."""
+    residual = diagnosis["shrink"]["residual"]
+    return {
+        "verdict": diagnosis["verdict"],
+        "unknown_probability": _rounded(diagnosis["unknown_probability"]),
+        "causes": {
+            cause["effect"]: {
+                "probability": _rounded(cause["probability"]),
+                "parameters": {
+                    name: [_rounded(p["value"]), *map(_rounded, p["ci95"])]
+                    for name, p in cause["parameters"].items()
+                },
+                "onset": {flight: _rounded(time) for flight, time in cause["onset"].items()},
+                "indistinguishable_from": sorted(cause["indistinguishable_from"]),
+            }
+            for cause in diagnosis["causes"]
+        },
+        "residual": {key: _rounded(residual[key]) for key in ("before", "after", "floor")},
+        "minor": [finding["name"] for finding in diagnosis["minor"]],
+        "remains": [finding["name"] for finding in diagnosis["remains"]],
+    }
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else float(f"{value:.{DIGITS}g}")
+
+
+def read_answers(path: Path) -> dict[str, dict[str, Any]]:
+    """The answers of a file that `golden --out` wrote, by case.
+
+    Raises: ValueError: one line with the file and what it must hold; OSError: if it cannot be read.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError):
+        raise ValueError(f"{path}: must be JSON that `challenge golden --out` wrote.") from None
+    fault = misfit(FILE, content)
+    if fault is not None:
+        raise ValueError(f"{path}: {fault}")
+    return content["answers"]
+
+
+def differences(reference: dict[str, Any], found: dict[str, Any], tolerance: float) -> list[str]:
+    """One line for every value of an answer that differs.
+
+    tolerance: of a parameter, relative to the larger of its value and its interval; of all else absolute [1, s].
+    """
+    out = [
+        f"{key}: {reference[key]} -> {found[key]}"
+        for key in ("verdict", "minor", "remains")
+        if reference[key] != found[key]
+    ]
+    if reference["verdict"] != found["verdict"]:
+        return out
+    out += _differ("unknown_probability", reference, found, tolerance)
+    for key in reference["residual"]:
+        out += _differ(key, reference["residual"], found["residual"], tolerance)
+    for effect, was in reference["causes"].items():
+        now = found["causes"][effect]
+        out += [f"{effect}: {line}" for line in _cause_differences(was, now, tolerance)]
+    return out
+
+
+def _cause_differences(was: dict[str, Any], now: dict[str, Any], tolerance: float) -> list[str]:
+    out = _differ("probability", was, now, tolerance)
+    if was["indistinguishable_from"] != now["indistinguishable_from"]:
+        out.append("indistinguishable_from differs")
+    for flight in was["onset"]:
+        out += _differ(flight, was["onset"], now["onset"], tolerance)
+    for name, values in was["parameters"].items():
+        scale = max([abs(v) for v in values if v is not None], default=0.0) or 1.0
+        for v, w in zip(values, now["parameters"][name], strict=True):
+            if (v is None) != (w is None) or (v is not None and abs(v - w) > tolerance * scale):
+                out.append(f"{name}: {v} -> {w}")
+    return out
+
+
+def _differ(key: str, was: dict[str, Any], now: dict[str, Any], tolerance: float) -> list[str]:
+    a, b = was[key], now.get(key)
+    same = a == b or (a is not None and b is not None and abs(a - b) <= tolerance)
+    return [] if same else [f"{key}: {a} -> {b}"]

@@ -1,0 +1,56 @@
+"""`np-drake challenge golden`: frozen cases, answered and compared with what they were answered before."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from diagrams.cli import options
+from diagrams.cli.output import counted, progress, require_files, say
+from np_drake.atomic_file import write_json
+
+SHOWN = 20  # differences that are printed
+
+
+def golden(
+    only: Annotated[
+        list[str] | None, typer.Option("--only", metavar="CASE", help="These cases alone.")
+    ] = None,
+    against: Annotated[
+        Path | None, typer.Option("--against", metavar="FILE", help="Answers to compare with.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write the answers.")] = None,
+    tolerance: Annotated[float, typer.Option(min=0.0, help="Largest relative difference.")] = 1e-6,
+    names: Annotated[bool, typer.Option("--list", help="Print the names of the cases and leave.")] = False,
+    jobs: options.Jobs = 2,
+    neurobem: options.Neurobem = None,
+    seed: options.Undrawn = 0,
+) -> None:
+    """Fly and diagnose frozen cases; with --against FILE exit code 1 where an answer differs from it."""
+    require_files(out)
+    from diagrams.challenge import golden as check
+    from diagrams.failed_run import FailedRun
+
+    if names:
+        say(*check.golden_cases())
+        return
+    reference = check.read_answers(against) if against is not None else {}
+    chosen = only or list(check.golden_cases())
+    with progress("frozen cases", 1.0) as advance:
+        answers = check.answer_all(
+            chosen, neurobem=neurobem, jobs=jobs, on_progress=counted(advance, "cases")
+        )
+    if out is not None:
+        write_json(
+            out, {"schema": check.SCHEMA, "seed": check.SEED, "seconds": check.SECONDS, "answers": answers}
+        )
+        say(f"answers: {out}")
+    if against is None:
+        return
+    common = [name for name in answers if name in reference]
+    lines = {name: check.differences(reference[name], answers[name], tolerance) for name in common}
+    differing = {name: found for name, found in lines.items() if found}
+    say(*[f"{name}: {line}" for name, found in differing.items() for line in found][:SHOWN])
+    say(f"{len(common)} answers compared with {against}, {len(differing)} differ by more than {tolerance:g}")
+    if differing or not common:
+        raise FailedRun(f"golden: {len(differing)} of {len(common)} answers differ.")
