@@ -1,4 +1,4 @@
-"""The circle experiment: `circle.yaml` beside this file."""
+"""The circle experiment: `scenarios/circle.yaml`."""
 
 from pydrake.systems.framework import Diagram
 

@@ -1,10 +1,10 @@
-"""The experiments by name: each a scenario file beside this one."""
+"""The experiments by name: scenario files in `diagrams/scenarios`."""
 
 from pathlib import Path
 
 from diagrams.flight import FlightConfig, load_flight
 
-FOLDER = Path(__file__).parent
+FOLDER = Path(__file__).parent / "scenarios"
 EXPERIMENTS = ("circle", "lemniscate", "training_circle", "plain_circle", "hover")
 
 
