@@ -6,10 +6,10 @@ from collections.abc import Callable
 import numpy as np
 from scipy import signal
 
+from diagrams.batch.processes import in_order
 from diagrams.flight import Event, FlightConfig
 from diagrams.flight_result import FlightResult, fly
 from diagrams.payload_events import attach, push, release
-from diagrams.processes import in_order
 from diagrams.tracking import Row, configure
 from np_drake import attitude
 from np_drake.labels import FORCE

@@ -7,9 +7,9 @@ from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
+from diagrams.batch.failed_run import FailedRun
 from diagrams.controllers import add_controller, make_residual_model
 from diagrams.cooperative_config import CooperativeConfig
-from diagrams.failed_run import FailedRun
 from diagrams.flight import ARENA
 from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.references.base import Reference

@@ -6,9 +6,9 @@ from functools import cached_property
 
 import numpy as np
 
+from diagrams.batch.failed_run import FailedRun
 from diagrams.cooperative import center_of_formation, simulate
 from diagrams.cooperative_config import CooperativeConfig, load_cooperative
-from diagrams.failed_run import FailedRun
 from np_drake import metrics
 from np_drake.mpc.problem import MpcStatus
 from np_drake.references.formation import closest_approach

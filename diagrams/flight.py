@@ -9,8 +9,8 @@ from pydrake.common import RandomGenerator
 from pydrake.systems.analysis import ApplySimulatorConfig, GetIntegrationSchemes, Simulator, SimulatorConfig
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
+from diagrams.batch.failed_run import FailedRun
 from diagrams.controllers import ControllerConfig, add_controller
-from diagrams.failed_run import FailedRun
 from np_drake.effects.base import ActuatorEffect, MeasurementEffect, WrenchEffect
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag

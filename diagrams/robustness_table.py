@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagrams.campaign import Record
+from diagrams.batch.campaign import Record
 from diagrams.robustness import AXES, BASE, ROWS, Axis
 
 NOMINAL = "nominal"

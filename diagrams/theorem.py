@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from diagrams.array_flights import Flight
-from diagrams.processes import in_order
+from diagrams.batch.processes import in_order
 from np_drake.lifting.bound_check import BoundCheck, check_flight
 from np_drake.lifting.encoders import Phi
 from np_drake.lifting.error_bound import largest_changes

@@ -11,10 +11,10 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.processes import ONE_THREAD
 from diagrams.challenge.make import make
 from diagrams.challenge.solve import COST, case_folders
-from diagrams.failed_run import FailedRun
-from diagrams.processes import ONE_THREAD
 from np_drake.diagnosis.diagnose import require_flights
 from np_drake.logs.case_folder import open_case
 

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
+from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge.rotorpy_laws import cross
 from diagrams.challenge.rotorpy_vehicle import SIZE, SPEED, Q, RealMultirotor, V, W, X
-from diagrams.failed_run import FailedRun
 from np_drake import attitude
 from np_drake.control.cascade import CascadeGains, cascade
 from np_drake.vehicle import Vehicle

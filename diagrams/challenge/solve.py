@@ -8,8 +8,8 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from diagrams.failed_run import one_line
-from diagrams.processes import as_they_finish
+from diagrams.batch.failed_run import one_line
+from diagrams.batch.processes import as_they_finish
 from np_drake.atomic_file import write_json
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.logs.case_folder import TRAIN, VEHICLE, open_case

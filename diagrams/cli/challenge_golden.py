@@ -28,8 +28,8 @@ def golden(
 ) -> None:
     """Fly and diagnose frozen cases; with --against FILE exit code 1 where an answer differs from it."""
     require_files(out)
+    from diagrams.batch.failed_run import FailedRun
     from diagrams.challenge import golden as check
-    from diagrams.failed_run import FailedRun
 
     if names:
         say(*check.golden_cases())

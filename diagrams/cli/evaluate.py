@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.output import progress, say, write_metrics
 from diagrams.cli.train import LOG_HELP, configure, run_training, train_reaction
-from diagrams.failed_run import FailedRun
 from np_drake.atomic_file import require_writable
 
 if TYPE_CHECKING:

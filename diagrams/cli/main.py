@@ -12,9 +12,9 @@ from typing import Annotated
 
 import typer
 
+from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import bench, challenge, demo, diagnose, evaluate, fly, reproduce, train
 from diagrams.cli.output import console, say
-from diagrams.failed_run import FailedRun
 
 # Before NumPy is loaded: its threads cost more than they bring on matrices of this size.
 os.environ.setdefault("OMP_NUM_THREADS", "1")

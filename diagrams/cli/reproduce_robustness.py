@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.output import (
     Table,
@@ -18,10 +19,9 @@ from diagrams.cli.output import (
     write_metrics,
 )
 from diagrams.cli.reproduce_configurations import choose_rows
-from diagrams.failed_run import FailedRun
 
 if TYPE_CHECKING:
-    from diagrams.campaign import Record
+    from diagrams.batch.campaign import Record
     from diagrams.robustness import Axis
 
 CASES = "cases"  # folder in --out with a file for every case
@@ -52,7 +52,7 @@ def robustness(
     require_files(json, markdown)
     if out is not None:
         require_folder(out)
-    from diagrams.cluster import client
+    from diagrams.batch.cluster import client
 
     if scheduler:
         with client(scheduler):

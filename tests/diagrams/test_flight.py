@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from diagrams import flight
+from diagrams.batch.failed_run import FailedRun
 from diagrams.circle import make_circle_diagram
 from diagrams.experiments import EXPERIMENTS, load_experiment
-from diagrams.failed_run import FailedRun
 from diagrams.flight import RealityConfig, load_flight
 from diagrams.flight_result import fly
 from diagrams.hover import make_hover_diagram

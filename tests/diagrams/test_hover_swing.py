@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from diagrams import hover_swing
+from diagrams.batch.failed_run import FailedRun
 from diagrams.experiments import load_experiment
-from diagrams.failed_run import FailedRun
 from diagrams.flight_result import fly
 from diagrams.payload_events import push
 from diagrams.payload_figures import payload_distance

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from diagrams import demo, tracking
+from diagrams.batch.failed_run import FailedRun
 from diagrams.cli.main import run
 from diagrams.cli.reproduce_tracking import printed
 from diagrams.experiments import load_experiment
-from diagrams.failed_run import FailedRun
 
 
 @pytest.fixture

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge import cost
 from diagrams.cli.main import run
-from diagrams.failed_run import FailedRun
 
 
 def test_every_case_of_every_length_is_timed_in_a_process_of_its_own(tmp_path, monkeypatch, capsys):

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
+from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge.drake_simulator import fly
 from diagrams.challenge.plans import draw_plan
 from diagrams.challenge.quality import Quality
 from diagrams.challenge.strengths import STRENGTHS, draw_effect
 from diagrams.challenge.vehicles import VEHICLES
-from diagrams.failed_run import FailedRun
 from np_drake import attitude
 from np_drake.effects.base import (
     ActuatorEffect,

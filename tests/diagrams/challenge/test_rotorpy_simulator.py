@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
+from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge import drake_simulator, rotorpy_simulator
 from diagrams.challenge.foreign import FOREIGN, draw_foreign
 from diagrams.challenge.foreign_further import RotorSaturation, StutteringRotor
@@ -17,7 +18,6 @@ from diagrams.challenge.quality import Quality
 from diagrams.challenge.rotorpy_simulator import KNOWN, fly
 from diagrams.challenge.strengths import draw_effect
 from diagrams.challenge.vehicles import VEHICLES
-from diagrams.failed_run import FailedRun
 from np_drake import attitude
 from np_drake.effects.library import LIBRARY
 from np_drake.labels import raw_labels

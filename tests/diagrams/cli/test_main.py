@@ -6,8 +6,8 @@ import sys
 import pytest
 import typer
 
+from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import main as dut
-from diagrams.failed_run import FailedRun
 
 
 def failing(error):

@@ -5,9 +5,9 @@ import json
 import pytest
 
 from diagrams import cooperative_result
+from diagrams.batch.failed_run import FailedRun
 from diagrams.cli.main import run
 from diagrams.cooperative_config import load_cooperative
-from diagrams.failed_run import FailedRun
 
 
 @pytest.fixture

@@ -11,9 +11,9 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from diagrams.cluster import on_cluster
-from diagrams.failed_run import one_line
-from diagrams.processes import Outcome, as_they_finish
+from diagrams.batch.cluster import on_cluster
+from diagrams.batch.failed_run import one_line
+from diagrams.batch.processes import Outcome, as_they_finish
 from np_drake.atomic_file import plain, write_text
 
 SCHEMA = "np_drake.campaign/1"

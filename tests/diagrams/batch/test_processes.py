@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from diagrams.processes import DeadProcess, as_they_finish, in_order
+from diagrams.batch.processes import DeadProcess, as_they_finish, in_order
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -58,7 +58,7 @@ def test_isolated_work_never_runs_in_this_process():
 
 
 def test_one_process_alone_loads_nothing_for_more():
-    program = "import sys; from diagrams.processes import in_order; in_order(abs, [1], jobs=1)"
+    program = "import sys; from diagrams.batch.processes import in_order; in_order(abs, [1], jobs=1)"
     program += "; print('joblib' in sys.modules)"
     dut = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert dut.stdout.strip() == "False"

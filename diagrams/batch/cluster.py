@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import Any
 
-from diagrams.failed_run import FailedRun
-from diagrams.processes import DeadProcess, Outcome
+from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.processes import DeadProcess, Outcome
 
 PATIENCE = 10.0  # until a scheduler that does not answer counts as unreachable [s]
 

@@ -8,7 +8,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
-from diagrams.failed_run import FailedRun
+from diagrams.batch.failed_run import FailedRun
 
 # Small matrices are slower on several threads, and the processes run side by side.
 ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from diagrams import cluster
-from diagrams.campaign import run_campaign
+from diagrams.batch import cluster
+from diagrams.batch.campaign import run_campaign
+from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.processes import DeadProcess
 from diagrams.cli.main import run
-from diagrams.failed_run import FailedRun
-from diagrams.processes import DeadProcess
 
 CASES = [{"number": number} for number in range(4)]
 

@@ -5,8 +5,8 @@ import os
 
 import pytest
 
-from diagrams import campaign
-from diagrams.campaign import case_file, run_campaign
+from diagrams.batch import campaign
+from diagrams.batch.campaign import case_file, run_campaign
 
 CONFIG = {"solver": "sqp", "reality": {"drag": 0.25}}
 CASES = [{"row": "np", "speed": speed} for speed in (0.5, 1.0, 1.5)]

@@ -1,0 +1,1 @@
+"""Many runs: worker processes, clusters, resumable campaigns."""
