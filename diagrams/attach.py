@@ -7,9 +7,9 @@ import numpy as np
 from scipy import signal
 
 from diagrams.batch.processes import in_order
-from diagrams.flight import Event, FlightConfig
-from diagrams.flight_result import FlightResult, fly
-from diagrams.payload_events import attach, push, release
+from diagrams.loop.events import attach, push, release
+from diagrams.loop.flight import Event, FlightConfig
+from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.tracking import Row, configure
 from np_drake import attitude
 from np_drake.labels import FORCE

@@ -2,8 +2,8 @@
 
 from pydrake.systems.framework import Diagram
 
-from diagrams.experiments import load_experiment
-from diagrams.flight import FlightConfig, make_flight_diagram
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight import FlightConfig, make_flight_diagram
 from systems.recorder import Recorder
 
 

@@ -8,9 +8,9 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.controllers import add_controller, make_residual_model
 from diagrams.cooperative_config import CooperativeConfig
-from diagrams.flight import ARENA
+from diagrams.loop.controllers import add_controller, make_residual_model
+from diagrams.loop.flight import ARENA
 from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.references.base import Reference
 from np_drake.references.formation import closest_approach, fly_at

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from pydrake.systems.analysis import SimulatorConfig
 
-from diagrams.controllers import ControllerConfig
-from diagrams.flight import ARENA, RealityConfig
+from diagrams.loop.controllers import ControllerConfig
+from diagrams.loop.flight import ARENA, RealityConfig
 from np_drake.references.formation import payload_drop, polygon
 from np_drake.residual_models.failing import FAULTS
 from np_drake.vehicle import Vehicle

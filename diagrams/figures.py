@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagrams.flight_result import FlightResult
+from diagrams.loop.flight_result import FlightResult
 from np_drake.figure_file import DASHES, PALETTE, new_figure
 
 _AXES = ("x", "y", "z")

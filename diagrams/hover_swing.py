@@ -8,9 +8,9 @@ import numpy as np
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.processes import in_order
-from diagrams.flight import FlightConfig
-from diagrams.flight_result import FlightResult, fly
-from diagrams.payload_events import push
+from diagrams.loop.events import push
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.tracking import Row, configure, train_models
 from np_drake import metrics, swing_metrics
 from np_drake.residual_models.motion_model import GP, KNODE

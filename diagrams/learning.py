@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diagrams.flight_result import FlightResult
+from diagrams.loop.flight_result import FlightResult
 from np_drake.lifting.lifted_model import DEFAULT
 from np_drake.lifting.model_file import save_model
 from np_drake.lifting.origin import origin_of, with_origin, with_rotor_lag

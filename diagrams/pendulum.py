@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from diagrams.experiments import load_experiment
-from diagrams.flight_result import fly
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight_result import fly
 from np_drake.lifting.pendulum import Pendulum, pendulum_length
 from np_drake.logs.training_segments import training_segments
 

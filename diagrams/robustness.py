@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.batch.campaign import Case, Record, run_campaign
-from diagrams.flight import FlightConfig, LostVehicle, simulate
+from diagrams.loop.flight import FlightConfig, LostVehicle, simulate
 from diagrams.tracking import ROWS as TRACKING_ROWS
 from diagrams.tracking import Row, configure, frozen_weights, train_models
 from np_drake import attitude, metrics

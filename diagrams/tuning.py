@@ -8,8 +8,8 @@ from functools import partial
 import numpy as np
 
 from diagrams.batch.processes import in_order
-from diagrams.experiments import load_experiment
-from diagrams.flight_result import fly
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight_result import fly
 
 POSITION = (0.25, 0.5, 1.0, 2.0, 4.0)  # factors on weight_position [1]
 TORQUE = (0.1, 0.3, 1.0, 3.0, 10.0)  # factors on the torque part of weight_input [1]

@@ -187,7 +187,7 @@ def train_baselines(
 
 def packaged_model() -> Path:
     """The model that ships with the package. Raises ValueError where there is none."""
-    from diagrams.controllers import DEFAULT_MODEL
+    from diagrams.loop.controllers import DEFAULT_MODEL
 
     if not DEFAULT_MODEL.is_file():
         raise ValueError("the package holds no model; give --predictor FILE, or --train LOG to train on.")

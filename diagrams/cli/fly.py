@@ -12,8 +12,8 @@ from np_drake.atomic_file import require_writable
 
 if TYPE_CHECKING:
     from diagrams.cooperative_config import CooperativeConfig
-    from diagrams.flight import FlightConfig
-    from diagrams.flight_result import FlightResult
+    from diagrams.loop.flight import FlightConfig
+    from diagrams.loop.flight_result import FlightResult
 
 
 def fly(
@@ -43,9 +43,9 @@ def fly(
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
     if json is not None:
         require_writable(json)
-    from diagrams.controllers import make_residual_model
-    from diagrams.experiments import EXPERIMENTS, load_experiment
-    from diagrams.flight_result import fly as run
+    from diagrams.loop.controllers import make_residual_model
+    from diagrams.loop.experiments import EXPERIMENTS, load_experiment
+    from diagrams.loop.flight_result import fly as run
     from np_drake.vehicle import load_vehicle
 
     config = load_experiment(experiment)
@@ -117,7 +117,7 @@ def print_flights(flights: "list[FlightResult]") -> None:
 def write_flight(flight: "FlightResult", folder: Path) -> None:
     """Flight log, track, errors, wrench and replay page, named by experiment and controller."""
     from diagrams import figures
-    from diagrams.replay import write_replay
+    from diagrams.loop.replay_page import write_replay
     from np_drake.figure_file import save
     from np_drake.logs.log_file import write_log
 

@@ -9,7 +9,7 @@ from diagrams.cli import options
 from diagrams.cli.output import Table, flying, require_files, say, show, write_metrics
 
 if TYPE_CHECKING:
-    from diagrams.flight import FlightConfig
+    from diagrams.loop.flight import FlightConfig
 
 
 def attach(
@@ -62,7 +62,7 @@ def _attach_notes(lines: list[dict], config: "FlightConfig") -> list[str]:
     import numpy as np
 
     from diagrams.attach import ADDED, PAPER, TOSS, encoder_step, label_deviation
-    from diagrams.controllers import DEFAULT_MODEL
+    from diagrams.loop.controllers import DEFAULT_MODEL
     from np_drake.lifting.model_file import load_model
 
     step = encoder_step(load_model(config.controller.predictor or DEFAULT_MODEL))

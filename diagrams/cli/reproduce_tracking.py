@@ -90,7 +90,7 @@ def _notes(
 ) -> tuple[list[str], dict]:
     """What stands under the table, and the configuration of the metrics file."""
     from diagrams import tracking
-    from diagrams.experiments import load_experiment
+    from diagrams.loop.experiments import load_experiment
     from np_drake.lifting.training import make_config
     from np_drake.residual_models import motion_training
 

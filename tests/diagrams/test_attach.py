@@ -5,7 +5,7 @@ import pytest
 from scipy import signal
 
 from diagrams import attach
-from diagrams.controllers import DEFAULT_MODEL
+from diagrams.loop.controllers import DEFAULT_MODEL
 from diagrams.payload_figures import event_responses
 from np_drake.lifting.encoders import DelayEncoder
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem

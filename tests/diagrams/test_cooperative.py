@@ -7,7 +7,7 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cooperative import center_of_formation, make_cooperative_diagram, simulate
 from diagrams.cooperative_config import load_cooperative
 from diagrams.cooperative_result import CooperativeResult, fly_cooperative
-from diagrams.experiments import load_experiment
+from diagrams.loop.experiments import load_experiment
 from systems.payload_config import PayloadConfig
 
 

@@ -5,9 +5,9 @@ import pytest
 
 from diagrams import hover_swing
 from diagrams.batch.failed_run import FailedRun
-from diagrams.experiments import load_experiment
-from diagrams.flight_result import fly
-from diagrams.payload_events import push
+from diagrams.loop.events import push
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight_result import fly
 from diagrams.payload_figures import payload_distance
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from diagrams import robustness, tracking
 from diagrams.cli.main import run
-from diagrams.experiments import load_experiment
-from diagrams.flight import RealityConfig
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight import RealityConfig
 from diagrams.robustness import AXES, BASE, ROWS, Flying, flight_cases, flight_config, measures
 from diagrams.robustness_table import better_than, lost_lines, robustness_table
 from np_drake.effects.base import Motion

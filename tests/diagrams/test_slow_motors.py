@@ -2,9 +2,9 @@
 
 import pytest
 
-from diagrams.controllers import DEFAULT_MODEL, ControllerConfig, labelled, make_residual_model
-from diagrams.flight import FlightConfig
-from diagrams.flight_result import fly
+from diagrams.loop.controllers import DEFAULT_MODEL, ControllerConfig, labelled, make_residual_model
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_result import fly
 from np_drake.references.config import ReferenceConfig
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.vehicle import Vehicle

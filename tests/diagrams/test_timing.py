@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagrams import timing, tracking
-from diagrams.experiments import load_experiment
+from diagrams.loop.experiments import load_experiment
 
 ROWS = {row.name: row for row in timing.ROWS}
 

@@ -7,7 +7,7 @@ from diagrams import demo, tracking
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli.main import run
 from diagrams.cli.reproduce_tracking import printed
-from diagrams.experiments import load_experiment
+from diagrams.loop.experiments import load_experiment
 
 
 @pytest.fixture

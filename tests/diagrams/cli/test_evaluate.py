@@ -10,7 +10,7 @@ import pytest
 from diagrams.cli.evaluate import parse_horizons
 from diagrams.cli.main import run
 from diagrams.cli.scoring import diverged
-from diagrams.controllers import DEFAULT_MODEL
+from diagrams.loop.controllers import DEFAULT_MODEL
 from np_drake.lifting.model_file import load_model
 from np_drake.lifting.skill import NAIVE, UNTRAINED
 from np_drake.logs.neurobem import RACE_TRACK, TRAINING
@@ -148,10 +148,10 @@ def test_bad_input_is_one_line_and_leaves_nothing(logs, model, tmp_path, monkeyp
 
 
 def test_without_a_predictor_it_is_the_packaged_one(logs, model, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("diagrams.controllers.DEFAULT_MODEL", tmp_path / "none.safetensors")
+    monkeypatch.setattr("diagrams.loop.controllers.DEFAULT_MODEL", tmp_path / "none.safetensors")
     assert run(["evaluate", str(logs[1])]) == 2
     assert "--predictor FILE" in capsys.readouterr().err
-    monkeypatch.setattr("diagrams.controllers.DEFAULT_MODEL", model)
+    monkeypatch.setattr("diagrams.loop.controllers.DEFAULT_MODEL", model)
     assert run(["evaluate", str(logs[1]), "--horizons", "2"]) == 0
     assert "default" in capsys.readouterr().out
 

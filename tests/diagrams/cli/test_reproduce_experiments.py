@@ -9,7 +9,7 @@ import pytest
 from diagrams import attach, hover_swing, timing, tracking
 from diagrams.cli.main import run
 from diagrams.cli.reproduce_experiments import hover_printed, timing_printed
-from diagrams.controllers import DEFAULT_MODEL
+from diagrams.loop.controllers import DEFAULT_MODEL
 
 
 @pytest.fixture

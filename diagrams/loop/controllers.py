@@ -26,7 +26,7 @@ from systems.residual_predictor import ResidualPredictor
 from systems.wrench_estimator import WrenchEstimator
 from systems.wrench_oracle import WrenchOracle
 
-DEFAULT_MODEL = Path(__file__).parent / "models" / "default.safetensors"
+DEFAULT_MODEL = Path(__file__).parents[1] / "models" / "default.safetensors"
 SOLVER_SHARE = 0.5  # of the deadline, after which a solver wraps up with what it has [1]
 LEARNED = ("np", *REACTIONS)
 CONTROLLERS = ("nominal", "hold", "observer", "oracle", *LEARNED)

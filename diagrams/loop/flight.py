@@ -10,7 +10,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, GetIntegrationSchemes
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.controllers import ControllerConfig, add_controller
+from diagrams.loop.controllers import ControllerConfig, add_controller
 from np_drake.effects.base import ActuatorEffect, MeasurementEffect, WrenchEffect
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from diagrams.flight import Event, FlightConfig, simulate
+from diagrams.loop.flight import Event, FlightConfig, simulate
 from np_drake import metrics, rigid_body
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.rotor_input import acting_command

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
-from diagrams.experiments import load_experiment
-from diagrams.flight import make_real_vehicle
-from diagrams.flight_result import fly
-from diagrams.payload_events import attach, push, release
+from diagrams.loop.events import attach, push, release
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight import make_real_vehicle
+from diagrams.loop.flight_result import fly
 from systems.initial_state import set_hover
 
 CONFIG = load_experiment("hover")

@@ -2,7 +2,7 @@
 
 from pydrake.systems.framework import Context, Diagram
 
-from diagrams.flight import Event
+from diagrams.loop.flight import Event
 from systems.initial_state import apply_impulse, set_payload_mass
 from systems.payload_config import PayloadConfig
 

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from diagrams.flight import FlightConfig, load_flight
+from diagrams.loop.flight import FlightConfig, load_flight
 
-FOLDER = Path(__file__).parent / "scenarios"
+FOLDER = Path(__file__).parents[1] / "scenarios"
 EXPERIMENTS = ("circle", "lemniscate", "training_circle", "plain_circle", "hover")
 
 

@@ -3,14 +3,14 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from diagrams import flight
 from diagrams.batch.failed_run import FailedRun
 from diagrams.circle import make_circle_diagram
-from diagrams.experiments import EXPERIMENTS, load_experiment
-from diagrams.flight import RealityConfig, load_flight
-from diagrams.flight_result import fly
 from diagrams.hover import make_hover_diagram
 from diagrams.lemniscate import make_lemniscate_diagram
+from diagrams.loop import flight
+from diagrams.loop.experiments import EXPERIMENTS, load_experiment
+from diagrams.loop.flight import RealityConfig, load_flight
+from diagrams.loop.flight_result import fly
 from np_drake import rigid_body
 from np_drake.labels import labels
 from np_drake.vehicle import MeasurementNoise

@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.geometry import Box, Cylinder, Meshcat, MeshcatParams, Rgba, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 
-from diagrams.flight_result import FlightResult
+from diagrams.loop.flight_result import FlightResult
 from np_drake import attitude
 from np_drake.atomic_file import write_text
 from np_drake.vehicle import Vehicle
