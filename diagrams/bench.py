@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
-from diagrams.learning import train_predictor
 from diagrams.loop.controllers import DEFAULT_MODEL
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, initialise, make_flight_diagram
 from diagrams.loop.flight_result import fly
+from diagrams.prediction.learning import train_predictor
 from diagrams.tracking import training_flight
 from np_drake.mpc.problem import MpcProblem, MpcSolution, MpcSolver
 from np_drake.residual_models.base import Sample

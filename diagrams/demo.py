@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 
 from diagrams.batch.processes import in_order
-from diagrams.learning import train_predictor
 from diagrams.loop.flight_result import FlightResult, fly
+from diagrams.prediction.learning import train_predictor
 from diagrams.tracking import TRACKS, Row, configure, training_flight
 from np_drake.lifting.training import TrainingResult
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.processes import in_order
-from diagrams.learning import train_predictor, train_reaction
 from diagrams.loop.controllers import LEARNED
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
+from diagrams.prediction.learning import train_predictor, train_reaction
 from np_drake.residual_models.motion_model import GP, KNODE, REACTIONS
 from np_drake.swing_metrics import half_width
 

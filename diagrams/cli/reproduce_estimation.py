@@ -21,9 +21,9 @@ from diagrams.cli.reproduce_flights import required
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from diagrams.array_flights import Flight
-    from diagrams.estimation import EstimationTable
-    from diagrams.sample_efficiency import Point
+    from diagrams.prediction.array_flights import Flight
+    from diagrams.prediction.estimation import EstimationTable
+    from diagrams.prediction.sample_efficiency import Point
     from np_drake.lifting.lifted_model import LiftedModel
 
 EPOCHS = 16  # of `paper` in the estimation table: at its default 8 the seed still shows, in a cell or two [1]
@@ -43,9 +43,9 @@ def estimation(
     folder = required("estimation", neurobem)
     if out is not None:
         require_folder(out)
-    from diagrams import array_flights
-    from diagrams.estimation import estimation_table
-    from diagrams.estimation_figures import rows_of
+    from diagrams.prediction import array_flights
+    from diagrams.prediction.estimation import estimation_table
+    from diagrams.prediction.estimation_figures import rows_of
     from np_drake.lifting.lifted_model import DEFAULT
 
     training, *tests = array_flights.flights(folder)
@@ -92,9 +92,9 @@ def sample_efficiency(
     folder = required("sample-efficiency", neurobem)
     if out is not None:
         require_folder(out)
-    from diagrams import array_flights
-    from diagrams import sample_efficiency as measure
     from diagrams.cli.train import configure
+    from diagrams.prediction import array_flights
+    from diagrams.prediction import sample_efficiency as measure
     from np_drake.lifting.lifted_model import DEFAULT, PAPER
 
     training, *tests = array_flights.flights(folder)
@@ -119,7 +119,7 @@ def sample_efficiency(
 
 
 def _efficiency_table(points: "list[Point]", step: float, title: str) -> Table:
-    from diagrams.sample_efficiency import PUBLISHED, SIZES
+    from diagrams.prediction.sample_efficiency import PUBLISHED, SIZES
 
     rows = []
     for name in dict.fromkeys(p["row"] for p in PUBLISHED):
@@ -146,9 +146,9 @@ def response(
     """How late the prediction is. Its lag behind the label where jerk is largest."""
     require_files(json, markdown)
     folder = required("response", neurobem)
-    from diagrams import array_flights
-    from diagrams import response as measure
     from diagrams.cli.train import configure
+    from diagrams.prediction import array_flights
+    from diagrams.prediction import response as measure
     from np_drake.lifting.lifted_model import DEFAULT
 
     training, *tests = array_flights.flights(folder)
@@ -183,7 +183,7 @@ def trained(
 
 
 def _own_rows() -> list[str]:
-    from diagrams.estimation import NAIVE, OURS
+    from diagrams.prediction.estimation import NAIVE, OURS
 
     return [*OURS.values(), *NAIVE]
 
@@ -207,7 +207,7 @@ def _lines(table: "EstimationTable", training: str, seed: int) -> list[str]:
 
 
 def _window_figure(model: "LiftedModel", tests: "list[Flight]", path: Path, seed: int) -> None:
-    from diagrams.estimation_figures import SPAN, window, window_figure
+    from diagrams.prediction.estimation_figures import SPAN, window, window_figure
 
     flight = next(f for f in tests if f.name == SHOWN)
     title = (

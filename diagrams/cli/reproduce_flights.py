@@ -28,7 +28,7 @@ def mhe(
     """A moving-horizon estimator on real flights. Those of the paper's estimation table."""
     require_files(json, markdown)
     folder = required("mhe", neurobem)
-    from diagrams import mhe_flights
+    from diagrams.prediction import mhe_flights
     from np_drake.estimation.wrench_table import COLUMNS
 
     with progress("real flights", 1.0) as advance:
@@ -118,9 +118,9 @@ def theorem(
 ) -> None:
     """Theorem 1, corrected: bound against error. In every window of the real flights."""
     require_files(json, markdown)
-    from diagrams import array_flights
-    from diagrams import theorem as experiment
     from diagrams.cli.train import configure, run_training
+    from diagrams.prediction import array_flights
+    from diagrams.prediction import theorem as experiment
 
     flights = array_flights.flights(required("theorem", neurobem))
     models, settings = {}, {}

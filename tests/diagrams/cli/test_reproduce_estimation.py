@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagrams.cli.main import run
-from diagrams.estimation import METHODS
+from diagrams.prediction.estimation import METHODS
 from diagrams.predictor_bench import made_flight
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
 from np_drake.logs.neurobem import TESTS, TRAINING

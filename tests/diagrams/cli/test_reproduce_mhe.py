@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagrams.cli.main import run
-from diagrams.mhe_flights import ATTITUDE_ROW, NAIVE_ROW, PUBLISHED_ROW, RATES_ROW
+from diagrams.prediction.mhe_flights import ATTITUDE_ROW, NAIVE_ROW, PUBLISHED_ROW, RATES_ROW
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
 from np_drake.logs.neurobem import TESTS, TRAINING
 

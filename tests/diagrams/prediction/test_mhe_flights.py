@@ -5,7 +5,7 @@ import shutil
 import numpy as np
 import pytest
 
-from diagrams import mhe_flights as dut
+from diagrams.prediction import mhe_flights as dut
 from np_drake.estimation.mhe_config import MheConfig
 from np_drake.estimation.wrench_table import COLUMNS
 from np_drake.logs.errors import LogError

@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from diagrams.array_flights import Flight
-from diagrams.estimation import NAIVE, OURS, forecasts
+from diagrams.prediction.array_flights import Flight
+from diagrams.prediction.estimation import NAIVE, OURS, forecasts
 from np_drake.lifting.lifted_model import LiftedModel
 from np_drake.lifting.response import aggressive, lag
 from np_drake.lifting.skill import naive_predictions

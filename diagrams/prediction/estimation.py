@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from diagrams.array_flights import Flight
+from diagrams.prediction.array_flights import Flight
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
 from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
 from np_drake.lifting.skill import naive_predictions

@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import pytest
 
-from diagrams import array_flights, theorem
+from diagrams.prediction import array_flights, theorem
 from np_drake.lifting.training import make_config, train
 
 

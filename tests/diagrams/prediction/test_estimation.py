@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from diagrams import array_flights, estimation
-from diagrams.estimation_figures import FAR, window, window_figure
+from diagrams.prediction import array_flights, estimation
+from diagrams.prediction.estimation_figures import FAR, window, window_figure
 from diagrams.predictor_bench import made_flight
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
 from np_drake.figure_file import png

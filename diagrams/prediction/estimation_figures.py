@@ -5,8 +5,8 @@ import dataclasses as dc
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagrams.array_flights import Flight
-from diagrams.estimation import forecasts
+from diagrams.prediction.array_flights import Flight
+from diagrams.prediction.estimation import forecasts
 from np_drake.figure_file import DASHES, PALETTE, new_figure
 from np_drake.lifting.lifted_model import LiftedModel
 

@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from diagrams.array_flights import Flight
 from diagrams.batch.processes import in_order
+from diagrams.prediction.array_flights import Flight
 from np_drake.lifting.bound_check import BoundCheck, check_flight
 from np_drake.lifting.encoders import Phi
 from np_drake.lifting.error_bound import largest_changes

@@ -2,8 +2,8 @@
 
 import pytest
 
-from diagrams import response as dut
-from diagrams.array_flights import Flight
+from diagrams.prediction import response as dut
+from diagrams.prediction.array_flights import Flight
 from diagrams.predictor_bench import made_flight
 from np_drake.lifting.training import make_config, train
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from diagrams.array_flights import Flight
+from diagrams.prediction.array_flights import Flight
 from np_drake.figure_file import DASHES, PALETTE, new_figure
 from np_drake.lifting.lifted_model import DEFAULT, PAPER
 from np_drake.lifting.segments import Segment

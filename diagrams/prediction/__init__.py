@@ -1,0 +1,1 @@
+"""Experiments on prediction accuracy and estimation."""
