@@ -10,7 +10,7 @@ from diagrams.batch.processes import in_order
 from diagrams.loop.events import attach, push, release
 from diagrams.loop.flight import Event, FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
-from diagrams.tracking import Row, configure
+from diagrams.tracking.tracking import Row, configure
 from np_drake import attitude
 from np_drake.labels import FORCE
 from np_drake.lifting.lifted_model import LiftedModel

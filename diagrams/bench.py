@@ -12,7 +12,7 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, initialise, make_flight_diagram
 from diagrams.loop.flight_result import fly
 from diagrams.prediction.learning import train_predictor
-from diagrams.tracking import training_flight
+from diagrams.tracking.tracking import training_flight
 from np_drake.mpc.problem import MpcProblem, MpcSolution, MpcSolver
 from np_drake.residual_models.base import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor

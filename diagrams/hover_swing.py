@@ -11,7 +11,7 @@ from diagrams.batch.processes import in_order
 from diagrams.loop.events import push
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
-from diagrams.tracking import Row, configure, train_models
+from diagrams.tracking.tracking import Row, configure, train_models
 from np_drake import metrics, swing_metrics
 from np_drake.residual_models.motion_model import GP, KNODE
 

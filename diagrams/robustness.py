@@ -15,8 +15,8 @@ import numpy as np
 
 from diagrams.batch.campaign import Case, Record, run_campaign
 from diagrams.loop.flight import FlightConfig, LostVehicle, simulate
-from diagrams.tracking import ROWS as TRACKING_ROWS
-from diagrams.tracking import Row, configure, frozen_weights, train_models
+from diagrams.tracking.tracking import ROWS as TRACKING_ROWS
+from diagrams.tracking.tracking import Row, configure, frozen_weights, train_models
 from np_drake import attitude, metrics
 from np_drake.mpc.problem import MpcStatus
 from np_drake.rigid_body import Q

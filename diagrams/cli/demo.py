@@ -11,7 +11,7 @@ from diagrams.cli.output import make_folder, print_table, progress, say, write_m
 from np_drake.atomic_file import require_writable
 
 if TYPE_CHECKING:
-    from diagrams.demo import Demo
+    from diagrams.tracking.demo import Demo
 
 
 def demo(
@@ -31,7 +31,7 @@ def demo(
     require_solver(solver)
     make_folder(out)
     from diagrams.cli.fly import as_config, print_flights, write_flight
-    from diagrams.demo import run_demo
+    from diagrams.tracking.demo import run_demo
 
     start = time.perf_counter()
     with progress("demo", 1.0) as advance:
@@ -54,7 +54,7 @@ def demo(
 
 
 def _print_reduction(result: "Demo") -> None:
-    from diagrams.tracking import PAPER
+    from diagrams.tracking.tracking import PAPER
 
     rows = []
     for track, cut in result.reduction().items():
@@ -65,8 +65,7 @@ def _print_reduction(result: "Demo") -> None:
 
 
 def _write_comparison(result: "Demo", out: Path) -> None:
-    from diagrams import figures
-    from diagrams.tracking import TRACKS
+    from diagrams.tracking.tracking import TRACKS, figures
     from np_drake.figure_file import save
 
     for track in TRACKS:

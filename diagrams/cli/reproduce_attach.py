@@ -26,7 +26,7 @@ def attach(
     from diagrams import attach as experiment
     from diagrams import payload_figures
     from diagrams.hover_swing import TRAINING
-    from diagrams.tracking import Row, train_models
+    from diagrams.tracking.tracking import Row, train_models
     from np_drake.figure_file import save
 
     row = Row("np", "np", training=TRAINING, configuration="default")

@@ -110,7 +110,7 @@ def timing(
     """What a period costs. As ratios to a reference calculation in the same run."""
     require_files(json, markdown)
     from diagrams import timing as experiment
-    from diagrams.tracking import train_models
+    from diagrams.tracking.tracking import train_models
 
     rows = choose_rows(experiment.ROWS, only)
     with tempfile.TemporaryDirectory() as scratch, progress("timing", 1.0) as advance:

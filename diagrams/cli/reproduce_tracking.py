@@ -13,7 +13,7 @@ from diagrams.cli.reproduce_configurations import choose_rows
 if TYPE_CHECKING:
     import numpy as np
 
-    from diagrams.tracking import Row
+    from diagrams.tracking.tracking import Row
 
 FOUR = {"nominal": "", "gp": "gp", "knode": "knode", "np": "default"}  # the paper's: kind, configuration
 
@@ -33,7 +33,7 @@ def tracking(
 ) -> None:
     """Every controller on circle and lemniscate. --out DIR: models and figure."""
     require_files(json, markdown)
-    from diagrams import tracking as experiment
+    from diagrams.tracking.tracking import tracking as experiment
 
     rows = _rows(only or [], training)
     evaluation = options.evaluation_seeds(seed, seeds)
@@ -72,7 +72,7 @@ def tracking(
 
 def _rows(only: list[str], training: str) -> "tuple[Row, ...]":
     """The rows that fly.   Raises: ValueError: on an unknown row or training circle."""
-    from diagrams.tracking import PROTOCOLS, ROWS
+    from diagrams.tracking.tracking import PROTOCOLS, ROWS
 
     if training not in PROTOCOLS:
         raise ValueError(f"--training: must be {' | '.join(PROTOCOLS)}; got {training!r}.")
@@ -89,8 +89,8 @@ def _notes(
     rows: "tuple[Row, ...]", *, evaluation: list[int], seed: int, solver: str, protocol: str
 ) -> tuple[list[str], dict]:
     """What stands under the table, and the configuration of the metrics file."""
-    from diagrams import tracking
     from diagrams.loop.experiments import load_experiment
+    from diagrams.tracking.tracking import tracking
     from np_drake.lifting.training import make_config
     from np_drake.residual_models import motion_training
 
@@ -112,7 +112,7 @@ def _notes(
 
 def _draw(laps: dict, rows: "tuple[Row, ...]", out: Path, *, seed: int) -> None:
     """The plane tracks of the paper's four: of two trainings, the last in the table."""
-    from diagrams.tracking_figure import plane_tracks
+    from diagrams.tracking.tracking_figure import plane_tracks
     from np_drake.figure_file import save
 
     shown = {
@@ -127,7 +127,7 @@ def _draw(laps: dict, rows: "tuple[Row, ...]", out: Path, *, seed: int) -> None:
 
 def printed(lines: list[dict], title: str) -> Table:
     """Title, header and rows of the lines that `tracking.table` gives; errors in cm."""
-    from diagrams.tracking import ROWS
+    from diagrams.tracking.tracking import ROWS
 
     published = {row.name: row.published for row in ROWS}
 

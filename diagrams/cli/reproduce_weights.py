@@ -28,7 +28,7 @@ def weights(
 ) -> None:
     """How the MPC's weights were chosen. On the vehicle without payload."""
     require_files(json, markdown)
-    from diagrams.tuning import EFFORT, LAG, weight_table
+    from diagrams.tracking.tuning import EFFORT, LAG, weight_table
 
     with progress("weights", 1.0) as advance:
         lines = weight_table(seed=seed, jobs=jobs, on_progress=counted(advance))

@@ -6,7 +6,7 @@ import pytest
 from diagrams.loop.controllers import DEFAULT_MODEL
 from diagrams.loop.flight_result import fly
 from diagrams.prediction.learning import train_predictor
-from diagrams.tracking import Row, configure, training_flight
+from diagrams.tracking.tracking import Row, configure, training_flight
 from np_drake.labels import smooth_labels
 from np_drake.lifting.model_file import load_model
 from np_drake.lifting.skill import skill_table

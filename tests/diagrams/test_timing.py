@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from diagrams import timing, tracking
+from diagrams import timing
 from diagrams.loop.experiments import load_experiment
+from diagrams.tracking.tracking import tracking
 
 ROWS = {row.name: row for row in timing.ROWS}
 

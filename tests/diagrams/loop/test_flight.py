@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.circle import make_circle_diagram
-from diagrams.hover import make_hover_diagram
-from diagrams.lemniscate import make_lemniscate_diagram
 from diagrams.loop import flight
 from diagrams.loop.experiments import EXPERIMENTS, load_experiment
 from diagrams.loop.flight import RealityConfig, load_flight
 from diagrams.loop.flight_result import fly
+from diagrams.tracking.circle import make_circle_diagram
+from diagrams.tracking.hover import make_hover_diagram
+from diagrams.tracking.lemniscate import make_lemniscate_diagram
 from np_drake import rigid_body
 from np_drake.labels import labels
 from np_drake.vehicle import MeasurementNoise

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diagrams.tracking import Row
+from diagrams.tracking.tracking import Row
 from np_drake.lifting.training import CONFIGURATIONS
 
 TRAINING = "training_circle"

@@ -1,9 +1,9 @@
 import pytest
 
-from diagrams import figures
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
 from diagrams.loop.replay_page import write_replay
+from diagrams.tracking.tracking import figures
 from np_drake.figure_file import save
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagrams.tracking import TRACKS
+from diagrams.tracking.tracking import TRACKS
 from np_drake.figure_file import DASHES, PALETTE, new_figure
 
 

@@ -3,11 +3,11 @@ import json
 import numpy as np
 import pytest
 
-from diagrams import demo, tracking
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli.main import run
 from diagrams.cli.reproduce_tracking import printed
 from diagrams.loop.experiments import load_experiment
+from diagrams.tracking.tracking import demo, tracking
 
 
 @pytest.fixture

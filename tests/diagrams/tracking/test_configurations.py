@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from diagrams import configurations, tracking
 from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
+from diagrams.tracking.tracking import configurations, tracking
 from np_drake.lifting.model_file import save_model
 from np_drake.lifting.origin import with_origin
 from np_drake.lifting.segments import Segment

@@ -1,0 +1,1 @@
+"""Circle and lemniscate with every controller."""
