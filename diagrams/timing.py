@@ -9,11 +9,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from diagrams.hover_swing import ROWS as HOVER_ROWS
-from diagrams.hover_swing import HoverRow, configure_row
 from diagrams.loop.controllers import LEARNED, labelled, make_residual_model
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
+from diagrams.payload.hover_swing import ROWS as HOVER_ROWS
+from diagrams.payload.hover_swing import HoverRow, configure_row
 from np_drake.labels import LabelFilter
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcStatus

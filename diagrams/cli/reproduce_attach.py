@@ -23,9 +23,9 @@ def attach(
 ) -> None:
     """The payload changes in flight: attached, cut off, taut. --out DIR: model, and the responses as a figure."""
     require_files(json, markdown)
-    from diagrams import attach as experiment
-    from diagrams import payload_figures
-    from diagrams.hover_swing import TRAINING
+    from diagrams.payload import attach as experiment
+    from diagrams.payload import figures
+    from diagrams.payload.hover_swing import TRAINING
     from diagrams.tracking.tracking import Row, train_models
     from np_drake.figure_file import save
 
@@ -44,7 +44,7 @@ def attach(
         lines = experiment.attach_table(runs, config)
         said = _attach_notes(lines, config)  # reads the model file, which is gone with a scratch folder
     if out is not None:
-        figure = payload_figures.event_responses(runs, config, f"seeds from {evaluation[0]}")
+        figure = figures.event_responses(runs, config, f"seeds from {evaluation[0]}")
         save(figure, out / "attach_responses.png")
         say(f"figure: {out / 'attach_responses.png'}")
     controller = dc.asdict(config.controller) | {"predictor": f"trained on {TRAINING}, seed {seed}"}
@@ -61,8 +61,8 @@ def _attach_notes(lines: list[dict], config: "FlightConfig") -> list[str]:
     """What is behind the figures: thrust scale, filter, paper, and the snap, which leaves no step."""
     import numpy as np
 
-    from diagrams.attach import ADDED, PAPER, TOSS, encoder_step, label_deviation
     from diagrams.loop.controllers import DEFAULT_MODEL
+    from diagrams.payload.attach import ADDED, PAPER, TOSS, encoder_step, label_deviation
     from np_drake.lifting.model_file import load_model
 
     step = encoder_step(load_model(config.controller.predictor or DEFAULT_MODEL))

@@ -23,7 +23,8 @@ def hover(
 ) -> None:
     """Hover while the payload swings. --out DIR: models, and the payload's distance as a figure."""
     require_files(json, markdown)
-    from diagrams import hover_swing, payload_figures
+    from diagrams.payload import figures as payload_figures
+    from diagrams.payload import hover_swing
     from np_drake.figure_file import save
 
     rows = choose_rows(hover_swing.ROWS, only)
@@ -61,7 +62,7 @@ def hover(
 
 def hover_printed(lines: list[dict], title: str) -> Table:
     """Title, header and rows of the lines that `hover_table` gives; errors in cm."""
-    from diagrams.hover_swing import EARLY, PAPER
+    from diagrams.payload.hover_swing import EARLY, PAPER
 
     def cell(line: dict, key: str, factor: float, digits: int) -> str:
         value, spread = factor * line[key], factor * line[f"{key}_ci95"]

@@ -7,7 +7,7 @@ from diagrams.cli.output import counted, progress, require_files, say, show, wri
 def pendulum(seed: options.Seed = 1000, json: options.Json = None, markdown: options.Markdown = None) -> None:
     """The tether's length from the payload's mode. For circles with and without dither."""
     require_files(json, markdown)
-    from diagrams.pendulum import EXPERIMENTS, LENGTHS, pendulum_table
+    from diagrams.payload.pendulum import EXPERIMENTS, LENGTHS, pendulum_table
 
     with progress("flights", 1.0) as advance:
         lines = pendulum_table(seed=seed, on_progress=counted(advance))

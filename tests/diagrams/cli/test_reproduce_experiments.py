@@ -6,10 +6,11 @@ import shutil
 import numpy as np
 import pytest
 
-from diagrams import attach, hover_swing, timing
+from diagrams import timing
 from diagrams.cli.main import run
 from diagrams.cli.reproduce_experiments import hover_printed, timing_printed
 from diagrams.loop.controllers import DEFAULT_MODEL
+from diagrams.payload import attach, hover_swing
 from diagrams.tracking.tracking import tracking
 
 

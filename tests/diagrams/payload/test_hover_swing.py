@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from diagrams import hover_swing
 from diagrams.batch.failed_run import FailedRun
 from diagrams.loop.events import push
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
-from diagrams.payload_figures import payload_distance
+from diagrams.payload import hover_swing
+from diagrams.payload.figures import payload_distance
 
 
 def made_run(row, seed, error, rate, settling=5.0):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagrams.pendulum import fly_and_read
+from diagrams.payload.pendulum import fly_and_read
 
 
 @pytest.mark.parametrize("length", [0.5, 1.2])

@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from diagrams.attach import AFTER, expected_step
 from diagrams.loop.flight import FlightConfig
+from diagrams.payload.attach import AFTER, expected_step
 from np_drake.figure_file import DASHES, PALETTE, new_figure
 from np_drake.swing_metrics import SETTLED
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from diagrams import attach
 from diagrams.loop.controllers import DEFAULT_MODEL
-from diagrams.payload_figures import event_responses
+from diagrams.payload import attach
+from diagrams.payload.figures import event_responses
 from np_drake.lifting.encoders import DelayEncoder
 from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.lifted_model import DEFAULT, LiftedModel

@@ -1,0 +1,1 @@
+"""Experiments with a swinging or changing payload."""
