@@ -22,7 +22,7 @@ from diagrams.cli.reproduce_configurations import choose_rows
 
 if TYPE_CHECKING:
     from diagrams.batch.campaign import Record
-    from diagrams.robustness import Axis
+    from diagrams.robustness.robustness import Axis
 
 CASES = "cases"  # folder in --out with a file for every case
 
@@ -57,8 +57,8 @@ def robustness(
     if scheduler:
         with client(scheduler):
             pass  # refused before any work
-    from diagrams import robustness as experiment
-    from diagrams.robustness_table import robustness_table
+    from diagrams.robustness.robustness import robustness as experiment
+    from diagrams.robustness.table import robustness_table
     from np_drake.mpc.solvers import require_solver
 
     rows = choose_rows(experiment.ROWS, only)
@@ -99,7 +99,7 @@ def _title(seeds: int, seed: int, solver: str, duration: float) -> str:
 
 def _axes(names: list[str]) -> "list[Axis]":
     """The axes of these names, all where there are none.   Raises: ValueError: on an unknown one."""
-    from diagrams.robustness import AXES
+    from diagrams.robustness.robustness import AXES
 
     known = [axis.name for axis in AXES]
     if unknown := set(names) - set(known):
@@ -108,7 +108,7 @@ def _axes(names: list[str]) -> "list[Axis]":
 
 
 def _draw(lines: list[dict], out: Path, title: str) -> None:
-    from diagrams.robustness_figure import robustness_figure
+    from diagrams.robustness.figure import robustness_figure
     from np_drake.figure_file import save
 
     save(robustness_figure(lines, title), out / "robustness.png")
@@ -117,7 +117,7 @@ def _draw(lines: list[dict], out: Path, title: str) -> None:
 
 def _notes(trainings: "list[Record]", flights: "list[Record]", lines: list[dict]) -> list[str]:
     """What stands under the tables: lost flights, the rotors' room, spread over seeds, cost."""
-    from diagrams.robustness_table import axes_of, extremes, lost_lines
+    from diagrams.robustness.table import axes_of, extremes, lost_lines
 
     lost = lost_lines(flights)
     failed = [f"training of {r['case']['model']}: {r['error']}" for r in trainings if "error" in r]
@@ -145,7 +145,7 @@ def _notes(trainings: "list[Record]", flights: "list[Record]", lines: list[dict]
 
 def limits_printed(lines: list[dict], title: str) -> Table:
     """Title, header and rows: where each controller is better than nominal, and where it is lost."""
-    from diagrams.robustness_table import axes_of
+    from diagrams.robustness.table import axes_of
 
     header = ["axis", "controller", "E_xy better", "E_z better", "lost at", "growth", "failed", "at limit"]
     rows: list[tuple] = []
@@ -167,7 +167,7 @@ def limits_printed(lines: list[dict], title: str) -> Table:
 
 def _intervals(line: dict, key: str, values: tuple[float, ...]) -> str:
     """`all`, `nowhere` or the intervals where the controller is better than nominal."""
-    from diagrams.robustness_table import NOMINAL
+    from diagrams.robustness.table import NOMINAL
 
     if line["row"] == NOMINAL:
         return "–"
@@ -182,7 +182,7 @@ def _intervals(line: dict, key: str, values: tuple[float, ...]) -> str:
 
 def errors_printed(lines: list[dict], title: str) -> Table:
     """Title, header and rows: a block an axis, whose first row has the values; errors in cm."""
-    from diagrams.robustness_table import axes_of
+    from diagrams.robustness.table import axes_of
 
     columns = max(len(axis.values) for axis in axes_of(lines))
     rows: list[tuple] = []

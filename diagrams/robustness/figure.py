@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from diagrams.robustness_table import ERRORS, NOMINAL, axes_of
+from diagrams.robustness.table import ERRORS, NOMINAL, axes_of
 from np_drake.figure_file import DASHES, PALETTE, new_figure
 
 MARKERS = ("o", "s", "^", "v", "D", "P", "X")

@@ -5,12 +5,20 @@ import json
 import numpy as np
 import pytest
 
-from diagrams import robustness
 from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import RealityConfig
-from diagrams.robustness import AXES, BASE, ROWS, Flying, flight_cases, flight_config, measures
-from diagrams.robustness_table import better_than, lost_lines, robustness_table
+from diagrams.robustness.robustness import (
+    AXES,
+    BASE,
+    ROWS,
+    Flying,
+    flight_cases,
+    flight_config,
+    measures,
+    robustness,
+)
+from diagrams.robustness.table import better_than, lost_lines, robustness_table
 from diagrams.tracking.tracking import tracking
 from np_drake.effects.base import Motion
 from np_drake.effects.combine import total_wrench

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagrams.batch.campaign import Record
-from diagrams.robustness import AXES, BASE, ROWS, Axis
+from diagrams.robustness.robustness import AXES, BASE, ROWS, Axis
 
 NOMINAL = "nominal"
 ERRORS = ("E_xy", "E_z")

@@ -1,0 +1,1 @@
+"""Sweeps over payload, tether, speed, wind, noise and motor lag."""
