@@ -11,7 +11,7 @@ from diagrams.cli.output import make_folder, print_table, progress, require_fold
 from np_drake.atomic_file import require_writable
 
 if TYPE_CHECKING:
-    from diagrams.cooperative_config import CooperativeConfig
+    from diagrams.cooperative.config import CooperativeConfig
     from diagrams.loop.flight import FlightConfig
     from diagrams.loop.flight_result import FlightResult
 

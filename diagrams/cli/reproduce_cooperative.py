@@ -18,7 +18,7 @@ from diagrams.cli.output import (
 )
 
 if TYPE_CHECKING:
-    from diagrams.cooperative_result import CooperativeResult
+    from diagrams.cooperative.result import CooperativeResult
 
 FLEETS = (2, 3, 4)
 PHASES = ("hover", "transport")
@@ -42,8 +42,8 @@ def cooperative(
     if out is not None:
         require_folder(out)
     from diagrams.cli.fly import as_config
-    from diagrams.cooperative_result import ROWS, configure, run_cooperative
-    from diagrams.cooperative_table import cooperative_table as cooperative_lines
+    from diagrams.cooperative.result import ROWS, configure, run_cooperative
+    from diagrams.cooperative.table import cooperative_table as cooperative_lines
 
     if unknown := set(only or ()) - set(ROWS):
         names = ", ".join(sorted(unknown))
@@ -117,8 +117,8 @@ def costs(lines: list[dict]) -> list[str]:
 
 def _write(flights: "list[CooperativeResult]", folder: Path) -> None:
     """Paths and replay page of every flight, named by fleet and controller."""
-    from diagrams.cooperative_figures import paths
-    from diagrams.cooperative_replay import write_cooperative_replay
+    from diagrams.cooperative.figures import paths
+    from diagrams.cooperative.replay_page import write_cooperative_replay
     from np_drake.figure_file import save
 
     for flight in flights:

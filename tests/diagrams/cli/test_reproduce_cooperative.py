@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from diagrams import cooperative_result
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli.main import run
-from diagrams.cooperative_config import load_cooperative
+from diagrams.cooperative.config import load_cooperative
+from diagrams.cooperative.diagram import result
 
 
 @pytest.fixture
@@ -17,7 +17,7 @@ def brief(monkeypatch):
         config.settle, config.hover, config.transport, config.rest, config.distance = 0.1, 0.1, 0.1, 0.1, 0.01
         return config
 
-    monkeypatch.setattr(cooperative_result, "load_cooperative", scenario)
+    monkeypatch.setattr(result, "load_cooperative", scenario)
 
 
 def test_a_fleet_named_twice_has_its_rows_once(brief, tmp_path, capsys):
@@ -37,25 +37,25 @@ def test_a_fleet_named_twice_has_its_rows_once(brief, tmp_path, capsys):
     assert run([*command, "--json", str(out), "--markdown", str(page), "--out", str(folder)]) == 0
     content, captured = json.loads(out.read_text()), capsys.readouterr().out
     lines = [(line["vehicles"], line["row"]) for line in content["table"]]
-    assert lines == [(2, row) for row in cooperative_result.ROWS]
+    assert lines == [(2, row) for row in result.ROWS]
     assert content["seed"] == 5
     assert content["config"]["vehicles"] == [2]
     assert "1 flights a row, seeds 5 … 5, sqp" in captured
     assert "2 vehicles, np, one frozen: " in captured
     assert page.read_text().count("| 2 | np, one at zero |") == 2
     for kind in ("*_paths.png", "*_replay.html"):
-        assert len(list(folder.glob(kind))) == len(cooperative_result.ROWS)
+        assert len(list(folder.glob(kind))) == len(result.ROWS)
 
 
 def test_a_lost_fleet_keeps_its_line_and_loses_no_other(brief, monkeypatch, tmp_path, capsys):
-    real = cooperative_result.simulate
+    real = result.simulate
 
     def collide(config, **options):
         if config.fault == "zero":
             raise FailedRun("two vehicles came within 0.10 m of each other.")
         return real(config, **options)
 
-    monkeypatch.setattr(cooperative_result, "simulate", collide)
+    monkeypatch.setattr(result, "simulate", collide)
     page = tmp_path / "table.md"
     rows = ["--only", "np, one at zero", "--only", "np, one frozen"]
     assert (

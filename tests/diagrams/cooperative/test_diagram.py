@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.cooperative import center_of_formation, make_cooperative_diagram, simulate
-from diagrams.cooperative_config import load_cooperative
-from diagrams.cooperative_result import CooperativeResult, fly_cooperative
+from diagrams.cooperative.config import load_cooperative
+from diagrams.cooperative.diagram import center_of_formation, make_cooperative_diagram, simulate
+from diagrams.cooperative.result import CooperativeResult, fly_cooperative
 from diagrams.loop.experiments import load_experiment
 from systems.payload_config import PayloadConfig
 
@@ -97,7 +97,7 @@ def test_half_the_step_flies_the_same_flight():
 
 def test_vehicles_that_meet_are_a_failed_run(monkeypatch):
     config = short("nominal", settle=0.1, hover=0.1, transport=0.1)
-    monkeypatch.setattr("diagrams.cooperative.closest_approach", lambda p: 0.1)
+    monkeypatch.setattr("diagrams.cooperative.diagram.closest_approach", lambda p: 0.1)
     with pytest.raises(FailedRun, match=r"within 0\.10 m"):
         simulate(config, seed=0)
 

@@ -8,7 +8,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.cooperative_config import CooperativeConfig
+from diagrams.cooperative.config import CooperativeConfig
 from diagrams.loop.controllers import add_controller, make_residual_model
 from diagrams.loop.flight import ARENA
 from np_drake.effects.sensor_noise import SensorNoise

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagrams.cooperative_table import cooperative_table
+from diagrams.cooperative.table import cooperative_table
 
 ERRORS = ("position_rmse", "E_xy", "E_z", "excursion", "first_rmse", "payload_rmse", "payload_excursion")
 

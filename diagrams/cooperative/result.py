@@ -7,8 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.cooperative import center_of_formation, simulate
-from diagrams.cooperative_config import CooperativeConfig, load_cooperative
+from diagrams.cooperative.config import CooperativeConfig, load_cooperative
+from diagrams.cooperative.diagram import center_of_formation, simulate
 from np_drake import metrics
 from np_drake.mpc.problem import MpcStatus
 from np_drake.references.formation import closest_approach

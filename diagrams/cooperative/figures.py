@@ -2,7 +2,7 @@
 
 from matplotlib.figure import Figure
 
-from diagrams.cooperative_result import CooperativeResult
+from diagrams.cooperative.result import CooperativeResult
 from np_drake.figure_file import DASHES, PALETTE, new_figure
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagrams.cooperative_result import PHASES
+from diagrams.cooperative.result import PHASES
 from np_drake.swing_metrics import half_width
 
 

@@ -1,0 +1,1 @@
+"""Several vehicles on one payload."""
