@@ -17,7 +17,7 @@ from diagrams.challenge.case import CaseDraw, opaque
 from diagrams.challenge.form import Form, misfit, record, table_of
 from diagrams.challenge.make import make_case
 from diagrams.challenge.solve import diagnose_folder
-from diagrams.real_flights import agile_flights
+from diagrams.gap.real_flights import agile_flights
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.library import LIBRARY
 from np_drake.logs.neurobem import published_vehicle

@@ -111,7 +111,7 @@ def diagnose_folder(folder: Path, replay: bool) -> dict[str, Any]:
     vehicle, train, held_out = open_case(folder)
     simulator = None
     if replay:
-        from diagrams.gap_replay import DrakeReplay
+        from diagrams.gap.drake_replay import DrakeReplay
 
         simulator = DrakeReplay(vehicle)
     _keep_what_is_loaded()

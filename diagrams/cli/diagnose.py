@@ -151,7 +151,7 @@ def run(
     rig: bool | None = None,
 ) -> "Diagnosis":
     """The five steps behind a progress bar.   rig: logs of one, or of a laboratory; None: as they look."""
-    from diagrams.gap_replay import DrakeReplay
+    from diagrams.gap.drake_replay import DrakeReplay
     from np_drake.diagnosis.diagnose import diagnose as five_steps
     from np_drake.diagnosis.diagnose import require_flights
     from np_drake.diagnosis.rig import LABORATORY, Tolerance

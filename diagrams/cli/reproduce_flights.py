@@ -79,7 +79,7 @@ def gap(
 ) -> None:
     """The diagnosis on agile real flights. Each is held out in turn."""
     require_files(json, markdown)
-    from diagrams import real_flights
+    from diagrams.gap import real_flights
 
     flights = real_flights.agile_flights(required("gap", neurobem))
     with progress("real flights", 1.0) as advance:

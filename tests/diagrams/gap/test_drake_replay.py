@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
-from diagrams.gap_replay import DrakeReplay
+from diagrams.gap.drake_replay import DrakeReplay
 from np_drake import attitude
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay

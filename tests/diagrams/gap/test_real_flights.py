@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagrams.real_flights import GROUPS, agile_flights, fold, rows
+from diagrams.gap.real_flights import GROUPS, agile_flights, fold, rows
 from np_drake.logs.neurobem import published_vehicle
 
 

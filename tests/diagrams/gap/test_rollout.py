@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from diagrams import rollout
-from diagrams.rollout import Commands, Rollout, Swing
+from diagrams.gap import rollout
+from diagrams.gap.rollout import Commands, Rollout, Swing
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from diagrams.rollout import Commands, Rollout, Swing
+from diagrams.gap.rollout import Commands, Rollout, Swing
 from np_drake.diagnosis.answer import HORIZONS, ReplayGap
 from np_drake.diagnosis.how_far import LEAD
 from np_drake.diagnosis.payload_track import Track, payload_track

@@ -1,0 +1,1 @@
+"""The sim-to-real gap in Drake: replay of logs, and the published real flights."""
