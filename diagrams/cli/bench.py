@@ -39,7 +39,7 @@ def bench(
     require_files(json, markdown)
     if os.environ.get("OMP_NUM_THREADS") != "1":
         say("OMP_NUM_THREADS is not 1: small matrices run two to three times slower on several threads.")
-    from diagrams import bench as measure
+    from diagrams.performance import bench as measure
 
     if predictor:
         lines, table = _against_the_pseudo_inverse(seed)
@@ -130,7 +130,7 @@ def _solver_table(reports: "dict[str, list[SolverReport]]") -> tuple[str, list[s
 
 def _against_the_pseudo_inverse(seed: int) -> tuple[list[dict], tuple[str, list[str], list[tuple]]]:
     """Lines of `--json`, and the table."""
-    from diagrams.predictor_bench import predictor_timings
+    from diagrams.performance.predictor_bench import predictor_timings
 
     with progress("predictors", 1.0):
         timings = predictor_timings(seed)

@@ -110,7 +110,7 @@ def timing(
 ) -> None:
     """What a period costs. As ratios to a reference calculation in the same run."""
     require_files(json, markdown)
-    from diagrams import timing as experiment
+    from diagrams.performance import timing as experiment
     from diagrams.tracking.tracking import train_models
 
     rows = choose_rows(experiment.ROWS, only)
@@ -147,7 +147,7 @@ def timing(
 
 def timing_printed(lines: list[dict], title: str) -> Table:
     """Title, header and rows of the lines that `timing_table` gives."""
-    from diagrams.timing import RATES
+    from diagrams.performance.timing import RATES
 
     def pair(line: dict, key: str, factor: float, digits: int) -> str:
         return f"{factor * line[key]:.{digits}f} / {factor * line[f'{key}_p95']:.{digits}f}"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from diagrams.cli.main import run
+from diagrams.performance.predictor_bench import made_flight
 from diagrams.prediction.estimation import METHODS
-from diagrams.predictor_bench import made_flight
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
 from np_drake.logs.neurobem import TESTS, TRAINING
 

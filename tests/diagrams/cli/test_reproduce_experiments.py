@@ -6,11 +6,11 @@ import shutil
 import numpy as np
 import pytest
 
-from diagrams import timing
 from diagrams.cli.main import run
 from diagrams.cli.reproduce_experiments import hover_printed, timing_printed
 from diagrams.loop.controllers import DEFAULT_MODEL
 from diagrams.payload import attach, hover_swing
+from diagrams.performance import timing
 from diagrams.tracking.tracking import tracking
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from diagrams.performance.predictor_bench import made_flight
 from diagrams.prediction import array_flights, estimation
 from diagrams.prediction.estimation_figures import FAR, window, window_figure
-from diagrams.predictor_bench import made_flight
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
 from np_drake.figure_file import png
 from np_drake.lifting.training import make_config, train

@@ -2,9 +2,9 @@
 
 import pytest
 
+from diagrams.performance.predictor_bench import made_flight
 from diagrams.prediction import response as dut
 from diagrams.prediction.array_flights import Flight
-from diagrams.predictor_bench import made_flight
 from np_drake.lifting.training import make_config, train
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from diagrams.performance.predictor_bench import made_flight
 from diagrams.prediction import sample_efficiency as dut
 from diagrams.prediction.array_flights import Flight
-from diagrams.predictor_bench import made_flight
 from np_drake.figure_file import png
 from np_drake.lifting.training import make_config
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from diagrams import timing
 from diagrams.loop.experiments import load_experiment
+from diagrams.performance import timing
 from diagrams.tracking.tracking import tracking
 
 ROWS = {row.name: row for row in timing.ROWS}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagrams import predictor_bench as dut
+from diagrams.performance import predictor_bench as dut
 
 
 @pytest.fixture(scope="module")

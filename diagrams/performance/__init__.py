@@ -1,0 +1,1 @@
+"""Run time of solvers, predictor, simulator and training."""
