@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagrams.challenge.foreign import draw_foreign
-from diagrams.challenge.plan import Plan
 from diagrams.challenge.plans import draw_plans
 from diagrams.challenge.quality import Quality, draw_quality
+from diagrams.challenge.simulators.flight_plan import Plan
 from diagrams.challenge.strengths import draw_effect
 from diagrams.challenge.vehicles import draw_vehicle
 from np_drake.effects.base import Effect

@@ -6,7 +6,7 @@ import numpy as np
 
 from diagrams.challenge.drake_loop import DrakeLoop
 from diagrams.challenge.drake_signals import joined
-from diagrams.challenge.plan import Plan
+from diagrams.challenge.simulators.flight_plan import Plan
 from np_drake.effects.base import Effect, Measurement, SensorEffect
 from np_drake.logs.clock import shift_state
 from np_drake.logs.flight_log import FlightLog

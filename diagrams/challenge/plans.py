@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from diagrams.challenge.plan import Heading, Plan, within_limits
+from diagrams.challenge.simulators.flight_plan import Heading, Plan, within_limits
 from np_drake.references.base import Hover, Reference, Sum
 from np_drake.references.harmonic import circle, lemniscate
 from np_drake.references.multisine import Multisine

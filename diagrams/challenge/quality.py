@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from diagrams.challenge.coloured_noise import flicker, gauss_markov
+from diagrams.challenge.simulators.coloured_noise import flicker, gauss_markov
 from np_drake import attitude
 from np_drake.effects.base import Effect
 from np_drake.effects.mass_error import MassError

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.plan import Plan
 from diagrams.challenge.rotorpy_flight import Flight
 from diagrams.challenge.rotorpy_foreign import FOREIGN_LAWS, HIDDEN
 from diagrams.challenge.rotorpy_fresh import FRESH_HIDDEN, FRESH_LAWS
@@ -19,6 +18,7 @@ from diagrams.challenge.rotorpy_newest import NEWEST_HIDDEN, NEWEST_LAWS
 from diagrams.challenge.rotorpy_readings import ERRORS, misread
 from diagrams.challenge.rotorpy_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
 from diagrams.challenge.rotorpy_vehicle import RealMultirotor
+from diagrams.challenge.simulators.flight_plan import Plan
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 

@@ -1,0 +1,1 @@
+"""Simulators that fly challenge cases."""
