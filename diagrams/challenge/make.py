@@ -27,7 +27,7 @@ QUALITIES = ("clean", "real")
 
 def simulators() -> dict[str, Callable]:
     """Simulators by name: fly(vehicle, plan, effects, *, t, onset, background) -> the exact FlightLog."""
-    from diagrams.challenge.drake_simulator import fly
+    from diagrams.challenge.simulators.drake.simulator import fly
 
     return {"drake": fly, "rotorpy": rotorpy_extra.fly}
 

@@ -4,8 +4,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagrams.challenge import drake_simulator
 from diagrams.challenge.plans import draw_plan
+from diagrams.challenge.simulators.drake import simulator
 from diagrams.challenge.vehicles import VEHICLES
 
 SECONDS = 2.5
@@ -15,7 +15,7 @@ SECONDS = 2.5
 def short_warm_up():
     """The laws hold from any start; a settled one only takes longer."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(drake_simulator, "WARM_UP", 0.5)
+        patch.setattr(simulator, "WARM_UP", 0.5)
         yield
 
 

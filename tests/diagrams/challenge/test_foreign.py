@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from diagrams.challenge.composition import compose
-from diagrams.challenge.drake_simulator import fly
 from diagrams.challenge.foreign import FOREIGN, SEEN, UNSEEN, draw_foreign
 from diagrams.challenge.foreign_further import RotorSaturation, SlidingLoad
+from diagrams.challenge.simulators.drake.simulator import fly
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.library import LIBRARY
 from np_drake.labels import raw_labels

@@ -9,13 +9,14 @@ import pytest
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge import drake_simulator, rotorpy_simulator
+from diagrams.challenge import rotorpy_simulator
 from diagrams.challenge.foreign import FOREIGN, draw_foreign
 from diagrams.challenge.foreign_further import RotorSaturation, StutteringRotor
 from diagrams.challenge.foreign_unseen import PassingVehicle
 from diagrams.challenge.plans import draw_plan
 from diagrams.challenge.quality import Quality
 from diagrams.challenge.rotorpy_simulator import KNOWN, fly
+from diagrams.challenge.simulators.drake import simulator
 from diagrams.challenge.strengths import draw_effect
 from diagrams.challenge.vehicles import VEHICLES
 from np_drake import attitude
@@ -35,7 +36,7 @@ SHARED = [
 @pytest.fixture(scope="module", autouse=True)
 def short_warm_up():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rotorpy_simulator, "WARM_UP", drake_simulator.WARM_UP)
+        patch.setattr(rotorpy_simulator, "WARM_UP", simulator.WARM_UP)
         yield
 
 
@@ -100,7 +101,7 @@ def test_a_flight_is_the_same_twice(vehicle, plan, t, clean):
 @pytest.mark.parametrize("nominal", VEHICLES[:2], ids=lambda vehicle: vehicle.name)
 def test_a_clean_flight_is_that_of_the_other_simulator(nominal, t):
     plan = draw_plan(np.random.default_rng(0), nominal, 5.0, "sprints")
-    ours, theirs = fly(nominal, plan, t=t), drake_simulator.fly(nominal, plan, t=t)
+    ours, theirs = fly(nominal, plan, t=t), simulator.fly(nominal, plan, t=t)
     np.testing.assert_allclose(ours.p, theirs.p, atol=1e-4)  # [m]; two integrators
     np.testing.assert_allclose(ours.a, theirs.a, atol=2e-3)  # [m/s²]
     np.testing.assert_allclose(ours.rotor, theirs.rotor, atol=0.05)  # [rad/s]
@@ -109,7 +110,7 @@ def test_a_clean_flight_is_that_of_the_other_simulator(nominal, t):
 @pytest.mark.parametrize("name", SHARED)
 def test_an_effect_moves_the_vehicle_as_in_the_other_simulator(name, vehicle, plan, t, clean):
     effects = drawn(name, vehicle)
-    ours, theirs = fly(vehicle, plan, effects, t=t), drake_simulator.fly(vehicle, plan, effects, t=t)
+    ours, theirs = fly(vehicle, plan, effects, t=t), simulator.fly(vehicle, plan, effects, t=t)
     # The other one's other clock interpolates across commands, at which accelerations jump.
     for signal in ("p", "v", "q", "w") if name == "clock_offset" else ("p", "v", "q", "w", "a", "al"):
         a, b, c = (getattr(log, signal) for log in (ours, theirs, clean))
@@ -121,8 +122,8 @@ def test_rotors_that_speed_up_twist_back_as_in_the_other_simulator(t):
     racer = VEHICLES[1]  # with lag
     plan = draw_plan(np.random.default_rng(0), racer, 5.0, "sprints")
     effect = LIBRARY["rotor_gyroscopic"](0.005 * racer.J[2, 2])
-    ours, theirs = (module.fly(racer, plan, [effect], t=t) for module in (rotorpy_simulator, drake_simulator))
-    added = rms(theirs.al - drake_simulator.fly(racer, plan, t=t).al)
+    ours, theirs = (module.fly(racer, plan, [effect], t=t) for module in (rotorpy_simulator, simulator))
+    added = rms(theirs.al - simulator.fly(racer, plan, t=t).al)
     assert rms(ours.al - theirs.al) < 0.02 * added
 
 

@@ -11,8 +11,8 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, DiagramBuilder
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge.drake_settings import in_order, largest_step, springy
-from diagrams.challenge.drake_signals import unpack
+from diagrams.challenge.simulators.drake.settings import in_order, largest_step, springy
+from diagrams.challenge.simulators.drake.signals import unpack
 from np_drake import attitude
 from np_drake.effects.base import Effect
 from np_drake.effects.combine import split_effects

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge.drake_simulator import fly
 from diagrams.challenge.plans import draw_plan
 from diagrams.challenge.quality import Quality
+from diagrams.challenge.simulators.drake.simulator import fly
 from diagrams.challenge.strengths import STRENGTHS, draw_effect
 from diagrams.challenge.vehicles import VEHICLES
 from np_drake import attitude

@@ -1,0 +1,1 @@
+"""Challenge flights in Drake."""
