@@ -11,10 +11,10 @@ from pathlib import Path
 from joblib import Parallel, delayed
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge import rotorpy_extra
 from diagrams.challenge.case import FILES, NOISE, Case, CaseDraw, draw_case, opaque
 from diagrams.challenge.composition import compose
 from diagrams.challenge.quality import kept_rows, measured, rows_of
+from diagrams.challenge.simulators.rotorpy import optional_import
 from diagrams.challenge.truth import Pair, looks_like, pairs_of, truth, write_truth
 from diagrams.challenge.vehicles import vehicle_file
 from np_drake.atomic_file import write_text
@@ -29,7 +29,7 @@ def simulators() -> dict[str, Callable]:
     """Simulators by name: fly(vehicle, plan, effects, *, t, onset, background) -> the exact FlightLog."""
     from diagrams.challenge.simulators.drake.simulator import fly
 
-    return {"drake": fly, "rotorpy": rotorpy_extra.fly}
+    return {"drake": fly, "rotorpy": optional_import.fly}
 
 
 def make(
@@ -170,7 +170,7 @@ def check_request(
     if simulator not in simulators():
         raise ValueError(f"make: simulator must be one of {', '.join(simulators())}; got {simulator!r}.")
     if simulator == "rotorpy":
-        rotorpy_extra.require_rotorpy()
+        optional_import.require_rotorpy()
     if quality not in QUALITIES:
         raise ValueError(f"make: quality must be one of {', '.join(QUALITIES)}; got {quality!r}.")
     if not 5 <= seconds <= 300:

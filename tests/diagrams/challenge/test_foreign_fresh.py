@@ -12,7 +12,7 @@ from diagrams.challenge.foreign_fresh import (
     StandingEddy,
     TiltedCushion,
 )
-from diagrams.challenge.rotorpy_fresh import FRESH_HIDDEN, FRESH_LAWS
+from diagrams.challenge.simulators.rotorpy.out_of_library_fresh import FRESH_HIDDEN, FRESH_LAWS
 from diagrams.challenge.vehicles import VEHICLES
 from np_drake.effects.base import Motion
 

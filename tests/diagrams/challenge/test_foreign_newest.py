@@ -12,7 +12,7 @@ from diagrams.challenge.foreign_newest import (
     SprungLoad,
     WinchTether,
 )
-from diagrams.challenge.rotorpy_newest import NEWEST_HIDDEN, NEWEST_LAWS
+from diagrams.challenge.simulators.rotorpy.out_of_library_newest import NEWEST_HIDDEN, NEWEST_LAWS
 from diagrams.challenge.vehicles import VEHICLES
 from np_drake.effects.base import Motion
 

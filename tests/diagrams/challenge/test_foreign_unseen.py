@@ -14,7 +14,7 @@ from diagrams.challenge.foreign_unseen import (
     TwistingMount,
     WakeInterference,
 )
-from diagrams.challenge.rotorpy_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
+from diagrams.challenge.simulators.rotorpy.out_of_library_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
 from diagrams.challenge.vehicles import VEHICLES
 from np_drake.effects.base import Motion
 

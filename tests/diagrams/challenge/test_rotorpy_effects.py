@@ -5,10 +5,10 @@ import pytest
 
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
-from diagrams.challenge import rotorpy_simulator
 from diagrams.challenge.foreign import FOREIGN, draw_foreign
 from diagrams.challenge.plans import draw_plan
-from diagrams.challenge.rotorpy_simulator import fly
+from diagrams.challenge.simulators.rotorpy import simulator
+from diagrams.challenge.simulators.rotorpy.simulator import fly
 from diagrams.challenge.strengths import draw_effect
 from np_drake import attitude
 from np_drake.diagnosis.evidence import make_evidence
@@ -31,7 +31,7 @@ SIGNED = [
 @pytest.fixture(scope="module", autouse=True)
 def short_warm_up():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rotorpy_simulator, "WARM_UP", 0.5)
+        patch.setattr(simulator, "WARM_UP", 0.5)
         yield
 
 

@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 
 from diagrams.challenge.foreign import draw_foreign
-from diagrams.challenge.rotorpy_laws import Instant
+from diagrams.challenge.simulators.rotorpy.library_effects import Instant
 from np_drake import attitude
 from np_drake.effects.base import Motion
 

@@ -14,8 +14,8 @@ def require_rotorpy() -> None:
 
 
 def fly(*arguments, **options) -> FlightLog:
-    """`diagrams.challenge.rotorpy_simulator.fly`. Raises ValueError: where rotorpy is not installed."""
+    """`diagrams.challenge.simulators.rotorpy.simulator.fly`. Raises ValueError: where rotorpy is not installed."""
     require_rotorpy()
-    from diagrams.challenge.rotorpy_simulator import fly as fly_in_rotorpy
+    from diagrams.challenge.simulators.rotorpy.simulator import fly as fly_in_rotorpy
 
     return fly_in_rotorpy(*arguments, **options)

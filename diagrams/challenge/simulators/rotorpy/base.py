@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from diagrams.challenge.rotorpy_laws import Instant, Law, Values, at_center, cross
+from diagrams.challenge.simulators.rotorpy.library_effects import Instant, Law, Values, at_center, cross
 from np_drake.vehicle import Vehicle
 
 

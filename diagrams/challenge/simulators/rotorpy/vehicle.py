@@ -5,14 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 from rotorpy.vehicles.multirotor import Multirotor
 
-from diagrams.challenge.rotorpy_foreign import FOREIGN_LAWS, HIDDEN
-from diagrams.challenge.rotorpy_fresh import FRESH_HIDDEN, FRESH_LAWS
-from diagrams.challenge.rotorpy_further import FURTHER_LAWS
-from diagrams.challenge.rotorpy_laws import GAINS, LAWS, Acting, Instant, cross, cushion
-from diagrams.challenge.rotorpy_newest import NEWEST_HIDDEN, NEWEST_LAWS
-from diagrams.challenge.rotorpy_tether import Tether
-from diagrams.challenge.rotorpy_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
-from diagrams.challenge.rotorpy_wind import winds
+from diagrams.challenge.simulators.rotorpy.base import FOREIGN_LAWS, HIDDEN
+from diagrams.challenge.simulators.rotorpy.library_effects import GAINS, LAWS, Acting, Instant, cross, cushion
+from diagrams.challenge.simulators.rotorpy.out_of_library_fresh import FRESH_HIDDEN, FRESH_LAWS
+from diagrams.challenge.simulators.rotorpy.out_of_library_further import FURTHER_LAWS
+from diagrams.challenge.simulators.rotorpy.out_of_library_newest import NEWEST_HIDDEN, NEWEST_LAWS
+from diagrams.challenge.simulators.rotorpy.out_of_library_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
+from diagrams.challenge.simulators.rotorpy.tether import Tether
+from diagrams.challenge.simulators.rotorpy.wind import winds
 from np_drake import attitude
 from np_drake.vehicle import Vehicle
 

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from diagrams.challenge.rotorpy_foreign import Hidden
-from diagrams.challenge.rotorpy_further import of_rotors
-from diagrams.challenge.rotorpy_laws import Instant, Law, Values, cross
+from diagrams.challenge.simulators.rotorpy.base import Hidden
+from diagrams.challenge.simulators.rotorpy.library_effects import Instant, Law, Values, cross
+from diagrams.challenge.simulators.rotorpy.out_of_library_further import of_rotors
 from np_drake.vehicle import Vehicle
 
 

@@ -9,14 +9,14 @@ import pytest
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge import rotorpy_simulator
 from diagrams.challenge.foreign import FOREIGN, draw_foreign
 from diagrams.challenge.foreign_further import RotorSaturation, StutteringRotor
 from diagrams.challenge.foreign_unseen import PassingVehicle
 from diagrams.challenge.plans import draw_plan
 from diagrams.challenge.quality import Quality
-from diagrams.challenge.rotorpy_simulator import KNOWN, fly
 from diagrams.challenge.simulators.drake import simulator
+from diagrams.challenge.simulators.rotorpy import simulator as rotorpy_simulator
+from diagrams.challenge.simulators.rotorpy.simulator import KNOWN, fly
 from diagrams.challenge.strengths import draw_effect
 from diagrams.challenge.vehicles import VEHICLES
 from np_drake import attitude
@@ -69,7 +69,7 @@ def test_no_module_of_it_imports_the_effects():
 
 
 def test_flying_loads_no_effects_by_any_detour():
-    code = "import sys, diagrams.challenge.rotorpy_simulator; print(*sys.modules)"
+    code = "import sys, diagrams.challenge.simulators.rotorpy.simulator; print(*sys.modules)"
     out = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout.split()

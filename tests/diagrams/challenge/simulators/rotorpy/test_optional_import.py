@@ -2,8 +2,8 @@ from importlib import util
 
 import pytest
 
-from diagrams.challenge import rotorpy_extra
 from diagrams.challenge.make import make, simulators
+from diagrams.challenge.simulators.rotorpy import optional_import
 
 
 def test_the_simulator_is_offered():
@@ -11,7 +11,7 @@ def test_the_simulator_is_offered():
 
 
 def test_without_the_package_the_remedy_is_said_before_any_work(tmp_path, monkeypatch):
-    monkeypatch.setattr(rotorpy_extra, "find_spec", lambda name: None)
+    monkeypatch.setattr(optional_import, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install 'np_drake\[challenge\]'"):
         make(tmp_path / "cases", tmp_path / "truth", simulator="rotorpy", cases=1, clean=0, seconds=5.0)
     assert list(tmp_path.iterdir()) == []

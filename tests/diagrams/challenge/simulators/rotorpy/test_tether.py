@@ -3,11 +3,11 @@ import pytest
 
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
-from diagrams.challenge import rotorpy_simulator
 from diagrams.challenge.plans import draw_plan
-from diagrams.challenge.rotorpy_laws import Instant
-from diagrams.challenge.rotorpy_simulator import fly
-from diagrams.challenge.rotorpy_tether import Tether
+from diagrams.challenge.simulators.rotorpy import simulator
+from diagrams.challenge.simulators.rotorpy.library_effects import Instant
+from diagrams.challenge.simulators.rotorpy.simulator import fly
+from diagrams.challenge.simulators.rotorpy.tether import Tether
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.pendulum import hook_acceleration
 from np_drake.labels import raw_labels
@@ -19,7 +19,7 @@ GRAVITY = 9.81
 @pytest.fixture(scope="module", autouse=True)
 def short_warm_up():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rotorpy_simulator, "WARM_UP", 0.5)
+        patch.setattr(simulator, "WARM_UP", 0.5)
         yield
 
 

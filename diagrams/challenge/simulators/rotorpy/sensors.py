@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from diagrams.challenge.rotorpy_laws import Acting, Values
+from diagrams.challenge.simulators.rotorpy.library_effects import Acting, Values
 from np_drake.logs.flight_log import FlightLog
 
 Error = Callable[[FlightLog, Rotation, Values], None]

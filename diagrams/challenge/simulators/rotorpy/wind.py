@@ -3,8 +3,8 @@
 import numpy as np
 from rotorpy.wind.default_winds import ConstantWind
 
-from diagrams.challenge.rotorpy_laws import Acting
 from diagrams.challenge.simulators.coloured_noise import gauss_markov
+from diagrams.challenge.simulators.rotorpy.library_effects import Acting
 
 FIRST, LAST, STEP = -8.0, 320.0, 0.005  # when gusts are blown, and how densely they are drawn [s]
 

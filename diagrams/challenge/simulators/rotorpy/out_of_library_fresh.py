@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from diagrams.challenge.rotorpy_foreign import Hidden
-from diagrams.challenge.rotorpy_laws import Instant, Law, Values
+from diagrams.challenge.simulators.rotorpy.base import Hidden
+from diagrams.challenge.simulators.rotorpy.library_effects import Instant, Law, Values
 from np_drake.vehicle import Vehicle
 
 

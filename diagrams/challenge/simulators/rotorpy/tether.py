@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from diagrams.challenge.rotorpy_laws import Instant, Values, cross
+from diagrams.challenge.simulators.rotorpy.library_effects import Instant, Values, cross
 
 RATE = (
     80.0  # with which an error of length dies out, critically damped [1/s]; a slack tether tightens as softly

@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge.rotorpy_laws import cross
-from diagrams.challenge.rotorpy_vehicle import SIZE, SPEED, Q, RealMultirotor, V, W, X
+from diagrams.challenge.simulators.rotorpy.library_effects import cross
+from diagrams.challenge.simulators.rotorpy.vehicle import SIZE, SPEED, Q, RealMultirotor, V, W, X
 from np_drake import attitude
 from np_drake.control.cascade import CascadeGains, cascade
 from np_drake.vehicle import Vehicle

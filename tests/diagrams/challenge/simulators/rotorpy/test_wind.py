@@ -3,10 +3,10 @@ import pytest
 
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
-from diagrams.challenge import rotorpy_simulator
-from diagrams.challenge.rotorpy_laws import read
-from diagrams.challenge.rotorpy_simulator import fly
-from diagrams.challenge.rotorpy_wind import Gusts
+from diagrams.challenge.simulators.rotorpy import simulator
+from diagrams.challenge.simulators.rotorpy.library_effects import read
+from diagrams.challenge.simulators.rotorpy.simulator import fly
+from diagrams.challenge.simulators.rotorpy.wind import Gusts
 from np_drake.effects.base import Motion
 from np_drake.effects.library import LIBRARY
 from np_drake.labels import raw_labels
@@ -32,7 +32,7 @@ def test_gusts_have_their_mean_deviation_and_correlation_time():
 
 
 def test_gusts_push_through_the_drag(vehicle, plan, t, monkeypatch):
-    monkeypatch.setattr(rotorpy_simulator, "WARM_UP", 0.5)
+    monkeypatch.setattr(simulator, "WARM_UP", 0.5)
     log = fly(vehicle, plan, [gusty(1), DRAG], t=t)
     air = blown(Gusts(read(gusty(1))), t)
     chi = DRAG.wrench(vehicle, Motion(t, log.x, log.u @ vehicle.unmixer.T, air))

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.rotorpy_flight import Flight
-from diagrams.challenge.rotorpy_foreign import FOREIGN_LAWS, HIDDEN
-from diagrams.challenge.rotorpy_fresh import FRESH_HIDDEN, FRESH_LAWS
-from diagrams.challenge.rotorpy_further import FURTHER_LAWS
-from diagrams.challenge.rotorpy_laws import GAINS, LAWS, Acting, read
-from diagrams.challenge.rotorpy_newest import NEWEST_HIDDEN, NEWEST_LAWS
-from diagrams.challenge.rotorpy_readings import ERRORS, misread
-from diagrams.challenge.rotorpy_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
-from diagrams.challenge.rotorpy_vehicle import RealMultirotor
 from diagrams.challenge.simulators.flight_plan import Plan
+from diagrams.challenge.simulators.rotorpy.base import FOREIGN_LAWS, HIDDEN
+from diagrams.challenge.simulators.rotorpy.closed_loop import Flight
+from diagrams.challenge.simulators.rotorpy.library_effects import GAINS, LAWS, Acting, read
+from diagrams.challenge.simulators.rotorpy.out_of_library_fresh import FRESH_HIDDEN, FRESH_LAWS
+from diagrams.challenge.simulators.rotorpy.out_of_library_further import FURTHER_LAWS
+from diagrams.challenge.simulators.rotorpy.out_of_library_newest import NEWEST_HIDDEN, NEWEST_LAWS
+from diagrams.challenge.simulators.rotorpy.out_of_library_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
+from diagrams.challenge.simulators.rotorpy.sensors import ERRORS, misread
+from diagrams.challenge.simulators.rotorpy.vehicle import RealMultirotor
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 

@@ -1,0 +1,1 @@
+"""Challenge flights in RotorPy, with effects implemented independently of the library."""
