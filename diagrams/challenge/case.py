@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagrams.challenge.foreign import draw_foreign
+from diagrams.challenge.out_of_library.draw import draw_foreign
 from diagrams.challenge.plans import draw_plans
 from diagrams.challenge.quality import Quality, draw_quality
 from diagrams.challenge.simulators.flight_plan import Plan

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 
 from diagrams.challenge.case import CaseDraw
-from diagrams.challenge.foreign import SEEN, UNSEEN
+from diagrams.challenge.out_of_library.draw import SEEN, UNSEEN
 from np_drake.effects.library import LIBRARY
 
 SHARES = {"pair": 0.15, "triple": 0.08, "onset": 0.12, "foreign": 0.15}  # the rest are single effects

@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from diagrams.challenge.foreign_actuators import ForeignActuator
-from diagrams.challenge.foreign_wrenches import ForeignWrench, along_z, pushed, twisted
+from diagrams.challenge.out_of_library.actuators import ForeignActuator
+from diagrams.challenge.out_of_library.aerodynamic import ForeignWrench, along_z, pushed, twisted
 from np_drake.effects.air_speed import air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion
 from np_drake.rigid_body import P, V

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from diagrams.challenge.foreign import UNSEEN, draw_foreign
 from diagrams.challenge.foreign_newest import (
     BentVane,
     LosingSync,
@@ -12,6 +11,7 @@ from diagrams.challenge.foreign_newest import (
     SprungLoad,
     WinchTether,
 )
+from diagrams.challenge.out_of_library.draw import UNSEEN, draw_foreign
 from diagrams.challenge.simulators.rotorpy.out_of_library_newest import NEWEST_HIDDEN, NEWEST_LAWS
 from diagrams.challenge.vehicles import VEHICLES
 from np_drake.effects.base import Motion

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from diagrams.challenge.foreign import UNSEEN, draw_foreign
 from diagrams.challenge.foreign_unseen import (
     CreepingBlades,
     DoorwayDraft,
@@ -14,6 +13,7 @@ from diagrams.challenge.foreign_unseen import (
     TwistingMount,
     WakeInterference,
 )
+from diagrams.challenge.out_of_library.draw import UNSEEN, draw_foreign
 from diagrams.challenge.simulators.rotorpy.out_of_library_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
 from diagrams.challenge.vehicles import VEHICLES
 from np_drake.effects.base import Motion

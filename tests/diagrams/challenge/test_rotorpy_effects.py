@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
-from diagrams.challenge.foreign import FOREIGN, draw_foreign
+from diagrams.challenge.out_of_library.draw import FOREIGN, draw_foreign
 from diagrams.challenge.plans import draw_plan
 from diagrams.challenge.simulators.rotorpy import simulator
 from diagrams.challenge.simulators.rotorpy.simulator import fly

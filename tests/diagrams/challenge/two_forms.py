@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from diagrams.challenge.foreign import draw_foreign
+from diagrams.challenge.out_of_library.draw import draw_foreign
 from diagrams.challenge.simulators.rotorpy.library_effects import Instant
 from np_drake import attitude
 from np_drake.effects.base import Motion

@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from diagrams.challenge.foreign import UNSEEN
+from diagrams.challenge.out_of_library.draw import UNSEEN
 from diagrams.cli.main import run
 
 

@@ -9,9 +9,9 @@ import pytest
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge.foreign import FOREIGN, draw_foreign
 from diagrams.challenge.foreign_further import RotorSaturation, StutteringRotor
 from diagrams.challenge.foreign_unseen import PassingVehicle
+from diagrams.challenge.out_of_library.draw import FOREIGN, draw_foreign
 from diagrams.challenge.plans import draw_plan
 from diagrams.challenge.quality import Quality
 from diagrams.challenge.simulators.drake import simulator

@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from diagrams.challenge.foreign_actuators import BentThrustCurve, LiquidSlosh, ThrustRateTorque, YawBacklash
 from diagrams.challenge.foreign_fresh import (
     PanelFlutter,
     RubbingLine,
@@ -41,7 +40,13 @@ from diagrams.challenge.foreign_unseen import (
     TwistingMount,
     WakeInterference,
 )
-from diagrams.challenge.foreign_wrenches import (
+from diagrams.challenge.out_of_library.actuators import (
+    BentThrustCurve,
+    LiquidSlosh,
+    ThrustRateTorque,
+    YawBacklash,
+)
+from diagrams.challenge.out_of_library.aerodynamic import (
     FanJet,
     GroundTether,
     MagnusForce,

@@ -1,0 +1,1 @@
+"""Effects that the library does not have, by their physics."""
