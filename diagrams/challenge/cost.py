@@ -13,7 +13,7 @@ from typing import Any
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.processes import ONE_THREAD
-from diagrams.challenge.make import make
+from diagrams.challenge.generate.make import make
 from diagrams.challenge.solve import COST, case_folders
 from np_drake.diagnosis.diagnose import require_flights
 from np_drake.logs.case_folder import open_case

@@ -35,8 +35,8 @@ def make(
     """Fly and write a set: about half single effects, then pairs, triples, onsets in flight, foreign effects."""
     if json is not None:
         require_writable(json)
-    from diagrams.challenge.make import check_request, require_no_other_set
-    from diagrams.challenge.make import make as run
+    from diagrams.challenge.generate.make import check_request, require_no_other_set
+    from diagrams.challenge.generate.make import make as run
 
     check_request(out, truth, simulator=simulator, quality=quality, seconds=seconds, cases=cases + clean)
     for folder in (out, truth):

@@ -40,6 +40,7 @@ from diagrams.challenge.foreign_unseen import (
     TwistingMount,
     WakeInterference,
 )
+from diagrams.challenge.generate.magnitudes import arm, direction, log_uniform, signed
 from diagrams.challenge.out_of_library.actuators import (
     BentThrustCurve,
     LiquidSlosh,
@@ -56,7 +57,6 @@ from diagrams.challenge.out_of_library.aerodynamic import (
     StickingAxis,
     WallSuction,
 )
-from diagrams.challenge.strengths import arm, direction, log_uniform, signed
 from np_drake.effects.base import Effect
 from np_drake.vehicle import Vehicle
 

@@ -4,9 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagrams.challenge.plans import draw_plan
+from diagrams.challenge.generate.trajectories import draw_plan
+from diagrams.challenge.generate.vehicles import VEHICLES
 from diagrams.challenge.simulators.drake import simulator
-from diagrams.challenge.vehicles import VEHICLES
 
 SECONDS = 2.5
 

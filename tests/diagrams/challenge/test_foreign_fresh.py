@@ -11,9 +11,9 @@ from diagrams.challenge.foreign_fresh import (
     StandingEddy,
     TiltedCushion,
 )
+from diagrams.challenge.generate.vehicles import VEHICLES
 from diagrams.challenge.out_of_library.draw import UNSEEN, draw_foreign
 from diagrams.challenge.simulators.rotorpy.out_of_library_fresh import FRESH_HIDDEN, FRESH_LAWS
-from diagrams.challenge.vehicles import VEHICLES
 from np_drake.effects.base import Motion
 
 

@@ -13,9 +13,9 @@ from diagrams.challenge.foreign_unseen import (
     TwistingMount,
     WakeInterference,
 )
+from diagrams.challenge.generate.vehicles import VEHICLES
 from diagrams.challenge.out_of_library.draw import UNSEEN, draw_foreign
 from diagrams.challenge.simulators.rotorpy.out_of_library_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
-from diagrams.challenge.vehicles import VEHICLES
 from np_drake.effects.base import Motion
 
 LEVEL = np.eye(13)[3]  # at the origin, at rest

@@ -5,11 +5,11 @@ import pytest
 
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
+from diagrams.challenge.generate.magnitudes import draw_effect
+from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.out_of_library.draw import FOREIGN, draw_foreign
-from diagrams.challenge.plans import draw_plan
 from diagrams.challenge.simulators.rotorpy import simulator
 from diagrams.challenge.simulators.rotorpy.simulator import fly
-from diagrams.challenge.strengths import draw_effect
 from np_drake import attitude
 from np_drake.diagnosis.evidence import make_evidence
 from np_drake.diagnosis.signature import Term, signature

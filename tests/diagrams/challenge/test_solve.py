@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from diagrams.challenge import solve as module
+from diagrams.challenge.generate.vehicles import vehicle_file
 from diagrams.challenge.solve import case_folders, solve, solve_all, solve_case
-from diagrams.challenge.vehicles import vehicle_file
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.log_file import write_log
 from np_drake.vehicle import Vehicle

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from diagrams.challenge.composition import compose
 from diagrams.challenge.foreign_further import RotorSaturation, SlidingLoad
+from diagrams.challenge.generate.composition import compose
 from diagrams.challenge.out_of_library.draw import FOREIGN, SEEN, UNSEEN, draw_foreign
 from diagrams.challenge.simulators.drake.simulator import fly
 from np_drake.effects.base import Motion, WrenchEffect

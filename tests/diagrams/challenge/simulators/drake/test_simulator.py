@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge.plans import draw_plan
-from diagrams.challenge.quality import Quality
+from diagrams.challenge.generate.magnitudes import STRENGTHS, draw_effect
+from diagrams.challenge.generate.sensor_quality import Quality
+from diagrams.challenge.generate.trajectories import draw_plan
+from diagrams.challenge.generate.vehicles import VEHICLES
 from diagrams.challenge.simulators.drake.simulator import fly
-from diagrams.challenge.strengths import STRENGTHS, draw_effect
-from diagrams.challenge.vehicles import VEHICLES
 from np_drake import attitude
 from np_drake.effects.base import (
     ActuatorEffect,

@@ -2,7 +2,7 @@ from importlib import util
 
 import pytest
 
-from diagrams.challenge.make import make, simulators
+from diagrams.challenge.generate.make import make, simulators
 from diagrams.challenge.simulators.rotorpy import optional_import
 
 

@@ -11,14 +11,14 @@ pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np
 from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge.foreign_further import RotorSaturation, StutteringRotor
 from diagrams.challenge.foreign_unseen import PassingVehicle
+from diagrams.challenge.generate.magnitudes import draw_effect
+from diagrams.challenge.generate.sensor_quality import Quality
+from diagrams.challenge.generate.trajectories import draw_plan
+from diagrams.challenge.generate.vehicles import VEHICLES
 from diagrams.challenge.out_of_library.draw import FOREIGN, draw_foreign
-from diagrams.challenge.plans import draw_plan
-from diagrams.challenge.quality import Quality
 from diagrams.challenge.simulators.drake import simulator
 from diagrams.challenge.simulators.rotorpy import simulator as rotorpy_simulator
 from diagrams.challenge.simulators.rotorpy.simulator import KNOWN, fly
-from diagrams.challenge.strengths import draw_effect
-from diagrams.challenge.vehicles import VEHICLES
 from np_drake import attitude
 from np_drake.effects.library import LIBRARY
 from np_drake.labels import raw_labels

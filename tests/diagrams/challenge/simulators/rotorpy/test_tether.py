@@ -3,7 +3,7 @@ import pytest
 
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
-from diagrams.challenge.plans import draw_plan
+from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.simulators.rotorpy import simulator
 from diagrams.challenge.simulators.rotorpy.library_effects import Instant
 from diagrams.challenge.simulators.rotorpy.simulator import fly

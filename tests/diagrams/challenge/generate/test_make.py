@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge import make as module
-from diagrams.challenge.case import FILES, CaseDraw, opaque
-from diagrams.challenge.make import make, make_case, require_no_other_set
+from diagrams.challenge.generate import make as module
+from diagrams.challenge.generate.case import FILES, CaseDraw, opaque
+from diagrams.challenge.generate.make import make, make_case, require_no_other_set
 from np_drake.logs.log_file import read_log
 from np_drake.vehicle import load_vehicle
 

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from diagrams.challenge.generate.magnitudes import draw_effect
+from diagrams.challenge.generate.sensor_quality import Quality, draw_quality
+from diagrams.challenge.generate.trajectories import draw_plans
+from diagrams.challenge.generate.vehicles import draw_vehicle
 from diagrams.challenge.out_of_library.draw import draw_foreign
-from diagrams.challenge.plans import draw_plans
-from diagrams.challenge.quality import Quality, draw_quality
 from diagrams.challenge.simulators.flight_plan import Plan
-from diagrams.challenge.strengths import draw_effect
-from diagrams.challenge.vehicles import draw_vehicle
 from np_drake.effects.base import Effect
 from np_drake.vehicle import Vehicle
 

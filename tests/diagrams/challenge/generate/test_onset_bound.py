@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from diagrams.challenge.onset_bound import AROUND, best_onset
+from diagrams.challenge.generate.onset_bound import AROUND, best_onset
 from np_drake.diagnosis.evidence import make_evidence
 from np_drake.diagnosis.noise import fit_noise
 from np_drake.diagnosis.signature import Term

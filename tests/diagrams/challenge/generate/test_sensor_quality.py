@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from diagrams.challenge.quality import Quality, draw_quality, kept_rows, measured, rows_of
+from diagrams.challenge.generate.sensor_quality import Quality, draw_quality, kept_rows, measured, rows_of
 from diagrams.challenge.simulators.coloured_noise import flicker, gauss_markov
 from np_drake import attitude
 from np_drake.logs.flight_log import FlightLog

@@ -11,12 +11,12 @@ from pathlib import Path
 from joblib import Parallel, delayed
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge.case import FILES, NOISE, Case, CaseDraw, draw_case, opaque
-from diagrams.challenge.composition import compose
-from diagrams.challenge.quality import kept_rows, measured, rows_of
+from diagrams.challenge.generate.case import FILES, NOISE, Case, CaseDraw, draw_case, opaque
+from diagrams.challenge.generate.composition import compose
+from diagrams.challenge.generate.ground_truth import Pair, looks_like, pairs_of, truth, write_truth
+from diagrams.challenge.generate.sensor_quality import kept_rows, measured, rows_of
+from diagrams.challenge.generate.vehicles import vehicle_file
 from diagrams.challenge.simulators.rotorpy import optional_import
-from diagrams.challenge.truth import Pair, looks_like, pairs_of, truth, write_truth
-from diagrams.challenge.vehicles import vehicle_file
 from np_drake.atomic_file import write_text
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.log_file import write_log

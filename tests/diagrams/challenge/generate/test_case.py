@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from diagrams.challenge.case import FILES, CaseDraw, draw_case
-from diagrams.challenge.composition import compatible, compose
+from diagrams.challenge.generate.case import FILES, CaseDraw, draw_case
+from diagrams.challenge.generate.composition import compatible, compose
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.library import LIBRARY
 

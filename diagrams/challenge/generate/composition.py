@@ -4,7 +4,7 @@ from itertools import combinations
 
 import numpy as np
 
-from diagrams.challenge.case import CaseDraw
+from diagrams.challenge.generate.case import CaseDraw
 from diagrams.challenge.out_of_library.draw import SEEN, UNSEEN
 from np_drake.effects.library import LIBRARY
 

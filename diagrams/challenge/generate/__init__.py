@@ -1,0 +1,1 @@
+"""Challenge cases: drawn from a seed, flown, written with their ground truth."""
