@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from diagrams.batch.processes import in_order
-from diagrams.challenge.form import Form, misfit, record, table_of
 from diagrams.challenge.generate.case import CaseDraw, opaque
 from diagrams.challenge.generate.make import make_case
+from diagrams.challenge.score.schema import Form, misfit, record, table_of
 from diagrams.challenge.solve import diagnose_folder
 from diagrams.gap.real_flights import agile_flights
 from np_drake.diagnosis.diagnose import diagnose

@@ -22,7 +22,7 @@ def compare(
     --json FILE keeps the figures, and may be given again beside the score of a further draw.
     """
     require_files(json, markdown)
-    from diagrams.challenge.draws import QUALITIES, read_draws, table
+    from diagrams.challenge.score.draws import QUALITIES, read_draws, table
 
     draws = read_draws(scores)
     write_metrics(json, "challenge_compare", seed=seed, config={}, draws=draws)

@@ -37,9 +37,9 @@ def score(
     for folder in (answers, truth):
         if not folder.is_dir():
             raise ValueError(f"{folder}: must be a folder.")
-    from diagrams.challenge.score import score as run
-    from diagrams.challenge.score_tables import miss_table, set_lines, tables
-    from diagrams.challenge.solved import read_solved
+    from diagrams.challenge.score.answered_case import read_solved
+    from diagrams.challenge.score.score import score as run
+    from diagrams.challenge.score.tables import miss_table, set_lines, tables
 
     result = run(read_solved(answers, truth), least=visible, seed=seed)
     shown = tables(result, visible) + ([miss_table(result)] if misses else [])
@@ -57,7 +57,7 @@ def score(
 
 def draw(result: dict[str, Any], out: Path) -> None:
     """The figures, behind a progress bar."""
-    from diagrams.challenge.score_figures import write_figures
+    from diagrams.challenge.score.figures import write_figures
 
     with progress("figures", 1.0) as advance:
         written = write_figures(result, make_folder(out))

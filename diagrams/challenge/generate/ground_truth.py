@@ -8,7 +8,7 @@ import numpy as np
 
 from diagrams.challenge.generate.case import FILES, Case
 from diagrams.challenge.generate.onset_bound import best_onset
-from diagrams.challenge.score_shrink import VISIBLE as NO_GAP
+from diagrams.challenge.score.gap_reduction import VISIBLE as NO_GAP
 from np_drake.atomic_file import write_json
 from np_drake.diagnosis.collinear import collinear_effects, effects_of_trace
 from np_drake.diagnosis.evidence import Evidence, make_evidence

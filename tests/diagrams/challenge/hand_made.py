@@ -3,7 +3,7 @@
 import copy
 from typing import Any
 
-from diagrams.challenge.solved import Solved
+from diagrams.challenge.score.answered_case import Solved
 
 FLOOR = {"force": 0.2, "torque": 0.02}  # that the true model leaves in every channel [N, N·m]
 SCALE = {"effect": "thrust_scale", "parameters": {"scale": 0.9}}

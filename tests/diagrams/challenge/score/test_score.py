@@ -3,8 +3,8 @@ import json
 
 import pytest
 
-from diagrams.challenge.score import score
-from diagrams.challenge.score_tables import tables
+from diagrams.challenge.score.score import score
+from diagrams.challenge.score.tables import tables
 from np_drake.atomic_file import plain
 from np_drake.effects.library import LIBRARY
 

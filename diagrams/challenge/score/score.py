@@ -3,21 +3,27 @@
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from diagrams.challenge import score_onset as onset
-from diagrams.challenge import score_parameters as parameters
-from diagrams.challenge.matching import exact, matches, right_class, tellable
-from diagrams.challenge.rates import median, rate
-from diagrams.challenge.score_confusion import confusion, reliability
-from diagrams.challenge.score_detection import detection
-from diagrams.challenge.score_names import clean, foreign, of_effect, several, singles, wrong_and_sure
-from diagrams.challenge.score_shrink import (
+from diagrams.challenge.score.answered_case import Solved
+from diagrams.challenge.score.confusion import confusion, reliability
+from diagrams.challenge.score.detection import detection
+from diagrams.challenge.score.gap_reduction import (
     PARAMETERS,
     relative_shrink,
     replay_reduction,
     replay_summary,
     shrink_summary,
 )
-from diagrams.challenge.solved import Solved
+from diagrams.challenge.score.identification import (
+    clean,
+    foreign,
+    of_effect,
+    several,
+    singles,
+    wrong_and_sure,
+)
+from diagrams.challenge.score.intervals import median, rate
+from diagrams.challenge.score.matching import exact, matches, right_class, tellable
+from diagrams.challenge.score.score import onset, parameters
 from np_drake.diagnosis.answer import UNKNOWN
 from np_drake.effects.library import LIBRARY
 

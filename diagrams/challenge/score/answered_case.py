@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from diagrams.challenge.score.answer_schema import fault_of_answer, fault_of_truth
 from diagrams.challenge.solve import ANSWER
-from diagrams.challenge.solved_forms import fault_of_answer, fault_of_truth
 from np_drake.diagnosis.answer import UNKNOWN
 
 TRUTH = "truth.json"

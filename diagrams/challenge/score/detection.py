@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from diagrams.challenge.matching import detected
-from diagrams.challenge.rates import rate
-from diagrams.challenge.solved import Solved
+from diagrams.challenge.score.answered_case import Solved
+from diagrams.challenge.score.intervals import rate
+from diagrams.challenge.score.matching import detected
 
 FAINTEST = 1e-3  # visibility - 1 below which all is as invisible [1]
 EDGES = (1.0, 1.03, 1.1, 1.3, 1.5, 2.0, 3.0, 5.0, 10.0, np.inf)  # of the bins of visibility [1]

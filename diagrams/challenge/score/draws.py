@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from diagrams.challenge.form import Form, list_of, misfit, or_null, record, table_of
-from diagrams.challenge.score_tables import NOTHING
+from diagrams.challenge.score.schema import Form, list_of, misfit, or_null, record, table_of
+from diagrams.challenge.score.tables import NOTHING
 
 QUALITIES = ("clean", "real")
 SCORE, DRAWS = "np_drake.challenge_score/1", "np_drake.challenge_compare/1"

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.rates import mean, median, rate
-from diagrams.challenge.solved import Solved
+from diagrams.challenge.score.answered_case import Solved
+from diagrams.challenge.score.intervals import mean, median, rate
 
 CHANNELS = tuple((kind, axis) for kind in ("force", "torque") for axis in "xyz")
 VISIBLE = 1.1  # residual before over what the true model leaves, pooled: less is no gap [1]

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.matching import is_true
-from diagrams.challenge.rates import rate
-from diagrams.challenge.solved import COMPANION, WINDS, Solved
+from diagrams.challenge.score.answered_case import COMPANION, WINDS, Solved
+from diagrams.challenge.score.intervals import rate
+from diagrams.challenge.score.matching import is_true
 from np_drake.diagnosis.answer import UNKNOWN
 from np_drake.effects.library import LIBRARY
 

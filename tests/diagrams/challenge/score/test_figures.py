@@ -1,8 +1,8 @@
 import pytest
 
-from diagrams.challenge.score import score
-from diagrams.challenge.score_figures import write_figures
-from diagrams.challenge.score_tables import miss_table, share, tables
+from diagrams.challenge.score.figures import write_figures
+from diagrams.challenge.score.score import score
+from diagrams.challenge.score.tables import miss_table, share, tables
 
 
 def test_every_figure_is_written(by_hand, tmp_path):

@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from diagrams.challenge.rates import mean, median, name_rates, rate
+from diagrams.challenge.score.intervals import mean, median, name_rates, rate
 
 
 def test_the_interval_of_no_success_in_n_is_the_closed_form():

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.rates import median, rate
-from diagrams.challenge.solved import Solved
+from diagrams.challenge.score.answered_case import Solved
+from diagrams.challenge.score.intervals import median, rate
 from np_drake.effects.base import Parameter
 from np_drake.effects.library import LIBRARY
 

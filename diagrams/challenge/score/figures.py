@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.special import expit
 
-from diagrams.challenge.confusion_figure import confusion_figure
-from diagrams.challenge.effect_figure import effect_figure
-from diagrams.challenge.score_detection import FAINTEST, abscissa
+from diagrams.challenge.score.confusion_figure import confusion_figure
+from diagrams.challenge.score.detection import FAINTEST, abscissa
+from diagrams.challenge.score.effect_figure import effect_figure
 from np_drake.figure_file import PALETTE, new_figure, save
 
 BLUE, ORANGE = PALETTE[0], PALETTE[1]

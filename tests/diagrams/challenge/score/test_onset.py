@@ -1,6 +1,6 @@
 import pytest
 
-from diagrams.challenge.score_onset import onset_errors, summary, within
+from diagrams.challenge.score.onset import onset_errors, summary, within
 
 
 def case_with(by_hand, onset, name="thrust_scale", **other):

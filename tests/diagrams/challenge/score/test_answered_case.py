@@ -3,8 +3,8 @@ import shutil
 
 import pytest
 
-from diagrams.challenge.score import score
-from diagrams.challenge.solved import read_solved, same_flight
+from diagrams.challenge.score.answered_case import read_solved, same_flight
+from diagrams.challenge.score.score import score
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.special import expit
 
-from diagrams.challenge.score_detection import abscissa, detection, half_found, logistic
+from diagrams.challenge.score.detection import abscissa, detection, half_found, logistic
 
 
 def cases_with(by_hand, visibility, found):

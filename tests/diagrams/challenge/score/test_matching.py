@@ -1,6 +1,6 @@
 import pytest
 
-from diagrams.challenge.matching import (
+from diagrams.challenge.score.matching import (
     detected,
     exact,
     exact_lenient,

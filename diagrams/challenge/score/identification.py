@@ -4,7 +4,9 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
-from diagrams.challenge.matching import (
+from diagrams.challenge.score.answered_case import Solved
+from diagrams.challenge.score.intervals import name_rates, rate
+from diagrams.challenge.score.matching import (
     detected,
     exact,
     exact_lenient,
@@ -12,8 +14,6 @@ from diagrams.challenge.matching import (
     names_right,
     right_class,
 )
-from diagrams.challenge.rates import name_rates, rate
-from diagrams.challenge.solved import Solved
 from np_drake.diagnosis.answer import UNKNOWN
 
 SURE = 0.9  # probability of a cause above which a wrong name counts as a claim

@@ -2,8 +2,8 @@
 
 import pytest
 
-from diagrams.challenge.form import Form, list_of, misfit, or_null, record, table_of
-from diagrams.challenge.solved_forms import ANSWER, FIGURES, NUMBER, SIZE, TEXT, TRUTH
+from diagrams.challenge.score.answer_schema import ANSWER, FIGURES, NUMBER, SIZE, TEXT, TRUTH
+from diagrams.challenge.score.schema import Form, list_of, misfit, or_null, record, table_of
 
 PAIR = record({"a": NUMBER, "b": TEXT}, spare={"c": list_of(SIZE)})
 DEEP = Form(list_of(table_of(PAIR)))

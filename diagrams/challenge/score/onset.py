@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from diagrams.challenge.matching import matches
-from diagrams.challenge.rates import median, rate
-from diagrams.challenge.solved import Solved, same_flight
+from diagrams.challenge.score.answered_case import Solved, same_flight
+from diagrams.challenge.score.intervals import median, rate
+from diagrams.challenge.score.matching import matches
 
 TOLERANCE = 0.2  # [s]
 

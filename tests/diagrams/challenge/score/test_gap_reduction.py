@@ -2,7 +2,7 @@ import dataclasses as dc
 
 import pytest
 
-from diagrams.challenge.score_shrink import (
+from diagrams.challenge.score.gap_reduction import (
     PARAMETERS,
     before_and_after,
     relative_shrink,

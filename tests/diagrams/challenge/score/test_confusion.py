@@ -1,6 +1,6 @@
 import pytest
 
-from diagrams.challenge.score_confusion import confusion, reliability, verdict_in_a_word
+from diagrams.challenge.score.confusion import confusion, reliability, verdict_in_a_word
 
 
 def test_every_case_stands_in_one_cell(by_hand):

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from diagrams.challenge.form import Form, list_of, misfit, or_null, record, table_of
+from diagrams.challenge.score.schema import Form, list_of, misfit, or_null, record, table_of
 from np_drake.effects.library import LIBRARY
 
 FOREIGN, CLEAN = "foreign", "clean"

@@ -2,7 +2,7 @@ import dataclasses as dc
 
 import pytest
 
-from diagrams.challenge.score_parameters import by_parameter, errors_of, group_of, summary
+from diagrams.challenge.score.parameters import by_parameter, errors_of, group_of, summary
 
 
 def answered(by_hand, truth, name, **parameters):

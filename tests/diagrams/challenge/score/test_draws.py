@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from diagrams.challenge.draws import (
+from diagrams.challenge.score.draws import (
     FIGURES,
     Figure,
     draw_of,
@@ -17,7 +17,7 @@ from diagrams.challenge.draws import (
     table,
     together,
 )
-from diagrams.challenge.score import score
+from diagrams.challenge.score.score import score
 from diagrams.cli.main import run
 from np_drake.atomic_file import plain
 
