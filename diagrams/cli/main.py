@@ -13,7 +13,8 @@ from typing import Annotated
 import typer
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.cli import bench, challenge, demo, diagnose, evaluate, fly, reproduce, train
+from diagrams.cli import bench, demo, diagnose, evaluate, fly, reproduce, train
+from diagrams.cli.challenge.app import app as challenge
 from diagrams.cli.output import console, say
 
 # Before NumPy is loaded: its threads cost more than they bring on matrices of this size.

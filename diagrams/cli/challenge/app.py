@@ -5,14 +5,15 @@ from typing import Annotated
 
 import typer
 
-from diagrams.cli import challenge_compare, challenge_golden, challenge_score, challenge_solve, options
+from diagrams.cli import challenge_golden, options
+from diagrams.cli.challenge.app import compare, score, solve
 from diagrams.cli.output import progress, require_folder, say, write_metrics
 from np_drake.atomic_file import require_writable
 
 challenge = typer.Typer(help="Withheld-effect challenge sets.", add_completion=False, rich_markup_mode=None)
-challenge.command("solve")(challenge_solve.solve)
-challenge.command("score")(challenge_score.score)
-challenge.command("compare")(challenge_compare.compare)
+challenge.command("solve")(solve.solve)
+challenge.command("score")(score.score)
+challenge.command("compare")(compare.compare)
 challenge.command("golden")(challenge_golden.golden)
 
 

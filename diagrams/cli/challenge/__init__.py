@@ -1,0 +1,1 @@
+"""`np-drake challenge`: one verb a file."""
