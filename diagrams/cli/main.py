@@ -13,9 +13,10 @@ from typing import Annotated
 import typer
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.cli import bench, demo, diagnose, evaluate, fly, reproduce, train
+from diagrams.cli import bench, demo, diagnose, evaluate, fly, train
 from diagrams.cli.challenge.app import app as challenge
 from diagrams.cli.output import console, say
+from diagrams.cli.reproduce.app import app as reproduce
 
 # Before NumPy is loaded: its threads cost more than they bring on matrices of this size.
 os.environ.setdefault("OMP_NUM_THREADS", "1")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from diagrams.cli.main import run
-from diagrams.cli.reproduce_experiments import hover_printed, timing_printed
+from diagrams.cli.reproduce.experiments import hover_printed, timing_printed
 from diagrams.loop.controllers import DEFAULT_MODEL
 from diagrams.payload import attach, hover_swing
 from diagrams.performance import timing

@@ -18,7 +18,7 @@ from diagrams.cli.output import (
     show,
     write_metrics,
 )
-from diagrams.cli.reproduce_configurations import choose_rows
+from diagrams.cli.reproduce.configurations import choose_rows
 
 if TYPE_CHECKING:
     from diagrams.batch.campaign import Record

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from diagrams.cli import options
 from diagrams.cli.output import Table, counted, flying, progress, require_files, say, show, write_metrics
-from diagrams.cli.reproduce_configurations import choose_rows
+from diagrams.cli.reproduce.configurations import choose_rows
 
 PERIODS = 250  # of the timing table [1]
 

@@ -16,7 +16,7 @@ from diagrams.cli.output import (
     show,
     write_metrics,
 )
-from diagrams.cli.reproduce_flights import required
+from diagrams.cli.reproduce.flights import required
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

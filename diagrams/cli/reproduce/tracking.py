@@ -8,7 +8,7 @@ import typer
 
 from diagrams.cli import options
 from diagrams.cli.output import Table, flying, require_files, say, show, write_metrics
-from diagrams.cli.reproduce_configurations import choose_rows
+from diagrams.cli.reproduce.configurations import choose_rows
 
 if TYPE_CHECKING:
     import numpy as np

@@ -1,0 +1,1 @@
+"""`np-drake reproduce`: one table of the docs a verb."""
