@@ -10,7 +10,7 @@ from diagrams.cli.output import make_folder, progress, require_folder, say, writ
 from np_drake.atomic_file import require_writable
 
 if TYPE_CHECKING:
-    from np_drake.diagnosis.answer import Diagnosis
+    from np_drake.diagnosis.result import Diagnosis
     from np_drake.logs.case_folder import CaseFiles
     from np_drake.logs.flight_log import FlightLog
     from np_drake.vehicle import Vehicle

@@ -3,9 +3,9 @@
 import math
 
 from diagrams.cli.output import print_table, say
-from np_drake.diagnosis.answer import Diagnosis
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.verdict import headline, verdict_sentences
+from np_drake.diagnosis.result import Diagnosis
 
 
 def show(diagnosis: Diagnosis) -> None:

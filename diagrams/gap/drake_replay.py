@@ -9,11 +9,11 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from diagrams.gap.rollout import Commands, Rollout, Swing
-from np_drake.diagnosis.answer import HORIZONS, ReplayGap
 from np_drake.diagnosis.how_far import LEAD
 from np_drake.diagnosis.payload_track import Track, payload_track
 from np_drake.diagnosis.replay_error import replay_gap, state_error
 from np_drake.diagnosis.replay_states import States, true_states
+from np_drake.diagnosis.result import HORIZONS, ReplayGap
 from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.combine import EffectsByPlace, mass_properties, split_effects
 from np_drake.logs.flight_log import FlightLog
@@ -40,7 +40,7 @@ class _Flight:
 
 
 class DrakeReplay:
-    """The `Replay` of `np_drake.diagnosis.answer`, in Drake.
+    """The `Replay` of `np_drake.diagnosis.result`, in Drake.
 
     Every effect acts through its wrapper; a sensor effect is taken out of the states of the log. An effect with an
     onset is switched on at it, in the middle of a replay if need be (infinite: never); one without any onsets acts on

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.answer import CHANNELS, Check, Confusable
 from np_drake.diagnosis.candidates import Candidate
 from np_drake.diagnosis.evidence import WRENCH, Evidence
 from np_drake.diagnosis.manoeuvres import manoeuvre
 from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.result import CHANNELS, Check, Confusable
 
 LEAST = {
     "speed": 0.08,

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.diagnosis.answer import UNKNOWN, Cause, Check, Diagnosis, Replay, Shrink, Where
 from np_drake.diagnosis.check import check, confusables, excitation, excited
 from np_drake.diagnosis.evidence import Evidence, make_evidence
 from np_drake.diagnosis.grid import natural_step
 from np_drake.diagnosis.how_far import how_far, pooled
 from np_drake.diagnosis.look import look
 from np_drake.diagnosis.noise import fit_noise
+from np_drake.diagnosis.result import UNKNOWN, Cause, Check, Diagnosis, Replay, Shrink, Where
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.second_look import look_twice
 from np_drake.diagnosis.where import where

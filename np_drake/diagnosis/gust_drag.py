@@ -5,10 +5,10 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.force_bins import drags, factor, forces, instants, spans, width
 from np_drake.diagnosis.instruments import Block, instrumented
+from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.wind_statistics import Begins, WindForce, Z, wind_force
 from np_drake.effects.linear_drag import LinearDrag

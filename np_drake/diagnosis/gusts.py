@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.answer import Cause, Estimate
 from np_drake.diagnosis.attribute import GUSTY, HeldOut
 from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.evidence import Evidence
@@ -18,6 +17,7 @@ from np_drake.diagnosis.friction import dry_friction
 from np_drake.diagnosis.gust_drag import drag_in_gusts, drag_trace
 from np_drake.diagnosis.gust_onset import GustOnset
 from np_drake.diagnosis.probability import DOUBTED
+from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.wind_statistics import WindForce, Z, wind_force

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.answer import Cause, Finding
 from np_drake.diagnosis.attribute import GUSTY, PROBABILITY, causes_of, misfit
 from np_drake.diagnosis.best_model import Found, find
 from np_drake.diagnosis.candidates import DRAG
@@ -18,6 +17,7 @@ from np_drake.diagnosis.how_far import without_idle
 from np_drake.diagnosis.place import chance_of_place
 from np_drake.diagnosis.probability import BESIDE_UNKNOWN, DOUBTED, TRUST
 from np_drake.diagnosis.remains import Remains, remains, with_modes, without_swing
+from np_drake.diagnosis.result import Cause, Finding
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.unknown import PREFIX

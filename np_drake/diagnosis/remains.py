@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis import evidence as ev
-from np_drake.diagnosis.answer import Finding
 from np_drake.diagnosis.attribute import (
     EXACT,
     MATERIAL_FORCE,
@@ -35,6 +34,7 @@ from np_drake.diagnosis.oddities import (
     vibrates,
 )
 from np_drake.diagnosis.refine import Fit, Generic
+from np_drake.diagnosis.result import Finding
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import signature
 from np_drake.diagnosis.slow_force import LEAST, slow_force, slow_power

@@ -3,7 +3,7 @@
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.answer import ReplayGap
+from np_drake.diagnosis.result import ReplayGap
 from np_drake.rigid_body import P, Q, V
 
 DRAWS = 1000  # of the bootstrap

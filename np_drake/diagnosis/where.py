@@ -8,9 +8,9 @@ import ruptures
 from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.answer import CHANNELS, Band, ChannelGap, Regime, Segment, Where
 from np_drake.diagnosis.evidence import WRENCH, Evidence
 from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.result import CHANNELS, Band, ChannelGap, Regime, Segment, Where
 
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
 BINS = 4  # of a regime

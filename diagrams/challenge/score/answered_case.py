@@ -8,7 +8,7 @@ from typing import Any
 
 from diagrams.challenge.score.answer_schema import fault_of_answer, fault_of_truth
 from diagrams.challenge.solve import ANSWER
-from np_drake.diagnosis.answer import UNKNOWN
+from np_drake.diagnosis.result import UNKNOWN
 
 TRUTH = "truth.json"
 COMPANION = "linear_drag"  # through which a wind is felt, and which is then named too

@@ -8,7 +8,7 @@ import numpy as np
 from diagrams.challenge.score.answered_case import COMPANION, WINDS, Solved
 from diagrams.challenge.score.intervals import rate
 from diagrams.challenge.score.matching import is_true
-from np_drake.diagnosis.answer import UNKNOWN
+from np_drake.diagnosis.result import UNKNOWN
 from np_drake.effects.library import LIBRARY
 
 NONE, SEVERAL = "none", "several"

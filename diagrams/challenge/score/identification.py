@@ -14,7 +14,7 @@ from diagrams.challenge.score.matching import (
     names_right,
     right_class,
 )
-from np_drake.diagnosis.answer import UNKNOWN
+from np_drake.diagnosis.result import UNKNOWN
 
 SURE = 0.9  # probability of a cause above which a wrong name counts as a claim
 

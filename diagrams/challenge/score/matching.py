@@ -4,7 +4,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from diagrams.challenge.score.answered_case import COMPANION, WINDS, Solved
-from np_drake.diagnosis.answer import UNKNOWN
+from np_drake.diagnosis.result import UNKNOWN
 
 WIDEST = 3  # names that a class may hold, a cause's own included: more tell nothing
 

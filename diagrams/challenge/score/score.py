@@ -24,7 +24,7 @@ from diagrams.challenge.score.identification import (
 from diagrams.challenge.score.intervals import median, rate
 from diagrams.challenge.score.matching import exact, matches, right_class, tellable
 from diagrams.challenge.score.score import onset, parameters
-from np_drake.diagnosis.answer import UNKNOWN
+from np_drake.diagnosis.result import UNKNOWN
 from np_drake.effects.library import LIBRARY
 
 VISIBLE = 1.5  # least visibility of cases that count as visible [1]

@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from np_drake.diagnosis.answer import ReplayGap, Shrink
 from np_drake.diagnosis.report.words import number, title_of
+from np_drake.diagnosis.result import ReplayGap, Shrink
 from np_drake.figure_file import PALETTE, new_figure
 
 BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"

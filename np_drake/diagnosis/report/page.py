@@ -9,9 +9,9 @@ from typing import Any
 
 from jinja2 import Environment, StrictUndefined
 
-from np_drake.diagnosis.answer import Cause, ChannelGap, Diagnosis, Finding, ReplayGap
 from np_drake.diagnosis.report import words
 from np_drake.diagnosis.report.verdict import has_gap, headline, verdict_sentences
+from np_drake.diagnosis.result import Cause, ChannelGap, Diagnosis, Finding, ReplayGap
 
 TEMPLATE = "report.html.j2"
 SEEN = 1.05  # of the noise, below which a channel has no gap to speak of [1]; own choice

@@ -1,6 +1,5 @@
 """The verdict in two sentences: what is missing, and what adding it brings."""
 
-from np_drake.diagnosis.answer import UNKNOWN, Cause, Diagnosis, Shrink
 from np_drake.diagnosis.report.words import (
     NBSP,
     estimate,
@@ -12,6 +11,7 @@ from np_drake.diagnosis.report.words import (
     probability,
     unit_of,
 )
+from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, Shrink
 
 PLAIN_GAP = (
     1.4  # residual over its floor above which a simulator does not agree with the logs [1]; own choice

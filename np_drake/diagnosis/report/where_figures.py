@@ -7,9 +7,9 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
-from np_drake.diagnosis.answer import CHANNELS, Band, Regime, Where
 from np_drake.diagnosis.report.gap_figures import AFTER, BEFORE, NOISE, plain_ticks
 from np_drake.diagnosis.report.words import number, plain_name
+from np_drake.diagnosis.result import CHANNELS, Band, Regime, Where
 from np_drake.figure_file import PALETTE, new_figure
 
 FLIGHTS = 4  # at most in the time line

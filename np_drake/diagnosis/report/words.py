@@ -2,7 +2,7 @@
 
 import math
 
-from np_drake.diagnosis.answer import Estimate
+from np_drake.diagnosis.result import Estimate
 
 NAMES = {  # identifier: what is missing, in a sentence
     "mass_error": "a mass error",

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from diagrams.cli.main import run
-from np_drake.diagnosis import answer as an
+from np_drake.diagnosis import result as an
 from np_drake.logs.case_folder import find_case
 from np_drake.vehicle import RIGID, Vehicle
 

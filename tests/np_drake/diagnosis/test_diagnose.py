@@ -5,8 +5,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.answer import Diagnosis
 from np_drake.diagnosis.diagnose import diagnose, require_flights
+from np_drake.diagnosis.result import Diagnosis
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.effects.base import Parameter, WrenchEffect
 from np_drake.effects.command_delay import CommandDelay

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis import look as dut_module
-from np_drake.diagnosis.answer import Cause, Estimate, Finding
 from np_drake.diagnosis.attribute import PROBABILITY
 from np_drake.diagnosis.look import look, misfits, wanders
 from np_drake.diagnosis.probability import DOUBTED, TRUST
+from np_drake.diagnosis.result import Cause, Estimate, Finding
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term
 from np_drake.diagnosis.unknown import PREFIX

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis import best_model, second_look
-from np_drake.diagnosis.answer import Diagnosis, Finding
 from np_drake.diagnosis.best_model import find
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.held_out import scored
@@ -15,6 +14,7 @@ from np_drake.diagnosis.look import compare, look
 from np_drake.diagnosis.oddities import UNSEEN
 from np_drake.diagnosis.onset import late_payloads
 from np_drake.diagnosis.refine import Generic
+from np_drake.diagnosis.result import Diagnosis, Finding
 from np_drake.diagnosis.second_look import LEAST, halved, look_twice, plainly_unforeseen, unforeseen
 from np_drake.diagnosis.signature import Term
 from np_drake.effects.linear_drag import LinearDrag

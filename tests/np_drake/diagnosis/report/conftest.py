@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from np_drake.diagnosis import answer as an
+from np_drake.diagnosis import result as an
 
 HELD_OUT = ("heldout_1", "heldout_2")
 NOISE = (0.05, 0.05, 0.08, 0.004, 0.004, 0.002)  # [N, N·m]

@@ -4,8 +4,8 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.diagnosis.answer import Finding
 from np_drake.diagnosis.report.verdict import headline, verdict_sentences
+from np_drake.diagnosis.result import Finding
 
 TRACE = Finding("periodic force", "a force at 2.3 Hz along body x, 0.4 N.", 0.6)
 

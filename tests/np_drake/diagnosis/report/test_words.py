@@ -2,8 +2,8 @@ import math
 
 import pytest
 
-from np_drake.diagnosis.answer import Estimate
 from np_drake.diagnosis.report import words as dut
+from np_drake.diagnosis.result import Estimate
 
 
 @pytest.mark.parametrize(

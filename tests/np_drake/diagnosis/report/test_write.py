@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from np_drake.diagnosis.answer import ChannelGap
 from np_drake.diagnosis.report.page import SEEN, content
 from np_drake.diagnosis.report.write import write_report
+from np_drake.diagnosis.result import ChannelGap
 
 HOSTILE = '<script>alert("x")</script>&$\\frac{$ 飞.csv'
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")

@@ -198,7 +198,7 @@ class Diagnosis:
 
     def as_json(self) -> dict[str, Any]:
         """`diagnosis.json` as a dictionary of plain types."""
-        from np_drake.diagnosis.answer_json import as_json
+        from np_drake.diagnosis.result_json import as_json
 
         return as_json(self)
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from np_drake.atomic_file import plain
-from np_drake.diagnosis.answer import Cause, Diagnosis, ReplayGap, Where
+from np_drake.diagnosis.result import Cause, Diagnosis, ReplayGap, Where
 
 SCHEMA = "np_drake.diagnosis/1"
 
