@@ -11,7 +11,7 @@ from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import SURPRISE, adapt, foreseen, scored, settled
 from np_drake.diagnosis.hidden_swing import figure_error
-from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.probability import reported
 from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.result import Cause, Estimate, Finding

@@ -9,7 +9,7 @@ import numpy as np
 from np_drake.diagnosis.candidates import Candidate
 from np_drake.diagnosis.descent import first_fit, refit
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.onset import gated_candidates, late_payloads
 from np_drake.diagnosis.prepare import INEXACT, TEMPERATURE, Ready, noise_of, prepare
 from np_drake.diagnosis.refine import Fit

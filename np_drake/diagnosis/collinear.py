@@ -12,7 +12,7 @@ from np_drake.diagnosis.candidates import (
     wind_candidates,
 )
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.payload_candidates import payload_candidates
 from np_drake.diagnosis.rig import Tolerance, calibration, wander
 from np_drake.diagnosis.signature import NEVER, Stages, Term, signature

@@ -8,7 +8,7 @@ import numpy as np
 
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import settled
-from np_drake.diagnosis.noise import NoiseModel, scale_only
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, scale_only
 from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.rig import Tolerance, calibration_terms
 from np_drake.diagnosis.search import Model, Problem

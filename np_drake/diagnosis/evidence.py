@@ -18,8 +18,8 @@ import numpy as np
 from np_drake import attitude
 from np_drake.diagnosis.grid import STEP, TAPS, Grid, Onto, make_grid, to_grid
 from np_drake.diagnosis.instants import Instants, make_instants
-from np_drake.diagnosis.linear_bayes import Gram
-from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
+from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 from np_drake.diagnosis.shocks import bridge
 from np_drake.diagnosis.smooth_attitude import conjugate, rotation_vector, smooth_attitude
 from np_drake.diagnosis.thrust import Rotors

@@ -12,7 +12,7 @@ from np_drake.diagnosis.hidden_swing import (
     jumps,
 )
 from np_drake.diagnosis.late_columns import LateColumns
-from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.shocks import APART, BOUNCE, LONGEST, MOST, find_shocks
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.swing_fit import SwingFit

@@ -6,8 +6,8 @@ import numpy as np
 from scipy import optimize
 
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.linear_bayes import Gram
-from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
+from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 from np_drake.diagnosis.refine import Generic
 from np_drake.diagnosis.unknown import DAMPING
 

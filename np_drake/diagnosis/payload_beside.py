@@ -9,8 +9,8 @@ import numpy as np
 from np_drake.diagnosis.candidates import Candidate, Onset
 from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.hidden_swing import jumps
-from np_drake.diagnosis.linear_bayes import Gram
-from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
+from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 from np_drake.diagnosis.payload_columns import AT_REST, PayloadColumns, heavy_enough
 from np_drake.diagnosis.shocks import bridge
 

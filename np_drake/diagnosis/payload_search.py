@@ -14,7 +14,7 @@ import numpy as np
 
 from np_drake.diagnosis.candidates import Candidate, Onset
 from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.payload_beside import HORIZONS, Beside
 from np_drake.diagnosis.payload_candidates import payload_about, payloads_of
 from np_drake.diagnosis.payload_columns import Guess, PayloadColumns

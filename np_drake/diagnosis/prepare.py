@@ -7,7 +7,7 @@ import numpy as np
 
 from np_drake.diagnosis.candidates import Candidate, library_candidates, wind_candidates
 from np_drake.diagnosis.evidence import FORCE, TORQUE, Evidence
-from np_drake.diagnosis.noise import NoiseModel, fit_noise, no_worse, scale_only
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise, no_worse, scale_only
 from np_drake.diagnosis.onset import gated_candidates
 from np_drake.diagnosis.payload_search import PayloadSearch
 from np_drake.diagnosis.rig import Tolerance, calibration, wander

@@ -18,7 +18,7 @@ from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.excess import slow_torque, strongest_line
 from np_drake.diagnosis.held_out import adapt
 from np_drake.diagnosis.mode import mode_of
-from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.oddities import (
     FAINT,
     LEAST_SHARE,

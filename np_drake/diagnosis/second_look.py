@@ -13,7 +13,7 @@ from np_drake.diagnosis.best_model import Found, find
 from np_drake.diagnosis.evidence import Evidence, make_evidence
 from np_drake.diagnosis.held_out import without_shocks
 from np_drake.diagnosis.look import Compared, Look, compare, conclude
-from np_drake.diagnosis.noise import NoiseModel
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.oddities import novel
 from np_drake.diagnosis.payload_search import PAYLOAD
 from np_drake.diagnosis.remains import blown, without_swing

@@ -5,7 +5,7 @@ import dataclasses as dc
 import pytest
 
 from np_drake.diagnosis.descent import first_fit, refit, rested
-from np_drake.diagnosis.noise import fit_noise
+from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
 from np_drake.diagnosis.payload_candidates import payload_about
 from np_drake.diagnosis.payload_columns import Guess
 from np_drake.diagnosis.rig import tolerance_of

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg
 
-from np_drake.diagnosis.fir import banded, filtered
+from np_drake.diagnosis.numerics.fir_filter import banded, filtered
 
 ORDER = 20  # 0.4 s at 50 Hz
 RIDGE = 1e-3  # white share added to every channel, for what the low-pass took from the highest frequencies

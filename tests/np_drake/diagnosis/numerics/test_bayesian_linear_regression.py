@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from np_drake.diagnosis import linear_bayes
-from np_drake.diagnosis.linear_bayes import Gram, loss_beside
+from np_drake.diagnosis.numerics import bayesian_linear_regression
+from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram, loss_beside
 
 
 def problem(seed: int, rows: int = 12, channels: int = 2, k: int = 4) -> tuple[np.ndarray, np.ndarray]:
@@ -83,7 +83,7 @@ def test_many_sets_together_have_each_its_density_with_priors_as_wide_as_asked(s
     groups = [[columns[i] for i in chosen] for chosen in sets]
     wide = [[i != 1 for i in chosen] for chosen in sets]
     indices = [np.concatenate([np.zeros(0, int), *g]) for g in groups]
-    with patch.object(linear_bayes, "AT_ONCE", at_once):
+    with patch.object(bayesian_linear_regression, "AT_ONCE", at_once):
         evidence, posteriors = dut.evidence_of_sets(groups, wide), dut.posteriors(indices)
     for found, (mean, covariance), index, g, w in zip(
         evidence, posteriors, indices, groups, wide, strict=True

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from np_drake.diagnosis.noise import (
+from np_drake.diagnosis.numerics.autoregressive_noise import (
     QUIETEST,
     NoiseModel,
     fit_noise,
