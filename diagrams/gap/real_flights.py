@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.evidence import make_evidence
+from np_drake.diagnosis.residuals.flight_residuals import make_evidence
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.neurobem import AGILE, published_vehicle, read_neurobem

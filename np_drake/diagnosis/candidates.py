@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.signature import Stages, Term, signature
 from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.library import LIBRARY, effects_for

@@ -6,10 +6,10 @@ from functools import partial
 
 import numpy as np
 
-from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.held_out import settled
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, scale_only
 from np_drake.diagnosis.refine import Fit, refine
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.rig import Tolerance, calibration_terms
 from np_drake.diagnosis.search import Model, Problem
 from np_drake.diagnosis.signature import Term, signature

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from np_drake.diagnosis.check import check, confusables, excitation, excited
-from np_drake.diagnosis.evidence import Evidence, make_evidence
-from np_drake.diagnosis.grid import natural_step
 from np_drake.diagnosis.how_far import how_far, pooled
 from np_drake.diagnosis.look import look
 from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
+from np_drake.diagnosis.residuals.flight_residuals import Evidence, make_evidence
+from np_drake.diagnosis.residuals.resampling import natural_step
 from np_drake.diagnosis.result import UNKNOWN, Cause, Check, Diagnosis, Replay, Shrink, Where
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.second_look import look_twice

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.hidden_swing import STATE, hidden_size, padded
 from np_drake.diagnosis.payload_columns import SWING
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.signature import NEVER, Term
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from scipy import linalg
 
 from np_drake import attitude
-from np_drake.diagnosis.evidence import FORCE, Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FORCE, Evidence
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.linear_drag import LinearDrag
 

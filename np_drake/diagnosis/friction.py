@@ -4,9 +4,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.force_bins import binned, drags, factor, forces, spans, width
 from np_drake.diagnosis.numerics.instrumental_variables import Block, instrumented, plain
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.wind_statistics import Begins, WindForce
 from np_drake.rigid_body import V
 

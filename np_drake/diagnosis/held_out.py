@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.hidden_swing import (
     MOST_JUMPS,
     STATE,
@@ -13,7 +12,8 @@ from np_drake.diagnosis.hidden_swing import (
 )
 from np_drake.diagnosis.late_columns import LateColumns
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.shocks import APART, BOUNCE, LONGEST, MOST, find_shocks
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.outliers import APART, BOUNCE, LONGEST, MOST, find_shocks
 from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.swing_fit import SwingFit
 

@@ -9,7 +9,6 @@ from np_drake.diagnosis.attribute import GUSTY, PROBABILITY, causes_of, misfit
 from np_drake.diagnosis.best_model import Found, find
 from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.close_call import told_by_unseen
-from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.felt import with_drag
 from np_drake.diagnosis.gusts import as_gusts, in_gusts
 from np_drake.diagnosis.held_out import without_shocks
@@ -17,6 +16,7 @@ from np_drake.diagnosis.how_far import without_idle
 from np_drake.diagnosis.place import chance_of_place
 from np_drake.diagnosis.probability import BESIDE_UNKNOWN, DOUBTED, TRUST
 from np_drake.diagnosis.remains import Remains, remains, with_modes, without_swing
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause, Finding
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import Term, signature

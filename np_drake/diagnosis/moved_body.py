@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.effects.base import MassEffect, MassProperties
 
 

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.candidates import Candidate, Onset
-from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.hidden_swing import jumps
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 from np_drake.diagnosis.payload_columns import AT_REST, PayloadColumns, heavy_enough
-from np_drake.diagnosis.shocks import bridge
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.outliers import bridge
 
 CHANNELS = 6  # force and torque alone see a payload
 HORIZONS = (5.0, 10.0, math.inf)  # over which a guess is followed, one after the other [s]

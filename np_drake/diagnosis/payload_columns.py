@@ -9,8 +9,8 @@ import numpy as np
 from scipy import special
 
 from np_drake.diagnosis.candidates import Candidate, Mended, Onset
-from np_drake.diagnosis.evidence import WRENCH, Evidence
 from np_drake.diagnosis.hidden_swing import padded, swing_units
+from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
 from np_drake.diagnosis.signature import Term
 from np_drake.effects.library import LIBRARY
 

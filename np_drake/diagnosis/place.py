@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import linalg, stats
 
-from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.force_bins import binned, drags, factor, forces, spans, width
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.wind_statistics import Begins, WindForce, wind_force
 from np_drake.rigid_body import P
 

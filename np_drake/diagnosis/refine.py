@@ -8,11 +8,11 @@ import numpy as np
 from scipy import stats
 
 from np_drake.diagnosis.candidates import Candidate
-from np_drake.diagnosis.evidence import WRENCH, Evidence
 from np_drake.diagnosis.figures import Free, free_figures, read, write
 from np_drake.diagnosis.hidden_swing import swing_wrenches
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.gauss_newton import minimise
+from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
 from np_drake.diagnosis.signature import Stages, Term, signature
 from np_drake.effects.base import ActuatorEffect, SensorEffect
 

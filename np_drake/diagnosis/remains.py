@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.attribute import (
     EXACT,
     MATERIAL_FORCE,
@@ -14,7 +13,6 @@ from np_drake.diagnosis.attribute import (
     on_held_out,
 )
 from np_drake.diagnosis.candidates import DRAG
-from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.excess import slow_torque, strongest_line
 from np_drake.diagnosis.held_out import adapt
 from np_drake.diagnosis.mode import mode_of
@@ -34,6 +32,8 @@ from np_drake.diagnosis.oddities import (
     vibrates,
 )
 from np_drake.diagnosis.refine import Fit, Generic
+from np_drake.diagnosis.residuals import flight_residuals as ev
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Finding
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.signature import signature

@@ -10,13 +10,13 @@ import numpy as np
 
 from np_drake.diagnosis.attribute import HeldOut, misfit, on_held_out
 from np_drake.diagnosis.best_model import Found, find
-from np_drake.diagnosis.evidence import Evidence, make_evidence
 from np_drake.diagnosis.held_out import without_shocks
 from np_drake.diagnosis.look import Compared, Look, compare, conclude
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.oddities import novel
 from np_drake.diagnosis.payload_search import PAYLOAD
 from np_drake.diagnosis.remains import blown, without_swing
+from np_drake.diagnosis.residuals.flight_residuals import Evidence, make_evidence
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.slow_force import slow_power
 from np_drake.diagnosis.which import probabilities

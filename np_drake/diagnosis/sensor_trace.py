@@ -6,11 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis import evidence as ev
-from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.grid import Onto
-from np_drake.diagnosis.instants import Instants
-from np_drake.diagnosis.smooth_attitude import conjugate, rotation_vector
+from np_drake.diagnosis.residuals import flight_residuals as ev
+from np_drake.diagnosis.residuals.accelerations import Instants
+from np_drake.diagnosis.residuals.attitude_smoothing import conjugate, rotation_vector
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.resampling import Onto
 from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.rigid_body import Q, V, W
 from np_drake.vehicle import Vehicle

@@ -13,8 +13,8 @@ import numpy as np
 from scipy import fft, optimize
 
 from np_drake import attitude
-from np_drake.diagnosis.evidence import FORCE, POSITION, VELOCITY, Evidence
-from np_drake.diagnosis.instants import low_pass
+from np_drake.diagnosis.residuals.accelerations import low_pass
+from np_drake.diagnosis.residuals.flight_residuals import FORCE, POSITION, VELOCITY, Evidence
 from np_drake.diagnosis.rig import Tolerance
 
 TOP = 1.0  # of what counts as slow [Hz]

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import qmc
 
-from np_drake.diagnosis.evidence import WRENCH, Evidence
 from np_drake.diagnosis.hidden_swing import hidden_size, padded, swing_units, swing_wrenches
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.payload_columns import SWING, WIDEST
+from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
 from np_drake.diagnosis.signature import Term, signature
 
 STEPS = 3  # of Gauss-Newton

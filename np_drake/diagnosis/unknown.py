@@ -13,8 +13,8 @@ from scipy import signal
 from scipy.cluster.vq import kmeans2
 
 from np_drake.diagnosis.candidates import Candidate
-from np_drake.diagnosis.evidence import Evidence
-from np_drake.diagnosis.flight_state import FlightState, flight_state
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.regressor_signals import FlightState, flight_state
 
 PREFIX = "unknown:"
 SIZE = 0.04  # prior deviation of a group's force over weight, and of its torque over weight times arm [1]

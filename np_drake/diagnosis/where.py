@@ -8,8 +8,8 @@ import ruptures
 from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.evidence import WRENCH, Evidence
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
+from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
 from np_drake.diagnosis.result import CHANNELS, Band, ChannelGap, Regime, Segment, Where
 
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")

@@ -7,7 +7,6 @@ import numpy as np
 
 from np_drake.diagnosis.best_model import Found, find
 from np_drake.diagnosis.descent import refit, rested
-from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.like_size import of_like_size
 from np_drake.diagnosis.numerics.autoregressive_noise import (
     NoiseModel,
@@ -16,6 +15,7 @@ from np_drake.diagnosis.numerics.autoregressive_noise import (
     scale_only,
 )
 from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.search import (
     MOST_EFFECTS,

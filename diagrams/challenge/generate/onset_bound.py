@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.evidence import Evidence
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.signature import Term, gate, signature
 
 AROUND = 4.0  # of the true onset, in which others are weighed [s]

@@ -6,16 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from np_drake.diagnosis import evidence as ev
 from np_drake.diagnosis.candidates import (
     effect_candidates,
     gated,
     library_candidates,
     wind_candidates,
 )
-from np_drake.diagnosis.evidence import make_evidence
 from np_drake.diagnosis.payload_candidates import payload_candidates
 from np_drake.diagnosis.payload_columns import SURELY, heavy_enough
+from np_drake.diagnosis.residuals import flight_residuals as ev
+from np_drake.diagnosis.residuals.flight_residuals import make_evidence
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake import attitude
-from np_drake.diagnosis.grid import TAPS
 from np_drake.diagnosis.hidden_swing import (
     MOST_JUMPS,
     STATE,
@@ -17,6 +16,7 @@ from np_drake.diagnosis.hidden_swing import (
     start_of_swing,
     swing_wrenches,
 )
+from np_drake.diagnosis.residuals.resampling import TAPS
 from np_drake.diagnosis.signature import NEVER, Term
 from np_drake.effects.suspended_payload import SuspendedPayload
 

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.candidates import effect_candidates, gated, library_candidates
-from np_drake.diagnosis.evidence import make_evidence
 from np_drake.diagnosis.onset import (
     ABSENT,
     ANOTHER,
@@ -17,6 +16,7 @@ from np_drake.diagnosis.onset import (
     late_payloads,
 )
 from np_drake.diagnosis.payload_search import PayloadSearch
+from np_drake.diagnosis.residuals.flight_residuals import make_evidence
 from np_drake.diagnosis.search import Problem
 from np_drake.diagnosis.signature import NEVER
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset

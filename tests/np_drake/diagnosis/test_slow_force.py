@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import integrate, signal
 
 from np_drake import attitude
-from np_drake.diagnosis.evidence import FORCE, VELOCITY
+from np_drake.diagnosis.residuals.flight_residuals import FORCE, VELOCITY
 from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.slow_force import LEAST, SlowForce, _markov, slow_force, slow_power

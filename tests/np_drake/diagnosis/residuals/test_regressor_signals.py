@@ -1,6 +1,6 @@
 import numpy as np
 
-from np_drake.diagnosis.flight_state import flight_state
+from np_drake.diagnosis.residuals.regressor_signals import flight_state
 
 UP_AND_DOWN = (0.0, 0.0, 1.0, 0.0)
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.shocks import APART, BOUNCE, MOST, bridge, find_shocks
+from np_drake.diagnosis.residuals.outliers import APART, BOUNCE, MOST, bridge, find_shocks
 
 STEP = 0.02
 

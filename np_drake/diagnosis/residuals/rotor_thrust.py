@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from np_drake.diagnosis.read_rotors import read_thrust
+from np_drake.diagnosis.residuals.rotor_speed_filter import read_thrust
 from np_drake.effects.base import ActuatorEffect
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.logs.flight_log import FlightLog

@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.evidence import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
 
 SURELY = 4.0  # times the noise that an axis must move to be a regressor at all; own choice
 

@@ -16,13 +16,13 @@ from functools import cached_property
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.grid import STEP, TAPS, Grid, Onto, make_grid, to_grid
-from np_drake.diagnosis.instants import Instants, make_instants
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
-from np_drake.diagnosis.shocks import bridge
-from np_drake.diagnosis.smooth_attitude import conjugate, rotation_vector, smooth_attitude
-from np_drake.diagnosis.thrust import Rotors
+from np_drake.diagnosis.residuals.accelerations import Instants, make_instants
+from np_drake.diagnosis.residuals.attitude_smoothing import conjugate, rotation_vector, smooth_attitude
+from np_drake.diagnosis.residuals.outliers import bridge
+from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Grid, Onto, make_grid, to_grid
+from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 

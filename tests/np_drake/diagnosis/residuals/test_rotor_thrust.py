@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.thrust import Rotors
+from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_drift import ThrustDrift

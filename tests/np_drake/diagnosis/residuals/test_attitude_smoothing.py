@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake import attitude
-from np_drake.diagnosis.smooth_attitude import (
+from np_drake.diagnosis.residuals.attitude_smoothing import (
     conjugate,
     from_rotation_vector,
     gyro_attitude,

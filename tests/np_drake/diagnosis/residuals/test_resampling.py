@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.grid import STEP, TAPS, make_grid, natural_step, to_grid
+from np_drake.diagnosis.residuals.resampling import STEP, TAPS, make_grid, natural_step, to_grid
 
 INSIDE = slice(TAPS + 1, -TAPS - 1)  # where the low-pass sees no held end
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.motion import corrected_acceleration
+from np_drake.diagnosis.residuals.path_smoothing import corrected_acceleration
 from np_drake.logs.flight_log import FlightLog
 from np_drake.rigid_body import P, Q, W
 

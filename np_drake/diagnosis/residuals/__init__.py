@@ -1,0 +1,1 @@
+"""From flight logs to residuals on a uniform grid."""
