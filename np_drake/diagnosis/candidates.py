@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.forward_model.predicted_residual import Stages, Term, signature
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.signature import Stages, Term, signature
 from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.library import LIBRARY, effects_for
 

@@ -11,11 +11,11 @@ from np_drake.diagnosis.candidates import (
     library_candidates,
     wind_candidates,
 )
+from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Stages, Term, signature
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.payload_candidates import payload_candidates
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.rig import Tolerance, calibration, wander
-from np_drake.diagnosis.signature import NEVER, Stages, Term, signature
 from np_drake.effects.library import LIBRARY
 
 DISTANCE = (

@@ -6,13 +6,13 @@ from functools import partial
 
 import numpy as np
 
+from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.held_out import settled
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, scale_only
 from np_drake.diagnosis.refine import Fit, refine
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.rig import Tolerance, calibration_terms
 from np_drake.diagnosis.search import Model, Problem
-from np_drake.diagnosis.signature import Term, signature
 
 ITERATIONS = 6
 AGAIN = 3  # times that a descent with a hidden swing is begun anew; own choice

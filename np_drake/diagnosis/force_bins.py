@@ -4,8 +4,8 @@ import numpy as np
 from scipy import linalg
 
 from np_drake import attitude
+from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.residuals.flight_residuals import FORCE, Evidence
-from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.linear_drag import LinearDrag
 
 BIN = 0.1  # over which the force is averaged, to a whole number of rows [s]

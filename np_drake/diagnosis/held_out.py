@@ -5,16 +5,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.hidden_swing import (
+from np_drake.diagnosis.forward_model.payload_state import (
     MOST_JUMPS,
     STATE,
     jumps,
 )
+from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term, signature
 from np_drake.diagnosis.late_columns import LateColumns
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.residuals.outliers import APART, BOUNCE, LONGEST, MOST, find_shocks
-from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.diagnosis.swing_fit import SwingFit
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]

@@ -10,6 +10,7 @@ from np_drake.diagnosis.best_model import Found, find
 from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.close_call import told_by_unseen
 from np_drake.diagnosis.felt import with_drag
+from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.gusts import as_gusts, in_gusts
 from np_drake.diagnosis.held_out import without_shocks
 from np_drake.diagnosis.how_far import without_idle
@@ -19,7 +20,6 @@ from np_drake.diagnosis.remains import Remains, remains, with_modes, without_swi
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause, Finding
 from np_drake.diagnosis.rig import Tolerance
-from np_drake.diagnosis.signature import Term, signature
 from np_drake.diagnosis.unknown import PREFIX
 from np_drake.diagnosis.which import Ranking, ranked
 from np_drake.diagnosis.wind_onset import wind_begins

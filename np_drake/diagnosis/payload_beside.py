@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.candidates import Candidate, Onset
-from np_drake.diagnosis.hidden_swing import jumps
+from np_drake.diagnosis.forward_model.payload_state import jumps
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 from np_drake.diagnosis.payload_columns import AT_REST, PayloadColumns, heavy_enough

@@ -7,10 +7,10 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.diagnosis.candidates import Candidate, Onset
-from np_drake.diagnosis.hidden_swing import STATE, hidden_size, specific_pull, swing_units
+from np_drake.diagnosis.forward_model.payload_state import STATE, hidden_size, specific_pull, swing_units
+from np_drake.diagnosis.forward_model.predicted_residual import NEVER
 from np_drake.diagnosis.payload_columns import AT_REST, HOOK, LENGTH, SMALL, SWING, Guess, PayloadColumns
 from np_drake.diagnosis.residuals.flight_residuals import FORCE, TORQUE, Evidence
-from np_drake.diagnosis.signature import NEVER
 from np_drake.effects.library import LIBRARY
 
 UNIT = 0.1  # of the vehicle's mass: prior deviation of a payload's

@@ -9,9 +9,9 @@ import numpy as np
 from scipy import special
 
 from np_drake.diagnosis.candidates import Candidate, Mended, Onset
-from np_drake.diagnosis.hidden_swing import padded, swing_units
+from np_drake.diagnosis.forward_model.payload_state import padded, swing_units
+from np_drake.diagnosis.forward_model.predicted_residual import Term
 from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
-from np_drake.diagnosis.signature import Term
 from np_drake.effects.library import LIBRARY
 
 SWING = 0.15  # prior deviation of an initial swing [rad]

@@ -14,6 +14,7 @@ from np_drake.diagnosis.attribute import (
 )
 from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.excess import slow_torque, strongest_line
+from np_drake.diagnosis.forward_model.predicted_residual import signature
 from np_drake.diagnosis.held_out import adapt
 from np_drake.diagnosis.mode import mode_of
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
@@ -36,7 +37,6 @@ from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Finding
 from np_drake.diagnosis.rig import Tolerance
-from np_drake.diagnosis.signature import signature
 from np_drake.diagnosis.slow_force import LEAST, slow_force, slow_power
 from np_drake.diagnosis.unknown import PREFIX
 from np_drake.diagnosis.which import Ranking

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import qmc
 
-from np_drake.diagnosis.hidden_swing import hidden_size, padded, swing_units, swing_wrenches
+from np_drake.diagnosis.forward_model.payload_state import hidden_size, padded, swing_units, swing_wrenches
+from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.payload_columns import SWING, WIDEST
 from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
-from np_drake.diagnosis.signature import Term, signature
 
 STEPS = 3  # of Gauss-Newton
 GRID = 128  # swings, as wide as may be, from which it may descend; own choice

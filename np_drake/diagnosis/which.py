@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.diagnosis.best_model import Found, find
 from np_drake.diagnosis.descent import refit, rested
+from np_drake.diagnosis.forward_model.predicted_residual import signature
 from np_drake.diagnosis.like_size import of_like_size
 from np_drake.diagnosis.numerics.autoregressive_noise import (
     NoiseModel,
@@ -25,7 +26,6 @@ from np_drake.diagnosis.search import (
     prior_of,
     search,
 )
-from np_drake.diagnosis.signature import signature
 from np_drake.diagnosis.unknown import PREFIX
 
 TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.forward_model.predicted_residual import Term, gate, signature
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.signature import Term, gate, signature
 
 AROUND = 4.0  # of the true onset, in which others are weighed [s]
 SPAN = 0.4  # that is to hold the onset as likely as may be: twice the tolerance of the score [s]

@@ -12,11 +12,11 @@ from np_drake.diagnosis.candidates import (
     library_candidates,
     wind_candidates,
 )
+from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.payload_candidates import payload_candidates
 from np_drake.diagnosis.payload_columns import SURELY, heavy_enough
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.flight_residuals import make_evidence
-from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError

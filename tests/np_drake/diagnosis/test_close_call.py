@@ -6,8 +6,8 @@ import pytest
 
 from np_drake.diagnosis import close_call
 from np_drake.diagnosis.close_call import CLOSE, _onset_prior, told_by_unseen
+from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term
 from np_drake.diagnosis.onset import ABSENT, ANOTHER
-from np_drake.diagnosis.signature import NEVER, Term
 from np_drake.diagnosis.which import names_of_fit, rank, score_of
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.quadratic_drag import QuadraticDrag

@@ -3,6 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term, signature
 from np_drake.diagnosis.held_out import (
     HIDDEN_SPAN,
     JUMP_SPAN,
@@ -16,7 +17,6 @@ from np_drake.diagnosis.held_out import (
     without_shocks,
 )
 from np_drake.diagnosis.residuals.flight_residuals import WRENCH, make_evidence
-from np_drake.diagnosis.signature import NEVER, Term, signature
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag

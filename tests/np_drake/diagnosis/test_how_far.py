@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from np_drake.diagnosis import how_far as dut
 from np_drake.diagnosis.attribute import causes_of, on_held_out
+from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term
 from np_drake.diagnosis.numerics.autoregressive_noise import scale_only
 from np_drake.diagnosis.residuals.flight_residuals import make_evidence
 from np_drake.diagnosis.result import ReplayGap
-from np_drake.diagnosis.signature import NEVER, Term
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.candidates import effect_candidates, gated, library_candidates
+from np_drake.diagnosis.forward_model.predicted_residual import NEVER
 from np_drake.diagnosis.onset import (
     ABSENT,
     ANOTHER,
@@ -18,7 +19,6 @@ from np_drake.diagnosis.onset import (
 from np_drake.diagnosis.payload_search import PayloadSearch
 from np_drake.diagnosis.residuals.flight_residuals import make_evidence
 from np_drake.diagnosis.search import Problem
-from np_drake.diagnosis.signature import NEVER
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError

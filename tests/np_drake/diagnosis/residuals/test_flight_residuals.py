@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
+from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.accelerations import low_pass
 from np_drake.diagnosis.residuals.flight_residuals import make_evidence
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
-from np_drake.diagnosis.signature import Term, signature
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.velocity_bias import VelocityBias

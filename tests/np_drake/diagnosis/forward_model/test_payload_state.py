@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake import attitude
-from np_drake.diagnosis.hidden_swing import (
+from np_drake.diagnosis.forward_model.payload_state import (
     MOST_JUMPS,
     STATE,
     hidden_size,
@@ -16,8 +16,8 @@ from np_drake.diagnosis.hidden_swing import (
     start_of_swing,
     swing_wrenches,
 )
+from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term
 from np_drake.diagnosis.residuals.resampling import TAPS
-from np_drake.diagnosis.signature import NEVER, Term
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 SMALL = st.floats(-0.8, 0.8)

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.diagnosis.hidden_swing import swing_wrench
-from np_drake.diagnosis.moved_body import MovedBody
+from np_drake.diagnosis.forward_model.modified_inertia import MovedBody
+from np_drake.diagnosis.forward_model.payload_state import swing_wrench
+from np_drake.diagnosis.forward_model.sensor_residual import sensor_trace, without_errors
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.accelerations import Instants
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.sensor_trace import sensor_trace, without_errors
 from np_drake.effects.base import (
     ActuatorEffect,
     Effect,

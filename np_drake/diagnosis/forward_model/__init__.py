@@ -1,0 +1,1 @@
+"""Predicted residual of effects with given parameters."""
