@@ -6,17 +6,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.bounds import impossible, interval
-from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.forward_model.payload_state import figure_error
 from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term, signature
 from np_drake.diagnosis.held_out import SURPRISE, adapt, foreseen, scored, settled
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.probability import reported
 from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.regressors.library import DRAG
+from np_drake.diagnosis.regressors.nuisance import Drift, Tolerance, drift_of, loss_on
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause, Estimate, Finding
-from np_drake.diagnosis.rig import Drift, Tolerance, drift_of, loss_on
 from np_drake.diagnosis.search import Model, Problem
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
 from np_drake.diagnosis.withdrawn import without_faint_shifts, without_unfelt

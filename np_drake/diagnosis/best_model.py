@@ -6,14 +6,14 @@ from functools import partial
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import Candidate
 from np_drake.diagnosis.descent import first_fit, refit
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.onset import gated_candidates, late_payloads
 from np_drake.diagnosis.prepare import INEXACT, TEMPERATURE, Ready, noise_of, prepare
 from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.regressors.library import Candidate
+from np_drake.diagnosis.regressors.nuisance import Tolerance, tolerance_of
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.rig import Tolerance, tolerance_of
 from np_drake.diagnosis.search import Model, Problem, library_first, search
 from np_drake.diagnosis.sharp_onset import sharpened
 

@@ -5,8 +5,8 @@ from itertools import product
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import DRAG, DRAGS
 from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.regressors.library import DRAG, DRAGS
 from np_drake.effects.base import Effect, MassEffect, MassProperties
 from np_drake.vehicle import Vehicle
 

@@ -12,8 +12,8 @@ from np_drake.diagnosis.held_out import known_onset_profile
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.onset import ABSENT, ANOTHER
 from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.regressors.nuisance import Drift, drift_of, loss_on
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.rig import Drift, drift_of, loss_on
 from np_drake.diagnosis.which import Ranking, names_of_fit, of_fits, score_of
 
 CLOSE = 5.0  # log evidence within which flights hardly decide; own choice

@@ -4,18 +4,18 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import (
+from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Stages, Term, signature
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
+from np_drake.diagnosis.regressors.library import (
     Candidate,
     Onset,
     at_value,
     library_candidates,
     wind_candidates,
 )
-from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Stages, Term, signature
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.payload_candidates import payload_candidates
+from np_drake.diagnosis.regressors.nuisance import Tolerance, calibration, wander
+from np_drake.diagnosis.regressors.payload_grid import payload_candidates
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.rig import Tolerance, calibration, wander
 from np_drake.effects.library import LIBRARY
 
 DISTANCE = (

@@ -11,10 +11,10 @@ from np_drake.diagnosis.check import check, confusables, excitation, excited
 from np_drake.diagnosis.how_far import how_far, pooled
 from np_drake.diagnosis.look import look
 from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
+from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.flight_residuals import Evidence, make_evidence
 from np_drake.diagnosis.residuals.resampling import natural_step
 from np_drake.diagnosis.result import UNKNOWN, Cause, Check, Diagnosis, Replay, Shrink, Where
-from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.second_look import look_twice
 from np_drake.diagnosis.where import where
 from np_drake.logs.flight_log import FlightLog
@@ -141,7 +141,7 @@ def _same(held_out: set[bytes], train: set[bytes]) -> bool:
 
 def _cannot_tell(flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> dict:
     """Nothing moves: the residual is shown, no cause is named."""
-    from np_drake.diagnosis.candidates import library_candidates
+    from np_drake.diagnosis.regressors.library import library_candidates
 
     noise = fit_noise([e.y - e.y.mean(axis=0) for e in flights], flights[0].grid.step)
     pairs = confusables(flights, library_candidates(flights), noise)

@@ -4,9 +4,9 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import DRAG, Onset, gated
 from np_drake.diagnosis.descent import refit
 from np_drake.diagnosis.like_size import of_like_size
+from np_drake.diagnosis.regressors.library import DRAG, Onset, gated
 from np_drake.diagnosis.search import Model, effect_prior
 from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
 from np_drake.diagnosis.wind_onset import wind_begins

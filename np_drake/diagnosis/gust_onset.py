@@ -7,9 +7,9 @@ import numpy as np
 
 from np_drake.diagnosis.gust_drag import drag_trace
 from np_drake.diagnosis.held_out import SURPRISE
+from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause
-from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.wind_onset import ASKED, GAIN, ROUNDS, Asked, Begin, loss_of_calm, wind_onset
 from np_drake.diagnosis.wind_statistics import Begins, WindForce, wind_force
 from np_drake.effects.linear_drag import LinearDrag

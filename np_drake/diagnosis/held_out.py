@@ -11,8 +11,8 @@ from np_drake.diagnosis.forward_model.payload_state import (
     jumps,
 )
 from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term, signature
-from np_drake.diagnosis.late_columns import LateColumns
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
+from np_drake.diagnosis.regressors.switched_regressors import LateColumns
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.residuals.outliers import APART, BOUNCE, LONGEST, MOST, find_shocks
 from np_drake.diagnosis.swing_fit import SwingFit

@@ -7,7 +7,6 @@ import numpy as np
 
 from np_drake.diagnosis.attribute import GUSTY, PROBABILITY, causes_of, misfit
 from np_drake.diagnosis.best_model import Found, find
-from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.close_call import told_by_unseen
 from np_drake.diagnosis.felt import with_drag
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
@@ -16,11 +15,12 @@ from np_drake.diagnosis.held_out import without_shocks
 from np_drake.diagnosis.how_far import without_idle
 from np_drake.diagnosis.place import chance_of_place
 from np_drake.diagnosis.probability import BESIDE_UNKNOWN, DOUBTED, TRUST
+from np_drake.diagnosis.regressors.generic import PREFIX
+from np_drake.diagnosis.regressors.library import DRAG
+from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.remains import Remains, remains, with_modes, without_swing
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause, Finding
-from np_drake.diagnosis.rig import Tolerance
-from np_drake.diagnosis.unknown import PREFIX
 from np_drake.diagnosis.which import Ranking, ranked
 from np_drake.diagnosis.wind_onset import wind_begins
 from np_drake.diagnosis.wind_statistics import Begins

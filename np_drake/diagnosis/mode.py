@@ -8,8 +8,8 @@ from scipy import optimize
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 from np_drake.diagnosis.refine import Generic
+from np_drake.diagnosis.regressors.generic import DAMPING
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.unknown import DAMPING
 
 WITHIN = 1.5  # times the frequency that the grid found, up or down; own choice
 DAMPINGS = (0.005, 1.0)  # that are looked for [1]; own choice

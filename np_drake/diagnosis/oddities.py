@@ -8,10 +8,10 @@ from np_drake.diagnosis.attribute import EXACT, MATERIAL_FORCE, MATERIAL_TORQUE
 from np_drake.diagnosis.bounds import impossible
 from np_drake.diagnosis.excess import LINE, Line, lift_apart, slow_torque, strongest_burst, strongest_line
 from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import CHANNELS, Finding
-from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.slow_force import slow_power
 from np_drake.vehicle import Vehicle
 

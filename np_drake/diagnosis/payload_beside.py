@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import Candidate, Onset
 from np_drake.diagnosis.forward_model.payload_state import jumps
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
-from np_drake.diagnosis.payload_columns import AT_REST, PayloadColumns, heavy_enough
+from np_drake.diagnosis.regressors.library import Candidate, Onset
+from np_drake.diagnosis.regressors.payload import AT_REST, PayloadColumns, heavy_enough
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.residuals.outliers import bridge
 

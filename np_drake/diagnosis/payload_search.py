@@ -12,12 +12,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import Candidate, Onset
 from np_drake.diagnosis.forward_model.predicted_residual import NEVER
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.payload_beside import HORIZONS, Beside
-from np_drake.diagnosis.payload_candidates import payload_about, payloads_of
-from np_drake.diagnosis.payload_columns import Guess, PayloadColumns
+from np_drake.diagnosis.regressors.library import Candidate, Onset
+from np_drake.diagnosis.regressors.payload import Guess, PayloadColumns
+from np_drake.diagnosis.regressors.payload_grid import payload_about, payloads_of
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.effects.library import LIBRARY
 

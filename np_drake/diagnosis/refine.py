@@ -7,12 +7,12 @@ from itertools import pairwise
 import numpy as np
 from scipy import stats
 
-from np_drake.diagnosis.candidates import Candidate
 from np_drake.diagnosis.figures import Free, free_figures, read, write
 from np_drake.diagnosis.forward_model.payload_state import swing_wrenches
 from np_drake.diagnosis.forward_model.predicted_residual import Stages, Term, signature
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.gauss_newton import minimise
+from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
 from np_drake.effects.base import ActuatorEffect, SensorEffect
 

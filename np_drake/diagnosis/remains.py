@@ -12,7 +12,6 @@ from np_drake.diagnosis.attribute import (
     HeldOut,
     on_held_out,
 )
-from np_drake.diagnosis.candidates import DRAG
 from np_drake.diagnosis.excess import slow_torque, strongest_line
 from np_drake.diagnosis.forward_model.predicted_residual import signature
 from np_drake.diagnosis.held_out import adapt
@@ -33,12 +32,13 @@ from np_drake.diagnosis.oddities import (
     vibrates,
 )
 from np_drake.diagnosis.refine import Fit, Generic
+from np_drake.diagnosis.regressors.generic import PREFIX
+from np_drake.diagnosis.regressors.library import DRAG
+from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Finding
-from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.slow_force import LEAST, slow_force, slow_power
-from np_drake.diagnosis.unknown import PREFIX
 from np_drake.diagnosis.which import Ranking
 
 HARM = -1.0  # log likelihood on unseen flights below which a structure does not repeat

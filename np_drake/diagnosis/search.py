@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import Candidate
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
+from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.effects.library import LIBRARY
 

@@ -15,9 +15,9 @@ from np_drake.diagnosis.look import Compared, Look, compare, conclude
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.oddities import novel
 from np_drake.diagnosis.payload_search import PAYLOAD
+from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.remains import blown, without_swing
 from np_drake.diagnosis.residuals.flight_residuals import Evidence, make_evidence
-from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.slow_force import slow_power
 from np_drake.diagnosis.which import probabilities
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.candidates import Candidate, gated
 from np_drake.diagnosis.payload_search import PAYLOAD
+from np_drake.diagnosis.regressors.library import Candidate, gated
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.search import Model, Problem
 

@@ -9,7 +9,7 @@ from scipy.stats import qmc
 from np_drake.diagnosis.forward_model.payload_state import hidden_size, padded, swing_units, swing_wrenches
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.payload_columns import SWING, WIDEST
+from np_drake.diagnosis.regressors.payload import SWING, WIDEST
 from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
 
 STEPS = 3  # of Gauss-Newton

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from np_drake.diagnosis.forward_model.predicted_residual import NEVER
-from np_drake.diagnosis.late_columns import LateSums, Sums
+from np_drake.diagnosis.regressors.switched_regressors import LateSums, Sums
 
 MARGIN = 0.7  # from either end of a flight, in which no onset is looked for [s]
 COARSE = 5  # rows between instants that are tried at first

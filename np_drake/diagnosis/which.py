@@ -16,8 +16,9 @@ from np_drake.diagnosis.numerics.autoregressive_noise import (
     scale_only,
 )
 from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.regressors.generic import PREFIX
+from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.search import (
     MOST_EFFECTS,
     SHIFTING,
@@ -26,7 +27,6 @@ from np_drake.diagnosis.search import (
     prior_of,
     search,
 )
-from np_drake.diagnosis.unknown import PREFIX
 
 TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice
 MOST_MEASURED = 8  # effects that are named where rotor speed is measured: real rotors have many; own choice

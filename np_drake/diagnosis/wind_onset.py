@@ -7,8 +7,8 @@ import numpy as np
 from scipy import linalg
 
 from np_drake.diagnosis.force_bins import SPAN, factor, forces, instants, width
+from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.rig import Tolerance
 from np_drake.diagnosis.wind_statistics import Begins, WindForce, wind_force
 
 FIRST, LAST = 0.7, 1.0  # of a flight, in which no begin is looked for [s]

@@ -13,8 +13,8 @@ from np_drake.atomic_file import write_json
 from np_drake.diagnosis.collinear import collinear_effects, effects_of_trace
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
+from np_drake.diagnosis.regressors.nuisance import tolerance_of
 from np_drake.diagnosis.residuals.flight_residuals import Evidence, make_evidence
-from np_drake.diagnosis.rig import tolerance_of
 from np_drake.effects.base import Effect
 from np_drake.logs.flight_log import FlightLog
 

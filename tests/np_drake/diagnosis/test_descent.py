@@ -7,9 +7,9 @@ import pytest
 from np_drake.diagnosis.descent import first_fit, refit, rested
 from np_drake.diagnosis.forward_model.predicted_residual import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
-from np_drake.diagnosis.payload_candidates import payload_about
-from np_drake.diagnosis.payload_columns import Guess
-from np_drake.diagnosis.rig import tolerance_of
+from np_drake.diagnosis.regressors.nuisance import tolerance_of
+from np_drake.diagnosis.regressors.payload import Guess
+from np_drake.diagnosis.regressors.payload_grid import payload_about
 from np_drake.diagnosis.search import Model, Problem
 from np_drake.effects.suspended_payload import SuspendedPayload
 

@@ -10,7 +10,7 @@ from np_drake.diagnosis.friction import dry_friction
 from np_drake.diagnosis.gust_drag import drag_trace
 from np_drake.diagnosis.gusts import as_gusts
 from np_drake.diagnosis.probability import DOUBTED
-from np_drake.diagnosis.rig import LABORATORY
+from np_drake.diagnosis.regressors.nuisance import LABORATORY
 from np_drake.diagnosis.wind_statistics import wind_force
 from np_drake.effects.linear_drag import LinearDrag
 from tests.np_drake.diagnosis.test_gust_drag import D, cause, yielding

@@ -8,8 +8,8 @@ from np_drake.diagnosis.attribute import HeldOut
 from np_drake.diagnosis.forward_model.predicted_residual import Term
 from np_drake.diagnosis.gusts import as_gusts, in_gusts
 from np_drake.diagnosis.probability import DOUBTED
+from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
 from np_drake.diagnosis.result import Cause, Estimate
-from np_drake.diagnosis.rig import LABORATORY, Tolerance
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag

@@ -13,9 +13,9 @@ from np_drake.diagnosis.attribute import PROBABILITY
 from np_drake.diagnosis.forward_model.predicted_residual import Term
 from np_drake.diagnosis.look import look, misfits, wanders
 from np_drake.diagnosis.probability import DOUBTED, TRUST
+from np_drake.diagnosis.regressors.generic import PREFIX
+from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
 from np_drake.diagnosis.result import Cause, Estimate, Finding
-from np_drake.diagnosis.rig import LABORATORY, Tolerance
-from np_drake.diagnosis.unknown import PREFIX
 from np_drake.diagnosis.which import rank
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.gusty_wind import GustyWind

@@ -5,7 +5,7 @@ import pytest
 
 from np_drake.diagnosis.mode import mode_of
 from np_drake.diagnosis.refine import Generic
-from np_drake.diagnosis.unknown import PREFIX, candidates_of_the_unknown
+from np_drake.diagnosis.regressors.generic import PREFIX, candidates_of_the_unknown
 
 
 @pytest.fixture(scope="module")

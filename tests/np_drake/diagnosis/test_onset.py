@@ -4,7 +4,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.candidates import effect_candidates, gated, library_candidates
 from np_drake.diagnosis.forward_model.predicted_residual import NEVER
 from np_drake.diagnosis.onset import (
     ABSENT,
@@ -17,6 +16,7 @@ from np_drake.diagnosis.onset import (
     late_payloads,
 )
 from np_drake.diagnosis.payload_search import PayloadSearch
+from np_drake.diagnosis.regressors.library import effect_candidates, gated, library_candidates
 from np_drake.diagnosis.residuals.flight_residuals import make_evidence
 from np_drake.diagnosis.search import Problem
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.prepare import noise_of, prepare
-from np_drake.diagnosis.rig import LABORATORY, Tolerance
+from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 

@@ -9,9 +9,9 @@ from np_drake.diagnosis import oddities
 from np_drake.diagnosis import remains as remains_module
 from np_drake.diagnosis.excess import strongest_line
 from np_drake.diagnosis.forward_model.predicted_residual import Term
+from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.remains import _repeat, remains
 from np_drake.diagnosis.result import CHANNELS
-from np_drake.diagnosis.rig import Tolerance
 from np_drake.effects.base import WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.inertia_error import InertiaError

@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.candidates import Candidate, library_candidates
+from np_drake.diagnosis.regressors.library import Candidate, library_candidates
 from np_drake.diagnosis.search import Problem, effect_prior, prior_of, search
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.linear_drag import LinearDrag

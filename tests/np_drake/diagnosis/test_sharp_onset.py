@@ -2,7 +2,7 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.diagnosis.candidates import effect_candidates, gated
+from np_drake.diagnosis.regressors.library import effect_candidates, gated
 from np_drake.diagnosis.search import Model, Problem
 from np_drake.diagnosis.sharp_onset import sharpened
 from np_drake.diagnosis.which import names_of_fit, rank

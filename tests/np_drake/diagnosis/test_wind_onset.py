@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.force_bins import BIN
-from np_drake.diagnosis.rig import LABORATORY, Tolerance
+from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
 from np_drake.diagnosis.wind_onset import WANDER, loss_of_calm, wind_begins, wind_onset
 from np_drake.diagnosis.wind_statistics import WindForce, wind_force
 

@@ -6,15 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from np_drake.diagnosis.candidates import (
+from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
+from np_drake.diagnosis.regressors.library import (
     effect_candidates,
     gated,
     library_candidates,
     wind_candidates,
 )
-from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
-from np_drake.diagnosis.payload_candidates import payload_candidates
-from np_drake.diagnosis.payload_columns import SURELY, heavy_enough
+from np_drake.diagnosis.regressors.payload import SURELY, heavy_enough
+from np_drake.diagnosis.regressors.payload_grid import payload_candidates
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.flight_residuals import make_evidence
 from np_drake.effects.library import LIBRARY

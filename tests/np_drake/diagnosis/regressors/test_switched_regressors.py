@@ -5,7 +5,7 @@ import pytest
 
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.held_out import adapt
-from np_drake.diagnosis.late_columns import LateColumns, LateSums
+from np_drake.diagnosis.regressors.switched_regressors import LateColumns, LateSums
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.linear_drag import LinearDrag

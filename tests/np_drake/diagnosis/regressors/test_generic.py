@@ -6,12 +6,12 @@ import pytest
 from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.candidates import library_candidates
 from np_drake.diagnosis.look import Compared, conclude
 from np_drake.diagnosis.mode import mode_of
+from np_drake.diagnosis.regressors.generic import PREFIX, candidates_of_the_unknown
+from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.remains import remains, with_modes
 from np_drake.diagnosis.search import Problem, search
-from np_drake.diagnosis.unknown import PREFIX, candidates_of_the_unknown
 from np_drake.diagnosis.which import rank
 from np_drake.effects.base import WrenchEffect
 from np_drake.rigid_body import P, Q, V, W

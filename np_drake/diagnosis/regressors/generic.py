@@ -12,7 +12,7 @@ import numpy as np
 from scipy import signal
 from scipy.cluster.vq import kmeans2
 
-from np_drake.diagnosis.candidates import Candidate
+from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.residuals.regressor_signals import FlightState, flight_state
 

@@ -1,0 +1,1 @@
+"""Columns of the linear model: library effects, generic structure, nuisance, payload."""
