@@ -5,13 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.bounds import impossible, interval
+from np_drake.diagnosis.fitting.map_estimate import Fit
+from np_drake.diagnosis.fitting.physical_bounds import impossible, interval
 from np_drake.diagnosis.forward_model.payload_state import figure_error
 from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term, signature
 from np_drake.diagnosis.held_out import SURPRISE, adapt, foreseen, scored, settled
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.probability import reported
-from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.regressors.library import DRAG
 from np_drake.diagnosis.regressors.nuisance import Drift, Tolerance, drift_of, loss_on
 from np_drake.diagnosis.residuals import flight_residuals as ev

@@ -6,11 +6,11 @@ from functools import partial
 
 import numpy as np
 
-from np_drake.diagnosis.descent import first_fit, refit
+from np_drake.diagnosis.fitting.map_estimate import Fit
+from np_drake.diagnosis.fitting.multi_start import first_fit, refit
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.onset import gated_candidates, late_payloads
 from np_drake.diagnosis.prepare import INEXACT, TEMPERATURE, Ready, noise_of, prepare
-from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.regressors.nuisance import Tolerance, tolerance_of
 from np_drake.diagnosis.residuals.flight_residuals import Evidence

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.fitting.swing_fit import SwingFit
 from np_drake.diagnosis.forward_model.payload_state import (
     MOST_JUMPS,
     STATE,
@@ -15,7 +16,6 @@ from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.switched_regressors import LateColumns
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.residuals.outliers import APART, BOUNCE, LONGEST, MOST, find_shocks
-from np_drake.diagnosis.swing_fit import SwingFit
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
 JUMP_SPAN = 1.5  # after a shock, over which a swing is fitted anew; not scored either [s]

@@ -13,9 +13,10 @@ from np_drake.diagnosis.attribute import (
     on_held_out,
 )
 from np_drake.diagnosis.excess import slow_torque, strongest_line
+from np_drake.diagnosis.fitting.map_estimate import Fit, Generic
+from np_drake.diagnosis.fitting.resonance_fit import mode_of
 from np_drake.diagnosis.forward_model.predicted_residual import signature
 from np_drake.diagnosis.held_out import adapt
-from np_drake.diagnosis.mode import mode_of
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.oddities import (
     FAINT,
@@ -31,7 +32,6 @@ from np_drake.diagnosis.oddities import (
     twists,
     vibrates,
 )
-from np_drake.diagnosis.refine import Fit, Generic
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.regressors.library import DRAG
 from np_drake.diagnosis.regressors.nuisance import Tolerance

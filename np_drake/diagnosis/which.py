@@ -6,16 +6,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.best_model import Found, find
-from np_drake.diagnosis.descent import refit, rested
+from np_drake.diagnosis.fitting.isotropic_prior import of_like_size
+from np_drake.diagnosis.fitting.map_estimate import Fit
+from np_drake.diagnosis.fitting.multi_start import refit, rested
 from np_drake.diagnosis.forward_model.predicted_residual import signature
-from np_drake.diagnosis.like_size import of_like_size
 from np_drake.diagnosis.numerics.autoregressive_noise import (
     NoiseModel,
     no_worse,
     no_worse_anywhere,
     scale_only,
 )
-from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.flight_residuals import Evidence

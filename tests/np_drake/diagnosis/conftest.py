@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
+from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
-from np_drake.diagnosis.refine import Fit
 from np_drake.diagnosis.residuals.flight_residuals import Evidence, make_evidence
 from np_drake.diagnosis.which import Ranking, rank
 from np_drake.effects.base import Effect

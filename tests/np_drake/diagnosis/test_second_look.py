@@ -9,12 +9,12 @@ import pytest
 from np_drake.diagnosis import best_model, second_look
 from np_drake.diagnosis.best_model import find
 from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.fitting.map_estimate import Generic
 from np_drake.diagnosis.forward_model.predicted_residual import Term
 from np_drake.diagnosis.held_out import scored
 from np_drake.diagnosis.look import compare, look
 from np_drake.diagnosis.oddities import UNSEEN
 from np_drake.diagnosis.onset import late_payloads
-from np_drake.diagnosis.refine import Generic
 from np_drake.diagnosis.result import Diagnosis, Finding
 from np_drake.diagnosis.second_look import LEAST, halved, look_twice, plainly_unforeseen, unforeseen
 from np_drake.effects.linear_drag import LinearDrag

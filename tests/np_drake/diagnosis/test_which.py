@@ -3,8 +3,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.fitting.map_estimate import Fit, Generic
 from np_drake.diagnosis.forward_model.predicted_residual import Term
-from np_drake.diagnosis.refine import Fit, Generic
 from np_drake.diagnosis.search import Model
 from np_drake.diagnosis.which import GIVES_WAY, bare, names_of, names_of_fit, precedence, rank, simpler
 from np_drake.effects.attitude_bias import AttitudeBias

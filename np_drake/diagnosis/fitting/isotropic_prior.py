@@ -4,8 +4,8 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.diagnosis.figures import write
-from np_drake.diagnosis.refine import Fit
+from np_drake.diagnosis.fitting.map_estimate import Fit
+from np_drake.diagnosis.fitting.parameters import write
 
 TOLD = 2.0  # deviations from neutral at which a figure is one that the flights tell [1]; own choice
 

@@ -3,8 +3,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.mode import mode_of
-from np_drake.diagnosis.refine import Generic
+from np_drake.diagnosis.fitting.map_estimate import Generic
+from np_drake.diagnosis.fitting.resonance_fit import mode_of
 from np_drake.diagnosis.regressors.generic import PREFIX, candidates_of_the_unknown
 
 

@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.diagnosis.descent import first_fit, refit, rested
+from np_drake.diagnosis.fitting.multi_start import first_fit, refit, rested
 from np_drake.diagnosis.forward_model.predicted_residual import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
 from np_drake.diagnosis.regressors.nuisance import tolerance_of

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from scipy import stats
 
-from np_drake.diagnosis.figures import Free, free_figures, read, write
+from np_drake.diagnosis.fitting.parameters import Free, free_figures, read, write
 from np_drake.diagnosis.forward_model.payload_state import swing_wrenches
 from np_drake.diagnosis.forward_model.predicted_residual import Stages, Term, signature
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel

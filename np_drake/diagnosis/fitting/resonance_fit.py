@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import optimize
 
+from np_drake.diagnosis.fitting.map_estimate import Generic
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
-from np_drake.diagnosis.refine import Generic
 from np_drake.diagnosis.regressors.generic import DAMPING
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 

@@ -1,0 +1,1 @@
+"""Maximum a posteriori parameters of one model."""
