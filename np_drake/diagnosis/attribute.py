@@ -9,7 +9,7 @@ from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.physical_bounds import impossible, interval
 from np_drake.diagnosis.forward_model.payload_state import figure_error
 from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term, signature
-from np_drake.diagnosis.held_out import SURPRISE, adapt, foreseen, scored, settled
+from np_drake.diagnosis.held_out.adaptation import SURPRISE, adapt, foreseen, scored, settled
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.probability import reported
 from np_drake.diagnosis.regressors.library import DRAG

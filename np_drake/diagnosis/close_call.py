@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 from np_drake.diagnosis.attribute import HeldOut, on_held_out
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term, signature
-from np_drake.diagnosis.held_out import known_onset_profile
+from np_drake.diagnosis.held_out.adaptation import known_onset_profile
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.onset import ABSENT, ANOTHER
 from np_drake.diagnosis.regressors.nuisance import Drift, drift_of, loss_on

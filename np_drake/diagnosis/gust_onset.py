@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.gust_drag import drag_trace
-from np_drake.diagnosis.held_out import SURPRISE
+from np_drake.diagnosis.held_out.adaptation import SURPRISE
 from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause

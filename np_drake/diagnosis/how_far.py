@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis.attribute import HeldOut
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
-from np_drake.diagnosis.held_out import judged_by_its_own_swing
+from np_drake.diagnosis.held_out.adaptation import judged_by_its_own_swing
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
 from np_drake.diagnosis.result import Cause, Finding, Replay, ReplayGap, Rung, Shrink

@@ -11,7 +11,7 @@ from np_drake.diagnosis.close_call import told_by_unseen
 from np_drake.diagnosis.felt import with_drag
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.gusts import as_gusts, in_gusts
-from np_drake.diagnosis.held_out import without_shocks
+from np_drake.diagnosis.held_out.adaptation import without_shocks
 from np_drake.diagnosis.how_far import without_idle
 from np_drake.diagnosis.place import chance_of_place
 from np_drake.diagnosis.probability import BESIDE_UNKNOWN, DOUBTED, TRUST

@@ -16,7 +16,7 @@ from np_drake.diagnosis.excess import slow_torque, strongest_line
 from np_drake.diagnosis.fitting.map_estimate import Fit, Generic
 from np_drake.diagnosis.fitting.resonance_fit import mode_of
 from np_drake.diagnosis.forward_model.predicted_residual import signature
-from np_drake.diagnosis.held_out import adapt
+from np_drake.diagnosis.held_out.adaptation import adapt
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.oddities import (
     FAINT,

@@ -10,7 +10,7 @@ import numpy as np
 
 from np_drake.diagnosis.attribute import HeldOut, misfit, on_held_out
 from np_drake.diagnosis.best_model import Found, find
-from np_drake.diagnosis.held_out import without_shocks
+from np_drake.diagnosis.held_out.adaptation import without_shocks
 from np_drake.diagnosis.look import Compared, Look, compare, conclude
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.oddities import novel

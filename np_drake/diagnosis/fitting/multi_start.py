@@ -8,7 +8,7 @@ import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit, refine
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
-from np_drake.diagnosis.held_out import settled
+from np_drake.diagnosis.held_out.adaptation import settled
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, scale_only
 from np_drake.diagnosis.regressors.nuisance import Tolerance, calibration_terms
 from np_drake.diagnosis.residuals.flight_residuals import Evidence

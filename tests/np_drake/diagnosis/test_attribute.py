@@ -26,7 +26,7 @@ from np_drake.diagnosis.attribute import (
 from np_drake.diagnosis.fitting.swing_fit import WAYS
 from np_drake.diagnosis.forward_model.payload_state import ERROR
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
-from np_drake.diagnosis.held_out import SURPRISE
+from np_drake.diagnosis.held_out.adaptation import SURPRISE
 from np_drake.diagnosis.probability import TEMPER, TRUST
 from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance, drift_of
 from np_drake.diagnosis.which import rank

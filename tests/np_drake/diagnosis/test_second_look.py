@@ -11,7 +11,7 @@ from np_drake.diagnosis.best_model import find
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.fitting.map_estimate import Generic
 from np_drake.diagnosis.forward_model.predicted_residual import Term
-from np_drake.diagnosis.held_out import scored
+from np_drake.diagnosis.held_out.adaptation import scored
 from np_drake.diagnosis.look import compare, look
 from np_drake.diagnosis.oddities import UNSEEN
 from np_drake.diagnosis.onset import late_payloads

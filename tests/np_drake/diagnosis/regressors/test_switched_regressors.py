@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
-from np_drake.diagnosis.held_out import adapt
+from np_drake.diagnosis.held_out.adaptation import adapt
 from np_drake.diagnosis.regressors.switched_regressors import LateColumns, LateSums
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.command_delay import CommandDelay

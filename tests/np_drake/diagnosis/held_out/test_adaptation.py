@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term, signature
-from np_drake.diagnosis.held_out import (
+from np_drake.diagnosis.held_out.adaptation import (
     HIDDEN_SPAN,
     JUMP_SPAN,
     _span_by_span,

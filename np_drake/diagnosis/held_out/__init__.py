@@ -1,0 +1,1 @@
+"""Models on flights to which they were not fitted."""
