@@ -17,8 +17,8 @@ from np_drake.diagnosis.regressors.nuisance import Drift, Tolerance, drift_of, l
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause, Estimate, Finding
-from np_drake.diagnosis.search import Model, Problem
-from np_drake.diagnosis.which import Ranking, names_of, names_of_fit
+from np_drake.diagnosis.selection.beam_search import Model, Problem
+from np_drake.diagnosis.selection.ranking import Ranking, names_of, names_of_fit
 from np_drake.diagnosis.withdrawn import without_faint_shifts, without_unfelt
 from np_drake.effects.base import ActuatorEffect, SensorEffect
 

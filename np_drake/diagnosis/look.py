@@ -6,8 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.attribute import GUSTY, PROBABILITY, causes_of, misfit
-from np_drake.diagnosis.best_model import Found, find
-from np_drake.diagnosis.close_call import told_by_unseen
 from np_drake.diagnosis.felt import with_drag
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.gusts import as_gusts, in_gusts
@@ -21,7 +19,9 @@ from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.remains import Remains, remains, with_modes, without_swing
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause, Finding
-from np_drake.diagnosis.which import Ranking, ranked
+from np_drake.diagnosis.selection.held_out_evidence import told_by_unseen
+from np_drake.diagnosis.selection.map_model import Found, find
+from np_drake.diagnosis.selection.ranking import Ranking, ranked
 from np_drake.diagnosis.wind_onset import wind_begins
 from np_drake.diagnosis.wind_statistics import Begins
 

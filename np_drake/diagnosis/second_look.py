@@ -9,17 +9,17 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from np_drake.diagnosis.attribute import HeldOut, misfit, on_held_out
-from np_drake.diagnosis.best_model import Found, find
 from np_drake.diagnosis.held_out.adaptation import without_shocks
 from np_drake.diagnosis.look import Compared, Look, compare, conclude
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.oddities import novel
-from np_drake.diagnosis.payload_search import PAYLOAD
 from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.remains import blown, without_swing
 from np_drake.diagnosis.residuals.flight_residuals import Evidence, make_evidence
+from np_drake.diagnosis.selection.map_model import Found, find
+from np_drake.diagnosis.selection.payload_search import PAYLOAD
+from np_drake.diagnosis.selection.ranking import probabilities
 from np_drake.diagnosis.slow_force import slow_power
-from np_drake.diagnosis.which import probabilities
 
 UNLIKELY = 0.01  # probability of a payload below which it is not sought again; own choice
 UNFORESEEN = {True: 1.6, False: 1.25}  # residual over noise, on a rig and in a laboratory [1]; own choice

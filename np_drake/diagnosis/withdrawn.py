@@ -1,7 +1,7 @@
 """Causes that are withdrawn for what stands beside them, or does not."""
 
 from np_drake.diagnosis.result import Cause, Finding
-from np_drake.diagnosis.search import SHIFTING
+from np_drake.diagnosis.selection.beam_search import SHIFTING
 
 FAINT = 0.03  # of the largest among them [1]; own choice, as linear columns are `INEXACT`
 

@@ -12,7 +12,7 @@ from np_drake.diagnosis.held_out.adaptation import settled
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, scale_only
 from np_drake.diagnosis.regressors.nuisance import Tolerance, calibration_terms
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.search import Model, Problem
+from np_drake.diagnosis.selection.beam_search import Model, Problem
 
 ITERATIONS = 6
 AGAIN = 3  # times that a descent with a hidden swing is begun anew; own choice

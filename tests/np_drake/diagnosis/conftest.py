@@ -14,7 +14,7 @@ from np_drake import attitude
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
 from np_drake.diagnosis.residuals.flight_residuals import Evidence, make_evidence
-from np_drake.diagnosis.which import Ranking, rank
+from np_drake.diagnosis.selection.ranking import Ranking, rank
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
 from np_drake.logs.flight_log import FlightLog

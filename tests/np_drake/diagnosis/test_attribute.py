@@ -29,7 +29,7 @@ from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.held_out.adaptation import SURPRISE
 from np_drake.diagnosis.probability import TEMPER, TRUST
 from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance, drift_of
-from np_drake.diagnosis.which import rank
+from np_drake.diagnosis.selection.ranking import rank
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias

@@ -16,7 +16,7 @@ from np_drake.diagnosis.probability import DOUBTED, TRUST
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
 from np_drake.diagnosis.result import Cause, Estimate, Finding
-from np_drake.diagnosis.which import rank
+from np_drake.diagnosis.selection.ranking import rank
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag

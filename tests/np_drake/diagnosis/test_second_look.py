@@ -6,17 +6,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from np_drake.diagnosis import best_model, second_look
-from np_drake.diagnosis.best_model import find
+from np_drake.diagnosis import second_look
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.fitting.map_estimate import Generic
 from np_drake.diagnosis.forward_model.predicted_residual import Term
 from np_drake.diagnosis.held_out.adaptation import scored
 from np_drake.diagnosis.look import compare, look
 from np_drake.diagnosis.oddities import UNSEEN
-from np_drake.diagnosis.onset import late_payloads
 from np_drake.diagnosis.result import Diagnosis, Finding
 from np_drake.diagnosis.second_look import LEAST, halved, look_twice, plainly_unforeseen, unforeseen
+from np_drake.diagnosis.selection import map_model
+from np_drake.diagnosis.selection.change_point import late_payloads
+from np_drake.diagnosis.selection.map_model import find
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
@@ -88,7 +89,7 @@ def test_what_training_gave_no_weight_is_not_sought_as_hung_on_in_flight(fly, mo
         sought.append([e.name for e in problem.flights])
         return late_payloads(problem, late)
 
-    monkeypatch.setattr(best_model, "late_payloads", spy)
+    monkeypatch.setattr(map_model, "late_payloads", spy)
     own = {"noise": 1.0, "seconds": 10.0}
     train = [fly(DRAG, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
     assert diagnose(Vehicle(), train, [fly(DRAG, name="c", seed=3, **own)]).joined == ("c",)

@@ -10,7 +10,7 @@ from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
 from np_drake.diagnosis.regressors.nuisance import tolerance_of
 from np_drake.diagnosis.regressors.payload import Guess
 from np_drake.diagnosis.regressors.payload_grid import payload_about
-from np_drake.diagnosis.search import Model, Problem
+from np_drake.diagnosis.selection.beam_search import Model, Problem
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 PAYLOAD = SuspendedPayload(0.25, 1.2)

@@ -11,8 +11,8 @@ from np_drake.diagnosis.look import Compared, conclude
 from np_drake.diagnosis.regressors.generic import PREFIX, candidates_of_the_unknown
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.remains import remains, with_modes
-from np_drake.diagnosis.search import Problem, search
-from np_drake.diagnosis.which import rank
+from np_drake.diagnosis.selection.beam_search import Problem, search
+from np_drake.diagnosis.selection.ranking import rank
 from np_drake.effects.base import WrenchEffect
 from np_drake.rigid_body import P, Q, V, W
 

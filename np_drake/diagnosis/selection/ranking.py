@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.best_model import Found, find
 from np_drake.diagnosis.fitting.isotropic_prior import of_like_size
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.multi_start import refit, rested
@@ -19,7 +18,7 @@ from np_drake.diagnosis.numerics.autoregressive_noise import (
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.search import (
+from np_drake.diagnosis.selection.beam_search import (
     MOST_EFFECTS,
     SHIFTING,
     Model,
@@ -27,6 +26,7 @@ from np_drake.diagnosis.search import (
     prior_of,
     search,
 )
+from np_drake.diagnosis.selection.map_model import Found, find
 
 TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice
 MOST_MEASURED = 8  # effects that are named where rotor speed is measured: real rotors have many; own choice

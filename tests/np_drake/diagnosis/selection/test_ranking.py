@@ -5,8 +5,16 @@ import pytest
 
 from np_drake.diagnosis.fitting.map_estimate import Fit, Generic
 from np_drake.diagnosis.forward_model.predicted_residual import Term
-from np_drake.diagnosis.search import Model
-from np_drake.diagnosis.which import GIVES_WAY, bare, names_of, names_of_fit, precedence, rank, simpler
+from np_drake.diagnosis.selection.beam_search import Model
+from np_drake.diagnosis.selection.ranking import (
+    GIVES_WAY,
+    bare,
+    names_of,
+    names_of_fit,
+    precedence,
+    rank,
+    simpler,
+)
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset

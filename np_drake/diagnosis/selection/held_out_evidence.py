@@ -11,10 +11,10 @@ from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term, signature
 from np_drake.diagnosis.held_out.adaptation import known_onset_profile
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.onset import ABSENT, ANOTHER
 from np_drake.diagnosis.regressors.nuisance import Drift, drift_of, loss_on
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.which import Ranking, names_of_fit, of_fits, score_of
+from np_drake.diagnosis.selection.change_point import ABSENT, ANOTHER
+from np_drake.diagnosis.selection.ranking import Ranking, names_of_fit, of_fits, score_of
 
 CLOSE = 5.0  # log evidence within which flights hardly decide; own choice
 

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.payload_search import PAYLOAD, PayloadSearch
 from np_drake.diagnosis.regressors.library import Candidate, gated
 from np_drake.diagnosis.regressors.payload import AT_REST
 from np_drake.diagnosis.regressors.switched_regressors import LateColumns, LateSums, Sums
-from np_drake.diagnosis.search import Problem
-from np_drake.diagnosis.tried_onsets import TriedOnsets, at_rows, possible_onsets
+from np_drake.diagnosis.selection.beam_search import Problem
+from np_drake.diagnosis.selection.onset_grid import TriedOnsets, at_rows, possible_onsets
+from np_drake.diagnosis.selection.payload_search import PAYLOAD, PayloadSearch
 from np_drake.effects.library import effects_for
 
 FIRST = math.log(1 / 6)  # prior of an onset in a flight; own choice

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.payload_search import PAYLOAD
 from np_drake.diagnosis.regressors.library import Candidate, gated
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.search import Model, Problem
+from np_drake.diagnosis.selection.beam_search import Model, Problem
+from np_drake.diagnosis.selection.payload_search import PAYLOAD
 
 
 def sharpened(problem: Problem, model: Model) -> list[Candidate]:

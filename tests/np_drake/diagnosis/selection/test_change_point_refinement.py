@@ -3,9 +3,9 @@ import dataclasses as dc
 import pytest
 
 from np_drake.diagnosis.regressors.library import effect_candidates, gated
-from np_drake.diagnosis.search import Model, Problem
-from np_drake.diagnosis.sharp_onset import sharpened
-from np_drake.diagnosis.which import names_of_fit, rank
+from np_drake.diagnosis.selection.beam_search import Model, Problem
+from np_drake.diagnosis.selection.change_point_refinement import sharpened
+from np_drake.diagnosis.selection.ranking import names_of_fit, rank
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload

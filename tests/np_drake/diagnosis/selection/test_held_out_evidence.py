@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from np_drake.diagnosis import close_call
-from np_drake.diagnosis.close_call import CLOSE, _onset_prior, told_by_unseen
 from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term
-from np_drake.diagnosis.onset import ABSENT, ANOTHER
-from np_drake.diagnosis.which import names_of_fit, rank, score_of
+from np_drake.diagnosis.selection import held_out_evidence
+from np_drake.diagnosis.selection.change_point import ABSENT, ANOTHER
+from np_drake.diagnosis.selection.held_out_evidence import CLOSE, _onset_prior, told_by_unseen
+from np_drake.diagnosis.selection.ranking import names_of_fit, rank, score_of
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.quadratic_drag import QuadraticDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -64,7 +64,7 @@ def test_an_onset_that_is_sought_in_an_unseen_flight_costs_its_prior(seen, slow,
     ranking = dc.replace(slow, fits=(dc.replace(wrong, terms=(Term(QuadraticDrag(0.0, 0.0, 0.0)),)), begun))
     brought = []
     for prior in (0.0, -7.0):
-        monkeypatch.setattr(close_call, "_onset_prior", lambda *_, prior=prior: prior)
+        monkeypatch.setattr(held_out_evidence, "_onset_prior", lambda *_, prior=prior: prior)
         (asked,) = (f for f in told_by_unseen(ranking, [e]).fits if names_of_fit(f) == ("linear_drag",))
         brought.append(asked.unseen)
     assert brought[1] == pytest.approx(brought[0] - 7.0)

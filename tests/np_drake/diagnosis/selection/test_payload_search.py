@@ -3,15 +3,15 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis import payload_search
 from np_drake.diagnosis.forward_model.predicted_residual import signature
-from np_drake.diagnosis.payload_beside import Beside
-from np_drake.diagnosis.payload_search import ENDS, KEPT, LENGTHS, NEAR, PayloadSearch
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.regressors.payload import Guess
 from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of
 from np_drake.diagnosis.residuals.flight_residuals import FORCE
 from np_drake.diagnosis.residuals.resampling import TAPS
+from np_drake.diagnosis.selection import payload_search
+from np_drake.diagnosis.selection.payload_evidence import Beside
+from np_drake.diagnosis.selection.payload_search import ENDS, KEPT, LENGTHS, NEAR, PayloadSearch
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 

@@ -5,7 +5,10 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.forward_model.predicted_residual import NEVER
-from np_drake.diagnosis.onset import (
+from np_drake.diagnosis.regressors.library import effect_candidates, gated, library_candidates
+from np_drake.diagnosis.residuals.flight_residuals import make_evidence
+from np_drake.diagnosis.selection.beam_search import Problem
+from np_drake.diagnosis.selection.change_point import (
     ABSENT,
     ANOTHER,
     FIRST,
@@ -15,10 +18,7 @@ from np_drake.diagnosis.onset import (
     gated_candidates,
     late_payloads,
 )
-from np_drake.diagnosis.payload_search import PayloadSearch
-from np_drake.diagnosis.regressors.library import effect_candidates, gated, library_candidates
-from np_drake.diagnosis.residuals.flight_residuals import make_evidence
-from np_drake.diagnosis.search import Problem
+from np_drake.diagnosis.selection.payload_search import PayloadSearch
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError

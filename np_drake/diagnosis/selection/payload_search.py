@@ -14,11 +14,11 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model.predicted_residual import NEVER
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.payload_beside import HORIZONS, Beside
 from np_drake.diagnosis.regressors.library import Candidate, Onset
 from np_drake.diagnosis.regressors.payload import Guess, PayloadColumns
 from np_drake.diagnosis.regressors.payload_grid import payload_about, payloads_of
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.selection.payload_evidence import HORIZONS, Beside
 from np_drake.effects.library import LIBRARY
 
 LENGTHS = np.geomspace(0.15, 2.5, 96)  # [m], 3 % apart

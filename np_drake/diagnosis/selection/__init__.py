@@ -1,0 +1,1 @@
+"""Search over sets of effects, change points and model ranking."""
