@@ -6,12 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.attribute import GUSTY, PROBABILITY, causes_of, misfit
-from np_drake.diagnosis.felt import with_drag
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
-from np_drake.diagnosis.gusts import as_gusts, in_gusts
 from np_drake.diagnosis.held_out.adaptation import without_shocks
 from np_drake.diagnosis.how_far import without_idle
-from np_drake.diagnosis.place import chance_of_place
 from np_drake.diagnosis.probability import BESIDE_UNKNOWN, DOUBTED, TRUST
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.regressors.library import DRAG
@@ -22,8 +19,11 @@ from np_drake.diagnosis.result import Cause, Finding
 from np_drake.diagnosis.selection.held_out_evidence import told_by_unseen
 from np_drake.diagnosis.selection.map_model import Found, find
 from np_drake.diagnosis.selection.ranking import Ranking, ranked
-from np_drake.diagnosis.wind_onset import wind_begins
-from np_drake.diagnosis.wind_statistics import Begins
+from np_drake.diagnosis.wind.gauss_markov import Begins
+from np_drake.diagnosis.wind.gusts import as_gusts, in_gusts
+from np_drake.diagnosis.wind.position_dependence import chance_of_place
+from np_drake.diagnosis.wind.wind_drag import with_drag
+from np_drake.diagnosis.wind.wind_onset import wind_begins
 
 BY_CHANCE = (
     1e-3  # probability below which it is not by chance that a slow force follows the place; own choice

@@ -12,7 +12,7 @@ from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import CHANNELS, Finding
-from np_drake.diagnosis.slow_force import slow_power
+from np_drake.diagnosis.wind.slow_force import slow_power
 from np_drake.vehicle import Vehicle
 
 SLOW_TORQUE = {True: 12.0, False: 9.0}  # above it a slow torque is no gyro's, on a rig and in a laboratory

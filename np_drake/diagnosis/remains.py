@@ -39,7 +39,7 @@ from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Finding
 from np_drake.diagnosis.selection.ranking import Ranking
-from np_drake.diagnosis.slow_force import LEAST, slow_force, slow_power
+from np_drake.diagnosis.wind.slow_force import LEAST, slow_force, slow_power
 
 HARM = -1.0  # log likelihood on unseen flights below which a structure does not repeat
 

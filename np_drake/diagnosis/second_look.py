@@ -19,7 +19,7 @@ from np_drake.diagnosis.residuals.flight_residuals import Evidence, make_evidenc
 from np_drake.diagnosis.selection.map_model import Found, find
 from np_drake.diagnosis.selection.payload_search import PAYLOAD
 from np_drake.diagnosis.selection.ranking import probabilities
-from np_drake.diagnosis.slow_force import slow_power
+from np_drake.diagnosis.wind.slow_force import slow_power
 
 UNLIKELY = 0.01  # probability of a payload below which it is not sought again; own choice
 UNFORESEEN = {True: 1.6, False: 1.25}  # residual over noise, on a rig and in a laboratory [1]; own choice

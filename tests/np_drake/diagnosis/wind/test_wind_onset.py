@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.force_bins import BIN
 from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
-from np_drake.diagnosis.wind_onset import WANDER, loss_of_calm, wind_begins, wind_onset
-from np_drake.diagnosis.wind_statistics import WindForce, wind_force
+from np_drake.diagnosis.wind.force_bins import BIN
+from np_drake.diagnosis.wind.gauss_markov import WindForce, wind_force
+from np_drake.diagnosis.wind.wind_onset import WANDER, loss_of_calm, wind_begins, wind_onset
 
 DEVIATION, MEAN = 0.5, np.array([0.3, -0.2, 0.1])  # of `pushed`
 RIG = Tolerance()

@@ -5,12 +5,12 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.force_bins import drags, factor, forces, instants, spans, width
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.numerics.instrumental_variables import Block, instrumented
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause, Estimate
-from np_drake.diagnosis.wind_statistics import Begins, WindForce, Z, wind_force
+from np_drake.diagnosis.wind.force_bins import drags, factor, forces, instants, spans, width
+from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, Z, wind_force
 from np_drake.effects.linear_drag import LinearDrag
 
 # By which axes differ from what they share, in its size: level ones, the upright one [1]; own choice.

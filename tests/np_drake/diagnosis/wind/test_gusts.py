@@ -3,13 +3,13 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis import gusts as dut
 from np_drake.diagnosis.attribute import HeldOut
 from np_drake.diagnosis.forward_model.predicted_residual import Term
-from np_drake.diagnosis.gusts import as_gusts, in_gusts
 from np_drake.diagnosis.probability import DOUBTED
 from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
 from np_drake.diagnosis.result import Cause, Estimate
+from np_drake.diagnosis.wind import gusts as dut
+from np_drake.diagnosis.wind.gusts import as_gusts, in_gusts
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -44,7 +44,7 @@ def blown(seen):
 @pytest.fixture
 def known_drag(monkeypatch):
     """The drag is as it was found, whatever gusts say of it."""
-    monkeypatch.setattr("np_drake.diagnosis.gusts.drag_in_gusts", lambda drag, *others: drag)
+    monkeypatch.setattr("np_drake.diagnosis.wind.gusts.drag_in_gusts", lambda drag, *others: drag)
 
 
 @pytest.mark.parametrize("most, named", [(0.1, False), (0.3, True)])  # [N·s/m], for a force of 1.7 N

@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.gust_drag import drag_trace
 from np_drake.diagnosis.held_out.adaptation import SURPRISE
 from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause
-from np_drake.diagnosis.wind_onset import ASKED, GAIN, ROUNDS, Asked, Begin, loss_of_calm, wind_onset
-from np_drake.diagnosis.wind_statistics import Begins, WindForce, wind_force
+from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force
+from np_drake.diagnosis.wind.gust_drag import drag_trace
+from np_drake.diagnosis.wind.wind_onset import ASKED, GAIN, ROUNDS, Asked, Begin, loss_of_calm, wind_onset
 from np_drake.effects.linear_drag import LinearDrag
 
 MOVES = 2.0  # log likelihood for another instant, where the drag's own begin is weighed with the wind's; own choice

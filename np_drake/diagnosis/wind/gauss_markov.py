@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import linalg, optimize
 
-from np_drake.diagnosis.force_bins import factor, forces, spans, width
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.wind.force_bins import factor, forces, spans, width
 
 SHORTEST, LONGEST = 0.1, 20.0  # correlation time [s]
 STEP = 0.02  # of the logarithms, for their curvature [1]

@@ -10,17 +10,17 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.attribute import GUSTY, HeldOut
-from np_drake.diagnosis.force_bins import blows
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
-from np_drake.diagnosis.friction import dry_friction
-from np_drake.diagnosis.gust_drag import drag_in_gusts, drag_trace
-from np_drake.diagnosis.gust_onset import GustOnset
 from np_drake.diagnosis.probability import DOUBTED
 from np_drake.diagnosis.regressors.library import DRAG
 from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause, Estimate
-from np_drake.diagnosis.wind_statistics import WindForce, Z, wind_force
+from np_drake.diagnosis.wind.force_bins import blows
+from np_drake.diagnosis.wind.friction import dry_friction
+from np_drake.diagnosis.wind.gauss_markov import WindForce, Z, wind_force
+from np_drake.diagnosis.wind.gust_drag import drag_in_gusts, drag_trace
+from np_drake.diagnosis.wind.joint_onset import GustOnset
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 

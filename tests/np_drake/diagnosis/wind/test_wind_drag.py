@@ -1,9 +1,9 @@
 import pytest
 
-from np_drake.diagnosis.felt import with_drag
 from np_drake.diagnosis.look import look
 from np_drake.diagnosis.probability import TRUST
 from np_drake.diagnosis.regressors.library import DRAG
+from np_drake.diagnosis.wind.wind_drag import with_drag
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import linalg
 
-from np_drake.diagnosis.force_bins import SPAN, factor, forces, instants, width
 from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.wind_statistics import Begins, WindForce, wind_force
+from np_drake.diagnosis.wind.force_bins import SPAN, factor, forces, instants, width
+from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force
 
 FIRST, LAST = 0.7, 1.0  # of a flight, in which no begin is looked for [s]
 CALM = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]

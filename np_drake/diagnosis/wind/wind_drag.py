@@ -9,7 +9,7 @@ from np_drake.diagnosis.fitting.multi_start import refit
 from np_drake.diagnosis.regressors.library import DRAG, Onset, gated
 from np_drake.diagnosis.selection.beam_search import Model, effect_prior
 from np_drake.diagnosis.selection.ranking import Ranking, names_of, names_of_fit
-from np_drake.diagnosis.wind_onset import wind_begins
+from np_drake.diagnosis.wind.wind_onset import wind_begins
 
 RATHER = (
     4.6  # log odds of wind against what the library does not have, for a slow force of no shape; own choice

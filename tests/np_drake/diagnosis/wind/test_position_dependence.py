@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.diagnosis.place import chance_of_place
+from np_drake.diagnosis.wind.position_dependence import chance_of_place
 from np_drake.rigid_body import P, V
 
 

@@ -1,0 +1,1 @@
+"""Slow forces: gusts, wind onsets, and what resembles them."""
