@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.adequacy.unexplained import Remains, remains, with_modes, without_swing
 from np_drake.diagnosis.attribute import GUSTY, PROBABILITY, causes_of, misfit
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.held_out.adaptation import without_shocks
@@ -13,7 +14,6 @@ from np_drake.diagnosis.probability import BESIDE_UNKNOWN, DOUBTED, TRUST
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.regressors.library import DRAG
 from np_drake.diagnosis.regressors.nuisance import Tolerance
-from np_drake.diagnosis.remains import Remains, remains, with_modes, without_swing
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause, Finding
 from np_drake.diagnosis.selection.held_out_evidence import told_by_unseen

@@ -8,13 +8,13 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.adequacy.residual_tests import novel
+from np_drake.diagnosis.adequacy.unexplained import blown, without_swing
 from np_drake.diagnosis.attribute import HeldOut, misfit, on_held_out
 from np_drake.diagnosis.held_out.adaptation import without_shocks
 from np_drake.diagnosis.look import Compared, Look, compare, conclude
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.oddities import novel
 from np_drake.diagnosis.regressors.nuisance import Tolerance
-from np_drake.diagnosis.remains import blown, without_swing
 from np_drake.diagnosis.residuals.flight_residuals import Evidence, make_evidence
 from np_drake.diagnosis.selection.map_model import Found, find
 from np_drake.diagnosis.selection.payload_search import PAYLOAD

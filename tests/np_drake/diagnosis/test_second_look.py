@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis import second_look
+from np_drake.diagnosis.adequacy.residual_tests import UNSEEN
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.fitting.map_estimate import Generic
 from np_drake.diagnosis.forward_model.predicted_residual import Term
 from np_drake.diagnosis.held_out.adaptation import scored
 from np_drake.diagnosis.look import compare, look
-from np_drake.diagnosis.oddities import UNSEEN
 from np_drake.diagnosis.result import Diagnosis, Finding
 from np_drake.diagnosis.second_look import LEAST, halved, look_twice, plainly_unforeseen, unforeseen
 from np_drake.diagnosis.selection import map_model

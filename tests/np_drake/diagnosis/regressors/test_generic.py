@@ -6,11 +6,11 @@ import pytest
 from scipy import signal
 
 from np_drake import attitude
+from np_drake.diagnosis.adequacy.unexplained import remains, with_modes
 from np_drake.diagnosis.fitting.resonance_fit import mode_of
 from np_drake.diagnosis.look import Compared, conclude
 from np_drake.diagnosis.regressors.generic import PREFIX, candidates_of_the_unknown
 from np_drake.diagnosis.regressors.library import library_candidates
-from np_drake.diagnosis.remains import remains, with_modes
 from np_drake.diagnosis.selection.beam_search import Problem, search
 from np_drake.diagnosis.selection.ranking import rank
 from np_drake.effects.base import WrenchEffect

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis import oddities as dut
+from np_drake.diagnosis.adequacy import residual_tests as dut
 from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
 
 

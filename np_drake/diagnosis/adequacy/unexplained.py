@@ -5,20 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.attribute import (
-    EXACT,
-    MATERIAL_FORCE,
-    MATERIAL_GAP,
-    HeldOut,
-    on_held_out,
-)
-from np_drake.diagnosis.excess import slow_torque, strongest_line
-from np_drake.diagnosis.fitting.map_estimate import Fit, Generic
-from np_drake.diagnosis.fitting.resonance_fit import mode_of
-from np_drake.diagnosis.forward_model.predicted_residual import signature
-from np_drake.diagnosis.held_out.adaptation import adapt
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.oddities import (
+from np_drake.diagnosis.adequacy.residual_statistics import slow_torque, strongest_line
+from np_drake.diagnosis.adequacy.residual_tests import (
     FAINT,
     LEAST_SHARE,
     SWUNG,
@@ -32,6 +20,18 @@ from np_drake.diagnosis.oddities import (
     twists,
     vibrates,
 )
+from np_drake.diagnosis.attribute import (
+    EXACT,
+    MATERIAL_FORCE,
+    MATERIAL_GAP,
+    HeldOut,
+    on_held_out,
+)
+from np_drake.diagnosis.fitting.map_estimate import Fit, Generic
+from np_drake.diagnosis.fitting.resonance_fit import mode_of
+from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.held_out.adaptation import adapt
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.regressors.library import DRAG
 from np_drake.diagnosis.regressors.nuisance import Tolerance

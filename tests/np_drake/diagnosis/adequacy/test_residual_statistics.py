@@ -2,8 +2,14 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from np_drake.diagnosis.excess import LINE, lift_apart, slow_torque, strongest_burst, strongest_line
-from np_drake.diagnosis.oddities import BURST, SLOW_TORQUE
+from np_drake.diagnosis.adequacy.residual_statistics import (
+    LINE,
+    lift_apart,
+    slow_torque,
+    strongest_burst,
+    strongest_line,
+)
+from np_drake.diagnosis.adequacy.residual_tests import BURST, SLOW_TORQUE
 
 
 @pytest.fixture(scope="module")

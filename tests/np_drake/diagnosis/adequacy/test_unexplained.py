@@ -5,12 +5,12 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from np_drake.diagnosis import oddities
-from np_drake.diagnosis import remains as remains_module
-from np_drake.diagnosis.excess import strongest_line
+from np_drake.diagnosis.adequacy import residual_tests
+from np_drake.diagnosis.adequacy import unexplained as remains_module
+from np_drake.diagnosis.adequacy.residual_statistics import strongest_line
+from np_drake.diagnosis.adequacy.unexplained import _repeat, remains
 from np_drake.diagnosis.forward_model.predicted_residual import Term
 from np_drake.diagnosis.regressors.nuisance import Tolerance
-from np_drake.diagnosis.remains import _repeat, remains
 from np_drake.diagnosis.result import CHANNELS
 from np_drake.effects.base import WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
@@ -116,10 +116,10 @@ def test_a_flight_that_weighs_otherwise_than_the_others_is_unknown(ranked, share
 def test_a_line_is_unknown_where_it_is_large_enough_to_matter_however_clear_it_is(
     ranked, monkeypatch, channel, times
 ):
-    monkeypatch.setattr(oddities, "LINE", CLEAR)
+    monkeypatch.setattr(residual_tests, "LINE", CLEAR)
     case = ranked()
     ranking = dc.replace(case.ranking, tolerance=Tolerance())
-    least = oddities.least_lines(case.flights, ranking.tolerance)[channel]
+    least = residual_tests.least_lines(case.flights, ranking.tolerance)[channel]
     wave = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.unseen)]
     for e in wave:
         e.y[:, channel] += times * least * np.sqrt(2) * np.sin(2 * np.pi * 2.3 * e.t)
@@ -134,10 +134,10 @@ def test_a_line_is_unknown_where_it_is_large_enough_to_matter_however_clear_it_i
 
 
 def test_a_line_that_does_not_matter_hides_none_that_does(ranked, monkeypatch):
-    monkeypatch.setattr(oddities, "LINE", CLEAR)
+    monkeypatch.setattr(residual_tests, "LINE", CLEAR)
     case = ranked()
     ranking = dc.replace(case.ranking, tolerance=Tolerance())
-    least = oddities.least_lines(case.flights, ranking.tolerance)
+    least = residual_tests.least_lines(case.flights, ranking.tolerance)
     both = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.unseen)]
     for e in both:
         for channel, times, f in ((0, 0.8, 2.3), (4, 1.3, 5.3)):

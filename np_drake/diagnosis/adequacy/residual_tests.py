@@ -4,8 +4,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.adequacy.residual_statistics import (
+    LINE,
+    Line,
+    lift_apart,
+    slow_torque,
+    strongest_burst,
+    strongest_line,
+)
 from np_drake.diagnosis.attribute import EXACT, MATERIAL_FORCE, MATERIAL_TORQUE
-from np_drake.diagnosis.excess import LINE, Line, lift_apart, slow_torque, strongest_burst, strongest_line
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.physical_bounds import impossible
 from np_drake.diagnosis.regressors.nuisance import Tolerance

@@ -1,0 +1,1 @@
+"""Tests of whether a model explains the residual, and what is left unexplained."""
