@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.attribute import HeldOut
+from np_drake.diagnosis.decision.causes import HeldOut
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.held_out.adaptation import judged_by_its_own_swing

@@ -12,7 +12,7 @@ from np_drake.diagnosis.adequacy.residual_statistics import (
     strongest_burst,
     strongest_line,
 )
-from np_drake.diagnosis.attribute import EXACT, MATERIAL_FORCE, MATERIAL_TORQUE
+from np_drake.diagnosis.decision.causes import EXACT, MATERIAL_FORCE, MATERIAL_TORQUE
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.physical_bounds import impossible
 from np_drake.diagnosis.regressors.nuisance import Tolerance

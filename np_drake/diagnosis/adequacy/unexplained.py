@@ -20,7 +20,7 @@ from np_drake.diagnosis.adequacy.residual_tests import (
     twists,
     vibrates,
 )
-from np_drake.diagnosis.attribute import (
+from np_drake.diagnosis.decision.causes import (
     EXACT,
     MATERIAL_FORCE,
     MATERIAL_GAP,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from scipy.special import logsumexp
 
-from np_drake.diagnosis.attribute import HeldOut, on_held_out
+from np_drake.diagnosis.decision.causes import HeldOut, on_held_out
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term, signature
 from np_drake.diagnosis.held_out.adaptation import known_onset_profile

@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.attribute import GUSTY, HeldOut
+from np_drake.diagnosis.decision.calibration import DOUBTED
+from np_drake.diagnosis.decision.causes import GUSTY, HeldOut
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
-from np_drake.diagnosis.probability import DOUBTED
 from np_drake.diagnosis.regressors.library import DRAG
 from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.flight_residuals import Evidence

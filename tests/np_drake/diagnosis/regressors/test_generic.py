@@ -7,8 +7,8 @@ from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.adequacy.unexplained import remains, with_modes
+from np_drake.diagnosis.decision.decide import Compared, conclude
 from np_drake.diagnosis.fitting.resonance_fit import mode_of
-from np_drake.diagnosis.look import Compared, conclude
 from np_drake.diagnosis.regressors.generic import PREFIX, candidates_of_the_unknown
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.selection.beam_search import Problem, search

@@ -7,7 +7,7 @@ import pytest
 from tests.np_drake.diagnosis.test_gust_drag import D, cause, yielding
 
 from np_drake import attitude
-from np_drake.diagnosis.probability import DOUBTED
+from np_drake.diagnosis.decision.calibration import DOUBTED
 from np_drake.diagnosis.regressors.nuisance import LABORATORY
 from np_drake.diagnosis.wind.friction import dry_friction
 from np_drake.diagnosis.wind.gauss_markov import wind_force

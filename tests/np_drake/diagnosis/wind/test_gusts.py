@@ -3,9 +3,9 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.attribute import HeldOut
+from np_drake.diagnosis.decision.calibration import DOUBTED
+from np_drake.diagnosis.decision.causes import HeldOut
 from np_drake.diagnosis.forward_model.predicted_residual import Term
-from np_drake.diagnosis.probability import DOUBTED
 from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
 from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.wind import gusts as dut

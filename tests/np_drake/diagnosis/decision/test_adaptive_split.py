@@ -6,15 +6,21 @@ from functools import cache
 import numpy as np
 import pytest
 
-from np_drake.diagnosis import second_look
 from np_drake.diagnosis.adequacy.residual_tests import UNSEEN
+from np_drake.diagnosis.decision import adaptive_split
+from np_drake.diagnosis.decision.adaptive_split import (
+    LEAST,
+    halved,
+    look_twice,
+    plainly_unforeseen,
+    unforeseen,
+)
+from np_drake.diagnosis.decision.decide import compare, look
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.fitting.map_estimate import Generic
 from np_drake.diagnosis.forward_model.predicted_residual import Term
 from np_drake.diagnosis.held_out.adaptation import scored
-from np_drake.diagnosis.look import compare, look
 from np_drake.diagnosis.result import Diagnosis, Finding
-from np_drake.diagnosis.second_look import LEAST, halved, look_twice, plainly_unforeseen, unforeseen
 from np_drake.diagnosis.selection import map_model
 from np_drake.diagnosis.selection.change_point import late_payloads
 from np_drake.diagnosis.selection.map_model import find
@@ -35,7 +41,9 @@ def diagnosed(fly):
     def answer(*effects, second_look: bool = True) -> Diagnosis:
         own = {"noise": 1.0, "seconds": 10.0}
         train = [fly(*effects, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
-        return diagnose(Vehicle(), train, [fly(*effects, name="c", seed=3, **own)], second_look=second_look)
+        return diagnose(
+            Vehicle(), train, [fly(*effects, name="c", seed=3, **own)], second_look=adaptive_split
+        )
 
     return answer
 
@@ -112,7 +120,7 @@ def with_structure(model):
 
 def test_where_the_best_model_plainly_shows_it_models_are_compared_once(fly, monkeypatch):
     compared = []
-    monkeypatch.setattr(second_look, "compare", lambda *asked: compared.append(asked) or compare(*asked))
+    monkeypatch.setattr(adaptive_split, "compare", lambda *asked: compared.append(asked) or compare(*asked))
     own = {"noise": 1.0, "seconds": 10.0}
     train = [fly(DRAG, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
     held_out = [fly(DRAG, name="c", seed=3, **own)]
@@ -124,7 +132,7 @@ def test_where_the_best_model_plainly_shows_it_models_are_compared_once(fly, mon
         sought.append(how)
         return with_structure(find(*of, **how))
 
-    monkeypatch.setattr(second_look, "find", structured)
+    monkeypatch.setattr(adaptive_split, "find", structured)
     compared.clear()
     assert diagnose(Vehicle(), train, held_out).joined == ("c",)
     ((at, judges),) = compared
@@ -143,7 +151,7 @@ def test_what_a_first_look_was_found_from_is_forgotten_when_a_second_begins(fly,
         first.append(weakref.ref(found_now.problem))
         return found_now
 
-    monkeypatch.setattr(second_look, "find", watched)
+    monkeypatch.setattr(adaptive_split, "find", watched)
     own = {"noise": 1.0, "seconds": 10.0}
     train = [fly(DRAG, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
     assert diagnose(Vehicle(), train, [fly(DRAG, name="c", seed=3, **own)]).joined == ("c",)
@@ -152,7 +160,7 @@ def test_what_a_first_look_was_found_from_is_forgotten_when_a_second_begins(fly,
 
 def test_what_the_best_model_leaves_of_unseen_flights_is_plain_where_structure_is_in_it(seen, monkeypatch):
     assert plainly_unforeseen(*found(seen, DRAG))
-    monkeypatch.setattr(second_look, "novel", lambda *_, **how: (0.0, Finding(UNSEEN, "", 0.0)))
+    monkeypatch.setattr(adaptive_split, "novel", lambda *_, **how: (0.0, Finding(UNSEEN, "", 0.0)))
     assert plainly_unforeseen(*found(seen, DRAG))
     assert not plainly_unforeseen(*found(seen, DRAG, structured=False))
     assert not plainly_unforeseen(*found(seen))
@@ -170,10 +178,10 @@ def test_a_force_that_unseen_flights_alone_show_is_plain_however_small_it_is(see
     model, unseen = found(seen)
     asked = []
     monkeypatch.setattr(
-        second_look, "novel", lambda *_, gusty: asked.append(gusty) or (0.9, Finding(UNSEEN, "", 0.9))
+        adaptive_split, "novel", lambda *_, gusty: asked.append(gusty) or (0.9, Finding(UNSEEN, "", 0.9))
     )
     for slowly in (0.1, 0.9):
-        monkeypatch.setattr(second_look, "blown", lambda *_, slowly=slowly: slowly)
+        monkeypatch.setattr(adaptive_split, "blown", lambda *_, slowly=slowly: slowly)
         assert plainly_unforeseen(model, unseen)
     assert asked == [False, True]
 
@@ -182,7 +190,7 @@ def test_where_no_flight_is_long_enough_for_two_halves_there_is_one_look(seen, m
     model, unseen = found(seen, DRAG, seconds=2 * LEAST - 0.5)
     assert plainly_unforeseen(model, unseen)
     sought = []
-    monkeypatch.setattr(second_look, "find", lambda *of, **how: sought.append(of) or model)
+    monkeypatch.setattr(adaptive_split, "find", lambda *of, **how: sought.append(of) or model)
     first, joined = look_twice(model.problem.flights, unseen, None, lambda share, text: None)
     assert joined == []
     assert len(sought) == 1

@@ -4,8 +4,8 @@ import dataclasses as dc
 
 import pytest
 
+from np_drake.diagnosis.decision.consistency import FAINT, without_faint_shifts, without_unfelt
 from np_drake.diagnosis.result import Cause
-from np_drake.diagnosis.withdrawn import FAINT, without_faint_shifts, without_unfelt
 from np_drake.effects.library import LIBRARY
 
 

@@ -5,13 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.decision.calibration import reported
+from np_drake.diagnosis.decision.consistency import without_faint_shifts, without_unfelt
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.physical_bounds import impossible, interval
 from np_drake.diagnosis.forward_model.payload_state import figure_error
 from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term, signature
 from np_drake.diagnosis.held_out.adaptation import SURPRISE, adapt, foreseen, scored, settled
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.probability import reported
 from np_drake.diagnosis.regressors.library import DRAG
 from np_drake.diagnosis.regressors.nuisance import Drift, Tolerance, drift_of, loss_on
 from np_drake.diagnosis.residuals import flight_residuals as ev
@@ -19,7 +20,6 @@ from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause, Estimate, Finding
 from np_drake.diagnosis.selection.beam_search import Model, Problem
 from np_drake.diagnosis.selection.ranking import Ranking, names_of, names_of_fit
-from np_drake.diagnosis.withdrawn import without_faint_shifts, without_unfelt
 from np_drake.effects.base import ActuatorEffect, SensorEffect
 
 # Of weight, in all flights, on a rig and in a laboratory [1]; own choice.

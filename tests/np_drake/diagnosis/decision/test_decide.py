@@ -8,11 +8,11 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from np_drake.diagnosis import look as dut_module
-from np_drake.diagnosis.attribute import PROBABILITY
+from np_drake.diagnosis.decision import decide as dut_module
+from np_drake.diagnosis.decision.calibration import DOUBTED, TRUST
+from np_drake.diagnosis.decision.causes import PROBABILITY
+from np_drake.diagnosis.decision.decide import look, misfits, wanders
 from np_drake.diagnosis.forward_model.predicted_residual import Term
-from np_drake.diagnosis.look import look, misfits, wanders
-from np_drake.diagnosis.probability import DOUBTED, TRUST
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
 from np_drake.diagnosis.result import Cause, Estimate, Finding

@@ -10,9 +10,9 @@ import numpy as np
 
 from np_drake.diagnosis.adequacy.residual_tests import novel
 from np_drake.diagnosis.adequacy.unexplained import blown, without_swing
-from np_drake.diagnosis.attribute import HeldOut, misfit, on_held_out
+from np_drake.diagnosis.decision.causes import HeldOut, misfit, on_held_out
+from np_drake.diagnosis.decision.decide import Compared, Look, compare, conclude
 from np_drake.diagnosis.held_out.adaptation import without_shocks
-from np_drake.diagnosis.look import Compared, Look, compare, conclude
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.flight_residuals import Evidence, make_evidence

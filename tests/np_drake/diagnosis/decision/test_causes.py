@@ -3,8 +3,9 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis import attribute
-from np_drake.diagnosis.attribute import (
+from np_drake.diagnosis.decision import causes as attribute
+from np_drake.diagnosis.decision.calibration import TEMPER, TRUST
+from np_drake.diagnosis.decision.causes import (
     HURT,
     LEAST_FORCE,
     LEAST_FORCED,
@@ -27,7 +28,6 @@ from np_drake.diagnosis.fitting.swing_fit import WAYS
 from np_drake.diagnosis.forward_model.payload_state import ERROR
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
 from np_drake.diagnosis.held_out.adaptation import SURPRISE
-from np_drake.diagnosis.probability import TEMPER, TRUST
 from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance, drift_of
 from np_drake.diagnosis.selection.ranking import rank
 from np_drake.effects.accelerometer_bias import AccelerometerBias

@@ -1,0 +1,1 @@
+"""Which effects are reported as causes, and with which probability."""
