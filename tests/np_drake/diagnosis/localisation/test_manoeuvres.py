@@ -1,6 +1,6 @@
 import pytest
 
-from np_drake.diagnosis.manoeuvres import PAIRS, SHOWS, manoeuvre
+from np_drake.diagnosis.localisation.manoeuvres import PAIRS, SHOWS, manoeuvre
 from np_drake.effects.library import LIBRARY
 
 

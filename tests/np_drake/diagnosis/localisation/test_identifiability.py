@@ -3,7 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.check import check, confusables, excitation, excited
+from np_drake.diagnosis.localisation.identifiability import check, confusables, excitation, excited
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.residuals.flight_residuals import make_evidence
 from np_drake.diagnosis.result import CHANNELS

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.manoeuvres import manoeuvre
+from np_drake.diagnosis.localisation.manoeuvres import manoeuvre
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence

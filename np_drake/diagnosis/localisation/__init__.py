@@ -1,0 +1,1 @@
+"""Where the gap lies, and which effects the logs cannot tell apart."""
