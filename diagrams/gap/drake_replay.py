@@ -9,10 +9,10 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from diagrams.gap.rollout import Commands, Rollout, Swing
-from np_drake.diagnosis.how_far import LEAD
-from np_drake.diagnosis.payload_track import Track, payload_track
-from np_drake.diagnosis.replay_error import replay_gap, state_error
-from np_drake.diagnosis.replay_states import States, true_states
+from np_drake.diagnosis.gap.gap_reduction import LEAD
+from np_drake.diagnosis.gap.initial_states import States, true_states
+from np_drake.diagnosis.gap.payload_initial_state import Track, payload_track
+from np_drake.diagnosis.gap.replay_error import replay_gap, state_error
 from np_drake.diagnosis.result import HORIZONS, ReplayGap
 from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.combine import EffectsByPlace, mass_properties, split_effects

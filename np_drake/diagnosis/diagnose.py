@@ -9,7 +9,7 @@ import numpy as np
 
 from np_drake.diagnosis.decision.adaptive_split import look_twice
 from np_drake.diagnosis.decision.decide import look
-from np_drake.diagnosis.how_far import how_far, pooled
+from np_drake.diagnosis.gap.gap_reduction import how_far, pooled
 from np_drake.diagnosis.localisation.identifiability import check, confusables, excitation, excited
 from np_drake.diagnosis.localisation.localisation import where
 from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise

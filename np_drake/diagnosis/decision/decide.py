@@ -9,8 +9,8 @@ from np_drake.diagnosis.adequacy.unexplained import Remains, remains, with_modes
 from np_drake.diagnosis.decision.calibration import BESIDE_UNKNOWN, DOUBTED, TRUST
 from np_drake.diagnosis.decision.causes import GUSTY, PROBABILITY, causes_of, misfit
 from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
+from np_drake.diagnosis.gap.gap_reduction import without_idle
 from np_drake.diagnosis.held_out.adaptation import without_shocks
-from np_drake.diagnosis.how_far import without_idle
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.regressors.library import DRAG
 from np_drake.diagnosis.regressors.nuisance import Tolerance

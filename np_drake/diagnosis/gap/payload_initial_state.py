@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.replay_states import States, local_polynomial
+from np_drake.diagnosis.gap.initial_states import States, local_polynomial
 from np_drake.effects.base import Motion
 from np_drake.effects.combine import EffectsByPlace, mass_properties, total_wrench
 from np_drake.effects.suspended_payload import SuspendedPayload

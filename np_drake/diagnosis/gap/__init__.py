@@ -1,0 +1,1 @@
+"""Gap reduction: held-out residual and open-loop replay, before and after."""
