@@ -65,7 +65,8 @@ def _print_reduction(result: "Demo") -> None:
 
 
 def _write_comparison(result: "Demo", out: Path) -> None:
-    from diagrams.tracking.tracking import TRACKS, figures
+    from diagrams.tracking import figures
+    from diagrams.tracking.tracking import TRACKS
     from np_drake.figure_file import save
 
     for track in TRACKS:

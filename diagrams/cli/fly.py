@@ -117,7 +117,7 @@ def print_flights(flights: "list[FlightResult]") -> None:
 def write_flight(flight: "FlightResult", folder: Path) -> None:
     """Flight log, track, errors, wrench and replay page, named by experiment and controller."""
     from diagrams.loop.replay_page import write_replay
-    from diagrams.tracking.tracking import figures
+    from diagrams.tracking import figures
     from np_drake.figure_file import save
     from np_drake.logs.log_file import write_log
 

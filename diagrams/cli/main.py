@@ -14,9 +14,9 @@ import typer
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import bench, demo, diagnose, evaluate, fly, train
-from diagrams.cli.challenge.app import app as challenge
+from diagrams.cli.challenge import app as challenge
 from diagrams.cli.output import console, say
-from diagrams.cli.reproduce.app import app as reproduce
+from diagrams.cli.reproduce import app as reproduce
 
 # Before NumPy is loaded: its threads cost more than they bring on matrices of this size.
 os.environ.setdefault("OMP_NUM_THREADS", "1")

@@ -37,7 +37,8 @@ def diagnose(
 
     Args:
         train: flights that effects are fitted to.   held_out: flights that judge them; not fitted to.
-        replay: the simulator as a callable (`diagrams.gap.drake_replay.DrakeReplay`); without it, that figure is left out.
+        replay: the simulator as a callable (`diagrams.gap.drake_replay.DrakeReplay`); without it, replay errors are
+            left out.
         second_look: where held-out flights show what the training flights do not, let their first halves join the
             fit and only their second halves judge; `Diagnosis.joined` names them.
         tolerance: what vehicle file and sensors may be off by without a cause: `Tolerance()` for a rig,

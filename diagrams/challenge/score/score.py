@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+from diagrams.challenge.score import onset, parameters
 from diagrams.challenge.score.answered_case import Solved
 from diagrams.challenge.score.confusion import confusion, reliability
 from diagrams.challenge.score.detection import detection
@@ -23,7 +24,6 @@ from diagrams.challenge.score.identification import (
 )
 from diagrams.challenge.score.intervals import median, rate
 from diagrams.challenge.score.matching import exact, matches, right_class, tellable
-from diagrams.challenge.score.score import onset, parameters
 from np_drake.diagnosis.result import UNKNOWN
 from np_drake.effects.library import LIBRARY
 

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from diagrams.cli import challenge_golden, options
-from diagrams.cli.challenge.app import compare, score, solve
+from diagrams.cli import options
+from diagrams.cli.challenge import compare, golden, score, solve
 from diagrams.cli.output import progress, require_folder, say, write_metrics
 from np_drake.atomic_file import require_writable
 
@@ -14,7 +14,7 @@ challenge = typer.Typer(help="Withheld-effect challenge sets.", add_completion=F
 challenge.command("solve")(solve.solve)
 challenge.command("score")(score.score)
 challenge.command("compare")(compare.compare)
-challenge.command("golden")(challenge_golden.golden)
+challenge.command("golden")(golden.golden)
 
 
 @challenge.command("make")

@@ -3,7 +3,7 @@
 import typer
 from typer.core import TyperGroup
 
-from diagrams.cli.reproduce.app import (
+from diagrams.cli.reproduce import (
     attach,
     configurations,
     cooperative,

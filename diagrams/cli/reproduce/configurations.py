@@ -19,8 +19,8 @@ def configurations(
 ) -> None:
     """Every configuration of the predictor in the loop. All are trained on one flight; --out DIR: models."""
     require_files(json, markdown)
-    from diagrams.tracking.tracking import configurations as experiment
-    from diagrams.tracking.tracking import tracking
+    from diagrams.tracking import configurations as experiment
+    from diagrams.tracking import tracking
     from np_drake.lifting.training import make_config
 
     rows = choose_rows(experiment.ROWS, only)

@@ -57,7 +57,7 @@ def robustness(
     if scheduler:
         with client(scheduler):
             pass  # refused before any work
-    from diagrams.robustness.robustness import robustness as experiment
+    from diagrams.robustness import robustness as experiment
     from diagrams.robustness.table import robustness_table
     from np_drake.mpc.solvers import require_solver
 

@@ -33,7 +33,7 @@ def tracking(
 ) -> None:
     """Every controller on circle and lemniscate. --out DIR: models and figure."""
     require_files(json, markdown)
-    from diagrams.tracking.tracking import tracking as experiment
+    from diagrams.tracking import tracking as experiment
 
     rows = _rows(only or [], training)
     evaluation = options.evaluation_seeds(seed, seeds)
@@ -90,7 +90,7 @@ def _notes(
 ) -> tuple[list[str], dict]:
     """What stands under the table, and the configuration of the metrics file."""
     from diagrams.loop.experiments import load_experiment
-    from diagrams.tracking.tracking import tracking
+    from diagrams.tracking import tracking
     from np_drake.lifting.training import make_config
     from np_drake.residual_models import motion_training
 

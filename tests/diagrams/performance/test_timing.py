@@ -5,7 +5,7 @@ import pytest
 
 from diagrams.loop.experiments import load_experiment
 from diagrams.performance import timing
-from diagrams.tracking.tracking import tracking
+from diagrams.tracking import tracking
 
 ROWS = {row.name: row for row in timing.ROWS}
 

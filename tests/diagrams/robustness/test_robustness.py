@@ -8,6 +8,7 @@ import pytest
 from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import RealityConfig
+from diagrams.robustness import robustness
 from diagrams.robustness.robustness import (
     AXES,
     BASE,
@@ -16,10 +17,9 @@ from diagrams.robustness.robustness import (
     flight_cases,
     flight_config,
     measures,
-    robustness,
 )
 from diagrams.robustness.table import better_than, lost_lines, robustness_table
-from diagrams.tracking.tracking import tracking
+from diagrams.tracking import tracking
 from np_drake.effects.base import Motion
 from np_drake.effects.combine import total_wrench
 from np_drake.vehicle import Vehicle

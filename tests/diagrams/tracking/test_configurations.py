@@ -7,7 +7,7 @@ import pytest
 
 from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
-from diagrams.tracking.tracking import configurations, tracking
+from diagrams.tracking import configurations, tracking
 from np_drake.lifting.model_file import save_model
 from np_drake.lifting.origin import with_origin
 from np_drake.lifting.segments import Segment

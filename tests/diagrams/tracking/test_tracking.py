@@ -7,7 +7,7 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cli.main import run
 from diagrams.cli.reproduce.tracking import printed
 from diagrams.loop.experiments import load_experiment
-from diagrams.tracking.tracking import demo, tracking
+from diagrams.tracking import demo, tracking
 
 
 @pytest.fixture

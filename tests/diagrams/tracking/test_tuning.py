@@ -1,4 +1,4 @@
-from diagrams.tracking.tracking import tuning
+from diagrams.tracking import tuning
 
 
 def test_the_best_row_has_the_least_error_among_those_within_the_effort(monkeypatch):

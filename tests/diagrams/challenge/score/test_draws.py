@@ -21,7 +21,7 @@ from diagrams.challenge.score.score import score
 from diagrams.cli.main import run
 from np_drake.atomic_file import plain
 
-DOCS = Path(__file__).parents[3] / "docs"
+DOCS = Path(__file__).parents[4] / "docs"
 
 
 SCORED = json.dumps(

@@ -9,7 +9,7 @@ import typer
 
 from diagrams.cli.main import app, run
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[4]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 WRITTEN = sorted(
     {line for page in PAGES for line in re.findall(r"`np-drake reproduce ([^`]+)`", page.read_text())}

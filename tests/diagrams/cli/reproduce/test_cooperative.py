@@ -6,8 +6,8 @@ import pytest
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli.main import run
+from diagrams.cooperative import result
 from diagrams.cooperative.config import load_cooperative
-from diagrams.cooperative.diagram import result
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from diagrams.cli.reproduce.experiments import hover_printed, timing_printed
 from diagrams.loop.controllers import DEFAULT_MODEL
 from diagrams.payload import attach, hover_swing
 from diagrams.performance import timing
-from diagrams.tracking.tracking import tracking
+from diagrams.tracking import tracking
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
-from tests.np_drake.diagnosis.test_gust_drag import D, cause, yielding
 
 from np_drake import attitude
 from np_drake.diagnosis.decision.calibration import DOUBTED
@@ -14,6 +13,7 @@ from np_drake.diagnosis.wind.gauss_markov import wind_force
 from np_drake.diagnosis.wind.gust_drag import drag_trace
 from np_drake.diagnosis.wind.gusts import as_gusts
 from np_drake.effects.linear_drag import LinearDrag
+from tests.np_drake.diagnosis.wind.test_gust_drag import D, cause, yielding
 
 MEAN = np.array([0.8, -0.4, 0.0])
 

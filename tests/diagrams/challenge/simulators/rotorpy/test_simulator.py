@@ -24,7 +24,7 @@ from np_drake.effects.library import LIBRARY
 from np_drake.labels import raw_labels
 from np_drake.rigid_body import residual_wrench
 
-FILES = sorted(Path(rotorpy_simulator.__file__).parent.glob("rotorpy_*.py"))
+FILES = sorted(Path(rotorpy_simulator.__file__).parent.glob("*.py"))
 # What a momentary wrench does not show whole: effects with memory, with more mass, or with clocks of their own.
 SHARED = [
     *("center_of_mass_offset", "suspended_payload", "motor_lag", "command_delay", "clock_offset"),
