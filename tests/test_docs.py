@@ -64,7 +64,7 @@ def test_the_experiment_of_the_docs_flies_well(tmp_path):
 
 
 def test_the_tolerances_in_the_docs_are_those_of_the_code():
-    from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
+    from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
 
     page = (ROOT / "docs" / "diagnosis.md").read_text()
     rows = {

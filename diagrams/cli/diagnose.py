@@ -154,7 +154,7 @@ def run(
     from diagrams.gap.drake_replay import DrakeReplay
     from np_drake.diagnosis.diagnose import diagnose as five_steps
     from np_drake.diagnosis.diagnose import require_flights
-    from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
+    from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
 
     require_flights(train, held_out)  # what is refused is so without a bar
     with progress("diagnosing", 1.0) as advance:

@@ -9,14 +9,15 @@ import numpy as np
 
 from np_drake.diagnosis.decision.adaptive_split import look_twice
 from np_drake.diagnosis.decision.decide import look
-from np_drake.diagnosis.gap.gap_reduction import how_far, pooled
+from np_drake.diagnosis.gap.gap_reduction import how_far
+from np_drake.diagnosis.held_out.prediction import pooled
 from np_drake.diagnosis.localisation.identifiability import check, confusables, excitation, excited
 from np_drake.diagnosis.localisation.localisation import where
 from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
-from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.flight_residuals import Evidence, make_evidence
 from np_drake.diagnosis.residuals.resampling import natural_step
 from np_drake.diagnosis.result import UNKNOWN, Cause, Check, Diagnosis, Replay, Shrink, Where
+from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 

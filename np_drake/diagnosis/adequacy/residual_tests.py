@@ -15,10 +15,10 @@ from np_drake.diagnosis.adequacy.residual_statistics import (
 from np_drake.diagnosis.decision.causes import EXACT, MATERIAL_FORCE, MATERIAL_TORQUE
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.physical_bounds import impossible
-from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import CHANNELS, Finding
+from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.diagnosis.wind.slow_force import slow_power
 from np_drake.vehicle import Vehicle
 

@@ -20,25 +20,20 @@ from np_drake.diagnosis.adequacy.residual_tests import (
     twists,
     vibrates,
 )
-from np_drake.diagnosis.decision.causes import (
-    EXACT,
-    MATERIAL_FORCE,
-    MATERIAL_GAP,
-    HeldOut,
-    on_held_out,
-)
+from np_drake.diagnosis.decision.causes import EXACT, MATERIAL_FORCE, MATERIAL_GAP
 from np_drake.diagnosis.fitting.map_estimate import Fit, Generic
 from np_drake.diagnosis.fitting.resonance_fit import mode_of
 from np_drake.diagnosis.forward_model.predicted_residual import signature
 from np_drake.diagnosis.held_out.adaptation import adapt
+from np_drake.diagnosis.held_out.prediction import HeldOut, on_held_out
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.regressors.library import DRAG
-from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Finding
 from np_drake.diagnosis.selection.ranking import Ranking
+from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.diagnosis.wind.slow_force import LEAST, slow_force, slow_power
 
 HARM = -1.0  # log likelihood on unseen flights below which a structure does not repeat

@@ -10,15 +10,15 @@ import numpy as np
 
 from np_drake.diagnosis.adequacy.residual_tests import novel
 from np_drake.diagnosis.adequacy.unexplained import blown, without_swing
-from np_drake.diagnosis.decision.causes import HeldOut, misfit, on_held_out
 from np_drake.diagnosis.decision.decide import Compared, Look, compare, conclude
 from np_drake.diagnosis.held_out.adaptation import without_shocks
+from np_drake.diagnosis.held_out.prediction import HeldOut, misfit, on_held_out
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.flight_residuals import Evidence, make_evidence
 from np_drake.diagnosis.selection.map_model import Found, find
 from np_drake.diagnosis.selection.payload_search import PAYLOAD
 from np_drake.diagnosis.selection.ranking import probabilities
+from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.diagnosis.wind.slow_force import slow_power
 
 UNLIKELY = 0.01  # probability of a payload below which it is not sought again; own choice

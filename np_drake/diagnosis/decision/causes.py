@@ -10,16 +10,19 @@ from np_drake.diagnosis.decision.consistency import without_faint_shifts, withou
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.physical_bounds import impossible, interval
 from np_drake.diagnosis.forward_model.payload_state import figure_error
-from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term, signature
-from np_drake.diagnosis.held_out.adaptation import SURPRISE, adapt, foreseen, scored, settled
+from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.term import NEVER, Term
+from np_drake.diagnosis.held_out.adaptation import SURPRISE
+from np_drake.diagnosis.held_out.prediction import HeldOut
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.regressors.library import DRAG
-from np_drake.diagnosis.regressors.nuisance import Drift, Tolerance, drift_of, loss_on
+from np_drake.diagnosis.regressors.library import DRAG, GUSTY
+from np_drake.diagnosis.regressors.nuisance import Drift, drift_of, loss_on
+from np_drake.diagnosis.regressors.regression_problem import Model, Problem
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause, Estimate, Finding
-from np_drake.diagnosis.selection.beam_search import Model, Problem
 from np_drake.diagnosis.selection.ranking import Ranking, names_of, names_of_fit
+from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.base import ActuatorEffect, SensorEffect
 
 # Of weight, in all flights, on a rig and in a laboratory [1]; own choice.
@@ -40,7 +43,6 @@ MISFIT = 0.01  # and of what it brings to those of its fit [1]; own choice
 SAME = 3.5  # difference of log evidence below which two explanations are the same in these data
 MOST_LIKE = 2  # names beside a cause's own
 PROBABILITY = "probability"  # figure of a finding that would be a cause if it were surer
-GUSTY = (DRAG, "constant_wind")  # what gusts, which no unseen flight repeats, hide on it
 
 
 @dc.dataclass(frozen=True)
@@ -66,19 +68,6 @@ class Size:
         torque = MATERIAL_TORQUE * (1.0 if real else EXACT)
         strong = self.force >= LEAST_FORCE[real] or self.torque >= torque
         return strong or self.gap >= MATERIAL_GAP
-
-
-@dc.dataclass(frozen=True)
-class HeldOut:
-    """Unseen flights under a fit: its terms adapted to each, what is left (m, 15), and rows that count.
-
-    settled: the terms with hidden states that fit the whole flight.
-    """
-
-    terms: dict[str, list[Term]]
-    left: dict[str, np.ndarray]
-    rows: dict[str, np.ndarray]
-    settled: dict[str, list[Term]]
 
 
 def size_of(
@@ -233,26 +222,6 @@ def _cause(ranking, fit: Fit, i: int, term: Term, flights, same, size: Size, hel
         size.gap,
         effect,
     )
-
-
-def on_held_out(
-    fit: Fit, flights: Sequence[Evidence], noise: NoiseModel, *, structured: bool = False
-) -> HeldOut:
-    """The fit's terms on flights that it has not seen; `structured` as in `adapt`."""
-    terms, left, rows, whole = {}, {}, {}, {}
-    for e in flights:
-        known = adapt(fit.everything, e, noise, structured=structured)
-        terms[e.name] = foreseen(known, e, noise)
-        left[e.name] = e.y - signature(e, terms[e.name])
-        rows[e.name] = scored(terms[e.name], e)
-        whole[e.name] = settled(known, e, noise)
-    return HeldOut(terms, left, rows, whole)
-
-
-def misfit(held: HeldOut, noise: NoiseModel) -> np.ndarray:
-    """(6,) RMS that is left of unseen flights over the noise, by channel of the wrench [1]."""
-    left = np.concatenate([held.left[name][rows, ev.WRENCH] for name, rows in held.rows.items()])
-    return np.sqrt(np.mean(left**2, axis=0)) / np.maximum(noise.rms[ev.WRENCH], 1e-12)
 
 
 def helps(

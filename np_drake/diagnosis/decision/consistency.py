@@ -1,7 +1,14 @@
 """Causes that are withdrawn for what stands beside them, or does not."""
 
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.held_out.prediction import HeldOut, remaining_residual
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
+from np_drake.diagnosis.regressors.regression_problem import SHIFTING
+from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause, Finding
-from np_drake.diagnosis.selection.beam_search import SHIFTING
 
 FAINT = 0.03  # of the largest among them [1]; own choice, as linear columns are `INEXACT`
 
@@ -23,3 +30,26 @@ def without_faint_shifts(causes: list[Cause], minor: list[Finding]) -> tuple[lis
         for c in faint
     ]
     return [c for c in causes if c not in faint], [*minor, *texts]
+
+
+def without_idle(
+    causes: Sequence[Cause], flights: Sequence[Evidence], noise: NoiseModel, held: HeldOut
+) -> tuple[list[Cause], list[Finding]]:
+    """Causes by which the ladder goes down, and those by which it does not: what is not known stands behind them.
+
+    They are taken off one by one, the worst first; a drag that a wind among them acts through stays with it.
+    """
+    kept, idle = list(causes), []
+    while kept:
+        whole = remaining_residual(kept, flights, noise, held)
+        gains = [
+            remaining_residual([c for c in kept if c is not o], flights, noise, held) - whole for o in kept
+        ]
+        felt = {name for c in kept if c.effect is not None for name in type(c.effect).needs}
+        gains = [np.inf if c.identifier in felt else gain for c, gain in zip(kept, gains, strict=True)]
+        worst = int(np.argmin(gains))
+        if gains[worst] > 0:
+            break
+        idle.append(kept.pop(worst))
+    why = "beside what is unknown it takes nothing off what held-out flights leave"
+    return kept, [Finding(c.identifier, why, c.share, {}) for c in idle]

@@ -7,12 +7,14 @@ from functools import partial
 import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit, refine
-from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
-from np_drake.diagnosis.held_out.adaptation import settled
+from np_drake.diagnosis.fitting.swing_fit import settled
+from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, scale_only
-from np_drake.diagnosis.regressors.nuisance import Tolerance, calibration_terms
+from np_drake.diagnosis.regressors.nuisance import calibration_terms
+from np_drake.diagnosis.regressors.regression_problem import Model, Problem
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.selection.beam_search import Model, Problem
+from np_drake.diagnosis.tolerance import Tolerance
 
 ITERATIONS = 6
 AGAIN = 3  # times that a descent with a hidden swing is begun anew; own choice

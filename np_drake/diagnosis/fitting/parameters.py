@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.forward_model.payload_state import STATE, hidden_size, padded
-from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term
+from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.regressors.payload import SWING
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 

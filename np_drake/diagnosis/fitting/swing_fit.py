@@ -6,8 +6,14 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import qmc
 
-from np_drake.diagnosis.forward_model.payload_state import hidden_size, padded, swing_units, swing_wrenches
-from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
+from np_drake.diagnosis.forward_model.payload_state import (
+    hidden_size,
+    padded,
+    swing_units,
+    swing_wrenches,
+)
+from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.payload import SWING, WIDEST
 from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
@@ -110,3 +116,24 @@ class SwingFit:
     def _white(self, values: np.ndarray) -> np.ndarray:
         bridged = self._flight.bridged(values)[self._raw]
         return self._noise.whiten(bridged, self._flight.name)[self._scored]
+
+
+SPANS = (4.0, 8.0)  # over which a swing is followed through a flight, one after the other [s]
+
+
+def settled(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list[Term]:
+    """Adapted terms with hidden states, jumps at shocks among them, that fit the whole flight: for what is no swing."""
+    terms = list(terms)
+    for i, term in enumerate(terms):
+        begin = term.begins(flight.name)
+        if not term.swings or begin == NEVER:
+            continue
+        start = flight.t[0] if begin is None else begin
+        whole = SwingFit(terms, i, flight, noise, begin, flight.t >= start)
+        swing = whole.known
+        for span in SPANS:
+            rows = (flight.t >= start) & (flight.t < start + span)
+            swing = SwingFit(terms, i, flight, noise, begin, rows).descend(swing)
+        ends = np.array([whole.descend(whole.known), whole.descend(swing)])
+        terms[i] = whole.term(ends[np.argmin(whole.costs(ends))])
+    return terms

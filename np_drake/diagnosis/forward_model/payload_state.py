@@ -10,7 +10,7 @@ from np_drake.diagnosis.residuals.flight_residuals import FORCE, Evidence
 from np_drake.effects.pendulum import across, swing_many
 
 if TYPE_CHECKING:
-    from np_drake.diagnosis.forward_model.predicted_residual import Term
+    from np_drake.diagnosis.forward_model.term import Term
 
 STATE = 4  # swing angles [rad] and their rates [rad/s] about the direction of rest
 ERROR = {  # of mass and length relative [1], of the hook [m], on a rig and in a laboratory: what made flights show

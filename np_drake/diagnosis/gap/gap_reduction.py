@@ -5,13 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.decision.causes import HeldOut
 from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
+from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.adaptation import judged_by_its_own_swing
+from np_drake.diagnosis.held_out.prediction import HeldOut, pooled, remaining_residual
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
-from np_drake.diagnosis.result import Cause, Finding, Replay, ReplayGap, Rung, Shrink
+from np_drake.diagnosis.result import Cause, Replay, ReplayGap, Rung, Shrink
 from np_drake.logs.flight_log import FlightLog
 
 BLOCK = 1.0  # of the bootstrap [s]
@@ -21,12 +22,6 @@ SEED = 1
 LEAD = 0.5  # of commands before a replay, for motors and delays [s]
 LEAST_REPLAYED = 3.0  # of a flight after a cause begins, or all of it is replayed [s]; own choice
 LEAST_GAP = 0.02  # of the noise's power, below which there is no gap to close; own choice
-
-
-def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:
-    """RMS over rows and wrench channels, channels divided by their noise [1]."""
-    rows = np.concatenate(parts)[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)
-    return float(np.sqrt(np.mean(rows**2)))
 
 
 def how_far(
@@ -121,43 +116,12 @@ def _order(cause: Cause) -> tuple[bool, float]:
 
 def _ladder(causes, flights, noise, held: HeldOut) -> tuple[Rung, ...]:
     """Nominal, then effect by effect in order of share, then the noise floor."""
-    rungs = [Rung("nominal", _left_by([], flights, noise, held))]
+    rungs = [Rung("nominal", remaining_residual([], flights, noise, held))]
     so_far: list[Cause] = []
     for cause in sorted(causes, key=_order):
         so_far.append(cause)
-        rungs.append(Rung(f"+ {cause.identifier}", _left_by(so_far, flights, noise, held)))
+        rungs.append(Rung(f"+ {cause.identifier}", remaining_residual(so_far, flights, noise, held)))
     return (*rungs, Rung("noise floor", 1.0))
-
-
-def without_idle(
-    causes: Sequence[Cause], flights: Sequence[Evidence], noise: NoiseModel, held: HeldOut
-) -> tuple[list[Cause], list[Finding]]:
-    """Causes by which the ladder goes down, and those by which it does not: what is not known stands behind them.
-
-    They are taken off one by one, the worst first; a drag that a wind among them acts through stays with it.
-    """
-    kept, idle = list(causes), []
-    while kept:
-        whole = _left_by(kept, flights, noise, held)
-        gains = [_left_by([c for c in kept if c is not o], flights, noise, held) - whole for o in kept]
-        felt = {name for c in kept if c.effect is not None for name in type(c.effect).needs}
-        gains = [np.inf if c.identifier in felt else gain for c, gain in zip(kept, gains, strict=True)]
-        worst = int(np.argmin(gains))
-        if gains[worst] > 0:
-            break
-        idle.append(kept.pop(worst))
-    why = "beside what is unknown it takes nothing off what held-out flights leave"
-    return kept, [Finding(c.identifier, why, c.share, {}) for c in idle]
-
-
-def _left_by(causes: Sequence[Cause], flights: Sequence[Evidence], noise: NoiseModel, held: HeldOut) -> float:
-    """RMS of what these causes leave of held-out flights, in units of the noise [1]."""
-    names = {c.identifier for c in causes}
-    parts = []
-    for e in flights:
-        terms = [t for t in held.terms[e.name] if t.effect.identifier in names]
-        parts.append((e.y - signature(e, terms))[held.rows[e.name]])
-    return pooled(parts, noise)
 
 
 def _bootstrap(before, after, noise: NoiseModel, step: float) -> tuple[float, float]:

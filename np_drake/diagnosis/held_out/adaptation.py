@@ -11,7 +11,8 @@ from np_drake.diagnosis.forward_model.payload_state import (
     STATE,
     jumps,
 )
-from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term, signature
+from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.switched_regressors import LateColumns
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
@@ -21,7 +22,6 @@ HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not sco
 JUMP_SPAN = 1.5  # after a shock, over which a swing is fitted anew; not scored either [s]
 ONSET_GAIN = 8.0  # log likelihood that an onset must bring; own choice
 SURPRISE = 30.0  # and where none of the fitted flights has one; own choice
-SPANS = (4.0, 8.0)  # over which a swing is followed through a flight, one after the other [s]
 
 
 def adapt(
@@ -135,24 +135,6 @@ def judged_by_its_own_swing(terms: Sequence[Term], flight: Evidence) -> bool:
     """Is the flight so short that it is scored on rows to which its own swing was fitted?"""
     rows = scored(terms, flight)
     return any(bool(np.any(rows & fitted)) for term in terms for fitted in anchors(term, flight))
-
-
-def settled(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list[Term]:
-    """Adapted terms with hidden states, jumps at shocks among them, that fit the whole flight: for what is no swing."""
-    terms = list(terms)
-    for i, term in enumerate(terms):
-        begin = term.begins(flight.name)
-        if not term.swings or begin == NEVER:
-            continue
-        start = flight.t[0] if begin is None else begin
-        whole = SwingFit(terms, i, flight, noise, begin, flight.t >= start)
-        swing = whole.known
-        for span in SPANS:
-            rows = (flight.t >= start) & (flight.t < start + span)
-            swing = SwingFit(terms, i, flight, noise, begin, rows).descend(swing)
-        ends = np.array([whole.descend(whole.known), whole.descend(swing)])
-        terms[i] = whole.term(ends[np.argmin(whole.costs(ends))])
-    return terms
 
 
 def _anchored(

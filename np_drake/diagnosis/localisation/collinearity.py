@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Stages, Term, signature
+from np_drake.diagnosis.forward_model.predicted_residual import Stages, signature
+from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.library import (
     Candidate,
@@ -13,9 +14,10 @@ from np_drake.diagnosis.regressors.library import (
     library_candidates,
     wind_candidates,
 )
-from np_drake.diagnosis.regressors.nuisance import Tolerance, calibration, wander
+from np_drake.diagnosis.regressors.nuisance import calibration, wander
 from np_drake.diagnosis.regressors.payload_grid import payload_candidates
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.library import LIBRARY
 
 DISTANCE = (

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.predicted_residual import Stages, Term, signature
+from np_drake.diagnosis.forward_model.predicted_residual import Stages, signature
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.library import LIBRARY, effects_for
@@ -217,3 +218,6 @@ def gated(candidate: Candidate, flights: Sequence[Evidence], onset: Onset) -> Ca
         return [dc.replace(term, onset=onset) for term in candidate.terms(c)]
 
     return Candidate(candidate.identifiers, candidate.variant, columns, terms, candidate.log_prior, onset)
+
+
+GUSTY = (DRAG, "constant_wind")  # what gusts, which no unseen flight repeats, hide on it

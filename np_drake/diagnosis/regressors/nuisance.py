@@ -3,16 +3,17 @@
 Mass and thrust are off by the same figure in all flights; sensors wander from flight to flight.
 """
 
-import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
+from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.bayesian_linear_regression import loss_beside
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.base import Effect
@@ -21,49 +22,6 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.vehicle import Vehicle
-
-REAL = 1e-3  # attitude noise above which a log comes from a real rig [rad]
-
-
-@dc.dataclass(frozen=True)
-class Tolerance:
-    """Standard deviations. Source: own choice: a kitchen scale, motion capture, a MEMS sensor, a Kalman filter."""
-
-    mass: float = 0.005  # [1]
-    thrust: float = 0.005  # [1]
-    acceleration: float = 0.055  # from flight to flight [m/s²]
-    attitude: float = 0.008  # from flight to flight [rad]
-    rate: float = 0.01  # from flight to flight [rad/s]
-    velocity: float = 0.02  # from flight to flight [m/s]
-
-    @property
-    def name(self) -> str:
-        """rig | laboratory."""
-        return "rig" if self.real else "laboratory"
-
-    @property
-    def real(self) -> bool:
-        """Of a rig, not of a laboratory."""
-        return self.mass > 0.003
-
-    def of(self, identifier: str) -> float:
-        """Of the sensor or figure that an effect is about; 0 for others."""
-        names = {
-            "accelerometer_bias": self.acceleration,
-            "attitude_bias": self.attitude,
-            "gyro_bias": self.rate,
-            "velocity_bias": self.velocity,
-        }
-        return names.get(identifier, 0.0)
-
-
-LABORATORY = Tolerance(0.0005, 0.0005, 0.003, 0.0004, 0.0001, 0.0001)
-
-
-def tolerance_of(flights: Sequence[Evidence]) -> Tolerance:
-    """A log with attitude noise or measured rotor speed comes from a real rig; others are taken at their word."""
-    measured = flights[0].measured_rotors
-    return Tolerance() if measured or max(e.attitude_noise for e in flights) > REAL else LABORATORY
 
 
 def calibration_terms(vehicle: Vehicle, tolerance: Tolerance) -> list[tuple[Term, float]]:
@@ -121,3 +79,12 @@ def loss_on(e: Evidence, left: np.ndarray, noise: NoiseModel, rows: np.ndarray, 
     white = e.white(noise, left)[counted].ravel()
     D = drift[e.name][counted].reshape(len(white), -1) if e.name in drift else np.zeros((len(white), 0))
     return loss_beside(white, D)
+
+
+REAL = 1e-3  # attitude noise above which a log comes from a real rig [rad]
+
+
+def tolerance_of(flights: Sequence[Evidence]) -> Tolerance:
+    """A log with attitude noise or measured rotor speed comes from a real rig; others are taken at their word."""
+    measured = flights[0].measured_rotors
+    return Tolerance() if measured or max(e.attitude_noise for e in flights) > REAL else LABORATORY

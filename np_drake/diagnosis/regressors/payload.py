@@ -9,7 +9,7 @@ import numpy as np
 from scipy import special
 
 from np_drake.diagnosis.forward_model.payload_state import padded, swing_units
-from np_drake.diagnosis.forward_model.predicted_residual import Term
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.regressors.library import Candidate, Mended, Onset
 from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
 from np_drake.effects.library import LIBRARY

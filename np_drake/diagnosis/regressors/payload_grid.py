@@ -7,7 +7,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.diagnosis.forward_model.payload_state import STATE, hidden_size, specific_pull, swing_units
-from np_drake.diagnosis.forward_model.predicted_residual import NEVER
+from np_drake.diagnosis.forward_model.term import NEVER
 from np_drake.diagnosis.regressors.library import Candidate, Onset
 from np_drake.diagnosis.regressors.payload import AT_REST, HOOK, LENGTH, SMALL, SWING, Guess, PayloadColumns
 from np_drake.diagnosis.residuals.flight_residuals import FORCE, TORQUE, Evidence

@@ -11,8 +11,7 @@ from np_drake.atomic_file import atomic_path, require_writable, write_json, writ
 from np_drake.diagnosis.report.gap_figures import ladder_figure, replay_figure
 from np_drake.diagnosis.report.page import render
 from np_drake.diagnosis.report.where_figures import regime_figure, spectrum_figure, timeline_figure
-from np_drake.diagnosis.result import Diagnosis
-from np_drake.diagnosis.result_json import as_json
+from np_drake.diagnosis.result import Diagnosis, as_json
 from np_drake.figure_file import png
 
 PAGE, DATA = "report.html", "diagnosis.json"

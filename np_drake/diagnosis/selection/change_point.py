@@ -9,8 +9,8 @@ import numpy as np
 
 from np_drake.diagnosis.regressors.library import Candidate, gated
 from np_drake.diagnosis.regressors.payload import AT_REST
+from np_drake.diagnosis.regressors.regression_problem import Problem
 from np_drake.diagnosis.regressors.switched_regressors import LateColumns, LateSums, Sums
-from np_drake.diagnosis.selection.beam_search import Problem
 from np_drake.diagnosis.selection.onset_grid import TriedOnsets, at_rows, possible_onsets
 from np_drake.diagnosis.selection.payload_search import PAYLOAD, PayloadSearch
 from np_drake.effects.library import effects_for

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.regressors.library import Candidate, gated
+from np_drake.diagnosis.regressors.regression_problem import Model, Problem
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.selection.beam_search import Model, Problem
 from np_drake.diagnosis.selection.payload_search import PAYLOAD
 
 

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 from scipy.special import logsumexp
 
-from np_drake.diagnosis.decision.causes import HeldOut, on_held_out
 from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term, signature
+from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.held_out.adaptation import known_onset_profile
+from np_drake.diagnosis.held_out.prediction import HeldOut, on_held_out
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.nuisance import Drift, drift_of, loss_on
 from np_drake.diagnosis.residuals.flight_residuals import Evidence

@@ -8,12 +8,13 @@ import numpy as np
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise, no_worse, scale_only
 from np_drake.diagnosis.regressors.generic import candidates_of_the_unknown
 from np_drake.diagnosis.regressors.library import Candidate, library_candidates, wind_candidates
-from np_drake.diagnosis.regressors.nuisance import Tolerance, calibration, wander
+from np_drake.diagnosis.regressors.nuisance import calibration, wander
+from np_drake.diagnosis.regressors.regression_problem import Problem
 from np_drake.diagnosis.residuals.flight_residuals import FORCE, TORQUE, Evidence
 from np_drake.diagnosis.residuals.outliers import find_shocks
-from np_drake.diagnosis.selection.beam_search import Problem
 from np_drake.diagnosis.selection.change_point import gated_candidates
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
+from np_drake.diagnosis.tolerance import Tolerance
 
 INEXACT = 0.03  # share of what linear columns explain that they get wrong; own choice
 LEVER = 0.05  # at which a force may act that is known as well as the attitude is [m]; own choice

@@ -10,12 +10,14 @@ from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.multi_start import first_fit, refit
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.regressors.nuisance import Tolerance, tolerance_of
+from np_drake.diagnosis.regressors.nuisance import tolerance_of
+from np_drake.diagnosis.regressors.regression_problem import Model, Problem
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.selection.beam_search import Model, Problem, library_first, search
+from np_drake.diagnosis.selection.beam_search import library_first, search
 from np_drake.diagnosis.selection.change_point import gated_candidates, late_payloads
 from np_drake.diagnosis.selection.change_point_refinement import sharpened
 from np_drake.diagnosis.selection.initial_noise import INEXACT, TEMPERATURE, Ready, noise_of, prepare
+from np_drake.diagnosis.tolerance import Tolerance
 
 
 @dc.dataclass(frozen=True)

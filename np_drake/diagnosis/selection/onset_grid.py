@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.predicted_residual import NEVER
+from np_drake.diagnosis.forward_model.term import NEVER
 from np_drake.diagnosis.regressors.switched_regressors import LateSums, Sums
 
 MARGIN = 0.7  # from either end of a flight, in which no onset is looked for [s]

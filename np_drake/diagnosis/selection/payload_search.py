@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.predicted_residual import NEVER
+from np_drake.diagnosis.forward_model.term import NEVER
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.library import Candidate, Onset
 from np_drake.diagnosis.regressors.payload import Guess, PayloadColumns

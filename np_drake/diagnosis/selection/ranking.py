@@ -16,17 +16,11 @@ from np_drake.diagnosis.numerics.autoregressive_noise import (
     scale_only,
 )
 from np_drake.diagnosis.regressors.generic import PREFIX
-from np_drake.diagnosis.regressors.nuisance import Tolerance
+from np_drake.diagnosis.regressors.regression_problem import SHIFTING, Model, Problem, prior_of
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.selection.beam_search import (
-    MOST_EFFECTS,
-    SHIFTING,
-    Model,
-    Problem,
-    prior_of,
-    search,
-)
+from np_drake.diagnosis.selection.beam_search import MOST_EFFECTS, search
 from np_drake.diagnosis.selection.map_model import Found, find
+from np_drake.diagnosis.tolerance import Tolerance
 
 TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice
 MOST_MEASURED = 8  # effects that are named where rotor speed is measured: real rotors have many; own choice

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.held_out.adaptation import SURPRISE
-from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause
+from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force
 from np_drake.diagnosis.wind.gust_drag import drag_trace
 from np_drake.diagnosis.wind.wind_onset import ASKED, GAIN, ROUNDS, Asked, Begin, loss_of_calm, wind_onset

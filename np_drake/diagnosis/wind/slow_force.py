@@ -13,9 +13,9 @@ import numpy as np
 from scipy import fft, optimize
 
 from np_drake import attitude
-from np_drake.diagnosis.regressors.nuisance import Tolerance
 from np_drake.diagnosis.residuals.accelerations import low_pass
 from np_drake.diagnosis.residuals.flight_residuals import FORCE, POSITION, VELOCITY, Evidence
+from np_drake.diagnosis.tolerance import Tolerance
 
 TOP = 1.0  # of what counts as slow [Hz]
 WANDERS = (10.0, 0.45)  # correlation time of an attitude's error [s] and its spread [e-folds]

@@ -7,7 +7,7 @@ import numpy as np
 from np_drake.diagnosis.fitting.isotropic_prior import of_like_size
 from np_drake.diagnosis.fitting.multi_start import refit
 from np_drake.diagnosis.regressors.library import DRAG, Onset, gated
-from np_drake.diagnosis.selection.beam_search import Model, effect_prior
+from np_drake.diagnosis.regressors.regression_problem import Model, effect_prior
 from np_drake.diagnosis.selection.ranking import Ranking, names_of, names_of_fit
 from np_drake.diagnosis.wind.wind_onset import wind_begins
 

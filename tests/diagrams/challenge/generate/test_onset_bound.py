@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from diagrams.challenge.generate.onset_bound import AROUND, best_onset
-from np_drake.diagnosis.forward_model.predicted_residual import Term
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
 from np_drake.diagnosis.residuals.flight_residuals import make_evidence
 from np_drake.effects.thrust_scale import ThrustScale

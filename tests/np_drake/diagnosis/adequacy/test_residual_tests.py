@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.adequacy import residual_tests as dut
-from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
+from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
 
 
 def test_on_a_rig_an_accelerometer_may_read_another_weight_in_every_flight(ranked):

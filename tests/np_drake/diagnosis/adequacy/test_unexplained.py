@@ -9,9 +9,9 @@ from np_drake.diagnosis.adequacy import residual_tests
 from np_drake.diagnosis.adequacy import unexplained as remains_module
 from np_drake.diagnosis.adequacy.residual_statistics import strongest_line
 from np_drake.diagnosis.adequacy.unexplained import _repeat, remains
-from np_drake.diagnosis.forward_model.predicted_residual import Term
-from np_drake.diagnosis.regressors.nuisance import Tolerance
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.result import CHANNELS
+from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.base import WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.inertia_error import InertiaError

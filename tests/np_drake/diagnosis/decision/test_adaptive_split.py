@@ -18,7 +18,7 @@ from np_drake.diagnosis.decision.adaptive_split import (
 from np_drake.diagnosis.decision.decide import compare, look
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.fitting.map_estimate import Generic
-from np_drake.diagnosis.forward_model.predicted_residual import Term
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.adaptation import scored
 from np_drake.diagnosis.result import Diagnosis, Finding
 from np_drake.diagnosis.selection import map_model

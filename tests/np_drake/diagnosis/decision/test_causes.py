@@ -20,16 +20,18 @@ from np_drake.diagnosis.decision.causes import (
     causes_of,
     helps,
     least_help,
-    on_held_out,
     size_of,
     within_calibration,
 )
 from np_drake.diagnosis.fitting.swing_fit import WAYS
 from np_drake.diagnosis.forward_model.payload_state import ERROR
-from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
+from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.adaptation import SURPRISE
-from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance, drift_of
+from np_drake.diagnosis.held_out.prediction import on_held_out
+from np_drake.diagnosis.regressors.nuisance import drift_of
 from np_drake.diagnosis.selection.ranking import rank
+from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias

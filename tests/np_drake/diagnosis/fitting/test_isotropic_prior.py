@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from np_drake.diagnosis.fitting.isotropic_prior import of_like_size
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.parameters import free_figures
-from np_drake.diagnosis.forward_model.predicted_residual import Term
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError

@@ -5,7 +5,7 @@ import pytest
 
 from np_drake.diagnosis.fitting.map_estimate import Fit, refine
 from np_drake.diagnosis.fitting.parameters import free_figures, read, write
-from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term
+from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.constant_wind import ConstantWind

@@ -5,12 +5,12 @@ import dataclasses as dc
 import pytest
 
 from np_drake.diagnosis.fitting.multi_start import first_fit, refit, rested
-from np_drake.diagnosis.forward_model.predicted_residual import Term
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
 from np_drake.diagnosis.regressors.nuisance import tolerance_of
 from np_drake.diagnosis.regressors.payload import Guess
 from np_drake.diagnosis.regressors.payload_grid import payload_about
-from np_drake.diagnosis.selection.beam_search import Model, Problem
+from np_drake.diagnosis.regressors.regression_problem import Model, Problem
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 PAYLOAD = SuspendedPayload(0.25, 1.2)

@@ -4,7 +4,7 @@ import pytest
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.parameters import free_figures, read
 from np_drake.diagnosis.fitting.physical_bounds import at_its_bound, impossible, interval
-from np_drake.diagnosis.forward_model.predicted_residual import Term
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.effects.base import Effect
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.constant_wind import ConstantWind

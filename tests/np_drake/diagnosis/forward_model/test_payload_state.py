@@ -16,7 +16,7 @@ from np_drake.diagnosis.forward_model.payload_state import (
     start_of_swing,
     swing_wrenches,
 )
-from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term
+from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.residuals.resampling import TAPS
 from np_drake.effects.suspended_payload import SuspendedPayload
 

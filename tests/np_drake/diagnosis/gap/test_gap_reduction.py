@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.decision.causes import causes_of, on_held_out
-from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term
+from np_drake.diagnosis.decision.causes import causes_of
+from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.gap import gap_reduction as dut
+from np_drake.diagnosis.held_out.prediction import on_held_out
 from np_drake.diagnosis.numerics.autoregressive_noise import scale_only
 from np_drake.diagnosis.residuals.flight_residuals import make_evidence
 from np_drake.diagnosis.result import ReplayGap

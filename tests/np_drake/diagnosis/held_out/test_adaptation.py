@@ -3,7 +3,9 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term, signature
+from np_drake.diagnosis.fitting.swing_fit import settled
+from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.held_out.adaptation import (
     HIDDEN_SPAN,
     JUMP_SPAN,
@@ -13,7 +15,6 @@ from np_drake.diagnosis.held_out.adaptation import (
     judged_by_its_own_swing,
     known_onset_profile,
     scored,
-    settled,
     without_shocks,
 )
 from np_drake.diagnosis.residuals.flight_residuals import WRENCH, make_evidence

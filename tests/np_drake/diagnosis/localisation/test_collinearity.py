@@ -1,8 +1,9 @@
 import pytest
 
-from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
+from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.localisation.collinearity import collinear_effects, effects_of_trace
-from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
+from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias

@@ -11,7 +11,8 @@ from np_drake.diagnosis.decision.decide import Compared, conclude
 from np_drake.diagnosis.fitting.resonance_fit import mode_of
 from np_drake.diagnosis.regressors.generic import PREFIX, candidates_of_the_unknown
 from np_drake.diagnosis.regressors.library import library_candidates
-from np_drake.diagnosis.selection.beam_search import Problem, search
+from np_drake.diagnosis.regressors.regression_problem import Problem
+from np_drake.diagnosis.selection.beam_search import search
 from np_drake.diagnosis.selection.ranking import rank
 from np_drake.effects.base import WrenchEffect
 from np_drake.rigid_body import P, Q, V, W

@@ -1,15 +1,10 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
-from np_drake.diagnosis.regressors.nuisance import (
-    LABORATORY,
-    Tolerance,
-    calibration,
-    calibration_terms,
-    tolerance_of,
-    wander,
-)
+from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.regressors.nuisance import calibration, calibration_terms, tolerance_of, wander
+from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.mass_error import MassError
 from np_drake.vehicle import Vehicle

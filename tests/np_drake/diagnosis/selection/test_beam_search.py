@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.regressors.library import Candidate, library_candidates
-from np_drake.diagnosis.selection.beam_search import Problem, effect_prior, prior_of, search
+from np_drake.diagnosis.regressors.regression_problem import Problem, effect_prior, prior_of
+from np_drake.diagnosis.selection.beam_search import search
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError

@@ -4,10 +4,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.predicted_residual import NEVER
+from np_drake.diagnosis.forward_model.term import NEVER
 from np_drake.diagnosis.regressors.library import effect_candidates, gated, library_candidates
+from np_drake.diagnosis.regressors.regression_problem import Problem
 from np_drake.diagnosis.residuals.flight_residuals import make_evidence
-from np_drake.diagnosis.selection.beam_search import Problem
 from np_drake.diagnosis.selection.change_point import (
     ABSENT,
     ANOTHER,

@@ -3,7 +3,7 @@ import dataclasses as dc
 import pytest
 
 from np_drake.diagnosis.regressors.library import effect_candidates, gated
-from np_drake.diagnosis.selection.beam_search import Model, Problem
+from np_drake.diagnosis.regressors.regression_problem import Model, Problem
 from np_drake.diagnosis.selection.change_point_refinement import sharpened
 from np_drake.diagnosis.selection.ranking import names_of_fit, rank
 from np_drake.effects.linear_drag import LinearDrag

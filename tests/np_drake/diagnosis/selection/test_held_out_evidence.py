@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from np_drake.diagnosis.forward_model.predicted_residual import NEVER, Term
+from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.selection import held_out_evidence
 from np_drake.diagnosis.selection.change_point import ABSENT, ANOTHER
 from np_drake.diagnosis.selection.held_out_evidence import CLOSE, _onset_prior, told_by_unseen

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
 from np_drake.diagnosis.selection.initial_noise import noise_of, prepare
+from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 

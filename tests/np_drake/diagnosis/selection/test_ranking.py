@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.fitting.map_estimate import Fit, Generic
-from np_drake.diagnosis.forward_model.predicted_residual import Term
-from np_drake.diagnosis.selection.beam_search import Model
+from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.regressors.regression_problem import Model
 from np_drake.diagnosis.selection.ranking import (
     GIVES_WAY,
     bare,

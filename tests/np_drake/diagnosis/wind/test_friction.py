@@ -7,7 +7,7 @@ import pytest
 
 from np_drake import attitude
 from np_drake.diagnosis.decision.calibration import DOUBTED
-from np_drake.diagnosis.regressors.nuisance import LABORATORY
+from np_drake.diagnosis.tolerance import LABORATORY
 from np_drake.diagnosis.wind.friction import dry_friction
 from np_drake.diagnosis.wind.gauss_markov import wind_force
 from np_drake.diagnosis.wind.gust_drag import drag_trace

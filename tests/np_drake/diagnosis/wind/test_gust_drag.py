@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.diagnosis.regressors.nuisance import LABORATORY
 from np_drake.diagnosis.result import Cause, Estimate
+from np_drake.diagnosis.tolerance import LABORATORY
 from np_drake.diagnosis.wind.gust_drag import drag_in_gusts
 from np_drake.diagnosis.wind.gusts import as_gusts
 from np_drake.effects.linear_drag import LinearDrag

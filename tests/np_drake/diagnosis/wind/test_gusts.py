@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.decision.calibration import DOUBTED
-from np_drake.diagnosis.decision.causes import HeldOut
-from np_drake.diagnosis.forward_model.predicted_residual import Term
-from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
+from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.held_out.prediction import HeldOut
 from np_drake.diagnosis.result import Cause, Estimate
+from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
 from np_drake.diagnosis.wind import gusts as dut
 from np_drake.diagnosis.wind.gusts import as_gusts, in_gusts
 from np_drake.effects.constant_wind import ConstantWind

@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 from scipy import integrate, signal
 
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.predicted_residual import Term, signature
-from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
+from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.residuals.flight_residuals import FORCE, VELOCITY
+from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
 from np_drake.diagnosis.wind.slow_force import LEAST, SlowForce, _markov, slow_force, slow_power
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.regressors.nuisance import LABORATORY, Tolerance
+from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
 from np_drake.diagnosis.wind.force_bins import BIN
 from np_drake.diagnosis.wind.gauss_markov import WindForce, wind_force
 from np_drake.diagnosis.wind.wind_onset import WANDER, loss_of_calm, wind_begins, wind_onset

@@ -1,0 +1,38 @@
+"""TODO."""
+
+import dataclasses as dc
+
+
+@dc.dataclass(frozen=True)
+class Tolerance:
+    """Standard deviations. Source: own choice: a kitchen scale, motion capture, a MEMS sensor, a Kalman filter."""
+
+    mass: float = 0.005  # [1]
+    thrust: float = 0.005  # [1]
+    acceleration: float = 0.055  # from flight to flight [m/s²]
+    attitude: float = 0.008  # from flight to flight [rad]
+    rate: float = 0.01  # from flight to flight [rad/s]
+    velocity: float = 0.02  # from flight to flight [m/s]
+
+    @property
+    def name(self) -> str:
+        """rig | laboratory."""
+        return "rig" if self.real else "laboratory"
+
+    @property
+    def real(self) -> bool:
+        """Of a rig, not of a laboratory."""
+        return self.mass > 0.003
+
+    def of(self, identifier: str) -> float:
+        """Of the sensor or figure that an effect is about; 0 for others."""
+        names = {
+            "accelerometer_bias": self.acceleration,
+            "attitude_bias": self.attitude,
+            "gyro_bias": self.rate,
+            "velocity_bias": self.velocity,
+        }
+        return names.get(identifier, 0.0)
+
+
+LABORATORY = Tolerance(0.0005, 0.0005, 0.003, 0.0004, 0.0001, 0.0001)
