@@ -10,7 +10,7 @@ from diagrams.challenge.generate.case import FILES, Case
 from diagrams.challenge.generate.onset_bound import best_onset
 from diagrams.challenge.score.gap_reduction import VISIBLE as NO_GAP
 from np_drake.atomic_file import write_json
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.localisation.collinearity import collinear_effects, effects_of_trace
 from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise

@@ -12,9 +12,9 @@ from np_drake.diagnosis.adequacy.residual_statistics import (
     strongest_burst,
     strongest_line,
 )
-from np_drake.diagnosis.decision.causes import EXACT, MATERIAL_FORCE, MATERIAL_TORQUE
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.physical_bounds import impossible
+from np_drake.diagnosis.materiality import EXACT, MATERIAL_FORCE, MATERIAL_TORQUE
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import CHANNELS, Finding

@@ -20,12 +20,12 @@ from np_drake.diagnosis.adequacy.residual_tests import (
     twists,
     vibrates,
 )
-from np_drake.diagnosis.decision.causes import EXACT, MATERIAL_FORCE, MATERIAL_GAP
 from np_drake.diagnosis.fitting.map_estimate import Fit, Generic
 from np_drake.diagnosis.fitting.resonance_fit import mode_of
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.held_out.adaptation import adapt
 from np_drake.diagnosis.held_out.prediction import HeldOut, on_held_out
+from np_drake.diagnosis.materiality import EXACT, MATERIAL_FORCE, MATERIAL_GAP
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.regressors.library import DRAG

@@ -1,19 +1,18 @@
 """From a ranking of models to causes: material ones, minor ones, what cannot be told from them, and the unknown."""
 
-import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.decision.calibration import reported
 from np_drake.diagnosis.decision.consistency import without_faint_shifts, without_unfelt
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.physical_bounds import impossible, interval
 from np_drake.diagnosis.forward_model.payload_state import figure_error
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.held_out.adaptation import SURPRISE
 from np_drake.diagnosis.held_out.prediction import HeldOut
+from np_drake.diagnosis.materiality import LEAST_FORCED, LEAST_SHARE, Size
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.library import DRAG, GUSTY
 from np_drake.diagnosis.regressors.nuisance import Drift, drift_of, loss_on
@@ -21,53 +20,19 @@ from np_drake.diagnosis.regressors.regression_problem import Model, Problem
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause, Estimate, Finding
+from np_drake.diagnosis.selection.calibration import reported
 from np_drake.diagnosis.selection.ranking import Ranking, names_of, names_of_fit
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.base import ActuatorEffect, SensorEffect
 
-# Of weight, in all flights, on a rig and in a laboratory [1]; own choice.
-LEAST_FORCE = {True: 0.006, False: 0.003}
-MATERIAL_FORCE = 0.01  # of weight, of structure that is no effect [1]; own choice
-MATERIAL_TORQUE = 0.01  # of RMS commanded torque [1]
-EXACT = 0.3  # of that structure and torque, where logs come from a laboratory [1]; own choice
-CALIBRATED = 0.02  # of weight, below which mass and thrust are within what files are off by [1]
-MATERIAL_GAP = 0.10  # of the gap above the noise [1]
-LEAST_SHARE = 1e-5  # of it, less than what the causes beside it get wrong [1]; own choice: 0.3 % in size
-LEAST_FORCED = 1e-3  # the same beside a payload, which no pendulum is to more than 3 %; own choice
 SURE = {True: 0.5, False: 0.75}  # least probability of a name, on a rig and in a laboratory; own choice
 SEEN_AGAIN = 20.0  # log evidence that it brings to unseen flights, where a rig's will do; own choice
-MATERIAL_SENSOR = 1.5  # of the tolerance of that sensor [1]
 CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
 HURT = 2.0  # log evidence on flights that it has not seen, which says nothing of an effect; own choice
 MISFIT = 0.01  # and of what it brings to those of its fit [1]; own choice
 SAME = 3.5  # difference of log evidence below which two explanations are the same in these data
 MOST_LIKE = 2  # names beside a cause's own
 PROBABILITY = "probability"  # figure of a finding that would be a cause if it were surer
-
-
-@dc.dataclass(frozen=True)
-class Size:
-    """How large a term is: force over weight, torque over RMS commanded torque, share of the gap above noise,
-
-    and of a sensor error, its size over the rig's tolerance [1].
-    """
-
-    force: float
-    torque: float
-    gap: float
-    sensor: float
-
-    def material(self, *, calibration: bool, sensor: bool, real: bool, least: float = LEAST_SHARE) -> bool:
-        """Does it matter?   real: to a rig, not to a laboratory.   least: of the gap."""
-        if self.gap < least:
-            return False
-        if calibration:
-            return self.force >= CALIBRATED
-        if sensor:
-            return self.sensor >= MATERIAL_SENSOR
-        torque = MATERIAL_TORQUE * (1.0 if real else EXACT)
-        strong = self.force >= LEAST_FORCE[real] or self.torque >= torque
-        return strong or self.gap >= MATERIAL_GAP
 
 
 def size_of(

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.adequacy.unexplained import Remains, remains, with_modes, without_swing
-from np_drake.diagnosis.decision.calibration import BESIDE_UNKNOWN, DOUBTED, TRUST
 from np_drake.diagnosis.decision.causes import PROBABILITY, causes_of
 from np_drake.diagnosis.decision.consistency import without_idle
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.adaptation import without_shocks
 from np_drake.diagnosis.held_out.prediction import misfit
@@ -17,6 +16,7 @@ from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.regressors.library import DRAG, GUSTY
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause, Finding
+from np_drake.diagnosis.selection.calibration import BESIDE_UNKNOWN, DOUBTED, TRUST
 from np_drake.diagnosis.selection.held_out_evidence import told_by_unseen
 from np_drake.diagnosis.selection.map_model import Found, find
 from np_drake.diagnosis.selection.ranking import Ranking, ranked

@@ -9,7 +9,7 @@ from scipy import stats
 
 from np_drake.diagnosis.fitting.parameters import Free, free_figures, read, write
 from np_drake.diagnosis.forward_model.payload_state import swing_wrenches
-from np_drake.diagnosis.forward_model.predicted_residual import Stages, signature
+from np_drake.diagnosis.forward_model.prediction import Stages, signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.gauss_newton import minimise

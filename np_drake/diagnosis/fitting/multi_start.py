@@ -8,7 +8,7 @@ import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit, refine
 from np_drake.diagnosis.fitting.swing_fit import settled
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, scale_only
 from np_drake.diagnosis.regressors.nuisance import calibration_terms

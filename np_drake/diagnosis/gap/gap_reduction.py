@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.adaptation import judged_by_its_own_swing
 from np_drake.diagnosis.held_out.prediction import HeldOut, pooled, remaining_residual

@@ -11,7 +11,7 @@ from np_drake.diagnosis.forward_model.payload_state import (
     STATE,
     jumps,
 )
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.switched_regressors import LateColumns

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.predicted_residual import Stages, signature
+from np_drake.diagnosis.forward_model.prediction import Stages, signature
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.library import (

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.predicted_residual import Stages, signature
+from np_drake.diagnosis.forward_model.prediction import Stages, signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.effects.base import Effect, SensorEffect

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from scipy.special import logsumexp
 
 from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.held_out.adaptation import known_onset_profile
 from np_drake.diagnosis.held_out.prediction import HeldOut, on_held_out

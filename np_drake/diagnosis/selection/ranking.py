@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis.fitting.isotropic_prior import of_like_size
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.multi_start import refit, rested
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.numerics.autoregressive_noise import (
     NoiseModel,
     no_worse,

@@ -4,7 +4,7 @@ import numpy as np
 from scipy import linalg
 
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.residuals.flight_residuals import FORCE, Evidence
 from np_drake.effects.linear_drag import LinearDrag

@@ -9,13 +9,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.decision.calibration import DOUBTED
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.prediction import HeldOut
 from np_drake.diagnosis.regressors.library import DRAG, GUSTY
 from np_drake.diagnosis.residuals.flight_residuals import Evidence
 from np_drake.diagnosis.result import Cause, Estimate
+from np_drake.diagnosis.selection.calibration import DOUBTED
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.diagnosis.wind.force_bins import blows
 from np_drake.diagnosis.wind.friction import dry_friction

@@ -4,18 +4,11 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.decision import causes as attribute
-from np_drake.diagnosis.decision.calibration import TEMPER, TRUST
 from np_drake.diagnosis.decision.causes import (
     HURT,
-    LEAST_FORCE,
-    LEAST_FORCED,
-    LEAST_SHARE,
-    MATERIAL_GAP,
-    MATERIAL_TORQUE,
     MISFIT,
     SEEN_AGAIN,
     SURE,
-    Size,
     alike,
     causes_of,
     helps,
@@ -25,11 +18,20 @@ from np_drake.diagnosis.decision.causes import (
 )
 from np_drake.diagnosis.fitting.swing_fit import WAYS
 from np_drake.diagnosis.forward_model.payload_state import ERROR
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.adaptation import SURPRISE
 from np_drake.diagnosis.held_out.prediction import on_held_out
+from np_drake.diagnosis.materiality import (
+    LEAST_FORCE,
+    LEAST_FORCED,
+    LEAST_SHARE,
+    MATERIAL_GAP,
+    MATERIAL_TORQUE,
+    Size,
+)
 from np_drake.diagnosis.regressors.nuisance import drift_of
+from np_drake.diagnosis.selection.calibration import TEMPER, TRUST
 from np_drake.diagnosis.selection.ranking import rank
 from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
 from np_drake.effects.accelerometer_bias import AccelerometerBias

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.decision import decide as dut_module
-from np_drake.diagnosis.decision.calibration import DOUBTED, TRUST
 from np_drake.diagnosis.decision.causes import PROBABILITY
 from np_drake.diagnosis.decision.decide import look, misfits, wanders
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.result import Cause, Estimate, Finding
+from np_drake.diagnosis.selection.calibration import DOUBTED, TRUST
 from np_drake.diagnosis.selection.ranking import rank
 from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
 from np_drake.effects.base import Motion, WrenchEffect

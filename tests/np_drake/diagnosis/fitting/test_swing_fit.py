@@ -5,7 +5,7 @@ import pytest
 
 from np_drake.diagnosis.fitting.swing_fit import SwingFit
 from np_drake.diagnosis.forward_model.payload_state import STATE
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.regressors.payload import SWING
 from np_drake.effects.linear_drag import LinearDrag

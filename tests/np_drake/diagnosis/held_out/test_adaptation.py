@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.fitting.swing_fit import settled
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.held_out.adaptation import (
     HIDDEN_SPAN,

@@ -1,6 +1,6 @@
 import pytest
 
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.localisation.collinearity import collinear_effects, effects_of_trace
 from np_drake.diagnosis.tolerance import LABORATORY, Tolerance

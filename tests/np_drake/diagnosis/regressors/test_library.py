@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.regressors.library import (
     effect_candidates,

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.regressors.nuisance import calibration, calibration_terms, tolerance_of, wander
 from np_drake.diagnosis.tolerance import LABORATORY, Tolerance

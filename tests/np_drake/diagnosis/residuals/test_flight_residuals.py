@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.accelerations import low_pass

@@ -3,7 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.regressors.payload import Guess
 from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of

@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.wind.force_bins import BIN, binned, drags, factor, forces, instants, spans, width
 from np_drake.effects.linear_drag import LinearDrag

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.diagnosis.decision.calibration import DOUBTED
+from np_drake.diagnosis.selection.calibration import DOUBTED
 from np_drake.diagnosis.tolerance import LABORATORY
 from np_drake.diagnosis.wind.friction import dry_friction
 from np_drake.diagnosis.wind.gauss_markov import wind_force

@@ -3,10 +3,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision.calibration import DOUBTED
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.prediction import HeldOut
 from np_drake.diagnosis.result import Cause, Estimate
+from np_drake.diagnosis.selection.calibration import DOUBTED
 from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
 from np_drake.diagnosis.wind import gusts as dut
 from np_drake.diagnosis.wind.gusts import as_gusts, in_gusts

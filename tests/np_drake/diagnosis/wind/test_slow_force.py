@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy import integrate, signal
 
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.residuals.flight_residuals import FORCE, VELOCITY
 from np_drake.diagnosis.tolerance import LABORATORY, Tolerance

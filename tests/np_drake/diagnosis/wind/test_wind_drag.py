@@ -1,8 +1,8 @@
 import pytest
 
-from np_drake.diagnosis.decision.calibration import TRUST
 from np_drake.diagnosis.decision.decide import look
 from np_drake.diagnosis.regressors.library import DRAG
+from np_drake.diagnosis.selection.calibration import TRUST
 from np_drake.diagnosis.wind.wind_drag import with_drag
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag

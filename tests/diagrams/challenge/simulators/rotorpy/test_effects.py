@@ -11,7 +11,7 @@ from diagrams.challenge.out_of_library.draw import FOREIGN, draw_foreign
 from diagrams.challenge.simulators.rotorpy import simulator
 from diagrams.challenge.simulators.rotorpy.simulator import fly
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.predicted_residual import signature
+from np_drake.diagnosis.forward_model.prediction import signature
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.residuals.flight_residuals import make_evidence
 from np_drake.effects.base import MassProperties, Measurement, Motion, WrenchEffect

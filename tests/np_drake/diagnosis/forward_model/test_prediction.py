@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.forward_model.predicted_residual import Stages, gate, signature
+from np_drake.diagnosis.forward_model.prediction import Stages, gate, signature
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.effects.accelerometer_bias import AccelerometerBias

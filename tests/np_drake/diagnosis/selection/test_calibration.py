@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.decision.calibration import TRUST, reported
+from np_drake.diagnosis.selection.calibration import TRUST, reported
 
 SHARE = st.floats(0.0, 1.0)
 
