@@ -64,7 +64,7 @@ def test_the_experiment_of_the_docs_flies_well(tmp_path):
 
 
 def test_the_tolerances_in_the_docs_are_those_of_the_code():
-    from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
+    from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 
     page = (ROOT / "docs" / "diagnosis.md").read_text()
     rows = {
@@ -75,6 +75,6 @@ def test_the_tolerances_in_the_docs_are_those_of_the_code():
         "velocity": ("velocity", 1, "m/s"),
     }
     for name, (field, factor, unit) in rows.items():
-        figures = [f"{round(factor * getattr(t, field), 6):g} {unit}" for t in (Tolerance(), LABORATORY)]
+        figures = [f"{round(factor * getattr(t, field), 6):g} {unit}" for t in (Tolerance(), IDEAL_SENSORS)]
         assert f"| {name} | {' | '.join(figures)} |" in page
-    assert (Tolerance().mass, LABORATORY.mass) == (Tolerance().thrust, LABORATORY.thrust)
+    assert (Tolerance().mass, IDEAL_SENSORS.mass) == (Tolerance().thrust, IDEAL_SENSORS.thrust)

@@ -15,7 +15,7 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.processes import ONE_THREAD
 from diagrams.challenge.generate.make import make
 from diagrams.challenge.solve import COST, case_folders
-from np_drake.diagnosis.diagnose import require_flights
+from np_drake.diagnosis.residuals.requirements import require_flights
 from np_drake.logs.case_folder import open_case
 
 LENGTHS = (20.0, 60.0, 200.0)  # of every flight [s]

@@ -141,7 +141,7 @@ def answer(name: str, neurobem: Path | None = None) -> dict[str, Any]:
             raise ValueError(f"golden: {name} needs the folder of the NeuroBEM flights.")
         flights, held = agile_flights(neurobem), int(name.split("/")[1])
         train = [flights[(held + 1) % len(flights)]]
-        return summary(diagnose(published_vehicle(), train, [flights[held]], second_look=False).as_json())
+        return summary(diagnose(published_vehicle(), train, [flights[held]], adaptive_split=False).as_json())
     simulator, quality, draw = golden_cases()[name]
     with tempfile.TemporaryDirectory() as scratch:
         cases, truth = Path(scratch) / "cases", Path(scratch) / "truth"

@@ -153,15 +153,21 @@ def run(
     """The five steps behind a progress bar.   rig: logs of one, or of a laboratory; None: as they look."""
     from diagrams.gap.drake_replay import DrakeReplay
     from np_drake.diagnosis.diagnose import diagnose as five_steps
-    from np_drake.diagnosis.diagnose import require_flights
-    from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
+    from np_drake.diagnosis.residuals.requirements import require_flights
+    from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 
     require_flights(train, held_out)  # what is refused is so without a bar
     with progress("diagnosing", 1.0) as advance:
         simulator = DrakeReplay(vehicle) if replay else None
-        how = {None: None, True: Tolerance(), False: LABORATORY}[rig]
+        how = {None: None, True: Tolerance(), False: IDEAL_SENSORS}[rig]
         found = five_steps(
-            vehicle, train, held_out, simulator, second_look=second_look, tolerance=how, on_progress=advance
+            vehicle,
+            train,
+            held_out,
+            simulator,
+            adaptive_split=second_look,
+            tolerance=how,
+            on_progress=advance,
         )
         advance(1.0)
     return found

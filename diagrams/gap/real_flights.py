@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.residuals.flight_residuals import make_evidence
+from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.neurobem import AGILE, published_vehicle, read_neurobem
@@ -39,10 +39,10 @@ def fold(vehicle: Vehicle, train: Sequence[FlightLog], held_out: FlightLog) -> F
 
     `mean`: of the total torque in the training flights [N·m].
     """
-    answer = diagnose(vehicle, train, [held_out], second_look=False)
-    unseen = make_evidence(held_out, vehicle)
+    answer = diagnose(vehicle, train, [held_out], adaptive_split=False)
+    unseen = make_flight_residuals(held_out, vehicle)
     total = unseen.y[:, 3:6] + unseen.nominal[:, 3:]
-    flown = [make_evidence(log, vehicle) for log in train]
+    flown = [make_flight_residuals(log, vehicle) for log in train]
     mean = np.concatenate([e.y[:, 3:6] + e.nominal[:, 3:] for e in flown]).mean(axis=0)
     where = answer.where
     name = held_out.name

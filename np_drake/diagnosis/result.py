@@ -100,7 +100,7 @@ class Band:
 
 
 @dc.dataclass(frozen=True)
-class Where:
+class Localisation:
     """Step 2: channels, time, regime, frequency. `times`, `before`, `after`: residual traces by flight, for figures."""
 
     channels: tuple[ChannelGap, ...]
@@ -122,7 +122,7 @@ class Confusable:
 
 
 @dc.dataclass(frozen=True)
-class Check:
+class Identifiability:
     """Step 1: is the log usable, what can it not tell?   excitation: by quantity, RMS or span with unit in the key."""
 
     usable: bool
@@ -155,7 +155,7 @@ class ReplayGap:
 
 
 @dc.dataclass(frozen=True)
-class Shrink:
+class GapReduction:
     """Step 4: held-out residual in noise units before and after;
 
     fraction = 1 - (after² - floor²) / (before² - floor²).
@@ -186,9 +186,9 @@ class Diagnosis:
     held_out: tuple[str, ...]
     verdict: tuple[str, ...]
     causes: tuple[Cause, ...]
-    check: Check
-    where: Where
-    shrink: Shrink
+    check: Identifiability
+    where: Localisation
+    shrink: GapReduction
     minor: tuple[Finding, ...] = ()
     remains: tuple[Finding, ...] = ()
     unknown_probability: float = 0.0
@@ -254,7 +254,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
     }
 
 
-def _gap(where: Where, replay: ReplayGap | None) -> dict[str, Any]:
+def _gap(where: Localisation, replay: ReplayGap | None) -> dict[str, Any]:
     """By kind and axis; the replay's medians; and where in time, regime and frequency."""
     gap: dict[str, Any] = {"force": {}, "torque": {}}
     for channel in where.channels:

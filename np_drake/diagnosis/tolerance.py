@@ -35,4 +35,4 @@ class Tolerance:
         return names.get(identifier, 0.0)
 
 
-LABORATORY = Tolerance(0.0005, 0.0005, 0.003, 0.0004, 0.0001, 0.0001)
+IDEAL_SENSORS = Tolerance(0.0005, 0.0005, 0.003, 0.0004, 0.0001, 0.0001)

@@ -10,12 +10,12 @@ from diagrams.challenge.generate.case import FILES, Case
 from diagrams.challenge.generate.onset_bound import best_onset
 from diagrams.challenge.score.gap_reduction import VISIBLE as NO_GAP
 from np_drake.atomic_file import write_json
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.localisation.collinearity import collinear_effects, effects_of_trace
 from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
 from np_drake.diagnosis.regressors.nuisance import tolerance_of
-from np_drake.diagnosis.residuals.flight_residuals import Evidence, make_evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
 from np_drake.effects.base import Effect
 from np_drake.logs.flight_log import FlightLog
 
@@ -28,8 +28,8 @@ CHANNELS = tuple(
 class Pair:
     """The evidence of one flight as it is measured, and as it would be without noise, on the same grid."""
 
-    measured: Evidence
-    true: Evidence
+    measured: FlightResiduals
+    true: FlightResiduals
 
     @property
     def errors(self) -> np.ndarray:
@@ -72,9 +72,9 @@ def truth(case: Case, simulator: str, flights: dict[str, Pair]) -> dict:
 
 def pair_of(case: Case, file: str, exact: FlightLog, noisy: FlightLog) -> Pair:
     """Of a flight, named by its file: both from when on the measured one counts."""
-    measured = make_evidence(dc.replace(noisy, name=file), case.vehicle)
+    measured = make_flight_residuals(dc.replace(noisy, name=file), case.vehicle)
     since = float(measured.t[0])
-    return Pair(measured, make_evidence(dc.replace(exact, name=file), case.vehicle, since=since))
+    return Pair(measured, make_flight_residuals(dc.replace(exact, name=file), case.vehicle, since=since))
 
 
 def looks_like(case: Case, flights: dict[str, Pair]) -> list[str]:
@@ -85,7 +85,7 @@ def looks_like(case: Case, flights: dict[str, Pair]) -> list[str]:
     """
     off = [Term(effect) for effect in case.quality.background(case.vehicle)]
     measured = [pair.measured for pair in flights.values()]
-    trace = {pair.true.name: pair.true.y - signature(pair.true, off) for pair in flights.values()}
+    trace = {pair.true.name: pair.true.y - predicted_residual(pair.true, off) for pair in flights.values()}
     noise = fit_noise([pair.errors for pair in flights.values()], measured[0].grid.step)
     rows = sum(len(y) for y in trace.values())
     return effects_of_trace(measured, trace, noise, tolerance_of(measured), (NO_GAP**2 - 1.0) * rows)
@@ -120,7 +120,7 @@ def seen(case: Case, flight: Pair) -> tuple[np.ndarray, float]:
     """
     noise = np.sqrt(np.mean(flight.errors**2, axis=0))
     off = [Term(effect) for effect in case.quality.background(case.vehicle)]
-    total = np.sqrt(np.mean((flight.measured.y - signature(flight.true, off)) ** 2, axis=0))
+    total = np.sqrt(np.mean((flight.measured.y - predicted_residual(flight.true, off)) ** 2, axis=0))
     return noise, float(np.max(total / np.maximum(noise, 1e-12)))
 
 
@@ -129,7 +129,9 @@ def unforeseen(case: Case, flight: Pair, noise: np.ndarray) -> np.ndarray:
     if case.draw.kind == "foreign" or all(effect.foreseen is effect for effect in case.effects):
         return noise
     known = [*case.quality.background(case.vehicle), *(e.foreseen for e in case.effects)]
-    left = flight.true.y - signature(flight.true, [Term(effect, dict(case.onset)) for effect in known])
+    left = flight.true.y - predicted_residual(
+        flight.true, [Term(effect, dict(case.onset)) for effect in known]
+    )
     return np.sqrt(noise**2 + np.mean(left**2, axis=0))
 
 
@@ -152,7 +154,7 @@ def own_visibility(case: Case, flight: Pair, noise: np.ndarray) -> list[float]:
     terms = [Term(effect, dict(case.onset)) for effect in effects]
     out = []
     for i in range(len(terms)):
-        trace = signature(evidence, terms) - signature(evidence, terms[:i] + terms[i + 1 :])
+        trace = predicted_residual(evidence, terms) - predicted_residual(evidence, terms[:i] + terms[i + 1 :])
         out.append(float(np.max(np.sqrt(1 + np.mean(trace**2, axis=0) / np.maximum(noise, 1e-12) ** 2))))
     return out
 

@@ -5,17 +5,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.prediction import gate, signature
+from np_drake.diagnosis.forward_model.prediction import gate, predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 
 AROUND = 4.0  # of the true onset, in which others are weighed [s]
 SPAN = 0.4  # that is to hold the onset as likely as may be: twice the tolerance of the score [s]
 
 
 def best_onset(
-    exact: Evidence, errors: np.ndarray, terms: Sequence[Term], onset: float, noise: NoiseModel
+    exact: FlightResiduals, errors: np.ndarray, terms: Sequence[Term], onset: float, noise: NoiseModel
 ) -> float:
     """The middle of the span of `SPAN` that most likely holds the onset [s], each instant about it alike before.
 
@@ -24,8 +24,8 @@ def best_onset(
         terms: the true effects with the true onset [s].   noise: model of `errors`.
     """
     t, name = exact.t, exact.name
-    begun = signature(exact, terms)
-    always = signature(exact, [dc.replace(term, onset={**term.onset, name: None}) for term in terms])
+    begun = predicted_residual(exact, terms)
+    always = predicted_residual(exact, [dc.replace(term, onset={**term.onset, name: None}) for term in terms])
     tried = np.flatnonzero(np.abs(t - onset) <= AROUND)
     cost = [
         float(np.sum(noise.whiten(errors + begun - _from(t, k, onset, begun, always)) ** 2)) for k in t[tried]

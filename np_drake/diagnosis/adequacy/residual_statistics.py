@@ -11,7 +11,7 @@ import numpy as np
 from scipy import ndimage, signal
 
 from np_drake.diagnosis.residuals.accelerations import low_pass
-from np_drake.diagnosis.residuals.flight_residuals import FORCE, TORQUE, WRENCH, Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FORCE, TORQUE, WRENCH, FlightResiduals
 
 LINE = 20.0  # power of a line over its neighbourhood above which it is no noise [1]; own choice
 NEIGHBOURHOOD = 1.2  # of a line, to either side at most [Hz]
@@ -46,13 +46,13 @@ class Burst:
     prominence: float
 
 
-def strongest_burst(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> Burst:
+def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> Burst:
     """Of slow force, body axis by body axis, over what the median deviation in all flights has a normal variate do.
 
     Noise and sensors that wander are normal, and stay within five deviations in minutes of flight; what acts now and
     then does not count in a median.   Source: own choice.
     """
-    parts = [_slow_force(e, left[e.name]) for e in flights]
+    parts = [_slow_force(e, residual[e.name]) for e in flights]
     parts = [f - np.median(f, axis=0) for f in parts]
     every = np.abs(np.concatenate(parts))
     usual = NORMAL * np.median(every, axis=0)
@@ -65,19 +65,19 @@ def strongest_burst(flights: Sequence[Evidence], left: dict[str, np.ndarray]) ->
     return Burst(int(axis), e.name, float(e.t[first + i]), float(every[row, axis]), float(ratio[row, axis]))
 
 
-def _slow_force(e: Evidence, left: np.ndarray) -> np.ndarray:
+def _slow_force(e: FlightResiduals, residual: np.ndarray) -> np.ndarray:
     """(n, 3) low-passed force of what is left (m, 15) of a flight, without its edges [N]."""
-    edge = min(round(EDGE / e.grid.step), (len(left) - 1) // 2)
-    return low_pass(left[:, FORCE], e.grid.step, BRIEF)[edge : len(left) - edge]
+    edge = min(round(EDGE / e.grid.step), (len(residual) - 1) // 2)
+    return low_pass(residual[:, FORCE], e.grid.step, BRIEF)[edge : len(residual) - edge]
 
 
-def lift_apart(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> float:
+def lift_apart(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> float:
     """Largest mean force along body z of a flight [N]: across z, an attitude that is off would do as much."""
-    return max(abs(float(np.mean(left[e.name][:, FORCE][:, 2]))) for e in flights)
+    return max(abs(float(np.mean(residual[e.name][:, FORCE][:, 2]))) for e in flights)
 
 
 def strongest_line(
-    flights: Sequence[Evidence], left: dict[str, np.ndarray], least: np.ndarray | None = None
+    flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray], least: np.ndarray | None = None
 ) -> Line:
     """Of force (in W-independent body axes) and torque, over all flights together; `least` (6,): RMS that
     matters [N, N·m]; none: any.
@@ -92,7 +92,7 @@ def strongest_line(
     size = 2 ** int(np.ceil(np.log2(max(len(e.t) for e in flights))))
     power = np.zeros((size // 2 + 1, 6))
     for e in flights:
-        y = left[e.name][:, WRENCH] - left[e.name][:, WRENCH].mean(axis=0)
+        y = residual[e.name][:, WRENCH] - residual[e.name][:, WRENCH].mean(axis=0)
         window = signal.windows.hann(len(y))[:, None]
         power += np.abs(np.fft.rfft(y * window, size, axis=0)) ** 2 / np.sum(window**2) / len(flights)
     frequency = np.fft.rfftfreq(size, 1 / rate)
@@ -114,7 +114,9 @@ def _floor(power: np.ndarray, frequency: np.ndarray, lobe: float) -> np.ndarray:
     return np.stack([np.median(power[a:b], axis=0) for a, b in zip(first, last, strict=True)])
 
 
-def slow_torque(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> tuple[float, float, float]:
+def slow_torque(
+    flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]
+) -> tuple[float, float, float]:
     """Largest ratio over axes of slow torque to what gyro noise, seen in the middle band, would have there [1],
 
     the share of that axis' slow residual, before anything was explained, that it is [1], and its RMS [N·m].
@@ -123,7 +125,7 @@ def slow_torque(flights: Sequence[Evidence], left: dict[str, np.ndarray]) -> tup
     """
     slow, middle, before = np.zeros(3), np.zeros(3), np.zeros(3)
     for e in flights:
-        tau = left[e.name][:, TORQUE] - left[e.name][:, TORQUE].mean(axis=0)
+        tau = residual[e.name][:, TORQUE] - residual[e.name][:, TORQUE].mean(axis=0)
         inside = slice(
             round(1 / (SLOW * e.grid.step)), -round(1 / (SLOW * e.grid.step))
         )  # without filter edges

@@ -16,7 +16,7 @@ from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.physical_bounds import impossible
 from np_drake.diagnosis.materiality import EXACT, MATERIAL_FORCE, MATERIAL_TORQUE
 from np_drake.diagnosis.residuals import flight_residuals as ev
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.result import CHANNELS, Finding
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.diagnosis.wind.slow_force import slow_power
@@ -35,16 +35,18 @@ APART = 5.0  # of a flight's mean lift over what sensors may be off by, above wh
 UNSEEN = "unseen flights"  # name of what they alone show
 STEEP = 6.0  # of the probability with the logarithm of a ratio; own choice
 
-Said = tuple[float, Finding]  # what there may be, and how probable that is
+Indication = tuple[float, Finding]  # what there may be, and how probable that is
 
 
-def odd(flights: Sequence[Evidence], left: dict[str, np.ndarray], tolerance: Tolerance) -> list[Said]:
+def irregularities(
+    flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray], tolerance: Tolerance
+) -> list[Indication]:
     """What neither noise nor sensors do, whatever the shape, and its probability.
 
     A payload, whose swing may be lost, and gusts do the like: beside these it is not asked.
     """
-    least = 2 * matters(flights, tolerance)[0]  # no part of an effect, for which a half is enough
-    burst, lift = strongest_burst(flights, left), lift_apart(flights, left)
+    least = 2 * least_structure(flights, tolerance)[0]  # no part of an effect, for which a half is enough
+    burst, lift = strongest_burst(flights, residual), lift_apart(flights, residual)
     apart = lift / (flights[0].vehicle.mass * tolerance.acceleration)
     axis, figures = CHANNELS[burst.axis], {"time": burst.time, "force": burst.size}
     now = f"a {axis} that comes now and then, as in {burst.flight} at {burst.time:.1f} s, {burst.size:.2g} N"
@@ -57,23 +59,23 @@ def odd(flights: Sequence[Evidence], left: dict[str, np.ndarray], tolerance: Tol
     ]
 
 
-def novel(
-    unseen: Sequence[Evidence],
-    left: dict[str, np.ndarray],
+def novel_on_held_out(
+    held_out: Sequence[FlightResiduals],
+    residual: dict[str, np.ndarray],
     tolerance: Tolerance,
     usual: float,
     *,
     gusty: bool,
-) -> Said:
+) -> Indication:
     """Do unseen flights show something at work which the flights of the fit did not excite?
 
     A slow force or torque on them is several times what sensors have, and the causes leave much of it. Gusts, which do
     not repeat, are no such force.   usual: slow power that is left of the flights of the fit [N²].
     """
-    torque, share, _ = slow_torque(unseen, left)
+    torque, share, _ = slow_torque(held_out, residual)
     probability = _above(torque, NOVEL * SLOW_TORQUE[tolerance.real]) if share > MUCH else 0.0
-    before, after = slow_power(unseen, {e.name: e.y for e in unseen}), slow_power(unseen, left)
-    weight = unseen[0].vehicle.mass * unseen[0].vehicle.gravity
+    before, after = slow_power(held_out, {e.name: e.y for e in held_out}), slow_power(held_out, residual)
+    weight = held_out[0].vehicle.mass * held_out[0].vehicle.gravity
     if not gusty and after >= MUCH * before and after >= (0.5 * MATERIAL_FORCE * weight) ** 2:
         ratio = np.sqrt(after / max(usual, (weight * tolerance.attitude) ** 2))
         probability = max(probability, _above(float(ratio), NOVEL))
@@ -81,45 +83,45 @@ def novel(
     return probability, Finding(UNSEEN, text, probability, {})
 
 
-def vibrates(
+def line_test(
     line: Line,
-    flights: Sequence[Evidence],
-    unseen: Sequence[Evidence],
-    left: dict[str, np.ndarray],
+    flights: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
+    residual: dict[str, np.ndarray],
     tolerance: Tolerance,
-) -> Said:
+) -> Indication:
     """Is there a line that matters, and that unseen flights show as well?   left: of these."""
     loud = line.rms >= least_lines(flights, tolerance)[line.channel]
-    again = strongest_line(unseen, left).prominence > FAINT * LINE
+    again = strongest_line(held_out, residual).prominence > FAINT * LINE
     text = f"a line in {CHANNELS[line.channel]} at {line.frequency:.2f} Hz"
     figures = {"frequency": line.frequency, "rms": line.rms}
     probability = _above(line.prominence, LINE) if loud and again else 0.0
     return probability, Finding("line", text, line.prominence, figures)
 
 
-def twists(
+def slow_torque_test(
     torque: tuple[float, float, float],
-    flights: Sequence[Evidence],
-    unseen: Sequence[Evidence],
-    left: dict[str, np.ndarray],
+    flights: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
+    residual: dict[str, np.ndarray],
     tolerance: Tolerance,
     *,
     hidden: bool,
-) -> Said:
+) -> Indication:
     """Is there a slow torque that matters, and that unseen flights show as well?
 
     torque: `slow_torque` of flights.   left: of unseen ones.   hidden: may a swing have been lost?
     """
     ratio, share, rms = torque
     limit = SLOW_TORQUE[tolerance.real]
-    clear = ratio > CLEAR * limit and rms > matters(flights, tolerance)[1]
+    clear = ratio > CLEAR * limit and rms > least_structure(flights, tolerance)[1]
     large = share > SWUNG if hidden else share > LEAST_SHARE or clear
-    again = slow_torque(unseen, left)[0] > FAINT * limit
+    again = slow_torque(held_out, residual)[0] > FAINT * limit
     probability = _above(ratio, limit) if large and again else 0.0
     return probability, Finding("slow torque", "a torque that comes and goes", ratio, {"ratio": ratio})
 
 
-def beyond(named: Fit, vehicle: Vehicle, *, gusty: bool) -> list[Said]:
+def beyond_bounds(named: Fit, vehicle: Vehicle, *, gusty: bool) -> list[Indication]:
     """Effects that need a figure which they cannot have."""
     why = [impossible(named, i, vehicle, gusty=gusty) for i in range(len(named.terms))]
     return [
@@ -134,20 +136,20 @@ def _above(ratio: float, threshold: float) -> float:
     return float(1 / (1 + (threshold / max(ratio, 1e-9)) ** STEEP))
 
 
-def half_an_effect(flights: Sequence[Evidence]) -> tuple[float, float]:
+def material_structure(flights: Sequence[FlightResiduals]) -> tuple[float, float]:
     """RMS force [N] and torque [N·m] of structure that is a matter: of a force half an effect's, it may be a part."""
     tau = np.concatenate([e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights])
     weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
     return 0.5 * MATERIAL_FORCE * weight, MATERIAL_TORQUE * float(np.sqrt(np.mean(np.sum(tau**2, axis=1))))
 
 
-def matters(flights: Sequence[Evidence], tolerance: Tolerance) -> np.ndarray:
+def least_structure(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> np.ndarray:
     """(2,) the same, less in a laboratory [N, N·m]."""
-    return np.array(half_an_effect(flights)) * (1.0 if tolerance.real else EXACT)
+    return np.array(material_structure(flights)) * (1.0 if tolerance.real else EXACT)
 
 
-def least_lines(flights: Sequence[Evidence], tolerance: Tolerance) -> np.ndarray:
+def least_lines(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> np.ndarray:
     """(6,) RMS of a line that is a matter in a channel of the wrench: a long flight shows lines that are none."""
     y = np.concatenate([e.y[:, ev.WRENCH] for e in flights])
-    least = np.repeat(matters(flights, tolerance), 3)
+    least = np.repeat(least_structure(flights, tolerance), 3)
     return np.maximum(np.sqrt(LEAST_SHARE * np.mean(y**2, axis=0)), least)

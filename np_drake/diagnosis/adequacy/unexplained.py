@@ -11,18 +11,18 @@ from np_drake.diagnosis.adequacy.residual_tests import (
     LEAST_SHARE,
     SWUNG,
     UNSEEN,
-    Said,
-    beyond,
-    half_an_effect,
+    Indication,
+    beyond_bounds,
+    irregularities,
     least_lines,
-    novel,
-    odd,
-    twists,
-    vibrates,
+    line_test,
+    material_structure,
+    novel_on_held_out,
+    slow_torque_test,
 )
 from np_drake.diagnosis.fitting.map_estimate import Fit, Generic
 from np_drake.diagnosis.fitting.resonance_fit import mode_of
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.held_out.adaptation import adapt
 from np_drake.diagnosis.held_out.prediction import HeldOut, on_held_out
 from np_drake.diagnosis.materiality import EXACT, MATERIAL_FORCE, MATERIAL_GAP
@@ -30,7 +30,7 @@ from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.regressors.library import DRAG
 from np_drake.diagnosis.residuals import flight_residuals as ev
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.result import Finding
 from np_drake.diagnosis.selection.ranking import Ranking
 from np_drake.diagnosis.tolerance import Tolerance
@@ -40,7 +40,7 @@ HARM = -1.0  # log likelihood on unseen flights below which a structure does not
 
 
 @dc.dataclass(frozen=True)
-class Remains:
+class Unexplained:
     """unknown: is something material left?   findings: where it lives.   held: the fit on unseen flights.
 
     structured: with measured rotor speed, is there structure beside the effects, whether or not it repeats?
@@ -54,36 +54,41 @@ class Remains:
     structured: bool = False
 
     @property
-    def novel(self) -> bool:
+    def novel_on_held_out(self) -> bool:
         """Do unseen flights alone show something?"""
         return any(f.name == UNSEEN for f in self.findings)
 
 
-def remains(ranking: Ranking, fit: Fit, flights: Sequence[Evidence], unseen: Sequence[Evidence]) -> Remains:
+def find_unexplained(
+    ranking: Ranking, fit: Fit, flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]
+) -> Unexplained:
     """The generic structure of the fit, and what is odd in what is left of all flights."""
     tolerance, named = ranking.tolerance, ranking.named
     structured = bool(ranking.fits[0].generic) and flights[0].measured_rotors
-    held = on_held_out(named, unseen, ranking.noise, structured=structured)
-    left = {e.name: fit.left(e) for e in flights}
-    swung = {e.name: without_swing(held, e) for e in unseen}
+    held = on_held_out(named, held_out, ranking.noise, structured=structured)
+    residual = {e.name: fit.residual(e) for e in flights}
+    swung = {e.name: swing_free_residual(held, e) for e in held_out}
     hidden = any(t.swings for t in named.terms)
-    slowly = blown(named, tolerance, flights, left, unseen, swung)
+    slowly = gust_probability(named, tolerance, flights, residual, held_out, swung)
     gusty = slowly > 0.5
-    line, torque = strongest_line(flights, left, least_lines(flights, tolerance)), slow_torque(flights, left)
-    said: list[Said] = []
+    line, torque = (
+        strongest_line(flights, residual, least_lines(flights, tolerance)),
+        slow_torque(flights, residual),
+    )
+    said: list[Indication] = []
     if not (hidden or gusty):
-        rest = {e.name: named.left(e) for e in flights} | swung
-        said += odd([*flights, *unseen], rest, tolerance)
+        rest = {e.name: named.residual(e) for e in flights} | swung
+        said += irregularities([*flights, *held_out], rest, tolerance)
     if not hidden:
-        said.append(novel(unseen, swung, tolerance, slow_power(flights, left), gusty=gusty))
-    said += beyond(named, flights[0].vehicle, gusty=gusty)
-    said.append(vibrates(line, flights, unseen, swung, tolerance))
-    said.append(twists(torque, flights, unseen, swung, tolerance, hidden=hidden))
+        said.append(novel_on_held_out(held_out, swung, tolerance, slow_power(flights, residual), gusty=gusty))
+    said += beyond_bounds(named, flights[0].vehicle, gusty=gusty)
+    said.append(line_test(line, flights, held_out, swung, tolerance))
+    said.append(slow_torque_test(torque, flights, held_out, swung, tolerance, hidden=hidden))
     generic = [_generic(g, ranking.noise, flights) for g in fit.generic]
-    shares = _shares(ranking, generic, _repeat(ranking, fit, unseen, held))
+    shares = _shares(ranking, generic, _repeat(ranking, fit, held_out, held))
     probability = max([*shares, *(p for p, _ in said)])
     findings = (*(f for f, _ in generic), *(f for p, f in said if p > 0.5))
-    return Remains(probability > 0.5, probability, findings, held, slowly, structured)
+    return Unexplained(probability > 0.5, probability, findings, held, slowly, structured)
 
 
 def _shares(
@@ -97,33 +102,35 @@ def _shares(
     ]
 
 
-def _repeat(ranking: Ranking, fit: Fit, unseen: Sequence[Evidence], held: HeldOut) -> list[bool]:
+def _repeat(ranking: Ranking, fit: Fit, held_out: Sequence[FlightResiduals], held: HeldOut) -> list[bool]:
     """Of each structure: does it help on flights that it was not fitted to, or at least do no harm there?
 
     Beside the effects that it was fitted with: those that are named without it may stand in its place.
     """
     gains = np.zeros(len(fit.generic))
-    for e in unseen if fit.generic else ():
+    for e in held_out if fit.generic else ():
         rows = held.rows[e.name][ranking.noise.phi.shape[1] :]
         terms = adapt(fit.everything, e, ranking.noise)
         parts = [g.part(e) for g in fit.generic]
-        left = e.y - signature(e, terms) - sum(parts)
-        losses = [np.sum(e.white(ranking.noise, r)[rows] ** 2) for r in (left, *(left + p for p in parts))]
+        residual = e.y - predicted_residual(e, terms) - sum(parts)
+        losses = [
+            np.sum(e.white(ranking.noise, r)[rows] ** 2) for r in (residual, *(residual + p for p in parts))
+        ]
         gains += 0.5 * (np.array(losses[1:]) - losses[0]) / ranking.problem.temperature
     return [bool(gain > HARM) for gain in gains]
 
 
-def without_swing(held: HeldOut, e: Evidence) -> np.ndarray:
+def swing_free_residual(held: HeldOut, e: FlightResiduals) -> np.ndarray:
     """(m, 15) what is left of an unseen flight whatever a payload's hidden swing was, shocks apart."""
-    return e.bridged(e.y - signature(e, held.settled[e.name]))
+    return e.bridged(e.y - predicted_residual(e, held.whole_flight_terms[e.name]))
 
 
-def blown(
+def gust_probability(
     named: Fit,
     tolerance: Tolerance,
-    flights: Sequence[Evidence],
-    left: dict[str, np.ndarray],
-    unseen: Sequence[Evidence],
+    flights: Sequence[FlightResiduals],
+    residual: dict[str, np.ndarray],
+    held_out: Sequence[FlightResiduals],
     swung: dict[str, np.ndarray],
 ) -> float:
     """Probability of a force in the air in what is left of all flights: none where those of the fit show none.
@@ -131,25 +138,25 @@ def blown(
     A drag that was found would feel it however small it is; where none was, it is a matter if it is as large as an
     effect has to be.
     """
-    seen = slow_force(flights, left, tolerance)
-    both = slow_force([*flights, *unseen], left | swung, tolerance)
+    seen = slow_force(flights, residual, tolerance)
+    both = slow_force([*flights, *held_out], residual | swung, tolerance)
     felt = any(t.effect.identifier == DRAG for t in named.terms)
     vehicle = flights[0].vehicle
     least = MATERIAL_FORCE * (1.0 if tolerance.real else EXACT)
     matters = felt or both.deviation > least * vehicle.mass * vehicle.gravity
     shown = seen.log_evidence > FAINT * LEAST[felt]
-    lost = any(t.swings for t in named.terms) and slow_power(flights, left) < SWUNG * slow_power(
+    lost = any(t.swings for t in named.terms) and slow_power(flights, residual) < SWUNG * slow_power(
         flights, {e.name: e.y for e in flights}
     )
     return both.probability(felt=felt) if matters and shown and not lost else 0.0
 
 
-def _generic(generic: Generic, noise: NoiseModel, flights: Sequence[Evidence]) -> tuple[Finding, bool]:
+def _generic(generic: Generic, noise: NoiseModel, flights: Sequence[FlightResiduals]) -> tuple[Finding, bool]:
     """A finding, and whether it is material as an effect would be."""
     inverse = np.where(noise.rms > 0, 1 / np.maximum(noise.rms, 1e-12), 0.0)
     part = np.concatenate([generic.part(e) for e in flights])
     y = np.concatenate([e.y for e in flights])
-    least_force, least_torque = half_an_effect(flights)
+    least_force, least_torque = material_structure(flights)
     force = np.sqrt(np.mean(np.sum(part[:, ev.FORCE] ** 2, axis=1)))
     torque = np.sqrt(np.mean(np.sum(part[:, ev.TORQUE] ** 2, axis=1)))
     own = np.sum((part * inverse) ** 2)
@@ -161,13 +168,13 @@ def _generic(generic: Generic, noise: NoiseModel, flights: Sequence[Evidence]) -
     return Finding(name, candidate.variant, float(gap), figures), bool(material)
 
 
-def with_modes(left: Remains, ranking: Ranking) -> Remains:
+def with_fitted_resonances(residual: Unexplained, ranking: Ranking) -> Unexplained:
     """The same, with frequency and damping of what swings fitted: they are for the answer alone, and take a while."""
     fit, flights = ranking.fits[0], ranking.problem.flights
-    rest = {e.name: fit.left(e) for e in flights}
+    rest = {e.name: fit.residual(e) for e in flights}
     swinging = [g for g in fit.generic if g.candidate.swing is not None]
     modes = {g.candidate.variant: mode_of(g, flights, rest, ranking.noise) for g in swinging}
-    return dc.replace(left, findings=tuple(_with_mode(f, modes.get(f.text)) for f in left.findings))
+    return dc.replace(residual, findings=tuple(_with_mode(f, modes.get(f.text)) for f in residual.findings))
 
 
 def _with_mode(finding: Finding, mode: tuple[float, float] | None) -> Finding:

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.decision.consistency import without_faint_shifts, without_unfelt
+from np_drake.diagnosis.decision.consistency import without_faint_shifts, without_missing_drag
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.physical_bounds import impossible, interval
-from np_drake.diagnosis.forward_model.payload_state import figure_error
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.payload_state import pendulum_error
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.held_out.adaptation import SURPRISE
 from np_drake.diagnosis.held_out.prediction import HeldOut
@@ -16,11 +16,11 @@ from np_drake.diagnosis.materiality import LEAST_FORCED, LEAST_SHARE, Size
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.library import DRAG, GUSTY
 from np_drake.diagnosis.regressors.nuisance import Drift, drift_of, loss_on
-from np_drake.diagnosis.regressors.regression_problem import Model, Problem
+from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
 from np_drake.diagnosis.residuals import flight_residuals as ev
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate, Finding
-from np_drake.diagnosis.selection.calibration import reported
+from np_drake.diagnosis.selection.calibration import calibrated_probability
 from np_drake.diagnosis.selection.ranking import Ranking, names_of, names_of_fit
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.base import ActuatorEffect, SensorEffect
@@ -38,10 +38,10 @@ PROBABILITY = "probability"  # figure of a finding that would be a cause if it w
 def size_of(
     fit: Fit,
     i: int,
-    flights: Sequence[Evidence],
+    flights: Sequence[FlightResiduals],
     noise: NoiseModel,
     tolerance: Tolerance,
-    unseen: Sequence[tuple[Evidence, Sequence[Term]]] = (),
+    unseen: Sequence[tuple[FlightResiduals, Sequence[Term]]] = (),
 ) -> Size:
     """Of the fit's term i, over its flights and unseen ones (with their terms as `adapt` has them); its gap: its own.
 
@@ -52,7 +52,9 @@ def size_of(
     inverse = np.where(noise.rms > 0, 1.0 / np.maximum(noise.rms, 1e-12), 0.0)
     fitted = [(e, fit.everything) for e in flights]
     for k, (e, terms) in enumerate([*fitted, *unseen]):
-        part = signature(e, terms) - signature(e, [t for j, t in enumerate(terms) if j != i])
+        part = predicted_residual(e, terms) - predicted_residual(
+            e, [t for j, t in enumerate(terms) if j != i]
+        )
         force += np.sum(part[:, ev.FORCE] ** 2)
         torque += np.sum(part[:, ev.TORQUE] ** 2)
         command += np.sum((e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0)) ** 2)
@@ -70,7 +72,7 @@ def size_of(
     )
 
 
-def alike(problem: Problem, model: Model) -> dict[str, tuple[str, ...]]:
+def indistinguishable(problem: RegressionProblem, model: Model) -> dict[str, tuple[str, ...]]:
     """By effect of the best model: effects which in its place explain the logs as well."""
     out: dict[str, tuple[str, ...]] = {}
     for i in model.members:
@@ -102,8 +104,8 @@ def within_calibration(term: Term, tolerance: Tolerance) -> bool:
 def causes_of(
     ranking: Ranking,
     fit: Fit,
-    flights: Sequence[Evidence],
-    held_out: Sequence[Evidence],
+    flights: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
     held: HeldOut,
     *,
     gusty: bool = False,
@@ -115,7 +117,7 @@ def causes_of(
     """
     members = {names_of(ranking.named_problem, m): m for m in reversed(ranking.named_models)}
     key = names_of_fit(ranking.named)
-    same = alike(ranking.named_problem, members[key]) if key in members else {}
+    same = indistinguishable(ranking.named_problem, members[key]) if key in members else {}
     drift = drift_of([*flights, *held_out], ranking.noise, ranking.tolerance)
     causes, minor = [], []
     unseen = [(e, held.terms[e.name]) for e in held_out]
@@ -124,8 +126,8 @@ def causes_of(
         cause = _cause(ranking, fit, i, term, [*flights, *held_out], same, size, held)
         calibration = within_calibration(term, ranking.tolerance)
         sensor, real = ranking.tolerance.of(term.effect.identifier) > 0, ranking.tolerance.real
-        brought = helps(fit, i, held_out, ranking.noise, held, drift)
-        confirmed = brought > least_help(fit, i, flights, ranking.noise, drift)
+        brought = log_bayes_factor(fit, i, held_out, ranking.noise, held, drift)
+        confirmed = brought > least_log_bayes_factor(fit, i, flights, ranking.noise, drift)
         confirmed |= gusty and term.effect.identifier in GUSTY
         material = size.material(
             calibration=calibration, sensor=sensor, real=real, least=_least_share(fit, i, brought)
@@ -133,13 +135,13 @@ def causes_of(
         feels_gusts = gusty and term.effect.identifier == DRAG
         material |= feels_gusts
         sure = cause.probability >= SURE[real or brought > SEEN_AGAIN] or feels_gusts
-        told = fit.tells(i) or feels_gusts
+        told = fit.is_significant(i) or feels_gusts
         stands_for = impossible(fit, i, flights[0].vehicle, gusty=gusty)
         if confirmed and material and sure and told and not stands_for:
             causes.append(cause)
         else:
             minor.append(_minor(cause, size, confirmed, material, told, stands_for))
-    return without_faint_shifts(*without_unfelt(causes, minor))
+    return without_faint_shifts(*without_missing_drag(causes, minor))
 
 
 def _least_share(fit: Fit, i: int, brought: float) -> float:
@@ -176,11 +178,11 @@ def _cause(ranking, fit: Fit, i: int, term: Term, flights, same, size: Size, hel
         value, (lower, upper) = float(getattr(effect, p.name)), interval(fit, i, p.name)
         half = 0.5 * (upper - lower)
         if term.swings:
-            half = float(np.hypot(half, 1.96 * figure_error(p.name, value, real=ranking.tolerance.real)))
+            half = float(np.hypot(half, 1.96 * pendulum_error(p.name, value, real=ranking.tolerance.real)))
         parameters[p.name] = Estimate(value, p.unit, (value - half, value + half))
     return Cause(
         effect.identifier,
-        reported(ranking.probability, (effect.identifier, *same.get(effect.identifier, ()))),
+        calibrated_probability(ranking.probability, (effect.identifier, *same.get(effect.identifier, ()))),
         parameters,
         {e.name: held.terms.get(e.name, fit.everything)[i].begins(e.name) for e in flights},
         same.get(effect.identifier, ()),
@@ -189,34 +191,41 @@ def _cause(ranking, fit: Fit, i: int, term: Term, flights, same, size: Size, hel
     )
 
 
-def helps(
-    fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, held: HeldOut, drift: Drift
+def log_bayes_factor(
+    fit: Fit, i: int, flights: Sequence[FlightResiduals], noise: NoiseModel, held: HeldOut, drift: Drift
 ) -> float:
     """Log evidence that term i brings on the held-out flights, whatever their own sensors are off by.
 
     What acts throughout the flights of the fit, but not in one of these, must bring there what its onset had to.
     """
-    brought = sum(_brings(held.settled[e.name], i, e, noise, held.rows[e.name], drift) for e in flights)
+    brought = sum(
+        _log_bayes_factor_on(held.whole_flight_terms[e.name], i, e, noise, held.rows[e.name], drift)
+        for e in flights
+    )
     late = sum(held.terms[e.name][i].begins(e.name) is not None for e in flights)
     return brought if set(fit.terms[i].onset.values()) - {None} else brought - SURPRISE * late
 
 
-def _brings(
-    terms: Sequence[Term], i: int, e: Evidence, noise: NoiseModel, rows: np.ndarray, drift: Drift
+def _log_bayes_factor_on(
+    terms: Sequence[Term], i: int, e: FlightResiduals, noise: NoiseModel, rows: np.ndarray, drift: Drift
 ) -> float:
     """Log evidence that terms[i] brings to the others on these rows (m,) of a flight."""
     if terms[i].begins(e.name) == NEVER:
         return 0.0
-    without = e.y - signature(e, [t for j, t in enumerate(terms) if j != i])
-    losses = [loss_on(e, r, noise, rows, drift) for r in (without, e.y - signature(e, terms))]
+    without = e.y - predicted_residual(e, [t for j, t in enumerate(terms) if j != i])
+    losses = [loss_on(e, r, noise, rows, drift) for r in (without, e.y - predicted_residual(e, terms))]
     return 0.5 * (losses[0] - losses[1])
 
 
-def least_help(fit: Fit, i: int, flights: Sequence[Evidence], noise: NoiseModel, drift: Drift) -> float:
+def least_log_bayes_factor(
+    fit: Fit, i: int, flights: Sequence[FlightResiduals], noise: NoiseModel, drift: Drift
+) -> float:
     """Log evidence on held-out flights below which term i is not confirmed by them.
 
     Where a flight does not excite an effect, its columns are the noise of what is measured, and it explains nothing
     there: that may cost a share of what the term brings to the flights of the fit.
     """
-    brought = sum(_brings(fit.everything, i, e, noise, np.ones(len(e.t), bool), drift) for e in flights)
+    brought = sum(
+        _log_bayes_factor_on(fit.everything, i, e, noise, np.ones(len(e.t), bool), drift) for e in flights
+    )
     return -(HURT + MISFIT * max(brought, 0.0))

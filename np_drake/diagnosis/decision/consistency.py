@@ -7,13 +7,13 @@ import numpy as np
 from np_drake.diagnosis.held_out.prediction import HeldOut, remaining_residual
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.regression_problem import SHIFTING
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding
 
 FAINT = 0.03  # of the largest among them [1]; own choice, as linear columns are `INEXACT`
 
 
-def without_unfelt(causes: list[Cause], minor: list[Finding]) -> tuple[list[Cause], list[Finding]]:
+def without_missing_drag(causes: list[Cause], minor: list[Finding]) -> tuple[list[Cause], list[Finding]]:
     """A wind pushes through a drag alone: where none is a cause, neither is it."""
     named = {c.identifier for c in causes}
     unfelt = [c for c in causes if c.effect and c.effect.needs and not named & {*c.effect.needs}]
@@ -32,8 +32,8 @@ def without_faint_shifts(causes: list[Cause], minor: list[Finding]) -> tuple[lis
     return [c for c in causes if c not in faint], [*minor, *texts]
 
 
-def without_idle(
-    causes: Sequence[Cause], flights: Sequence[Evidence], noise: NoiseModel, held: HeldOut
+def without_superfluous(
+    causes: Sequence[Cause], flights: Sequence[FlightResiduals], noise: NoiseModel, held: HeldOut
 ) -> tuple[list[Cause], list[Finding]]:
     """Causes by which the ladder goes down, and those by which it does not: what is not known stands behind them.
 

@@ -10,7 +10,7 @@ from np_drake.diagnosis.fitting.parameters import write
 TOLD = 2.0  # deviations from neutral at which a figure is one that the flights tell [1]; own choice
 
 
-def of_like_size(fit: Fit) -> Fit:
+def with_isotropic_prior(fit: Fit) -> Fit:
     """The fit with priors of `isotropic` effects as wide as those of their figures are large that the flights tell.
 
     A search does not know how large an effect is, and its priors are wide: where one axis is hardly excited, its figure

@@ -7,14 +7,14 @@ from itertools import pairwise
 import numpy as np
 from scipy import stats
 
-from np_drake.diagnosis.fitting.parameters import Free, free_figures, read, write
+from np_drake.diagnosis.fitting.parameters import Free, free_parameters, read, write
 from np_drake.diagnosis.forward_model.payload_state import swing_wrenches
-from np_drake.diagnosis.forward_model.prediction import Stages, signature
+from np_drake.diagnosis.forward_model.prediction import StageCache, predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.gauss_newton import minimise
 from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
+from np_drake.diagnosis.residuals.flight_residuals import WRENCH, FlightResiduals
 from np_drake.effects.base import ActuatorEffect, SensorEffect
 
 TOLD = 0.95  # probability that figures are not none, from which they are told [1]
@@ -28,7 +28,7 @@ class Generic:
     candidate: Candidate
     coefficients: np.ndarray
 
-    def part(self, e: Evidence) -> np.ndarray:
+    def part(self, e: FlightResiduals) -> np.ndarray:
         """(m, 15) of a flight."""
         assert self.candidate.generic is not None
         return self.candidate.generic(e) @ self.coefficients
@@ -49,17 +49,17 @@ class Fit:
     log_evidence: float
     loss: float
     samples: int
-    wander: dict[str, np.ndarray] = dc.field(default_factory=dict)
+    sensor_drift: dict[str, np.ndarray] = dc.field(default_factory=dict)
     generic: tuple[Generic, ...] = ()
     onset_prior: float = 0.0
-    unseen: float = 0.0
+    held_out_evidence: float = 0.0
 
-    def left(self, e: Evidence) -> np.ndarray:
+    def residual(self, e: FlightResiduals) -> np.ndarray:
         """(m, 15) what the model leaves of a flight, shocks apart; of a fitted one, without its sensors' own wander."""
-        left = e.y - signature(e, self.everything)
-        return e.bridged(left - self.wander[e.name] if e.name in self.wander else left)
+        residual = e.y - predicted_residual(e, self.everything)
+        return e.bridged(residual - self.sensor_drift[e.name] if e.name in self.sensor_drift else residual)
 
-    def tells(self, i: int) -> bool:
+    def is_significant(self, i: int) -> bool:
         """Are the figures of `terms[i]` not those at which its effect vanishes, by 95 %?
 
         What helps beside others while its figures may be none stands for what these get wrong. Of an effect that is
@@ -100,12 +100,12 @@ class Fit:
 def refine(
     terms: Sequence[Term],
     calibration: Sequence[tuple[Term, float]],
-    flights: Sequence[Evidence],
+    flights: Sequence[FlightResiduals],
     noise: NoiseModel,
     *,
     temperature: float,
     linear: Sequence[Candidate] = (),
-    white: Callable[[Evidence, Candidate], np.ndarray] | None = None,
+    white: Callable[[FlightResiduals, Candidate], np.ndarray] | None = None,
     evaluations: int = 8,
     wide: bool = True,
 ) -> Fit:
@@ -116,7 +116,7 @@ def refine(
     """
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
-    free = free_figures(everything, flights, scales, wide=wide)
+    free = free_parameters(everything, flights, scales, wide=wide)
     scale = np.array([f.scale for f in free])
     neutral = np.array([f.neutral for f in free])
     root = 1.0 / np.sqrt(temperature)
@@ -138,7 +138,7 @@ def refine(
         now = write(everything, free, z[:n] * scale)
         r = np.concatenate([np.empty(rows), z[:n] - neutral / scale, z[n:]])
         for e, own in zip(flights, spans, strict=True):
-            np.multiply(e.white(noise, e.y - signature(e, now)).ravel(), root, out=r[own])
+            np.multiply(e.white(noise, e.y - predicted_residual(e, now)).ravel(), root, out=r[own])
         if k:
             r[:rows] += J[:rows, n:] @ z[n:]
         return r
@@ -185,17 +185,17 @@ def refine(
 
 
 def _jacobian(
-    now, free, evidence: Evidence, noise: NoiseModel, z: np.ndarray, scale: np.ndarray
+    now, free, flight: FlightResiduals, noise: NoiseModel, z: np.ndarray, scale: np.ndarray
 ) -> np.ndarray:
     """Whitened derivative of the signature by finite differences; only terms that feel each other are evaluated."""
-    columns = np.zeros((*evidence.y.shape, len(free)))
+    columns = np.zeros((*flight.y.shape, len(free)))
     base: dict[tuple[int, ...], np.ndarray] = {}
-    stages = Stages()
+    stages = StageCache()
     swinging: dict[int, list[tuple[int, float, Term]]] = {}
     for k, f in enumerate(free):
-        if f.flight and f.flight != evidence.name:
+        if f.flight and f.flight != flight.name:
             continue
-        step = max(0.01 * scale[k], _least_step(now[f.term], evidence))
+        step = max(0.01 * scale[k], _least_step(now[f.term], flight))
         if z[k] * scale[k] + step > f.upper:
             step = -step
         moved = write(now, [f], np.array([z[k] * scale[k] + step]))
@@ -204,19 +204,19 @@ def _jacobian(
             swinging.setdefault(f.term, []).append((k, step, moved[f.term]))
             continue
         if group not in base:
-            base[group] = signature(evidence, [now[i] for i in group], stages)
+            base[group] = predicted_residual(flight, [now[i] for i in group], stages)
         columns[..., k] = (
-            (signature(evidence, [moved[i] for i in group], stages) - base[group]) / step * scale[k]
+            (predicted_residual(flight, [moved[i] for i in group], stages) - base[group]) / step * scale[k]
         )
     for term, moves in swinging.items():
-        wrench = swing_wrenches(evidence, [now[term], *(m for _, _, m in moves)])
+        wrench = swing_wrenches(flight, [now[term], *(m for _, _, m in moves)])
         for i, (k, step, _) in enumerate(moves, start=1):
             columns[:, WRENCH, k] = (wrench[:, i] - wrench[:, 0]) / step * scale[k]
-    white = evidence.white(noise, columns)
+    white = flight.white(noise, columns)
     return white.reshape(-1, len(free))
 
 
-def _least_step(term: Term, evidence: Evidence) -> float:
+def _least_step(term: Term, flight: FlightResiduals) -> float:
     """By which a figure has to move for a derivative [its unit].
 
     A held command jumps from row to row, and a force at rows changes with a delay by these jumps alone: none may fall
@@ -225,7 +225,7 @@ def _least_step(term: Term, evidence: Evidence) -> float:
     effect = term.effect
     shifts = isinstance(effect, ActuatorEffect) and effect.dead_time > 0
     shifts |= isinstance(effect, SensorEffect) and effect.clock_shift != 0
-    return evidence.log.step if shifts else 0.0
+    return flight.log.step if shifts else 0.0
 
 
 def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:

@@ -7,13 +7,13 @@ from functools import partial
 import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit, refine
-from np_drake.diagnosis.fitting.swing_fit import settled
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.fitting.swing_fit import fitted_to_whole_flight
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, scale_only
 from np_drake.diagnosis.regressors.nuisance import calibration_terms
-from np_drake.diagnosis.regressors.regression_problem import Model, Problem
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.tolerance import Tolerance
 
 ITERATIONS = 6
@@ -21,7 +21,7 @@ AGAIN = 3  # times that a descent with a hidden swing is begun anew; own choice
 
 
 def refit(
-    problem: Problem,
+    problem: RegressionProblem,
     model: Model,
     tolerance: Tolerance,
     known: Fit | None,
@@ -41,7 +41,7 @@ def refit(
     return max(fits, key=lambda f: f.log_evidence)
 
 
-def first_fit(problem: Problem, model: Model, tolerance: Tolerance, iterations: int) -> Fit:
+def first_fit(problem: RegressionProblem, model: Model, tolerance: Tolerance, iterations: int) -> Fit:
     """A model's figures where no fit is known: what it leaves is the noise of the next.
 
     A swing that is not met yet is in the noise, which rings with it, and so hides it: then from the swings that suit
@@ -50,11 +50,15 @@ def first_fit(problem: Problem, model: Model, tolerance: Tolerance, iterations: 
     flights, terms = problem.flights, _terms_at_posterior(problem, model)
     if not any(t.swings for t in terms):
         return refit(problem, model, tolerance, None, iterations=iterations)
-    alike = scale_only([e.bridged(e.y - signature(e, terms)) for e in flights], flights[0].grid.step)
-    return _descend(problem, model, tolerance, _swung(terms, flights, alike), alike, iterations)
+    same_scale = scale_only(
+        [e.bridged(e.y - predicted_residual(e, terms)) for e in flights], flights[0].grid.step
+    )
+    return _descend(problem, model, tolerance, _swung(terms, flights, same_scale), same_scale, iterations)
 
 
-def rested(problem: Problem, model: Model, tolerance: Tolerance, fit: Fit, noise: NoiseModel) -> Fit:
+def restarted(
+    problem: RegressionProblem, model: Model, tolerance: Tolerance, fit: Fit, noise: NoiseModel
+) -> Fit:
     """The fit, where a swing is hidden in it, begun anew until it gains no more; `fit`: a `refit` with this noise."""
     for _ in range(AGAIN if any(t.swings for t in fit.terms) else 0):
         before, fit = fit, _descend(problem, model, tolerance, list(fit.terms), noise, ITERATIONS)
@@ -64,7 +68,7 @@ def rested(problem: Problem, model: Model, tolerance: Tolerance, fit: Fit, noise
 
 
 def _descend(
-    problem: Problem,
+    problem: RegressionProblem,
     model: Model,
     tolerance: Tolerance,
     start: list[Term],
@@ -86,16 +90,16 @@ def _descend(
     return dc.replace(fit, onset_prior=sum(problem.candidates[i].onset_prior for i in model.members))
 
 
-def _swung(terms: Sequence[Term], flights: Sequence[Evidence], noise: NoiseModel) -> list[Term]:
+def _swung(terms: Sequence[Term], flights: Sequence[FlightResiduals], noise: NoiseModel) -> list[Term]:
     """The terms with the swings that suit each flight, the other figures being known."""
-    found = {e.name: settled(terms, e, noise) for e in flights}
+    found = {e.name: fitted_to_whole_flight(terms, e, noise) for e in flights}
     return [
         dc.replace(t, hidden={n: now[i].hidden[n] for n, now in found.items() if n in now[i].hidden})
         for i, t in enumerate(terms)
     ]
 
 
-def _terms_at_posterior(problem: Problem, model: Model) -> list[Term]:
+def _terms_at_posterior(problem: RegressionProblem, model: Model) -> list[Term]:
     """The terms of a model's members as the linear regression has them, all given that each is physical."""
     mean, covariance = problem.total.posterior(problem.columns(model.members))
     first = sum(c.size for c in problem.nuisance)

@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis.forward_model.payload_state import STATE, hidden_size, padded
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.regressors.payload import SWING
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 
 
 @dc.dataclass(frozen=True)
@@ -25,8 +25,8 @@ class Free:
     entry: int = 0
 
 
-def free_figures(
-    terms: Sequence[Term], flights: Sequence[Evidence], scales: dict[int, float], *, wide: bool = True
+def free_parameters(
+    terms: Sequence[Term], flights: Sequence[FlightResiduals], scales: dict[int, float], *, wide: bool = True
 ) -> list[Free]:
     """What may move. scales: of calibration terms, by position: the prior deviation instead of the typical one.
 
@@ -55,7 +55,7 @@ def _width(term: Term) -> float:
     return max(1.0, float(np.sqrt(np.mean(np.square(sizes)))))
 
 
-def _size(term: Term, e: Evidence) -> int:
+def _size(term: Term, e: FlightResiduals) -> int:
     return hidden_size(e, term.begins(e.name))
 
 

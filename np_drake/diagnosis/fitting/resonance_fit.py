@@ -9,7 +9,7 @@ from np_drake.diagnosis.fitting.map_estimate import Generic
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 from np_drake.diagnosis.regressors.generic import DAMPING
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 
 WITHIN = 1.5  # times the frequency that the grid found, up or down; own choice
 DAMPINGS = (0.005, 1.0)  # that are looked for [1]; own choice
@@ -19,7 +19,10 @@ TRIES = 80  # evaluations, of some ten milliseconds
 
 
 def mode_of(
-    generic: Generic, flights: Sequence[Evidence], left: Mapping[str, np.ndarray], noise: NoiseModel
+    generic: Generic,
+    flights: Sequence[FlightResiduals],
+    residual: Mapping[str, np.ndarray],
+    noise: NoiseModel,
 ) -> tuple[float, float] | None:
     """Frequency [Hz] and damping [1] of the oscillator s'' + 2 z w s' + w² s = w² drive that leaves the least.
 
@@ -33,7 +36,7 @@ def mode_of(
     if candidate.swing is None:
         raise ValueError(f"mode_of: {candidate.identifiers[0]} does not swing.")
     swing = candidate.swing
-    target = np.concatenate([e.white(noise, left[e.name] + generic.part(e)).ravel() for e in flights])
+    target = np.concatenate([e.white(noise, residual[e.name] + generic.part(e)).ravel() for e in flights])
 
     def misfit(logs: np.ndarray) -> float:
         frequency, damping = np.exp(logs)

@@ -12,11 +12,11 @@ from np_drake.diagnosis.forward_model.payload_state import (
     swing_units,
     swing_wrenches,
 )
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.payload import SWING, WIDEST
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
+from np_drake.diagnosis.residuals.flight_residuals import WRENCH, FlightResiduals
 
 STEPS = 3  # of Gauss-Newton
 GRID = 128  # swings, as wide as may be, from which it may descend; own choice
@@ -36,7 +36,7 @@ class SwingFit:
         self,
         terms: Sequence[Term],
         i: int,
-        flight: Evidence,
+        flight: FlightResiduals,
         noise: NoiseModel,
         onset: float | None,
         rows: np.ndarray,
@@ -49,7 +49,7 @@ class SwingFit:
         self._scored = rows[self._raw][order:]
         self._flight, self._noise = flight.head(self._raw.stop), noise
         others = [t for j, t in enumerate(terms) if j != i]
-        self._target = self._white(self._flight.y - signature(self._flight, others))
+        self._target = self._white(self._flight.y - predicted_residual(self._flight, others))
         self.size = hidden_size(flight, onset)
         rate = np.sqrt(flight.vehicle.gravity / terms[i].effect.payload.length)  # type: ignore[attr-defined]
         unit = swing_units(self.size, rate)
@@ -68,7 +68,7 @@ class SwingFit:
         """(k,) whitened squares and prior of swings (k, size)."""
         return np.sum(self._misses(swings) ** 2, axis=1) + np.sum((swings / self._prior) ** 2, axis=1)
 
-    def widely(self, swing: np.ndarray, free: slice) -> np.ndarray:
+    def descend_from_grid(self, swing: np.ndarray, free: slice) -> np.ndarray:
         """(size,) from the best of a grid of the free figures about `swing`, and from there itself."""
         start = np.arange(self.size)[free]
         grid = np.tile(swing, (GRID, 1))
@@ -89,7 +89,7 @@ class SwingFit:
             swing = np.clip(swing + step @ np.eye(self.size)[free], -self._limit, self._limit)
         return best
 
-    def doubts(self, free: slice) -> np.ndarray:
+    def posterior_swings(self, free: slice) -> np.ndarray:
         """(`WAYS`, size) errors of the term's own swing, in its free figures, that these rows allow.
 
         The same at each call.   Source: Laplace's approximation.
@@ -121,7 +121,7 @@ class SwingFit:
 SPANS = (4.0, 8.0)  # over which a swing is followed through a flight, one after the other [s]
 
 
-def settled(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list[Term]:
+def fitted_to_whole_flight(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel) -> list[Term]:
     """Adapted terms with hidden states, jumps at shocks among them, that fit the whole flight: for what is no swing."""
     terms = list(terms)
     for i, term in enumerate(terms):

@@ -5,22 +5,22 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.effects.base import MassEffect, MassProperties
 
 
-class MovedBody:
+class ModifiedInertia:
     """The mass properties of a flight's vehicle under these effects, and what its motion makes of them."""
 
-    def __init__(self, evidence: Evidence, effects: Sequence[MassEffect]):
-        self._e = evidence
-        real = MassProperties.of(evidence.vehicle)
+    def __init__(self, flight: FlightResiduals, effects: Sequence[MassEffect]):
+        self._e = flight
+        real = MassProperties.of(flight.vehicle)
         for effect in effects:
             real = effect.properties(real)
-        w, c = evidence.w, np.asarray(real.p_BoBcm_B, float)
+        w, c = flight.w, np.asarray(real.p_BoBcm_B, float)
         self._mass, self._lever, self._turned = real.mass, attitude.skew(c).T, np.linalg.inv(real.J).T
         self._gyroscopic = np.cross(w, w @ real.J.T)
-        self._offset, self._at_origin = c.any(), c.any() and evidence.vehicle.logged_point == "origin"
+        self._offset, self._at_origin = c.any(), c.any() and flight.vehicle.logged_point == "origin"
         self._inward = w * (w @ c)[:, None] - c * np.sum(w**2, axis=1)[:, None]  # w x (w x c)
 
     def needs(self, added: np.ndarray, ahead: np.ndarray) -> np.ndarray:

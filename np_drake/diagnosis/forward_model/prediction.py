@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.modified_inertia import MovedBody
+from np_drake.diagnosis.forward_model.modified_inertia import ModifiedInertia
 from np_drake.diagnosis.forward_model.payload_state import swing_wrench
-from np_drake.diagnosis.forward_model.sensor_residual import sensor_trace, without_errors
+from np_drake.diagnosis.forward_model.sensor_residual import sensor_residual, without_errors
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.accelerations import Instants
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.effects.base import (
     ActuatorEffect,
     MassEffect,
@@ -24,7 +24,7 @@ from np_drake.effects.base import (
 from np_drake.effects.motor_lag import MotorLag
 
 
-class Stages:
+class StageCache:
     """Parts of the signatures of one flight, each kept by the terms that it depends on: derivatives by one figure
 
     after the other change one part at a time.
@@ -40,44 +40,46 @@ class Stages:
         return self._known[stage, key]
 
 
-def signature(evidence: Evidence, terms: Sequence[Term], stages: Stages | None = None) -> np.ndarray:
+def predicted_residual(
+    flight: FlightResiduals, terms: Sequence[Term], stages: StageCache | None = None
+) -> np.ndarray:
     """(m, 15) sum of what the terms leave in the channels.   Wind acts through the drags among the terms.
 
     stages: of signatures of this flight before; what they share with this one is not computed again.
     """
-    stages, log = stages or Stages(), evidence.name
+    stages, log = stages or StageCache(), flight.name
     sensors = tuple(t.effect for t in terms if isinstance(t.effect, SensorEffect))
     turning = tuple((t.effect, t.begins(log)) for t in terms if isinstance(t.effect, ActuatorEffect))
     pushing = [
         (t.effect, t.begins(log)) for t in terms if isinstance(t.effect, WrenchEffect) and not t.swings
     ]
     blowing = tuple(pair for pair in pushing if type(pair[0]).air_velocity is not WrenchEffect.air_velocity)
-    y = np.zeros_like(evidence.y)
+    y = np.zeros_like(flight.y)
     for sensor in sensors:
-        y += stages.once("sensor", (sensor,), partial(sensor_trace, evidence, sensor))
+        y += stages.once("sensor", (sensor,), partial(sensor_residual, flight, sensor))
     if len(sensors) == len(terms) and not any(s.clock_shift for s in sensors):
         return y  # alone they change no wrench
-    evidence = stages.once("before", sensors, partial(without_errors, evidence, sensors))
+    flight = stages.once("before", sensors, partial(without_errors, flight, sensors))
     key = (turning, sum(s.clock_shift for s in sensors))
-    thrust = stages.once("thrust", key, partial(_thrust, evidence, terms))
-    turned = stages.once("turned", key, partial(_turned, evidence, thrust))
+    thrust = stages.once("thrust", key, partial(_thrust, flight, terms))
+    turned = stages.once("turned", key, partial(_turned, flight, thrust))
     added = turned.wrench
-    if evidence.log.a is not None and any(key):
+    if flight.log.a is not None and any(key):
         y[:, 11] += turned.after
     if pushing:
         moving = (key, sensors, blowing)
-        motions = stages.once("motions", moving, partial(_motions, evidence, thrust, blowing))
+        motions = stages.once("motions", moving, partial(_motions, flight, thrust, blowing))
         for one in (pair for pair in pushing if pair[0].pushes or pair[0].turns):
-            added = added + stages.once("wrench", (moving, one), partial(_wrench, evidence, *one, *motions))
+            added = added + stages.once("wrench", (moving, one), partial(_wrench, flight, *one, *motions))
     for term in terms:
         if term.swings:
-            added = added + swing_wrench(evidence, term)
+            added = added + swing_wrench(flight, term)
     y[:, ev.WRENCH] += _through_mass(
-        evidence,
+        flight,
         terms,
         added,
         turned.ahead,
-        lambda now: stages.once("body", (sensors, now), partial(MovedBody, evidence, now)),
+        lambda now: stages.once("body", (sensors, now), partial(ModifiedInertia, flight, now)),
     )
     return y
 
@@ -91,19 +93,19 @@ Begun = tuple[WrenchEffect, float | None]  # an effect and its onset [s]
 Thrust = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # rows, mids [N]; their rotor rates [rad/s²]
 
 
-def _thrust(evidence: Evidence, terms: Sequence[Term]) -> Thrust:
+def _thrust(flight: FlightResiduals, terms: Sequence[Term]) -> Thrust:
     """Actual thrust: effects that begin later are switched in, one after the other."""
-    log, vehicle = evidence.log, evidence.vehicle
+    log, vehicle = flight.log, flight.vehicle
     acting = [(t.effect, t.begins(log.name) or -NEVER) for t in terms if isinstance(t.effect, ActuatorEffect)]
     acting.sort(key=lambda pair: not pair[0].turns_rotor)  # the motor comes before the propeller
     shift = sum(t.effect.clock_shift for t in terms if isinstance(t.effect, SensorEffect))
     always = [effect for effect, begin in acting if begin == -NEVER]
-    rows, mids = evidence.rotors.thrust(always, shift=-shift)
+    rows, mids = flight.rotors.thrust(always, shift=-shift)
     for onset in sorted({begin for _, begin in acting} - {-NEVER, NEVER}):
         now = [effect for effect, begin in acting if begin <= onset]
-        late_rows, late_mids = evidence.rotors.thrust(now, shift=-shift)
+        late_rows, late_mids = flight.rotors.thrust(now, shift=-shift)
         rows = np.where(gate(log.t, onset) > 0, late_rows, rows)
-        mids = np.where(gate(evidence.mids.t, onset) > 0, late_mids, mids)
+        mids = np.where(gate(flight.mids.t, onset) > 0, late_mids, mids)
     lagged = (
         log.input == "rotor_speed"
         or vehicle.rotor_time_constant > 0
@@ -130,66 +132,62 @@ class Turned:
     ahead: np.ndarray
 
 
-def _turned(evidence: Evidence, thrust: Thrust) -> Turned:
-    mixer = evidence.vehicle.mixer
-    du_rows = (thrust[0] - evidence.thrust_rows) @ mixer.T
-    du_mids = (thrust[1] - evidence.thrust_mids) @ mixer.T
-    wrench = np.zeros((len(evidence.t), 6))
-    if evidence.log.a is None:
-        wrench[:, 2:] = evidence.from_mids(du_mids)
-        return Turned(wrench, wrench[:, 0], evidence.ahead)
-    after = ev.after_rows(du_rows[:, 0], du_mids[:, 0]) / evidence.vehicle.mass
-    at_rows = evidence.from_rows(du_rows)
-    at_mids = evidence.from_mids(np.column_stack([du_mids, after]))
+def _turned(flight: FlightResiduals, thrust: Thrust) -> Turned:
+    mixer = flight.vehicle.mixer
+    du_rows = (thrust[0] - flight.thrust_rows) @ mixer.T
+    du_mids = (thrust[1] - flight.thrust_mids) @ mixer.T
+    wrench = np.zeros((len(flight.t), 6))
+    if flight.log.a is None:
+        wrench[:, 2:] = flight.from_mids(du_mids)
+        return Turned(wrench, wrench[:, 0], flight.ahead)
+    after = ev.after_rows(du_rows[:, 0], du_mids[:, 0]) / flight.vehicle.mass
+    at_rows = flight.from_rows(du_rows)
+    at_mids = flight.from_mids(np.column_stack([du_mids, after]))
     wrench[:, 2], wrench[:, 3:] = at_rows[:, 0], at_mids[:, 1:4]
-    return Turned(wrench, at_mids[:, 4], evidence.ahead + at_rows - at_mids[:, :4])
+    return Turned(wrench, at_mids[:, 4], flight.ahead + at_rows - at_mids[:, :4])
 
 
-def _motions(evidence: Evidence, thrust: Thrust, blowing: Sequence[Begun]) -> tuple[Motion, Motion]:
+def _motions(flight: FlightResiduals, thrust: Thrust, blowing: Sequence[Begun]) -> tuple[Motion, Motion]:
     """At the instants of force and of torque, in the air that the winds move."""
     rows, mids, rate_rows, rate_mids = thrust
-    at_force = (mids, rate_mids) if evidence.log.a is None else (rows, rate_rows)
+    at_force = (mids, rate_mids) if flight.log.a is None else (rows, rate_rows)
 
     def at(instants: Instants, f: np.ndarray, rate: np.ndarray) -> Motion:
         t, still = instants.t, np.zeros((len(instants.t), 3))
         wind = sum((effect.air_velocity(t) * gate(t, begin) for effect, begin in blowing), start=still)
         return Motion(t, instants.x, f, wind, rate)
 
-    return at(evidence.rows, *at_force), at(evidence.mids, mids, rate_mids)
+    return at(flight.rows, *at_force), at(flight.mids, mids, rate_mids)
 
 
 def _wrench(
-    evidence: Evidence, effect: WrenchEffect, begin: float | None, at_force: Motion, at_torque: Motion
+    flight: FlightResiduals, effect: WrenchEffect, begin: float | None, at_force: Motion, at_torque: Motion
 ) -> np.ndarray:
     """(m, 6) of one effect, body axes."""
 
     def at(motion: Motion) -> np.ndarray:
-        return effect.wrench(evidence.vehicle, motion) * gate(motion.t, begin)  # type: ignore[arg-type]
+        return effect.wrench(flight.vehicle, motion) * gate(motion.t, begin)  # type: ignore[arg-type]
 
-    out = np.zeros((len(evidence.t), 6))
+    out = np.zeros((len(flight.t), 6))
     if effect.pushes:
-        out[:, ev.FORCE] = evidence.from_rows(
-            np.einsum("mi,mij->mj", at(at_force)[:, :3], evidence.rows.R_WB)
-        )
+        out[:, ev.FORCE] = flight.from_rows(np.einsum("mi,mij->mj", at(at_force)[:, :3], flight.rows.R_WB))
     if effect.turns:
-        out[:, ev.TORQUE] = evidence.from_mids(at(at_torque)[:, 3:])
+        out[:, ev.TORQUE] = flight.from_mids(at(at_torque)[:, 3:])
     return out
 
 
 def _through_mass(
-    evidence: Evidence,
+    flight: FlightResiduals,
     terms: Sequence[Term],
     added: np.ndarray,
     ahead: np.ndarray,
-    body: Callable[[tuple[MassEffect, ...]], MovedBody],
+    body: Callable[[tuple[MassEffect, ...]], ModifiedInertia],
 ) -> np.ndarray:
     """(m, 6) `MovedBody.needs` with the effects that act at each instant; without any, what is `added` (m, 6).
 
     ahead: as there.   body: of these effects.
     """
-    acting = [
-        (t.effect, t.begins(evidence.name) or -NEVER) for t in terms if isinstance(t.effect, MassEffect)
-    ]
+    acting = [(t.effect, t.begins(flight.name) or -NEVER) for t in terms if isinstance(t.effect, MassEffect)]
     out = added
     for onset in sorted({begin for _, begin in acting} - {NEVER}):
         now = tuple(effect for effect, begin in acting if begin <= onset)
@@ -197,6 +195,6 @@ def _through_mass(
         if onset == -NEVER:
             out = moved
         else:
-            begun = evidence.begun(onset)[:, ev.WRENCH]
+            begun = flight.begun(onset)[:, ev.WRENCH]
             out = begun * moved + (1 - begun) * out
     return out

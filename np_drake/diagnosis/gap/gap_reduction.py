@@ -6,13 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.held_out.adaptation import judged_by_its_own_swing
+from np_drake.diagnosis.held_out.adaptation import scored_on_fitted_rows
 from np_drake.diagnosis.held_out.prediction import HeldOut, pooled, remaining_residual
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
-from np_drake.diagnosis.result import Cause, Replay, ReplayGap, Rung, Shrink
+from np_drake.diagnosis.residuals.flight_residuals import WRENCH, FlightResiduals
+from np_drake.diagnosis.result import Cause, GapReduction, Replay, ReplayGap, Rung
 from np_drake.logs.flight_log import FlightLog
 
 BLOCK = 1.0  # of the bootstrap [s]
@@ -24,22 +24,22 @@ LEAST_REPLAYED = 3.0  # of a flight after a cause begins, or all of it is replay
 LEAST_GAP = 0.02  # of the noise's power, below which there is no gap to close; own choice
 
 
-def how_far(
+def measure_gap_reduction(
     fit: Fit,
     causes: Sequence[Cause],
-    flights: Sequence[Evidence],
+    flights: Sequence[FlightResiduals],
     noise: NoiseModel,
     held: HeldOut,
     replay: Replay | None,
-) -> Shrink:
+) -> GapReduction:
     """Held-out shrink with a block-bootstrap interval, the ladder, and the replay before and after."""
     before = {e.name: e.y[held.rows[e.name]] for e in flights}
     named = {c.identifier for c in causes}
     kept = {n: [t for t in terms if t.effect.identifier in named] for n, terms in held.terms.items()}
-    after = {e.name: (e.y - signature(e, kept[e.name]))[held.rows[e.name]] for e in flights}
+    after = {e.name: (e.y - predicted_residual(e, kept[e.name]))[held.rows[e.name]] for e in flights}
     floor = 1.0
     ladder = _ladder(causes, flights, noise, held)
-    fraction = shrink_fraction(
+    fraction = closed_fraction(
         pooled(list(before.values()), noise), pooled(list(after.values()), noise), floor
     )
     interval = _bootstrap(before, after, noise, flights[0].grid.step)
@@ -47,7 +47,7 @@ def how_far(
     warnings = [
         f"{e.name}: too short to judge a payload by rows to which its swing was not fitted."
         for e in flights
-        if judged_by_its_own_swing(held.terms[e.name], e)
+        if scored_on_fitted_rows(held.terms[e.name], e)
     ]
     if replay is not None:
         effects = [
@@ -57,7 +57,7 @@ def how_far(
         ]
         logs = [_judging(e, [onset[e.name] for _, onset in effects]) for e in flights]
         replays = (replay(logs, []), _with_effects(replay, logs, effects, warnings))
-    return Shrink(
+    return GapReduction(
         pooled(list(before.values()), noise),
         pooled(list(after.values()), noise),
         floor,
@@ -69,7 +69,7 @@ def how_far(
     )
 
 
-def _judging(flight: Evidence, onsets: Sequence[float | None]) -> FlightLog:
+def _judging(flight: FlightResiduals, onsets: Sequence[float | None]) -> FlightLog:
     """The log, its time from its first row on, without what a fit has seen of it, and from where a cause acts on:
 
     until then the simulator is the same with all of them and without.   onsets: of the causes, from the first row [s].
@@ -95,7 +95,7 @@ def _with_effects(replay: Replay, logs, effects, warnings: list[str]) -> ReplayG
         return None
 
 
-def shrink_fraction(before: float, after: float, floor: float) -> float:
+def closed_fraction(before: float, after: float, floor: float) -> float:
     """1 - (after² - floor²) / (before² - floor²); zero where there was no gap, within -1 … 1."""
     gap = before**2 - floor**2
     if gap <= LEAST_GAP * floor**2:
@@ -103,7 +103,7 @@ def shrink_fraction(before: float, after: float, floor: float) -> float:
     return float(np.clip(1 - (after**2 - floor**2) / gap, -1.0, 1.0))
 
 
-def _onset_of(terms: Sequence[Term], identifier: str, flight: Evidence) -> float | None:
+def _onset_of(terms: Sequence[Term], identifier: str, flight: FlightResiduals) -> float | None:
     """From the first row of the log on [s]."""
     begin = next((t.begins(flight.name) for t in terms if t.effect.identifier == identifier), None)
     return None if begin is None else begin - float(flight.log.t[0])
@@ -141,6 +141,6 @@ def _bootstrap(before, after, noise: NoiseModel, step: float) -> tuple[float, fl
     b, a = blocks(before), blocks(after)
     pick = np.random.default_rng(SEED).integers(0, len(b), (DRAWS, len(b)))
     pairs = np.sqrt([some[pick].sum(axis=1)[:, 0] / some[pick].sum(axis=1)[:, 1] for some in (b, a)]).T
-    fractions = [shrink_fraction(x, y, 1.0) for x, y in pairs]
+    fractions = [closed_fraction(x, y, 1.0) for x, y in pairs]
     low, high = np.quantile(fractions, [0.025, 0.975])
     return float(low), float(high)

@@ -11,11 +11,11 @@ from np_drake.diagnosis.forward_model.payload_state import (
     STATE,
     jumps,
 )
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.regressors.switched_regressors import LateColumns
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.regressors.switched_regressors import SwitchedRegressors
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.residuals.outliers import APART, BOUNCE, LONGEST, MOST, find_shocks
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
@@ -25,7 +25,7 @@ SURPRISE = 30.0  # and where none of the fitted flights has one; own choice
 
 
 def adapt(
-    terms: Sequence[Term], flight: Evidence, noise: NoiseModel, *, structured: bool = False
+    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, *, structured: bool = False
 ) -> list[Term]:
     """The terms on an unseen flight: onset (none, from the start, in flight) and initial swing found, figures kept.
 
@@ -47,7 +47,7 @@ def adapt(
     return terms
 
 
-def foreseen(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list[Term]:
+def predictive_terms(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel) -> list[Term]:
     """Adapted terms, payloads with all the ways in which the rows that their swing was fitted to let them swing.
 
     The least squared miss of the rest of the flight is expected of their mean: a swing that is not known, or that no
@@ -59,9 +59,9 @@ def foreseen(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> list
     out = list(terms)
     for i, term in enumerate(terms):
         begin = term.begins(flight.name)
-        spans = [SwingFit(terms, i, flight, noise, begin, rows) for rows in anchors(term, flight)]
+        spans = [SwingFit(terms, i, flight, noise, begin, rows) for rows in hidden_state_rows(term, flight)]
         if spans:
-            doubts = [fit.doubts(slice(k * STATE, (k + 1) * STATE)) for k, fit in enumerate(spans)]
+            doubts = [fit.posterior_swings(slice(k * STATE, (k + 1) * STATE)) for k, fit in enumerate(spans)]
             out[i] = dc.replace(term, hidden={flight.name: spans[0].known + sum(doubts)})
     return out
 
@@ -73,7 +73,7 @@ def _felt_by(terms: Sequence[Term], i: int) -> int | None:
     return next(together, None)
 
 
-def without_shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -> Evidence:
+def without_shocks(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel) -> FlightResiduals:
     """The flight, its shocks taken out as the terms' misses show them.
 
     A swing is lost at a shock, and what it misses from there on looks like more of them: they are taken in turn.
@@ -87,10 +87,12 @@ def without_shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel) -
     return dc.replace(flight, shocks=flight.shocks | _shocks(terms, flight, noise))
 
 
-def _shocks(terms: Sequence[Term], flight: Evidence, noise: NoiseModel, most: float = MOST) -> np.ndarray:
-    left = flight.y - signature(flight, adapt(terms, flight, noise))
+def _shocks(
+    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, most: float = MOST
+) -> np.ndarray:
+    residual = flight.y - predicted_residual(flight, adapt(terms, flight, noise))
     longest = BOUNCE if any(t.swings for t in terms) else LONGEST
-    return find_shocks(left, flight.grid.step, longest, most)
+    return find_shocks(residual, flight.grid.step, longest, most)
 
 
 def _first_run(found: np.ndarray) -> np.ndarray:
@@ -108,7 +110,7 @@ def _end_of(t: np.ndarray, rows: np.ndarray) -> float:
     return float(t[np.flatnonzero(rows)[-1]]) if rows.any() else -np.inf
 
 
-def anchors(term: Term, flight: Evidence) -> list[np.ndarray]:
+def hidden_state_rows(term: Term, flight: FlightResiduals) -> list[np.ndarray]:
     """Rows (m,) to which the hidden state is fitted: at its start, and after every shock at which it may jump."""
     start = term.begins(flight.name)
     if not term.swings or start == NEVER:
@@ -118,47 +120,49 @@ def anchors(term: Term, flight: Evidence) -> list[np.ndarray]:
     return [(flight.t >= a) & (flight.t < a + span) for a, span in spans]
 
 
-def scored(terms: Sequence[Term], flight: Evidence) -> np.ndarray:
+def scored_rows(terms: Sequence[Term], flight: FlightResiduals) -> np.ndarray:
     """(m,) rows that count: not those that a hidden state, or a fit, has seen, nor those of a tether's shocks.
 
     Of a flight so short that none would be left, all that no fit has seen (`judged_by_its_own_swing`).
     """
     rows = ~flight.joined
     for term in terms:
-        fitted = anchors(term, flight)
+        fitted = hidden_state_rows(term, flight)
         for some in [*fitted, flight.shocks] if fitted else []:
             rows = rows & ~some
     return rows if rows.any() else ~flight.joined
 
 
-def judged_by_its_own_swing(terms: Sequence[Term], flight: Evidence) -> bool:
+def scored_on_fitted_rows(terms: Sequence[Term], flight: FlightResiduals) -> bool:
     """Is the flight so short that it is scored on rows to which its own swing was fitted?"""
-    rows = scored(terms, flight)
-    return any(bool(np.any(rows & fitted)) for term in terms for fitted in anchors(term, flight))
+    rows = scored_rows(terms, flight)
+    return any(bool(np.any(rows & fitted)) for term in terms for fitted in hidden_state_rows(term, flight))
 
 
 def _anchored(
-    terms: Sequence[Term], i: int, flight: Evidence, noise: NoiseModel, onset: float | None = None
+    terms: Sequence[Term], i: int, flight: FlightResiduals, noise: NoiseModel, onset: float | None = None
 ) -> Term:
     """The term, its swing fitted to the rows at its start, then every jump to those after the shock."""
     now = list(terms)
-    for k, rows in enumerate(anchors(dc.replace(terms[i], onset={flight.name: onset}), flight)):
+    for k, rows in enumerate(hidden_state_rows(dc.replace(terms[i], onset={flight.name: onset}), flight)):
         fit = SwingFit(now, i, flight, noise, onset, rows)
-        swing = fit.widely(fit.known, slice(k * STATE, (k + 1) * STATE))
+        swing = fit.descend_from_grid(fit.known, slice(k * STATE, (k + 1) * STATE))
         now[i] = fit.term(swing)
     return now[i]
 
 
-def _with_onset(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel, *, known: bool) -> Term:
+def _with_onset(
+    terms: list[Term], i: int, flight: FlightResiduals, noise: NoiseModel, *, known: bool
+) -> Term:
     """Where in this flight the term begins, its figures being known (whatever a payload's swing was).
 
     known: to begin in flight. What acts from the start in all flights of the fit hardly begins late here, and is not
     excused where it is not there at all.
     """
     term = terms[i]
-    rest = signature(flight, [t for j, t in enumerate(terms) if j != i])
-    trace = _span_by_span(terms, i, flight, noise) if term.swings else signature(flight, terms)
-    t, profile = known_onset_profile(flight, noise, flight.y - rest, trace - rest)
+    rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
+    trace = _span_by_span(terms, i, flight, noise) if term.swings else predicted_residual(flight, terms)
+    t, profile = onset_log_likelihood(flight, noise, flight.y - rest, trace - rest)
     k = int(np.argmax(profile))
     if k == 0 or profile[k] - profile[0] < (ONSET_GAIN if known else SURPRISE):
         return term
@@ -169,13 +173,13 @@ def _with_onset(terms: list[Term], i: int, flight: Evidence, noise: NoiseModel, 
     return _anchored([*terms[:i], late, *terms[i + 1 :]], i, flight, noise, onset)
 
 
-def _span_by_span(terms: Sequence[Term], i: int, flight: Evidence, noise: NoiseModel) -> np.ndarray:
+def _span_by_span(terms: Sequence[Term], i: int, flight: FlightResiduals, noise: NoiseModel) -> np.ndarray:
     """(m, 15) trace of the terms with a payload that swings in every span as that span shows it by itself.
 
     A swing that is followed from the start of the flight is wrong wherever the payload was hung on later; where it
     explains a span better, it is right.
     """
-    followed = signature(flight, terms)
+    followed = predicted_residual(flight, terms)
     trace = followed.copy()
     for start in np.arange(flight.t[0], flight.t[-1], HIDDEN_SPAN):
         rows = (flight.t >= start) & (flight.t < start + HIDDEN_SPAN)
@@ -186,18 +190,18 @@ def _span_by_span(terms: Sequence[Term], i: int, flight: Evidence, noise: NoiseM
         now = [*terms[:i], dc.replace(terms[i], onset={flight.name: onset}, hidden={}), *terms[i + 1 :]]
         fit = SwingFit(now, i, flight, noise, onset, rows)
         now[i] = fit.term(fit.descend(fit.known))
-        alone = signature(flight, now)
+        alone = predicted_residual(flight, now)
         losses = [np.sum(flight.white(noise, flight.y - way)[inside] ** 2) for way in (alone, followed)]
         if losses[0] < losses[1]:
             trace[rows] = alone[rows]
     return trace
 
 
-def known_onset_profile(
-    flight: Evidence, noise: NoiseModel, target: np.ndarray, own: np.ndarray
+def onset_log_likelihood(
+    flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, own: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """(n,) instants of the grid, the last one "not at all", and log likelihoods if `own` begins there."""
-    columns = LateColumns(flight, noise, target, np.zeros((*target.shape, 0)))
+    columns = SwitchedRegressors(flight, noise, target, np.zeros((*target.shape, 0)))
     t, X = columns.t, own[..., None]
     rows = np.arange(1, len(t))
     whole = columns.whole(X)

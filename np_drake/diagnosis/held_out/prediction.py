@@ -6,13 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.fitting.swing_fit import settled
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.fitting.swing_fit import fitted_to_whole_flight
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.held_out.adaptation import adapt, foreseen, scored
+from np_drake.diagnosis.held_out.adaptation import adapt, predictive_terms, scored_rows
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.residuals import flight_residuals as ev
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
+from np_drake.diagnosis.residuals.flight_residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause
 
 
@@ -24,29 +24,29 @@ class HeldOut:
     """
 
     terms: dict[str, list[Term]]
-    left: dict[str, np.ndarray]
+    residual: dict[str, np.ndarray]
     rows: dict[str, np.ndarray]
-    settled: dict[str, list[Term]]
+    whole_flight_terms: dict[str, list[Term]]
 
 
 def on_held_out(
-    fit: Fit, flights: Sequence[Evidence], noise: NoiseModel, *, structured: bool = False
+    fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel, *, structured: bool = False
 ) -> HeldOut:
     """The fit's terms on flights that it has not seen; `structured` as in `adapt`."""
-    terms, left, rows, whole = {}, {}, {}, {}
+    terms, residual, rows, whole = {}, {}, {}, {}
     for e in flights:
         known = adapt(fit.everything, e, noise, structured=structured)
-        terms[e.name] = foreseen(known, e, noise)
-        left[e.name] = e.y - signature(e, terms[e.name])
-        rows[e.name] = scored(terms[e.name], e)
-        whole[e.name] = settled(known, e, noise)
-    return HeldOut(terms, left, rows, whole)
+        terms[e.name] = predictive_terms(known, e, noise)
+        residual[e.name] = e.y - predicted_residual(e, terms[e.name])
+        rows[e.name] = scored_rows(terms[e.name], e)
+        whole[e.name] = fitted_to_whole_flight(known, e, noise)
+    return HeldOut(terms, residual, rows, whole)
 
 
 def misfit(held: HeldOut, noise: NoiseModel) -> np.ndarray:
     """(6,) RMS that is left of unseen flights over the noise, by channel of the wrench [1]."""
-    left = np.concatenate([held.left[name][rows, ev.WRENCH] for name, rows in held.rows.items()])
-    return np.sqrt(np.mean(left**2, axis=0)) / np.maximum(noise.rms[ev.WRENCH], 1e-12)
+    residual = np.concatenate([held.residual[name][rows, ev.WRENCH] for name, rows in held.rows.items()])
+    return np.sqrt(np.mean(residual**2, axis=0)) / np.maximum(noise.rms[ev.WRENCH], 1e-12)
 
 
 def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:
@@ -56,12 +56,12 @@ def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:
 
 
 def remaining_residual(
-    causes: Sequence[Cause], flights: Sequence[Evidence], noise: NoiseModel, held: HeldOut
+    causes: Sequence[Cause], flights: Sequence[FlightResiduals], noise: NoiseModel, held: HeldOut
 ) -> float:
     """RMS of what these causes leave of held-out flights, in units of the noise [1]."""
     names = {c.identifier for c in causes}
     parts = []
     for e in flights:
         terms = [t for t in held.terms[e.name] if t.effect.identifier in names]
-        parts.append((e.y - signature(e, terms))[held.rows[e.name]])
+        parts.append((e.y - predicted_residual(e, terms))[held.rows[e.name]])
     return pooled(parts, noise)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.prediction import Stages, signature
+from np_drake.diagnosis.forward_model.prediction import StageCache, predicted_residual
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.library import (
@@ -14,9 +14,9 @@ from np_drake.diagnosis.regressors.library import (
     library_candidates,
     wind_candidates,
 )
-from np_drake.diagnosis.regressors.nuisance import calibration, wander
+from np_drake.diagnosis.regressors.nuisance import calibration, sensor_drift
 from np_drake.diagnosis.regressors.payload_grid import payload_candidates
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.library import LIBRARY
 
@@ -27,7 +27,7 @@ LENGTHS = np.geomspace(0.2, 2.0, 12)  # of a payload that could stand in [m]
 
 
 def collinear_effects(
-    flights: Sequence[Evidence],
+    flights: Sequence[FlightResiduals],
     terms: Sequence[Term],
     i: int,
     noise: NoiseModel,
@@ -39,7 +39,7 @@ def collinear_effects(
     mass, thrust and sensors free within their tolerance, it comes within `DISTANCE`.
     """
     rest = [t for j, t in enumerate(terms) if j != i]
-    trace = {e.name: signature(e, terms) - signature(e, rest) for e in flights}
+    trace = {e.name: predicted_residual(e, terms) - predicted_residual(e, rest) for e in flights}
     onset: Onset = {n: t for n, t in terms[i].onset.items() if t is not None and t != NEVER}
     options = [*_options(flights, onset), *_mirror_images(flights, terms[i], onset)]
     known = {t.effect.identifier for t in terms}
@@ -48,7 +48,7 @@ def collinear_effects(
 
 
 def effects_of_trace(
-    flights: Sequence[Evidence],
+    flights: Sequence[FlightResiduals],
     trace: Mapping[str, np.ndarray],
     noise: NoiseModel,
     tolerance: Tolerance,
@@ -65,7 +65,7 @@ def effects_of_trace(
 
 
 def _same(
-    flights: Sequence[Evidence],
+    flights: Sequence[FlightResiduals],
     trace: Mapping[str, np.ndarray],
     options: Sequence[Candidate],
     noise: NoiseModel,
@@ -80,12 +80,12 @@ def _same(
     return sorted((n for n, d in found.items() if d < within), key=lambda n: found[n])
 
 
-def _options(flights: Sequence[Evidence], onset: Onset) -> list[Candidate]:
+def _options(flights: Sequence[FlightResiduals], onset: Onset) -> list[Candidate]:
     plain = library_candidates(flights, onset or None)
     return [*plain, *wind_candidates(flights, plain, onset), *payload_candidates(flights, LENGTHS, onset)]
 
 
-def _mirror_images(flights: Sequence[Evidence], term: Term, onset: dict) -> list[Candidate]:
+def _mirror_images(flights: Sequence[FlightResiduals], term: Term, onset: dict) -> list[Candidate]:
     """A delay and a late clock of the very size of the other: they are not linear in it."""
     shift = {"command_delay": 1.0, "clock_offset": -1.0}
     if term.effect.identifier not in shift:
@@ -94,7 +94,7 @@ def _mirror_images(flights: Sequence[Evidence], term: Term, onset: dict) -> list
     twins = [("clock_offset", {"offset": -delay})] + (
         [("command_delay", {"delay": delay})] if delay > 0 else []
     )
-    stages = {e.name: Stages() for e in flights}
+    stages = {e.name: StageCache() for e in flights}
     return [
         at_value(LIBRARY[name], flights, onset, values, 1, stages)
         for name, values in twins
@@ -107,14 +107,14 @@ class _Distance:
 
     def __init__(
         self,
-        flights: Sequence[Evidence],
+        flights: Sequence[FlightResiduals],
         trace: Mapping[str, np.ndarray],
         noise: NoiseModel,
         tolerance: Tolerance,
     ) -> None:
         self._flights, self._noise = flights, noise
         self._target = np.concatenate([noise.whiten(trace[e.name]).ravel() for e in flights])
-        drifting = wander(flights, tolerance)
+        drifting = sensor_drift(flights, tolerance)
         self._fixed = self._columns([*calibration(flights, tolerance), *([drifting] if drifting else [])])
 
     def to(self, candidates: Sequence[Candidate]) -> float:

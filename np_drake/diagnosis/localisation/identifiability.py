@@ -8,8 +8,8 @@ from np_drake import attitude
 from np_drake.diagnosis.localisation.manoeuvres import manoeuvre
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
-from np_drake.diagnosis.result import CHANNELS, Check, Confusable
+from np_drake.diagnosis.residuals.flight_residuals import WRENCH, FlightResiduals
+from np_drake.diagnosis.result import CHANNELS, Confusable, Identifiability
 
 LEAST = {
     "speed": 0.08,
@@ -21,7 +21,7 @@ BARELY = 10.0  # whitened size of an effect that is just visible [1]
 SAME = 9.0  # squared whitened distance below which two just visible effects are the same
 
 
-def excitation(flights: Sequence[Evidence]) -> dict[str, float]:
+def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
     """RMS and spans over all flights, unit in the name."""
     v = np.concatenate([e.mids.x[:, 7:10] for e in flights])
     w = np.concatenate([e.w for e in flights])
@@ -53,7 +53,7 @@ def excited(figures: dict[str, float]) -> bool:
 
 
 def confusables(
-    flights: Sequence[Evidence], candidates: Sequence[Candidate], noise: NoiseModel
+    flights: Sequence[FlightResiduals], candidates: Sequence[Candidate], noise: NoiseModel
 ) -> list[Confusable]:
     """Effects that cannot be seen at their usual size, and pairs that are the same when just visible.
 
@@ -93,12 +93,12 @@ def confusables(
     return out
 
 
-def check(
-    train: Sequence[Evidence],
-    held_out: Sequence[Evidence],
+def assess_identifiability(
+    train: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
     candidates: Sequence[Candidate],
     noise: NoiseModel,
-) -> Check:
+) -> Identifiability:
     """The first step's answer."""
     figures = excitation(train)
     warnings = [f"{e.name}: {note}" for e in [*train, *held_out] for note in e.log.notes]
@@ -114,7 +114,7 @@ def check(
             warnings.append(
                 f"{e.name}: attitude noise of {1e3 * e.attitude_noise:.1f} mrad; acceleration is {how}."
             )
-    return Check(
+    return Identifiability(
         usable=True,
         excitation=figures,
         noise_floor={name: float(noise.rms[WRENCH][c]) for c, name in enumerate(CHANNELS)},

@@ -9,8 +9,8 @@ from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
-from np_drake.diagnosis.result import CHANNELS, Band, ChannelGap, Regime, Segment, Where
+from np_drake.diagnosis.residuals.flight_residuals import WRENCH, FlightResiduals
+from np_drake.diagnosis.result import CHANNELS, Band, ChannelGap, Localisation, Regime, Segment
 
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
 BINS = 4  # of a regime
@@ -19,20 +19,23 @@ PENALTY = 35.0  # of a change point, in units of the noise's variance times chan
 LEAST_SPAN = 1e-3
 
 
-def where(
-    flights: Sequence[Evidence], after: dict[str, np.ndarray], noise: NoiseModel, rows: dict[str, np.ndarray]
-) -> Where:
+def localise(
+    flights: Sequence[FlightResiduals],
+    after: dict[str, np.ndarray],
+    noise: NoiseModel,
+    rows: dict[str, np.ndarray],
+) -> Localisation:
     """Of flights with what is left of them (m, 15) after the causes; `rows` (m,) are the ones that count."""
     before = {e.name: e.y[:, WRENCH] for e in flights}
-    left = {e.name: after[e.name][:, WRENCH] for e in flights}
-    return Where(
-        channels=channel_gaps(before, left, noise, rows),
+    residual = {e.name: after[e.name][:, WRENCH] for e in flights}
+    return Localisation(
+        channels=channel_gaps(before, residual, noise, rows),
         segments=tuple(s for e in flights for s in segments(e, noise)),
-        regimes=regimes(flights, left, noise),
-        bands=bands(flights, left, noise),
+        regimes=regimes(flights, residual, noise),
+        bands=bands(flights, residual, noise),
         times={e.name: e.t for e in flights},
         before=before,
-        after=left,
+        after=residual,
     )
 
 
@@ -51,7 +54,7 @@ def channel_gaps(before, after, noise: NoiseModel, rows) -> tuple[ChannelGap, ..
     return tuple(out)
 
 
-def segments(flight: Evidence, noise: NoiseModel) -> list[Segment]:
+def segments(flight: FlightResiduals, noise: NoiseModel) -> list[Segment]:
     """Stretches between change points of the residual's mean (exact segmentation by dynamic programming, PELT).
 
     Source: Killick et al. 2012, as in ruptures; the penalty is own choice.
@@ -74,7 +77,7 @@ def segments(flight: Evidence, noise: NoiseModel) -> list[Segment]:
     return out
 
 
-def quantities(flight: Evidence) -> dict[str, tuple[np.ndarray, str]]:
+def quantities(flight: FlightResiduals) -> dict[str, tuple[np.ndarray, str]]:
     """What a regime is: by name, values on the grid (m,) and unit."""
     mids = flight.mids
     tilt = np.degrees(np.arccos(np.clip(attitude.body_z(mids.q)[:, 2], -1, 1)))
@@ -97,11 +100,11 @@ def quantities(flight: Evidence) -> dict[str, tuple[np.ndarray, str]]:
     }
 
 
-def regimes(flights: Sequence[Evidence], after, noise: NoiseModel) -> tuple[Regime, ...]:
+def regimes(flights: Sequence[FlightResiduals], after, noise: NoiseModel) -> tuple[Regime, ...]:
     """Rows in quarters of each quantity, equally many in each, with their RMS residual."""
     all_of = [quantities(e) for e in flights]
     before = np.concatenate([e.y[:, WRENCH] for e in flights]) / np.maximum(noise.rms[WRENCH], 1e-12)
-    left = np.concatenate([after[e.name] for e in flights]) / np.maximum(noise.rms[WRENCH], 1e-12)
+    residual = np.concatenate([after[e.name] for e in flights]) / np.maximum(noise.rms[WRENCH], 1e-12)
     out = []
     for name in all_of[0]:
         value = np.concatenate([q[name][0] for q in all_of])
@@ -112,13 +115,13 @@ def regimes(flights: Sequence[Evidence], after, noise: NoiseModel) -> tuple[Regi
             inside = (value >= edges[i]) & ((value < edges[i + 1]) | (i == BINS - 1))
             if not inside.any():
                 continue
-            rms = [tuple(np.sqrt(np.mean(part[inside] ** 2, axis=0)).tolist()) for part in (before, left)]
+            rms = [tuple(np.sqrt(np.mean(part[inside] ** 2, axis=0)).tolist()) for part in (before, residual)]
             unit = all_of[0][name][1]
             out.append(Regime(name, unit, float(edges[i]), float(edges[i + 1]), int(inside.sum()), *rms))
     return tuple(out)
 
 
-def bands(flights: Sequence[Evidence], after, noise: NoiseModel) -> tuple[Band, ...]:
+def bands(flights: Sequence[FlightResiduals], after, noise: NoiseModel) -> tuple[Band, ...]:
     """Welch spectra by channel, averaged over flights, beside the noise model's."""
     rate = 1.0 / flights[0].grid.step
     length = min(256, *(len(e.t) for e in flights))

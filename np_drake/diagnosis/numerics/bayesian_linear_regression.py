@@ -114,10 +114,10 @@ def _solved(XX: np.ndarray, Xy: np.ndarray) -> tuple[np.ndarray, float]:
     return mean, float(0.5 * Xy @ mean - np.log(factor.diagonal()).sum())
 
 
-def loss_beside(left: np.ndarray, columns: np.ndarray) -> float:
+def loss_beside(residual: np.ndarray, columns: np.ndarray) -> float:
     """Sum of squares of what is left (n,), white, less what columns (n, k) take of it, with prior N(0, 1) each.
 
     Minus half of it is a log likelihood, whatever their coefficients are, but for what does not depend on `left`.
     """
     factor = np.linalg.cholesky(columns.T @ columns + np.eye(columns.shape[1]))
-    return float(left @ left) - float(np.sum(np.linalg.solve(factor, columns.T @ left) ** 2))
+    return float(residual @ residual) - float(np.sum(np.linalg.solve(factor, columns.T @ residual) ** 2))

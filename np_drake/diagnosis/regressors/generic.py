@@ -13,7 +13,7 @@ from scipy import signal
 from scipy.cluster.vq import kmeans2
 
 from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.residuals.regressor_signals import FlightState, flight_state
 
 PREFIX = "unknown:"
@@ -28,7 +28,7 @@ Pushes = Callable[
 ]  # (m, 6, k) force and torque in body axes in units of their prior
 
 
-def candidates_of_the_unknown(flights: Sequence[Evidence]) -> list[Candidate]:
+def generic_candidates(flights: Sequence[FlightResiduals]) -> list[Candidate]:
     """All groups as candidates; `generic` gives their columns on any flight."""
     states = {e.name: flight_state(e) for e in flights}
     found = [
@@ -59,7 +59,7 @@ def candidates_of_the_unknown(flights: Sequence[Evidence]) -> list[Candidate]:
 def _candidate(
     flights, states, name, text, pushes: Pushes, log_prior=0.0, figures=None, modes=None
 ) -> Candidate:
-    def columns(e: Evidence, pushes: Pushes = pushes) -> np.ndarray:
+    def columns(e: FlightResiduals, pushes: Pushes = pushes) -> np.ndarray:
         state = states.get(e.name) or flight_state(e)
         weight = e.vehicle.mass * e.vehicle.gravity
         arm = float(np.mean(np.linalg.norm(np.array(e.vehicle.rotor_positions), axis=1)))

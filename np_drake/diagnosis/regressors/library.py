@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.prediction import Stages, signature
+from np_drake.diagnosis.forward_model.prediction import StageCache, predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.library import LIBRARY, effects_for
 
@@ -17,7 +17,7 @@ DRAGS = (DRAG, "quadratic_drag")
 ROTOR_SPEED_BLIND = ("motor_lag", "command_delay", "clock_offset")
 SHIFTS = np.geomspace(0.003, 0.06, 10)  # of commands against states that are tried [s]
 Onset = dict[str, float | None]
-Swing = Callable[[float, float, Evidence], np.ndarray]
+Swing = Callable[[float, float, FlightResiduals], np.ndarray]
 Mended = tuple[np.ndarray, float]  # coefficients and their log probability
 
 
@@ -37,7 +37,9 @@ class Candidate:
     onset: Onset = dc.field(default_factory=dict)
     possible: Callable[[np.ndarray], bool] | None = None  # are these coefficients physical?
     mended: Callable[[np.ndarray, np.ndarray], Mended] | None = None  # and which are, where a bound is near?
-    generic: Callable[[Evidence], np.ndarray] | None = None  # columns on any flight, of what is no effect
+    generic: Callable[[FlightResiduals], np.ndarray] | None = (
+        None  # columns on any flight, of what is no effect
+    )
     swing: Swing | None = None  # the same of one frequency [Hz] and damping [1]
     figures: dict[str, float] = dc.field(default_factory=dict)
     onset_prior: float = 0.0
@@ -60,7 +62,7 @@ class Candidate:
         return c, log_probability
 
 
-def nonlinear_grid(effect: type[Effect], flight: Evidence) -> list[dict[str, float]]:
+def nonlinear_grid(effect: type[Effect], flight: FlightResiduals) -> list[dict[str, float]]:
     """Values at which an effect that is not linear is tried; [] where it has its own treatment."""
     grids: dict[str, list[dict[str, float]]] = {
         "motor_lag": [
@@ -81,13 +83,13 @@ def nonlinear_grid(effect: type[Effect], flight: Evidence) -> list[dict[str, flo
     return [{p.name: p.neutral + sign * p.typical for p in free} for sign in (0.5, 1.0, -0.5)]
 
 
-def library_candidates(flights: Sequence[Evidence], onset: Onset | None = None) -> list[Candidate]:
+def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None = None) -> list[Candidate]:
     """All effects of the library but wind and payload, which act through others and have hidden states.
 
     onset: begin there; effects that cannot begin in flight are left out then.
     """
     found: list[Candidate] = []
-    stages = {e.name: Stages() for e in flights}
+    stages = {e.name: StageCache() for e in flights}
     blind = flights[0].measured_rotors
     for identifier, effect in effects_for(flights[0].log.input).items():
         if effect.needs or identifier == "suspended_payload" or (onset and not effect.begins):
@@ -100,7 +102,7 @@ def library_candidates(flights: Sequence[Evidence], onset: Onset | None = None) 
     return found
 
 
-def _readable(effect: type[Effect], flights: Sequence[Evidence]) -> bool:
+def _readable(effect: type[Effect], flights: Sequence[FlightResiduals]) -> bool:
     """Are the columns that a sensor effect corrupts in these logs?"""
     if not issubclass(effect, SensorEffect):
         return True
@@ -109,12 +111,12 @@ def _readable(effect: type[Effect], flights: Sequence[Evidence]) -> bool:
 
 def effect_candidates(
     effect: type[Effect],
-    flights: Sequence[Evidence],
+    flights: Sequence[FlightResiduals],
     onset: Onset,
-    stages: Mapping[str, Stages] | None = None,
+    stages: Mapping[str, StageCache] | None = None,
 ) -> list[Candidate]:
     """The variants of one effect.   stages: by flight, of its signatures before."""
-    stages = stages or {e.name: Stages() for e in flights}
+    stages = stages or {e.name: StageCache() for e in flights}
     discrete = [p for p in effect.parameters if p.choices]
     settings: list[dict[str, float]] = [{}]
     for p in discrete:
@@ -129,13 +131,13 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
     free = [p for p in effect.parameters if not p.choices]
     neutral = {p.name: p.neutral for p in free} | fixed
 
-    def one(evidence: Evidence) -> np.ndarray:
+    def one(evidence: FlightResiduals) -> np.ndarray:
         columns = []
         for p in free:
             step = _step_of(effect, p)
             values = {**neutral, p.name: p.neutral + step}
-            left = signature(evidence, [Term(effect.of(values), onset)], stages[evidence.name])
-            columns.append(left * (p.typical / step))
+            residual = predicted_residual(evidence, [Term(effect.of(values), onset)], stages[evidence.name])
+            columns.append(residual * (p.typical / step))
         return np.stack(columns, axis=-1)
 
     def terms(c: np.ndarray) -> list[Term]:
@@ -158,7 +160,7 @@ def _step_of(effect: type[Effect], p) -> float:
 
 def at_value(effect, flights, onset, values: dict[str, float], variants: int, stages) -> Candidate:
     term = Term(effect.of(values), onset)
-    columns = {e.name: 2.0 * signature(e, [term], stages[e.name])[..., None] for e in flights}
+    columns = {e.name: 2.0 * predicted_residual(e, [term], stages[e.name])[..., None] for e in flights}
 
     def terms(c: np.ndarray) -> list[Term]:
         scaled = {
@@ -175,7 +177,7 @@ def at_value(effect, flights, onset, values: dict[str, float], variants: int, st
 
 
 def wind_candidates(
-    flights: Sequence[Evidence], plain: Sequence[Candidate], onset: Onset | None = None
+    flights: Sequence[FlightResiduals], plain: Sequence[Candidate], onset: Onset | None = None
 ) -> list[Candidate]:
     """Steady wind with each drag of `plain`: v - wind through linear drag is the drag and three more columns.
 
@@ -192,10 +194,10 @@ def wind_candidates(
         columns = {}
         for e in flights:
             unit = Term(drag_class.of(dict.fromkeys(("d_x", "d_y", "d_z"), typical)), drag.onset)
-            stages = Stages()
-            still = signature(e, [unit], stages)
+            stages = StageCache()
+            still = predicted_residual(e, [unit], stages)
             winds = [wind_class.of({"x": 0.0, "y": 0.0, "z": 0.0, axis: 1.0}) for axis in "xyz"]
-            blown = [signature(e, [unit, Term(wind, onset)], stages) for wind in winds]
+            blown = [predicted_residual(e, [unit, Term(wind, onset)], stages) for wind in winds]
             extra = np.stack([2.0 * (b - still) for b in blown], axis=-1)
             columns[e.name] = np.concatenate([drag.columns[e.name], extra], axis=-1)
 
@@ -210,7 +212,7 @@ def wind_candidates(
     return out
 
 
-def gated(candidate: Candidate, flights: Sequence[Evidence], onset: Onset) -> Candidate:
+def switched(candidate: Candidate, flights: Sequence[FlightResiduals], onset: Onset) -> Candidate:
     """The candidate from its onsets on (not for hidden states, which begin anew)."""
     columns = {e.name: candidate.columns[e.name] * e.begun(onset.get(e.name))[..., None] for e in flights}
 

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.bayesian_linear_regression import loss_beside
 from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
-from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.base import Effect
@@ -32,18 +32,20 @@ def calibration_terms(vehicle: Vehicle, tolerance: Tolerance) -> list[tuple[Term
     ]
 
 
-def calibration(flights: Sequence[Evidence], tolerance: Tolerance) -> list[Candidate]:
+def calibration(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
     """Mass and thrust as columns."""
     out = []
     for term, deviation in calibration_terms(flights[0].vehicle, tolerance):
         p = term.effect.parameters[0]
         moved = Term(type(term.effect).of({p.name: p.neutral + p.typical}))
-        columns = {e.name: signature(e, [moved])[..., None] * (deviation / p.typical) for e in flights}
+        columns = {
+            e.name: predicted_residual(e, [moved])[..., None] * (deviation / p.typical) for e in flights
+        }
         out.append(Candidate((), "calibration", columns, lambda c: []))
     return out
 
 
-def wander(flights: Sequence[Evidence], tolerance: Tolerance) -> Candidate | None:
+def sensor_drift(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> Candidate | None:
     """Every flight's own sensor errors as columns; nothing for a laboratory."""
     if not tolerance.real:
         return None
@@ -59,7 +61,7 @@ def wander(flights: Sequence[Evidence], tolerance: Tolerance) -> Candidate | Non
         X = np.zeros((*e.y.shape, len(units) * len(flights)))
         for j, (sensor, name, deviation) in enumerate(units):
             values = {p.name: deviation if p.name == name else 0.0 for p in sensor.parameters}
-            X[..., i * len(units) + j] = signature(e, [Term(sensor.of(values))])
+            X[..., i * len(units) + j] = predicted_residual(e, [Term(sensor.of(values))])
         columns[e.name] = X
     return Candidate((), "wander", columns, lambda c: [])
 
@@ -67,16 +69,18 @@ def wander(flights: Sequence[Evidence], tolerance: Tolerance) -> Candidate | Non
 Drift = dict[str, np.ndarray]  # by flight, (m, 15, k) columns of what its sensors may be off by, whitened
 
 
-def drift_of(flights: Sequence[Evidence], noise: NoiseModel, tolerance: Tolerance) -> Drift:
+def drift_of(flights: Sequence[FlightResiduals], noise: NoiseModel, tolerance: Tolerance) -> Drift:
     """Every flight's own sensor errors within tolerance, each with prior N(0, 1)."""
-    found = {e.name: wander([e], tolerance) for e in flights}
+    found = {e.name: sensor_drift([e], tolerance) for e in flights}
     return {e.name: e.white(noise, w.columns[e.name]) for e in flights if (w := found[e.name])}
 
 
-def loss_on(e: Evidence, left: np.ndarray, noise: NoiseModel, rows: np.ndarray, drift: Drift) -> float:
+def loss_on(
+    e: FlightResiduals, residual: np.ndarray, noise: NoiseModel, rows: np.ndarray, drift: Drift
+) -> float:
     """Whitened sum of squares of what is left (m, 15) on these rows (m,), less what the flight's own sensors take."""
     counted = rows[noise.phi.shape[1] :]
-    white = e.white(noise, left)[counted].ravel()
+    white = e.white(noise, residual)[counted].ravel()
     D = drift[e.name][counted].reshape(len(white), -1) if e.name in drift else np.zeros((len(white), 0))
     return loss_beside(white, D)
 
@@ -84,7 +88,7 @@ def loss_on(e: Evidence, left: np.ndarray, noise: NoiseModel, rows: np.ndarray, 
 REAL = 1e-3  # attitude noise above which a log comes from a real rig [rad]
 
 
-def tolerance_of(flights: Sequence[Evidence]) -> Tolerance:
+def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:
     """A log with attitude noise or measured rotor speed comes from a real rig; others are taken at their word."""
     measured = flights[0].measured_rotors
-    return Tolerance() if measured or max(e.attitude_noise for e in flights) > REAL else LABORATORY
+    return Tolerance() if measured or max(e.attitude_noise for e in flights) > REAL else IDEAL_SENSORS

@@ -11,7 +11,7 @@ from scipy import special
 from np_drake.diagnosis.forward_model.payload_state import padded, swing_units
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.regressors.library import Candidate, Mended, Onset
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, Evidence
+from np_drake.diagnosis.residuals.flight_residuals import WRENCH, FlightResiduals
 from np_drake.effects.library import LIBRARY
 
 SWING = 0.15  # prior deviation of an initial swing [rad]
@@ -107,7 +107,7 @@ class PayloadColumns:
         values |= dict(zip(("hook_x", "hook_y", "hook_z"), guess.hook.tolist(), strict=True))
         return [Term(LIBRARY["suspended_payload"].of(values), self.onset, guess.swing)]
 
-    def candidate(self, flights: Sequence[Evidence]) -> Candidate:
+    def candidate(self, flights: Sequence[FlightResiduals]) -> Candidate:
         """With columns for all channels."""
         columns = {}
         for e in flights:

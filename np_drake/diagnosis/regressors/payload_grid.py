@@ -10,14 +10,14 @@ from np_drake.diagnosis.forward_model.payload_state import STATE, hidden_size, s
 from np_drake.diagnosis.forward_model.term import NEVER
 from np_drake.diagnosis.regressors.library import Candidate, Onset
 from np_drake.diagnosis.regressors.payload import AT_REST, HOOK, LENGTH, SMALL, SWING, Guess, PayloadColumns
-from np_drake.diagnosis.residuals.flight_residuals import FORCE, TORQUE, Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.effects.library import LIBRARY
 
 UNIT = 0.1  # of the vehicle's mass: prior deviation of a payload's
 
 
 def payload_candidates(
-    flights: Sequence[Evidence], lengths: np.ndarray, onset: Onset | None = None
+    flights: Sequence[FlightResiduals], lengths: np.ndarray, onset: Onset | None = None
 ) -> list[Candidate]:
     """`payloads_of` with columns for all channels; none where the library has no payload."""
     if "suspended_payload" not in LIBRARY:
@@ -26,7 +26,7 @@ def payload_candidates(
 
 
 def payloads_of(
-    flights: Sequence[Evidence], lengths: np.ndarray, onset: Onset | None = None
+    flights: Sequence[FlightResiduals], lengths: np.ndarray, onset: Onset | None = None
 ) -> list[PayloadColumns]:
     """A payload at each tether length (as it is): mass, hook (through torque), and the initial swing of every flight.
 
@@ -48,7 +48,9 @@ def payloads_of(
     ]
 
 
-def payload_about(flights: Sequence[Evidence], guess: Guess, onset: Onset | None = None) -> PayloadColumns:
+def payload_about(
+    flights: Sequence[FlightResiduals], guess: Guess, onset: Onset | None = None
+) -> PayloadColumns:
     """A payload about a guess; its length is free too."""
     rate = math.sqrt(flights[0].vehicle.gravity / guess.length)
     pulls = {}
@@ -62,7 +64,7 @@ def payload_about(flights: Sequence[Evidence], guess: Guess, onset: Onset | None
 
 
 def _columns(
-    flights: Sequence[Evidence],
+    flights: Sequence[FlightResiduals],
     guess: Guess,
     pulls: Mapping[str, np.ndarray],
     onset: Onset,
@@ -87,10 +89,10 @@ def _columns(
 
 
 def _pulls(
-    evidence: Evidence, lengths: np.ndarray, swing: np.ndarray, hook: np.ndarray, onset: Onset | None
+    flight: FlightResiduals, lengths: np.ndarray, swing: np.ndarray, hook: np.ndarray, onset: Onset | None
 ) -> np.ndarray:
     """(m, k, 3) specific pulls of k payloads (`specific_pull`); zero where there is none in this flight."""
-    begin = (onset or {}).get(evidence.name)
+    begin = (onset or {}).get(flight.name)
     if begin == NEVER:
-        return np.zeros((len(evidence.t), len(lengths), 3))
-    return specific_pull(evidence, lengths, swing, np.asarray(hook)[None], begin)
+        return np.zeros((len(flight.t), len(lengths), 3))
+    return specific_pull(flight, lengths, swing, np.asarray(hook)[None], begin)

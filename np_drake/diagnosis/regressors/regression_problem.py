@@ -10,7 +10,7 @@ import numpy as np
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.effects.library import LIBRARY
 
 EFFECT_PRIOR = -3.0  # log prior of every effect named: about one in twenty; own choice
@@ -43,7 +43,7 @@ class Model:
     score: float
 
 
-class Problem:
+class RegressionProblem:
     """Flights whitened, candidates as columns, their Gram matrix once it is asked for.
 
     nuisance: columns that every model has (calibration within its tolerance).   wide: may priors be as wide as strong
@@ -52,7 +52,7 @@ class Problem:
 
     def __init__(
         self,
-        flights: Sequence[Evidence],
+        flights: Sequence[FlightResiduals],
         noise: NoiseModel,
         nuisance: list[Candidate],
         candidates: list[Candidate],
@@ -77,10 +77,10 @@ class Problem:
         """Of the candidates beside all nuisance."""
         return self.total.given(self._nuisance)[0]
 
-    def _gram(self, e: Evidence) -> Gram:
+    def _gram(self, e: FlightResiduals) -> Gram:
         return e.gram(self.noise, [c.columns[e.name] for c in (*self.nuisance, *self.candidates)])
 
-    def white(self, noise: NoiseModel, e: Evidence, candidate: Candidate) -> np.ndarray:
+    def white(self, noise: NoiseModel, e: FlightResiduals, candidate: Candidate) -> np.ndarray:
         """(m - p, 15, k) columns of one of its candidates or nuisances, whitened; kept until another noise asks."""
         if self._white[0] is not noise:
             self._white = (noise, {})
@@ -89,9 +89,9 @@ class Problem:
             kept[key] = e.white(noise, candidate.columns[e.name])
         return kept[key]
 
-    def beside(self, more: list[Candidate]) -> "Problem":
+    def beside(self, more: list[Candidate]) -> "RegressionProblem":
         """The same with more candidates, after the ones it has."""
-        return Problem(
+        return RegressionProblem(
             self.flights,
             self.noise,
             self.nuisance,

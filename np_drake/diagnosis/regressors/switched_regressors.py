@@ -7,12 +7,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.residuals.flight_residuals import SIZE, Evidence
+from np_drake.diagnosis.residuals.flight_residuals import SIZE, FlightResiduals
 
 Sums = tuple[np.ndarray, np.ndarray, np.ndarray]  # X'X (n, k, k), X'B (n, k, b), X'y (n, k)
 
 
-class LateColumns:
+class SwitchedRegressors:
     """One flight: sums over its whitened rows of columns X that begin at any of them.
 
     Target y (m', 15) and B (m', 15, b), columns of what acts as well, are raw.   products (b + 1, b + 1): of B and y,
@@ -20,15 +20,15 @@ class LateColumns:
     """
 
     def __init__(
-        self, evidence: Evidence, noise: NoiseModel, target: np.ndarray, beside: np.ndarray, scale=1.0
+        self, flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, beside: np.ndarray, scale=1.0
     ):
-        self._e, self._noise, self._scale = evidence, noise, scale
+        self._e, self._noise, self._scale = flight, noise, scale
         self._order = noise.phi.shape[1]
-        self.t = evidence.t[self._order :]
-        self._rise = evidence.rise()
+        self.t = flight.t[self._order :]
+        self._rise = flight.rise()
         both = np.concatenate([beside, target[..., None]], axis=-1)
         active, half, m = np.flatnonzero(noise.active), len(self._rise) // 2, len(self.t)
-        driven = self._driven(active, evidence.bridged(both[:, active]))
+        driven = self._driven(active, flight.bridged(both[:, active]))
         # What drives a channel times this is what is white times `both`; no row is beyond either end.
         padded = np.zeros((both.shape[1], half + m + half + self._order, both.shape[2]))
         self._facing = padded[:, half : half + m]
@@ -87,10 +87,10 @@ class LateColumns:
         return self._noise.weight[np.ix_(channels, channels)]
 
 
-class LateSums:
+class SwitchedSums:
     """Sums of one candidate's columns X (m', 15, k) in one flight, for every scan of it: each is made once."""
 
-    def __init__(self, columns: LateColumns, X: np.ndarray):
+    def __init__(self, columns: SwitchedRegressors, X: np.ndarray):
         self.t, self._columns, self._X = columns.t, columns, X
         self.whole = columns.whole(X)
         self._begun: dict[bytes, Sums] = {}

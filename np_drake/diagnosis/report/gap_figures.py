@@ -5,13 +5,13 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from np_drake.diagnosis.report.words import number, title_of
-from np_drake.diagnosis.result import ReplayGap, Shrink
+from np_drake.diagnosis.result import GapReduction, ReplayGap
 from np_drake.figure_file import PALETTE, new_figure
 
 BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"
 
 
-def ladder_figure(shrink: Shrink) -> Figure:
+def ladder_figure(shrink: GapReduction) -> Figure:
     """Residual in noise units, a bar a rung (nominal, + effect, …, noise floor); the floor is a line too."""
     rungs = shrink.ladder
     figure, grid = new_figure(1, 1, width=7.2, height=0.95 + 0.42 * len(rungs))

@@ -11,7 +11,7 @@ from np_drake.diagnosis.report.words import (
     probability,
     unit_of,
 )
-from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, Shrink
+from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, GapReduction
 
 PLAIN_GAP = (
     1.4  # residual over its floor above which a simulator does not agree with the logs [1]; own choice
@@ -51,16 +51,16 @@ def _cannot_tell(diagnosis: Diagnosis) -> tuple[str, str]:
 
 def _nothing(diagnosis: Diagnosis) -> tuple[str, str]:
     shrink = diagnosis.shrink
-    left = f"{number(shrink.before, 2)} times the noise"
+    residual = f"{number(shrink.before, 2)} times the noise"
     if _unexplained(shrink):
         first = (
             "No effect of the library, and no structure, is told in what is left, "
-            f"which is {left} of the training flights."
+            f"which is {residual} of the training flights."
         )
         second = "The flights that judge are noisier, or differ in what the training flights do not excite"
     else:
         first = "Nothing material is missing: on flights it has not seen, the simulator agrees with the logs."
-        second = f"What is left is {left}, where noise alone would give {number(shrink.floor, 2)}"
+        second = f"What is left is {residual}, where noise alone would give {number(shrink.floor, 2)}"
     minor = len(diagnosis.minor)
     return first, second + (f"; {minor} minor finding{'s' * (minor > 1)} below." if minor else ".")
 
@@ -113,12 +113,12 @@ def _figures(cause: Cause) -> list[str]:
     return [", ".join(shown)]
 
 
-def _unexplained(shrink: Shrink) -> bool:
+def _unexplained(shrink: GapReduction) -> bool:
     """Is so much left on held-out flights that the simulator cannot be said to agree with them?"""
     return shrink.before > PLAIN_GAP * shrink.floor
 
 
-def has_gap(shrink: Shrink) -> bool:
+def has_gap(shrink: GapReduction) -> bool:
     """Is there a gap above the noise on held-out flights, so that a share of it means something?"""
     return shrink.before > LEAST_GAP * shrink.floor
 

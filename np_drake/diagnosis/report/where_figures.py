@@ -9,7 +9,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from np_drake.diagnosis.report.gap_figures import AFTER, BEFORE, NOISE, plain_ticks
 from np_drake.diagnosis.report.words import number, plain_name
-from np_drake.diagnosis.result import CHANNELS, Band, Regime, Where
+from np_drake.diagnosis.result import CHANNELS, Band, Localisation, Regime
 from np_drake.figure_file import PALETTE, new_figure
 
 FLIGHTS = 4  # at most in the time line
@@ -74,7 +74,7 @@ def _ranges(group: Sequence[Regime]) -> list[str]:
     return [f"{r.lower:.{decimals}f} … {r.upper:.{decimals}f}".replace("-", "−") for r in group]
 
 
-def timeline_figure(where: Where, onsets: Onsets) -> Figure:
+def timeline_figure(where: Localisation, onsets: Onsets) -> Figure:
     """Running RMS of force and torque residual of each flight, with change points and onsets."""
     flights = list(where.times)[:FLIGHTS]
     figure, grid = new_figure(
@@ -97,7 +97,7 @@ def timeline_figure(where: Where, onsets: Onsets) -> Figure:
     return figure
 
 
-def _trace(ax, where: Where, flight: str, channels: slice) -> None:
+def _trace(ax, where: Localisation, flight: str, channels: slice) -> None:
     t = where.times[flight]
     curves = ((where.before, "before", BEFORE, 0.9), (where.after, "after", AFTER, 0.9))
     for traces, label, colour, width in curves:
@@ -110,7 +110,7 @@ def _trace(ax, where: Where, flight: str, channels: slice) -> None:
     ax.grid(alpha=0.3, linewidth=0.6)
 
 
-def _marks(ax, where: Where, flight: str, onsets: list[tuple[str, float]]) -> None:
+def _marks(ax, where: Localisation, flight: str, onsets: list[tuple[str, float]]) -> None:
     """Change points as dotted lines, onsets as solid ones, every second segment shaded."""
     segments = [segment for segment in where.segments if segment.flight == flight]
     for place, segment in enumerate(segments):

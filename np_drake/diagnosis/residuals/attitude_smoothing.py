@@ -79,12 +79,12 @@ def _without_drift(carried: np.ndarray, q: np.ndarray, step: float) -> np.ndarra
     A drift in W turns about in the axes of a body that tilts this way and that; a low-pass there would leave it to
     the attitude. What a reading is off by goes with the body, and is taken out of it before the drift is read.
     """
-    wander = np.zeros((len(q), 3))
+    sensor_drift = np.zeros((len(q), 3))
     for _ in range(ROUNDS):
-        was = attitude.multiply(q, from_rotation_vector(-wander))
+        was = attitude.multiply(q, from_rotation_vector(-sensor_drift))
         drift = _unwound(rotation_vector(attitude.multiply(was, conjugate(carried))))
         carried = attitude.multiply(from_rotation_vector(_low_pass(drift, step, DRIFT)), carried)
-        wander = _low_pass(rotation_vector(attitude.multiply(conjugate(carried), q)), step, DRIFT)
+        sensor_drift = _low_pass(rotation_vector(attitude.multiply(conjugate(carried), q)), step, DRIFT)
     return carried
 
 

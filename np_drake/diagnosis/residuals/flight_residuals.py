@@ -21,7 +21,7 @@ from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 from np_drake.diagnosis.residuals.accelerations import Instants, make_instants
 from np_drake.diagnosis.residuals.attitude_smoothing import conjugate, rotation_vector, smooth_attitude
 from np_drake.diagnosis.residuals.outliers import bridge
-from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Grid, Onto, make_grid, to_grid
+from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Grid, Resampler, make_grid, to_grid
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
@@ -35,7 +35,7 @@ OFF = 0.4  # of what hovering takes, by which rotors then give something else; o
 
 
 @dc.dataclass(frozen=True)
-class Evidence:
+class FlightResiduals:
     """One flight: y (m, 15) on `grid`; the instants at which force (rows) and torque (mids) are measured.
 
     thrust_rows (n, 4), thrust_mids (n-1, 4): what nominal rotors give there [N]; the latter in the mean.
@@ -78,14 +78,14 @@ class Evidence:
         return self.grid.t
 
     @cached_property
-    def from_rows(self) -> Onto:
+    def from_rows(self) -> Resampler:
         """From the instants of force to the grid."""
-        return Onto(self.grid, self.rows.t)
+        return Resampler(self.grid, self.rows.t)
 
     @cached_property
-    def from_mids(self) -> Onto:
+    def from_mids(self) -> Resampler:
         """From the instants of torque to the grid."""
-        return Onto(self.grid, self.mids.t)
+        return Resampler(self.grid, self.mids.t)
 
     @cached_property
     def rotors(self) -> Rotors:
@@ -135,7 +135,7 @@ class Evidence:
         columns = [np.interp(middle, self.rows.t, column) for column in values.reshape(-1, 12).T]
         return np.stack(columns, axis=1).reshape(-1, 3, 4)
 
-    def head(self, rows: int) -> "Evidence":
+    def head(self, rows: int) -> "FlightResiduals":
         """The flight up to so many of the grid's rows at least: as it is there, and as if no more were known."""
         known = np.append(np.flatnonzero(~self.shocks[rows - 1 :]), len(self.t))
         n = rows + int(known[0]) + TAPS  # beyond what bridges shocks, and as far as the low-pass reaches
@@ -181,9 +181,9 @@ class Evidence:
         return Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), rows)
 
 
-def make_evidence(
+def make_flight_residuals(
     log: FlightLog, vehicle: Vehicle, step: float | None = None, since: float | None = None
-) -> Evidence:
+) -> FlightResiduals:
     """Residuals of one flight.
 
     step: of its grid, where flights are to share it; default: the log's own [s].
@@ -203,14 +203,14 @@ def make_evidence(
     force, others = _channels(log, vehicle, q, mids, thrust_rows, thrust_mids)
     since = _settled(log, vehicle, force[:, 2:], others[:, :3]) if since is None else since
     grid = make_grid(log.t[log.t >= since], step)
-    from_rows, from_mids = Onto(grid, rows.t), Onto(grid, mids.t)
+    from_rows, from_mids = Resampler(grid, rows.t), Resampler(grid, mids.t)
     y = np.concatenate([from_rows(force), from_mids(others)], axis=1)
     u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T
     f = u_mids[:, :1] if log.a is None else u_rows[:, :1]
     nominal = np.concatenate([np.zeros((len(grid), 2)), from_rows(f), from_mids(u_mids[:, 1:])], axis=1)
     w = from_mids(mids.x[:, 10:13])
     none = np.zeros(len(grid), bool)
-    return Evidence(
+    return FlightResiduals(
         log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, none, none
     )
 

@@ -67,5 +67,5 @@ def _bias(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.ndarray:
 def _second_difference(t: np.ndarray) -> np.ndarray:
     """(3, n-2) weights of the row before, of a row and of the one after in the second derivative at it."""
     before, after = np.diff(t)[:-1], np.diff(t)[1:]
-    left, right = 2 / ((before + after) * before), 2 / ((before + after) * after)
-    return np.stack([left, -(left + right), right])
+    residual, right = 2 / ((before + after) * before), 2 / ((before + after) * after)
+    return np.stack([residual, -(residual + right), right])

@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 
 SURELY = 4.0  # times the noise that an axis must move to be a regressor at all; own choice
 
@@ -32,24 +32,24 @@ class FlightState:
     step: float
 
 
-def flight_state(evidence: Evidence) -> FlightState:
+def flight_state(flight: FlightResiduals) -> FlightState:
     """Of one flight."""
-    mids, vehicle, log = evidence.mids, evidence.vehicle, evidence.log
-    u = evidence.nominal[:, 2:]
+    mids, vehicle, log = flight.mids, flight.vehicle, flight.log
+    u = flight.nominal[:, 2:]
     arm = float(np.mean(np.linalg.norm(np.array(vehicle.rotor_positions), axis=1)))
     return FlightState(
-        v=_above_noise(evidence.from_mids(attitude.rotate_back(mids.q, mids.x[:, 7:10])), log.v),
-        p=evidence.from_mids(mids.x[:, :3]),
-        w=_above_noise(evidence.w, log.w),
-        R=evidence.from_mids(attitude.rotation_matrix(mids.q)),
+        v=_above_noise(flight.from_mids(attitude.rotate_back(mids.q, mids.x[:, 7:10])), log.v),
+        p=flight.from_mids(mids.x[:, :3]),
+        w=_above_noise(flight.w, log.w),
+        R=flight.from_mids(attitude.rotation_matrix(mids.q)),
         u=u,
         rotor=u @ vehicle.unmixer.T,
-        t=evidence.t,
+        t=flight.t,
         mixer=vehicle.mixer,
         torque_unit=arm * np.array([0.3, 0.3, 0.1]),
         weight=vehicle.mass * vehicle.gravity,
         gravity=vehicle.gravity,
-        step=evidence.grid.step,
+        step=flight.grid.step,
     )
 
 

@@ -44,7 +44,7 @@ def make_grid(t: np.ndarray, step: float | None = None) -> Grid:
     return Grid(fine[::factor], step, factor, fine)
 
 
-class Onto:
+class Resampler:
     """From instants t (n,) of a flight to its grid: where each lies is found once."""
 
     def __init__(self, grid: Grid, t: np.ndarray):
@@ -63,7 +63,7 @@ class Onto:
 
 def to_grid(grid: Grid, t: np.ndarray, values: np.ndarray) -> np.ndarray:
     """(m, ...) values (n, ...) at times t (n,) on the grid; the ends are held."""
-    return Onto(grid, t)(values)
+    return Resampler(grid, t)(values)
 
 
 def _decimate(fine: np.ndarray, factor: int) -> np.ndarray:

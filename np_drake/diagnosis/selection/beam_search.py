@@ -4,14 +4,14 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from np_drake.diagnosis.regressors.regression_problem import Model, Problem
+from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
 
 MOSTLY = 0.8  # of the best evidence that the library must reach to go before generic structure; own choice
 BEAM = 6
 MOST_EFFECTS = 5
 
 
-def search(problem: Problem, *, beam: int = BEAM, most: int = MOST_EFFECTS) -> list[Model]:
+def search(problem: RegressionProblem, *, beam: int = BEAM, most: int = MOST_EFFECTS) -> list[Model]:
     """All models met, best first. Grows a beam by one candidate at a time, then swaps and removes until it rests."""
     seen: dict[tuple[int, ...], float] = {(): 0.0}
 
@@ -47,7 +47,7 @@ def search(problem: Problem, *, beam: int = BEAM, most: int = MOST_EFFECTS) -> l
     return [Model(m, s) for m, s in sorted(seen.items(), key=lambda item: -item[1]) if s > -np.inf]
 
 
-def library_first(problem: Problem, models: list[Model]) -> list[Model]:
+def library_first(problem: RegressionProblem, models: list[Model]) -> list[Model]:
     """The same models, but a best one whose generic structure hides effects gives way to effects plus structure.
 
     Where effects of the library alone reach the share `MOSTLY` of the best evidence, they are kept and generic
@@ -75,7 +75,7 @@ def library_first(problem: Problem, models: list[Model]) -> list[Model]:
     return [now, *(m for m in models if m.members != now.members)]
 
 
-def _diverse(problem: Problem, ranked: list[tuple[int, ...]], beam: int) -> list[tuple[int, ...]]:
+def _diverse(problem: RegressionProblem, ranked: list[tuple[int, ...]], beam: int) -> list[tuple[int, ...]]:
     """The best of each set of effects: variants of one effect must not fill the beam."""
     kept: dict[tuple[str, ...], tuple[int, ...]] = {}
     for members in ranked:
@@ -86,7 +86,7 @@ def _diverse(problem: Problem, ranked: list[tuple[int, ...]], beam: int) -> list
     return list(kept.values())
 
 
-def _neighbours(problem: Problem, members: tuple[int, ...]) -> set[tuple[int, ...]]:
+def _neighbours(problem: RegressionProblem, members: tuple[int, ...]) -> set[tuple[int, ...]]:
     """One candidate fewer, or one exchanged."""
     found = set()
     for out in members:

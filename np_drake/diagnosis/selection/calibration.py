@@ -15,7 +15,7 @@ DOUBTED = 0.8  # that a name is right where unseen flights leave more than noise
 BESIDE_UNKNOWN = 0.2  # that a name is right where something unknown is left: it mostly stands for that
 
 
-def reported(share: Mapping[str, float], names: Sequence[str]) -> float:
+def calibrated_probability(share: Mapping[str, float], names: Sequence[str]) -> float:
     """Probability that one of these effects acts, which these flights cannot tell apart [1].
 
     share: of the evidence, held by the models that have an effect.   Source: own choice.

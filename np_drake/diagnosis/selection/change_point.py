@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.regressors.library import Candidate, gated
+from np_drake.diagnosis.regressors.library import Candidate, switched
 from np_drake.diagnosis.regressors.payload import AT_REST
-from np_drake.diagnosis.regressors.regression_problem import Problem
-from np_drake.diagnosis.regressors.switched_regressors import LateColumns, LateSums, Sums
+from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
+from np_drake.diagnosis.regressors.switched_regressors import Sums, SwitchedRegressors, SwitchedSums
 from np_drake.diagnosis.selection.onset_grid import TriedOnsets, at_rows, possible_onsets
 from np_drake.diagnosis.selection.payload_search import PAYLOAD, PayloadSearch
 from np_drake.effects.library import effects_for
@@ -25,7 +25,7 @@ LARGEST = 8  # columns of a candidate that is scanned
 VARIANTS = 2  # of an effect, that promise most
 
 
-def gated_candidates(problem: Problem, members: Sequence[int] = ()) -> list[Candidate]:
+def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ()) -> list[Candidate]:
     """For every effect that may begin in flight and gains by it: the candidate from its best onsets on.
 
     members: of a model. Every effect is tried alone, and beside those members that are another effect.
@@ -39,7 +39,7 @@ def gated_candidates(problem: Problem, members: Sequence[int] = ()) -> list[Cand
             for candidate, sums in sorted(tried, key=lambda pair: scan.rough_evidence(pair[1]))[-VARIANTS:]:
                 found_at = scan.best(candidate, sums)
                 late = dc.replace(
-                    gated(candidate, problem.flights, found_at.onset), onset_prior=found_at.prior
+                    switched(candidate, problem.flights, found_at.onset), onset_prior=found_at.prior
                 )
                 if found_at.onset and not any(_same(late, known) for known in found):
                     found.append(late)
@@ -50,7 +50,7 @@ def _same(a: Candidate, b: Candidate) -> bool:
     return (a.identifiers, a.variant, a.onset) == (b.identifiers, b.variant, b.onset)
 
 
-def _that_begin(problem: Problem) -> dict[tuple[str, ...], list[Candidate]]:
+def _that_begin(problem: RegressionProblem) -> dict[tuple[str, ...], list[Candidate]]:
     """Variants of the effects that may begin in flight."""
     library = effects_for(problem.flights[0].log.input)
     found: dict[tuple[str, ...], list[Candidate]] = {}
@@ -61,7 +61,7 @@ def _that_begin(problem: Problem) -> dict[tuple[str, ...], list[Candidate]]:
     return found
 
 
-def late_payloads(problem: Problem, late: list[Candidate]) -> list[Candidate]:
+def late_payloads(problem: RegressionProblem, late: list[Candidate]) -> list[Candidate]:
     """Payloads that begin where their weight does: as a payload at rest shows it, or mass or thrust in its place.
 
     A payload from the start that swings as it likes may explain more than such a weight; which is there is told later.
@@ -107,15 +107,15 @@ class Onsets:
 class OnsetScan:
     """Evidence of a candidate from any instant on, beside nuisance and members of a model, flights together."""
 
-    def __init__(self, problem: Problem, members: Sequence[int] = ()):
+    def __init__(self, problem: RegressionProblem, members: Sequence[int] = ()):
         chosen = [*problem.nuisance, *(problem.candidates[i] for i in members)]
         scale = problem.temperature**-0.5
         self._go_on = {e.name for e in problem.flights if e.goes_on}
-        self._flights: dict[str, LateColumns] = {}
+        self._flights: dict[str, SwitchedRegressors] = {}
         for e in problem.flights:
             columns = [c.columns[e.name] for c in chosen] or [np.zeros((*e.y.shape, 0))]
             B = np.concatenate(columns, axis=-1)
-            self._flights[e.name] = LateColumns(e, problem.noise, e.y, B, scale)
+            self._flights[e.name] = SwitchedRegressors(e, problem.noise, e.y, B, scale)
         self._products = sum(f.products for f in self._flights.values())
         self._owner = np.repeat([-1] * len(problem.nuisance) + [*members], [c.size for c in chosen])
         self._regress(np.arange(len(self._owner)))
@@ -134,11 +134,11 @@ class OnsetScan:
         fewer._regress(np.flatnonzero(np.isin(self._owner, [-1, *members])))
         return fewer
 
-    def sums(self, candidate: Candidate) -> dict[str, LateSums]:
+    def sums(self, candidate: Candidate) -> dict[str, SwitchedSums]:
         """Of its columns, by flight, for `best` and `rough_evidence` of all scans of which this is one."""
-        return {name: LateSums(f, candidate.columns[name]) for name, f in self._flights.items()}
+        return {name: SwitchedSums(f, candidate.columns[name]) for name, f in self._flights.items()}
 
-    def rough_evidence(self, late: Mapping[str, LateSums]) -> float:
+    def rough_evidence(self, late: Mapping[str, SwitchedSums]) -> float:
         """Log evidence of a candidate (its `sums`) at its best onsets, as if what they switch on did not jump."""
         whole = {name: sums.whole for name, sums in late.items()}
         start = {name: at_rows(sums, [0]) for name, sums in whole.items()}
@@ -152,7 +152,7 @@ class OnsetScan:
         first, *rest = at.values()
         return float(self._evidence(first, rest)[0])
 
-    def best(self, candidate: Candidate, sums: Mapping[str, LateSums] | None = None) -> "Onsets":
+    def best(self, candidate: Candidate, sums: Mapping[str, SwitchedSums] | None = None) -> "Onsets":
         """Where it begins in flight.
 
         The prior is that of an instant as wide as the evidence leaves it: an onset that is known to a row has one in

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.regressors.library import Candidate, gated
-from np_drake.diagnosis.regressors.regression_problem import Model, Problem
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.regressors.library import Candidate, switched
+from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.selection.payload_search import PAYLOAD
 
 
-def sharpened(problem: Problem, model: Model) -> list[Candidate]:
+def refined_change_points(problem: RegressionProblem, model: Model) -> list[Candidate]:
     """The model's effects that begin in flight, from the rows on from which they say most: alone, and beside the rest.
 
     Not a payload, whose swing begins anew with its onset: `PayloadSearch.when` is as sharp.   Source: log evidence at
@@ -34,7 +34,7 @@ def sharpened(problem: Problem, model: Model) -> list[Candidate]:
     return found
 
 
-def _sharp(problem: Problem, late: Candidate, beside: Sequence[Candidate]) -> Candidate:
+def _sharp(problem: RegressionProblem, late: Candidate, beside: Sequence[Candidate]) -> Candidate:
     """Flight by flight, the onsets in the others as they are."""
     whole = next(c for c in problem.candidates if _from_the_start(c, late))
     for e in problem.flights:
@@ -42,8 +42,10 @@ def _sharp(problem: Problem, late: Candidate, beside: Sequence[Candidate]) -> Ca
         if begin is None or not np.isfinite(begin):
             continue
         onsets = [{**late.onset, e.name: float(t)} for t in _rows_about(e, begin)]
-        tried = [dc.replace(gated(whole, problem.flights, o), onset_prior=late.onset_prior) for o in onsets]
-        small = Problem(
+        tried = [
+            dc.replace(switched(whole, problem.flights, o), onset_prior=late.onset_prior) for o in onsets
+        ]
+        small = RegressionProblem(
             problem.flights,
             problem.noise,
             problem.nuisance,
@@ -62,6 +64,6 @@ def _from_the_start(candidate: Candidate, late: Candidate) -> bool:
     return same and not candidate.onset
 
 
-def _rows_about(e: Evidence, begin: float) -> np.ndarray:
+def _rows_about(e: FlightResiduals, begin: float) -> np.ndarray:
     """Instants of the log within a step of the grid."""
     return e.log.t[np.abs(e.log.t - begin) < 1.01 * e.grid.step]

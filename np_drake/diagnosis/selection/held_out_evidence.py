@@ -7,20 +7,20 @@ from collections.abc import Sequence
 from scipy.special import logsumexp
 
 from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import NEVER, Term
-from np_drake.diagnosis.held_out.adaptation import known_onset_profile
+from np_drake.diagnosis.held_out.adaptation import onset_log_likelihood
 from np_drake.diagnosis.held_out.prediction import HeldOut, on_held_out
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.nuisance import Drift, drift_of, loss_on
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.selection.change_point import ABSENT, ANOTHER
 from np_drake.diagnosis.selection.ranking import Ranking, names_of_fit, of_fits, score_of
 
 CLOSE = 5.0  # log evidence within which flights hardly decide; own choice
 
 
-def told_by_unseen(ranking: Ranking, unseen: Sequence[Evidence]) -> Ranking:
+def rerank_by_held_out_evidence(ranking: Ranking, held_out: Sequence[FlightResiduals]) -> Ranking:
     """The ranking, its best models in the order that fitted and unseen flights give them together.
 
     Asked are models that name something else, and what is simpler, none among it; not those that name more: what
@@ -34,9 +34,9 @@ def told_by_unseen(ranking: Ranking, unseen: Sequence[Evidence]) -> Ranking:
     rivals = any(not _names(f) < _names(best) for f in close if f is not best)
     if not rivals or any(f.generic or any(t.swings for t in f.terms) for f in close):
         return ranking
-    drift = drift_of(unseen, ranking.noise, ranking.tolerance)
-    said = [sum(_log_evidence(f, e, ranking, drift) for e in unseen) for f in close]
-    asked = {id(f): dc.replace(f, unseen=s - said[0]) for f, s in zip(close, said, strict=True)}
+    drift = drift_of(held_out, ranking.noise, ranking.tolerance)
+    said = [sum(_log_evidence(f, e, ranking, drift) for e in held_out) for f in close]
+    asked = {id(f): dc.replace(f, held_out_evidence=s - said[0]) for f, s in zip(close, said, strict=True)}
     return of_fits(ranking, [asked.get(id(f), f) for f in ranking.fits])
 
 
@@ -44,25 +44,25 @@ def _names(fit: Fit) -> set[str]:
     return set(names_of_fit(fit))
 
 
-def _log_evidence(fit: Fit, e: Evidence, ranking: Ranking, drift: Drift) -> float:
+def _log_evidence(fit: Fit, e: FlightResiduals, ranking: Ranking, drift: Drift) -> float:
     """Of an unseen flight, but for a constant, whatever its own sensors are off by; tempered as that of the others."""
     noise, held = ranking.noise, on_held_out(fit, [e], ranking.noise)
-    loss = loss_on(e, held.left[e.name], noise, held.rows[e.name], drift)
+    loss = loss_on(e, held.residual[e.name], noise, held.rows[e.name], drift)
     priors = (_onset_prior(held.terms[e.name], at, e, noise) for at in _onsets(held, e))
     return -0.5 * loss / ranking.problem.temperature + sum(priors)
 
 
-def _onsets(held: HeldOut, e: Evidence) -> set[float]:
+def _onsets(held: HeldOut, e: FlightResiduals) -> set[float]:
     """Those that were sought in it, each once (a wind begins with its drag)."""
     return {begin for t in held.terms[e.name] if (begin := t.begins(e.name)) is not None}
 
 
-def _onset_prior(terms: Sequence[Term], at: float, e: Evidence, noise: NoiseModel) -> float:
+def _onset_prior(terms: Sequence[Term], at: float, e: FlightResiduals, noise: NoiseModel) -> float:
     """Log prior of what begins at this instant, of an instant as wide as its peak; of what does not begin at all."""
     if at == NEVER:
         return ABSENT
-    rest = signature(e, [t for t in terms if t.begins(e.name) != at])
+    rest = predicted_residual(e, [t for t in terms if t.begins(e.name) != at])
     always = [dc.replace(t, onset={}) if t.begins(e.name) == at else t for t in terms]
-    _, profile = known_onset_profile(e, noise, e.y - rest, signature(e, always) - rest)
+    _, profile = onset_log_likelihood(e, noise, e.y - rest, predicted_residual(e, always) - rest)
     inside = profile[1:-1]
     return ANOTHER + float(logsumexp(inside) - inside.max() - math.log(len(inside)))

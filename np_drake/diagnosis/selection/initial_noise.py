@@ -6,13 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise, no_worse, scale_only
-from np_drake.diagnosis.regressors.generic import candidates_of_the_unknown
+from np_drake.diagnosis.regressors.generic import generic_candidates
 from np_drake.diagnosis.regressors.library import Candidate, library_candidates, wind_candidates
-from np_drake.diagnosis.regressors.nuisance import calibration, wander
-from np_drake.diagnosis.regressors.regression_problem import Problem
-from np_drake.diagnosis.residuals.flight_residuals import FORCE, TORQUE, Evidence
+from np_drake.diagnosis.regressors.nuisance import calibration, sensor_drift
+from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
+from np_drake.diagnosis.residuals.flight_residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.diagnosis.residuals.outliers import find_shocks
-from np_drake.diagnosis.selection.change_point import gated_candidates
+from np_drake.diagnosis.selection.change_point import switched_candidates
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
 from np_drake.diagnosis.tolerance import Tolerance
 
@@ -25,41 +25,45 @@ TEMPERATURE = 2.0  # noise is never quite its model: its variance counts this ma
 class Ready:
     """flights with their shocks known; raw: their channels without; nuisance: columns of every model; noise."""
 
-    flights: list[Evidence]
+    flights: list[FlightResiduals]
     raw: list[np.ndarray]
     nuisance: list[Candidate]
     candidates: list[Candidate]
     noise: NoiseModel
 
 
-def prepare(flights: Sequence[Evidence], tolerance: Tolerance) -> Ready:
+def prepare(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> Ready:
     """Shocks, payloads and noise as they show when every effect helps."""
-    drifting = wander(flights, tolerance)
+    drifting = sensor_drift(flights, tolerance)
     nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]
     plain = library_candidates(flights)
-    candidates = [*plain, *wind_candidates(flights, plain), *candidates_of_the_unknown(flights)]
+    candidates = [*plain, *wind_candidates(flights, plain), *generic_candidates(flights)]
     step = flights[0].grid.step
     white = scale_only([e.y for e in flights], step)
-    late = gated_candidates(Problem(flights, white, nuisance, candidates, temperature=TEMPERATURE))
+    late = switched_candidates(
+        RegressionProblem(flights, white, nuisance, candidates, temperature=TEMPERATURE)
+    )
     everything = [*candidates, *late]
-    left = _rich_residuals(Problem(flights, white, nuisance, everything, temperature=1.0))
-    flights = [dc.replace(e, shocks=find_shocks(r, step)) for e, r in zip(flights, left, strict=True)]
+    residual = _rich_residuals(RegressionProblem(flights, white, nuisance, everything, temperature=1.0))
+    flights = [dc.replace(e, shocks=find_shocks(r, step)) for e, r in zip(flights, residual, strict=True)]
     raw = [e.bridged(e.y) for e in flights]
     white = scale_only(raw, step)
     if any(e.shocks.any() for e in flights):
-        left = _rich_residuals(Problem(flights, white, nuisance, everything, temperature=1.0))
-    noise = noise_of(flights, left, raw, tolerance, INEXACT)
-    others = [plain[i] for i in _best_variants(Problem(flights, noise, [], plain, temperature=1.0))]
-    left = _rich_residuals(Problem(flights, white, nuisance, others, temperature=1.0))
-    weights = (white, scale_only(no_worse(left, raw), step))  # a light payload shows in the second alone
+        residual = _rich_residuals(RegressionProblem(flights, white, nuisance, everything, temperature=1.0))
+    noise = noise_of(flights, residual, raw, tolerance, INEXACT)
+    others = [plain[i] for i in _best_variants(RegressionProblem(flights, noise, [], plain, temperature=1.0))]
+    residual = _rich_residuals(RegressionProblem(flights, white, nuisance, others, temperature=1.0))
+    weights = (white, scale_only(no_worse(residual, raw), step))  # a light payload shows in the second alone
     payloads = next(filter(None, (PayloadSearch(flights).best(n, nuisance, others) for n in weights)), [])
-    left = _rich_residuals(Problem(flights, noise, nuisance, [*everything, *payloads], temperature=1.0))
-    noise = noise_of(flights, left, raw, tolerance, INEXACT)
+    residual = _rich_residuals(
+        RegressionProblem(flights, noise, nuisance, [*everything, *payloads], temperature=1.0)
+    )
+    noise = noise_of(flights, residual, raw, tolerance, INEXACT)
     return Ready(list(flights), raw, nuisance, [*candidates, *payloads], noise)
 
 
 def noise_of(
-    flights: Sequence[Evidence], residuals, raw, tolerance: Tolerance, inexact: float = 0.0
+    flights: Sequence[FlightResiduals], residuals, raw, tolerance: Tolerance, inexact: float = 0.0
 ) -> NoiseModel:
     """Noise as residuals show it, and what errors of the regressors add to it.
 
@@ -78,7 +82,7 @@ def noise_of(
     )
 
 
-def _best_variants(problem: Problem) -> list[int]:
+def _best_variants(problem: RegressionProblem) -> list[int]:
     """Of every effect the variant that explains most alone: its position."""
     best: dict[tuple[str, ...], tuple[float, int]] = {}
     for i, c in enumerate(problem.candidates):
@@ -88,7 +92,7 @@ def _best_variants(problem: Problem) -> list[int]:
     return [i for _, i in best.values()]
 
 
-def _rich_residuals(problem: Problem) -> list[np.ndarray]:
+def _rich_residuals(problem: RegressionProblem) -> list[np.ndarray]:
     """What is left of the channels when every effect helps, each in its best single variant."""
     chosen = _best_variants(problem)
     mean, _ = problem.total.posterior(problem.columns(chosen))

@@ -11,39 +11,43 @@ from np_drake.diagnosis.fitting.multi_start import first_fit, refit
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.regressors.nuisance import tolerance_of
-from np_drake.diagnosis.regressors.regression_problem import Model, Problem
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.selection.beam_search import library_first, search
-from np_drake.diagnosis.selection.change_point import gated_candidates, late_payloads
-from np_drake.diagnosis.selection.change_point_refinement import sharpened
+from np_drake.diagnosis.selection.change_point import late_payloads, switched_candidates
+from np_drake.diagnosis.selection.change_point_refinement import refined_change_points
 from np_drake.diagnosis.selection.initial_noise import INEXACT, TEMPERATURE, Ready, noise_of, prepare
 from np_drake.diagnosis.tolerance import Tolerance
 
 
 @dc.dataclass(frozen=True)
-class Found:
+class SearchResult:
     """All models met, best first, the best of them fitted, and the noise that it leaves; no rival is fitted yet.
 
     raw: (m, 15) channels of each flight without shocks.
     """
 
     raw: list[np.ndarray]
-    problem: Problem
+    problem: RegressionProblem
     models: list[Model]
     best: Fit
     noise: NoiseModel
     tolerance: Tolerance
 
 
-def find(flights: Sequence[Evidence], tolerance: Tolerance | None = None, *, hanging: bool = True) -> Found:
+def find_map_model(
+    flights: Sequence[FlightResiduals], tolerance: Tolerance | None = None, *, hanging: bool = True
+) -> SearchResult:
     """The best model of these (training) flights.   hanging: are payloads sought that are hung on in flight?"""
     tolerance = tolerance or tolerance_of(flights)
     ready = prepare(flights, tolerance)
     problem, models, best = _search_twice(ready, tolerance, hanging)
-    return Found(ready.raw, problem, models, best, _noise_left(ready, best, tolerance), tolerance)
+    return SearchResult(ready.raw, problem, models, best, _noise_left(ready, best, tolerance), tolerance)
 
 
-def _search_twice(ready: Ready, tolerance: Tolerance, hanging: bool) -> tuple[Problem, list[Model], Fit]:
+def _search_twice(
+    ready: Ready, tolerance: Tolerance, hanging: bool
+) -> tuple[RegressionProblem, list[Model], Fit]:
     """Search and fit, once more with the noise that the fit leaves.
 
     hanging: are payloads sought that are hung on in flight?
@@ -53,15 +57,17 @@ def _search_twice(ready: Ready, tolerance: Tolerance, hanging: bool) -> tuple[Pr
     for first in (True, False):
         begun = [c for c in acting if c.onset and not any(c is known for known in candidates)]
         candidates = [*candidates, *begun]
-        problem = Problem(ready.flights, noise, ready.nuisance, candidates, temperature=TEMPERATURE)
-        late = gated_candidates(problem, [i for i, c in enumerate(candidates) if any(c is a for a in acting)])
+        problem = RegressionProblem(ready.flights, noise, ready.nuisance, candidates, temperature=TEMPERATURE)
+        late = switched_candidates(
+            problem, [i for i, c in enumerate(candidates) if any(c is a for a in acting)]
+        )
         hung = late_payloads(problem, late) if first and hanging else []
         candidates = [*candidates, *hung]
         if late or hung:
             problem = problem.beside([*hung, *late])
         models = library_first(problem, search(problem))
         acting = [problem.candidates[i] for i in models[0].members]
-        candidates = [*candidates, *(sharpened(problem, models[0]) if first else [])]
+        candidates = [*candidates, *(refined_change_points(problem, models[0]) if first else [])]
         fit = first_fit if best is None else partial(refit, known=best)
         best = fit(problem, models[0], tolerance, iterations=3)
         noise = _noise_left(ready, best, tolerance, INEXACT)
@@ -70,4 +76,4 @@ def _search_twice(ready: Ready, tolerance: Tolerance, hanging: bool) -> tuple[Pr
 
 
 def _noise_left(ready: Ready, fit: Fit, tolerance: Tolerance, inexact: float = 0.0) -> NoiseModel:
-    return noise_of(ready.flights, [fit.left(e) for e in ready.flights], ready.raw, tolerance, inexact)
+    return noise_of(ready.flights, [fit.residual(e) for e in ready.flights], ready.raw, tolerance, inexact)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from np_drake.diagnosis.forward_model.term import NEVER
-from np_drake.diagnosis.regressors.switched_regressors import LateSums, Sums
+from np_drake.diagnosis.regressors.switched_regressors import Sums, SwitchedSums
 
 MARGIN = 0.7  # from either end of a flight, in which no onset is looked for [s]
 COARSE = 5  # rows between instants that are tried at first
@@ -15,7 +15,7 @@ SPAN = 0.4  # within which an onset is to lie as likely as may be [s]; own choic
 class TriedOnsets:
     """The sums of a candidate at the instants of one flight that have been tried, in order."""
 
-    def __init__(self, late: LateSums, *, goes_on: bool):
+    def __init__(self, late: SwitchedSums, *, goes_on: bool):
         self._late = late
         self.ends = at_rows(late.whole, [0, -1])  # from the start, and never
         self.start, self.never = at_rows(self.ends, [0]), at_rows(self.ends, [1])

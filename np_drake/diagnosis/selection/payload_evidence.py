@@ -11,7 +11,7 @@ from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 from np_drake.diagnosis.regressors.library import Candidate, Onset
 from np_drake.diagnosis.regressors.payload import AT_REST, PayloadColumns, heavy_enough
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.residuals.outliers import bridge
 
 CHANNELS = 6  # force and torque alone see a payload
@@ -37,14 +37,14 @@ class Beside:
 
     def __init__(
         self,
-        flights: Sequence[Evidence],
+        flights: Sequence[FlightResiduals],
         noise: NoiseModel,
         others: Sequence[Candidate],
         onset: Onset | None,
         horizons: Sequence[float] = (),
     ):
         self._flights, self._noise, self._onset = list(flights), noise.head(CHANNELS), onset or {}
-        self._heads: dict[float, list[Evidence]] = {}
+        self._heads: dict[float, list[FlightResiduals]] = {}
         self._white = []
         for e in flights:
             y = e.y[:, :CHANNELS, None]
@@ -60,14 +60,14 @@ class Beside:
         """Columns of the others."""
         return self._white[0][0].shape[1]
 
-    def heads(self, horizon: float) -> list[Evidence]:
+    def heads(self, horizon: float) -> list[FlightResiduals]:
         """The flights as far as the horizon asks for."""
         if horizon not in self._heads:
             ends = [int(np.searchsorted(e.t, self._begin(e) + horizon)) for e in self._flights]
             self._heads[horizon] = [e.head(end) for e, end in zip(self._flights, ends, strict=True)]
         return self._heads[horizon]
 
-    def _begin(self, e: Evidence) -> float:
+    def _begin(self, e: FlightResiduals) -> float:
         return max(self._onset.get(e.name) or 0.0, e.t[0])
 
     def _after_shocks(self) -> list[float]:
@@ -77,7 +77,7 @@ class Beside:
         later = [*ends[1:], math.inf]
         return [end for end, following in zip(ends, later, strict=False) if following - end > 1.0]
 
-    def _rows(self, e: Evidence, horizon: float) -> int:
+    def _rows(self, e: FlightResiduals, horizon: float) -> int:
         """Whitened rows times channels until the horizon after the payload's begin."""
         end = self._begin(e) + horizon
         skipped = self._noise.phi.shape[1]
@@ -114,9 +114,9 @@ class Beside:
         """(k,) coefficients of a `longer` one with the mass given, hook and length at the guess."""
         (both,), n = self.joints(candidate, [horizon]), self.size
         free = np.r_[:n, n + AT_REST + 1 : len(both.Xy)]
-        left = Gram(both.XX, both.Xy - both.XX[:, n] * mass, 0.0, 0)
+        residual = Gram(both.XX, both.Xy - both.XX[:, n] * mass, 0.0, 0)
         fixed = np.concatenate([[mass], np.zeros(AT_REST)])
-        return np.concatenate([fixed, left.posterior(free)[0][n:]])
+        return np.concatenate([fixed, residual.posterior(free)[0][n:]])
 
     def joints(self, candidate: White, horizons: Sequence[float]) -> list[Gram]:
         """Gram matrices of the others and the candidate up to these horizons, from one pass over the rows."""
@@ -139,7 +139,7 @@ class Beside:
             found[horizon] = Gram(XX, np.concatenate([base.Xy, Py]), 0.0, 0)
         return [found[horizon] for horizon in horizons]
 
-    def _flat(self, e: Evidence, values: np.ndarray) -> np.ndarray:
+    def _flat(self, e: FlightResiduals, values: np.ndarray) -> np.ndarray:
         """(rows x channels, k) force and torque (m, 6, k), of the first m rows, whitened."""
         white = self._noise.whiten(bridge(values, e.shocks[: len(values)]))
         return white.reshape(len(white) * CHANNELS, values.shape[-1])

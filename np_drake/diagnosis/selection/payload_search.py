@@ -17,7 +17,7 @@ from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
 from np_drake.diagnosis.regressors.library import Candidate, Onset
 from np_drake.diagnosis.regressors.payload import Guess, PayloadColumns
 from np_drake.diagnosis.regressors.payload_grid import payload_about, payloads_of
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.selection.payload_evidence import HORIZONS, Beside
 from np_drake.effects.library import LIBRARY
 
@@ -40,7 +40,7 @@ NEAR = 0.06  # lengths closer than this are the same, relative [1]
 class PayloadSearch:
     """Payload candidates of some flights; columns of a few lengths are in memory at a time."""
 
-    def __init__(self, flights: Sequence[Evidence], onset: Onset | None = None):
+    def __init__(self, flights: Sequence[FlightResiduals], onset: Onset | None = None):
         self._flights, self._onset = list(flights), onset
 
     def best(
@@ -132,7 +132,7 @@ class PayloadSearch:
         return found
 
     def _best_about(
-        self, e: Evidence, near: float, span: float, step: float, noise, nuisance, guess
+        self, e: FlightResiduals, near: float, span: float, step: float, noise, nuisance, guess
     ) -> float:
         """The best instant of one flight within `span` of `near` [s]."""
         head = e.head(int(np.searchsorted(e.t, near + AFTER_ONSET)))
@@ -140,7 +140,7 @@ class PayloadSearch:
         times = np.arange(max(e.t[1], near - span), min(e.t[-1], near + span), max(step, e.grid.step))
         return float(times[np.argmax([self._gain_from(head, float(t), beside, guess) for t in times])])
 
-    def _gain_from(self, e: Evidence, begin: float, beside: Beside, guess: Guess) -> float:
+    def _gain_from(self, e: FlightResiduals, begin: float, beside: Beside, guess: Guess) -> float:
         """Log evidence of a payload that begins there, in one flight."""
         payload = payload_about([e], dc.replace(guess, swing={}), {e.name: begin})
         for _ in range(STEPS):

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.fitting.isotropic_prior import of_like_size
+from np_drake.diagnosis.fitting.isotropic_prior import with_isotropic_prior
 from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.fitting.multi_start import refit, rested
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.fitting.multi_start import refit, restarted
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.numerics.autoregressive_noise import (
     NoiseModel,
     no_worse,
@@ -16,10 +16,10 @@ from np_drake.diagnosis.numerics.autoregressive_noise import (
     scale_only,
 )
 from np_drake.diagnosis.regressors.generic import PREFIX
-from np_drake.diagnosis.regressors.regression_problem import SHIFTING, Model, Problem, prior_of
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.regressors.regression_problem import SHIFTING, Model, RegressionProblem, prior_of
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.selection.beam_search import MOST_EFFECTS, search
-from np_drake.diagnosis.selection.map_model import Found, find
+from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
 from np_drake.diagnosis.tolerance import Tolerance
 
 TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice
@@ -39,21 +39,21 @@ class Ranking:
 
     fits: tuple[Fit, ...]
     named: Fit
-    named_problem: Problem
+    named_problem: RegressionProblem
     named_models: tuple[Model, ...]
     probability: dict[str, float]
     noise: NoiseModel
-    problem: Problem
+    problem: RegressionProblem
     models: tuple[Model, ...]
     tolerance: Tolerance
 
 
-def rank(flights: Sequence[Evidence], *, tolerance: Tolerance | None = None) -> Ranking:
+def rank(flights: Sequence[FlightResiduals], *, tolerance: Tolerance | None = None) -> Ranking:
     """The models of these (training) flights, best first."""
-    return ranked(find(flights, tolerance))
+    return ranked(find_map_model(flights, tolerance))
 
 
-def ranked(found: Found) -> Ranking:
+def ranked(found: SearchResult) -> Ranking:
     """The best model among its rivals, each refined."""
     problem, best, tolerance, noise = found.problem, found.best, found.tolerance, found.noise
     refined = _refined(problem, found.models, tolerance, best, noise)
@@ -67,7 +67,7 @@ def ranked(found: Found) -> Ranking:
         probability = probabilities(named_problem, named_models, [named]) | structure
     return Ranking(
         tuple(fits),
-        of_like_size(named),
+        with_isotropic_prior(named),
         named_problem,
         tuple(named_models),
         probability,
@@ -82,11 +82,11 @@ def of_fits(ranking: Ranking, fits: Sequence[Fit]) -> Ranking:
     """The ranking of its own fits as they are scored now; for rankings without generic structure in the best."""
     fits = sorted(fits, key=precedence)
     probability = probabilities(ranking.problem, ranking.models, fits)
-    return dc.replace(ranking, fits=tuple(fits), named=of_like_size(fits[0]), probability=probability)
+    return dc.replace(ranking, fits=tuple(fits), named=with_isotropic_prior(fits[0]), probability=probability)
 
 
 def _refined(
-    problem: Problem, models: Sequence[Model], tolerance: Tolerance, best: Fit, noise: NoiseModel
+    problem: RegressionProblem, models: Sequence[Model], tolerance: Tolerance, best: Fit, noise: NoiseModel
 ) -> dict[Model, Fit]:
     """The models that come close to the best, each with its fit.
 
@@ -97,7 +97,7 @@ def _refined(
     tried = dict.fromkeys([*close[:REFINED], *([plainest] if np.isfinite(plainest.score) else [])])
     fits = {m: refit(problem, m, tolerance, best, noise) for m in tried}
     first = min(fits, key=lambda m: precedence(fits[m]))
-    fits[first] = rested(problem, first, tolerance, fits[first], noise)
+    fits[first] = restarted(problem, first, tolerance, fits[first], noise)
     for m in simpler(problem, first, fits[first]):
         if m not in fits:
             fits[m] = refit(problem, m, tolerance, _only(problem, m, fits[first]), noise)
@@ -105,8 +105,8 @@ def _refined(
 
 
 def _without_generic(
-    problem: Problem, fit: Fit, raw: list[np.ndarray], tolerance: Tolerance
-) -> tuple[Fit, Problem, list[Model]]:
+    problem: RegressionProblem, fit: Fit, raw: list[np.ndarray], tolerance: Tolerance
+) -> tuple[Fit, RegressionProblem, list[Model]]:
     """The effects that explain most by themselves, where structure that is no effect remains beside them.
 
     What remains is no noise then, and weighting by its spectrum would bend the figures: plain least squares, channels
@@ -117,31 +117,33 @@ def _without_generic(
     flights, measured = problem.flights, problem.flights[0].measured_rotors
     candidates = [c for c in problem.candidates if not c.generic]
     for _ in range(4 if measured else 2):  # until weights rest
-        left = [e.bridged(e.y - signature(e, fit.everything)) for e in flights]
-        noise = _structured_noise(left, raw, flights)
-        plain = Problem(flights, noise, problem.nuisance, candidates, temperature=TOGETHER, wide=not measured)
+        residual = [e.bridged(e.y - predicted_residual(e, fit.everything)) for e in flights]
+        noise = _structured_noise(residual, raw, flights)
+        plain = RegressionProblem(
+            flights, noise, problem.nuisance, candidates, temperature=TOGETHER, wide=not measured
+        )
         models = search(plain, most=MOST_MEASURED if measured else MOST_EFFECTS)
         fit = refit(plain, models[0], tolerance, None, iterations=5)
     return fit, plain, models
 
 
 def _structured_noise(
-    left: list[np.ndarray], raw: list[np.ndarray], flights: Sequence[Evidence]
+    residual: list[np.ndarray], raw: list[np.ndarray], flights: Sequence[FlightResiduals]
 ) -> NoiseModel:
     """What is left, as if it were white: as large in all flights; with measured rotor speed, as in each."""
     step = flights[0].grid.step
     if not flights[0].measured_rotors:
-        return scale_only(no_worse(left, raw), step)
-    return scale_only(no_worse_anywhere(left, raw), step, [e.name for e in flights])
+        return scale_only(no_worse(residual, raw), step)
+    return scale_only(no_worse_anywhere(residual, raw), step, [e.name for e in flights])
 
 
-def bare(problem: Problem, model: Model) -> Model:
+def bare(problem: RegressionProblem, model: Model) -> Model:
     """The model without generic structure: that may stand for what linear columns of its effects get wrong."""
     members = tuple(i for i in model.members if not problem.candidates[i].generic)
     return model if members == model.members else Model(members, problem.score(members))
 
 
-def simpler(problem: Problem, model: Model, fit: Fit) -> list[Model]:
+def simpler(problem: RegressionProblem, model: Model, fit: Fit) -> list[Model]:
     """The model without its faint effects, all and each: columns that are only linear may have asked for them.
 
     Faint is an effect whose trace, whitened, is less than `FAINT` of that of all: what linear columns get wrong. And
@@ -166,21 +168,21 @@ def simpler(problem: Problem, model: Model, fit: Fit) -> list[Model]:
 def _vague(fit: Fit, names: tuple[str, ...]) -> bool:
     """Are there no figures of these effects that the fit tells from none?"""
     own = [i for i, t in enumerate(fit.terms) if t.effect.identifier in names]
-    return bool(own) and not any(fit.tells(i) for i in own)
+    return bool(own) and not any(fit.is_significant(i) for i in own)
 
 
-def _only(problem: Problem, model: Model, fit: Fit) -> Fit:
+def _only(problem: RegressionProblem, model: Model, fit: Fit) -> Fit:
     """The fit with the terms of a smaller model alone."""
     names = names_of(problem, model)
     return dc.replace(fit, terms=tuple(t for t in fit.terms if t.effect.identifier in names))
 
 
-def _trace(fit: Fit, names: tuple[str, ...] | None, problem: Problem) -> float:
+def _trace(fit: Fit, names: tuple[str, ...] | None, problem: RegressionProblem) -> float:
     """Whitened RMS of what these effects, or all, leave in the channels of the flights."""
     total = 0.0
     for e in problem.flights:
         rest = [t for t in fit.everything if names is not None and t.effect.identifier not in names]
-        part = signature(e, fit.everything) - (signature(e, rest) if rest else 0.0)
+        part = predicted_residual(e, fit.everything) - (predicted_residual(e, rest) if rest else 0.0)
         total += float(np.sum(e.white(problem.noise, part) ** 2))
     return float(np.sqrt(total))
 
@@ -193,10 +195,10 @@ def precedence(fit: Fit) -> float:
 def score_of(fit: Fit) -> float:
     """Log evidence with the priors of its effects and onsets, and what unseen flights said, where they were asked."""
     prior = prior_of(names_of_fit(fit)) + sum(g.candidate.log_prior for g in fit.generic)
-    return fit.log_evidence + prior + fit.onset_prior + fit.unseen
+    return fit.log_evidence + prior + fit.onset_prior + fit.held_out_evidence
 
 
-def _distinct(problem: Problem, models: Sequence[Model]) -> list[Model]:
+def _distinct(problem: RegressionProblem, models: Sequence[Model]) -> list[Model]:
     """The best variant of each set of effects."""
     kept: dict[tuple[str, ...], Model] = {}
     for m in models:
@@ -204,7 +206,7 @@ def _distinct(problem: Problem, models: Sequence[Model]) -> list[Model]:
     return list(kept.values())
 
 
-def names_of(problem: Problem, model: Model) -> tuple[str, ...]:
+def names_of(problem: RegressionProblem, model: Model) -> tuple[str, ...]:
     """Identifiers of a model, sorted."""
     return tuple(sorted(name for i in model.members for name in problem.candidates[i].identifiers))
 
@@ -215,11 +217,13 @@ def names_of_fit(fit: Fit) -> tuple[str, ...]:
     return tuple(sorted([*(t.effect.identifier for t in fit.terms), *generic]))
 
 
-def probabilities(problem: Problem, models: Sequence[Model], fits: Sequence[Fit]) -> dict[str, float]:
+def probabilities(
+    problem: RegressionProblem, models: Sequence[Model], fits: Sequence[Fit]
+) -> dict[str, float]:
     """Of every effect: the share of the models that hold it, each with its (refined, where it is) evidence."""
     refined = {names_of_fit(f): score_of(f) for f in sorted(fits, key=score_of)}
     linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}
-    of_fitted = max(score_of(f) - f.unseen for f in fits)
+    of_fitted = max(score_of(f) - f.held_out_evidence for f in fits)
     shift = of_fitted - max(linear[n] for n in refined if n in linear)
     scores = {n: s + min(shift, 0.0) for n, s in linear.items()} | refined
     top = max(scores.values())

@@ -4,50 +4,50 @@ import numpy as np
 from scipy import linalg
 
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.residuals.flight_residuals import FORCE, Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FORCE, FlightResiduals
 from np_drake.effects.linear_drag import LinearDrag
 
 BIN = 0.1  # over which the force is averaged, to a whole number of rows [s]
 SPAN = 20.0  # what lies farther apart counts as independent [s]
 
 
-def forces(e: Evidence, left: np.ndarray) -> np.ndarray:
+def forces(e: FlightResiduals, residual: np.ndarray) -> np.ndarray:
     """(k, 3) force in W of what is left (m, 15), averaged over bins [N]."""
-    return binned(e, attitude.rotate(e.q, left[:, FORCE]))
+    return binned(e, attitude.rotate(e.q, residual[:, FORCE]))
 
 
-def drags(e: Evidence) -> np.ndarray:
+def drags(e: FlightResiduals) -> np.ndarray:
     """(k, 3, 3) force in W of a unit drag along each axis of the body (the last), averaged over bins [m/s]."""
     units = [Term(LinearDrag(*axis)) for axis in np.eye(3).tolist()]
-    return np.stack([forces(e, signature(e, [unit])) for unit in units], axis=-1)
+    return np.stack([forces(e, predicted_residual(e, [unit])) for unit in units], axis=-1)
 
 
-def binned(e: Evidence, values: np.ndarray) -> np.ndarray:
+def binned(e: FlightResiduals, values: np.ndarray) -> np.ndarray:
     """(k, a) means over bins of values (m, a) on the grid."""
     size = _size(e)
     return values[: len(values) // size * size].reshape(-1, size, values.shape[1]).mean(axis=1)
 
 
-def width(e: Evidence) -> float:
+def width(e: FlightResiduals) -> float:
     """Of a bin [s]."""
     return _size(e) * e.grid.step
 
 
-def instants(e: Evidence) -> np.ndarray:
+def instants(e: FlightResiduals) -> np.ndarray:
     """(k,) at which bins begin [s]."""
     return e.t[0] + width(e) * np.arange(len(e.t) // _size(e))
 
 
-def spans(e: Evidence, values: np.ndarray, begin: float | None) -> list[np.ndarray]:
+def spans(e: FlightResiduals, values: np.ndarray, begin: float | None) -> list[np.ndarray]:
     """Bins (k, a) of a flight from `begin` on [s] (None: from the start), in pieces of at most `SPAN`."""
     later = values[0 if begin is None else np.searchsorted(instants(e), begin) :]
     most = round(SPAN / width(e))
     return [later[i : i + most] for i in range(0, len(later), most) if len(later) - i > 1]
 
 
-def blows(e: Evidence, begin: float | None) -> bool:
+def blows(e: FlightResiduals, begin: float | None) -> bool:
     """Are there bins from `begin` on [s] (None: from the start) to read a wind from?"""
     return bool(spans(e, instants(e)[:, None], begin))
 
@@ -68,5 +68,5 @@ def factor(
     return linalg.cholesky(linalg.toeplitz(column), lower=True)
 
 
-def _size(e: Evidence) -> int:
+def _size(e: FlightResiduals) -> int:
     return max(1, round(BIN / e.grid.step))

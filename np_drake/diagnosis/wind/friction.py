@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.numerics.instrumental_variables import Block, instrumented, plain
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.wind.force_bins import binned, drags, factor, forces, spans, width
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce
 from np_drake.rigid_body import V
@@ -15,7 +15,7 @@ FRICTION = 3  # its column, after three drags and before a mean force along each
 
 
 def dry_friction(
-    flights: Sequence[Evidence], felt: Mapping[str, np.ndarray], begins: Begins, gusts: WindForce
+    flights: Sequence[FlightResiduals], felt: Mapping[str, np.ndarray], begins: Begins, gusts: WindForce
 ) -> float:
     """A force of one size against the way over ground beside drag and gusts, in its deviations; above 0: there is one.
 
@@ -35,7 +35,7 @@ def _against(precision: np.ndarray, target: np.ndarray) -> float:
 
 
 def _blocks(
-    flights: Sequence[Evidence], felt: Mapping[str, np.ndarray], begins: Begins, gusts: WindForce
+    flights: Sequence[FlightResiduals], felt: Mapping[str, np.ndarray], begins: Begins, gusts: WindForce
 ) -> Iterator[Block]:
     for e in flights:
         both = np.hstack([forces(e, felt[e.name]), drags(e).reshape(-1, 9), _course(e)])
@@ -48,7 +48,7 @@ def _blocks(
                 yield np.column_stack([units[:, axis], course[:, axis], mean]), f[:, axis], root
 
 
-def _course(e: Evidence) -> np.ndarray:
+def _course(e: FlightResiduals) -> np.ndarray:
     """(k, 3) over bins, the unit vector in W along which a vehicle goes."""
     v = e.from_rows(e.rows.x[:, V])
     return binned(e, v / np.maximum(np.linalg.norm(v, axis=1, keepdims=True), STILL))

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import linalg, optimize
 
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.wind.force_bins import factor, forces, spans, width
 
 SHORTEST, LONGEST = 0.1, 20.0  # correlation time [s]
@@ -36,13 +36,15 @@ class WindForce:
         return self.deviation[0], self.correlation_time[0], self.white
 
 
-def wind_force(flights: Sequence[Evidence], left: Mapping[str, np.ndarray], begins: Begins) -> WindForce:
+def wind_force(
+    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins
+) -> WindForce:
     """Of what is left (m, 15) of the flights, from when the wind begins on [s].
 
     Source: restricted maximum likelihood, the mean of each axis taken out; the intervals by its curvature in the
     logarithms. Deviation and correlation time are those of the two level axes together.
     """
-    blown = [s for e in flights for s in spans(e, forces(e, left[e.name]), begins.get(e.name))]
+    blown = [s for e in flights for s in spans(e, forces(e, residual[e.name]), begins.get(e.name))]
     level, size_of_bin = [span[:, :2] for span in blown], width(flights[0])
     size = float(np.sqrt(np.mean(np.concatenate(level).var(axis=0))))
     start = np.log([size, 1.0, 0.3 * size])

@@ -5,10 +5,10 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.instrumental_variables import Block, instrumented
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.wind.force_bins import drags, factor, forces, instants, spans, width
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, Z, wind_force
@@ -25,7 +25,7 @@ FIGURES = LinearDrag.parameters
 
 
 def drag_in_gusts(
-    drag: Cause, flights: Sequence[Evidence], felt: Mapping[str, np.ndarray], begins: Begins
+    drag: Cause, flights: Sequence[FlightResiduals], felt: Mapping[str, np.ndarray], begins: Begins
 ) -> Cause | None:
     """The drag with figures and intervals under the gusts' own covariance; None where no wind acts through it.
 
@@ -47,8 +47,8 @@ def drag_in_gusts(
     for _ in range(ROUNDS):
         if not _feels(d):
             return drag if known else None
-        left = {e.name: felt[e.name] - drag_trace(e, LinearDrag(*d.tolist()), begins) for e in flights}
-        d, deviation = _estimate(pieces, width(flights[0]), wind_force(flights, left, begins), d)
+        residual = {e.name: felt[e.name] - drag_trace(e, LinearDrag(*d.tolist()), begins) for e in flights}
+        d, deviation = _estimate(pieces, width(flights[0]), wind_force(flights, residual, begins), d)
     if not _feels(d):
         return drag if known else None
     figures = {
@@ -58,9 +58,9 @@ def drag_in_gusts(
     return dc.replace(drag, parameters=figures, effect=LinearDrag(*d.tolist()))
 
 
-def drag_trace(e: Evidence, drag: LinearDrag, begins: Begins) -> np.ndarray:
+def drag_trace(e: FlightResiduals, drag: LinearDrag, begins: Begins) -> np.ndarray:
     """(m, 15) of a drag alone, from its begin in this flight on."""
-    return signature(e, [Term(drag, {e.name: begins.get(e.name)})])
+    return predicted_residual(e, [Term(drag, {e.name: begins.get(e.name)})])
 
 
 def _feels(d: np.ndarray) -> bool:
@@ -78,7 +78,7 @@ class _Piece:
     blown: bool
 
 
-def _pieces(e: Evidence, felt: np.ndarray, begin: float | None, *, early: bool) -> list[_Piece]:
+def _pieces(e: FlightResiduals, felt: np.ndarray, begin: float | None, *, early: bool) -> list[_Piece]:
     """Of a flight from the wind's begin on; `early`: and before it."""
     both = np.hstack([forces(e, felt), drags(e).reshape(-1, 9)])
     found = [(span, True) for span in spans(e, both, begin)]

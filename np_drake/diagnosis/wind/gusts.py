@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.prediction import HeldOut
 from np_drake.diagnosis.regressors.library import DRAG, GUSTY
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.selection.calibration import DOUBTED
 from np_drake.diagnosis.tolerance import Tolerance
@@ -33,12 +33,12 @@ ROUGH = 2.0  # times as wide are intervals of gusts on a rig, of whose own wande
 
 
 def as_gusts(
-    flights: Sequence[Evidence],
+    flights: Sequence[FlightResiduals],
     felt: Mapping[str, np.ndarray],
     causes: list[Cause],
     probability: float,
     tolerance: Tolerance,
-    unseen: Sequence[Evidence] = (),
+    held_out: Sequence[FlightResiduals] = (),
 ) -> list[Cause]:
     """The causes with gusts among them, where a drag was found through which they can act; else as they are.
 
@@ -53,14 +53,14 @@ def as_gusts(
     known = _known(causes, drag)
     if not any(blows(e, known.get(e.name)) for e in flights):
         return causes
-    onset, begun = GustOnset(flights, unseen, felt, drag, tolerance).begins(known)
+    onset, begun = GustOnset(flights, held_out, felt, drag, tolerance).begins(known)
     felt_by = drag_in_gusts(dc.replace(drag, onset=begun), flights, felt, onset)
     if felt_by is None:
         return causes
     drag = felt_by
     assert isinstance(drag.effect, LinearDrag)
-    left = {e.name: felt[e.name] - drag_trace(e, drag.effect, begun) for e in flights}
-    force = wind_force(flights, left, onset)
+    residual = {e.name: felt[e.name] - drag_trace(e, drag.effect, begun) for e in flights}
+    force = wind_force(flights, residual, onset)
     friction = dry_friction(flights, felt, onset, force)
     if _too_strong(force, drag) or friction > RUBS:
         return causes
@@ -87,7 +87,7 @@ def _known(causes: Sequence[Cause], drag: Cause) -> dict[str, float | None]:
     return {name: steady.get(name) if begin is None else begin for name, begin in drag.onset.items()}
 
 
-def in_gusts(held: HeldOut, causes: Sequence[Cause], flights: Sequence[Evidence]) -> HeldOut:
+def in_gusts(held: HeldOut, causes: Sequence[Cause], flights: Sequence[FlightResiduals]) -> HeldOut:
     """The same where the wind is one of gusts: all that is foreseen of it, its mean, in the place of a steady wind.
 
     causes: the gusts and the drag that feels them among them, each from when on it acts.
@@ -96,17 +96,17 @@ def in_gusts(held: HeldOut, causes: Sequence[Cause], flights: Sequence[Evidence]
     gusts, drag = by_name["gusty_wind"], by_name[DRAG]
     assert gusts.effect is not None
     assert drag.effect is not None
-    terms, left = dict(held.terms), dict(held.left)
+    terms, residual = dict(held.terms), dict(held.residual)
     for e in flights:
         rest = [t for t in held.terms[e.name] if t.effect.identifier not in GUSTY]
         felt = Term(drag.effect, {e.name: drag.onset.get(e.name)})
         terms[e.name] = [*rest, felt, Term(gusts.effect.foreseen, {e.name: gusts.onset.get(e.name)})]
-        left[e.name] = e.y - signature(e, terms[e.name])
-    return dc.replace(held, terms=terms, left=left)
+        residual[e.name] = e.y - predicted_residual(e, terms[e.name])
+    return dc.replace(held, terms=terms, residual=residual)
 
 
 def _statistics(
-    flights: Sequence[Evidence], force: WindForce, drag: Cause, tolerance: Tolerance
+    flights: Sequence[FlightResiduals], force: WindForce, drag: Cause, tolerance: Tolerance
 ) -> dict[str, Estimate]:
     """Figures of the wind [m/s, s] from those of its force: a drag is known to a share, a rig's axes to an angle."""
     d = np.array([drag.parameters[f"d_{axis}"].value for axis in "xyz"])

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from np_drake.diagnosis.held_out.adaptation import SURPRISE
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force
@@ -24,8 +24,8 @@ class GustOnset:
     felt: by flight, (m, 15) what drag and wind together leave in it.
     """
 
-    flights: Sequence[Evidence]
-    unseen: Sequence[Evidence]
+    flights: Sequence[FlightResiduals]
+    held_out: Sequence[FlightResiduals]
     felt: Mapping[str, np.ndarray]
     drag: Cause
     tolerance: Tolerance
@@ -44,20 +44,20 @@ class GustOnset:
             apart = self._sought(blown, blown, known, wind, ASKED.moves)
             together = self._sought(blown, self.felt, known, wind, MOVES)
             late = [e for e in self.flights if any(b[e.name].at is not None for b in (apart, together))]
-            gain = sum(apart[e.name].loss - together[e.name].loss for e in late or self.unseen)
+            gain = sum(apart[e.name].loss - together[e.name].loss for e in late or self.held_out)
             both = gain + at_once > 0
             known = {name: begin.at for name, begin in (together if both else apart).items()}
             acts = known if both else self.drag.onset
         return dict(known), dict(acts)
 
-    def _left(self, e: Evidence, acts: Begins) -> np.ndarray:
+    def _left(self, e: FlightResiduals, acts: Begins) -> np.ndarray:
         """(m, 15) of what is felt without the drag, which acts from then on."""
         assert isinstance(self.drag.effect, LinearDrag)
         return self.felt[e.name] - drag_trace(e, self.drag.effect, acts)
 
     @property
-    def _every(self) -> tuple[Evidence, ...]:
-        return (*self.flights, *self.unseen)
+    def _every(self) -> tuple[FlightResiduals, ...]:
+        return (*self.flights, *self.held_out)
 
     def _sought(
         self,
@@ -75,7 +75,7 @@ class GustOnset:
             for e in self.flights
         }
         late = any(begin.at is not None for begin in found.values())
-        for e in self.unseen:  # what acts throughout the others hardly begins late here
+        for e in self.held_out:  # what acts throughout the others hardly begins late here
             begin = known.get(e.name) if late else None
             found[e.name] = wind_onset(
                 e, blown[e.name], begin, wind, before[e.name], asked if late else Asked(SURPRISE)

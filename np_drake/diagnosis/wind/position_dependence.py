@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import linalg, stats
 
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.wind.force_bins import binned, drags, factor, forces, spans, width
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force
 from np_drake.rigid_body import P
@@ -13,7 +13,9 @@ from np_drake.rigid_body import P
 TINY = 1e-9  # [m], for a height that is kept
 
 
-def chance_of_place(flights: Sequence[Evidence], left: Mapping[str, np.ndarray], begins: Begins) -> float:
+def position_p_value(
+    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins
+) -> float:
     """Probability that gusts, which do not know where the vehicle is, follow its place as much as this force does [1].
 
     Source: likelihood ratio of a level force that is quadratic in the position (a jet pushes in the middle of a
@@ -21,7 +23,7 @@ def chance_of_place(flights: Sequence[Evidence], left: Mapping[str, np.ndarray],
     under the gusts' covariance, as strong in each flight as they are there: half a chi-squared of at most eighteen.
     left: (m, 15) by flight, what is left of it.   begins: by flight, when the wind begins [s].
     """
-    wind = wind_force(flights, left, begins)
+    wind = wind_force(flights, residual, begins)
     x = np.concatenate([e.rows.x[:, P] for e in flights])
     middle, size = x.mean(axis=0), x.std(axis=0) + TINY
     white = []
@@ -29,7 +31,7 @@ def chance_of_place(flights: Sequence[Evidence], left: Mapping[str, np.ndarray],
         place = (_on_grid(e, P) - middle) / size
         dragged = np.hstack([*np.moveaxis(drags(e)[:, :2], 1, 0)])
         level = np.hstack(
-            [forces(e, left[e.name])[:, :2], dragged, binned(e, place), binned(e, _products(place))]
+            [forces(e, residual[e.name])[:, :2], dragged, binned(e, place), binned(e, _products(place))]
         )
         pieces = [_about_its_mean(p, width(e), wind) for p in spans(e, level, begins.get(e.name))]
         if pieces:
@@ -59,6 +61,6 @@ def _products(x: np.ndarray) -> np.ndarray:
     return x[:, i] * x[:, j]
 
 
-def _on_grid(e: Evidence, columns: slice) -> np.ndarray:
+def _on_grid(e: FlightResiduals, columns: slice) -> np.ndarray:
     """(m, a) of the state."""
     return np.stack([np.interp(e.t, e.rows.t, axis) for axis in e.rows.x[:, columns].T], axis=1)

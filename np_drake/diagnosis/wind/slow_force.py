@@ -14,7 +14,7 @@ from scipy import fft, optimize
 
 from np_drake import attitude
 from np_drake.diagnosis.residuals.accelerations import low_pass
-from np_drake.diagnosis.residuals.flight_residuals import FORCE, POSITION, VELOCITY, Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FORCE, POSITION, VELOCITY, FlightResiduals
 from np_drake.diagnosis.tolerance import Tolerance
 
 TOP = 1.0  # of what counts as slow [Hz]
@@ -55,10 +55,10 @@ class _Spectra:
 
 
 def slow_force(
-    flights: Sequence[Evidence], left: Mapping[str, np.ndarray], tolerance: Tolerance
+    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], tolerance: Tolerance
 ) -> SlowForce:
     """In what is left (m, 15) of the flights."""
-    spectra = [_spectra(e, left[e.name]) for e in flights]
+    spectra = [_spectra(e, residual[e.name]) for e in flights]
     mass, gravity = flights[0].vehicle.mass, flights[0].vehicle.gravity
     centre, spread = _prior(tolerance, gravity, max(len(s.values) for s in spectra))
     bounds = list(zip(centre - REACH * spread, centre + REACH * spread, strict=True))
@@ -81,23 +81,23 @@ def slow_force(
     return SlowForce(max(float(calm.fun - best.fun), 0.0), mass * float(np.exp(best.x[n])))
 
 
-def slow_power(flights: Sequence[Evidence], left: Mapping[str, np.ndarray]) -> float:
+def slow_power(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray]) -> float:
     """Of what is left (m, 15), as position shows it: mean square of a level axis, its mean apart [N²].
 
     In the body as in W: an attitude that is read askew turns with a vehicle that yaws.
     """
-    spectra = [_spectra(e, left[e.name], upright=True) for e in flights]
+    spectra = [_spectra(e, residual[e.name], upright=True) for e in flights]
     width = [s.f[0] for s in spectra]
     power = [np.sum(np.mean(s.values[0] ** 2, axis=1)) * w for s, w in zip(spectra, width, strict=True)]
     return float(flights[0].vehicle.mass ** 2 * np.mean(power))
 
 
-def _spectra(e: Evidence, left: np.ndarray, *, upright: bool = False) -> _Spectra:
+def _spectra(e: FlightResiduals, residual: np.ndarray, *, upright: bool = False) -> _Spectra:
     """Of what is left of a flight (m, 15); `upright`: without its mean in body axes, (3,)."""
     step, R = e.grid.step, e.q
-    slip = attitude.rotate(R, left[:, POSITION])
-    from_position = np.gradient(slip, step, axis=0) + attitude.rotate(R, left[:, VELOCITY])
-    read = left[:, FORCE] / e.vehicle.mass
+    slip = attitude.rotate(R, residual[:, POSITION])
+    from_position = np.gradient(slip, step, axis=0) + attitude.rotate(R, residual[:, VELOCITY])
+    read = residual[:, FORCE] / e.vehicle.mass
     both = [read + attitude.rotate_back(R, from_position), *([read] if e.turned else [])]
     both = [b - b.mean(axis=0) for b in both] if upright else both
     across = [attitude.rotate(R, b * [1.0, 1.0, 0.0])[:, :2] for b in both]

@@ -4,9 +4,9 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.diagnosis.fitting.isotropic_prior import of_like_size
+from np_drake.diagnosis.fitting.isotropic_prior import with_isotropic_prior
 from np_drake.diagnosis.fitting.multi_start import refit
-from np_drake.diagnosis.regressors.library import DRAG, Onset, gated
+from np_drake.diagnosis.regressors.library import DRAG, Onset, switched
 from np_drake.diagnosis.regressors.regression_problem import Model, effect_prior
 from np_drake.diagnosis.selection.ranking import Ranking, names_of, names_of_fit
 from np_drake.diagnosis.wind.wind_onset import wind_begins
@@ -30,7 +30,7 @@ def with_drag(ranking: Ranking) -> Ranking:
     drags = [i for i, c in enumerate(problem.candidates) if c.identifiers == (DRAG,) and not c.onset]
     onset = _begins(ranking)
     if onset:
-        late = [gated(problem.candidates[i], problem.flights, onset) for i in drags]
+        late = [switched(problem.candidates[i], problem.flights, onset) for i in drags]
         drags += [len(problem.candidates) + k for k in range(len(late))]
         problem = problem.beside(late)
     sets = [(*known.members, i) for i in drags if problem.fits_together((*known.members, i))]
@@ -40,7 +40,7 @@ def with_drag(ranking: Ranking) -> Ranking:
     odds = best.score - problem.score(known.members) - effect_prior(DRAG) + RATHER
     if odds < 0:
         return ranking
-    named = of_like_size(refit(problem, best, ranking.tolerance, None, own))
+    named = with_isotropic_prior(refit(problem, best, ranking.tolerance, None, own))
     probability = ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))}
     models = (best, *ranking.named_models)
     return dc.replace(
@@ -51,5 +51,5 @@ def with_drag(ranking: Ranking) -> Ranking:
 def _begins(ranking: Ranking) -> Onset:
     """Flights in which the slow force that is left begins in flight, and when [s]: its own power pays for instants."""
     flights = ranking.named_problem.flights
-    begins = wind_begins(flights, {e.name: ranking.named.left(e) for e in flights}, {}, ranking.tolerance)
+    begins = wind_begins(flights, {e.name: ranking.named.residual(e) for e in flights}, {}, ranking.tolerance)
     return {name: begin for name, begin in begins.items() if begin is not None}

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import linalg
 
-from np_drake.diagnosis.residuals.flight_residuals import Evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.diagnosis.wind.force_bins import SPAN, factor, forces, instants, width
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force
@@ -49,8 +49,8 @@ class Begin:
 
 
 def wind_onset(
-    e: Evidence,
-    left: np.ndarray,
+    e: FlightResiduals,
+    residual: np.ndarray,
     begin: float | None,
     wind: WindForce,
     before: np.ndarray,
@@ -63,7 +63,7 @@ def wind_onset(
     without gusts as well.   Source: likelihood of a change point; the two sides independent (own choice).
     left: (m, 15) what is left of the flight while it blows.   before: (k,) `loss_of_calm` of what is left until then.
     """
-    bins, t = forces(e, left)[:, :2], instants(e)
+    bins, t = forces(e, residual)[:, :2], instants(e)
     k = np.arange(len(t))
     here = 0 if begin is None else int(np.argmin(np.abs(t - min(begin, t[-1]))))
     root = factor(len(t), width(e), *wind.figures, OWN * wind.deviation[0])
@@ -78,27 +78,33 @@ def wind_onset(
 
 
 def wind_begins(
-    flights: Sequence[Evidence], left: Mapping[str, np.ndarray], known: Begins, tolerance: Tolerance
+    flights: Sequence[FlightResiduals],
+    residual: Mapping[str, np.ndarray],
+    known: Begins,
+    tolerance: Tolerance,
 ) -> Begins:
     """When it begins in each flight by its own power [s], from where it is taken to; left: (m, 15) by flight."""
     begins = known
     for _ in range(ROUNDS):
-        wind = wind_force(flights, left, begins)
-        calm = {e.name: loss_of_calm(e, left[e.name], wind, tolerance) for e in flights}
+        wind = wind_force(flights, residual, begins)
+        calm = {e.name: loss_of_calm(e, residual[e.name], wind, tolerance) for e in flights}
         begins = {
-            e.name: wind_onset(e, left[e.name], begins.get(e.name), wind, calm[e.name]).at for e in flights
+            e.name: wind_onset(e, residual[e.name], begins.get(e.name), wind, calm[e.name]).at
+            for e in flights
         }
     return begins
 
 
-def loss_of_calm(e: Evidence, left: np.ndarray, wind: WindForce, tolerance: Tolerance) -> np.ndarray:
+def loss_of_calm(
+    e: FlightResiduals, residual: np.ndarray, wind: WindForce, tolerance: Tolerance
+) -> np.ndarray:
     """(k,) -2 log likelihood of the level forces in the bins before each bin of a flight, without a wind.
 
     left: (m, 15) what is left of it while it is calm.   A laboratory's sensors leave white noise, as the wind has it
     at least. A rig's attitude errs slowly as well, a Gauss-Markov process about the tolerance in size, whichever fits
     best; its white noise is that of the whole flight.   Source: profile likelihood; own choice of the grid.
     """
-    bins = forces(e, left)[:, :2]
+    bins = forces(e, residual)[:, :2]
     if not tolerance.real:
         count = 2 * np.arange(len(bins))
         power = _before(np.sum(bins**2, axis=1))

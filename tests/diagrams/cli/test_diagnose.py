@@ -16,7 +16,7 @@ VEHICLE = "name: mine\nmass: 2.5\n"
 
 
 def answer(
-    vehicle, train, held_out, replay=None, *, second_look=True, tolerance=None, on_progress=None
+    vehicle, train, held_out, replay=None, *, adaptive_split=True, tolerance=None, on_progress=None
 ) -> an.Diagnosis:
     """A mass error, whatever the logs say; the replay is the real one."""
     on_progress(0.5, "half")

@@ -13,7 +13,7 @@ import pytest
 from np_drake import attitude
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
-from np_drake.diagnosis.residuals.flight_residuals import Evidence, make_evidence
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
 from np_drake.diagnosis.selection.ranking import Ranking, rank
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
@@ -36,21 +36,21 @@ def fly() -> Fly:
 
 
 @pytest.fixture(scope="session")
-def seen(fly: Fly) -> Callable[..., Evidence]:
+def seen(fly: Fly) -> Callable[..., FlightResiduals]:
     """What a made flight says: `fly` and `make_evidence`."""
 
-    def look(*effects: Effect, vehicle: Vehicle = VEHICLE, **how: Any) -> Evidence:
-        return make_evidence(fly(*effects, vehicle=vehicle, **how), vehicle)
+    def infer(*effects: Effect, vehicle: Vehicle = VEHICLE, **how: Any) -> FlightResiduals:
+        return make_flight_residuals(fly(*effects, vehicle=vehicle, **how), vehicle)
 
-    return look
+    return infer
 
 
 @dc.dataclass(frozen=True)
 class Case:
     """Flights of one vehicle, and the models that explain them, best first."""
 
-    flights: list[Evidence]
-    unseen: list[Evidence]
+    flights: list[FlightResiduals]
+    held_out: list[FlightResiduals]
     ranking: Ranking
 
     @property
@@ -101,12 +101,12 @@ def pushed() -> Callable[..., dict[str, np.ndarray]]:
     """What is left (m, 15) of flights in gusts of 0.5 N about a mean, from `begin` on, and noise."""
 
     def left_of(flights, rng, time, *, begin=-np.inf, white=0.05) -> dict[str, np.ndarray]:
-        left = {}
+        residual = {}
         for e in flights:
             gusts = 0.5 * _process(rng, e.t, time) + white * rng.standard_normal((len(e.t), 3))
             force = np.array([0.3, -0.2, 0.1]) + gusts
-            left[e.name] = np.zeros_like(e.y)
-            left[e.name][:, :3] = attitude.rotate_back(e.q, force * (e.t >= begin)[:, None])
-        return left
+            residual[e.name] = np.zeros_like(e.y)
+            residual[e.name][:, :3] = attitude.rotate_back(e.q, force * (e.t >= begin)[:, None])
+        return residual
 
     return left_of

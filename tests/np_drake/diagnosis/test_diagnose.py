@@ -5,7 +5,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.diagnose import diagnose, require_flights
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.residuals.requirements import require_flights
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.base import Parameter, WrenchEffect

@@ -31,7 +31,16 @@ def small() -> an.Diagnosis:
         True, {"speed [m/s]": 1.0}, {"force x": 0.1}, (an.Confusable(("a", "b"), "alike", "roll"),)
     )
     shrink = an.Shrink(5.0, 1.1, 1.0, 0.99, (0.98, 1.0), (an.Rung("nominal", 5.0),), GAP, None)
-    return an.Diagnosis("mine", ("train_1",), ("heldout",), ("mass_error",), (cause,), check, where, shrink)
+    return an.Diagnosis(
+        "mine",
+        ("train_1",),
+        ("heldout",),
+        ("mass_error",),
+        (cause,),
+        check,
+        where,
+        shrink,
+    )
 
 
 def test_the_file_has_the_fields_of_the_schema():

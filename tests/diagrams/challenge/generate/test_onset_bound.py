@@ -4,7 +4,7 @@ import pytest
 from diagrams.challenge.generate.onset_bound import AROUND, best_onset
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
-from np_drake.diagnosis.residuals.flight_residuals import make_evidence
+from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.logs.flight_log import FlightLog
 
@@ -19,7 +19,7 @@ def hovering(vehicle):
     q = np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
     u = np.tile([vehicle.mass * vehicle.gravity, 0.0, 0.0, 0.0], (len(t), 1))
     log = FlightLog(t, rest, q, rest, rest, u, a=rest, al=rest, name="hover")
-    return make_evidence(log, vehicle)
+    return make_flight_residuals(log, vehicle)
 
 
 def told(evidence, strength, seed=1):

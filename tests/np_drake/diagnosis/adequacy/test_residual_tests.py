@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.adequacy import residual_tests as dut
-from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
+from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 
 
 def test_on_a_rig_an_accelerometer_may_read_another_weight_in_every_flight(ranked):
     case = ranked()
-    left = {e.name: np.zeros_like(e.y) for e in case.flights}
-    left[case.flights[0].name][:, 2] = 0.01 * case.flights[0].vehicle.mass * 9.81
-    odd = {t.name: dut.odd(case.flights, left, t) for t in (Tolerance(), LABORATORY)}
-    assert [p > 0.5 for p, _ in odd["rig"]] == [False, False]
-    assert [p > 0.5 for p, _ in odd["laboratory"]] == [False, True]
+    residual = {e.name: np.zeros_like(e.y) for e in case.flights}
+    residual[case.flights[0].name][:, 2] = 0.01 * case.flights[0].vehicle.mass * 9.81
+    irregularities = {t.name: dut.irregularities(case.flights, residual, t) for t in (Tolerance(), IDEAL_SENSORS)}
+    assert [p > 0.5 for p, _ in irregularities["rig"]] == [False, False]
+    assert [p > 0.5 for p, _ in irregularities["laboratory"]] == [False, True]
 
 
 @pytest.mark.parametrize("force", [0.005, 0.05], ids=["too small to matter", "large"])
@@ -21,9 +21,9 @@ def test_a_burst_is_asked_whether_it_matters(ranked, force):
     """Of weight, in logs that have next to no noise."""
     case = ranked()
     weight = case.flights[0].vehicle.mass * 9.81
-    left = {e.name: 1e-4 * weight * np.sin(e.t)[:, None] * np.ones(15) for e in case.flights}
-    left[case.flights[0].name][200:260, 2] += force * weight
-    (burst, found), _ = dut.odd(case.flights, left, Tolerance())
+    residual = {e.name: 1e-4 * weight * np.sin(e.t)[:, None] * np.ones(15) for e in case.flights}
+    residual[case.flights[0].name][200:260, 2] += force * weight
+    (burst, found), _ = dut.irregularities(case.flights, residual, Tolerance())
     assert found.size > 2 * dut.BURST
     assert (burst > 0.5) is (force > 0.01)
 
@@ -33,17 +33,19 @@ def test_a_slow_force_of_unseen_flights_alone_is_more_than_an_attitude_that_wand
     ranked, monkeypatch, times, unknown
 ):
     case, rig = ranked(), Tolerance()
-    weight = case.unseen[0].vehicle.mass * case.unseen[0].vehicle.gravity
+    weight = case.held_out[0].vehicle.mass * case.held_out[0].vehicle.gravity
     monkeypatch.setattr(dut, "slow_power", lambda *_: (times * weight * rig.attitude) ** 2)
-    left = {e.name: e.y for e in case.unseen}
-    assert (dut.novel(case.unseen, left, rig, 0.0, gusty=False)[0] > 0.5) is unknown
-    assert dut.novel(case.unseen, left, rig, 0.0, gusty=True)[0] < 0.5
+    residual = {e.name: e.y for e in case.held_out}
+    assert (
+        dut.novel_on_held_out(case.held_out, residual, rig, 0.0, gusty=False)[0] > 0.5
+    ) is unknown
+    assert dut.novel_on_held_out(case.held_out, residual, rig, 0.0, gusty=True)[0] < 0.5
 
 
 def test_a_line_matters_less_on_a_rig(ranked):
     flights = ranked().flights
     weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
-    rig, laboratory = (dut.least_lines(flights, t) for t in (Tolerance(), LABORATORY))
+    rig, laboratory = (dut.least_lines(flights, t) for t in (Tolerance(), IDEAL_SENSORS))
     assert rig[0] == pytest.approx(0.005 * weight)
     assert np.all(laboratory[:3] == pytest.approx(0.3 * rig[:3]))
 
@@ -64,9 +66,9 @@ def test_a_slow_torque_matters_by_its_share_or_far_above_what_noise_has(
 ):
     """size: of the torque, over what matters."""
     flights, tolerance = ranked().flights, Tolerance()
-    torque = times * dut.SLOW_TORQUE[True], share, size * dut.matters(flights, tolerance)[1]
+    torque = times * dut.SLOW_TORQUE[True], share, size * dut.least_structure(flights, tolerance)[1]
     monkeypatch.setattr(dut, "slow_torque", lambda *_: torque)
-    found, _ = dut.twists(torque, flights, flights, {}, tolerance, hidden=False)
+    found, _ = dut.slow_torque_test(torque, flights, flights, {}, tolerance, hidden=False)
     assert (found > 0.5) is unknown
 
 
@@ -75,5 +77,5 @@ def test_a_slow_torque_is_asked_of_unseen_flights_as_well(ranked, monkeypatch, a
     flights, tolerance = ranked().flights, Tolerance()
     limit = dut.SLOW_TORQUE[True]
     monkeypatch.setattr(dut, "slow_torque", lambda *_: (again * limit, 1.0, 1.0))
-    found, _ = dut.twists((2 * limit, 1.0, 1.0), flights, flights, {}, tolerance, hidden=False)
+    found, _ = dut.slow_torque_test((2 * limit, 1.0, 1.0), flights, flights, {}, tolerance, hidden=False)
     assert (found > 0.5) is unknown

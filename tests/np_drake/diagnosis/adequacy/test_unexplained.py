@@ -8,7 +8,7 @@ import pytest
 from np_drake.diagnosis.adequacy import residual_tests
 from np_drake.diagnosis.adequacy import unexplained as remains_module
 from np_drake.diagnosis.adequacy.residual_statistics import strongest_line
-from np_drake.diagnosis.adequacy.unexplained import _repeat, remains
+from np_drake.diagnosis.adequacy.unexplained import _repeat, find_unexplained
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.result import CHANNELS
 from np_drake.diagnosis.tolerance import Tolerance
@@ -36,7 +36,7 @@ class Damper(WrenchEffect):
 def of(ranked):
     def answer(*effects):
         case = ranked(*effects)
-        return remains(case.ranking, case.fit, case.flights, case.unseen)
+        return find_unexplained(case.ranking, case.fit, case.flights, case.held_out)
 
     return answer
 
@@ -47,7 +47,7 @@ def test_of_a_nominal_flight_nothing_remains(of):
     assert dut.probability < 0.2
     assert dut.slow_probability < 0.2
     assert dut.findings == ()
-    assert not dut.novel
+    assert not dut.novel_on_held_out
 
 
 def test_a_torque_that_no_effect_explains_remains_and_says_where_it_lives(of):
@@ -68,30 +68,30 @@ def test_a_torque_that_no_effect_explains_remains_and_says_where_it_lives(of):
 def test_beside_an_effect_that_explains_a_torque_no_generic_torque_is_unknown(ranked, effect):
     case = ranked(effect)
     assert effect.identifier in [t.effect.identifier for t in case.ranking.named.terms]
-    assert not remains(case.ranking, case.fit, case.flights, case.unseen).unknown
+    assert not find_unexplained(case.ranking, case.fit, case.flights, case.held_out).unknown
 
 
 @pytest.mark.parametrize("channel, size", [(0, 2.0), (4, 0.1)], ids=["force [N]", "torque [N·m]"])
 def test_what_unseen_flights_alone_show_is_unknown(ranked, channel, size):
     case = ranked()
-    unseen = [dc.replace(e, y=e.y.copy()) for e in case.unseen]
-    for e in unseen:
+    held_out = [dc.replace(e, y=e.y.copy()) for e in case.held_out]
+    for e in held_out:
         e.y[:, channel] += size * np.sin(2 * np.pi * 0.5 * e.t) * np.sin(2 * np.pi * 0.13 * e.t)
-    dut = remains(case.ranking, case.fit, case.flights, unseen)
+    dut = find_unexplained(case.ranking, case.fit, case.flights, held_out)
     assert dut.unknown
     assert {f.name for f in dut.findings} - {"burst"} == {"unseen flights"}
-    assert dut.novel
+    assert dut.novel_on_held_out
 
 
 @pytest.mark.parametrize("where", ["a flight of the fit", "the unseen one"])
 @pytest.mark.parametrize("size, unknown", [(0.03, False), (2.0, True)], ids=["as noise", "large"])
 def test_a_force_now_and_then_is_unknown_wherever_it_is(ranked, where, size, unknown):
     case = ranked()
-    flights, unseen = list(case.flights), list(case.unseen)
-    struck = flights if where == "a flight of the fit" else unseen
+    flights, held_out = list(case.flights), list(case.held_out)
+    struck = flights if where == "a flight of the fit" else held_out
     struck[0] = dc.replace(struck[0], y=struck[0].y.copy())
     struck[0].y[:, 2] -= size * np.exp(-(((struck[0].t - 3.0) / 0.3) ** 2))
-    dut = remains(case.ranking, case.fit, flights, unseen)
+    dut = find_unexplained(case.ranking, case.fit, flights, held_out)
     assert dut.unknown is unknown
     bursts = [f for f in dut.findings if f.name == "burst"]
     assert len(bursts) == unknown
@@ -103,10 +103,10 @@ def test_a_force_now_and_then_is_unknown_wherever_it_is(ranked, where, size, unk
 @pytest.mark.parametrize("share, unknown", [(0.001, False), (0.01, True)])
 def test_a_flight_that_weighs_otherwise_than_the_others_is_unknown(ranked, share, unknown):
     case = ranked()
-    (unseen,) = case.unseen
-    unseen = dc.replace(unseen, y=unseen.y.copy())
-    unseen.y[:, 2] += share * unseen.vehicle.mass * unseen.vehicle.gravity
-    dut = remains(case.ranking, case.fit, case.flights, [unseen])
+    (held_out,) = case.held_out
+    held_out = dc.replace(held_out, y=held_out.y.copy())
+    held_out.y[:, 2] += share * held_out.vehicle.mass * held_out.vehicle.gravity
+    dut = find_unexplained(case.ranking, case.fit, case.flights, [held_out])
     assert dut.unknown is unknown
     assert [f.name for f in dut.findings] == ["lift"] * unknown
 
@@ -120,15 +120,15 @@ def test_a_line_is_unknown_where_it_is_large_enough_to_matter_however_clear_it_i
     case = ranked()
     ranking = dc.replace(case.ranking, tolerance=Tolerance())
     least = residual_tests.least_lines(case.flights, ranking.tolerance)[channel]
-    wave = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.unseen)]
+    wave = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.held_out)]
     for e in wave:
         e.y[:, channel] += times * least * np.sqrt(2) * np.sin(2 * np.pi * 2.3 * e.t)
-    *flights, unseen = wave
-    line = strongest_line(flights, {e.name: case.fit.left(e) for e in flights})
+    *flights, held_out = wave
+    line = strongest_line(flights, {e.name: case.fit.residual(e) for e in flights})
     assert line.prominence > CLEAR
     assert line.channel == channel
     assert line.rms == pytest.approx(times * least, rel=0.1)
-    dut = remains(ranking, case.fit, flights, [unseen])
+    dut = find_unexplained(ranking, case.fit, flights, [held_out])
     assert dut.unknown is (times > 1)
     assert ("line" in {f.name for f in dut.findings}) is (times > 1)
 
@@ -138,12 +138,12 @@ def test_a_line_that_does_not_matter_hides_none_that_does(ranked, monkeypatch):
     case = ranked()
     ranking = dc.replace(case.ranking, tolerance=Tolerance())
     least = residual_tests.least_lines(case.flights, ranking.tolerance)
-    both = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.unseen)]
+    both = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.held_out)]
     for e in both:
         for channel, times, f in ((0, 0.8, 2.3), (4, 1.3, 5.3)):
             e.y[:, channel] += times * least[channel] * np.sqrt(2) * np.sin(2 * np.pi * f * e.t)
-    *flights, unseen = both
-    dut = remains(ranking, case.fit, flights, [unseen])
+    *flights, held_out = both
+    dut = find_unexplained(ranking, case.fit, flights, [held_out])
     (line,) = (f for f in dut.findings if f.name == "line")
     assert f"a line in {CHANNELS[4]} " in line.text
     assert dut.unknown
@@ -151,7 +151,7 @@ def test_a_line_that_does_not_matter_hides_none_that_does(ranked, monkeypatch):
 
 def test_the_unseen_flight_is_explained_too(of):
     dut = of()
-    assert dut.held.left.keys() == dut.held.terms.keys() == {"c"}
+    assert dut.held.residual.keys() == dut.held.terms.keys() == {"c"}
     assert dut.held.rows["c"].all()
 
 
@@ -175,10 +175,10 @@ def test_structure_repeats_where_it_helps_beside_the_effects_that_it_was_fitted_
 
 def test_in_gusts_which_come_and_go_no_burst_is_asked_for(ranked, monkeypatch):
     case = ranked()
-    (unseen,) = case.unseen
-    unseen = dc.replace(unseen, y=unseen.y.copy())
-    unseen.y[:, 2] -= 2.0 * np.exp(-(((unseen.t - 3.0) / 0.3) ** 2))
+    (held_out,) = case.held_out
+    held_out = dc.replace(held_out, y=held_out.y.copy())
+    held_out.y[:, 2] -= 2.0 * np.exp(-(((held_out.t - 3.0) / 0.3) ** 2))
     for slowly, found in ((0.0, True), (1.0, False)):
-        monkeypatch.setattr(remains_module, "blown", lambda *_, slowly=slowly: slowly)
-        dut = remains(case.ranking, case.fit, case.flights, [unseen])
+        monkeypatch.setattr(remains_module, "gust_probability", lambda *_, slowly=slowly: slowly)
+        dut = find_unexplained(case.ranking, case.fit, case.flights, [held_out])
         assert ("burst" in {f.name for f in dut.findings}) is found

@@ -10,20 +10,20 @@ from np_drake.diagnosis.adequacy.residual_tests import UNSEEN
 from np_drake.diagnosis.decision import adaptive_split
 from np_drake.diagnosis.decision.adaptive_split import (
     LEAST,
-    halved,
-    look_twice,
-    plainly_unforeseen,
-    unforeseen,
+    infer_adaptively,
+    needs_split,
+    plainly_needs_split,
+    split_flights,
 )
-from np_drake.diagnosis.decision.decide import compare, look
+from np_drake.diagnosis.decision.decide import compare, infer
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.fitting.map_estimate import Generic
 from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.held_out.adaptation import scored
+from np_drake.diagnosis.held_out.adaptation import scored_rows
 from np_drake.diagnosis.result import Diagnosis, Finding
 from np_drake.diagnosis.selection import map_model
 from np_drake.diagnosis.selection.change_point import late_payloads
-from np_drake.diagnosis.selection.map_model import find
+from np_drake.diagnosis.selection.map_model import find_map_model
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
@@ -74,13 +74,15 @@ def test_where_training_cannot_tell_two_effects_the_held_out_flight_does(diagnos
 
 def test_a_force_that_unseen_flights_alone_show_asks_for_a_second_look_however_small_it_is(seen):
     how = {"noise": 1.0, "seconds": 8.0}
-    first = look(
+    first = infer(
         [seen(name=n, seed=i, **how) for i, n in enumerate("ab", 1)], [seen(name="c", seed=3, **how)]
     )
-    assert not unforeseen(first)
-    novel = dc.replace(first, left=dc.replace(first.left, findings=(Finding(UNSEEN, "", 1.0),)))
-    assert unforeseen(novel)
-    assert not unforeseen(dc.replace(novel, gusty=True))
+    assert not needs_split(first)
+    novel_on_held_out = dc.replace(
+        first, unexplained=dc.replace(first.unexplained, findings=(Finding(UNSEEN, "", 1.0),))
+    )
+    assert needs_split(novel_on_held_out)
+    assert not needs_split(dc.replace(novel_on_held_out, gusty=True))
 
 
 def test_without_a_second_look_nothing_of_the_held_out_flight_is_fitted(diagnosed):
@@ -109,7 +111,7 @@ def found(seen, *effects, seconds: float = 10.0, structured: bool = True, **held
     how = {"noise": 1.0, "seconds": seconds}
     flights = [seen(*effects, name=n, seed=i, vigour=UP_AND_DOWN, **how) for i, n in enumerate("ab", 1)]
     unseen = [seen(*effects, name="c", seed=3, **(how | held))]
-    return (with_structure(find(flights)) if structured else find(flights)), unseen
+    return (with_structure(find_map_model(flights)) if structured else find_map_model(flights)), unseen
 
 
 def with_structure(model):
@@ -130,9 +132,9 @@ def test_where_the_best_model_plainly_shows_it_models_are_compared_once(fly, mon
 
     def structured(*of, **how):
         sought.append(how)
-        return with_structure(find(*of, **how))
+        return with_structure(find_map_model(*of, **how))
 
-    monkeypatch.setattr(adaptive_split, "find", structured)
+    monkeypatch.setattr(adaptive_split, "find_map_model", structured)
     compared.clear()
     assert diagnose(Vehicle(), train, held_out).joined == ("c",)
     ((at, judges),) = compared
@@ -142,36 +144,38 @@ def test_where_the_best_model_plainly_shows_it_models_are_compared_once(fly, mon
 
 
 def test_what_a_first_look_was_found_from_is_forgotten_when_a_second_begins(fly, monkeypatch):
-    first, left = [], []
+    first, residual = [], []
 
     def watched(*of, **how):
         gc.collect()
-        left.extend(known() for known in first)
-        found_now = find(*of, **how)
+        residual.extend(known() for known in first)
+        found_now = find_map_model(*of, **how)
         first.append(weakref.ref(found_now.problem))
         return found_now
 
-    monkeypatch.setattr(adaptive_split, "find", watched)
+    monkeypatch.setattr(adaptive_split, "find_map_model", watched)
     own = {"noise": 1.0, "seconds": 10.0}
     train = [fly(DRAG, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
     assert diagnose(Vehicle(), train, [fly(DRAG, name="c", seed=3, **own)]).joined == ("c",)
-    assert left == [None]
+    assert residual == [None]
 
 
 def test_what_the_best_model_leaves_of_unseen_flights_is_plain_where_structure_is_in_it(seen, monkeypatch):
-    assert plainly_unforeseen(*found(seen, DRAG))
-    monkeypatch.setattr(adaptive_split, "novel", lambda *_, **how: (0.0, Finding(UNSEEN, "", 0.0)))
-    assert plainly_unforeseen(*found(seen, DRAG))
-    assert not plainly_unforeseen(*found(seen, DRAG, structured=False))
-    assert not plainly_unforeseen(*found(seen))
-    assert not plainly_unforeseen(*found(seen, DRAG, vigour=UP_AND_DOWN))
+    assert plainly_needs_split(*found(seen, DRAG))
+    monkeypatch.setattr(
+        adaptive_split, "novel_on_held_out", lambda *_, **how: (0.0, Finding(UNSEEN, "", 0.0))
+    )
+    assert plainly_needs_split(*found(seen, DRAG))
+    assert not plainly_needs_split(*found(seen, DRAG, structured=False))
+    assert not plainly_needs_split(*found(seen))
+    assert not plainly_needs_split(*found(seen, DRAG, vigour=UP_AND_DOWN))
 
 
 def test_a_swing_that_may_be_lost_is_not_plain(seen):
     model, unseen = found(seen, DRAG)
     swings = Term(SuspendedPayload(0.1, 1.0))
     hung = dc.replace(model, best=dc.replace(model.best, terms=(*model.best.terms, swings)))
-    assert not plainly_unforeseen(hung, unseen)
+    assert not plainly_needs_split(hung, unseen)
 
 
 def test_a_force_that_unseen_flights_alone_show_is_plain_however_small_it_is(seen, monkeypatch):
@@ -181,17 +185,17 @@ def test_a_force_that_unseen_flights_alone_show_is_plain_however_small_it_is(see
         adaptive_split, "novel", lambda *_, gusty: asked.append(gusty) or (0.9, Finding(UNSEEN, "", 0.9))
     )
     for slowly in (0.1, 0.9):
-        monkeypatch.setattr(adaptive_split, "blown", lambda *_, slowly=slowly: slowly)
-        assert plainly_unforeseen(model, unseen)
+        monkeypatch.setattr(adaptive_split, "gust_probability", lambda *_, slowly=slowly: slowly)
+        assert plainly_needs_split(model, unseen)
     assert asked == [False, True]
 
 
 def test_where_no_flight_is_long_enough_for_two_halves_there_is_one_look(seen, monkeypatch):
     model, unseen = found(seen, DRAG, seconds=2 * LEAST - 0.5)
-    assert plainly_unforeseen(model, unseen)
+    assert plainly_needs_split(model, unseen)
     sought = []
-    monkeypatch.setattr(adaptive_split, "find", lambda *of, **how: sought.append(of) or model)
-    first, joined = look_twice(model.problem.flights, unseen, None, lambda share, text: None)
+    monkeypatch.setattr(adaptive_split, "find_map_model", lambda *of, **how: sought.append(of) or model)
+    first, joined = infer_adaptively(model.problem.flights, unseen, None, lambda share, text: None)
     assert joined == []
     assert len(sought) == 1
     assert [e.name for e in first.flights] == ["a", "b"]
@@ -205,17 +209,17 @@ def test_what_is_no_more_than_noise_asks_for_no_second_look(diagnosed):
 
 def test_a_half_is_the_flight_up_to_its_middle_and_its_rows_do_not_count(seen):
     flight = seen(name="c", seconds=10.0)
-    (half,), (judge,) = halved([flight])
+    (half,), (judge,) = split_flights([flight])
     assert half.name == "first half of c"
     assert (half.goes_on, judge.goes_on, flight.goes_on) == (True, False, False)
     assert half.log.t[-1] < 5.0 <= half.log.t[-1] + 2 * flight.log.step
     assert half.grid.step == pytest.approx(flight.grid.step)
-    np.testing.assert_array_equal(scored([], judge), judge.t > 5.0)
+    np.testing.assert_array_equal(scored_rows([], judge), judge.t > 5.0)
     np.testing.assert_array_equal(judge.y, flight.y)
 
 
 def test_a_flight_too_short_for_two_halves_judges_whole(seen):
     flight = seen(name="c", seconds=2 * LEAST - 0.5)
-    halves, (judge,) = halved([flight])
+    halves, (judge,) = split_flights([flight])
     assert halves == []
-    assert scored([], judge).all()
+    assert scored_rows([], judge).all()

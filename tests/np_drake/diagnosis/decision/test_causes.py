@@ -9,16 +9,16 @@ from np_drake.diagnosis.decision.causes import (
     MISFIT,
     SEEN_AGAIN,
     SURE,
-    alike,
     causes_of,
-    helps,
-    least_help,
+    indistinguishable,
+    least_log_bayes_factor,
+    log_bayes_factor,
     size_of,
     within_calibration,
 )
 from np_drake.diagnosis.fitting.swing_fit import WAYS
 from np_drake.diagnosis.forward_model.payload_state import ERROR
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.adaptation import SURPRISE
 from np_drake.diagnosis.held_out.prediction import on_held_out
@@ -33,7 +33,7 @@ from np_drake.diagnosis.materiality import (
 from np_drake.diagnosis.regressors.nuisance import drift_of
 from np_drake.diagnosis.selection.calibration import TEMPER, TRUST
 from np_drake.diagnosis.selection.ranking import rank
-from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
+from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias
@@ -84,7 +84,7 @@ def drag(ranked):
 def test_the_size_of_a_mass_is_its_share_of_the_weight(ranked):
     case = ranked(MassError(0.2), LinearDrag(0.6, 0.6, 0.6))
     i = next(k for k, t in enumerate(case.fit.terms) if isinstance(t.effect, MassError))
-    found = size_of(case.fit, i, case.flights, case.ranking.noise, LABORATORY)
+    found = size_of(case.fit, i, case.flights, case.ranking.noise, IDEAL_SENSORS)
     lift = np.concatenate([e.nominal[:, 2] for e in case.flights])
     expected = 0.2 / 2.2 * np.sqrt(np.mean(lift**2)) / (2.0 * 9.81)
     assert found.force == pytest.approx(expected, rel=0.02)
@@ -94,7 +94,7 @@ def test_the_size_of_a_mass_is_its_share_of_the_weight(ranked):
 
 def test_what_does_little_where_it_was_fitted_matters_by_what_it_does_on_an_unseen_flight(drag):
     i = next(k for k, t in enumerate(drag.fit.terms) if isinstance(t.effect, LinearDrag))
-    args = (drag.fit, i, drag.flights, drag.ranking.noise, LABORATORY)
+    args = (drag.fit, i, drag.flights, drag.ranking.noise, IDEAL_SENSORS)
     strong = [
         dc.replace(t, effect=LinearDrag(6.0, 6.0, 6.0)) if j == i else t
         for j, t in enumerate(drag.fit.everything)
@@ -112,8 +112,8 @@ def test_the_size_of_a_sensors_error_is_in_its_tolerance(drag):
 
 
 def test_the_true_cause_is_named_with_its_parameters(drag):
-    held = on_held_out(drag.fit, drag.unseen, drag.ranking.noise)
-    causes, _ = causes_of(drag.ranking, drag.fit, drag.flights, drag.unseen, held)
+    held = on_held_out(drag.fit, drag.held_out, drag.ranking.noise)
+    causes, _ = causes_of(drag.ranking, drag.fit, drag.flights, drag.held_out, held)
     (cause,) = causes
     assert cause.identifier == "linear_drag"
     assert cause.probability > 0.95
@@ -128,66 +128,71 @@ def test_the_true_cause_is_named_with_its_parameters(drag):
 
 def test_an_effect_too_small_to_matter_is_a_minor_finding(drag):
     fit = dc.replace(drag.fit, terms=(Term(WeakRotor(1, 0.9999)),), free=(), values=np.zeros(0))
-    held = on_held_out(fit, drag.unseen, drag.ranking.noise)
-    causes, minor = causes_of(drag.ranking, fit, drag.flights, drag.unseen, held)
+    held = on_held_out(fit, drag.held_out, drag.ranking.noise)
+    causes, minor = causes_of(drag.ranking, fit, drag.flights, drag.held_out, held)
     assert causes == []
     assert [m.name for m in minor] == ["weak_rotor"]
     assert "\n" not in minor[0].text
 
 
 def test_what_does_not_help_on_unseen_flights_is_no_cause(seen, drag):
-    unseen = [seen(name="c", seed=3, noise=1.0, seconds=10.0)]  # without drag
-    held = on_held_out(drag.fit, unseen, drag.ranking.noise)
+    held_out = [seen(name="c", seed=3, noise=1.0, seconds=10.0)]  # without drag
+    held = on_held_out(drag.fit, held_out, drag.ranking.noise)
     assert held.terms["c"][0].begins("c") is None  # what acted in all flights of the fit is not excused here
     absent = [Term(LinearDrag(0.6, 0.6, 0.6)), *held.terms["c"][1:]]
-    upside = dc.replace(held, terms={"c": absent}, settled={"c": absent})
-    assert helps(drag.fit, 0, unseen, drag.ranking.noise, upside, {}) < -2.0
-    causes, minor = causes_of(drag.ranking, drag.fit, drag.flights, unseen, upside)
+    upside = dc.replace(held, terms={"c": absent}, whole_flight_terms={"c": absent})
+    assert log_bayes_factor(drag.fit, 0, held_out, drag.ranking.noise, upside, {}) < -2.0
+    causes, minor = causes_of(drag.ranking, drag.fit, drag.flights, held_out, upside)
     assert causes == []
     assert "not confirmed" in minor[0].text
 
 
 def test_an_effect_at_its_bound_is_no_cause(drag):
     fit = dc.replace(drag.fit, terms=(Term(LinearDrag(0.6, 0.6, -0.2)),), free=(), values=np.zeros(0))
-    held = on_held_out(fit, drag.unseen, drag.ranking.noise)
-    causes, minor = causes_of(drag.ranking, fit, drag.flights, drag.unseen, held)
+    held = on_held_out(fit, drag.held_out, drag.ranking.noise)
+    causes, minor = causes_of(drag.ranking, fit, drag.flights, drag.held_out, held)
     assert causes == []
     assert "bound" in minor[0].text
-    blown, _ = causes_of(drag.ranking, fit, drag.flights, drag.unseen, held, gusty=True)
+    blown, _ = causes_of(drag.ranking, fit, drag.flights, drag.held_out, held, gusty=True)
     assert [c.identifier for c in blown] == ["linear_drag"]
 
 
 def test_an_effect_whose_figures_may_all_be_none_is_no_cause(drag):
     fit = drag.fit
-    held = on_held_out(fit, drag.unseen, drag.ranking.noise)
+    held = on_held_out(fit, drag.held_out, drag.ranking.noise)
     vague = dc.replace(fit, covariance=100.0 * np.eye(len(fit.values)))
-    named, unnamed = (causes_of(drag.ranking, f, drag.flights, drag.unseen, held) for f in (fit, vague))
+    named, unnamed = (
+        causes_of(drag.ranking, f, drag.flights, drag.held_out, held) for f in (fit, vague)
+    )
     assert [c.identifier for c in named[0]] == ["linear_drag"]
     assert unnamed[0] == []
     assert "none" in unnamed[1][0].text
-    blown = causes_of(drag.ranking, vague, drag.flights, drag.unseen, held, gusty=True)
+    blown = causes_of(drag.ranking, vague, drag.flights, drag.held_out, held, gusty=True)
     assert [c.identifier for c in blown[0]] == ["linear_drag"]
 
 
 def test_where_gusts_blow_the_drag_that_feels_them_matters_however_small(drag):
     fit = dc.replace(drag.fit, terms=(Term(LinearDrag(1e-3, 1e-3, 1e-3)),), free=(), values=np.zeros(0))
-    held = on_held_out(fit, drag.unseen, drag.ranking.noise)
-    given = (drag.ranking, fit, drag.flights, drag.unseen, held)
+    held = on_held_out(fit, drag.held_out, drag.ranking.noise)
+    given = (drag.ranking, fit, drag.flights, drag.held_out, held)
     assert causes_of(*given)[0] == []
     assert [c.identifier for c in causes_of(*given, gusty=True)[0]] == ["linear_drag"]
 
 
 def test_a_cause_helps_on_unseen_flights_by_what_it_explains(drag):
-    held = on_held_out(drag.fit, drag.unseen, drag.ranking.noise)
-    assert helps(drag.fit, 0, drag.unseen, drag.ranking.noise, held, {}) > 100.0
+    held = on_held_out(drag.fit, drag.held_out, drag.ranking.noise)
+    assert log_bayes_factor(drag.fit, 0, drag.held_out, drag.ranking.noise, held, {}) > 100.0
 
 
 def test_what_begins_late_in_an_unseen_flight_alone_must_bring_there_what_its_onset_had_to(drag):
-    held = on_held_out(drag.fit, drag.unseen, drag.ranking.noise)
-    late = {n: [dc.replace(t, onset={n: 9.0}) for t in terms] for n, terms in held.settled.items()}
-    held = dc.replace(held, terms=late, settled=late)
+    held = on_held_out(drag.fit, drag.held_out, drag.ranking.noise)
+    late = {n: [dc.replace(t, onset={n: 9.0}) for t in terms] for n, terms in held.whole_flight_terms.items()}
+    held = dc.replace(held, terms=late, whole_flight_terms=late)
     known = dc.replace(drag.fit, terms=tuple(dc.replace(t, onset={"a": 2.0}) for t in drag.fit.terms))
-    asked = [helps(fit, 0, drag.unseen, drag.ranking.noise, held, {}) for fit in (known, drag.fit)]
+    asked = [
+        log_bayes_factor(fit, 0, drag.held_out, drag.ranking.noise, held, {})
+        for fit in (known, drag.fit)
+    ]
     assert asked[0] > 0
     assert asked[1] == pytest.approx(asked[0] - SURPRISE)
 
@@ -196,12 +201,14 @@ def test_a_flight_whose_own_sensor_is_off_does_not_speak_against_the_error_of_al
     case = ranked(AccelerometerBias(0.2, 0.0, 0.0))
     terms = (Term(AccelerometerBias(0.3, 0.0, 0.0)), *case.fit.everything[1:])
     fit = dc.replace(case.fit, terms=terms, calibration=())
-    unseen = [seen(AccelerometerBias(0.12, 0.0, 0.0), name="c", seed=3, noise=1.0, seconds=10.0)]
-    held = on_held_out(fit, unseen, case.ranking.noise)
-    rig = drift_of(unseen, case.ranking.noise, Tolerance(acceleration=0.1))
-    strict, kind = (helps(fit, 0, unseen, case.ranking.noise, held, drift) for drift in ({}, rig))
+    held_out = [seen(AccelerometerBias(0.12, 0.0, 0.0), name="c", seed=3, noise=1.0, seconds=10.0)]
+    held = on_held_out(fit, held_out, case.ranking.noise)
+    rig = drift_of(held_out, case.ranking.noise, Tolerance(acceleration=0.1))
+    strict, kind = (
+        log_bayes_factor(fit, 0, held_out, case.ranking.noise, held, drift) for drift in ({}, rig)
+    )
     assert strict < -2.0 < kind
-    assert drift_of(unseen, case.ranking.noise, LABORATORY) == {}
+    assert drift_of(held_out, case.ranking.noise, IDEAL_SENSORS) == {}
 
 
 def test_without_torque_mass_and_thrust_are_named_beside_each_other(seen):
@@ -212,25 +219,25 @@ def test_without_torque_mass_and_thrust_are_named_beside_each_other(seen):
     pair = {"mass_error", "thrust_scale"}
     (first,) = pair & set(named)
     (other,) = pair - {first}
-    assert other in alike(ranking.problem, ranking.models[0])[first]
+    assert other in indistinguishable(ranking.problem, ranking.models[0])[first]
 
 
 def test_what_the_motion_tells_apart_is_not_named_beside_it(drag):
-    assert "gyro_bias" not in alike(drag.ranking.problem, drag.ranking.models[0])["linear_drag"]
+    assert "gyro_bias" not in indistinguishable(drag.ranking.problem, drag.ranking.models[0])["linear_drag"]
 
 
 def test_a_mass_that_comes_in_flight_is_no_error_of_the_file():
     rig = Tolerance()
     assert within_calibration(Term(MassError(0.1)), rig)
     assert not within_calibration(Term(MassError(0.1), {"a": 3.0}), rig)
-    assert not within_calibration(Term(MassError(0.1)), LABORATORY)
+    assert not within_calibration(Term(MassError(0.1)), IDEAL_SENSORS)
     assert not within_calibration(Term(LinearDrag()), rig)
 
 
 def test_the_figures_of_a_payload_are_known_no_better_than_the_motion_that_drives_it(ranked):
     case = ranked(SuspendedPayload(0.2, 0.6))
-    held = on_held_out(case.fit, case.unseen, case.ranking.noise)
-    (cause,) = causes_of(case.ranking, case.fit, case.flights, case.unseen, held)[0]
+    held = on_held_out(case.fit, case.held_out, case.ranking.noise)
+    (cause,) = causes_of(case.ranking, case.fit, case.flights, case.held_out, held)[0]
     for name, true in (("mass", 0.2), ("length", 0.6)):
         figure = cause.parameters[name]
         low, high = figure.ci95
@@ -251,12 +258,12 @@ def test_the_figures_of_a_payload_are_known_no_better_than_the_motion_that_drive
 def test_a_name_that_is_not_sure_is_minor_unless_unseen_flights_bear_it_out(
     drag, monkeypatch, probability, brought, named
 ):
-    monkeypatch.setattr(attribute, "helps", lambda *_: brought)
-    monkeypatch.setattr(attribute, "least_help", lambda *_: 0.0)
-    held = on_held_out(drag.fit, drag.unseen, drag.ranking.noise)
+    monkeypatch.setattr(attribute, "log_bayes_factor", lambda *_: brought)
+    monkeypatch.setattr(attribute, "least_log_bayes_factor", lambda *_: 0.0)
+    held = on_held_out(drag.fit, drag.held_out, drag.ranking.noise)
     odds = (probability / (TRUST - probability)) ** (1 / TEMPER)
     doubted = dc.replace(drag.ranking, probability={"linear_drag": odds / (1 + odds)})
-    causes, minor = causes_of(doubted, drag.fit, drag.flights, drag.unseen, held)
+    causes, minor = causes_of(doubted, drag.fit, drag.flights, drag.held_out, held)
     assert ("linear_drag" in [c.identifier for c in causes]) is named
     assert any("not sure" in m.text for m in minor) is not named
 
@@ -274,31 +281,31 @@ def test_beside_a_payload_a_trace_of_a_force_is_what_no_pendulum_has_one_of_a_de
     ranked, monkeypatch, effect, brought, named
 ):
     case = ranked(SuspendedPayload(0.2, 0.6))
-    monkeypatch.setattr(attribute, "helps", lambda *_: brought)
-    monkeypatch.setattr(attribute, "least_help", lambda *_: -1.0)
+    monkeypatch.setattr(attribute, "log_bayes_factor", lambda *_: brought)
+    monkeypatch.setattr(attribute, "least_log_bayes_factor", lambda *_: -1.0)
     monkeypatch.setattr(attribute, "size_of", lambda *_: Size(0.1, 0.1, 0.5 * LEAST_FORCED, 9.0))
     fit = dc.replace(case.fit, terms=(*case.fit.terms, Term(effect)))
     sure = dc.replace(case.ranking, probability={effect.identifier: 0.999, "suspended_payload": 0.999})
-    held = on_held_out(fit, case.unseen, case.ranking.noise)
-    named_ones = {c.identifier for c in causes_of(sure, fit, case.flights, case.unseen, held)[0]}
+    held = on_held_out(fit, case.held_out, case.ranking.noise)
+    named_ones = {c.identifier for c in causes_of(sure, fit, case.flights, case.held_out, held)[0]}
     assert named_ones == {"suspended_payload", *([effect.identifier] if named else [])}
 
 
 def test_an_effect_may_cost_on_an_unseen_flight_a_share_of_what_it_brings(drag):
-    least = least_help(drag.fit, 0, drag.flights, drag.ranking.noise, {})
+    least = least_log_bayes_factor(drag.fit, 0, drag.flights, drag.ranking.noise, {})
     held = on_held_out(drag.fit, drag.flights, drag.ranking.noise)
-    brought = helps(drag.fit, 0, drag.flights, drag.ranking.noise, held, {})
+    brought = log_bayes_factor(drag.fit, 0, drag.flights, drag.ranking.noise, held, {})
     assert least == pytest.approx(-HURT - MISFIT * brought, rel=0.05)
     fit = dc.replace(drag.fit, terms=(*drag.fit.terms, Term(WeakRotor(1, 0.999))))
-    nothing = least_help(fit, len(drag.fit.terms), drag.flights, drag.ranking.noise, {})
+    nothing = least_log_bayes_factor(fit, len(drag.fit.terms), drag.flights, drag.ranking.noise, {})
     assert nothing == pytest.approx(-HURT, abs=0.5)
 
 
 def test_what_is_left_of_an_unseen_flight_is_left_by_all_ways_a_payload_may_swing_there(drag):
     payload = Term(SuspendedPayload(0.01, 0.5, 0.0, 0.0, -0.05))
     fit = dc.replace(drag.fit, terms=(payload,), calibration=())
-    held, (e,) = on_held_out(fit, drag.unseen, drag.ranking.noise), drag.unseen
-    (foreseen,), (whole,) = held.terms[e.name], held.settled[e.name]
+    held, (e,) = on_held_out(fit, drag.held_out, drag.ranking.noise), drag.held_out
+    (foreseen,), (whole,) = held.terms[e.name], held.whole_flight_terms[e.name]
     assert len(np.unique(foreseen.hidden[e.name], axis=0)) == WAYS
     assert whole.hidden[e.name].ndim == 1  # the one that fits the whole flight
-    np.testing.assert_array_equal(held.left[e.name], e.y - signature(e, [foreseen]))
+    np.testing.assert_array_equal(held.residual[e.name], e.y - predicted_residual(e, [foreseen]))

@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.diagnosis.decision.consistency import FAINT, without_faint_shifts, without_unfelt
+from np_drake.diagnosis.decision.consistency import FAINT, without_faint_shifts, without_missing_drag
 from np_drake.diagnosis.result import Cause
 from np_drake.effects.library import LIBRARY
 
@@ -31,7 +31,7 @@ def test_a_trace_of_one_shift_of_time_beside_another_is_minor():
 )
 def test_a_wind_is_a_cause_where_a_drag_is_one_that_feels_it(beside, felt):
     others = [cause(name, 0.5) for name in beside]
-    causes, minor = without_unfelt([cause("constant_wind", 0.5), *others], [])
+    causes, minor = without_missing_drag([cause("constant_wind", 0.5), *others], [])
     assert ("constant_wind" in {c.identifier for c in causes}) is felt
     assert [m.name for m in minor] == ["constant_wind"] * (not felt)
     assert all(c in causes for c in others)

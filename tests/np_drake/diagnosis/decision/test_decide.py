@@ -10,13 +10,13 @@ import pytest
 
 from np_drake.diagnosis.decision import decide as dut_module
 from np_drake.diagnosis.decision.causes import PROBABILITY
-from np_drake.diagnosis.decision.decide import look, misfits, wanders
+from np_drake.diagnosis.decision.decide import infer, is_vague_drift, leaves_more_than_noise
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.result import Cause, Estimate, Finding
 from np_drake.diagnosis.selection.calibration import DOUBTED, TRUST
 from np_drake.diagnosis.selection.ranking import rank
-from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
+from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -54,29 +54,29 @@ def flown(seen):
     @cache
     def flights(*slow: WrenchEffect):
         how = {"noise": 1.0, "seconds": 10.0}
-        *fitted, unseen = [seen(DRAG, s, name=str(i), seed=i, **how) for i, s in enumerate(slow, start=1)]
-        return fitted, [unseen]
+        *fitted, held_out = [seen(DRAG, s, name=str(i), seed=i, **how) for i, s in enumerate(slow, start=1)]
+        return fitted, [held_out]
 
     return flights
 
 
 def test_a_slow_force_that_follows_the_place_is_unknown_and_not_gusts(flown):
-    dut = look(*flown(WALL, WALL, WALL))
+    dut = infer(*flown(WALL, WALL, WALL))
     assert not dut.gusty
     assert "gusty_wind" not in {c.identifier for c in dut.causes}
     assert dut.unknown
-    assert "place" in {f.name for f in dut.left.findings}
+    assert "place" in {f.name for f in dut.unexplained.findings}
 
 
 def test_a_slow_force_that_does_not_is_gusts(flown):
-    dut = look(*flown(gusts(61), gusts(62), gusts(63)))
+    dut = infer(*flown(gusts(61), gusts(62), gusts(63)))
     assert dut.gusty
     assert "gusty_wind" in {c.identifier for c in dut.causes}
     assert not dut.unknown
 
 
 def test_gusts_are_no_surer_than_any_other_name_however_loud_they_are(flown):
-    dut = look(*flown(gusts(61), gusts(62), gusts(63)))
+    dut = infer(*flown(gusts(61), gusts(62), gusts(63)))
     (surest,) = (c.probability for c in dut.causes if c.identifier == "gusty_wind")
     assert 0.95 * TRUST < surest <= TRUST
 
@@ -92,7 +92,7 @@ def test_the_mean_of_gusts_holds_a_steady_wind_that_the_fit_has_and_that_is_no_c
     means = []
     for rule in (causes_of, without_wind):
         monkeypatch.setattr(dut_module, "causes_of", rule)
-        dut = look(*blown)
+        dut = infer(*blown)
         assert "constant_wind" in {t.effect.identifier for t in dut.ranking.named.terms}
         means.append(next(c for c in dut.causes if c.identifier == "gusty_wind").parameters["mean_x"].value)
     assert means[0] == pytest.approx(3.0, abs=1.0)
@@ -100,26 +100,26 @@ def test_the_mean_of_gusts_holds_a_steady_wind_that_the_fit_has_and_that_is_no_c
 
 
 def test_a_drag_that_lost_an_axis_to_gusts_is_not_unknown(flown, monkeypatch):
-    fitted, unseen = flown(gusts(61), gusts(62), gusts(63))
+    fitted, held_out = flown(gusts(61), gusts(62), gusts(63))
     ranking = rank(fitted)
     assert [t.effect.identifier for t in ranking.named.terms] == ["linear_drag"]
     lost = dc.replace(ranking.named, terms=(Term(dc.replace(DRAG, d_x=-0.2)),))
     monkeypatch.setattr(dut_module, "ranked", lambda _: dc.replace(ranking, named=lost))
-    dut = look(fitted, unseen)
+    dut = infer(fitted, held_out)
     assert not dut.unknown
     assert {c.identifier for c in dut.causes} == {"linear_drag", "gusty_wind"}
 
 
 def test_without_that_rule_the_wall_would_be_gusts(flown, monkeypatch):
-    monkeypatch.setattr(dut_module, "chance_of_place", lambda *_: 1.0)
-    assert look(*flown(WALL, WALL, WALL)).gusty
+    monkeypatch.setattr(dut_module, "position_p_value", lambda *_: 1.0)
+    assert infer(*flown(WALL, WALL, WALL)).gusty
 
 
 @pytest.mark.parametrize("noise, doubted", [(1.0, False), (1.3, True)])
 def test_a_name_is_less_sure_where_unseen_flights_leave_more_than_noise(seen, noise, doubted):
     how = {"seconds": 10.0}
     fitted = [seen(DRAG, name=str(i), seed=i, noise=1.0, **how) for i in (1, 2)]
-    dut = look(fitted, [seen(DRAG, name="3", seed=3, noise=noise, **how)])
+    dut = infer(fitted, [seen(DRAG, name="3", seed=3, noise=noise, **how)])
     assert [c.identifier for c in dut.causes] == ["linear_drag"]
     assert not dut.unknown
     assert (dut.causes[0].probability <= DOUBTED) is doubted
@@ -131,9 +131,9 @@ def test_a_name_is_less_sure_where_unseen_flights_leave_more_than_noise(seen, no
 def test_what_is_left_of_lift_and_torque_in_gusts_is_none_of_theirs(flown, monkeypatch, ratio, sure, unknown):
     blown = flown(gusts(61), gusts(62), gusts(63))
     monkeypatch.setattr(dut_module, "misfit", lambda *_: np.array([3.0, 3.0, ratio, 1.0, 1.0, 1.0]))
-    dut = look(*blown)
+    dut = infer(*blown)
     assert dut.unknown is unknown
-    assert ("upright" in {f.name for f in dut.left.findings}) is unknown
+    assert ("upright" in {f.name for f in dut.unexplained.findings}) is unknown
     assert (max(c.probability for c in dut.causes) > 0.9) is sure
 
 
@@ -155,29 +155,29 @@ def test_where_no_name_is_sure_and_structure_is_as_likely_it_is_unknown(
 
     monkeypatch.setattr(dut_module, "ranked", torn)
     flights = [seen(DRAG, name=str(i), seed=i, noise=1.0, seconds=10.0) for i in (1, 2, 3)]
-    dut = look(flights[:2], flights[2:])
+    dut = infer(flights[:2], flights[2:])
     assert dut.unknown is unknown
-    assert ("height" in {f.name for f in dut.left.findings}) is unknown
+    assert ("height" in {f.name for f in dut.unexplained.findings}) is unknown
 
 
 def left_by(tolerance: Tolerance, ratio: tuple[float, ...], rows: int, *, swings: bool = False):
     """What `misfits` asks of unseen flights that leave `ratio` (6,) of the noise."""
-    left = {"a": np.tile([*ratio, *[9.0] * 9], (rows, 1))}
+    residual = {"a": np.tile([*ratio, *[9.0] * 9], (rows, 1))}
     term = SimpleNamespace(swings=swings)
     ranking = SimpleNamespace(
         named=SimpleNamespace(terms=[term]), tolerance=tolerance, noise=SimpleNamespace(rms=np.ones(15))
     )
-    return ranking, SimpleNamespace(held=SimpleNamespace(left=left, rows={"a": np.ones(rows, bool)}))
+    return ranking, SimpleNamespace(held=SimpleNamespace(residual=residual, rows={"a": np.ones(rows, bool)}))
 
 
 @pytest.mark.parametrize(
     "tolerance, ratio, rows, swings, found",
     [
-        (LABORATORY, (1.2, 1, 1, 1, 1, 1), 1000, False, True),
-        (LABORATORY, (1.05, 1, 1, 1, 1, 1), 1000, False, False),
-        (LABORATORY, (1.05, 1, 1, 1, 1, 1), 20_000, False, False),
-        (LABORATORY, (1, 1, 1, 1, 1, 1.2), 100, False, False),
-        (LABORATORY, (1, 1, 1.2, 1, 1, 1), 1000, True, False),
+        (IDEAL_SENSORS, (1.2, 1, 1, 1, 1, 1), 1000, False, True),
+        (IDEAL_SENSORS, (1.05, 1, 1, 1, 1, 1), 1000, False, False),
+        (IDEAL_SENSORS, (1.05, 1, 1, 1, 1, 1), 20_000, False, False),
+        (IDEAL_SENSORS, (1, 1, 1, 1, 1, 1.2), 100, False, False),
+        (IDEAL_SENSORS, (1, 1, 1.2, 1, 1, 1), 1000, True, False),
         (Tolerance(), (3, 3, 1.2, 1, 1, 1), 1000, False, False),
         (Tolerance(), (1, 1, 1.5, 1, 1, 1), 1000, False, True),
         (Tolerance(), (1, 1, 1, 1, 1, 1.5), 1000, False, True),
@@ -194,7 +194,7 @@ def left_by(tolerance: Tolerance, ratio: tuple[float, ...], rows: int, *, swings
     ],
 )
 def test_what_is_more_than_noise_depends_on_what_sensors_and_chance_do(tolerance, ratio, rows, swings, found):
-    assert misfits(*left_by(tolerance, ratio, rows, swings=swings)) is found  # type: ignore[arg-type]
+    assert leaves_more_than_noise(*left_by(tolerance, ratio, rows, swings=swings)) is found  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -204,6 +204,6 @@ def test_what_is_more_than_noise_depends_on_what_sensors_and_chance_do(tolerance
 def test_on_a_rig_a_drift_of_thrust_that_is_hardly_known_may_be_what_its_sensors_do(half, real, found, sign):
     rate = Estimate(sign * 0.01, "1/s", (sign * 0.01 - half, sign * 0.01 + half))
     drift = Cause("thrust_drift", 0.97, {"rate": rate}, {})
-    tolerance = Tolerance() if real else LABORATORY
-    assert wanders(drift, tolerance) is found
-    assert not wanders(dc.replace(drift, identifier="mass_error"), tolerance)
+    tolerance = Tolerance() if real else IDEAL_SENSORS
+    assert is_vague_drift(drift, tolerance) is found
+    assert not is_vague_drift(dc.replace(drift, identifier="mass_error"), tolerance)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.fitting.map_estimate import Fit, refine
-from np_drake.diagnosis.fitting.parameters import free_figures, read, write
+from np_drake.diagnosis.fitting.parameters import free_parameters, read, write
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.effects.command_delay import CommandDelay
@@ -69,7 +69,7 @@ def test_95_percent_intervals_hold_the_truth_about_95_times_in_100(seen, noise):
 def test_the_residual_of_a_fit_is_what_its_terms_leave(seen, noise):
     flight = seen(MassError(0.2), noise=1.0, seconds=6.0)
     fit = refine([Term(MassError())], [], [flight], noise, temperature=1.0)
-    white = noise.whiten(fit.left(flight))
+    white = noise.whiten(fit.residual(flight))
     assert fit.loss == pytest.approx(np.sum(white**2), rel=1e-6)
     assert np.mean(white**2) == pytest.approx(1.0, abs=0.1)
     assert fit.samples == len(flight.t)
@@ -104,11 +104,11 @@ def test_wander_takes_what_is_a_flights_own(seen, noise):
     drift = np.zeros((*flight.y.shape, 1))
     drift[:, 2] = 1.0  # [N]
     pushed = dc.replace(flight, y=flight.y + 1.7 * drift[..., 0])
-    wander = Candidate((), "wander", {"a": drift}, lambda c: [])
-    fit = refine([Term(LinearDrag(0, 0, 0))], [], [pushed], noise, temperature=1.0, linear=[wander])
-    np.testing.assert_allclose(fit.wander["a"][:, 2], 1.7, atol=0.1)  # four sigma [N]
-    np.testing.assert_array_equal(np.delete(fit.wander["a"], 2, axis=1), 0.0)
-    assert abs(np.mean(fit.left(pushed)[:, 2])) < 0.1
+    sensor_drift = Candidate((), "wander", {"a": drift}, lambda c: [])
+    fit = refine([Term(LinearDrag(0, 0, 0))], [], [pushed], noise, temperature=1.0, linear=[sensor_drift])
+    np.testing.assert_allclose(fit.sensor_drift["a"][:, 2], 1.7, atol=0.1)  # four sigma [N]
+    np.testing.assert_array_equal(np.delete(fit.sensor_drift["a"], 2, axis=1), 0.0)
+    assert abs(np.mean(fit.residual(pushed)[:, 2])) < 0.1
 
 
 TERMS = [Term(WeakRotor(3, 0.9)), Term(SuspendedPayload(0.2, 0.7), {"b": NEVER}), Term(ThrustScale(0.95))]
@@ -116,7 +116,7 @@ TERMS = [Term(WeakRotor(3, 0.9)), Term(SuspendedPayload(0.2, 0.7), {"b": NEVER})
 
 def test_what_is_written_is_read(seen):
     flights = [seen(name=n, seed=i, seconds=4.0) for i, n in enumerate("ab")]
-    free = free_figures(TERMS, flights, {2: 0.01})
+    free = free_parameters(TERMS, flights, {2: 0.01})
     values = np.linspace(0.1, 0.9, len(free))
     np.testing.assert_array_equal(read(write(TERMS, free, values), free), values)
     assert TERMS[0].effect.efficiency == 0.9  # the terms themselves stay
@@ -124,7 +124,7 @@ def test_what_is_written_is_read(seen):
 
 def test_choices_are_not_free_and_absent_payloads_do_not_swing(seen):
     flights = [seen(name=n, seed=i, seconds=4.0) for i, n in enumerate("ab")]
-    free = free_figures(TERMS, flights, {2: 0.01})
+    free = free_parameters(TERMS, flights, {2: 0.01})
     assert [f.name for f in free if f.term == 0] == ["efficiency"]
     assert {f.flight for f in free if f.name == "swing"} == {"a"}
     assert [f.scale for f in free if f.term == 2] == [0.01]
@@ -148,7 +148,7 @@ def test_a_delay_is_told_by_forces_alone_wherever_between_two_rows_it_falls(seen
 
 def test_figures_that_only_together_differ_from_none_are_told_and_a_figure_that_only_shapes_tells_nothing():
     drag, payload = Term(LinearDrag(0.2, 0.2, 0.0)), Term(SuspendedPayload(0.0, 0.6))
-    free = [f for f in free_figures([drag, payload], [], {}) if not f.flight]
+    free = [f for f in free_parameters([drag, payload], [], {}) if not f.flight]
 
     def fit(covariance, values):
         free_of = [f for f in free if f.term == (0 if len(values) == 3 else 1)]
@@ -157,13 +157,15 @@ def test_figures_that_only_together_differ_from_none_are_told_and_a_figure_that_
         return Fit(terms, (), free_of, np.array(values), np.array(covariance), 0.0, 0.0, 1)
 
     against = np.array([[1.0, -0.99, 0.0], [-0.99, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    assert fit(0.04 * against, [0.2, 0.2, 0.0]).tells(0)  # each is one deviation from none, their sum ten
-    assert not fit(0.04 * np.eye(3), [0.2, 0.2, 0.0]).tells(0)
-    assert fit(0.0025 * np.eye(3), [0.2, 0.2, 0.0]).tells(0)
+    assert fit(0.04 * against, [0.2, 0.2, 0.0]).is_significant(
+        0
+    )  # each is one deviation from none, their sum ten
+    assert not fit(0.04 * np.eye(3), [0.2, 0.2, 0.0]).is_significant(0)
+    assert fit(0.0025 * np.eye(3), [0.2, 0.2, 0.0]).is_significant(0)
     size = len([f for f in free if f.term == 1])
     nothing = fit(1e-4 * np.eye(size), [0.0, 0.6, 0.0, 0.0, 0.0])  # no payload, of a length that is known
-    assert not nothing.tells(0)
-    assert fit(1e-4 * np.eye(size), [0.1, 0.6, 0.0, 0.0, 0.0]).tells(0)
+    assert not nothing.is_significant(0)
+    assert fit(1e-4 * np.eye(size), [0.1, 0.6, 0.0, 0.0, 0.0]).is_significant(0)
 
 
 @pytest.mark.parametrize(
@@ -176,17 +178,17 @@ def test_a_wind_is_told_by_how_it_pushes_however_little_is_known_of_its_drag(pus
         np.block([[np.eye(3), np.zeros((3, 3))], [np.diag(wind), np.diag(drag)]])
     )  # of drag and push
     covariance = figures_of @ np.diag([0.13**2] * 3 + [0.1**2] * 3) @ figures_of.T
-    dut = Fit(terms, (), tuple(free_figures(terms, [], {})), np.r_[drag, wind], covariance, 0.0, 0.0, 1)
+    dut = Fit(terms, (), tuple(free_parameters(terms, [], {})), np.r_[drag, wind], covariance, 0.0, 0.0, 1)
     assert wind[0] < 2.0 * np.sqrt(covariance[3, 3])  # by itself it may as well be none
-    assert dut.tells(1) is told
+    assert dut.is_significant(1) is told
 
 
 def told_beside_a_drag(drag, wind, deviation):
     """Is the wind told, beside the drag that it is felt through, where every figure has this deviation?"""
     terms = (Term(LinearDrag(*drag)), Term(wind))
-    free = tuple(f for f in free_figures(terms, [], {}) if not f.flight)
+    free = tuple(f for f in free_parameters(terms, [], {}) if not f.flight)
     values = read(terms, free)
-    return Fit(terms, (), free, values, deviation**2 * np.eye(len(values)), 0.0, 0.0, 1).tells(1)
+    return Fit(terms, (), free, values, deviation**2 * np.eye(len(values)), 0.0, 0.0, 1).is_significant(1)
 
 
 def test_a_wind_is_told_where_along_one_axis_there_is_neither_wind_nor_drag():

@@ -4,13 +4,13 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.diagnosis.fitting.multi_start import first_fit, refit, rested
+from np_drake.diagnosis.fitting.multi_start import first_fit, refit, restarted
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
 from np_drake.diagnosis.regressors.nuisance import tolerance_of
 from np_drake.diagnosis.regressors.payload import Guess
 from np_drake.diagnosis.regressors.payload_grid import payload_about
-from np_drake.diagnosis.regressors.regression_problem import Model, Problem
+from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 PAYLOAD = SuspendedPayload(0.25, 1.2)
@@ -22,7 +22,7 @@ def swinging(seen):
     """Two flights with a payload, whose length is guessed, and noise that is all they show: it rings with the swing."""
     flights = [seen(PAYLOAD, name=str(i), seed=i, noise=1.0, seconds=10.0) for i in (1, 2)]
     noise = fit_noise([e.y for e in flights], flights[0].grid.step)
-    return Problem(
+    return RegressionProblem(
         flights, noise, [], [payload_about(flights, Guess(1.15)).candidate(flights)], temperature=2.0
     )
 
@@ -44,12 +44,12 @@ def test_the_first_fit_is_not_held_up_by_noise_that_rings_with_a_swing_not_met_y
 def test_from_a_known_fit_or_from_the_posterior_whichever_leads_farther(swinging, lost):
     tolerance = tolerance_of(swinging.flights)
     known = first_fit(swinging, ONLY, tolerance, iterations=3)
-    noise = fit_noise([known.left(e) for e in swinging.flights], swinging.noise.step)
+    noise = fit_noise([known.residual(e) for e in swinging.flights], swinging.noise.step)
     if lost:  # another length, and at rest
         known = dc.replace(known, terms=(Term(SuspendedPayload(0.05, 2.4)),))
     again = refit(swinging, ONLY, tolerance, known, noise)
     assert mass(again) == pytest.approx(PAYLOAD.mass, rel=0.01)
-    assert mass(rested(swinging, ONLY, tolerance, again, noise)) == pytest.approx(PAYLOAD.mass, rel=0.01)
+    assert mass(restarted(swinging, ONLY, tolerance, again, noise)) == pytest.approx(PAYLOAD.mass, rel=0.01)
     posterior = refit(swinging, ONLY, tolerance, None, noise, iterations=1)
     known_first = refit(swinging, ONLY, tolerance, known, noise, iterations=1)
     assert (known_first.log_evidence > posterior.log_evidence + 1.0) is not lost

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.fitting.parameters import free_figures, read
+from np_drake.diagnosis.fitting.parameters import free_parameters, read
 from np_drake.diagnosis.fitting.physical_bounds import at_its_bound, impossible, interval
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.effects.base import Effect
@@ -20,7 +20,7 @@ FLAT = Vehicle(inertia=[[0.02, 0, 0], [0, 0.02, 0], [0, 0, 0.035]])  # at most t
 
 def fit_of(*effects: Effect, deviation: float) -> Fit:
     terms = tuple(Term(effect) for effect in effects)
-    free = free_figures(terms, [], {})
+    free = free_parameters(terms, [], {})
     values = read(terms, free)
     return Fit(terms, (), tuple(free), values, deviation**2 * np.eye(len(free)), 0.0, 0.0, 1)
 

@@ -5,7 +5,7 @@ import pytest
 
 from np_drake.diagnosis.fitting.map_estimate import Generic
 from np_drake.diagnosis.fitting.resonance_fit import mode_of
-from np_drake.diagnosis.regressors.generic import PREFIX, candidates_of_the_unknown
+from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
 
 
 @pytest.fixture(scope="module")
@@ -14,7 +14,7 @@ def swinging(seen):
 
     def made(name: str, frequency: float, damping: float):
         flights = [seen(name=str(i), seed=i, noise=1.0, seconds=12.0) for i in (1, 2)]
-        groups = [c for c in candidates_of_the_unknown(flights) if c.identifiers == (PREFIX + name,)]
+        groups = [c for c in generic_candidates(flights) if c.identifiers == (PREFIX + name,)]
         nearest = min(groups, key=lambda c: abs(np.log(c.figures["frequency"] / frequency)))
         size = nearest.swing(frequency, damping, flights[0]).shape[-1]
         gains = np.random.default_rng(3).normal(size=size)
@@ -40,19 +40,19 @@ def test_the_mode_is_that_of_what_a_fit_explains_by_it_and_of_what_it_leaves(swi
     y = {e.name: e.y for e in flights}
     whole = mode_of(generic, flights, y, noise)
     fitted = Generic(generic.candidate, np.random.default_rng(4).normal(size=generic.candidate.size))
-    left = {e.name: e.y - fitted.part(e) for e in flights}
-    assert mode_of(fitted, flights, left, noise) == pytest.approx(whole, rel=1e-6)
+    residual = {e.name: e.y - fitted.part(e) for e in flights}
+    assert mode_of(fitted, flights, residual, noise) == pytest.approx(whole, rel=1e-6)
 
 
 def test_a_mode_far_from_where_the_grid_found_it_is_none(swinging, noise):
     flights, generic = swinging("twist", 3.5, 0.1)
     far = dc.replace(generic.candidate, figures={"frequency": 1.5})
-    left = {e.name: e.y for e in flights}
-    assert mode_of(dc.replace(generic, candidate=far), flights, left, noise) is None
+    residual = {e.name: e.y for e in flights}
+    assert mode_of(dc.replace(generic, candidate=far), flights, residual, noise) is None
 
 
 def test_what_does_not_swing_has_no_mode(seen, noise):
     flights = [seen(seconds=6.0)]
-    place = next(c for c in candidates_of_the_unknown(flights) if c.swing is None)
+    place = next(c for c in generic_candidates(flights) if c.swing is None)
     with pytest.raises(ValueError, match="does not swing"):
         mode_of(Generic(place, np.zeros(place.size)), flights, {e.name: e.y for e in flights}, noise)

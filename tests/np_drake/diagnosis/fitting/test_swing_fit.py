@@ -5,7 +5,7 @@ import pytest
 
 from np_drake.diagnosis.fitting.swing_fit import SwingFit
 from np_drake.diagnosis.forward_model.payload_state import STATE
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.regressors.payload import SWING
 from np_drake.effects.linear_drag import LinearDrag
@@ -19,7 +19,7 @@ WIDE = np.array([1.0, -0.8, -3.0, 4.0])  # [rad, rad/s]
 def thrown(seen):
     """A flight whose payload swings as `WIDE` from the start, with nothing else but noise."""
     flight = seen(name="c", seed=4, noise=1.0)
-    return dc.replace(flight, y=flight.y + signature(flight, [Term(PAYLOAD, hidden={"c": WIDE})]))
+    return dc.replace(flight, y=flight.y + predicted_residual(flight, [Term(PAYLOAD, hidden={"c": WIDE})]))
 
 
 @pytest.mark.parametrize("shocked", [(), range(245, 262)])
@@ -30,8 +30,8 @@ def test_the_cost_is_that_of_whitening_the_whole_flight_and_the_prior(thrown, no
     dut = SwingFit([drag, Term(PAYLOAD)], 1, thrown, noise, None, rows)
     swings = np.array([np.resize(WIDE, dut.size), np.resize(0.3 * WIDE, dut.size)])
     for cost, swing in zip(dut.costs(swings), swings, strict=True):
-        left = thrown.y - signature(thrown, [drag, dut.term(swing)])
-        white = thrown.white(noise, left)[rows[noise.phi.shape[1] :]]
+        residual = thrown.y - predicted_residual(thrown, [drag, dut.term(swing)])
+        white = thrown.white(noise, residual)[rows[noise.phi.shape[1] :]]
         rate = np.sqrt(thrown.vehicle.gravity / PAYLOAD.length)
         prior = np.sum((swing / (SWING * np.resize([1.0, 1.0, rate, rate], dut.size))) ** 2)
         assert cost == pytest.approx(np.sum(white**2) + prior, rel=1e-9)
@@ -41,14 +41,16 @@ def test_a_wide_swing_is_found_from_rest_where_descent_alone_is_not_enough(throw
     rows = thrown.t < 2.0
     dut = SwingFit([Term(PAYLOAD)], 0, thrown, noise, None, rows)
     rest = np.zeros(STATE)
-    true, alone, found = dut.costs(np.array([WIDE, dut.descend(rest), dut.widely(rest, slice(STATE))]))
+    true, alone, found = dut.costs(
+        np.array([WIDE, dut.descend(rest), dut.descend_from_grid(rest, slice(STATE))])
+    )
     assert found < 1.1 * true < 0.5 * alone
 
 
 def test_a_search_never_ends_above_where_it_began(thrown, noise):
     dut = SwingFit([Term(PAYLOAD)], 0, thrown, noise, None, thrown.t < 2.0)
     before, descended, searched = dut.costs(
-        np.array([WIDE, dut.descend(WIDE), dut.widely(WIDE, slice(STATE))])
+        np.array([WIDE, dut.descend(WIDE), dut.descend_from_grid(WIDE, slice(STATE))])
     )
     assert descended <= before
     assert searched <= descended
@@ -60,7 +62,7 @@ def test_figures_that_are_not_free_stay(thrown, noise):
     assert dut.size == 2 * STATE
     np.testing.assert_array_equal(dut.known, [*WIDE, 0, 0, 0, 0])
     jump = slice(STATE, 2 * STATE)
-    for swing in (dut.descend(dut.known, jump), dut.widely(dut.known, jump)):
+    for swing in (dut.descend(dut.known, jump), dut.descend_from_grid(dut.known, jump)):
         np.testing.assert_array_equal(swing[:STATE], WIDE)
         assert np.any(swing[jump] != 0.0)
 
@@ -82,7 +84,7 @@ def test_the_payload_it_returns_begins_where_it_was_asked_to(thrown, noise):
 def test_a_swing_of_which_rows_say_nothing_is_doubted_as_widely_as_before(thrown, noise):
     dut = SwingFit([Term(PAYLOAD)], 0, thrown, noise, None, np.zeros(len(thrown.t), bool))
     rate = np.sqrt(thrown.vehicle.gravity / PAYLOAD.length)
-    wide = dut.doubts(slice(STATE)) / (SWING * np.array([1.0, 1.0, rate, rate]))
+    wide = dut.posterior_swings(slice(STATE)) / (SWING * np.array([1.0, 1.0, rate, rate]))
     np.testing.assert_allclose(np.cov(wide.T), np.eye(STATE), atol=0.2)
     np.testing.assert_allclose(wide.mean(axis=0), 0.0, atol=0.1)
 
@@ -90,18 +92,20 @@ def test_a_swing_of_which_rows_say_nothing_is_doubted_as_widely_as_before(thrown
 @pytest.mark.parametrize("free", [slice(None), slice(STATE), slice(0, STATE)])
 def test_doubts_are_the_same_at_each_call(thrown, noise, free):
     dut = SwingFit([Term(PAYLOAD)], 0, thrown, noise, None, np.zeros(len(thrown.t), bool))
-    np.testing.assert_array_equal(dut.doubts(free), dut.doubts(slice(0, STATE)))
+    np.testing.assert_array_equal(dut.posterior_swings(free), dut.posterior_swings(slice(0, STATE)))
 
 
 def test_doubts_are_of_free_figures_and_as_large_as_the_errors_of_fits(seen, noise):
     errors = []
     for seed in range(12):
         flight = seen(name="c", seed=seed, noise=1.0, seconds=4.0)
-        flight = dc.replace(flight, y=flight.y + signature(flight, [Term(PAYLOAD, hidden={"c": WIDE})]))
+        flight = dc.replace(
+            flight, y=flight.y + predicted_residual(flight, [Term(PAYLOAD, hidden={"c": WIDE})])
+        )
         dut = SwingFit([Term(PAYLOAD, hidden={"c": WIDE})], 0, flight, noise, None, flight.t < 2.0)
-        deviation = dut.doubts(slice(STATE)).std(axis=0)
+        deviation = dut.posterior_swings(slice(STATE)).std(axis=0)
         errors.append((dut.descend(WIDE) - WIDE) / deviation)
     assert 0.6 < np.sqrt(np.mean(np.square(errors))) < 1.5
     shocked = dc.replace(flight, shocks=np.isin(np.arange(len(flight.t)), [150, 151]))
     dut = SwingFit([Term(PAYLOAD)], 0, shocked, noise, None, shocked.t > 3.0)
-    assert not dut.doubts(slice(STATE, 2 * STATE))[:, :STATE].any()
+    assert not dut.posterior_swings(slice(STATE, 2 * STATE))[:, :STATE].any()

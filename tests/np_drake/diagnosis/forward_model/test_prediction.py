@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.forward_model.prediction import Stages, gate, signature
+from np_drake.diagnosis.forward_model.prediction import StageCache, gate, predicted_residual
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.effects.accelerometer_bias import AccelerometerBias
@@ -51,16 +51,16 @@ def size(values: np.ndarray) -> float:
 def test_the_trace_of_the_true_effect_is_the_residual_of_an_exact_log(seen, effect, accelerations):
     acting = made(effect)
     dut = seen(*acting, accelerations=accelerations)
-    left = dut.y - signature(dut, [Term(e) for e in acting])
+    residual = dut.y - predicted_residual(dut, [Term(e) for e in acting])
     share = INEXACT.get(effect.identifier, LEFT)
     for part in (ev.FORCE, ev.TORQUE):
-        assert size(left[:, part]) < share * size(dut.y[:, part]) + SMALL
+        assert size(residual[:, part]) < share * size(dut.y[:, part]) + SMALL
 
 
 def test_thrust_that_lags_leaves_its_trace_between_velocity_and_acceleration(seen):
     dut = seen(MotorLag(0.05), seconds=8.0)
-    left = dut.y - signature(dut, [Term(MotorLag(0.05))])
-    assert size(left[:, ev.VELOCITY]) < 0.1 * size(dut.y[:, ev.VELOCITY])  # a row is long for its kinks
+    residual = dut.y - predicted_residual(dut, [Term(MotorLag(0.05))])
+    assert size(residual[:, ev.VELOCITY]) < 0.1 * size(dut.y[:, ev.VELOCITY])  # a row is long for its kinks
 
 
 @pytest.mark.parametrize("accelerations", [True, False])
@@ -68,8 +68,8 @@ def test_thrust_that_lags_leaves_its_trace_between_velocity_and_acceleration(see
 def test_a_center_of_mass_turns_with_the_thrust_of_the_interval_not_of_a_row(seen, beside, accelerations):
     acting = [CenterOfMassOffset(0.012, 0.007, 0.006), *beside]
     dut = seen(*acting, accelerations=accelerations)
-    left = dut.y - signature(dut, [Term(e) for e in acting])
-    assert size(left[:, ev.TORQUE]) < 1e-6  # half a row of thrust at this lever is 5e-4 [N·m]
+    residual = dut.y - predicted_residual(dut, [Term(e) for e in acting])
+    assert size(residual[:, ev.TORQUE]) < 1e-6  # half a row of thrust at this lever is 5e-4 [N·m]
 
 
 @pytest.mark.parametrize("accelerations", [True, False])
@@ -78,22 +78,22 @@ def test_a_center_of_mass_turns_with_the_thrust_of_the_interval_not_of_a_row(see
 )
 def test_the_trace_of_a_sensor_is_in_the_kinematic_channels_too(seen, effect, accelerations):
     dut = seen(effect(), accelerations=accelerations)
-    left = dut.y - signature(dut, [Term(effect())])
+    residual = dut.y - predicted_residual(dut, [Term(effect())])
     for part in (ev.POSITION, ev.VELOCITY, ev.ATTITUDE):
-        assert size(left[:, part]) < 0.03 * size(dut.y[:, part]) + 1e-3  # [m/s, m/s², rad/s]
+        assert size(residual[:, part]) < 0.03 * size(dut.y[:, part]) + 1e-3  # [m/s, m/s², rad/s]
 
 
 @EVERY
 def test_a_neutral_effect_leaves_no_trace(seen, effect):
     dut = seen(noise=1.0)
     neutral = [LinearDrag(), effect.neutral()] if effect.needs else [effect.neutral()]
-    found = signature(dut, [Term(e) for e in neutral])
-    expected = signature(dut, [Term(LinearDrag())]) if effect.needs else 0 * found
+    found = predicted_residual(dut, [Term(e) for e in neutral])
+    expected = predicted_residual(dut, [Term(LinearDrag())]) if effect.needs else 0 * found
     np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
 def test_without_effects_there_is_no_trace(seen):
-    np.testing.assert_array_equal(signature(seen(), []), 0.0)
+    np.testing.assert_array_equal(predicted_residual(seen(), []), 0.0)
 
 
 FORCES = st.sampled_from([LinearDrag(), QuadraticDrag(), BladeFlapping(), TranslationalLift()])
@@ -103,7 +103,9 @@ FORCES = st.sampled_from([LinearDrag(), QuadraticDrag(), BladeFlapping(), Transl
 @given(st.lists(FORCES, min_size=2, max_size=4, unique_by=type))
 def test_traces_of_effects_that_do_not_feel_each_other_add(flown, effects):
     terms = [Term(e) for e in effects]
-    np.testing.assert_allclose(signature(flown, terms), sum(signature(flown, [t]) for t in terms), atol=1e-9)
+    np.testing.assert_allclose(
+        predicted_residual(flown, terms), sum(predicted_residual(flown, [t]) for t in terms), atol=1e-9
+    )
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +115,9 @@ def flown(seen):
 
 def test_the_order_of_terms_does_not_matter(flown):
     terms = [Term(e) for e in (MassError(), LinearDrag(), ThrustScale(), MotorLag(), LIGHT, ConstantWind())]
-    np.testing.assert_allclose(signature(flown, terms), signature(flown, terms[::-1]), atol=1e-9)
+    np.testing.assert_allclose(
+        predicted_residual(flown, terms), predicted_residual(flown, terms[::-1]), atol=1e-9
+    )
 
 
 @pytest.mark.parametrize(
@@ -128,9 +132,9 @@ def test_the_order_of_terms_does_not_matter(flown):
 )
 def test_effects_that_feel_each_other_leave_their_common_trace(seen, effects):
     dut = seen(*effects)
-    left = dut.y - signature(dut, [Term(e) for e in effects])
-    assert size(left[:, ev.FORCE]) < 0.03 * size(dut.y[:, ev.FORCE])
-    assert size(left[:, ev.TORQUE]) < 0.05 * size(dut.y[:, ev.TORQUE]) + SMALL
+    residual = dut.y - predicted_residual(dut, [Term(e) for e in effects])
+    assert size(residual[:, ev.FORCE]) < 0.03 * size(dut.y[:, ev.FORCE])
+    assert size(residual[:, ev.TORQUE]) < 0.05 * size(dut.y[:, ev.TORQUE]) + SMALL
 
 
 @pytest.mark.parametrize(
@@ -144,30 +148,30 @@ def test_effects_that_feel_each_other_leave_their_common_trace(seen, effects):
 )
 def test_a_force_is_that_of_the_motion_and_not_of_its_reading(seen, force, sensor, part):
     dut = seen(force, sensor)
-    alone = signature(dut, [Term(force)]) + signature(dut, [Term(sensor)])
-    together = signature(dut, [Term(force), Term(sensor)])
-    left = [size((dut.y - trace)[:, part]) for trace in (alone, together)]
-    assert left[1] < 0.5 * left[0]
+    alone = predicted_residual(dut, [Term(force)]) + predicted_residual(dut, [Term(sensor)])
+    together = predicted_residual(dut, [Term(force), Term(sensor)])
+    residual = [size((dut.y - trace)[:, part]) for trace in (alone, together)]
+    assert residual[1] < 0.5 * residual[0]
 
 
 def test_a_payload_swings_with_the_motion_whatever_the_accelerometer_reads(seen):
     sensor = AccelerometerBias(0.3, -0.4, 0.5)
     dut = seen(LIGHT, sensor)
-    left = dut.y - signature(dut, [Term(LIGHT), Term(sensor)])
+    residual = dut.y - predicted_residual(dut, [Term(LIGHT), Term(sensor)])
     exact = seen(LIGHT)
-    expected = exact.y - signature(exact, [Term(LIGHT)])
-    assert size((left - expected)[:, ev.FORCE]) < 2e-3 * size(exact.y[:, ev.FORCE])
+    expected = exact.y - predicted_residual(exact, [Term(LIGHT)])
+    assert size((residual - expected)[:, ev.FORCE]) < 2e-3 * size(exact.y[:, ev.FORCE])
 
 
 def test_a_gyroscope_that_errs_leaves_a_torque(seen):
     bias = GyroBias(0.1, -0.2, 0.3)
     dut = seen(bias)
-    left = dut.y - signature(dut, [Term(bias)])
-    assert size(left[:, ev.TORQUE]) < 0.05 * size(dut.y[:, ev.TORQUE])
+    residual = dut.y - predicted_residual(dut, [Term(bias)])
+    assert size(residual[:, ev.TORQUE]) < 0.05 * size(dut.y[:, ev.TORQUE])
 
 
 def test_wind_alone_leaves_no_trace(flown):
-    np.testing.assert_array_equal(signature(flown, [Term(ConstantWind())]), 0.0)
+    np.testing.assert_array_equal(predicted_residual(flown, [Term(ConstantWind())]), 0.0)
 
 
 BEGINS = [e for e in LIBRARY.values() if e.begins]
@@ -178,14 +182,14 @@ def test_before_its_onset_an_effect_leaves_no_trace_and_after_it_its_own(flown, 
     terms = [Term(e) for e in made(effect)]
     always = [dc.replace(t, onset={flown.name: None}) for t in terms]
     late = [dc.replace(t, onset={flown.name: 6.0}) for t in terms]
-    found, whole = signature(flown, late), signature(flown, always)
-    np.testing.assert_array_equal(signature(flown, terms), whole)
+    found, whole = predicted_residual(flown, late), predicted_residual(flown, always)
+    np.testing.assert_array_equal(predicted_residual(flown, terms), whole)
     np.testing.assert_allclose(found[flown.t < 5.75], 0.0, atol=1e-9)  # the low-pass sees 0.2 s ahead
     if effect is not SuspendedPayload:  # which begins to swing anew
         after = flown.t > 6.25
         np.testing.assert_allclose(found[after], whole[after], atol=1e-9)
     never = [dc.replace(t, onset={flown.name: NEVER}) for t in terms]
-    np.testing.assert_array_equal(signature(flown, never), 0.0)
+    np.testing.assert_array_equal(predicted_residual(flown, never), 0.0)
 
 
 @pytest.mark.parametrize(
@@ -193,10 +197,10 @@ def test_before_its_onset_an_effect_leaves_no_trace_and_after_it_its_own(flown, 
 )
 def test_an_onset_in_a_flight_leaves_the_trace_of_that_onset(seen, effect):
     dut = seen(effect, onset={effect.identifier: 5.0})
-    left = dut.y - signature(dut, [Term(effect, {dut.name: 5.0})])
+    residual = dut.y - predicted_residual(dut, [Term(effect, {dut.name: 5.0})])
     outside = np.abs(dut.t - 5.0) > 0.25
     share = 0.1 if effect is LIGHT else 0.02  # smoothing of the hook's motion blurs the start of the swing
-    assert size(left[outside][:, ev.WRENCH]) < share * size(dut.y[:, ev.WRENCH])
+    assert size(residual[outside][:, ev.WRENCH]) < share * size(dut.y[:, ev.WRENCH])
 
 
 @pytest.mark.parametrize("accelerations", [True, False])
@@ -204,15 +208,15 @@ def test_an_onset_in_a_flight_leaves_the_trace_of_that_onset(seen, effect):
 def test_what_begins_at_a_row_turns_the_vehicle_from_the_interval_after_it_on(seen, accelerations, at):
     effect = CenterOfMassOffset(0.012, 0.007, 0.006)
     dut = seen(effect, onset={effect.identifier: at}, accelerations=accelerations)
-    left = dut.y - signature(dut, [Term(effect, {dut.name: at})])
-    assert size(left[:, ev.TORQUE]) < 1e-3 * size(dut.y[:, ev.TORQUE])
+    residual = dut.y - predicted_residual(dut, [Term(effect, {dut.name: at})])
+    assert size(residual[:, ev.TORQUE]) < 1e-3 * size(dut.y[:, ev.TORQUE])
 
 
 def test_two_onsets_of_actuators_are_switched_in_one_after_the_other(flown):
     terms = [Term(ThrustScale(0.9), {flown.name: 3.0}), Term(CommandDelay(0.05), {flown.name: 6.0})]
-    found = signature(flown, terms)
-    scale = signature(flown, [Term(ThrustScale(0.9))])
-    both = signature(flown, [Term(ThrustScale(0.9)), Term(CommandDelay(0.05))])
+    found = predicted_residual(flown, terms)
+    scale = predicted_residual(flown, [Term(ThrustScale(0.9))])
+    both = predicted_residual(flown, [Term(ThrustScale(0.9)), Term(CommandDelay(0.05))])
     between, late = (flown.t > 3.3) & (flown.t < 5.7), flown.t > 6.3
     np.testing.assert_allclose(found[between], scale[between], atol=1e-9)
     np.testing.assert_allclose(found[late], both[late], atol=1e-9)
@@ -220,7 +224,9 @@ def test_two_onsets_of_actuators_are_switched_in_one_after_the_other(flown):
 
 def test_an_onset_belongs_to_its_flight(flown):
     elsewhere = Term(MassError(), {"another": NEVER})
-    np.testing.assert_array_equal(signature(flown, [elsewhere]), signature(flown, [Term(MassError())]))
+    np.testing.assert_array_equal(
+        predicted_residual(flown, [elsewhere]), predicted_residual(flown, [Term(MassError())])
+    )
 
 
 def test_the_gate_opens_at_the_onset():
@@ -231,7 +237,7 @@ def test_the_gate_opens_at_the_onset():
 
 
 def test_more_mass_pulls_the_residual_down_by_its_share_of_the_thrust(flown):
-    found = signature(flown, [Term(MassError(0.5))])
+    found = predicted_residual(flown, [Term(MassError(0.5))])
     expected = (2.0 / 2.5 - 1.0) * flown.nominal[:, 2]
     np.testing.assert_allclose(found[:, 2], expected, rtol=1e-9)
     np.testing.assert_allclose(found[:, [0, 1, 3, 4, 5]], 0.0, atol=1e-9)
@@ -239,7 +245,7 @@ def test_more_mass_pulls_the_residual_down_by_its_share_of_the_thrust(flown):
 
 def test_parts_that_are_kept_change_no_signature(seen):
     flight = seen(name="1", seed=1, seconds=5.0)
-    stages = Stages()
+    stages = StageCache()
     acting = [LinearDrag(), MotorLag(0.02), ThrustScale(0.9), MassError(0.2), GyroBias(0.02, 0.0, 0.0)]
     acting += [AttitudeBias(0.01, 0.0, 0.0), ConstantWind(2.0, 0.0, 0.0), CenterOfMassOffset(0.01), LIGHT]
     moved = [LinearDrag(0.4), MotorLag(0.05), ThrustScale(1.1), MassError(0.1), GyroBias(0.01, 0.01, 0.0)]
@@ -248,4 +254,6 @@ def test_parts_that_are_kept_change_no_signature(seen):
     for i in range(len(acting)):
         for onset in ({}, {"1": 2.0}):
             now = [Term(e) for e in (*acting[:i], *acting[i + 1 :])] + [Term(moved[i], onset)]
-            np.testing.assert_array_equal(signature(flight, now, stages), signature(flight, now))
+            np.testing.assert_array_equal(
+                predicted_residual(flight, now, stages), predicted_residual(flight, now)
+            )

@@ -10,7 +10,7 @@ from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.gap import gap_reduction as dut
 from np_drake.diagnosis.held_out.prediction import on_held_out
 from np_drake.diagnosis.numerics.autoregressive_noise import scale_only
-from np_drake.diagnosis.residuals.flight_residuals import make_evidence
+from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.diagnosis.result import ReplayGap
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gusty_wind import GustyWind
@@ -83,14 +83,14 @@ def test_the_bootstrap_is_the_same_each_time():
 @pytest.fixture(scope="module")
 def solved(ranked):
     case = ranked(MassError(0.2), LinearDrag(0.6, 0.6, 0.6))
-    held = on_held_out(case.fit, case.unseen, case.ranking.noise)
-    causes, _ = causes_of(case.ranking, case.fit, case.flights, case.unseen, held)
+    held = on_held_out(case.fit, case.held_out, case.ranking.noise)
+    causes, _ = causes_of(case.ranking, case.fit, case.flights, case.held_out, held)
     return case, held, causes
 
 
 def test_with_the_true_causes_the_gap_goes_down_to_the_noise(solved):
     case, held, causes = solved
-    found = dut.how_far(case.fit, causes, case.unseen, case.ranking.noise, held, None)
+    found = dut.measure_gap_reduction(case.fit, causes, case.held_out, case.ranking.noise, held, None)
     assert found.before > 5.0
     assert found.after == pytest.approx(1.0, abs=0.1)
     assert found.fraction == pytest.approx(1.0, abs=0.02)
@@ -100,7 +100,7 @@ def test_with_the_true_causes_the_gap_goes_down_to_the_noise(solved):
 
 def test_the_ladder_goes_down_cause_by_cause_from_nominal_to_the_floor(solved):
     case, held, causes = solved
-    found = dut.how_far(case.fit, causes, case.unseen, case.ranking.noise, held, None)
+    found = dut.measure_gap_reduction(case.fit, causes, case.held_out, case.ranking.noise, held, None)
     assert [r.name for r in found.ladder] == ["nominal", "+ mass_error", "+ linear_drag", "noise floor"]
     sizes = [r.residual for r in found.ladder[:-1]]
     assert sizes == sorted(sizes, reverse=True)
@@ -112,7 +112,7 @@ def test_a_cause_whose_share_is_not_known_comes_last_on_the_ladder_wherever_it_s
     case, held, causes = solved
     blind = [dc.replace(c, share=np.nan) if c.identifier == "mass_error" else c for c in causes]
     for some in (blind, blind[::-1]):
-        found = dut.how_far(case.fit, some, case.unseen, case.ranking.noise, held, None)
+        found = dut.measure_gap_reduction(case.fit, some, case.held_out, case.ranking.noise, held, None)
         assert [r.name for r in found.ladder] == ["nominal", "+ linear_drag", "+ mass_error", "noise floor"]
 
 
@@ -124,7 +124,7 @@ def test_without_causes_nothing_changes_and_the_replay_is_nominal(solved):
         calls.append(([log.name for log in logs], [e.identifier for e, _ in effects]))
         return ReplayGap((0.5,), *(np.zeros((1, 3)) for _ in range(3)), 1)
 
-    found = dut.how_far(case.fit, [], case.unseen, case.ranking.noise, held, replay)
+    found = dut.measure_gap_reduction(case.fit, [], case.held_out, case.ranking.noise, held, replay)
     assert found.before == found.after
     assert found.fraction == 0.0
     assert calls == [(["c"], [])]
@@ -139,7 +139,7 @@ def test_the_replay_gets_the_fitted_effects_and_their_onsets(solved):
         calls.append(effects)
         return ReplayGap((0.5,), *(np.zeros((1, 3)) for _ in range(3)), 1)
 
-    dut.how_far(case.fit, causes, case.unseen, case.ranking.noise, held, replay)
+    dut.measure_gap_reduction(case.fit, causes, case.held_out, case.ranking.noise, held, replay)
     before, after = calls
     assert before == []
     assert {e.identifier for e, _ in after} == {"mass_error", "linear_drag"}
@@ -155,12 +155,12 @@ def test_to_the_replay_a_flight_begins_at_its_first_row(solved, begin):
         calls.append((logs[0].t, effects))
         return ReplayGap((0.5,), *(np.zeros((1, 3)) for _ in range(3)), 1)
 
-    (flight,) = case.unseen
-    late = make_evidence(dc.replace(flight.log, t=flight.log.t + 50.0), flight.vehicle)
+    (flight,) = case.held_out
+    late = make_flight_residuals(dc.replace(flight.log, t=flight.log.t + 50.0), flight.vehicle)
     late = dc.replace(late, joined=np.arange(len(late.t)) < 100)
     terms = [dc.replace(t, onset={"c": 50.0 + begin}) for t in held.terms["c"]]
     begun = dc.replace(held, rows={"c": ~late.joined}, terms={"c": terms})
-    dut.how_far(case.fit, causes, [late], case.ranking.noise, begun, replay)
+    dut.measure_gap_reduction(case.fit, causes, [late], case.ranking.noise, begun, replay)
     (_, _), (t, effects) = calls
     assert t[0] == pytest.approx(flight.t[100] - flight.log.t[0], abs=0.02)  # what a fit has seen is left out
     assert [onset["c"] for _, onset in effects] == pytest.approx([begin, begin])
@@ -185,11 +185,11 @@ def test_a_flight_is_replayed_from_where_a_cause_acts_on(solved, onsets, first):
         calls.append(logs[0].t)
         return ReplayGap((0.5,), *(np.zeros((1, 3)) for _ in range(3)), 1)
 
-    (flight,) = case.unseen
+    (flight,) = case.held_out
     begins = dict(zip((c.identifier for c in causes), onsets, strict=True))
     terms = [dc.replace(t, onset={"c": begins.get(t.effect.identifier)}) for t in held.terms["c"]]
     some = dc.replace(held, terms={"c": terms})
-    dut.how_far(case.fit, causes, case.unseen, case.ranking.noise, some, replay)
+    dut.measure_gap_reduction(case.fit, causes, case.held_out, case.ranking.noise, some, replay)
     before, after = calls
     np.testing.assert_array_equal(before, after)
     assert before[0] == pytest.approx(first, abs=1.5 * flight.log.step)
@@ -206,7 +206,7 @@ def test_the_replay_gets_of_gusts_what_is_foreseen_of_them(solved):
 
     gusts = GustyWind(1.0, 2.0, 3.0, 4.0, 0.5)
     blown = [dc.replace(causes[0], identifier="gusty_wind", effect=gusts)]
-    dut.how_far(case.fit, blown, case.unseen, case.ranking.noise, held, replay)
+    dut.measure_gap_reduction(case.fit, blown, case.held_out, case.ranking.noise, held, replay)
     (foreseen,) = calls[1]
     assert foreseen == dc.replace(gusts, deviation=0.0)
 
@@ -227,10 +227,10 @@ def test_beside_what_is_unknown_a_cause_that_takes_nothing_off_is_none(solved):
     wrong = Term(ThrustScale(1.1))
     idle = dc.replace(causes[0], identifier=wrong.effect.identifier, effect=wrong.effect)
     held = dc.replace(held, terms={n: [*terms, wrong] for n, terms in held.terms.items()})
-    kept, minor = dut.without_idle([*causes, idle], case.unseen, case.ranking.noise, held)
+    kept, minor = dut.without_superfluous([*causes, idle], case.held_out, case.ranking.noise, held)
     assert kept == causes
     assert [f.name for f in minor] == ["thrust_scale"]
-    assert dut.without_idle(causes, case.unseen, case.ranking.noise, held) == (causes, [])
+    assert dut.without_superfluous(causes, case.held_out, case.ranking.noise, held) == (causes, [])
 
 
 def test_a_drag_stays_with_the_wind_that_acts_through_it(solved):
@@ -238,8 +238,8 @@ def test_a_drag_stays_with_the_wind_that_acts_through_it(solved):
     drag = next(c for c in causes if c.identifier == "linear_drag")
     none = {n: [Term(LinearDrag(0.0, 0.0, 0.0))] for n in held.terms}
     wind = dc.replace(drag, identifier="constant_wind", effect=ConstantWind(1.0))
-    flights, noise = case.unseen, case.ranking.noise
-    kept, idle = dut.without_idle([drag, wind], flights, noise, dc.replace(held, terms=none))
+    flights, noise = case.held_out, case.ranking.noise
+    kept, idle = dut.without_superfluous([drag, wind], flights, noise, dc.replace(held, terms=none))
     assert kept == []
     assert [f.name for f in idle] == [
         "constant_wind",

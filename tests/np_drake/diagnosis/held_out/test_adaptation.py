@@ -3,21 +3,21 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.fitting.swing_fit import settled
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.fitting.swing_fit import fitted_to_whole_flight
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.held_out.adaptation import (
     HIDDEN_SPAN,
     JUMP_SPAN,
     _span_by_span,
     adapt,
-    foreseen,
-    judged_by_its_own_swing,
-    known_onset_profile,
-    scored,
+    onset_log_likelihood,
+    predictive_terms,
+    scored_on_fitted_rows,
+    scored_rows,
     without_shocks,
 )
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, make_evidence
+from np_drake.diagnosis.residuals.flight_residuals import WRENCH, make_flight_residuals
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
@@ -99,27 +99,27 @@ def test_two_effects_find_their_own_onsets(seen, noise):
 def test_the_swing_at_the_start_of_an_unseen_flight_is_found(fly, noise):
     log = fly(PAYLOAD, name="c", seed=3, noise=1.0)
     middle = log.rows(420, len(log))  # the payload is swinging
-    flight = make_evidence(dc.replace(middle, t=middle.t - middle.t[0]), Vehicle())
+    flight = make_flight_residuals(dc.replace(middle, t=middle.t - middle.t[0]), Vehicle())
     (dut,) = adapt([Term(PAYLOAD)], flight, noise)
-    rows = scored([dut], flight)
-    left, still = (
-        noise.whiten(flight.y - signature(flight, [t])[:, :])[rows[noise.phi.shape[1] :]][:, WRENCH]
+    rows = scored_rows([dut], flight)
+    residual, still = (
+        noise.whiten(flight.y - predicted_residual(flight, [t])[:, :])[rows[noise.phi.shape[1] :]][:, WRENCH]
         for t in (dut, Term(PAYLOAD))
     )
     assert np.abs(dut.hidden["c"]).max() > 0.05  # [rad, rad/s]
-    assert np.sqrt(np.mean(left**2)) < 1.3
-    assert np.sqrt(np.mean(still**2)) > 1.2 * np.sqrt(np.mean(left**2))
+    assert np.sqrt(np.mean(residual**2)) < 1.3
+    assert np.sqrt(np.mean(still**2)) > 1.2 * np.sqrt(np.mean(residual**2))
 
 
 def test_of_a_swing_that_is_hardly_known_the_mean_is_foreseen_which_misses_less(seen, noise):
     faint, missed = dc.replace(PAYLOAD, mass=0.01), []
     for seed, swing in enumerate(np.random.default_rng(1).normal(size=(6, 4)) * [0.4, 0.4, 2.0, 2.0]):
         flight = seen(name="c", seed=seed, noise=1.0, seconds=8.0)
-        real = signature(flight, [Term(faint, hidden={"c": swing})])
+        real = predicted_residual(flight, [Term(faint, hidden={"c": swing})])
         terms = adapt([Term(faint)], dc.replace(flight, y=flight.y + real), noise)
-        ways = (terms, foreseen(terms, dc.replace(flight, y=flight.y + real), noise))
-        rows = scored(terms, flight)
-        missed.append([np.sum((signature(flight, w) - real)[rows, WRENCH] ** 2) for w in ways])
+        ways = (terms, predictive_terms(terms, dc.replace(flight, y=flight.y + real), noise))
+        rows = scored_rows(terms, flight)
+        missed.append([np.sum((predicted_residual(flight, w) - real)[rows, WRENCH] ** 2) for w in ways])
     best, mean = np.sum(missed, axis=0)
     assert mean < 0.9 * best
 
@@ -127,20 +127,20 @@ def test_of_a_swing_that_is_hardly_known_the_mean_is_foreseen_which_misses_less(
 def test_a_swing_that_is_known_is_foreseen_as_it_is(seen, noise):
     flight = seen(PAYLOAD, name="c", seed=3, noise=1.0)
     terms = adapt([Term(PAYLOAD), Term(HEAVY)], flight, noise)
-    dut = foreseen(terms, flight, noise)
+    dut = predictive_terms(terms, flight, noise)
     assert dut[1] is terms[1]
-    known, ahead = signature(flight, terms[:1]), signature(flight, dut[:1])
+    known, ahead = predicted_residual(flight, terms[:1]), predicted_residual(flight, dut[:1])
     assert np.std(ahead - known) < 0.02 * np.std(known)
 
 
 def test_rows_that_a_hidden_start_was_fitted_to_are_not_scored(seen):
     flight = seen(name="c", seed=3)
-    assert scored([Term(HEAVY)], flight).all()
-    rows = scored([Term(HEAVY), Term(PAYLOAD)], flight)
+    assert scored_rows([Term(HEAVY)], flight).all()
+    rows = scored_rows([Term(HEAVY), Term(PAYLOAD)], flight)
     np.testing.assert_array_equal(rows, flight.t >= HIDDEN_SPAN)
-    late = scored([Term(PAYLOAD, {"c": 5.0})], flight)
+    late = scored_rows([Term(PAYLOAD, {"c": 5.0})], flight)
     np.testing.assert_array_equal(late, (flight.t < 5.0) | (flight.t >= 5.0 + HIDDEN_SPAN))
-    assert scored([Term(PAYLOAD, {"c": NEVER})], flight).all()
+    assert scored_rows([Term(PAYLOAD, {"c": NEVER})], flight).all()
 
 
 def knocked(flight, when):
@@ -153,55 +153,58 @@ def knocked(flight, when):
 def test_a_swing_that_jumps_at_a_shock_is_found_anew_and_those_rows_are_not_scored(seen, noise):
     flight = knocked(seen(PAYLOAD, name="c", seed=3, noise=1.0, seconds=12.0), 6.0)
     jumped = Term(PAYLOAD, hidden={"c": np.array([0.0, 0.0, 0.0, 0.0, 0.3, -0.2, 0.5, 0.8])})
-    y = flight.y + signature(flight, [jumped]) - signature(flight, [Term(PAYLOAD)])
+    y = flight.y + predicted_residual(flight, [jumped]) - predicted_residual(flight, [Term(PAYLOAD)])
     flight = dc.replace(flight, y=y)
     (dut,) = adapt([Term(PAYLOAD)], flight, noise)
-    rows = scored([dut], flight)
+    rows = scored_rows([dut], flight)
     after = flight.t > flight.t[flight.shocks][-1]
     assert not rows[after & (flight.t < 6.0 + JUMP_SPAN)].any()
     assert rows[flight.t > 6.1 + JUMP_SPAN].all()
     unaware = dc.replace(dut, hidden={"c": dut.hidden["c"][:4]})
-    left = [np.std((flight.y - signature(flight, [t]))[rows & after][:, :3]) for t in (dut, jumped, unaware)]
-    assert left[0] < 1.1 * left[1] < 0.5 * left[2]
+    residual = [
+        np.std((flight.y - predicted_residual(flight, [t]))[rows & after][:, :3])
+        for t in (dut, jumped, unaware)
+    ]
+    assert residual[0] < 1.1 * residual[1] < 0.5 * residual[2]
 
 
 def test_the_rows_of_a_shock_are_not_scored_beside_a_payload_only(seen):
     flight = knocked(seen(PAYLOAD, name="c", seed=3, noise=1.0), 6.0)
-    assert not scored([Term(PAYLOAD)], flight)[flight.shocks].any()
-    assert scored([Term(HEAVY), Term(PAYLOAD, {"c": NEVER})], flight).all()
+    assert not scored_rows([Term(PAYLOAD)], flight)[flight.shocks].any()
+    assert scored_rows([Term(HEAVY), Term(PAYLOAD, {"c": NEVER})], flight).all()
 
 
 def test_a_flight_too_short_to_judge_a_payload_is_scored_whole_and_says_so(seen):
     flight = seen(PAYLOAD, name="c", seed=3)
-    assert not judged_by_its_own_swing([Term(PAYLOAD)], flight)
+    assert not scored_on_fitted_rows([Term(PAYLOAD)], flight)
     short = dc.replace(
         flight, shocks=flight.t >= flight.t[0] + HIDDEN_SPAN
     )  # nothing is left beside its anchor
-    assert scored([Term(PAYLOAD)], short).all()
-    assert judged_by_its_own_swing([Term(PAYLOAD)], short)
-    assert not judged_by_its_own_swing([Term(HEAVY)], short)
+    assert scored_rows([Term(PAYLOAD)], short).all()
+    assert scored_on_fitted_rows([Term(PAYLOAD)], short)
+    assert not scored_on_fitted_rows([Term(HEAVY)], short)
 
 
 def test_a_swing_that_one_span_does_not_show_is_followed_from_the_start(seen, noise):
     wide = np.array([1.2, -0.9, 2.0, 3.0])  # a start that a span by itself does not find
     flight = seen(name="c", seed=4, noise=1.0)
     thrown = Term(PAYLOAD, hidden={"c": wide})
-    flight = dc.replace(flight, y=flight.y + signature(flight, [thrown]))
+    flight = dc.replace(flight, y=flight.y + predicted_residual(flight, [thrown]))
     trace = _span_by_span([thrown], 0, flight, noise)
     inside = flight.t < HIDDEN_SPAN
-    left = [
+    residual = [
         np.sum(flight.white(noise, flight.y - y)[inside[20:]] ** 2)
-        for y in (trace, signature(flight, [thrown]))
+        for y in (trace, predicted_residual(flight, [thrown]))
     ]
-    assert left[0] <= 1.05 * left[1]
+    assert residual[0] <= 1.05 * residual[1]
 
 
 def test_shocks_of_a_swing_are_taken_in_turn(seen, noise):
     flight = seen(PAYLOAD, name="c", seed=3, noise=1.0, seconds=12.0)
     at = np.searchsorted(flight.t, 6.0)
     jumped = Term(PAYLOAD, hidden={"c": np.array([0.0, 0.0, 0.0, 0.0, 0.3, -0.2, 0.5, 0.8])})
-    y = flight.y - signature(flight, [Term(PAYLOAD)])
-    y = y + signature(knocked(flight, 6.0), [jumped])
+    y = flight.y - predicted_residual(flight, [Term(PAYLOAD)])
+    y = y + predicted_residual(knocked(flight, 6.0), [jumped])
     y[at : at + 2, :3] += 60.0
     dut = without_shocks([Term(PAYLOAD)], dc.replace(flight, y=y), noise)
     assert dut.shocks[at : at + 2].all()
@@ -220,12 +223,12 @@ def test_shocks_of_a_swing_are_taken_in_turn_however_many_it_misses_where_it_is_
 
 def test_the_profile_is_the_likelihood_of_every_instant(seen, noise):
     flight = seen(HEAVY, name="c", seed=3, noise=1.0, seconds=5.0)
-    own = signature(flight, [Term(HEAVY)])
-    t, profile = known_onset_profile(flight, noise, flight.y, own)
+    own = predicted_residual(flight, [Term(HEAVY)])
+    t, profile = onset_log_likelihood(flight, noise, flight.y, own)
     for k in (0, 40, 100, 180):
         begun = flight.begun(float(t[k]) if k else None) * own
-        left = [noise.whiten(flight.y), noise.whiten(flight.y - begun)]
-        assert profile[k] == pytest.approx(0.5 * (np.sum(left[0] ** 2) - np.sum(left[1] ** 2)))
+        residual = [noise.whiten(flight.y), noise.whiten(flight.y - begun)]
+        assert profile[k] == pytest.approx(0.5 * (np.sum(residual[0] ** 2) - np.sum(residual[1] ** 2)))
     assert profile[-1] == 0.0  # not at all
     assert len(t) == len(profile) == len(noise.whiten(flight.y)) + 1
     assert np.isneginf(profile[(t > t[0]) & (t < t[0] + 0.3)]).all()
@@ -235,8 +238,10 @@ def test_a_hidden_state_that_settles_on_the_whole_flight_explains_all_of_it(seen
     flight = seen(PAYLOAD, name="1", seed=3, noise=1.0, seconds=12.0)
     late = flight.t > 8.0
     astray = [Term(PAYLOAD, hidden={"1": np.array([0.3, -0.2, 0.0, 0.5])})]
-    whole = settled(astray, flight, noise)
-    left = [np.std((flight.y - signature(flight, terms))[late][:, :3]) for terms in (astray, whole)]
-    assert left[1] < 1.1 * noise.rms[:3].max() < 0.8 * left[0]
+    whole = fitted_to_whole_flight(astray, flight, noise)
+    residual = [
+        np.std((flight.y - predicted_residual(flight, terms))[late][:, :3]) for terms in (astray, whole)
+    ]
+    assert residual[1] < 1.1 * noise.rms[:3].max() < 0.8 * residual[0]
     drag = Term(LinearDrag(0.3, 0.3, 0.3))
-    assert settled([drag], flight, noise) == [drag]  # what has no hidden state stays
+    assert fitted_to_whole_flight([drag], flight, noise) == [drag]  # what has no hidden state stays

@@ -1,9 +1,9 @@
 import pytest
 
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.localisation.collinearity import collinear_effects, effects_of_trace
-from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
+from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gyro_bias import GyroBias
@@ -12,7 +12,7 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
 
 
-def same_as(seen, noise, *effects, i=0, tolerance=LABORATORY, vigour=1.0):
+def same_as(seen, noise, *effects, i=0, tolerance=IDEAL_SENSORS, vigour=1.0):
     flights = [seen(*effects, name="a", seed=1, noise=1.0, seconds=8.0, vigour=vigour)]
     return collinear_effects(flights, [Term(e) for e in effects], i, noise, tolerance)
 
@@ -49,17 +49,17 @@ def test_what_is_named_beside_it_already_does_not_count(seen, noise):
 
 def test_what_a_rig_may_be_off_by_can_stand_in_for_an_effect(seen, noise):
     slight = GyroBias(0.005, 0.0, 0.0)
-    strict, loose = (same_as(seen, noise, slight, tolerance=t) for t in (LABORATORY, Tolerance()))
+    strict, loose = (same_as(seen, noise, slight, tolerance=t) for t in (IDEAL_SENSORS, Tolerance()))
     assert len(loose) > len(strict)
 
 
 def test_of_a_trace_the_effect_that_left_it_is_found(seen, noise):
     flight = seen(name="a", seed=1, noise=1.0, seconds=8.0)
-    trace = {"a": signature(flight, [Term(LinearDrag(0.1, 0.1, 0.1))])}
-    assert "linear_drag" in effects_of_trace([flight], trace, noise, LABORATORY)
+    trace = {"a": predicted_residual(flight, [Term(LinearDrag(0.1, 0.1, 0.1))])}
+    assert "linear_drag" in effects_of_trace([flight], trace, noise, IDEAL_SENSORS)
 
 
 def test_of_what_is_lost_in_noise_no_effect_is_found(seen, noise):
     flight = seen(name="a", seed=1, noise=1.0, seconds=8.0)
-    faint = {"a": signature(flight, [Term(LinearDrag(1e-6, 1e-6, 1e-6))])}
-    assert effects_of_trace([flight], faint, noise, LABORATORY) == []
+    faint = {"a": predicted_residual(flight, [Term(LinearDrag(1e-6, 1e-6, 1e-6))])}
+    assert effects_of_trace([flight], faint, noise, IDEAL_SENSORS) == []

@@ -3,9 +3,14 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.localisation.identifiability import check, confusables, excitation, excited
+from np_drake.diagnosis.localisation.identifiability import (
+    assess_identifiability,
+    confusables,
+    excitation,
+    excited,
+)
 from np_drake.diagnosis.regressors.library import library_candidates
-from np_drake.diagnosis.residuals.flight_residuals import make_evidence
+from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.diagnosis.result import CHANNELS
 from np_drake.vehicle import Vehicle
 
@@ -58,16 +63,16 @@ def test_in_a_vertical_flight_mass_and_thrust_are_collinear(seen, noise):
 
 def test_in_hover_what_needs_motion_leaves_no_trace(seen, noise):
     flights = [seen(vigour=0.0, noise=1.0, seconds=4.0)]
-    unseen = {
+    held_out = {
         c.effects for c in confusables(flights, library_candidates(flights), noise) if len(c.effects) == 1
     }
-    assert {("quadratic_drag",), ("translational_lift",), ("command_delay",)} <= unseen
-    assert ("mass_error",) not in unseen
+    assert {("quadratic_drag",), ("translational_lift",), ("command_delay",)} <= held_out
+    assert ("mass_error",) not in held_out
 
 
 def test_the_answer_has_floor_and_excitation_and_passes_notes_on(flights, noise):
     noted = dc.replace(flights[0], log=dc.replace(flights[0].log, notes=["al differentiated"]))
-    dut = check([noted], [flights[1]], library_candidates(flights[:1]), noise)
+    dut = assess_identifiability([noted], [flights[1]], library_candidates(flights[:1]), noise)
     assert dut.usable
     assert dut.noise_floor == {name: noise.rms[i] for i, name in enumerate(CHANNELS)}
     assert dut.excitation == excitation([noted])
@@ -76,9 +81,11 @@ def test_the_answer_has_floor_and_excitation_and_passes_notes_on(flights, noise)
 
 
 def test_what_a_log_lacks_is_said(fly, noise):
-    bare = make_evidence(fly(name="bare", accelerations=False, seconds=4.0), Vehicle())
-    shaky = make_evidence(fly(name="shaky", attitude_noise=0.01, noise=1.0, seconds=4.0), Vehicle())
-    rotors = make_evidence(dc.replace(fly(name="rotors", seconds=4.0), input="rotor_speed"), Vehicle())
+    bare = make_flight_residuals(fly(name="bare", accelerations=False, seconds=4.0), Vehicle())
+    shaky = make_flight_residuals(fly(name="shaky", attitude_noise=0.01, noise=1.0, seconds=4.0), Vehicle())
+    rotors = make_flight_residuals(
+        dc.replace(fly(name="rotors", seconds=4.0), input="rotor_speed"), Vehicle()
+    )
     for flight, word in ((bare, "no acceleration"), (shaky, "attitude noise"), (rotors, "rotor speed")):
-        dut = check([flight], [flight], library_candidates([flight]), noise)
+        dut = assess_identifiability([flight], [flight], library_candidates([flight]), noise)
         assert any(word in w for w in dut.warnings)

@@ -134,7 +134,7 @@ def test_spectra_of_white_noise_are_flat_and_as_the_model_says(seen, noise):
 
 def test_all_of_it_is_of_the_flights_that_were_given(seen, noise):
     flight = seen(MassError(0.3), noise=1.0)
-    found = dut.where([flight], {"a": 0 * flight.y}, noise, {"a": np.ones(len(flight.t), bool)})
+    found = dut.localise([flight], {"a": 0 * flight.y}, noise, {"a": np.ones(len(flight.t), bool)})
     assert found.times["a"] is flight.t
     np.testing.assert_array_equal(found.before["a"], flight.y[:, WRENCH])
     np.testing.assert_array_equal(found.after["a"], 0.0)

@@ -104,9 +104,9 @@ def test_a_channel_that_is_not_there_counts_for_nothing():
 
 
 def test_errors_that_residuals_lack_are_in_the_noise_all_the_same():
-    left = np.random.default_rng(0).normal(size=(4000, 3))
-    dut = fit_noise([left], STEP, white=np.array([0.0, 1.0, 3.0]))
-    np.testing.assert_allclose(np.var(dut.whiten(left), axis=(0)), [1.0, 1 / 2, 1 / 10], rtol=0.05)
+    residual = np.random.default_rng(0).normal(size=(4000, 3))
+    dut = fit_noise([residual], STEP, white=np.array([0.0, 1.0, 3.0]))
+    np.testing.assert_allclose(np.var(dut.whiten(residual), axis=(0)), [1.0, 1 / 2, 1 / 10], rtol=0.05)
 
 
 def test_a_mean_is_no_noise():

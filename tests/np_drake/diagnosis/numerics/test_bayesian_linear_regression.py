@@ -85,9 +85,7 @@ def test_many_sets_together_have_each_its_density_with_priors_as_wide_as_asked(s
     indices = [np.concatenate([np.zeros(0, int), *g]) for g in groups]
     with patch.object(bayesian_linear_regression, "AT_ONCE", at_once):
         evidence, posteriors = dut.evidence_of_sets(groups, wide), dut.posteriors(indices)
-    for found, (mean, covariance), index, g, w in zip(
-        evidence, posteriors, indices, groups, wide, strict=True
-    ):
+    for found, (mean, covariance), index, g, w in zip(evidence, posteriors, indices, groups, wide, strict=True):
         flat = 4.0 * X.reshape(-1, 5)[:, index]
         gain = flat.T @ np.linalg.inv(np.eye(len(flat)) + flat @ flat.T)
         np.testing.assert_allclose(mean, gain @ y.ravel(), atol=1e-9)
@@ -140,6 +138,6 @@ def test_a_column_that_explains_nothing_costs_evidence():
 @given(st.integers(0, 2**31), st.integers(0, 4))
 def test_what_columns_take_of_a_loss_is_that_of_noise_they_add_to(seed, size):
     rng = np.random.default_rng(seed)
-    left, columns = rng.normal(size=7), rng.normal(size=(7, size))
-    expected = left @ np.linalg.solve(np.eye(7) + columns @ columns.T, left)
-    assert loss_beside(left, columns) == pytest.approx(expected)
+    residual, columns = rng.normal(size=7), rng.normal(size=(7, size))
+    expected = residual @ np.linalg.solve(np.eye(7) + columns @ columns.T, residual)
+    assert loss_beside(residual, columns) == pytest.approx(expected)

@@ -6,12 +6,12 @@ import pytest
 from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.adequacy.unexplained import remains, with_modes
-from np_drake.diagnosis.decision.decide import Compared, conclude
+from np_drake.diagnosis.adequacy.unexplained import find_unexplained, with_fitted_resonances
+from np_drake.diagnosis.decision.decide import Comparison, decide
 from np_drake.diagnosis.fitting.resonance_fit import mode_of
-from np_drake.diagnosis.regressors.generic import PREFIX, candidates_of_the_unknown
+from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
 from np_drake.diagnosis.regressors.library import library_candidates
-from np_drake.diagnosis.regressors.regression_problem import Problem
+from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
 from np_drake.diagnosis.selection.beam_search import search
 from np_drake.diagnosis.selection.ranking import rank
 from np_drake.effects.base import WrenchEffect
@@ -77,13 +77,13 @@ def swinging(e, frequency, damping, gain=0.3):
     return dc.replace(e, y=y)
 
 
-def problem_of(seen, noise, *effects) -> Problem:
+def problem_of(seen, noise, *effects) -> RegressionProblem:
     flights = [seen(*effects, name=str(i), seed=i, noise=1.0) for i in (1, 2)]
-    candidates = [*library_candidates(flights), *candidates_of_the_unknown(flights)]
-    return Problem(flights, noise, [], candidates, temperature=2.0)
+    candidates = [*library_candidates(flights), *generic_candidates(flights)]
+    return RegressionProblem(flights, noise, [], candidates, temperature=2.0)
 
 
-def found(problem: Problem) -> list[str]:
+def found(problem: RegressionProblem) -> list[str]:
     return [n for i in search(problem)[0].members for n in problem.candidates[i].identifiers]
 
 
@@ -98,25 +98,27 @@ def test_what_no_effect_explains_is_found_where_it_lives(seen, noise, effect, na
 
 @pytest.mark.parametrize("frequency, damping", [(1.0, 0.05), (2.4, 0.2), (4.0, 0.05)])
 def test_a_torque_that_swings_behind_its_command_is_a_twist_at_that_frequency(seen, frequency, damping):
-    *flights, unseen = [swinging(seen(name=str(i), seed=i, noise=1.0), frequency, damping) for i in (1, 2, 3)]
+    *flights, held_out = [
+        swinging(seen(name=str(i), seed=i, noise=1.0), frequency, damping) for i in (1, 2, 3)
+    ]
     ranking = rank(flights)
     dut = ranking.fits[0]
     twist = max(dut.generic, key=lambda g: sum(np.sum(g.part(e) ** 2) for e in flights)).candidate
     assert twist.identifiers == (PREFIX + "twist",)
     assert twist.figures["frequency"] == pytest.approx(frequency, rel=0.3)
-    left = {e.name: dut.left(e) for e in flights}
+    residual = {e.name: dut.residual(e) for e in flights}
     (strongest,) = (g for g in dut.generic if g.candidate is twist)
-    found_at, damped = mode_of(strongest, flights, left, ranking.noise) or (0.0, 0.0)
+    found_at, damped = mode_of(strongest, flights, residual, ranking.noise) or (0.0, 0.0)
     assert found_at == pytest.approx(frequency, rel=0.03)
     assert damped == pytest.approx(damping, abs=0.03)
-    rough = remains(ranking, dut, flights, [unseen])
-    fitted = with_modes(rough, ranking)
+    rough = find_unexplained(ranking, dut, flights, [held_out])
+    fitted = with_fitted_resonances(rough, ranking)
     grid, at = (next(f for f in r.findings if f.name == "twist") for r in (rough, fitted))
     assert "damping" not in grid.figures
     assert (at.figures["frequency"], at.figures["damping"]) == (found_at, damped)
     assert at.text == f"{grid.text}; fitted: {found_at:.3g} Hz, damping {damped:.2g}"
-    told = conclude(Compared(ranking.problem.flights, [unseen], ranking, rough, gusty=False))
-    assert at in told.left.findings
+    told = decide(Comparison(ranking.problem.flights, [held_out], ranking, rough, gusty=False))
+    assert at in told.unexplained.findings
     assert [f for f in fitted.findings if f is not at] == [f for f in rough.findings if f is not grid]
 
 
@@ -137,16 +139,16 @@ def test_noise_alone_is_nothing_unknown(seen, noise):
 @pytest.fixture(scope="module")
 def groups(seen):
     flights = [seen(name=str(i), seed=i, noise=1.0, seconds=6.0) for i in (1, 2)]
-    return flights, candidates_of_the_unknown(flights)
+    return flights, generic_candidates(flights)
 
 
 def test_a_group_has_the_same_columns_on_a_flight_whether_it_was_seen_before(seen, groups):
     flights, candidates = groups
-    unseen = seen(name="later", seed=7, noise=1.0, seconds=6.0)
+    held_out = seen(name="later", seed=7, noise=1.0, seconds=6.0)
     for c in candidates:
         assert c.generic is not None
         np.testing.assert_array_equal(c.generic(flights[0]), c.columns["1"])
-        assert c.generic(unseen).shape == (*unseen.y.shape, c.size)
+        assert c.generic(held_out).shape == (*held_out.y.shape, c.size)
 
 
 def test_groups_are_of_the_size_of_their_prior_and_leave_sensors_alone(groups):

@@ -6,18 +6,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.regressors.library import (
     effect_candidates,
-    gated,
     library_candidates,
+    switched,
     wind_candidates,
 )
 from np_drake.diagnosis.regressors.payload import SURELY, heavy_enough
 from np_drake.diagnosis.regressors.payload_grid import payload_candidates
 from np_drake.diagnosis.residuals import flight_residuals as ev
-from np_drake.diagnosis.residuals.flight_residuals import make_evidence
+from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -36,7 +36,7 @@ def candidates(flights):
 
 
 def trace(candidate, coefficients, flight):
-    return signature(flight, candidate.terms(np.asarray(coefficients)))
+    return predicted_residual(flight, candidate.terms(np.asarray(coefficients)))
 
 
 def gap(found, expected) -> float:
@@ -117,7 +117,7 @@ def test_a_wind_pushes_as_much_whatever_the_sign_of_a_drag_too_weak_to_be_known(
     c = np.array([drag, drag, drag, 0.5, -0.4, 0.3])
     felt, wind = dut.terms(c)
     for e in flights:
-        pushed = signature(e, [felt, wind]) - signature(e, [felt])
+        pushed = predicted_residual(e, [felt, wind]) - predicted_residual(e, [felt])
         assert gap(dut.columns[e.name][..., 3:] @ c[3:], pushed) < 1e-6
 
 
@@ -187,11 +187,11 @@ def test_a_payload_of_a_mass_below_zero_by_its_error_is_possible_and_one_that_sw
 def test_a_gated_candidate_is_that_of_its_onset(flights, effect):
     (plain,) = effect_candidates(effect, flights, {})
     onset = {"a": 3.0}
-    late = gated(plain, flights, onset)
+    late = switched(plain, flights, onset)
     c = np.full(plain.size, 0.05)
     (term,) = late.terms(c)
     assert term.onset == onset
-    expected = signature(flights[0], [Term(term.effect, onset)])
+    expected = predicted_residual(flights[0], [Term(term.effect, onset)])
     outside = np.abs(flights[0].t - 3.0) > 0.25  # the low-pass
     assert gap((late.columns["a"] @ c)[outside], expected[outside]) < 0.01
     np.testing.assert_array_equal(late.columns["b"], plain.columns["b"])
@@ -209,7 +209,7 @@ def test_without_accelerations_no_accelerometer_is_blamed(seen):
 
 
 def test_where_rotor_speed_is_measured_no_motor_is_blamed(fly):
-    flight = make_evidence(dc.replace(fly(seconds=5.0), input="rotor_speed"), Vehicle())
+    flight = make_flight_residuals(dc.replace(fly(seconds=5.0), input="rotor_speed"), Vehicle())
     names = {c.identifiers[0] for c in library_candidates([flight])}
     assert not names & {"motor_lag", "command_delay", "clock_offset"}
     assert "thrust_scale" in names

@@ -3,10 +3,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.adaptation import adapt
-from np_drake.diagnosis.regressors.switched_regressors import LateColumns, LateSums
+from np_drake.diagnosis.regressors.switched_regressors import SwitchedRegressors, SwitchedSums
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.linear_drag import LinearDrag
@@ -28,9 +28,9 @@ def test_sums_are_those_of_the_whitened_columns_from_each_row_on(
 ):
     flight = seen(name="1", seed=1, noise=1.0, seconds=6.0, accelerations=accelerations)
     noise = dc.replace(noise, loudness={"1": np.linspace(0.5, 2.0, 15)}) if loud else noise
-    X = np.stack([signature(flight, [Term(effect)]) for effect in effects], axis=-1)
-    B = signature(flight, [Term(CenterOfMassOffset(0.01, 0.0, 0.0))])[..., None]
-    dut = LateColumns(flight, noise, flight.y, B, SCALE)
+    X = np.stack([predicted_residual(flight, [Term(effect)]) for effect in effects], axis=-1)
+    B = predicted_residual(flight, [Term(CenterOfMassOffset(0.01, 0.0, 0.0))])[..., None]
+    dut = SwitchedRegressors(flight, noise, flight.y, B, SCALE)
     whole = dut.whole(X)
     rows = np.arange(40, 100, 20) if equally else np.array([3, 150, len(dut.t) - 4])
     found = dut.begun(X, whole, rows)
@@ -49,7 +49,7 @@ def test_sums_are_those_of_the_whitened_columns_from_each_row_on(
 
 def test_what_leaves_no_trace_has_no_sums_and_begins_nowhere(seen, noise):
     flight = seen(name="1", seed=1, noise=1.0, seconds=6.0)
-    dut = LateColumns(flight, noise, flight.y, np.zeros((*flight.y.shape, 0)))
+    dut = SwitchedRegressors(flight, noise, flight.y, np.zeros((*flight.y.shape, 0)))
     nothing = np.zeros((*flight.y.shape, 2))
     assert not any(part.any() for part in dut.begun(nothing, dut.whole(nothing), np.array([40, 150])))
     for effect in (MotorLag(0.0), CommandDelay(0.0)):
@@ -59,12 +59,12 @@ def test_what_leaves_no_trace_has_no_sums_and_begins_nowhere(seen, noise):
 
 def test_the_sums_of_a_candidate_are_made_once_for_the_same_rows(seen, noise, monkeypatch):
     flight = seen(name="1", seed=1, noise=1.0, seconds=6.0)
-    columns = LateColumns(flight, noise, flight.y, np.zeros((*flight.y.shape, 0)))
-    X = signature(flight, [Term(MassError(0.2))])[..., None]
+    columns = SwitchedRegressors(flight, noise, flight.y, np.zeros((*flight.y.shape, 0)))
+    X = predicted_residual(flight, [Term(MassError(0.2))])[..., None]
     made = []
     begun = columns.begun
     monkeypatch.setattr(columns, "begun", lambda *of: made.append(1) or begun(*of))
-    dut = LateSums(columns, X)
+    dut = SwitchedSums(columns, X)
     some, other = np.array([40, 150]), np.array([40, 151])
     assert dut.begun(some) is dut.begun(some.copy())
     for rows in (some, other):

@@ -57,7 +57,7 @@ def replay(scale: float) -> an.ReplayGap:
     )
 
 
-def where() -> an.Where:
+def where() -> an.Localisation:
     made = {name: traces(k) for k, name in enumerate(HELD_OUT)}
     channels = tuple(
         an.ChannelGap(channel, "N" if k < 3 else "N·m", noise * size, noise, 1.08 * noise, 0.97 - 0.02 * k)
@@ -68,7 +68,7 @@ def where() -> an.Where:
         an.Segment(HELD_OUT[1], 0.0, 8.02, (1.0, 1.0, 1.1, 1.0, 1.0, 1.0)),
         an.Segment(HELD_OUT[1], 8.02, 20.0, SIZE),
     )
-    return an.Where(
+    return an.Localisation(
         channels,
         segments,
         regimes(),
@@ -101,13 +101,13 @@ def drag() -> an.Cause:
     return an.Cause("linear_drag", 0.93, d, dict.fromkeys(flights), ("quadratic_drag",), 0.03)
 
 
-def check() -> an.Check:
+def check() -> an.Identifiability:
     confusable = an.Confusable(
         ("mass_error", "thrust_scale"),
         "both change the force along body z in proportion to thrust; their signatures agree to 0.998.",
         "roll and pitch sharply: a thrust scale also scales torque, a mass does not.",
     )
-    return an.Check(
+    return an.Identifiability(
         True,
         {
             "speed, RMS [m/s]": 1.84,
@@ -127,7 +127,7 @@ def check() -> an.Check:
 def diagnosis() -> an.Diagnosis:
     names = ("nominal", "+ suspended_payload", "+ linear_drag", "noise floor")
     ladder = tuple(map(an.Rung, names, (9.84, 2.05, 1.08, 1.0)))
-    shrink = an.Shrink(9.84, 1.08, 1.0, 0.998, (0.991, 0.999), ladder, replay(1.0), replay(0.07))
+    shrink = an.GapReduction(9.84, 1.08, 1.0, 0.998, (0.991, 0.999), ladder, replay(1.0), replay(0.07))
     minor = an.Finding(
         "gyro_bias", "0.002 rad/s about x: too small to move the vehicle.", 0.004, {"x [rad/s]": 0.002}
     )

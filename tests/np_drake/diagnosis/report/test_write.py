@@ -128,7 +128,10 @@ def test_a_browser_shows_the_page(folder, tmp_path):
         f"--screenshot={picture}",
     ]
     subprocess.run(
-        [*command, (folder / "report.html").as_uri()], check=True, capture_output=True, timeout=120
+        [*command, (folder / "report.html").as_uri()],
+        check=True,
+        capture_output=True,
+        timeout=120,
     )
     pixels = imread(picture)[..., :3]
     assert pixels.shape[:2] == (3000, 1000)

@@ -85,9 +85,9 @@ def test_on_a_tight_circle_the_gyros_drift_is_not_left_to_the_attitude(off, tilt
     read = attitude.multiply(truth, from_rotation_vector(0.008 * rng.normal(size=w.shape) + [0, off, 0]))
     drift = 0.02 * np.stack([np.sin(0.3 * t), np.cos(0.4 * t), 0 * t], axis=1)  # up to 0.07 rad in all
     q, _ = smooth_attitude(t, read, w + drift)
-    left = rotation_vector(attitude.multiply(conjugate(truth), q))[100:-100]
-    assert np.all(np.std(left, axis=0) < [tilting, tilting, turning])
-    np.testing.assert_allclose(left.mean(axis=0), [0.0, off, 0.0], atol=0.001)
+    residual = rotation_vector(attitude.multiply(conjugate(truth), q))[100:-100]
+    assert np.all(np.std(residual, axis=0) < [tilting, tilting, turning])
+    np.testing.assert_allclose(residual.mean(axis=0), [0.0, off, 0.0], atol=0.001)
 
 
 def test_a_drift_of_more_than_half_a_turn_about_an_oblique_axis_is_followed():

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.residuals.accelerations import low_pass
-from np_drake.diagnosis.residuals.flight_residuals import make_evidence
+from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
@@ -43,17 +43,17 @@ def shaken(rows: int = 800, *, late: int = 0) -> FlightLog:
 
 
 def test_each_acceleration_meets_the_command_of_its_own_row():
-    np.testing.assert_allclose(make_evidence(shaken(), VEHICLE).y, 0.0, atol=1e-9)
+    np.testing.assert_allclose(make_flight_residuals(shaken(), VEHICLE).y, 0.0, atol=1e-9)
     for late in (-1, 1):
-        y = make_evidence(shaken(late=late), VEHICLE).y[INSIDE]
+        y = make_flight_residuals(shaken(late=late), VEHICLE).y[INSIDE]
         assert np.std(y[:, 2]) > 0.5  # [N]
 
 
 def test_without_accelerations_a_change_of_velocity_meets_the_command_before_it():
     bare = dc.replace(shaken(), a=None)
-    np.testing.assert_allclose(make_evidence(bare, VEHICLE).y, 0.0, atol=1e-9)
+    np.testing.assert_allclose(make_flight_residuals(bare, VEHICLE).y, 0.0, atol=1e-9)
     swapped = dc.replace(bare, u=np.roll(bare.u, 1, axis=0))
-    assert np.std(make_evidence(swapped, VEHICLE).y[INSIDE, 2]) > 0.5  # [N]
+    assert np.std(make_flight_residuals(swapped, VEHICLE).y[INSIDE, 2]) > 0.5  # [N]
 
 
 @pytest.fixture
@@ -81,21 +81,21 @@ def between():
 
 def test_what_thrust_changes_until_the_next_row_is_no_disagreement_of_accelerometer_and_velocity(between):
     vehicle, log = between
-    np.testing.assert_allclose(make_evidence(log, vehicle).y, 0.0, atol=1e-9)
+    np.testing.assert_allclose(make_flight_residuals(log, vehicle).y, 0.0, atol=1e-9)
 
 
 def test_what_a_lag_changes_until_the_next_row_is_in_its_trace(between):
     vehicle, log = between
-    dut = make_evidence(log, VEHICLE)
+    dut = make_flight_residuals(log, VEHICLE)
     assert np.std(dut.y[:, 11]) > 0.02  # [m/s²]
-    trace = signature(dut, [Term(MotorLag(vehicle.rotor_time_constant))])
+    trace = predicted_residual(dut, [Term(MotorLag(vehicle.rotor_time_constant))])
     np.testing.assert_allclose(dut.y, trace, atol=1e-9)
 
 
 def test_what_rotors_did_before_the_log_began_is_no_residual(lagging):
     vehicle, log = lagging
     cut = log.rows(400, 800)
-    dut = make_evidence(cut, vehicle)
+    dut = make_flight_residuals(cut, vehicle)
     assert dut.t[0] == pytest.approx(cut.t[0] + 7 * 0.04, abs=0.01)
     np.testing.assert_allclose(dut.y[:, 2], 0.0, atol=0.02)  # [N], e^-7 of what was missed
 
@@ -103,7 +103,7 @@ def test_what_rotors_did_before_the_log_began_is_no_residual(lagging):
 def test_a_log_that_begins_as_its_first_command_has_it_or_with_measured_rotors_is_kept_whole(lagging):
     vehicle, log = lagging
     for kept in (log, dc.replace(log.rows(400, 800), input="rotor_speed")):
-        assert make_evidence(kept, vehicle).t[0] == kept.t[0]
+        assert make_flight_residuals(kept, vehicle).t[0] == kept.t[0]
 
 
 def test_a_wrench_on_the_body_is_the_residual():
@@ -111,7 +111,7 @@ def test_a_wrench_on_the_body_is_the_residual():
     pushed = dc.replace(
         log, u=log.u - [3.0, 0.1, -0.2, 0.05]
     )  # the rotors give less; the rest is from elsewhere
-    found = make_evidence(pushed, VEHICLE).y[:, ev.WRENCH]
+    found = make_flight_residuals(pushed, VEHICLE).y[:, ev.WRENCH]
     np.testing.assert_allclose(found, np.tile([0, 0, 3.0, 0.1, -0.2, 0.05], (len(found), 1)), atol=1e-9)
 
 
@@ -134,14 +134,14 @@ def test_noisy_attitude_is_seen_and_a_turned_acceleration_too(seen):
 
 def test_an_acceleration_that_another_attitude_turned_is_not_turned_back_with_the_noisy_one(fly):
     log, quiet = fly(noise=0.3, attitude_noise=0.01), fly(noise=0.3)
-    dut = make_evidence(dc.replace(log, a=quiet.a), VEHICLE)
+    dut = make_flight_residuals(dc.replace(log, a=quiet.a), VEHICLE)
     assert not dut.turned
     assert dut.y[INSIDE, ev.FORCE].std() < 0.1  # 20 N of weight times 10 mrad would be 0.2 N
 
 
 def test_a_flight_shorter_than_three_seconds_is_refused_in_one_line(fly):
     with pytest.raises(ValueError, match="must last at least 3 s") as error:
-        make_evidence(fly(seconds=2.5, name="brief"), VEHICLE)
+        make_flight_residuals(fly(seconds=2.5, name="brief"), VEHICLE)
     assert "brief" in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -173,7 +173,11 @@ def test_the_head_of_a_flight_is_as_the_whole_is_there(seen, shocked):
     dut = whole.head(150)
     assert 150 < len(dut.t) < 200
     terms = [Term(MotorLag(0.05), {whole.name: 1.0}), Term(LinearDrag(0.3, 0.2, 0.1))]
-    for of in (lambda e: e.bridged(e.y), lambda e: e.bridged(signature(e, terms)), lambda e: e.begun(2.0)):
+    for of in (
+        lambda e: e.bridged(e.y),
+        lambda e: e.bridged(predicted_residual(e, terms)),
+        lambda e: e.begun(2.0),
+    ):
         np.testing.assert_allclose(of(dut)[:150], of(whole)[:150], rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(dut.driving[:149], whole.driving[:149], atol=1e-12)
 

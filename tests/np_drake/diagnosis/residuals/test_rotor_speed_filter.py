@@ -5,8 +5,8 @@ import pytest
 
 from np_drake.diagnosis.adequacy.residual_statistics import slow_torque
 from np_drake.diagnosis.adequacy.residual_tests import SLOW_TORQUE
-from np_drake.diagnosis.decision.decide import look
-from np_drake.diagnosis.residuals.flight_residuals import make_evidence
+from np_drake.diagnosis.decision.decide import infer
+from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.diagnosis.residuals.rotor_speed_filter import most_likely, read_thrust
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.logs.flight_log import FlightLog
@@ -84,16 +84,18 @@ def test_thrust_that_jitters_is_no_noise_where_the_motion_answers_to_it(fly):
 
 def test_the_channels_know_how_well_thrust_was_read(fly):
     log = fly(seconds=20.0, vigour=0.0)
-    dut = make_evidence(read(log), VEHICLE)
+    dut = make_flight_residuals(read(log), VEHICLE)
     raw = np.random.default_rng(1).normal(size=(20000, 4)) * thrust_noise(log) @ VEHICLE.mixer.T
     per_grid = raw.std(axis=0) * np.sqrt(log.step / dut.grid.step)
     np.testing.assert_allclose(dut.rotor_noise[2:6], per_grid, rtol=0.1)
     np.testing.assert_array_equal(dut.rotor_noise[[0, 1, *range(6, 15)]], 0.0)
-    np.testing.assert_array_equal(make_evidence(log, VEHICLE).rotor_noise, 0.0)
+    np.testing.assert_array_equal(make_flight_residuals(log, VEHICLE).rotor_noise, 0.0)
 
 
 def test_torque_that_was_read_with_noise_is_no_torque_that_comes_and_goes(fly):
-    flights = [make_evidence(read(fly(noise=1.0, seed=i, name=str(i)), seed=i), VEHICLE) for i in range(2)]
+    flights = [
+        make_flight_residuals(read(fly(noise=1.0, seed=i, name=str(i)), seed=i), VEHICLE) for i in range(2)
+    ]
     ratio, _, _ = slow_torque(flights, {e.name: e.y for e in flights})
     assert ratio < SLOW_TORQUE[True]
     deaf = [dc.replace(e, log=dc.replace(e.log, input="command")) for e in flights]
@@ -103,8 +105,9 @@ def test_torque_that_was_read_with_noise_is_no_torque_that_comes_and_goes(fly):
 @pytest.mark.parametrize("effects", [(), (LinearDrag(0.3, 0.3, 0.3),)])
 def test_noisy_readings_of_rotor_speed_are_no_cause_and_hide_none(fly, effects):
     flights = [
-        make_evidence(read(fly(*effects, noise=1.0, seed=i, name=str(i)), seed=i), VEHICLE) for i in range(3)
+        make_flight_residuals(read(fly(*effects, noise=1.0, seed=i, name=str(i)), seed=i), VEHICLE)
+        for i in range(3)
     ]
-    found = look(flights[:2], flights[2:])
+    found = infer(flights[:2], flights[2:])
     assert [c.identifier for c in found.causes] == [e.identifier for e in effects]
     assert not found.unknown

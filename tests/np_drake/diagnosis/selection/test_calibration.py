@@ -2,22 +2,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.selection.calibration import TRUST, reported
+from np_drake.diagnosis.selection.calibration import TRUST, calibrated_probability
 
 SHARE = st.floats(0.0, 1.0)
 
 
 @given(SHARE, SHARE)
 def test_a_probability_grows_with_the_evidence_and_is_never_quite_sure(a, b):
-    low, high = (reported({"x": share}, ("x",)) for share in sorted((a, b)))
+    low, high = (calibrated_probability({"x": share}, ("x",)) for share in sorted((a, b)))
     assert 0.0 <= low <= high <= TRUST
 
 
 @given(SHARE.filter(lambda s: s <= 0.5), SHARE.filter(lambda s: s <= 0.5))
 def test_what_cannot_be_told_apart_counts_together(a, b):
-    assert reported({"x": a, "y": b}, ("x", "y")) == pytest.approx(reported({"z": a + b}, ("z",)))
+    assert calibrated_probability({"x": a, "y": b}, ("x", "y")) == pytest.approx(
+        calibrated_probability({"z": a + b}, ("z",))
+    )
 
 
 def test_even_odds_stay_even_but_for_what_the_library_lacks():
-    assert reported({"x": 0.5}, ("x",)) == pytest.approx(0.5 * TRUST)
-    assert reported({}, ("x",)) == 0.0
+    assert calibrated_probability({"x": 0.5}, ("x",)) == pytest.approx(0.5 * TRUST)
+    assert calibrated_probability({}, ("x",)) == 0.0

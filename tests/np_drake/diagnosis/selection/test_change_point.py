@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.forward_model.term import NEVER
-from np_drake.diagnosis.regressors.library import effect_candidates, gated, library_candidates
-from np_drake.diagnosis.regressors.regression_problem import Problem
-from np_drake.diagnosis.residuals.flight_residuals import make_evidence
+from np_drake.diagnosis.regressors.library import effect_candidates, library_candidates, switched
+from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
+from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.diagnosis.selection.change_point import (
     ABSENT,
     ANOTHER,
@@ -15,8 +15,8 @@ from np_drake.diagnosis.selection.change_point import (
     WEIGHTS,
     OnsetScan,
     _onsets,
-    gated_candidates,
     late_payloads,
+    switched_candidates,
 )
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
@@ -30,9 +30,9 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 
-def problem_of(flights, noise, effects) -> Problem:
+def problem_of(flights, noise, effects) -> RegressionProblem:
     candidates = [c for e in effects for c in effect_candidates(type(e), flights, {})]
-    return Problem(flights, noise, [], candidates, temperature=1.0)
+    return RegressionProblem(flights, noise, [], candidates, temperature=1.0)
 
 
 @pytest.mark.parametrize("when", [2.0, 5.3, 9.0])
@@ -54,14 +54,14 @@ def test_what_acts_from_the_start_has_no_onset(seen, noise):
     flights = [seen(effect, name=str(i), seed=i, noise=1.0) for i in (1, 2)]
     problem = problem_of(flights, noise, [effect])
     assert OnsetScan(problem).best(problem.candidates[0]).onset == {}
-    assert gated_candidates(problem) == []
+    assert switched_candidates(problem) == []
 
 
 def test_in_a_flight_that_is_too_short_for_an_onset_nothing_begins(fly, noise):
     log = fly(MassError(0.2), name="short", seed=1, noise=1.0, seconds=3.3)
     columns = {f.name: getattr(log, f.name) for f in dc.fields(log)}
     slow = {k: v[::10] if isinstance(v, np.ndarray) else v for k, v in columns.items()}  # 10 Hz
-    problem = problem_of([make_evidence(FlightLog(**slow), Vehicle())], noise, [MassError(0.2)])
+    problem = problem_of([make_flight_residuals(FlightLog(**slow), Vehicle())], noise, [MassError(0.2)])
     assert OnsetScan(problem).best(problem.candidates[0]).onset == {}
 
 
@@ -75,7 +75,7 @@ def test_each_flight_has_its_own_onset(seen, noise):
     assert dut.onset.keys() == {"early", "late"}
     assert dut.onset["early"] == pytest.approx(3.0, abs=0.03)
     assert dut.onset["late"] == pytest.approx(8.0, abs=0.03)
-    late = next(c for c in gated_candidates(problem) if c.identifiers == ("mass_error",))
+    late = next(c for c in switched_candidates(problem) if c.identifiers == ("mass_error",))
     assert late.onset == dut.onset
     assert late.log_prior == problem.candidates[0].log_prior
     rows = round((12.0 - 2 * 0.7) / 0.02)
@@ -153,8 +153,8 @@ def test_of_the_variants_that_begin_late_those_go_on_that_explain_most(seen, noi
 
 def test_noise_alone_begins_nowhere(seen, noise):
     flights = [seen(name=str(i), seed=i, noise=1.0, seconds=8.0) for i in (1, 2)]
-    problem = Problem(flights, noise, [], library_candidates(flights), temperature=2.0)
-    assert gated_candidates(problem) == []
+    problem = RegressionProblem(flights, noise, [], library_candidates(flights), temperature=2.0)
+    assert switched_candidates(problem) == []
 
 
 def test_an_onset_is_found_beside_what_else_acts(seen, noise):
@@ -173,7 +173,7 @@ def test_a_scan_beside_fewer_is_one_of_its_own_from_the_same_sums(seen, noise):
         for n, when in whens.items()
     ]
     turn, *candidates = problem_of(flights, noise, [CenterOfMassOffset(), drag, WeakRotor(), late]).candidates
-    problem = Problem(flights, noise, [turn], candidates, temperature=1.0)
+    problem = RegressionProblem(flights, noise, [turn], candidates, temperature=1.0)
     mass = next(c for c in problem.candidates if c.identifiers == ("mass_error",))
     whole = OnsetScan(problem, [0, 1])
     sums = whole.sums(mass)
@@ -185,7 +185,7 @@ def test_a_scan_beside_fewer_is_one_of_its_own_from_the_same_sums(seen, noise):
         assert (found.prior, found.gain, found.evidence) == pytest.approx(
             (expected.prior, expected.gain, expected.evidence), rel=1e-9
         )
-        begun = problem.beside([gated(mass, flights, found.onset)])
+        begun = problem.beside([switched(mass, flights, found.onset)])
         rest = begun.columns(members)
         own = np.r_[rest, begun.columns_of(len(problem.candidates))]
         evidence = begun.total.log_evidence(own) - begun.total.log_evidence(rest)
@@ -207,7 +207,7 @@ def test_a_payload_that_is_hung_on_in_flight_is_found_to_the_row(seen, noise):
     onset = {"suspended_payload": 4.0}
     flights = [seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset=onset)]
     problem = problem_of(flights, noise, [MassError(0.2)])
-    found = late_payloads(problem, gated_candidates(problem))
+    found = late_payloads(problem, switched_candidates(problem))
     assert {c.identifiers for c in found} == {("suspended_payload",)}
     assert found[0].onset["1"] == pytest.approx(4.0, abs=0.03)
     assert float(found[0].variant.removeprefix("length=")) == pytest.approx(0.5, rel=0.05)
@@ -219,7 +219,7 @@ def test_what_begins_when_it_does_stands_for_it_and_is_not_beside_it(seen, noise
     problem = problem_of(flights, noise, [MassError(0.2)])
     weight = OnsetScan(problem).best(problem.candidates[0])
     drag = effect_candidates(LinearDrag, flights, {})[0]
-    then, later = (gated(drag, flights, onset) for onset in (weight.onset, {"1": 7.0}))
+    then, later = (switched(drag, flights, onset) for onset in (weight.onset, {"1": 7.0}))
     beside = []
     monkeypatch.setattr(
         PayloadSearch, "followed", lambda self, noise, nuisance, others: beside.extend(others) or []
@@ -235,10 +235,10 @@ def test_it_is_sought_where_one_from_the_start_explains_more_than_its_weight(see
     flights = [seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset=onset)]
     plain = library_candidates(flights)
     at_start = PayloadSearch(flights).best(noise, [], plain)
-    problem = Problem(flights, noise, [], [*plain, *at_start], temperature=2.0)
+    problem = RegressionProblem(flights, noise, [], [*plain, *at_start], temperature=2.0)
     scores = [problem.score((len(plain) + k,)) for k in range(len(at_start))]
     scan = OnsetScan(problem)
     weights = [scan.best(c) for c in plain if c.identifiers in WEIGHTS]
     assert max(scores) > max(w.evidence + w.prior for w in weights)
-    found = late_payloads(problem, gated_candidates(problem))
+    found = late_payloads(problem, switched_candidates(problem))
     assert found[0].onset["1"] == pytest.approx(1.5, abs=0.05)

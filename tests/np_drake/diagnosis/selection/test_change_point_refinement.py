@@ -2,9 +2,9 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.diagnosis.regressors.library import effect_candidates, gated
-from np_drake.diagnosis.regressors.regression_problem import Model, Problem
-from np_drake.diagnosis.selection.change_point_refinement import sharpened
+from np_drake.diagnosis.regressors.library import effect_candidates, switched
+from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
+from np_drake.diagnosis.selection.change_point_refinement import refined_change_points
 from np_drake.diagnosis.selection.ranking import names_of_fit, rank
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -17,8 +17,8 @@ HEAVY, DRAG = MassError(0.4), LinearDrag(0.6, 0.6, 0.6)
 def late_problem(flights, noise, effect, onset, *others):
     """Candidates: the effect from the start, what else acts, and the effect from `onset` on."""
     candidates = [effect_candidates(type(e), flights, {})[0] for e in (effect, *others)]
-    late = dc.replace(gated(candidates[0], flights, onset), onset_prior=-5.0)
-    return Problem(flights, noise, [], [*candidates, late], temperature=1.0)
+    late = dc.replace(switched(candidates[0], flights, onset), onset_prior=-5.0)
+    return RegressionProblem(flights, noise, [], [*candidates, late], temperature=1.0)
 
 
 @pytest.mark.parametrize("found", [5.30, 5.32])
@@ -27,7 +27,7 @@ def test_an_onset_between_rows_of_the_grid_is_found_to_a_row_of_the_log(seen, no
     assert flights[0].log.step == pytest.approx(0.01)
     assert flights[0].grid.step == pytest.approx(0.02)
     problem = late_problem(flights, noise, HEAVY, {"a": found, "b": found})
-    (dut,) = sharpened(problem, Model((1,), 0.0))
+    (dut,) = refined_change_points(problem, Model((1,), 0.0))
     assert dut.onset == pytest.approx({"a": 5.31, "b": 5.31}, abs=1e-6)
     assert dut.onset_prior == -5.0
     better = problem.beside([dut])
@@ -37,7 +37,7 @@ def test_an_onset_between_rows_of_the_grid_is_found_to_a_row_of_the_log(seen, no
 def test_what_is_sharp_already_is_not_said_again(seen, noise):
     flights = [seen(HEAVY, name="a", seed=1, noise=1.0, onset={"mass_error": 5.31})]
     begin = flights[0].log.t[531]
-    assert sharpened(late_problem(flights, noise, HEAVY, {"a": begin}), Model((1,), 0.0)) == []
+    assert refined_change_points(late_problem(flights, noise, HEAVY, {"a": begin}), Model((1,), 0.0)) == []
 
 
 def test_what_acts_from_the_start_or_swings_stays_as_it_is(seen, noise):
@@ -45,14 +45,14 @@ def test_what_acts_from_the_start_or_swings_stays_as_it_is(seen, noise):
     flights = [seen(payload, name="a", seed=1, noise=1.0, onset={"suspended_payload": 5.31})]
     problem = late_problem(flights, noise, HEAVY, {"a": 5.3})
     hung = dc.replace(problem.candidates[1], identifiers=("suspended_payload",))
-    assert sharpened(problem.beside([hung]), Model((0, 2), 0.0)) == []
+    assert refined_change_points(problem.beside([hung]), Model((0, 2), 0.0)) == []
 
 
 def test_it_is_sought_beside_what_else_acts_too(seen, noise):
     late = {"mass_error": 5.31}
     flights = [seen(HEAVY, DRAG, name="a", seed=1, noise=1.0, onset=late)]
     problem = late_problem(flights, noise, HEAVY, {"a": 5.3}, DRAG)
-    found = [c.onset["a"] for c in sharpened(problem, Model((1, 2), 0.0))]
+    found = [c.onset["a"] for c in refined_change_points(problem, Model((1, 2), 0.0))]
     assert found == pytest.approx([5.31], abs=1e-6)  # alone and beside agree: said once
 
 

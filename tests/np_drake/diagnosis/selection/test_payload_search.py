@@ -3,7 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.regressors.payload import Guess
 from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of
@@ -135,5 +135,5 @@ def test_columns_of_a_payload_mean_what_its_guess_moves_to(seen):
         np.testing.assert_array_equal(columns[e.name][:, :6][..., dut.at(e.name)], dut.own[e.name])
         assert not columns[e.name][:, 6:].any()
         still = np.where(np.arange(dut.size) == 0, c, 0.0)
-        moved = signature(e, [term])[:, FORCE] - signature(e, dut.terms(still))[:, FORCE]
+        moved = predicted_residual(e, [term])[:, FORCE] - predicted_residual(e, dut.terms(still))[:, FORCE]
         assert np.linalg.norm(columns[e.name][:, FORCE] @ (c - still) - moved) < 0.1 * np.linalg.norm(moved)

@@ -50,7 +50,7 @@ def test_probabilities_are_probabilities_and_sure_of_what_acts(dut):
 
 def test_the_fit_leaves_white_noise_of_unit_variance(dut):
     noise = dut.ranking.noise
-    white = np.concatenate([noise.whiten(dut.fit.left(e)) for e in dut.flights])
+    white = np.concatenate([noise.whiten(dut.fit.residual(e)) for e in dut.flights])
     np.testing.assert_allclose(np.mean(white**2, axis=0), 1.0, atol=0.1)
 
 
@@ -99,7 +99,7 @@ def test_of_effects_whose_figures_may_all_be_none_the_model_is_tried_without_eac
     problem = dut.ranking.problem
     at = {c.identifiers[0]: i for i, c in enumerate(problem.candidates) if len(c.identifiers) == 1}
     members = tuple(at[t.effect.identifier] for t in dut.fit.terms)
-    monkeypatch.setattr(Fit, "tells", lambda _, i: i not in vague)
+    monkeypatch.setattr(Fit, "is_significant", lambda _, i: i not in vague)
     tried = {m.members for m in simpler(problem, Model(members, 0.0), dut.fit)}
     assert tried == ({(members[0],), (members[1],)} if tried_without else set())
 

@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.wind.force_bins import BIN, binned, drags, factor, forces, instants, spans, width
 from np_drake.effects.linear_drag import LinearDrag
@@ -33,4 +33,6 @@ def test_bins_are_where_their_clock_says_at_every_rate(step):
 
 def test_the_force_of_a_drag_is_its_columns_times_its_figures(seen):
     e, d = seen(name="1", seed=1, seconds=8.0), (0.3, 0.2, 0.1)
-    np.testing.assert_allclose(drags(e) @ d, forces(e, signature(e, [Term(LinearDrag(*d))])), atol=1e-9)
+    np.testing.assert_allclose(
+        drags(e) @ d, forces(e, predicted_residual(e, [Term(LinearDrag(*d))])), atol=1e-9
+    )

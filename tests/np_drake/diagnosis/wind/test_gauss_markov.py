@@ -24,8 +24,8 @@ def test_nine_of_ten_intervals_hold_the_truth(flights, time, pushed):
 
 
 def test_before_its_onset_there_is_no_wind(flights, pushed):
-    left = pushed(flights, np.random.default_rng(1), 0.5, begin=8.0)
-    late = wind_force(flights, left, {"1": 8.0, "2": 8.0})
+    residual = pushed(flights, np.random.default_rng(1), 0.5, begin=8.0)
+    late = wind_force(flights, residual, {"1": 8.0, "2": 8.0})
     assert late.deviation[1] < DEVIATION < late.deviation[2]
     assert np.all(np.abs(late.mean[:, 0] - MEAN) < late.mean[:, 1])
-    assert wind_force(flights, left, {}).deviation[0] < late.deviation[0]
+    assert wind_force(flights, residual, {}).deviation[0] < late.deviation[0]

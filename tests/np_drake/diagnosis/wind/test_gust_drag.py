@@ -7,7 +7,7 @@ import pytest
 
 from np_drake import attitude
 from np_drake.diagnosis.result import Cause, Estimate
-from np_drake.diagnosis.tolerance import LABORATORY
+from np_drake.diagnosis.tolerance import IDEAL_SENSORS
 from np_drake.diagnosis.wind.gust_drag import drag_in_gusts
 from np_drake.diagnosis.wind.gusts import as_gusts
 from np_drake.effects.linear_drag import LinearDrag
@@ -60,10 +60,10 @@ def yielding(
     rows = e.rows.x.copy()
     for columns, own in ((P, x[:, :3]), (V, x[:, 3:])):
         rows[:, columns] = np.stack([np.interp(e.rows.t, t, axis) for axis in own.T], axis=1)
-    left = np.zeros_like(e.y)
-    left[:, :3] = attitude.rotate_back(R, force + white * rng.standard_normal(force.shape))
+    residual = np.zeros_like(e.y)
+    residual[:, :3] = attitude.rotate_back(R, force + white * rng.standard_normal(force.shape))
     moved = dc.replace(e.rows, x=rows)
-    return dc.replace(e, rows=moved, mids=dc.replace(e.mids, x=between(rows))), left
+    return dc.replace(e, rows=moved, mids=dc.replace(e.mids, x=between(rows))), residual
 
 
 def between(x):
@@ -86,7 +86,7 @@ def found(flights, rng, first=(0.1, 0.1, 0.1), begins=None, **how):
     begins = begins or {}
     mean = np.array([1.0, -0.5, 0.0])
     pairs = [yielding(e, rng, mean, begin=begins.get(e.name, -np.inf), **how) for e in flights]
-    felt = {e.name: left for e, left in pairs}
+    felt = {e.name: residual for e, residual in pairs}
     drag = dc.replace(cause(*first), onset={} if how.get("early") else begins)
     return drag_in_gusts(drag, [e for e, _ in pairs], felt, begins)
 
@@ -171,4 +171,4 @@ def test_where_no_drag_is_there_the_cause_stays_as_it_is(flights):
     assert drag_in_gusts(drag, flights, felt, {}) is drag
     against = cause(-0.1, -0.1, 0.1)  # through which no wind acts
     assert drag_in_gusts(against, flights, felt, {}) is None
-    assert as_gusts(flights, felt, [against], 0.9, LABORATORY) == [against]
+    assert as_gusts(flights, felt, [against], 0.9, IDEAL_SENSORS) == [against]

@@ -7,7 +7,7 @@ from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.prediction import HeldOut
 from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.selection.calibration import DOUBTED
-from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
+from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 from np_drake.diagnosis.wind import gusts as dut
 from np_drake.diagnosis.wind.gusts import as_gusts, in_gusts
 from np_drake.effects.constant_wind import ConstantWind
@@ -53,12 +53,12 @@ def test_gusts_that_need_more_wind_than_there_is_through_all_the_drag_there_may_
 ):
     weak = cause(LinearDrag(0.02, 0.02, 0.02))
     weak = dc.replace(weak, parameters={n: Estimate(0.02, "", (0.0, most)) for n in weak.parameters})
-    causes = as_gusts(*blown, [weak], 0.9, LABORATORY)
+    causes = as_gusts(*blown, [weak], 0.9, IDEAL_SENSORS)
     assert ("gusty_wind" in {c.identifier for c in causes}) is named
 
 
 def test_through_a_drag_a_slow_force_is_a_wind_with_its_figures(blown):
-    causes = as_gusts(*blown, [cause(DRAG)], 0.9, LABORATORY)
+    causes = as_gusts(*blown, [cause(DRAG)], 0.9, IDEAL_SENSORS)
     gusts = next(c for c in causes if c.identifier == "gusty_wind")
     assert [c.identifier for c in causes] == ["linear_drag", "gusty_wind"]
     true = {"mean_x": 1.0, "mean_y": -0.5, "mean_z": 0.0, "deviation": 1.5, "correlation_time": 0.5}
@@ -74,7 +74,7 @@ def test_through_a_drag_a_slow_force_is_a_wind_with_its_figures(blown):
 
 def test_a_steady_wind_that_was_found_becomes_the_mean(blown):
     alone, beside = (
-        as_gusts(*blown, [cause(DRAG), *winds], 0.9, LABORATORY)
+        as_gusts(*blown, [cause(DRAG), *winds], 0.9, IDEAL_SENSORS)
         for winds in ([], [cause(ConstantWind(2.0, -1.0, 0.5))])
     )
     assert [c.identifier for c in beside] == ["linear_drag", "gusty_wind"]
@@ -88,7 +88,8 @@ def test_a_mean_wind_is_level_as_far_as_the_flights_do_not_tell(blown, known_dra
         y[:, 2] += 0.3 * 2.0
     sharp, vague = cause(DRAG), cause(DRAG, d_x=0.3, d_y=0.3, d_z=0.01)
     found = [
-        as_gusts(flights, upward, [drag], 0.9, LABORATORY)[-1].parameters["mean_z"] for drag in (sharp, vague)
+        as_gusts(flights, upward, [drag], 0.9, IDEAL_SENSORS)[-1].parameters["mean_z"]
+        for drag in (sharp, vague)
     ]
     told = [e.value for e in found]
     assert 0.5 < told[0] < 2.0
@@ -103,14 +104,14 @@ def test_a_drag_that_is_hardly_known_widens_the_figures_of_the_wind(blown, known
         sharp.parameters[name] = dc.replace(estimate, ci95=(0.299, 0.301))
     widths = []
     for drag in (sharp, vague):
-        gusts = as_gusts(*blown, [drag], 0.9, LABORATORY)[-1]
+        gusts = as_gusts(*blown, [drag], 0.9, IDEAL_SENSORS)[-1]
         widths.append([np.diff(gusts.parameters[name].ci95)[0] for name in ("mean_x", "deviation")])
     assert np.all(np.array(widths[1]) > 1.1 * np.array(widths[0]))
 
 
 def test_a_drag_that_was_found_too_weak_is_as_strong_as_it_is_under_the_gusts(blown):
     flights, _ = blown
-    drag, gusts = as_gusts(flights, felt_in(flights), [cause(LinearDrag(0.1, 0.1, 0.1))], 0.9, LABORATORY)
+    drag, gusts = as_gusts(flights, felt_in(flights), [cause(LinearDrag(0.1, 0.1, 0.1))], 0.9, IDEAL_SENSORS)
     for axis in "xyz":
         low, high = drag.parameters[f"d_{axis}"].ci95
         assert 0.2 < low < 0.31
@@ -123,16 +124,16 @@ def test_a_drag_that_was_found_too_weak_is_as_strong_as_it_is_under_the_gusts(bl
 def test_gusts_that_only_the_end_of_the_drags_interval_makes_a_wind_are_doubted_with_it(blown, monkeypatch):
     flights, _ = blown
     found = [cause(LinearDrag(0.1, 0.1, 0.1))]
-    drag, wind = as_gusts(flights, felt_in(flights), found, 0.9, LABORATORY)
+    drag, wind = as_gusts(flights, felt_in(flights), found, 0.9, IDEAL_SENSORS)
     assert (drag.probability, wind.probability) == (found[0].probability, 0.9)
     monkeypatch.setattr(dut, "STRONGEST", 0.95 * wind.parameters["deviation"].value)
-    drag, wind = as_gusts(flights, felt_in(flights), found, 0.9, LABORATORY)
+    drag, wind = as_gusts(flights, felt_in(flights), found, 0.9, IDEAL_SENSORS)
     assert (drag.probability, wind.probability) == (DOUBTED, DOUBTED)
     monkeypatch.setattr(dut, "STRONGEST", 0.5 * wind.parameters["deviation"].value)
-    assert as_gusts(flights, felt_in(flights), found, 0.9, LABORATORY) == found
+    assert as_gusts(flights, felt_in(flights), found, 0.9, IDEAL_SENSORS) == found
 
 
-@pytest.mark.parametrize("tolerance", [LABORATORY, Tolerance()])
+@pytest.mark.parametrize("tolerance", [IDEAL_SENSORS, Tolerance()])
 def test_gusts_that_were_found_late_begin_where_their_power_does(seen, tolerance):
     gusts, late = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4), {"linear_drag": 8.0, "gusty_wind": 8.0}
     flights = flown(seen, DRAG, gusts, seconds=16.0, onset=late)
@@ -144,7 +145,7 @@ def test_gusts_that_were_found_late_begin_where_their_power_does(seen, tolerance
 def test_a_drag_that_seemed_to_act_throughout_begins_with_the_wind_where_it_is_not_felt_before(seen):
     gusts, late = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4), {"linear_drag": 8.0, "gusty_wind": 8.0}
     flights = flown(seen, DRAG, gusts, seconds=16.0, onset=late)
-    for blown in as_gusts(flights, felt_in(flights), [cause(DRAG)], 0.9, LABORATORY):
+    for blown in as_gusts(flights, felt_in(flights), [cause(DRAG)], 0.9, IDEAL_SENSORS):
         assert list(blown.onset.values()) == pytest.approx([8.0, 8.0], abs=0.15)
 
 
@@ -156,19 +157,19 @@ def test_a_drag_that_begins_with_the_wind_in_one_flight_does_so_in_another_that_
         for n, t in begins.items()
     ]
     found = dc.replace(cause(DRAG), onset={"1": 8.0, "2": None})
-    for blown in as_gusts(flights, felt_in(flights), [found], 0.9, LABORATORY):
+    for blown in as_gusts(flights, felt_in(flights), [found], 0.9, IDEAL_SENSORS):
         assert list(blown.onset.values()) == pytest.approx(list(begins.values()), abs=0.15)
 
 
-@pytest.mark.parametrize("unseen", [None, 3.0])
-def test_what_an_unseen_flight_seems_to_show_moves_nothing_in_the_fitted_ones(seen, unseen):
+@pytest.mark.parametrize("held_out", [None, 3.0])
+def test_what_an_unseen_flight_seems_to_show_moves_nothing_in_the_fitted_ones(seen, held_out):
     gusts = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4)
     *flights, third = (
         seen(DRAG, gusts, name=n, seed=int(n), noise=1.0, seconds=16.0, onset={"gusty_wind": 8.0})
         for n in "123"
     )
-    found = dc.replace(cause(DRAG), onset={"1": None, "2": None, "3": unseen})
-    drag, wind = as_gusts(flights, felt_in([*flights, third]), [found], 0.9, LABORATORY, [third])
+    found = dc.replace(cause(DRAG), onset={"1": None, "2": None, "3": held_out})
+    drag, wind = as_gusts(flights, felt_in([*flights, third]), [found], 0.9, IDEAL_SENSORS, [third])
     assert drag.onset == found.onset
     assert [wind.onset[n] for n in "12"] == pytest.approx([8.0, 8.0], abs=0.15)
 
@@ -182,7 +183,7 @@ def test_where_the_wind_begins_too_late_to_be_read_the_causes_stay(seen):
 def test_a_drag_that_acts_from_the_start_does_so_before_gusts(seen):
     gusts = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4)
     flights = flown(seen, DRAG, gusts, seconds=16.0, onset={"gusty_wind": 8.0})
-    drag, wind = as_gusts(flights, felt_in(flights), [cause(DRAG)], 0.9, LABORATORY)
+    drag, wind = as_gusts(flights, felt_in(flights), [cause(DRAG)], 0.9, IDEAL_SENSORS)
     assert drag.onset == {"1": None, "2": None}
     assert list(wind.onset.values()) == pytest.approx([8.0, 8.0], abs=0.15)
 
@@ -192,10 +193,12 @@ def test_in_an_unseen_flight_gusts_begin_where_their_power_does_and_their_figure
 ):
     gusts, late = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4), {"linear_drag": 8.0, "gusty_wind": 8.0}
     flights = flown(seen, DRAG, gusts, seconds=16.0, onset=late)
-    unseen = seen(DRAG, gusts, name="3", seed=3, noise=1.0, seconds=16.0, onset=late)
-    felt = felt_in((*flights, unseen))
+    held_out = seen(DRAG, gusts, name="3", seed=3, noise=1.0, seconds=16.0, onset=late)
+    felt = felt_in((*flights, held_out))
     found = dc.replace(cause(DRAG), onset={"1": 8.0, "2": 8.0, "3": 9.5})
-    alone, (drag, beside) = (as_gusts(flights, felt, [found], 0.9, LABORATORY, u) for u in ([], [unseen]))
+    alone, (drag, beside) = (
+        as_gusts(flights, felt, [found], 0.9, IDEAL_SENSORS, u) for u in ([], [held_out])
+    )
     alone = alone[-1]
     assert list(beside.onset.values()) == pytest.approx([8.0, 8.0, 8.0], abs=0.15)
     assert drag.onset == beside.onset
@@ -204,8 +207,8 @@ def test_in_an_unseen_flight_gusts_begin_where_their_power_does_and_their_figure
 
 def test_without_a_drag_a_slow_force_stays_unnamed(blown):
     causes = [cause(ConstantWind())]
-    assert as_gusts(*blown, causes, 0.9, LABORATORY) == causes
-    assert as_gusts(*blown, [], 0.9, LABORATORY) == []
+    assert as_gusts(*blown, causes, 0.9, IDEAL_SENSORS) == causes
+    assert as_gusts(*blown, [], 0.9, IDEAL_SENSORS) == []
 
 
 def test_of_gusts_the_mean_is_foreseen_in_the_place_of_a_steady_wind(seen):
@@ -219,15 +222,15 @@ def test_of_gusts_the_mean_is_foreseen_in_the_place_of_a_steady_wind(seen):
     ]
     dut = in_gusts(held, causes, [flight])
     assert [t.effect.identifier for t in dut.terms["c"]] == ["linear_drag", "gusty_wind"]
-    assert np.abs(dut.left["c"][:, :6]).max() < 1e-3
-    assert held.left["c"] is flight.y
+    assert np.abs(dut.residual["c"][:, :6]).max() < 1e-3
+    assert held.residual["c"] is flight.y
     late = [dc.replace(c, onset={"c": 4.0}) for c in causes]
     assert [t.begins("c") for t in in_gusts(held, late, [flight]).terms["c"]] == [4.0, 4.0]
 
 
 def test_on_a_rig_the_size_and_time_of_gusts_are_known_half_as_well(blown, known_drag):
     laboratory, rig = (
-        as_gusts(*blown, [cause(DRAG)], 0.9, t)[-1].parameters for t in (LABORATORY, Tolerance())
+        as_gusts(*blown, [cause(DRAG)], 0.9, t)[-1].parameters for t in (IDEAL_SENSORS, Tolerance())
     )
     for name in ("deviation", "correlation_time"):
         assert rig[name].value == pytest.approx(laboratory[name].value)

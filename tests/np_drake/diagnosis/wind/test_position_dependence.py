@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.diagnosis.wind.position_dependence import chance_of_place
+from np_drake.diagnosis.wind.position_dependence import position_p_value
 from np_drake.rigid_body import P, V
 
 
@@ -24,20 +24,20 @@ def field(e, slope, normal):
 def test_gusts_follow_the_place_as_often_as_chance_has_it(flights, pushed):
     found = []
     for seed in range(60):
-        left = pushed(flights, np.random.default_rng(seed), 0.6)
-        found.append(chance_of_place(flights, left, {}))
+        residual = pushed(flights, np.random.default_rng(seed), 0.6)
+        found.append(position_p_value(flights, residual, {}))
     assert 0.35 < np.mean(found) < 0.65
     assert np.mean(np.array(found) < 0.1) < 0.25
 
 
 def test_a_force_tied_to_a_place_is_no_gust_whatever_its_mean_in_a_flight(flights, pushed):
     normal = np.array([0.8, 0.6, 0.0])
-    left = pushed(flights, np.random.default_rng(3), 0.6)
+    residual = pushed(flights, np.random.default_rng(3), 0.6)
     for i, e in enumerate(flights):
         tied = field(e, 1.0, normal) + 0.3 * i
-        left[e.name] = 0.3 * left[e.name]
-        left[e.name][:, :3] += attitude.rotate_back(e.q, tied)
-    assert chance_of_place(flights, left, {}) < 1e-6
+        residual[e.name] = 0.3 * residual[e.name]
+        residual[e.name][:, :3] += attitude.rotate_back(e.q, tied)
+    assert position_p_value(flights, residual, {}) < 1e-6
 
 
 def jet(e):
@@ -56,11 +56,11 @@ def behind(e):
 def test_a_force_beside_gusts_is_tied_to_the_place_where_the_velocity_does_not_tell_it(
     flights, force, tied, pushed
 ):
-    left = pushed(flights, np.random.default_rng(4), 0.6)
+    residual = pushed(flights, np.random.default_rng(4), 0.6)
     for e in flights:
-        left[e.name] = 0.3 * left[e.name]
-        left[e.name][:, :3] += attitude.rotate_back(e.q, force(e))
-    chance = chance_of_place(flights, left, {})
+        residual[e.name] = 0.3 * residual[e.name]
+        residual[e.name][:, :3] += attitude.rotate_back(e.q, force(e))
+    chance = position_p_value(flights, residual, {})
     assert chance < 1e-6 if tied else chance > 1e-2
 
 
@@ -74,24 +74,24 @@ def around(e):
 
 
 def test_on_a_circle_where_velocity_goes_with_the_place_a_field_is_no_drag(flights, pushed):
-    normal, left = np.array([0.8, 0.6, 0.0]), pushed(flights, np.random.default_rng(5), 0.6)
+    normal, residual = np.array([0.8, 0.6, 0.0]), pushed(flights, np.random.default_rng(5), 0.6)
     circles = [around(e) for e in flights]
-    assert chance_of_place(circles, left, {}) > 1e-2
+    assert position_p_value(circles, residual, {}) > 1e-2
     for e in circles:
-        left[e.name] = 0.3 * left[e.name]
-        left[e.name][:, :3] += attitude.rotate_back(e.q, field(e, 0.6, normal))
-    assert chance_of_place(circles, left, {}) < 1e-3
+        residual[e.name] = 0.3 * residual[e.name]
+        residual[e.name][:, :3] += attitude.rotate_back(e.q, field(e, 0.6, normal))
+    assert position_p_value(circles, residual, {}) < 1e-3
 
 
 def test_gusts_in_one_flight_alone_or_from_late_on_are_tied_to_no_place(flights, pushed):
     for seed in range(20):
         begins = ({}, {e.name: 10.0 for e in flights}, {flights[0].name: np.inf})[seed % 3]
-        left = pushed(flights, np.random.default_rng(seed), 0.6)
+        residual = pushed(flights, np.random.default_rng(seed), 0.6)
         for e in flights:
-            left[e.name] *= (e.t >= begins.get(e.name, -np.inf))[:, None]
-        assert chance_of_place(flights, left, begins) > 1e-3
+            residual[e.name] *= (e.t >= begins.get(e.name, -np.inf))[:, None]
+        assert position_p_value(flights, residual, begins) > 1e-3
 
 
 def test_where_no_wind_blows_nothing_follows_the_place(flights, pushed):
-    left = pushed(flights, np.random.default_rng(1), 0.6, begin=15.0)
-    assert chance_of_place(flights, left, {flights[0].name: 19.95, flights[1].name: 15.0}) > 1e-3
+    residual = pushed(flights, np.random.default_rng(1), 0.6, begin=15.0)
+    assert position_p_value(flights, residual, {flights[0].name: 19.95, flights[1].name: 15.0}) > 1e-3

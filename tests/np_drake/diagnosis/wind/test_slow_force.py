@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from scipy import integrate, signal
 
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.residuals.flight_residuals import FORCE, VELOCITY
-from np_drake.diagnosis.tolerance import LABORATORY, Tolerance
+from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 from np_drake.diagnosis.wind.slow_force import LEAST, SlowForce, _markov, slow_force, slow_power
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -24,7 +24,7 @@ def flown(seen, *effects, seconds=30.0, **how):
 
 
 def left_of(flights, *effects):
-    return {e.name: e.y - signature(e, [Term(effect) for effect in effects]) for e in flights}
+    return {e.name: e.y - predicted_residual(e, [Term(effect) for effect in effects]) for e in flights}
 
 
 def markov(flight, rms: float, time: float, seed: int) -> np.ndarray:
@@ -36,7 +36,7 @@ def markov(flight, rms: float, time: float, seed: int) -> np.ndarray:
 
 
 def pushed(
-    flights, left, *, position: float = 0.0, accelerometer: float = 0.0, time: float, both: float = 0.0
+    flights, residual, *, position: float = 0.0, accelerometer: float = 0.0, time: float, both: float = 0.0
 ):
     """left, with forces [N RMS] that position alone, the accelerometer alone, or both show."""
     out = {}
@@ -44,7 +44,7 @@ def pushed(
         R, mass = e.q, e.vehicle.mass
         force = [markov(e, size, time, 10 * i + k) for k, size in enumerate((position, accelerometer, both))]
         seen, read, common = (attitude.rotate_back(R, f) for f in force)
-        y = left[e.name].copy()
+        y = residual[e.name].copy()
         y[:, FORCE] += read + common
         y[:, VELOCITY] += (seen - read) / mass
         out[e.name] = y
@@ -54,7 +54,7 @@ def pushed(
 @pytest.mark.parametrize("time", [0.5, 1.5])
 def test_gusts_are_a_force_in_the_air(seen, time):
     flights = flown(seen, DRAG, GustyWind(0.0, 0.0, 0.0, 1.5, time, seed=4))
-    dut = slow_force(flights, left_of(flights, DRAG), LABORATORY)
+    dut = slow_force(flights, left_of(flights, DRAG), IDEAL_SENSORS)
     assert dut.probability(felt=True) > 0.99
     assert dut.deviation == pytest.approx(0.45, rel=0.4)
 
@@ -63,25 +63,25 @@ def test_gusts_are_a_force_in_the_air(seen, time):
 @pytest.mark.parametrize("attitude_noise", [0.0, 0.01], ids=["laboratory", "rig"])
 def test_noise_alone_is_none(seen, attitude_noise, accelerations):
     flights = flown(seen, DRAG, seconds=12.0, attitude_noise=attitude_noise, accelerations=accelerations)
-    tolerance = Tolerance() if attitude_noise else LABORATORY
+    tolerance = Tolerance() if attitude_noise else IDEAL_SENSORS
     assert slow_force(flights, left_of(flights, DRAG), tolerance).probability(felt=True) < 0.05
 
 
 def test_a_steady_force_is_none(seen):
     flights = flown(seen, seconds=12.0)
-    left = left_of(flights)
-    still = slow_force(flights, left, LABORATORY).log_evidence
+    residual = left_of(flights)
+    still = slow_force(flights, residual, IDEAL_SENSORS).log_evidence
     for e in flights:
-        left[e.name][:, FORCE] += attitude.rotate_back(e.q, np.tile([3.0, -2.0, 0.0], (len(e.t), 1)))
-    assert slow_force(flights, left, LABORATORY).log_evidence == pytest.approx(still, abs=0.5)
+        residual[e.name][:, FORCE] += attitude.rotate_back(e.q, np.tile([3.0, -2.0, 0.0], (len(e.t), 1)))
+    assert slow_force(flights, residual, IDEAL_SENSORS).log_evidence == pytest.approx(still, abs=0.5)
 
 
 def test_an_attitude_may_wander_as_a_rig_does_but_not_as_fast_and_as_far_as_air_pushes(seen):
     flights = [dc.replace(e, turned=False) for e in flown(seen, attitude_noise=0.007)]
     weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
-    left = left_of(flights)
+    residual = left_of(flights)
     wander, push = (
-        slow_force(flights, pushed(flights, left, position=size * weight, time=time), Tolerance())
+        slow_force(flights, pushed(flights, residual, position=size * weight, time=time), Tolerance())
         for size, time in ((0.008, 10.0), (0.02, 1.0))
     )
     assert wander.probability(felt=True) < 0.1
@@ -91,9 +91,9 @@ def test_an_attitude_may_wander_as_a_rig_does_but_not_as_fast_and_as_far_as_air_
 @pytest.mark.parametrize("one", ["position", "accelerometer"])
 def test_where_the_accelerometer_needs_no_attitude_a_force_that_one_of_both_shows_alone_is_none(seen, one):
     flights = [dc.replace(e, turned=True) for e in flown(seen, attitude_noise=0.007)]
-    left = left_of(flights)
-    alone = slow_force(flights, pushed(flights, left, **{one: 0.15}, time=1.0), Tolerance())
-    both = slow_force(flights, pushed(flights, left, both=0.15, time=1.0), Tolerance())
+    residual = left_of(flights)
+    alone = slow_force(flights, pushed(flights, residual, **{one: 0.15}, time=1.0), Tolerance())
+    both = slow_force(flights, pushed(flights, residual, both=0.15, time=1.0), Tolerance())
     assert alone.probability(felt=True) < 0.3
     assert both.probability(felt=True) > 0.99
     assert both.deviation == pytest.approx(0.15, rel=0.4)
@@ -116,13 +116,13 @@ def test_the_spectrum_of_a_gauss_markov_process_holds_its_variance(rms, time):
 def test_the_power_of_a_slow_force_is_its_mean_square_and_a_fast_one_has_none(seen):
     flights = flown(seen, seconds=20.0)
     for frequency, expected in ((0.3, 0.5 * 0.8**2), (4.0, 0.0)):
-        left = {}
+        residual = {}
         for e in flights:
             level = 0.8 * np.sin(2 * np.pi * frequency * e.t)
             force = attitude.rotate_back(e.q, np.column_stack([level, level, 0 * level]))
-            left[e.name] = np.zeros_like(e.y)
-            left[e.name][:, FORCE] = force
-        assert slow_power(flights, left) == pytest.approx(expected, rel=0.1, abs=0.01)
+            residual[e.name] = np.zeros_like(e.y)
+            residual[e.name][:, FORCE] = force
+        assert slow_power(flights, residual) == pytest.approx(expected, rel=0.1, abs=0.01)
 
 
 def test_an_attitude_that_is_read_askew_is_no_slow_force_where_the_vehicle_yaws(seen):

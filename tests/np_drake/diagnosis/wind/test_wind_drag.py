@@ -1,6 +1,6 @@
 import pytest
 
-from np_drake.diagnosis.decision.decide import look
+from np_drake.diagnosis.decision.decide import infer
 from np_drake.diagnosis.regressors.library import DRAG
 from np_drake.diagnosis.selection.calibration import TRUST
 from np_drake.diagnosis.wind.wind_drag import with_drag
@@ -20,7 +20,7 @@ def named(ranking) -> list[str]:
 def test_gusts_are_felt_through_a_drag_that_is_too_small_to_be_named_by_itself(ranked):
     case = ranked(WEAK, GUSTS)
     assert DRAG not in named(case.ranking)
-    dut = look(case.flights, case.unseen)
+    dut = infer(case.flights, case.held_out)
     causes = {c.identifier: c for c in dut.causes}
     assert list(causes) == [DRAG, "gusty_wind"]
     assert not dut.unknown
@@ -32,7 +32,7 @@ def test_gusts_are_felt_through_a_drag_that_is_too_small_to_be_named_by_itself(r
 def test_a_weak_drag_begins_where_its_gusts_do(seen):
     how = {"noise": 1.0, "seconds": 14.0, "onset": {DRAG: 7.0, "gusty_wind": 7.0}}
     flights = [seen(WEAK, STRONG, name=n, seed=i, **how) for i, n in enumerate(("a", "b"), start=1)]
-    dut = look(flights, [seen(WEAK, STRONG, name="c", seed=3, noise=1.0, seconds=14.0)])
+    dut = infer(flights, [seen(WEAK, STRONG, name="c", seed=3, noise=1.0, seconds=14.0)])
     causes = {c.identifier: c for c in dut.causes}
     assert list(causes) == [DRAG, "gusty_wind"]
     assert not dut.unknown

@@ -11,9 +11,9 @@ from diagrams.challenge.out_of_library.draw import FOREIGN, draw_foreign
 from diagrams.challenge.simulators.rotorpy import simulator
 from diagrams.challenge.simulators.rotorpy.simulator import fly
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.prediction import signature
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.residuals.flight_residuals import make_evidence
+from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.effects.base import MassProperties, Measurement, Motion, WrenchEffect
 from np_drake.effects.combine import total_wrench
 from np_drake.effects.library import LIBRARY
@@ -136,9 +136,9 @@ def test_a_diagnosis_finds_its_own_signature(name, vehicle):
     seconds = 4.0
     plan = draw_plan(np.random.default_rng(3), vehicle, seconds, "aggressive_multisine")
     effects = drawn(name, vehicle)
-    evidence = make_evidence(fly(vehicle, plan, effects, t=np.arange(400) / 100), vehicle)
+    evidence = make_flight_residuals(fly(vehicle, plan, effects, t=np.arange(400) / 100), vehicle)
     inner = slice(20, -20)  # a lag begins before the log
-    left = (evidence.y - signature(evidence, [Term(e) for e in effects]))[inner, :6]
+    left = (evidence.y - predicted_residual(evidence, [Term(e) for e in effects]))[inner, :6]
     size = np.sqrt(np.mean(evidence.y[inner, :6] ** 2, axis=0))
     scale = np.repeat([size[:3].max() + 2e-3, size[3:].max() + 2e-4], 3)
     # A mean over an interval stands for its middle, and over a quarter of it for a row.

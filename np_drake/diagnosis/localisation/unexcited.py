@@ -1,0 +1,35 @@
+"""The answer where nothing is excited: the residual is localised, no cause is named."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from np_drake.diagnosis.held_out.prediction import pooled
+from np_drake.diagnosis.localisation.identifiability import confusables, excitation
+from np_drake.diagnosis.localisation.localisation import localise
+from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
+from np_drake.diagnosis.regressors.library import library_candidates
+from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.result import GapReduction, Identifiability
+
+
+def unexcited_diagnosis(
+    flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]
+) -> dict[str, Any]:
+    """Return the fields of a `Diagnosis` of flights in which nothing moves: no verdict, every effect unidentifiable."""
+    noise = fit_noise([e.y - e.y.mean(axis=0) for e in flights], flights[0].grid.step)
+    pairs = confusables(flights, library_candidates(flights), noise)
+    rows = {e.name: np.ones(len(e.t), bool) for e in held_out}
+    checked = Identifiability(
+        False, excitation(flights), {}, tuple(pairs), ("nothing is excited: these logs cannot tell.",)
+    )
+    size = pooled([e.y for e in held_out], noise)
+    return {
+        "verdict": (),
+        "causes": (),
+        "check": checked,
+        "where": localise(held_out, {e.name: e.y for e in held_out}, noise, rows),
+        "shrink": GapReduction(size, size, 1.0, 0.0, (0.0, 0.0), ()),
+        "warnings": checked.warnings,
+    }
