@@ -17,7 +17,7 @@ def small() -> an.Diagnosis:
         {"delta_mass": an.Estimate(0.1, "kg", (0.05, 0.15))},
         {"train_1": None, "heldout": 3.0},
     )
-    where = an.Where(
+    where = an.Localisation(
         (
             an.ChannelGap("force x", "N", 0.4, 0.1, 0.11, 0.97),
             an.ChannelGap("torque z", "N·m", 0.1, 0.1, 0.1, np.nan),
@@ -27,10 +27,10 @@ def small() -> an.Diagnosis:
         (an.Band("force x", np.arange(3.0), np.ones(3), np.ones(3), np.ones(3)),),
         times={"heldout": np.arange(5.0)},
     )
-    check = an.Check(
+    check = an.Identifiability(
         True, {"speed [m/s]": 1.0}, {"force x": 0.1}, (an.Confusable(("a", "b"), "alike", "roll"),)
     )
-    shrink = an.Shrink(5.0, 1.1, 1.0, 0.99, (0.98, 1.0), (an.Rung("nominal", 5.0),), GAP, None)
+    shrink = an.GapReduction(5.0, 1.1, 1.0, 0.99, (0.98, 1.0), (an.Rung("nominal", 5.0),), GAP, None)
     return an.Diagnosis(
         "mine",
         ("train_1",),

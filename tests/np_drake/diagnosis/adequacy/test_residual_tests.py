@@ -11,7 +11,9 @@ def test_on_a_rig_an_accelerometer_may_read_another_weight_in_every_flight(ranke
     case = ranked()
     residual = {e.name: np.zeros_like(e.y) for e in case.flights}
     residual[case.flights[0].name][:, 2] = 0.01 * case.flights[0].vehicle.mass * 9.81
-    irregularities = {t.name: dut.irregularities(case.flights, residual, t) for t in (Tolerance(), IDEAL_SENSORS)}
+    irregularities = {
+        t.name: dut.irregularities(case.flights, residual, t) for t in (Tolerance(), IDEAL_SENSORS)
+    }
     assert [p > 0.5 for p, _ in irregularities["rig"]] == [False, False]
     assert [p > 0.5 for p, _ in irregularities["laboratory"]] == [False, True]
 
@@ -36,9 +38,7 @@ def test_a_slow_force_of_unseen_flights_alone_is_more_than_an_attitude_that_wand
     weight = case.held_out[0].vehicle.mass * case.held_out[0].vehicle.gravity
     monkeypatch.setattr(dut, "slow_power", lambda *_: (times * weight * rig.attitude) ** 2)
     residual = {e.name: e.y for e in case.held_out}
-    assert (
-        dut.novel_on_held_out(case.held_out, residual, rig, 0.0, gusty=False)[0] > 0.5
-    ) is unknown
+    assert (dut.novel_on_held_out(case.held_out, residual, rig, 0.0, gusty=False)[0] > 0.5) is unknown
     assert dut.novel_on_held_out(case.held_out, residual, rig, 0.0, gusty=True)[0] < 0.5
 
 

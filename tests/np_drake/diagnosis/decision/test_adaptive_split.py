@@ -38,11 +38,11 @@ def diagnosed(fly):
     """Two flights straight up and down to fit, one that moves sideways to judge; each answer is worked out once."""
 
     @cache
-    def answer(*effects, second_look: bool = True) -> Diagnosis:
+    def answer(*effects, adaptive_split: bool = True) -> Diagnosis:
         own = {"noise": 1.0, "seconds": 10.0}
         train = [fly(*effects, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
         return diagnose(
-            Vehicle(), train, [fly(*effects, name="c", seed=3, **own)], second_look=adaptive_split
+            Vehicle(), train, [fly(*effects, name="c", seed=3, **own)], adaptive_split=adaptive_split
         )
 
     return answer
@@ -86,7 +86,7 @@ def test_a_force_that_unseen_flights_alone_show_asks_for_a_second_look_however_s
 
 
 def test_without_a_second_look_nothing_of_the_held_out_flight_is_fitted(diagnosed):
-    dut = diagnosed(DRAG, second_look=False)
+    dut = diagnosed(DRAG, adaptive_split=False)
     assert dut.joined == ()
     assert "linear_drag" not in dut.verdict
     assert dut.shrink.fraction < 0.1
@@ -182,7 +182,9 @@ def test_a_force_that_unseen_flights_alone_show_is_plain_however_small_it_is(see
     model, unseen = found(seen)
     asked = []
     monkeypatch.setattr(
-        adaptive_split, "novel", lambda *_, gusty: asked.append(gusty) or (0.9, Finding(UNSEEN, "", 0.9))
+        adaptive_split,
+        "novel_on_held_out",
+        lambda *_, gusty: asked.append(gusty) or (0.9, Finding(UNSEEN, "", 0.9)),
     )
     for slowly in (0.1, 0.9):
         monkeypatch.setattr(adaptive_split, "gust_probability", lambda *_, slowly=slowly: slowly)

@@ -161,9 +161,7 @@ def test_an_effect_whose_figures_may_all_be_none_is_no_cause(drag):
     fit = drag.fit
     held = on_held_out(fit, drag.held_out, drag.ranking.noise)
     vague = dc.replace(fit, covariance=100.0 * np.eye(len(fit.values)))
-    named, unnamed = (
-        causes_of(drag.ranking, f, drag.flights, drag.held_out, held) for f in (fit, vague)
-    )
+    named, unnamed = (causes_of(drag.ranking, f, drag.flights, drag.held_out, held) for f in (fit, vague))
     assert [c.identifier for c in named[0]] == ["linear_drag"]
     assert unnamed[0] == []
     assert "none" in unnamed[1][0].text
@@ -190,8 +188,7 @@ def test_what_begins_late_in_an_unseen_flight_alone_must_bring_there_what_its_on
     held = dc.replace(held, terms=late, whole_flight_terms=late)
     known = dc.replace(drag.fit, terms=tuple(dc.replace(t, onset={"a": 2.0}) for t in drag.fit.terms))
     asked = [
-        log_bayes_factor(fit, 0, drag.held_out, drag.ranking.noise, held, {})
-        for fit in (known, drag.fit)
+        log_bayes_factor(fit, 0, drag.held_out, drag.ranking.noise, held, {}) for fit in (known, drag.fit)
     ]
     assert asked[0] > 0
     assert asked[1] == pytest.approx(asked[0] - SURPRISE)

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake.diagnosis.decision.causes import causes_of
+from np_drake.diagnosis.decision.consistency import without_superfluous
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.gap import gap_reduction as dut
 from np_drake.diagnosis.held_out.prediction import on_held_out
@@ -25,12 +26,12 @@ NOISE = scale_only([np.random.default_rng(0).normal(size=(20000, 15))], 0.02)
 @given(st.floats(1.1, 20.0), st.floats(0.0, 1.0))
 def test_the_fraction_is_the_share_of_the_power_above_the_floor_that_went(before, share):
     after = np.sqrt(1 + (1 - share) * (before**2 - 1))
-    assert dut.shrink_fraction(before, after, 1.0) == pytest.approx(share, abs=1e-9)
+    assert dut.closed_fraction(before, after, 1.0) == pytest.approx(share, abs=1e-9)
 
 
 def test_without_a_gap_nothing_shrinks_and_a_worse_model_shrinks_less_than_nothing():
-    assert dut.shrink_fraction(1.0, 0.9, 1.0) == 0.0
-    assert dut.shrink_fraction(2.0, 3.0, 1.0) < 0.0
+    assert dut.closed_fraction(1.0, 0.9, 1.0) == 0.0
+    assert dut.closed_fraction(2.0, 3.0, 1.0) < 0.0
 
 
 def test_pooled_is_one_for_noise_and_scales_with_it():
@@ -55,7 +56,7 @@ def test_the_bootstrap_interval_holds_the_value_it_was_made_with():
     for seed in range(40):
         before, after, share = parts(seed, 2.0, 0.9)
         low, high = dut._bootstrap(before, after, NOISE, 0.02)
-        found = dut.shrink_fraction(*(dut.pooled(list(p.values()), NOISE) for p in (before, after)), 1.0)
+        found = dut.closed_fraction(*(dut.pooled(list(p.values()), NOISE) for p in (before, after)), 1.0)
         assert low <= found <= high
         inside.append(low <= share <= high)
         widths.append(high - low)
@@ -71,7 +72,7 @@ def test_the_interval_holds_the_estimate_however_long_flights_are_and_wherever_t
     gap[-min(spike, rows) :] = 6.0
     before, after = {"a": noise + gap + 1.0}, {"a": noise + gap}
     low, high = dut._bootstrap(before, after, NOISE, 0.02)
-    found = dut.shrink_fraction(*(dut.pooled(list(p.values()), NOISE) for p in (before, after)), 1.0)
+    found = dut.closed_fraction(*(dut.pooled(list(p.values()), NOISE) for p in (before, after)), 1.0)
     assert low <= found <= high
 
 
@@ -227,10 +228,10 @@ def test_beside_what_is_unknown_a_cause_that_takes_nothing_off_is_none(solved):
     wrong = Term(ThrustScale(1.1))
     idle = dc.replace(causes[0], identifier=wrong.effect.identifier, effect=wrong.effect)
     held = dc.replace(held, terms={n: [*terms, wrong] for n, terms in held.terms.items()})
-    kept, minor = dut.without_superfluous([*causes, idle], case.held_out, case.ranking.noise, held)
+    kept, minor = without_superfluous([*causes, idle], case.held_out, case.ranking.noise, held)
     assert kept == causes
     assert [f.name for f in minor] == ["thrust_scale"]
-    assert dut.without_superfluous(causes, case.held_out, case.ranking.noise, held) == (causes, [])
+    assert without_superfluous(causes, case.held_out, case.ranking.noise, held) == (causes, [])
 
 
 def test_a_drag_stays_with_the_wind_that_acts_through_it(solved):
@@ -239,7 +240,7 @@ def test_a_drag_stays_with_the_wind_that_acts_through_it(solved):
     none = {n: [Term(LinearDrag(0.0, 0.0, 0.0))] for n in held.terms}
     wind = dc.replace(drag, identifier="constant_wind", effect=ConstantWind(1.0))
     flights, noise = case.held_out, case.ranking.noise
-    kept, idle = dut.without_superfluous([drag, wind], flights, noise, dc.replace(held, terms=none))
+    kept, idle = without_superfluous([drag, wind], flights, noise, dc.replace(held, terms=none))
     assert kept == []
     assert [f.name for f in idle] == [
         "constant_wind",

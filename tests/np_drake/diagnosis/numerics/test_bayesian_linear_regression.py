@@ -85,7 +85,9 @@ def test_many_sets_together_have_each_its_density_with_priors_as_wide_as_asked(s
     indices = [np.concatenate([np.zeros(0, int), *g]) for g in groups]
     with patch.object(bayesian_linear_regression, "AT_ONCE", at_once):
         evidence, posteriors = dut.evidence_of_sets(groups, wide), dut.posteriors(indices)
-    for found, (mean, covariance), index, g, w in zip(evidence, posteriors, indices, groups, wide, strict=True):
+    for found, (mean, covariance), index, g, w in zip(
+        evidence, posteriors, indices, groups, wide, strict=True
+    ):
         flat = 4.0 * X.reshape(-1, 5)[:, index]
         gain = flat.T @ np.linalg.inv(np.eye(len(flat)) + flat @ flat.T)
         np.testing.assert_allclose(mean, gain @ y.ravel(), atol=1e-9)
