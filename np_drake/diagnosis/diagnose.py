@@ -4,15 +4,16 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from np_drake.diagnosis.decision.adaptive_split import JOINED, infer_adaptively, without_onsets_in
-from np_drake.diagnosis.decision.decide import infer
-from np_drake.diagnosis.gap.gap_reduction import measure_gap_reduction
-from np_drake.diagnosis.localisation.identifiability import assess_identifiability, excitation, excited
-from np_drake.diagnosis.localisation.localisation import localise
-from np_drake.diagnosis.localisation.unexcited import unexcited_diagnosis
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
-from np_drake.diagnosis.residuals.requirements import require_flights
-from np_drake.diagnosis.residuals.resampling import natural_step
+from np_drake.diagnosis.decision import JOINED, infer, infer_adaptively, without_onsets_in
+from np_drake.diagnosis.gap import measure_gap_reduction
+from np_drake.diagnosis.localisation import (
+    assess_identifiability,
+    excitation,
+    excited,
+    localise,
+    unexcited_diagnosis,
+)
+from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals, natural_step, require_flights
 from np_drake.diagnosis.result import UNKNOWN, Diagnosis, Replay
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.logs.flight_log import FlightLog

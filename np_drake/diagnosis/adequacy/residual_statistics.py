@@ -10,8 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage, signal
 
-from np_drake.diagnosis.residuals.accelerations import low_pass
-from np_drake.diagnosis.residuals.flight_residuals import FORCE, TORQUE, WRENCH, FlightResiduals
+from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
 
 LINE = 20.0  # power of a line over its neighbourhood above which it is no noise [1]; own choice
 NEIGHBOURHOOD = 1.2  # of a line, to either side at most [Hz]

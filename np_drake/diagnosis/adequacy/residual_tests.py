@@ -12,14 +12,13 @@ from np_drake.diagnosis.adequacy.residual_statistics import (
     strongest_burst,
     strongest_line,
 )
-from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.fitting.physical_bounds import impossible
+from np_drake.diagnosis.fitting import Fit, impossible
 from np_drake.diagnosis.materiality import EXACT, MATERIAL_FORCE, MATERIAL_TORQUE
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.residuals import flight_residuals as ev
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 from np_drake.diagnosis.result import CHANNELS, Finding
 from np_drake.diagnosis.tolerance import Tolerance
-from np_drake.diagnosis.wind.slow_force import slow_power
+from np_drake.diagnosis.wind import slow_power
 from np_drake.vehicle import Vehicle
 
 SLOW_TORQUE = {True: 12.0, False: 9.0}  # above it a slow torque is no gyro's, on a rig and in a laboratory

@@ -8,19 +8,16 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.adequacy.residual_tests import novel_on_held_out
-from np_drake.diagnosis.adequacy.unexplained import gust_probability, swing_free_residual
-from np_drake.diagnosis.decision.decide import Comparison, Inference, compare, decide
-from np_drake.diagnosis.held_out.adaptation import without_shocks
-from np_drake.diagnosis.held_out.prediction import HeldOut, misfit, on_held_out
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
+from np_drake.diagnosis.adequacy import gust_probability, novel_on_held_out, swing_free_residual
+from np_drake.diagnosis.decision.compare import Comparison, compare
+from np_drake.diagnosis.decision.decide import Inference, decide
+from np_drake.diagnosis.held_out import HeldOut, misfit, on_held_out, without_shocks
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
 from np_drake.diagnosis.result import Cause
-from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
-from np_drake.diagnosis.selection.payload_search import PAYLOAD
-from np_drake.diagnosis.selection.ranking import probabilities
+from np_drake.diagnosis.selection import PAYLOAD, SearchResult, find_map_model, probabilities
 from np_drake.diagnosis.tolerance import Tolerance
-from np_drake.diagnosis.wind.slow_force import slow_power
+from np_drake.diagnosis.wind import slow_power
 
 UNLIKELY = 0.01  # probability of a payload below which it is not sought again; own choice
 UNFORESEEN = {True: 1.6, False: 1.25}  # residual over noise, on a rig and in a laboratory [1]; own choice

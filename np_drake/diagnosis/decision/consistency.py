@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.held_out.prediction import HeldOut, remaining_residual
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.regressors.regression_problem import SHIFTING
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.held_out import HeldOut, remaining_residual
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.regressors import SHIFTING
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding
 
 FAINT = 0.03  # of the largest among them [1]; own choice, as linear columns are `INEXACT`

@@ -8,13 +8,10 @@ import numpy as np
 from scipy import stats
 
 from np_drake.diagnosis.fitting.parameters import Free, free_parameters, read, write
-from np_drake.diagnosis.forward_model.payload_state import swing_wrenches
-from np_drake.diagnosis.forward_model.prediction import StageCache, predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.numerics.gauss_newton import minimise
-from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, FlightResiduals
+from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual, swing_wrenches
+from np_drake.diagnosis.numerics import NoiseModel, minimise
+from np_drake.diagnosis.regressors import Candidate
+from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.base import ActuatorEffect, SensorEffect
 
 TOLD = 0.95  # probability that figures are not none, from which they are told [1]

@@ -8,12 +8,10 @@ import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit, refine
 from np_drake.diagnosis.fitting.swing_fit import fitted_to_whole_flight
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, scale_only
-from np_drake.diagnosis.regressors.nuisance import calibration_terms
-from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.numerics import NoiseModel, scale_only
+from np_drake.diagnosis.regressors import Model, RegressionProblem, calibration_terms
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.tolerance import Tolerance
 
 ITERATIONS = 6

@@ -5,10 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.payload_state import STATE, hidden_size, padded
-from np_drake.diagnosis.forward_model.term import NEVER, Term
-from np_drake.diagnosis.regressors.payload import SWING
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.forward_model import NEVER, STATE, Term, hidden_size, padded
+from np_drake.diagnosis.regressors import SWING
+from np_drake.diagnosis.residuals import FlightResiduals
 
 
 @dc.dataclass(frozen=True)

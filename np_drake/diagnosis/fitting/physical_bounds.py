@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.regressors.library import DRAG, DRAGS
+from np_drake.diagnosis.regressors import DRAG, DRAGS
 from np_drake.effects.base import Effect, MassEffect, MassProperties
 from np_drake.vehicle import Vehicle
 

@@ -6,10 +6,9 @@ import numpy as np
 from scipy import optimize
 
 from np_drake.diagnosis.fitting.map_estimate import Generic
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
-from np_drake.diagnosis.regressors.generic import DAMPING
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.numerics import Gram, NoiseModel
+from np_drake.diagnosis.regressors import DAMPING
+from np_drake.diagnosis.residuals import FlightResiduals
 
 WITHIN = 1.5  # times the frequency that the grid found, up or down; own choice
 DAMPINGS = (0.005, 1.0)  # that are looked for [1]; own choice

@@ -6,17 +6,18 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import qmc
 
-from np_drake.diagnosis.forward_model.payload_state import (
+from np_drake.diagnosis.forward_model import (
+    NEVER,
+    Term,
     hidden_size,
     padded,
+    predicted_residual,
     swing_units,
     swing_wrenches,
 )
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import NEVER, Term
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.regressors.payload import SWING, WIDEST
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, FlightResiduals
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.regressors import SWING, WIDEST
+from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 
 STEPS = 3  # of Gauss-Newton
 GRID = 128  # swings, as wide as may be, from which it may descend; own choice

@@ -1,1 +1,31 @@
 """Predicted residual of effects with given parameters."""
+
+from np_drake.diagnosis.forward_model.payload_state import (
+    MOST_JUMPS,
+    STATE,
+    hidden_size,
+    jumps,
+    padded,
+    pendulum_error,
+    specific_pull,
+    swing_units,
+    swing_wrenches,
+)
+from np_drake.diagnosis.forward_model.prediction import StageCache, predicted_residual
+from np_drake.diagnosis.forward_model.term import NEVER, Term
+
+__all__ = [
+    "MOST_JUMPS",
+    "NEVER",
+    "STATE",
+    "StageCache",
+    "Term",
+    "hidden_size",
+    "jumps",
+    "padded",
+    "pendulum_error",
+    "predicted_residual",
+    "specific_pull",
+    "swing_units",
+    "swing_wrenches",
+]

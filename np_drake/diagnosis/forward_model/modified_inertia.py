@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.base import MassEffect, MassProperties
 
 

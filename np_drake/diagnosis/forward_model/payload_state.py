@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from np_drake.diagnosis.residuals.flight_residuals import FORCE, FlightResiduals
+from np_drake.diagnosis.residuals import FORCE, FlightResiduals
 from np_drake.effects.pendulum import across, swing_many
 
 if TYPE_CHECKING:

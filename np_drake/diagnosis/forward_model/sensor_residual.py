@@ -6,11 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake import attitude
+from np_drake.diagnosis.residuals import FlightResiduals, Instants, Resampler, conjugate, rotation_vector
 from np_drake.diagnosis.residuals import flight_residuals as ev
-from np_drake.diagnosis.residuals.accelerations import Instants
-from np_drake.diagnosis.residuals.attitude_smoothing import conjugate, rotation_vector
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
-from np_drake.diagnosis.residuals.resampling import Resampler
 from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.rigid_body import Q, V, W
 from np_drake.vehicle import Vehicle

@@ -5,13 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.held_out.adaptation import scored_on_fitted_rows
-from np_drake.diagnosis.held_out.prediction import HeldOut, pooled, remaining_residual
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, FlightResiduals
+from np_drake.diagnosis.fitting import Fit
+from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.held_out import HeldOut, pooled, remaining_residual, scored_on_fitted_rows
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause, GapReduction, Replay, ReplayGap, Rung
 from np_drake.logs.flight_log import FlightLog
 

@@ -8,7 +8,7 @@ from scipy import signal
 from scipy.integrate import cumulative_trapezoid
 
 from np_drake import attitude
-from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
+from np_drake.diagnosis.residuals import smooth_attitude
 from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.logs.flight_log import FlightLog
 from np_drake.rigid_body import P, Q, V, W

@@ -5,18 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.fitting.swing_fit import SwingFit
-from np_drake.diagnosis.forward_model.payload_state import (
-    MOST_JUMPS,
-    STATE,
-    jumps,
-)
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import NEVER, Term
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.regressors.switched_regressors import SwitchedRegressors
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
-from np_drake.diagnosis.residuals.outliers import APART, BOUNCE, LONGEST, MOST, find_shocks
+from np_drake.diagnosis.fitting import SwingFit
+from np_drake.diagnosis.forward_model import MOST_JUMPS, NEVER, STATE, Term, jumps, predicted_residual
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.regressors import SwitchedRegressors
+from np_drake.diagnosis.residuals import APART, BOUNCE, LONGEST, MOST, FlightResiduals, find_shocks
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
 JUMP_SPAN = 1.5  # after a shock, over which a swing is fitted anew; not scored either [s]

@@ -5,14 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.fitting.swing_fit import fitted_to_whole_flight
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.fitting import Fit, fitted_to_whole_flight
+from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out.adaptation import adapt, predictive_terms, scored_rows
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.residuals import flight_residuals as ev
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause
 
 

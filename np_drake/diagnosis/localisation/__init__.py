@@ -1,1 +1,13 @@
 """Where the gap lies, and which effects the logs cannot tell apart."""
+
+from np_drake.diagnosis.localisation.identifiability import assess_identifiability, excitation, excited
+from np_drake.diagnosis.localisation.localisation import localise
+from np_drake.diagnosis.localisation.unexcited import unexcited_diagnosis
+
+__all__ = [
+    "assess_identifiability",
+    "excitation",
+    "excited",
+    "localise",
+    "unexcited_diagnosis",
+]

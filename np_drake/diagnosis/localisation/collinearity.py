@@ -4,19 +4,19 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.prediction import StageCache, predicted_residual
-from np_drake.diagnosis.forward_model.term import NEVER, Term
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.regressors.library import (
+from np_drake.diagnosis.forward_model import NEVER, StageCache, Term, predicted_residual
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.regressors import (
     Candidate,
     Onset,
     at_value,
+    calibration,
     library_candidates,
+    payload_candidates,
+    sensor_drift,
     wind_candidates,
 )
-from np_drake.diagnosis.regressors.nuisance import calibration, sensor_drift
-from np_drake.diagnosis.regressors.payload_grid import payload_candidates
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.library import LIBRARY
 

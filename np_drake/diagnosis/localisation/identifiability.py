@@ -6,9 +6,9 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.diagnosis.localisation.manoeuvres import manoeuvre
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, FlightResiduals
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.regressors import Candidate
+from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import CHANNELS, Confusable, Identifiability
 
 LEAST = {

@@ -8,8 +8,8 @@ import ruptures
 from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, FlightResiduals
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import CHANNELS, Band, ChannelGap, Localisation, Regime, Segment
 
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.diagnosis.held_out.prediction import pooled
+from np_drake.diagnosis.held_out import pooled
 from np_drake.diagnosis.localisation.identifiability import confusables, excitation
 from np_drake.diagnosis.localisation.localisation import localise
-from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
-from np_drake.diagnosis.regressors.library import library_candidates
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.numerics import fit_noise
+from np_drake.diagnosis.regressors import library_candidates
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import GapReduction, Identifiability
 
 

@@ -1,1 +1,29 @@
 """Numerical methods without any knowledge of flights."""
+
+from np_drake.diagnosis.numerics.autoregressive_noise import (
+    NoiseModel,
+    fit_noise,
+    no_worse,
+    no_worse_anywhere,
+    scale_only,
+)
+from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram, loss_beside
+from np_drake.diagnosis.numerics.fir_filter import banded, filtered
+from np_drake.diagnosis.numerics.gauss_newton import minimise
+from np_drake.diagnosis.numerics.instrumental_variables import Block, instrumented, plain
+
+__all__ = [
+    "Block",
+    "Gram",
+    "NoiseModel",
+    "banded",
+    "filtered",
+    "fit_noise",
+    "instrumented",
+    "loss_beside",
+    "minimise",
+    "no_worse",
+    "no_worse_anywhere",
+    "plain",
+    "scale_only",
+]

@@ -1,1 +1,72 @@
 """Columns of the linear model: library effects, generic structure, nuisance, payload."""
+
+from np_drake.diagnosis.regressors.generic import DAMPING, PREFIX, generic_candidates
+from np_drake.diagnosis.regressors.library import (
+    DRAG,
+    DRAGS,
+    GUSTY,
+    Candidate,
+    Onset,
+    at_value,
+    library_candidates,
+    switched,
+    wind_candidates,
+)
+from np_drake.diagnosis.regressors.nuisance import (
+    Drift,
+    calibration,
+    calibration_terms,
+    drift_of,
+    loss_on,
+    sensor_drift,
+    tolerance_of,
+)
+from np_drake.diagnosis.regressors.payload import AT_REST, SWING, WIDEST, Guess, PayloadColumns, heavy_enough
+from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of
+from np_drake.diagnosis.regressors.regression_problem import (
+    SHIFTING,
+    Model,
+    RegressionProblem,
+    effect_prior,
+    prior_of,
+)
+from np_drake.diagnosis.regressors.switched_regressors import Sums, SwitchedRegressors, SwitchedSums
+
+__all__ = [
+    "AT_REST",
+    "DAMPING",
+    "DRAG",
+    "DRAGS",
+    "GUSTY",
+    "PREFIX",
+    "SHIFTING",
+    "SWING",
+    "WIDEST",
+    "Candidate",
+    "Drift",
+    "Guess",
+    "Model",
+    "Onset",
+    "PayloadColumns",
+    "RegressionProblem",
+    "Sums",
+    "SwitchedRegressors",
+    "SwitchedSums",
+    "at_value",
+    "calibration",
+    "calibration_terms",
+    "drift_of",
+    "effect_prior",
+    "generic_candidates",
+    "heavy_enough",
+    "library_candidates",
+    "loss_on",
+    "payload_about",
+    "payload_candidates",
+    "payloads_of",
+    "prior_of",
+    "sensor_drift",
+    "switched",
+    "tolerance_of",
+    "wind_candidates",
+]

@@ -13,8 +13,7 @@ from scipy import signal
 from scipy.cluster.vq import kmeans2
 
 from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
-from np_drake.diagnosis.residuals.regressor_signals import FlightState, flight_state
+from np_drake.diagnosis.residuals import FlightResiduals, FlightState, flight_state
 
 PREFIX = "unknown:"
 SIZE = 0.04  # prior deviation of a group's force over weight, and of its torque over weight times arm [1]

@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.prediction import StageCache, predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.library import LIBRARY, effects_for
 

@@ -7,12 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.numerics.bayesian_linear_regression import loss_beside
+from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.numerics import NoiseModel, loss_beside
 from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias

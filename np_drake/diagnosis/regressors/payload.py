@@ -8,10 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-from np_drake.diagnosis.forward_model.payload_state import padded, swing_units
-from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.forward_model import Term, padded, swing_units
 from np_drake.diagnosis.regressors.library import Candidate, Mended, Onset
-from np_drake.diagnosis.residuals.flight_residuals import WRENCH, FlightResiduals
+from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.library import LIBRARY
 
 SWING = 0.15  # prior deviation of an initial swing [rad]

@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.payload_state import STATE, hidden_size, specific_pull, swing_units
-from np_drake.diagnosis.forward_model.term import NEVER
+from np_drake.diagnosis.forward_model import NEVER, STATE, hidden_size, specific_pull, swing_units
 from np_drake.diagnosis.regressors.library import Candidate, Onset
 from np_drake.diagnosis.regressors.payload import AT_REST, HOOK, LENGTH, SMALL, SWING, Guess, PayloadColumns
-from np_drake.diagnosis.residuals.flight_residuals import FORCE, TORQUE, FlightResiduals
+from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.effects.library import LIBRARY
 
 UNIT = 0.1  # of the vehicle's mass: prior deviation of a payload's

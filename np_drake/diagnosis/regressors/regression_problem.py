@@ -7,10 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
+from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.library import LIBRARY
 
 EFFECT_PRIOR = -3.0  # log prior of every effect named: about one in twenty; own choice

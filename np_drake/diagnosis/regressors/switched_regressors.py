@@ -6,8 +6,8 @@ Whitening of slow noise turns a step into a spike: the rows about an onset tell 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.residuals.flight_residuals import SIZE, FlightResiduals
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.residuals import SIZE, FlightResiduals
 
 Sums = tuple[np.ndarray, np.ndarray, np.ndarray]  # X'X (n, k, k), X'B (n, k, b), X'y (n, k)
 

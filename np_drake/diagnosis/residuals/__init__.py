@@ -1,1 +1,45 @@
 """From flight logs to residuals on a uniform grid."""
+
+from np_drake.diagnosis.residuals.accelerations import Instants, low_pass
+from np_drake.diagnosis.residuals.attitude_smoothing import conjugate, rotation_vector, smooth_attitude
+from np_drake.diagnosis.residuals.flight_residuals import (
+    FORCE,
+    POSITION,
+    SIZE,
+    TORQUE,
+    VELOCITY,
+    WRENCH,
+    FlightResiduals,
+    make_flight_residuals,
+)
+from np_drake.diagnosis.residuals.outliers import APART, BOUNCE, LONGEST, MOST, bridge, find_shocks
+from np_drake.diagnosis.residuals.regressor_signals import FlightState, flight_state
+from np_drake.diagnosis.residuals.requirements import require_flights
+from np_drake.diagnosis.residuals.resampling import Resampler, natural_step
+
+__all__ = [
+    "APART",
+    "BOUNCE",
+    "FORCE",
+    "LONGEST",
+    "MOST",
+    "POSITION",
+    "SIZE",
+    "TORQUE",
+    "VELOCITY",
+    "WRENCH",
+    "FlightResiduals",
+    "FlightState",
+    "Instants",
+    "Resampler",
+    "bridge",
+    "conjugate",
+    "find_shocks",
+    "flight_state",
+    "low_pass",
+    "make_flight_residuals",
+    "natural_step",
+    "require_flights",
+    "rotation_vector",
+    "smooth_attitude",
+]

@@ -16,8 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
+from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.residuals.accelerations import Instants, make_instants
 from np_drake.diagnosis.residuals.attitude_smoothing import conjugate, rotation_vector, smooth_attitude
 from np_drake.diagnosis.residuals.outliers import bridge

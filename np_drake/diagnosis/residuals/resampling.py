@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 from scipy import signal, sparse
 
-from np_drake.diagnosis.numerics.fir_filter import banded, filtered
+from np_drake.diagnosis.numerics import banded, filtered
 
 STEP = 0.02  # of the grid [s]; own choice: rigid-body effects live below 15 Hz
 NEARLY = 0.1  # of a row: rows of a jittered log are not counted one short; own choice

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
+from np_drake.diagnosis.regressors import Model, RegressionProblem
 
 MOSTLY = 0.8  # of the best evidence that the library must reach to go before generic structure; own choice
 BEAM = 6

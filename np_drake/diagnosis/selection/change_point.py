@@ -7,10 +7,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.regressors.library import Candidate, switched
-from np_drake.diagnosis.regressors.payload import AT_REST
-from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
-from np_drake.diagnosis.regressors.switched_regressors import Sums, SwitchedRegressors, SwitchedSums
+from np_drake.diagnosis.regressors import (
+    AT_REST,
+    Candidate,
+    RegressionProblem,
+    Sums,
+    SwitchedRegressors,
+    SwitchedSums,
+    switched,
+)
 from np_drake.diagnosis.selection.onset_grid import TriedOnsets, at_rows, possible_onsets
 from np_drake.diagnosis.selection.payload_search import PAYLOAD, PayloadSearch
 from np_drake.effects.library import effects_for

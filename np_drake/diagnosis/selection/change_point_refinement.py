@@ -8,9 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.regressors.library import Candidate, switched
-from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, switched
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.payload_search import PAYLOAD
 
 

@@ -6,14 +6,12 @@ from collections.abc import Sequence
 
 from scipy.special import logsumexp
 
-from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import NEVER, Term
-from np_drake.diagnosis.held_out.adaptation import onset_log_likelihood
-from np_drake.diagnosis.held_out.prediction import HeldOut, on_held_out
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.regressors.nuisance import Drift, drift_of, loss_on
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.fitting import Fit
+from np_drake.diagnosis.forward_model import NEVER, Term, predicted_residual
+from np_drake.diagnosis.held_out import HeldOut, on_held_out, onset_log_likelihood
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.regressors import Drift, drift_of, loss_on
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.change_point import ABSENT, ANOTHER
 from np_drake.diagnosis.selection.ranking import Ranking, names_of_fit, of_fits, score_of
 

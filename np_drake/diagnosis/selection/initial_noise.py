@@ -5,13 +5,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise, no_worse, scale_only
-from np_drake.diagnosis.regressors.generic import generic_candidates
-from np_drake.diagnosis.regressors.library import Candidate, library_candidates, wind_candidates
-from np_drake.diagnosis.regressors.nuisance import calibration, sensor_drift
-from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
-from np_drake.diagnosis.residuals.flight_residuals import FORCE, TORQUE, FlightResiduals
-from np_drake.diagnosis.residuals.outliers import find_shocks
+from np_drake.diagnosis.numerics import NoiseModel, fit_noise, no_worse, scale_only
+from np_drake.diagnosis.regressors import (
+    Candidate,
+    RegressionProblem,
+    calibration,
+    generic_candidates,
+    library_candidates,
+    sensor_drift,
+    wind_candidates,
+)
+from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals, find_shocks
 from np_drake.diagnosis.selection.change_point import switched_candidates
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
 from np_drake.diagnosis.tolerance import Tolerance

@@ -6,13 +6,10 @@ from functools import partial
 
 import numpy as np
 
-from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.fitting.multi_start import first_fit, refit
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.regressors.library import Candidate
-from np_drake.diagnosis.regressors.nuisance import tolerance_of
-from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.fitting import Fit, first_fit, refit
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, tolerance_of
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.beam_search import library_first, search
 from np_drake.diagnosis.selection.change_point import late_payloads, switched_candidates
 from np_drake.diagnosis.selection.change_point_refinement import refined_change_points

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.term import NEVER
-from np_drake.diagnosis.regressors.switched_regressors import Sums, SwitchedSums
+from np_drake.diagnosis.forward_model import NEVER
+from np_drake.diagnosis.regressors import Sums, SwitchedSums
 
 MARGIN = 0.7  # from either end of a flight, in which no onset is looked for [s]
 COARSE = 5  # rows between instants that are tried at first

@@ -6,13 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.payload_state import jumps
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
-from np_drake.diagnosis.regressors.library import Candidate, Onset
-from np_drake.diagnosis.regressors.payload import AT_REST, PayloadColumns, heavy_enough
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
-from np_drake.diagnosis.residuals.outliers import bridge
+from np_drake.diagnosis.forward_model import jumps
+from np_drake.diagnosis.numerics import Gram, NoiseModel
+from np_drake.diagnosis.regressors import AT_REST, Candidate, Onset, PayloadColumns, heavy_enough
+from np_drake.diagnosis.residuals import FlightResiduals, bridge
 
 CHANNELS = 6  # force and torque alone see a payload
 HORIZONS = (5.0, 10.0, math.inf)  # over which a guess is followed, one after the other [s]

@@ -12,12 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.term import NEVER
-from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel
-from np_drake.diagnosis.regressors.library import Candidate, Onset
-from np_drake.diagnosis.regressors.payload import Guess, PayloadColumns
-from np_drake.diagnosis.regressors.payload_grid import payload_about, payloads_of
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.forward_model import NEVER
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.regressors import Candidate, Guess, Onset, PayloadColumns, payload_about, payloads_of
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.payload_evidence import HORIZONS, Beside
 from np_drake.effects.library import LIBRARY
 

@@ -5,19 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.fitting.isotropic_prior import with_isotropic_prior
-from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.fitting.multi_start import refit, restarted
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.numerics.autoregressive_noise import (
-    NoiseModel,
-    no_worse,
-    no_worse_anywhere,
-    scale_only,
-)
-from np_drake.diagnosis.regressors.generic import PREFIX
-from np_drake.diagnosis.regressors.regression_problem import SHIFTING, Model, RegressionProblem, prior_of
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.fitting import Fit, refit, restarted, with_isotropic_prior
+from np_drake.diagnosis.forward_model import predicted_residual
+from np_drake.diagnosis.numerics import NoiseModel, no_worse, no_worse_anywhere, scale_only
+from np_drake.diagnosis.regressors import PREFIX, SHIFTING, Model, RegressionProblem, prior_of
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.beam_search import MOST_EFFECTS, search
 from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
 from np_drake.diagnosis.tolerance import Tolerance

@@ -4,9 +4,8 @@ import numpy as np
 from scipy import linalg
 
 from np_drake import attitude
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.residuals.flight_residuals import FORCE, FlightResiduals
+from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.residuals import FORCE, FlightResiduals
 from np_drake.effects.linear_drag import LinearDrag
 
 BIN = 0.1  # over which the force is averaged, to a whole number of rows [s]

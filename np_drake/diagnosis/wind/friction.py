@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.numerics.instrumental_variables import Block, instrumented, plain
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.numerics import Block, instrumented, plain
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.wind.force_bins import binned, drags, factor, forces, spans, width
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce
 from np_drake.rigid_body import V

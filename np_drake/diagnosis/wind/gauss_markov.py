@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import linalg, optimize
 
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.wind.force_bins import factor, forces, spans, width
 
 SHORTEST, LONGEST = 0.1, 20.0  # correlation time [s]

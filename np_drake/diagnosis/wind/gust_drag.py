@@ -5,10 +5,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.numerics.instrumental_variables import Block, instrumented
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.numerics import Block, instrumented
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.wind.force_bins import drags, factor, forces, instants, spans, width
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, Z, wind_force

@@ -9,13 +9,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
-from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.held_out.prediction import HeldOut
-from np_drake.diagnosis.regressors.library import DRAG, GUSTY
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.regressors import DRAG, GUSTY
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
-from np_drake.diagnosis.selection.calibration import DOUBTED
+from np_drake.diagnosis.selection import DOUBTED
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.diagnosis.wind.force_bins import blows
 from np_drake.diagnosis.wind.friction import dry_friction
@@ -85,24 +82,6 @@ def _known(causes: Sequence[Cause], drag: Cause) -> dict[str, float | None]:
     """By flight, when the wind begins as the causes have it: with its drag, or a steady wind's own begin."""
     steady = next((c.onset for c in causes if c.identifier in GUSTY[1:]), {})
     return {name: steady.get(name) if begin is None else begin for name, begin in drag.onset.items()}
-
-
-def in_gusts(held: HeldOut, causes: Sequence[Cause], flights: Sequence[FlightResiduals]) -> HeldOut:
-    """The same where the wind is one of gusts: all that is foreseen of it, its mean, in the place of a steady wind.
-
-    causes: the gusts and the drag that feels them among them, each from when on it acts.
-    """
-    by_name = {c.identifier: c for c in causes}
-    gusts, drag = by_name["gusty_wind"], by_name[DRAG]
-    assert gusts.effect is not None
-    assert drag.effect is not None
-    terms, residual = dict(held.terms), dict(held.residual)
-    for e in flights:
-        rest = [t for t in held.terms[e.name] if t.effect.identifier not in GUSTY]
-        felt = Term(drag.effect, {e.name: drag.onset.get(e.name)})
-        terms[e.name] = [*rest, felt, Term(gusts.effect.foreseen, {e.name: gusts.onset.get(e.name)})]
-        residual[e.name] = e.y - predicted_residual(e, terms[e.name])
-    return dc.replace(held, terms=terms, residual=residual)
 
 
 def _statistics(

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.held_out.adaptation import SURPRISE
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.held_out import SURPRISE
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force

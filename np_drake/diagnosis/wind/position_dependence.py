@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import linalg, stats
 
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.wind.force_bins import binned, drags, factor, forces, spans, width
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force
 from np_drake.rigid_body import P

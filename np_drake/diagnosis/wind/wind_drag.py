@@ -4,11 +4,9 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.diagnosis.fitting.isotropic_prior import with_isotropic_prior
-from np_drake.diagnosis.fitting.multi_start import refit
-from np_drake.diagnosis.regressors.library import DRAG, Onset, switched
-from np_drake.diagnosis.regressors.regression_problem import Model, effect_prior
-from np_drake.diagnosis.selection.ranking import Ranking, names_of, names_of_fit
+from np_drake.diagnosis.fitting import refit, with_isotropic_prior
+from np_drake.diagnosis.regressors import DRAG, Model, Onset, effect_prior, switched
+from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
 from np_drake.diagnosis.wind.wind_onset import wind_begins
 
 RATHER = (

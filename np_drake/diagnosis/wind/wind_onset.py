@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import linalg
 
-from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
+from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.diagnosis.wind.force_bins import SPAN, factor, forces, instants, width
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force

@@ -7,8 +7,9 @@ import pytest
 
 from np_drake.diagnosis.adequacy import residual_tests
 from np_drake.diagnosis.adequacy import unexplained as remains_module
+from np_drake.diagnosis.adequacy.generic_structure import _repeat
 from np_drake.diagnosis.adequacy.residual_statistics import strongest_line
-from np_drake.diagnosis.adequacy.unexplained import _repeat, find_unexplained
+from np_drake.diagnosis.adequacy.unexplained import find_unexplained
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.result import CHANNELS
 from np_drake.diagnosis.tolerance import Tolerance

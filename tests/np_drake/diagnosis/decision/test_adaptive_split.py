@@ -15,7 +15,8 @@ from np_drake.diagnosis.decision.adaptive_split import (
     plainly_needs_split,
     split_flights,
 )
-from np_drake.diagnosis.decision.decide import compare, infer
+from np_drake.diagnosis.decision.compare import compare
+from np_drake.diagnosis.decision.infer import infer
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.fitting.map_estimate import Generic
 from np_drake.diagnosis.forward_model.term import Term

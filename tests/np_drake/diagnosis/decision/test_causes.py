@@ -3,19 +3,12 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision import causes as attribute
-from np_drake.diagnosis.decision.causes import (
-    HURT,
-    MISFIT,
-    SEEN_AGAIN,
-    SURE,
-    causes_of,
-    indistinguishable,
-    least_log_bayes_factor,
-    log_bayes_factor,
-    size_of,
-    within_calibration,
-)
+from np_drake.diagnosis.decision import inclusion
+from np_drake.diagnosis.decision.causes import causes_of
+from np_drake.diagnosis.decision.effect_size import size_of
+from np_drake.diagnosis.decision.equivalence import indistinguishable
+from np_drake.diagnosis.decision.held_out_test import HURT, MISFIT, least_log_bayes_factor, log_bayes_factor
+from np_drake.diagnosis.decision.inclusion import SEEN_AGAIN, SURE, within_calibration
 from np_drake.diagnosis.fitting.swing_fit import WAYS
 from np_drake.diagnosis.forward_model.payload_state import ERROR
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
@@ -255,8 +248,8 @@ def test_the_figures_of_a_payload_are_known_no_better_than_the_motion_that_drive
 def test_a_name_that_is_not_sure_is_minor_unless_unseen_flights_bear_it_out(
     drag, monkeypatch, probability, brought, named
 ):
-    monkeypatch.setattr(attribute, "log_bayes_factor", lambda *_: brought)
-    monkeypatch.setattr(attribute, "least_log_bayes_factor", lambda *_: 0.0)
+    monkeypatch.setattr(inclusion, "log_bayes_factor", lambda *_: brought)
+    monkeypatch.setattr(inclusion, "least_log_bayes_factor", lambda *_: 0.0)
     held = on_held_out(drag.fit, drag.held_out, drag.ranking.noise)
     odds = (probability / (TRUST - probability)) ** (1 / TEMPER)
     doubted = dc.replace(drag.ranking, probability={"linear_drag": odds / (1 + odds)})
@@ -278,9 +271,9 @@ def test_beside_a_payload_a_trace_of_a_force_is_what_no_pendulum_has_one_of_a_de
     ranked, monkeypatch, effect, brought, named
 ):
     case = ranked(SuspendedPayload(0.2, 0.6))
-    monkeypatch.setattr(attribute, "log_bayes_factor", lambda *_: brought)
-    monkeypatch.setattr(attribute, "least_log_bayes_factor", lambda *_: -1.0)
-    monkeypatch.setattr(attribute, "size_of", lambda *_: Size(0.1, 0.1, 0.5 * LEAST_FORCED, 9.0))
+    monkeypatch.setattr(inclusion, "log_bayes_factor", lambda *_: brought)
+    monkeypatch.setattr(inclusion, "least_log_bayes_factor", lambda *_: -1.0)
+    monkeypatch.setattr(inclusion, "size_of", lambda *_: Size(0.1, 0.1, 0.5 * LEAST_FORCED, 9.0))
     fit = dc.replace(case.fit, terms=(*case.fit.terms, Term(effect)))
     sure = dc.replace(case.ranking, probability={effect.identifier: 0.999, "suspended_payload": 0.999})
     held = on_held_out(fit, case.held_out, case.ranking.noise)

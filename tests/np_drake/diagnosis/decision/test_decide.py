@@ -8,9 +8,11 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.decision import compare, confidence
 from np_drake.diagnosis.decision import decide as dut_module
-from np_drake.diagnosis.decision.causes import PROBABILITY
-from np_drake.diagnosis.decision.decide import infer, is_vague_drift, leaves_more_than_noise
+from np_drake.diagnosis.decision.cause_report import PROBABILITY
+from np_drake.diagnosis.decision.confidence import is_vague_drift, leaves_more_than_noise
+from np_drake.diagnosis.decision.infer import infer
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.result import Cause, Estimate, Finding
@@ -104,14 +106,14 @@ def test_a_drag_that_lost_an_axis_to_gusts_is_not_unknown(flown, monkeypatch):
     ranking = rank(fitted)
     assert [t.effect.identifier for t in ranking.named.terms] == ["linear_drag"]
     lost = dc.replace(ranking.named, terms=(Term(dc.replace(DRAG, d_x=-0.2)),))
-    monkeypatch.setattr(dut_module, "ranked", lambda _: dc.replace(ranking, named=lost))
+    monkeypatch.setattr(compare, "ranked", lambda _: dc.replace(ranking, named=lost))
     dut = infer(fitted, held_out)
     assert not dut.unknown
     assert {c.identifier for c in dut.causes} == {"linear_drag", "gusty_wind"}
 
 
 def test_without_that_rule_the_wall_would_be_gusts(flown, monkeypatch):
-    monkeypatch.setattr(dut_module, "position_p_value", lambda *_: 1.0)
+    monkeypatch.setattr(compare, "position_p_value", lambda *_: 1.0)
     assert infer(*flown(WALL, WALL, WALL)).gusty
 
 
@@ -130,7 +132,7 @@ def test_a_name_is_less_sure_where_unseen_flights_leave_more_than_noise(seen, no
 )
 def test_what_is_left_of_lift_and_torque_in_gusts_is_none_of_theirs(flown, monkeypatch, ratio, sure, unknown):
     blown = flown(gusts(61), gusts(62), gusts(63))
-    monkeypatch.setattr(dut_module, "misfit", lambda *_: np.array([3.0, 3.0, ratio, 1.0, 1.0, 1.0]))
+    monkeypatch.setattr(confidence, "misfit", lambda *_: np.array([3.0, 3.0, ratio, 1.0, 1.0, 1.0]))
     dut = infer(*blown)
     assert dut.unknown is unknown
     assert ("upright" in {f.name for f in dut.unexplained.findings}) is unknown
@@ -147,13 +149,13 @@ def test_where_no_name_is_sure_and_structure_is_as_likely_it_is_unknown(
 ):
     doubt = Finding("linear_drag", "", 1.0, {PROBABILITY: 0.6} if unsure else {})
     monkeypatch.setattr(dut_module, "causes_of", lambda *_, **__: ([], [doubt]))
-    ranked = dut_module.ranked
+    ranked = compare.ranked
 
     def torn(found):
         ranking = ranked(found)
         return dc.replace(ranking, probability={**ranking.probability, f"{PREFIX}height": share})
 
-    monkeypatch.setattr(dut_module, "ranked", torn)
+    monkeypatch.setattr(compare, "ranked", torn)
     flights = [seen(DRAG, name=str(i), seed=i, noise=1.0, seconds=10.0) for i in (1, 2, 3)]
     dut = infer(flights[:2], flights[2:])
     assert dut.unknown is unknown

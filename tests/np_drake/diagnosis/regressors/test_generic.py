@@ -6,8 +6,10 @@ import pytest
 from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.adequacy.unexplained import find_unexplained, with_fitted_resonances
-from np_drake.diagnosis.decision.decide import Comparison, decide
+from np_drake.diagnosis.adequacy.resonances import with_fitted_resonances
+from np_drake.diagnosis.adequacy.unexplained import find_unexplained
+from np_drake.diagnosis.decision.compare import Comparison
+from np_drake.diagnosis.decision.decide import decide
 from np_drake.diagnosis.fitting.resonance_fit import mode_of
 from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
 from np_drake.diagnosis.regressors.library import library_candidates

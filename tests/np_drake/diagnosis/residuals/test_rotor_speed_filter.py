@@ -5,7 +5,7 @@ import pytest
 
 from np_drake.diagnosis.adequacy.residual_statistics import slow_torque
 from np_drake.diagnosis.adequacy.residual_tests import SLOW_TORQUE
-from np_drake.diagnosis.decision.decide import infer
+from np_drake.diagnosis.decision.infer import infer
 from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.diagnosis.residuals.rotor_speed_filter import most_likely, read_thrust
 from np_drake.effects.linear_drag import LinearDrag

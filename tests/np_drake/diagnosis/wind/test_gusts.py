@@ -9,7 +9,8 @@ from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.selection.calibration import DOUBTED
 from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 from np_drake.diagnosis.wind import gusts as dut
-from np_drake.diagnosis.wind.gusts import as_gusts, in_gusts
+from np_drake.diagnosis.wind.gusts import as_gusts
+from np_drake.diagnosis.wind.held_out_gusts import in_gusts
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag

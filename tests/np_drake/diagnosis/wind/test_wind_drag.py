@@ -1,6 +1,6 @@
 import pytest
 
-from np_drake.diagnosis.decision.decide import infer
+from np_drake.diagnosis.decision.infer import infer
 from np_drake.diagnosis.regressors.library import DRAG
 from np_drake.diagnosis.selection.calibration import TRUST
 from np_drake.diagnosis.wind.wind_drag import with_drag

@@ -11,7 +11,7 @@ from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.residuals.flight_residuals import FORCE, VELOCITY
 from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
-from np_drake.diagnosis.wind.slow_force import LEAST, SlowForce, _markov, slow_force, slow_power
+from np_drake.diagnosis.wind.whittle_test import LEAST, SlowForce, _markov, slow_force, slow_power
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.rigid_body import Q

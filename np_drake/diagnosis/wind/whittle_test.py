@@ -13,8 +13,7 @@ import numpy as np
 from scipy import fft, optimize
 
 from np_drake import attitude
-from np_drake.diagnosis.residuals.accelerations import low_pass
-from np_drake.diagnosis.residuals.flight_residuals import FORCE, POSITION, VELOCITY, FlightResiduals
+from np_drake.diagnosis.residuals import FORCE, POSITION, VELOCITY, FlightResiduals, low_pass
 from np_drake.diagnosis.tolerance import Tolerance
 
 TOP = 1.0  # of what counts as slow [Hz]

@@ -1,0 +1,49 @@
+"""TODO."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.adequacy.residual_tests import (
+    FAINT,
+    SWUNG,
+)
+from np_drake.diagnosis.fitting import Fit
+from np_drake.diagnosis.forward_model import predicted_residual
+from np_drake.diagnosis.held_out import HeldOut
+from np_drake.diagnosis.materiality import EXACT, MATERIAL_FORCE
+from np_drake.diagnosis.regressors import DRAG
+from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.diagnosis.tolerance import Tolerance
+from np_drake.diagnosis.wind import LEAST, slow_force, slow_power
+
+
+def swing_free_residual(held: HeldOut, e: FlightResiduals) -> np.ndarray:
+    """(m, 15) what is left of an unseen flight whatever a payload's hidden swing was, shocks apart."""
+    return e.bridged(e.y - predicted_residual(e, held.whole_flight_terms[e.name]))
+
+
+def gust_probability(
+    named: Fit,
+    tolerance: Tolerance,
+    flights: Sequence[FlightResiduals],
+    residual: dict[str, np.ndarray],
+    held_out: Sequence[FlightResiduals],
+    swung: dict[str, np.ndarray],
+) -> float:
+    """Probability of a force in the air in what is left of all flights: none where those of the fit show none.
+
+    A drag that was found would feel it however small it is; where none was, it is a matter if it is as large as an
+    effect has to be.
+    """
+    seen = slow_force(flights, residual, tolerance)
+    both = slow_force([*flights, *held_out], residual | swung, tolerance)
+    felt = any(t.effect.identifier == DRAG for t in named.terms)
+    vehicle = flights[0].vehicle
+    least = MATERIAL_FORCE * (1.0 if tolerance.real else EXACT)
+    matters = felt or both.deviation > least * vehicle.mass * vehicle.gravity
+    shown = seen.log_evidence > FAINT * LEAST[felt]
+    lost = any(t.swings for t in named.terms) and slow_power(flights, residual) < SWUNG * slow_power(
+        flights, {e.name: e.y for e in flights}
+    )
+    return both.probability(felt=felt) if matters and shown and not lost else 0.0

@@ -1,0 +1,29 @@
+"""TODO."""
+
+import dataclasses as dc
+
+from np_drake.diagnosis.adequacy.residual_tests import (
+    UNSEEN,
+)
+from np_drake.diagnosis.held_out import HeldOut
+from np_drake.diagnosis.result import Finding
+
+
+@dc.dataclass(frozen=True)
+class Unexplained:
+    """unknown: is something material left?   findings: where it lives.   held: the fit on unseen flights.
+
+    structured: with measured rotor speed, is there structure beside the effects, whether or not it repeats?
+    """
+
+    unknown: bool
+    probability: float
+    findings: tuple[Finding, ...]
+    held: HeldOut
+    slow_probability: float
+    structured: bool = False
+
+    @property
+    def novel_on_held_out(self) -> bool:
+        """Do unseen flights alone show something?"""
+        return any(f.name == UNSEEN for f in self.findings)

@@ -1,0 +1,105 @@
+"""TODO."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.adequacy import (
+    Unexplained,
+    find_unexplained,
+    swing_free_residual,
+)
+from np_drake.diagnosis.forward_model import Term
+from np_drake.diagnosis.held_out import without_shocks
+from np_drake.diagnosis.regressors import DRAG
+from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.diagnosis.result import Finding
+from np_drake.diagnosis.selection import (
+    Ranking,
+    SearchResult,
+    ranked,
+    rerank_by_held_out_evidence,
+)
+from np_drake.diagnosis.wind import Begins, position_p_value, wind_begins, with_drag
+
+BY_CHANCE = (
+    1e-3  # probability below which it is not by chance that a slow force follows the place; own choice
+)
+PLACE = Finding("place", "a slow force tied to a place", 1.0, {})
+
+
+@dc.dataclass(frozen=True)
+class Comparison:
+    """What `flights`, fitted, and `unseen`, which judge, show.   gusty: do slow forces come and go?"""
+
+    flights: Sequence[FlightResiduals]
+    held_out: Sequence[FlightResiduals]
+    ranking: Ranking
+    unexplained: Unexplained
+    gusty: bool
+
+
+def compare(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Comparison:
+    """Compares the best model with its rivals, and lays it on `unseen`."""
+    ranking = ranked(found)
+    flights = ranking.problem.flights
+    held_out = [without_shocks(ranking.named.everything, e, ranking.noise) for e in held_out]
+    ranking = rerank_by_held_out_evidence(ranking, held_out)
+    fit = ranking.fits[0]
+    unexplained = find_unexplained(ranking, fit, flights, held_out)
+    tied = _gusty(unexplained) and _knows_its_place(ranking, unexplained, flights, held_out)
+    if tied:
+        unexplained = dc.replace(
+            unexplained, findings=(PLACE, *(f for f in unexplained.findings if f.name != PLACE.name))
+        )
+    elif _gusty(unexplained):
+        felt = with_drag(ranking)
+        unexplained = unexplained if felt is ranking else find_unexplained(felt, fit, flights, held_out)
+        ranking = felt
+    return Comparison(flights, held_out, ranking, unexplained, _gusty(unexplained) and not tied)
+
+
+def _knows_its_place(
+    ranking: Ranking,
+    unexplained: Unexplained,
+    flights: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
+) -> bool:
+    """Does the slow force follow the place, in all flights alike, as gusts would not?"""
+    every = [
+        *flights,
+        *(e for e in held_out if not e.joined.any()),
+    ]  # halves that joined the fit are there already
+    rest = residual_beside_named(ranking, unexplained, flights, held_out)
+    begins: Begins = {
+        e.name: _felt_from(unexplained.held.terms.get(e.name, ranking.named.terms), e.name) for e in every
+    }
+    begins = wind_begins(every, rest, begins, ranking.tolerance)
+    return position_p_value(every, rest, begins) < BY_CHANCE
+
+
+def _felt_from(terms: Sequence[Term], flight: str) -> float | None:
+    """When a drag begins in a flight [s]; None: from the start, or there is none."""
+    return next((t.begins(flight) for t in terms if t.effect.identifier == DRAG), None)
+
+
+def residual_beside_named(
+    ranking: Ranking,
+    unexplained: Unexplained,
+    flights: Sequence[FlightResiduals],
+    held_out: Sequence[FlightResiduals],
+) -> dict[str, np.ndarray]:
+    """By flight, (m, 15) what the named effects leave of it."""
+    rest = {e.name: ranking.named.residual(e) for e in flights}
+    return rest | {e.name: swing_free_residual(unexplained.held, e) for e in held_out}
+
+
+def has_slow_force(unexplained: Unexplained) -> bool:
+    """Does a slow force remain, and nothing that says more?"""
+    return unexplained.slow_probability > 0.5 and not unexplained.unknown
+
+
+def _gusty(unexplained: Unexplained) -> bool:
+    """And is it none of the rotors', which is no gust?"""
+    return has_slow_force(unexplained) and not unexplained.structured
