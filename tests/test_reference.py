@@ -10,6 +10,7 @@ import pytest
 from pydrake.systems.analysis import SimulatorConfig
 
 from diagrams.flight import FlightConfig
+from np_drake.effects.library import LIBRARY, effects_for
 from np_drake.logs.columns import NAMES
 from np_drake.vehicle import Vehicle
 from np_drake.yaml_kinds import fields_of
@@ -85,3 +86,20 @@ def test_the_page_of_the_commands_is_what_the_script_writes():
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
     assert script.PAGE.read_text(encoding="utf-8") == script.page(), "run `make docs` and commit the page"
+
+
+def test_the_page_of_the_effects_names_every_effect_with_its_parameters():
+    text = (REFERENCE / "effects.md").read_text(encoding="utf-8").replace("−", "-")
+    ranges = text[text.index("## Range and prior") :]
+    rows = re.findall(r"^\| `(\w+)` \| (.*?) \| (.*?) \| (.*?) \| (.*?) to (.*?) \| (.*?) \|$", ranges, re.M)
+    stated = {
+        (effect, name): (unit, *map(float, figures))
+        for effect, names, unit, *figures in rows
+        for name in re.findall(r"`(\w+)`", names)
+    }
+    assert stated == {
+        (effect, p.name): (p.unit or "1", p.neutral, p.lower, p.upper, p.typical)
+        for effect, kind in effects_for("rotor_speed").items()
+        for p in kind.parameters
+    }
+    assert f"The library holds {len(LIBRARY)} effects." in text
