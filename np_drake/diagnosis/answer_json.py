@@ -1,4 +1,4 @@
-"""A diagnosis as `diagnosis.json` (docs/files.md: diagnosis): dictionaries, lists, strings and finite numbers."""
+"""A diagnosis as `diagnosis.json` (docs/reference/files.md): dictionaries, lists, strings and finite numbers."""
 
 import dataclasses as dc
 from collections.abc import Iterable
