@@ -3,6 +3,7 @@
 `python docs/make_commands.py` writes the page; the tests compare it with `page()`.
 """
 
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,7 @@ def _commands(name: str, command: Any) -> list[tuple[str, Any]]:
 
 def _section(name: str, command: Any) -> str:
     level = "#" * (len(name.split()))
-    lines = [f"{level} `{name}`", "", _plain(command.help or ""), ""]
+    lines = [f"{level} `{name}`", "", textwrap.fill(_plain(command.help or ""), 118), ""]
     shown = [p for p in command.params if not getattr(p, "hidden", False) and p.name != "help"]
     if shown:
         lines += ["| argument or option | default | meaning |", "|---|---|---|"]
