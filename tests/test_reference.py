@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import SimulatorConfig
 
-from diagrams.flight import FlightConfig
+from diagrams.loop.flight import FlightConfig
 from np_drake.effects.library import LIBRARY, effects_for
 from np_drake.logs.columns import NAMES
 from np_drake.vehicle import Vehicle
