@@ -1,16 +1,17 @@
-# Set-up, main job and tests. `make demo` and `make test` do all that a fresh machine needs.
+# Set-up, main job, tests and docs. Each target does all that a fresh machine needs.
 PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+DOCS_STAMP := $(VENV)/.docs
 PYTEST_ARGS ?=
-CODE := np_drake systems diagrams tests
+CODE := np_drake systems diagrams tests docs
 
 # One thread a process: small matrices are slower on more, and the tests run side by side.
 export OMP_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: venv demo test lint format clean
+.PHONY: venv demo test lint format docs clean
 
 venv: $(STAMP)
 
@@ -36,5 +37,14 @@ format: venv
 	$(BIN)/ruff check --fix $(CODE)
 	$(BIN)/ruff format $(CODE)
 
+# The commands page is written anew from the command line; a broken link or anchor fails the build.
+docs: $(DOCS_STAMP)
+	PYTHONPATH=. $(BIN)/python docs/make_commands.py
+	$(BIN)/python -m mkdocs build --strict
+
+$(DOCS_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
+	touch $@
+
 clean:
-	rm -rf $(VENV) build out .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build out site .pytest_cache .mypy_cache .ruff_cache .hypothesis

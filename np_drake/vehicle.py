@@ -40,7 +40,7 @@ class MeasurementNoise:
 
 @dc.dataclass
 class Vehicle:
-    """A quadrotor as its nominal model knows it (docs/files.md: vehicle file). Defaults: the paper's vehicle.
+    """A quadrotor as its nominal model knows it (docs/reference/vehicle-file.md). Defaults: the paper's vehicle.
 
     Rotor i pushes with f_i = thrust_coefficient * speed² along body z at `rotor_positions[i]` and twists with
     `rotor_directions[i] * torque_coefficient * speed²` about body z.

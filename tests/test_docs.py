@@ -66,7 +66,7 @@ def test_the_experiment_of_the_docs_flies_well(tmp_path):
 def test_the_tolerances_in_the_docs_are_those_of_the_code():
     from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 
-    page = (ROOT / "docs" / "diagnosis.md").read_text()
+    page = (ROOT / "docs" / "reference" / "diagnosis.md").read_text()
     rows = {
         "mass, thrust of the vehicle file": ("mass", 100, "% each"),
         "accelerometer, from flight to flight": ("acceleration", 1, "m/s²"),

@@ -110,7 +110,7 @@ def _cell(value: Any) -> str:
 
 
 def write_metrics(path: Path | None, verb: str, *, seed: int, config: dict, **content: Any) -> None:
-    """Writes the file of `--json` (docs/files.md: metrics); nothing where no file was asked for."""
+    """Writes the file of `--json` (docs/reference/files.md: metrics); nothing where no file was asked for."""
     if path is None:
         return
     head = {"schema": f"np_drake.{verb}/1", "version": version("np_drake"), "seed": seed, "config": config}

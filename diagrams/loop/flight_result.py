@@ -29,7 +29,7 @@ class FlightResult:
         return f"{self.config.controller.kind}{told}"
 
     def log(self) -> FlightLog:
-        """What the vehicle itself recorded (docs/files.md: flight log)."""
+        """What the vehicle itself recorded (docs/reference/flight-log.md)."""
         s = self.signals
         x, a = s["x"], s["acceleration"]
         return FlightLog(
@@ -92,7 +92,7 @@ class FlightResult:
         return result
 
     def summary(self) -> dict:
-        """The `fly` object of `--json` (docs/files.md)."""
+        """The `fly` object of `--json` (docs/reference/files.md)."""
         return {
             "experiment": self.config.name,
             "controller": self.label,

@@ -1,4 +1,4 @@
-"""The answer of a diagnosis as dataclasses; `as_json` is the file `diagnosis.json` (docs/files.md: diagnosis)."""
+"""The answer of a diagnosis as dataclasses; `as_json` is the file `diagnosis.json` (docs/reference/files.md)."""
 
 import dataclasses as dc
 from collections.abc import Callable, Iterable

@@ -1,4 +1,4 @@
-"""A case folder: one vehicle, the flights to fit and the flights to judge with (docs/files.md: case folder)."""
+"""A case folder: one vehicle, the flights to fit and the flights to judge with (docs/reference/files.md)."""
 
 import dataclasses as dc
 from pathlib import Path

@@ -7,7 +7,7 @@ import numpy as np
 
 @dc.dataclass
 class FlightLog:
-    """One flight in SI units, W z up, quaternions w, x, y, z body to world (docs/files.md: flight log).
+    """One flight in SI units, W z up, quaternions w, x, y, z body to world (docs/reference/flight-log.md).
 
     Row k's command acts from t_k until t_(k+1); a and al are those at t_k with row k's command acting.
     t: (n,) [s]; p, v: (n, 3) position and velocity of the logged point in W [m, m/s]; q: (n, 4); w: (n, 3)

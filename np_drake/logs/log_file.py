@@ -16,7 +16,7 @@ SUFFIXES = (".csv", ".csv.gz", ".parquet")
 
 
 def read_log(path: str | Path, *, vehicle: Vehicle | None = None, repair: bool = False) -> FlightLog:
-    """Reads and checks a flight log (docs/files.md: flight log).
+    """Reads and checks a flight log (docs/reference/flight-log.md).
 
     Args:
         vehicle: where the log has rotor speed and no command (or the vehicle file says `input: rotor_speed`),

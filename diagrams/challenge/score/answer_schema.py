@@ -1,4 +1,4 @@
-"""What scoring reads of truth.json and diagnosis.json (docs/files.md), and what each field must be."""
+"""What scoring reads of truth.json and diagnosis.json (docs/reference/files.md), and what each field must be."""
 
 from collections.abc import Iterator
 from typing import Any

@@ -78,8 +78,8 @@ class Solved:
 def read_solved(answers: Path, truth: Path) -> list[Solved]:
     """Every case that has a truth, sorted by name; of a folder of sets, `<set>/<case>`.
 
-    Raises: ValueError: if there is no truth, or a file is no JSON or not what docs/files.md says: one line with file,
-        field and what it must be; OSError: if one cannot be read.
+    Raises: ValueError: if there is no truth, or a file is no JSON or not what docs/reference/files.md says: one line
+        with file, field and what it must be; OSError: if one cannot be read.
     """
     names = [file.parent.relative_to(truth) for file in sorted(truth.rglob(TRUTH)) if file.parent != truth]
     if not names:

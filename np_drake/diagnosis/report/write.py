@@ -41,7 +41,7 @@ def write_report(
 
 
 def with_head(content: dict[str, Any], *, seed: int, config: dict[str, Any]) -> dict[str, Any]:
-    """The content behind what every file of the project begins with (docs/files.md: metrics)."""
+    """The content behind what every file of the project begins with (docs/reference/files.md: metrics)."""
     head = {"schema": content["schema"], "version": version("np_drake"), "seed": seed, "config": config}
     return {**head, **content}
 

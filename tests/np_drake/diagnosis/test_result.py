@@ -1,4 +1,4 @@
-"""`diagnosis.json` is what docs/files.md says."""
+"""`diagnosis.json` is what docs/reference/files.md says."""
 
 import dataclasses as dc
 import json

@@ -1,7 +1,7 @@
 """Forces, torques and thrusts of the effects, written for the simulator `rotorpy` from their equations alone.
 
 Nothing here comes from the effects that a diagnosis fits: a slip in those would otherwise hide in both. The laws are
-those of the table of effects in docs/files.md; where rotorpy has another one (its drag and flapping grow with each
+those of the table in docs/reference/effects.md; where rotorpy has another one (its drag and flapping grow with each
 rotor's own speed, its body drag with the norm of the velocity), it is switched off.
 """
 

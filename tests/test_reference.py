@@ -1,0 +1,105 @@
+"""The reference pages name every field and option that the code has, with its default."""
+
+import dataclasses as dc
+import importlib.util
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import SimulatorConfig
+
+from diagrams.loop.flight import FlightConfig
+from np_drake.effects.library import LIBRARY, effects_for
+from np_drake.logs.columns import NAMES
+from np_drake.vehicle import Vehicle
+from np_drake.yaml_kinds import fields_of
+
+ROOT = Path(__file__).parents[1]
+REFERENCE = ROOT / "docs" / "reference"
+
+
+def sections(page: Path) -> dict[str, str]:
+    """Heading of second level, without code marks -> text below it."""
+    parts = re.split(r"^## (.*)$", page.read_text(encoding="utf-8"), flags=re.M)[1:]
+    return {title.replace("`", ""): text for title, text in zip(parts[::2], parts[1::2], strict=True)}
+
+
+def rows(text: str) -> dict[str, str]:
+    """First cell, a name in code marks -> third cell, the default."""
+    cells = re.findall(r"^\| `(\w+)` \|[^|]*\| ([^|]*) \|", text, re.M)
+    return {name: default.strip() for name, default in cells}
+
+
+def nested(config: object, name: str) -> dict[str, object]:
+    """Name of a section -> the dataclass or Drake record that it documents, `config` under `name` first."""
+    found = {name: config}
+    for field in fields_of(type(config)):
+        value = getattr(config, field)
+        if fields_of(type(value)) and field != "vehicle":
+            inner = field if name in ("Top level", "Fields") else f"{name}.{field}"
+            found |= nested(value, inner)
+    return found
+
+
+SCENARIO = [
+    ("scenario-file.md", name, config) for name, config in nested(FlightConfig(), "Top level").items()
+]
+VEHICLE = [("vehicle-file.md", name, config) for name, config in nested(Vehicle(), "Fields").items()]
+
+
+@pytest.mark.parametrize("page, name, config", SCENARIO + VEHICLE, ids=lambda part: str(part)[:24])
+def test_a_table_names_every_field_and_no_other(page, name, config):
+    assert set(rows(sections(REFERENCE / page)[name])) == set(fields_of(type(config)))
+
+
+@pytest.mark.parametrize("page, name, config", SCENARIO + VEHICLE, ids=lambda part: str(part)[:24])
+def test_a_table_states_every_default(page, name, config):
+    stated = rows(sections(REFERENCE / page)[name])
+    for field in fields_of(type(config)):
+        value = getattr(config, field)
+        if dc.is_dataclass(value) or isinstance(value, SimulatorConfig):
+            continue
+        text = stated[field].replace("−", "-").strip("`").replace("∞", "inf")
+        if isinstance(value, bool):
+            assert text == str(value).lower(), field
+        elif isinstance(value, str):
+            assert text == (value or "empty"), field
+        elif isinstance(value, list):
+            assert np.array_equal(eval(text), value), field
+        else:
+            assert float(text) == value, field
+
+
+def test_the_page_of_the_flight_log_names_every_column():
+    text = (REFERENCE / "flight-log.md").read_text(encoding="utf-8").replace("`rotor1` … `rotor4`", "rotors")
+    table = re.findall(r"^\| (.*?) \|", text, re.M)
+    documented = [name for cell in table for name in re.findall(r"`(\w+)`", cell)]
+    assert [name for name in NAMES if not name.startswith("rotor") and name not in documented] == []
+    assert "rotors" in table
+
+
+def test_the_page_of_the_commands_is_what_the_script_writes():
+    spec = importlib.util.spec_from_file_location("make_commands", ROOT / "docs" / "make_commands.py")
+    assert spec is not None
+    assert spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    assert script.PAGE.read_text(encoding="utf-8") == script.page(), "run `make docs` and commit the page"
+
+
+def test_the_page_of_the_effects_names_every_effect_with_its_parameters():
+    text = (REFERENCE / "effects.md").read_text(encoding="utf-8").replace("−", "-")
+    ranges = text[text.index("## Range and prior") :]
+    rows = re.findall(r"^\| `(\w+)` \| (.*?) \| (.*?) \| (.*?) \| (.*?) to (.*?) \| (.*?) \|$", ranges, re.M)
+    stated = {
+        (effect, name): (unit, *map(float, figures))
+        for effect, names, unit, *figures in rows
+        for name in re.findall(r"`(\w+)`", names)
+    }
+    assert stated == {
+        (effect, p.name): (p.unit or "1", p.neutral, p.lower, p.upper, p.typical)
+        for effect, kind in effects_for("rotor_speed").items()
+        for p in kind.parameters
+    }
+    assert f"The library holds {len(LIBRARY)} effects." in text
