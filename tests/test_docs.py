@@ -9,7 +9,7 @@ import pytest
 from np_drake.effects.library import LIBRARY
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 EXAMPLES = [
     pytest.param(page, block, id=f"{page.name}-{i}")
     for page in PAGES

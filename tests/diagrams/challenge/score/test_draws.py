@@ -21,7 +21,7 @@ from diagrams.challenge.score.score import score
 from diagrams.cli.main import run
 from np_drake.atomic_file import plain
 
-DOCS = Path(__file__).parents[4] / "docs"
+STUDIES = Path(__file__).parents[4] / "docs" / "studies"
 
 
 SCORED = json.dumps(
@@ -141,7 +141,7 @@ def test_a_file_that_is_no_score_is_one_line(case, tmp_path, capsys):
 
 def test_the_pages_table_is_that_of_the_figures_that_are_kept(tmp_path, capsys):
     page = tmp_path / "draws.md"
-    assert run(["challenge", "compare", str(DOCS / "draws.json"), "--markdown", str(page)]) == 0
+    assert run(["challenge", "compare", str(STUDIES / "draws.json"), "--markdown", str(page)]) == 0
     rows = [line for line in page.read_text().splitlines() if line.startswith("|")]
     assert len(rows) == 2 * (2 + len(FIGURES))
-    assert set(rows) <= set((DOCS / "challenge.md").read_text().splitlines())
+    assert set(rows) <= set((STUDIES / "diagnosis-benchmark.md").read_text().splitlines())

@@ -10,7 +10,7 @@ import typer
 from diagrams.cli.main import app, run
 
 ROOT = Path(__file__).parents[4]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 WRITTEN = sorted(
     {line for page in PAGES for line in re.findall(r"`np-drake reproduce ([^`]+)`", page.read_text())}
 )
