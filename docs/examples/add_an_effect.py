@@ -14,6 +14,7 @@ from diagrams.flight_result import fly
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.base import Parameter, WrenchEffect
 from np_drake.effects.library import register
+from np_drake.logs.flight_log import FlightLog
 from np_drake.references.config import ReferenceConfig
 from systems.payload_config import PayloadConfig
 
@@ -43,7 +44,7 @@ class Reality(RealityConfig):
 def main() -> None:
     """Flies a circle and a lemniscate with the cord, diagnoses them, prints the verdict and the stiffness."""
     reality = Reality(PayloadConfig(tether="none"), rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0)
-    logs = []
+    logs: list[FlightLog] = []
     for track, speed in (("circle", 1.5), ("lemniscate", 2.0)):
         reference = ReferenceConfig(track, speed=speed, ramp=3.0, dither=[0.08, 0.08, 0.08])
         config = FlightConfig(name=track, duration=7.0, reality=reality, reference=reference)

@@ -4,6 +4,7 @@ Shows: `make_tethered_quadrotor` with effects that the controller does not know,
 how the recorded signals are read after the simulation.
 """
 
+import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
@@ -46,7 +47,7 @@ def main() -> None:
         ApplySimulatorConfig(SimulatorConfig(max_step_size=0.004, use_error_control=False), simulator)
         plant = diagram.GetSubsystemByName("tethered_quadrotor").GetSubsystemByName("plant")
         context = simulator.get_mutable_context()
-        set_hover(plant, plant.GetMyMutableContextFromRoot(context), PAYLOAD, TRACK.sample([0.0])[0, 0])
+        set_hover(plant, plant.GetMyMutableContextFromRoot(context), PAYLOAD, TRACK.sample(np.zeros(1))[0, 0])
         simulator.AdvanceTo(8.0)
         rows = recorder.read(diagram, context)
         print(kind, tracking_errors(rows["x"][150:, :3], rows["p_ref"][150:]))

@@ -10,6 +10,7 @@ from np_drake.lifting.segments import Segment
 from np_drake.lifting.skill import skill_table
 from np_drake.lifting.training import make_config, train
 from np_drake.logs.training_segments import training_segments
+from np_drake.residual_models.base import ResidualModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 
 HORIZONS = [5, 20, 40]  # steps of 0.02 s
@@ -30,7 +31,8 @@ def main() -> None:
     model = train([learned], make_config("default", seed=0)).model
     A, B, C = model.system.A, model.system.B, model.system.C
     print(f"lifted linear system: A {A.shape}, B {B.shape}, C {C.shape}, {model.summary['samples']} samples")
-    models, mean = {"np": NeuralPredictor(model)}, learned.goal.mean(axis=0)
+    models: dict[str, ResidualModel] = {"np": NeuralPredictor(model)}
+    mean = learned.goal.mean(axis=0)
     table = skill_table(models, unseen.chi, unseen.zeta, horizons=HORIZONS, mean=mean, target=unseen.goal)
     for row in table:
         if row.model in ("persistence", "np"):

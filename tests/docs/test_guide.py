@@ -24,7 +24,7 @@ from np_drake.effects.library import LIBRARY
 GUIDE = Path(__file__).parents[2] / "docs" / "guide"
 PAGES = sorted(GUIDE.glob("*.md"))
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
-FEWEST, MOST = 400, 760  # words of a page, code included: five minutes
+FEWEST, MOST = 400, 720  # words of a page, code included: five minutes
 
 
 def run_commands(block: str, page: Path) -> None:
@@ -72,12 +72,29 @@ def the_diagnosis_names_what_was_put_in() -> None:
     assert abs(values["d_x"] - 0.3) < 0.05  # [N·s/m]; several times its interval
 
 
+def the_report_has_the_sections_that_the_page_lists() -> None:
+    page, report = (GUIDE / "read-the-report.md").read_text(), Path("report/report.html").read_text()
+    table = page[page.index("| section of") : page.index("## The verdict")]
+    sections = re.findall(r"^\| ([A-Z][\w ]+)", table, re.M)
+    assert len(sections) == 8
+    assert not [section for section in sections if f"<h2>{section.strip()}</h2>" not in report]
+    keys = [
+        key
+        for cell in re.findall(r"`([\w.]+)`", table)
+        for key in [cell.split(".")]
+        if key[0] not in ("report", "diagnosis")
+    ]
+    found = json.loads(Path("report/diagnosis.json").read_text())
+    assert not [key for key in keys if key[0] not in found or (len(key) > 1 and key[1] not in found[key[0]])]
+
+
 def a_model_was_trained() -> None:
     assert Path("mine.safetensors").stat().st_size > 0
 
 
 AFTERWARDS = {
     "diagnose.md": the_diagnosis_names_what_was_put_in,
+    "read-the-report.md": the_report_has_the_sections_that_the_page_lists,
     "train.md": a_model_was_trained,
 }
 
