@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from diagrams.controllers import ControllerConfig, add_controller
+from diagrams.loop.controllers import ControllerConfig, add_controller
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.sensor_noise import SensorNoise

@@ -6,9 +6,9 @@ the open-loop replay in Drake, and the parts of its answer. With a folder of you
 
 from pathlib import Path
 
-from diagrams.challenge.make import make
-from diagrams.gap_replay import DrakeReplay
-from np_drake.diagnosis.answer import Diagnosis
+from diagrams.challenge.generate.make import make
+from diagrams.gap.drake_replay import DrakeReplay
+from np_drake.diagnosis.result import Diagnosis
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.logs.case_folder import open_case
 

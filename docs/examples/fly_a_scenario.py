@@ -7,8 +7,8 @@ flight log of the result.
 import dataclasses as dc
 from pathlib import Path
 
-from diagrams.flight import load_flight
-from diagrams.flight_result import fly
+from diagrams.loop.flight import load_flight
+from diagrams.loop.flight_result import fly
 from np_drake.logs.log_file import write_log
 
 SCENARIO = """\

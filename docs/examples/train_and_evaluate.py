@@ -4,8 +4,8 @@ Shows: training segments from a flight log, `train`, the three matrices of the l
 error against holding the last label. `np-drake train` and `np-drake evaluate` do the same on files.
 """
 
-from diagrams.experiments import load_experiment
-from diagrams.flight_result import fly
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight_result import fly
 from np_drake.lifting.segments import Segment
 from np_drake.lifting.skill import skill_table
 from np_drake.lifting.training import make_config, train
