@@ -1,0 +1,58 @@
+"""Adds an effect, flies with it in Drake, and finds it again in the flight logs.
+
+Shows: one frozen dataclass serves the simulator and the diagnosis. `register` puts it into the list of effects that the
+diagnosis tries; a `RealityConfig` that returns it among its wrench effects puts it into the simulation.
+"""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from diagrams.loop.flight import FlightConfig, RealityConfig
+from diagrams.loop.flight_result import fly
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.effects.base import Parameter, WrenchEffect
+from np_drake.effects.library import register
+from np_drake.logs.flight_log import FlightLog
+from np_drake.references.config import ReferenceConfig
+from systems.payload_config import PayloadConfig
+
+
+@register
+@dc.dataclass(frozen=True)
+class GroundSpring(WrenchEffect):
+    """An elastic cord to the origin of W: F = -stiffness p_WB."""
+
+    stiffness: float = 0.5  # [N/m]
+
+    identifier: ClassVar[str] = "ground_spring"
+    parameters: ClassVar = (Parameter("stiffness", "N/m", neutral=0.0, lower=0.0, upper=5.0, typical=0.5),)
+
+    def wrench(self, vehicle, motion):
+        force = -self.stiffness * motion.x[..., 0:3]
+        return np.concatenate([force, np.zeros_like(force)], axis=-1)
+
+
+class Reality(RealityConfig):
+    """The real vehicle with the cord."""
+
+    def wrench_effects(self):
+        return [*super().wrench_effects(), GroundSpring(0.5)]
+
+
+def main() -> None:
+    """Flies a circle and a lemniscate with the cord, diagnoses them, prints the verdict and the stiffness."""
+    reality = Reality(PayloadConfig(tether="none"), rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0)
+    logs: list[FlightLog] = []
+    for track, speed in (("circle", 1.5), ("lemniscate", 2.0)):
+        reference = ReferenceConfig(track, speed=speed, ramp=3.0, dither=[0.08, 0.08, 0.08])
+        config = FlightConfig(name=track, duration=7.0, reality=reality, reference=reference)
+        config.controller.solver = "sqp"
+        logs.append(fly(config, seed=len(logs)).log())
+    found = diagnose(config.vehicle, logs[:1], logs[1:])
+    print(found.verdict, found.causes[0].parameters["stiffness"])
+
+
+if __name__ == "__main__":
+    main()

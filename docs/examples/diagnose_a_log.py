@@ -1,0 +1,42 @@
+"""Diagnoses the gap between a vehicle file and flight logs.
+
+Shows: a case folder (here one that is simulated with a payload of which the vehicle file says nothing), `diagnose` with
+the open-loop replay in Drake, and the parts of its answer. With a folder of your own logs, call `answer` alone.
+"""
+
+from pathlib import Path
+
+from diagrams.challenge.generate.make import make
+from diagrams.gap.drake_replay import DrakeReplay
+from np_drake.diagnosis.result import Diagnosis
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.logs.case_folder import open_case
+
+
+def answer(folder: Path) -> Diagnosis:
+    """The diagnosis of the case folder: vehicle.yaml, train_* and heldout* flight logs."""
+    vehicle, train, held_out = open_case(folder)
+    return diagnose(vehicle, train, held_out, DrakeReplay(vehicle))
+
+
+def main() -> None:
+    """Makes a case, diagnoses it, prints verdict, parameters, gap reduction and what these logs cannot tell."""
+    make(Path("cases"), Path("truth"), cases=1, clean=0, seconds=10.0, seed=12)
+    found = answer(next(Path("cases").iterdir()))
+    print(
+        "verdict:", found.verdict, " probability of something unknown:", round(found.unknown_probability, 2)
+    )
+    for cause in found.causes:
+        for name, parameter in cause.parameters.items():
+            low, high = parameter.ci95
+            print(
+                f"  {cause.identifier} {name} {parameter.value:.4f} [{low:.4f}, {high:.4f}] {parameter.unit}"
+            )
+    shrink = found.shrink
+    print(f"held-out residual: {shrink.before:.2f} -> {shrink.after:.2f} (noise: {shrink.floor:.2f})")
+    for item in found.check.not_identifiable[:3]:
+        print("not told apart:", " | ".join(item.effects), "; fly", item.manoeuvre)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,124 @@
+"""The pages of docs/guide run from top to bottom, each in one empty folder.
+
+What a fenced block is, its language says:
+    bash      every command is an `np-drake` command and runs in this process (`diagrams.cli.main.run`); `\\` at the
+              end of a line continues it;
+    python    runs as it stands, in a namespace of its own, among the files that the page has made so far;
+    yaml      where its first line is `# NAME.yaml`, it is saved under that name;
+    console   is not run: pip, git, make, and what needs minutes or data of one's own.
+Blocks of another language, or of none, are refused.
+"""
+
+import json
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+from unittest import mock
+
+import pytest
+
+from diagrams.cli.main import PROGRAM, run
+from np_drake.effects.library import LIBRARY
+
+GUIDE = Path(__file__).parents[2] / "docs" / "guide"
+PAGES = sorted(GUIDE.glob("*.md"))
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
+FEWEST, MOST = 400, 720  # words of a page, code included: five minutes
+
+
+def run_commands(block: str, page: Path) -> None:
+    for line in block.replace("\\\n", " ").splitlines():
+        words = shlex.split(line, comments=True)
+        if words:
+            assert words[0] == PROGRAM, f"{page.name}: only {PROGRAM} runs in a bash block; got {line!r}"
+            assert run(words[1:]) == 0, f"{page.name}: {line}"
+
+
+def run_python(block: str, page: Path) -> None:
+    exec(compile(block, str(page), "exec"), {"__name__": "example"})
+
+
+def save_yaml(block: str, page: Path) -> None:
+    named = re.match(r"# ([\w-]+\.yaml)\n", block)
+    if named:
+        Path(named.group(1)).write_text(block)
+
+
+RUNNERS: dict[str, Callable[[str, Path], None]] = {
+    "bash": run_commands,
+    "python": run_python,
+    "yaml": save_yaml,
+    "console": lambda block, page: None,
+}
+
+
+def run_page(page: Path) -> None:
+    """Every block of the page in order, in the current folder."""
+    with mock.patch.dict(LIBRARY):  # an example may register an effect of its own
+        for language, block in BLOCK.findall(page.read_text()):
+            RUNNERS[language](block, page)
+
+
+def no_more_is_said() -> None:
+    """What a page leaves is not looked at."""
+
+
+def the_diagnosis_names_what_was_put_in() -> None:
+    found = json.loads(Path("report/diagnosis.json").read_text())
+    assert set(found["verdict"]) == {"thrust_scale", "linear_drag"}
+    values = {name: p["value"] for cause in found["causes"] for name, p in cause["parameters"].items()}
+    assert abs(values["scale"] - 0.92) < 0.02  # [1]; its interval is as wide
+    assert abs(values["d_x"] - 0.3) < 0.05  # [N·s/m]; several times its interval
+
+
+def the_report_has_the_sections_that_the_page_lists() -> None:
+    page, report = (GUIDE / "read-the-report.md").read_text(), Path("report/report.html").read_text()
+    table = page[page.index("| section of") : page.index("## The verdict")]
+    sections = re.findall(r"^\| ([A-Z][\w ]+)", table, re.M)
+    assert len(sections) == 8
+    assert not [section for section in sections if f"<h2>{section.strip()}</h2>" not in report]
+    keys = [
+        key
+        for cell in re.findall(r"`([\w.]+)`", table)
+        for key in [cell.split(".")]
+        if key[0] not in ("report", "diagnosis")
+    ]
+    found = json.loads(Path("report/diagnosis.json").read_text())
+    assert not [key for key in keys if key[0] not in found or (len(key) > 1 and key[1] not in found[key[0]])]
+
+
+def a_model_was_trained() -> None:
+    assert Path("mine.safetensors").stat().st_size > 0
+
+
+AFTERWARDS = {
+    "diagnose.md": the_diagnosis_names_what_was_put_in,
+    "read-the-report.md": the_report_has_the_sections_that_the_page_lists,
+    "train.md": a_model_was_trained,
+}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    run_page(page)
+    AFTERWARDS.get(page.name, no_more_is_said)()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_page_is_read_in_five_minutes(page):
+    assert FEWEST <= len(page.read_text().split()) <= MOST
+
+
+def test_every_page_of_the_guide_is_in_the_index():
+    index = (GUIDE.parent / "index.md").read_text()
+    assert not [page.name for page in PAGES if f"(guide/{page.name})" not in index]
+
+
+def test_a_command_that_fails_fails_its_page(tmp_path, monkeypatch, capsys):
+    page = tmp_path / "page.md"
+    page.write_text("```bash\nnp-drake fly \\\n    spiral\n```\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(AssertionError, match="fly"):
+        run_page(page)
