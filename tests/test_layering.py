@@ -1,4 +1,4 @@
-"""The three floors: diagrams -> systems -> np_drake, never back."""
+"""The three floors: diagrams -> systems -> np_drake, never back; inside a floor, rooms in the order given here."""
 
 import ast
 from pathlib import Path
@@ -8,6 +8,36 @@ import pytest
 ROOT = Path(__file__).parents[1]
 FLOORS = ("np_drake", "systems", "diagrams")  # from the ground up
 FILES = sorted(path.relative_to(ROOT) for floor in FLOORS for path in (ROOT / floor).rglob("*.py"))
+# From the ground up: a module imports from its own room and from those before it.
+DIAGNOSIS = (
+    *(
+        "tolerance",
+        "materiality",
+        "options",
+        "result",
+        "numerics",
+        "residuals",
+        "forward_model",
+        "regressors",
+    ),
+    *(
+        "fitting",
+        "held_out",
+        "selection",
+        "wind",
+        "adequacy",
+        "decision",
+        "localisation",
+        "gap",
+        "diagnose",
+        "report",
+    ),
+)
+EXPERIMENTS = (
+    *("batch", "loop", "prediction", "tracking", "payload", "robustness", "cooperative", "gap", "challenge"),
+    *("performance", "cli"),
+)
+MOST_IMPORTS = 10  # modules of the diagnosis that one of them imports; `diagnose` strings the steps together
 SIMULATOR = ("pydrake.systems", "pydrake.multibody", "pydrake.geometry", "pydrake.visualization")
 
 
@@ -81,3 +111,66 @@ def test_the_law_allows_what_is_right(path, source):
 
 def test_no_room_is_called_utils():
     assert [path for path in FILES if path.stem in ("utils", "util", "helpers", "misc", "common")] == []
+
+
+def modules(package: str) -> dict[str, Path]:
+    """Modules of a package by dotted name."""
+    files = [path for path in FILES if within(".".join(path.parts), package)]
+    return {".".join(path.with_suffix("").parts).removesuffix(".__init__"): path for path in files}
+
+
+def arrows(package: str) -> dict[str, set[str]]:
+    """Modules of the package that each of them imports, a package standing for its `__init__`."""
+    known = modules(package)
+    found = {}
+    for name, path in known.items():
+        taken = imports((ROOT / path).read_text(encoding="utf-8"))
+        direct = {other for other in taken if other in known}
+        found[name] = (
+            direct - {other for other in direct if any(d.startswith(f"{other}.") for d in direct)} - {name}
+        )
+    return found
+
+
+def room(module: str, package: str) -> str:
+    return module.removeprefix(f"{package}.").split(".")[0]
+
+
+@pytest.mark.parametrize("package, order", [("np_drake.diagnosis", DIAGNOSIS), ("diagrams", EXPERIMENTS)])
+def test_inside_a_floor_imports_run_downwards(package, order):
+    upward = [
+        (module, other)
+        for module, others in arrows(package).items()
+        for other in others
+        if module != package and other != package
+        if order.index(room(other, package)) > order.index(room(module, package))
+    ]
+    assert upward == []
+
+
+@pytest.mark.parametrize("floor", FLOORS)
+def test_no_modules_import_each_other_in_a_circle(floor):
+    graph = arrows(floor)
+    while graph:
+        leaves = {module for module, others in graph.items() if not others & graph.keys()}
+        assert leaves, sorted(graph)
+        graph = {module: others for module, others in graph.items() if module not in leaves}
+
+
+def test_no_module_of_the_diagnosis_knows_too_many_others():
+    package = "np_drake.diagnosis"
+    known = arrows(package)
+    many = {
+        module: len(others)
+        for module, others in known.items()
+        if len(others) > MOST_IMPORTS
+        and module != f"{package}.diagnose"
+        and modules(package)[module].stem != "__init__"
+    }
+    assert many == {}
+
+
+@pytest.mark.parametrize("folder, most", [("np_drake/diagnosis", 20), ("diagrams", 14)])
+def test_a_room_is_small_enough_to_look_over(folder, most):
+    entries = [path for path in (ROOT / folder).iterdir() if path.name != "__pycache__"]
+    assert len(entries) <= most

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from diagrams.challenge.generate.make import make
 from diagrams.gap.drake_replay import DrakeReplay
-from np_drake.diagnosis.result import Diagnosis
 from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.result import Diagnosis
 from np_drake.logs.case_folder import open_case
 
 
