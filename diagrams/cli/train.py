@@ -109,7 +109,7 @@ def train_reaction(
 def rotor_lag(flights: "list[Flight]") -> float:
     """The lag of the rotors that the flights show [s]; said, where there is one."""
     from np_drake.logs.flight_log import FlightLog
-    from np_drake.logs.rotor_lag import learned_rotor_lag
+    from np_drake.rotor_lag import learned_rotor_lag
 
     lag = learned_rotor_lag([(f.data, f.vehicle) for f in flights if isinstance(f.data, FlightLog)])
     if lag > 0:

@@ -11,10 +11,10 @@ from np_drake.lifting.model_file import save_model
 from np_drake.lifting.origin import origin_of, with_origin, with_rotor_lag
 from np_drake.lifting.training import TrainingResult, make_config, train
 from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.rotor_lag import learned_rotor_lag
 from np_drake.logs.training_segments import training_segments
 from np_drake.residual_models.motion_model import MotionModel
 from np_drake.residual_models.motion_training import train_motion_model
+from np_drake.rotor_lag import learned_rotor_lag
 
 
 def train_predictor(

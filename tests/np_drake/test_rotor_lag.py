@@ -7,7 +7,7 @@ import pytest
 
 from np_drake import labels, rigid_body
 from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.rotor_lag import learned_rotor_lag
+from np_drake.rotor_lag import learned_rotor_lag
 from np_drake.vehicle import Vehicle
 
 STEP = 0.02  # [s]
