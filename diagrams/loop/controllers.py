@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
 from np_drake.labels import LabelConfig
-from np_drake.lifting.origin import Trained, origin_of, require_origin
+from np_drake.lifting.model.origin import Trained, origin_of, require_origin
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.solvers import make_solver, require_solver

@@ -13,7 +13,7 @@ from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.tracking.tracking import Row, configure
 from np_drake import attitude
 from np_drake.labels import FORCE
-from np_drake.lifting.lifted_model import LiftedModel
+from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.swing_metrics import half_width
 from systems.payload_config import PayloadConfig
 

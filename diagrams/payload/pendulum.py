@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
-from np_drake.lifting.pendulum import Pendulum, pendulum_length
+from np_drake.lifting.metrics.tether_length import Pendulum, pendulum_length
 from np_drake.logs.training_segments import training_segments
 
 LENGTHS = (0.5, 0.8, 1.2)  # [m]

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from np_drake.lifting.encoders import Phi
-from np_drake.lifting.lifted_model import PAPER, LiftedModel
-from np_drake.lifting.segments import Segment
-from np_drake.lifting.stabilized import stabilized
-from np_drake.lifting.training import make_config, train
-from np_drake.lifting.window_refit import RADIUS
+from np_drake.lifting.model.encoders import Phi
+from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
+from np_drake.lifting.model.stabilized import stabilized
+from np_drake.lifting.model.window_refit import RADIUS
+from np_drake.lifting.training.segments import Segment
+from np_drake.lifting.training.train import make_config, train
 from np_drake.residual_models.base import Sample, WrenchForecast
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from diagrams.prediction.array_flights import Flight
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
-from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
-from np_drake.lifting.skill import naive_predictions
+from np_drake.lifting.metrics.skill import naive_predictions
+from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
 from np_drake.residual_models.base import FlightForecasts
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 from np_drake.residual_models.window_stability import WindowStability, stability_of

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from diagrams.prediction.array_flights import Flight
 from diagrams.prediction.estimation import forecasts
 from np_drake.figure_file import DASHES, PALETTE, new_figure
-from np_drake.lifting.lifted_model import LiftedModel
+from np_drake.lifting.model.lifted_model import LiftedModel
 
 FAR = 40  # steps ahead of the far forecast [1]
 SPAN = (45.0, 55.0)  # of "random points", as the paper shows it [s]

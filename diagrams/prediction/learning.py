@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.loop.flight_result import FlightResult
-from np_drake.lifting.lifted_model import DEFAULT
-from np_drake.lifting.model_file import save_model
-from np_drake.lifting.origin import origin_of, with_origin, with_rotor_lag
-from np_drake.lifting.training import TrainingResult, make_config, train
+from np_drake.lifting.model.lifted_model import DEFAULT
+from np_drake.lifting.model.model_file import save_model
+from np_drake.lifting.model.origin import origin_of, with_origin, with_rotor_lag
+from np_drake.lifting.training.train import TrainingResult, make_config, train
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.training_segments import training_segments
 from np_drake.residual_models.motion_model import MotionModel

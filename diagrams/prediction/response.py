@@ -6,11 +6,11 @@ import numpy as np
 
 from diagrams.prediction.array_flights import Flight
 from diagrams.prediction.estimation import NAIVE, OURS, forecasts
-from np_drake.lifting.lifted_model import LiftedModel
-from np_drake.lifting.response import aggressive, lag
-from np_drake.lifting.skill import naive_predictions
-from np_drake.lifting.skill_interval import mean_interval
-from np_drake.lifting.training import Config, train
+from np_drake.lifting.metrics.response import aggressive, lag
+from np_drake.lifting.metrics.skill import naive_predictions
+from np_drake.lifting.metrics.skill_interval import mean_interval
+from np_drake.lifting.model.lifted_model import LiftedModel
+from np_drake.lifting.training.train import Config, train
 
 HORIZONS = (20, 40)  # [steps]
 UNSEEN = "ours, default, other flights"  # trained on every flight but the one that is judged

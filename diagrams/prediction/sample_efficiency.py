@@ -10,10 +10,10 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from diagrams.prediction.array_flights import Flight
 from np_drake.figure_file import DASHES, PALETTE, new_figure
-from np_drake.lifting.lifted_model import DEFAULT, PAPER
-from np_drake.lifting.segments import Segment
-from np_drake.lifting.skill import model_predictions, naive_predictions
-from np_drake.lifting.training import Config, train
+from np_drake.lifting.metrics.skill import model_predictions, naive_predictions
+from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
+from np_drake.lifting.training.segments import Segment
+from np_drake.lifting.training.train import Config, train
 from np_drake.residual_models.base import ResidualModel
 from np_drake.residual_models.linear_baselines import fit_dmdc
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions

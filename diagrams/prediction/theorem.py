@@ -7,10 +7,10 @@ import numpy as np
 
 from diagrams.batch.processes import in_order
 from diagrams.prediction.array_flights import Flight
-from np_drake.lifting.bound_check import BoundCheck, check_flight
-from np_drake.lifting.encoders import Phi
-from np_drake.lifting.error_bound import largest_changes
-from np_drake.lifting.lifted_model import LiftedModel
+from np_drake.lifting.bounds.bound_check import BoundCheck, check_flight
+from np_drake.lifting.bounds.error_bound import largest_changes
+from np_drake.lifting.model.encoders import Phi
+from np_drake.lifting.model.lifted_model import LiftedModel
 
 STEPS = (1, 10, 40)  # ahead, at which the tightness is shown [1]
 FORESEEN_SPACING = 10  # samples between windows where the alphas come from the other flights [1]

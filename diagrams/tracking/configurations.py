@@ -3,7 +3,7 @@
 import numpy as np
 
 from diagrams.tracking.tracking import Row
-from np_drake.lifting.training import CONFIGURATIONS
+from np_drake.lifting.training.train import CONFIGURATIONS
 
 TRAINING = "training_circle"
 PREFIX = "np: "  # of a row's name, before that of its configuration

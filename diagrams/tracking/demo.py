@@ -9,7 +9,7 @@ from diagrams.batch.processes import in_order
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.prediction.learning import train_predictor
 from diagrams.tracking.tracking import TRACKS, Row, configure, training_flight
-from np_drake.lifting.training import TrainingResult
+from np_drake.lifting.training.train import TrainingResult
 
 ROWS = (Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np"))
 

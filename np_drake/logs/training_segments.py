@@ -3,7 +3,7 @@
 import numpy as np
 
 from np_drake.labels import LabelConfig
-from np_drake.lifting.segments import Segment
+from np_drake.lifting.training.segments import Segment
 from np_drake.logs.accelerations import with_accelerations
 from np_drake.logs.decimate import wrench_sequence
 from np_drake.logs.flight_log import FlightLog

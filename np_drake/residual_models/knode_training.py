@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import torch
 
-from np_drake.lifting.segments import group_scale
+from np_drake.lifting.training.segments import group_scale
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.rotor_input import acting_command
 from np_drake.residual_models.wrench_network import WrenchNetwork

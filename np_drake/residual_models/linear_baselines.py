@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake import rigid_body
-from np_drake.lifting.delay_taps import DelayTaps
-from np_drake.lifting.dmdc import fit_dmdc_system, sample_scale
-from np_drake.lifting.encoders import DelayEncoder
-from np_drake.lifting.horizon_ridge import flight_moments, horizon_ridge
-from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.segments import Segment, check_segments
+from np_drake.lifting.model.delay_taps import DelayTaps
+from np_drake.lifting.model.encoders import DelayEncoder
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.training.dmdc import fit_dmdc_system, sample_scale
+from np_drake.lifting.training.horizon_ridge import flight_moments, horizon_ridge
+from np_drake.lifting.training.segments import Segment, check_segments
 from np_drake.residual_models.base import (
     FlightForecasts,
     Memory,

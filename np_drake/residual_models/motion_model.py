@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from np_drake import rigid_body
-from np_drake.lifting.model_file import read_tensors, write_tensors
+from np_drake.lifting.model.model_file import read_tensors, write_tensors
 from np_drake.residual_models.base import Memory, Sample, WrenchForecast, constant_forecast
 from np_drake.residual_models.gaussian_process import GaussianProcess
 from np_drake.residual_models.wrench_network import WrenchNetwork

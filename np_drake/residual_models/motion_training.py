@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from np_drake.labels import LabelConfig
-from np_drake.lifting.excitation import measure_excitation
-from np_drake.lifting.origin import origin_of, with_origin
+from np_drake.lifting.model.origin import origin_of, with_origin
+from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.training_segments import training_segments
 from np_drake.logs.wrench_sequence import WrenchSequence

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import rigid_body
-from np_drake.lifting.encoders import DelayEncoder
-from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.lifted_model import DEFAULT, LiftedModel
-from np_drake.lifting.model_file import load_model
-from np_drake.lifting.origin import rotor_lag_of
-from np_drake.lifting.window_refit import WindowRefit
+from np_drake.lifting.model.encoders import DelayEncoder
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_model import DEFAULT, LiftedModel
+from np_drake.lifting.model.model_file import load_model
+from np_drake.lifting.model.origin import rotor_lag_of
+from np_drake.lifting.model.window_refit import WindowRefit
 from np_drake.residual_models.base import FlightForecasts, Memory, Sample, WrenchForecast
 from np_drake.residual_models.refit_forecasts import RefitForecasts
 

@@ -91,7 +91,7 @@ def _notes(
     """What stands under the table, and the configuration of the metrics file."""
     from diagrams.loop.experiments import load_experiment
     from diagrams.tracking import tracking
-    from np_drake.lifting.training import make_config
+    from np_drake.lifting.training.train import make_config
     from np_drake.residual_models import motion_training
 
     weights, reality = tracking.frozen_weights(), dc.asdict(load_experiment("circle").reality)

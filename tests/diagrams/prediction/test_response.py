@@ -5,7 +5,7 @@ import pytest
 from diagrams.performance.predictor_bench import made_flight
 from diagrams.prediction import response as dut
 from diagrams.prediction.array_flights import Flight
-from np_drake.lifting.training import make_config, train
+from np_drake.lifting.training.train import make_config, train
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from diagrams.performance.predictor_bench import made_flight
 from diagrams.prediction import sample_efficiency as dut
 from diagrams.prediction.array_flights import Flight
 from np_drake.figure_file import png
-from np_drake.lifting.training import make_config
+from np_drake.lifting.training.train import make_config
 
 SIZES = (600, 1200)
 CONFIGS = {"paper": make_config("paper", epochs=1), "default": make_config("default", frame="body")}

@@ -1,0 +1,83 @@
+"""A trained predictor: encoder, lifted linear system, and where they came from."""
+
+import dataclasses as dc
+from typing import Any
+
+import numpy as np
+
+from np_drake.lifting.model.encoders import DelayEncoder, Phi
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.onsets import Onsets
+from np_drake.lifting.model.trust import Trust
+
+PAPER, DEFAULT, DICTIONARY = "paper", "default", "dictionary"
+DMDC, DELAY_DMDC, RIDGE = "dmdc", "delay-dmdc", "ridge"
+ENCODERS: dict[str, type[Phi] | type[DelayEncoder]] = {  # of each configuration, by name
+    DEFAULT: DelayEncoder,
+    PAPER: Phi,
+    DICTIONARY: DelayEncoder,
+    DMDC: DelayEncoder,
+    DELAY_DMDC: DelayEncoder,
+    RIDGE: DelayEncoder,
+}
+
+
+@dc.dataclass(frozen=True)
+class LiftedModel:
+    """What training yields and a model file holds. Matrices are in physical units: scales are folded in.
+
+    configuration: a name of `ENCODERS`; what flies is all in the other fields.   system: the offline lifted linear
+    system at the training step.   encoder: Phi of the instantaneous chi, or a linear map of the last samples.
+    window: samples the encoder or the refit needs.   chi_scale, zeta_scale: (6,) scales used in training.
+    predicts_torque: whether rows 3:6 of C were trained.   summary: plain figures of the training, for people.
+    ridge: weight of `system` in the refit of a window [samples of unit size]; 0 where there is no refit.   trust: how z
+    is corrected in flight by the outcome of earlier forecasts; None: not at all.   onsets: what is added to a delay
+    encoder's z where something began within the window; None: nothing.
+    """
+
+    configuration: str
+    system: LiftedLinearSystem
+    encoder: Phi | DelayEncoder
+    window: int
+    chi_scale: np.ndarray
+    zeta_scale: np.ndarray
+    predicts_torque: bool
+    summary: dict[str, Any] = dc.field(default_factory=dict)
+    ridge: float = 0.0
+    trust: Trust | None = None
+    onsets: Onsets | None = None
+
+    def __post_init__(self):
+        require_configuration(self.configuration)
+        kind = ENCODERS[self.configuration]
+        if not isinstance(self.encoder, kind):
+            raise ValueError(f"LiftedModel: {self.configuration} must have {kind.__name__}.")
+        if self.encoder.K != self.system.K:
+            sizes = f"{self.encoder.K} and {self.system.K}"
+            raise ValueError(f"LiftedModel: encoder and system must agree on K; got {sizes}.")
+        if self.onsets is not None and (self.onsets.K, self.onsets.delay) != (self.system.K, self.window):
+            sizes = f"K = {self.onsets.K}, {self.onsets.delay} samples"
+            raise ValueError(f"LiftedModel: onsets must have the model's K and window; got {sizes}.")
+
+    @property
+    def refits(self) -> bool:
+        """Whether A and B are refit on the window in flight: Phi, and a ridge to pull them toward `system`."""
+        return isinstance(self.encoder, Phi) and self.ridge > 0
+
+    @property
+    def step(self) -> float:
+        """Time between samples [s]."""
+        return self.system.step
+
+    def lift(self, window: np.ndarray) -> np.ndarray:
+        """(..., window, 12) samples [chi, zeta], oldest first -> (..., K) z now."""
+        if isinstance(self.encoder, DelayEncoder):
+            z = self.encoder(window)
+            return z if self.onsets is None else z + self.onsets.correction(window)
+        return self.encoder(window[..., -1, :6])
+
+
+def require_configuration(name: str) -> None:
+    """Raises ValueError where there is no configuration of that name."""
+    if name not in ENCODERS:
+        raise ValueError(f"configuration must be {' | '.join(ENCODERS)}; got {name}.")
