@@ -1,4 +1,4 @@
-"""Is the bound a bound? After every window of a flight: first the bound, then the error that it was to bound."""
+"""Check of the error bound on a flight: the bound after every window against the error that followed."""
 
 import dataclasses as dc
 
@@ -25,12 +25,14 @@ RESOLUTION = 1e-9  # of z and of chi / scale; smaller errors are rounding and ha
 
 @dc.dataclass(frozen=True)
 class BoundCheck:
-    """What the windows of one flight say.
+    """Result of checking the bound on all windows of one flight.
 
-    holds: share of all windows in which every bound holds at every n.   premise: share in which chi and zeta then
-    changed no more than was allowed.   holds_on_premise: share of `holds` among these, NaN without any.
-    ratio: kind -> (windows, N) bound / error.   c, residual: (windows,).   violated: name -> share of the windows
-    in which that assumption failed.   spectral_radius: largest.   alpha_chi, alpha_zeta: a step's.
+    windows: number of windows.   holds: share of all windows in which every bound holds at every n [1].
+    premise: share in which chi and zeta then changed no more than was allowed [1].
+    holds_on_premise: share of `holds` among these, NaN without any [1].
+    ratio: kind -> (windows, N) bound / error [1].   c, residual: (windows,), see `ErrorBound`.
+    violated: name -> share of the windows in which that assumption failed [1].   spectral_radius, lipschitz: largest
+    over the windows [1].   alpha_chi, alpha_zeta: allowed change over one step, scaled [1].
     """
 
     windows: int
@@ -47,7 +49,7 @@ class BoundCheck:
     alpha_zeta: float
 
     def tightness(self, kind: str, n: int) -> tuple[float, float]:
-        """Median and 95th percentile of bound / error, n steps ahead [1]."""
+        """Return the median and 95th percentile of bound / error n steps ahead [1]."""
         median, high = np.nanquantile(self.ratio[kind][:, n - 1], [0.5, 0.95])
         return float(median), float(high)
 
@@ -56,9 +58,10 @@ def check_flight(
     model: LiftedModel, chi: np.ndarray, zeta: np.ndarray, *, alpha: tuple[Alpha, Alpha] | None = None,
     horizon: int = HORIZON, spacing: int = 1, refit: bool | None = None, gamma: float | None = None,
 ) -> BoundCheck:  # fmt: skip
-    """Bounds and errors after every `spacing`-th sample of one uninterrupted flight chi (n, 6), zeta (n, 6).
+    """Compute bounds and errors after every `spacing`-th sample of one uninterrupted flight.
 
-    alpha: (alpha_chi, alpha_zeta); None: the flight's own largest changes, under which the premise holds.
+    Args: chi, zeta: (n, 6) each [N, N·m; m/s, rad/s].   alpha: (alpha_chi, alpha_zeta); None for the flight's own
+    largest changes, under which the premise holds.   horizon, refit, gamma: as in `bound`.
     Raises: ValueError: if the flight is too short for one window.
     """
     alpha = largest_changes(model, chi, zeta, horizon) if alpha is None else alpha

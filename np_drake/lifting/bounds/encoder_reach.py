@@ -1,4 +1,4 @@
-"""Where z can be n steps from now, given by how much chi and zeta change over 1, 2, … steps.
+"""Reach of z within n steps, given by how much chi and zeta change over 1, 2, … steps.
 
 All in scaled coordinates: |chi_(k+j) - chi_k| / chi_scale <= change of chi over j steps, and so for zeta.
 """
@@ -15,7 +15,7 @@ from np_drake.lifting.model.lifted_model import LiftedModel
 
 @dc.dataclass(frozen=True)
 class Change:
-    """(N,) largest change of chi / scale and of zeta / scale over j = 1 … N steps [1]."""
+    """Largest change of chi / scale and of zeta / scale over j = 1 … N steps, (N,) each [1]."""
 
     chi: np.ndarray
     zeta: np.ndarray
@@ -29,10 +29,11 @@ class Change:
 
 @dc.dataclass(frozen=True)
 class EncoderReach:
-    """How z moves. lipschitz: constant of the encoder in scaled coordinates, of chi (Phi) or of the window [1].
+    """Bounds on how far z moves within n = 1 … N steps.
 
-    radius: (N,) z_n is at most that far from where it would be if chi and zeta stood still from now on.
-    travel: (N,) z_(k+n) is at most that far from z_k.
+    lipschitz: constant of the encoder in scaled coordinates, of chi (Phi) or of the window [1].
+    radius: (N,) bound on the distance of z_n from where it would be if chi and zeta stood still from now on.
+    travel: (N,) bound on the distance of z_(k+n) from z_k.
     """
 
     lipschitz: float
@@ -41,12 +42,12 @@ class EncoderReach:
 
 
 def chi_scale(model: LiftedModel) -> np.ndarray:
-    """(6,) by which chi is divided before the encoder sees it [N, N·m]."""
+    """Return the (6,) scale by which chi is divided before the encoder sees it [N, N·m]."""
     return model.encoder.scale if isinstance(model.encoder, Phi) else model.chi_scale
 
 
 def encoder_reach(model: LiftedModel, change: Change) -> EncoderReach:
-    """The reach of the model's encoder.
+    """Return the reach of the model's encoder.
 
     Phi: L |dchi|, L the product of the layers' spectral norms.   Delay encoder: sum over lags d of |E_d| |dx|, where
     the sample at lag d has moved for n - d steps only since now.
@@ -67,7 +68,7 @@ def encoder_reach(model: LiftedModel, change: Change) -> EncoderReach:
 
 
 def standing_still(model: LiftedModel, window: np.ndarray, horizon: int) -> np.ndarray:
-    """(horizon, K) z_n, n = 1 …, if chi and zeta kept the values of the window's last row."""
+    """Return z_n (horizon, K) for n = 1 …, if chi and zeta kept the values of the window's last row."""
     W = model.window
     if isinstance(model.encoder, Phi):
         return np.broadcast_to(model.lift(window), (horizon, model.system.K))

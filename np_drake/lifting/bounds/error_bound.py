@@ -1,4 +1,4 @@
-"""Theorem 1 as a tool: how far the lifted prediction can be off, computed before the error is seen.
+"""Bound on the error of the lifted prediction (Theorem 1), computed before the error is seen.
 
 E_n = z_n - z_hat_n with z_hat_0 = z_0, z_hat_(i+1) = A z_hat_i + B zeta_i and the A, B that fly.
 Source: Jin et al. 2025, Theorem 1, corrected; derivation and proof in docs/theorem.md.
@@ -35,13 +35,13 @@ class Assumption:
 
 @dc.dataclass(frozen=True)
 class ErrorBound:
-    """What is known after one window about the next N steps; norms of chi are of chi / scale.
+    """Bounds after one window for the next N steps; norms of chi are of chi / scale.
 
-    c: at least |z_1 - A z_0 - B zeta_0|, the first local error.   operator: (N,) sum_i |A^i| c_(n-1-i), the paper's
-    form, c_0 = c.   z: (N,) at most that, the bound on |E_n|, with the true zeta in the rollout.
+    c: upper bound on |z_1 - A z_0 - B zeta_0|, the first local error.   operator: (N,) sum_i |A^i| c_(n-1-i), the
+    paper's form, c_0 = c.   z: (N,) at most that, the bound on |E_n|, with the true zeta in the rollout.
     z_held: (N,) the same for a rollout that holds zeta_0.   chi, chi_held: (N,) the same for chi_n - C z_hat_n,
     predicted channels.   residual: |z_0 - A z_-1 - B zeta_-1| of the window's own fit.   scale: (6,) of chi [N,
-    N·m].   system: A, B, C that fly.   zeta_scale: (6,).   assumptions: each with what was found.
+    N·m].   system: A, B, C that fly.   zeta_scale: (6,) [m/s, rad/s].   assumptions: each with what was found.
     """
 
     c: float
@@ -58,17 +58,17 @@ class ErrorBound:
 
     @property
     def violated(self) -> tuple[str, ...]:
-        """Names of the assumptions that do not hold; nothing is claimed where there is one."""
+        """Names of the assumptions that do not hold; the bounds claim nothing where there is one."""
         return tuple(a.name for a in self.assumptions if not a.holds)
 
     @property
     def spectral_radius(self) -> float:
-        """Of the A that flies [1]."""
+        """Spectral radius of the A that flies [1]."""
         return next(a.value for a in self.assumptions if a.name == STABILITY)
 
     @property
     def force(self) -> np.ndarray:
-        """(N,) bound on the error of the predicted force [N]."""
+        """Bound on the error of the predicted force, (N,) [N]."""
         return self.chi * self.scale[:3].max()
 
     @cached_property
@@ -77,7 +77,10 @@ class ErrorBound:
         return power_bound(self.system.A, self.system.B * self.zeta_scale)
 
     def at_any_time(self, z: float, zeta: float) -> float:
-        """Bound on |E_n| for all n, where |z_k| <= z and |zeta_k / scale| <= zeta for all k; inf if unstable."""
+        """Return a bound on |E_n| for all n; inf if the system is unstable.
+
+        Args: z: bound on |z_k| for all k.   zeta: bound on |zeta_k / scale| for all k [1].
+        """
         return z + self.powers.largest * z + self.powers.gain * zeta
 
 
@@ -93,13 +96,16 @@ class _Norms:
 
 
 class TheoremBound:
-    """The bound of one model under given changes, called with a window; what all windows share is computed once."""
+    """Error bound of one model under given changes, called with a window.
+
+    What all windows share is computed once.
+    """
 
     def __init__(
         self, model: LiftedModel, alpha_chi: Alpha, alpha_zeta: Alpha, *,
         horizon: int = HORIZON, refit: bool | None = None, gamma: float | None = None,
     ):  # fmt: skip
-        """See `bound`."""
+        """Prepare the bound; the arguments are those of `bound`."""
         if horizon < 1:
             raise ValueError(f"bound: horizon must be at least 1 [steps]; got {horizon}.")
         if model.onsets is not None:
@@ -116,18 +122,18 @@ class TheoremBound:
 
     @property
     def samples(self) -> int:
-        """Rows that a window must have: a delay encoder needs one more than it sees, for the residual."""
+        """Number of rows that a window must have; a delay encoder needs one more than it sees, for the residual."""
         return self.model.window + (0 if isinstance(self.model.encoder, Phi) else 1)
 
     def system(self, window: np.ndarray) -> LiftedLinearSystem:
-        """The A, B, C that fly after this window."""
+        """Return the lifted linear system that flies after this window."""
         if self._refit is None:
             return self.model.system
         A, B = self._refit(window[-self.model.window :])
         return dc.replace(self.model.system, A=A, B=B)
 
     def __call__(self, window: np.ndarray) -> ErrorBound:
-        """The bound after a window (at least `samples`, 12) of [chi, zeta], oldest first.
+        """Return the bound after a window of [chi, zeta] (at least `samples`, 12), oldest first.
 
         Raises: ValueError: if the window is too short or not finite.
         """
@@ -206,14 +212,15 @@ def bound(
     model: LiftedModel, alpha_chi: Alpha, alpha_zeta: Alpha, window: np.ndarray | None = None, *,
     horizon: int = HORIZON, refit: bool | None = None, gamma: float | None = None,
 ) -> ErrorBound:  # fmt: skip
-    """Theorem 1 for one window: c, the bounds for n = 1 … horizon, and which assumptions were found to hold.
+    """Return the bound of Theorem 1 after one window: c, the bounds for n = 1 … horizon, and the assumptions.
 
     Args:
         alpha_chi, alpha_zeta: largest |chi_(k+1) - chi_k| and |zeta_(k+1) - zeta_k| over the model's scales (those
             that Phi sees) [1]; or (horizon,) the largest change over 1, 2, … steps, which is sharper.
         window: the last [chi, zeta] (W, 12), W + 1 rows for a delay encoder; None: at rest, all samples zero.
+        horizon: number of steps N that are bounded [1].
         refit: whether A, B are refit on the window; None: as the model flies.
-        gamma: what the Lipschitz constant of the encoder must keep; None: what the model was trained to [1].
+        gamma: limit that the Lipschitz constant of the encoder must keep; None: that of the training [1].
     Raises: ValueError: if an alpha is negative or the window is too short or not finite.
     """
     dut = TheoremBound(model, alpha_chi, alpha_zeta, horizon=horizon, refit=refit, gamma=gamma)
@@ -223,9 +230,10 @@ def bound(
 def largest_changes(
     model: LiftedModel, chi: np.ndarray, zeta: np.ndarray, horizon: int = HORIZON
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(alpha_chi, alpha_zeta), each (horizon,): the largest changes over 1, 2, … steps of a flight chi, zeta (n, 6).
+    """Return (alpha_chi, alpha_zeta), the largest scaled changes of a flight over 1, 2, … steps, (horizon,) each [1].
 
     Their first entries are the theorem's alphas.
+    Args: chi, zeta: (n, 6) each [N, N·m; m/s, rad/s].
     """
     return _largest(chi / chi_scale(model), horizon), _largest(zeta / model.zeta_scale, horizon)
 

@@ -1,4 +1,4 @@
-"""How large the powers of A ever become: a certificate for non-normal A, whose powers may grow before they decay."""
+"""Certified bounds on the powers of A, for non-normal A whose powers may grow before they decay."""
 
 import dataclasses as dc
 
@@ -11,9 +11,10 @@ DOUBLINGS = 60  # of the block, before a power below one is given up
 
 @dc.dataclass(frozen=True)
 class PowerBound:
-    """spectral_radius: largest |eigenvalue| of A [1].   largest: at least sup_k |A^k|, inf unless certified [1].
+    """Certificate of the powers of A.
 
-    gain: at least sum_k |A^k B|, inf unless certified: what zeta within a ball can add to z, ever.
+    spectral_radius: largest |eigenvalue| of A [1].   largest: upper bound on sup_k |A^k|, inf unless certified [1].
+    gain: upper bound on sum_k |A^k B|, inf unless certified: the most that zeta within a ball can ever add to z.
     """
 
     spectral_radius: float
@@ -22,7 +23,7 @@ class PowerBound:
 
 
 def spectral_norms(matrices: np.ndarray) -> np.ndarray:
-    """(...,) largest singular values of (..., m, n), from the smaller Gram matrix (exact to rounding)."""
+    """Return the largest singular values (...,) of matrices (..., m, n), from the smaller Gram matrix."""
     M = matrices if matrices.shape[-2] >= matrices.shape[-1] else matrices.swapaxes(-1, -2)
     if M.shape[-1] == 0:
         return np.zeros(M.shape[:-2])
@@ -30,7 +31,7 @@ def spectral_norms(matrices: np.ndarray) -> np.ndarray:
 
 
 def powers(A: np.ndarray, first: np.ndarray, count: int) -> np.ndarray:
-    """(count, K, m) first, A first, A² first, …"""
+    """Return first, A first, A² first, …, stacked to (count, K, m)."""
     out = np.empty((count, *first.shape))
     for i in range(count):
         out[i] = first
@@ -39,7 +40,10 @@ def powers(A: np.ndarray, first: np.ndarray, count: int) -> np.ndarray:
 
 
 def contracts(A: np.ndarray) -> bool:
-    """Whether some power of A (K, K) has a norm below one: stable, without trust in computed eigenvalues."""
+    """Return whether some power of A (K, K) has a norm below one.
+
+    That proves stability without trust in computed eigenvalues.
+    """
     for _ in range(DOUBLINGS):
         size = np.linalg.norm(A)
         if not size < 1e100:
@@ -51,7 +55,7 @@ def contracts(A: np.ndarray) -> bool:
 
 
 def power_bound(A: np.ndarray, B: np.ndarray) -> PowerBound:
-    """The certificate of A (K, K) and B (K, p): the least of three bounds, each of which alone would do.
+    """Return the certificate of A (K, K) and B (K, p), the least of three bounds, each valid alone.
 
     Powers: once |A^m| < 1 for some m, sup_k |A^k| is the largest of the first m; blocks double until then, and
     |A^(m+k)| <= |A^m| |A^k|.   Lyapunov: A^T P A <= P gives sup_k |A^k| <= sqrt(cond P).   Eigenvectors: cond V.

@@ -1,10 +1,10 @@
-"""How quickly a prediction responds: its lag behind the label where the motion is most aggressive.
+"""Lag of a prediction behind the label where the motion is most aggressive.
 
-A prediction made h steps ago for now is held against the label. Its lag is the delay s of the label that the prediction
-resembles most: the peak over s of the correlation between prediction(t) and label(t - s), t running over the aggressive
-samples, channels of a group pooled, each less its mean. A correlation does not mind that a cautious forecast is too
-small. Persistence h steps ahead is the label h steps late and has a lag of h by construction; 0 is a forecast in time,
-a negative lag one that is early.
+A prediction made h steps ago for now is compared with the label. Its lag is the delay s of the label that the
+prediction resembles most: the peak over s of the correlation between prediction(t) and label(t - s), t running over
+the aggressive samples, channels of a group pooled, each less its mean. A correlation ignores the amplitude of a
+cautious forecast. Persistence h steps ahead is the label h steps late and has a lag of h by construction; 0 is a
+forecast in time, a negative lag one that is early.
 Source: own choice; cross-correlation with a parabola through its peak, as in time-delay estimation.
 """
 
@@ -19,17 +19,21 @@ FLOOR = 0.2  # correlation below which there is no lag to speak of [1]
 
 @dc.dataclass(frozen=True)
 class Lag:
-    """steps: behind the label, NaN where there is none.   correlation: at that lag [1]."""
+    """Lag of a prediction behind its label.
+
+    steps: lag, NaN where there is none [steps].   correlation: at that lag [1].
+    """
 
     steps: float
     correlation: float
 
 
 def jerk(s: np.ndarray, w: np.ndarray, step: float) -> np.ndarray:
-    """(n,) |d³p/dt³| from specific force s (n, 3) and rates w (n, 3), both in body axes [m/s³].
+    """Return |d³p/dt³| (n,) from the specific force and the body rates [m/s³].
 
-    d³p/dt³ = R (ds/dt + w x s), ds/dt the least-squares slope over `REACH` samples on either side. It uses the future:
-    it chooses samples for judging, and no predictor sees it.   Args: step [s].
+    d³p/dt³ = R (ds/dt + w x s), ds/dt the least-squares slope over `REACH` samples on either side. It uses future
+    samples: it selects samples for evaluation, and no predictor sees it.
+    Args: s: (n, 3) specific force in B [m/s²].   w: (n, 3) body rates in B [rad/s].   step: sampling time [s].
     Raises: ValueError: if there are fewer than 2 REACH + 1 samples.
     """
     if len(s) < 2 * REACH + 1:
@@ -42,13 +46,14 @@ def jerk(s: np.ndarray, w: np.ndarray, step: float) -> np.ndarray:
 
 
 def aggressive(jerk: np.ndarray, share: float = SHARE) -> np.ndarray:
-    """(n,) whether a sample is in the top `share` of jerk within its flight."""
+    """Return whether each sample (n,) is in the top `share` of jerk within its flight."""
     return jerk >= np.quantile(jerk, 1.0 - share)
 
 
 def lag(prediction: np.ndarray, label: np.ndarray, rows: np.ndarray, *, reach: int) -> Lag:
-    """Of prediction (n, c) for each instant behind label (n, c) at the same instants, over the samples `rows` (m,).
+    """Return the lag of a prediction behind its label over the samples `rows`.
 
+    Args: prediction, label: (n, c) at the same instants.   rows: (m,) sample indices.
     reach: largest shift that is tried, to either side [steps]; rows nearer to an end are left out.
     Raises: ValueError: if fewer than three rows are left.
     """

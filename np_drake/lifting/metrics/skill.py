@@ -1,4 +1,4 @@
-"""Multi-step prediction error of residual models on one flight, beside the naive rows, at every origin."""
+"""Multi-step prediction error of residual models on one flight, beside naive predictors."""
 
 import dataclasses as dc
 
@@ -13,10 +13,10 @@ UNTRAINED = (*NAIVE, "past mean")  # rows of every table
 
 @dc.dataclass(frozen=True)
 class SkillRow:
-    """Errors of one model at one horizon; RMSE of the norm over all origins.
+    """Errors of one model at one horizon; each RMSE is of the norm over all origins.
 
-    skill: RMSE over that of the best naive row at that horizon.   ratio: over that of persistence [1]; interval: 95 %
-    of the ratio within this flight (see `skill_interval`), NaN where the flight is too short for one.
+    skill: RMSE over that of the best naive row at that horizon [1].   ratio: over that of persistence [1];
+    interval: 95 % of the ratio within this flight (see `skill_interval`), NaN where the flight is too short for one.
     peak: longest forecast of the flight over its longest label [1]; a forecast that diverges has a large one.
     """
 
@@ -47,11 +47,12 @@ def skill_table(
     warm_up: int = 40,
     flight: str = "flight",
 ) -> list[SkillRow]:
-    """Rows of all models and naive predictors, horizon by horizon.
+    """Return the rows of all models and naive predictors, horizon by horizon.
 
     Args:
-        chi: (n, 6) labels as the models see them.   zeta: (n, 6).   target: (n, 6) what counts; default chi.
-        horizons: steps ahead: origin k predicts sample k + horizon.   mean: (6,) of chi in training.
+        chi: (n, 6) labels as the models see them [N, N·m].   zeta: (n, 6) [m/s, rad/s].
+        target: (n, 6) wrench that forecasts are compared with [N, N·m]; None for chi.
+        horizons: steps ahead: origin k predicts sample k + horizon.   mean: (6,) of chi in training [N, N·m].
         zeta_known: feed the true coming zeta, else hold the last one.   warm_up: samples before the first
         origin.
     Raises: ValueError: if the flight is too short for one origin.
@@ -108,8 +109,10 @@ def _size(chi: np.ndarray) -> np.ndarray:
 def naive_predictions(
     chi: np.ndarray, origins: np.ndarray, horizons: list[int], mean: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """(o, len(horizons), 6) of persistence, linear extrapolation of the last two samples, training mean, and mean of
-    the flight up to now.
+    """Return the forecasts of the naive predictors by name, (o, len(horizons), 6) each [N, N·m].
+
+    They are persistence, linear extrapolation of the last two samples, the training mean, and the mean of the flight up
+    to now.
     """
     last = chi[origins][:, None]
     slope = last - chi[origins - 1][:, None]
@@ -133,7 +136,7 @@ def model_predictions(
     *,
     zeta_known: bool,
 ) -> np.ndarray:
-    """(o, len(horizons), 6) chi_hat: the whole flight at once where the model can, else sample by sample."""
+    """Return chi_hat (o, len(horizons), 6), the whole flight at once where the model can, else sample by sample."""
     if isinstance(model, ForecastsWholeFlights):
         forecasts = model.along(chi, zeta)
         if forecasts is not None and origins[0] >= forecasts.first:
@@ -150,7 +153,7 @@ def fed_one_by_one(
     *,
     zeta_known: bool,
 ) -> np.ndarray:
-    """(o, len(horizons), 6) chi_hat: the model is fed sample by sample as in flight, its forecasts rolled out."""
+    """Return chi_hat (o, len(horizons), 6) of a model that is fed sample by sample as in flight."""
     memory, wanted, forecasts = model.initial_memory(), set(origins.tolist()), []
     for k in range(origins[-1] + 1):
         x = np.zeros(13)

@@ -1,7 +1,7 @@
-"""How sure a ratio of errors is, within one flight and over flights.
+"""Confidence intervals of a ratio of errors, within one flight and over flights.
 
-Neighbouring origins share almost all of what happens to them, so that 20 000 of them are worth a few dozen. Within a
-flight whole blocks of time are drawn anew; over flights, each flight is one observation.
+Neighbouring origins share almost all of their data, so that 20 000 of them are worth a few dozen. Within a flight
+whole blocks of time are resampled; over flights, each flight is one observation.
 """
 
 import numpy as np
@@ -15,11 +15,12 @@ DRAWS = 400  # of the blocks [1]
 def ratio_interval(
     square: np.ndarray, reference: np.ndarray, horizons: list[int], *, level: float = 0.95
 ) -> np.ndarray:
-    """(H, 2, 2) low and high of RMSE over the reference's RMSE: paired block bootstrap over one flight.
+    """Return low and high of RMSE over the reference's RMSE, (H, 2, 2) [1], by paired block bootstrap over one flight.
 
     Args:
         square, reference: (o, H, 2) squared errors at successive origins.
-        horizons: no block is shorter than its own [steps].
+        horizons: lower limits of the block lengths, one a horizon [steps].
+        level: probability of the interval [1].
     """
     out = np.full((*square.shape[1:], 2), np.nan)
     tails = 50 * (1 - level), 50 * (1 + level)
@@ -36,7 +37,7 @@ def ratio_interval(
 
 
 def mean_interval(ratios: np.ndarray, *, level: float = 0.95) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean, low and high over flights (axis 0) of a ratio, by Student's t; NaN bounds for a single flight."""
+    """Return mean, low and high over flights (axis 0) of a ratio, by Student's t; NaN bounds for a single flight."""
     mean, n = ratios.mean(axis=0), len(ratios)
     if n < 2:
         return mean, np.full_like(mean, np.nan), np.full_like(mean, np.nan)

@@ -1,4 +1,4 @@
-"""The tether's length from a flight: the payload's mode among the eigenvalues of A_c.
+"""Tether length from a flight: the payload's mode among the eigenvalues of A_c.
 
 Hung from a hook that moves with v, the force of a payload on its tether is f = -m (g / l) s / (s² + g / l) v for
 small swings: with v as the only input the pair of poles is that of the *driven* pendulum, w² = g / l, whatever
@@ -26,10 +26,11 @@ NEEDED = 15.0  # motion near the mode over its noise, below which nothing is cla
 
 @dc.dataclass(frozen=True)
 class Pendulum:
-    """length: of the tether, hook to payload; NaN where the flight does not show it [m].   mode: of A_c, if any.
+    """Pendulum identified from a flight.
 
+    length: of the tether, hook to payload; NaN where the flight does not show it [m].   mode: of A_c, if any.
     motion: horizontal motion near the mode, without the flight's strongest line, over its noise [1].   text: one
-    line for people.   system: what was read.
+    line for people.   system: lifted linear system that was read.
     """
 
     length: float
@@ -45,9 +46,9 @@ class Pendulum:
 
 
 def pendulum_length(segments: list[Segment], *, gravity: float = GRAVITY, seed: int = 0) -> Pendulum:
-    """Trains chi on v alone, reads the pendulum's mode, and asks whether the flight could show it.
+    """Train chi on v alone, read the pendulum's mode, and check whether the flight excites it.
 
-    Args: segments: force and velocity in W (labels as in training), at one step.
+    Args: segments: force and velocity in W (labels as in training), at one step.   gravity: [m/s²].
     Raises: ValueError: if the segments are unusable or too short.
     """
     driven = [_driven_by_velocity(s) for s in segments]
@@ -82,10 +83,10 @@ def pendulum_length(segments: list[Segment], *, gravity: float = GRAVITY, seed: 
 
 
 def pendulum_mode(system: LiftedLinearSystem) -> Mode | None:
-    """The oscillating mode of A_c through which v_x moves f_x most (largest residue), None without any.
+    """Return the oscillating mode of A_c through which v_x moves f_x most (largest residue), None without any.
 
     Its frequency, not its |s|, is the pendulum's: the training limits how long a mode may last.
-    Raises: ValueError: if the body rates drive the system too, see above.
+    Raises: ValueError: if the body rates drive the system too, see the module.
     """
     if np.any(system.B[:, 3:]):
         raise ValueError(

@@ -1,9 +1,9 @@
-"""Which channels one block of the lifted linear system sees, and what symmetry ties together.
+"""Channels that one block of the lifted linear system sees, and the symmetry that ties its views.
 
 A block is fitted once and used once per view. About the vertical, physics in W is the same along x and along
-y: the horizontal block has two views (x; y, turned by 90 degrees), pooled in its fit. A circle flown one way
-round locks force and velocity in a fixed quarter-turn relation, which an untied fit takes for physics and
-carries off the circle: on simulated flights the tied fit has 0.2 N error 0.8 s ahead on an unseen
+y: the horizontal block has two views (x; y, turned by 90 degrees), pooled in its fit. A circle flown in one
+direction locks force and velocity in a fixed quarter-turn relation. An untied fit takes that relation for physics
+and keeps it off the circle: on simulated flights the tied fit has 0.2 N error 0.8 s ahead on an unseen
 lemniscate, the untied 1.7 N.
 """
 
@@ -17,7 +17,11 @@ _ZETA = {"vx": 0, "vy": 1, "vz": 2, "wx": 3, "wy": 4, "wz": 5}
 
 @dc.dataclass(frozen=True)
 class View:
-    """Signed selections: labels (l, 6) of chi, inputs (p, 6) of zeta; the first `outputs` labels are fitted."""
+    """Signed selections of the channels of chi and zeta that one view of a block uses.
+
+    labels: (l, 6) selection from chi [1].   inputs: (p, 6) selection from zeta [1].   outputs: number of labels,
+    counted from the first, that are fitted [1].
+    """
 
     labels: np.ndarray
     inputs: np.ndarray
@@ -25,16 +29,17 @@ class View:
 
     @property
     def selected(self) -> np.ndarray:
-        """(outputs, 6) the predicted channels of chi."""
+        """Selection of the predicted channels of chi, (outputs, 6) [1]."""
         return self.labels[: self.outputs]
 
 
 @dc.dataclass(frozen=True)
 class Block:
-    """One fitted block: `views` share its matrices; `size` lifted states a view, 2 `pairs` of them oscillate.
+    """One fitted block of the lifted linear system, whose views share its matrices.
 
-    swings: whether an oscillation may begin by itself, as that of a payload that is pushed; the vertical force
-    oscillates with the horizontal swing only.
+    size: lifted states of a view [1].   pairs: pairs of lifted states that oscillate [1].   swings: whether an
+    oscillation may begin by itself, as that of a payload that is pushed; the vertical force oscillates with the
+    horizontal swing only.
     """
 
     name: str
@@ -45,11 +50,14 @@ class Block:
 
 
 def symmetric_blocks(size: int, *, torque: bool) -> list[Block]:
-    """Blocks tied by symmetry about the vertical; `size` lifted states each (x, y and z use 3 `size` in all).
+    """Return blocks tied by symmetry about the vertical.
 
     Rotation by 90 degrees takes x to y and y to -x, so that w_y, t_y of the first view are -w_x, -t_x of the
     second. It takes body rates and torques with it, which holds while the yaw angle stays small. Reflection
     forbids any coupling between the horizontal and the vertical.
+
+    Args: size: lifted states of a view [1]; the force in x, y and z takes 3 `size` in all.   torque: whether the
+    torque is predicted too.
     """
     horizontal = (_view("fx", "vx wy", 1), _view("fy", "vy -wx", 1))
     blocks = [
@@ -64,7 +72,11 @@ def symmetric_blocks(size: int, *, torque: bool) -> list[Block]:
 
 
 def free_blocks(size: int, *, torque: bool) -> list[Block]:
-    """Untied blocks of `size` lifted states: all of zeta, three outputs each (chi in any frame)."""
+    """Return blocks without symmetry, for chi in any frame.
+
+    Args: size: lifted states of a block [1], which sees all of zeta and has three outputs.   torque: whether the
+    torque is predicted too.
+    """
     force = "fx fy fz tx ty tz" if torque else "fx fy fz"
     blocks = [Block("force", (_view(force, "vx vy vz wx wy wz", 3),), size, (size - 3) // 3)]
     if torque:
@@ -74,7 +86,7 @@ def free_blocks(size: int, *, torque: bool) -> list[Block]:
 
 
 def turns(zeta: np.ndarray) -> list[np.ndarray]:
-    """The eight images of zeta (n, 6) under quarter turns about the vertical and the mirror y -> -y."""
+    """Return the eight images of zeta (n, 6) under quarter turns about the vertical and the mirror y -> -y."""
     quarter, mirror = zeta[:, [1, 0, 2, 4, 3, 5]] * [1, -1, 1, 1, -1, 1], np.array([1, -1, 1, -1, 1, -1])
     half = np.array([-1, -1, 1, -1, -1, 1])
     images = [zeta, quarter, zeta * half, quarter * half]

@@ -1,4 +1,4 @@
-"""Which past samples a linear encoder sees: the newest one by one, older ones in averages that grow longer."""
+"""Past samples that a linear encoder sees: the newest one by one, older ones in averages that grow longer."""
 
 import dataclasses as dc
 import itertools
@@ -9,9 +9,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 @dc.dataclass(frozen=True)
 class DelayTaps:
-    """The last `dense` samples as they are, those before as `averages` box averages back to `delay` samples.
+    """Selection of the newest samples one by one and of older ones as box averages.
 
-    What lies far back says little about any single instant, so that averages lose nothing and halve the noise.
+    Averages lose little of what lies far back and reduce its noise.
+    delay: samples of the window [1].   dense: of them one by one, the newest [1].   averages: box averages over
+    the others [1].
     """
 
     delay: int
@@ -27,7 +29,7 @@ class DelayTaps:
 
     @property
     def matrix(self) -> np.ndarray:
-        """(taps, delay) weights of the samples, oldest first; row 0 is the newest sample."""
+        """Weights of the samples, (taps, delay), oldest sample first; row 0 is the newest sample [1]."""
         rows = [np.eye(1, self.delay, self.delay - 1 - d)[0] for d in range(self.dense)]
         edges = _edges(self.dense, self.delay, self.averages) if self.averages else np.zeros(0, int)
         for near, far in itertools.pairwise(edges):
@@ -37,12 +39,15 @@ class DelayTaps:
         return np.array(rows)
 
     def features(self, samples: np.ndarray, origins: np.ndarray) -> np.ndarray:
-        """(o, taps * c) features of samples (n, c) as seen at `origins` (at least delay - 1)."""
+        """Return the features of samples (n, c) at every origin, (o, taps * c).
+
+        Args: origins: (o,) sample indices, each at least delay - 1.
+        """
         windows = sliding_window_view(samples, self.delay, axis=0)[origins - self.delay + 1]  # (o, c, delay)
         return (windows @ self.matrix.T).transpose(0, 2, 1).reshape(len(origins), -1)
 
     def expand(self, W: np.ndarray, channels: int) -> np.ndarray:
-        """(K, taps * c) weights of features -> (K, delay * c) weights of the window, oldest sample first."""
+        """Convert weights of features (K, taps * c) to weights of the window (K, delay * c), oldest sample first."""
         return np.einsum("ktc,td->kdc", W.reshape(len(W), -1, channels), self.matrix).reshape(len(W), -1)
 
 

@@ -1,4 +1,4 @@
-"""Encoders of the lifted state, in numpy, as they fly."""
+"""Encoders of the lifted state in numpy, as used in flight."""
 
 import dataclasses as dc
 
@@ -7,10 +7,10 @@ import numpy as np
 
 @dc.dataclass(frozen=True)
 class Phi:
-    """z = W^(L+1) relu(W^L … relu(W^1 chi / scale)): no bias.       Source: Jin et al. 2025, eq. (dnn).
+    """Multilayer perceptron without bias, z = W^(L+1) relu(W^L … relu(W^1 chi / scale)).
 
-    weights: (out, in) matrices.   scale: (6,) of chi [N, N·m]; gamma bounds the Lipschitz constant in chi /
-    scale.
+    weights: (out, in) matrices.   scale: (6,) of chi [N, N·m]; gamma bounds the Lipschitz constant in chi / scale.
+    Source: Jin et al. 2025, eq. (dnn).
     """
 
     weights: tuple[np.ndarray, ...]
@@ -27,7 +27,7 @@ class Phi:
         return float(np.prod([np.linalg.norm(W, 2) for W in self.weights]))
 
     def __call__(self, chi: np.ndarray) -> np.ndarray:
-        """(..., 6) chi [N, N·m] -> (..., K) z."""
+        """Return z (..., K) of chi (..., 6) [N, N·m]."""
         z = chi / self.scale
         for W in self.weights[:-1]:
             z = np.maximum(z @ W.T, 0.0)
@@ -36,9 +36,9 @@ class Phi:
 
 @dc.dataclass(frozen=True)
 class DelayEncoder:
-    """z = E w + offset, w the last D samples of [chi, zeta], oldest first.
+    """Linear encoder z = E w + offset of the last D samples w of [chi, zeta], oldest first.
 
-    E: (K, 12 D) per [N, N·m, m/s, rad/s].   offset: (K,), zero unless given.
+    E: (K, 12 D) per [N, N·m, m/s, rad/s].   delay: D, samples of the window [1].   offset: (K,), None for zero.
     """
 
     E: np.ndarray
@@ -57,12 +57,12 @@ class DelayEncoder:
         return len(self.E)
 
     def __call__(self, window: np.ndarray) -> np.ndarray:
-        """(..., D, 12) window -> (..., K) z."""
+        """Return z (..., K) of a window (..., D, 12) [N, N·m, m/s, rad/s]."""
         z = window.reshape(window.shape[:-2] + (-1,)) @ self.E.T
         return z if self.offset is None else z + self.offset
 
     def along(self, samples: np.ndarray) -> np.ndarray:
-        """(n, 12) samples -> (n - D + 1, K) z of every full window."""
+        """Return z (n - D + 1, K) of every full window of samples (n, 12)."""
         count = len(samples) - self.delay + 1
         z = np.zeros((count, self.K)) if self.offset is None else np.tile(self.offset, (count, 1))
         for d, E in enumerate(self.E.reshape(self.K, self.delay, 12).transpose(1, 2, 0)):

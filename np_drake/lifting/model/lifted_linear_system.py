@@ -22,9 +22,10 @@ class Mode:
 
 @dc.dataclass(frozen=True)
 class LiftedLinearSystem:
-    """z+ = A z + B zeta,  chi = C z.       Source: Jin et al. 2025, eq. (lls).
+    """Discrete-time linear system z+ = A z + B zeta, chi = C z.
 
-    A: (K, K)   B: (K, 6) per [m/s, rad/s]   C: (6, K) in [N, N·m]   step: time of one A [s].
+    A: (K, K).   B: (K, 6) per [m/s, rad/s].   C: (6, K) in [N, N·m].   step: time of one application of A [s].
+    Source: Jin et al. 2025, eq. (lls).
     """
 
     A: np.ndarray
@@ -51,7 +52,10 @@ class LiftedLinearSystem:
         return float(np.max(np.abs(np.linalg.eigvals(self.A)))) if self.K else 0.0
 
     def rollout(self, z: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-        """(..., N, 6) chi_hat_i = C z_i, i = 0 … N-1, from z_0 = z (..., K) under zeta (..., N, 6)."""
+        """Return chi_hat_i = C z_i for i = 0 … N-1, (..., N, 6) [N, N·m].
+
+        Args: z: (..., K) initial state z_0.   zeta: (..., N, 6) inputs [m/s, rad/s].
+        """
         chi = np.empty(zeta.shape[:-1] + (6,))
         for i in range(zeta.shape[-2]):
             chi[..., i, :] = z @ self.C.T
@@ -59,10 +63,10 @@ class LiftedLinearSystem:
         return chi
 
     def resample(self, stride: int) -> "LiftedLinearSystem":
-        """The same system at `stride` times its step, zeta held over the longer step: A^m, sum_(i<m) A^i B.
+        """Return the system at `stride` times its step, with zeta held over the longer step.
 
-        Raises: ValueError: if stride is not a positive whole number (a matrix logarithm is for reading modes
-        only).
+        The new matrices are A^m and sum_(i<m) A^i B with m = stride.
+        Raises: ValueError: if stride is not a positive whole number, which would need a matrix logarithm.
         """
         if stride < 1 or int(stride) != stride:
             raise ValueError(f"LiftedLinearSystem: stride must be a positive whole number; got {stride}.")
@@ -75,11 +79,11 @@ class LiftedLinearSystem:
         return LiftedLinearSystem(A, B, self.C, self.step * stride)
 
     def stabilized(self, radius: float = 1.0) -> "LiftedLinearSystem":
-        """The same system with every eigenvalue of A pulled radially into |lambda| <= radius."""
+        """Return the system with every eigenvalue of A pulled radially into |lambda| <= radius [1]."""
         return dc.replace(self, A=stabilized(self.A, radius))
 
     def modes(self) -> list[Mode]:
-        """Modes of A_c = log(A) / step, slowest decay first; eigenvalues at zero (no memory) are left out."""
+        """Return the modes of A_c = log(A) / step, slowest decay first, without eigenvalues at zero (no memory)."""
         eigenvalue = np.linalg.eigvals(self.A).astype(complex)
         eigenvalue = eigenvalue[(np.abs(eigenvalue) > 1e-9) & (eigenvalue.imag >= 0)]
         s = np.log(eigenvalue) / self.step

@@ -1,4 +1,4 @@
-"""A trained predictor: encoder, lifted linear system, and where they came from."""
+"""A trained predictor: encoder, lifted linear system, onsets and trust."""
 
 import dataclasses as dc
 from typing import Any
@@ -24,15 +24,16 @@ ENCODERS: dict[str, type[Phi] | type[DelayEncoder]] = {  # of each configuration
 
 @dc.dataclass(frozen=True)
 class LiftedModel:
-    """What training yields and a model file holds. Matrices are in physical units: scales are folded in.
+    """Trained predictor as held by a model file, with all matrices in physical units.
 
-    configuration: a name of `ENCODERS`; what flies is all in the other fields.   system: the offline lifted linear
-    system at the training step.   encoder: Phi of the instantaneous chi, or a linear map of the last samples.
-    window: samples the encoder or the refit needs.   chi_scale, zeta_scale: (6,) scales used in training.
-    predicts_torque: whether rows 3:6 of C were trained.   summary: plain figures of the training, for people.
-    ridge: weight of `system` in the refit of a window [samples of unit size]; 0 where there is no refit.   trust: how z
-    is corrected in flight by the outcome of earlier forecasts; None: not at all.   onsets: what is added to a delay
-    encoder's z where something began within the window; None: nothing.
+    configuration: a key of `ENCODERS`; a label only, as all that flies is in the other fields.
+    system: offline lifted linear system at the training step.   encoder: Phi of the instantaneous chi, or a linear map
+    of the last samples.   window: samples that the encoder or the refit needs [1].
+    chi_scale, zeta_scale: (6,) scales used in training [N, N·m; m/s, rad/s].
+    predicts_torque: whether rows 3:6 of C were trained.   summary: key figures of the training, for people.
+    ridge: weight of `system` in the refit of a window [samples of unit size]; 0 for no refit.
+    trust: correction of z in flight by the outcome of earlier forecasts; None for none.
+    onsets: addition to a delay encoder's z where a motion began within the window; None for none.
     """
 
     configuration: str
@@ -61,7 +62,7 @@ class LiftedModel:
 
     @property
     def refits(self) -> bool:
-        """Whether A and B are refit on the window in flight: Phi, and a ridge to pull them toward `system`."""
+        """Whether A and B are refit on the window in flight (encoder Phi and positive ridge)."""
         return isinstance(self.encoder, Phi) and self.ridge > 0
 
     @property
@@ -70,7 +71,7 @@ class LiftedModel:
         return self.system.step
 
     def lift(self, window: np.ndarray) -> np.ndarray:
-        """(..., window, 12) samples [chi, zeta], oldest first -> (..., K) z now."""
+        """Return z (..., K) now from samples [chi, zeta] (..., window, 12), oldest first."""
         if isinstance(self.encoder, DelayEncoder):
             z = self.encoder(window)
             return z if self.onsets is None else z + self.onsets.correction(window)
@@ -78,6 +79,9 @@ class LiftedModel:
 
 
 def require_configuration(name: str) -> None:
-    """Raises ValueError where there is no configuration of that name."""
+    """Check that a configuration of that name exists.
+
+    Raises: ValueError: if there is none.
+    """
     if name not in ENCODERS:
         raise ValueError(f"configuration must be {' | '.join(ENCODERS)}; got {name}.")

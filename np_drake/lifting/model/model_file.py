@@ -20,7 +20,10 @@ SCHEMA = "np_drake.lifted_model/1"
 
 
 def save_model(model: LiftedModel, path: str | Path) -> None:
-    """Writes the model file, whole or not at all. Raises OSError where it cannot be written."""
+    """Write the model file, whole or not at all.
+
+    Raises: OSError: if it cannot be written.
+    """
     s = model.system
     tensors = {"A": s.A, "B": s.B, "C": s.C, "chi_scale": model.chi_scale, "zeta_scale": model.zeta_scale}
     if isinstance(model.encoder, Phi):
@@ -41,15 +44,15 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
 
 
 def write_tensors(tensors: dict[str, np.ndarray], metadata: dict[str, str], path: str | Path) -> None:
-    """A safetensors file, whole or not at all."""
+    """Write a safetensors file, whole or not at all."""
     with atomic_path(path) as temporary:
         save_file({name: np.ascontiguousarray(value) for name, value in tensors.items()}, temporary, metadata)
 
 
 def read_tensors(path: str | Path, schema: str) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """(tensors, metadata) of a safetensors file of that schema, all finite.
+    """Return (tensors, metadata) of a safetensors file of the given schema.
 
-    Raises: ValueError: one line, on anything else.
+    Raises: ValueError: one line, if the file is missing or broken, has another schema or holds non-finite numbers.
     """
     try:
         with safe_open(str(path), framework="numpy") as file:
@@ -67,9 +70,10 @@ def read_tensors(path: str | Path, schema: str) -> tuple[dict[str, np.ndarray], 
 
 
 def load_model(path: str | Path, configuration: str | None = None) -> LiftedModel:
-    """The model in a file; `configuration`, where given, must be the file's.
+    """Return the model in a file.
 
-    Raises: ValueError: one line, on a missing, truncated, pickled, foreign or inconsistent file.
+    Args: configuration: where given, the configuration that the file must hold.
+    Raises: ValueError: one line, if the file is missing, truncated, pickled, of another format or inconsistent.
     """
     tensors, metadata = read_tensors(path, SCHEMA)
     try:

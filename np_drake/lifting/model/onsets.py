@@ -1,15 +1,14 @@
-"""A window in which something began: its encoder, for every age that the beginning may have.
+"""Encoder of windows within which a motion began, averaged over the age of that onset.
 
 A linear encoder fits windows of which the whole is one motion. Where a swing begins or a weight is attached within
-the window, the samples before that say nothing about it. Of such a jump of the modes, r samples ago and Gaussian
-before it is seen, a window w shows M_r w, and it has the odds o_r e_r of being there. The mean of z over all that
-may have happened is
+the window, the samples before that say nothing about it. A jump of the modes r samples ago, Gaussian a priori, shows
+as M_r w in a window w, and has the odds o_r e_r of being there. The mean of z over all onsets is
 
     z = E w + sum over r of p_r G_r M_r w,      p_r = o_r e_r / (1 + sum over s of o_s e_s)
     e_r = exp(|M_r w|² / 2 - c_r)
 
-with the linear encoder E of ordinary windows. A forgetting that follows from the window alone: there is no memory. An
-age beyond the window is that of a free motion of which nothing seen is like the training's.
+with the linear encoder E of ordinary windows. It depends on the window alone: there is no memory. An age beyond the
+window stands for a free motion that resembles nothing in the training.
 Source: the likelihood ratio of jumps in linear systems is Willsky and Jones 1976; a Gaussian jump and the mean over
 its ages, in place of the most likely one: own choice, so that z has no steps.
 """
@@ -25,7 +24,7 @@ CHUNK = 2000  # windows at a time [1]
 
 @dc.dataclass(frozen=True)
 class Onsets:
-    """What is added to E w, for V views of the samples (x, y and z, say), R ages and jumps of q modes.
+    """Correction of E w for V views of the samples, R ages and jumps of q modes.
 
     channels: (V, c, 12) what a view sees of a sample [chi, zeta], scaled; rows of zeros where it sees less than c.
     watch: (V, R, q, D c) M_r, oldest sample first.   cost: (V, R) c_r.   jump: (V, R, k, q) G_r, into the view's k
@@ -60,21 +59,24 @@ class Onsets:
 
     @property
     def delay(self) -> int:
-        """Samples of the window."""
+        """Number of samples of the window."""
         return self.watch.shape[3] // self.channels.shape[1]
 
     def correction(self, window: np.ndarray) -> np.ndarray:
-        """(..., D, 12) window [N, N·m, m/s, rad/s], oldest sample first -> (..., K) what is added to E w."""
+        """Return what is added to E w, (..., K).
+
+        Args: window: (..., D, 12) samples [N, N·m, m/s, rad/s], oldest first.
+        """
         seen, p = self._seen(window)
         z = np.einsum("vrkq,v...rq->...vk", self.jump, p[..., None] * seen)
         return z.reshape(*window.shape[:-2], self.K)
 
     def probability(self, window: np.ndarray) -> np.ndarray:
-        """(..., D, 12) -> (..., V, R) that something began at that age, in that view [1]."""
+        """Return the probability of an onset for each view and age, (..., V, R), from a window (..., D, 12) [1]."""
         return np.moveaxis(self._seen(window)[1], 0, -2)
 
     def along(self, samples: np.ndarray) -> np.ndarray:
-        """(n, 12) samples, n >= D -> (n - D + 1, K) of every full window."""
+        """Return the correction (n - D + 1, K) for every full window of samples (n, 12), n >= D."""
         windows = sliding_window_view(samples, self.delay, axis=0).swapaxes(1, 2)
         return np.concatenate(
             [self.correction(windows[i : i + CHUNK]) for i in range(0, len(windows), CHUNK)]

@@ -1,4 +1,4 @@
-"""A matrix pulled into the unit circle, in real arithmetic: it is done at every sample of a flight."""
+"""Projection of a matrix onto spectral radius <= r, in real arithmetic, fast enough for every sample of a flight."""
 
 import numpy as np
 from scipy.linalg import blas, lapack
@@ -11,7 +11,7 @@ _CERTAIN, _ILL = 400.0, 1e8
 
 
 def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
-    """A (K, K) with every |eigenvalue| <= radius; unchanged where that holds already (by one part in 1e9).
+    """Return A (K, K) with every |eigenvalue| <= radius; unchanged where that holds already (to one part in 1e9).
 
     Eigenvalues outside are pulled radially onto the circle and keep their eigenvectors, so that stable modes
     stay as learned; where the eigenvectors are too ill-conditioned for that, all of A is scaled. Own choice:
@@ -22,7 +22,7 @@ def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
 
 
 def stabilized_all(A: np.ndarray, radius: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Many A (n, K, K) as `stabilized` makes them, and the (n,) spectral radius that each had before."""
+    """Apply `stabilized` to every A (n, K, K) and return them with the (n,) spectral radii before."""
     stable, before = np.empty_like(A), np.empty(len(A))
     for k, one in enumerate(A):
         stable[k], before[k] = _stabilized(one, radius)

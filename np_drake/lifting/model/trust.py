@@ -1,4 +1,4 @@
-"""How far a forecast is to be trusted, learned in flight from the forecasts whose outcome is known by now.
+"""Trust in a forecast, learned in flight from earlier forecasts whose outcome is known.
 
 A flight unlike those of the training can make a long forecast worse than holding the wrench. For every horizon h and
 each of four groups of channels (f_xy, f_z, tau_xy, tau_z) two numbers in [0, 1] are therefore kept up to date:
@@ -6,8 +6,8 @@ each of four groups of channels (f_xy, f_z, tau_xy, tau_z) two numbers in [0, 1]
     force:   chi_hat = chi + a (forecast - chi) + b (mean so far - chi)
     torque:  chi_hat = a forecast + b chi
 
-by least squares over all origins up to k - h, ridge toward a = prior, b = 0. What comes out is a course over the
-horizons; its amplitudes on the modes are the new z. The system z+ = A z + B zeta, chi = C z stays as it is.
+by least squares over all origins up to k - h, ridge toward a = prior, b = 0. The result is one value of chi_hat for
+each horizon; its amplitudes on the modes are the new z. The system z+ = A z + B zeta, chi = C z stays as it is.
 Source: own choice; scalar recalibration of forecasts as in weather prediction ("model output statistics").
 """
 
@@ -25,10 +25,10 @@ Memory = dict[str, np.ndarray]
 
 @dc.dataclass(frozen=True)
 class Trust:
-    """The constants.
+    """Constants of the correction of forecasts in flight.
 
     horizons: (H,) whole numbers from 1 on [steps].   readout: (H, 6, K) forecast of each horizon from z, zeta held.
-    projector: (K, H, 6) amplitudes of a course.   mean: (6,) of chi in training [N, N·m].
+    projector: (K, H, 6) amplitudes of a predicted trajectory.   mean: (6,) of chi in training [N, N·m].
     half: horizon at which half of a departure is believed before any evidence [steps].
     evidence: samples that weigh as much as the prior, beside h itself [1].   caution: the same for b [1].
     settle: the same for the mean so far [1].
@@ -45,17 +45,20 @@ class Trust:
 
     @property
     def longest(self) -> int:
-        """Samples until the longest forecast is verified."""
+        """Number of samples until the longest forecast is verified."""
         return int(self.horizons[-1])
 
     @property
     def prior(self) -> np.ndarray:
-        """(H,) a before any evidence."""
+        """Weight a of each horizon before any evidence, (H,) [1]."""
         return 1.0 / (1.0 + self.horizons / self.half)
 
     def initial_memory(self) -> Memory:
-        """ring (longest, K + 12) of past [z, chi, mean], newest last; sums (5, H, 4) verified; power (2, H, 4) of all
-        so far; lifted: forecasts so far; total (6,) of chi; seen: samples in it.
+        """Return the memory at the start of a flight.
+
+        Returns: ring: (longest, K + 12) past [z, chi, mean], newest last.   sums: (5, H, 4) over verified forecasts.
+        power: (2, H, 4) of all so far.   lifted: number of forecasts so far.   total: (6,) sum of chi.   seen: samples
+        in it.
         """
         H, K = len(self.horizons), self.readout.shape[2]
         return {
@@ -64,7 +67,7 @@ class Trust:
         }  # fmt: skip
 
     def observe(self, memory: Memory, chi: np.ndarray) -> Memory:
-        """One more label (6,) for the mean and, where their forecasts have come of age, for the sums."""
+        """Return the memory after one more label chi (6,), with the forecasts that it verifies added to the sums."""
         memory = {**memory, "total": memory["total"] + chi, "seen": memory["seen"] + 1.0}
         due = np.flatnonzero(self.horizons <= memory["lifted"][0])
         if len(due):
@@ -79,7 +82,7 @@ class Trust:
         return memory
 
     def correct(self, memory: Memory, z: np.ndarray, chi: np.ndarray) -> tuple[Memory, np.ndarray]:
-        """(memory, z corrected) for a fresh z (K,) beside its label chi (6,), which `observe` has seen."""
+        """Return (memory, corrected z) for z (K,) beside its label chi (6,), which `observe` has taken in before."""
         mean = self._mean(memory["total"], memory["seen"][0])
         forecast = self.readout @ z
         base, p, q = _regressors(forecast, chi, mean)
@@ -92,9 +95,10 @@ class Trust:
         return {**memory, "power": power, "lifted": lifted, "ring": ring}, corrected
 
     def along(self, z: np.ndarray, chi: np.ndarray, first: int) -> np.ndarray:
-        """(o, K) corrected z of a whole flight without gaps: z (o, K) from sample `first` on, chi (n, 6) all labels.
+        """Return the corrected z (o, K) of a whole flight without gaps.
 
-        The same as `observe` and `correct` sample by sample.
+        Equal to `observe` and `correct` sample by sample.
+        Args: z: (o, K) from sample `first` on.   chi: (n, 6) all labels [N, N·m].
         """
         n = len(chi)
         mean = self._mean(np.cumsum(chi, axis=0), np.arange(1.0, n + 1)[:, None])[first:]

@@ -1,4 +1,4 @@
-"""A and B refit on the last samples in flight: ridge toward the offline prior, projected stable."""
+"""Refit of A and B on the last samples in flight: ridge toward the offline prior, projected stable."""
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -13,11 +13,12 @@ CHUNK = 2000  # windows at a time, for memory [1]
 
 
 class WindowRefit:
-    """min over A, B of |z_(k+1) - A z_k - B zeta_k|² + ridge |[A B] - [A_0 B_0]|² on one window.
+    """Ridge regression of A and B on one window, toward the offline A_0 and B_0.
 
-    Forty samples cannot determine thirty columns (median rank 15 on real flights): the prior decides where
-    they are silent. Zeta is scaled as in training. The normal matrix is at least `ridge` times the identity,
-    so its Cholesky factor is well conditioned.   Source: Jin et al. 2025, Algorithm 1; own ridge.
+    Minimises |z_(k+1) - A z_k - B zeta_k|² + ridge |[A B] - [A_0 B_0]|². Forty samples cannot determine thirty columns
+    (median rank 15 on real flights): the prior decides along the directions that they do not determine. Zeta is scaled
+    as in training. The normal matrix is at least `ridge` times the identity, so its Cholesky factor is well
+    conditioned. Source: Jin et al. 2025, Algorithm 1; the ridge is an own choice.
     """
 
     def __init__(self, model: LiftedModel, ridge: float):
@@ -33,18 +34,18 @@ class WindowRefit:
         self._pull = ridge * self._prior.T
 
     def __call__(self, window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(W, 12) samples [chi, zeta], oldest first -> stable A (K, K), B (K, 6) in physical units."""
+        """Return stable A (K, K) and B (K, 6) in physical units from samples [chi, zeta] (W, 12), oldest first."""
         return self.solve(self.rows(window))
 
     def rows(self, samples: np.ndarray) -> np.ndarray:
-        """(..., 12) samples [chi, zeta] -> (..., K + 6) rows of the least squares, [z, zeta / scale]."""
+        """Return the rows [z, zeta / scale] (..., K + 6) of the least squares from samples [chi, zeta] (..., 12)."""
         return np.concatenate([self._phi(samples[..., :6]), samples[..., 6:] / self._scale], axis=-1)
 
     def solve(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """A and B from the (W, K + 6) `rows` of a window: a flight keeps them, and lifts each sample once.
+        """Return A and B from the `rows` (W, K + 6) of a window.
 
-        The normal matrix is formed anew at every sample: one product of 2 us, which adding one row and taking one
-        off would not beat, and it gathers no rounding.
+        A flight keeps the rows, so that each sample is lifted once. The normal matrix is formed anew at every sample:
+        one product of 2 us, which adding one row and removing one would not beat, and it accumulates no rounding error.
         """
         X, K = rows[:-1], self._phi.K
         normal = X.T @ X
@@ -56,9 +57,10 @@ class WindowRefit:
         return stabilized(solution[:, :K], RADIUS), solution[:, K:] / self._scale
 
     def along(self, samples: np.ndarray, W: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """All windows of W samples in an uninterrupted flight (n, 12) at once, o = n - W + 1.
+        """Return A and B of all o = n - W + 1 windows of W samples in an uninterrupted flight (n, 12).
 
-        Returns: A (o, K, K), B (o, K, 6) as one by one; (o,) spectral radius that A had before it was made stable.
+        Returns: A (o, K, K), B (o, K, 6), equal to the results one by one; (o,) spectral radius of A before it was made
+        stable [1].
         """
         rows = self.rows(samples)
         X = sliding_window_view(rows[:-1], W - 1, axis=0)
