@@ -1,4 +1,4 @@
-"""Checkpoints of a training run: safetensors, tied to the configuration and the data they belong to."""
+"""Checkpoints of a training run: safetensors, tied to one configuration and one data set."""
 
 import dataclasses as dc
 import hashlib
@@ -14,14 +14,14 @@ SCHEMA = "np_drake.training/1"
 
 
 class Checkpoint:
-    """The tensors of an unfinished run in one file (nowhere, where `path` is None)."""
+    """File with the tensors of an unfinished run; nothing is stored where `path` is None."""
 
     def __init__(self, path: str | Path | None, config: Any, segments: list[Segment]):
         self._path = None if path is None else Path(path)
         self._fingerprint = fingerprint(config, segments)
 
     def load(self) -> dict[str, np.ndarray]:
-        """The saved tensors, none where nothing was saved.
+        """Return the saved tensors; an empty dict where nothing was saved.
 
         Raises: ValueError: if the file is broken or belongs to another configuration or other data.
         """
@@ -35,13 +35,13 @@ class Checkpoint:
         return tensors
 
     def save(self, tensors: dict[str, np.ndarray]) -> None:
-        """Replaces the file, whole or not at all."""
+        """Replace the file, whole or not at all."""
         if self._path is not None:
             write_tensors(tensors, {"schema": SCHEMA, "fingerprint": self._fingerprint}, self._path)
 
 
 def fingerprint(config: Any, segments: list[Segment]) -> str:
-    """A hash of the configuration and of every number of the data."""
+    """Return a hash of the configuration and of every number of the data."""
     digest = hashlib.sha256(f"{type(config).__name__} {dc.asdict(config)}".encode())
     for segment in segments:
         for array in (segment.chi, segment.zeta, segment.goal, np.array([segment.step])):

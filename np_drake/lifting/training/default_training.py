@@ -24,7 +24,10 @@ SETTLED = 10  # steps after which a label no longer shows how it began [1]
 
 @dc.dataclass(frozen=True)
 class DefaultConfig:
-    """`default`: what flew best. Force, torque, v and omega are each divided by one scale."""
+    """Parameters of the `default` configuration.
+
+    Force, torque, v and omega are each divided by one scale.
+    """
 
     delay: int = 50  # samples the encoder sees [1]
     horizon: int = 40  # longest prediction in the loss [steps]
@@ -45,9 +48,9 @@ class DefaultConfig:
 
     @property
     def onsets(self) -> dict[int, float]:
-        """Ages at which something may have begun [steps] and their odds [1]; none where `onset_odds` is 0.
+        """Ages at which a motion may have begun [steps], with their odds [1]; empty where `onset_odds` is 0.
 
-        The last is before the window, by so much that the label has settled.
+        The last age lies before the window, by so much that the label has settled.
         """
         if self.onset_odds == 0:
             return {}
@@ -56,7 +59,7 @@ class DefaultConfig:
         return dict.fromkeys(within, self.onset_odds) | before
 
     def blocks(self) -> list[Block]:
-        """The blocks that are fitted, in the order of their states in z."""
+        """Return the blocks that are fitted, in the order of their states in z."""
         if self.symmetric:
             return symmetric_blocks(self.size or 4, torque=self.torque)
         return free_blocks(self.size or 24, torque=self.torque)
@@ -68,7 +71,7 @@ def train_default(
     checkpoint: Checkpoint,
     on_epoch: OnEpoch = lambda *_: None,
 ) -> tuple[LiftedModel, list[float]]:
-    """(model, loss after each iteration).
+    """Return (model, loss after each iteration) of the `default` configuration.
 
     Finished descents are in the checkpoint; a resumed run repeats the others, which draw from seeds of their
     own, and so ends where an uninterrupted one does.

@@ -1,11 +1,8 @@
-"""The multi-step prediction loss of a delay encoder, compressed so that its cost does not depend on the
-data's length.
+"""Multi-step prediction loss of a delay encoder, compressed so that its cost does not grow with the data.
 
-With h the last D samples, u the coming zeta and y the coming targets, chi_hat = O E h + M * u is linear in E
-and the
-loss is quadratic in the data: it depends on second moments only. The Cholesky factor of the moments of [h, u,
-y] stands
-for all origins: rows along h ("free", each with an initial state of its own, out of which E follows) and rows
+With h the last D samples, u the coming zeta and y the coming targets, chi_hat = O E h + M * u is linear in E and the
+loss is quadratic in the data: it depends on second moments only. The Cholesky factor of the moments of [h, u, y]
+represents all origins: rows along h ("free", each with an initial state of its own, out of which E follows) and rows
 orthogonal to h (initial state zero).   Source: own choice; variable projection, Golub 1973.
 """
 
@@ -21,7 +18,7 @@ Piece = tuple[np.ndarray, np.ndarray, np.ndarray]  # labels (n, l), inputs (n, p
 
 @dc.dataclass(frozen=True)
 class Regularisation:
-    """Pseudo-data that keeps the fit sane where the flight says little; deviations in scaled units."""
+    """Pseudo-data that regularises the fit where the flight is uninformative; deviations in scaled units [1]."""
 
     label_noise: float = 1.0  # white noise added to the encoder's labels, multiples of the noise they have
     smallest_label_noise: float = 3e-4  # but at least this
@@ -32,12 +29,13 @@ class Regularisation:
 
 @dc.dataclass(frozen=True)
 class DelayRegression:
-    """Compressed loss. nh = D (l + p) history features, nu = H p coming inputs, ny = len(horizons) m goals.
+    """Compressed loss, with nh = D (l + p) history features, nu = H p coming inputs, ny = len(horizons) m goals.
 
+    delay: D, samples of the history [1].   horizons: [steps].   weights: (len(horizons),) one over the error of
+    persistence.   outputs, inputs: m goals and p inputs a sample [1].
     whitener: (nh, nh) lower factor of the history's second moment.   free_u, free_y: (nh, nu), (nh, ny) rows
     with a free initial state.   fixed_u, fixed_y: (nu, nu), (nu, ny) rows that start at zero.   floor: loss
-    that no model of these inputs can remove.   weights: (len(horizons),) one over the error of
-    persistence.   count: ny x origins.
+    that no model of these inputs can remove.   count: ny x origins.
     """
 
     delay: int
@@ -57,7 +55,7 @@ class DelayRegression:
 def compress(
     pieces: list[Piece], *, delay: int, horizons: np.ndarray, regularisation: Regularisation, max_origins: int
 ) -> DelayRegression:
-    """The compressed loss of `pieces`; origins are thinned evenly where there are over `max_origins`."""
+    """Return the compressed loss of `pieces`; origins are thinned evenly where there are over `max_origins`."""
     total = sum(len(labels) for labels, _, _ in pieces)
     stride = max(1, -(-total // max_origins))
     m, p = pieces[0][2].shape[1], pieces[0][1].shape[1]
@@ -86,10 +84,9 @@ def compress(
 
 
 def horizon_weights(pieces: list[Piece], horizons: np.ndarray) -> np.ndarray:
-    """(len(horizons),) 1 / RMSE of persistence at that horizon, no larger than 1 / (2 % of the largest RMSE).
+    """Return 1 / RMSE of persistence at each horizon, limited to 1 / (2 % of the largest RMSE), (len(horizons),).
 
-    So every horizon counts by its ratio to persistence, and errors far ahead do not drown those one step
-    ahead.
+    Every horizon counts by its ratio to persistence, so that errors far ahead do not drown those one step ahead.
     """
     power, count = np.zeros(len(horizons)), 0
     for labels, _, goals in pieces:

@@ -1,6 +1,6 @@
 """Training of the `dictionary` configuration, which is `default` where the wrench is in body axes.
 
-In closed form: no draw, no descent.
+It is in closed form: nothing is drawn at random and nothing is iterated.
 """
 
 import dataclasses as dc
@@ -31,7 +31,10 @@ LEVEL_MEMORY = 200.0  # time constant of what is held [s]
 
 @dc.dataclass(frozen=True)
 class DictionaryConfig:
-    """As it comes, for wrenches in body axes. Steps are those of the data (2.5 ms on the paper's arrays)."""
+    """Parameters of the `dictionary` configuration; the defaults are for wrenches in body axes.
+
+    Steps are those of the data (2.5 ms on the paper's arrays).
+    """
 
     configuration: str = DEFAULT  # name of the model
     delay: int = 87  # samples the encoder sees [1]
@@ -61,12 +64,12 @@ class DictionaryConfig:
 
     @property
     def taps(self) -> DelayTaps:
-        """What the encoder sees."""
+        """Samples and averages that the encoder sees."""
         return DelayTaps(self.delay, self.dense, self.averages)
 
     @property
     def grid(self) -> np.ndarray:
-        """The fitted horizons [steps]."""
+        """Fitted horizons [steps]."""
         return horizon_grid(self.horizon, self.horizons)
 
 
@@ -90,9 +93,10 @@ def train_dictionary(
     checkpoint: Checkpoint,
     on_epoch: Callable[[int, int, float], None] = lambda *_: None,
 ) -> tuple[LiftedModel, list[float]]:
-    """(model, [loss]): loss is the mean square of the held forecast's error over that of the better naive row.
+    """Return (model, [loss]) of the `dictionary` configuration.
 
-    The checkpoint is not used: there is nothing to resume.
+    The loss is the mean square of the held forecast's error over that of the better naive row [1]. The checkpoint is
+    not used: there is nothing to resume.
     """
     del checkpoint
     segments = check_segments(segments, config.delay + config.horizon + 1)

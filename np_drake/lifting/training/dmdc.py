@@ -1,6 +1,6 @@
-"""Plain dynamic mode decomposition with control: chi+ from the last samples of chi and zeta by least squares.
+"""Dynamic mode decomposition with control: chi+ from the last samples of chi and zeta by least squares.
 
-Nothing keeps it stable. As an opponent it is left so; as a configuration that flies it is projected
+Nothing keeps it stable. As a baseline it is left so; as a configuration that flies it is projected
 (`linear_training`).       Source: Proctor, Brunton, Kutz 2016, delays as states.
 """
 
@@ -15,7 +15,10 @@ from np_drake.lifting.training.segments import Segment, check_segments, group_sc
 
 
 def fit_dmdc_system(segments: Sequence[Segment], delays: int = 1) -> tuple[LiftedLinearSystem, DelayEncoder]:
-    """z = [chi now, chi before, …, zeta before, …] of the last `delays` samples; the coming zeta is the input."""
+    """Fit the system of z = [chi now, chi before, …, zeta before, …] over the last `delays` samples.
+
+    The coming zeta is the input.
+    """
     segments = check_segments(list(segments), delays + 1)
     scale = sample_scale(segments)
     taps = DelayTaps(delays, delays, 0)
@@ -31,7 +34,7 @@ def fit_dmdc_system(segments: Sequence[Segment], delays: int = 1) -> tuple[Lifte
 
 
 def sample_scale(segments: Sequence[Segment]) -> np.ndarray:
-    """(12,) one scale each for force, torque, v and omega."""
+    """Return the scales of a sample [chi, zeta], (12,): one each for force, torque, v and omega [N, N·m, m/s, rad/s]."""
     chi = group_scale([segment.chi for segment in segments], centred=True)
     return np.concatenate([chi, group_scale([segment.zeta for segment in segments], centred=True)])
 

@@ -1,4 +1,4 @@
-"""Which directions of zeta a flight excites: in the others B would be fitted to noise.
+"""Directions of zeta that a flight excites; along the others B would be fitted to noise.
 
 On a plain circle the vertical velocity is noise and feedback; an unguarded fit answers it with 3 N per m/s,
 which triples the error off the circle. Directions are the principal axes of zeta over its noise; B and the
@@ -21,15 +21,13 @@ THRESHOLD = 4.0  # motion this many times its noise is half trusted [1]
 
 @dc.dataclass(frozen=True)
 class Excitation:
-    """What the flight says about each direction of zeta.
+    """Excitation of each direction of zeta in a flight.
 
-    noise: (6,) motion too small to learn from: averaged noise of zeta and 1 % of the group's motion [m/s,
-    rad/s].
-    directions: (6, 6) rows of unit length in
-    zeta / noise, strongest first.   deviation: (6,) standard deviation of zeta / noise along them; 1 is pure
-    noise.
-    gain: (6,) trust in each direction, 0 … 1.   line_frequency: strongest spectral line [Hz], and line_share,
-    its share of the motion's power: near 1, a single circle, which cannot show modes at other frequencies.
+    noise: (6,) motion too small to learn from: averaged noise of zeta and 1 % of the group's motion [m/s, rad/s].
+    directions: (6, 6) rows of unit length in zeta / noise, strongest first.   deviation: (6,) standard deviation of
+    zeta / noise along them; 1 is pure noise.   gain: (6,) trust in each direction, 0 … 1.
+    line_frequency: strongest spectral line [Hz].   line_share: its share of the motion's power [1]; near 1 for a single
+    circle, which cannot show modes at other frequencies.
     """
 
     noise: np.ndarray
@@ -41,18 +39,18 @@ class Excitation:
 
     @property
     def shrink(self) -> np.ndarray:
-        """(6, 6) map from zeta to the part of it that was excited, physical units."""
+        """Map from zeta to the part of it that was excited, (6, 6), physical units."""
         N, V = np.diag(self.noise), self.directions
         return N @ (V.T * self.gain) @ V @ np.linalg.inv(N)
 
     @property
     def excited(self) -> np.ndarray:
-        """(6,) whether a direction is trusted at least half."""
+        """Whether each direction is trusted at least half, (6,)."""
         return self.gain >= 0.5
 
     @property
     def text(self) -> str:
-        """One line for people."""
+        """Summary for people, in one line."""
         weak = [
             f"{_name(direction)} ({deviation:.1f} x noise)"
             for direction, deviation in zip(
@@ -71,9 +69,10 @@ class Excitation:
 def measure_excitation(
     zeta: list[np.ndarray], noise: tuple[float, ...] | np.ndarray | None = None, *, step: float = 1.0
 ) -> Excitation:
-    """The excitation of segments zeta (n, 6), sampled every `step` seconds.
+    """Return the excitation of segments zeta (n, 6).
 
-    noise: (6,) standard deviation of white noise in zeta [m/s, rad/s]; None: estimated from the data.
+    Args: step: time between samples [s].   noise: (6,) standard deviation of white noise in zeta [m/s, rad/s]; None:
+    estimated from the data.
     """
     white = white_noise(zeta) if noise is None else np.asarray(noise, float)
     sigma = np.hypot(white / np.sqrt(AVERAGE), RELEVANT * group_scale(zeta, centred=True))
@@ -89,10 +88,11 @@ def measure_excitation(
 
 
 def motion_near(values: list[np.ndarray], frequency: float, *, step: float) -> float:
-    """RMS of values (n, c) within a quarter of `frequency` [Hz] over the white noise there, weakest channel [1].
+    """Return the RMS of motion near a frequency over the white noise there, of the weakest channel [1].
 
-    The strongest line of each piece is left out: one line, wherever it lies, is one point of a response and shows
-    no mode. Pieces are pooled.
+    The band is a quarter of the frequency to either side. The strongest line of each piece is left out: one line is one
+    point of a response and shows no mode. Pieces are pooled.
+    Args: values: pieces (n, c).   frequency: [Hz].   step: time between samples [s].
     """
     noise = white_noise(values)
     power, expected = np.zeros(len(noise)), np.zeros(len(noise))

@@ -1,4 +1,4 @@
-"""The best linear forecast for every horizon by itself: ridge on delayed samples, flights weighted alike.
+"""Best linear forecast for every horizon by itself: ridge on delayed samples, flights weighted alike.
 
 For zeta held at its last value a lifted linear system answers chi_hat_h = C A^h E w (+ constant): one linear map W_h
 of the window a horizon. Fitted freely, horizon by horizon, W_h bounds what any of them can do; `mode_dictionary`
@@ -21,11 +21,12 @@ CONSTANT = 1e-9  # ridge of the constant feature, whose own power is 1
 
 @dc.dataclass(frozen=True)
 class Moments:
-    """Second moments of one flight, scaled. The last of the p features is the constant 1.
+    """Second moments of one flight, scaled.
 
+    The last of the p features is the constant 1.
     gram: (p, p) of the features.   cross: (p, H, 6) of features and goals.   square: (H, 6) of the goals.
-    power: (H, 2) mean squared change of force and of torque over the horizon, or their variance where that is less:
-    what the better naive row errs by.
+    power: (H, 2) squared error of the better naive row: mean squared change of force and of torque over the horizon, or
+    their variance where that is less.
     """
 
     gram: np.ndarray
@@ -43,12 +44,12 @@ def flight_moments(
     max_origins: int,
     symmetry: float,
 ) -> Moments:
-    """Moments of a flight over evenly thinned origins.
+    """Return the moments of a flight over evenly thinned origins.
 
     Args:
         samples: (n, 12) [chi, zeta], scaled.   goal: (n, 6), scaled.   horizons: ascending [steps].
         symmetry: share of the moments that is averaged over quarter turns about body z and the mirror y -> -y,
-            0 … 1. The mean of the images is what a perfectly symmetric airframe would have flown besides.
+            0 … 1. The mean of the images is that of a perfectly symmetric airframe.
     """
     first, last = taps.delay - 1, len(samples) - int(horizons[-1])
     origins = np.arange(first, last, max(1, -(-(last - first) // max_origins)))
@@ -67,17 +68,17 @@ def flight_moments(
 
 
 def relative_error(flight: Moments, W: np.ndarray) -> np.ndarray:
-    """(H, 2) mean squared error of the forecast W (p, H, 6) over `power`, force and torque."""
+    """Return the mean squared error of the forecast W (p, H, 6) over `power`, (H, 2), force and torque [1]."""
     explained = np.einsum("phc,phc->hc", W, 2 * flight.cross)
     explained -= np.einsum("phc,phc->hc", W, np.tensordot(flight.gram, W, axes=1))
     return _grouped(flight.square - explained) / flight.power
 
 
 def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
-    """(p, H, 6) weights W_h of the features; the error of each flight counts relative to its `power`.
+    """Return the weights W_h of the features, (p, H, 6); the error of each flight counts relative to its `power`.
 
-    noise: deviation of white noise that the features are taken to have [scaled]; it keeps W_h from differencing what
-    the next flight's filter or sensor makes differently.
+    Args: noise: deviation of white noise that the features are taken to have [scaled]. It keeps W_h from differencing
+    what another flight's filter or sensor makes differently.
     """
     p, H, _ = flights[0].cross.shape
     W = np.empty((p, H, 6))
@@ -94,7 +95,7 @@ def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
 
 
 def horizon_grid(longest: int, count: int) -> np.ndarray:
-    """About `count` whole numbers from 0 to `longest`, evenly spaced on a logarithmic axis."""
+    """Return about `count` whole numbers from 0 to `longest`, evenly spaced on a logarithmic axis."""
     return np.unique(np.concatenate([[0], np.round(np.geomspace(1, longest, count - 1))])).astype(int)
 
 

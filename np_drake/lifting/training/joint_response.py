@@ -1,7 +1,7 @@
-"""Encoder and B of a mode dictionary in one least-squares problem, for a coming motion that is known.
+"""Encoder and B of a mode dictionary in one least-squares problem, for a known coming motion.
 
-`zeta_response` first fits the best forecast for a held zeta and then what a departure from it adds. On a flight that
-repeats itself the past tells the coming motion, the first fit claims all of it, and B learns nothing: on another track
+`zeta_response` first fits the best forecast for a held zeta and then what a departure from it adds. On a periodic
+flight the past determines the coming motion, the first fit explains all of it, and B learns nothing: on another track
 the forecast goes on circling. A controller knows the motion it plans; here E and B explain the wrench together,
     chi_hat_h = sum over modes of lambda^h E w + sum over j < h of lambda^(h-1-j) B (zeta_(k+j) - zeta_k),
 which is linear in both: the modes are fixed.       Source: own choice.
@@ -24,7 +24,10 @@ OVERLAP = 1e-6  # ridge of the modes' Gram matrix over its mean: neighbours are 
 
 @dc.dataclass(frozen=True)
 class JointPiece:
-    """One flight, scaled. samples: (n, 12) [chi, zeta].   goal: (n, 6).   power: (H, 2) of force and torque."""
+    """Data of one flight, scaled.
+
+    samples: (n, 12) [chi, zeta].   goal: (n, 6) target.   power: (H, 2) of force and torque, see `Moments`.
+    """
 
     samples: np.ndarray
     goal: np.ndarray
@@ -35,7 +38,7 @@ def fit_jointly(
     flights: Sequence[JointPiece], modes: ModeDictionary, horizons: np.ndarray, taps: DelayTaps,
     *, noise: float, input_noise: float, strength: float, symmetry: float, max_origins: int,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """(K, p) encoder of the p features, the last of which is 1, and (K, 6) B, scaled.
+    """Return the encoder (K, p) of the p features, the last of which is 1, and B (K, 6), scaled.
 
     Args: noise … symmetry: as in `DictionaryConfig`.   max_origins: of a flight; thinned evenly beyond.
     """

@@ -1,7 +1,7 @@
-"""Training of the plain configurations, in closed form: `dmdc`, `delay-dmdc` and `ridge`.
+"""Training of the linear baselines in closed form: `dmdc`, `delay-dmdc` and `ridge`.
 
-The opponents of every table as lifted linear systems that can fly: made stable, in a model file, through the same
-predictor as the others.
+They are the baselines of every table as lifted linear systems that can fly: made stable, in a model file, through the
+same predictor as the others.
 """
 
 import dataclasses as dc
@@ -24,7 +24,7 @@ OnEpoch = Callable[[int, int, float], None]
 
 @dc.dataclass(frozen=True)
 class DmdcConfig:
-    """`dmdc` of the last sample, `delay-dmdc` of the last ten (as in the tables of `np-drake evaluate`)."""
+    """Parameters of `dmdc` (last sample) and `delay-dmdc` (last ten, as in the tables of `np-drake evaluate`)."""
 
     delays: int = 1  # samples that it sees [1]
     seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
@@ -32,7 +32,10 @@ class DmdcConfig:
 
 @dc.dataclass(frozen=True)
 class RidgeConfig:
-    """`ridge`: of the force, a map of the past for every horizon by itself; it does not listen to the coming zeta."""
+    """Parameters of `ridge`: for every horizon a separate map from past samples to the force.
+
+    It ignores the coming zeta.
+    """
 
     delay: int = 60  # samples that it sees [1]
     dense: int = 12  # of them one by one, the newest [1]
@@ -46,7 +49,10 @@ class RidgeConfig:
 def train_dmdc(
     segments: list[Segment], config: DmdcConfig, checkpoint: Checkpoint, on_epoch: OnEpoch = lambda *_: None
 ) -> tuple[LiftedModel, list[float]]:
-    """(model, [mean square of the scaled error one step ahead]). The checkpoint is not used."""
+    """Return (model, [mean square of the scaled error one step ahead]).
+
+    The checkpoint is not used.
+    """
     del checkpoint
     segments = check_segments(segments, config.delays + 1)
     system, encoder = fit_dmdc_system(segments, config.delays)
@@ -63,7 +69,10 @@ def train_dmdc(
 def train_ridge(
     segments: list[Segment], config: RidgeConfig, checkpoint: Checkpoint, on_epoch: OnEpoch = lambda *_: None
 ) -> tuple[LiftedModel, list[float]]:
-    """(model, [mean square error over that of the better naive row]). The checkpoint is not used."""
+    """Return (model, [mean square error over that of the better naive row]).
+
+    The checkpoint is not used.
+    """
     del checkpoint
     segments = check_segments(segments, config.delay + config.horizon + 1)
     scale, taps = sample_scale(segments), DelayTaps(config.delay, config.dense, config.averages)
@@ -87,9 +96,11 @@ def train_ridge(
 
 
 def course_register(horizon: int, step: float) -> LiftedLinearSystem:
-    """z = a whole course of the force, chi_hat_0 … chi_hat_H, which A moves on by one step and holds at its end.
+    """Return the system whose state is a whole forecast of the force, chi_hat_0 … chi_hat_H.
 
-    So any forecast that does not listen to the coming motion is a lifted linear system, exactly. B = 0.
+    A shifts it by one step and holds it at its end, and B = 0. Any forecast that does not depend on the coming motion
+    is such a lifted linear system, exactly.
+    Args: horizon: H [steps].   step: [s].
     """
     K = 3 * (horizon + 1)
     A = np.eye(K, k=3)

@@ -1,4 +1,4 @@
-"""Fits E, A, B, C of one block to a compressed multi-step loss; A is stable by construction.
+"""Fit of E, A, B, C of one block to a compressed multi-step loss; A is stable by construction.
 
 A is block diagonal: 2 x 2 rotations scaled by r, and real modes r, each r = r_max exp(-exp(a)) with a =
 log(step / time constant). So |A| <= r_max < 1 whatever the parameters, slow modes are as easy to reach as
@@ -30,7 +30,7 @@ class BlockMatrices:
 
 
 class ModalBlock:
-    """The parameter vector theta = [a, angle H of pairs; a of reals; C; B] of one block and its loss.
+    """Parameter vector theta = [a, angle H of pairs; a of reals; C; B] of one block and its loss.
 
     The last `outputs` modes are levels: real, almost integrators, not driven by zeta. All others die out within a few
     horizons of the loss, so that a forecast beyond what was trained fades into a constant.
@@ -56,11 +56,11 @@ class ModalBlock:
 
     @property
     def whitener(self) -> np.ndarray:
-        """(D (l + p), D (l + p)) lower factor of the second moment of the encoder's windows."""
+        """Lower factor of the second moment of the encoder's windows, (D (l + p), D (l + p))."""
         return self._regression.whitener
 
     def initial_theta(self, generator: np.random.Generator) -> np.ndarray:
-        """Modes on a grid over the horizon's time scales, C random, B small."""
+        """Return a start: modes on a grid over the horizon's time scales, C random, B small."""
         r = self._regression
         H = r.horizons[-1]
         frequency = np.minimum(0.2 / (H * self.step) * 2.2 ** np.arange(self.pairs), 0.2 / self.step)
@@ -74,7 +74,7 @@ class ModalBlock:
         return np.concatenate(parts)
 
     def loss(self, theta: torch.Tensor) -> torch.Tensor:
-        """Mean squared ratio to persistence over horizons and outputs, at the best E."""
+        """Return the mean squared ratio to persistence over horizons and outputs, at the best E [1]."""
         O, response, amplitudes = self._operators(theta)
         free = self._free_y - self._free_u @ response
         fixed = self._fixed_y - self._fixed_u @ response
@@ -85,7 +85,7 @@ class ModalBlock:
         return rest / self._regression.count
 
     def loss_and_gradient(self, theta: np.ndarray) -> tuple[float, np.ndarray]:
-        """The loss and its gradient at theta."""
+        """Return the loss and its gradient at theta."""
         variable = torch.tensor(theta, requires_grad=True)
         loss = self.loss(variable)
         loss.backward()
@@ -93,7 +93,7 @@ class ModalBlock:
         return loss.item(), variable.grad.numpy()
 
     def matrices(self, theta: np.ndarray) -> BlockMatrices:
-        """E, A, B, C at theta; states scaled so that each mode's column of C has length one."""
+        """Return E, A, B, C at theta, with states scaled so that each mode's column of C has length one."""
         with torch.no_grad():
             variable = torch.tensor(theta)
             O, response, _ = self._operators(variable)
@@ -166,7 +166,7 @@ def descend(
     iterations: int,
     on_iteration: Callable[[float], None] = lambda _: None,
 ) -> tuple[np.ndarray, list[float]]:
-    """L-BFGS from theta: (theta, loss after each iteration). Deterministic."""
+    """Minimise the loss by L-BFGS from theta and return (theta, loss after each iteration); deterministic."""
     history: list[float] = []
 
     def record(intermediate_result) -> None:

@@ -1,4 +1,4 @@
-"""A fixed dictionary of decaying modes: given them, the best lifted linear system is a linear least-squares problem.
+"""Fixed dictionary of decaying modes, for which the best lifted linear system is a linear least-squares problem.
 
 Every channel of chi has modes lambda^h of its own; chi_hat_h = sum over modes of lambda^h times an amplitude, and z
 holds the amplitudes. So A = diag(lambda) is stable whatever the data say, C = 1, and only E and B are learned.
@@ -16,7 +16,10 @@ from np_drake.lifting.training.horizon_ridge import GROUPS
 
 @dc.dataclass(frozen=True)
 class ModeDictionary:
-    """poles: six arrays, one a channel of chi, each lambda in (0, 1)."""
+    """Decaying modes of each channel of chi.
+
+    poles: six arrays, one a channel of chi, each lambda in (0, 1) [1].
+    """
 
     poles: tuple[np.ndarray, ...]
 
@@ -31,12 +34,12 @@ class ModeDictionary:
 
     @property
     def A(self) -> np.ndarray:
-        """(K, K) diagonal."""
+        """Diagonal transition matrix, (K, K)."""
         return np.diag(np.concatenate(self.poles))
 
     @property
     def C(self) -> np.ndarray:
-        """(6, K) the sum over each channel's modes."""
+        """Output matrix that sums each channel's modes, (6, K)."""
         C = np.zeros((6, self.K))
         for channel, place in enumerate(self.places):
             C[channel, place] = 1.0
@@ -44,19 +47,21 @@ class ModeDictionary:
 
     @property
     def places(self) -> list[slice]:
-        """Where each channel's modes stand in z."""
+        """Slices of each channel's modes in z."""
         ends = np.cumsum([0] + [len(p) for p in self.poles])
         return [slice(a, b) for a, b in itertools.pairwise(ends)]
 
     def readout(self, horizons: np.ndarray) -> np.ndarray:
-        """(H, 6, K) C A^h."""
+        """Return C A^h for every horizon, (H, 6, K)."""
         powers = np.concatenate(self.poles)[None] ** horizons[:, None]
         return self.C[None] * powers[:, None]
 
     def projector(self, horizons: np.ndarray, weights: np.ndarray, *, ridge: float = 1e-8) -> np.ndarray:
-        """(K, H, 6) amplitudes z of a course chi (H, 6), by least squares: z = einsum("khc,hc", projector, chi).
+        """Return the map from a trajectory chi (H, 6) to its amplitudes z, (K, H, 6), by least squares.
 
-        weights: (H, 2) of the errors of force and torque at each horizon.   ridge: relative to the mean power.
+        It is applied as z = einsum("khc,hc", projector, chi).
+        Args: weights: (H, 2) of the errors of force and torque at each horizon.   ridge: relative to the mean power
+        [1].
         """
         out = np.zeros((self.K, len(horizons), 6))
         for channel, (place, poles) in enumerate(zip(self.places, self.poles, strict=True)):
@@ -69,7 +74,7 @@ class ModeDictionary:
 
 
 def time_constants(force: tuple[float, ...], torque: tuple[float, ...], level: float) -> ModeDictionary:
-    """Modes of these time constants [steps]; force has a level besides that holds for `level` steps.
+    """Return modes of these time constants [steps]; force has a level besides that holds for `level` steps.
 
     The total force of a flight has a level that lasts (thrust in excess of hover); torque has none.
     """

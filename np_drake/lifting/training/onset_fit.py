@@ -1,4 +1,4 @@
-"""Fits, for one block of a trained model, what a jump of its modes would show and what it would do to z."""
+"""Fit, for one block of a trained model, of the effect of a jump of its modes on the window and on z."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ SLOWEST_LAG = 0.98  # of a label behind its target, beyond which nothing is beli
 
 @dc.dataclass(frozen=True)
 class BlockOnsets:
-    """watch: (R, q, D c), cost: (R,), jump: (R, k, q), as in `Onsets`, of one block in scaled units."""
+    """Arrays watch (R, q, D c), cost (R,) and jump (R, k, q) of one block in scaled units, as in `Onsets`."""
 
     watch: np.ndarray
     cost: np.ndarray
@@ -22,9 +22,10 @@ class BlockOnsets:
 
 
 def label_lag(pieces: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
-    """a in [0, 1) of label[k] = a label[k - 1] + (1 - a) target[k], least squares over pieces of (labels, targets).
+    """Return a in [0, 1) of label[k] = a label[k - 1] + (1 - a) target[k], by least squares [1].
 
     A causal label follows its target late, and a jump is seen as late. 0 where both are the same, or constant.
+    Args: pieces: (labels (n, c), targets (n, c)) each.
     """
     ahead, behind = 0.0, 1e-300
     for labels, targets in pieces:
@@ -44,14 +45,15 @@ def fit_onsets(
     size: float,
     lag: float,
 ) -> BlockOnsets:
-    """For jumps of `modes` (indices into z) by N(0, size²) each, `ages` samples ago, D = `delay`; age >= D: before it.
+    """Fit the onsets of one block for jumps of `modes` by N(0, size²) each, `ages` samples ago.
 
     With S = L L^T the second moment of ordinary windows, and J_r d what a jump by d adds to a window: Q Q^T = 1 + J_r^T
     S^-1 J_r, M_r = Q^-1 J_r^T S^-1, c_r = log det Q. E w + G_r M_r w, with G_r = (A^r - E J_r) Q^-T, is the best linear
     z of a window in which such a jump happened. zeta is taken not to answer within the window: how the vehicle does is
     its controller's.
 
-    Args: whitener: (D c, D c) L, lower; the first channels of a sample are the m outputs.   lag: see `label_lag` [1].
+    Args: whitener: (D c, D c) L, lower; the first channels of a sample are the m outputs.   modes: indices into z.
+    ages: [steps]; an age >= D is before the window.   delay: D [1].   lag: see `label_lag` [1].
     """
     J = np.stack([_shown(m, delay, age, len(whitener), lag)[:, modes] for age in ages]) * size
     R, features, q = J.shape
@@ -78,8 +80,9 @@ def _shown(m: BlockMatrices, delay: int, age: int, features: int, lag: float) ->
 
 
 def stack_onsets(views: Sequence[tuple[np.ndarray, BlockOnsets]], odds: np.ndarray | float) -> Onsets:
-    """The onsets of views, each with its channels (c, 12) of a sample; zeros fill up where c or q differ.
+    """Return the onsets of all views, each given with its channels (c, 12) of a sample.
 
+    Zeros fill up where c or q differ.
     Args: odds: as in `Onsets`.
     """
     c = max(len(channels) for channels, _ in views)

@@ -1,13 +1,11 @@
 """Training of the `paper` configuration: Algorithm 1, made well-posed.
 
-What the paper leaves open, and what is done here:
-- The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is a ridge toward a
-  prior A_0,
-  B_0 shared by all windows: least squares over all of them, renewed every epoch, and in flight the offline
-  model. B is not shrunk along unexcited directions (the paper has no such step); the summary names them.
+What the paper leaves open is settled as follows:
+- The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is a ridge toward a prior A_0,
+  B_0 shared by all windows: least squares over all of them, renewed every epoch, and in flight the offline model. B
+  is not shrunk along unexcited directions (the paper has no such step); the summary names them.
 - Stable: A_0 and each window's A are scaled into |eig| <= RADIUS before they are iterated.
-- Backward in time, A^-1 of a stable A grows like |lambda|^-40. A is inverted in the least-squares sense: the
-  window
+- Backward in time, A^-1 of a stable A grows like |lambda|^-40. A is inverted in the least-squares sense: the window
   fit of z_k on z_(k+1) and zeta_k, ridge toward a backward prior, made stable the same way.
 - mu carries the trajectory index in the paper, so that late trajectories count less; here it discounts the
   prediction step: mean over j of mu^j |z_j - z_hat_j|².
@@ -36,7 +34,7 @@ OnEpoch = Callable[[int, int, float], None]
 
 @dc.dataclass(frozen=True)
 class PaperConfig:
-    """`paper`: Phi of the instantaneous chi, A and B refit on a window."""
+    """Parameters of the `paper` configuration: Phi of the instantaneous chi, A and B refit on a window."""
 
     size: int = 24  # K [1]
     width: int = 128  # neurons of a hidden layer [1]
@@ -55,7 +53,7 @@ class PaperConfig:
 
 
 class PaperTrainer:
-    """The state of one training run: Phi, C, priors, optimiser, epoch."""
+    """State of one training run: Phi, C, priors, optimiser, epoch."""
 
     def __init__(self, segments: list[Segment], config: PaperConfig):
         segments = check_segments(segments, config.window)
@@ -78,7 +76,7 @@ class PaperTrainer:
         self.epoch, self.history = 0, list[float]()
 
     def run_epoch(self) -> float:
-        """One pass over the windows in an order drawn from (seed, epoch): the mean loss."""
+        """Make one pass over the windows in an order drawn from (seed, epoch) and return the mean loss."""
         order = np.random.default_rng([self.config.seed, self.epoch]).permutation(len(self._chi))
         fraction = self.epoch / max(self.config.epochs, 1)
         rate = self.config.learning_rate * (0.55 + 0.45 * np.cos(np.pi * min(fraction, 1.0)))
@@ -99,7 +97,7 @@ class PaperTrainer:
         return self.history[-1]
 
     def loss(self, chi: torch.Tensor, zeta: torch.Tensor) -> torch.Tensor:
-        """beta_1 L_forward + beta_2 L_backward + beta_3 L_recons of windows (b, W, 6), zeta scaled."""
+        """Return beta_1 L_forward + beta_2 L_backward + beta_3 L_recons of windows (b, W, 6), zeta scaled."""
         z = self.phi(chi)
         reconstruction = ((chi / self._scale() - z @ self.C.T) ** 2).mean()
         forward = self._rollout_error(z, zeta, self.forward_prior, backward=False)
@@ -108,7 +106,7 @@ class PaperTrainer:
         return b[0] * forward + b[1] * backward + b[2] * reconstruction
 
     def model(self) -> LiftedModel:
-        """The trained model: C as the least-squares readout of the final Phi, which L_recons asks for."""
+        """Return the trained model, with C as the least-squares readout of the final Phi, as L_recons asks for."""
         self._fit_priors()
         with torch.no_grad():
             C = self._best_readout(self.phi(self._chi)).numpy() * self.chi_scale[:, None]
@@ -126,7 +124,7 @@ class PaperTrainer:
         )  # fmt: skip
 
     def state(self) -> dict[str, np.ndarray]:
-        """What the next epoch depends on: parameters, Adam's moments, power iterations, history."""
+        """Return what the next epoch depends on: parameters, Adam's moments, power iterations, history."""
         tensors = {"history": np.array(self.history)}
         for i, parameter in enumerate(self.parameters):
             tensors[f"parameter{i}"] = parameter.detach().numpy()
@@ -135,7 +133,7 @@ class PaperTrainer:
         return tensors | {f"right{i}": v.numpy() for i, v in enumerate(self.phi.right)}
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
-        """Takes up `state()` of an earlier run; an empty one changes nothing."""
+        """Restore the `state()` of an earlier run; an empty one changes nothing."""
         if not state:
             return
         self.history = state["history"].tolist()
@@ -183,7 +181,7 @@ class PaperTrainer:
 def train_paper(
     segments: list[Segment], config: PaperConfig, checkpoint: Checkpoint, on_epoch: OnEpoch = lambda *_: None
 ) -> tuple[LiftedModel, list[float]]:
-    """(model, loss after each epoch), from the checkpoint on where there is one."""
+    """Return (model, loss after each epoch), continued from the checkpoint where there is one."""
     trainer = PaperTrainer(segments, config)
     trainer.restore(checkpoint.load())
     while trainer.epoch < config.epochs:

@@ -10,11 +10,11 @@ from np_drake.lifting.model.encoders import Phi
 
 
 class PhiModule(nn.Module):
-    """W_hat = W / sigma(W) gamma^(1/(L+1)) in every layer.       Source: Jin et al. 2025, eq. (sn).
+    """Spectrally normalised perceptron, W_hat = W / sigma(W) gamma^(1/(L+1)) in every layer.
 
     The input is chi / scale, so gamma is the Lipschitz constant in those scaled coordinates; in N and N·m it
     is at most gamma / min(scale). sigma comes from a power iteration that is run until it stands still,
-    warm-started from the last call; its gradient u v^T is exact there.
+    warm-started from the last call; its gradient u v^T is exact there.   Source: Jin et al. 2025, eq. (sn).
     """
 
     def __init__(self, *, width: int, layers: int, K: int, gamma: float, scale: np.ndarray, seed: int):
@@ -27,11 +27,11 @@ class PhiModule(nn.Module):
         self.right = [torch.ones(raw.shape[1], dtype=torch.float64) for raw in self.raw]
 
     def weights(self) -> list[torch.Tensor]:
-        """The normalised weights, each of largest singular value gamma^(1/(L+1))."""
+        """Return the normalised weights, each of largest singular value gamma^(1/(L+1))."""
         return [self._normalised(i, W) for i, W in enumerate(self.raw)]
 
     def forward(self, chi: torch.Tensor) -> torch.Tensor:
-        """(..., 6) chi [N, N·m] -> (..., K) z."""
+        """Return z (..., K) of chi (..., 6) [N, N·m]."""
         z = chi / self._scale
         *hidden, last = self.weights()
         for W in hidden:
@@ -39,7 +39,7 @@ class PhiModule(nn.Module):
         return z @ last.T
 
     def export(self) -> Phi:
-        """The same map in numpy, normalised once more with exact singular values."""
+        """Return the map in numpy, normalised once more with exact singular values."""
         exact = []
         for W in self.weights():
             array = W.detach().numpy()

@@ -24,12 +24,12 @@ class Segment:
 
     @property
     def goal(self) -> np.ndarray:
-        """(n, 6) target where there is one, else chi."""
+        """Target (n, 6) where there is one, else chi [N, N·m]."""
         return self.chi if self.target is None else self.target
 
 
 def check_segments(segments: list[Segment], shortest: int) -> list[Segment]:
-    """The segments of at least `shortest` samples, as float64.
+    """Return the segments of at least `shortest` samples, as float64.
 
     Raises: ValueError: if a shape or value is wrong, steps differ by over 2 %, or none is long enough.
     """
@@ -63,10 +63,11 @@ def _checked(segment: Segment, number: int) -> Segment:
 
 
 def group_scale(values: list[np.ndarray], *, centred: bool) -> np.ndarray:
-    """(6,) one scale for channels 0:3 and one for 3:6: root mean square over all samples of a group.
+    """Return one scale for channels 0:3 and one for 3:6, as (6,): RMS over all samples of a group.
 
     One scale a group keeps lengths and angles as they are; scaling every channel to unit size would turn the
-    noise of an unexcited channel into signal. `centred`: about each channel's mean, else about zero.
+    noise of an unexcited channel into signal.
+    Args: centred: about each channel's mean, else about zero.
     """
     stacked = np.concatenate(values)
     if centred:
@@ -77,7 +78,7 @@ def group_scale(values: list[np.ndarray], *, centred: bool) -> np.ndarray:
 
 
 def white_noise(values: list[np.ndarray]) -> np.ndarray:
-    """(c,) standard deviation of white noise in values (n, c), from fourth differences.
+    """Return the standard deviation of white noise in values (n, c), (c,), from fourth differences.
 
     A fourth difference multiplies white noise by sqrt(70) and all but removes motion slower than a tenth of
     the sampling rate. The median is taken, so that a few jumps do not count.

@@ -1,4 +1,4 @@
-"""Training of a predictor from plain arrays, configurations by name."""
+"""Training of a predictor from plain arrays, with configurations by name."""
 
 import dataclasses as dc
 from collections.abc import Callable
@@ -49,7 +49,10 @@ TRAINERS: dict[type, Callable[..., tuple[LiftedModel, list[float]]]] = {
 
 @dc.dataclass(frozen=True)
 class TrainingResult:
-    """model: what flies.   loss: after each epoch [1]."""
+    """Result of one training run.
+
+    model: the trained predictor.   loss: after each epoch [1].
+    """
 
     model: LiftedModel
     loss: list[float]
@@ -62,13 +65,13 @@ def train(
     checkpoint: str | Path | None = None,
     on_epoch: Callable[[int, int, float], None] = lambda *_: None,
 ) -> TrainingResult:
-    """Trains the configuration that `config` belongs to; deterministic by `config.seed`.
+    """Train the configuration that `config` belongs to; deterministic by `config.seed`.
 
     Args:
         segments: uninterrupted flights at one step.
-        checkpoint: file that the run is saved to as it goes, and taken up from where it exists (same
-            configuration and data); the result is that of an uninterrupted run. What is in closed form, done in
-            seconds, leaves it alone.
+        checkpoint: file that the run is saved to as it goes, and resumed from where it exists (same
+            configuration and data); the result is that of an uninterrupted run. Configurations in closed form, done in
+            seconds, leave it alone.
         on_epoch: called with (epoch, total, loss); for `default` an epoch is one L-BFGS iteration, and
             descents that converge early skip ahead.
     Raises: ValueError: if the segments are unusable or the checkpoint is of another run.
@@ -81,8 +84,9 @@ def train(
 
 
 def make_config(configuration: str, *, frame: str = "world", **settings) -> Config:
-    """The configuration of that name; some differ for wrenches in body axes (frame: world | body).
+    """Return the configuration of that name with the given settings.
 
+    Args: frame: world | body; some configurations differ for wrenches in body axes.
     Raises: ValueError: on an unknown name, frame or setting.
     """
     if frame not in ("world", "body"):

@@ -1,4 +1,4 @@
-"""How the wrench answers when zeta departs from its last value: B of a mode dictionary, by least squares.
+"""Response of the wrench to a departure of zeta from its last value: B of a mode dictionary, by least squares.
 
 The forecast for a held zeta is the encoder's alone. z therefore carries the last zeta as well (z_zeta), and B acts on
 the difference: a+ = A a + B (zeta - z_zeta). So a held zeta leaves the held forecast untouched, and B is free to learn
@@ -15,7 +15,7 @@ from np_drake.lifting.training.mode_dictionary import ModeDictionary
 
 
 def departures(zeta: np.ndarray, origins: np.ndarray, horizons: np.ndarray, poles: np.ndarray) -> np.ndarray:
-    """(o, H, modes, 6) state of each mode at each horizon, driven by zeta_(k+j) - zeta_k with a gain of one."""
+    """Return the state of each mode at each horizon, (o, H, modes, 6), driven by zeta_(k+j) - zeta_k with unit gain."""
     wanted = {int(h): i for i, h in enumerate(horizons)}
     out = np.zeros((len(origins), len(horizons), len(poles), 6))
     state = np.zeros((len(origins), len(poles), 6))
@@ -30,13 +30,13 @@ def fit_response(
     flights: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]],
     modes: ModeDictionary, horizons: np.ndarray, *, noise: float, strength: float, symmetry: float,
 ) -> np.ndarray:  # fmt: skip
-    """(K, 6) B, scaled, of least error of the forecast for known zeta.
+    """Return B (K, 6), scaled, that minimises the error of the forecast for known zeta.
 
     Args:
-        flights: of each (zeta (n, 6), origins (o,), what the held forecast leaves (o, H, 6), power (H, 2)), scaled.
+        flights: of each (zeta (n, 6), origins (o,), residual of the held forecast (o, H, 6), power (H, 2)), scaled.
         noise: deviation of white noise in the coming zeta [scaled]: keeps B from differentiating it.
         strength: prior deviation of what one unit of zeta, held, adds to chi through each mode [scaled]. Errors at
-            horizon h count as one in h samples: so few of them are independent, and ten seconds of flight say little.
+            horizon h count as one in h samples, because so few of them are independent.
         symmetry: as in `flight_moments`.
     """
     B = np.zeros((modes.K, 6))
@@ -66,7 +66,10 @@ def fit_response(
 
 
 def coupled(modes: ModeDictionary, B: np.ndarray, level: float, step: float) -> LiftedLinearSystem:
-    """The system of z = [amplitudes; last zeta]; B (K, 6) in physical units, level: pole of the latter."""
+    """Return the system of z = [amplitudes; last zeta].
+
+    Args: B: (K, 6) in physical units.   level: pole of the last zeta [1].   step: [s].
+    """
     K = modes.K
     A = np.zeros((K + 6, K + 6))
     A[:K, :K], A[:K, K:], A[K:, K:] = modes.A, -B, level * np.eye(6)
