@@ -1,4 +1,4 @@
-"""The peer of the benchmark: the same problem as a CasADi user would write it. Optional extra `bench`.
+"""The same problem in CasADi, as a baseline of the benchmark (optional extra `bench`).
 
 Multiple shooting over (T, x, z), exact Hessian, IPOPT with MUMPS, data as parameters, warm start from the
 last answer. Used by the benchmark only.
@@ -36,7 +36,7 @@ _OPTIONS = {
 
 
 class CasadiSolver:
-    """CasADi + IPOPT; one compiled problem for each size K of the lifted state."""
+    """Solver on CasADi and IPOPT, with one compiled problem for each size K of the lifted state."""
 
     name = "casadi"
 
@@ -51,7 +51,10 @@ class CasadiSolver:
         self._programs: dict[int, tuple[Any, np.ndarray, np.ndarray]] = {}
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
-        """Raises SolverFailure where IPOPT does not converge, or the forecast is not linear in the motion."""
+        """Solve one problem.
+
+        Raises: SolverFailure: if IPOPT does not converge, or the forecast is not linear in the motion.
+        """
         f = problem.forecast
         if f.reaction is not None:
             raise SolverFailure("MPC: casadi: the peer solves linear forecasts only.")

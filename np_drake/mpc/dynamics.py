@@ -1,4 +1,4 @@
-"""The discrete nominal dynamics inside the MPC, and their Jacobians for all stages at once.
+"""Discrete nominal dynamics inside the MPC, and their Jacobians for all stages at once.
 
 Rotation r = (q, w) drives translation and not the other way round, and dr/dt is a homogeneous quadratic of r
 plus J^-1 tau. One constant tensor therefore gives value and Jacobian together, M(r) = d(dr/dt)/dr and
@@ -19,7 +19,7 @@ _STAGES = ((0.5, 1.0, 1.0), (0.5, 2.0, 1.0), (1.0, 2.0, 1.0), (0.0, 1.0, 0.0))  
 
 @dc.dataclass(frozen=True)
 class Linearisation:
-    """x_next (N, 13), Fx = dF/d[x, chi] (N, 13, 19) and Fu = dF/du (N, 13, 4) of the discrete dynamics."""
+    """Arrays x_next (N, 13), Fx = dF/d[x, chi] (N, 13, 19) and Fu = dF/du (N, 13, 4) of the discrete dynamics."""
 
     x_next: np.ndarray
     Fx: np.ndarray
@@ -27,7 +27,7 @@ class Linearisation:
 
 
 class DiscreteDynamics:
-    """x_(i+1) = RK4(x_i, u_i, chi_i; step), input and wrench held over the step.
+    """Discrete dynamics x_(i+1) = RK4(x_i, u_i, chi_i; step), input and wrench held over the step.
 
     Source: Jin et al. 2025, eq. (1); classical Runge-Kutta, own choice. The quaternion is not renormalised:
     its drift over a horizon is of the integrator's order, and every solver shares it.
@@ -48,7 +48,7 @@ class DiscreteDynamics:
         )
 
     def linearise(self, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> Linearisation:
-        """Value and Jacobians at N stages.
+        """Return value and Jacobians at N stages.
 
         Args:    x: (N, 13) states.   u: (N, 4) inputs [N, N·m].   chi: (N, 6) wrenches [N, N·m].
         """
@@ -109,7 +109,7 @@ class DiscreteDynamics:
         return Linearisation(x_next, Fx, Fu)
 
     def advance(self, x: Sequence[float], u: Sequence[float], chi: Sequence[float]) -> list[float]:
-        """One step in plain floats, several times faster than NumPy for a single state."""
+        """Return the state after one step in plain floats, several times faster than NumPy for a single state."""
         px, py, pz, w0, x0, y0, z0, vx, vy, vz, a0, b0, c0 = x
         h, m = self.step, self.vehicle.mass
         thrust = u[0] / m

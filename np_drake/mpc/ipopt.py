@@ -1,7 +1,7 @@
-"""The reference solver: IPOPT on the condensed problem, preconditioned, with lazy rows.
+"""Reference solver: IPOPT on the condensed problem, preconditioned, with lazy rows.
 
-A single-shooting problem with 4N variables and few rows is what IPOPT's linear solver in Drake is fast at;
-see `preconditioned`. Source: own measurement.
+A single-shooting problem with 4N variables and few rows suits IPOPT's linear solver in Drake; see `preconditioned`.
+Source: own measurement.
 """
 
 import logging
@@ -27,11 +27,11 @@ _ACTIVE = -1e-3  # excess from which a soft set counts as active
 
 
 class IpoptCondensedSolver:
-    """Starts from SQP steps, converges with IPOPT.
+    """Solver that starts from SQP steps and converges with IPOPT.
 
-    Past `time_limit` [s], and where sets are active on which SQP does better, the SQP answer flies
+    Past `time_limit` [s], and where sets are active on which SQP does better, the SQP answer is used
     (SQP_FALLBACK). Rows that turn out violated are added and the problem is solved again; on the iteration
-    cap it is preconditioned anew. With `time_limit` = inf the answer does not depend on the machine.
+    limit it is preconditioned anew. With `time_limit` = inf the answer does not depend on the machine.
     """
 
     name = "ipopt"
@@ -43,7 +43,10 @@ class IpoptCondensedSolver:
         self._ipopt = IpoptSolver()
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
-        """Raises SolverFailure on NaN, wrong shapes or a forecast that overflows."""
+        """Solve one problem.
+
+        Raises: SolverFailure: on NaN, wrong shapes or a forecast that overflows.
+        """
         start = time.perf_counter()
         with np.errstate(all="ignore"), expected_early_ends():
             h = self.condensed.prepare(problem)

@@ -1,4 +1,4 @@
-"""Moving a plan on in time: the warm start of the next solve, and the fallback where a solve fails."""
+"""Shift of a plan in time, for the warm start of the next solve and for the fallback where a solve fails."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from np_drake.mpc.problem import MpcSolution, MpcStatus
 
 
 def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
-    """The same plan seen `elapsed` seconds later, on a grid of the same `step` [s].
+    """Return the plan as seen `elapsed` seconds later, on a grid of the same `step` [s].
 
     Inputs and wrenches are held over a stage, so a new stage takes their time average over its own span:
     exact for whole steps, and within the input set for any, which is convex. States are interpolated

@@ -32,7 +32,7 @@ _OPTIONS: dict[str, Any] = {
 
 
 class Preconditioned:
-    """One problem around t_0; L is the Cholesky factor of the Gauss-Newton Hessian there.
+    """One condensed problem around t_0, preconditioned by the Cholesky factor L of its Gauss-Newton Hessian.
 
     The Hessian over w starts as the identity, which IPOPT's limited memory is told. Slacks are scaled to unit
     curvature too, and only come in where a soft row is near activity.
@@ -56,7 +56,10 @@ class Preconditioned:
         self._unit = 1 / math.sqrt(2 * QUADRATIC * config.slack_weight)
 
     def solve(self, ipopt: Any, time_limit: float) -> tuple[bool, Trajectory]:
-        """Whether IPOPT converged, and where it ended; the rows left out may be violated there."""
+        """Return whether IPOPT converged, and the trajectory at which it ended.
+
+        The rows left out may be violated there.   Args: time_limit: [s].
+        """
         prog = new_program()
         w = prog.NewContinuousVariables(len(self._w), "w")
         prog.AddCost(self._cost, vars=w)
@@ -74,7 +77,7 @@ class Preconditioned:
         return result.is_success(), self._at(self._w)[0]
 
     def add_violated(self, t: Trajectory) -> bool:
-        """Whether t breaks a row that was left out; those are passed from now on."""
+        """Return whether t breaks a row that was left out, and include such rows from now on."""
         T = t.T.ravel()
         slacks = self._c.objective.slacks(np.where(self._soft, t.excess, 0.0))
         inputs = ~self._inputs & (np.abs(T - 0.5 * self._top) > 0.5 * self._top + _VIOLATED)

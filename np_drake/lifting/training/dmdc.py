@@ -34,7 +34,7 @@ def fit_dmdc_system(segments: Sequence[Segment], delays: int = 1) -> tuple[Lifte
 
 
 def sample_scale(segments: Sequence[Segment]) -> np.ndarray:
-    """Return the scales of a sample [chi, zeta], (12,): one each for force, torque, v and omega [N, N·m, m/s, rad/s]."""
+    """Return scales of a sample [chi, zeta], (12,): one each for force, torque, v and omega [N, N·m, m/s, rad/s]."""
     chi = group_scale([segment.chi for segment in segments], centred=True)
     return np.concatenate([chi, group_scale([segment.zeta for segment in segments], centred=True)])
 
