@@ -1,4 +1,4 @@
-"""Figures without a display, and their files."""
+"""Figures without a display, and the writing of their files."""
 
 import io
 from pathlib import Path
@@ -15,20 +15,23 @@ RESOLUTION = 150  # of a picture [dots an inch]
 
 
 def new_figure(rows: int, columns: int, *, width: float, height: float, **layout):
-    """A Figure and its (rows, columns) axes; no global state, no display [inch]. layout: of `Figure.subplots`."""
+    """Return a Figure and its (rows, columns) axes, without global state or display.
+
+    Args: width, height: [inch].   layout: passed to `Figure.subplots`.
+    """
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure, figure.subplots(rows, columns, squeeze=False, **layout)
 
 
 def png(figure: Figure) -> bytes:
-    """The figure as a PNG."""
+    """Return the figure as a PNG."""
     stream = io.BytesIO()
     figure.savefig(stream, dpi=RESOLUTION, format="png")
     return stream.getvalue()
 
 
 def save(figure: Figure, path: str | Path) -> None:
-    """Writes a PNG, whole or not at all."""
+    """Write a PNG, whole or not at all."""
     with atomic_path(path) as temporary:
         temporary.write_bytes(png(figure))

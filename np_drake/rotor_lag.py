@@ -1,4 +1,4 @@
-"""How late the rotors follow the command, read from flight logs."""
+"""Identification of the rotors' lag behind the command from flight logs."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -15,12 +15,12 @@ LONGEST = 0.1  # lag that is looked for [s]
 
 
 def learned_rotor_lag(flights: Sequence[tuple[FlightLog, Vehicle]]) -> float:
-    """The rotors' time constant with which the labels of `flights` change least from row to row [s].
+    """Return the rotors' time constant with which the labels of `flights` change least from row to row [s].
 
-    What pushes the body from outside changes slowly; what the rotors lag behind changes with every command. So the
+    External wrenches change slowly; the error from rotor lag changes with every command. So the
     steps of the raw label, along the thrust and in roll and pitch, are smallest where the command goes through the
-    lag that the rotors have: the sum of the logarithms of their mean squares, so that units do not matter. A vehicle
-    file that names a lag is believed, and measured rotor speed has none.      Source: own choice.
+    lag that the rotors have: the sum of the logarithms of their mean squares, so that units do not matter. A lag named
+    in a vehicle file is taken as it is, and measured rotor speed has none.      Source: own choice.
 
     Args: flights: logs with accelerations, and the vehicle of each.
     """

@@ -1,4 +1,4 @@
-"""YAML files into checked dataclasses."""
+"""Reading of YAML files into checked dataclasses."""
 
 import dataclasses as dc
 import difflib
@@ -14,8 +14,9 @@ from np_drake.yaml_kinds import fields_of, misfit
 
 
 def load_checked(schema: type, path: str | Path, kind: str) -> Any:
-    """A `schema` from the YAML file at `path`; what the file does not name keeps its default; `check()` is run.
+    """Return a `schema` read from the YAML file at `path` and checked by its `check()`.
 
+    Fields that the file does not name keep their defaults.
     Raises: ValueError: one line with file, field and reason, as "<path>: not a <kind>: …".
     """
     try:

@@ -1,4 +1,4 @@
-"""A cascaded flight controller: position to attitude to torque, a few microseconds a call."""
+"""Cascaded flight controller from position to attitude to torque; a call takes a few microseconds."""
 
 import dataclasses as dc
 import math
@@ -15,7 +15,10 @@ P, V, A, W, AL, YAW = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice
 
 @dc.dataclass(frozen=True)
 class CascadeGains:
-    """Per axis. Own choice: slow enough for 80 ms of rotor lag or 40 ms of dead time; feed-forward does the rest."""
+    """Gains of the controller, per axis.
+
+    Own choice: slow enough for 80 ms of rotor lag or 40 ms of dead time; feed-forward does the rest.
+    """
 
     position: tuple[float, float, float] = (2.5, 2.5, 9.0)  # [1/s²]
     velocity: tuple[float, float, float] = (2.7, 2.7, 5.5)  # [1/s]
@@ -37,10 +40,10 @@ def cascade(
     integral: np.ndarray,
     step: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """One step of the controller.
+    """Return the input of one step of the controller and the new integral of its errors.
 
-    Feedback on position and velocity asks for a specific force; its direction and the target's heading are the
-    attitude; feedback on attitude and body rate asks for an angular acceleration; eq. (1) turns both into u.
+    Feedback on position and velocity gives a specific force; its direction and the target's heading give the
+    attitude; feedback on attitude and body rate gives an angular acceleration; eq. (1) turns both into u.
     Source: the usual cascade on differential flatness; gains are an own choice.
 
     Args:

@@ -1,4 +1,4 @@
-"""The solution of one window in closed form: a linear map of the arrival estimate and the samples.
+"""Solution of one window in closed form: a linear map of the arrival estimate and the samples.
 
 Without the known input, each channel of the model is y+ = y + h d + h²/2 w, d+ = d + h w, so that the window's
 cost is a least-squares problem in [y_0, d_0, h w_0 … h w_(n-1)] for each of the six channels alone.
@@ -13,7 +13,7 @@ from np_drake.estimation.mhe_config import MheConfig
 
 @dc.dataclass(frozen=True)
 class MheWeights:
-    """The weights as tensors (6,), the forgetting factors (): what `tune` differentiates by."""
+    """Weights as tensors (6,) and forgetting factors (), with respect to which `tune` differentiates."""
 
     arrival: torch.Tensor  # (6, 2): of y_0 and of d_0
     measurement: torch.Tensor
@@ -23,7 +23,7 @@ class MheWeights:
 
     @staticmethod
     def of(config: MheConfig) -> "MheWeights":
-        """The weights of a configuration, in double precision."""
+        """Return the weights of a configuration, in double precision."""
         arrival = torch.tensor([config.arrival_motion, config.arrival_acceleration], dtype=torch.float64).T
         rest = (config.measurement, config.process, config.forgetting_measurement, config.forgetting_process)
         return MheWeights(arrival, *(torch.tensor(value, dtype=torch.float64) for value in rest))
@@ -32,10 +32,10 @@ class MheWeights:
 def window_gains(
     weights: MheWeights, step: float, n: int, seen: torch.Tensor | None = None
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Gains of a window of n steps, without known input.
+    """Return the gains of a window of n steps, without known input.
 
     Args:
-        seen: (n + 1, 6) 1 where a sample counts, 0 where it is missing; default: all count.
+        step: [s].   seen: (n + 1, 6) 1 where a sample counts, 0 where it is missing; default: all count.
     Returns:
         (6, 2 (n + 1), 2) from the arrival estimate [y, d] and (6, 2 (n + 1), n + 1) from the samples to the
         trajectory [y_0 … y_n, d_0 … d_n].

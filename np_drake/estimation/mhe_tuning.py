@@ -1,4 +1,4 @@
-"""Weights by gradient: the estimate is a linear recursion whose gains are smooth functions of the weights."""
+"""Tuning of the weights by gradient: the estimate is a linear recursion whose gains are smooth in the weights."""
 
 import dataclasses as dc
 import logging
@@ -19,11 +19,11 @@ _LOG = logging.getLogger(__name__)
 def tune(
     motion: Motion, wrench: np.ndarray, config: MheConfig | None = None, *, iterations: int = 20
 ) -> MheConfig:
-    """The configuration whose estimates meet the labels of a training flight best, from `config` on.
+    """Return the configuration whose estimates fit the labels of a training flight best, starting from `config`.
 
     Loss: mean over the six channels of squared error over that of `config`. `measurement` stays, since only
     ratios within a channel matter. L-BFGS, each weight within a factor of 1000 of where it starts; the
-    best weights met on the way count, hence never worse ones than `config`.
+    best weights found on the way are returned, hence never worse ones than `config`.
 
     Args:    motion: without gaps.   wrench: (n, 6) labels [N, N·m].
     Raises:  ValueError: if the flight has gaps, or no more samples than a window.

@@ -1,4 +1,4 @@
-"""The window's quadratic program on MathematicalProgram: trajectory and noise as one would write them."""
+"""The window's quadratic program on MathematicalProgram, with trajectory and noise as its variables."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ _TOLERANCES = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11}  #
 
 
 class ProgramWindow:
-    """One program a window length, built once and updated.
+    """Solver of a window by one program a window length, built once and updated.
 
     Clarabel works on the sparse rows: 0.2 ms for 192 variables, OSQP twice as much and far less exact, Drake's
     dense equality-constrained solver 7 ms.
@@ -25,7 +25,7 @@ class ProgramWindow:
         self._programs: dict[int, _Program] = {}
 
     def solve(self, arrival: np.ndarray, y: np.ndarray, u: np.ndarray) -> np.ndarray | None:
-        """See `WindowSolver`."""
+        """Return the trajectory, see `WindowSolver`."""
         n = len(u)
         if n not in self._programs:
             self._programs[n] = _Program(self._config, self._step, n)

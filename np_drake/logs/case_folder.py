@@ -1,4 +1,4 @@
-"""A case folder: one vehicle, the flights to fit and the flights to judge with (docs/files.md: case folder)."""
+"""Case folder: one vehicle, the flights to fit and the held-out flights (docs/files.md: case folder)."""
 
 import dataclasses as dc
 from pathlib import Path
@@ -13,7 +13,10 @@ VEHICLE, TRAIN, HELD_OUT = "vehicle.yaml", "train_", "heldout"
 
 @dc.dataclass(frozen=True)
 class CaseFiles:
-    """Where everything lies. vehicle: None where nobody gave a vehicle file."""
+    """Paths of the files of a case.
+
+    vehicle: None where nobody gave a vehicle file.   train: flights to fit.   held_out: flights for evaluation.
+    """
 
     vehicle: Path | None
     train: tuple[Path, ...]
@@ -21,8 +24,9 @@ class CaseFiles:
 
 
 def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
-    """The files of a case folder, sorted by name; nothing is opened.   vehicle: in the place of the folder's.
+    """Return the files of a case folder, sorted by name; nothing is opened.
 
+    Args: vehicle: in the place of the folder's.
     Raises: ValueError: if it is no folder, or the vehicle or a flight of either kind is missing.
     """
     folder = Path(folder)
@@ -45,7 +49,7 @@ def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
 
 
 def open_flight(path: Path, vehicle: Vehicle, *, repair: bool = False) -> FlightLog:
-    """A flight to diagnose, under the name of its file, so that answers name what a user can find.
+    """Return a flight to diagnose, named as its file.
 
     Raises: LogError, OSError: one line, if the file is not usable; ValueError: on an array (.npy).
     """
@@ -56,7 +60,7 @@ def open_flight(path: Path, vehicle: Vehicle, *, repair: bool = False) -> Flight
 
 
 def open_case(folder: str | Path) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
-    """The vehicle of a case folder, its flights to fit and its flights to judge with.
+    """Return the vehicle of a case folder, its flights to fit and its held-out flights.
 
     Raises: ValueError, LogError, OSError: one line, if the folder is no case, or a file of it is not usable.
     """

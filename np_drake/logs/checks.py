@@ -1,4 +1,4 @@
-"""Is a table a usable flight log? The first fault is raised, with its place and its remedy."""
+"""Checks of a table that is to become a flight log; the first fault is raised, with its place and its remedy."""
 
 import numpy as np
 
@@ -13,7 +13,10 @@ LARGEST = 1e12  # size of a cell, time apart, beyond which it is no figure of an
 
 
 def check_table(table: Table, fields: list[str]) -> None:
-    """Raises LogError at the first fault of the fields' columns."""
+    """Check the columns of the fields.
+
+    Raises: LogError: at the first fault.
+    """
     table.require_cells()
     if len(table) < LEAST_ROWS:
         raise table.error(f"must have at least {LEAST_ROWS} rows; got {len(table)}.")
@@ -79,13 +82,17 @@ def _check_time(table: Table) -> None:
 
 
 def is_figure(table: Table, name: str) -> np.ndarray:
-    """(n,) bool: is the cell a number that can be squared? Time may count nanoseconds, which `_check_time` tells."""
+    """Return whether each cell of a column is a usable number, (n,).
+
+    It must be finite and, but for time, small enough to be squared; time may count nanoseconds, which the check of time
+    reports.
+    """
     column = table.columns[name]
     return np.isfinite(column) if name == "t" else np.abs(column) <= LARGEST
 
 
 def quaternion_norm(table: Table) -> np.ndarray:
-    """(n,) norm of q [1]."""
+    """Return the norm of q, (n,) [1]."""
     return np.linalg.norm(table.array(COLUMNS["q"]), axis=1)
 
 

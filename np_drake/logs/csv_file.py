@@ -12,7 +12,7 @@ from np_drake.logs.table import Table
 
 
 def read_csv(path: str | Path) -> Table:
-    """Reads a comma-separated file with one header line, gzip-compressed where the name ends in .gz.
+    """Read a comma-separated file with one header line, gzip-compressed where the name ends in .gz.
 
     Raises: LogError: if the file is no such table; OSError: if it cannot be opened.
     """
@@ -28,7 +28,7 @@ def read_csv(path: str | Path) -> Table:
 
 
 def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
-    """Writes columns (n,) atomically; numbers are read back bit for bit, NaN is an empty cell."""
+    """Write columns (n,) atomically; numbers are read back bit for bit, NaN is an empty cell."""
     rows = np.stack(list(columns.values()), axis=1).tolist()
     body = "\n".join(",".join(map(repr, row)) for row in rows).replace("nan", "")
     content = f"{','.join(columns)}\n{body}\n".encode()

@@ -11,7 +11,7 @@ from np_drake.logs.table import Table
 
 
 def read_parquet(path: str | Path) -> Table:
-    """Reads a Parquet file as a table of numbers; null is NaN.
+    """Read a Parquet file as a table of numbers; null is NaN.
 
     Raises: LogError: without pyarrow, or if the file is no Parquet table of numbers.
     """
@@ -33,7 +33,10 @@ def read_parquet(path: str | Path) -> Table:
 
 
 def write_parquet(path: str | Path, columns: dict[str, np.ndarray]) -> None:
-    """Writes columns (n,) atomically. Raises LogError without pyarrow."""
+    """Write columns (n,) atomically.
+
+    Raises: LogError: without pyarrow.
+    """
     pyarrow = _pyarrow(path)
     with atomic_path(path) as temporary:
         pyarrow.parquet.write_table(pyarrow.table(columns), str(temporary))

@@ -1,4 +1,4 @@
-"""Repairs a log with a few bad rows, and says what it did; refuses more than a few."""
+"""Repair of a log with a few bad rows, with notes of what was done; more than a few are refused."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ NORM_RANGE = (0.5, 2.0)  # a quaternion outside it is not normalised but interpo
 
 
 def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
-    """Drops rows out of time, bridges short gaps, interpolates bad cells, normalises quaternions.
+    """Drop rows out of time, bridge short gaps, interpolate bad cells and normalise quaternions.
 
     Every column is interpolated linearly, but a command is held.  Source: own choice.
     Returns: the repaired table (its rows are renumbered) and what was done, one line each.

@@ -1,4 +1,4 @@
-"""From flights as opened to what a predictor trains on."""
+"""Training segments of a predictor from opened flights."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ def training_segments(
     *,
     step: float = 0.02,
 ) -> list[Segment]:
-    """The uninterrupted pieces of one flight, a sample every `step` [s] (an array keeps its own step).
+    """Return the uninterrupted pieces of one flight, a sample every `step` [s] (an array keeps its own step).
 
     chi: causal labels, as seen in flight; target: zero-phase labels. An array's wrench is both.
     Raises: ValueError: if the step does not fit the log.

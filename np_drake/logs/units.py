@@ -1,4 +1,4 @@
-"""Wrong units by orders of magnitude: what was integrated must match what was measured.
+"""Detection of units that are wrong by orders of magnitude, by comparing integrated with measured quantities.
 
 Over windows of half a second, the change of position is compared with the integral of velocity, attitude
 with body rates, velocity with acceleration, each as a spread about its own mean (so a bias is not a unit).
@@ -35,7 +35,11 @@ LEAST = {
 
 
 def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) -> None:
-    """Raises LogError if a column is off by orders of magnitude. path: named in the message."""
+    """Check the units of all columns of a log.
+
+    Args: path: named in the message.   vehicle: for the weight and the strength of the rotors; None skips these.
+    Raises: LogError: if a column is off by orders of magnitude.
+    """
     m = max(1, round(WINDOW / log.step))
     if len(log) > 2 * m:
         p, v, w = _change(log.p, m), _change(log.v, m), _change(log.w, m)

@@ -1,8 +1,8 @@
 """Training of a KNODE: a network of the motion beside the nominal model, through the nominal model's own ODE.
 
-Source: Chee et al. 2022: the loss is the motion that the integrated model predicts, and no wrench label enters.
-Own choice: short windows from measured states (multiple shooting) rather than one long rollout, since an error of
-attitude grows without bound over a flight; each half of zeta is weighted by what the nominal model misses of it.
+Source: Chee et al. 2022: the loss is the error of the motion that the integrated model predicts, and no wrench label
+enters. Own choice: short windows from measured states (multiple shooting) rather than one long rollout, since an
+error of attitude grows without bound over a flight; each half of zeta is weighted by the nominal model's error in it.
 """
 
 import dataclasses as dc
@@ -21,7 +21,10 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class Piece:
-    """One uninterrupted piece of flight: x (n, 13), u (n, 4) acting from each row to the next [N, N·m], step [s]."""
+    """One uninterrupted piece of flight.
+
+    x: (n, 13).   u: (n, 4) acting from each row to the next [N, N·m].   step: [s].
+    """
 
     x: np.ndarray
     u: np.ndarray
@@ -30,7 +33,7 @@ class Piece:
 
 @dc.dataclass(frozen=True)
 class KnodeConfig:
-    """Network as Phi (two hidden layers of 128, ReLU); the rest is own choice."""
+    """Parameters of the KNODE: network as Phi (two hidden layers of 128, ReLU), the rest own choice."""
 
     width: int = 128  # neurons of a hidden layer [1]
     layers: int = 2  # hidden layers [1]
@@ -44,7 +47,10 @@ class KnodeConfig:
 
 
 def flown_pieces(log: FlightLog, vehicle: Vehicle) -> list[Piece]:
-    """The pieces of a log between rows that hold a NaN, with the command that acts by the vehicle file."""
+    """Return the pieces of a log between rows that hold a NaN.
+
+    Their command is the one that acts by the vehicle's rotor lag.
+    """
     x, u = log.x, acting_command(log, vehicle)
     good = np.isfinite(np.hstack([x, u])).all(axis=1)
     edge = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
@@ -58,8 +64,9 @@ def fit_knode(
     *,
     on_epoch: Callable[[int, int, float], None] = lambda *_: None,
 ) -> tuple[WrenchNetwork, list[float]]:
-    """The trained network, and the loss after each epoch (1: as the nominal model); deterministic by `config.seed`.
+    """Return the trained network and the loss after each epoch; deterministic by `config.seed`.
 
+    A loss of 1 is that of the nominal model.
     Raises: ValueError: if no piece is longer than a window, or the steps differ.
     """
     x, u, step = _windows(pieces, config)

@@ -33,7 +33,7 @@ def train_motion_model(
     on_epoch: Callable[[int, int, float], None] = lambda *_: None,
     **settings,
 ) -> tuple[MotionModel, list[float]]:
-    """The model called `name`, gp or knode, and its loss after each epoch (none in closed form).
+    """Return the model called `name` (gp or knode) and its loss after each epoch (none in closed form).
 
     Args: step: time between samples in flight [s].   settings: of the configuration, `seed` among them.
     Raises: ValueError: on an unknown name or setting, or flights that the model cannot learn from.

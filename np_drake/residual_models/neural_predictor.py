@@ -18,7 +18,7 @@ from np_drake.residual_models.refit_forecasts import RefitForecasts
 
 @dc.dataclass(frozen=True)
 class PredictorOptions:
-    """How a trained model flies."""
+    """Options of a trained model in flight."""
 
     torque: str = "hold"  # hold (last low-passed label) | predict
     cutoff: float = 4.0  # of the low-pass on held labels [Hz]
@@ -29,7 +29,7 @@ class PredictorOptions:
 
 
 class NeuralPredictor:
-    """z = Phi(chi) or E window;  z+ = A z + B zeta;  chi_hat = C z.   Source: Jin et al. 2025, eq. (nmpc).
+    """Neural Predictor, z = Phi(chi) or E window;  z+ = A z + B zeta;  chi_hat = C z.
 
     Where the model has `onsets`, z also holds what may have begun within the window, which takes no memory.
 
@@ -39,7 +39,7 @@ class NeuralPredictor:
     row just now; where the model has a `trust`, its memory, as trust/….
     Until `count` reaches W the forecast holds `lowpass`. A missing label is
     filled with the model's own prediction, a missing state with the last zeta; after W samples in a row
-    without, the window starts afresh.
+    without, the window starts afresh.   Source: Jin et al. 2025, eq. (nmpc).
     """
 
     def __init__(self, model: LiftedModel, options: PredictorOptions = PredictorOptions()):
@@ -65,11 +65,14 @@ class NeuralPredictor:
 
     @classmethod
     def load(cls, path: str | Path, options: PredictorOptions = PredictorOptions()) -> "NeuralPredictor":
-        """From a model file. Raises ValueError with one line on a bad file."""
+        """Return the predictor of a model file.
+
+        Raises: ValueError: one line, on a bad file.
+        """
         return cls(load_model(path), options)
 
     def initial_memory(self) -> Memory:
-        """Nothing seen yet; the forecast is zero."""
+        """Return the memory before any sample, whose forecast is zero."""
         s = self.model.system
         scalars = {name: np.zeros(1) for name in ("count", "labels", "dropped", "gap")}
         window = np.zeros((self.model.window, 12))
@@ -79,7 +82,7 @@ class NeuralPredictor:
         return memory | refit | self._fresh_trust()
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
-        """One more sample; see the class for samples with NaN."""
+        """Return the memory after one more sample; see the class for samples with NaN."""
         label, zeta = np.asarray(sample.chi, float), rigid_body.zeta(np.asarray(sample.x, float))
         labelled, seen = bool(np.isfinite(label).all()), bool(np.isfinite(zeta).all())
         new = {**memory, **self._counted(memory, labelled, labelled and seen)}
@@ -101,7 +104,10 @@ class NeuralPredictor:
         return new
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | None:
-        """The forecasts from the first full window on, as `update` would make them; None where there is no window."""
+        """Return the forecasts from the first full window on, equal to those of `update` sample by sample.
+
+        None where there is no full window.
+        """
         first, s, samples = self.model.window - 1, self.model.system, np.hstack([chi, zeta])
         if len(chi) <= first:
             return None
@@ -122,7 +128,10 @@ class NeuralPredictor:
         return RefitForecasts(first, A, B, self._C, z, offset, before)
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """Torque (unless predicted), and everything before the window is full, is held in `offset`."""
+        """Return the forecast from the lifted state.
+
+        Torque (unless predicted), and everything before the window is full, is held in `offset`.
+        """
         full = memory["count"][0] == self.model.window
         offset = memory["lowpass"].copy()
         if full:
@@ -133,7 +142,7 @@ class NeuralPredictor:
         return WrenchForecast(system.A, B, self._C, z, np.tile(offset, (horizon, 1)))
 
     def chi_hat(self, memory: Memory) -> np.ndarray:
-        """(6,) the wrench now, as the forecast begins [N, N·m]."""
+        """Return the wrench now, as the forecast begins, (6,) [N, N·m]."""
         return self.forecast(memory, horizon=1, stride=1).rollout(np.zeros((1, 6)))[0]
 
     def _lowpassed(self, chi: np.ndarray) -> np.ndarray:
@@ -187,7 +196,7 @@ class NeuralPredictor:
         return chi
 
     def system(self, memory: Memory) -> LiftedLinearSystem:
-        """The lifted linear system that flies now, at the model's step."""
+        """Return the lifted linear system in use now, at the model's step."""
         s = self.model.system
         return s if self._refit is None else LiftedLinearSystem(memory["A"], memory["B"], s.C, s.step)
 
