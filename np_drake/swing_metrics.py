@@ -33,7 +33,7 @@ def settling_time(t: np.ndarray, distance: np.ndarray) -> float:
 
 
 def half_width(values: np.ndarray) -> float:
-    """Return half the width of the 95 % interval of the mean (Student); NaN for one value, or where one is not finite."""
+    """Return half the width of the 95 % interval of the mean (Student); NaN for one value or non-finite values."""
     n = len(values)
     if n < 2 or not np.isfinite(values).all():
         return float("nan")

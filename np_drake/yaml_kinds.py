@@ -41,7 +41,7 @@ def misfit(kind: Any, value: Any, name: str, default: Any = None) -> str | None:
 
 
 def fields_of(kind: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass, or of a Drake class that lists them, with their kinds; empty for other kinds."""
+    """Return fields and their kinds of a dataclass or of a Drake class that lists them; empty for other kinds."""
     if dc.is_dataclass(kind):
         return typing.get_type_hints(kind)
     return {field.name: field.type for field in getattr(kind, "__fields__", ())}

@@ -1,4 +1,4 @@
-"""A payload under a moving hook: the wrench it puts on the quadrotor, for one pendulum or many at once."""
+"""A payload under a moving hook: its wrench on the quadrotor, for one pendulum or many at once."""
 
 import dataclasses as dc
 from collections.abc import Callable, Mapping
@@ -12,7 +12,7 @@ from np_drake.rigid_body import Q, W
 
 @dc.dataclass(frozen=True)
 class Payload:
-    """A point mass on a massless, inextensible tether."""
+    """Point mass on a massless, inextensible tether."""
 
     mass: float = 0.26  # [kg]
     length: float = 0.8  # [m]
@@ -22,7 +22,7 @@ class Payload:
 def tether_force(
     payload: Payload, r: np.ndarray, r_rate: np.ndarray, a_hook: np.ndarray, gravity: float
 ) -> np.ndarray:
-    """(..., 3) force on the hook in W [N]; zero where the tether would have to push.
+    """Return the force on the hook in W, (..., 3) [N]; zero where the tether would have to push.
 
     With r = p_ToPo_W, |r| = L, the constraint r · r'' = -|r'|² gives T/m = |r'|²/L - (r/L) · (g z + a_hook).
     Args: r, r_rate: (..., 3) payload from hook and its rate [m, m/s]; a_hook: (..., 3) of the hook [m/s²].
@@ -42,7 +42,7 @@ def swing_many(
     gravity: float,
     jumps: Mapping[int, np.ndarray] | None = None,
 ) -> np.ndarray:
-    """(n, m, 3) force on the hook per mass of the payload [m/s²] in the middle of n steps, of m pendulums.
+    """Return the force on the hook per mass of the payload, (n, m, 3) [m/s²], in the middle of n steps, of m pendulums.
 
     Leapfrog: positions in the middle of steps, velocities between; the tether's pull along r is the least that keeps
     the next position within |r| <= L, so a slack payload flies freely and a tether that snaps taut takes the outward
@@ -80,7 +80,7 @@ def _start(lengths, r, r_rate, step) -> tuple[np.ndarray, np.ndarray]:
 
 
 def across(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(..., 3) two unit vectors across unit vectors n (..., 3) and each other: x and y of W where n points down."""
+    """Return two unit vectors (..., 3) across unit vectors n (..., 3) and each other: x and y of W where n points down."""
     e_x = np.cross([0.0, 1.0, 0.0], -n)
     e_x = e_x / np.maximum(np.linalg.norm(e_x, axis=-1, keepdims=True), 1e-9)
     return e_x, np.cross(-n, e_x)
@@ -135,16 +135,16 @@ def _leapfrog(limit, now, move, kicks, pulls):
 def swing(
     payload: Payload, r: np.ndarray, r_rate: np.ndarray, a_hook: np.ndarray, step: float, gravity: float
 ) -> np.ndarray:
-    """(n, 3) force on the hook [N] in the middle of n steps with hook acceleration `a_hook` (n, 3) [m/s²].
+    """Return the force on the hook (n, 3) [N] in the middle of n steps with hook acceleration `a_hook` (n, 3) [m/s²].
 
-    From r, r_rate (3,) at the start [m, m/s]; `swing_many` of one.
+    This is `swing_many` of one pendulum.   Args: r, r_rate: (3,) at the start [m, m/s].   step: [s].
     """
     length = np.array([payload.length])
     return payload.mass * swing_many(length, r[None], r_rate[None], a_hook, step, gravity)[:, 0]
 
 
 def hook_acceleration(hook, x: np.ndarray, a: np.ndarray, al: np.ndarray) -> np.ndarray:
-    """(..., 3) acceleration of the hook p_BoTo_B (3,) in W [m/s²].
+    """Return the acceleration of the hook p_BoTo_B (3,) in W, (..., 3) [m/s²].
 
     Args: x (..., 13); a (..., 3) of Bo in W [m/s²]; al (..., 3) in B [rad/s²].
     """
@@ -153,6 +153,6 @@ def hook_acceleration(hook, x: np.ndarray, a: np.ndarray, al: np.ndarray) -> np.
 
 
 def hook_wrench(payload: Payload, q: np.ndarray, force_W: np.ndarray) -> np.ndarray:
-    """(..., 6) chi of a force (..., 3) in W that acts at the hook [N, N·m]."""
+    """Return chi (..., 6) [N, N·m] of a force (..., 3) in W that acts at the hook."""
     tau = np.cross(np.array(payload.hook), attitude.rotate_back(q, force_W))
     return np.concatenate([force_W, tau], axis=-1)
