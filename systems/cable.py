@@ -6,7 +6,7 @@ from pydrake.systems.framework import BasicVector, LeafSystem
 
 
 class Cable(LeafSystem):
-    """Spring-damper along the line from the hook to the payload; it pulls and never pushes.
+    """Spring-damper along the line from the hook to the payload, which pulls and never pushes.
 
     T = max(0, k (l - L) + c dl/dt) for l > L, else 0.
     Source: own choice; k and c keep a taut flight within 0.01 mm of a rod.
@@ -40,7 +40,7 @@ class Cable(LeafSystem):
         self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, prerequisites)
 
     def cut(self, context) -> None:
-        """Parts the cable for good: it never pulls again. `context` is the cable's own; between two AdvanceTo."""
+        """Cut the cable for good, between two AdvanceTo; `context` is the cable's own."""
         context.get_mutable_numeric_parameter(0).SetAtIndex(0, 0.0)
 
     def _pull(self, context) -> tuple[list[float], list[float], list[float]]:

@@ -1,4 +1,4 @@
-"""The wrench wrapper: effects that push and twist the body."""
+"""Wrench wrapper: effects that act on the body as force and torque."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from np_drake.vehicle import Vehicle
 
 
 class WrenchEffects(LeafSystem):
-    """Sums the wrenches of all given effects on the body.
+    """Sum of the wrenches of all given effects on the body.
 
     .. pydrake_system::
 

@@ -1,4 +1,4 @@
-"""The true wrench over the last plan, as a forecast. For tests and tables only."""
+"""True wrench over the last plan, as a forecast; for tests and tables only."""
 
 import numpy as np
 from pydrake.common.value import Value
@@ -12,7 +12,7 @@ from np_drake.residual_models.oracle import TrueModel
 
 
 class WrenchOracle(LeafSystem):
-    """Evaluates the true model along the plan of the last period.
+    """Forecast of the true model along the plan of the last period.
 
     .. pydrake_system::
 

@@ -152,9 +152,10 @@ class ActuatorEffect(Effect):
         raise NotImplementedError
 
     def respond(self, vehicle: Vehicle, t: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """Return the mean thrusts (n, 4) [N] over equal intervals that begin at t (n,) [s] and hold `command` (n, 4) [N].
+        """Return the mean thrusts (n, 4) [N] over equal intervals that begin at t (n,) [s].
 
         For a sequence that begins at rest. A memoryless effect needs no own version.
+        Args: command: (n, 4) held over each interval [N].
         """
         return self.thrust(vehicle, np.zeros(0), command, t)
 

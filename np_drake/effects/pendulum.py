@@ -80,7 +80,7 @@ def _start(lengths, r, r_rate, step) -> tuple[np.ndarray, np.ndarray]:
 
 
 def across(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return two unit vectors (..., 3) across unit vectors n (..., 3) and each other: x and y of W where n points down."""
+    """Return two unit vectors (..., 3) across n (..., 3) and each other, x and y of W where n points down."""
     e_x = np.cross([0.0, 1.0, 0.0], -n)
     e_x = e_x / np.maximum(np.linalg.norm(e_x, axis=-1, keepdims=True), 1e-9)
     return e_x, np.cross(-n, e_x)
