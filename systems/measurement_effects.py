@@ -33,7 +33,7 @@ class MeasurementEffects(LeafSystem):
     | white | sum of white_size | standard normal draws, held between samples | 1 |
     | rotor_speed | 4 | as read | rad/s |
 
-    Raises: ValueError: on an effect that shifts the clock, which no causal rig can do.
+    Raises: ValueError: on an effect that shifts the clock, which no causal sensor can do.
     """
 
     def __init__(self, vehicle: Vehicle, effects: Sequence[MeasurementEffect]):

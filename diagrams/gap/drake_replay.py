@@ -1,4 +1,4 @@
-"""Open-loop replay of flight logs in Drake: how far the simulator is from the log after 0.1 … 1 s.
+"""Open-loop replay of flight logs in Drake: error of the simulator after 0.1 … 1 s.
 
 The simulator starts from many logged states, is driven by the logged commands, and is compared with the log.
 """
@@ -40,7 +40,7 @@ class _Flight:
 
 
 class DrakeReplay:
-    """The `Replay` of `np_drake.diagnosis.result`, in Drake.
+    """Open-loop replay in Drake, a `Replay` of `np_drake.diagnosis.result`.
 
     Every effect acts through its wrapper; a sensor effect is taken out of the states of the log. An effect with an
     onset is switched on at it, in the middle of a replay if need be (infinite: never); one without any onsets acts on
@@ -48,8 +48,8 @@ class DrakeReplay:
     states, at the start and where they are compared (`smooth_states`).
 
     Args:
-        starts: a flight, evenly spread.   horizons: [s].   smooth: or take the states as logged.
-        hidden: by flight, where the payload of `suspended_payload` swings; else along the force that the flight
+        starts: number a flight, evenly spread.   horizons: [s].   smooth: whether to smooth the logged states.
+        hidden: by flight, the swing of the payload of `suspended_payload`; else along the force that the flight
             shows (`payload_track`).
     """
 
@@ -72,7 +72,7 @@ class DrakeReplay:
     def __call__(
         self, logs: list[FlightLog], effects: list[tuple[Effect, dict[str, float | None]]]
     ) -> ReplayGap:
-        """Errors over all starts of all flights.
+        """Return the errors over all starts of all flights.
 
         Raises: ValueError: where a flight is too short for the longest horizon.
         """

@@ -1,4 +1,4 @@
-"""The Drake vehicle flown open loop: from a given state, along given commands. Built once, started often."""
+"""Open-loop flight of the Drake vehicle from a given state along given commands, built once and started often."""
 
 import dataclasses as dc
 import itertools
@@ -26,27 +26,27 @@ _AT_ONCE = 3e-4  # a motor faster than this is no lag [s]
 
 @dc.dataclass(frozen=True)
 class Commands:
-    """u (n, 4) [N, N·m], row k acting from t_k (n,) [s] until t_(k+1)."""
+    """Commands u (n, 4) [N, N·m], row k acting from t_k (n,) [s] until t_(k+1)."""
 
     t: np.ndarray
     u: np.ndarray
 
     def at(self, time: float) -> np.ndarray:
-        """(4,) what acts just after `time`; the first row before the first."""
+        """Return the command (4,) that acts just after `time` [s]; the first row before the first."""
         return self.u[max(int(np.searchsorted(self.t, time + 1e-9, side="right")) - 1, 0)]
 
     def changes(self, start: float, stop: float) -> np.ndarray:
-        """Times strictly between start and stop at which another row begins to act."""
+        """Return the times strictly between start and stop at which another row begins to act [s]."""
         first, last = np.searchsorted(self.t, [start + 1e-9, stop - 1e-9])
         return self.t[first:last]
 
     def later(self, dead_time: float) -> "Commands":
-        """The same commands, arriving `dead_time` [s] later."""
+        """Return the commands, arriving `dead_time` [s] later."""
         return Commands(self.t + dead_time, self.u) if dead_time else self
 
 
 class Swing(NamedTuple):
-    """Payload from hook r (3,) [m], its rate (3,) [m/s], and the hook's acceleration (3,) [m/s²], all in W."""
+    """State of the payload at the hook: r (3,) [m], its rate (3,) [m/s], and the hook's acceleration (3,) [m/s²], in W."""
 
     r: np.ndarray
     r_rate: np.ndarray
@@ -54,7 +54,10 @@ class Swing(NamedTuple):
 
 
 class Rollout:
-    """One vehicle with one set of effects, each by its wrapper; the payload as a body. Sensors are not part of it."""
+    """One vehicle with one set of effects, each by its wrapper, and the payload as a body.
+
+    Sensors are not part of it.
+    """
 
     def __init__(self, vehicle: Vehicle, effects: Sequence[Effect]):
         self._vehicle = vehicle
@@ -87,9 +90,9 @@ class Rollout:
     def fly(
         self, x: np.ndarray, commands: Commands, times: np.ndarray, swing: Swing | None = None
     ) -> np.ndarray:
-        """(len(times) - 1, 13) states at times[1:] [s] of a flight that is in `x` (13,) at times[0].
+        """Return the states (len(times) - 1, 13) at times[1:] [s] of a flight that is in `x` (13,) at times[0].
 
-        Motors and delays have run on the commands before it for `lead` seconds. NaN once it got lost.
+        Motors and delays have run on the commands before it for `lead` seconds. NaN once the vehicle is lost.
         """
         commands = commands.later(self._dead_time)
         begin = max(times[0] - self.lead, min(commands.t[0], times[0]))

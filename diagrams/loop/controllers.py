@@ -1,4 +1,4 @@
-"""Controllers by name: the same MPC with another residual model."""
+"""Controllers by name: one MPC with different residual models."""
 
 import dataclasses as dc
 from pathlib import Path
@@ -34,7 +34,7 @@ CONTROLLERS = ("nominal", "hold", "observer", "oracle", *LEARNED)
 
 @dc.dataclass
 class ControllerConfig:
-    """Which controller flies, and how."""
+    """Kind of controller, its residual model, solver and timing."""
 
     kind: str = "nominal"  # nominal | hold | observer | oracle | np | gp | knode
     extra_mass: float = 0.0  # that controller and estimator are told to add to the vehicle's [kg]
@@ -47,7 +47,10 @@ class ControllerConfig:
     label: LabelConfig = dc.field(default_factory=LabelConfig)
 
     def check(self) -> "ControllerConfig":
-        """Returns self; raises ValueError on an unknown kind or solver or steps that do not fit."""
+        """Return self after checking kind, solver and steps.
+
+        Raises: ValueError: on an unknown kind or solver or steps that do not fit.
+        """
         self.mpc.check()
         self.label.check()
         if self.kind not in CONTROLLERS:
@@ -73,17 +76,17 @@ class ControllerConfig:
         return self
 
     def believed(self, vehicle: Vehicle) -> Vehicle:
-        """The vehicle that controller and estimator reckon with."""
+        """Return the vehicle that controller and estimator assume."""
         return vehicle.with_mass(vehicle.mass + self.extra_mass)
 
     @property
     def stride(self) -> int:
-        """Predictor steps in one MPC step."""
+        """Number of predictor steps in one MPC step."""
         return max(1, round(self.mpc.step / self.period))
 
 
 def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel | None:
-    """The residual model of `config.kind`; None for nominal and for the oracle, which is no model."""
+    """Return the residual model of `config.kind`; None for nominal and for the oracle, which is no model."""
     if config.kind == "hold":
         band = config.hold_bandwidth
         return Hold(step=config.period, force_bandwidth=band, torque_bandwidth=band)
@@ -101,9 +104,9 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
 
 
 def labelled(vehicle: Vehicle, model: ResidualModel | None) -> Vehicle:
-    """The vehicle that labels for `model` reckon with: with the rotor lag that it has learned.
+    """Return the vehicle that the labels for `model` assume, with the rotor lag that the model has learned.
 
-    Where the vehicle's file names a lag, that one stays.
+    A lag named in the vehicle's file takes precedence.
     """
     lag = model.rotor_lag if isinstance(model, KnowsRotorLag) else 0.0
     return dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)
@@ -145,12 +148,13 @@ def add_controller(
     true_model: TrueModel | None = None,
     model: ResidualModel | None = None,
 ) -> dict[str, OutputPort]:
-    """Adds reference source, estimator, predictor and MPC; returns their vector ports by signal name.
+    """Add reference source, estimator, predictor and MPC, and return their vector ports by signal name.
 
     Args:
         vehicle: the nominal vehicle.   rig: has the measured `x` and `acceleration`.
         truth, true_model: the real vehicle and all that acts on it; for the oracle alone.
-        model: flies in place of the one that `config` names.
+        model: used in place of the one that `config` names.
+    Raises: ValueError: if an oracle lacks the real vehicle.
     """
     believed = config.believed(vehicle)
     N, period = config.mpc.horizon, config.period

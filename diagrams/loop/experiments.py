@@ -1,4 +1,4 @@
-"""The experiments by name: scenario files in `diagrams/scenarios`."""
+"""Experiments by name: scenario files in `diagrams/scenarios`."""
 
 from pathlib import Path
 
@@ -9,7 +9,10 @@ EXPERIMENTS = ("circle", "lemniscate", "training_circle", "plain_circle", "hover
 
 
 def load_experiment(name: str) -> FlightConfig:
-    """The experiment called `name`, or the scenario file at that path. Raises ValueError where there is none."""
+    """Return the experiment called `name`, or the scenario file at that path.
+
+    Raises: ValueError: where there is none.
+    """
     if name in EXPERIMENTS:
         return load_flight(str(FOLDER / f"{name}.yaml"))
     if name.endswith((".yaml", ".yml")):

@@ -24,7 +24,7 @@ EARLY = 2.0  # after the impulse: what comes later is a swing that every predict
 
 @dc.dataclass(frozen=True)
 class HoverRow(Row):
-    """A controller, and what it pays for the predicted swing."""
+    """Row of the table, with the controller's weight on the predicted swing."""
 
     weight_swing: float = 0.0  # [1/N²]
     weight_rate: float | None = None  # on body rates; None: the frozen weight [s²/rad²]
@@ -46,12 +46,12 @@ ROWS = (
 
 
 def hover_config(row: HoverRow, *, solver: str, model: str = "") -> FlightConfig:
-    """The hover experiment flown by `row`."""
+    """Return the hover experiment with the controller of `row`."""
     return configure_row("hover", row, solver=solver, model=model)
 
 
 def configure_row(experiment: str, row: HoverRow, *, solver: str, model: str = "") -> FlightConfig:
-    """Any experiment flown by `row`, with what it pays for the swing."""
+    """Return any experiment with the controller of `row` and its weight on the swing."""
     config = configure(experiment, row, solver=solver, model=model)
     config.controller.mpc.weight_swing = row.weight_swing
     if row.weight_rate is not None:
@@ -60,13 +60,16 @@ def configure_row(experiment: str, row: HoverRow, *, solver: str, model: str = "
 
 
 def fly_hover(row: HoverRow, *, model: str, seed: int, solver: str) -> FlightResult:
-    """Hover; the payload gets its impulse where scoring begins."""
+    """Fly a hover in which the payload gets its impulse where scoring begins."""
     config = hover_config(row, solver=solver, model=model)
     return fly(config, seed=seed, events=[push(config.reference.ramp, [IMPULSE, 0.0, 0.0])])
 
 
 def swing_course(flight: FlightResult) -> tuple[np.ndarray, np.ndarray]:
-    """Time since the impulse [s] and the payload's horizontal distance from the origin [m], (n,) each."""
+    """Return the time since the impulse [s] and the payload's horizontal distance from the origin [m], (n,) each.
+
+    Raises: ValueError: if the payload does not hang on a cable.
+    """
     if flight.payload_position is None:
         raise ValueError("hover: the payload must hang on a cable.")
     rows = flight.scored
@@ -75,7 +78,7 @@ def swing_course(flight: FlightResult) -> tuple[np.ndarray, np.ndarray]:
 
 
 def hover_metrics(flight: FlightResult) -> dict:
-    """The figures of `KEYS` [m, 1/s, s], solver times and failures, of one flight.
+    """Return the metrics of `KEYS` [m, 1/s, s], solver times and failures, of one flight.
 
     early, late: position RMSE up to `EARLY` after the impulse and from then on.
     """
@@ -121,7 +124,10 @@ def run_hover(
     jobs: int = 2,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict]:
-    """All rows and seeds: row, seed, metrics, course (t, distance); in the order of `rows`, then of `seeds`."""
+    """Fly all rows and seeds and return row, seed, metrics and course (t, distance) of each.
+
+    They are in the order of `rows`, then of `seeds`.
+    """
     models = train_models(rows, folder, seed=training_seed, solver=solver)
     tasks = [
         (row, models.get((row.training, row.configuration), ""), seed, solver)
@@ -132,7 +138,10 @@ def run_hover(
 
 
 def hover_table(runs: list[dict]) -> list[dict]:
-    """One line a row: mean of every figure over the seeds, half width of its 95 % interval, and cuts to nominal."""
+    """Return one line a row: the mean of every metric over the seeds, half width of its 95 % interval, and reductions.
+
+    Reductions are relative to nominal.
+    """
     lines = []
     base = {key: _mean(runs, "nominal", key) for key in ("position_rmse", "late", "E_xy")}
     for name in dict.fromkeys(run["row"] for run in runs):
@@ -162,7 +171,7 @@ def _mean(runs: list[dict], row: str, key: str) -> float:
 
 
 def verdict(lines: list[dict]) -> list[str]:
-    """What the table shows, in words: cuts, growing swings, and whether active damping does what it is for."""
+    """Return the findings of the table in words: reductions, growing swings, and the effect of active damping."""
     by = {line["row"]: line for line in lines}
     said = []
     if "np" in by and "nominal" in by:

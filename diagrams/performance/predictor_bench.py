@@ -1,4 +1,4 @@
-"""One sample of a predictor in flight, against the plain way of doing it: the pseudo-inverse of the window."""
+"""Run time of one sample of a predictor in flight, against the pseudo-inverse of the window."""
 
 import dataclasses as dc
 import time
@@ -24,7 +24,9 @@ REFERENCE, STABLE_REFERENCE = "pseudo-inverse", "pseudo-inverse, made stable"
 
 @dc.dataclass(frozen=True)
 class Timing:
-    """median, p95: of one sample, refit (where there is one), lift and 20 steps [ms].   ratio: of medians, to the
+    """Run time of one predictor.
+
+    median_ms, p95_ms: of one sample, refit (where there is one), lift and 20 steps [ms].   ratio: of medians, to the
     pseudo-inverse in the same run [1].
     """
 
@@ -35,7 +37,7 @@ class Timing:
 
 
 class PseudoInverse:
-    """[A B] = Z+ pinv([Z, zeta]) of the newest 40 samples, Z = Phi(chi): least squares as in the paper, no prior.
+    """Least squares [A B] = Z+ pinv([Z, zeta]) of the newest 40 samples, Z = Phi(chi), as in the paper, no prior.
 
     stable: with A then pulled into the unit circle, as `paper` does; without, its rollout diverges on real flights.
     """
@@ -46,7 +48,7 @@ class PseudoInverse:
         self._window = np.zeros((model.window, 12))
 
     def __call__(self, chi: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-        """(20, 6) forecast from one more sample, the motion held."""
+        """Return the forecast (20, 6) from one more sample, the motion held."""
         self._window = np.concatenate([self._window[1:], np.concatenate([chi, zeta])[None]])
         z = self._phi(self._window[:, :6])
         solution = np.linalg.pinv(np.hstack([z[:-1], self._window[:-1, 6:]])) @ z[1:]
@@ -57,14 +59,14 @@ class PseudoInverse:
 
 
 class InFlight:
-    """A predictor fed as the controller feeds it."""
+    """Predictor that is fed as the controller feeds it."""
 
     def __init__(self, model: LiftedModel):
         self._dut = NeuralPredictor(model)
         self._memory = self._dut.initial_memory()
 
     def __call__(self, chi: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-        """(20, 6) forecast from one more sample, the motion held."""
+        """Return the forecast (20, 6) from one more sample, the motion held."""
         x = np.concatenate([np.zeros(3), [1.0, 0.0, 0.0, 0.0], zeta])
         self._memory = self._dut.update(self._memory, Sample(x, np.zeros(4), chi))
         forecast = self._dut.forecast(self._memory, horizon=HORIZON, stride=1)
@@ -72,7 +74,7 @@ class InFlight:
 
 
 def made_flight(samples: int, seed: int) -> Segment:
-    """Smooth force and torque driven by a smooth motion: windows as singular as those of real flights."""
+    """Return smooth force and torque driven by a smooth motion, with windows as singular as those of real flights."""
     draw, t = np.random.default_rng(seed), STEP * np.arange(samples)[:, None, None]
     rate, phase = draw.uniform(2.0, 25.0, (12, 8)), draw.uniform(0, 2 * np.pi, (12, 8))
     waves = np.sin(rate * t + phase).sum(axis=2)
@@ -80,7 +82,7 @@ def made_flight(samples: int, seed: int) -> Segment:
 
 
 def models(seed: int) -> dict[str, LiftedModel]:
-    """All configurations, trained briefly: time does not depend on how well they predict."""
+    """Return all configurations, trained briefly, since run time does not depend on how well they predict."""
     segment = made_flight(SAMPLES, seed)
     configs = {
         "paper": make_config(PAPER, seed=seed, epochs=1),
@@ -91,7 +93,7 @@ def models(seed: int) -> dict[str, LiftedModel]:
 
 
 def predictor_timings(seed: int, *, repeats: int = 1000) -> list[Timing]:
-    """All of them and the pseudo-inverse, taking turns at blocks of one made flight."""
+    """Time all predictors and the pseudo-inverse, taking turns at blocks of one synthetic flight."""
     trained = models(seed)
     paper = trained["paper"]
     duts: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {

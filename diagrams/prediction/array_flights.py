@@ -1,4 +1,4 @@
-"""The real flights of the paper's estimation table: arrays of wrench and motion."""
+"""Real flights of the paper's estimation table: arrays of wrench and motion."""
 
 import dataclasses as dc
 from pathlib import Path
@@ -21,13 +21,19 @@ class Flight:
 
     @property
     def jerk(self) -> np.ndarray:
-        """(n,) size of the third derivative of position [m/s³]; the arrays hold f = m (specific force - g e_z)."""
+        """Magnitude of the third derivative of position, (n,) [m/s³].
+
+        The arrays hold f = m (specific force - g e_z).
+        """
         s = self.segment
         return jerk(s.chi[:, :3] / MASS + GRAVITY, s.zeta[:, 3:], s.step)
 
 
 def flights(folder: Path) -> list[Flight]:
-    """Training segment and test flights. Raises OSError, LogError where one is missing or cannot be read."""
+    """Return the training segment and the test flights.
+
+    Raises: OSError, LogError: where one is missing or cannot be read.
+    """
     names = {TRAINING: "training segment", **TESTS}
     found = [(name, read_neurobem_npy(folder / "npy" / f"{stem}.npy")) for stem, name in names.items()]
     return [Flight(name, Segment(s.chi, s.zeta, s.step)) for name, s in found]

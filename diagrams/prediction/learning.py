@@ -1,4 +1,4 @@
-"""From a simulated training flight to a model file."""
+"""Training on a simulated flight, up to the model file."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,7 +25,7 @@ def train_predictor(
     seed: int = 0,
     on_epoch: Callable[[int, int, float], None] = lambda *_: None,
 ) -> TrainingResult:
-    """Trains on the flight's log after the ramp and writes the model file.
+    """Train on the flight's log after the ramp and write the model file.
 
     Raises: ValueError: on an unknown configuration.
     """
@@ -46,7 +46,10 @@ def train_predictor(
 
 
 def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0) -> MotionModel:
-    """The same for gp and knode. Raises: ValueError: on another name."""
+    """Train a model without memory, gp or knode, on the flight's log after the ramp and write the model file.
+
+    Raises: ValueError: on another name.
+    """
     controller = flight.config.controller
     model, _ = train_motion_model(
         name,

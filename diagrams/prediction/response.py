@@ -1,4 +1,4 @@
-"""How many milliseconds a prediction is behind the label in the aggressive parts of the real flights."""
+"""Lag of a prediction behind the label in the aggressive parts of the real flights."""
 
 from collections.abc import Callable, Sequence
 
@@ -27,10 +27,11 @@ def response_lines(
     horizons: Sequence[int] = HORIZONS,
     on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> list[dict]:
-    """One a flight, row and horizon: force_lag and torque_lag [s] (NaN: none), force_correlation, torque_correlation.
+    """Return one line a flight, row and horizon.
 
-    models: configuration -> trained on the training segment.   config: of the row trained on all other flights, which
-    is left out without it.
+    Its fields are force_lag and torque_lag [s] (NaN: none), force_correlation, torque_correlation [1].
+    Args: models: configuration -> trained on the training segment.   config: of the row trained on all other flights,
+    which is left out without it.
     """
     lines: list[dict] = []
     for number, flight in enumerate(tests):
@@ -70,7 +71,10 @@ def _lags(chi_hat: np.ndarray, instants: np.ndarray, flight: Flight, wanted: np.
 
 
 def printed(lines: list[dict]) -> tuple[str, list[str], list[tuple]]:
-    """Title, header and rows: mean over flights, its 95 % interval, and the flights where there is a lag at all."""
+    """Return title, header and rows of the table.
+
+    They hold the mean over flights, its 95 % interval, and the number of flights where there is a lag at all.
+    """
     rows, horizons = [], sorted({line["horizon"] for line in lines})
     for row in dict.fromkeys(line["row"] for line in lines):
         cells = []

@@ -1,4 +1,4 @@
-"""Error against the number of training samples, on race track 1, beside what the paper says of its own."""
+"""Error against the number of training samples, on race track 1, beside the paper's own."""
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
@@ -34,7 +34,7 @@ PUBLISHED: tuple[dict[str, Any], ...] = (
 
 @dc.dataclass(frozen=True)
 class Point:
-    """RMSE over the flight of all models of one kind and size: the mean, smallest and largest over training pieces.
+    """RMSE over the flight of all models of one kind and size: mean, smallest and largest over training pieces.
 
     samples: 0 for a row without training.   force, torque: (mean, low, high) [N], [N·m].
     """
@@ -48,7 +48,7 @@ class Point:
 
 
 def pieces(segment: Segment, samples: int) -> list[Segment]:
-    """All disjoint pieces of so many samples, from the start of the segment on."""
+    """Return all disjoint pieces of so many samples, from the start of the segment on."""
     starts = range(0, len(segment) - samples + 1, samples)
     return [
         Segment(segment.chi[k : k + samples], segment.zeta[k : k + samples], segment.step) for k in starts
@@ -64,8 +64,9 @@ def sample_efficiency(
     horizons: Sequence[int] = HORIZONS,
     on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> list[Point]:
-    """Every kind of model at every size; configs: configuration -> settings.
+    """Train and test every kind of model at every size.
 
+    Args: configs: configuration -> settings.
     Raises: ValueError: if the training segment is shorter than a size.
     """
     if len(training.segment) < max(sizes):
@@ -123,7 +124,10 @@ def _triple(values: np.ndarray) -> tuple[float, float, float]:
 
 
 def efficiency_figure(points: list[Point], step: float, title: str) -> Figure:
-    """Force above, torque below, a column a horizon; whiskers from the best to the worst training piece."""
+    """Plot force above, torque below, a column a horizon; whiskers from the best to the worst training piece.
+
+    Args: step: of the flight [s].
+    """
     horizons = sorted({p.horizon for p in points})
     figure, axes = new_figure(2, len(horizons), width=9.0, height=5.6, sharex="col")
     names = {PAPER: "ours, `paper`", DEFAULT: "ours, `default`", DMDC: DMDC}

@@ -1,6 +1,7 @@
-"""How far does each controller carry? The circle with one figure changed: payload, motion, air, sensors or motors.
+"""Robustness of every controller: the circle with one quantity changed in payload, motion, air, sensors or motors.
 
-Models are trained once, on the standard training flight, and flown everywhere: what is tested is how they generalise.
+Models are trained once, on the standard training flight, and flown everywhere, so that their generalisation is
+tested.
 """
 
 import base64
@@ -36,7 +37,7 @@ Progress = Callable[[int, int], None]
 
 @dc.dataclass(frozen=True)
 class Axis:
-    """A figure that is varied while the others stay at their base."""
+    """A quantity that is varied while the others stay at their base."""
 
     name: str
     title: str
@@ -45,7 +46,7 @@ class Axis:
     values: tuple[float, ...]
 
     def says(self, value: float) -> str:
-        """The value with its unit; `× 2` of a factor."""
+        """Return the value with its unit; `× 2` of a factor."""
         return f"× {value:g}" if self.unit == "1" else f"{value:g} {self.unit}"
 
 
@@ -61,7 +62,10 @@ BASE = {axis.name: axis.base for axis in AXES}
 
 
 def flight_config(case: Case, *, solver: str, model: str = "", duration: float = SCORED) -> FlightConfig:
-    """The circle as the case has it.   model: file of the row's model.   duration: after the ramp [s]."""
+    """Return the circle as the case has it.
+
+    Args: model: file of the row's model.   duration: after the ramp [s].
+    """
     row = next(row for row in ROWS if row.name == case["row"])
     config = configure(TRACK, row, solver=solver, model=model)
     reality, noise = config.reality, config.reality.noise
@@ -84,12 +88,13 @@ def flight_config(case: Case, *, solver: str, model: str = "", duration: float =
 
 @dc.dataclass(frozen=True)
 class Training:
-    """The work of a training case: {"model": configuration} -> {"file": model file in base 64}."""
+    """Work of a training case: {"model": configuration} -> {"file": model file in base 64}."""
 
     seed: int
     solver: str
 
     def __call__(self, case: Case) -> dict:
+        """Train the model of the case."""
         row = next(row for row in ROWS if row.configuration == case["model"])
         with tempfile.TemporaryDirectory() as folder:
             files = train_models((row,), Path(folder), seed=self.seed, solver=self.solver)
@@ -98,13 +103,17 @@ class Training:
 
 @dc.dataclass(frozen=True)
 class Flying:
-    """The work of a flight: case -> `measures`.   models: model files by configuration."""
+    """Work of a flight: case -> `measures`.
+
+    models: model files by configuration.   duration: after the ramp [s].
+    """
 
     models: dict[str, bytes]
     solver: str
     duration: float = SCORED
 
     def __call__(self, case: Case) -> dict:
+        """Fly the case and return its measures."""
         row, signals, why = next(row for row in ROWS if row.name == case["row"]), None, ""
         with tempfile.TemporaryDirectory() as folder:
             model = Path(folder) / "model.safetensors"
@@ -119,7 +128,7 @@ class Flying:
 
 
 def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = "") -> dict:
-    """Figures of a flight until it is lost, and of its steady window where it is not.
+    """Return the metrics of a flight until it is lost, and of its steady window where it is not.
 
     Returns:
         lost_at: when [s], or None; with `lost`: the simulator's line, where it ended the flight.
@@ -166,7 +175,7 @@ def _largest_swing(plant_state: np.ndarray) -> float | None:
 def flight_cases(
     rows: Sequence[Row], seeds: Sequence[int], models: dict[str, bytes], axes: Sequence[Axis] = AXES
 ) -> list[Case]:
-    """Every row at every value of every axis with every seed; the base, which all axes share, once.
+    """Return every row at every value of every axis with every seed; the base, which all axes share, once.
 
     A case names its model by the digest of its file, so that no result of another one is taken for it.
     """
@@ -194,7 +203,7 @@ def run_robustness(
     on_training: Progress = lambda done, total: None,
     on_progress: Progress = lambda done, total: None,
 ) -> tuple[list[Record], list[Record]]:
-    """Trains what `rows` need, then flies every case; see `run_campaign` for folder, jobs and scheduler.
+    """Train what `rows` need, then fly every case; see `run_campaign` for folder, jobs and scheduler.
 
     Returns: the records of the trainings and of the flights. Rows whose training failed do not fly.
     """
@@ -211,7 +220,7 @@ def run_robustness(
 
 
 def campaign_config(training_seed: int, solver: str, duration: float = SCORED) -> dict:
-    """All that the results depend on beside the case itself."""
+    """Return all that the results depend on beside the case itself."""
     base = flight_config({"row": "nominal", "seed": 0, **BASE}, solver=solver, duration=duration)
     return {
         "solver": solver, "training": TRAINING, "training_seed": training_seed, "mpc": frozen_weights(),

@@ -1,4 +1,4 @@
-"""The tracking comparison: every controller on circle and lemniscate, several seeds, one trained model a row."""
+"""Tracking comparison: every controller on circle and lemniscate, several seeds, one trained model a row."""
 
 import dataclasses as dc
 from collections.abc import Callable
@@ -30,7 +30,10 @@ PAPER = {
 
 @dc.dataclass(frozen=True)
 class Row:
-    """One line of the table: a controller, what it is told, and what its predictor was trained on."""
+    """One row of the table: a controller, what it is given, and what its predictor was trained on.
+
+    kind: see `ControllerConfig`.   told_mass: whether controller and estimator know the payload's mass.
+    """
 
     name: str
     kind: str
@@ -41,7 +44,7 @@ class Row:
 
     @property
     def published(self) -> dict[str, tuple[float, float]]:
-        """The paper's figures of this controller by track, where it has any."""
+        """Errors of this controller in the paper by track, (E_xy, E_z) [m]; empty where it has none."""
         return {} if self.told_mass else PAPER.get(self.kind, {})
 
 
@@ -66,7 +69,7 @@ ROWS = (
 
 
 def configure(track: str, row: Row, *, solver: str, model: str = "") -> FlightConfig:
-    """The experiment `track` flown by `row`."""
+    """Return the experiment `track` with the controller of `row`."""
     config = load_experiment(track)
     controller = config.controller
     controller.kind, controller.solver = row.kind, solver
@@ -78,7 +81,7 @@ def configure(track: str, row: Row, *, solver: str, model: str = "") -> FlightCo
 
 
 def training_flight(experiment: str, *, seed: int, solver: str, monitor=None) -> FlightResult:
-    """The 60 s that a predictor learns from, flown by the nominal MPC."""
+    """Fly the experiment that a predictor learns from (60 s) with the nominal MPC."""
     config = load_experiment(experiment)
     config.controller.kind, config.controller.solver = "nominal", solver
     return fly(config, seed=seed, monitor=monitor)
@@ -87,7 +90,7 @@ def training_flight(experiment: str, *, seed: int, solver: str, monitor=None) ->
 def train_models(
     rows: tuple[Row, ...], folder: Path, *, seed: int, solver: str
 ) -> dict[tuple[str, str], str]:
-    """One model file for every (training experiment, configuration) that `rows` name."""
+    """Train one model for every (training experiment, configuration) of `rows` and return their files."""
     files: dict[tuple[str, str], str] = {}
     flights: dict[str, FlightResult] = {}
     for row in rows:
@@ -133,7 +136,7 @@ def run_tracking(
     on_progress: Callable[[int, int], None] = lambda done, total: None,
     on_lap: Callable[[dict, dict[str, np.ndarray]], None] = lambda summary, lap: None,
 ) -> list[dict]:
-    """All rows on all tracks and seeds; the `fly` summaries, each with its row's name.
+    """Fly all rows on all tracks and seeds and return the `fly` summaries, each with its row's name.
 
     Args: on_lap: called with a summary and x_true, p_ref (n, 2) [m] of that flight's last lap.
     """
@@ -152,8 +155,10 @@ def run_tracking(
 
 
 def table(summaries: list[dict], rows: tuple[Row, ...] = ROWS) -> list[dict]:
-    """E_xy and E_z [m] by row (in the order of `rows`) and track: mean over seeds with 95 % interval (Student) and
-    standard deviation, and the cut to nominal.
+    """Return E_xy and E_z [m] by row (in the order of `rows`) and track.
+
+    They are means over seeds with 95 % interval (Student) and standard deviation, and the reduction relative to
+    nominal.
     """
     order = {row.name: number for number, row in enumerate(rows)}
     lines = []
@@ -182,5 +187,5 @@ def _deviation(values: np.ndarray) -> float:
 
 
 def frozen_weights() -> dict:
-    """The MPC configuration that every row flies with."""
+    """Return the MPC configuration of every row."""
     return dc.asdict(load_experiment("circle").controller.mpc)

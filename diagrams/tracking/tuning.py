@@ -1,4 +1,4 @@
-"""The MPC's weights, chosen once on the vehicle without payload."""
+"""Selection of the MPC's weights on the vehicle without payload."""
 
 import dataclasses as dc
 import itertools
@@ -45,9 +45,9 @@ def weight_table(
     jobs: int = 2,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict]:
-    """Every combination of the factors, best first: least E_xy within the effort allowed.
+    """Return every combination of the factors, best first: least E_xy within the effort allowed.
 
-    Factors 1, 1 are what is frozen in `MpcConfig`.
+    Factors 1, 1 are those of `MpcConfig`.   Args: duration: of a flight, after the ramp [s].
     """
     grid = list(itertools.product(POSITION, TORQUE))
     work = partial(_score, seed=seed, duration=duration)
