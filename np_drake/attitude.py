@@ -4,13 +4,13 @@ import numpy as np
 
 
 def _components(r: np.ndarray) -> tuple | list:
-    """The last axis, unpacked; of a single vector as plain floats, which are ten times as fast."""
+    """Unpack the last axis; a single vector gives plain floats, which are ten times as fast."""
     r = np.asarray(r)
     return r.tolist() if r.ndim == 1 else tuple(r[..., i] for i in range(r.shape[-1]))
 
 
 def _vector(*components) -> np.ndarray:
-    """The inverse of `_components`."""
+    """Stack components on the last axis, the inverse of `_components`."""
     if isinstance(components[0], float):
         return np.array(components)
     out = np.empty((*np.shape(components[0]), len(components)))

@@ -114,7 +114,7 @@ class LabelFilter:
         return {"started": np.ones(1), "rotor": rotor, "state": state}, chi
 
     def _lagged(self, rotor: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rotor speed and wrench after `u` acted for one step; a NaN command leaves the speed."""
+        """Return rotor speed and wrench after `u` acted for one step; a NaN command leaves the speed."""
         if self._decay == 0.0:
             return rotor, u
         if not np.all(np.isfinite(u)):

@@ -37,7 +37,7 @@ def learned_rotor_lag(flights: Sequence[tuple[FlightLog, Vehicle]]) -> float:
 
 
 def _restlessness(flights: Sequence[tuple[FlightLog, Vehicle]], lag: float) -> float:
-    """Sum over thrust, roll and pitch of log mean square of a step of the raw label."""
+    """Return the sum over thrust, roll and pitch of the log mean square of a step of the raw label."""
     steps = []
     for log, vehicle in flights:
         raw = raw_labels(log, dc.replace(vehicle, rotor_time_constant=lag))

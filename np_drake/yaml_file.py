@@ -36,7 +36,10 @@ def load_checked(schema: type, path: str | Path, kind: str) -> Any:
 
 
 def _require_once(root: yaml.Node | None) -> None:
-    """Raises where a field stands twice, of which a reader would take the last."""
+    """Check that no field stands twice, since a reader would take the last.
+
+    Raises: an error of the reader: if one does.
+    """
     left: list[tuple[str, yaml.Node | None]] = [("", root)]
     seen: set[int] = set()
     while left:
@@ -51,7 +54,7 @@ def _require_once(root: yaml.Node | None) -> None:
 
 
 def _fields_once(name: str, node: yaml.MappingNode) -> list[tuple[str, yaml.Node]]:
-    """Name and value of every field of `name`, empty for the whole file; merge keys may stand twice."""
+    """Yield name and value of every field of `name`, empty for the whole file; merge keys may stand twice."""
     lines: dict[str, int] = {}
     found = []
     for key, value in node.value:
@@ -64,7 +67,10 @@ def _fields_once(name: str, node: yaml.MappingNode) -> list[tuple[str, yaml.Node
 
 
 def _require_kinds(schema: type, content: Any, default: Any) -> None:
-    """Before Drake reads it, whose errors do not always name the field. default: of `schema`."""
+    """Check the kinds of all values before Drake reads them, whose errors do not always name the field.
+
+    Args: default: of `schema`.
+    """
     if content is None:
         raise ValueError("it is empty; at least one field must be named.")
     reason = misfit(schema, content, "", default)
@@ -73,7 +79,7 @@ def _require_kinds(schema: type, content: Any, default: Any) -> None:
 
 
 def _remedy(schema: type, reason: str) -> str:
-    """Where a field is not known, those that are like it; else all of the schema's own."""
+    """Return fields like an unknown one; where there is none, all fields of the schema."""
     unknown = re.search(r"fields \[(.*?)\] were unknown", reason)
     if unknown is None:
         return ""
@@ -86,7 +92,7 @@ def _remedy(schema: type, reason: str) -> str:
 
 
 def _fields(schema: Any) -> list[str]:
-    """Names of all fields of a dataclass, and of those that its fields hold."""
+    """Return the names of all fields of a dataclass, and of those that its fields hold."""
     kinds = fields_of(schema)
     found = list(kinds)
     for kind in kinds.values():

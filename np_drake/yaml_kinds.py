@@ -58,7 +58,7 @@ def _first(sentences: Iterable[str | None]) -> str | None:
 
 
 def _item(kind: Any) -> Any:
-    """Kind of what a list holds; None for other kinds."""
+    """Return the kind of a list's items; None for other kinds."""
     return typing.get_args(kind)[0] if typing.get_origin(kind) is list else None
 
 
@@ -75,7 +75,7 @@ def _suits(kind: Any, value: Any) -> bool:
 
 
 def _is_number(value: Any, *, whole: bool) -> bool:
-    """Also as text, for YAML 1.1 takes 1e-5, without a point, for text."""
+    """Return whether the value is a number, also as text, for YAML 1.1 takes 1e-5, without a point, for text."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return False
     try:

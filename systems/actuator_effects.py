@@ -60,7 +60,7 @@ class ActuatorEffects(LeafSystem):
         context.SetContinuousState(self._resting_state(thrust))
 
     def _chain(self, context) -> tuple[list[np.ndarray], np.ndarray]:
-        """What each effect is commanded, and the thrust after the last [N]."""
+        """Return the command of each effect, and the thrust after the last [N]."""
         state = context.get_continuous_state_vector().CopyToVector()
         commands, thrust, t = [], self._command_port.Eval(context), context.get_time()
         for effect, where in zip(self._effects, self._slices, strict=True):

@@ -44,7 +44,7 @@ class Cable(LeafSystem):
         context.get_mutable_numeric_parameter(0).SetAtIndex(0, 0.0)
 
     def _pull(self, context) -> tuple[list[float], list[float], list[float]]:
-        """Force on B in W, moment about Bo in W, and the state as a list. Plain floats: this is the inner loop."""
+        """Return force on B in W, moment about Bo in W, and the state as a list, in plain floats for speed."""
         s = self._state_port.Eval(context).tolist()
         w, x, y, z = s[0:4]
         hx, hy, hz = self._hook

@@ -101,7 +101,7 @@ def make_cooperative_quadrotors(
 def _make_one(
     plant, vehicle: Vehicle, payload: PayloadConfig, *, number: int, effects, hover_thrust, command_period
 ) -> Diagram:
-    """Rotors, cable, effects and readings of one vehicle; the plant itself lies outside."""
+    """Return rotors, cable, effects and readings of one vehicle; the plant itself lies outside."""
     wrench_effects, actuator_effects = effects
     body = f"quadrotor_{number}"
     builder = DiagramBuilder()
@@ -162,7 +162,7 @@ def pair_state(plant: MultibodyPlant, body: str) -> np.ndarray:
 
 
 def _pair_velocities(plant: MultibodyPlant, body: str) -> np.ndarray:
-    """(12, nv) picks [V_WB, V_WP]; its transpose puts the pair's generalized forces where they belong."""
+    """Return the matrix that selects [V_WB, V_WP], (12, nv); its transpose maps the pair's generalized forces back."""
     rows = np.zeros((12, plant.num_velocities()))
     for k, name in enumerate((body, "payload")):
         start = plant.GetBodyByName(name).floating_velocities_start_in_v()

@@ -22,7 +22,7 @@ class MemorySystem(LeafSystem):
             self.DeclareDiscreteState(BasicVector(np.ravel(initial[name]).astype(float)))
 
     def _declare_step(self, calc: Callable) -> CacheEntry:
-        """Declares the cache entry that holds `calc(context)`."""
+        """Declare the cache entry that holds `calc(context)`."""
 
         def store(context, value) -> None:
             value.set_value(calc(context))

@@ -11,7 +11,7 @@ from np_drake import attitude
 
 
 def _vehicle_state(s: np.ndarray, q_start: int, v_start: int) -> np.ndarray:
-    """(13,) x from the plant's state, in which the body's pose and velocity start at these places."""
+    """Return x (13,) from the plant's state, in which the body's pose and velocity start at these places."""
     q, w_W, v = s[q_start : q_start + 4], s[v_start : v_start + 3], s[v_start + 3 : v_start + 6]
     return np.concatenate([s[q_start + 4 : q_start + 7], q, v, attitude.rotate_back(q, w_W)])
 

@@ -86,7 +86,10 @@ def add_rotor_chain(
 
 
 def _with_nominal_lag(vehicle: Vehicle, effects: Sequence[ActuatorEffect]) -> list[ActuatorEffect]:
-    """The effects that do something, after the vehicle file's nominal lag unless reality brings a lag of its own."""
+    """Return the effects that do something, after the vehicle file's nominal lag.
+
+    The nominal lag is left out where the effects have a lag of their own.
+    """
     chain = [e for e in effects if not getattr(e, "parameters", ()) or e != type(e).neutral()]
     if vehicle.rotor_time_constant > 0 and not any(isinstance(effect, MotorLag) for effect in effects):
         chain.insert(0, MotorLag(vehicle.rotor_time_constant))

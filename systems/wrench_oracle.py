@@ -68,7 +68,7 @@ class WrenchOracle(LeafSystem):
         output.set_value(constant_forecast(chi, N))
 
     def _swing_state(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """(p_ToPo_W, its rate) from Drake's state of two free bodies."""
+        """Return (p_ToPo_W, its rate) from Drake's state of two free bodies."""
         if self._model.payload is None:
             return None
         hook = attitude.rotate(s[0:4], np.array(self._model.payload.hook))

@@ -98,7 +98,7 @@ def read_record(path: Path, head: dict) -> Record | None:
 
 
 def _difference(key: str, theirs: Any, mine: Any) -> str:
-    """Where a file and this campaign part, by the first key that differs."""
+    """Return how a file and this campaign differ, by the first key that does."""
     if isinstance(theirs, dict) and isinstance(mine, dict):
         for name in sorted({*theirs, *mine}):
             if theirs.get(name) != mine.get(name):
@@ -109,7 +109,7 @@ def _difference(key: str, theirs: Any, mine: Any) -> str:
 def _run(
     work: Callable[[Case], dict], cases: list[Case], jobs: int, scheduler: str
 ) -> Iterator[tuple[int, Record]]:
-    """(number, {"result" or "error", "seconds"}) as cases finish, never in this process."""
+    """Yield (number, {"result" or "error", "seconds"}) as cases finish, never in this process."""
     guarded = Guarded(work)
     if not cases:
         return
@@ -148,5 +148,5 @@ class Guarded:
 
 
 def _pure(content: Any) -> Any:
-    """As it comes back from a file."""
+    """Return the value as it comes back from a file."""
     return json.loads(json.dumps(plain(content), allow_nan=False))

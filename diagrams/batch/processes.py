@@ -83,7 +83,7 @@ def as_they_finish(
 def _pool(
     work: Callable[[Any], Any], waiting: deque[Numbered], jobs: int
 ) -> Generator[tuple[int, Outcome], None, tuple[list[Numbered], str]]:
-    """Takes cases from `waiting` until none is left or a process dies; no more are in work than there are processes.
+    """Take cases from `waiting` until none is left or a process dies, at most as many at once as there are processes.
 
     Returns: the cases that were in work when a process died, and what is known about its end.
     """
@@ -114,7 +114,7 @@ def _pool(
 
 
 def _reason(error: BrokenProcessPool) -> str:
-    """One line: the exit code where there is one; a process whose answer cannot be read counts as dead too."""
+    """Return the exit code where there is one, in one line; a process with an unreadable answer counts as dead too."""
     text = " ".join(str(error).split())
     code = re.search(r"exit codes? of the workers? (?:are|is) \{(.*?)\}", text)
     return (

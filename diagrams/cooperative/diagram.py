@@ -61,7 +61,7 @@ def make_cooperative_diagram(config: CooperativeConfig) -> tuple[Diagram, Record
 
 
 def _make_pilot(config: CooperativeConfig, reference: Reference, *, number: int) -> Diagram:
-    """What vehicle `number` carries: nothing in it reads the payload or another vehicle."""
+    """Return the systems of vehicle `number`; nothing in them reads the payload or another vehicle."""
     builder, period = DiagramBuilder(), config.controller.period
     rig = builder.AddSystem(
         make_sensor_rig(config.vehicle, [SensorNoise(config.reality.noise)], period=period)

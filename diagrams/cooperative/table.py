@@ -26,7 +26,7 @@ def cooperative_table(summaries: Sequence[dict]) -> list[dict]:
 
 
 def _together(found: list[dict]) -> dict:
-    """The figures of flights that all came home."""
+    """Return the means and extremes of flights that were all completed."""
     phases: dict = {}
     for phase in PHASES:
         values = {key: np.array([m[phase][key] for m in found]) for key in found[0][phase]}

@@ -92,6 +92,6 @@ def rows(folds: Sequence[Fold]) -> list[dict]:
 
 
 def _rms(parts: Sequence[np.ndarray], channels: tuple[int, ...]) -> float:
-    """Root of the mean squared norm of these channels."""
+    """Return the root of the mean squared norm of these channels."""
     stacked = np.concatenate([p[:, list(channels)] for p in parts])
     return float(np.sqrt(np.mean(np.sum(stacked**2, axis=1))))

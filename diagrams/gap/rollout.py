@@ -46,7 +46,10 @@ class Commands:
 
 
 class Swing(NamedTuple):
-    """State of the payload at the hook: r (3,) [m], its rate (3,) [m/s], and the hook's acceleration (3,) [m/s²], in W."""
+    """State of the payload at the hook, in W.
+
+    r: (3,) payload from hook [m].   r_rate: its rate (3,) [m/s].   a_hook: (3,) acceleration of the hook [m/s²].
+    """
 
     r: np.ndarray
     r_rate: np.ndarray
@@ -112,13 +115,13 @@ class Rollout:
         return states
 
     def _advance(self, commands: Commands, start: float, stop: float) -> None:
-        """From start to stop, the command held between its rows."""
+        """Advance from start to stop, the command held between its rows."""
         for time, until in itertools.pairwise([start, *commands.changes(start, stop).tolist(), stop]):
             self._u.FixValue(self._root, commands.at(time))
             self._simulator.AdvanceTo(until)
 
     def _place(self, x: np.ndarray, swing: Swing | None) -> None:
-        """Vehicle in x (13,), payload where it swings; motors and delays are left as they are."""
+        """Set the vehicle to x (13,) and the payload to its swing; motors and delays are left as they are."""
         positions, velocities = [x[Q], x[P]], [attitude.rotate(x[Q], x[W]), x[V]]
         if self._payload is not None and swing is not None:
             hook = attitude.rotate(x[Q], np.array(self._payload.hook))
@@ -131,18 +134,22 @@ class Rollout:
 
 
 def _acts(effect: ActuatorEffect) -> bool:
-    """A motor with no time constant to speak of would only make the integrator stiff; delay is in the commands."""
+    """Return whether the effect acts in the diagram.
+
+    A motor of negligible time constant would only make the integrator stiff; delay is in the commands.
+    """
     return not isinstance(effect, CommandDelay) and getattr(effect, "time_constant", np.inf) > _AT_ONCE
 
 
 def _steady(effect: WrenchEffect) -> WrenchEffect:
-    """Of a gusty wind its mean, for nobody knows the gusts of the flight."""
+    """Return the mean wind for a gusty wind, since the flight's gusts are unknown, and any other effect as it is."""
     return dc.replace(effect, deviation=0.0) if isinstance(effect, GustyWind) else effect
 
 
 def _as_light(payload: PayloadConfig) -> PayloadConfig:
-    """Its cable gives way and damps as the usual one under the usual payload: a light one would need tiny steps.
+    """Return a cable whose stiffness and damping are scaled with the payload's mass.
 
+    A light payload on the usual cable would need tiny steps.
     Source: own choice: stiffness and damping over mass stay, and with them the stretch under its weight.
     """
     share = min(payload.mass / PayloadConfig.mass, 1.0)
@@ -150,7 +157,7 @@ def _as_light(payload: PayloadConfig) -> PayloadConfig:
 
 
 def _integrator(vehicle: Vehicle, payload: PayloadConfig, lags: Sequence[float]) -> SimulatorConfig:
-    """Fixed steps, within the stability of runge_kutta3 for cable and motors."""
+    """Return fixed steps, within the stability of runge_kutta3 for cable and motors."""
     rates = [1.7 / LARGEST_STEP, *(1 / lag for lag in lags if lag > 0)]
     if payload.tether == "cable":
         reduced = payload.mass * vehicle.mass / (payload.mass + vehicle.mass)

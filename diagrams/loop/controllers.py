@@ -113,7 +113,10 @@ def labelled(vehicle: Vehicle, model: ResidualModel | None) -> Vehicle:
 
 
 def _require_fit(model: Trained, step: float, config: ControllerConfig, vehicle: Vehicle) -> None:
-    """Raises ValueError on a model trained for other axes, labels or steps."""
+    """Check that the model was trained for these axes, labels and steps.
+
+    Raises: ValueError: if it was not.
+    """
     _require_world_axes(model)
     require_origin(model, origin_of("world", vehicle, config.label))
     if abs(step - config.period) > 1e-9:
@@ -124,10 +127,11 @@ def _require_fit(model: Trained, step: float, config: ControllerConfig, vehicle:
 
 
 def _require_world_axes(model: Trained) -> None:
-    """Raises ValueError on a predictor of wrenches in body axes.
+    """Check that the predictor's wrenches are in world axes.
 
-    Its zeta would be R^T v, which is not linear in the predicted state: the lifted linear system could not be
-    eliminated exactly.
+    In body axes its zeta would be R^T v, which is not linear in the predicted state: the lifted linear system could not
+    be eliminated exactly.
+    Raises: ValueError: on a predictor of wrenches in body axes.
     """
     frame = model.summary.get("origin", {}).get("frame", "world")
     if frame != "world":
@@ -188,7 +192,7 @@ def add_controller(
 def _add_predictor(
     builder, model: ResidualModel, config: ControllerConfig, rig, estimator, mpc
 ) -> OutputPort:
-    """Adds the residual model between estimator and MPC; returns its chi_hat."""
+    """Add the residual model between estimator and MPC, and return its chi_hat."""
     span = {"horizon": config.mpc.horizon, "stride": config.stride}
     system: ResidualPredictor
     if isinstance(model, NeuralPredictorModel):
@@ -204,7 +208,7 @@ def _add_predictor(
 
 
 def _add_oracle(builder, model: TrueModel, config: ControllerConfig, truth: Diagram, mpc) -> None:
-    """Adds the oracle between the real vehicle and the MPC."""
+    """Add the oracle between the real vehicle and the MPC."""
     oracle = builder.AddNamedSystem("oracle", WrenchOracle(model, config.mpc, period=config.period))
     for source, names in ((truth, ("plant_state", "rotor_thrust")), (mpc, ("plan_u", "plan_x"))):
         for name in names:

@@ -91,7 +91,7 @@ def slack_time(flight: FlightResult) -> float:
 
 
 def _fly(task: tuple[str, str, int, str]) -> dict:
-    """Courses of f_z [N] and height [m], and counts, of one flight: event, model file, seed, solver."""
+    """Return courses of f_z [N] and height [m], and counts, of one flight: event, model file, seed, solver."""
     event, model, seed, solver = task
     flight = fly_event(event, model=model, seed=seed, solver=solver)
     s, counts = flight.signals, flight.metrics()
@@ -166,7 +166,7 @@ def step_response(t: np.ndarray, courses: np.ndarray) -> Step:
 
 
 def _crossing(t: np.ndarray, y: np.ndarray, level: float) -> float:
-    """Where y first reaches `level`, on the line between two samples; inf where it never does."""
+    """Return where y first reaches `level`, on the line between two samples; inf where it never does."""
     k = int(np.argmax(y >= level))
     if y[k] < level:
         return float("inf")

@@ -98,12 +98,12 @@ def hover_metrics(flight: FlightResult) -> dict:
 
 
 def _rmse(error: np.ndarray, part: np.ndarray) -> float:
-    """Of the lengths of errors (n, 3) in `part` (n,) [m]; NaN of none."""
+    """Return the RMS length of errors (n, 3) in `part` (n,) [m]; NaN without any."""
     return float(np.sqrt(np.mean(np.sum(error[part] ** 2, axis=1)))) if part.any() else float("nan")
 
 
 def _fly_row(task: tuple[HoverRow, str, int, str]) -> dict:
-    """Metrics and the payload's course; of a lost vehicle infinite errors, so that one flight loses no other."""
+    """Return metrics and the payload's course; infinite errors for a lost vehicle, so that other flights are kept."""
     row, model, seed, solver = task
     result: dict = {"row": row.name, "seed": seed}
     try:
@@ -158,7 +158,7 @@ def hover_table(runs: list[dict]) -> list[dict]:
 
 
 def _sign(line: dict) -> str:
-    """Whether the interval of the rate is below zero, above it, or holds it."""
+    """Return whether the interval of the rate is below zero, above it, or holds it."""
     spread = np.nan_to_num(line["rate_ci95"])
     if line["rate"] - spread > 0:
         return "grows"

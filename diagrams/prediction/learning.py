@@ -64,6 +64,6 @@ def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0
 
 
 def _scored(flight: FlightResult) -> FlightLog:
-    """The log after the ramp."""
+    """Return the log after the ramp."""
     log = flight.log()
     return log.rows(int(np.argmax(flight.scored)), len(log))

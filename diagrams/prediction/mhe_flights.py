@@ -84,7 +84,7 @@ def _row(flight: str, row: str, columns: dict[str, float], **rest: int) -> dict:
 
 
 def _motions(folder: Path, stem: str, sequence: WrenchSequence) -> dict[str, Motion]:
-    """By the name of the row; with the logged attitude where the flight's CSV is there."""
+    """Return motions by the name of the row; with the logged attitude where the flight's CSV is there."""
     vehicle = published_vehicle()
     motions = {RATES_ROW: motion_from_rates(sequence, vehicle)}
     for path in (folder / "csv" / f"{stem}.csv", folder / "csv" / f"{stem}.csv.gz"):

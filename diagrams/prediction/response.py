@@ -58,7 +58,7 @@ def response_lines(
 
 
 def _lags(chi_hat: np.ndarray, instants: np.ndarray, flight: Flight, wanted: np.ndarray, h: int) -> dict:
-    """Of predictions (o, 6) for the `instants` (o,) among the `wanted` (n,) samples of a flight."""
+    """Return the lags of predictions (o, 6) for the `instants` (o,) among the `wanted` (n,) samples of a flight."""
     prediction = np.full_like(flight.segment.chi, np.nan)
     prediction[instants] = chi_hat
     rows = instants[wanted[instants]]

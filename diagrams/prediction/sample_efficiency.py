@@ -97,7 +97,7 @@ def _trained(row: str, segment: Segment, configs: dict[str, Config]) -> Residual
 
 
 def _errors(model: ResidualModel, test: Flight, horizons: list[int]) -> np.ndarray:
-    """(H, 2) RMSE of force and torque, motion held."""
+    """Return the RMSE of force and torque, motion held, (H, 2)."""
     chi, zeta = test.segment.chi, test.segment.zeta
     origins = np.arange(FIRST, len(chi) - max(horizons))
     chi_hat = model_predictions(model, chi, zeta, origins, horizons, zeta_known=False)
@@ -110,7 +110,7 @@ def _rmse(chi_hat: np.ndarray, chi: np.ndarray, origins: np.ndarray, horizons: S
 
 
 def _points(row: str, size: int, errors: np.ndarray, horizons: Sequence[int]) -> list[Point]:
-    """One a horizon from (pieces, H, 2) errors."""
+    """Return one point a horizon from (pieces, H, 2) errors."""
     spread = np.stack([errors.mean(axis=0), errors.min(axis=0), errors.max(axis=0)])
     return [
         Point(row, size, len(errors), h, force=_triple(spread[:, i, 0]), torque=_triple(spread[:, i, 1]))

@@ -20,7 +20,7 @@ OWN, FORESEEN = "own", "others"
 
 @dc.dataclass(frozen=True)
 class _Task:
-    """One check: a model, a flight, and where the alphas come from."""
+    """One check: a model, a flight, and the source of the alphas."""
 
     model: str
     flight: str

@@ -47,7 +47,7 @@ def robustness_figure(lines: Sequence[dict], title: str = "") -> Figure:
 
 
 def _draw(ax, line: dict, key: str, number: int) -> None:
-    """One controller in one panel."""
+    """Draw one controller in one panel."""
     nominal = line["row"] == NOMINAL
     style = {
         "color": "black" if nominal else PALETTE[(number - 1) % 6],

@@ -165,7 +165,7 @@ def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = ""
 
 
 def _largest_swing(plant_state: np.ndarray) -> float | None:
-    """Largest angle between the way from vehicle to payload and the vertical [rad]; None without payload."""
+    """Return the largest angle of the line from vehicle to payload with the vertical [rad]; None without payload."""
     if plant_state.shape[1] < 26:
         return None
     down = plant_state[:, 4:7] - plant_state[:, 11:14]

@@ -74,14 +74,14 @@ def better_than(points: Sequence[dict], base: Sequence[dict], key: str) -> list[
 
 
 def _log_ratio(error: float | None, base: float | None) -> float:
-    """Infinite where the flight is lost; minus infinite where only the base is."""
+    """Return the log ratio, infinite where the flight is lost and minus infinite where only the base is."""
     if error is None:
         return np.inf
     return float(np.log(error / base)) if base is not None else -np.inf
 
 
 def _edge(values: list[float], ratio: list[float], inside: int, outside: int) -> float:
-    """Where the line from the point `inside`, which is better, to its neighbour meets zero; else the point itself."""
+    """Return where the line from `inside`, which is better, to its neighbour meets zero; else the point itself."""
     if not 0 <= outside < len(values) or not np.isfinite([ratio[inside], ratio[outside]]).all():
         return values[inside]
     if ratio[outside] < 0:

@@ -72,5 +72,5 @@ def run_demo(
 
 
 def _signals(task: tuple[str, Row], *, model: str, seed: int, solver: str) -> dict:
-    """Only arrays travel between processes."""
+    """Return the arrays of a flight, since only these travel between processes."""
     return fly(configure(*task, solver=solver, model=model), seed=seed).signals

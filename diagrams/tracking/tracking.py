@@ -112,7 +112,7 @@ Flight = tuple[str, Row, str, int, str]  # track, row, model file, seed, solver
 
 
 def _fly_row(task: Flight) -> dict:
-    """The `fly` summary and the last lap; of a lost vehicle infinite errors, so that it loses no other flight."""
+    """Return the `fly` summary and the last lap; infinite errors for a lost vehicle, so that other flights are kept."""
     track, row, model, seed, solver = task
     try:
         flight = fly(configure(track, row, solver=solver, model=model), seed=seed)
@@ -180,7 +180,7 @@ def table(summaries: list[dict], rows: tuple[Row, ...] = ROWS) -> list[dict]:
 
 
 def _deviation(values: np.ndarray) -> float:
-    """Standard deviation over seeds; NaN for a single or a lost flight."""
+    """Return the standard deviation over seeds; NaN for a single or a lost flight."""
     if len(values) < 2 or not np.isfinite(values).all():
         return float("nan")
     return float(values.std(ddof=1))

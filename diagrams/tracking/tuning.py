@@ -18,7 +18,7 @@ LAG = 0.06  # of the motors: twice what flies, so that the loop keeps its margin
 
 
 def _score(factors: tuple[float, float], seed: int, duration: float) -> dict:
-    """Error and effort of the nominal MPC on the lemniscate without payload and with slower motors."""
+    """Return error and effort of the nominal MPC on the lemniscate without payload and with slower motors."""
     position, torque = factors
     config = load_experiment("lemniscate")
     config.duration, config.reality.payload.tether = duration, "none"

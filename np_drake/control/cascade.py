@@ -80,7 +80,10 @@ def cascade(
 
 
 def _thrust_direction(gravity: float, gains: CascadeGains, force: np.ndarray) -> np.ndarray:
-    """(3,) unit vector along the specific force; adds gravity to `force` in place and keeps the tilt in bounds."""
+    """Return the unit vector (3,) along the specific force.
+
+    Adds gravity to `force` in place and keeps the tilt in bounds.
+    """
     force[2] = max(force[2] + gravity, gains.least_lift * gravity)
     lateral, most = math.hypot(force[0], force[1]), force[2] * math.tan(gains.most_tilt)
     if lateral > most:
@@ -89,7 +92,7 @@ def _thrust_direction(gravity: float, gains: CascadeGains, force: np.ndarray) ->
 
 
 def _attitude_error(q: np.ndarray, z_B_W: np.ndarray, yaw: float) -> np.ndarray:
-    """(3,) small turn in B from `q` to the wanted thrust direction and heading [rad]."""
+    """Return the small rotation (3,) in B from `q` to the wanted thrust direction and heading [rad]."""
     wanted = attitude.quaternion_from_axes(z_B_W, yaw)
     turn = attitude.multiply(q * [1.0, -1.0, -1.0, -1.0], wanted)
     return (2.0 if turn[0] >= 0 else -2.0) * turn[1:]

@@ -13,7 +13,7 @@ _LINES = 60  # sinusoids an axis: the spectrum is that of the process, in lines 
 
 @lru_cache(maxsize=64)
 def _draws(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """(3, lines) angular frequency times correlation time [1], and phase [rad].
+    """Return angular frequency times correlation time [1], and phase [rad], (3, lines) each.
 
     The share (2/π) atan(w T) of a first-order process' power lies below w: one line in each of `_LINES` equal shares.
     """

@@ -67,7 +67,10 @@ def register(effect: type[Effect]) -> type[Effect]:
 
 
 def _acts_through_others(effect: type[Effect]) -> bool:
-    """Does it name effects that it needs, or move the air and push nothing by itself?"""
+    """Return whether the effect acts only through others.
+
+    It then names effects that it needs, or moves the air and adds no wrench by itself.
+    """
     if effect.needs or not issubclass(effect, WrenchEffect):
         return bool(effect.needs)
     return effect.air_velocity is not WrenchEffect.air_velocity and effect.wrench is WrenchEffect.wrench

@@ -69,7 +69,10 @@ def swing_many(
 
 
 def _start(lengths, r, r_rate, step) -> tuple[np.ndarray, np.ndarray]:
-    """(3, m) position half a step later, within reach, and way per step [m]; a taut tether takes outward speed."""
+    """Return the position half a step later, within reach, and the displacement per step, (3, m) each [m].
+
+    A taut tether takes up outward speed.
+    """
     span = np.linalg.norm(r, axis=0)
     n = r / np.maximum(span, 1e-12)
     outward = np.maximum(np.sum(n * r_rate, axis=0), 0.0)
@@ -87,7 +90,7 @@ def across(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _jump(now, move, jump, step) -> None:
-    """Turns position (3, m) and way per step (3, m) by a jump (m, 4); the span stays."""
+    """Change position (3, m) and displacement per step (3, m) by a jump (m, 4); the length stays."""
     span = np.maximum(np.linalg.norm(now, axis=0), 1e-12)
     e_x, e_y = (e.T for e in across((now / span).T))
     a, b, a_rate, b_rate = jump.T
@@ -97,7 +100,7 @@ def _jump(now, move, jump, step) -> None:
 
 
 def _compiled(function: Callable) -> Callable:
-    """Compiled once for all processes; where no folder can be written to, once for each."""
+    """Return the function compiled, once for all processes; where no cache can be written, once for each."""
     try:
         return njit(cache=True, error_model="numpy")(function)
     except RuntimeError:
@@ -106,10 +109,10 @@ def _compiled(function: Callable) -> Callable:
 
 @_compiled
 def _leapfrog(limit, now, move, kicks, pulls):
-    """Writes pull = mu now (n, 3, m) [m], the least mu >= 0 with |now + move + kick - mu now|² <= limit = L².
+    """Write pull = mu now (n, 3, m) [m], the least mu >= 0 with |now + move + kick - mu now|² <= limit = L².
 
     With b = now + move + kick:  mu = (b² - L²) / (now·b + sqrt((now·b)² - now² (b² - L²))).  Changes now and move.
-    Compiled: a payload is a thousand short steps, each of which needs the one before it.
+    Compiled: a payload takes a thousand short steps, each of which needs the one before it.
     """
     for i in range(now.shape[1]):
         x, y, z = now[0, i], now[1, i], now[2, i]

@@ -56,7 +56,7 @@ def window_gains(
 
 
 def _maps(step: float, n: int) -> tuple[torch.Tensor, torch.Tensor]:
-    """(n + 1, 2 + n) from the unknowns to y_k, and to d_k."""
+    """Return the maps from the unknowns to y_k, and to d_k, (n + 1, 2 + n) each."""
     k = torch.arange(n + 1, dtype=torch.float64)[:, None]
     steps = (k - k[:-1].T).clamp(min=0.0)  # whole steps since noise j began to act
     to_y = torch.cat([torch.ones_like(k), step * k, step * (steps - 0.5).clamp(min=0.0)], dim=1)

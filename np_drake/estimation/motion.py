@@ -97,7 +97,10 @@ def motion_from_rates(sequence: WrenchSequence, vehicle: Vehicle, *, settling: f
 
 
 def _motion(sequence: WrenchSequence, vehicle: Vehicle, R: np.ndarray, gravity: np.ndarray) -> Motion:
-    """Raises: ValueError: if the sequence is not in body axes."""
+    """Return the motion in inertial axes.
+
+    Raises: ValueError: if the sequence is not in body axes.
+    """
     if sequence.frame != "body" or not sequence.total:
         raise ValueError(f"motion: {sequence.name} must hold the total wrench in body axes.")
     y = sequence.zeta.copy()
@@ -106,7 +109,7 @@ def _motion(sequence: WrenchSequence, vehicle: Vehicle, R: np.ndarray, gravity: 
 
 
 def _integrated(w: np.ndarray, step: float) -> np.ndarray:
-    """(n, 3, 3) rotation from the first row on, by the mean rate of each step."""
+    """Return the rotation from the first row on, by the mean rate of each step, (n, 3, 3)."""
     turns = Rotation.from_rotvec(0.5 * step * (w[:-1] + w[1:])).as_matrix()
     R = np.empty((len(w), 3, 3))
     R[0] = np.eye(3)

@@ -145,7 +145,7 @@ class MovingHorizonEstimator:
         return memory, MheEstimate(x, status, seconds)
 
     def _held(self, x: np.ndarray, u: np.ndarray, *, first: bool) -> np.ndarray:
-        """The last trajectory one step on, as the model without noise foretells; at first, the guess."""
+        """Return the last trajectory one step on, by the model without noise; at first, the guess."""
         if first:
             return x
         y, d = x[-1]

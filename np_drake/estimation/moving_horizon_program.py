@@ -37,11 +37,11 @@ class ProgramWindow:
 
 
 class _Program:
-    """A window of n steps; variables x_k = [y_k, d_k] (12,) and h w_k (6,).
+    """Program of a window of n steps with variables x_k = [y_k, d_k] (12,) and h w_k (6,).
 
-    x_k counts from what the model without noise foretells from the arrival, and everything is over the deviation
-    of its weight: then costs are near the identity and answers near zero. Without, a window that forgets is solved
-    to two digits.
+    x_k counts from the prediction of the model without noise from the arrival, and everything is over the deviation
+    of its weight: then costs are near the identity and answers near zero. Otherwise, a window that forgets is solved
+    to two digits only.
     """
 
     def __init__(self, config: MheConfig, step: float, n: int):
@@ -62,7 +62,7 @@ class _Program:
             self._add_dynamics(1 / np.sqrt(weight.ravel()))
 
     def _add_dynamics(self, deviation: np.ndarray) -> None:
-        """The noise, its cost, and the model as one constraint."""
+        """Add the noise, its cost, and the model as one constraint."""
         n, h, one = self._n, self._step, np.eye(CHANNELS)
         noise = self.prog.NewContinuousVariables(len(deviation), "w")
         self.prog.AddQuadraticCost(
@@ -77,7 +77,7 @@ class _Program:
         self.prog.AddLinearEqualityConstraint(rows, zero, np.concatenate([self._x, noise]))
 
     def update(self, arrival: np.ndarray, y: np.ndarray, u: np.ndarray) -> None:
-        """New data, same structure."""
+        """Replace the data and keep the structure."""
         self._foretold = np.repeat(arrival[None], self._n + 1, axis=0)
         self._foretold[1:, 0] += self._step * np.cumsum(arrival[1] + u, axis=0)
         seen = np.isfinite(y)
@@ -91,5 +91,5 @@ class _Program:
         )
 
     def trajectory(self, result: Any) -> np.ndarray:
-        """(n + 1, 2, 6) of a solution."""
+        """Return the trajectory (n + 1, 2, 6) of a solution."""
         return self._foretold + self._scale * result.GetSolution(self._x).reshape(self._scale.shape)

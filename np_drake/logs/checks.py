@@ -50,7 +50,7 @@ def _check_finite(table: Table, fields: list[str]) -> None:
 
 
 def _check_time(table: Table) -> None:
-    """Time must increase, at a plausible rate, without gaps."""
+    """Check that time increases, at a plausible rate, without gaps."""
     t = table.columns["t"]
     interval = np.diff(t)
     back = np.flatnonzero(interval <= 0)

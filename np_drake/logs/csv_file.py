@@ -71,7 +71,7 @@ def _is_number(text: str) -> bool:
 
 
 def _parse(lines: list[str], names: list[str]) -> tuple[np.ndarray, list[tuple[int, str, str]], list[int]]:
-    """(n, columns) values, unreadable cells and ragged rows (float() is as fast as a C parser here)."""
+    """Return (n, columns) values, unreadable cells and ragged rows (float() is as fast as a C parser here)."""
     values = np.full((len(lines), len(names)), np.nan)
     unreadable: list[tuple[int, str, str]] = []
     ragged: list[int] = []
@@ -89,7 +89,7 @@ def _parse(lines: list[str], names: list[str]) -> tuple[np.ndarray, list[tuple[i
 
 
 def _parse_slowly(cells: list[str]) -> tuple[list[float], list[tuple[int, str]]]:
-    """The row with NaN for every empty or unreadable cell, and (column, text) of the unreadable."""
+    """Return the row with NaN for every empty or unreadable cell, and (column, text) of the unreadable."""
     row: list[float] = []
     texts: list[tuple[int, str]] = []
     for column, cell in enumerate(cells):

@@ -73,7 +73,7 @@ def log_name(path: str | Path) -> str:
 
 
 def _with_input(log: FlightLog, table: Table, fields: list[str], vehicle: Vehicle | None) -> FlightLog:
-    """The log with its command, or with thrust and torque from rotor speed."""
+    """Return the log with its command, or with thrust and torque from rotor speed."""
     wants_rotor = vehicle is not None and vehicle.input == "rotor_speed" and log.rotor is not None
     if "u" in fields and not wants_rotor:
         if vehicle is not None and vehicle.input == "rotor_speed":

@@ -139,7 +139,7 @@ def read_neurobem_npy(path: str | Path) -> WrenchSequence:
 
 
 def _renamed(table: Table) -> Table:
-    """The table under our column names, still in the data set's frames.
+    """Return the table under our column names, still in the data set's frames.
 
     Raises: LogError: if a column is missing.
     """

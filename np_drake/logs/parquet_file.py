@@ -43,7 +43,7 @@ def write_parquet(path: str | Path, columns: dict[str, np.ndarray]) -> None:
 
 
 def _reason(error: Exception) -> str:
-    """The first sentence, without the file's name, which pyarrow puts before it."""
+    """Return the first sentence of an error, without the file's name, which pyarrow puts before it."""
     line = (str(error).splitlines() or [type(error).__name__])[0]
     return line.split("': ", 1)[-1].split(". ")[0].rstrip(".")
 

@@ -34,7 +34,7 @@ def training_segments(
 
 
 def _pieces(chi: np.ndarray, zeta: np.ndarray, target: np.ndarray, step: float) -> list[Segment]:
-    """Segments between the rows that hold a NaN."""
+    """Return segments between the rows that hold a NaN."""
     good = np.all(np.isfinite(np.hstack([chi, zeta, target])), axis=1)
     edge = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
     return [

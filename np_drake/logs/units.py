@@ -78,13 +78,13 @@ def _compare(path: object, left: str, right: str, change: np.ndarray, sum_: np.n
 
 
 def _likeness(a: np.ndarray, b: np.ndarray) -> float:
-    """Cosine between two (n, 3), their means apart [1]: near one where they differ in their unit alone."""
+    """Return the cosine between two (n, 3) about their means [1]; near one where they differ in their unit alone."""
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     return float(abs(np.sum(a * b)) / max(np.linalg.norm(a) * np.linalg.norm(b), 1e-300))
 
 
 def _check_convention(q: np.ndarray, turned: np.ndarray, m: int, path: object) -> None:
-    """Another convention of the quaternion must not agree with body rates where its own does not."""
+    """Check that no other convention of the quaternion agrees with body rates where its own does not."""
     own = _spread(_turn(q, m) - turned)
     if own < 0.5 * max(_spread(turned), LEAST["attitude"]):
         return
@@ -100,7 +100,7 @@ def _check_convention(q: np.ndarray, turned: np.ndarray, m: int, path: object) -
 
 
 def _check_gravity(a: np.ndarray, log: FlightLog, path: object) -> None:
-    """Mean vertical acceleration must be what the velocity says, not that plus g."""
+    """Check that the mean vertical acceleration agrees with the velocity, and not with that plus g."""
     surplus = float(np.mean(a[:, 2]) - (log.v[-1, 2] - log.v[0, 2]) / (log.t[-1] - log.t[0]))
     if abs(abs(surplus) - 9.81) < 2.0:
         raise LogError(
@@ -111,7 +111,7 @@ def _check_gravity(a: np.ndarray, log: FlightLog, path: object) -> None:
 
 
 def _check_thrust(log: FlightLog, path: object, vehicle: Vehicle) -> None:
-    """The upper range of thrust, commanded and from rotor speed, must be comparable with weight."""
+    """Check that the upper range of thrust, commanded and from rotor speed, is comparable with weight."""
     weight = vehicle.mass * vehicle.gravity
     thrusts = {"thrust": log.u[:, 0]}
     if log.rotor is not None:
@@ -127,7 +127,7 @@ def _check_thrust(log: FlightLog, path: object, vehicle: Vehicle) -> None:
 
 
 def _check_torque_limit(log: FlightLog, path: object, vehicle: Vehicle) -> None:
-    """The upper range of commanded torque must be what rotors can give; that from rotor speed always is."""
+    """Check that rotors can give the upper range of commanded torque; that from rotor speed always is."""
     if log.input != "command" or not np.isfinite(log.u).any():
         return
     most = 0.5 * vehicle.max_rotor_thrust * np.abs(vehicle.mixer[1:]).sum(axis=1)
@@ -140,10 +140,10 @@ def _check_torque_limit(log: FlightLog, path: object, vehicle: Vehicle) -> None:
 
 
 def _check_torque(log: FlightLog, path: object, vehicle: Vehicle, m: int) -> None:
-    """Torque must be what turns the vehicle, J dw/dt + w x J w, in size and, axis by axis, in sign.
+    """Check torque against the change of angular momentum, J dw/dt + w x J w, in size and, axis by axis, in sign.
 
-    What a controller does against a disturbance goes with the turn that is left, as does what it does to turn; where
-    it is too late for a strong one it goes against that turn, but is a multiple of it.
+    A controller's torque against a disturbance correlates with the remaining rotation, as does its torque for a turn;
+    where it is too late for a strong disturbance it opposes that rotation, but is a multiple of it.
     """
     momentum = log.w @ vehicle.J.T
     turn = _change(momentum, m) + _integral(np.cross(log.w, momentum), log.t, m)
@@ -172,13 +172,13 @@ def _change(value: np.ndarray, m: int) -> np.ndarray:
 
 
 def _integral(rate: np.ndarray, t: np.ndarray, m: int) -> np.ndarray:
-    """(n - m, 3) the integral of `rate` over m intervals."""
+    """Return the integral of `rate` over m intervals, (n - m, 3)."""
     area = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t)[:, None]
     return _change(np.concatenate([np.zeros((1, 3)), np.cumsum(area, axis=0)]), m)
 
 
 def _turn(q: np.ndarray, m: int) -> np.ndarray:
-    """(n - m, 3) the sum of small turns in body axes over m intervals [rad]."""
+    """Return the sum of small rotations in body axes over m intervals, (n - m, 3) [rad]."""
     back = q[:-1] * [1.0, -1.0, -1.0, -1.0]
     turn = attitude.multiply(back, q[1:])
     small = 2 * turn[:, 1:] * np.sign(turn[:, :1])

@@ -108,7 +108,7 @@ def run(
 
 
 def _best_cost(problem: MpcProblem, row: list[MpcSolution | None], optimum: MpcSolver | None) -> float:
-    """The least cost known: of the answers, and of a patient solver that starts from the best of them."""
+    """Return the least cost known, of the answers and of a solver without time limit from the best of them."""
     given = min((a for a in row if a), key=lambda a: a.cost, default=None)
     patient = _attempt(optimum, problem, given)[0] if optimum else None
     return min((a.cost for a in (given, patient) if a), default=np.inf)
@@ -162,7 +162,7 @@ def suite(
 def _attempt(
     solver: MpcSolver, problem: MpcProblem, warm: MpcSolution | None
 ) -> tuple[MpcSolution | None, float]:
-    """The answer and its own solve time; of a failure, all that was spent [s]."""
+    """Return the answer and its own solve time; for a failure, all that was spent [s]."""
     start = time.perf_counter()
     try:
         answer = solver.solve(problem, warm)

@@ -87,7 +87,7 @@ def circle(vehicle: Vehicle, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _base_model(rng: np.random.Generator, K: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A with spectral radius 0.97, B, C: wrenches of newtons and hundredths of newton metres."""
+    """Return A with spectral radius 0.97, B, C, for wrenches of newtons and hundredths of newton metres."""
     A = rng.normal(size=(K, K))
     A *= 0.97 / np.abs(np.linalg.eigvals(A)).max() if K else 1.0
     scale = np.array([1.0, 1.0, 1.0, 0.02, 0.02, 0.02])
@@ -95,7 +95,10 @@ def _base_model(rng: np.random.Generator, K: int) -> tuple[np.ndarray, np.ndarra
 
 
 def _forecast(rng: np.random.Generator, base, chi: np.ndarray, horizon: int) -> WrenchForecast:
-    """The base model refitted: each matrix 1 % off at every step, z the least one whose wrench is chi."""
+    """Return the base model refitted.
+
+    Each matrix is 1 % off at every step, and z is the least one whose wrench is chi.
+    """
     A, B, C = (M * (1 + 0.01 * rng.normal(size=M.shape)) for M in base)
     if len(A) == 0:
         return WrenchForecast(A, B, C, np.zeros(0), np.tile(chi, (horizon, 1)))
@@ -104,7 +107,7 @@ def _forecast(rng: np.random.Generator, base, chi: np.ndarray, horizon: int) -> 
 
 
 def _scatter(rng: np.random.Generator, x: np.ndarray, size: list[float]) -> np.ndarray:
-    """x moved by normal errors of position [m], velocity [m/s], attitude [rad] and rate [rad/s]."""
+    """Return the state x moved by normal errors of position [m], velocity [m/s], attitude [rad] and rate [rad/s]."""
     x = x.copy()
     x[0:3] += size[0] * rng.normal(size=3)
     x[7:10] += size[1] * rng.normal(size=3)

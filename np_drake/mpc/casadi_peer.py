@@ -1,4 +1,4 @@
-"""The same problem in CasADi, as a baseline of the benchmark (optional extra `bench`).
+"""Baseline of the benchmark: problem (nmpc) in CasADi (optional extra `bench`).
 
 Multiple shooting over (T, x, z), exact Hessian, IPOPT with MUMPS, data as parameters, warm start from the
 last answer. Used by the benchmark only.
@@ -151,7 +151,7 @@ class CasadiSolver:
         return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
     def _derivative(self, state, u, chi):
-        """Eq. (1) in CasADi's symbols; a test holds it against `rigid_body`."""
+        """Return eq. (1) in CasADi's symbols; a test compares it with `rigid_body`."""
         ca, vehicle = self._casadi, self.condensed.vehicle
         w, x, y, z = (state[3 + i] for i in range(4))
         v, rate = state[7:10], state[10:13]

@@ -26,12 +26,12 @@ def solver_options(options: Mapping[SolverId, Mapping[str, float | int | str]]) 
 
 
 class _ExpectedEarlyEnds(logging.Filter):
-    """Drops Drake's warnings while `muted`."""
+    """Filter that drops Drake's warnings while `muted`."""
 
     muted = False
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether the record passes."""
+        """Return whether the record passes."""
         return not self.muted or record.levelno >= logging.ERROR
 
 

@@ -75,7 +75,7 @@ class DiscreteDynamics:
         return self._assemble(x, u, chi, start + (h / 6) * total, quaternions)
 
     def _assemble(self, x, u, chi, rotation, quaternions) -> Linearisation:
-        """Joins rotation (N, 7, 11) with translation from the four stage quaternions (4, N, 4, 11)."""
+        """Join rotation (N, 7, 11) with translation from the four stage quaternions (4, N, 4, 11)."""
         h, n, m = self.step, len(x), self.vehicle.mass
         axes = (quaternions[..., 10] @ self._body_z).reshape(4, n, 3, 4) @ quaternions
         axes[..., 10] *= 0.5
@@ -145,14 +145,14 @@ class DiscreteDynamics:
 
 
 def _gradient_tensor(f: Callable[[np.ndarray], np.ndarray], size: int) -> np.ndarray:
-    """(size, m*size) T with (r @ T).reshape(m, size) = df/dr, for a homogeneous quadratic f of r (size,)."""
+    """Return T (size, m*size), (r @ T).reshape(m, size) = df/dr, for a homogeneous quadratic f of r (size,)."""
     e = np.eye(size)
     columns = [[f(e[j] + e[k]) - f(e[j]) - f(e[k]) for j in range(size)] for k in range(size)]
     return np.moveaxis(np.array(columns), 2, 1).reshape(size, -1)
 
 
 def _principal_axes(J: np.ndarray) -> tuple[float, ...]:
-    """1/J_i and (J_j - J_k)/J_i for i = x, y, z of a diagonal inertia; empty for another."""
+    """Return 1/J_i and (J_j - J_k)/J_i for i = x, y, z of a diagonal inertia; empty for another."""
     if np.count_nonzero(J - np.diag(np.diag(J))):
         return ()
     x, y, z = np.diag(J).tolist()
@@ -160,7 +160,7 @@ def _principal_axes(J: np.ndarray) -> tuple[float, ...]:
 
 
 def _angular_acceleration(J: np.ndarray) -> Callable[..., tuple[float, float, float]]:
-    """dw/dt = J^-1 (torque - w x J w) in plain floats [rad/s²]."""
+    """Return dw/dt = J^-1 (torque - w x J w) in plain floats [rad/s²]."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = J.tolist()
     (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = np.linalg.inv(J).tolist()
 

@@ -64,12 +64,15 @@ class IpoptCondensedSolver:
         return as_solution(t, status, count + rounds, time.perf_counter() - start)
 
     def _crowded(self, t: Trajectory) -> bool:
-        """Whether a soft set or many rotor limits are active: dense rows then cost more than IPOPT brings."""
+        """Return whether a soft set or many rotor limits are active.
+
+        Dense rows then cost more than IPOPT gains.
+        """
         at_bounds = np.mean((t.T <= 0) | (t.T >= self.condensed.vehicle.max_rotor_thrust))  # noqa: SIM300
         return bool(t.excess.max() > _ACTIVE or at_bounds > _CROWDED)
 
     def _converge(self, h: Horizon, sqp: Trajectory, deadline: float) -> tuple[Trajectory, MpcStatus, int]:
-        """Rounds of IPOPT from the SQP answer; an end that is worse than it is not believed."""
+        """Run rounds of IPOPT from the SQP answer, and keep that answer where they end worse."""
         t, problem, count, misses = sqp, None, 0, 0
         while count < _ROUNDS and misses < _MISSES and (left := deadline - time.perf_counter()) > 0:
             count += 1

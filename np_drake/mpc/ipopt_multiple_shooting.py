@@ -94,7 +94,7 @@ class IpoptMultipleShootingSolver:
         self._options = solver_options({IpoptSolver.id(): _OPTIONS})
 
     def _load(self, h: Horizon) -> None:
-        """Scales, centres, cost and input bounds of one problem."""
+        """Set scales, centres, cost and input bounds of one problem."""
         config, stages = self.condensed.config, self._stages
         curvature = np.tile(config.Q, (config.horizon, 1))
         curvature[-1] = np.diag(h.P)

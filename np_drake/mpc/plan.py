@@ -34,7 +34,7 @@ def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
 
 
 def _split(ratio: float) -> tuple[int, float]:
-    """Whole steps and the rest in [0, 1); 0.04 / 0.02 counts as whole."""
+    """Return whole steps and the rest in [0, 1); 0.04 / 0.02 counts as whole."""
     nearest = round(ratio)
     if abs(ratio - nearest) < 1e-9 * max(1.0, ratio):
         return nearest, 0.0

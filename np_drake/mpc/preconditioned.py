@@ -95,7 +95,7 @@ class Preconditioned:
         prog.AddConstraint(self._rows, np.full(m, -np.inf), np.zeros(m), vars=np.concatenate([w, s]))
 
     def _at(self, w: np.ndarray) -> tuple[Trajectory, np.ndarray]:
-        """Trajectory and sensitivities at w; IPOPT asks for each point several times."""
+        """Return trajectory and sensitivities at w; IPOPT asks for each point several times."""
         if w.tobytes() != self._key:
             t = self._c.rollout(self._h, (self._T_0 + self._M @ w).reshape(-1, 4))
             self._key, self._point = w.tobytes(), (t, self._c.sensitivities(self._h, t))

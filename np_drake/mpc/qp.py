@@ -85,7 +85,7 @@ class QpSolver:
         return np.clip(d, lower, upper) if np.isfinite(d).all() else guess
 
     def _solve_soft(self, H, model, lower, upper, d, deadline) -> np.ndarray:
-        """With the rows nearest to activity; with all, where those left out would take half of the gain."""
+        """Solve with the rows nearest to activity; with all, where those left out would take half of the gain."""
         rows = model.rows
         level = np.maximum(rows.excess, rows.excess + rows.jacobian @ d)
         for program in self._soft:

@@ -88,7 +88,7 @@ class StackedStages:
         return (chi - forecast).ravel()
 
     def _soft(self, h: Horizon, x: np.ndarray, s: np.ndarray, J: np.ndarray) -> np.ndarray:
-        """Velocity from above and below (6N), tilt (N), terminal ellipsoid."""
+        """Return rows of velocity from above and below (6N), tilt (N) and terminal ellipsoid."""
         n, objective = self._n, self._c.objective
         v, box = x[1:, 7:10].ravel(), self._c.config.max_speed + s[VELOCITY]
         excess = objective.excess(h, x)
@@ -110,7 +110,7 @@ class StackedStages:
 
 
 class _Dense:
-    """A reaction of every component to every other, for the pattern."""
+    """Reaction of every component to every other, for the pattern."""
 
     def __call__(self, zeta: np.ndarray) -> np.ndarray:
         return np.tile(zeta.sum(axis=-1, keepdims=True), 6)

@@ -41,7 +41,7 @@ def body_rates(vehicle: Vehicle, flat: np.ndarray, yaw: float = 0.0) -> np.ndarr
 
 
 def _attitude_and_rate(thrust: np.ndarray, thrust_rate: np.ndarray, yaw: float):
-    """(n, 3) thrust vector in W and its rate -> (n, 4) quaternion, (n, 3) body rate."""
+    """Return quaternion (n, 4) and body rate (n, 3) of a thrust vector in W and its rate, (n, 3) each."""
     size = np.maximum(np.linalg.norm(thrust, axis=1, keepdims=True), 1e-6)
     z = thrust / size
     z_rate = (thrust_rate - z * np.sum(z * thrust_rate, axis=1, keepdims=True)) / size

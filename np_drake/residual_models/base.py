@@ -114,7 +114,7 @@ class FlightForecasts:
 
 
 def _convolved(markov: list[np.ndarray], zeta: np.ndarray, origins: np.ndarray) -> np.ndarray:
-    """(o, 6) sum over j of markov[i - 1 - j] zeta_(k + j), i = len(markov)."""
+    """Return the sum over j of markov[i - 1 - j] zeta_(k + j), i = len(markov), (o, 6)."""
     drive = np.zeros((len(origins), 6))
     for j, M in enumerate(reversed(markov)):
         drive += zeta[origins + j] @ M.T

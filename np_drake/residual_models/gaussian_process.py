@@ -62,7 +62,7 @@ class GaussianProcess:
         return cls(**{field.name: tensors[field.name] for field in dc.fields(cls)})
 
     def _terms(self, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(..., n, 6) zeta - X_n, and the terms of the sum."""
+        """Return zeta - X_n and the terms of the sum, (..., n, 6) each."""
         away = np.asarray(zeta)[..., None, :] - self.X
         return away, self.weight * np.exp(-0.5 * (away**2 @ self._precision))  # type: ignore[attr-defined]
 

@@ -104,7 +104,7 @@ def fit_knode(
 
 
 class _Network(torch.nn.Module):
-    """The wrench network with gradients; all double precision."""
+    """Wrench network with gradients, in double precision."""
 
     def __init__(self, config: KnodeConfig, scale: np.ndarray, unit: np.ndarray):
         super().__init__()
@@ -119,14 +119,14 @@ class _Network(torch.nn.Module):
         self._scale, self._unit = torch.from_numpy(scale), torch.from_numpy(unit)
 
     def forward(self, zeta: torch.Tensor) -> torch.Tensor:
-        """(..., 6) chi [N, N·m]."""
+        """Return chi (..., 6) [N, N·m]."""
         value = zeta / self._scale
         for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
             value = torch.relu(value @ W.T + b)
         return (value @ self.weights[-1].T + self.biases[-1]) * self._unit
 
     def export(self) -> WrenchNetwork:
-        """The same map in numpy."""
+        """Return the network in numpy."""
         weights, biases = (
             tuple(p.detach().numpy().copy() for p in group) for group in (self.weights, self.biases)
         )
@@ -134,14 +134,17 @@ class _Network(torch.nn.Module):
 
 
 class _Nominal:
-    """Eq. (1) of Jin et al. 2025 with gradients; classical Runge-Kutta, the input held over a step."""
+    """Dynamics of eq. (1) of Jin et al. 2025 with gradients; classical Runge-Kutta, the input held over a step."""
 
     def __init__(self, vehicle: Vehicle, step: float):
         self._step, self._mass, self._gravity = step, vehicle.mass, vehicle.gravity
         self._J, self._J_inv = torch.from_numpy(vehicle.J), torch.from_numpy(np.linalg.inv(vehicle.J))
 
     def rollout(self, start: torch.Tensor, u: torch.Tensor, wrench: Callable) -> torch.Tensor:
-        """(b, H, 6) zeta after 1 … H steps, of start (b, 13) and u (b, H, 4), wrench: zeta -> chi."""
+        """Return zeta after 1 … H steps, (b, H, 6).
+
+        Args: start: (b, 13).   u: (b, H, 4).   wrench: zeta -> chi.
+        """
         y, course = start[:, 3:], []  # q, v, w: position drives nothing
         for i in range(u.shape[1]):
             y = self._advance(y, u[:, i], wrench)
@@ -178,7 +181,7 @@ class _Nominal:
 
 
 def _windows(pieces: Sequence[Piece], config: KnodeConfig) -> tuple[torch.Tensor, torch.Tensor, float]:
-    """x (m, H + 1, 13), u (m, H, 4) and the step [s]."""
+    """Return x (m, H + 1, 13), u (m, H, 4) and the step [s]."""
     steps = np.array([piece.step for piece in pieces])
     if len(steps) and np.ptp(steps) > 0.02 * steps.min():
         raise ValueError(f"knode: all logs must share one step [s]; got {steps.min()} to {steps.max()}.")

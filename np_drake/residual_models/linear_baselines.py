@@ -27,17 +27,17 @@ NOISE = 1e-3  # of the ridge's samples, in units of their scale [1]
 
 
 class _Windowed:
-    """Keeps the last `window` samples; until there are so many, holds the label."""
+    """Residual model of the last `window` samples; until there are so many, it holds the label."""
 
     def __init__(self, name: str, step: float, window: int):
         self.name, self.step, self.window = name, step, window
 
     def initial_memory(self) -> Memory:
-        """window (W, 12) of [chi, zeta], oldest first; count of samples in it."""
+        """Return the memory before any sample: window (W, 12) of [chi, zeta], oldest first, and the count in it."""
         return {"window": np.zeros((self.window, 12)), "count": np.zeros(1)}
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
-        """A sample with a NaN repeats the one before."""
+        """Return the memory after one more sample; one with a NaN repeats the sample before."""
         row = np.concatenate([sample.chi, rigid_body.zeta(np.asarray(sample.x, float))])
         row = np.where(np.isfinite(row), row, memory["window"][-1])
         window = np.concatenate([memory["window"][1:], row[None]])
@@ -98,7 +98,7 @@ class RidgeBaseline(_Windowed):
         return RidgeForecasts(self, np.hstack([chi, zeta]))
 
     def _at(self, steps: np.ndarray) -> np.ndarray:
-        """(12 D + 1, len(steps), 6) the weights, interpolated."""
+        """Return the weights, interpolated, (12 D + 1, len(steps), 6)."""
         steps = np.minimum(steps, self._horizons[-1])
         right = np.clip(np.searchsorted(self._horizons, steps), 1, len(self._horizons) - 1)
         low, high = self._horizons[right - 1], self._horizons[right]

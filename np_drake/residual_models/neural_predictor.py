@@ -146,7 +146,7 @@ class NeuralPredictor:
         return self.forecast(memory, horizon=1, stride=1).rollout(np.zeros((1, 6)))[0]
 
     def _lowpassed(self, chi: np.ndarray) -> np.ndarray:
-        """(n, 6) the low-passed labels of a flight without gaps."""
+        """Return the low-passed labels of a flight without gaps, (n, 6)."""
         course, held = np.empty_like(chi), np.zeros(6)
         for k, label in enumerate(chi):
             held = held + max(self._blend, 1.0 / (k + 1)) * (label - held)
@@ -154,7 +154,7 @@ class NeuralPredictor:
         return course
 
     def _counted(self, memory: Memory, labelled: bool, complete: bool) -> Memory:
-        """The counters after one more sample."""
+        """Return the counters after one more sample."""
         W = self.model.window
         gap = np.zeros(1) if complete else memory["gap"] + 1.0
         lost = gap[0] >= W or (not complete and memory["count"][0] == 0)
@@ -166,7 +166,7 @@ class NeuralPredictor:
         return {} if self.model.trust is None else _named(self.model.trust.initial_memory())
 
     def _refitted(self, rows: np.ndarray, row: np.ndarray, full: bool) -> Memory:
-        """The rows (W, K + 6) with one more sample (12,); of a full window also z, A and B."""
+        """Return the rows (W, K + 6) with one more sample (12,); of a full window also z, A and B."""
         assert self._refit is not None
         rows = np.concatenate([rows[1:], self._refit.rows(row)[None]])
         if not full:
@@ -175,7 +175,7 @@ class NeuralPredictor:
         return {"rows": rows, "z": rows[-1, :-6], "A": A, "B": B}
 
     def _lifted(self, memory: Memory, labelled: bool) -> Memory:
-        """z of a full window, and the memory of the trust in it."""
+        """Return z of a full window, and the memory of the trust."""
         z, chi = self.model.lift(memory["window"]), memory["window"][-1, :6]
         if self.model.trust is None:
             return {"z": z}
@@ -186,7 +186,7 @@ class NeuralPredictor:
         return {"z": z, **_named(kept)}
 
     def _own_prediction(self, memory: Memory) -> np.ndarray:
-        """(6,) what the model expected for this sample before it came."""
+        """Return what the model expected for this sample before it came, (6,)."""
         if memory["count"][0] < self.model.window:
             return memory["lowpass"]
         s = self.system(memory)
@@ -210,10 +210,10 @@ class NeuralPredictor:
 
 
 def _named(memory: Memory) -> Memory:
-    """The memory of a trust under the names it has in the predictor's."""
+    """Return the memory of a trust under its names in the predictor's memory."""
     return {f"trust/{name}": value for name, value in memory.items()}
 
 
 def _trust_of(memory: Memory) -> Memory:
-    """And back."""
+    """Return the memory of the trust under its own names, the inverse of `_named`."""
     return {name.removeprefix("trust/"): value for name, value in memory.items() if name.startswith("trust/")}

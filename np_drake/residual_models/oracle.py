@@ -66,7 +66,7 @@ class TrueModel:
     def _thrusts(
         self, u: np.ndarray, starts: np.ndarray, step: float, now: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(N, 4) mean actual and commanded rotor thrust of the steps that begin at `starts` (N,) [N]."""
+        """Return mean actual and commanded rotor thrust of the steps that begin at `starts` (N,), (N, 4) each [N]."""
         command = np.clip(u @ self.believed.unmixer.T, 0.0, self.believed.max_rotor_thrust)
         gain = np.ones(4)
         for effect in self.actuator_effects:
@@ -79,7 +79,7 @@ class TrueModel:
         return thrust, command
 
     def _through(self, effect: ActuatorEffect, command, starts, step: float, resting) -> np.ndarray:
-        """(N, 4) mean thrusts [N] of one effect that rests at `resting` (4,) [N] before the first command."""
+        """Return mean thrusts (N, 4) [N] of one effect that rests at `resting` (4,) [N] before the first command."""
         if effect.dead_time > 0.0:
             before = np.concatenate([[starts[0] - step], starts])
             return effect.respond(self.believed, before, np.vstack([resting, command]))[1:]

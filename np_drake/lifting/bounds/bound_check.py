@@ -88,7 +88,7 @@ def check_flight(
 def _check(
     dut: TheoremBound, samples: np.ndarray, z: np.ndarray, origins: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """What `BoundCheck` collects, (windows, …) each."""
+    """Return the quantities that `BoundCheck` collects, (windows, …) each."""
     answers = [dut(samples[k - dut.samples + 1 : k + 1]) for k in origins]
     errors = _errors(dut.model, answers, samples, z, origins, dut.horizon)
     bounds = {kind: np.stack([getattr(a, kind) for a in answers]) for kind in KINDS}
@@ -102,7 +102,7 @@ def _check(
 def _errors(
     model: LiftedModel, answers: list[ErrorBound], samples: np.ndarray, z: np.ndarray, origins: np.ndarray, N: int
 ) -> dict[str, np.ndarray]:  # fmt: skip
-    """Kind -> (windows, N) error of the rollouts, with the true zeta and with zeta held."""
+    """Return kind -> error of the rollouts (windows, N), with the true zeta and with zeta held."""
     A, B = (np.stack([getattr(a.system, name) for a in answers]) for name in "AB")
     C, rows = model.system.C, slice(6 if model.predicts_torque else 3)
     found = {kind: np.empty((len(origins), N)) for kind in KINDS}
@@ -119,7 +119,7 @@ def _errors(
 
 
 def _premise(model: LiftedModel, change: Change, samples: np.ndarray, origins: np.ndarray) -> np.ndarray:
-    """(windows,) whether every change that the proof bounds was within what was allowed."""
+    """Return whether every change that the proof bounds was within what was allowed, (windows,)."""
     chi, zeta = samples[:, :6] / chi_scale(model), samples[:, 6:] / model.zeta_scale
     good = np.ones(len(samples), bool)
     for j in range(1, len(change.chi) + 1):

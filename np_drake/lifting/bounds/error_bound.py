@@ -86,7 +86,7 @@ class ErrorBound:
 
 @dc.dataclass(frozen=True)
 class _Norms:
-    """(N,) |A^i|, |A^i B S_zeta| and |S_chi^-1 C A^i B S_zeta|, i = 0 … N-1, and whether A contracts."""
+    """Norms |A^i|, |A^i B S_zeta| and |S_chi^-1 C A^i B S_zeta|, (N,) each, i = 0 … N-1, and whether A contracts."""
 
     A: np.ndarray
     B: np.ndarray
@@ -158,11 +158,14 @@ class TheoremBound:
         )  # fmt: skip
 
     def _moved(self, norms: np.ndarray) -> np.ndarray:
-        """(N,) sum_(i<n) norms_i |zeta_(n-1-i) - zeta_0|: what zeta can do that the bound did not know."""
+        """Return sum_(i<n) norms_i |zeta_(n-1-i) - zeta_0|, (N,).
+
+        It is the effect of a change of zeta that the rollout does not know.
+        """
         return np.convolve(norms, np.concatenate([[0.0], self.change.zeta]))[: self.horizon]
 
     def _held(self, system: LiftedLinearSystem, z: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-        """(N, K) z_hat_n, n = 1 … N, with zeta held."""
+        """Return z_hat_n, n = 1 … N, with zeta held, (N, K)."""
         drive = system.B @ zeta
         out = np.empty((self.horizon, len(z)))
         for i in range(self.horizon):
@@ -199,7 +202,7 @@ class TheoremBound:
         )
 
     def _seen(self, name: str, window: np.ndarray, allowed: np.ndarray) -> Assumption:
-        """The window's changes up to its last row, and those from row to row, against what was allowed."""
+        """Compare the window's changes, up to its last row and from row to row, with what was allowed."""
         step = np.linalg.norm(np.diff(window, axis=0), axis=1).max()
         since = np.linalg.norm(window[-2::-1] - window[-1], axis=1)[: self.horizon]
         holds = step <= allowed[0] * (1 + ROUNDING) and np.all(
@@ -244,7 +247,7 @@ def _largest(values: np.ndarray, horizon: int) -> np.ndarray:
 
 
 def _over_steps(alpha: Alpha, horizon: int) -> np.ndarray:
-    """(horizon,) change over j steps: j alpha for a number, else as given."""
+    """Return the change over j steps, (horizon,): j alpha for a number, else as given."""
     if np.ndim(alpha) == 0:
         return float(alpha) * np.arange(1, horizon + 1)  # type: ignore[arg-type]
     value = np.asarray(alpha, float)

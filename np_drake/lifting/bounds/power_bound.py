@@ -68,7 +68,10 @@ def power_bound(A: np.ndarray, B: np.ndarray) -> PowerBound:
 
 
 def _by_doubling(A: np.ndarray, B: np.ndarray) -> tuple[float, float]:
-    """(sup |A^k|, sum |A^k B|): S and G over the first m powers, then over 2 m, …, until |A^m| < 1."""
+    """Return (sup |A^k|, sum |A^k B|).
+
+    S and G are over the first m powers, then over 2 m, …, until |A^m| < 1.
+    """
     S = float(spectral_norms(powers(A, np.eye(len(A)), EXACT)).max())
     G = float(spectral_norms(powers(A, B, EXACT)).sum())
     block = np.linalg.matrix_power(A, EXACT)
@@ -81,7 +84,7 @@ def _by_doubling(A: np.ndarray, B: np.ndarray) -> tuple[float, float]:
 
 
 def _by_lyapunov(A: np.ndarray) -> float:
-    """sqrt(cond P) of A^T P A - P = -I, inf where the computed P does not satisfy A^T P A <= P."""
+    """Return sqrt(cond P) of A^T P A - P = -I, inf where the computed P does not satisfy A^T P A <= P."""
     try:
         P = scipy.linalg.solve_discrete_lyapunov(A.T, np.eye(len(A)))
     except (np.linalg.LinAlgError, ValueError):
@@ -93,7 +96,7 @@ def _by_lyapunov(A: np.ndarray) -> float:
 
 
 def _by_eigenvectors(A: np.ndarray) -> float:
-    """cond V of A = V Lambda V^-1, inf where V is too ill-conditioned to trust."""
+    """Return cond V of A = V Lambda V^-1, inf where V is too ill-conditioned to trust."""
     _, V = np.linalg.eig(A)
     condition = float(np.linalg.cond(V))
     return condition if condition < 1e6 else np.inf

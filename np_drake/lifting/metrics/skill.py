@@ -97,12 +97,12 @@ def skill_table(
 
 
 def _ratio(error: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """NaN where the reference is nothing at all (persistence of the sample itself, a label of zero)."""
+    """Return the ratio, NaN where the reference is zero (persistence of the sample itself, a label of zero)."""
     return np.divide(error, reference, out=np.full_like(error, np.nan), where=reference > 0)
 
 
 def _size(chi: np.ndarray) -> np.ndarray:
-    """(..., 2) length of force [N] and torque [N·m]."""
+    """Return the length of force [N] and torque [N·m], (..., 2)."""
     return np.stack([np.linalg.norm(chi[..., :3], axis=-1), np.linalg.norm(chi[..., 3:], axis=-1)], axis=-1)
 
 
@@ -171,7 +171,7 @@ def _rollouts(
     horizons: list[int],
     zeta_known: bool,
 ) -> np.ndarray:
-    """(o, len(horizons), 6) of all forecasts together, one step of all origins at a time."""
+    """Return the rollouts of all forecasts together, one step of all origins at a time, (o, len(horizons), 6)."""
     A, B, C = (_stacked([getattr(f, name).T for f in forecasts]) for name in "ABC")
     z = np.stack([f.z for f in forecasts])[:, None]
     chi_hat = np.stack([f.offset[horizons] for f in forecasts])
@@ -187,7 +187,7 @@ def _rollouts(
 
 
 def _stacked(matrices: list[np.ndarray]) -> np.ndarray:
-    """(o, …) or, where all are one and the same, that one."""
+    """Return the arrays stacked to (o, …) or, where all are one and the same, that one."""
     first = matrices[0]
     if all(m is first or np.shares_memory(m, first) for m in matrices):
         return first
@@ -195,6 +195,6 @@ def _stacked(matrices: list[np.ndarray]) -> np.ndarray:
 
 
 def _square(error: np.ndarray) -> np.ndarray:
-    """(o, len(horizons), 2) squared norm of force [N²] and torque [N²·m²]."""
+    """Return the squared norm of force [N²] and torque [N²·m²], (o, len(horizons), 2)."""
     square = error**2
     return np.stack([square[..., :3].sum(-1), square[..., 3:].sum(-1)], axis=-1)

@@ -52,7 +52,7 @@ class DelayTaps:
 
 
 def _edges(near: int, far: int, count: int) -> np.ndarray:
-    """(count + 1,) whole numbers from near to far, the steps between them growing, at least one each."""
+    """Return whole numbers from near to far with growing steps of at least one, (count + 1,)."""
     edges = np.round(np.geomspace(near, far, count + 1)).astype(int)
     for i in range(1, count):
         edges[i] = max(edges[i], edges[i - 1] + 1)

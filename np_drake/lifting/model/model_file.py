@@ -146,7 +146,7 @@ def _phi(tensors: dict[str, np.ndarray]) -> Phi:
 
 
 def _reason(path: str | Path, error: Exception) -> str:
-    """Why a file is no safetensors file, in words."""
+    """Return why a file is no safetensors file, in words."""
     try:
         with open(path, "rb") as file:
             start = file.read(4)

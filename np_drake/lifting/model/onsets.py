@@ -83,7 +83,7 @@ class Onsets:
         )
 
     def _seen(self, window: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(V, ..., R, q) M_r w and (V, ..., R) p_r."""
+        """Return M_r w (V, ..., R, q) and p_r (V, ..., R)."""
         V, R, q, n = self.watch.shape
         outer = window.shape[:-2]
         scaled = window[None].reshape(1, -1, 12) @ self.channels.swapaxes(1, 2)  # (V, o D, c)

@@ -30,7 +30,10 @@ def stabilized_all(A: np.ndarray, radius: float = 1.0) -> tuple[np.ndarray, np.n
 
 
 def _stabilized(A: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
-    """Of one A, and its spectral radius before. LAPACK's own real form of V costs less than numpy's complex one."""
+    """Return one A made stable, and its spectral radius before.
+
+    LAPACK's own real form of V costs less than numpy's complex one.
+    """
     if not np.isfinite(A).all():
         raise np.linalg.LinAlgError("stabilized: every entry of A must be finite.")
     re, im, _, V, info = lapack.dgeev(A, compute_vl=0, compute_vr=1)
@@ -47,10 +50,11 @@ def _stabilized(A: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
 
 
 def _pulled(A: np.ndarray, V: np.ndarray, size: np.ndarray, limit: float) -> tuple[np.ndarray, float]:
-    """A V diag(factor) V^-1, factor < 1 where the eigenvalue's size (K,) > limit, and a bound of V's condition.
+    """Return A V diag(factor) V^-1, factor < 1 where the eigenvalue's size (K,) > limit, and a bound of V's condition.
 
-    V (K, K) holds Re and Im of a pair's eigenvector side by side; the two share their factor, so A V need not be told
-    apart. The complex columns have length 1, and the rows of their inverse are no longer than those of the real one.
+    V (K, K) holds Re and Im of a pair's eigenvector side by side; the two share their factor, so that A V need not be
+    separated. The complex columns have length 1, and the rows of their inverse are no longer than those of the real
+    one.
     """
     lu, pivots, singular = lapack.dgetrf(V)
     if singular:  # no full set of eigenvectors
@@ -65,5 +69,5 @@ def _pulled(A: np.ndarray, V: np.ndarray, size: np.ndarray, limit: float) -> tup
 
 
 def _radius(A: np.ndarray) -> float:
-    """Spectral radius."""
+    """Return the spectral radius [1]."""
     return float(np.abs(np.linalg.eigvals(A)).max())

@@ -119,8 +119,9 @@ class Trust:
         return (total + self.settle * self.mean) / (seen + self.settle)
 
     def _weights(self, sums: np.ndarray, power: np.ndarray, horizon: int | None = None):
-        """a, b (..., 4) in [0, 1] of sums (5, ..., 4) and mean power (2, ..., 4); the middle axis is the horizon unless
-        one is given by its number.
+        """Return a, b (..., 4) in [0, 1] of sums (5, ..., 4) and mean power (2, ..., 4).
+
+        The middle axis is the horizon unless one is given by its number.
         """
         h = (self.horizons if horizon is None else self.horizons[[horizon]])[:, None]
         prior = (self.prior if horizon is None else self.prior[[horizon]])[:, None]
@@ -134,12 +135,12 @@ class Trust:
 def _regressors(
     forecast: np.ndarray, chi: np.ndarray, mean: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """base, and what a and b multiply (..., 6)."""
+    """Return the base, and what a and b multiply, (..., 6) each."""
     base = np.where(IS_FORCE, chi, 0.0)
     return base, forecast - base, np.where(IS_FORCE, mean - chi, chi)
 
 
 def _products(p: np.ndarray, q: np.ndarray, outcome: np.ndarray) -> np.ndarray:
-    """(5, ..., 4) pp, pq, qq, p outcome, q outcome, summed over each group."""
+    """Return pp, pq, qq, p outcome, q outcome, summed over each group, (5, ..., 4)."""
     q = np.broadcast_to(q, p.shape)
     return np.stack([p * p, p * q, q * q, p * outcome, q * outcome]) @ MEMBER.T

@@ -70,7 +70,7 @@ class WindowRefit:
         return A, B, before
 
     def _fit(self, XT: np.ndarray, YT: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """`along` of regressors (o, K+6, W-1) and targets (o, K, W-1)."""
+        """Compute `along` from regressors (o, K+6, W-1) and targets (o, K, W-1)."""
         XT, K = np.ascontiguousarray(XT), YT.shape[1]
         X = XT.swapaxes(1, 2)
         normal = XT @ X

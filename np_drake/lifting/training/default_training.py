@@ -108,7 +108,7 @@ class _Runs:
         self._epoch, self.history = 0, list[float]()
 
     def descend(self, name: str, modal: ModalBlock, theta: np.ndarray, iterations: int) -> np.ndarray:
-        """The end of the descent called `name`, computed or remembered."""
+        """Return the end of the descent called `name`, computed or taken from the checkpoint."""
         end = self._epoch + iterations
         if name not in self._finished:
             found, losses = descend(modal, theta, iterations=iterations, on_iteration=self._report)
@@ -128,7 +128,7 @@ class _Runs:
 def _best_descent(
     modal: ModalBlock, config: DefaultConfig, number: int, runs: _Runs
 ) -> tuple[np.ndarray, float]:
-    """Parameters of the least loss over the starts, and that loss."""
+    """Return the parameters of the least loss over the starts, and that loss."""
     found = []
     for run in range(config.starts):
         theta = modal.initial_theta(np.random.default_rng([config.seed, number, run]))
@@ -139,7 +139,7 @@ def _best_descent(
 
 
 def _excitation(segments: list[Segment], config: DefaultConfig, step: float) -> Excitation:
-    """Of the segments; where x and y are tied, of the segments turned and mirrored as well."""
+    """Return the excitation of the segments and, where x and y are tied, of their rotations and mirror images."""
     zeta = [segment.zeta for segment in segments]
     if config.symmetric:
         zeta = [turned for piece in zeta for turned in turns(piece)]
@@ -164,7 +164,7 @@ def _assemble(
     blocks: list[Block], fitted: list[BlockMatrices], delay: int, step: float,
     chi_scale: np.ndarray, zeta_scale: np.ndarray, excitation: Excitation,
 ) -> tuple[LiftedLinearSystem, DelayEncoder]:  # fmt: skip
-    """All views' matrices in one system, in physical units."""
+    """Return all views' matrices in one system, in physical units."""
     seen = excitation.shrink / zeta_scale[:, None]  # zeta -> scaled zeta as trained
     As, Bs, Cs, Es = [], [], [], []
     for block, m in zip(blocks, fitted, strict=True):
@@ -185,7 +185,7 @@ def _assemble(
 def _block_onsets(
     block: Block, modal: ModalBlock, m: BlockMatrices, scaled: list, config: DefaultConfig
 ) -> BlockOnsets | None:
-    """Levels may begin in every block, and oscillation where something swings."""
+    """Return the onsets of a block: levels in every block, and oscillation where something swings."""
     if not config.onsets:
         return None
     levels = np.arange(block.size - len(m.C), block.size)
@@ -203,7 +203,7 @@ def _onsets(
     blocks: list[Block], begun: list[BlockOnsets | None], config: DefaultConfig,
     chi_scale: np.ndarray, zeta_scale: np.ndarray, excitation: Excitation,
 ) -> Onsets | None:  # fmt: skip
-    """All views' onsets, in physical units."""
+    """Return all views' onsets, in physical units."""
     seen, parts = excitation.shrink / zeta_scale[:, None], []
     for block, found in zip(blocks, begun, strict=True):
         if found is None:

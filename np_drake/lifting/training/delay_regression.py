@@ -98,7 +98,7 @@ def horizon_weights(pieces: list[Piece], horizons: np.ndarray) -> np.ndarray:
 
 
 def _rows(piece: Piece, delay: int, horizons: np.ndarray, stride: int):
-    """(o, nh) histories, oldest sample first; (o, nu) coming inputs; (o, len(horizons), m) goals."""
+    """Return (o, nh) histories, oldest sample first; (o, nu) coming inputs; (o, len(horizons), m) goals."""
     labels, inputs, goals = piece
     samples = np.hstack([labels, inputs])
     origin = np.arange(delay - 1, len(labels) - horizons[-1], stride)
@@ -116,7 +116,7 @@ def _add_pseudo_data(
     weights: np.ndarray,
     regularisation: Regularisation,
 ) -> None:
-    """Adds the second moments of `regularisation` to S, in place; sizes: outputs m and inputs p."""
+    """Add the second moments of `regularisation` to S, in place; sizes: outputs m and inputs p."""
     l, (m, p) = len(label_noise), sizes
     nh, nu = delay * (l + p), horizons[-1] * p
     for j in range(l):

@@ -134,7 +134,7 @@ def _samples(segment: Segment) -> np.ndarray:
 
 
 def _scales(segments: list[Segment]) -> np.ndarray:
-    """(12,) one scale each for force, torque, v and omega."""
+    """Return one scale each for force, torque, v and omega, (12,)."""
     chi = group_scale([segment.goal for segment in segments], centred=True)
     return np.concatenate([chi, group_scale([segment.zeta for segment in segments], centred=True)])
 
@@ -143,7 +143,7 @@ def _response(
     segments: list[Segment], flights: list[Moments], encoder: np.ndarray, modes: ModeDictionary,
     config: DictionaryConfig, scale: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """(K, 6) B, scaled, on origins thinned to a quarter of those of the encoder."""
+    """Return B (K, 6), scaled, on origins thinned to a quarter of those of the encoder."""
     readout, pieces = modes.readout(config.grid), []
     for segment, flight in zip(segments, flights, strict=True):
         samples = _samples(segment) / scale
@@ -166,7 +166,7 @@ def _response(
 def _joint(
     segments: list[Segment], flights: list[Moments], modes: ModeDictionary, config: DictionaryConfig, scale: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """(K, p) encoder and (K, 6) B, scaled, fitted together."""
+    """Return the encoder (K, p) and B (K, 6), scaled, fitted together."""
     pieces = [
         JointPiece(_samples(s) / scale, s.goal / scale[:6], f.power)
         for s, f in zip(segments, flights, strict=True)
@@ -178,7 +178,7 @@ def _joint(
 
 
 def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> LiftedModel:
-    """The model in physical units."""
+    """Return the model in physical units."""
     channel = np.concatenate([[c] * len(p) for c, p in enumerate(modes.poles)])
     unit = scale[channel]  # of each amplitude [N, N·m]
     window = (

@@ -40,7 +40,10 @@ def sample_scale(segments: Sequence[Segment]) -> np.ndarray:
 
 
 def _shift_register(weights: np.ndarray, step: float) -> tuple[LiftedLinearSystem, np.ndarray]:
-    """System and E (K, 12 D) of chi+ = sum over d of weights[:, d] [chi_(k-d), zeta_(k-d)]; K = 12 D - 6."""
+    """Return system and E (K, 12 D) of chi+ = sum over d of weights[:, d] [chi_(k-d), zeta_(k-d)].
+
+    K = 12 D - 6.
+    """
     D = weights.shape[1]
     K, past = 12 * D - 6, 6 * D  # where the past zeta begin
     A, B, E = np.zeros((K, K)), np.zeros((K, 6)), np.zeros((K, D, 12))

@@ -110,7 +110,7 @@ def motion_near(values: list[np.ndarray], frequency: float, *, step: float) -> f
 
 
 def _strongest_line(zeta: np.ndarray, step: float) -> tuple[float, float]:
-    """Frequency [Hz] and share of power of the strongest line (three bins, Hann window), channels pooled."""
+    """Return frequency [Hz] and share of power of the strongest line (three bins, Hann window), channels pooled."""
     taper = np.hanning(len(zeta))[:, None]
     power = np.sum(np.abs(np.fft.rfft(taper * (zeta - zeta.mean(axis=0)), axis=0)) ** 2, axis=1)
     peak = int(np.argmax(power[1:])) + 1
@@ -119,7 +119,7 @@ def _strongest_line(zeta: np.ndarray, step: float) -> tuple[float, float]:
 
 
 def _name(direction: np.ndarray) -> str:
-    """The channels that make up nine tenths of a direction, strongest first."""
+    """Return the names of the channels that make up nine tenths of a direction, strongest first."""
     order = np.argsort(-(direction**2))
     count = int(np.searchsorted(np.cumsum(direction[order] ** 2), 0.9)) + 1
     return " & ".join(CHANNELS[i] for i in order[:count])

@@ -100,12 +100,12 @@ def horizon_grid(longest: int, count: int) -> np.ndarray:
 
 
 def _grouped(square: np.ndarray) -> np.ndarray:
-    """(H, 6) -> (H, 2) sums over force and torque."""
+    """Sum (H, 6) over force and torque to (H, 2)."""
     return np.stack([square[:, group].sum(axis=1) for group in GROUPS], axis=1)
 
 
 def _turned(gram: np.ndarray, cross: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The moments of the turned flight."""
+    """Return the moments of the turned flight."""
     taps = (len(gram) - 1) // 12
     T = np.eye(len(gram))
     T[:-1, :-1] = np.kron(np.eye(2 * taps), turn)

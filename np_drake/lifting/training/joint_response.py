@@ -69,7 +69,7 @@ def _moments(
     flight: JointPiece, power: np.ndarray, group: slice, poles: np.ndarray, horizons: np.ndarray, taps: DelayTaps,
     *, noise: float, input_noise: float, max_origins: int,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Normal matrix, square of M p + 6 M, and right-hand side (M p + 6 M, 3) of one flight, pseudo-noise included."""
+    """Return normal matrix, M p + 6 M square, and right-hand side (M p + 6 M, 3) of one flight, with pseudo-noise."""
     first, last = taps.delay - 1, len(flight.samples) - int(horizons[-1])
     origins = np.arange(first, last, max(1, -(-(last - first) // max_origins)))
     F = np.hstack([taps.features(flight.samples, origins), np.ones((len(origins), 1))])
@@ -93,7 +93,7 @@ def _moments(
 def _symmetrised(
     gram: np.ndarray, cross: np.ndarray, group: slice, modes: int, symmetry: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`symmetry` of the moments averaged over the turns, each a signed permutation of features and inputs."""
+    """Average the share `symmetry` of the moments over the turns, each a signed permutation of features and inputs."""
     p = len(gram) // modes - 6
     mean_gram, mean_cross = np.zeros_like(gram), np.zeros_like(cross)
     for turn in TURNS:

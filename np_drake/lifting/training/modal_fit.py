@@ -115,7 +115,10 @@ class ModalBlock:
         return BlockMatrices(E * scale[:, None], A, B * scale[:, None], C / scale)
 
     def _column_length(self, C: torch.Tensor) -> torch.Tensor:
-        """(size,) length of each mode's columns of C, one value for a pair: a mode's output per unit of state."""
+        """Return the length of each mode's columns of C, one value for a pair, (size,).
+
+        It is the mode's output per unit of state.
+        """
         square = C.square().sum(dim=0)
         pairs = square[: 2 * self.pairs].reshape(-1, 2).sum(dim=1).repeat_interleave(2)
         return torch.sqrt(torch.cat([pairs, square[2 * self.pairs :]]) + 1e-24)
@@ -129,8 +132,10 @@ class ModalBlock:
         return a, angle / float(r.horizons[-1]), real, C.reshape(-1, self.size), B
 
     def _operators(self, theta: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Weighted observability O over its ridge (ny + K, K), weighted response to the coming inputs (nu, ny), and
-        the ridge on that response (a number).
+        """Return the operators of the loss.
+
+        They are the weighted observability O over its ridge (ny + K, K), the weighted response to the coming inputs
+        (nu, ny), and the ridge on that response (a number).
         """
         a, angle, real, C, B = self._parts(theta)
         r = self._regression
@@ -145,7 +150,7 @@ class ModalBlock:
         return ridged, response.permute(1, 3, 0, 2).reshape(nu, -1), amplitudes
 
     def _output_powers(self, a, angle, real, C, powers) -> torch.Tensor:
-        """(len(powers), m, K) C A^i."""
+        """Return C A^i, (len(powers), m, K)."""
         i = powers[:, None]
         radius = torch.exp(i * (self._log_radius - torch.exp(a)))
         cosine = (radius * torch.cos(i * angle))[:, None]

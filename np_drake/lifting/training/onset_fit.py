@@ -70,7 +70,7 @@ def fit_onsets(
 
 
 def _shown(m: BlockMatrices, delay: int, age: int, features: int, lag: float) -> np.ndarray:
-    """(D c, K) what a jump of each mode by one adds to a window, `age` samples later."""
+    """Return what a jump of each mode by one adds to a window, `age` samples later, (D c, K)."""
     shown = np.zeros((max(delay, age + 1), features // delay, len(m.A)))
     label, jumped = np.zeros_like(m.C), np.eye(len(m.A))
     for row in shown[len(shown) - 1 - age :]:

@@ -148,7 +148,7 @@ class PaperTrainer:
             self.optimiser.state[parameter] = {"step": count, **moments}
 
     def _fit_priors(self) -> None:
-        """The priors of this epoch: least squares over all windows with the present Phi."""
+        """Fit the priors of this epoch by least squares over all windows with the present Phi."""
         with torch.no_grad():
             z = self.phi(self._chi)
             self.forward_prior = _global_fit(*_regression(z, self._zeta))
@@ -158,14 +158,14 @@ class PaperTrainer:
         return torch.from_numpy(self.chi_scale)
 
     def _best_readout(self, z: torch.Tensor) -> torch.Tensor:
-        """(6, K) least squares of chi / scale on z over all windows, ridge 1e-6 of the mean power."""
+        """Return the least squares of chi / scale on z over all windows, ridge 1e-6 of the mean power, (6, K)."""
         Z, chi = z.reshape(-1, z.shape[-1]), (self._chi / self._scale()).reshape(-1, 6)
         normal = Z.T @ Z
         normal += (1e-6 * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=Z.dtype)
         return torch.linalg.solve(normal, Z.T @ chi).T
 
     def _rollout_error(self, z, zeta, prior, *, backward: bool) -> torch.Tensor:
-        """Discounted mean square of the multi-step error in z, with each window's own A and B."""
+        """Return the discounted mean square of the multi-step error in z, with each window's own A and B."""
         X, Y = _regression(z, zeta, backward=backward)
         A, B = _window_fit(X, Y, prior, self.config.ridge)
         drive = X[..., z.shape[-1] :] @ B
@@ -194,7 +194,7 @@ def train_paper(
 def _windows(
     segments: list[Segment], config: PaperConfig, zeta_scale: np.ndarray
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """(b, W, 6) chi in physical units and scaled zeta of all windows."""
+    """Return chi in physical units and scaled zeta of all windows, (b, W, 6) each."""
     starts = [
         (segment, k)
         for segment in segments
@@ -209,13 +209,16 @@ def _windows(
 def _regression(
     z: torch.Tensor, zeta: torch.Tensor, *, backward: bool = False
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Regressors [z, zeta] (b, W-1, K+6) and targets (b, W-1, K): z_(k+1) from z_k, or z_k from z_(k+1)."""
+    """Return regressors [z, zeta] (b, W-1, K+6) and targets (b, W-1, K).
+
+    They are z_(k+1) from z_k, or z_k from z_(k+1).
+    """
     before, after = (z[:, 1:], z[:, :-1]) if backward else (z[:, :-1], z[:, 1:])
     return torch.cat([before, zeta[:, :-1]], dim=-1), after
 
 
 def _global_fit(X: torch.Tensor, Y: torch.Tensor) -> torch.Tensor:
-    """(K+6, K) ridge fit over all windows: where the priors start."""
+    """Return the ridge fit over all windows, at which the priors start, (K+6, K)."""
     X, Y = X.reshape(-1, X.shape[-1]), Y.reshape(-1, Y.shape[-1])
     normal = X.T @ X
     normal += (1e-4 * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=X.dtype)
@@ -223,13 +226,13 @@ def _global_fit(X: torch.Tensor, Y: torch.Tensor) -> torch.Tensor:
 
 
 def _stable(A: torch.Tensor) -> torch.Tensor:
-    """(..., K, K) scaled as a whole into |eig| <= RADIUS; the factor is taken as a constant in gradients."""
+    """Scale (..., K, K) as a whole into |eig| <= RADIUS; the factor is taken as a constant in gradients."""
     radius = torch.linalg.eigvals(A.detach()).abs().amax(dim=-1)
     return A * torch.clamp(RADIUS / radius, max=1.0)[..., None, None]
 
 
 def _window_fit(X, Y, prior, ridge: float) -> tuple[torch.Tensor, torch.Tensor]:
-    """A^T (b, K, K), stable, and B^T (b, 6, K) of each window; prior (K+6, K) = [A_0 B_0]^T."""
+    """Return A^T (b, K, K), stable, and B^T (b, 6, K) of each window; prior (K+6, K) = [A_0 B_0]^T."""
     K = Y.shape[-1]
     prior = torch.cat([_stable(prior[:K]), prior[K:]])
     normal = X.mT @ X + ridge * torch.eye(X.shape[-1], dtype=X.dtype)

@@ -54,7 +54,7 @@ class PhiModule(nn.Module):
 
 
 def _initial_weights(sizes: list[int], generator: torch.Generator) -> list[torch.Tensor]:
-    """Layers whose first outputs carry chi itself, as relu(chi) - relu(-chi), beside random features.
+    """Return layers whose first outputs carry chi itself, as relu(chi) - relu(-chi), beside random features.
 
     So chi = C z holds from the start and training need not find the identity first. Own choice: one step ahead on a
     real flight the error is 0.8 of persistence's this way, and 8 times it from a plain random start.
@@ -77,7 +77,7 @@ def _initial_weights(sizes: list[int], generator: torch.Generator) -> list[torch
 
 
 def _leading_singular_vectors(W: torch.Tensor, v: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """u, v of the largest singular value; v is the starting guess."""
+    """Return u, v of the largest singular value; v is the starting guess."""
     sigma = torch.zeros((), dtype=W.dtype)
     for _ in range(1000):
         u = W @ v
