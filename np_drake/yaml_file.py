@@ -38,7 +38,7 @@ def load_checked(schema: type, path: str | Path, kind: str) -> Any:
 def _require_once(root: yaml.Node | None) -> None:
     """Check that no field stands twice, since a reader would take the last.
 
-    Raises: an error of the reader: if one does.
+    Raises: ValueError: if one does.
     """
     left: list[tuple[str, yaml.Node | None]] = [("", root)]
     seen: set[int] = set()
@@ -54,7 +54,10 @@ def _require_once(root: yaml.Node | None) -> None:
 
 
 def _fields_once(name: str, node: yaml.MappingNode) -> list[tuple[str, yaml.Node]]:
-    """Yield name and value of every field of `name`, empty for the whole file; merge keys may stand twice."""
+    """Return name and value of every field of `name`, empty for the whole file; merge keys may stand twice.
+
+    Raises: ValueError: if another field stands twice.
+    """
     lines: dict[str, int] = {}
     found = []
     for key, value in node.value:
@@ -70,6 +73,7 @@ def _require_kinds(schema: type, content: Any, default: Any) -> None:
     """Check the kinds of all values before Drake reads them, whose errors do not always name the field.
 
     Args: default: of `schema`.
+    Raises: ValueError: if a value does not suit its field.
     """
     if content is None:
         raise ValueError("it is empty; at least one field must be named.")
@@ -79,7 +83,7 @@ def _require_kinds(schema: type, content: Any, default: Any) -> None:
 
 
 def _remedy(schema: type, reason: str) -> str:
-    """Return fields like an unknown one; where there is none, all fields of the schema."""
+    """Return a remedy for an unknown field: fields like it, else all of the schema; empty for another reason."""
     unknown = re.search(r"fields \[(.*?)\] were unknown", reason)
     if unknown is None:
         return ""

@@ -147,7 +147,7 @@ def _steady(effect: WrenchEffect) -> WrenchEffect:
 
 
 def _as_light(payload: PayloadConfig) -> PayloadConfig:
-    """Return a cable whose stiffness and damping are scaled with the payload's mass.
+    """Return the payload with stiffness and damping of its cable reduced for a mass below the default.
 
     A light payload on the usual cable would need tiny steps.
     Source: own choice: stiffness and damping over mass stay, and with them the stretch under its weight.

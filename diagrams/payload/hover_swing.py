@@ -158,7 +158,7 @@ def hover_table(runs: list[dict]) -> list[dict]:
 
 
 def _sign(line: dict) -> str:
-    """Return whether the interval of the rate is below zero, above it, or holds it."""
+    """Return grows, decays or neither, by the interval of the rate."""
     spread = np.nan_to_num(line["rate_ci95"])
     if line["rate"] - spread > 0:
         return "grows"

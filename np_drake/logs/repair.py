@@ -50,7 +50,7 @@ def _figures(table: Table) -> Table:
 
 
 def _in_time(table: Table) -> tuple[Table, int]:
-    """Return the rows whose time is a number and later than every time before, and how many are left out."""
+    """Return the table of rows whose time is a number and later than every time before, and how many are left out."""
     t = np.where(np.isfinite(table.columns["t"]), table.columns["t"], -np.inf)
     before = np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
     keep = t > before
@@ -59,7 +59,7 @@ def _in_time(table: Table) -> tuple[Table, int]:
 
 
 def _bridge_gaps(table: Table) -> tuple[Table, int]:
-    """Insert rows of NaN at the median interval inside every gap, and return how many."""
+    """Return the table with rows of NaN at the median interval inside every gap, and how many."""
     t = table.columns["t"]
     interval = np.diff(t)
     step = float(np.median(interval)) if len(t) > 1 else 1.0
@@ -80,7 +80,7 @@ def _bridge_gaps(table: Table) -> tuple[Table, int]:
 
 
 def _normalise(table: Table) -> int:
-    """Divide quaternions by their norm, set those beyond repair to NaN, and return how many were off."""
+    """Divide quaternions by their norm, set those beyond repair to NaN, and return how many were normalised."""
     norm = quaternion_norm(table)
     off = np.abs(norm - 1) > NORM_TOLERANCE
     usable = (norm > NORM_RANGE[0]) & (norm < NORM_RANGE[1])

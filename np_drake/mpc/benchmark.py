@@ -162,7 +162,7 @@ def suite(
 def _attempt(
     solver: MpcSolver, problem: MpcProblem, warm: MpcSolution | None
 ) -> tuple[MpcSolution | None, float]:
-    """Return the answer and its own solve time; for a failure, all that was spent [s]."""
+    """Return the answer and its own solve time [s]; for a failure, all that was spent."""
     start = time.perf_counter()
     try:
         answer = solver.solve(problem, warm)

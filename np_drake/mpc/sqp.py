@@ -59,8 +59,8 @@ class SqpSolver:
         """Take SQP steps from t and return (trajectory, status, number of steps).
 
         It stops where settled or stuck, or where the next step would be late.
-        Args: steps: a range; its start is the number of steps that are always taken, its last the limit while the local
-        model misses.   deadline: as of time.perf_counter [s].
+        Args: steps: its start is the number of steps that are taken unless settled before, its last the limit while the
+        local model misses.   deadline: as of time.perf_counter [s].
         """
         longest, begin, count = 0.0, time.perf_counter(), 0
         while True:
@@ -73,7 +73,10 @@ class SqpSolver:
                 return t, MpcStatus.OPTIMAL if miss <= scale else MpcStatus.ITERATION_LIMIT, count
 
     def step(self, h: Horizon, t: Trajectory, time_limit: float) -> tuple[Trajectory, float]:
-        """Take one step that never raises the merit and return how far the local model missed the true decrease."""
+        """Take one step that never raises the merit.
+
+        Returns: the new trajectory, and the error of the local model's decrease against the true one.
+        """
         model = self.condensed.local_model(h, t)
         flat = t.T.ravel()
         top = self.condensed.vehicle.max_rotor_thrust
