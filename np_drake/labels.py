@@ -17,7 +17,7 @@ from np_drake.logs.rotor_input import acting_command, rotor_decay, rotor_speed, 
 from np_drake.residual_models.base import Memory
 from np_drake.vehicle import Vehicle
 
-FORCE, TORQUE = slice(0, 3), slice(3, 6)
+FORCE, TORQUE = slice(0, 3), slice(3, 6)  # within chi
 
 
 @dc.dataclass

@@ -9,8 +9,8 @@ import numpy as np
 from np_drake import attitude
 from np_drake.vehicle import Vehicle
 
-P, Q, V, W = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
-STATE_SIZE, INPUT_SIZE, WRENCH_SIZE = 13, 4, 6
+P, Q, V, W = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)  # parts of the state
+STATE_SIZE, INPUT_SIZE, WRENCH_SIZE = 13, 4, 6  # of x, u and chi [1]
 
 
 def zeta(x: np.ndarray) -> np.ndarray:

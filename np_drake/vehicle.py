@@ -64,7 +64,7 @@ class Vehicle:
     rotor_time_constant: float = 0.0  # what the nominal simulator assumes [s]
     logged_point: str = "origin"  # origin | center_of_mass
     input: str = "command"  # command | rotor_speed
-    measurement_noise: MeasurementNoise = dc.field(default_factory=MeasurementNoise)
+    measurement_noise: MeasurementNoise = dc.field(default_factory=MeasurementNoise)  # of the sensors
 
     def check(self) -> "Vehicle":
         """Return self after checking all parameters.

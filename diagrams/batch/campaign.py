@@ -16,7 +16,7 @@ from diagrams.batch.failed_run import one_line
 from diagrams.batch.processes import Outcome, as_they_finish
 from np_drake.atomic_file import plain, write_text
 
-SCHEMA = "np_drake.campaign/1"
+SCHEMA = "np_drake.campaign/1"  # format of the file and its version
 Case = dict[str, Any]
 Record = dict[str, Any]
 

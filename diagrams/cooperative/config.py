@@ -18,7 +18,7 @@ from np_drake.yaml_file import load_checked
 from systems.tethered_quadrotor import PayloadConfig
 
 SCENARIO = Path(__file__).with_name("cooperative.yaml")
-MOST_VEHICLES = 8
+MOST_VEHICLES = 8  # limit of the scenario; own choice [1]
 
 
 @dc.dataclass
@@ -29,7 +29,7 @@ class CooperativeConfig:
     """
 
     name: str = "cooperative"
-    vehicles: int = 3
+    vehicles: int = 3  # number of quadrotors [1]
     spacing: float = 0.9  # between neighbours of the formation [m]
     height: float = 2.0  # of the vehicles [m]
     distance: float = 2.0  # of the transport [m]

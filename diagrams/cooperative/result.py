@@ -20,7 +20,7 @@ ROWS = {  # name: kind of controller, fault of predictor 0
     "np, one at zero": ("np", "zero"),
     "np, one frozen": ("np", "frozen"),
 }
-PHASES = ("hover", "transport")
+PHASES = ("hover", "transport")  # that are scored
 
 
 @dc.dataclass
@@ -31,7 +31,7 @@ class CooperativeResult:
     """
 
     config: CooperativeConfig
-    seed: int
+    seed: int  # of the noise
     signals: dict[str, np.ndarray]
     processor_time: float  # [s]
 

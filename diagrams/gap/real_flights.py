@@ -13,8 +13,8 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.neurobem import AGILE, published_vehicle, read_neurobem
 from np_drake.vehicle import Vehicle
 
-GROUPS = {"lateral force": (0, 1), "vertical force": (2,), "torque": (3, 4, 5)}
-POOLED = "all four, pooled"
+GROUPS = {"lateral force": (0, 1), "vertical force": (2,), "torque": (3, 4, 5)}  # channels of the residual
+POOLED = "all four, pooled"  # name of the row over all flights
 
 
 @dc.dataclass(frozen=True)
@@ -25,8 +25,8 @@ class Fold:
     training flights [N·m].
     """
 
-    name: str
-    diagnosis: Diagnosis
+    name: str  # of the held-out flight
+    diagnosis: Diagnosis  # from the training flights
     before: np.ndarray
     after: np.ndarray
     zero: np.ndarray

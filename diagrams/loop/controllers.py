@@ -26,10 +26,10 @@ from systems.residual_predictor import ResidualPredictor
 from systems.wrench_estimator import WrenchEstimator
 from systems.wrench_oracle import WrenchOracle
 
-DEFAULT_MODEL = Path(__file__).parents[1] / "models" / "default.safetensors"
+DEFAULT_MODEL = Path(__file__).parents[1] / "models" / "default.safetensors"  # ships with the package
 SOLVER_SHARE = 0.5  # of the deadline, after which a solver wraps up with what it has [1]
-LEARNED = ("np", *REACTIONS)
-CONTROLLERS = ("nominal", "hold", "observer", "oracle", *LEARNED)
+LEARNED = ("np", *REACTIONS)  # kinds with a model file
+CONTROLLERS = ("nominal", "hold", "observer", "oracle", *LEARNED)  # all kinds
 
 
 @dc.dataclass

@@ -4,7 +4,8 @@ from pathlib import Path
 
 from diagrams.loop.flight import FlightConfig, load_flight
 
-FOLDER = Path(__file__).parents[1] / "scenarios"
+FOLDER = Path(__file__).parents[1] / "scenarios"  # of the scenario files
+# Names of the scenario files.
 EXPERIMENTS = ("circle", "lemniscate", "training_circle", "plain_circle", "hover")
 
 

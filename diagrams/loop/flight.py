@@ -61,7 +61,7 @@ class RealityConfig:
         default_factory=lambda: [0.0, 0.0, 0.0]
     )  # mean, in W; the drag feels it [m/s]
     gust: float = 0.0  # standard deviation of each axis of the wind, correlated over 1 s [m/s]
-    gust_seed: int = 0
+    gust_seed: int = 0  # of the wind's gusts
 
     def check(self) -> "RealityConfig":
         """Return self after checking all values.

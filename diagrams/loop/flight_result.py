@@ -22,7 +22,7 @@ class FlightResult:
     """
 
     config: FlightConfig
-    seed: int
+    seed: int  # of the noise
     signals: dict[str, np.ndarray]
 
     @property

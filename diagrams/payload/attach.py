@@ -24,7 +24,7 @@ ADDED = 0.1  # [kg]
 TOSS = 0.3  # impulse upwards on the payload that makes the cable slack [N·s]
 PAPER = {"step": 0.96, "deviation": 0.004}  # [N]. Source: Jin et al. 2025, payload attached in flight
 BESIDE = 5  # flights at most of the events that the paper does not test [1]
-SIGNALS = ("chi_hat", "label")
+SIGNALS = ("chi_hat", "label")  # whose step response is measured
 EVENTS: dict[str, Callable[[PayloadConfig], Event]] = {
     "attach": lambda payload: attach(TIME, payload, ADDED),
     "release": lambda payload: release(TIME),

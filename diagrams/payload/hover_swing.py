@@ -16,7 +16,7 @@ from np_drake import metrics, swing_metrics
 from np_drake.residual_models.motion_model import GP, KNODE
 
 IMPULSE = 0.3  # on the payload, along x [N·s]
-TRAINING = "training_circle"
+TRAINING = "training_circle"  # experiment that predictors are trained on
 PAPER = {"nominal": 0.242, "np": 0.064}  # position RMSE [m]. Source: Jin et al. 2025, hovering experiment
 KEYS = ("position_rmse", "early", "late", "E_xy", "E_z", "amplitude", "rate", "settling")
 EARLY = 2.0  # after the impulse: what comes later is a swing that every predictor has seen begin [s]
@@ -30,7 +30,7 @@ class HoverRow(Row):
     weight_rate: float | None = None  # on body rates; None: the frozen weight [s²/rad²]
 
 
-DAMPED = "np + active damping"
+DAMPED = "np + active damping"  # name of a row
 ROWS = (
     HoverRow("nominal", "nominal"),
     HoverRow("hold", "hold"),

@@ -8,7 +8,7 @@ from np_drake.lifting.metrics.tether_length import Pendulum, pendulum_length
 from np_drake.logs.training_segments import training_segments
 
 LENGTHS = (0.5, 0.8, 1.2)  # [m]
-EXPERIMENTS = ("training_circle", "plain_circle")
+EXPERIMENTS = ("training_circle", "plain_circle")  # that are flown
 
 
 def fly_and_read(

@@ -30,7 +30,7 @@ class Timing:
     pseudo-inverse in the same run [1].
     """
 
-    name: str
+    name: str  # of the predictor
     median_ms: float
     p95_ms: float
     ratio: float

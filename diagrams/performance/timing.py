@@ -21,11 +21,11 @@ from np_drake.mpc.solvers import make_solver
 from np_drake.references.config import make_reference
 from np_drake.residual_models.base import ResidualModel, Sample
 
-TRACK = "lemniscate"
-TRAINING = "training_circle"
+TRACK = "lemniscate"  # experiment that is flown
+TRAINING = "training_circle"  # experiment that predictors are trained on
 RATES = (50, 100)  # of the control loop [1/s]
 PAPER = {"predict": 5.0, "solve": 10.0}  # upper limits on an i5-1135G7 [ms]. Source: Jin et al. 2025
-SOLVERS = ("sqp", "ipopt")
+SOLVERS = ("sqp", "ipopt")  # that are timed
 _WARM_UP = 20  # periods that are replayed and not counted [1]
 _BLOCK = 20  # periods between two runs of the reference calculation [1]
 _REFERENCE_RUNS = 5  # in a row [1]

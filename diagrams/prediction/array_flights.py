@@ -16,7 +16,7 @@ MASS, GRAVITY = 0.752, np.array([0.0, 0.0, 9.8])  # with which the arrays were m
 class Flight:
     """One flight of the estimation table; the first of `flights` is the training segment."""
 
-    name: str
+    name: str  # in the paper's table
     segment: Segment
 
     @property

@@ -15,8 +15,8 @@ from np_drake.residual_models.window_stability import WindowStability, stability
 
 METHODS = ("NeuroBEM", "NeuroMHE", "NP")  # as published
 OURS = {PAPER: "ours, paper", DEFAULT: "ours, default"}  # configuration: row
-NAIVE = ("persistence", "linear")
-ROWS = (*METHODS, *OURS.values(), *NAIVE)
+NAIVE = ("persistence", "linear")  # predictors without training
+ROWS = (*METHODS, *OURS.values(), *NAIVE)  # in the order of the table
 
 
 @dc.dataclass(frozen=True)

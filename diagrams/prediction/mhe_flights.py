@@ -16,8 +16,8 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.neurobem import TESTS, TRAINING, published_vehicle, read_neurobem, read_neurobem_npy
 from np_drake.logs.wrench_sequence import WrenchSequence
 
-PUBLISHED_ROW = "NeuroMHE"
-NAIVE_ROW = "persistence"
+PUBLISHED_ROW = "NeuroMHE"  # name of its row
+NAIVE_ROW = "persistence"  # name of its row
 RATES_ROW = "MHE, arrays"  # R and gravity from the arrays alone
 ATTITUDE_ROW = "MHE, attitude"  # as logged in the CSV
 _TIMED_ROWS = 400  # steps of the program that are timed and compared on each flight

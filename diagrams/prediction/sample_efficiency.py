@@ -21,8 +21,8 @@ from np_drake.residual_models.neural_predictor import NeuralPredictor, Predictor
 SIZES = (1000, 2000, 3000, 4000)  # samples; the paper goes on to 6000, which this segment does not have [1]
 HORIZONS = (1, 20, 100)  # [steps]
 FIRST = 87  # first origin: the longest window of a model [1]
-DMDC = "DMDc"
-NAIVE = ("persistence", "linear")
+DMDC = "DMDc"  # name of its row
+NAIVE = ("persistence", "linear")  # predictors without training
 # One step ahead on race track 1 [N, N·m]. The paper shows a curve without numbers; these are the ones that the plotting
 # script in its authors' repository (NPU-RCIR/Neural-Predictor) draws. Its estimation table has 0.057 and 0.006 at 4000.
 _CURVE = ((0.357, 0.094), (0.156, 0.022), (0.127, 0.011), (0.076, 0.007), (0.078, 0.007), (0.082, 0.006))
@@ -42,7 +42,7 @@ class Point:
     row: str
     samples: int
     pieces: int
-    horizon: int
+    horizon: int  # [steps]
     force: tuple[float, float, float]
     torque: tuple[float, float, float]
 

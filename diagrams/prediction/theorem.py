@@ -15,7 +15,7 @@ from np_drake.lifting.model.lifted_model import LiftedModel
 STEPS = (1, 10, 40)  # ahead, at which the tightness is shown [1]
 FORESEEN_SPACING = 10  # samples between windows where the alphas come from the other flights [1]
 BROKEN_SPACING = 20  # and of the models that violate an assumption [1]
-OWN, FORESEEN = "own", "others"
+OWN, FORESEEN = "own", "others"  # sources of the alphas
 
 
 @dc.dataclass(frozen=True)

@@ -22,7 +22,7 @@ from np_drake import attitude, metrics
 from np_drake.mpc.problem import MpcStatus
 from np_drake.rigid_body import Q
 
-TRACK, TRAINING = "circle", "training_circle"
+TRACK, TRAINING = "circle", "training_circle"  # experiments that are flown and trained on
 SCORED, SETTLING = 20.0, 5.0  # flight after the ramp, and its part that is not read [s]
 HEIGHT = 2.4  # of the circle: room for the longest tether [m]
 GUSTS = 0.25  # standard deviation of each axis of the wind, over its mean speed [1]
@@ -30,6 +30,7 @@ LOST = (
     1.0  # farther than this from the reference a vehicle counts as lost; own choice: the circle's radius [m]
 )
 LAST = 1.0  # time before the loss in which the rotors are looked at [s]
+# Rows of the tracking comparison that are flown.
 SHOWN = ("nominal", "hold", "hold + total mass", "gp", "knode", "np", "oracle")
 ROWS = tuple(next(row for row in TRACKING_ROWS if row.name == name) for name in SHOWN)
 Progress = Callable[[int, int], None]
@@ -39,11 +40,11 @@ Progress = Callable[[int, int], None]
 class Axis:
     """A quantity that is varied while the others stay at their base."""
 
-    name: str
-    title: str
-    unit: str
+    name: str  # key of a case
+    title: str  # in tables and plots
+    unit: str  # of base and values
     base: float
-    values: tuple[float, ...]
+    values: tuple[float, ...]  # that are flown
 
     def says(self, value: float) -> str:
         """Return the value with its unit; `× 2` of a factor."""

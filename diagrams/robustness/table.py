@@ -7,8 +7,8 @@ import numpy as np
 from diagrams.batch.campaign import Record
 from diagrams.robustness.robustness import AXES, BASE, ROWS, Axis
 
-NOMINAL = "nominal"
-ERRORS = ("E_xy", "E_z")
+NOMINAL = "nominal"  # row that the others are compared with
+ERRORS = ("E_xy", "E_z")  # keys of the errors [m]
 Interval = tuple[float, float]
 
 

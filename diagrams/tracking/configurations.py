@@ -5,7 +5,7 @@ import numpy as np
 from diagrams.tracking.tracking import Row
 from np_drake.lifting.training.train import CONFIGURATIONS
 
-TRAINING = "training_circle"
+TRAINING = "training_circle"  # experiment that all are trained on
 PREFIX = "np: "  # of a row's name, before that of its configuration
 ROWS = (
     Row("nominal", "nominal"),

@@ -16,8 +16,9 @@ from diagrams.prediction.learning import train_predictor, train_reaction
 from np_drake.residual_models.motion_model import GP, KNODE, REACTIONS
 from np_drake.swing_metrics import half_width
 
-TRACKS = ("circle", "lemniscate")
-PLAIN, DITHERED = "plain_circle", "training_circle"
+TRACKS = ("circle", "lemniscate")  # experiments that are flown
+PLAIN, DITHERED = "plain_circle", "training_circle"  # experiments that are trained on
+# Training experiments by option.
 PROTOCOLS = {"plain": (PLAIN,), "dithered": (DITHERED,), "both": (PLAIN, DITHERED)}
 # The paper's Table II: (E_xy, E_z) [m], real flights. Source: Jin et al. 2025.
 PAPER = {
@@ -35,7 +36,7 @@ class Row:
     kind: see `ControllerConfig`.   told_mass: whether controller and estimator know the payload's mass.
     """
 
-    name: str
+    name: str  # of the row
     kind: str
     told_mass: bool = False
     hold_bandwidth: float = np.inf  # of kind hold [Hz]

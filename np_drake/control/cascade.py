@@ -8,7 +8,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.vehicle import Vehicle
 
-TARGET_SIZE = 16
+TARGET_SIZE = 16  # p, v, a, w, dw/dt and heading [1]
 # Where each part of a target lies: p, v, a in W; angular rate and acceleration in B; heading.
 P, V, A, W, AL, YAW = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15), 15
 

@@ -19,8 +19,8 @@ class AccelerometerBias(SensorEffect):
     """
 
     x: float = 0.2  # [m/s²]
-    y: float = 0.0
-    z: float = 0.0
+    y: float = 0.0  # [m/s²]
+    z: float = 0.0  # [m/s²]
 
     identifier: ClassVar[str] = "accelerometer_bias"
     corrupts: ClassVar[tuple[str, ...]] = ("ax", "ay", "az")

@@ -20,8 +20,8 @@ class AttitudeBias(SensorEffect):
     """
 
     roll: float = 0.02  # [rad]
-    pitch: float = 0.0
-    yaw: float = 0.0
+    pitch: float = 0.0  # [rad]
+    yaw: float = 0.0  # [rad]
 
     identifier: ClassVar[str] = "attitude_bias"
     linear: ClassVar[bool] = False

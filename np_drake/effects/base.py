@@ -16,8 +16,8 @@ from np_drake import attitude
 from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
 
-_STILL = np.zeros(3)
-_STEADY = np.zeros(4)
+_STILL = np.zeros(3)  # no wind, for motions without any [m/s]
+_STEADY = np.zeros(4)  # constant rotor speed [rad/s²]
 
 
 @dc.dataclass(frozen=True)

@@ -18,8 +18,8 @@ class CenterOfMassOffset(MassEffect):
     """
 
     x: float = 0.01  # [m], body axes
-    y: float = 0.0
-    z: float = 0.0
+    y: float = 0.0  # [m]
+    z: float = 0.0  # [m]
 
     identifier: ClassVar[str] = "center_of_mass_offset"
     linear: ClassVar[bool] = False

@@ -25,10 +25,10 @@ class EffectsByPlace:
     The payload has a field of its own, because it is a body.
     """
 
-    wrench: list[WrenchEffect] = dc.field(default_factory=list)
-    actuator: list[ActuatorEffect] = dc.field(default_factory=list)
-    mass: list[MassEffect] = dc.field(default_factory=list)
-    measurement: list[MeasurementEffect] = dc.field(default_factory=list)
+    wrench: list[WrenchEffect] = dc.field(default_factory=list)  # act as force and torque on the body
+    actuator: list[ActuatorEffect] = dc.field(default_factory=list)  # act between command and thrust
+    mass: list[MassEffect] = dc.field(default_factory=list)  # change the mass properties
+    measurement: list[MeasurementEffect] = dc.field(default_factory=list)  # change the reading
     payload: SuspendedPayload | None = None
 
 

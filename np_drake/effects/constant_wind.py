@@ -16,8 +16,8 @@ class ConstantWind(WrenchEffect):
     """
 
     x: float = 2.0  # [m/s]
-    y: float = 0.0
-    z: float = 0.0
+    y: float = 0.0  # [m/s]
+    z: float = 0.0  # [m/s]
 
     identifier: ClassVar[str] = "constant_wind"
     feels_rotor_rate: ClassVar[bool] = False

@@ -31,11 +31,11 @@ class GustyWind(WrenchEffect):
     """
 
     mean_x: float = 2.0  # [m/s]
-    mean_y: float = 0.0
-    mean_z: float = 0.0
+    mean_y: float = 0.0  # [m/s]
+    mean_z: float = 0.0  # [m/s]
     deviation: float = 1.0  # of each axis [m/s]
     correlation_time: float = 1.0  # [s]
-    seed: int = 0
+    seed: int = 0  # of the phases
 
     identifier: ClassVar[str] = "gusty_wind"
     feels_rotor_rate: ClassVar[bool] = False

@@ -18,8 +18,8 @@ class GyroBias(SensorEffect):
     """
 
     x: float = 0.05  # [rad/s]
-    y: float = 0.0
-    z: float = 0.0
+    y: float = 0.0  # [rad/s]
+    z: float = 0.0  # [rad/s]
 
     identifier: ClassVar[str] = "gyro_bias"
     corrupts: ClassVar[tuple[str, ...]] = ("wx", "wy", "wz")

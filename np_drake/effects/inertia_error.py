@@ -16,8 +16,8 @@ class InertiaError(MassEffect):
     """
 
     scale_xx: float = 1.2  # [1]
-    scale_yy: float = 1.2
-    scale_zz: float = 1.2
+    scale_yy: float = 1.2  # [1]
+    scale_zz: float = 1.2  # [1]
 
     identifier: ClassVar[str] = "inertia_error"
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(

@@ -19,8 +19,8 @@ class LinearDrag(WrenchEffect):
     """
 
     d_x: float = 0.25  # [N·s/m], at hover rotor speed
-    d_y: float = 0.25
-    d_z: float = 0.25
+    d_y: float = 0.25  # [N·s/m]
+    d_z: float = 0.25  # [N·s/m]
 
     identifier: ClassVar[str] = "linear_drag"
     feels_rotor_rate: ClassVar[bool] = False

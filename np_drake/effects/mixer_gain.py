@@ -21,8 +21,8 @@ class MixerGain(WrenchEffect):
     """
 
     roll: float = 0.7  # [1]
-    pitch: float = 0.7
-    yaw: float = 0.7
+    pitch: float = 0.7  # [1]
+    yaw: float = 0.7  # [1]
 
     identifier: ClassVar[str] = "mixer_gain"
     begins: ClassVar[bool] = False

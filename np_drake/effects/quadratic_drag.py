@@ -18,8 +18,8 @@ class QuadraticDrag(WrenchEffect):
     """
 
     c_x: float = 0.05  # [N·s²/m²]
-    c_y: float = 0.05
-    c_z: float = 0.05
+    c_y: float = 0.05  # [N·s²/m²]
+    c_z: float = 0.05  # [N·s²/m²]
 
     identifier: ClassVar[str] = "quadratic_drag"
     feels_rotor_rate: ClassVar[bool] = False

@@ -25,8 +25,8 @@ class SuspendedPayload(WrenchEffect):
     mass: float = 0.26  # [kg]
     length: float = 0.8  # [m]
     hook_x: float = 0.0  # [m], body axes
-    hook_y: float = 0.0
-    hook_z: float = -0.025
+    hook_y: float = 0.0  # [m]
+    hook_z: float = -0.025  # [m]
 
     identifier: ClassVar[str] = "suspended_payload"
     linear: ClassVar[bool] = False

@@ -19,8 +19,8 @@ class VelocityBias(SensorEffect):
     """
 
     x: float = 0.2  # [m/s]
-    y: float = 0.0
-    z: float = 0.0
+    y: float = 0.0  # [m/s]
+    z: float = 0.0  # [m/s]
 
     identifier: ClassVar[str] = "velocity_bias"
     corrupts: ClassVar[tuple[str, ...]] = ("vx", "vy", "vz")

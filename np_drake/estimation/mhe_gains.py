@@ -16,10 +16,10 @@ class MheWeights:
     """Weights as tensors (6,) and forgetting factors (), with respect to which `tune` differentiates."""
 
     arrival: torch.Tensor  # (6, 2): of y_0 and of d_0
-    measurement: torch.Tensor
-    process: torch.Tensor
-    forgetting_measurement: torch.Tensor
-    forgetting_process: torch.Tensor
+    measurement: torch.Tensor  # (6,) of y
+    process: torch.Tensor  # (6,) of w
+    forgetting_measurement: torch.Tensor  # () gamma_1 [1]
+    forgetting_process: torch.Tensor  # () gamma_2 [1]
 
     @staticmethod
     def of(config: MheConfig) -> "MheWeights":

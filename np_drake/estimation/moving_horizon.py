@@ -38,7 +38,7 @@ class MheEstimate:
     """
 
     x: np.ndarray
-    status: MheStatus
+    status: MheStatus  # origin of the estimate
     solve_time: float  # [s]
 
     @property

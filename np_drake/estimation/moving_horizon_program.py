@@ -8,7 +8,7 @@ from pydrake.solvers import ClarabelSolver
 from np_drake.estimation.mhe_config import CHANNELS, MheConfig
 from np_drake.mpc.drake_solvers import expected_early_ends, new_program, solver_options
 
-_STATE = 2 * CHANNELS
+_STATE = 2 * CHANNELS  # entries of x = [y, d] [1]
 _TOLERANCES = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11}  # of the scaled problem
 
 

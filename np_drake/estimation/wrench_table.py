@@ -10,7 +10,7 @@ CHANNELS = {  # of chi, in each column
     **{"F_x": [0], "F_y": [1], "F_z": [2], "tau_x": [3], "tau_y": [4], "tau_z": [5]},
     **{"F_xy": [0, 1], "tau_xy": [3, 4], "F": [0, 1, 2], "tau": [3, 4, 5]},
 }
-COLUMNS = tuple(CHANNELS)
+COLUMNS = tuple(CHANNELS)  # in the order of the table
 
 PUBLISHED: dict[str, dict[str, tuple[float, ...]]] = {  # flight: method: the ten columns
     "linear oscillation": {

@@ -8,7 +8,7 @@ from np_drake.logs.log_file import SUFFIXES
 from np_drake.logs.open_log import open_log
 from np_drake.vehicle import Vehicle, load_vehicle
 
-VEHICLE, TRAIN, HELD_OUT = "vehicle.yaml", "train_", "heldout"
+VEHICLE, TRAIN, HELD_OUT = "vehicle.yaml", "train_", "heldout"  # file name, and starts of file names
 
 
 @dc.dataclass(frozen=True)

@@ -5,7 +5,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.logs.flight_log import FlightLog
 
-_STATE = ("p", "q", "v", "w", "a", "al")
+_STATE = ("p", "q", "v", "w", "a", "al")  # fields that are shifted
 
 
 def shift_state(log: FlightLog, offset: float) -> FlightLog:

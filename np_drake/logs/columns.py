@@ -16,8 +16,9 @@ COLUMNS: dict[str, tuple[str, ...]] = {  # field of FlightLog: columns of the fi
     "u": ("thrust", "tx", "ty", "tz"),
     "rotor": ("rotor1", "rotor2", "rotor3", "rotor4"),
 }
-STATE = ("t", "p", "q", "v", "w")
+STATE = ("t", "p", "q", "v", "w")  # fields that every log has
 OPTIONAL = ("a", "al", "u", "rotor")  # u: only where rotor speed and a vehicle stand in for it
+# All columns, in the order of the format.
 NAMES = tuple(name for group in COLUMNS.values() for name in group)
 
 

@@ -24,7 +24,7 @@ class FlightLog:
     a: np.ndarray | None = None
     al: np.ndarray | None = None
     rotor: np.ndarray | None = None
-    name: str = "flight"
+    name: str = "flight"  # for messages and tables
     input: str = "command"  # command | rotor_speed
     notes: list[str] = dc.field(default_factory=list)  # what a reader derived, differentiated or repaired
 

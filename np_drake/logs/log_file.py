@@ -12,7 +12,7 @@ from np_drake.logs.table import Table
 from np_drake.logs.units import check_units
 from np_drake.vehicle import Vehicle
 
-SUFFIXES = (".csv", ".csv.gz", ".parquet")
+SUFFIXES = (".csv", ".csv.gz", ".parquet")  # of the formats
 
 
 def read_log(path: str | Path, *, vehicle: Vehicle | None = None, repair: bool = False) -> FlightLog:

@@ -31,7 +31,7 @@ AGILE = (  # flights that excite the aerodynamics
     "2021-02-23-10-48-03_seg_2",
     "2021-02-23-11-41-38_seg_3",
 )
-RACE_TRACK = "merged_2021-02-18-17-19-08_seg_2"
+RACE_TRACK = "merged_2021-02-18-17-19-08_seg_2"  # race track 1 of the paper
 TESTS = {  # file stem: the paper's name of the flight
     "merged_2021-02-18-16-53-35_seg_2": "linear oscillation",
     RACE_TRACK: "race track 1",

@@ -17,7 +17,7 @@ class Table:
     """
 
     path: str
-    columns: dict[str, np.ndarray]
+    columns: dict[str, np.ndarray]  # name -> (n,)
     unreadable: list[tuple[int, str, str]] = dc.field(default_factory=list)
     ragged: list[int] = dc.field(default_factory=list)
     header_lines: int = 1

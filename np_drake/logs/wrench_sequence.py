@@ -19,9 +19,9 @@ class WrenchSequence:
     chi: np.ndarray
     zeta: np.ndarray
     frame: str = "world"
-    name: str = "flight"
+    name: str = "flight"  # for messages and tables
     total: bool = False
-    notes: list[str] = dc.field(default_factory=list)
+    notes: list[str] = dc.field(default_factory=list)  # what a reader derived or repaired
 
     def __len__(self) -> int:
         return len(self.chi)

@@ -17,7 +17,7 @@ from np_drake.vehicle import Vehicle
 
 _BLOCK = 20  # problems that a solver takes in a row [1]
 _WARM_UP = 3  # untimed solves of the first problem
-PEER = "casadi"
+PEER = "casadi"  # name of the solver that ratios refer to
 START_LIMIT = 0.015  # wall time that a cold or infeasible start may take; tracking is not limited [s]
 Progress = Callable[[int, int], None]
 
@@ -32,7 +32,7 @@ class SolverReport:
     ratio_to_casadi: of median times [1]; None where CasADi did not run.
     """
 
-    name: str
+    name: str  # of the solver
     problems: int
     median_ms: float
     p95_ms: float

@@ -32,7 +32,7 @@ class Trajectory:
     x: np.ndarray
     chi: np.ndarray
     cost: float
-    horizon: Horizon
+    horizon: Horizon  # data of the problem
     objective: Objective
 
     @cached_property

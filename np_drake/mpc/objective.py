@@ -17,8 +17,8 @@ from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.swing import swing_cost
 
-KINDS = 3
-VELOCITY, TILT, TERMINAL = range(KINDS)
+KINDS = 3  # of soft sets [1]
+VELOCITY, TILT, TERMINAL = range(KINDS)  # index of each kind
 QUADRATIC = 0.1  # share of s² in the penalty, per unit of the set
 _SOFTENING = 1e-4  # of the ellipsoid's radius squared: keeps the norm smooth at e_N = 0
 

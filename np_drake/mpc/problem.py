@@ -113,7 +113,7 @@ class MpcSolution:
     u: np.ndarray
     x: np.ndarray
     chi: np.ndarray
-    status: MpcStatus
+    status: MpcStatus  # origin of the answer
     cost: float
     violation: float
     solve_time: float

@@ -36,7 +36,7 @@ _CLARABEL = {
     "iterative_refinement_enable": 0,
 }
 _CRITICAL_ROWS = 24  # rows of the first attempt with soft sets
-_ACTIVE_SET_ROUNDS = 10
+_ACTIVE_SET_ROUNDS = 10  # before the iteration counts as cycling; own choice [1]
 
 
 @dc.dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from np_drake.mpc.problem import MpcConfig, MpcSolver
 from np_drake.vehicle import Vehicle
 
-SOLVERS = ("ipopt", "sqp", "ipopt_multiple_shooting")
+SOLVERS = ("ipopt", "sqp", "ipopt_multiple_shooting")  # names for `make_solver`
 
 
 def require_solver(name: str) -> None:

@@ -12,7 +12,7 @@ from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, 
 from np_drake.mpc.qp import QpSolver
 from np_drake.vehicle import Vehicle
 
-_BACKTRACKS = 5
+_BACKTRACKS = 5  # step sizes that are tried, each 0.35 of the last; own choice [1]
 _TOLERANCE = 3e-3  # of the cost: how far the local model may miss the true decrease before another step
 _SETTLED = 1e-3  # of the tolerance: further steps would change nothing
 

@@ -7,7 +7,7 @@ from numpy.polynomial import Polynomial
 # so that the phase is four times differentiable and thrust, torque and snap stay finite.
 _RATE = [Polynomial([0, 0, 0, 0, 35, -84, 70, -20])]
 _RATE += [_RATE[0].deriv(k) for k in (1, 2, 3)]
-_PHASE = _RATE[0].integ()
+_PHASE = _RATE[0].integ()  # phase on s in [0, 1], from 0 to 1/2
 
 
 def ramped_phase(t: np.ndarray, rate: float, ramp: float) -> np.ndarray:

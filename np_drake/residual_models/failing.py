@@ -11,7 +11,7 @@ from np_drake.residual_models.base import (
     no_forecast,
 )
 
-FAULTS = ("zero", "frozen")
+FAULTS = ("zero", "frozen")  # see `Failing`
 
 
 class Failing:

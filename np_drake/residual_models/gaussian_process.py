@@ -81,7 +81,7 @@ class GaussianProcessConfig:
         100.0,
     )  # below, noise is learnt [RMS of the inputs about their mean]
     noise_bounds: tuple[float, float] = (1e-6, 1.0)  # variance of the labels' noise [variance of the labels]
-    seed: int = 0
+    seed: int = 0  # of the restarts
 
 
 def fit_gaussian_process(

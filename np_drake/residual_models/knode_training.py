@@ -43,7 +43,7 @@ class KnodeConfig:
     epochs: int = 15  # passes over the windows [1]
     learning_rate: float = 4e-3  # of Adam, falling to a tenth along a cosine [1]
     weight_decay: float = 1e-5  # of AdamW [1]
-    seed: int = 0
+    seed: int = 0  # of the initial weights and the order of windows
 
 
 def flown_pieces(log: FlightLog, vehicle: Vehicle) -> list[Piece]:

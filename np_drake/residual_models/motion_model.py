@@ -13,12 +13,12 @@ from np_drake.residual_models.base import Memory, Sample, WrenchForecast, consta
 from np_drake.residual_models.gaussian_process import GaussianProcess
 from np_drake.residual_models.wrench_network import WrenchNetwork
 
-GP, KNODE = "gp", "knode"
+GP, KNODE = "gp", "knode"  # names
 REACTIONS: dict[str, type[GaussianProcess] | type[WrenchNetwork]] = {
     GP: GaussianProcess,
     KNODE: WrenchNetwork,
 }
-SCHEMA = "np_drake.motion_model/1"
+SCHEMA = "np_drake.motion_model/1"  # format of the file and its version
 
 
 @dc.dataclass

@@ -18,7 +18,7 @@ from np_drake.lifting.bounds.error_bound import (
 from np_drake.lifting.model.encoders import Phi
 from np_drake.lifting.model.lifted_model import LiftedModel
 
-KINDS = ("z", "z_held", "operator", "chi", "chi_held")
+KINDS = ("z", "z_held", "operator", "chi", "chi_held")  # of bounds, as the fields of `ErrorBound`
 CHUNK = 1000  # windows at a time, for memory [1]
 RESOLUTION = 1e-9  # of z and of chi / scale; smaller errors are rounding and have no ratio [1]
 

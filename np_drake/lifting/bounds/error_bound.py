@@ -16,7 +16,7 @@ from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.lifting.model.window_refit import WindowRefit
 
-Alpha = float | np.ndarray
+Alpha = float | np.ndarray  # largest change over one step, or (horizon,) over 1, 2, … steps [1]
 HORIZON = 40  # steps [1]
 ROUNDING = 1e-9  # relative excess that floating point may cause [1]
 ASSUMPTIONS = ("step of chi", "step of zeta", "Lipschitz constant", "stability")
@@ -27,10 +27,10 @@ CHI_STEP, ZETA_STEP, LIPSCHITZ, STABILITY = ASSUMPTIONS
 class Assumption:
     """One assumption of the theorem: the value found, and the limit that it must keep."""
 
-    name: str
+    name: str  # one of `ASSUMPTIONS`
     value: float
     limit: float
-    holds: bool
+    holds: bool  # whether the value keeps the limit
 
 
 @dc.dataclass(frozen=True)

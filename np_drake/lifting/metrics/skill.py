@@ -25,14 +25,14 @@ class SkillRow:
     horizon: int  # [steps]
     force_rmse: float  # [N]
     torque_rmse: float  # [N·m]
-    force_skill: float
-    torque_skill: float
-    force_ratio: float
-    torque_ratio: float
-    force_peak: float
-    torque_peak: float
-    force_interval: tuple[float, ...]
-    torque_interval: tuple[float, ...]
+    force_skill: float  # [1]
+    torque_skill: float  # [1]
+    force_ratio: float  # [1]
+    torque_ratio: float  # [1]
+    force_peak: float  # [1]
+    torque_peak: float  # [1]
+    force_interval: tuple[float, ...]  # (low, high) [1]
+    torque_interval: tuple[float, ...]  # (low, high) [1]
 
 
 def skill_table(

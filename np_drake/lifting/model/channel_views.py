@@ -11,8 +11,8 @@ import dataclasses as dc
 
 import numpy as np
 
-_CHI = {"fx": 0, "fy": 1, "fz": 2, "tx": 3, "ty": 4, "tz": 5}
-_ZETA = {"vx": 0, "vy": 1, "vz": 2, "wx": 3, "wy": 4, "wz": 5}
+_CHI = {"fx": 0, "fy": 1, "fz": 2, "tx": 3, "ty": 4, "tz": 5}  # index of each channel
+_ZETA = {"vx": 0, "vy": 1, "vz": 2, "wx": 3, "wy": 4, "wz": 5}  # index of each channel
 
 
 @dc.dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Block:
     horizontal swing only.
     """
 
-    name: str
+    name: str  # for messages and checkpoints
     views: tuple[View, ...]
     size: int
     pairs: int

@@ -16,7 +16,7 @@ from np_drake.lifting.model.lifted_model import ENCODERS, LiftedModel, require_c
 from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.trust import Trust
 
-SCHEMA = "np_drake.lifted_model/1"
+SCHEMA = "np_drake.lifted_model/1"  # format of the file and its version
 
 
 def save_model(model: LiftedModel, path: str | Path) -> None:

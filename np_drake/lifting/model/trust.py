@@ -15,7 +15,7 @@ import dataclasses as dc
 
 import numpy as np
 
-GROUPS = ((0, 1), (2,), (3, 4), (5,))
+GROUPS = ((0, 1), (2,), (3, 4), (5,))  # channels of f_xy, f_z, tau_xy, tau_z
 MEMBER = np.array([[float(c in group) for c in range(6)] for group in GROUPS])  # (4, 6)
 OF_CHANNEL = np.argmax(MEMBER, axis=0)  # (6,) group of each channel
 IS_FORCE = np.arange(6) < 3

@@ -10,7 +10,7 @@ import numpy as np
 from np_drake.lifting.model.model_file import read_tensors, write_tensors
 from np_drake.lifting.training.segments import Segment
 
-SCHEMA = "np_drake.training/1"
+SCHEMA = "np_drake.training/1"  # format of the file and its version
 
 
 class Checkpoint:

@@ -44,7 +44,7 @@ class DefaultConfig:
     max_origins: int = 6000  # origins are thinned beyond [1]
     zeta_noise: tuple[float, ...] | None = None  # (6,) noise of zeta [m/s, rad/s]; None: estimated
     regularisation: Regularisation = dc.field(default_factory=lambda: Regularisation(zeta_noise=0.02))
-    seed: int = 0
+    seed: int = 0  # of the starts
 
     @property
     def onsets(self) -> dict[int, float]:

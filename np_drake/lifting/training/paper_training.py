@@ -49,7 +49,7 @@ class PaperConfig:
     spacing: int = 5  # samples between the starts of windows [1]
     learning_rate: float = 2e-3  # of Adam, falling to a tenth along a cosine [1]
     max_windows: int = 1000  # windows are thinned beyond [1]
-    seed: int = 0
+    seed: int = 0  # of the initial weights and the order of windows
 
 
 class PaperTrainer:
