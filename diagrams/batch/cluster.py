@@ -35,7 +35,10 @@ def client(address: str) -> Iterator[Any]:
 
 
 async def _reach(address: str) -> None:
-    """Raises: OSError, ValueError, TypeError: where nothing listens."""
+    """Connect to the address and close the connection.
+
+    Raises: OSError, ValueError, TypeError: where nothing listens.
+    """
     from distributed.comm import connect
 
     await (await connect(address, timeout=PATIENCE)).close()
