@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from np_drake.atomic_file import atomic_path
 
-# Okabe and Ito's palette: told apart by colour-blind readers and, with the dashes, in grey print.
+# Okabe and Ito's palette: distinguishable for colour-blind readers and, with the dashes, in grey print.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), "-")  # one a colour of the palette
 RESOLUTION = 150  # of a picture [dots an inch]

@@ -26,7 +26,7 @@ def load_checked(schema: type, path: str | Path, kind: str) -> Any:
         return yaml_load_typed(schema=schema, filename=str(path), defaults=default).check()
     except OSError as error:
         raise ValueError(f"{path}: not a {kind}: {error.strerror or error}.") from error
-    # AssertionError, ArithmeticError: what Drake's reader and NumPy raise on content that nobody foresaw.
+    # AssertionError, ArithmeticError: raised by Drake's reader and NumPy on unexpected content.
     except (
         *(yaml.YAMLError, RuntimeError, ValueError, TypeError, KeyError, AttributeError),
         *(AssertionError, ArithmeticError),

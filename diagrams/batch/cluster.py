@@ -69,7 +69,7 @@ def on_cluster(
                 suspects.append(number)
             else:
                 yield number, outcome
-        # Dask blames all that a dead worker had: the guilty one kills one again, alone.
+        # Dask reports all cases of a dead worker; run alone, only the one that killed it does so again.
         for number in suspects:
             alone = connected.submit(_call, work, cases[number], pure=False)
             alone.exception()  # waits for its end

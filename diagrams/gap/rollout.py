@@ -20,8 +20,8 @@ from systems.payload_config import PayloadConfig, payload_config
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
 LARGEST_STEP = 0.01  # of the integrator [s]: 1e-6 m after 1 s at 1.6 rad/s, 2 mm at 10 rad/s
-_LAGS = 6  # time constants after which a motor has forgotten where it began
-_AT_ONCE = 3e-4  # a motor faster than this is no lag [s]
+_LAGS = 6  # time constants after which a motor's initial speed no longer matters; own choice [1]
+_AT_ONCE = 3e-4  # a motor faster than this has no lag; own choice [s]
 
 
 @dc.dataclass(frozen=True)
@@ -111,7 +111,7 @@ class Rollout:
                 self._advance(commands, start, stop)
                 states[k] = self._x.Eval(self._root)
         except RuntimeError:
-            pass  # the integrator gave up: a start that got lost
+            pass  # the integrator gave up: the vehicle was lost
         return states
 
     def _advance(self, commands: Commands, start: float, stop: float) -> None:

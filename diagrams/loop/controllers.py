@@ -37,7 +37,7 @@ class ControllerConfig:
     """Kind of controller, its residual model, solver and timing."""
 
     kind: str = "nominal"  # nominal | hold | observer | oracle | np | gp | knode
-    extra_mass: float = 0.0  # that controller and estimator are told to add to the vehicle's [kg]
+    extra_mass: float = 0.0  # that controller and estimator add to the vehicle's [kg]
     hold_bandwidth: float = np.inf  # of kind hold: a low-pass on top of the labels' own [Hz]
     predictor: str = ""  # model file of kind np, gp, knode; np: empty for the one that ships with the package
     period: float = 0.02  # between solves, and between samples of the predictor [s]

@@ -39,7 +39,7 @@ ROWS = (
     HoverRow("gp", "gp", training=TRAINING, configuration=GP),
     HoverRow("knode", "knode", training=TRAINING, configuration=KNODE),
     HoverRow("np", "np", training=TRAINING, configuration="default"),
-    # The price on the body rates keeps the tilting as slow as the swing: without it motor lag makes pitch oscillate.
+    # The weight on the body rates keeps tilting as slow as the swing; without it motor lag makes pitch oscillate.
     HoverRow(DAMPED, "np", training=TRAINING, configuration="default", weight_swing=10.0, weight_rate=3.0),
     HoverRow("oracle", "oracle"),
 )

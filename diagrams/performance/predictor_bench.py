@@ -16,7 +16,7 @@ from np_drake.residual_models.base import Sample, WrenchForecast
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 
 HORIZON = 20  # steps that are predicted [1]
-STEP = 0.0025  # of the made flight [s]
+STEP = 0.0025  # of the synthetic flight [s]
 SAMPLES = 1200  # that the models are trained on [1]
 BLOCK = 20  # samples until the next has its turn, as in the benchmark of the solvers [1]
 REFERENCE, STABLE_REFERENCE = "pseudo-inverse", "pseudo-inverse, made stable"
@@ -73,7 +73,7 @@ class InFlight:
         return forecast.rollout(np.tile(zeta, (HORIZON, 1)))
 
 
-def made_flight(samples: int, seed: int) -> Segment:
+def synthetic_flight(samples: int, seed: int) -> Segment:
     """Return smooth force and torque driven by a smooth motion, with windows as singular as those of real flights."""
     draw, t = np.random.default_rng(seed), STEP * np.arange(samples)[:, None, None]
     rate, phase = draw.uniform(2.0, 25.0, (12, 8)), draw.uniform(0, 2 * np.pi, (12, 8))
@@ -83,7 +83,7 @@ def made_flight(samples: int, seed: int) -> Segment:
 
 def models(seed: int) -> dict[str, LiftedModel]:
     """Return all configurations, trained briefly, since run time does not depend on how well they predict."""
-    segment = made_flight(SAMPLES, seed)
+    segment = synthetic_flight(SAMPLES, seed)
     configs = {
         "paper": make_config(PAPER, seed=seed, epochs=1),
         "default": make_config("default", seed=seed, iterations=5),
@@ -102,7 +102,7 @@ def predictor_timings(seed: int, *, repeats: int = 1000) -> list[Timing]:
         **{name: InFlight(model) for name, model in trained.items()},
     }
     warm = max(model.window for model in trained.values())
-    flight, spent = made_flight(repeats + warm, seed + 1), {name: list[float]() for name in duts}
+    flight, spent = synthetic_flight(repeats + warm, seed + 1), {name: list[float]() for name in duts}
     with np.errstate(all="ignore"):  # the plain reference may overflow
         for block in range(0, len(flight), BLOCK):
             for name, dut in duts.items():

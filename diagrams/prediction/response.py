@@ -13,7 +13,7 @@ from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.lifting.training.train import Config, train
 
 HORIZONS = (20, 40)  # [steps]
-UNSEEN = "ours, default, other flights"  # trained on every flight but the one that is judged
+UNSEEN = "ours, default, other flights"  # trained on every flight but the evaluated one
 FIRST = 87  # first origin: the longest window of a model [1]
 GROUPS = {"force": slice(0, 3), "torque": slice(3, 6)}  # channels of chi
 

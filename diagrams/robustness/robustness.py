@@ -26,9 +26,8 @@ TRACK, TRAINING = "circle", "training_circle"  # experiments that are flown and 
 SCORED, SETTLING = 20.0, 5.0  # flight after the ramp, and its part that is not read [s]
 HEIGHT = 2.4  # of the circle: room for the longest tether [m]
 GUSTS = 0.25  # standard deviation of each axis of the wind, over its mean speed [1]
-LOST = (
-    1.0  # farther than this from the reference a vehicle counts as lost; own choice: the circle's radius [m]
-)
+# Distance from the reference beyond which a vehicle counts as lost; own choice: the circle's radius [m].
+LOST = 1.0
 LAST = 1.0  # time before the loss in which the rotors are looked at [s]
 # Rows of the tracking comparison that are flown.
 SHOWN = ("nominal", "hold", "hold + total mass", "gp", "knode", "np", "oracle")
@@ -83,7 +82,7 @@ def flight_config(case: Case, *, solver: str, model: str = "", duration: float =
     )
     reality.motor_lag = case["lag"]
     config.reference.speed, config.reference.height, config.duration = case["speed"], HEIGHT, duration
-    config.controller.extra_mass = case["mass"] if row.told_mass else 0.0
+    config.controller.extra_mass = case["mass"] if row.known_mass else 0.0
     return config.check()
 
 

@@ -33,12 +33,12 @@ PAPER = {
 class Row:
     """One row of the table: a controller, what it is given, and what its predictor was trained on.
 
-    kind: see `ControllerConfig`.   told_mass: whether controller and estimator know the payload's mass.
+    kind: see `ControllerConfig`.   known_mass: whether controller and estimator know the payload's mass.
     """
 
     name: str  # of the row
     kind: str
-    told_mass: bool = False
+    known_mass: bool = False
     hold_bandwidth: float = np.inf  # of kind hold [Hz]
     training: str = ""  # experiment that the predictor is trained on
     configuration: str = ""  # of the predictor; gp, knode: their own name
@@ -46,17 +46,17 @@ class Row:
     @property
     def published(self) -> dict[str, tuple[float, float]]:
         """Errors of this controller in the paper by track, (E_xy, E_z) [m]; empty where it has none."""
-        return {} if self.told_mass else PAPER.get(self.kind, {})
+        return {} if self.known_mass else PAPER.get(self.kind, {})
 
 
 ROWS = (
     Row("nominal", "nominal"),
-    Row("nominal + total mass", "nominal", told_mass=True),
+    Row("nominal + total mass", "nominal", known_mass=True),
     Row("observer", "observer"),
-    Row("observer + total mass", "observer", told_mass=True),
+    Row("observer + total mass", "observer", known_mass=True),
     Row("hold", "hold"),
-    Row("hold + total mass", "hold", told_mass=True),
-    Row("hold at 1 Hz + total mass", "hold", told_mass=True, hold_bandwidth=1.0),
+    Row("hold + total mass", "hold", known_mass=True),
+    Row("hold at 1 Hz + total mass", "hold", known_mass=True, hold_bandwidth=1.0),
     Row("gp: plain circle", "gp", training=PLAIN, configuration=GP),
     Row("gp", "gp", training=DITHERED, configuration=GP),
     Row("knode: plain circle", "knode", training=PLAIN, configuration=KNODE),
@@ -76,7 +76,7 @@ def configure(track: str, row: Row, *, solver: str, model: str = "") -> FlightCo
     controller.kind, controller.solver = row.kind, solver
     controller.predictor = model if row.kind in LEARNED else ""
     controller.hold_bandwidth = row.hold_bandwidth
-    if row.told_mass:
+    if row.known_mass:
         controller.extra_mass = config.reality.payload.mass
     return config.check()
 

@@ -51,7 +51,7 @@ class Effect:
     linear: ClassVar[bool] = True  # in all parameters
     begins: ClassVar[bool] = True  # may begin in mid-flight
     needs: ClassVar[tuple[str, ...]] = ()  # it acts through one of these (wind through a drag)
-    isotropic: ClassVar[bool] = False  # its figures are one vector that prefers no axis
+    isotropic: ClassVar[bool] = False  # its parameters are one vector without a preferred axis
 
     @property
     def values(self) -> dict[str, float]:

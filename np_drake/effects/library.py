@@ -35,7 +35,7 @@ _OURS: tuple[type[Effect], ...] = (
     *(RotorGyroscopic, AccelerometerBias, GyroBias, VelocityBias, AttitudeBias, ClockOffset),
 )
 LIBRARY: dict[str, type[Effect]] = {effect.identifier: effect for effect in _OURS}
-# Beside the library, and only on logs whose input is measured rotor speed: no command's mixer is in doubt.
+# Besides the library, on logs whose input is measured rotor speed: the mixer of a command is known.
 MEASURED_ROTORS: dict[str, type[Effect]] = {MixerGain.identifier: MixerGain}
 
 

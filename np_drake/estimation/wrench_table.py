@@ -1,6 +1,6 @@
 """Columns and published rows of the paper's estimation table.
 
-Source of the values: Jin et al. 2025, table of estimation errors on 6 unseen flights (label MRFsum), as
+Source of the values: Jin et al. 2025, table of estimation errors on 6 held-out flights (label MRFsum), as
 printed; its NeuroMHE and NeuroBEM rows are those of Wang et al. 2024. RMSE [N, N·m].
 """
 

@@ -9,7 +9,7 @@ LEAST_ROWS = 20  # own choice: below it nothing can be filtered or differentiate
 GAP = 2.5  # median intervals between two rows that count as a gap
 NORM_TOLERANCE = 0.01  # of a quaternion [1]; rounding to two decimals stays inside
 STEP_RANGE = (5e-5, 0.25)  # plausible sampling intervals [s]
-LARGEST = 1e12  # size of a cell, time apart, beyond which it is no figure of any flight in any unit
+LARGEST = 1e12  # largest cell, but for time, that is plausible in any unit; own choice
 
 
 def check_table(table: Table, fields: list[str]) -> None:

@@ -3,7 +3,7 @@
 Over windows of half a second, the change of position is compared with the integral of velocity, attitude
 with body rates, velocity with acceleration, each as a spread about its own mean (so a bias is not a unit).
 Thrust is compared with weight, torque with the change of angular momentum and with what rotors can give.
-Source: own choice; thresholds tried on 43 NeuroBEM flights, those of torque also on 2760 to 2892 simulated ones with
+Source: own choice; thresholds checked on 43 NeuroBEM flights, those of torque also on 2760 to 2892 simulated ones with
 every effect of the library and many that it does not have.
 """
 
@@ -16,22 +16,18 @@ from np_drake.logs.rotor_input import rotor_wrench
 from np_drake.vehicle import Vehicle
 
 WINDOW = 0.5  # [s]
-RATIO = 6.0  # more than noise, wind-up or effects make; less than g, degrees or millimetres
-ALIKE = 0.5  # cosine below which two courses are no multiples of each other
-STILL = 1e-4  # ratio below which one of them does not move at all
-TURNS = 0.3  # spread of an axis' rate over a window below which its torque is not judged [rad/s]
+RATIO = 6.0  # above noise, wind-up or effects; below g, degrees or millimetres [1]
+ALIKE = 0.5  # cosine below which two signals are not multiples of each other [1]
+STILL = 1e-4  # ratio below which one of two signals is constant [1]
+TURNS = 0.3  # spread of an axis' rate over a window below which its torque is not checked [rad/s]
 TORQUE = ("tx", "ty", "tz")  # columns
-WINDOWS = 8  # that a flight must last for its torque to be judged
-TORQUE_RATIO = 30.0  # of two integrals of one course; 5.3 at most in sound flights, 3.4 in those that turn
-OPPOSITE = 0.7  # of the turn, left by the opposite torque where the sign is wrong; sound flights leave 0.97
-STRONGEST = 6.0  # times what rotors can give; sound flights have 1 where rotors saturate, 0.2 elsewhere
+WINDOWS = 8  # duration that a flight needs for a check of its torque [windows]
+TORQUE_RATIO = 30.0  # of two integrals of one signal; at most 5.3 in valid flights, 3.4 where they turn [1]
+OPPOSITE = 0.7  # share of the rotation left by the opposite torque if the sign is wrong; 0.97 if valid [1]
+STRONGEST = 6.0  # over the torque of the rotors; valid flights have 1 at saturation, 0.2 elsewhere [1]
 FASTEST_ROTOR = 5000.0  # [rad/s]; 48,000 rpm
-LEAST = {
-    "position": 0.2,
-    "attitude": 0.2,
-    "velocity": 0.5,
-    "rates": 1.0,
-}  # spread below which nothing is said
+# Spread below which nothing is checked [m, rad, m/s, rad/s].
+LEAST = {"position": 0.2, "attitude": 0.2, "velocity": 0.5, "rates": 1.0}
 
 
 def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) -> None:

@@ -18,7 +18,7 @@ from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, 
 from np_drake.mpc.sqp import as_solution
 from np_drake.vehicle import Vehicle
 
-# The fastest of eight settings of warm start and barrier that were tried on the tracking problems.
+# The fastest of eight settings of warm start and barrier on the tracking problems; own measurement.
 _OPTIONS = {
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
@@ -78,7 +78,7 @@ class CasadiSolver:
             "lbg": lower,
             "ubg": upper,
         }
-        start = time.perf_counter()  # the peer is not charged for what this project prepares around it
+        start = time.perf_counter()  # the time of this project's own preparation is not counted
         answer = solver(**given)
         spent = time.perf_counter() - start
         stats = solver.stats()

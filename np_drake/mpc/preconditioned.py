@@ -34,7 +34,7 @@ _OPTIONS: dict[str, Any] = {
 class Preconditioned:
     """One condensed problem around t_0, preconditioned by the Cholesky factor L of its Gauss-Newton Hessian.
 
-    The Hessian over w starts as the identity, which IPOPT's limited memory is told. Slacks are scaled to unit
+    The Hessian over w starts as the identity, which is the start of IPOPT's limited memory. Slacks are scaled to unit
     curvature too, and only come in where a soft row is near activity.
     """
 

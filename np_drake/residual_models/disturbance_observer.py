@@ -12,8 +12,8 @@ class DisturbanceObserver:
 
     v_hat+ = v_hat + h v_dot(x, u, chi_hat) + l1 e,  chi_hat+ = chi_hat + M l2 e / h,  e = v - v_hat;
     both poles of the error at p = exp(-2 pi bandwidth h), so l1 = 1 - p², l2 = (1 - p)².
-    Source: own choice; the standard form of offset-free MPC with pole placement, at the better of seven
-    pairs of bandwidths tried.
+    Source: own choice; the standard form of offset-free MPC with pole placement, with the best of seven
+    pairs of bandwidths.
     Args: step: time between samples [s].   force_bandwidth, torque_bandwidth: [Hz].
     """
 

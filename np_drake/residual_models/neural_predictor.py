@@ -23,9 +23,8 @@ class PredictorOptions:
     torque: str = "hold"  # hold (last low-passed label) | predict
     cutoff: float = 4.0  # of the low-pass on held labels [Hz]
     refit: bool | None = None  # refit A, B on the window in flight; None: as the model asks
-    ridge: float | None = (
-        None  # weight of the offline A, B in the refit; None: the model's [samples of unit size]
-    )
+    # Weight of the offline A, B in the refit; None: the model's [samples of unit size].
+    ridge: float | None = None
 
 
 class NeuralPredictor:

@@ -116,7 +116,7 @@ def _draw(laps: dict, rows: "tuple[Row, ...]", out: Path, *, seed: int) -> None:
     from np_drake.figure_file import save
 
     shown = {
-        row.kind: row.name for row in rows if FOUR.get(row.kind) == row.configuration and not row.told_mass
+        row.kind: row.name for row in rows if FOUR.get(row.kind) == row.configuration and not row.known_mass
     }
     chosen = {
         (track, name): lap for name in shown.values() for (track, row), lap in laps.items() if row == name

@@ -17,11 +17,11 @@ from np_drake.lifting.training.excitation import motion_near
 from np_drake.lifting.training.segments import Segment
 from np_drake.lifting.training.train import train
 
-GRAVITY = 9.81  # [m/s²]
+GRAVITY = 9.81  # default [m/s²]
 SPAN = 2.4  # of the prediction loss: over a period of any tether below 1.4 m [s]
 LONGEST_DELAY = 1.2  # of the encoder [s]
-LARGEST_DAMPING = 0.4  # beyond, a pair of poles is no resonance [1]
-NEEDED = 15.0  # motion near the mode over its noise, below which nothing is claimed [1]
+LARGEST_DAMPING = 0.4  # beyond, a pair of poles is no resonance; own choice [1]
+NEEDED = 15.0  # motion near the mode over its noise, below which no length is given; own choice [1]
 
 
 @dc.dataclass(frozen=True)

@@ -55,9 +55,7 @@ class DictionaryConfig:
     input_noise: float = 0.01  # of the coming zeta, in units of its scale [1]
     strength: float = 0.03  # prior deviation of what a unit of zeta adds to chi in each mode, both scaled [1]
     symmetry: float = 0.8  # how symmetric the airframe is taken to be: about body z and left to right [1]
-    joint: bool = (
-        False  # E and B in one fit, for a coming motion that is known; else E for a held one, then B
-    )
+    joint: bool = False  # E and B in one fit, for a known coming motion; else E for a held one, then B
     trust_half: float = 200.0  # horizon at which half a departure is believed before any evidence [steps]
     max_origins: int = 4000  # of a segment; thinned beyond [1]
     seed: int = 0  # nothing is drawn; kept for the one interface of all configurations
@@ -192,7 +190,7 @@ def _assemble(config, modes, encoder, B, projector, scale, step, segments) -> Li
     ahead = config.grid > 0
     readout = modes.readout(config.grid[ahead])
     unread = np.zeros((*readout.shape[:2], 6))  # the last zeta
-    trust = None  # it judges forecasts for a held motion, which a joint fit is not made for
+    trust = None  # trust evaluates forecasts for a held motion, for which a joint fit is not made
     if not config.joint:
         trust = Trust(
             config.grid[ahead],
