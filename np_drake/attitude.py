@@ -55,7 +55,7 @@ def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def quaternion_rate(q: np.ndarray, w_WB_B: np.ndarray) -> np.ndarray:
-    """Return dq/dt = q * [0, w] / 2, (..., 4) [1/s]."""
+    """Return dq/dt = q * [0, w] / 2, (..., 4) [1/s], for body rates w_WB_B (..., 3) [rad/s]."""
     w, x, y, z = _components(q)
     a, b, c = _components(w_WB_B)
     return 0.5 * _vector(
@@ -72,12 +72,12 @@ def skew(r: np.ndarray) -> np.ndarray:
 
 
 def rotate(q: np.ndarray, r_B: np.ndarray) -> np.ndarray:
-    """Return a body vector (..., 3) in W."""
+    """Return a body vector r_B (..., 3) in W, for quaternions q (..., 4)."""
     return (rotation_matrix(q) @ r_B[..., None])[..., 0]
 
 
 def rotate_back(q: np.ndarray, r_W: np.ndarray) -> np.ndarray:
-    """Return a world vector (..., 3) in B."""
+    """Return a world vector r_W (..., 3) in B, for quaternions q (..., 4)."""
     return (r_W[..., None, :] @ rotation_matrix(q))[..., 0, :]
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 
 def tracking_errors(p: np.ndarray, p_ref: np.ndarray) -> dict[str, float]:
-    """Return E_xy, E_z and position_rmse of positions (n, 3) [m].
+    """Return E_xy, E_z and position_rmse of positions p against p_ref, (n, 3) each [m].
 
     E_xy = sqrt(mean(ex² + ey²)), E_z = sqrt(mean(ez²)).
     """
@@ -17,14 +17,17 @@ def tracking_errors(p: np.ndarray, p_ref: np.ndarray) -> dict[str, float]:
 
 
 def error_growth(p: np.ndarray, p_ref: np.ndarray) -> float:
-    """Return E_xy of the last third of a flight over that of its first third [1]; well above 1 means growing swing."""
+    """Return E_xy of the last third of a flight over that of its first third [1].
+
+    It is well above 1 where a swing grows.   Args: p, p_ref: (n, 3) [m].
+    """
     third = max(len(p) // 3, 1)
     first = tracking_errors(p[:third], p_ref[:third])["E_xy"]
     return tracking_errors(p[-third:], p_ref[-third:])["E_xy"] / max(first, 1e-12)
 
 
 def wrench_rmse(chi_hat: np.ndarray, chi: np.ndarray) -> dict[str, float]:
-    """Return the RMS of the error's norm of wrenches (n, 6), force [N] and torque [N·m]."""
+    """Return the RMS of the norm of chi_hat - chi, (n, 6) each, for force [N] and torque [N·m]."""
     error = chi_hat - chi
     return {
         "force": float(np.sqrt(np.mean(np.sum(error[:, :3] ** 2, axis=1)))),

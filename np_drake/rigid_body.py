@@ -14,7 +14,7 @@ STATE_SIZE, INPUT_SIZE, WRENCH_SIZE = 13, 4, 6  # of x, u and chi [1]
 
 
 def zeta(x: np.ndarray) -> np.ndarray:
-    """Return zeta = [v_WB, w_WB_B] (..., 6) of a state (..., 13), linear in the state [m/s, rad/s]."""
+    """Return zeta = [v_WB, w_WB_B] (..., 6) of a state x (..., 13), linear in the state [m/s, rad/s]."""
     return x[..., 7:13]
 
 
@@ -55,5 +55,5 @@ def residual_wrench(
 
 
 def to_spatial_force(chi: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Convert chi (6,) to Drake's spatial order F_Bo_W = [tau in W; f in W] (6,) [N·m, N]."""
+    """Convert chi (6,) at attitude q (4,) to Drake's order F_Bo_W = [tau in W; f in W] (6,) [N·m, N]."""
     return np.concatenate([attitude.rotate(q, chi[..., 3:6]), chi[..., :3]], axis=-1)

@@ -19,7 +19,10 @@ def peaks(t: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def decay_rate(t: np.ndarray, distance: np.ndarray) -> float:
-    """Return the slope of the logarithm of the peaks [1/s], negative for a decaying swing; NaN below three peaks."""
+    """Return the slope of the logarithm of the peaks, negative for a decaying swing [1/s].
+
+    NaN with fewer than three peaks.   Args: t: (n,) [s].   distance: (n,) horizontal distance [m].
+    """
     when, height = peaks(t, distance)
     return float(np.polyfit(when, np.log(height), 1)[0]) if len(when) > 2 else float("nan")
 

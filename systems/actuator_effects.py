@@ -37,6 +37,10 @@ class ActuatorEffects(LeafSystem):
     """
 
     def __init__(self, vehicle: Vehicle, effects: Sequence[ActuatorEffect], hover_thrust: np.ndarray):
+        """Declare ports and state.
+
+        Args: effects: first to last.   hover_thrust: (4,) command at which the states start at rest [N].
+        """
         super().__init__()
         self._vehicle, self._effects = vehicle, list(effects)
         ends = np.cumsum([0] + [e.state_size for e in effects])

@@ -30,6 +30,10 @@ class Cable(LeafSystem):
     """
 
     def __init__(self, *, length: float, hook, stiffness: float = 2.0e4, damping: float = 40.0):
+        """Declare ports and parameter.
+
+        Args: length: L [m].   hook: (3,) p_BoTo_B [m].   stiffness: k [N/m].   damping: c [N·s/m].
+        """
         super().__init__()
         self._length, self._hook = float(length), tuple(float(h) for h in hook)
         self._stiffness, self._damping = float(stiffness), float(damping)

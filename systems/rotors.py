@@ -99,7 +99,7 @@ def _with_nominal_lag(vehicle: Vehicle, effects: Sequence[ActuatorEffect]) -> li
 def add_propellers(
     builder: DiagramBuilder, plant: MultibodyPlant, vehicle: Vehicle, thrust: OutputPort, *, body: str
 ) -> Propeller:
-    """Add the propellers of the plant's `body`; their body poses and spatial forces are left to connect."""
+    """Add propellers with `thrust` (4,) [N] to the plant's `body`, with body poses and forces left to connect."""
     kappa = vehicle.torque_coefficient / vehicle.thrust_coefficient
     index = plant.GetBodyByName(body).index()
     info = [

@@ -36,6 +36,10 @@ class WrenchEffects(LeafSystem):
     """
 
     def __init__(self, vehicle: Vehicle, effects: Sequence[WrenchEffect], num_velocities: int):
+        """Declare ports.
+
+        Args: num_velocities: nv of the plant [1].
+        """
         super().__init__()
         self._vehicle, self._effects = vehicle, list(effects)
         self._force = np.zeros(num_velocities)  # workspace; only the first six entries are ever written

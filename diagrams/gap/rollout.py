@@ -96,6 +96,7 @@ class Rollout:
         """Return the states (len(times) - 1, 13) at times[1:] [s] of a flight that is in `x` (13,) at times[0].
 
         Motors and delays have run on the commands before it for `lead` seconds. NaN once the vehicle is lost.
+        Args: swing: state of the payload at times[0]; None without one.
         """
         commands = commands.later(self._dead_time)
         begin = max(times[0] - self.lead, min(commands.t[0], times[0]))

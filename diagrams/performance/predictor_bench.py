@@ -48,7 +48,10 @@ class PseudoInverse:
         self._window = np.zeros((model.window, 12))
 
     def __call__(self, chi: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-        """Return the forecast (20, 6) from one more sample, the motion held."""
+        """Return the forecast (20, 6) from one more sample, the motion held [N, N·m].
+
+        Args: chi: (6,) [N, N·m].   zeta: (6,) [m/s, rad/s].
+        """
         self._window = np.concatenate([self._window[1:], np.concatenate([chi, zeta])[None]])
         z = self._phi(self._window[:, :6])
         solution = np.linalg.pinv(np.hstack([z[:-1], self._window[:-1, 6:]])) @ z[1:]
@@ -66,7 +69,10 @@ class InFlight:
         self._memory = self._dut.initial_memory()
 
     def __call__(self, chi: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-        """Return the forecast (20, 6) from one more sample, the motion held."""
+        """Return the forecast (20, 6) from one more sample, the motion held [N, N·m].
+
+        Args: chi: (6,) [N, N·m].   zeta: (6,) [m/s, rad/s].
+        """
         x = np.concatenate([np.zeros(3), [1.0, 0.0, 0.0, 0.0], zeta])
         self._memory = self._dut.update(self._memory, Sample(x, np.zeros(4), chi))
         forecast = self._dut.forecast(self._memory, horizon=HORIZON, stride=1)

@@ -157,7 +157,7 @@ def timing_table(
 ) -> list[dict]:
     """Return one line a controller and solver, in one process.
 
-    Args: models: files by (training, configuration).
+    Args: models: files by (training, configuration).   periods: that are replayed, of each.
     """
     lines = []
     for number, row in enumerate(rows):

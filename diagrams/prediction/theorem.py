@@ -46,7 +46,7 @@ def bound_table(
 ) -> list[dict]:  # fmt: skip
     """Return one line for every model, flight and source of the alphas, and one for every broken model.
 
-    Args: spacing: samples between windows; 1 is every window.
+    Args: models: configuration -> trained model.   spacing: samples between windows; 1 is every window.
     """
     tasks = [task for name, model in models.items() for task in _tasks(name, model, flown, spacing)]
     for name, (model, settings) in broken_models(models["paper"]).items():

@@ -178,6 +178,7 @@ def flight_cases(
     """Return every row at every value of every axis with every seed; the base, which all axes share, once.
 
     A case names its model by the digest of its file, so that no result of another one is taken for it.
+    Args: models: content of the model files by configuration.
     """
     settings = {tuple((BASE | {axis.name: value}).items()) for axis in axes for value in axis.values}
     digests = {name: hashlib.sha256(content).hexdigest()[:16] for name, content in models.items()}
@@ -205,6 +206,8 @@ def run_robustness(
 ) -> tuple[list[Record], list[Record]]:
     """Train what `rows` need, then fly every case; see `run_campaign` for folder, jobs and scheduler.
 
+    Args: seeds: of the flights.   training_seed: of the training flights and the trainings.   duration: of a flight,
+    after the ramp [s].   on_training, on_progress: called with cases done and all.
     Returns: the records of the trainings and of the flights. Rows whose training failed do not fly.
     """
     config = campaign_config(training_seed, solver, duration)
@@ -220,7 +223,7 @@ def run_robustness(
 
 
 def campaign_config(training_seed: int, solver: str, duration: float = SCORED) -> dict:
-    """Return all that the results depend on beside the case itself."""
+    """Return all that the results depend on other than the case itself."""
     base = flight_config({"row": "nominal", "seed": 0, **BASE}, solver=solver, duration=duration)
     return {
         "solver": solver, "training": TRAINING, "training_seed": training_seed, "mpc": frozen_weights(),

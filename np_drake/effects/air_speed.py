@@ -12,7 +12,7 @@ def air_velocity_B(motion: Motion) -> np.ndarray:
 
 
 def chi_from_body(motion: Motion, f_B: np.ndarray, tau_B: np.ndarray | None = None) -> np.ndarray:
-    """Return chi = [f in W, tau in B] (..., 6) of a force `f_B` (..., 3) at Bo and a torque, both in B [N, N·m]."""
+    """Return chi = [f in W, tau in B] (..., 6) of f_B (..., 3) at Bo and tau_B (..., 3), both in B [N, N·m]."""
     chi = np.zeros((*f_B.shape[:-1], 6))
     chi[..., :3] = (motion.R_WB @ f_B[..., None])[..., 0]
     if tau_B is not None:

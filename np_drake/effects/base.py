@@ -70,7 +70,7 @@ class Effect:
 
     @classmethod
     def of(cls, values: Mapping[str, float]) -> "Effect":
-        """Return the effect with these parameters, the others at their defaults."""
+        """Return the effect with these values of parameters by name, the others at their defaults."""
         return cls(**values)
 
 

@@ -25,7 +25,8 @@ def tether_force(
     """Return the force on the hook in W, (..., 3) [N]; zero where the tether would have to push.
 
     With r = p_ToPo_W, |r| = L, the constraint r · r'' = -|r'|² gives T/m = |r'|²/L - (r/L) · (g z + a_hook).
-    Args: r, r_rate: (..., 3) payload from hook and its rate [m, m/s]; a_hook: (..., 3) of the hook [m/s²].
+    Args: r, r_rate: (..., 3) payload from hook and its rate [m, m/s]; a_hook: (..., 3) of the hook [m/s²]; gravity:
+    [m/s²].
     """
     n = r / np.linalg.norm(r, axis=-1, keepdims=True)
     specific = np.sum(r_rate**2, axis=-1) / payload.length - np.sum(n * a_hook, axis=-1)
@@ -50,7 +51,7 @@ def swing_many(
 
     Args:
         lengths: (m,) [m].   r, r_rate: (m, 3) p_ToPo_W and its rate at the start [m, m/s].
-        a_hook: (n, 3) of the one hook, or (n, m, 3), held over each step [m/s²].   step: [s].
+        a_hook: (n, 3) of the one hook, or (n, m, 3), held over each step [m/s²].   step: [s].   gravity: [m/s²].
         jumps: before these steps the swing jumps by (m, 4) angles [rad] and rates [rad/s] about the axes of `across`.
     """
     limit = np.square(lengths)
@@ -140,7 +141,8 @@ def swing(
 ) -> np.ndarray:
     """Return the force on the hook (n, 3) [N] in the middle of n steps with hook acceleration `a_hook` (n, 3) [m/s²].
 
-    This is `swing_many` of one pendulum.   Args: r, r_rate: (3,) at the start [m, m/s].   step: [s].
+    This is `swing_many` of one pendulum.
+    Args: r, r_rate: (3,) at the start [m, m/s].   step: [s].   gravity: [m/s²].
     """
     length = np.array([payload.length])
     return payload.mass * swing_many(length, r[None], r_rate[None], a_hook, step, gravity)[:, 0]
@@ -156,6 +158,6 @@ def hook_acceleration(hook, x: np.ndarray, a: np.ndarray, al: np.ndarray) -> np.
 
 
 def hook_wrench(payload: Payload, q: np.ndarray, force_W: np.ndarray) -> np.ndarray:
-    """Return chi (..., 6) [N, N·m] of a force (..., 3) in W that acts at the hook."""
+    """Return chi (..., 6) [N, N·m] of force_W (..., 3) in W at the hook, for attitudes q (..., 4)."""
     tau = np.cross(np.array(payload.hook), attitude.rotate_back(q, force_W))
     return np.concatenate([force_W, tau], axis=-1)

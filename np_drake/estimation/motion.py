@@ -63,7 +63,10 @@ class Motion:
 
 
 def motion_from_attitude(sequence: WrenchSequence, vehicle: Vehicle, q: np.ndarray) -> Motion:
-    """Return the motion by the logged attitude q (n, 4), body to world, without gaps; I is the world."""
+    """Return the motion by a logged attitude; the inertial axes I are the world's.
+
+    Args: sequence: wrench and motion in body axes.   q: (n, 4) body to world, without gaps.
+    """
     gravity = np.tile([0.0, 0.0, -vehicle.gravity], (len(sequence), 1))
     return _motion(sequence, vehicle, attitude.rotation_matrix(q), gravity)
 

@@ -35,7 +35,10 @@ def with_accelerations(log: FlightLog, bandwidth: float = BANDWIDTH) -> FlightLo
 
 
 def smooth_derivative(value: np.ndarray, t: np.ndarray, bandwidth: float) -> np.ndarray:
-    """Return the zero-phase derivative of `value` (n, m) over the interval after each row, (n, m)."""
+    """Return the zero-phase derivative of `value` (n, m) over the interval after each row, (n, m).
+
+    Args: t: (n,) [s].   bandwidth: of the low-pass [Hz].
+    """
     rate = np.diff(value, axis=0) / np.diff(t)[:, None]
     rate = np.concatenate([rate, rate[-1:]])
     nyquist = 0.5 / float(np.median(np.diff(t)))

@@ -15,7 +15,7 @@ VEHICLE, TRAIN, HELD_OUT = "vehicle.yaml", "train_", "heldout"  # file name, and
 class CaseFiles:
     """Paths of the files of a case.
 
-    vehicle: None where nobody gave a vehicle file.   train: flights to fit.   held_out: flights for evaluation.
+    vehicle: None without a vehicle file.   train: flights to fit.   held_out: flights for evaluation.
     """
 
     vehicle: Path | None
@@ -51,6 +51,7 @@ def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
 def open_flight(path: Path, vehicle: Vehicle, *, repair: bool = False) -> FlightLog:
     """Return a flight to diagnose, named as its file.
 
+    Args: repair: mend a few bad rows instead of refusing them.
     Raises: LogError, OSError: one line, if the file is not usable; ValueError: on an array (.npy).
     """
     log = open_log(path, vehicle=vehicle, repair=repair)

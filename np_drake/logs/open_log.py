@@ -15,6 +15,7 @@ def open_log(
 ) -> FlightLog | WrenchSequence:
     """Return our own logs and NeuroBEM CSV as a FlightLog, a NeuroBEM array (.npy) as a WrenchSequence.
 
+    Args: vehicle, repair: as in `read_log`.
     Raises: LogError: one line with file, column, row and remedy; OSError: if the file cannot be opened.
     """
     if str(path).endswith(".npy"):

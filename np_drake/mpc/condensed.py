@@ -143,7 +143,7 @@ class Condensed:
         return LocalModel(self.hessian(h, S), self.gradient(h, t, S), self.objective.rows(h, t.x, S))
 
     def hessian(self, h: Horizon, S: np.ndarray) -> np.ndarray:
-        """Return the Gauss-Newton Hessian over T, (4N, 4N), lower triangle [1/N²]."""
+        """Return the Gauss-Newton Hessian over T by the sensitivities S, (4N, 4N), lower triangle [1/N²]."""
         G = self._Q_root[:, None] * S
         G[-1] = h.P_root @ S[-1]
         rows = G.reshape(-1, self.size)
@@ -153,7 +153,7 @@ class Condensed:
         return dsyrk(2.0, rows.T, beta=1.0, c=self._R, lower=1)
 
     def gradient(self, h: Horizon, t: Trajectory, S: np.ndarray) -> np.ndarray:
-        """Return the gradient of the cost over T, (4N,) [1/N]."""
+        """Return the gradient of the cost over T by the sensitivities S, (4N,) [1/N]."""
         e = t.x[1:] - h.x_ref[1:]
         weighted = 2 * self.config.Q * e
         weighted[-1] = 2 * h.P @ e[-1]

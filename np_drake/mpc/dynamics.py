@@ -109,7 +109,10 @@ class DiscreteDynamics:
         return Linearisation(x_next, Fx, Fu)
 
     def advance(self, x: Sequence[float], u: Sequence[float], chi: Sequence[float]) -> list[float]:
-        """Return the state after one step in plain floats, several times faster than NumPy for a single state."""
+        """Return the state after one step in plain floats, several times faster than NumPy for a single state.
+
+        Args: x: 13 entries.   u: 4 [N, N·m].   chi: 6 [N, N·m].
+        """
         px, py, pz, w0, x0, y0, z0, vx, vy, vz, a0, b0, c0 = x
         h, m = self.step, self.vehicle.mass
         thrust = u[0] / m

@@ -41,7 +41,10 @@ class Objective:
         self.softening = _SOFTENING * config.terminal_radius**2
 
     def cost(self, h: Horizon, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> float:
-        """Return the quadratic cost of tracking and swing, first stage included [1]."""
+        """Return the quadratic cost of tracking and swing, first stage included [1].
+
+        Args: x: (N+1, 13).   u: (N, 4) [N, N·m].   chi: (N, 6) [N, N·m].
+        """
         e, e_u = x - h.x_ref, u - h.u_ref
         stages = np.sum(e[:-1] ** 2 @ self.config.Q) + np.sum(e_u**2 @ self.config.R)
         return float(stages + e[-1] @ h.P @ e[-1]) + swing_cost(chi, self.config.weight_swing)
@@ -83,5 +86,5 @@ class Objective:
 
 
 def penalty(slack: np.ndarray, slack_weight: float) -> float:
-    """Return the penalty of the slacks (3,) [1]."""
+    """Return the penalty of the slacks (3,) at a weight `slack_weight` [1]."""
     return float(slack_weight * np.sum(slack + QUADRATIC * slack**2))

@@ -60,6 +60,7 @@ class QpSolver:
         """Return the minimising step.
 
         Where `time_limit` [s] is too short for the soft sets, it is the minimiser in the box alone.
+        Args: lower, upper: (n,) bounds of the step [N].
         """
         deadline = time.perf_counter() + time_limit
         H = np.tril(model.hessian) + np.tril(model.hessian, -1).T
@@ -108,6 +109,7 @@ def active_set(H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarra
 
     Starts from the Newton step, hence ends in one round where no bound is active.
     Source: Hintermüller, Ito, Kunisch 2002, SIAM J. Optim. 13(3).
+    Args: H: (n, n).   g: (n,).   lower, upper: (n,) bounds of the box.
     """
     low = high = np.zeros(len(g), bool)
     for _ in range(_ACTIVE_SET_ROUNDS):

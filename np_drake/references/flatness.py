@@ -35,7 +35,10 @@ def targets(
 
 
 def body_rates(vehicle: Vehicle, flat: np.ndarray, yaw: float = 0.0) -> np.ndarray:
-    """Return w_WB_B (n, 3) of the reference motion `flat` (5, n, 3) without any wrench [rad/s]."""
+    """Return w_WB_B (n, 3) of the reference motion `flat` (5, n, 3) without any wrench [rad/s].
+
+    Args: yaw: heading [rad].
+    """
     thrust = vehicle.mass * (flat[2] + [0.0, 0.0, vehicle.gravity])
     return _attitude_and_rate(thrust, vehicle.mass * flat[3], yaw)[1]
 

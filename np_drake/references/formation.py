@@ -36,6 +36,6 @@ def payload_drop(radius: float, length: float, hook_z: float) -> float:
 
 
 def closest_approach(p: np.ndarray) -> float:
-    """Return the smallest distance between any two of positions (n, rows, 3) at any time [m]; inf for one vehicle."""
+    """Return the smallest distance of any two of positions p (n, rows, 3) at any time [m]; inf for one vehicle."""
     pairs = [(i, j) for i in range(len(p)) for j in range(i)]
     return min((float(np.linalg.norm(p[i] - p[j], axis=-1).min()) for i, j in pairs), default=np.inf)

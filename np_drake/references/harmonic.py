@@ -46,14 +46,20 @@ class HarmonicTrack:
 
 
 def circle(*, radius: float, height: float, speed: float, ramp: float) -> HarmonicTrack:
-    """Return the circle x = r cos, y = r sin at constant height [m, m/s, s]."""
+    """Return the circle x = r cos, y = r sin at constant height.
+
+    Args: radius, height: [m].   speed: [m/s].   ramp: time from rest to full speed [s].
+    """
     return HarmonicTrack(
         [0, 0, height], [[radius, radius, 0.0]], [[0.0, -np.pi / 2, 0.0]], speed=speed, ramp=ramp
     )
 
 
 def lemniscate(*, length: float, width: float, height: float, speed: float, ramp: float) -> HarmonicTrack:
-    """Return the lemniscate x = length cos, y = width sin(2 ·) at the mean speed `speed` [m, m/s, s]."""
+    """Return the lemniscate x = length cos, y = width sin(2 ·) at constant height.
+
+    Args: length, width, height: [m].   speed: mean along the track [m/s].   ramp: time from rest to full speed [s].
+    """
     return HarmonicTrack(
         [0, 0, height],
         [[length, 0.0, 0.0], [0.0, width, 0.0]],

@@ -25,7 +25,10 @@ def ramped_phase(t: np.ndarray, rate: float, ramp: float) -> np.ndarray:
 
 
 def rest_to_rest(s: np.ndarray, duration: float) -> np.ndarray:
-    """Return a step from 0 to 1 and its time derivatives, (5, n) [1/s^k], while s (n,) goes from 0 to 1 [1]."""
+    """Return a step from 0 to 1 and its time derivatives, (5, n) [1/s^k], while s (n,) goes from 0 to 1.
+
+    Args: s: share of the duration that has passed [1].   duration: [s].
+    """
     s = np.clip(s, 0.0, 1.0)
     slopes = [_RATE[0], *_RATE[1:], _RATE[0].deriv(4)]
     return np.stack([slope(s) / duration**k for k, slope in enumerate(slopes)])

@@ -65,7 +65,7 @@ class LinearBaseline(_Windowed):
         return WrenchForecast(s.A, s.B, s.C, self._encoder(memory["window"]), np.zeros((horizon, 6)))
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts:
-        """Return all forecasts of a flight without gaps."""
+        """Return all forecasts of a flight chi, zeta (n, 6) without gaps."""
         z, s = self._encoder.along(np.hstack([chi, zeta])), self.system
         return FlightForecasts(self.window - 1, s.A, s.B, s.C, z, np.zeros((len(z), 6)))
 
@@ -94,7 +94,7 @@ class RidgeBaseline(_Windowed):
         return constant_forecast(np.einsum("p,phc->hc", features, self._at(steps)), horizon)
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> "RidgeForecasts":
-        """Return all forecasts of a flight without gaps."""
+        """Return all forecasts of a flight chi, zeta (n, 6) without gaps."""
         return RidgeForecasts(self, np.hstack([chi, zeta]))
 
     def _at(self, steps: np.ndarray) -> np.ndarray:

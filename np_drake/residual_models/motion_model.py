@@ -59,7 +59,7 @@ class MotionModel:
         return dc.replace(silent, reaction=self.reaction, zeta=memory["zeta"])
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> "MotionForecasts":
-        """Return all forecasts of a flight without gaps."""
+        """Return all forecasts of a flight chi, zeta (n, 6) without gaps; chi is not used."""
         return MotionForecasts(0, self.reaction(zeta))
 
     def save(self, path: str | Path) -> None:

@@ -35,7 +35,8 @@ def train_motion_model(
 ) -> tuple[MotionModel, list[float]]:
     """Return the model called `name` (gp or knode) and its loss after each epoch (none in closed form).
 
-    Args: step: time between samples in flight [s].   settings: of the configuration, `seed` among them.
+    Args: step: time between samples in flight [s].   label: low-pass of the labels, None for the default.
+    settings: of the configuration, `seed` among them.
     Raises: ValueError: on an unknown name or setting, or flights that the model cannot learn from.
     """
     config = _config(name, settings)

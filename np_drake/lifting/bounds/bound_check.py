@@ -49,7 +49,10 @@ class BoundCheck:
     alpha_zeta: float
 
     def tightness(self, kind: str, n: int) -> tuple[float, float]:
-        """Return the median and 95th percentile of bound / error n steps ahead [1]."""
+        """Return the median and 95th percentile of bound / error n steps ahead [1].
+
+        Args: kind: one of `KINDS`.   n: 1 … N.
+        """
         median, high = np.nanquantile(self.ratio[kind][:, n - 1], [0.5, 0.95])
         return float(median), float(high)
 

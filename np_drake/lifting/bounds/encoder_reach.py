@@ -47,7 +47,7 @@ def chi_scale(model: LiftedModel) -> np.ndarray:
 
 
 def encoder_reach(model: LiftedModel, change: Change) -> EncoderReach:
-    """Return the reach of the model's encoder.
+    """Return the reach of the model's encoder under a change of chi and zeta.
 
     Phi: L |dchi|, L the product of the layers' spectral norms.   Delay encoder: sum over lags d of |E_d| |dx|, where
     the sample at lag d has moved for n - d steps only since now.

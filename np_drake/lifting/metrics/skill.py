@@ -113,6 +113,8 @@ def naive_predictions(
 
     They are persistence, linear extrapolation of the last two samples, the training mean, and the mean of the flight up
     to now.
+    Args: chi: (n, 6) labels [N, N·m].   origins: (o,) sample indices.   horizons: [steps].   mean: (6,) of the
+    training.
     """
     last = chi[origins][:, None]
     slope = last - chi[origins - 1][:, None]
@@ -136,7 +138,12 @@ def model_predictions(
     *,
     zeta_known: bool,
 ) -> np.ndarray:
-    """Return chi_hat (o, len(horizons), 6), the whole flight at once where the model can, else sample by sample."""
+    """Return chi_hat (o, len(horizons), 6) [N, N·m], of the whole flight at once where the model can.
+
+    Else the model is fed sample by sample.
+    Args: chi: (n, 6) labels [N, N·m].   zeta: (n, 6) [m/s, rad/s].   origins: (o,) sample indices.   horizons: [steps].
+    zeta_known: use the true coming zeta, else hold the last one.
+    """
     if isinstance(model, ForecastsWholeFlights):
         forecasts = model.along(chi, zeta)
         if forecasts is not None and origins[0] >= forecasts.first:
@@ -153,7 +160,10 @@ def fed_one_by_one(
     *,
     zeta_known: bool,
 ) -> np.ndarray:
-    """Return chi_hat (o, len(horizons), 6) of a model that is fed sample by sample as in flight."""
+    """Return chi_hat (o, len(horizons), 6) [N, N·m] of a model that is fed sample by sample as in flight.
+
+    Args: as `model_predictions`.
+    """
     memory, wanted, forecasts = model.initial_memory(), set(origins.tolist()), []
     for k in range(origins[-1] + 1):
         x = np.zeros(13)

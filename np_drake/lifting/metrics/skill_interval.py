@@ -37,7 +37,10 @@ def ratio_interval(
 
 
 def mean_interval(ratios: np.ndarray, *, level: float = 0.95) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return mean, low and high over flights (axis 0) of a ratio, by Student's t; NaN bounds for a single flight."""
+    """Return mean, low and high of `ratios` over flights (axis 0), by Student's t.
+
+    The bounds are NaN for a single flight.   Args: level: probability of the interval [1].
+    """
     mean, n = ratios.mean(axis=0), len(ratios)
     if n < 2:
         return mean, np.full_like(mean, np.nan), np.full_like(mean, np.nan)

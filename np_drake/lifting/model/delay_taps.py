@@ -47,7 +47,10 @@ class DelayTaps:
         return (windows @ self.matrix.T).transpose(0, 2, 1).reshape(len(origins), -1)
 
     def expand(self, W: np.ndarray, channels: int) -> np.ndarray:
-        """Convert weights of features (K, taps * c) to weights of the window (K, delay * c), oldest sample first."""
+        """Convert weights of features to weights of the window, oldest sample first, (K, delay * c).
+
+        Args: W: (K, taps * c).   channels: c.
+        """
         return np.einsum("ktc,td->kdc", W.reshape(len(W), -1, channels), self.matrix).reshape(len(W), -1)
 
 

@@ -22,7 +22,7 @@ def stabilized(A: np.ndarray, radius: float = 1.0) -> np.ndarray:
 
 
 def stabilized_all(A: np.ndarray, radius: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    """Apply `stabilized` to every A (n, K, K) and return them with the (n,) spectral radii before."""
+    """Apply `stabilized` with `radius` to A (n, K, K) and return it with the (n,) spectral radii before."""
     stable, before = np.empty_like(A), np.empty(len(A))
     for k, one in enumerate(A):
         stable[k], before[k] = _stabilized(one, radius)

@@ -55,7 +55,10 @@ class DelayRegression:
 def compress(
     pieces: list[Piece], *, delay: int, horizons: np.ndarray, regularisation: Regularisation, max_origins: int
 ) -> DelayRegression:
-    """Return the compressed loss of `pieces`; origins are thinned evenly where there are over `max_origins`."""
+    """Return the compressed loss of `pieces`.
+
+    Args: delay: samples of the history [1].   horizons: [steps].   max_origins: of all pieces; thinned evenly beyond.
+    """
     total = sum(len(labels) for labels, _, _ in pieces)
     stride = max(1, -(-total // max_origins))
     m, p = pieces[0][2].shape[1], pieces[0][1].shape[1]
@@ -87,6 +90,7 @@ def horizon_weights(pieces: list[Piece], horizons: np.ndarray) -> np.ndarray:
     """Return 1 / RMSE of persistence at each horizon, limited to 1 / (2 % of the largest RMSE), (len(horizons),).
 
     Every horizon counts by its ratio to persistence, so that errors far ahead do not drown those one step ahead.
+    Args: pieces: scaled.   horizons: [steps].
     """
     power, count = np.zeros(len(horizons)), 0
     for labels, _, goals in pieces:

@@ -47,7 +47,8 @@ def flight_moments(
     """Return the moments of a flight over evenly thinned origins.
 
     Args:
-        samples: (n, 12) [chi, zeta], scaled.   goal: (n, 6), scaled.   horizons: ascending [steps].
+        samples: (n, 12) [chi, zeta], scaled.   goal: (n, 6), scaled.   taps: features of a window.
+        horizons: ascending [steps].   max_origins: thinned evenly beyond.
         symmetry: share of the moments that is averaged over quarter turns about body z and the mirror y -> -y,
             0 … 1. The mean of the images is that of a perfectly symmetric airframe.
     """

@@ -171,7 +171,10 @@ def descend(
     iterations: int,
     on_iteration: Callable[[float], None] = lambda _: None,
 ) -> tuple[np.ndarray, list[float]]:
-    """Minimise the loss by L-BFGS from theta and return (theta, loss after each iteration); deterministic."""
+    """Minimise the loss of `block` by L-BFGS from theta and return (theta, loss after each iteration).
+
+    It is deterministic.   Args: iterations: at most.   on_iteration: called with the loss.
+    """
     history: list[float] = []
 
     def record(intermediate_result) -> None:

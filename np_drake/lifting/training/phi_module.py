@@ -15,6 +15,8 @@ class PhiModule(nn.Module):
     The input is chi / scale, so gamma is the Lipschitz constant in those scaled coordinates; in N and N·m it
     is at most gamma / min(scale). sigma comes from a power iteration that is run until it stands still,
     warm-started from the last call; its gradient u v^T is exact there.   Source: Jin et al. 2025, eq. (sn).
+    Args: width: neurons of a hidden layer.   layers: hidden layers L.   K: outputs.   gamma: [1].   scale: (6,) of chi
+    [N, N·m].   seed: of the initial weights.
     """
 
     def __init__(self, *, width: int, layers: int, K: int, gamma: float, scale: np.ndarray, seed: int):

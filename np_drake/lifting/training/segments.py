@@ -67,7 +67,7 @@ def group_scale(values: list[np.ndarray], *, centred: bool) -> np.ndarray:
 
     One scale a group keeps lengths and angles as they are; scaling every channel to unit size would turn the
     noise of an unexcited channel into signal.
-    Args: centred: about each channel's mean, else about zero.
+    Args: values: pieces (n, 6).   centred: about each channel's mean, else about zero.
     """
     stacked = np.concatenate(values)
     if centred:

@@ -15,7 +15,10 @@ from np_drake.lifting.training.mode_dictionary import ModeDictionary
 
 
 def departures(zeta: np.ndarray, origins: np.ndarray, horizons: np.ndarray, poles: np.ndarray) -> np.ndarray:
-    """Return the state of each mode at each horizon, (o, H, modes, 6), driven by zeta_(k+j) - zeta_k with unit gain."""
+    """Return the state of each mode at each horizon, driven by zeta_(k+j) - zeta_k with unit gain, (o, H, modes, 6).
+
+    Args: zeta: (n, 6).   origins: (o,) sample indices.   horizons: (H,) [steps].   poles: (modes,) [1].
+    """
     wanted = {int(h): i for i, h in enumerate(horizons)}
     out = np.zeros((len(origins), len(horizons), len(poles), 6))
     state = np.zeros((len(origins), len(poles), 6))
