@@ -1,3 +1,3 @@
-"""The science of np_drake: no Diagram, no LeafSystem, no MultibodyPlant."""
+"""Models, estimation, diagnosis and control without a simulator: no Diagram, LeafSystem or MultibodyPlant."""
 
 __version__ = "0.1.0"

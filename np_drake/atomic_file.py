@@ -1,4 +1,4 @@
-"""Files appear whole or not at all: written beside the target under a temporary name, then renamed."""
+"""Files written whole or not at all: beside the target under a temporary name, then renamed."""
 
 import json
 import os
@@ -10,7 +10,7 @@ from typing import Any
 
 
 def require_writable(path: str | Path) -> Path:
-    """The path, if a file can be written there; a caller can ask before long work.
+    """Return the path if a file can be written there, so that a caller can check before long work.
 
     Raises: OSError: if it is a folder, or its folder does not exist or cannot be written.
     """
@@ -31,7 +31,7 @@ def require_writable(path: str | Path) -> Path:
 
 @contextmanager
 def atomic_path(path: str | Path) -> Iterator[Path]:
-    """Yields a temporary path beside `path`, same suffixes; renamed on success, removed on failure.
+    """Yield a temporary path beside `path` with the same suffixes, renamed on success and removed on failure.
 
     Raises: OSError: as `require_writable`.
     """
@@ -48,18 +48,18 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Writes a UTF-8 text file, whole or not at all."""
+    """Write a UTF-8 text file, whole or not at all."""
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def write_json(path: str | Path, content: Any) -> None:
-    """Writes indented JSON; NumPy numbers and arrays become lists, NaN and infinity become null."""
+    """Write indented JSON; NumPy numbers and arrays become lists, NaN and infinity become null."""
     write_text(path, json.dumps(plain(content), indent=2, allow_nan=False) + "\n")
 
 
 def plain(value: Any) -> Any:
-    """Only what JSON knows: dict, list, str, int, float, bool, None."""
+    """Convert a value to JSON's own types: dict, list, str, int, float, bool, None."""
     if hasattr(value, "tolist"):  # NumPy scalars and arrays
         value = value.tolist()
     if isinstance(value, dict):

@@ -4,13 +4,13 @@ import numpy as np
 
 
 def _components(r: np.ndarray) -> tuple | list:
-    """The last axis, unpacked; of a single vector as plain floats, which are ten times as fast."""
+    """Unpack the last axis; a single vector gives plain floats, which are ten times as fast."""
     r = np.asarray(r)
     return r.tolist() if r.ndim == 1 else tuple(r[..., i] for i in range(r.shape[-1]))
 
 
 def _vector(*components) -> np.ndarray:
-    """The inverse of `_components`."""
+    """Stack components on the last axis, the inverse of `_components`."""
     if isinstance(components[0], float):
         return np.array(components)
     out = np.empty((*np.shape(components[0]), len(components)))
@@ -20,7 +20,7 @@ def _vector(*components) -> np.ndarray:
 
 
 def rotation_matrix(q: np.ndarray) -> np.ndarray:
-    """(..., 4) unit quaternion -> (..., 3, 3) R_WB."""
+    """Return R_WB (..., 3, 3) of unit quaternions (..., 4)."""
     w, x, y, z = _components(q)
     R = _vector(
         1 - 2 * (y * y + z * z),
@@ -37,13 +37,13 @@ def rotation_matrix(q: np.ndarray) -> np.ndarray:
 
 
 def body_z(q: np.ndarray) -> np.ndarray:
-    """(..., 4) quaternion -> (..., 3) body z axis in W. Quadratic in q; no normalisation."""
+    """Return the body z axis in W (..., 3) of quaternions (..., 4), quadratic in q and without normalisation."""
     w, x, y, z = _components(q)
     return _vector(2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z)
 
 
 def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(..., 4) Hamilton product p q."""
+    """Return the Hamilton product p q, (..., 4)."""
     pw, px, py, pz = _components(p)
     qw, qx, qy, qz = _components(q)
     return _vector(
@@ -55,7 +55,7 @@ def multiply(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def quaternion_rate(q: np.ndarray, w_WB_B: np.ndarray) -> np.ndarray:
-    """(..., 4) dq/dt = q * [0, w] / 2 [1/s]."""
+    """Return dq/dt = q * [0, w] / 2, (..., 4) [1/s], for body rates w_WB_B (..., 3) [rad/s]."""
     w, x, y, z = _components(q)
     a, b, c = _components(w_WB_B)
     return 0.5 * _vector(
@@ -64,7 +64,7 @@ def quaternion_rate(q: np.ndarray, w_WB_B: np.ndarray) -> np.ndarray:
 
 
 def skew(r: np.ndarray) -> np.ndarray:
-    """(..., 3, 3) of vectors r (..., 3): skew(r) @ s is r x s."""
+    """Return the matrices (..., 3, 3) with skew(r) @ s = r x s, for vectors r (..., 3)."""
     x, y, z = _components(r)
     o = 0.0 * x
     S = _vector(o, -z, y, z, o, -x, -y, x, o)
@@ -72,24 +72,24 @@ def skew(r: np.ndarray) -> np.ndarray:
 
 
 def rotate(q: np.ndarray, r_B: np.ndarray) -> np.ndarray:
-    """(..., 3) a body vector in W."""
+    """Return a body vector r_B (..., 3) in W, for quaternions q (..., 4)."""
     return (rotation_matrix(q) @ r_B[..., None])[..., 0]
 
 
 def rotate_back(q: np.ndarray, r_W: np.ndarray) -> np.ndarray:
-    """(..., 3) a world vector in B."""
+    """Return a world vector r_W (..., 3) in B, for quaternions q (..., 4)."""
     return (r_W[..., None, :] @ rotation_matrix(q))[..., 0, :]
 
 
 def one_hemisphere(q: np.ndarray, q_near: np.ndarray) -> np.ndarray:
-    """(n, 4) signs turned so that each quaternion lies near its predecessor, the first near `q_near` (4,)."""
+    """Flip signs so that each quaternion (n, 4) lies near its predecessor, the first near `q_near` (4,)."""
     chain = np.vstack([q_near, q])
     flips = np.where(np.sum(chain[1:] * chain[:-1], axis=1) < 0, -1.0, 1.0)
     return q * np.cumprod(flips)[:, None]
 
 
 def quaternion_from_axes(z_B_W: np.ndarray, yaw: np.ndarray | float) -> np.ndarray:
-    """(..., 4) attitude with body z along the unit vector `z_B_W` (..., 3) and heading `yaw` [rad].
+    """Return the attitude (..., 4) with body z along the unit vector `z_B_W` (..., 3) and heading `yaw` [rad].
 
     The shortest tilt from world z to `z_B_W` after a turn by `yaw`; singular only upside down.
     """

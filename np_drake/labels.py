@@ -1,9 +1,9 @@
-"""Wrench labels: eq. (1) inverted from what a vehicle measures, and a causal low-pass.
+"""Wrench labels: eq. (1) inverted from measured motion, and a causal low-pass.
 
 Raw label = rigid_body.residual_wrench(q, w, a, al, command); chi = low-pass(raw label), force and torque
 with a bandwidth each. Where the vehicle file has a `rotor_time_constant`, the command goes through that lag
-first, on rotor speed. A row with NaN gets a NaN label and leaves the memory as it was: the next good row
-carries on.
+first, on rotor speed. A row with NaN gets a NaN label and leaves the memory as it was, so that the next good row
+continues from it.
 """
 
 import dataclasses as dc
@@ -17,20 +17,26 @@ from np_drake.logs.rotor_input import acting_command, rotor_decay, rotor_speed, 
 from np_drake.residual_models.base import Memory
 from np_drake.vehicle import Vehicle
 
-FORCE, TORQUE = slice(0, 3), slice(3, 6)
+FORCE, TORQUE = slice(0, 3), slice(3, 6)  # within chi
 
 
 @dc.dataclass
 class LabelConfig:
-    """The causal low-pass on the raw labels. Own choice: what flew best; torque labels are poisoned by
-    motor lag above 2 Hz, so that they are slower."""
+    """Causal low-pass on the raw labels.
+
+    Source: own choice, the bandwidths with the best tracking; motor lag corrupts torque labels above 2 Hz, so that
+    their bandwidth is lower.
+    """
 
     force_bandwidth: float = 4.0  # [Hz], -3 dB
     torque_bandwidth: float = 1.0  # [Hz], -3 dB
     order: int = 1  # Butterworth; 1 is the first-order lag
 
     def check(self) -> "LabelConfig":
-        """Returns self; raises ValueError where a figure is impossible."""
+        """Return self after checking bandwidths and order.
+
+        Raises: ValueError: where one is impossible.
+        """
         for name in ("force_bandwidth", "torque_bandwidth"):
             if not 0 < getattr(self, name) < np.inf:
                 raise ValueError(f"LabelConfig: {name} must be positive [Hz]; got {getattr(self, name)}.")
@@ -39,7 +45,7 @@ class LabelConfig:
         return self
 
     def filters(self, step: float) -> list[tuple[slice, np.ndarray]]:
-        """(channels, second-order sections) of force and torque at a sampling interval [s]."""
+        """Return (channels, second-order sections) of force and torque at a sampling interval [s]."""
         bands = ((FORCE, self.force_bandwidth), (TORQUE, self.torque_bandwidth))
         return [(channels, self._sections(bandwidth, step)) for channels, bandwidth in bands]
 
@@ -54,7 +60,7 @@ class LabelConfig:
 
 
 class LabelFilter:
-    """The streaming form: one sample at a time, all memory in the caller's dictionary.
+    """Streaming form of the labels: one sample at a time, all memory in the caller's dictionary.
 
     Args:
         step: time between samples [s].
@@ -72,8 +78,11 @@ class LabelFilter:
         self._decay = rotor_decay(vehicle, step) if through_lag else 0.0
 
     def initial_memory(self) -> Memory:
-        """started (1,): 0 or 1; rotor (4,): lagged rotor speed [rad/s], NaN before the first sample;
-        state (sections, 2, 6): of the filters."""
+        """Return the memory before any sample.
+
+        started: (1,) 0 or 1.   rotor: (4,) lagged rotor speed [rad/s], NaN before the first sample.
+        state: (sections, 2, 6) of the filters.
+        """
         return {
             "started": np.zeros(1),
             "rotor": np.full(4, np.nan),
@@ -83,13 +92,13 @@ class LabelFilter:
     def step(
         self, memory: Memory, *, x: np.ndarray, a: np.ndarray, al: np.ndarray, u: np.ndarray
     ) -> tuple[Memory, np.ndarray]:
-        """Takes one sample and answers with its label.
+        """Return the memory after one sample, and the label of that sample.
 
         Args:
             x: (13,) state.  a: (3,) dv/dt in W, without gravity [m/s²].  al: (3,) dw/dt in B [rad/s²].
             u: (4,) command that a and al show the effect of: online, the one that acted up to now [N, N·m].
         Returns:
-            The memory after this sample, and chi (6,) [N, N·m], NaN where a figure of the sample is.
+            The memory after this sample, and chi (6,) [N, N·m], NaN where an entry of the sample is.
         """
         rotor, u = self._lagged(memory["rotor"], np.asarray(u, float))
         raw = rigid_body.residual_wrench(self._vehicle, q=x[rigid_body.Q], w=x[rigid_body.W], a=a, al=al, u=u)
@@ -105,7 +114,7 @@ class LabelFilter:
         return {"started": np.ones(1), "rotor": rotor, "state": state}, chi
 
     def _lagged(self, rotor: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Rotor speed and wrench after `u` acted for one step; a NaN command leaves the speed."""
+        """Return rotor speed and wrench after `u` acted for one step; a NaN command leaves the speed."""
         if self._decay == 0.0:
             return rotor, u
         if not np.all(np.isfinite(u)):
@@ -116,7 +125,7 @@ class LabelFilter:
 
 
 def raw_labels(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
-    """(n, 6) unfiltered labels [N, N·m], row k's command (through the lag) with row k's acceleration.
+    """Return unfiltered labels (n, 6), row k's command (through the lag) with row k's acceleration [N, N·m].
 
     Raises: ValueError: where the log has no acceleration (see `logs.accelerations.with_accelerations`).
     """
@@ -127,7 +136,10 @@ def raw_labels(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
 
 
 def labels(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None) -> np.ndarray:
-    """(n, 6) causal low-passed labels chi [N, N·m]; NaN where a row has NaN, the filter carries on after."""
+    """Return causal low-passed labels chi (n, 6) [N, N·m].
+
+    A row with NaN gets NaN, and the filter continues after it.
+    """
     raw = raw_labels(log, vehicle)
     good = np.all(np.isfinite(raw), axis=1)
     chi = np.full_like(raw, np.nan)
@@ -141,9 +153,9 @@ def labels(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None) 
 
 
 def smooth_labels(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None) -> np.ndarray:
-    """(n, 6) zero-phase labels [N, N·m]: targets for training and truth for figures, never for a controller.
+    """Return zero-phase labels (n, 6), as targets for training and truth for plots, never for a controller [N, N·m].
 
-    The same filter forth and back (-6 dB at the bandwidth). NaN rows are bridged by a line, and stay NaN.
+    The low-pass runs forward and backward (-6 dB at the bandwidth). NaN rows are bridged by a line, and stay NaN.
     """
     raw = raw_labels(log, vehicle)
     good = np.all(np.isfinite(raw), axis=1)

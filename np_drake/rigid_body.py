@@ -1,4 +1,4 @@
-"""Equation (1) of the paper, forward and inverse: the only rigid-body dynamics in the project.
+"""Rigid-body dynamics of equation (1) of the paper, forward and inverse.
 
 State x (13,) = [p_WB, q_WB (w, x, y, z), v_WB, w_WB_B]; input u (4,) = [f_u, tau_m] as commanded;
 residual wrench chi (6,) = [f_e in W (N), tau_e in B (N·m)]. All functions are vectorised over leading axes.
@@ -9,17 +9,21 @@ import numpy as np
 from np_drake import attitude
 from np_drake.vehicle import Vehicle
 
-P, Q, V, W = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
-STATE_SIZE, INPUT_SIZE, WRENCH_SIZE = 13, 4, 6
+P, Q, V, W = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)  # parts of the state
+STATE_SIZE, INPUT_SIZE, WRENCH_SIZE = 13, 4, 6  # of x, u and chi [1]
 
 
 def zeta(x: np.ndarray) -> np.ndarray:
-    """(..., 13) state -> (..., 6) zeta = [v_WB, w_WB_B] [m/s, rad/s], linear in the state."""
+    """Return zeta = [v_WB, w_WB_B] (..., 6) of a state x (..., 13), linear in the state [m/s, rad/s]."""
     return x[..., 7:13]
 
 
 def state_derivative(vehicle: Vehicle, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> np.ndarray:
-    """(..., 13) dx/dt. Source: Jin et al. 2025, eq. (1)."""
+    """Return dx/dt (..., 13) of eq. (1).
+
+    Args: x: (..., 13) state.   u: (..., 4) [N, N·m].   chi: (..., 6) residual wrench [N, N·m].
+    Source: Jin et al. 2025, eq. (1).
+    """
     q, v, w = x[..., Q], x[..., V], x[..., W]
     a = (u[..., :1] * attitude.body_z(q) + chi[..., :3]) / vehicle.mass
     a[..., 2] -= vehicle.gravity
@@ -32,7 +36,7 @@ def state_derivative(vehicle: Vehicle, x: np.ndarray, u: np.ndarray, chi: np.nda
 def residual_wrench(
     vehicle: Vehicle, *, q: np.ndarray, w: np.ndarray, a: np.ndarray, al: np.ndarray, u: np.ndarray
 ) -> np.ndarray:
-    """The wrench that eq. (1) needs, besides the commanded input, to explain the motion.
+    """Return the wrench that eq. (1) needs, besides the commanded input, to explain the motion.
 
     f_e = m (a + g z) - R f_u z;   tau_e = J al + w x J w - tau_m.       Source: Jin et al. 2025, eq. (1) inverted.
 
@@ -51,5 +55,5 @@ def residual_wrench(
 
 
 def to_spatial_force(chi: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """(6,) chi -> (6,) Drake's spatial order F_Bo_W = [tau in W; f in W] [N·m, N]."""
+    """Convert chi (6,) at attitude q (4,) to Drake's order F_Bo_W = [tau in W; f in W] (6,) [N·m, N]."""
     return np.concatenate([attitude.rotate(q, chi[..., 3:6]), chi[..., :3]], axis=-1)

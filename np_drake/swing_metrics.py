@@ -1,4 +1,4 @@
-"""How a payload swings: figures of merit of its horizontal distance from where it should hang still."""
+"""Metrics of a payload's swing, from its horizontal distance to its equilibrium position."""
 
 import numpy as np
 from scipy.stats import t as student
@@ -9,7 +9,7 @@ _APART = 0.3  # between peaks at least: a third of the half period of a 0.8 m te
 
 
 def peaks(t: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Times [s] and heights [m] of the turning points above `FLOOR`; t, distance: (n,) at even steps."""
+    """Return times [s] and heights [m] of the turning points above `FLOOR`; t, distance: (n,) at even steps."""
     reach = max(1, round(_APART / (t[1] - t[0])))
     inner = np.arange(reach, len(t) - reach)
     windows = np.lib.stride_tricks.sliding_window_view(distance, 2 * reach + 1)
@@ -19,13 +19,16 @@ def peaks(t: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def decay_rate(t: np.ndarray, distance: np.ndarray) -> float:
-    """Slope of the logarithm of the peaks [1/s], negative where the swing decays; NaN with fewer than three peaks."""
+    """Return the slope of the logarithm of the peaks, negative for a decaying swing [1/s].
+
+    NaN with fewer than three peaks.   Args: t: (n,) [s].   distance: (n,) horizontal distance [m].
+    """
     when, height = peaks(t, distance)
     return float(np.polyfit(when, np.log(height), 1)[0]) if len(when) > 2 else float("nan")
 
 
 def settling_time(t: np.ndarray, distance: np.ndarray) -> float:
-    """From t[0] until the distance stays below `SETTLED` [s]; inf where it is above it in the last second."""
+    """Return the time from t[0] until the distance stays below `SETTLED` [s]; inf if above it in the last second."""
     above = np.flatnonzero(distance >= SETTLED)
     if len(above) == 0:
         return 0.0
@@ -33,7 +36,7 @@ def settling_time(t: np.ndarray, distance: np.ndarray) -> float:
 
 
 def half_width(values: np.ndarray) -> float:
-    """Half width of the 95 % interval of the mean (Student); NaN for one value, or where one is not finite."""
+    """Return half the width of the 95 % interval of the mean (Student); NaN for one value or non-finite values."""
     n = len(values)
     if n < 2 or not np.isfinite(values).all():
         return float("nan")

@@ -1,4 +1,4 @@
-"""The vehicle file: what the nominal model knows about a quadrotor."""
+"""The vehicle file: parameters of the nominal model of a quadrotor."""
 
 import dataclasses as dc
 from functools import cached_property
@@ -31,7 +31,10 @@ class MeasurementNoise:
     angular_acceleration: float = 0.5  # [rad/s²]
 
     def check(self) -> "MeasurementNoise":
-        """Returns self; raises ValueError where a deviation is negative or not finite."""
+        """Return self after checking the deviations.
+
+        Raises: ValueError: where one is negative or not finite.
+        """
         for name, value in dc.asdict(self).items():
             if not 0 <= value < np.inf:
                 raise ValueError(f"MeasurementNoise: {name} must be finite and not negative; got {value}.")
@@ -40,9 +43,9 @@ class MeasurementNoise:
 
 @dc.dataclass
 class Vehicle:
-    """A quadrotor as its nominal model knows it (docs/reference/vehicle-file.md). Defaults: the paper's vehicle.
+    """Quadrotor of the nominal model (docs/reference/vehicle-file.md); the defaults are the paper's vehicle.
 
-    Rotor i pushes with f_i = thrust_coefficient * speed² along body z at `rotor_positions[i]` and twists with
+    Rotor i gives the thrust f_i = thrust_coefficient * speed² along body z at `rotor_positions[i]` and the torque
     `rotor_directions[i] * torque_coefficient * speed²` about body z.
     """
 
@@ -61,10 +64,13 @@ class Vehicle:
     rotor_time_constant: float = 0.0  # what the nominal simulator assumes [s]
     logged_point: str = "origin"  # origin | center_of_mass
     input: str = "command"  # command | rotor_speed
-    measurement_noise: MeasurementNoise = dc.field(default_factory=MeasurementNoise)
+    measurement_noise: MeasurementNoise = dc.field(default_factory=MeasurementNoise)  # of the sensors
 
     def check(self) -> "Vehicle":
-        """Returns self; raises ValueError where a figure is impossible."""
+        """Return self after checking all parameters.
+
+        Raises: ValueError: where one is impossible.
+        """
         for name, value in dc.asdict(self).items():
             if not isinstance(value, (str, dict)):
                 _require(bool(np.all(np.isfinite(value))), f"{name} must be finite; got {value}")
@@ -111,43 +117,46 @@ class Vehicle:
 
     @cached_property
     def J(self) -> np.ndarray:
-        """(3, 3) inertia about the centre of mass, body axes [kg·m²]."""
+        """Inertia about the centre of mass in body axes, (3, 3) [kg·m²]."""
         return np.array(self.inertia, float)
 
     @cached_property
     def mixer(self) -> np.ndarray:
-        """(4, 4) rotor thrusts [N] -> u = [f_u, tau_m] [N, N·m]."""
+        """Map from rotor thrusts [N] to u = [f_u, tau_m] [N, N·m], (4, 4)."""
         p = np.array(self.rotor_positions, float)
         kappa = self.torque_coefficient / self.thrust_coefficient
         return np.stack([np.ones(4), p[:, 1], -p[:, 0], kappa * np.array(self.rotor_directions, float)])
 
     @cached_property
     def unmixer(self) -> np.ndarray:
-        """(4, 4) u = [f_u, tau_m] [N, N·m] -> rotor thrusts [N]."""
+        """Map from u = [f_u, tau_m] [N, N·m] to rotor thrusts [N], (4, 4)."""
         return np.linalg.inv(self.mixer)
 
     @property
     def hover_input(self) -> np.ndarray:
-        """(4,) u that carries the nominal weight [N, N·m]."""
+        """Input u (4,) that carries the nominal weight [N, N·m]."""
         return np.array([self.mass * self.gravity, 0.0, 0.0, 0.0])
 
     def saturate(self, u: np.ndarray) -> np.ndarray:
-        """(..., 4) the nearest u in rotor space that the rotors can give [N, N·m]."""
+        """Return the nearest u (..., 4), in rotor space, that the rotors can give [N, N·m]."""
         thrust = np.clip(u @ self.unmixer.T, 0.0, self.max_rotor_thrust)
         return thrust @ self.mixer.T
 
     def with_mass(self, mass: float) -> "Vehicle":
-        """The same vehicle with another mass [kg]."""
+        """Return a copy of the vehicle with another mass [kg]."""
         return dc.replace(self, mass=mass).check()
 
 
 def load_vehicle(path: str | Path) -> Vehicle:
-    """Reads a vehicle file (YAML). Raises ValueError with file and field on bad content."""
+    """Read a vehicle file (YAML).
+
+    Raises: ValueError: one line with file and field, on bad content.
+    """
     return load_checked(Vehicle, path, "vehicle file")
 
 
 def left_out(path: str | Path) -> list[str]:
-    """Figures of `RIGID` that a readable vehicle file does not name, so that they are the paper's vehicle's."""
+    """Return the parameters of `RIGID` that a readable vehicle file does not name, for which defaults are used."""
     named = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     return [name for name in RIGID if name not in named]
 

@@ -1,4 +1,4 @@
-"""YAML files into checked dataclasses."""
+"""Reading of YAML files into checked dataclasses."""
 
 import dataclasses as dc
 import difflib
@@ -14,8 +14,9 @@ from np_drake.yaml_kinds import fields_of, misfit
 
 
 def load_checked(schema: type, path: str | Path, kind: str) -> Any:
-    """A `schema` from the YAML file at `path`; what the file does not name keeps its default; `check()` is run.
+    """Return a `schema` read from the YAML file at `path` and checked by its `check()`.
 
+    Fields that the file does not name keep their defaults.
     Raises: ValueError: one line with file, field and reason, as "<path>: not a <kind>: …".
     """
     try:
@@ -25,7 +26,7 @@ def load_checked(schema: type, path: str | Path, kind: str) -> Any:
         return yaml_load_typed(schema=schema, filename=str(path), defaults=default).check()
     except OSError as error:
         raise ValueError(f"{path}: not a {kind}: {error.strerror or error}.") from error
-    # AssertionError, ArithmeticError: what Drake's reader and NumPy raise on content that nobody foresaw.
+    # AssertionError, ArithmeticError: raised by Drake's reader and NumPy on unexpected content.
     except (
         *(yaml.YAMLError, RuntimeError, ValueError, TypeError, KeyError, AttributeError),
         *(AssertionError, ArithmeticError),
@@ -35,7 +36,10 @@ def load_checked(schema: type, path: str | Path, kind: str) -> Any:
 
 
 def _require_once(root: yaml.Node | None) -> None:
-    """Raises where a field stands twice, of which a reader would take the last."""
+    """Check that no field stands twice, since a reader would take the last.
+
+    Raises: ValueError: if one does.
+    """
     left: list[tuple[str, yaml.Node | None]] = [("", root)]
     seen: set[int] = set()
     while left:
@@ -50,7 +54,10 @@ def _require_once(root: yaml.Node | None) -> None:
 
 
 def _fields_once(name: str, node: yaml.MappingNode) -> list[tuple[str, yaml.Node]]:
-    """Name and value of every field of `name`, empty for the whole file; merge keys may stand twice."""
+    """Return name and value of every field of `name`, empty for the whole file; merge keys may stand twice.
+
+    Raises: ValueError: if another field stands twice.
+    """
     lines: dict[str, int] = {}
     found = []
     for key, value in node.value:
@@ -63,7 +70,11 @@ def _fields_once(name: str, node: yaml.MappingNode) -> list[tuple[str, yaml.Node
 
 
 def _require_kinds(schema: type, content: Any, default: Any) -> None:
-    """Before Drake reads it, whose errors do not always name the field. default: of `schema`."""
+    """Check the kinds of all values before Drake reads them, whose errors do not always name the field.
+
+    Args: default: of `schema`.
+    Raises: ValueError: if a value does not suit its field.
+    """
     if content is None:
         raise ValueError("it is empty; at least one field must be named.")
     reason = misfit(schema, content, "", default)
@@ -72,7 +83,7 @@ def _require_kinds(schema: type, content: Any, default: Any) -> None:
 
 
 def _remedy(schema: type, reason: str) -> str:
-    """Where a field is not known, those that are like it; else all of the schema's own."""
+    """Return a remedy for an unknown field: fields like it, else all of the schema; empty for another reason."""
     unknown = re.search(r"fields \[(.*?)\] were unknown", reason)
     if unknown is None:
         return ""
@@ -85,7 +96,7 @@ def _remedy(schema: type, reason: str) -> str:
 
 
 def _fields(schema: Any) -> list[str]:
-    """Names of all fields of a dataclass, and of those that its fields hold."""
+    """Return the names of all fields of a dataclass, and of those that its fields hold."""
     kinds = fields_of(schema)
     found = list(kinds)
     for kind in kinds.values():

@@ -1,4 +1,4 @@
-"""Does a value of a YAML file suit the field that it is for? By the kinds of a dataclass's fields alone."""
+"""Type check of YAML values against the fields of a dataclass."""
 
 import dataclasses as dc
 import typing
@@ -17,9 +17,10 @@ PLAIN: dict[Any, str] = {
 
 
 def misfit(kind: Any, value: Any, name: str, default: Any = None) -> str | None:
-    """What one sentence has to say where `value` does not suit `kind`: the field, what it must be, what it is.
+    """Return one sentence on why `value` does not suit `kind`, None where it does.
 
-    Fields that are not known, and kinds other than numbers, text, lists and records, are left to the reader.
+    It names the field, what it must be, and what it is. Unknown fields, and kinds other than numbers, text, lists and
+    records, are left to the reader.
 
     Args: value: as YAML reads it.   name: of the field, empty for the whole file.   default: a value that suits.
     """
@@ -40,14 +41,14 @@ def misfit(kind: Any, value: Any, name: str, default: Any = None) -> str | None:
 
 
 def fields_of(kind: Any) -> dict[str, Any]:
-    """Field -> kind, of a dataclass or of a class of Drake's that tells them; empty for other kinds."""
+    """Return fields and their kinds of a dataclass or of a Drake class that lists them; empty for other kinds."""
     if dc.is_dataclass(kind):
         return typing.get_type_hints(kind)
     return {field.name: field.type for field in getattr(kind, "__fields__", ())}
 
 
 def shown(value: Any) -> str:
-    """A value as one line can quote it."""
+    """Return a value as text that fits into one line."""
     words = "nothing" if value is None else " ".join(repr(value).split())
     return words if len(words) <= LONGEST else f"{words[: LONGEST - 2]} …"
 
@@ -57,7 +58,7 @@ def _first(sentences: Iterable[str | None]) -> str | None:
 
 
 def _item(kind: Any) -> Any:
-    """Kind of what a list holds; None for other kinds."""
+    """Return the kind of a list's items; None for other kinds."""
     return typing.get_args(kind)[0] if typing.get_origin(kind) is list else None
 
 
@@ -74,7 +75,7 @@ def _suits(kind: Any, value: Any) -> bool:
 
 
 def _is_number(value: Any, *, whole: bool) -> bool:
-    """Also as text, for YAML 1.1 takes 1e-5, without a point, for text."""
+    """Return whether the value is a number, also as text, for YAML 1.1 takes 1e-5, without a point, for text."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return False
     try:

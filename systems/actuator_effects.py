@@ -1,4 +1,4 @@
-"""The actuator wrapper: effects between commanded and actual rotor thrust."""
+"""Actuator wrapper: effects between commanded and actual rotor thrust."""
 
 import itertools
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from np_drake.vehicle import Vehicle
 
 
 class ActuatorEffects(LeafSystem):
-    """Passes rotor thrust through a chain of actuator effects, first to last.
+    """Chain of actuator effects through which rotor thrust passes, first to last.
 
     Their dead times are not in it: they belong on the command (`CommandBuffer`), of which all of them only see more.
 
@@ -37,6 +37,10 @@ class ActuatorEffects(LeafSystem):
     """
 
     def __init__(self, vehicle: Vehicle, effects: Sequence[ActuatorEffect], hover_thrust: np.ndarray):
+        """Declare ports and state.
+
+        Args: effects: first to last.   hover_thrust: (4,) command at which the states start at rest [N].
+        """
         super().__init__()
         self._vehicle, self._effects = vehicle, list(effects)
         ends = np.cumsum([0] + [e.state_size for e in effects])
@@ -56,11 +60,11 @@ class ActuatorEffects(LeafSystem):
         return np.concatenate(states) if states else np.zeros(0)
 
     def rest_at(self, context, thrust: np.ndarray) -> None:
-        """Sets the state at which a constant command `thrust` (4,) [N] rests; `context` is the system's own."""
+        """Set the state at which a constant command `thrust` (4,) [N] rests; `context` is the system's own."""
         context.SetContinuousState(self._resting_state(thrust))
 
     def _chain(self, context) -> tuple[list[np.ndarray], np.ndarray]:
-        """What each effect is commanded, and the thrust after the last [N]."""
+        """Return the command of each effect, and the thrust after the last [N]."""
         state = context.get_continuous_state_vector().CopyToVector()
         commands, thrust, t = [], self._command_port.Eval(context), context.get_time()
         for effect, where in zip(self._effects, self._slices, strict=True):
@@ -69,7 +73,7 @@ class ActuatorEffects(LeafSystem):
         return commands, thrust
 
     def DoCalcTimeDerivatives(self, context, derivatives) -> None:
-        """Drake's hook: the effects' own state rates."""
+        """Compute the effects' state rates, as an override of Drake's virtual."""
         state = context.get_continuous_state_vector().CopyToVector()
         commands, _ = self._chain(context)
         rates = [

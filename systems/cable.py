@@ -6,7 +6,7 @@ from pydrake.systems.framework import BasicVector, LeafSystem
 
 
 class Cable(LeafSystem):
-    """Spring-damper along the line from the hook to the payload; it pulls and never pushes.
+    """Spring-damper along the line from the hook to the payload, which pulls and never pushes.
 
     T = max(0, k (l - L) + c dl/dt) for l > L, else 0.
     Source: own choice; k and c keep a taut flight within 0.01 mm of a rod.
@@ -30,6 +30,10 @@ class Cable(LeafSystem):
     """
 
     def __init__(self, *, length: float, hook, stiffness: float = 2.0e4, damping: float = 40.0):
+        """Declare ports and parameter.
+
+        Args: length: L [m].   hook: (3,) p_BoTo_B [m].   stiffness: k [N/m].   damping: c [N·s/m].
+        """
         super().__init__()
         self._length, self._hook = float(length), tuple(float(h) for h in hook)
         self._stiffness, self._damping = float(stiffness), float(damping)
@@ -40,11 +44,11 @@ class Cable(LeafSystem):
         self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, prerequisites)
 
     def cut(self, context) -> None:
-        """Parts the cable for good: it never pulls again. `context` is the cable's own; between two AdvanceTo."""
+        """Cut the cable for good, between two AdvanceTo; `context` is the cable's own."""
         context.get_mutable_numeric_parameter(0).SetAtIndex(0, 0.0)
 
     def _pull(self, context) -> tuple[list[float], list[float], list[float]]:
-        """Force on B in W, moment about Bo in W, and the state as a list. Plain floats: this is the inner loop."""
+        """Return force on B in W, moment about Bo in W, and the state as a list, in plain floats for speed."""
         s = self._state_port.Eval(context).tolist()
         w, x, y, z = s[0:4]
         hx, hy, hz = self._hook

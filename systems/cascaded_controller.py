@@ -1,4 +1,4 @@
-"""The cascaded flight controller in a diagram."""
+"""Cascaded flight controller in a diagram."""
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, EventStatus, LeafSystem
@@ -8,7 +8,7 @@ from np_drake.vehicle import Vehicle
 
 
 class CascadedController(LeafSystem):
-    """Holds the command of `np_drake.control.cascade` between two updates.
+    """Discrete system that holds the command of `np_drake.control.cascade` between two updates.
 
     .. pydrake_system::
 
@@ -43,7 +43,7 @@ class CascadedController(LeafSystem):
             self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
 
     def update(self, context) -> None:
-        """Updates the command now; `context` is the controller's own."""
+        """Update the command now; `context` is the controller's own."""
         values = self.AllocateDiscreteVariables()
         self.CalcForcedDiscreteVariableUpdate(context, values)
         context.SetDiscreteState(0, values.get_vector(0).CopyToVector())

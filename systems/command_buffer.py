@@ -1,4 +1,4 @@
-"""A dead time on a held command."""
+"""Dead time on a held command."""
 
 import math
 
@@ -12,7 +12,7 @@ _OFF_GRID = 3.7e-7  # [s]
 
 
 class CommandBuffer(LeafSystem):
-    """Passes on what came in `dead_time` ago.
+    """Delay that outputs what came in `dead_time` ago.
 
     Reads at k period + offset and hands on what it read `periods` readings before, with
     dead_time = periods * period + offset: exact for a command that changes at multiples of `period` only, else late

@@ -1,4 +1,4 @@
-"""Several quadrotors with one payload: a single plant, and around it each vehicle's rotors, cable and effects."""
+"""Several quadrotors with one payload: a single plant with rotors, cable and effects of each vehicle."""
 
 from collections.abc import Sequence
 
@@ -22,7 +22,7 @@ PORTS = ("x", "acceleration", "rotor_thrust", "nominal_rotor_thrust", "tether_wr
 
 
 def make_cooperative_plant(vehicle: Vehicle, payload: PayloadConfig, count: int) -> MultibodyPlant:
-    """Continuous MultibodyPlant with the bodies `quadrotor_0` … and `payload`, all of them free."""
+    """Return a continuous MultibodyPlant with the free bodies `quadrotor_0` … and `payload`."""
     plant = MultibodyPlant(time_step=0.0)
     plant.set_name("plant")
     plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -vehicle.gravity])
@@ -43,7 +43,7 @@ def make_cooperative_quadrotors(
     actuator_effects: Sequence[ActuatorEffect] = (),
     command_period: float = 0.001,
 ) -> Diagram:
-    """`count` equal vehicles on one payload as one Diagram; every vehicle has a cable and the effects of its own.
+    """Return a Diagram of `count` equal vehicles on one payload, each with a cable and effects of its own.
 
     Ports of vehicle i carry its number: `u_0` in, `x_0` out, …; sizes and units as `make_tethered_quadrotor`.
 
@@ -101,7 +101,7 @@ def make_cooperative_quadrotors(
 def _make_one(
     plant, vehicle: Vehicle, payload: PayloadConfig, *, number: int, effects, hover_thrust, command_period
 ) -> Diagram:
-    """Rotors, cable, effects and readings of one vehicle; the plant itself lies outside."""
+    """Return rotors, cable, effects and readings of one vehicle; the plant itself lies outside."""
     wrench_effects, actuator_effects = effects
     body = f"quadrotor_{number}"
     builder = DiagramBuilder()
@@ -149,7 +149,10 @@ def _make_one(
 
 
 def pair_state(plant: MultibodyPlant, body: str) -> np.ndarray:
-    """(26, nq + nv) picks what `Cable` reads, [q_WB, p_WB, q_WP, p_WP, V_WB, V_WP], out of the plant's state."""
+    """Return the matrix that selects the input of `Cable` from the plant's state, (26, nq + nv).
+
+    The input is [q_WB, p_WB, q_WP, p_WP, V_WB, V_WP].   Args: body: name of the vehicle's body.
+    """
     rows = np.zeros((14, plant.num_multibody_states()))
     for k, name in enumerate((body, "payload")):
         start = plant.GetBodyByName(name).floating_positions_start()
@@ -159,7 +162,7 @@ def pair_state(plant: MultibodyPlant, body: str) -> np.ndarray:
 
 
 def _pair_velocities(plant: MultibodyPlant, body: str) -> np.ndarray:
-    """(12, nv) picks [V_WB, V_WP]; its transpose puts the pair's generalized forces where they belong."""
+    """Return the matrix that selects [V_WB, V_WP], (12, nv); its transpose maps the pair's generalized forces back."""
     rows = np.zeros((12, plant.num_velocities()))
     for k, name in enumerate((body, "payload")):
         start = plant.GetBodyByName(name).floating_velocities_start_in_v()

@@ -1,4 +1,4 @@
-"""Setting and changing the plant's state: hover, swing, impulse, added mass."""
+"""Initial states and changes of the plant in flight: hover, formation, impulse, added mass."""
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -12,9 +12,9 @@ from systems.tethered_quadrotor import PayloadConfig
 
 
 def set_hover(plant: MultibodyPlant, context: Context, payload: PayloadConfig, p_WB) -> None:
-    """Quadrotor level and at rest at `p_WB` (3,) [m]; payload hanging still at its static stretch.
+    """Set the quadrotor level and at rest, with the payload hanging still at its static stretch.
 
-    Args: context: the plant's own.
+    Args: context: the plant's own.   p_WB: (3,) position [m].
     """
     p_WB = np.asarray(p_WB, float)
     plant.SetFreeBodyPose(context, plant.GetBodyByName("quadrotor"), RigidTransform(p_WB))
@@ -26,9 +26,10 @@ def set_hover(plant: MultibodyPlant, context: Context, payload: PayloadConfig, p
 
 
 def set_formation(plant: MultibodyPlant, context: Context, payload: PayloadConfig, p_WB) -> None:
-    """Quadrotors level and at rest at `p_WB` (n, 3), a regular polygon [m]; payload at rest on equally taut cables.
+    """Set the quadrotors level and at rest on a regular polygon, with the payload at rest on equally taut cables.
 
-    Args: context: the plant's own.      Raises: ValueError: if the cables do not reach the middle.
+    Args: context: the plant's own.   p_WB: (n, 3) positions [m].
+    Raises: ValueError: if the cables do not reach the middle.
     """
     p_WB = np.asarray(p_WB, float)
     center = p_WB.mean(axis=0)
@@ -45,7 +46,7 @@ def set_formation(plant: MultibodyPlant, context: Context, payload: PayloadConfi
 
 
 def apply_impulse(plant: MultibodyPlant, context: Context, impulse) -> None:
-    """Adds dv = J / m to the payload of a cable; `impulse` (3,) in W [N·s]."""
+    """Add dv = J / m to the payload of a cable; `impulse` (3,) in W [N·s]."""
     P = plant.GetBodyByName("payload")
     V = plant.EvalBodySpatialVelocityInWorld(context, P)
     dv = np.asarray(impulse, float) / P.get_mass(context)
@@ -55,7 +56,11 @@ def apply_impulse(plant: MultibodyPlant, context: Context, impulse) -> None:
 
 
 def set_payload_mass(plant: MultibodyPlant, context: Context, payload: PayloadConfig, mass: float) -> None:
-    """Replaces the payload's mass [kg] in flight; call it between two AdvanceTo."""
+    """Replace the payload's mass [kg] in flight, between two AdvanceTo.
+
+    Args: context: the plant's own.
+    Raises: ValueError: if the mass is not positive.
+    """
     if not mass > 0:
         raise ValueError(f"set_payload_mass: mass must be positive [kg]; got {mass}.")
     inertia = SpatialInertia(mass, np.zeros(3), UnitInertia.SolidSphere(payload.radius))

@@ -1,4 +1,4 @@
-"""The mass wrapper: effects that change mass, inertia and centre of mass of the quadrotor's body."""
+"""Mass wrapper: effects that change mass, inertia and centre of mass of the quadrotor's body."""
 
 from collections.abc import Iterable
 
@@ -12,7 +12,7 @@ from np_drake.vehicle import Vehicle
 
 
 def spatial_inertia(properties: MassProperties) -> SpatialInertia:
-    """M_BBo_B: about the body's origin Bo, which stays where it is when the centre of mass moves.
+    """Return M_BBo_B, about the body's origin Bo, which stays when the centre of mass moves.
 
     Raises: ValueError: if no rigid body can have these properties.
     """
@@ -33,7 +33,7 @@ def spatial_inertia(properties: MassProperties) -> SpatialInertia:
 def set_mass_properties(
     plant: MultibodyPlant, context: Context, vehicle: Vehicle, effects: Iterable[MassEffect]
 ) -> None:
-    """Gives the quadrotor the effects' mass properties, also in flight (between two AdvanceTo).
+    """Set the quadrotor's mass properties to those of the effects, also in flight (between two AdvanceTo).
 
     Args: context: the plant's own.   effects: all that act from now on; none for the nominal vehicle.
     """

@@ -1,4 +1,4 @@
-"""The measurement wrapper: what the rig reads of the truth."""
+"""Measurement wrapper: effects between the true motion and the sensors' reading."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from np_drake.vehicle import Vehicle
 
 
 class MeasurementEffects(LeafSystem):
-    """Passes the true motion through a chain of measurement effects.
+    """Chain of measurement effects through which the true motion passes.
 
     .. pydrake_system::
 
@@ -33,7 +33,7 @@ class MeasurementEffects(LeafSystem):
     | white | sum of white_size | standard normal draws, held between samples | 1 |
     | rotor_speed | 4 | as read | rad/s |
 
-    Raises: ValueError: on an effect that shifts the clock, which no causal rig can do.
+    Raises: ValueError: on an effect that shifts the clock, which no causal sensor can do.
     """
 
     def __init__(self, vehicle: Vehicle, effects: Sequence[MeasurementEffect]):

@@ -1,4 +1,4 @@
-"""A LeafSystem whose discrete state is a dictionary of arrays."""
+"""LeafSystem whose discrete state is a dictionary of arrays."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ from np_drake.residual_models.base import Memory
 
 
 class MemorySystem(LeafSystem):
-    """Keeps a pure algorithm's memory in the Context, one discrete group per array (sorted by name).
+    """LeafSystem that keeps a pure algorithm's memory in the Context, one discrete group per array (sorted by name).
 
     The step of the algorithm runs once per sampling instant: the feed-through output and the event that stores
     the new memory read the same cache entry.
@@ -22,7 +22,7 @@ class MemorySystem(LeafSystem):
             self.DeclareDiscreteState(BasicVector(np.ravel(initial[name]).astype(float)))
 
     def _declare_step(self, calc: Callable) -> CacheEntry:
-        """Declares the cache entry that holds `calc(context)`."""
+        """Declare the cache entry that holds `calc(context)`."""
 
         def store(context, value) -> None:
             value.set_value(calc(context))
@@ -34,7 +34,7 @@ class MemorySystem(LeafSystem):
         )
 
     def memory(self, context) -> Memory:
-        """The memory as of the last event."""
+        """Return the memory as of the last event."""
         return {
             name: context.get_discrete_state(i).CopyToVector().reshape(shape)
             for i, (name, shape) in enumerate(self._shapes.items())

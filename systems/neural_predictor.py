@@ -7,7 +7,7 @@ from systems.residual_predictor import ResidualPredictor
 
 
 class NeuralPredictor(ResidualPredictor):
-    """z = Phi(chi) or E window, z+ = A z + B zeta, chi_hat = C z in the loop, for any configuration.
+    """Neural Predictor in the loop, z = Phi(chi) or E window, z+ = A z + B zeta, chi_hat = C z, for any configuration.
 
     .. pydrake_system::
 

@@ -1,4 +1,4 @@
-"""The receding-horizon controller: NP-MPC, nominal MPC and every other residual model's MPC."""
+"""Receding-horizon controller: NP-MPC, nominal MPC and the MPC with any other residual model."""
 
 import numpy as np
 from pydrake.common.value import Value
@@ -9,7 +9,9 @@ from np_drake.rigid_body import INPUT_SIZE
 
 
 class NpMpc(LeafSystem):
-    """Solves problem (nmpc) at every period and holds the first input.      Source: Jin et al. 2025, eq. (nmpc).
+    """MPC that solves problem (nmpc) at every period and holds the first input.
+
+    Source: Jin et al. 2025, eq. (nmpc).
 
     .. pydrake_system::
 

@@ -1,4 +1,4 @@
-"""The payload of the simulated vehicle: what hangs, and on what."""
+"""Configuration of the payload of the simulated vehicle and of its tether."""
 
 import dataclasses as dc
 
@@ -9,7 +9,7 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 
 @dc.dataclass
 class PayloadConfig:
-    """The payload and what it hangs on."""
+    """Payload and tether of the simulated vehicle."""
 
     tether: str = "cable"  # cable | rod | none
     mass: float = 0.26  # [kg]
@@ -20,7 +20,10 @@ class PayloadConfig:
     damping: float = 40.0  # of the cable [N·s/m]
 
     def check(self) -> "PayloadConfig":
-        """Returns self; raises ValueError on an unknown tether or an impossible size."""
+        """Return self after checking tether and sizes.
+
+        Raises: ValueError: on an unknown tether or an impossible size.
+        """
         if self.tether not in ("cable", "rod", "none"):
             raise ValueError(f"PayloadConfig: tether must be cable, rod or none; got {self.tether!r}.")
         for name in ("mass", "length", "radius", "stiffness"):
@@ -34,7 +37,7 @@ class PayloadConfig:
 
 
 def payload_config(effect: SuspendedPayload | None, *, tether: str = "cable") -> PayloadConfig:
-    """The body that the effect stands for; no tether where there is no payload or it weighs nothing."""
+    """Return the body that the effect stands for; no tether where there is no payload or it weighs nothing."""
     if effect is None or effect.mass == 0.0:
         return PayloadConfig(tether="none")
     hook = [effect.hook_x, effect.hook_y, effect.hook_z]

@@ -1,4 +1,4 @@
-"""From Drake's plant to the project's state and acceleration vectors."""
+"""Conversion of the plant's outputs to the project's state, acceleration and wrench vectors."""
 
 import numpy as np
 from pydrake.common.value import Value
@@ -11,13 +11,13 @@ from np_drake import attitude
 
 
 def _vehicle_state(s: np.ndarray, q_start: int, v_start: int) -> np.ndarray:
-    """(13,) x from the plant's state, in which the body's pose and velocity start at these places."""
+    """Return x (13,) from the plant's state, in which the body's pose and velocity start at these places."""
     q, w_W, v = s[q_start : q_start + 4], s[v_start : v_start + 3], s[v_start + 3 : v_start + 6]
     return np.concatenate([s[q_start + 4 : q_start + 7], q, v, attitude.rotate_back(q, w_W)])
 
 
 class VehicleState(LeafSystem):
-    """Plant state -> x.
+    """Conversion of the plant state to the state x.
 
     .. pydrake_system::
 
@@ -50,7 +50,7 @@ class VehicleState(LeafSystem):
 
 
 class BodyAcceleration(LeafSystem):
-    """The quadrotor's spatial acceleration as [a in W, al in B].
+    """Spatial acceleration of the quadrotor as [a in W, al in B].
 
     .. pydrake_system::
 
@@ -85,7 +85,7 @@ class BodyAcceleration(LeafSystem):
 
 
 class RodWrench(LeafSystem):
-    """The rod's true wrench on the quadrotor, from the joint's reaction force.
+    """True wrench of the rod on the quadrotor, from the joint's reaction force.
 
     .. pydrake_system::
 

@@ -1,4 +1,4 @@
-"""Recording signals as flight logs need them: just after each sampling instant."""
+"""Recording of signals for flight logs, just after each sampling instant."""
 
 import dataclasses as dc
 
@@ -13,14 +13,17 @@ _AFTER = 1e-6  # [s]
 
 @dc.dataclass
 class Recorder:
-    """Where each named signal lies in the log, and how to read it back."""
+    """Log sink with the place of each named signal in it.
+
+    sink: the log.   slices: signal name -> columns.   period: sampling time [s].
+    """
 
     sink: VectorLogSink
     slices: dict[str, slice]
     period: float  # [s]
 
     def read(self, diagram: Diagram, context: Context) -> dict[str, np.ndarray]:
-        """{"t": (n,), name: (n, size)}: row k is what held just after t_k = k * period.
+        """Return {"t": (n,) [s], name: (n, size)}: row k is what held just after t_k = k * period.
 
         Args: context: the root context of the finished simulation.
         """
@@ -32,7 +35,7 @@ class Recorder:
 
 
 def add_recorder(builder: DiagramBuilder, signals: dict[str, OutputPort], *, period: float) -> Recorder:
-    """Adds one log of all `signals` (vector ports), sampled every `period` [s]; name: recorder."""
+    """Add one log of all `signals` (vector ports), sampled every `period` [s]; name: recorder."""
     sizes = [port.size() for port in signals.values()]
     ends = np.cumsum([0] + sizes)
     slices = {name: slice(a, b) for name, a, b in zip(signals, ends[:-1], ends[1:], strict=True)}

@@ -1,4 +1,4 @@
-"""The reference motion over the controller's horizon."""
+"""Reference motion over the controller's horizon."""
 
 import numpy as np
 from pydrake.systems.framework import LeafSystem
@@ -7,7 +7,7 @@ from np_drake.references.base import Reference
 
 
 class ReferenceSource(LeafSystem):
-    """Samples a reference motion at t, t + step, …, t + horizon * step.
+    """Samples of a reference motion at t, t + step, …, t + horizon * step.
 
     .. pydrake_system::
 

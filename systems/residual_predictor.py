@@ -1,4 +1,4 @@
-"""Any residual model as a LeafSystem."""
+"""LeafSystem for any residual model."""
 
 import numpy as np
 from pydrake.common.value import Value
@@ -9,7 +9,7 @@ from systems.memory import MemorySystem
 
 
 class ResidualPredictor(MemorySystem):
-    """Feeds a residual model one sample per step and offers its forecast over the MPC's horizon.
+    """Residual model in the loop, with one sample per step and its forecast over the MPC's horizon.
 
     .. pydrake_system::
 

@@ -1,4 +1,4 @@
-"""From the commanded input to propeller forces on the plant."""
+"""Conversion of the commanded input to propeller forces on the plant."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -17,7 +17,10 @@ from systems.command_buffer import SOONEST, CommandBuffer
 
 
 class RotorPorts(NamedTuple):
-    """What the rotors do: actual and nominal thrust (4,) [N]; rate of rotor speed (4,) [rad/s²], None for zero."""
+    """Output ports of the rotors.
+
+    thrust, nominal_thrust: actual and nominal (4,) [N].   rate: of rotor speed (4,) [rad/s²], None for zero.
+    """
 
     thrust: OutputPort
     nominal_thrust: OutputPort
@@ -33,9 +36,10 @@ def add_rotors(
     hover_thrust: np.ndarray,
     command_period: float,
 ) -> RotorPorts:
-    """Mixer, saturation, dead time, actuator effects and propellers on the plant's body `quadrotor`.
+    """Add mixer, saturation, dead time, actuator effects and propellers on the plant's body `quadrotor`.
 
     Exports the input `u`.   Args: hover_thrust: (4,) at which delayed commands and lagging rotors start [N].
+    command_period: see `CommandBuffer` [s].
     """
     ports = add_rotor_chain(
         builder, vehicle, effects, hover_thrust=hover_thrust, command_period=command_period
@@ -54,7 +58,10 @@ def add_rotor_chain(
     hover_thrust: np.ndarray,
     command_period: float,
 ) -> RotorPorts:
-    """What lies between the command `u`, which is exported, and rotor thrust."""
+    """Add what lies between the command `u`, which is exported, and rotor thrust.
+
+    Args: as `add_rotors`.
+    """
     mixer = builder.AddNamedSystem("mixer", MatrixGain(vehicle.unmixer))
     limit = builder.AddNamedSystem(
         "saturation", Saturation(np.zeros(4), np.full(4, vehicle.max_rotor_thrust))
@@ -79,7 +86,10 @@ def add_rotor_chain(
 
 
 def _with_nominal_lag(vehicle: Vehicle, effects: Sequence[ActuatorEffect]) -> list[ActuatorEffect]:
-    """The effects that do something, after the vehicle file's nominal lag unless reality brings a lag of its own."""
+    """Return the effects that do something, after the vehicle file's nominal lag.
+
+    The nominal lag is left out where the effects have a lag of their own.
+    """
     chain = [e for e in effects if not getattr(e, "parameters", ()) or e != type(e).neutral()]
     if vehicle.rotor_time_constant > 0 and not any(isinstance(effect, MotorLag) for effect in effects):
         chain.insert(0, MotorLag(vehicle.rotor_time_constant))
@@ -89,7 +99,7 @@ def _with_nominal_lag(vehicle: Vehicle, effects: Sequence[ActuatorEffect]) -> li
 def add_propellers(
     builder: DiagramBuilder, plant: MultibodyPlant, vehicle: Vehicle, thrust: OutputPort, *, body: str
 ) -> Propeller:
-    """Adds the propellers of the plant's `body`; their body poses and spatial forces are left to connect."""
+    """Add propellers with `thrust` (4,) [N] to the plant's `body`, with body poses and forces left to connect."""
     kappa = vehicle.torque_coefficient / vehicle.thrust_coefficient
     index = plant.GetBodyByName(body).index()
     info = [

@@ -1,4 +1,4 @@
-"""Motion capture and IMU: noise sources and measurement effects as one subsystem."""
+"""Sensors of motion capture and IMU: noise sources and measurement effects as one subsystem."""
 
 from collections.abc import Sequence
 
@@ -15,9 +15,10 @@ _DRAW_OFFSET = 0.4  # of a period
 
 
 def make_sensor_rig(vehicle: Vehicle, effects: Sequence[MeasurementEffect], *, period: float) -> Diagram:
-    """Ports as `MeasurementEffects`, less `white`: one draw every `period` [s], by the diagram's random seed.
+    """Return the sensors, with the ports of `MeasurementEffects` except `white`.
 
-    The seed is set by `diagram.SetRandomContext(context, RandomGenerator(seed))`.
+    The noise is drawn every `period` [s], by the diagram's random seed. The seed is set by
+    `diagram.SetRandomContext(context, RandomGenerator(seed))`.
     """
     builder = DiagramBuilder()
     readings = builder.AddNamedSystem("readings", MeasurementEffects(vehicle, effects))
@@ -47,7 +48,10 @@ def add_sensor_rig(
     *,
     period: float,
 ) -> Diagram:
-    """Adds a sensor rig and connects it to the real vehicle (`make_tethered_quadrotor`)."""
+    """Add the sensors and connect them to the real vehicle (`make_tethered_quadrotor`).
+
+    Args: period: of the noise [s].
+    """
     rig = builder.AddSystem(make_sensor_rig(vehicle, effects, period=period))
     for source, target in (
         ("x", "x_true"),

@@ -1,4 +1,4 @@
-"""The quadrotor with its payload: plant, rotors, tether and whatever the nominal model leaves out."""
+"""Quadrotor with its payload: plant, rotors, tether and the effects that the nominal model leaves out."""
 
 from collections.abc import Sequence
 
@@ -24,7 +24,7 @@ from systems.wrench_effects import WrenchEffects
 def make_plant(
     vehicle: Vehicle, payload: PayloadConfig, mass_effects: Sequence[MassEffect] = ()
 ) -> MultibodyPlant:
-    """Continuous MultibodyPlant with the bodies `quadrotor` and, unless there is no tether, `payload`."""
+    """Return a continuous MultibodyPlant with the bodies `quadrotor` and, unless there is no tether, `payload`."""
     plant = MultibodyPlant(time_step=0.0)
     plant.set_name("plant")
     plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -vehicle.gravity])
@@ -51,7 +51,7 @@ def make_tethered_quadrotor(
     mass_effects: Sequence[MassEffect] = (),
     command_period: float = 0.001,
 ) -> Diagram:
-    """The real vehicle as one Diagram, hovering at rest at the world origin by default.
+    """Return the real vehicle as one Diagram, hovering at rest at the world origin by default.
 
     Args: command_period: `u` changes at multiples of it; matters to delayed commands alone, and the longer the faster
     (`CommandBuffer`) [s].

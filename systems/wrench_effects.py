@@ -1,4 +1,4 @@
-"""The wrench wrapper: effects that push and twist the body."""
+"""Wrench wrapper: effects that act on the body as force and torque."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from np_drake.vehicle import Vehicle
 
 
 class WrenchEffects(LeafSystem):
-    """Sums the wrenches of all given effects on the body.
+    """Sum of the wrenches of all given effects on the body.
 
     .. pydrake_system::
 
@@ -36,6 +36,10 @@ class WrenchEffects(LeafSystem):
     """
 
     def __init__(self, vehicle: Vehicle, effects: Sequence[WrenchEffect], num_velocities: int):
+        """Declare ports.
+
+        Args: num_velocities: nv of the plant [1].
+        """
         super().__init__()
         self._vehicle, self._effects = vehicle, list(effects)
         self._force = np.zeros(num_velocities)  # workspace; only the first six entries are ever written

@@ -1,4 +1,4 @@
-"""Wrench labels in flight: eq. (1) inverted from what the vehicle measures."""
+"""Wrench labels in flight: eq. (1) inverted from the vehicle's measurements."""
 
 import numpy as np
 from pydrake.systems.framework import BasicVector
@@ -9,7 +9,7 @@ from systems.memory import MemorySystem
 
 
 class WrenchEstimator(MemorySystem):
-    """Runs `np_drake.labels.LabelFilter` on the measurements.
+    """LeafSystem that runs `np_drake.labels.LabelFilter` on the measurements.
 
     .. pydrake_system::
 

@@ -1,4 +1,4 @@
-"""The true wrench over the last plan, as a forecast. For tests and tables only."""
+"""True wrench over the last plan, as a forecast; for tests and tables only."""
 
 import numpy as np
 from pydrake.common.value import Value
@@ -12,7 +12,7 @@ from np_drake.residual_models.oracle import TrueModel
 
 
 class WrenchOracle(LeafSystem):
-    """Evaluates the true model along the plan of the last period.
+    """Forecast of the true model along the plan of the last period.
 
     .. pydrake_system::
 
@@ -68,7 +68,7 @@ class WrenchOracle(LeafSystem):
         output.set_value(constant_forecast(chi, N))
 
     def _swing_state(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """(p_ToPo_W, its rate) from Drake's state of two free bodies."""
+        """Return (p_ToPo_W, its rate) from Drake's state of two free bodies."""
         if self._model.payload is None:
             return None
         hook = attitude.rotate(s[0:4], np.array(self._model.payload.hook))

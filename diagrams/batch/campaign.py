@@ -1,6 +1,6 @@
-"""A campaign: cases that each end in a file, so that it can be resumed, and that fail one by one.
+"""Resumable campaigns: cases that each end in a file and that fail one by one.
 
-A case is plain data; the work is a function of it alone. Local processes or a Dask cluster do it alike.
+A case is plain data; the work is a function of it alone. Local processes or a Dask cluster give the same results.
 """
 
 import hashlib
@@ -16,7 +16,7 @@ from diagrams.batch.failed_run import one_line
 from diagrams.batch.processes import Outcome, as_they_finish
 from np_drake.atomic_file import plain, write_text
 
-SCHEMA = "np_drake.campaign/1"
+SCHEMA = "np_drake.campaign/1"  # format of the file and its version
 Case = dict[str, Any]
 Record = dict[str, Any]
 
@@ -31,15 +31,17 @@ def run_campaign(
     scheduler: str = "",
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Record]:
-    """A record a case, in their order: {"case", "result", "seconds"}, or {"case", "error": one line, "seconds"}.
+    """Run all cases and return a record of each, in their order.
 
-    Results that lie in `folder` are taken over; failed cases are tried again. `seconds`: processor time of the case.
+    A record is {"case", "result", "seconds"}, or {"case", "error": one line, "seconds"}. Results already in `folder`
+    are reused; failed cases are tried again. `seconds`: processor time of the case.
 
     Args:
-        work: case -> what JSON knows; its NaN and infinities become None.   config: all else that results depend on.
+        work: case -> values of JSON's types; its NaN and infinities become None.   config: all else that results
+            depend on.
         folder: takes a file for every case; created where it is missing.
         jobs: local processes, where there is no `scheduler` (address of a Dask scheduler).
-        on_progress: called with cases done, those taken over included, and all.
+        on_progress: called with cases done, reused ones included, and all.
     Raises:
         ValueError: where cases repeat, or `folder` holds a file of the same case and another configuration or
             version: it is never overwritten.
@@ -67,14 +69,15 @@ def run_campaign(
 
 
 def case_file(case: Case) -> str:
-    """Name of the case's file: the same for the same content, whatever the order of its keys."""
+    """Return the name of the case's file, equal for equal content, whatever the order of its keys."""
     text = json.dumps(plain(case), sort_keys=True, allow_nan=False)
     return f"{hashlib.sha256(text.encode()).hexdigest()[:16]}.json"
 
 
 def read_record(path: Path, head: dict) -> Record | None:
-    """What an earlier campaign wrote there; None where there is no file.   head: schema, version, configuration.
+    """Return the record of an earlier campaign; None where there is no file.
 
+    Args: head: schema, version, configuration.
     Raises: ValueError: where the file is another campaign's, or none of a campaign.
     """
     try:
@@ -95,7 +98,7 @@ def read_record(path: Path, head: dict) -> Record | None:
 
 
 def _difference(key: str, theirs: Any, mine: Any) -> str:
-    """Where a file and this campaign part, by the first key that differs."""
+    """Return how a file and this campaign differ, by the first key that does."""
     if isinstance(theirs, dict) and isinstance(mine, dict):
         for name in sorted({*theirs, *mine}):
             if theirs.get(name) != mine.get(name):
@@ -106,7 +109,7 @@ def _difference(key: str, theirs: Any, mine: Any) -> str:
 def _run(
     work: Callable[[Case], dict], cases: list[Case], jobs: int, scheduler: str
 ) -> Iterator[tuple[int, Record]]:
-    """(number, {"result" or "error", "seconds"}) as cases finish, never in this process."""
+    """Yield (number, {"result" or "error", "seconds"}) as cases finish, never in this process."""
     guarded = Guarded(work)
     if not cases:
         return
@@ -126,13 +129,13 @@ def _record(outcome: Outcome) -> Record:
 
 
 class Guarded:
-    """Calls `work` and never raises: an error becomes a line, so that none has to travel between processes."""
+    """Wrapper of `work` that never raises: an error becomes a line, so that none has to travel between processes."""
 
     def __init__(self, work: Callable[[Case], dict]):
         self.work = work
 
     def __call__(self, case: Case) -> Record:
-        """{"result"} or {"error"}, and processor time "seconds" [s]."""
+        """Return {"result"} or {"error"}, and processor time "seconds" [s]."""
         start = time.process_time()
         try:
             record: Record = {"result": plain(self.work(case))}
@@ -145,5 +148,5 @@ class Guarded:
 
 
 def _pure(content: Any) -> Any:
-    """As it comes back from a file."""
+    """Return the value as it comes back from a file."""
     return json.loads(json.dumps(plain(content), allow_nan=False))

@@ -1,4 +1,4 @@
-"""The same cases on a Dask cluster: the optional extra `cluster`, imported when it is asked for."""
+"""Cases on a Dask cluster (optional extra `cluster`, imported on use)."""
 
 import asyncio
 from collections.abc import Callable, Iterator, Sequence
@@ -15,7 +15,10 @@ PATIENCE = 10.0  # until a scheduler that does not answer counts as unreachable 
 
 @contextmanager
 def client(address: str) -> Iterator[Any]:
-    """A `distributed.Client`.   Raises: ValueError: without the extra, or where no scheduler answers."""
+    """Yield a `distributed.Client`.
+
+    Raises: ValueError: without the extra, or where no scheduler answers.
+    """
     if find_spec("distributed") is None:
         raise ValueError("--scheduler: its packages must be installed; pip install 'np_drake[cluster]'.")
     from distributed import Client
@@ -32,7 +35,10 @@ def client(address: str) -> Iterator[Any]:
 
 
 async def _reach(address: str) -> None:
-    """Raises: OSError, ValueError, TypeError: where nothing listens."""
+    """Connect to the address and close the connection.
+
+    Raises: OSError, ValueError, TypeError: where nothing listens.
+    """
     from distributed.comm import connect
 
     await (await connect(address, timeout=PATIENCE)).close()
@@ -41,12 +47,12 @@ async def _reach(address: str) -> None:
 def on_cluster(
     work: Callable[[Any], Any], cases: Sequence[Any], address: str
 ) -> Iterator[tuple[int, Outcome]]:
-    """(number of the case, its outcome), in the order in which they finish.
+    """Yield (number of the case, its outcome), in the order in which they finish.
 
     `work` travels to the scheduler once. Dask gives a case whose worker dies to another, three times at its own
     default, before it counts as lost; workers under a nanny come back.
 
-    Raises: ValueError: as `client`; FailedRun: where the scheduler goes.
+    Raises: ValueError: as `client`; FailedRun: where the connection to the scheduler is lost.
     """
     from distributed import as_completed
 
@@ -63,7 +69,7 @@ def on_cluster(
                 suspects.append(number)
             else:
                 yield number, outcome
-        # Dask blames all that a dead worker had: the guilty one kills one again, alone.
+        # Dask reports all cases of a dead worker; run alone, only the one that killed it does so again.
         for number in suspects:
             alone = connected.submit(_call, work, cases[number], pure=False)
             alone.exception()  # waits for its end

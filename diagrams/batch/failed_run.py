@@ -1,15 +1,15 @@
-"""What a run raises that had good input and failed all the same, and how an error is told in one line."""
+"""Error of a run with good input that failed, and errors as one line of text."""
 
 import traceback
 from pathlib import Path
 
 
 class FailedRun(RuntimeError):
-    """One line for people: who failed, when, and why."""
+    """Failure of a run, in one line for people: who failed, when, and why."""
 
 
 def one_line(error: Exception) -> str:
-    """What went wrong, and where if it was not foreseen."""
+    """Return what went wrong, and where if the error was not expected."""
     text = " ".join(str(error).split()) or "no message"
     foreseen = isinstance(error, FailedRun | ValueError | OSError) and type(error) is not UnicodeDecodeError
     if foreseen or error.__traceback__ is None:

@@ -1,4 +1,4 @@
-"""One function on many cases, in several processes; a process that dies loses the case that killed it, no other."""
+"""One function on many cases in several processes; a process that dies loses only the case that killed it."""
 
 import dataclasses as dc
 import re
@@ -16,18 +16,21 @@ Numbered = tuple[int, Any]  # a case and its place in the sequence
 
 
 class DeadProcess(FailedRun):
-    """The process that worked on a case died: out of memory, a fault in native code, or an exit."""
+    """Death of the process that worked on a case: out of memory, a fault in native code, or an exit."""
 
 
 @dc.dataclass(frozen=True)
 class Outcome:
-    """What became of a case: a value, or the error that it ended with."""
+    """Outcome of a case: a value, or the error that it ended with."""
 
     value: Any = None
     error: Exception | None = None
 
     def unwrap(self) -> Any:
-        """The value. Raises: the error."""
+        """Return the value.
+
+        Raises: the error, where the case ended with one.
+        """
         if self.error is not None:
             raise self.error
         return self.value
@@ -40,7 +43,10 @@ def in_order(
     jobs: int,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Any]:
-    """[work(case), …] from `jobs` processes.   Raises: what `work` raises; DeadProcess: where a process died."""
+    """Return [work(case), …] from `jobs` processes.
+
+    Raises: what `work` raises; DeadProcess: where a process died.
+    """
     values: list[Any] = [None] * len(cases)
     for done, (number, outcome) in enumerate(as_they_finish(work, cases, jobs=jobs), start=1):
         values[number] = outcome.unwrap()
@@ -51,10 +57,10 @@ def in_order(
 def as_they_finish(
     work: Callable[[Any], Any], cases: Sequence[Any], *, jobs: int, isolated: bool = False
 ) -> Iterator[tuple[int, Outcome]]:
-    """(number of the case, its outcome), in the order in which they finish.
+    """Yield (number of the case, its outcome), in the order in which they finish.
 
     Args:
-        jobs: processes. One alone is this one, which a case can take down with it.
+        jobs: processes. With one, the cases run in this process, which a case can take down with it.
         isolated: never work in this process.
     """
     if jobs == 1 and not isolated:
@@ -77,7 +83,7 @@ def as_they_finish(
 def _pool(
     work: Callable[[Any], Any], waiting: deque[Numbered], jobs: int
 ) -> Generator[tuple[int, Outcome], None, tuple[list[Numbered], str]]:
-    """Takes cases from `waiting` until none is left or a process dies; no more are in work than there are processes.
+    """Take cases from `waiting` until none is left or a process dies, at most as many at once as there are processes.
 
     Returns: the cases that were in work when a process died, and what is known about its end.
     """
@@ -108,7 +114,7 @@ def _pool(
 
 
 def _reason(error: BrokenProcessPool) -> str:
-    """One line: the exit code where there is one; a process whose answer cannot be read counts as dead too."""
+    """Return the exit code where there is one, in one line; a process with an unreadable answer counts as dead too."""
     text = " ".join(str(error).split())
     code = re.search(r"exit codes? of the workers? (?:are|is) \{(.*?)\}", text)
     return (

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from diagrams.cli.flights import Flight
-    from np_drake.lifting.lifted_model import LiftedModel
+    from np_drake.lifting.model.lifted_model import LiftedModel
     from np_drake.residual_models.base import ResidualModel
 
 CONFIGURATIONS = ("paper", "default")
@@ -196,7 +196,7 @@ def packaged_model() -> Path:
 
 def load(path: Path) -> dict[str, "LiftedModel"]:
     """The model of a file by its configuration. Raises ValueError on a bad file."""
-    from np_drake.lifting.model_file import load_model
+    from np_drake.lifting.model.model_file import load_model
 
     model = load_model(path)
     return {model.configuration: model}

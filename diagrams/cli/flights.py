@@ -4,7 +4,7 @@ import dataclasses as dc
 from pathlib import Path
 
 from diagrams.cli.output import say
-from np_drake.lifting.segments import Segment
+from np_drake.lifting.training.segments import Segment
 from np_drake.logs.accelerations import with_accelerations
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.neurobem import published_vehicle

@@ -9,11 +9,11 @@ import numpy as np
 
 from diagrams.cli.flights import Flight
 from diagrams.cli.output import print_table
-from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
-from np_drake.lifting.origin import require_origin
-from np_drake.lifting.segments import Segment
-from np_drake.lifting.skill import UNTRAINED, skill_table
-from np_drake.lifting.skill_interval import mean_interval
+from np_drake.lifting.metrics.skill import UNTRAINED, skill_table
+from np_drake.lifting.metrics.skill_interval import mean_interval
+from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
+from np_drake.lifting.model.origin import require_origin
+from np_drake.lifting.training.segments import Segment
 from np_drake.logs.neurobem import TESTS
 from np_drake.logs.wrench_sequence import WrenchSequence
 from np_drake.residual_models.base import ResidualModel

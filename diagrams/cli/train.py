@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from diagrams.cli.flights import Flight
-    from np_drake.lifting.segments import Segment
-    from np_drake.lifting.training import Config, TrainingResult
+    from np_drake.lifting.training.segments import Segment
+    from np_drake.lifting.training.train import Config, TrainingResult
     from np_drake.residual_models.motion_model import MotionModel
 
 LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
@@ -48,9 +48,9 @@ def train(
     from diagrams.cli.flights import open_flights
     from np_drake.figure_file import save
     from np_drake.labels import LabelConfig
-    from np_drake.lifting.lifted_model import DEFAULT
-    from np_drake.lifting.model_file import save_model
-    from np_drake.lifting.origin import origin_of, with_origin, with_rotor_lag
+    from np_drake.lifting.model.lifted_model import DEFAULT
+    from np_drake.lifting.model.model_file import save_model
+    from np_drake.lifting.model.origin import origin_of, with_origin, with_rotor_lag
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
 
     if configuration in REACTIONS and checkpoint is not None:
@@ -109,7 +109,7 @@ def train_reaction(
 def rotor_lag(flights: "list[Flight]") -> float:
     """The lag of the rotors that the flights show [s]; said, where there is one."""
     from np_drake.logs.flight_log import FlightLog
-    from np_drake.logs.rotor_lag import learned_rotor_lag
+    from np_drake.rotor_lag import learned_rotor_lag
 
     lag = learned_rotor_lag([(f.data, f.vehicle) for f in flights if isinstance(f.data, FlightLog)])
     if lag > 0:
@@ -124,7 +124,7 @@ def configure(name: str, *, frame: str = "world", seed: int = 0, epochs: int | N
 
     Raises: ValueError: on another name.
     """
-    from np_drake.lifting.training import make_config
+    from np_drake.lifting.training.train import make_config
 
     config = make_config(name, frame=frame, seed=seed)
     names = {field.name for field in dc.fields(config)} & {"epochs", "iterations"}
@@ -139,7 +139,7 @@ def run_training(
     description: str, segments: list["Segment"], config: "Config", checkpoint: Path | None = None
 ) -> tuple["TrainingResult", float]:
     """The training's result and how long it took [s], behind a progress bar."""
-    from np_drake.lifting.training import train as run
+    from np_drake.lifting.training.train import train as run
 
     start = time.perf_counter()
     with progress(description, 1.0) as advance:

@@ -1,6 +1,6 @@
-"""The scenario of the cooperative transport: fleet, payload, timing, and what a flight must fulfil to be possible.
+"""Scenario of the cooperative transport: fleet, payload, timing, and the conditions on a possible flight.
 
-`cooperative.yaml` beside this file.
+Its file is `cooperative.yaml` beside this one.
 """
 
 import dataclasses as dc
@@ -18,15 +18,18 @@ from np_drake.yaml_file import load_checked
 from systems.tethered_quadrotor import PayloadConfig
 
 SCENARIO = Path(__file__).with_name("cooperative.yaml")
-MOST_VEHICLES = 8
+MOST_VEHICLES = 8  # limit of the scenario; own choice [1]
 
 
 @dc.dataclass
 class CooperativeConfig:
-    """Settle, hover, move along x, hover; everything after the settling is scored."""
+    """Phases of a cooperative transport: settle, hover, move along x, hover.
+
+    Everything after the settling is scored.
+    """
 
     name: str = "cooperative"
-    vehicles: int = 3
+    vehicles: int = 3  # number of quadrotors [1]
     spacing: float = 0.9  # between neighbours of the formation [m]
     height: float = 2.0  # of the vehicles [m]
     distance: float = 2.0  # of the transport [m]
@@ -47,7 +50,10 @@ class CooperativeConfig:
     )
 
     def check(self) -> "CooperativeConfig":
-        """Returns self; raises ValueError where a figure is impossible."""
+        """Return self after checking all values.
+
+        Raises: ValueError: where one is impossible.
+        """
         for part in (self.vehicle, self.reality, self.controller):
             part.check()
         if not 1 <= self.vehicles <= MOST_VEHICLES:
@@ -91,12 +97,12 @@ class CooperativeConfig:
 
     @property
     def corners(self) -> np.ndarray:
-        """(n, 3) of the formation about its centre [m]."""
+        """Corners of the formation about its centre, (n, 3) [m]."""
         return polygon(self.vehicles, self.spacing)
 
     @property
     def radius(self) -> float:
-        """Of the formation [m]."""
+        """Radius of the formation [m]."""
         return float(np.linalg.norm(self.corners[0]))
 
     @property
@@ -107,13 +113,13 @@ class CooperativeConfig:
 
     @property
     def safe_distance(self) -> float:
-        """Between two vehicles, below which rotors may touch [m]."""
+        """Distance between two vehicles below which rotors may touch [m]."""
         arm = np.linalg.norm(np.array(self.vehicle.rotor_positions)[:, :2], axis=1).max()
         return 2 * float(arm + self.vehicle.rotor_radius)
 
     @property
     def largest_step(self) -> float:
-        """Below it a fixed-step runge_kutta3 is stable: 1.7 over the fastest rate of cables and motors [s].
+        """Stability limit of a fixed-step runge_kutta3: 1.7 over the fastest rate of cables and motors [s].
 
         Cables along unit vectors d_i: the payload feels k sum(d_i d_i^T) / m, each vehicle k / M.
         """
@@ -126,15 +132,18 @@ class CooperativeConfig:
 
     @property
     def start(self) -> float:
-        """Of the transport [s]."""
+        """Start of the transport [s]."""
         return self.settle + self.hover
 
     @property
     def end(self) -> float:
-        """Of the flight [s]."""
+        """End of the flight [s]."""
         return self.start + self.transport + self.rest
 
 
 def load_cooperative(filename: str | Path = SCENARIO) -> CooperativeConfig:
-    """Reads a scenario file (YAML). Raises ValueError with file and field on bad content."""
+    """Read a scenario file (YAML).
+
+    Raises: ValueError: one line with file and field, on bad content.
+    """
     return load_checked(CooperativeConfig, str(filename), "scenario file")

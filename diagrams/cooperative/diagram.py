@@ -1,4 +1,4 @@
-"""Cooperative transport: n quadrotors carry one payload, each with its own controller and blind to all the others."""
+"""Cooperative transport: n quadrotors carry one payload, each with its own controller and no view of the others."""
 
 import time
 
@@ -24,13 +24,13 @@ from systems.sensor_rig import make_sensor_rig
 
 
 def center_of_formation(config: CooperativeConfig) -> Reference:
-    """The motion of the formation's centre, from rest to rest along x about the origin."""
+    """Return the motion of the formation's centre, from rest to rest along x about the origin."""
     ends = np.array([[-config.distance / 2, 0.0, config.height], [config.distance / 2, 0.0, config.height]])
     return Stops(ends, np.array([config.start]), np.array([config.transport]))
 
 
 def make_cooperative_diagram(config: CooperativeConfig) -> tuple[Diagram, Recorder]:
-    """One plant, and to each vehicle a pilot of its own: sensors, reference, estimator, predictor and MPC."""
+    """Return one plant with sensors, reference, estimator, predictor and MPC of each vehicle, and the recorder."""
     config.check()
     builder = DiagramBuilder()
     fleet = builder.AddSystem(
@@ -61,7 +61,7 @@ def make_cooperative_diagram(config: CooperativeConfig) -> tuple[Diagram, Record
 
 
 def _make_pilot(config: CooperativeConfig, reference: Reference, *, number: int) -> Diagram:
-    """What vehicle `number` carries: nothing in it reads the payload or another vehicle."""
+    """Return the systems of vehicle `number`; nothing in them reads the payload or another vehicle."""
     builder, period = DiagramBuilder(), config.controller.period
     rig = builder.AddSystem(
         make_sensor_rig(config.vehicle, [SensorNoise(config.reality.noise)], period=period)
@@ -87,7 +87,7 @@ def _model(config: CooperativeConfig, number: int) -> ResidualModel | None:
 
 
 def initialise(diagram: Diagram, context: Context, config: CooperativeConfig, seed: int) -> None:
-    """Noise seed; vehicles level at their corners, the payload hanging between them."""
+    """Set the noise seed, vehicles level at their corners and the payload hanging between them."""
     diagram.SetRandomContext(context, RandomGenerator(seed))
     plant = diagram.GetSubsystemByName("cooperative_quadrotors").GetSubsystemByName("plant")
     center = center_of_formation(config).sample(np.zeros(1))[0, 0]
@@ -97,9 +97,9 @@ def initialise(diagram: Diagram, context: Context, config: CooperativeConfig, se
 
 
 def simulate(config: CooperativeConfig, *, seed: int, monitor=None) -> tuple[dict[str, np.ndarray], float]:
-    """Flies the experiment; returns the recorded signals (see `Recorder.read`) and the processor time [s].
+    """Simulate the experiment and return the recorded signals (see `Recorder.read`) and the processor time [s].
 
-    Processor time, since wall time would hold whatever else the machine does.
+    Processor time, since wall time would include the load of other programs.
     Args: monitor: called with the flight's time [s] about every second, for progress.
     Raises: FailedRun: if the integrator gives up, a vehicle leaves the arena or two come too close.
     """

@@ -1,4 +1,4 @@
-"""Paths of a fleet and its payload, from above and from the side. Returns a Figure and shows nothing."""
+"""Plots of a fleet and its payload, from above and from the side; returns a Figure and shows nothing."""
 
 from matplotlib.figure import Figure
 
@@ -7,7 +7,10 @@ from np_drake.figure_file import DASHES, PALETTE, new_figure
 
 
 def paths(flight: CooperativeResult, title: str = "") -> Figure:
-    """Top (x, y) and side (x, z) view of what is scored; cables at three instants, references dotted in grey."""
+    """Plot the top (x, y) and side (x, z) view of the scored part.
+
+    Cables are shown at three instants, references dotted in grey.
+    """
     config, s = flight.config, flight.signals
     rows = flight.rows("all")
     instants = [config.settle, config.start + config.transport / 2, config.end - 2 * config.controller.period]

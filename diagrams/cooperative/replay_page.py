@@ -1,4 +1,4 @@
-"""A stand-alone 3-D replay page of a cooperative flight."""
+"""Stand-alone 3-D replay page of a cooperative flight."""
 
 import logging
 from pathlib import Path
@@ -17,7 +17,7 @@ _RED, _GREY = Rgba(0.84, 0.37, 0), Rgba(0.6, 0.6, 0.6)
 
 
 def write_cooperative_replay(flight: CooperativeResult, path: str | Path) -> None:
-    """Writes an HTML page that plays what is scored: the fleet, its cables and the payload."""
+    """Write an HTML page that plays the scored part: the fleet, its cables and the payload."""
     logging.getLogger("drake").setLevel(logging.WARNING)  # its address is of no use: the page is a file
     config, payload = flight.config, flight.config.reality.payload
     meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))

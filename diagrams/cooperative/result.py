@@ -1,4 +1,4 @@
-"""What a cooperative flight leaves behind, and the table over fleets and controllers."""
+"""Result of a cooperative flight, and the flights over fleets and controllers."""
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
@@ -20,48 +20,57 @@ ROWS = {  # name: kind of controller, fault of predictor 0
     "np, one at zero": ("np", "zero"),
     "np, one frozen": ("np", "frozen"),
 }
-PHASES = ("hover", "transport")
+PHASES = ("hover", "transport")  # that are scored
 
 
 @dc.dataclass
 class CooperativeResult:
-    """One simulated flight of a fleet. `signals` as `Recorder.read` returns them, those of vehicle i with `_i`."""
+    """One simulated flight of a fleet.
+
+    signals: in the form of `Recorder.read`, those of vehicle i with `_i`.
+    """
 
     config: CooperativeConfig
-    seed: int
+    seed: int  # of the noise
     signals: dict[str, np.ndarray]
     processor_time: float  # [s]
 
     def each(self, name: str) -> np.ndarray:
-        """(vehicles, rows, size) of one signal of every vehicle."""
+        """Return one signal of every vehicle, (vehicles, rows, size)."""
         return np.stack([self.signals[f"{name}_{i}"] for i in range(self.config.vehicles)])
 
     @cached_property
     def p(self) -> np.ndarray:
-        """(vehicles, rows, 3) true positions [m]."""
+        """True positions of the vehicles, (vehicles, rows, 3) [m]."""
         return self.each("x")[:, :, :3]
 
     @cached_property
     def payload(self) -> np.ndarray:
-        """(rows, 3) true position of the payload [m]."""
+        """True position of the payload, (rows, 3) [m]."""
         start = 7 * self.config.vehicles + 4
         return self.signals["plant_state"][:, start : start + 3]
 
     @cached_property
     def payload_ref(self) -> np.ndarray:
-        """(rows, 3) where the payload hangs while the formation is met and level, unstretched cables [m]."""
+        """Equilibrium of the payload below the exact, level formation, unstretched cables, (rows, 3) [m]."""
         center = center_of_formation(self.config).sample(self.signals["t"])[0]
         return center + [0.0, 0.0, self.config.drop]
 
     def rows(self, phase: str) -> np.ndarray:
-        """(rows,) which belong to `phase`: hover, transport (with the rest after it) or all, settling excluded."""
+        """Return which rows belong to `phase`, (rows,).
+
+        Args: phase: hover, transport (with the rest after it) or all, settling excluded.
+        """
         t, config = self.signals["t"] + 1e-9, self.config
         begin = config.start if phase == "transport" else config.settle
         end = config.start if phase == "hover" else config.end
         return (t >= begin) & (t < end)
 
     def errors(self, phase: str) -> dict[str, float]:
-        """Of all vehicles together and of the payload [m]; `failed_*`: of vehicle 0, whose predictor may fail."""
+        """Return the errors of all vehicles together and of the payload [m].
+
+        `failed_*`: of vehicle 0, whose predictor may fail.
+        """
         rows = self.rows(phase)
         p, p_ref = self.p[:, rows], self.each("p_ref")[:, rows]
         bob, bob_ref = self.payload[rows], self.payload_ref[rows]
@@ -75,7 +84,7 @@ class CooperativeResult:
         }
 
     def metrics(self) -> dict:
-        """Figures of merit, as `--json` writes them; counts and times over everything that is scored."""
+        """Return the metrics as `--json` writes them; counts and times are over everything that is scored."""
         rows = self.rows("all")
         status, solve = self.each("status")[:, rows], self.each("solve_time")[:, rows]
         tension = np.linalg.norm(self.each("tether_wrench")[:, rows, :3], axis=-1)
@@ -91,12 +100,12 @@ class CooperativeResult:
 
 
 def fly_cooperative(config: CooperativeConfig, *, seed: int, monitor=None) -> CooperativeResult:
-    """Simulates the experiment; see `simulate`."""
+    """Simulate the experiment and return its result, see `simulate`."""
     return CooperativeResult(config, seed, *simulate(config, seed=seed, monitor=monitor))
 
 
 def configure(row: str, vehicles: int, *, solver: str) -> CooperativeConfig:
-    """The scenario flown by `row` of the table with so many vehicles."""
+    """Return the scenario with the controllers of `row` of the table and so many vehicles."""
     config = load_cooperative()
     config.vehicles, config.controller.solver = vehicles, solver
     config.controller.kind, config.fault = ROWS[row]
@@ -111,7 +120,7 @@ def run_cooperative(
     rows: Sequence[str] = tuple(ROWS),
     on_progress: Callable[[float, float], None] = lambda done, total: None,
 ) -> tuple[list[dict], list[CooperativeResult]]:
-    """Every row with every number of vehicles, one flight a seed; their summaries, and the first seed's flights.
+    """Fly every row with every number of vehicles, one flight a seed; return summaries and the first seed's flights.
 
     A failed flight keeps its line, with the reason under `lost`.   Raises: ValueError: before any flight.
     """

@@ -1,4 +1,4 @@
-"""The table over fleets and controllers: means over the flights of a row, with intervals."""
+"""Table over fleets and controllers: means over the flights of a row, with intervals."""
 
 from collections.abc import Sequence
 
@@ -9,11 +9,11 @@ from np_drake.swing_metrics import half_width
 
 
 def cooperative_table(summaries: Sequence[dict]) -> list[dict]:
-    """One line a fleet and row, of the summaries of `run_cooperative`: what each flight measured, put together.
+    """Return one line a fleet and row, from the summaries of `run_cooperative`.
 
-    Per phase every figure and its `_ci95`, half width of the 95 % interval of the mean [m] (Student; NaN for one
+    Per phase every metric and its `_ci95`, half width of the 95 % interval of the mean [m] (Student; NaN for one
     flight). solve_failures: of all flights; processor_time [s/s], solve_ms (median, p95): means; closest [m],
-    tension [N]: extremes. flights: that came home; lost: the reasons of the others, in that case no figures at all.
+    tension [N]: extremes. flights: completed ones; lost: the reasons of the others, in that case no metrics at all.
     """
     lines = []
     for key in dict.fromkeys((line["vehicles"], line["row"]) for line in summaries):
@@ -26,7 +26,7 @@ def cooperative_table(summaries: Sequence[dict]) -> list[dict]:
 
 
 def _together(found: list[dict]) -> dict:
-    """The figures of flights that all came home."""
+    """Return the means and extremes of flights that were all completed."""
     phases: dict = {}
     for phase in PHASES:
         values = {key: np.array([m[phase][key] for m in found]) for key in found[0][phase]}

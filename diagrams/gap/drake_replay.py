@@ -1,4 +1,4 @@
-"""Open-loop replay of flight logs in Drake: how far the simulator is from the log after 0.1 … 1 s.
+"""Open-loop replay of flight logs in Drake: error of the simulator after 0.1 … 1 s.
 
 The simulator starts from many logged states, is driven by the logged commands, and is compared with the log.
 """
@@ -28,19 +28,22 @@ Acting = Sequence[tuple[Effect, float]]  # an effect and when it begins [s]
 
 @dc.dataclass(frozen=True)
 class _Flight:
-    """What the replay needs of a log. track: where a payload swings."""
+    """Parts of a log that the replay needs.
+
+    track: swing of the payload, if any.
+    """
 
     states: States
     commands: Commands
     track: Track | None
 
     def swing(self, time: float) -> Swing | None:
-        """Of the payload at `time` [s]."""
+        """Return the swing of the payload at `time` [s]."""
         return None if self.track is None else Swing(*self.track.at(time), self.states.acceleration_at(time))
 
 
 class DrakeReplay:
-    """The `Replay` of `np_drake.diagnosis.result`, in Drake.
+    """Open-loop replay in Drake, a `Replay` of `np_drake.diagnosis.result`.
 
     Every effect acts through its wrapper; a sensor effect is taken out of the states of the log. An effect with an
     onset is switched on at it, in the middle of a replay if need be (infinite: never); one without any onsets acts on
@@ -48,8 +51,8 @@ class DrakeReplay:
     states, at the start and where they are compared (`smooth_states`).
 
     Args:
-        starts: a flight, evenly spread.   horizons: [s].   smooth: or take the states as logged.
-        hidden: by flight, where the payload of `suspended_payload` swings; else along the force that the flight
+        starts: number a flight, evenly spread.   horizons: [s].   smooth: whether to smooth the logged states.
+        hidden: by flight, the swing of the payload of `suspended_payload`; else along the force that the flight
             shows (`payload_track`).
     """
 
@@ -72,7 +75,7 @@ class DrakeReplay:
     def __call__(
         self, logs: list[FlightLog], effects: list[tuple[Effect, dict[str, float | None]]]
     ) -> ReplayGap:
-        """Errors over all starts of all flights.
+        """Return the errors over all starts of all flights.
 
         Raises: ValueError: where a flight is too short for the longest horizon.
         """
@@ -81,7 +84,7 @@ class DrakeReplay:
         return replay_gap(np.concatenate([self._errors(log, effects) for log in logs]), self._horizons)
 
     def _errors(self, log: FlightLog, effects: list[tuple[Effect, dict[str, float | None]]]) -> np.ndarray:
-        """(starts, horizons, 3) of one flight."""
+        """Return the errors of one flight, (starts, horizons, 3)."""
         acting = [(e, onsets.get(log.name)) for e, onsets in effects if log.name in onsets or not onsets]
         sensors = [effect for effect, _ in acting if isinstance(effect, SensorEffect)]
         bodily = [(e, -np.inf if t is None else t) for e, t in acting if not isinstance(e, SensorEffect)]
@@ -96,7 +99,7 @@ class DrakeReplay:
         return np.array([self._error(vehicle, flight, k, bodily) for k in self._start_rows(log)])
 
     def _start_rows(self, log: FlightLog) -> np.ndarray:
-        """Evenly spread rows, with commands before and states after them."""
+        """Return evenly spread rows, with commands before and states after them."""
         first, last = log.t[0] + LEAD, log.t[-1] - self._horizons[-1] - _MARGIN
         if last < first:
             least = LEAD + self._horizons[-1] + _MARGIN
@@ -106,7 +109,7 @@ class DrakeReplay:
         return np.unique(np.searchsorted(log.t, np.linspace(first, last, self._starts)))
 
     def _error(self, vehicle: Vehicle, flight: _Flight, start: int, effects: Acting) -> np.ndarray:
-        """(horizons, 3) from one start row; infinite where the replay got lost."""
+        """Return the errors from one start row, (horizons, 3); infinite where the vehicle was lost."""
         t, x = flight.states.t, flight.states.x
         rows = np.searchsorted(t, t[start] + np.array(self._horizons) - 0.5 * np.median(np.diff(t)))
         rows = np.minimum(rows, len(t) - 1)
@@ -122,14 +125,14 @@ class DrakeReplay:
         return np.where(np.isfinite(error), error, np.inf)
 
     def _rollout(self, vehicle: Vehicle, effects: tuple[Effect, ...]) -> Rollout:
-        """The vehicle with these effects; built once, for Drake never gives a diagram with callbacks back."""
+        """Return the vehicle with these effects, built once, since Drake never frees a diagram with callbacks."""
         key = (vehicle.rotor_time_constant, effects)
         if key not in self._rollouts:
             self._rollouts[key] = Rollout(vehicle, effects)
         return self._rollouts[key]
 
     def _track(self, log: FlightLog, states: States, effects: EffectsByPlace) -> Track | None:
-        """Where the payload swings, if there is one."""
+        """Return the swing of the payload, if there is one."""
         if effects.payload is None:
             return None
         hidden = self.hidden
@@ -138,7 +141,10 @@ class DrakeReplay:
 
 
 def _commands(log: FlightLog) -> Commands:
-    """Of a log; measured rotor speed, a reading at an instant, is averaged over the interval that it stands for."""
+    """Return the commands of a log.
+
+    Measured rotor speed, a reading at an instant, is averaged over the interval that it stands for.
+    """
     if log.input != "rotor_speed":
         return Commands(log.t, log.u)
     following = np.concatenate([log.u[1:], log.u[-1:]])

@@ -1,4 +1,4 @@
-"""What the diagnosis makes of the published real flights: each agile one held out in turn."""
+"""Diagnosis of the published real flights: each agile one held out in turn."""
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
@@ -13,16 +13,20 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.neurobem import AGILE, published_vehicle, read_neurobem
 from np_drake.vehicle import Vehicle
 
-GROUPS = {"lateral force": (0, 1), "vertical force": (2,), "torque": (3, 4, 5)}
-POOLED = "all four, pooled"
+GROUPS = {"lateral force": (0, 1), "vertical force": (2,), "torque": (3, 4, 5)}  # channels of the residual
+POOLED = "all four, pooled"  # name of the row over all flights
 
 
 @dc.dataclass(frozen=True)
 class Fold:
-    """One held-out flight: residual before and after (m, 6); zero, mean (m, 3): torque less nothing, less its mean."""
+    """Result on one held-out flight.
 
-    name: str
-    diagnosis: Diagnosis
+    before, after: (m, 6) residual [N, N·m].   zero, mean: (m, 3) total torque, and total torque less its mean in the
+    training flights [N·m].
+    """
+
+    name: str  # of the held-out flight
+    diagnosis: Diagnosis  # from the training flights
     before: np.ndarray
     after: np.ndarray
     zero: np.ndarray
@@ -30,12 +34,15 @@ class Fold:
 
 
 def agile_flights(folder: Path) -> list[FlightLog]:
-    """The agile flights of the data set. Raises OSError, LogError: where one is missing or cannot be read."""
+    """Return the agile flights of the data set.
+
+    Raises: OSError, LogError: where one is missing or cannot be read.
+    """
     return [read_neurobem(folder / "csv" / f"merged_{name}.csv") for name in AGILE]
 
 
 def fold(vehicle: Vehicle, train: Sequence[FlightLog], held_out: FlightLog) -> Fold:
-    """Diagnosed on `train`, judged on `held_out`, to which nothing is fitted.
+    """Diagnose on `train` and evaluate on `held_out`, to which nothing is fitted.
 
     `mean`: of the total torque in the training flights [N·m].
     """
@@ -52,7 +59,7 @@ def fold(vehicle: Vehicle, train: Sequence[FlightLog], held_out: FlightLog) -> F
 def leave_one_out(
     flights: Sequence[FlightLog], on_progress: Callable[[int, int], None] = lambda done, total: None
 ) -> list[Fold]:
-    """Every flight held out in turn, the others trained on."""
+    """Return a fold for every flight, held out in turn, with the others as training flights."""
     vehicle = published_vehicle()
     folds = []
     for i, log in enumerate(flights):
@@ -62,7 +69,10 @@ def leave_one_out(
 
 
 def rows(folds: Sequence[Fold]) -> list[dict]:
-    """RMS by flight and group, pooled last: nominal, after, zero and mean (torque alone), and the cut [1]."""
+    """Return the RMS by flight and group, pooled last.
+
+    The rows have nominal, after, zero and mean (torque alone) [N, N·m], and the reduction [1].
+    """
     out = []
     for name, some in [*((f.name, [f]) for f in folds), (POOLED, list(folds))]:
         for group, channels in GROUPS.items():
@@ -82,6 +92,6 @@ def rows(folds: Sequence[Fold]) -> list[dict]:
 
 
 def _rms(parts: Sequence[np.ndarray], channels: tuple[int, ...]) -> float:
-    """Root of the mean squared norm of these channels."""
+    """Return the root of the mean squared norm of these channels."""
     stacked = np.concatenate([p[:, list(channels)] for p in parts])
     return float(np.sqrt(np.mean(np.sum(stacked**2, axis=1))))

@@ -1,4 +1,4 @@
-"""The Drake vehicle flown open loop: from a given state, along given commands. Built once, started often."""
+"""Open-loop flight of the Drake vehicle from a given state along given commands, built once and started often."""
 
 import dataclasses as dc
 import itertools
@@ -20,33 +20,36 @@ from systems.payload_config import PayloadConfig, payload_config
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
 LARGEST_STEP = 0.01  # of the integrator [s]: 1e-6 m after 1 s at 1.6 rad/s, 2 mm at 10 rad/s
-_LAGS = 6  # time constants after which a motor has forgotten where it began
-_AT_ONCE = 3e-4  # a motor faster than this is no lag [s]
+_LAGS = 6  # time constants after which a motor's initial speed no longer matters; own choice [1]
+_AT_ONCE = 3e-4  # a motor faster than this has no lag; own choice [s]
 
 
 @dc.dataclass(frozen=True)
 class Commands:
-    """u (n, 4) [N, N·m], row k acting from t_k (n,) [s] until t_(k+1)."""
+    """Commands u (n, 4) [N, N·m], row k acting from t_k (n,) [s] until t_(k+1)."""
 
     t: np.ndarray
     u: np.ndarray
 
     def at(self, time: float) -> np.ndarray:
-        """(4,) what acts just after `time`; the first row before the first."""
+        """Return the command (4,) that acts just after `time` [s]; the first row before the first."""
         return self.u[max(int(np.searchsorted(self.t, time + 1e-9, side="right")) - 1, 0)]
 
     def changes(self, start: float, stop: float) -> np.ndarray:
-        """Times strictly between start and stop at which another row begins to act."""
+        """Return the times strictly between start and stop at which another row begins to act [s]."""
         first, last = np.searchsorted(self.t, [start + 1e-9, stop - 1e-9])
         return self.t[first:last]
 
     def later(self, dead_time: float) -> "Commands":
-        """The same commands, arriving `dead_time` [s] later."""
+        """Return the commands, arriving `dead_time` [s] later."""
         return Commands(self.t + dead_time, self.u) if dead_time else self
 
 
 class Swing(NamedTuple):
-    """Payload from hook r (3,) [m], its rate (3,) [m/s], and the hook's acceleration (3,) [m/s²], all in W."""
+    """State of the payload at the hook, in W.
+
+    r: (3,) payload from hook [m].   r_rate: its rate (3,) [m/s].   a_hook: (3,) acceleration of the hook [m/s²].
+    """
 
     r: np.ndarray
     r_rate: np.ndarray
@@ -54,7 +57,10 @@ class Swing(NamedTuple):
 
 
 class Rollout:
-    """One vehicle with one set of effects, each by its wrapper; the payload as a body. Sensors are not part of it."""
+    """One vehicle with one set of effects, each by its wrapper, and the payload as a body.
+
+    Sensors are not part of it.
+    """
 
     def __init__(self, vehicle: Vehicle, effects: Sequence[Effect]):
         self._vehicle = vehicle
@@ -87,9 +93,10 @@ class Rollout:
     def fly(
         self, x: np.ndarray, commands: Commands, times: np.ndarray, swing: Swing | None = None
     ) -> np.ndarray:
-        """(len(times) - 1, 13) states at times[1:] [s] of a flight that is in `x` (13,) at times[0].
+        """Return the states (len(times) - 1, 13) at times[1:] [s] of a flight that is in `x` (13,) at times[0].
 
-        Motors and delays have run on the commands before it for `lead` seconds. NaN once it got lost.
+        Motors and delays have run on the commands before it for `lead` seconds. NaN once the vehicle is lost.
+        Args: swing: state of the payload at times[0]; None without one.
         """
         commands = commands.later(self._dead_time)
         begin = max(times[0] - self.lead, min(commands.t[0], times[0]))
@@ -105,17 +112,17 @@ class Rollout:
                 self._advance(commands, start, stop)
                 states[k] = self._x.Eval(self._root)
         except RuntimeError:
-            pass  # the integrator gave up: a start that got lost
+            pass  # the integrator gave up: the vehicle was lost
         return states
 
     def _advance(self, commands: Commands, start: float, stop: float) -> None:
-        """From start to stop, the command held between its rows."""
+        """Advance from start to stop, the command held between its rows."""
         for time, until in itertools.pairwise([start, *commands.changes(start, stop).tolist(), stop]):
             self._u.FixValue(self._root, commands.at(time))
             self._simulator.AdvanceTo(until)
 
     def _place(self, x: np.ndarray, swing: Swing | None) -> None:
-        """Vehicle in x (13,), payload where it swings; motors and delays are left as they are."""
+        """Set the vehicle to x (13,) and the payload to its swing; motors and delays are left as they are."""
         positions, velocities = [x[Q], x[P]], [attitude.rotate(x[Q], x[W]), x[V]]
         if self._payload is not None and swing is not None:
             hook = attitude.rotate(x[Q], np.array(self._payload.hook))
@@ -128,18 +135,22 @@ class Rollout:
 
 
 def _acts(effect: ActuatorEffect) -> bool:
-    """A motor with no time constant to speak of would only make the integrator stiff; delay is in the commands."""
+    """Return whether the effect acts in the diagram.
+
+    A motor of negligible time constant would only make the integrator stiff; delay is in the commands.
+    """
     return not isinstance(effect, CommandDelay) and getattr(effect, "time_constant", np.inf) > _AT_ONCE
 
 
 def _steady(effect: WrenchEffect) -> WrenchEffect:
-    """Of a gusty wind its mean, for nobody knows the gusts of the flight."""
+    """Return the mean wind for a gusty wind, since the flight's gusts are unknown, and any other effect as it is."""
     return dc.replace(effect, deviation=0.0) if isinstance(effect, GustyWind) else effect
 
 
 def _as_light(payload: PayloadConfig) -> PayloadConfig:
-    """Its cable gives way and damps as the usual one under the usual payload: a light one would need tiny steps.
+    """Return the payload with stiffness and damping of its cable reduced for a mass below the default.
 
+    A light payload on the usual cable would need tiny steps.
     Source: own choice: stiffness and damping over mass stay, and with them the stretch under its weight.
     """
     share = min(payload.mass / PayloadConfig.mass, 1.0)
@@ -147,7 +158,7 @@ def _as_light(payload: PayloadConfig) -> PayloadConfig:
 
 
 def _integrator(vehicle: Vehicle, payload: PayloadConfig, lags: Sequence[float]) -> SimulatorConfig:
-    """Fixed steps, within the stability of runge_kutta3 for cable and motors."""
+    """Return fixed steps, within the stability of runge_kutta3 for cable and motors."""
     rates = [1.7 / LARGEST_STEP, *(1 / lag for lag in lags if lag > 0)]
     if payload.tether == "cable":
         reduced = payload.mass * vehicle.mass / (payload.mass + vehicle.mass)

@@ -1,4 +1,4 @@
-"""Controllers by name: the same MPC with another residual model."""
+"""Controllers by name: one MPC with different residual models."""
 
 import dataclasses as dc
 from pathlib import Path
@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
 from np_drake.labels import LabelConfig
-from np_drake.lifting.origin import Trained, origin_of, require_origin
+from np_drake.lifting.model.origin import Trained, origin_of, require_origin
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.solvers import make_solver, require_solver
@@ -26,18 +26,18 @@ from systems.residual_predictor import ResidualPredictor
 from systems.wrench_estimator import WrenchEstimator
 from systems.wrench_oracle import WrenchOracle
 
-DEFAULT_MODEL = Path(__file__).parents[1] / "models" / "default.safetensors"
+DEFAULT_MODEL = Path(__file__).parents[1] / "models" / "default.safetensors"  # ships with the package
 SOLVER_SHARE = 0.5  # of the deadline, after which a solver wraps up with what it has [1]
-LEARNED = ("np", *REACTIONS)
-CONTROLLERS = ("nominal", "hold", "observer", "oracle", *LEARNED)
+LEARNED = ("np", *REACTIONS)  # kinds with a model file
+CONTROLLERS = ("nominal", "hold", "observer", "oracle", *LEARNED)  # all kinds
 
 
 @dc.dataclass
 class ControllerConfig:
-    """Which controller flies, and how."""
+    """Kind of controller, its residual model, solver and timing."""
 
     kind: str = "nominal"  # nominal | hold | observer | oracle | np | gp | knode
-    extra_mass: float = 0.0  # that controller and estimator are told to add to the vehicle's [kg]
+    extra_mass: float = 0.0  # that controller and estimator add to the vehicle's [kg]
     hold_bandwidth: float = np.inf  # of kind hold: a low-pass on top of the labels' own [Hz]
     predictor: str = ""  # model file of kind np, gp, knode; np: empty for the one that ships with the package
     period: float = 0.02  # between solves, and between samples of the predictor [s]
@@ -47,7 +47,10 @@ class ControllerConfig:
     label: LabelConfig = dc.field(default_factory=LabelConfig)
 
     def check(self) -> "ControllerConfig":
-        """Returns self; raises ValueError on an unknown kind or solver or steps that do not fit."""
+        """Return self after checking kind, solver and steps.
+
+        Raises: ValueError: on an unknown kind or solver or steps that do not fit.
+        """
         self.mpc.check()
         self.label.check()
         if self.kind not in CONTROLLERS:
@@ -73,17 +76,17 @@ class ControllerConfig:
         return self
 
     def believed(self, vehicle: Vehicle) -> Vehicle:
-        """The vehicle that controller and estimator reckon with."""
+        """Return the vehicle that controller and estimator assume."""
         return vehicle.with_mass(vehicle.mass + self.extra_mass)
 
     @property
     def stride(self) -> int:
-        """Predictor steps in one MPC step."""
+        """Number of predictor steps in one MPC step."""
         return max(1, round(self.mpc.step / self.period))
 
 
 def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel | None:
-    """The residual model of `config.kind`; None for nominal and for the oracle, which is no model."""
+    """Return the residual model of `config.kind`; None for nominal and for the oracle, which is no model."""
     if config.kind == "hold":
         band = config.hold_bandwidth
         return Hold(step=config.period, force_bandwidth=band, torque_bandwidth=band)
@@ -101,16 +104,19 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
 
 
 def labelled(vehicle: Vehicle, model: ResidualModel | None) -> Vehicle:
-    """The vehicle that labels for `model` reckon with: with the rotor lag that it has learned.
+    """Return the vehicle that the labels for `model` assume, with the rotor lag that the model has learned.
 
-    Where the vehicle's file names a lag, that one stays.
+    A lag named in the vehicle's file takes precedence.
     """
     lag = model.rotor_lag if isinstance(model, KnowsRotorLag) else 0.0
     return dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)
 
 
 def _require_fit(model: Trained, step: float, config: ControllerConfig, vehicle: Vehicle) -> None:
-    """Raises ValueError on a model trained for other axes, labels or steps."""
+    """Check that the model was trained for these axes, labels and steps.
+
+    Raises: ValueError: if it was not.
+    """
     _require_world_axes(model)
     require_origin(model, origin_of("world", vehicle, config.label))
     if abs(step - config.period) > 1e-9:
@@ -121,10 +127,11 @@ def _require_fit(model: Trained, step: float, config: ControllerConfig, vehicle:
 
 
 def _require_world_axes(model: Trained) -> None:
-    """Raises ValueError on a predictor of wrenches in body axes.
+    """Check that the predictor's wrenches are in world axes.
 
-    Its zeta would be R^T v, which is not linear in the predicted state: the lifted linear system could not be
-    eliminated exactly.
+    In body axes its zeta would be R^T v, which is not linear in the predicted state: the lifted linear system could not
+    be eliminated exactly.
+    Raises: ValueError: on a predictor of wrenches in body axes.
     """
     frame = model.summary.get("origin", {}).get("frame", "world")
     if frame != "world":
@@ -145,12 +152,13 @@ def add_controller(
     true_model: TrueModel | None = None,
     model: ResidualModel | None = None,
 ) -> dict[str, OutputPort]:
-    """Adds reference source, estimator, predictor and MPC; returns their vector ports by signal name.
+    """Add reference source, estimator, predictor and MPC, and return their vector ports by signal name.
 
     Args:
         vehicle: the nominal vehicle.   rig: has the measured `x` and `acceleration`.
         truth, true_model: the real vehicle and all that acts on it; for the oracle alone.
-        model: flies in place of the one that `config` names.
+        model: used in place of the one that `config` names.
+    Raises: ValueError: if an oracle lacks the real vehicle.
     """
     believed = config.believed(vehicle)
     N, period = config.mpc.horizon, config.period
@@ -184,7 +192,7 @@ def add_controller(
 def _add_predictor(
     builder, model: ResidualModel, config: ControllerConfig, rig, estimator, mpc
 ) -> OutputPort:
-    """Adds the residual model between estimator and MPC; returns its chi_hat."""
+    """Add the residual model between estimator and MPC, and return its chi_hat."""
     span = {"horizon": config.mpc.horizon, "stride": config.stride}
     system: ResidualPredictor
     if isinstance(model, NeuralPredictorModel):
@@ -200,7 +208,7 @@ def _add_predictor(
 
 
 def _add_oracle(builder, model: TrueModel, config: ControllerConfig, truth: Diagram, mpc) -> None:
-    """Adds the oracle between the real vehicle and the MPC."""
+    """Add the oracle between the real vehicle and the MPC."""
     oracle = builder.AddNamedSystem("oracle", WrenchOracle(model, config.mpc, period=config.period))
     for source, names in ((truth, ("plant_state", "rotor_thrust")), (mpc, ("plan_u", "plan_x"))):
         for name in names:

@@ -1,4 +1,4 @@
-"""What happens to the payload in flight, as events of `simulate`; each changes the real plant."""
+"""Events of `simulate` that change the payload of the real plant in flight."""
 
 from pydrake.systems.framework import Context, Diagram
 
@@ -8,7 +8,7 @@ from systems.payload_config import PayloadConfig
 
 
 def push(time: float, impulse: list[float]) -> Event:
-    """An impulse (3,) in W [N·s] on the payload, which gains impulse / mass [m/s] at once."""
+    """Return an impulse (3,) in W [N·s] on the payload at `time` [s], which gains impulse / mass [m/s] at once."""
 
     def apply(vehicle: Diagram, root: Context) -> None:
         plant = vehicle.GetSubsystemByName("plant")
@@ -18,7 +18,7 @@ def push(time: float, impulse: list[float]) -> Event:
 
 
 def attach(time: float, payload: PayloadConfig, mass: float) -> Event:
-    """`mass` [kg] more is hung on the payload, with the payload's own velocity: it brings no momentum of its own."""
+    """Return an attachment of `mass` [kg] to the payload at `time` [s], moving with the payload's own velocity."""
 
     def apply(vehicle: Diagram, root: Context) -> None:
         plant = vehicle.GetSubsystemByName("plant")
@@ -28,7 +28,7 @@ def attach(time: float, payload: PayloadConfig, mass: float) -> Event:
 
 
 def release(time: float) -> Event:
-    """The cable is cut; the payload falls."""
+    """Return a cut of the cable at `time` [s], after which the payload falls."""
 
     def apply(vehicle: Diagram, root: Context) -> None:
         cable = vehicle.GetSubsystemByName("cable")

@@ -1,15 +1,19 @@
-"""The experiments by name: scenario files in `diagrams/scenarios`."""
+"""Experiments by name: scenario files in `diagrams/scenarios`."""
 
 from pathlib import Path
 
 from diagrams.loop.flight import FlightConfig, load_flight
 
-FOLDER = Path(__file__).parents[1] / "scenarios"
+FOLDER = Path(__file__).parents[1] / "scenarios"  # of the scenario files
+# Names of the scenario files.
 EXPERIMENTS = ("circle", "lemniscate", "training_circle", "plain_circle", "hover")
 
 
 def load_experiment(name: str) -> FlightConfig:
-    """The experiment called `name`, or the scenario file at that path. Raises ValueError where there is none."""
+    """Return the experiment called `name`, or the scenario file at that path.
+
+    Raises: ValueError: where there is none.
+    """
     if name in EXPERIMENTS:
         return load_flight(str(FOLDER / f"{name}.yaml"))
     if name.endswith((".yaml", ".yml")):

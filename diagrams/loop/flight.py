@@ -1,4 +1,4 @@
-"""What every tracking experiment shares: its configuration and its closed loop."""
+"""Common parts of every tracking experiment: its configuration and its closed loop."""
 
 import dataclasses as dc
 import re
@@ -32,14 +32,17 @@ ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
 
 
 class LostVehicle(FailedRun):
-    """A flight that ended early. `signals`: as `Recorder.read` returns them, until then."""
+    """Early end of a flight.
+
+    signals: until then, in the form of `Recorder.read`.
+    """
 
     signals: dict[str, np.ndarray]
 
 
 @dc.dataclass(frozen=True)
 class Event:
-    """Something that happens to the real vehicle in flight, at once: `apply(real_vehicle, root_context)`."""
+    """Instantaneous change of the real vehicle in flight: `apply(real_vehicle, root_context)`."""
 
     time: float  # [s]
     apply: Callable[[Diagram, Context], None]
@@ -47,7 +50,7 @@ class Event:
 
 @dc.dataclass
 class RealityConfig:
-    """In what the real vehicle differs from the one the controller knows."""
+    """Differences of the real vehicle from the one that the controller assumes."""
 
     payload: PayloadConfig = dc.field(default_factory=PayloadConfig)
     rotor_drag: float = 0.25  # on each body axis; 0 for none [N·s/m]
@@ -58,10 +61,13 @@ class RealityConfig:
         default_factory=lambda: [0.0, 0.0, 0.0]
     )  # mean, in W; the drag feels it [m/s]
     gust: float = 0.0  # standard deviation of each axis of the wind, correlated over 1 s [m/s]
-    gust_seed: int = 0
+    gust_seed: int = 0  # of the wind's gusts
 
     def check(self) -> "RealityConfig":
-        """Returns self; raises ValueError on an impossible effect."""
+        """Return self after checking all values.
+
+        Raises: ValueError: on an impossible effect.
+        """
         self.payload.check()
         self.noise.check()
         for name in ("rotor_drag", "motor_lag", "gust"):
@@ -81,7 +87,7 @@ class RealityConfig:
         return bool(np.any(self.wind)) or self.gust > 0
 
     def wrench_effects(self) -> list[WrenchEffect]:
-        """The effects that push the body."""
+        """Return the effects that add a wrench to the body, or move the air."""
         d = self.rotor_drag
         effects: list[WrenchEffect] = [LinearDrag(d, d, d)] if d > 0 else []
         if self.blows:
@@ -90,14 +96,14 @@ class RealityConfig:
         return effects
 
     def actuator_effects(self) -> list[ActuatorEffect]:
-        """The effects between command and thrust, in the order of action."""
+        """Return the effects between command and thrust, in the order of action."""
         effects: list[ActuatorEffect] = [MotorLag(self.motor_lag)] if self.motor_lag > 0 else []
         return effects + ([ThrustScale(self.thrust_scale)] if self.thrust_scale != 1.0 else [])
 
 
 @dc.dataclass
 class FlightConfig:
-    """A tracking experiment: ramp, then `duration` seconds that are scored."""
+    """Tracking experiment: a ramp, then `duration` seconds that are scored."""
 
     name: str = "circle"
     duration: float = 50.0  # scored, after the ramp [s]
@@ -112,7 +118,10 @@ class FlightConfig:
     )
 
     def check(self) -> "FlightConfig":
-        """Returns self; raises ValueError where a figure is impossible."""
+        """Return self after checking all values.
+
+        Raises: ValueError: where one is impossible.
+        """
         for part in (self.vehicle, self.reality, self.reference, self.controller):
             part.check()
         if not re.fullmatch(r"\w[\w.-]*", self.name):
@@ -145,13 +154,13 @@ class FlightConfig:
 
     @property
     def carried_mass(self) -> float:
-        """Quadrotor and payload [kg]."""
+        """Mass of quadrotor and payload [kg]."""
         payload = self.reality.payload
         return self.vehicle.mass + (payload.mass if payload.tether != "none" else 0.0)
 
     @property
     def largest_step(self) -> float:
-        """Below it a fixed-step runge_kutta3 is stable: 1.7 over the fastest rate of cable and motors [s]."""
+        """Stability limit of a fixed-step runge_kutta3: 1.7 over the fastest rate of cable and motors [s]."""
         payload, rates = self.reality.payload, [1e-3]
         if payload.tether == "cable":
             reduced = payload.mass * self.vehicle.mass / self.carried_mass
@@ -160,7 +169,7 @@ class FlightConfig:
         return float(1.7 / max(rates))
 
     def true_model(self) -> TrueModel:
-        """What the oracle is told."""
+        """Return the model of the real vehicle for the oracle."""
         payload, believed = self.reality.payload, self.controller.believed(self.vehicle)
         bob = Payload(payload.mass, payload.length, (payload.hook[0], payload.hook[1], payload.hook[2]))
         hung = None if payload.tether == "none" else bob
@@ -173,12 +182,15 @@ class FlightConfig:
 
 
 def load_flight(filename: str) -> FlightConfig:
-    """Reads a scenario file (YAML). Raises ValueError with file and field on bad content."""
+    """Read a scenario file (YAML).
+
+    Raises: ValueError: one line with file and field, on bad content.
+    """
     return load_checked(FlightConfig, filename, "scenario file")
 
 
 def make_flight_diagram(config: FlightConfig) -> tuple[Diagram, Recorder]:
-    """Reference, vehicle, sensors, controller and recorder, named and connected."""
+    """Return reference, vehicle, sensors, controller and recorder as one Diagram, and the recorder."""
     config.check()
     builder = DiagramBuilder()
     vehicle = builder.AddSystem(make_real_vehicle(config.vehicle, config.reality))
@@ -212,7 +224,7 @@ def make_flight_diagram(config: FlightConfig) -> tuple[Diagram, Recorder]:
 
 
 def make_real_vehicle(vehicle: Vehicle, reality: RealityConfig) -> Diagram:
-    """The plant with the effects that `reality` switches on."""
+    """Return the plant with the effects that `reality` switches on."""
     return make_tethered_quadrotor(
         vehicle,
         reality.payload,
@@ -222,7 +234,7 @@ def make_real_vehicle(vehicle: Vehicle, reality: RealityConfig) -> Diagram:
 
 
 def initialise(diagram: Diagram, context: Context, config: FlightConfig, seed: int) -> None:
-    """Noise seed, and hover at the start of the reference motion."""
+    """Set the noise seed, and hover at the start of the reference motion."""
     diagram.SetRandomContext(context, RandomGenerator(seed))
     plant = diagram.GetSubsystemByName("tethered_quadrotor").GetSubsystemByName("plant")
     start = make_reference(config.reference).sample(np.zeros(1))[0, 0]
@@ -232,11 +244,11 @@ def initialise(diagram: Diagram, context: Context, config: FlightConfig, seed: i
 def simulate(
     config: FlightConfig, *, seed: int, monitor=None, events: Sequence[Event] = ()
 ) -> dict[str, np.ndarray]:
-    """Flies the experiment; returns the recorded signals (see `Recorder.read`).
+    """Simulate the experiment and return the recorded signals (see `Recorder.read`).
 
     Args:
         monitor: called with the flight's time [s] about every second, for progress.
-        events: what happens to the vehicle; at its time, before the controller's own event of that instant.
+        events: changes of the vehicle, each applied at its time, before the controller's own event of that instant.
     Raises: LostVehicle: if the integrator gives up, or the vehicle leaves the arena or is below ground.
     """
     diagram, recorder = make_flight_diagram(config)

@@ -1,4 +1,4 @@
-"""What a flight leaves behind: log, truth and figures of merit."""
+"""Result of a flight: log, truth and metrics."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -16,20 +16,23 @@ from np_drake.references.config import make_reference
 
 @dc.dataclass
 class FlightResult:
-    """One simulated flight. `signals` as `Recorder.read` returns them; truth is for tests and figures only."""
+    """One simulated flight.
+
+    signals: in the form of `Recorder.read`; the truth among them is for tests and plots only.
+    """
 
     config: FlightConfig
-    seed: int
+    seed: int  # of the noise
     signals: dict[str, np.ndarray]
 
     @property
     def label(self) -> str:
-        """`circle · np`, say."""
+        """Name of the controller, such as `np` or `nominal + total mass`."""
         told = " + total mass" if self.config.controller.extra_mass else ""
         return f"{self.config.controller.kind}{told}"
 
     def log(self) -> FlightLog:
-        """What the vehicle itself recorded (docs/reference/flight-log.md)."""
+        """Return what the vehicle itself recorded (docs/reference/flight-log.md)."""
         s = self.signals
         x, a = s["x"], s["acceleration"]
         return FlightLog(
@@ -47,19 +50,19 @@ class FlightResult:
 
     @cached_property
     def scored(self) -> np.ndarray:
-        """(n,) rows after the ramp."""
+        """Whether each row is after the ramp, (n,)."""
         return self.signals["t"] >= self.config.reference.ramp - 1e-9
 
     @property
     def last_lap(self) -> np.ndarray:
-        """(n,) rows of the last lap, or the scored rows of a motion that has none."""
+        """Rows of the last lap, or the scored rows of a motion that has none, (n,)."""
         rows = np.flatnonzero(self.scored)
         rate = getattr(make_reference(self.config.reference), "rate", None)
         return rows[-(int(2 * np.pi / rate / self.config.controller.period) + 1) :] if rate else rows
 
     @cached_property
     def chi_true(self) -> np.ndarray:
-        """(n, 6) eq. (1) inverted from the true motion and the command, as labels do, for the controller's mass.
+        """True wrench (n, 6): eq. (1) inverted from the true motion and the command, for the controller's mass.
 
         The command goes through the vehicle file's lag, as in the labels [N, N·m].
         """
@@ -71,12 +74,12 @@ class FlightResult:
 
     @cached_property
     def payload_position(self) -> np.ndarray | None:
-        """(n, 3) of a payload on a cable, in W [m]."""
+        """Position of a payload on a cable, in W, (n, 3) [m]; None without one."""
         s = self.signals["plant_state"]
         return s[:, 11:14] if s.shape[1] == 26 else None
 
     def metrics(self) -> dict:
-        """Figures of merit of the scored part, as `--json` writes them."""
+        """Return the metrics of the scored part, as `--json` writes them."""
         s, rows = self.signals, self.scored
         status = s["status"][rows, 0]
         result = {
@@ -92,7 +95,7 @@ class FlightResult:
         return result
 
     def summary(self) -> dict:
-        """The `fly` object of `--json` (docs/reference/files.md)."""
+        """Return the `fly` object of `--json` (docs/reference/files.md)."""
         return {
             "experiment": self.config.name,
             "controller": self.label,
@@ -102,5 +105,5 @@ class FlightResult:
 
 
 def fly(config: FlightConfig, *, seed: int, monitor=None, events: Sequence[Event] = ()) -> FlightResult:
-    """Simulates the experiment; see `simulate`."""
+    """Simulate the experiment and return its result, see `simulate`."""
     return FlightResult(config, seed, simulate(config, seed=seed, monitor=monitor, events=events))

@@ -1,4 +1,4 @@
-"""A stand-alone 3-D replay page of a flight (Meshcat recording)."""
+"""Stand-alone 3-D replay page of a flight (Meshcat recording)."""
 
 import logging
 from pathlib import Path
@@ -17,7 +17,7 @@ _DARK, _RED, _BLUE, _GREY = Rgba(0.2, 0.2, 0.22), Rgba(0.84, 0.37, 0), Rgba(0, 0
 
 
 def write_replay(flight: FlightResult, path: str | Path) -> None:
-    """Writes an HTML page that plays the flight: quadrotor, tether, payload, and the reference as a line."""
+    """Write an HTML page that plays the flight: quadrotor, tether, payload, and the reference as a line."""
     logging.getLogger("drake").setLevel(logging.WARNING)  # its address is of no use: the page is a file
     meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
     add_quadrotor(meshcat, flight.config.vehicle)
@@ -40,7 +40,7 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
 
 
 def add_quadrotor(meshcat: Meshcat, vehicle: Vehicle, path: str = "quadrotor") -> None:
-    """Body, arms and rotors under `path`, in body axes."""
+    """Add body, arms and rotors under `path`, in body axes."""
     meshcat.SetObject(f"{path}/body", Box(0.1, 0.1, 0.05), _DARK)
     for i, p in enumerate(vehicle.rotor_positions):
         arm = np.array(p)

@@ -13,7 +13,7 @@ from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.tracking.tracking import Row, configure
 from np_drake import attitude
 from np_drake.labels import FORCE
-from np_drake.lifting.lifted_model import LiftedModel
+from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.swing_metrics import half_width
 from systems.payload_config import PayloadConfig
 
@@ -24,7 +24,7 @@ ADDED = 0.1  # [kg]
 TOSS = 0.3  # impulse upwards on the payload that makes the cable slack [N·s]
 PAPER = {"step": 0.96, "deviation": 0.004}  # [N]. Source: Jin et al. 2025, payload attached in flight
 BESIDE = 5  # flights at most of the events that the paper does not test [1]
-SIGNALS = ("chi_hat", "label")
+SIGNALS = ("chi_hat", "label")  # whose step response is measured
 EVENTS: dict[str, Callable[[PayloadConfig], Event]] = {
     "attach": lambda payload: attach(TIME, payload, ADDED),
     "release": lambda payload: release(TIME),
@@ -33,30 +33,30 @@ EVENTS: dict[str, Callable[[PayloadConfig], Event]] = {
 
 
 def attach_config(*, solver: str, model: str) -> FlightConfig:
-    """Hover at 1.6 m under NP-MPC."""
+    """Return the configuration of a hover at 1.6 m under NP-MPC."""
     config = configure("hover", Row("np", "np"), solver=solver, model=model)
     config.reference.height, config.reference.ramp, config.duration = HEIGHT, RAMP, DURATION
     return config.check()
 
 
 def fly_event(event: str, *, model: str, seed: int, solver: str) -> FlightResult:
-    """One flight with one event at `TIME`."""
+    """Fly once with one event at `TIME`."""
     config = attach_config(solver=solver, model=model)
     return fly(config, seed=seed, events=[EVENTS[event](config.reality.payload)])
 
 
 def expected_step(event: str, config: FlightConfig) -> float:
-    """Change of f_z that a label from commanded thrust sees: the change of weight over the real thrust scale [N].
+    """Return the change of f_z that a label from commanded thrust sees [N].
 
-    In hover the real thrust, scale times the command, carries everything, and the label is the nominal weight less
-    the command.
+    It is the change of weight over the real thrust scale: in hover the real thrust, scale times the command, carries
+    everything, and the label is the nominal weight less the command.
     """
     change = {"attach": -ADDED, "release": config.reality.payload.mass}.get(event, 0.0)
     return change * config.vehicle.gravity / config.reality.thrust_scale
 
 
 def label_deviation(config: FlightConfig) -> float:
-    """Standard deviation of the label's f_z in hover, from the accelerometer's white noise through its filter [N]."""
+    """Return the standard deviation of the label's f_z in hover, from filtered accelerometer noise [N]."""
     sections = next(
         s for channels, s in config.controller.label.filters(config.controller.period) if channels == FORCE
     )
@@ -67,10 +67,11 @@ def label_deviation(config: FlightConfig) -> float:
 
 
 def encoder_step(model: LiftedModel) -> np.ndarray:
-    """(window + 1,) share of a step in the label that chi_hat (f_z) shows 0, 1, … samples later, all else at rest.
+    """Return the share of a step in the label that chi_hat (f_z) shows 0, 1, … samples later, (window + 1,) [1].
 
-    The encoder's own part in an answer to a payload that changes: no filter, no motion, no control loop. The step is
-    -1 N, about what `ADDED` brings: where the encoder looks for onsets, a smaller one is taken for noise for longer.
+    All else is at rest: this is the encoder's own part in the answer to a payload that changes, without filter, motion
+    and control loop. The step is -1 N, about that of `ADDED`; where the encoder looks for onsets, a smaller one is
+    taken for noise for longer.
     """
     ages = np.arange(model.window + 1)
     windows = np.zeros((len(ages), model.window, 12))
@@ -80,7 +81,7 @@ def encoder_step(model: LiftedModel) -> np.ndarray:
 
 
 def slack_time(flight: FlightResult) -> float:
-    """How long the cable hangs slack before it first snaps taut, to one period [s]."""
+    """Return how long the cable hangs slack before it first snaps taut, to one period [s]."""
     s, payload = flight.signals, flight.config.reality.payload
     x, p_WP = s["x_true"], s["plant_state"][:, 11:14]
     hook = attitude.rotate(x[:, 3:7], np.array(payload.hook))
@@ -90,7 +91,7 @@ def slack_time(flight: FlightResult) -> float:
 
 
 def _fly(task: tuple[str, str, int, str]) -> dict:
-    """Courses of f_z [N] and height [m], and counts, of one flight: event, model file, seed, solver."""
+    """Return courses of f_z [N] and height [m], and counts, of one flight: event, model file, seed, solver."""
     event, model, seed, solver = task
     flight = fly_event(event, model=model, seed=seed, solver=solver)
     s, counts = flight.signals, flight.metrics()
@@ -110,7 +111,10 @@ def run_attach(
     jobs: int = 2,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict]:
-    """Every event and seed, of release and snap the first `BESIDE`; courses over the time since the event."""
+    """Fly every event and seed, of release and snap the first `BESIDE`, and return their time histories.
+
+    Time counts from the event.
+    """
     tasks = [
         (event, model, seed, solver)
         for event in EVENTS
@@ -121,11 +125,12 @@ def run_attach(
 
 @dc.dataclass(frozen=True)
 class Step:
-    """Answer of a signal to a step: its size with interval [N], and how it comes about.
+    """Response of a signal to a step.
 
-    rise: until 90 % of the step on the mean course [s].   overshoot, dip: extremes of the mean course within 2 s,
+    size: with half width size_ci95 of its 95 % interval [N].   scatter: of the steps of single flights [N].
+    rise: until 90 % of the step on the mean response [s].   overshoot, dip: extremes of the mean response within 2 s,
     above the new level, and below it once 90 % are reached [1, of the step].   deviation: of one flight over time in
-    steady hover before the event, mean over flights [N].   scatter: of the steps of single flights [N].
+    steady hover before the event, mean over flights [N].
     """
 
     size: float
@@ -138,7 +143,10 @@ class Step:
 
 
 def step_response(t: np.ndarray, courses: np.ndarray) -> Step:
-    """t: (n,) since the event [s]; courses: (flights, n) [N]."""
+    """Return the step response of the given time histories.
+
+    Args: t: (n,) since the event [s].   courses: (flights, n) [N].
+    """
     before, after = courses[:, (t < 0)], courses[:, t >= AFTER]
     before = before[:, t[t < 0] >= RAMP - TIME]
     steps = after.mean(axis=1) - before.mean(axis=1)
@@ -158,7 +166,7 @@ def step_response(t: np.ndarray, courses: np.ndarray) -> Step:
 
 
 def _crossing(t: np.ndarray, y: np.ndarray, level: float) -> float:
-    """Where y first reaches `level`, on the line between two samples; inf where it never does."""
+    """Return where y first reaches `level`, on the line between two samples; inf where it never does."""
     k = int(np.argmax(y >= level))
     if y[k] < level:
         return float("inf")
@@ -168,7 +176,10 @@ def _crossing(t: np.ndarray, y: np.ndarray, level: float) -> float:
 
 
 def attach_table(runs: list[dict], config: FlightConfig) -> list[dict]:
-    """One line an event and signal; the snap, which leaves no step, by its extremes."""
+    """Return one line an event and signal.
+
+    The snap, which leaves no step, is given by its extremes.
+    """
     lines = []
     for event in dict.fromkeys(run["event"] for run in runs):
         mine = [run for run in runs if run["event"] == event]

@@ -1,4 +1,4 @@
-"""Figures of a payload that swings, and of one that is attached or lost. Every function returns a Figure."""
+"""Plots of a payload that swings, is attached or is lost; every function returns a Figure and shows nothing."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -19,9 +19,9 @@ _SHOWN = (-0.5, 1.5)  # around the event [s]
 
 
 def payload_distance(runs: list[dict], title: str) -> Figure:
-    """Horizontal distance of the payload from the origin against time: one flight a controller, its first seed.
+    """Plot the payload's horizontal distance from the origin against time, one flight a controller (its first seed).
 
-    Above who knows the present wrench or motion alone, below who foresees the swing.
+    Above: controllers that know the present wrench or motion alone. Below: controllers that predict the swing.
     """
     figure, axes = new_figure(2, 1, width=7.5, height=5.6, sharex=True, sharey=True)
     seen = dict[str, dict]()
@@ -47,7 +47,10 @@ def payload_distance(runs: list[dict], title: str) -> Figure:
 
 
 def event_responses(runs: list[dict], config: FlightConfig, title: str) -> Figure:
-    """f_z of prediction and label around every event: one flight thin, the mean of all thick, the new level dotted."""
+    """Plot f_z of prediction and label around every event.
+
+    One flight is thin, the mean of all thick, the new level dotted.
+    """
     events = list(dict.fromkeys(run["event"] for run in runs))
     figure, axes = new_figure(len(events), 1, width=7.5, height=2.4 * len(events) + 0.6, sharex=True)
     names = (("label", "label (low-passed)", PALETTE[1]), ("chi_hat", "prediction", PALETTE[0]))

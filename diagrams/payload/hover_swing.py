@@ -16,7 +16,7 @@ from np_drake import metrics, swing_metrics
 from np_drake.residual_models.motion_model import GP, KNODE
 
 IMPULSE = 0.3  # on the payload, along x [N·s]
-TRAINING = "training_circle"
+TRAINING = "training_circle"  # experiment that predictors are trained on
 PAPER = {"nominal": 0.242, "np": 0.064}  # position RMSE [m]. Source: Jin et al. 2025, hovering experiment
 KEYS = ("position_rmse", "early", "late", "E_xy", "E_z", "amplitude", "rate", "settling")
 EARLY = 2.0  # after the impulse: what comes later is a swing that every predictor has seen begin [s]
@@ -24,13 +24,13 @@ EARLY = 2.0  # after the impulse: what comes later is a swing that every predict
 
 @dc.dataclass(frozen=True)
 class HoverRow(Row):
-    """A controller, and what it pays for the predicted swing."""
+    """Row of the table, with the controller's weight on the predicted swing."""
 
     weight_swing: float = 0.0  # [1/N²]
     weight_rate: float | None = None  # on body rates; None: the frozen weight [s²/rad²]
 
 
-DAMPED = "np + active damping"
+DAMPED = "np + active damping"  # name of a row
 ROWS = (
     HoverRow("nominal", "nominal"),
     HoverRow("hold", "hold"),
@@ -39,19 +39,19 @@ ROWS = (
     HoverRow("gp", "gp", training=TRAINING, configuration=GP),
     HoverRow("knode", "knode", training=TRAINING, configuration=KNODE),
     HoverRow("np", "np", training=TRAINING, configuration="default"),
-    # The price on the body rates keeps the tilting as slow as the swing: without it motor lag makes pitch oscillate.
+    # The weight on the body rates keeps tilting as slow as the swing; without it motor lag makes pitch oscillate.
     HoverRow(DAMPED, "np", training=TRAINING, configuration="default", weight_swing=10.0, weight_rate=3.0),
     HoverRow("oracle", "oracle"),
 )
 
 
 def hover_config(row: HoverRow, *, solver: str, model: str = "") -> FlightConfig:
-    """The hover experiment flown by `row`."""
+    """Return the hover experiment with the controller of `row`."""
     return configure_row("hover", row, solver=solver, model=model)
 
 
 def configure_row(experiment: str, row: HoverRow, *, solver: str, model: str = "") -> FlightConfig:
-    """Any experiment flown by `row`, with what it pays for the swing."""
+    """Return any experiment with the controller of `row` and its weight on the swing."""
     config = configure(experiment, row, solver=solver, model=model)
     config.controller.mpc.weight_swing = row.weight_swing
     if row.weight_rate is not None:
@@ -60,13 +60,16 @@ def configure_row(experiment: str, row: HoverRow, *, solver: str, model: str = "
 
 
 def fly_hover(row: HoverRow, *, model: str, seed: int, solver: str) -> FlightResult:
-    """Hover; the payload gets its impulse where scoring begins."""
+    """Fly a hover in which the payload gets its impulse where scoring begins."""
     config = hover_config(row, solver=solver, model=model)
     return fly(config, seed=seed, events=[push(config.reference.ramp, [IMPULSE, 0.0, 0.0])])
 
 
 def swing_course(flight: FlightResult) -> tuple[np.ndarray, np.ndarray]:
-    """Time since the impulse [s] and the payload's horizontal distance from the origin [m], (n,) each."""
+    """Return the time since the impulse [s] and the payload's horizontal distance from the origin [m], (n,) each.
+
+    Raises: ValueError: if the payload does not hang on a cable.
+    """
     if flight.payload_position is None:
         raise ValueError("hover: the payload must hang on a cable.")
     rows = flight.scored
@@ -75,7 +78,7 @@ def swing_course(flight: FlightResult) -> tuple[np.ndarray, np.ndarray]:
 
 
 def hover_metrics(flight: FlightResult) -> dict:
-    """The figures of `KEYS` [m, 1/s, s], solver times and failures, of one flight.
+    """Return the metrics of `KEYS` [m, 1/s, s], solver times and failures, of one flight.
 
     early, late: position RMSE up to `EARLY` after the impulse and from then on.
     """
@@ -95,12 +98,12 @@ def hover_metrics(flight: FlightResult) -> dict:
 
 
 def _rmse(error: np.ndarray, part: np.ndarray) -> float:
-    """Of the lengths of errors (n, 3) in `part` (n,) [m]; NaN of none."""
+    """Return the RMS length of errors (n, 3) in `part` (n,) [m]; NaN without any."""
     return float(np.sqrt(np.mean(np.sum(error[part] ** 2, axis=1)))) if part.any() else float("nan")
 
 
 def _fly_row(task: tuple[HoverRow, str, int, str]) -> dict:
-    """Metrics and the payload's course; of a lost vehicle infinite errors, so that one flight loses no other."""
+    """Return metrics and the payload's course; infinite errors for a lost vehicle, so that other flights are kept."""
     row, model, seed, solver = task
     result: dict = {"row": row.name, "seed": seed}
     try:
@@ -121,7 +124,10 @@ def run_hover(
     jobs: int = 2,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict]:
-    """All rows and seeds: row, seed, metrics, course (t, distance); in the order of `rows`, then of `seeds`."""
+    """Fly all rows and seeds and return row, seed, metrics and course (t, distance) of each.
+
+    They are in the order of `rows`, then of `seeds`.
+    """
     models = train_models(rows, folder, seed=training_seed, solver=solver)
     tasks = [
         (row, models.get((row.training, row.configuration), ""), seed, solver)
@@ -132,7 +138,10 @@ def run_hover(
 
 
 def hover_table(runs: list[dict]) -> list[dict]:
-    """One line a row: mean of every figure over the seeds, half width of its 95 % interval, and cuts to nominal."""
+    """Return one line a row: the mean of every metric over the seeds, half width of its 95 % interval, and reductions.
+
+    Reductions are relative to nominal.
+    """
     lines = []
     base = {key: _mean(runs, "nominal", key) for key in ("position_rmse", "late", "E_xy")}
     for name in dict.fromkeys(run["row"] for run in runs):
@@ -149,7 +158,7 @@ def hover_table(runs: list[dict]) -> list[dict]:
 
 
 def _sign(line: dict) -> str:
-    """Whether the interval of the rate is below zero, above it, or holds it."""
+    """Return grows, decays or neither, by the interval of the rate."""
     spread = np.nan_to_num(line["rate_ci95"])
     if line["rate"] - spread > 0:
         return "grows"
@@ -162,7 +171,7 @@ def _mean(runs: list[dict], row: str, key: str) -> float:
 
 
 def verdict(lines: list[dict]) -> list[str]:
-    """What the table shows, in words: cuts, growing swings, and whether active damping does what it is for."""
+    """Return the findings of the table in words: reductions, growing swings, and the effect of active damping."""
     by = {line["row"]: line for line in lines}
     said = []
     if "np" in by and "nominal" in by:

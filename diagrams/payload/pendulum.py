@@ -1,22 +1,22 @@
-"""The tether's length read from simulated flights: which flights show the payload's mode, and how well."""
+"""Tether length identified from simulated flights, by experiment and length."""
 
 from collections.abc import Callable
 
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
-from np_drake.lifting.pendulum import Pendulum, pendulum_length
+from np_drake.lifting.metrics.tether_length import Pendulum, pendulum_length
 from np_drake.logs.training_segments import training_segments
 
 LENGTHS = (0.5, 0.8, 1.2)  # [m]
-EXPERIMENTS = ("training_circle", "plain_circle")
+EXPERIMENTS = ("training_circle", "plain_circle")  # that are flown
 
 
 def fly_and_read(
     experiment: str, *, length: float, seed: int, duration: float | None = None, monitor=None
 ) -> Pendulum:
-    """Flies the experiment on a tether of `length` [m] with the nominal MPC and reads the length from its labels.
+    """Fly the experiment on a tether of `length` [m] with the nominal MPC and identify the length from its labels.
 
-    duration: after the ramp, default the experiment's [s].
+    Args: duration: after the ramp, default the experiment's [s].
     """
     config = load_experiment(experiment)
     config.controller.kind, config.controller.solver = "nominal", "sqp"
@@ -31,7 +31,7 @@ def fly_and_read(
 
 
 def pendulum_table(*, seed: int, on_progress: Callable[[int, int], None] = lambda *_: None) -> list[dict]:
-    """One line for every experiment and length; flights draw `seed`."""
+    """Return one line for every experiment and length; flights draw `seed`."""
     lines = []
     cases = [(experiment, length) for experiment in EXPERIMENTS for length in LENGTHS]
     for done, (experiment, length) in enumerate(cases):

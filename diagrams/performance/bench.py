@@ -1,4 +1,4 @@
-"""What speed is measured on: recorded MPC problems, predictor, simulator, training."""
+"""Workloads of the benchmark: recorded MPC problems, predictor, simulator, training."""
 
 import dataclasses as dc
 import time
@@ -21,20 +21,20 @@ from systems.tethered_quadrotor import make_tethered_quadrotor
 
 
 class RecordingSolver:
-    """Passes problems on to a solver and keeps them."""
+    """Solver that passes problems on to another one and keeps them."""
 
     def __init__(self, solver: MpcSolver):
         self.name, self._solver = solver.name, solver
         self.problems: list[MpcProblem] = []
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
-        """As the wrapped solver."""
+        """Keep the problem and return the wrapped solver's solution."""
         self.problems.append(problem)
         return self._solver.solve(problem, warm_start)
 
 
 def record_problems(count: int, *, seed: int, predictor: str = "") -> tuple[FlightConfig, list[MpcProblem]]:
-    """The NP-MPC problems of `count` periods in a row on the lemniscate, from the end of the ramp on.
+    """Return the NP-MPC problems of `count` periods in a row on the lemniscate, from the end of the ramp on.
 
     Args: predictor: model file; the one that ships with the package by default.
     """
@@ -54,7 +54,7 @@ def record_problems(count: int, *, seed: int, predictor: str = "") -> tuple[Flig
 def time_predictor(
     model: NeuralPredictor, *, horizon: int, stride: int, repeats: int = 500
 ) -> dict[str, float]:
-    """Median and p95 [ms] of one sample: lift, refit where there is one, and forecast."""
+    """Return median and p95 of one sample: lift, refit where there is one, and forecast [ms]."""
     rng, memory, spent = np.random.default_rng(0), model.initial_memory(), []
     for _ in range(repeats + model.model.window):
         x = np.concatenate([np.zeros(3), [1.0, 0, 0, 0], rng.normal(size=6)])
@@ -68,7 +68,11 @@ def time_predictor(
 
 
 def real_time_factors(*, seconds: float, seed: int) -> dict[str, float]:
-    """Simulated over wall time: the bare cable plant, with every effect, and with NP-MPC (SQP) in the loop."""
+    """Return simulated over wall time of three simulations [1].
+
+    They are the bare cable plant, the plant with every effect, and with NP-MPC (SQP) in the loop.
+    Args: seconds: simulated time of each [s].
+    """
     config = load_experiment("circle")
     bare = dc.replace(
         config, reality=dc.replace(config.reality, rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0)
@@ -107,7 +111,10 @@ def _plant_factor(config: FlightConfig, seconds: float) -> float:
 
 
 def time_training(folder: Path, *, seed: int) -> dict[str, float]:
-    """Wall time [s] of both configurations on the 3000 points of one training flight; leaves their model files."""
+    """Return the wall time of both configurations on the 3000 points of one training flight [s].
+
+    Their model files stay in `folder`.
+    """
     flight = training_flight("training_circle", seed=seed, solver="sqp")
     walls = {}
     for configuration in ("default", "paper"):
@@ -118,10 +125,10 @@ def time_training(folder: Path, *, seed: int) -> dict[str, float]:
 
 
 def model_file(folder: Path, configuration: str) -> Path:
-    """Where `time_training` leaves a model."""
+    """Return the path of a model of `time_training`."""
     return folder / f"{configuration}.safetensors"
 
 
 def load_predictor(path: Path = DEFAULT_MODEL) -> NeuralPredictor:
-    """A model from its file; the one that ships with the package by default."""
+    """Return a model from its file; by default the one that ships with the package."""
     return NeuralPredictor.load(path)

@@ -1,4 +1,4 @@
-"""One sample of a predictor in flight, against the plain way of doing it: the pseudo-inverse of the window."""
+"""Run time of one sample of a predictor in flight, against the pseudo-inverse of the window."""
 
 import dataclasses as dc
 import time
@@ -6,17 +6,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from np_drake.lifting.encoders import Phi
-from np_drake.lifting.lifted_model import PAPER, LiftedModel
-from np_drake.lifting.segments import Segment
-from np_drake.lifting.stabilized import stabilized
-from np_drake.lifting.training import make_config, train
-from np_drake.lifting.window_refit import RADIUS
+from np_drake.lifting.model.encoders import Phi
+from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
+from np_drake.lifting.model.stabilized import stabilized
+from np_drake.lifting.model.window_refit import RADIUS
+from np_drake.lifting.training.segments import Segment
+from np_drake.lifting.training.train import make_config, train
 from np_drake.residual_models.base import Sample, WrenchForecast
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 
 HORIZON = 20  # steps that are predicted [1]
-STEP = 0.0025  # of the made flight [s]
+STEP = 0.0025  # of the synthetic flight [s]
 SAMPLES = 1200  # that the models are trained on [1]
 BLOCK = 20  # samples until the next has its turn, as in the benchmark of the solvers [1]
 REFERENCE, STABLE_REFERENCE = "pseudo-inverse", "pseudo-inverse, made stable"
@@ -24,18 +24,20 @@ REFERENCE, STABLE_REFERENCE = "pseudo-inverse", "pseudo-inverse, made stable"
 
 @dc.dataclass(frozen=True)
 class Timing:
-    """median, p95: of one sample, refit (where there is one), lift and 20 steps [ms].   ratio: of medians, to the
+    """Run time of one predictor.
+
+    median_ms, p95_ms: of one sample, refit (where there is one), lift and 20 steps [ms].   ratio: of medians, to the
     pseudo-inverse in the same run [1].
     """
 
-    name: str
+    name: str  # of the predictor
     median_ms: float
     p95_ms: float
     ratio: float
 
 
 class PseudoInverse:
-    """[A B] = Z+ pinv([Z, zeta]) of the newest 40 samples, Z = Phi(chi): least squares as in the paper, no prior.
+    """Least squares [A B] = Z+ pinv([Z, zeta]) of the newest 40 samples, Z = Phi(chi), as in the paper, no prior.
 
     stable: with A then pulled into the unit circle, as `paper` does; without, its rollout diverges on real flights.
     """
@@ -46,7 +48,10 @@ class PseudoInverse:
         self._window = np.zeros((model.window, 12))
 
     def __call__(self, chi: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-        """(20, 6) forecast from one more sample, the motion held."""
+        """Return the forecast (20, 6) from one more sample, the motion held [N, N·m].
+
+        Args: chi: (6,) [N, N·m].   zeta: (6,) [m/s, rad/s].
+        """
         self._window = np.concatenate([self._window[1:], np.concatenate([chi, zeta])[None]])
         z = self._phi(self._window[:, :6])
         solution = np.linalg.pinv(np.hstack([z[:-1], self._window[:-1, 6:]])) @ z[1:]
@@ -57,22 +62,25 @@ class PseudoInverse:
 
 
 class InFlight:
-    """A predictor fed as the controller feeds it."""
+    """Predictor that is fed as the controller feeds it."""
 
     def __init__(self, model: LiftedModel):
         self._dut = NeuralPredictor(model)
         self._memory = self._dut.initial_memory()
 
     def __call__(self, chi: np.ndarray, zeta: np.ndarray) -> np.ndarray:
-        """(20, 6) forecast from one more sample, the motion held."""
+        """Return the forecast (20, 6) from one more sample, the motion held [N, N·m].
+
+        Args: chi: (6,) [N, N·m].   zeta: (6,) [m/s, rad/s].
+        """
         x = np.concatenate([np.zeros(3), [1.0, 0.0, 0.0, 0.0], zeta])
         self._memory = self._dut.update(self._memory, Sample(x, np.zeros(4), chi))
         forecast = self._dut.forecast(self._memory, horizon=HORIZON, stride=1)
         return forecast.rollout(np.tile(zeta, (HORIZON, 1)))
 
 
-def made_flight(samples: int, seed: int) -> Segment:
-    """Smooth force and torque driven by a smooth motion: windows as singular as those of real flights."""
+def synthetic_flight(samples: int, seed: int) -> Segment:
+    """Return smooth force and torque driven by a smooth motion, with windows as singular as those of real flights."""
     draw, t = np.random.default_rng(seed), STEP * np.arange(samples)[:, None, None]
     rate, phase = draw.uniform(2.0, 25.0, (12, 8)), draw.uniform(0, 2 * np.pi, (12, 8))
     waves = np.sin(rate * t + phase).sum(axis=2)
@@ -80,8 +88,8 @@ def made_flight(samples: int, seed: int) -> Segment:
 
 
 def models(seed: int) -> dict[str, LiftedModel]:
-    """All configurations, trained briefly: time does not depend on how well they predict."""
-    segment = made_flight(SAMPLES, seed)
+    """Return all configurations, trained briefly, since run time does not depend on how well they predict."""
+    segment = synthetic_flight(SAMPLES, seed)
     configs = {
         "paper": make_config(PAPER, seed=seed, epochs=1),
         "default": make_config("default", seed=seed, iterations=5),
@@ -91,7 +99,7 @@ def models(seed: int) -> dict[str, LiftedModel]:
 
 
 def predictor_timings(seed: int, *, repeats: int = 1000) -> list[Timing]:
-    """All of them and the pseudo-inverse, taking turns at blocks of one made flight."""
+    """Time all predictors and the pseudo-inverse, taking turns at blocks of one synthetic flight."""
     trained = models(seed)
     paper = trained["paper"]
     duts: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
@@ -100,7 +108,7 @@ def predictor_timings(seed: int, *, repeats: int = 1000) -> list[Timing]:
         **{name: InFlight(model) for name, model in trained.items()},
     }
     warm = max(model.window for model in trained.values())
-    flight, spent = made_flight(repeats + warm, seed + 1), {name: list[float]() for name in duts}
+    flight, spent = synthetic_flight(repeats + warm, seed + 1), {name: list[float]() for name in duts}
     with np.errstate(all="ignore"):  # the plain reference may overflow
         for block in range(0, len(flight), BLOCK):
             for name, dut in duts.items():

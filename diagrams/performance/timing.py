@@ -1,6 +1,6 @@
-"""What one period of every controller costs: recorded flights, replayed with a clock.
+"""Run time of one period of every controller: recorded flights, replayed with a clock.
 
-The clock is the process's own processor time, which another program on the same machine moves least.
+The clock is the process's own processor time, which other programs on the same machine influence least.
 """
 
 import dataclasses as dc
@@ -21,11 +21,11 @@ from np_drake.mpc.solvers import make_solver
 from np_drake.references.config import make_reference
 from np_drake.residual_models.base import ResidualModel, Sample
 
-TRACK = "lemniscate"
-TRAINING = "training_circle"
+TRACK = "lemniscate"  # experiment that is flown
+TRAINING = "training_circle"  # experiment that predictors are trained on
 RATES = (50, 100)  # of the control loop [1/s]
 PAPER = {"predict": 5.0, "solve": 10.0}  # upper limits on an i5-1135G7 [ms]. Source: Jin et al. 2025
-SOLVERS = ("sqp", "ipopt")
+SOLVERS = ("sqp", "ipopt")  # that are timed
 _WARM_UP = 20  # periods that are replayed and not counted [1]
 _BLOCK = 20  # periods between two runs of the reference calculation [1]
 _REFERENCE_RUNS = 5  # in a row [1]
@@ -41,7 +41,10 @@ ROWS = (
 
 @dc.dataclass(frozen=True)
 class Spent:
-    """Processor times of the replayed periods, (n,) each [ms].   reference: of the reference calculation."""
+    """Processor times of the replayed periods, (n,) each [ms].
+
+    reference: of the reference calculation.   failures: of the solver.
+    """
 
     predict: np.ndarray
     solve: np.ndarray
@@ -50,7 +53,7 @@ class Spent:
 
 
 def reference_calculation() -> None:
-    """The pseudo-inverse of 40 samples of 30 columns: what a refit costs that is written down plainly."""
+    """Compute the pseudo-inverse of 40 samples of 30 columns, the cost of an unoptimised refit."""
     np.linalg.pinv(_WINDOW)
 
 
@@ -58,19 +61,19 @@ _WINDOW = np.random.default_rng(0).normal(size=(40, 30))
 
 
 def timing_config(row: HoverRow, *, periods: int, solver: str, model: str = "") -> FlightConfig:
-    """The lemniscate, `periods` of it from the end of the ramp on."""
+    """Return the lemniscate, `periods` of it from the end of the ramp on."""
     config = configure_row(TRACK, row, solver=solver, model=model)
     config.duration = periods * config.controller.period
     return config.check()
 
 
 def record(row: HoverRow, *, periods: int, model: str, seed: int) -> FlightResult:
-    """The flight that is replayed, flown with SQP."""
+    """Fly the flight that is replayed, with SQP."""
     return fly(timing_config(row, periods=periods, solver="sqp", model=model), seed=seed)
 
 
 def replay(flight: FlightResult, solver: str) -> Spent:
-    """Feeds the recorded readings to label filter, residual model and MPC, one period after the other.
+    """Feed the recorded readings to label filter, residual model and MPC, one period after the other.
 
     The readings are those of the flight, so that a command of the replay has no effect on what comes after.
     """
@@ -119,7 +122,10 @@ def _timed(work: Callable[[], None]) -> float:
 
 
 def timing_line(row: str, solver: str, spent: Spent) -> dict:
-    """Medians and 95 % quantiles [ms], CPU load [1] by rate, ratios to the reference calculation's median [1]."""
+    """Return one line of the table, from the processor times of a controller.
+
+    It has medians and 95 % quantiles [ms], CPU load by rate [1], ratios to the reference calculation's median [1].
+    """
     total, base = spent.predict + spent.solve, float(np.median(spent.reference))
     line: dict = {
         "row": row,
@@ -149,7 +155,10 @@ def timing_table(
     solvers: tuple[str, ...] = SOLVERS,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict]:
-    """One line a controller and solver, in one process; models: files by (training, configuration)."""
+    """Return one line a controller and solver, in one process.
+
+    Args: models: files by (training, configuration).   periods: that are replayed, of each.
+    """
     lines = []
     for number, row in enumerate(rows):
         flight = record(

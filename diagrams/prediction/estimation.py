@@ -1,4 +1,4 @@
-"""The paper's estimation table: one step ahead on six real flights, ours beside what is published."""
+"""The paper's estimation table: one step ahead on six real flights, our rows beside the published ones."""
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
@@ -7,40 +7,47 @@ import numpy as np
 
 from diagrams.prediction.array_flights import Flight
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
-from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
-from np_drake.lifting.skill import naive_predictions
+from np_drake.lifting.metrics.skill import naive_predictions
+from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
 from np_drake.residual_models.base import FlightForecasts
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 from np_drake.residual_models.window_stability import WindowStability, stability_of
 
 METHODS = ("NeuroBEM", "NeuroMHE", "NP")  # as published
 OURS = {PAPER: "ours, paper", DEFAULT: "ours, default"}  # configuration: row
-NAIVE = ("persistence", "linear")
-ROWS = (*METHODS, *OURS.values(), *NAIVE)
+NAIVE = ("persistence", "linear")  # predictors without training
+ROWS = (*METHODS, *OURS.values(), *NAIVE)  # in the order of the table
 
 
 @dc.dataclass(frozen=True)
 class EstimationTable:
-    """cells: flight -> row -> column -> RMSE [N, N·m].   stability: configuration -> flight.   origins: of a flight."""
+    """Errors of all rows on all flights.
+
+    cells: flight -> row -> column -> RMSE [N, N·m].   stability: configuration -> flight.   origins: number of a
+    flight.
+    """
 
     cells: dict[str, dict[str, dict[str, float]]]
     stability: dict[str, dict[str, WindowStability]]
     origins: dict[str, int]
 
     def at_or_below(self, row: str, method: str = "NP") -> int:
-        """Cells in which a row is at or below what is published."""
+        """Return the number of cells in which a row is at or below the published value."""
         return sum(
             rows[row][column] <= rows[method][column] for rows in self.cells.values() for column in COLUMNS
         )
 
     def worst(self, row: str, method: str = "NP") -> float:
-        """Largest ratio of a row to what is published."""
+        """Return the largest ratio of a row to the published value [1]."""
         return max(
             rows[row][column] / rows[method][column] for rows in self.cells.values() for column in COLUMNS
         )
 
     def lines(self) -> list[dict]:
-        """One a flight and column, as `--json` has them: `paper` is its NP, `ours` the default configuration."""
+        """Return one line a flight and column, as `--json` has them.
+
+        `paper` is its NP, `ours` the default configuration.
+        """
         return [
             {
                 "row": flight, "column": column, "paper": rows["NP"][column], "ours": rows[OURS[DEFAULT]][column],
@@ -57,9 +64,10 @@ def estimation_table(
     flown: Sequence[Flight],
     on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> EstimationTable:
-    """Every flight, row and column; every origin from the first full window of all models on.
+    """Return the errors of every flight, row and column, over every origin from the first full window of all models on.
 
-    models: configuration -> trained model.   Raises: ValueError: if a flight is too short.
+    Args: models: configuration -> trained model.
+    Raises: ValueError: if a flight is too short.
     """
     first = max(model.window for model in models.values())
     cells: dict[str, dict[str, dict[str, float]]] = {}
@@ -85,7 +93,10 @@ def estimation_table(
 
 
 def forecasts(model: LiftedModel, flight: Flight) -> FlightForecasts:
-    """All forecasts of a model on a flight, force and torque predicted. Raises ValueError: if it is too short."""
+    """Return all forecasts of a model on a flight, force and torque predicted.
+
+    Raises: ValueError: if it is too short.
+    """
     course = NeuralPredictor(model, PredictorOptions(torque="predict")).along(
         flight.segment.chi, flight.segment.zeta
     )

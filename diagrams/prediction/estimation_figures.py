@@ -1,4 +1,4 @@
-"""Figures of the wrench on real flights. Every function returns a Figure and shows nothing."""
+"""Plots of the wrench on real flights; every function returns a Figure and shows nothing."""
 
 import dataclasses as dc
 
@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from diagrams.prediction.array_flights import Flight
 from diagrams.prediction.estimation import forecasts
 from np_drake.figure_file import DASHES, PALETTE, new_figure
-from np_drake.lifting.lifted_model import LiftedModel
+from np_drake.lifting.model.lifted_model import LiftedModel
 
 FAR = 40  # steps ahead of the far forecast [1]
 SPAN = (45.0, 55.0)  # of "random points", as the paper shows it [s]
@@ -18,7 +18,10 @@ _NAMES = ("F_x", "F_y", "F_z", r"\tau_x", r"\tau_y", r"\tau_z")
 
 @dc.dataclass(frozen=True)
 class Window:
-    """t: (m,) time [s].   label and every course: (m, 6) for that time [N, N·m].   jerk: (m,) [m/s³]."""
+    """Labels and forecasts of a time span.
+
+    t: (m,) time [s].   label and every course: (m, 6) for that time [N, N·m].   jerk: (m,) [m/s³].
+    """
 
     t: np.ndarray
     label: np.ndarray
@@ -27,7 +30,7 @@ class Window:
 
 
 def window(model: LiftedModel, flight: Flight, span: tuple[float, float] = SPAN) -> Window:
-    """What the model and persistence said of each instant of `span` [s] one and `FAR` steps before.
+    """Return the forecasts of the model and of persistence, made one and `FAR` steps before each instant of `span` [s].
 
     Raises: ValueError: if the flight does not reach so far.
     """
@@ -48,7 +51,10 @@ def window(model: LiftedModel, flight: Flight, span: tuple[float, float] = SPAN)
 
 
 def rows_of(flight: Flight, span: tuple[float, float] = SPAN) -> np.ndarray:
-    """(m,) samples of a time span [s]. Raises ValueError: if the flight does not reach so far."""
+    """Return the samples of a time span [s], (m,).
+
+    Raises: ValueError: if the flight does not reach so far.
+    """
     rows = np.arange(*np.rint(np.array(span) / flight.segment.step).astype(int))
     if len(rows) == 0 or rows[-1] >= len(flight.segment):
         end = flight.segment.step * len(flight.segment)
@@ -59,7 +65,7 @@ def rows_of(flight: Flight, span: tuple[float, float] = SPAN) -> np.ndarray:
 
 
 def window_figure(shown: Window, title: str) -> Figure:
-    """Six channels: the whole span on the left, the surroundings of the largest jerk on the right."""
+    """Plot six channels: the whole span on the left, the surroundings of the largest jerk on the right."""
     figure, axes = new_figure(6, 2, width=9.0, height=9.5, width_ratios=(1.5, 1.0), sharex="col")
     peak = shown.t[np.argmax(shown.jerk)]
     low = np.clip(peak - ZOOM / 2, shown.t[0], max(shown.t[-1] - ZOOM, shown.t[0]))

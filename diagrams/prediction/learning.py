@@ -1,4 +1,4 @@
-"""From a simulated training flight to a model file."""
+"""Training on a simulated flight, up to the model file."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,15 +6,15 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.loop.flight_result import FlightResult
-from np_drake.lifting.lifted_model import DEFAULT
-from np_drake.lifting.model_file import save_model
-from np_drake.lifting.origin import origin_of, with_origin, with_rotor_lag
-from np_drake.lifting.training import TrainingResult, make_config, train
+from np_drake.lifting.model.lifted_model import DEFAULT
+from np_drake.lifting.model.model_file import save_model
+from np_drake.lifting.model.origin import origin_of, with_origin, with_rotor_lag
+from np_drake.lifting.training.train import TrainingResult, make_config, train
 from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.rotor_lag import learned_rotor_lag
 from np_drake.logs.training_segments import training_segments
 from np_drake.residual_models.motion_model import MotionModel
 from np_drake.residual_models.motion_training import train_motion_model
+from np_drake.rotor_lag import learned_rotor_lag
 
 
 def train_predictor(
@@ -25,7 +25,7 @@ def train_predictor(
     seed: int = 0,
     on_epoch: Callable[[int, int, float], None] = lambda *_: None,
 ) -> TrainingResult:
-    """Trains on the flight's log after the ramp and writes the model file.
+    """Train on the flight's log after the ramp and write the model file.
 
     Raises: ValueError: on an unknown configuration.
     """
@@ -46,7 +46,10 @@ def train_predictor(
 
 
 def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0) -> MotionModel:
-    """The same for gp and knode. Raises: ValueError: on another name."""
+    """Train a model without memory, gp or knode, on the flight's log after the ramp and write the model file.
+
+    Raises: ValueError: on another name.
+    """
     controller = flight.config.controller
     model, _ = train_motion_model(
         name,
@@ -61,6 +64,6 @@ def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0
 
 
 def _scored(flight: FlightResult) -> FlightLog:
-    """The log after the ramp."""
+    """Return the log after the ramp."""
     log = flight.log()
     return log.rows(int(np.argmax(flight.scored)), len(log))

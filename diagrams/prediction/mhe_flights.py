@@ -1,4 +1,4 @@
-"""The moving-horizon estimator on the flights of the paper's estimation table."""
+"""Moving-horizon estimator on the flights of the paper's estimation table."""
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
@@ -16,8 +16,8 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.neurobem import TESTS, TRAINING, published_vehicle, read_neurobem, read_neurobem_npy
 from np_drake.logs.wrench_sequence import WrenchSequence
 
-PUBLISHED_ROW = "NeuroMHE"
-NAIVE_ROW = "persistence"
+PUBLISHED_ROW = "NeuroMHE"  # name of its row
+NAIVE_ROW = "persistence"  # name of its row
 RATES_ROW = "MHE, arrays"  # R and gravity from the arrays alone
 ATTITUDE_ROW = "MHE, attitude"  # as logged in the CSV
 _TIMED_ROWS = 400  # steps of the program that are timed and compared on each flight
@@ -25,8 +25,11 @@ _TIMED_ROWS = 400  # steps of the program that are timed and compared on each fl
 
 @dc.dataclass(frozen=True)
 class MheTable:
-    """rows: flight, row, the ten columns, and of our rows `held`;  step_time: median of the program on
-    MathematicalProgram, exact_step_time: of the closed form [s];  disagreement: the largest between the two [N, N·m].
+    """Errors of the estimator and run times of its two solvers.
+
+    rows: flight, row, the ten columns, and of our rows `held`.   step_time: median of the program on
+    MathematicalProgram [s].   exact_step_time: of the closed form [s].   disagreement: the largest between the two
+    [N, N·m].
     """
 
     rows: list[dict]
@@ -36,7 +39,10 @@ class MheTable:
 
 
 def tuned_config(folder: Path) -> MheConfig:
-    """Weights tuned on the paper's training segment, arrays alone. Raises OSError, LogError."""
+    """Return the weights tuned on the paper's training segment, arrays alone.
+
+    Raises: OSError, LogError: where it cannot be read.
+    """
     sequence = read_neurobem_npy(folder / "npy" / f"{TRAINING}.npy")
     return tune(motion_from_rates(sequence, published_vehicle()), sequence.chi)
 
@@ -48,7 +54,10 @@ def mhe_table(
     stems: Sequence[str] = tuple(TESTS),
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> MheTable:
-    """Every test flight: published, ours, persistence. Raises OSError, LogError: where one cannot be read."""
+    """Return the errors of every test flight: published, ours, persistence.
+
+    Raises: OSError, LogError: where a flight cannot be read.
+    """
     rows: list[dict] = []
     exact, program, disagreement = [], [], []
     for done, stem in enumerate(stems):
@@ -75,7 +84,7 @@ def _row(flight: str, row: str, columns: dict[str, float], **rest: int) -> dict:
 
 
 def _motions(folder: Path, stem: str, sequence: WrenchSequence) -> dict[str, Motion]:
-    """By the name of the row; with the logged attitude where the flight's CSV is there."""
+    """Return motions by the name of the row; with the logged attitude where the flight's CSV is there."""
     vehicle = published_vehicle()
     motions = {RATES_ROW: motion_from_rates(sequence, vehicle)}
     for path in (folder / "csv" / f"{stem}.csv", folder / "csv" / f"{stem}.csv.gz"):

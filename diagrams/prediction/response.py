@@ -1,4 +1,4 @@
-"""How many milliseconds a prediction is behind the label in the aggressive parts of the real flights."""
+"""Lag of a prediction behind the label in the aggressive parts of the real flights."""
 
 from collections.abc import Callable, Sequence
 
@@ -6,16 +6,16 @@ import numpy as np
 
 from diagrams.prediction.array_flights import Flight
 from diagrams.prediction.estimation import NAIVE, OURS, forecasts
-from np_drake.lifting.lifted_model import LiftedModel
-from np_drake.lifting.response import aggressive, lag
-from np_drake.lifting.skill import naive_predictions
-from np_drake.lifting.skill_interval import mean_interval
-from np_drake.lifting.training import Config, train
+from np_drake.lifting.metrics.response import aggressive, lag
+from np_drake.lifting.metrics.skill import naive_predictions
+from np_drake.lifting.metrics.skill_interval import mean_interval
+from np_drake.lifting.model.lifted_model import LiftedModel
+from np_drake.lifting.training.train import Config, train
 
 HORIZONS = (20, 40)  # [steps]
-UNSEEN = "ours, default, other flights"  # trained on every flight but the one that is judged
+UNSEEN = "ours, default, other flights"  # trained on every flight but the evaluated one
 FIRST = 87  # first origin: the longest window of a model [1]
-GROUPS = {"force": slice(0, 3), "torque": slice(3, 6)}
+GROUPS = {"force": slice(0, 3), "torque": slice(3, 6)}  # channels of chi
 
 
 def response_lines(
@@ -27,10 +27,11 @@ def response_lines(
     horizons: Sequence[int] = HORIZONS,
     on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> list[dict]:
-    """One a flight, row and horizon: force_lag and torque_lag [s] (NaN: none), force_correlation, torque_correlation.
+    """Return one line a flight, row and horizon.
 
-    models: configuration -> trained on the training segment.   config: of the row trained on all other flights, which
-    is left out without it.
+    Its fields are force_lag and torque_lag [s] (NaN: none), force_correlation, torque_correlation [1].
+    Args: models: configuration -> trained on the training segment.   config: of the row trained on all other flights,
+    which is left out without it.
     """
     lines: list[dict] = []
     for number, flight in enumerate(tests):
@@ -57,7 +58,7 @@ def response_lines(
 
 
 def _lags(chi_hat: np.ndarray, instants: np.ndarray, flight: Flight, wanted: np.ndarray, h: int) -> dict:
-    """Of predictions (o, 6) for the `instants` (o,) among the `wanted` (n,) samples of a flight."""
+    """Return the lags of predictions (o, 6) for the `instants` (o,) among the `wanted` (n,) samples of a flight."""
     prediction = np.full_like(flight.segment.chi, np.nan)
     prediction[instants] = chi_hat
     rows = instants[wanted[instants]]
@@ -70,7 +71,10 @@ def _lags(chi_hat: np.ndarray, instants: np.ndarray, flight: Flight, wanted: np.
 
 
 def printed(lines: list[dict]) -> tuple[str, list[str], list[tuple]]:
-    """Title, header and rows: mean over flights, its 95 % interval, and the flights where there is a lag at all."""
+    """Return title, header and rows of the table.
+
+    They hold the mean over flights, its 95 % interval, and the number of flights where there is a lag at all.
+    """
     rows, horizons = [], sorted({line["horizon"] for line in lines})
     for row in dict.fromkeys(line["row"] for line in lines):
         cells = []

@@ -1,4 +1,4 @@
-"""Error against the number of training samples, on race track 1, beside what the paper says of its own."""
+"""Error against the number of training samples, on race track 1, beside the paper's own."""
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
@@ -10,10 +10,10 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from diagrams.prediction.array_flights import Flight
 from np_drake.figure_file import DASHES, PALETTE, new_figure
-from np_drake.lifting.lifted_model import DEFAULT, PAPER
-from np_drake.lifting.segments import Segment
-from np_drake.lifting.skill import model_predictions, naive_predictions
-from np_drake.lifting.training import Config, train
+from np_drake.lifting.metrics.skill import model_predictions, naive_predictions
+from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
+from np_drake.lifting.training.segments import Segment
+from np_drake.lifting.training.train import Config, train
 from np_drake.residual_models.base import ResidualModel
 from np_drake.residual_models.linear_baselines import fit_dmdc
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
@@ -21,8 +21,8 @@ from np_drake.residual_models.neural_predictor import NeuralPredictor, Predictor
 SIZES = (1000, 2000, 3000, 4000)  # samples; the paper goes on to 6000, which this segment does not have [1]
 HORIZONS = (1, 20, 100)  # [steps]
 FIRST = 87  # first origin: the longest window of a model [1]
-DMDC = "DMDc"
-NAIVE = ("persistence", "linear")
+DMDC = "DMDc"  # name of its row
+NAIVE = ("persistence", "linear")  # predictors without training
 # One step ahead on race track 1 [N, N·m]. The paper shows a curve without numbers; these are the ones that the plotting
 # script in its authors' repository (NPU-RCIR/Neural-Predictor) draws. Its estimation table has 0.057 and 0.006 at 4000.
 _CURVE = ((0.357, 0.094), (0.156, 0.022), (0.127, 0.011), (0.076, 0.007), (0.078, 0.007), (0.082, 0.006))
@@ -34,7 +34,7 @@ PUBLISHED: tuple[dict[str, Any], ...] = (
 
 @dc.dataclass(frozen=True)
 class Point:
-    """RMSE over the flight of all models of one kind and size: the mean, smallest and largest over training pieces.
+    """RMSE over the flight of all models of one kind and size: mean, smallest and largest over training pieces.
 
     samples: 0 for a row without training.   force, torque: (mean, low, high) [N], [N·m].
     """
@@ -42,13 +42,13 @@ class Point:
     row: str
     samples: int
     pieces: int
-    horizon: int
+    horizon: int  # [steps]
     force: tuple[float, float, float]
     torque: tuple[float, float, float]
 
 
 def pieces(segment: Segment, samples: int) -> list[Segment]:
-    """All disjoint pieces of so many samples, from the start of the segment on."""
+    """Return all disjoint pieces of so many samples, from the start of the segment on."""
     starts = range(0, len(segment) - samples + 1, samples)
     return [
         Segment(segment.chi[k : k + samples], segment.zeta[k : k + samples], segment.step) for k in starts
@@ -64,8 +64,9 @@ def sample_efficiency(
     horizons: Sequence[int] = HORIZONS,
     on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> list[Point]:
-    """Every kind of model at every size; configs: configuration -> settings.
+    """Train and test every kind of model at every size.
 
+    Args: configs: configuration -> settings.
     Raises: ValueError: if the training segment is shorter than a size.
     """
     if len(training.segment) < max(sizes):
@@ -96,7 +97,7 @@ def _trained(row: str, segment: Segment, configs: dict[str, Config]) -> Residual
 
 
 def _errors(model: ResidualModel, test: Flight, horizons: list[int]) -> np.ndarray:
-    """(H, 2) RMSE of force and torque, motion held."""
+    """Return the RMSE of force and torque, motion held, (H, 2)."""
     chi, zeta = test.segment.chi, test.segment.zeta
     origins = np.arange(FIRST, len(chi) - max(horizons))
     chi_hat = model_predictions(model, chi, zeta, origins, horizons, zeta_known=False)
@@ -109,7 +110,7 @@ def _rmse(chi_hat: np.ndarray, chi: np.ndarray, origins: np.ndarray, horizons: S
 
 
 def _points(row: str, size: int, errors: np.ndarray, horizons: Sequence[int]) -> list[Point]:
-    """One a horizon from (pieces, H, 2) errors."""
+    """Return one point a horizon from (pieces, H, 2) errors."""
     spread = np.stack([errors.mean(axis=0), errors.min(axis=0), errors.max(axis=0)])
     return [
         Point(row, size, len(errors), h, force=_triple(spread[:, i, 0]), torque=_triple(spread[:, i, 1]))
@@ -123,7 +124,10 @@ def _triple(values: np.ndarray) -> tuple[float, float, float]:
 
 
 def efficiency_figure(points: list[Point], step: float, title: str) -> Figure:
-    """Force above, torque below, a column a horizon; whiskers from the best to the worst training piece."""
+    """Plot force above, torque below, a column a horizon; whiskers from the best to the worst training piece.
+
+    Args: step: of the flight [s].
+    """
     horizons = sorted({p.horizon for p in points})
     figure, axes = new_figure(2, len(horizons), width=9.0, height=5.6, sharex="col")
     names = {PAPER: "ours, `paper`", DEFAULT: "ours, `default`", DMDC: DMDC}

@@ -1,4 +1,4 @@
-"""Theorem 1 on real flights: the bound, computed first, against the error that it bounds, in every window."""
+"""Theorem 1 on real flights: the bound, computed first, against the error that followed, in every window."""
 
 import dataclasses as dc
 from collections.abc import Callable
@@ -7,20 +7,20 @@ import numpy as np
 
 from diagrams.batch.processes import in_order
 from diagrams.prediction.array_flights import Flight
-from np_drake.lifting.bound_check import BoundCheck, check_flight
-from np_drake.lifting.encoders import Phi
-from np_drake.lifting.error_bound import largest_changes
-from np_drake.lifting.lifted_model import LiftedModel
+from np_drake.lifting.bounds.bound_check import BoundCheck, check_flight
+from np_drake.lifting.bounds.error_bound import largest_changes
+from np_drake.lifting.model.encoders import Phi
+from np_drake.lifting.model.lifted_model import LiftedModel
 
 STEPS = (1, 10, 40)  # ahead, at which the tightness is shown [1]
 FORESEEN_SPACING = 10  # samples between windows where the alphas come from the other flights [1]
 BROKEN_SPACING = 20  # and of the models that violate an assumption [1]
-OWN, FORESEEN = "own", "others"
+OWN, FORESEEN = "own", "others"  # sources of the alphas
 
 
 @dc.dataclass(frozen=True)
 class _Task:
-    """One check: a model, a flight, and where the alphas come from."""
+    """One check: a model, a flight, and the source of the alphas."""
 
     model: str
     flight: str
@@ -29,7 +29,7 @@ class _Task:
 
 
 def broken_models(model: LiftedModel) -> dict[str, tuple[LiftedModel, dict]]:
-    """Models (and settings of the check) that violate one assumption each."""
+    """Return models, with settings of the check, that violate one assumption each."""
     assert isinstance(model.encoder, Phi)
     unstable = dc.replace(model.system, A=model.system.A * (1.02 / model.system.spectral_radius))
     *first, last = model.encoder.weights
@@ -44,9 +44,9 @@ def bound_table(
     models: dict[str, LiftedModel], flown: list[Flight], *, spacing: int = 1, jobs: int = 1,
     on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> list[dict]:  # fmt: skip
-    """One line for every model, flight and source of the alphas, and one for every broken model.
+    """Return one line for every model, flight and source of the alphas, and one for every broken model.
 
-    spacing: samples between windows; 1 is every window.
+    Args: models: configuration -> trained model.   spacing: samples between windows; 1 is every window.
     """
     tasks = [task for name, model in models.items() for task in _tasks(name, model, flown, spacing)]
     for name, (model, settings) in broken_models(models["paper"]).items():
@@ -94,7 +94,7 @@ def _line(task: _Task) -> dict:
 
 
 def assumption_lines(lines: list[dict]) -> list[str]:
-    """What was verified, one line a model; and which assumption was violated where."""
+    """Return what was verified, one line a model, and which assumption was violated where."""
     said = []
     for name in dict.fromkeys(line["model"] for line in lines):
         of = [line for line in lines if line["model"] == name]
@@ -109,7 +109,7 @@ def assumption_lines(lines: list[dict]) -> list[str]:
 
 
 def printed(lines: list[dict]) -> tuple[str, list[str], list[tuple]]:
-    """Title, header and rows of the table; every model has a line before its flights."""
+    """Return title, header and rows of the table; every model has a line before its flights."""
 
     def ratio(line: dict, kind: str, n: int) -> str:
         return " / ".join(f"{v:.3g}" if v < 1000 else f"{v:.0f}" for v in line["tightness"][kind][n])

@@ -1,4 +1,4 @@
-"""The robustness sweep as one figure: a column an axis, E_xy above E_z."""
+"""Robustness sweep as one figure: a column an axis, E_xy above E_z."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,10 @@ MARKERS = ("o", "s", "^", "v", "D", "P", "X")
 
 
 def robustness_figure(lines: Sequence[dict], title: str = "") -> Figure:
-    """Error against value; a cross at the upper edge where a flight is lost.   lines: of `robustness_table`."""
+    """Plot error against value, with a cross at the upper edge where a flight is lost.
+
+    Args: lines: of `robustness_table`.
+    """
     varied = axes_of(lines)
     figure, axes = new_figure(
         2, len(varied), width=1.5 + 1.9 * len(varied), height=5.4, sharey="row", sharex="col"
@@ -44,7 +47,7 @@ def robustness_figure(lines: Sequence[dict], title: str = "") -> Figure:
 
 
 def _draw(ax, line: dict, key: str, number: int) -> None:
-    """One controller in one panel."""
+    """Draw one controller in one panel."""
     nominal = line["row"] == NOMINAL
     style = {
         "color": "black" if nominal else PALETTE[(number - 1) % 6],

@@ -1,6 +1,7 @@
-"""How far does each controller carry? The circle with one figure changed: payload, motion, air, sensors or motors.
+"""Robustness of every controller: the circle with one quantity changed in payload, motion, air, sensors or motors.
 
-Models are trained once, on the standard training flight, and flown everywhere: what is tested is how they generalise.
+Models are trained once, on the standard training flight, and flown everywhere, so that their generalisation is
+tested.
 """
 
 import base64
@@ -21,14 +22,14 @@ from np_drake import attitude, metrics
 from np_drake.mpc.problem import MpcStatus
 from np_drake.rigid_body import Q
 
-TRACK, TRAINING = "circle", "training_circle"
+TRACK, TRAINING = "circle", "training_circle"  # experiments that are flown and trained on
 SCORED, SETTLING = 20.0, 5.0  # flight after the ramp, and its part that is not read [s]
 HEIGHT = 2.4  # of the circle: room for the longest tether [m]
 GUSTS = 0.25  # standard deviation of each axis of the wind, over its mean speed [1]
-LOST = (
-    1.0  # farther than this from the reference a vehicle counts as lost; own choice: the circle's radius [m]
-)
+# Distance from the reference beyond which a vehicle counts as lost; own choice: the circle's radius [m].
+LOST = 1.0
 LAST = 1.0  # time before the loss in which the rotors are looked at [s]
+# Rows of the tracking comparison that are flown.
 SHOWN = ("nominal", "hold", "hold + total mass", "gp", "knode", "np", "oracle")
 ROWS = tuple(next(row for row in TRACKING_ROWS if row.name == name) for name in SHOWN)
 Progress = Callable[[int, int], None]
@@ -36,16 +37,16 @@ Progress = Callable[[int, int], None]
 
 @dc.dataclass(frozen=True)
 class Axis:
-    """A figure that is varied while the others stay at their base."""
+    """A quantity that is varied while the others stay at their base."""
 
-    name: str
-    title: str
-    unit: str
+    name: str  # key of a case
+    title: str  # in tables and plots
+    unit: str  # of base and values
     base: float
-    values: tuple[float, ...]
+    values: tuple[float, ...]  # that are flown
 
     def says(self, value: float) -> str:
-        """The value with its unit; `× 2` of a factor."""
+        """Return the value with its unit; `× 2` of a factor."""
         return f"× {value:g}" if self.unit == "1" else f"{value:g} {self.unit}"
 
 
@@ -61,7 +62,10 @@ BASE = {axis.name: axis.base for axis in AXES}
 
 
 def flight_config(case: Case, *, solver: str, model: str = "", duration: float = SCORED) -> FlightConfig:
-    """The circle as the case has it.   model: file of the row's model.   duration: after the ramp [s]."""
+    """Return the circle as the case has it.
+
+    Args: model: file of the row's model.   duration: after the ramp [s].
+    """
     row = next(row for row in ROWS if row.name == case["row"])
     config = configure(TRACK, row, solver=solver, model=model)
     reality, noise = config.reality, config.reality.noise
@@ -78,18 +82,19 @@ def flight_config(case: Case, *, solver: str, model: str = "", duration: float =
     )
     reality.motor_lag = case["lag"]
     config.reference.speed, config.reference.height, config.duration = case["speed"], HEIGHT, duration
-    config.controller.extra_mass = case["mass"] if row.told_mass else 0.0
+    config.controller.extra_mass = case["mass"] if row.known_mass else 0.0
     return config.check()
 
 
 @dc.dataclass(frozen=True)
 class Training:
-    """The work of a training case: {"model": configuration} -> {"file": model file in base 64}."""
+    """Work of a training case: {"model": configuration} -> {"file": model file in base 64}."""
 
     seed: int
     solver: str
 
     def __call__(self, case: Case) -> dict:
+        """Train the model of the case."""
         row = next(row for row in ROWS if row.configuration == case["model"])
         with tempfile.TemporaryDirectory() as folder:
             files = train_models((row,), Path(folder), seed=self.seed, solver=self.solver)
@@ -98,13 +103,17 @@ class Training:
 
 @dc.dataclass(frozen=True)
 class Flying:
-    """The work of a flight: case -> `measures`.   models: model files by configuration."""
+    """Work of a flight: case -> `measures`.
+
+    models: model files by configuration.   duration: after the ramp [s].
+    """
 
     models: dict[str, bytes]
     solver: str
     duration: float = SCORED
 
     def __call__(self, case: Case) -> dict:
+        """Fly the case and return its measures."""
         row, signals, why = next(row for row in ROWS if row.name == case["row"]), None, ""
         with tempfile.TemporaryDirectory() as folder:
             model = Path(folder) / "model.safetensors"
@@ -119,7 +128,7 @@ class Flying:
 
 
 def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = "") -> dict:
-    """Figures of a flight until it is lost, and of its steady window where it is not.
+    """Return the metrics of a flight until it is lost, and of its steady window where it is not.
 
     Returns:
         lost_at: when [s], or None; with `lost`: the simulator's line, where it ended the flight.
@@ -156,7 +165,7 @@ def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = ""
 
 
 def _largest_swing(plant_state: np.ndarray) -> float | None:
-    """Largest angle between the way from vehicle to payload and the vertical [rad]; None without payload."""
+    """Return the largest angle of the line from vehicle to payload with the vertical [rad]; None without payload."""
     if plant_state.shape[1] < 26:
         return None
     down = plant_state[:, 4:7] - plant_state[:, 11:14]
@@ -166,9 +175,10 @@ def _largest_swing(plant_state: np.ndarray) -> float | None:
 def flight_cases(
     rows: Sequence[Row], seeds: Sequence[int], models: dict[str, bytes], axes: Sequence[Axis] = AXES
 ) -> list[Case]:
-    """Every row at every value of every axis with every seed; the base, which all axes share, once.
+    """Return every row at every value of every axis with every seed; the base, which all axes share, once.
 
     A case names its model by the digest of its file, so that no result of another one is taken for it.
+    Args: models: content of the model files by configuration.
     """
     settings = {tuple((BASE | {axis.name: value}).items()) for axis in axes for value in axis.values}
     digests = {name: hashlib.sha256(content).hexdigest()[:16] for name, content in models.items()}
@@ -194,8 +204,10 @@ def run_robustness(
     on_training: Progress = lambda done, total: None,
     on_progress: Progress = lambda done, total: None,
 ) -> tuple[list[Record], list[Record]]:
-    """Trains what `rows` need, then flies every case; see `run_campaign` for folder, jobs and scheduler.
+    """Train what `rows` need, then fly every case; see `run_campaign` for folder, jobs and scheduler.
 
+    Args: seeds: of the flights.   training_seed: of the training flights and the trainings.   duration: of a flight,
+    after the ramp [s].   on_training, on_progress: called with cases done and all.
     Returns: the records of the trainings and of the flights. Rows whose training failed do not fly.
     """
     config = campaign_config(training_seed, solver, duration)
@@ -211,7 +223,7 @@ def run_robustness(
 
 
 def campaign_config(training_seed: int, solver: str, duration: float = SCORED) -> dict:
-    """All that the results depend on beside the case itself."""
+    """Return all that the results depend on other than the case itself."""
     base = flight_config({"row": "nominal", "seed": 0, **BASE}, solver=solver, duration=duration)
     return {
         "solver": solver, "training": TRAINING, "training_seed": training_seed, "mpc": frozen_weights(),

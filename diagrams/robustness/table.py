@@ -1,4 +1,4 @@
-"""What the robustness sweep says: errors along every axis, and where a controller stops being better than nominal."""
+"""Tables of the robustness sweep: errors along every axis, and the range in which a controller beats nominal."""
 
 from collections.abc import Sequence
 
@@ -7,13 +7,13 @@ import numpy as np
 from diagrams.batch.campaign import Record
 from diagrams.robustness.robustness import AXES, BASE, ROWS, Axis
 
-NOMINAL = "nominal"
-ERRORS = ("E_xy", "E_z")
+NOMINAL = "nominal"  # row that the others are compared with
+ERRORS = ("E_xy", "E_z")  # keys of the errors [m]
 Interval = tuple[float, float]
 
 
 def along(records: Sequence[Record], axis: Axis, row: str) -> list[dict]:
-    """One line a value of the axis: means over the seeds, and counts.
+    """Return one line a value of the axis: means over the seeds, and counts.
 
     Returns: {"value", "flights", "lost": lost or failed flights, "E_xy", "E_z" [m], "growth" [1]: None where one is
         lost, "spread": largest relative deviation of a seed's E_xy from the mean [1], "solve_failures",
@@ -41,7 +41,7 @@ def _spread(values: list[float]) -> float:
 
 
 def robustness_table(records: Sequence[Record], axes: Sequence[Axis] = AXES) -> list[dict]:
-    """One line an axis and row that flew: `points` as `along` gives them, and `better`: intervals by error."""
+    """Return one line an axis and row that flew: `points` of `along`, and `better`, intervals by error."""
     flown = [row.name for row in ROWS if any(r["case"]["row"] == row.name for r in records)]
     lines = []
     for axis in axes:
@@ -54,9 +54,10 @@ def robustness_table(records: Sequence[Record], axes: Sequence[Axis] = AXES) -> 
 
 
 def better_than(points: Sequence[dict], base: Sequence[dict], key: str) -> list[Interval]:
-    """Where the error `key` is below that of `base`: intervals of the axis, between values on the line of log ratios.
+    """Return the intervals of the axis in which the error `key` is below that of `base`.
 
-    No line leads to or from a lost flight: it is never better, and where only `base` is lost, `points` is.
+    Between values the logarithm of the ratio is interpolated linearly. No line leads to or from a lost flight: it is
+    never better, and where only `base` is lost, `points` is.
     """
     values = [point["value"] for point in points]
     ratio = [_log_ratio(point[key], other[key]) for point, other in zip(points, base, strict=True)]
@@ -73,14 +74,14 @@ def better_than(points: Sequence[dict], base: Sequence[dict], key: str) -> list[
 
 
 def _log_ratio(error: float | None, base: float | None) -> float:
-    """Infinite where the flight is lost; minus infinite where only the base is."""
+    """Return the log ratio, infinite where the flight is lost and minus infinite where only the base is."""
     if error is None:
         return np.inf
     return float(np.log(error / base)) if base is not None else -np.inf
 
 
 def _edge(values: list[float], ratio: list[float], inside: int, outside: int) -> float:
-    """Where the line from the point `inside`, which is better, to its neighbour meets zero; else the point itself."""
+    """Return where the line from `inside`, which is better, to its neighbour meets zero; else the point itself."""
     if not 0 <= outside < len(values) or not np.isfinite([ratio[inside], ratio[outside]]).all():
         return values[inside]
     if ratio[outside] < 0:
@@ -89,7 +90,7 @@ def _edge(values: list[float], ratio: list[float], inside: int, outside: int) ->
 
 
 def lost_lines(records: Sequence[Record]) -> list[str]:
-    """Each lost or failed flight: when, and what the rotors did before."""
+    """Return a line on each lost or failed flight: when, and what the rotors did before."""
     said = []
     for record in records:
         case, result = record["case"], record.get("result")
@@ -106,12 +107,12 @@ def lost_lines(records: Sequence[Record]) -> list[str]:
 
 
 def axes_of(lines: Sequence[dict]) -> list[Axis]:
-    """The axes that the lines of `robustness_table` are of."""
+    """Return the axes that occur in the lines of `robustness_table`."""
     return [axis for axis in AXES if any(line["axis"] == axis.name for line in lines)]
 
 
 def extremes(records: Sequence[Record], axes: Sequence[Axis] = AXES) -> list[str]:
-    """Along each axis the flight that came nearest to a rotor's limit."""
+    """Return, for each axis, a line on the flight that came nearest to a rotor's limit."""
     said = []
     for axis in axes:
         off = BASE.keys() - {axis.name}

@@ -1,4 +1,4 @@
-"""The circle experiment: `scenarios/circle.yaml`."""
+"""Circle experiment: `scenarios/circle.yaml`."""
 
 from pydrake.systems.framework import Diagram
 
@@ -8,5 +8,5 @@ from systems.recorder import Recorder
 
 
 def make_circle_diagram(config: FlightConfig | None = None) -> tuple[Diagram, Recorder]:
-    """The closed loop of the circle flight and the recorder that reads it back; as `circle.yaml` by default."""
+    """Return the closed loop of the circle flight, by default that of `circle.yaml`, and its recorder."""
     return make_flight_diagram(config or load_experiment("circle"))

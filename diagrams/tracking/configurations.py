@@ -1,11 +1,11 @@
-"""Which configuration of the Neural Predictor flies best: all of them trained on one flight, in the same loop."""
+"""Comparison of all configurations of the Neural Predictor in flight, trained on one flight, in the same loop."""
 
 import numpy as np
 
 from diagrams.tracking.tracking import Row
-from np_drake.lifting.training import CONFIGURATIONS
+from np_drake.lifting.training.train import CONFIGURATIONS
 
-TRAINING = "training_circle"
+TRAINING = "training_circle"  # experiment that all are trained on
 PREFIX = "np: "  # of a row's name, before that of its configuration
 ROWS = (
     Row("nominal", "nominal"),
@@ -16,7 +16,7 @@ ROWS = (
 
 
 def ranking(summaries: list[dict]) -> list[tuple[str, float, float]]:
-    """(row, mean, standard deviation over seeds) of the error in space [m], mean over the tracks, best first.
+    """Return (row, mean, standard deviation over seeds) of the error in space [m], mean over the tracks, best first.
 
     The error in space of a flight is sqrt(E_xy² + E_z²). A lost flight counts as infinite; the deviation of a single
     seed, or with a lost flight, is NaN.
@@ -34,7 +34,7 @@ def ranking(summaries: list[dict]) -> list[tuple[str, float, float]]:
 
 
 def verdict(places: list[tuple[str, float, float]]) -> str:
-    """One line: the configurations from best to worst, in cm."""
+    """Return one line with the configurations from best to worst [cm]."""
     mine = [place for place in places if place[0].startswith(PREFIX)]
     if not mine:
         return "no configuration flew."

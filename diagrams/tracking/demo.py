@@ -1,4 +1,4 @@
-"""The main job: fly, learn, fly again."""
+"""Demo: a training flight, training, and evaluation flights on both tracks."""
 
 import dataclasses as dc
 from collections.abc import Callable
@@ -9,14 +9,17 @@ from diagrams.batch.processes import in_order
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.prediction.learning import train_predictor
 from diagrams.tracking.tracking import TRACKS, Row, configure, training_flight
-from np_drake.lifting.training import TrainingResult
+from np_drake.lifting.training.train import TrainingResult
 
 ROWS = (Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np"))
 
 
 @dc.dataclass
 class Demo:
-    """What the demo leaves: the training flight, the training, and flights by track and controller."""
+    """Results of the demo.
+
+    training: the training flight.   result: the training.   model: its file.   flights: by track and controller.
+    """
 
     training: FlightResult
     result: TrainingResult
@@ -24,7 +27,7 @@ class Demo:
     flights: list[FlightResult]
 
     def reduction(self) -> dict[str, dict[str, float]]:
-        """Fraction by which NP-MPC cuts the nominal MPC's error, by track."""
+        """Return the relative reduction of the nominal MPC's error by NP-MPC, by track [1]."""
         cuts = {}
         for track in TRACKS:
             m = {f.config.controller.kind: f.metrics() for f in self.flights if f.config.name == track}
@@ -40,7 +43,7 @@ def run_demo(
     jobs: int = 2,
     on_progress: Callable[[float, str], None] = lambda fraction, text: None,
 ) -> Demo:
-    """Flies the training circle with the nominal MPC, trains, then flies both tracks with all three controllers.
+    """Fly the training circle with the nominal MPC, train, then fly both tracks with all three controllers.
 
     The evaluation flights draw other noise (seed + 1) than the training flight. Writes the model into `folder`.
     """
@@ -69,5 +72,5 @@ def run_demo(
 
 
 def _signals(task: tuple[str, Row], *, model: str, seed: int, solver: str) -> dict:
-    """Only arrays travel between processes."""
+    """Return the arrays of a flight, since only these travel between processes."""
     return fly(configure(*task, solver=solver, model=model), seed=seed).signals

@@ -1,4 +1,4 @@
-"""Figures of flights: plane track, errors, wrench. Every function returns a Figure and shows nothing."""
+"""Plots of flights: plane track, errors, wrench; every function returns a Figure and shows nothing."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ _AXES = ("x", "y", "z")
 
 
 def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
-    """Track in the x-y plane of several controllers, the reference dotted; the last lap only.
+    """Plot the track in the x-y plane of several controllers, the reference dotted; the last lap only.
 
     An error along the track does not show here; `errors` has it.
     """
@@ -33,7 +33,7 @@ def plane_track(flights: Sequence[FlightResult], title: str = "") -> Figure:
 
 
 def errors(flights: Sequence[FlightResult], title: str = "") -> Figure:
-    """Position error against time, one panel an axis."""
+    """Plot the position error against time, one panel an axis."""
     figure, axes = new_figure(3, 1, width=7.0, height=5.0)
     for i, ax in enumerate(axes[:, 0]):
         for k, flight in enumerate(flights):
@@ -51,7 +51,7 @@ def errors(flights: Sequence[FlightResult], title: str = "") -> Figure:
 
 
 def wrench(flight: FlightResult, span: float = 8.0) -> Figure:
-    """External force and torque: truth, label and prediction, over the last `span` seconds."""
+    """Plot external force and torque, as truth, label and prediction, over the last `span` seconds."""
     s = flight.signals
     rows = s["t"] > s["t"][-1] - span
     figure, axes = new_figure(3, 2, width=9.0, height=5.5)

@@ -1,4 +1,4 @@
-"""The hover experiment: `hover.yaml` beside this file."""
+"""Hover experiment: `scenarios/hover.yaml`."""
 
 from pydrake.systems.framework import Diagram
 
@@ -8,5 +8,5 @@ from systems.recorder import Recorder
 
 
 def make_hover_diagram(config: FlightConfig | None = None) -> tuple[Diagram, Recorder]:
-    """The closed loop of the hover flight and the recorder that reads it back; as `hover.yaml` by default."""
+    """Return the closed loop of the hover flight, by default that of `hover.yaml`, and its recorder."""
     return make_flight_diagram(config or load_experiment("hover"))

@@ -1,4 +1,4 @@
-"""The lemniscate experiment: `lemniscate.yaml` beside this file."""
+"""Lemniscate experiment: `scenarios/lemniscate.yaml`."""
 
 from pydrake.systems.framework import Diagram
 
@@ -8,5 +8,5 @@ from systems.recorder import Recorder
 
 
 def make_lemniscate_diagram(config: FlightConfig | None = None) -> tuple[Diagram, Recorder]:
-    """The closed loop of the lemniscate flight and the recorder that reads it back; as `lemniscate.yaml` by default."""
+    """Return the closed loop of the lemniscate flight, by default that of `lemniscate.yaml`, and its recorder."""
     return make_flight_diagram(config or load_experiment("lemniscate"))

@@ -1,4 +1,4 @@
-"""The tracking comparison: every controller on circle and lemniscate, several seeds, one trained model a row."""
+"""Tracking comparison: every controller on circle and lemniscate, several seeds, one trained model a row."""
 
 import dataclasses as dc
 from collections.abc import Callable
@@ -16,8 +16,9 @@ from diagrams.prediction.learning import train_predictor, train_reaction
 from np_drake.residual_models.motion_model import GP, KNODE, REACTIONS
 from np_drake.swing_metrics import half_width
 
-TRACKS = ("circle", "lemniscate")
-PLAIN, DITHERED = "plain_circle", "training_circle"
+TRACKS = ("circle", "lemniscate")  # experiments that are flown
+PLAIN, DITHERED = "plain_circle", "training_circle"  # experiments that are trained on
+# Training experiments by option.
 PROTOCOLS = {"plain": (PLAIN,), "dithered": (DITHERED,), "both": (PLAIN, DITHERED)}
 # The paper's Table II: (E_xy, E_z) [m], real flights. Source: Jin et al. 2025.
 PAPER = {
@@ -30,29 +31,32 @@ PAPER = {
 
 @dc.dataclass(frozen=True)
 class Row:
-    """One line of the table: a controller, what it is told, and what its predictor was trained on."""
+    """One row of the table: a controller, what it is given, and what its predictor was trained on.
 
-    name: str
+    kind: see `ControllerConfig`.   known_mass: whether controller and estimator know the payload's mass.
+    """
+
+    name: str  # of the row
     kind: str
-    told_mass: bool = False
+    known_mass: bool = False
     hold_bandwidth: float = np.inf  # of kind hold [Hz]
     training: str = ""  # experiment that the predictor is trained on
     configuration: str = ""  # of the predictor; gp, knode: their own name
 
     @property
     def published(self) -> dict[str, tuple[float, float]]:
-        """The paper's figures of this controller by track, where it has any."""
-        return {} if self.told_mass else PAPER.get(self.kind, {})
+        """Errors of this controller in the paper by track, (E_xy, E_z) [m]; empty where it has none."""
+        return {} if self.known_mass else PAPER.get(self.kind, {})
 
 
 ROWS = (
     Row("nominal", "nominal"),
-    Row("nominal + total mass", "nominal", told_mass=True),
+    Row("nominal + total mass", "nominal", known_mass=True),
     Row("observer", "observer"),
-    Row("observer + total mass", "observer", told_mass=True),
+    Row("observer + total mass", "observer", known_mass=True),
     Row("hold", "hold"),
-    Row("hold + total mass", "hold", told_mass=True),
-    Row("hold at 1 Hz + total mass", "hold", told_mass=True, hold_bandwidth=1.0),
+    Row("hold + total mass", "hold", known_mass=True),
+    Row("hold at 1 Hz + total mass", "hold", known_mass=True, hold_bandwidth=1.0),
     Row("gp: plain circle", "gp", training=PLAIN, configuration=GP),
     Row("gp", "gp", training=DITHERED, configuration=GP),
     Row("knode: plain circle", "knode", training=PLAIN, configuration=KNODE),
@@ -66,19 +70,19 @@ ROWS = (
 
 
 def configure(track: str, row: Row, *, solver: str, model: str = "") -> FlightConfig:
-    """The experiment `track` flown by `row`."""
+    """Return the experiment `track` with the controller of `row`."""
     config = load_experiment(track)
     controller = config.controller
     controller.kind, controller.solver = row.kind, solver
     controller.predictor = model if row.kind in LEARNED else ""
     controller.hold_bandwidth = row.hold_bandwidth
-    if row.told_mass:
+    if row.known_mass:
         controller.extra_mass = config.reality.payload.mass
     return config.check()
 
 
 def training_flight(experiment: str, *, seed: int, solver: str, monitor=None) -> FlightResult:
-    """The 60 s that a predictor learns from, flown by the nominal MPC."""
+    """Fly the experiment that a predictor learns from (60 s) with the nominal MPC."""
     config = load_experiment(experiment)
     config.controller.kind, config.controller.solver = "nominal", solver
     return fly(config, seed=seed, monitor=monitor)
@@ -87,7 +91,7 @@ def training_flight(experiment: str, *, seed: int, solver: str, monitor=None) ->
 def train_models(
     rows: tuple[Row, ...], folder: Path, *, seed: int, solver: str
 ) -> dict[tuple[str, str], str]:
-    """One model file for every (training experiment, configuration) that `rows` name."""
+    """Train one model for every (training experiment, configuration) of `rows` and return their files."""
     files: dict[tuple[str, str], str] = {}
     flights: dict[str, FlightResult] = {}
     for row in rows:
@@ -109,7 +113,7 @@ Flight = tuple[str, Row, str, int, str]  # track, row, model file, seed, solver
 
 
 def _fly_row(task: Flight) -> dict:
-    """The `fly` summary and the last lap; of a lost vehicle infinite errors, so that it loses no other flight."""
+    """Return the `fly` summary and the last lap; infinite errors for a lost vehicle, so that other flights are kept."""
     track, row, model, seed, solver = task
     try:
         flight = fly(configure(track, row, solver=solver, model=model), seed=seed)
@@ -133,7 +137,7 @@ def run_tracking(
     on_progress: Callable[[int, int], None] = lambda done, total: None,
     on_lap: Callable[[dict, dict[str, np.ndarray]], None] = lambda summary, lap: None,
 ) -> list[dict]:
-    """All rows on all tracks and seeds; the `fly` summaries, each with its row's name.
+    """Fly all rows on all tracks and seeds and return the `fly` summaries, each with its row's name.
 
     Args: on_lap: called with a summary and x_true, p_ref (n, 2) [m] of that flight's last lap.
     """
@@ -152,8 +156,10 @@ def run_tracking(
 
 
 def table(summaries: list[dict], rows: tuple[Row, ...] = ROWS) -> list[dict]:
-    """E_xy and E_z [m] by row (in the order of `rows`) and track: mean over seeds with 95 % interval (Student) and
-    standard deviation, and the cut to nominal.
+    """Return E_xy and E_z [m] by row (in the order of `rows`) and track.
+
+    They are means over seeds with 95 % interval (Student) and standard deviation, and the reduction relative to
+    nominal.
     """
     order = {row.name: number for number, row in enumerate(rows)}
     lines = []
@@ -175,12 +181,12 @@ def table(summaries: list[dict], rows: tuple[Row, ...] = ROWS) -> list[dict]:
 
 
 def _deviation(values: np.ndarray) -> float:
-    """Standard deviation over seeds; NaN for a single or a lost flight."""
+    """Return the standard deviation over seeds; NaN for a single or a lost flight."""
     if len(values) < 2 or not np.isfinite(values).all():
         return float("nan")
     return float(values.std(ddof=1))
 
 
 def frozen_weights() -> dict:
-    """The MPC configuration that every row flies with."""
+    """Return the MPC configuration of every row."""
     return dc.asdict(load_experiment("circle").controller.mpc)

@@ -1,4 +1,4 @@
-"""The plane tracks of the tracking comparison, one panel a track."""
+"""Plane tracks of the tracking comparison, one panel a track."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -8,10 +8,10 @@ from np_drake.figure_file import DASHES, PALETTE, new_figure
 
 
 def plane_tracks(laps: dict[tuple[str, str], dict[str, np.ndarray]], title: str = "") -> Figure:
-    """The last lap of each row, the reference dotted.
+    """Plot the last lap of each row, the reference dotted.
 
-    laps: (track, row): x_true, p_ref (n, 2) [m].
     An error along the track does not show here; the table has it.
+    Args: laps: (track, row): x_true, p_ref (n, 2) [m].
     """
     figure, axes = new_figure(1, len(TRACKS), width=10.0, height=4.6)
     rows = list(dict.fromkeys(row for _, row in laps))

@@ -1,4 +1,4 @@
-"""The MPC's weights, chosen once on the vehicle without payload."""
+"""Selection of the MPC's weights on the vehicle without payload."""
 
 import dataclasses as dc
 import itertools
@@ -18,7 +18,7 @@ LAG = 0.06  # of the motors: twice what flies, so that the loop keeps its margin
 
 
 def _score(factors: tuple[float, float], seed: int, duration: float) -> dict:
-    """Error and effort of the nominal MPC on the lemniscate without payload and with slower motors."""
+    """Return error and effort of the nominal MPC on the lemniscate without payload and with slower motors."""
     position, torque = factors
     config = load_experiment("lemniscate")
     config.duration, config.reality.payload.tether = duration, "none"
@@ -45,9 +45,9 @@ def weight_table(
     jobs: int = 2,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict]:
-    """Every combination of the factors, best first: least E_xy within the effort allowed.
+    """Return every combination of the factors, best first: least E_xy within the effort allowed.
 
-    Factors 1, 1 are what is frozen in `MpcConfig`.
+    Factors 1, 1 are those of `MpcConfig`.   Args: duration: of a flight, after the ramp [s].
     """
     grid = list(itertools.product(POSITION, TORQUE))
     work = partial(_score, seed=seed, duration=duration)

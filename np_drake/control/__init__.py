@@ -1,1 +1,1 @@
-"""Controllers cheap enough for hundreds of flights."""
+"""Cascaded controller, fast enough for hundreds of simulated flights."""

@@ -1,4 +1,4 @@
-"""A cascaded flight controller: position to attitude to torque, a few microseconds a call."""
+"""Cascaded flight controller from position to attitude to torque; a call takes a few microseconds."""
 
 import dataclasses as dc
 import math
@@ -8,14 +8,17 @@ import numpy as np
 from np_drake import attitude
 from np_drake.vehicle import Vehicle
 
-TARGET_SIZE = 16
+TARGET_SIZE = 16  # p, v, a, w, dw/dt and heading [1]
 # Where each part of a target lies: p, v, a in W; angular rate and acceleration in B; heading.
 P, V, A, W, AL, YAW = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 12), slice(12, 15), 15
 
 
 @dc.dataclass(frozen=True)
 class CascadeGains:
-    """Per axis. Own choice: slow enough for 80 ms of rotor lag or 40 ms of dead time; feed-forward does the rest."""
+    """Gains of the controller, per axis.
+
+    Own choice: slow enough for 80 ms of rotor lag or 40 ms of dead time; feed-forward does the rest.
+    """
 
     position: tuple[float, float, float] = (2.5, 2.5, 9.0)  # [1/s²]
     velocity: tuple[float, float, float] = (2.7, 2.7, 5.5)  # [1/s]
@@ -37,10 +40,10 @@ def cascade(
     integral: np.ndarray,
     step: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """One step of the controller.
+    """Return the input of one step of the controller and the new integral of its errors.
 
-    Feedback on position and velocity asks for a specific force; its direction and the target's heading are the
-    attitude; feedback on attitude and body rate asks for an angular acceleration; eq. (1) turns both into u.
+    Feedback on position and velocity gives a specific force; its direction and the target's heading give the
+    attitude; feedback on attitude and body rate gives an angular acceleration; eq. (1) turns both into u.
     Source: the usual cascade on differential flatness; gains are an own choice.
 
     Args:
@@ -77,7 +80,10 @@ def cascade(
 
 
 def _thrust_direction(gravity: float, gains: CascadeGains, force: np.ndarray) -> np.ndarray:
-    """(3,) unit vector along the specific force; adds gravity to `force` in place and keeps the tilt in bounds."""
+    """Return the unit vector (3,) along the specific force.
+
+    Adds gravity to `force` in place and keeps the tilt in bounds.
+    """
     force[2] = max(force[2] + gravity, gains.least_lift * gravity)
     lateral, most = math.hypot(force[0], force[1]), force[2] * math.tan(gains.most_tilt)
     if lateral > most:
@@ -86,7 +92,7 @@ def _thrust_direction(gravity: float, gains: CascadeGains, force: np.ndarray) ->
 
 
 def _attitude_error(q: np.ndarray, z_B_W: np.ndarray, yaw: float) -> np.ndarray:
-    """(3,) small turn in B from `q` to the wanted thrust direction and heading [rad]."""
+    """Return the small rotation (3,) in B from `q` to the wanted thrust direction and heading [rad]."""
     wanted = attitude.quaternion_from_axes(z_B_W, yaw)
     turn = attitude.multiply(q * [1.0, -1.0, -1.0, -1.0], wanted)
     return (2.0 if turn[0] >= 0 else -2.0) * turn[1:]

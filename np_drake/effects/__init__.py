@@ -1,1 +1,1 @@
-"""Physical effects that the nominal model leaves out: one pure object a file, for adding and for fitting alike."""
+"""Physical effects that the nominal model leaves out, for simulation and for fitting; one pure object a file."""

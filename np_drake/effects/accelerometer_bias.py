@@ -1,4 +1,4 @@
-"""A constant error of the accelerometer."""
+"""Effect `accelerometer_bias`: a constant error of the accelerometer."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -13,11 +13,14 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class AccelerometerBias(SensorEffect):
-    """a_read = a + R [x, y, z]: constant in body axes.   Source: the usual IMU model."""
+    """Constant accelerometer bias in body axes, a_read = a + R [x, y, z].
+
+    Source: the usual IMU model.
+    """
 
     x: float = 0.2  # [m/s²]
-    y: float = 0.0
-    z: float = 0.0
+    y: float = 0.0  # [m/s²]
+    z: float = 0.0  # [m/s²]
 
     identifier: ClassVar[str] = "accelerometer_bias"
     corrupts: ClassVar[tuple[str, ...]] = ("ax", "ay", "az")
@@ -26,6 +29,6 @@ class AccelerometerBias(SensorEffect):
     )
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
-        """With the bias on `a`."""
+        """Return the reading with the bias on `a`."""
         bias_B = np.broadcast_to([self.x, self.y, self.z], truth.a.shape)
         return dc.replace(truth, a=truth.a + attitude.rotate(truth.x[..., Q], bias_B))

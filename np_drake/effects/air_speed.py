@@ -1,4 +1,4 @@
-"""The body's velocity through the air, and forces given in body axes."""
+"""Velocity of the body through the air, and wrenches given in body axes."""
 
 import numpy as np
 
@@ -7,12 +7,12 @@ from np_drake.rigid_body import V
 
 
 def air_velocity_B(motion: Motion) -> np.ndarray:
-    """(..., 3) velocity of Bo relative to the air, in B [m/s]."""
+    """Return the velocity of Bo relative to the air, in B, (..., 3) [m/s]."""
     return ((motion.x[..., V] - motion.wind)[..., None, :] @ motion.R_WB)[..., 0, :]
 
 
 def chi_from_body(motion: Motion, f_B: np.ndarray, tau_B: np.ndarray | None = None) -> np.ndarray:
-    """(..., 6) chi = [f in W, tau in B] of a force `f_B` (..., 3) at Bo and a torque, both in B [N, N·m]."""
+    """Return chi = [f in W, tau in B] (..., 6) of f_B (..., 3) at Bo and tau_B (..., 3), both in B [N, N·m]."""
     chi = np.zeros((*f_B.shape[:-1], 6))
     chi[..., :3] = (motion.R_WB @ f_B[..., None])[..., 0]
     if tau_B is not None:

@@ -1,4 +1,4 @@
-"""A constant error of the attitude estimate."""
+"""Effect `attitude_bias`: a constant error of the attitude estimate."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -13,14 +13,15 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class AttitudeBias(SensorEffect):
-    """q_read = q dq on the body's side, dq = yaw about z, then pitch about y, then roll about x, each turned axis.
+    """Constant rotation of the attitude estimate in body axes, q_read = q dq.
 
+    dq = yaw about z, then pitch about y, then roll about x, each about the turned axis.
     Source: own choice: markers or an IMU that are mounted askew.
     """
 
     roll: float = 0.02  # [rad]
-    pitch: float = 0.0
-    yaw: float = 0.0
+    pitch: float = 0.0  # [rad]
+    yaw: float = 0.0  # [rad]
 
     identifier: ClassVar[str] = "attitude_bias"
     linear: ClassVar[bool] = False
@@ -31,7 +32,7 @@ class AttitudeBias(SensorEffect):
 
     @property
     def dq(self) -> np.ndarray:
-        """(4,) unit quaternion of the error."""
+        """Unit quaternion of the error, (4,)."""
         dq = np.array([1.0, 0.0, 0.0, 0.0])
         for axis, angle in ((3, self.yaw), (2, self.pitch), (1, self.roll)):
             turn = np.zeros(4)
@@ -40,7 +41,7 @@ class AttitudeBias(SensorEffect):
         return dq
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
-        """With the attitude turned."""
+        """Return the reading with the attitude turned."""
         x = np.array(truth.x, float)
         x[..., Q] = attitude.multiply(x[..., Q], np.broadcast_to(self.dq, x[..., Q].shape))
         return dc.replace(truth, x=x)

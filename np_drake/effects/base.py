@@ -1,4 +1,4 @@
-"""What an effect is: where it acts decides which pure functions it has.
+"""Interfaces of effects, by the place where an effect acts.
 
 An effect is a frozen dataclass of its parameters (names and units of its own file). The simulator adds it through
 one of the wrappers in `systems/`; a diagnosis fits the same object to logs. All functions are vectorised over
@@ -16,17 +16,17 @@ from np_drake import attitude
 from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
 
-_STILL = np.zeros(3)
-_STEADY = np.zeros(4)
+_STILL = np.zeros(3)  # no wind, for motions without any [m/s]
+_STEADY = np.zeros(4)  # constant rotor speed [rad/s²]
 
 
 @dc.dataclass(frozen=True)
 class Parameter:
-    """One figure of an effect: where it vanishes, where it may lie, and how large it usually is.
+    """Range and scale of one parameter of an effect.
 
     neutral: value at which the effect vanishes, if `vanishes`.   lower, upper: bounds of a fit.
     typical: usual distance from neutral: the deviation of the prior, and the scale of finite differences.
-    choices: the only values, where it is no continuous figure.
+    choices: the only values, where it is not continuous.
     """
 
     name: str
@@ -40,7 +40,10 @@ class Parameter:
 
 
 class Effect:
-    """What all effects share. A subclass is a frozen dataclass whose fields carry the parameters' names."""
+    """Base class of all effects.
+
+    A subclass is a frozen dataclass whose fields carry the parameters' names.
+    """
 
     identifier: ClassVar[str]
     place: ClassVar[str]  # wrench | actuator | mass | measurement
@@ -48,35 +51,35 @@ class Effect:
     linear: ClassVar[bool] = True  # in all parameters
     begins: ClassVar[bool] = True  # may begin in mid-flight
     needs: ClassVar[tuple[str, ...]] = ()  # it acts through one of these (wind through a drag)
-    isotropic: ClassVar[bool] = False  # its figures are one vector that prefers no axis
+    isotropic: ClassVar[bool] = False  # its parameters are one vector without a preferred axis
 
     @property
     def values(self) -> dict[str, float]:
-        """Parameters by name."""
+        """Values of the parameters by name."""
         return {p.name: float(getattr(self, p.name)) for p in self.parameters}
 
     @property
     def foreseen(self) -> "Effect":
-        """What its parameters tell of another flight: the effect itself, but for what is drawn anew each time."""
+        """Effect that is predicted for another flight: the effect itself without what is drawn anew each time."""
         return self
 
     @classmethod
     def neutral(cls) -> "Effect":
-        """The effect at which nothing happens."""
+        """Return the effect with neutral parameters, at which nothing happens."""
         return cls.of({p.name: p.neutral for p in cls.parameters})
 
     @classmethod
     def of(cls, values: Mapping[str, float]) -> "Effect":
-        """The effect with these parameters; the others at their defaults."""
+        """Return the effect with these values of parameters by name, the others at their defaults."""
         return cls(**values)
 
 
 @dc.dataclass(frozen=True)
 class Motion:
-    """What a wrench effect may depend on.
+    """State, rotor thrust and air on which a wrench effect may depend.
 
-    t (...,) [s], x (..., 13), rotor_thrust (..., 4) [N], wind (..., 3) velocity of the air in W [m/s],
-    rotor_rate (..., 4) time derivative of rotor speed [rad/s²].
+    t: (...,) [s].   x: (..., 13).   rotor_thrust: (..., 4) [N].   wind: (..., 3) velocity of the air in W [m/s].
+    rotor_rate: (..., 4) time derivative of rotor speed [rad/s²].
     """
 
     t: np.ndarray | float
@@ -87,16 +90,16 @@ class Motion:
 
     @cached_property
     def R_WB(self) -> np.ndarray:
-        """(..., 3, 3) attitude."""
+        """Rotation matrix of the attitude, (..., 3, 3)."""
         return attitude.rotation_matrix(self.x[..., Q])
 
 
 class WrenchEffect(Effect):
-    """Adds a wrench to the body, or moves the air (`air_velocity`), which the drags of the same model feel.
+    """Effect that adds a wrench to the body, or moves the air (`air_velocity`) that the drags of the model feel.
 
-    pushes, turns: has it a force, a torque? The fit takes none from an effect that says no.   feels_rotor_rate: does it
-    depend on the rotors' acceleration? The simulator gives none to one that says no. A class with a `wrench` of its
-    own says so for itself.
+    pushes, turns: whether it has a force, a torque; the fit sets those to zero for an effect that declares none.
+    feels_rotor_rate: whether it depends on the rotors' acceleration; the simulator passes none to one that does not.
+    A class with its own `wrench` declares these itself.
     """
 
     place = "wrench"
@@ -111,16 +114,16 @@ class WrenchEffect(Effect):
                 setattr(cls, flag, True)
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) its part of chi = [f in W, tau in B] [N, N·m]; the force acts at Bo."""
+        """Return the effect's part of chi = [f in W, tau in B] (..., 6) [N, N·m]; the force acts at Bo."""
         return np.zeros((*motion.x.shape[:-1], 6))
 
     def air_velocity(self, t: np.ndarray | float) -> np.ndarray:
-        """(..., 3) its part of the velocity of the air in W [m/s]."""
+        """Return the effect's part of the velocity of the air in W, (..., 3) [m/s]."""
         return np.zeros((*np.shape(t), 3))
 
 
 class ActuatorEffect(Effect):
-    """Stands between commanded and actual rotor thrust. A memoryless effect has state_size 0 and no delay.
+    """Effect between commanded and actual rotor thrust; without memory it has state_size 0 and no delay.
 
     turns_rotor: whether it changes how fast the rotor turns (a motor), or what a turning rotor gives (a propeller).
     """
@@ -131,34 +134,38 @@ class ActuatorEffect(Effect):
 
     @property
     def dead_time(self) -> float:
-        """By which it holds commands back [s]."""
+        """Time by which commands are held back [s]."""
         return 0.0
 
     def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
-        """(state_size,) state at which a constant command `thrust` (4,) [N] rests."""
+        """Return the state (state_size,) at which a constant command `thrust` (4,) [N] rests."""
         return np.zeros(0)
 
     def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(..., state_size) time derivative of the state under the commanded thrusts (..., 4) [N]."""
+        """Return the time derivative of the state (..., state_size) under the commanded thrusts (..., 4) [N]."""
         return np.zeros((*np.shape(command)[:-1], 0))
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
     ) -> np.ndarray:
-        """(..., 4) actual rotor thrusts [N] at time t (...,) [s]."""
+        """Return the actual rotor thrusts (..., 4) [N] at time t (...,) [s]."""
         raise NotImplementedError
 
     def respond(self, vehicle: Vehicle, t: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(n, 4) mean thrusts [N] over equal intervals that begin at t (n,) [s] and hold `command` (n, 4) [N].
+        """Return the mean thrusts (n, 4) [N] over equal intervals that begin at t (n,) [s].
 
         For a sequence that begins at rest. A memoryless effect needs no own version.
+        Args: command: (n, 4) held over each interval [N].
         """
         return self.thrust(vehicle, np.zeros(0), command, t)
 
 
 @dc.dataclass(frozen=True)
 class MassProperties:
-    """Of the rigid vehicle: mass [kg], p_BoBcm_B (3,) [m], J (3, 3) about the centre of mass in body axes [kg·m²]."""
+    """Mass properties of the rigid vehicle.
+
+    mass: [kg].   p_BoBcm_B: (3,) centre of mass [m].   J: (3, 3) about the centre of mass in body axes [kg·m²].
+    """
 
     mass: float
     p_BoBcm_B: np.ndarray
@@ -166,29 +173,32 @@ class MassProperties:
 
     @staticmethod
     def of(vehicle: Vehicle) -> "MassProperties":
-        """As the vehicle file has them: the centre of mass at Bo."""
+        """Return the mass properties in the vehicle file, with the centre of mass at Bo."""
         return MassProperties(vehicle.mass, np.zeros(3), vehicle.J)
 
     @property
     def rigid(self) -> bool:
-        """Has any rigid body these? No principal moment exceeds the sum of the two others."""
+        """Whether a rigid body can have them: no principal moment exceeds the sum of the two others."""
         least, _, most = moments = np.linalg.eigvalsh(self.J)
         return bool(self.mass > 0 and least > 0 and 2 * most <= moments.sum() * (1 + 1e-9))
 
 
 class MassEffect(Effect):
-    """Changes the mass properties of the rigid vehicle."""
+    """Effect that changes the mass properties of the rigid vehicle."""
 
     place = "mass"
 
     def properties(self, nominal: MassProperties) -> MassProperties:
-        """What `nominal` is with the effect."""
+        """Return `nominal` changed by the effect."""
         raise NotImplementedError
 
 
 @dc.dataclass(frozen=True)
 class Measurement:
-    """What the rig reads: x (..., 13); a (..., 3) in W [m/s²]; al (..., 3) in B [rad/s²]; rotor (..., 4) [rad/s]."""
+    """Reading of the sensors.
+
+    x: (..., 13) state.   a: (..., 3) in W [m/s²].   al: (..., 3) in B [rad/s²].   rotor: (..., 4) rotor speed [rad/s].
+    """
 
     x: np.ndarray
     a: np.ndarray
@@ -197,21 +207,23 @@ class Measurement:
 
 
 class MeasurementEffect(Protocol):
-    """Corrupts what is read, not what happens. `white` are `white_size` standard normal draws per sample."""
+    """Effect that corrupts the reading and not the motion.
+
+    white_size: number of standard normal draws that it takes for a sample.
+    """
 
     identifier: ClassVar[str]
     white_size: ClassVar[int]
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
-        """The reading when the truth is `truth`; `white`: (..., white_size) standard normal [1]."""
+        """Return the reading of `truth`; `white`: (..., white_size) standard normal [1]."""
         ...
 
 
 class SensorEffect(Effect):
-    """A systematic error of a sensor: a MeasurementEffect without draws, so that it can be fitted.
+    """Systematic error of a sensor: a MeasurementEffect without random draws, so that it can be fitted.
 
-    corrupts: the columns of a flight log that it touches.   clock_shift: by which state rows run ahead of the
-    commands [s].
+    corrupts: columns of a flight log that it changes.   clock_shift: by which state rows run ahead of the commands [s].
     """
 
     place = "measurement"
@@ -221,9 +233,9 @@ class SensorEffect(Effect):
 
     @property
     def clock_shift(self) -> float:
-        """By how much later than their row's time the state columns were taken [s]."""
+        """Time by which the state columns were taken later than their row's time [s]."""
         return 0.0
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
-        """The reading when the truth is `truth`; nothing is drawn."""
+        """Return the reading of `truth`; nothing is drawn."""
         return truth

@@ -1,4 +1,4 @@
-"""Pitch and roll moment of rotors in lateral flow."""
+"""Effect `blade_flapping`: pitch and roll moment of rotors in lateral flow."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -12,7 +12,7 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class BladeFlapping(WrenchEffect):
-    """tau_B = moment [v_y, -v_x, 0] with v = R^T (v_WB - wind): nose up in forward flight.
+    """Moment tau_B = moment [v_y, -v_x, 0] with v = R^T (v_WB - wind): nose up in forward flight.
 
     Source: hub moment of a rotor that leans back in lateral flow, to first order in speed.
     """
@@ -25,7 +25,7 @@ class BladeFlapping(WrenchEffect):
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("moment", "N·m·s/m", 0.0, -0.2, 0.2, 0.02),)
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
+        """Return chi of the moment, (..., 6) [N, N·m]."""
         v_B = air_velocity_B(motion)
         tau_B = self.moment * np.stack([v_B[..., 1], -v_B[..., 0], np.zeros_like(v_B[..., 0])], axis=-1)
         return chi_from_body(motion, np.zeros_like(v_B), tau_B)

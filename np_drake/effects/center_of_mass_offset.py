@@ -1,4 +1,4 @@
-"""A centre of mass beside the point where the vehicle file has it."""
+"""Effect `center_of_mass_offset`: a centre of mass beside the point where the vehicle file has it."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -10,7 +10,7 @@ from np_drake.effects.base import MassEffect, MassProperties, Parameter
 
 @dc.dataclass(frozen=True)
 class CenterOfMassOffset(MassEffect):
-    """p_BoBcm_B = nominal + [x, y, z]; J stays that about the (new) centre of mass.
+    """Shift of the centre of mass, p_BoBcm_B = nominal + [x, y, z]; J stays about the new centre of mass.
 
     With c = p_BoBcm_B and F the force on the body, all at Bo, which stays the logged point:
         m (a_Bo + R (al x c + w x (w x c)) + g z) = F,    J al + w x J w = tau_Bo - c x R^T F.
@@ -18,8 +18,8 @@ class CenterOfMassOffset(MassEffect):
     """
 
     x: float = 0.01  # [m], body axes
-    y: float = 0.0
-    z: float = 0.0
+    y: float = 0.0  # [m]
+    z: float = 0.0  # [m]
 
     identifier: ClassVar[str] = "center_of_mass_offset"
     linear: ClassVar[bool] = False
@@ -29,5 +29,5 @@ class CenterOfMassOffset(MassEffect):
     )
 
     def properties(self, nominal: MassProperties) -> MassProperties:
-        """With the centre of mass moved."""
+        """Return `nominal` with the centre of mass moved."""
         return dc.replace(nominal, p_BoBcm_B=nominal.p_BoBcm_B + np.array([self.x, self.y, self.z]))

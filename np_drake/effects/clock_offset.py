@@ -1,4 +1,4 @@
-"""Two clocks that differ: that of the state and that of the commands."""
+"""Effect `clock_offset`: different clocks of the state and of the commands."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -8,10 +8,10 @@ from np_drake.effects.base import Parameter, SensorEffect
 
 @dc.dataclass(frozen=True)
 class ClockOffset(SensorEffect):
-    """The state columns (p, q, v, w, a, al) of row t are those of t + offset; commands and rotor speed keep time.
+    """Clock offset of the state: the columns p, q, v, w, a, al of row t are those of t + offset.
 
-    No reading at an instant can show it: `np_drake.logs.clock.shift_state` does it to a log.
-    Source: own choice: motion capture and autopilot on clocks of their own.
+    Commands and rotor speed keep time. No reading at an instant can show it: `np_drake.logs.clock.shift_state` applies
+    it to a log.   Source: own choice: motion capture and autopilot on separate clocks.
     """
 
     offset: float = 0.02  # [s]
@@ -26,5 +26,5 @@ class ClockOffset(SensorEffect):
 
     @property
     def clock_shift(self) -> float:
-        """[s]."""
+        """Time by which the state columns were taken later than their row's time [s]."""
         return self.offset

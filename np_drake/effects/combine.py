@@ -20,19 +20,22 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass
 class EffectsByPlace:
-    """Effects by where they act, each list in the given order. The payload stands alone: it is a body."""
+    """Effects by where they act, each list in the given order.
 
-    wrench: list[WrenchEffect] = dc.field(default_factory=list)
-    actuator: list[ActuatorEffect] = dc.field(default_factory=list)
-    mass: list[MassEffect] = dc.field(default_factory=list)
-    measurement: list[MeasurementEffect] = dc.field(default_factory=list)
+    The payload has a field of its own, because it is a body.
+    """
+
+    wrench: list[WrenchEffect] = dc.field(default_factory=list)  # act as force and torque on the body
+    actuator: list[ActuatorEffect] = dc.field(default_factory=list)  # act between command and thrust
+    mass: list[MassEffect] = dc.field(default_factory=list)  # change the mass properties
+    measurement: list[MeasurementEffect] = dc.field(default_factory=list)  # change the reading
     payload: SuspendedPayload | None = None
 
 
 def split_effects(effects: Iterable[Any]) -> EffectsByPlace:
-    """Sorts effects by where they act.
+    """Sort effects by where they act.
 
-    Raises: ValueError: if two payloads are given, or something that acts nowhere.
+    Raises: ValueError: if two payloads are given, or an object of no class of `effects.base`.
     """
     out = EffectsByPlace()
     for effect in effects:
@@ -54,7 +57,7 @@ def split_effects(effects: Iterable[Any]) -> EffectsByPlace:
 
 
 def total_wrench(vehicle: Vehicle, effects: Sequence[WrenchEffect], motion: Motion) -> np.ndarray:
-    """(..., 6) chi of all effects [N, N·m]: the air that some of them move is felt by all."""
+    """Return chi of all effects, (..., 6) [N, N·m], each in the air moved by all."""
     for effect in effects:
         if type(effect).air_velocity is not WrenchEffect.air_velocity:
             motion = dc.replace(motion, wind=motion.wind + effect.air_velocity(motion.t))
@@ -65,7 +68,7 @@ def total_wrench(vehicle: Vehicle, effects: Sequence[WrenchEffect], motion: Moti
 
 
 def mass_properties(vehicle: Vehicle, effects: Iterable[MassEffect]) -> MassProperties:
-    """The vehicle's mass properties with all effects, first to last."""
+    """Return the vehicle's mass properties with all effects applied, first to last."""
     properties = MassProperties.of(vehicle)
     for effect in effects:
         properties = effect.properties(properties)

@@ -1,4 +1,4 @@
-"""Commands that arrive late."""
+"""Effect `command_delay`: commands that arrive late."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -11,7 +11,10 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class CommandDelay(ActuatorEffect):
-    """f(t) = f_command(t - delay): a pure dead time.   Source: own choice: radio, bus and ESC."""
+    """Pure dead time, f(t) = f_command(t - delay).
+
+    Source: own choice: radio, bus and ESC.
+    """
 
     delay: float = 0.02  # [s]
 
@@ -22,17 +25,20 @@ class CommandDelay(ActuatorEffect):
 
     @property
     def dead_time(self) -> float:
-        """[s]."""
+        """Time by which commands are held back [s]."""
         return self.delay
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
     ) -> np.ndarray:
-        """(..., 4) [N]: of a command that is delayed already (`dead_time`)."""
+        """Return the thrusts (..., 4) [N] of a command that is delayed already by `dead_time`."""
         return command
 
     def respond(self, vehicle: Vehicle, t: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(n, 4) mean thrusts [N], exact: every interval sees the ends of two; the first command held before."""
+        """Return the mean thrusts (n, 4) [N], exact.
+
+        Every interval holds the ends of two commands; the first command is held before.
+        """
         if len(t) < 2:
             return command
         rows = self.delay * (len(t) - 1) / (t[-1] - t[0])

@@ -1,4 +1,4 @@
-"""A steady wind, felt through a drag."""
+"""Effect `constant_wind`: a steady wind, which acts through a drag."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -10,11 +10,14 @@ from np_drake.effects.base import Parameter, WrenchEffect
 
 @dc.dataclass(frozen=True)
 class ConstantWind(WrenchEffect):
-    """The air moves with [x, y, z] in W; drags act on v - wind.   Source: own choice: uniform and steady."""
+    """Uniform and steady wind [x, y, z] in W; drags act on v - wind.
+
+    Source: own choice.
+    """
 
     x: float = 2.0  # [m/s]
-    y: float = 0.0
-    z: float = 0.0
+    y: float = 0.0  # [m/s]
+    z: float = 0.0  # [m/s]
 
     identifier: ClassVar[str] = "constant_wind"
     feels_rotor_rate: ClassVar[bool] = False
@@ -27,5 +30,5 @@ class ConstantWind(WrenchEffect):
     )
 
     def air_velocity(self, t: np.ndarray | float) -> np.ndarray:
-        """(..., 3) in W [m/s]."""
+        """Return the wind in W, (..., 3) [m/s]."""
         return np.broadcast_to([self.x, self.y, self.z], (*np.shape(t), 3))

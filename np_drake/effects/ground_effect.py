@@ -1,4 +1,4 @@
-"""More thrust near the ground."""
+"""Effect `ground_effect`: more thrust near the ground."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -14,7 +14,7 @@ _LARGEST_SHARE = 1 / 3  # of (R / 4h)²: thrust at most 1.5 times; the formula d
 
 @dc.dataclass(frozen=True)
 class GroundEffect(WrenchEffect):
-    """Every rotor's thrust and reaction torque times 1 / (1 - (R / 4h)²), R = effective_radius, h = p_z.
+    """Thrust and reaction torque of every rotor times 1 / (1 - (R / 4h)²), R = effective_radius, h = p_z.
 
     The ground is z = 0; all rotors are at the height of Bo (own choice: no levelling torque of a tilted vehicle).
     Source: method of images (Cheeseman and Bennett 1955); ratio held at 1.5 from h = 0.43 R downwards.
@@ -28,7 +28,7 @@ class GroundEffect(WrenchEffect):
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("effective_radius", "m", 0.0, 0.0, 2.0, 0.2),)
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
+        """Return chi of the additional thrust and torque, (..., 6) [N, N·m]."""
         height = np.maximum(motion.x[..., 2], 1e-6)
         share = np.minimum((self.effective_radius / (4.0 * height)) ** 2, _LARGEST_SHARE)
         u = ((share / (1.0 - share))[..., None] * motion.rotor_thrust) @ vehicle.mixer.T

@@ -1,4 +1,4 @@
-"""A gusty wind, felt through a drag."""
+"""Effect `gusty_wind`: a gusty wind, which acts through a drag."""
 
 import dataclasses as dc
 from functools import lru_cache
@@ -13,7 +13,7 @@ _LINES = 60  # sinusoids an axis: the spectrum is that of the process, in lines 
 
 @lru_cache(maxsize=64)
 def _draws(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """(3, lines) angular frequency times correlation time [1], and phase [rad].
+    """Return angular frequency times correlation time [1], and phase [rad], (3, lines) each.
 
     The share (2/π) atan(w T) of a first-order process' power lies below w: one line in each of `_LINES` equal shares.
     """
@@ -24,18 +24,18 @@ def _draws(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 @dc.dataclass(frozen=True)
 class GustyWind(WrenchEffect):
-    """The air moves with mean + gust(t) in W; every axis of the gust is first-order Gauss-Markov.
+    """Wind mean + gust(t) in W; every axis of the gust is a first-order Gauss-Markov process.
 
     Spectrum 2 deviation² T / (1 + w² T²), T = correlation_time; a sum of sinusoids with phases by `seed`, so that
-    the same wind can be asked for at any t.   Source: own choice: Ornstein-Uhlenbeck, not Dryden.
+    the wind can be evaluated at any t.   Source: own choice: Ornstein-Uhlenbeck, not Dryden.
     """
 
     mean_x: float = 2.0  # [m/s]
-    mean_y: float = 0.0
-    mean_z: float = 0.0
+    mean_y: float = 0.0  # [m/s]
+    mean_z: float = 0.0  # [m/s]
     deviation: float = 1.0  # of each axis [m/s]
     correlation_time: float = 1.0  # [s]
-    seed: int = 0
+    seed: int = 0  # of the phases
 
     identifier: ClassVar[str] = "gusty_wind"
     feels_rotor_rate: ClassVar[bool] = False
@@ -51,11 +51,11 @@ class GustyWind(WrenchEffect):
 
     @property
     def foreseen(self) -> "GustyWind":
-        """The mean: gusts do not repeat."""
+        """Steady wind of the mean, since gusts do not repeat."""
         return dc.replace(self, deviation=0.0)
 
     def air_velocity(self, t: np.ndarray | float) -> np.ndarray:
-        """(..., 3) in W [m/s]."""
+        """Return the wind in W, (..., 3) [m/s]."""
         frequency, phase = _draws(self.seed)
         angle = np.asarray(t, float)[..., None, None] * (frequency / self.correlation_time) + phase
         gust = self.deviation * np.sqrt(2.0 / _LINES) * np.cos(angle).sum(axis=-1)

@@ -1,4 +1,4 @@
-"""A constant error of the gyroscope."""
+"""Effect `gyro_bias`: a constant error of the gyroscope."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -12,11 +12,14 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class GyroBias(SensorEffect):
-    """w_read = w + [x, y, z] in body axes.   Source: the usual IMU model."""
+    """Constant gyroscope bias in body axes, w_read = w + [x, y, z].
+
+    Source: the usual IMU model.
+    """
 
     x: float = 0.05  # [rad/s]
-    y: float = 0.0
-    z: float = 0.0
+    y: float = 0.0  # [rad/s]
+    z: float = 0.0  # [rad/s]
 
     identifier: ClassVar[str] = "gyro_bias"
     corrupts: ClassVar[tuple[str, ...]] = ("wx", "wy", "wz")
@@ -25,7 +28,7 @@ class GyroBias(SensorEffect):
     )
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
-        """With the bias on the body rates."""
+        """Return the reading with the bias on the body rates."""
         x = np.array(truth.x, float)
         x[..., W] += [self.x, self.y, self.z]
         return dc.replace(truth, x=x)

@@ -1,4 +1,4 @@
-"""Other moments of inertia than the vehicle file says."""
+"""Effect `inertia_error`: moments of inertia that differ from the vehicle file."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -10,11 +10,14 @@ from np_drake.effects.base import MassEffect, MassProperties, Parameter
 
 @dc.dataclass(frozen=True)
 class InertiaError(MassEffect):
-    """J_ii = scale_ii J_nominal,ii about the centre of mass; the products of inertia stay.   Source: own choice."""
+    """Scaled moments of inertia, J_ii = scale_ii J_nominal,ii about the centre of mass.
+
+    The products of inertia stay.   Source: own choice.
+    """
 
     scale_xx: float = 1.2  # [1]
-    scale_yy: float = 1.2
-    scale_zz: float = 1.2
+    scale_yy: float = 1.2  # [1]
+    scale_zz: float = 1.2  # [1]
 
     identifier: ClassVar[str] = "inertia_error"
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
@@ -22,6 +25,6 @@ class InertiaError(MassEffect):
     )
 
     def properties(self, nominal: MassProperties) -> MassProperties:
-        """With the diagonal scaled."""
+        """Return `nominal` with the diagonal of J scaled."""
         extra = np.array([self.scale_xx, self.scale_yy, self.scale_zz]) - 1.0
         return dc.replace(nominal, J=nominal.J + np.diag(extra * np.diag(nominal.J)))

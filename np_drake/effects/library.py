@@ -1,4 +1,7 @@
-"""Every effect by its identifier: what a diagnosis goes through. A new effect is one file and one line here."""
+"""All effects by identifier, as the diagnosis searches them.
+
+A new effect is one file and one line here.
+"""
 
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
@@ -32,20 +35,20 @@ _OURS: tuple[type[Effect], ...] = (
     *(RotorGyroscopic, AccelerometerBias, GyroBias, VelocityBias, AttitudeBias, ClockOffset),
 )
 LIBRARY: dict[str, type[Effect]] = {effect.identifier: effect for effect in _OURS}
-# Beside the library, and only on logs whose input is measured rotor speed: no command's mixer is in doubt.
+# Besides the library, on logs whose input is measured rotor speed: the mixer of a command is known.
 MEASURED_ROTORS: dict[str, type[Effect]] = {MixerGain.identifier: MixerGain}
 
 
 def effects_for(log_input: str) -> dict[str, type[Effect]]:
-    """What is tried on logs with this input, `command` or `rotor_speed`."""
+    """Return the effects that are tried on logs with this input, `command` or `rotor_speed`."""
     return LIBRARY | MEASURED_ROTORS if log_input == "rotor_speed" else LIBRARY
 
 
 def register(effect: type[Effect]) -> type[Effect]:
-    """Adds a user's own effect to the library; a class decorator.
+    """Add a user's own effect to the library; a class decorator.
 
     Raises: ValueError: where the identifier is taken by another class, a parameter has no field, or the effect acts
-        through another one only, as a wind through a drag: the search knows no more such than the library's.
+        only through another one, as a wind through a drag; the search supports this for the library's winds alone.
     """
     known = LIBRARY.get(effect.identifier)
     if known is not None and known is not effect:
@@ -64,7 +67,10 @@ def register(effect: type[Effect]) -> type[Effect]:
 
 
 def _acts_through_others(effect: type[Effect]) -> bool:
-    """Does it name effects that it needs, or move the air and push nothing by itself?"""
+    """Return whether the effect acts only through others.
+
+    It then names effects that it needs, or moves the air and adds no wrench by itself.
+    """
     if effect.needs or not issubclass(effect, WrenchEffect):
         return bool(effect.needs)
     return effect.air_velocity is not WrenchEffect.air_velocity and effect.wrench is WrenchEffect.wrench

@@ -1,4 +1,4 @@
-"""Rotor drag, linear in the body's air speed."""
+"""Effect `linear_drag`: rotor drag, linear in the body's air speed."""
 
 import dataclasses as dc
 import math
@@ -13,14 +13,14 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class LinearDrag(WrenchEffect):
-    """f_B = -s diag(d) R^T (v - wind), with s = mean rotor speed / hover rotor speed.
+    """Drag f_B = -s diag(d) R^T (v - wind), with s = mean rotor speed / hover rotor speed.
 
     Source: blade-flapping and induced drag, lumped; the induced part grows with rotor speed (own choice: linearly).
     """
 
     d_x: float = 0.25  # [N·s/m], at hover rotor speed
-    d_y: float = 0.25
-    d_z: float = 0.25
+    d_y: float = 0.25  # [N·s/m]
+    d_z: float = 0.25  # [N·s/m]
 
     identifier: ClassVar[str] = "linear_drag"
     feels_rotor_rate: ClassVar[bool] = False
@@ -30,7 +30,7 @@ class LinearDrag(WrenchEffect):
     )
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]; the drag acts at the centre of mass."""
+        """Return chi of the drag, (..., 6) [N, N·m]; it acts at the centre of mass."""
         hover = math.sqrt(vehicle.mass * vehicle.gravity / 4)
         speed = np.sqrt(np.maximum(motion.rotor_thrust, 0.0)).sum(axis=-1) / (4 * hover)
         f_B = np.array([-self.d_x, -self.d_y, -self.d_z]) * air_velocity_B(motion) * speed[..., None]

@@ -1,4 +1,4 @@
-"""How much of the rotors' torque arrives as torque of the vehicle."""
+"""Effect `mixer_gain`: the share of the rotors' torque that acts on the vehicle."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -12,16 +12,17 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class MixerGain(WrenchEffect):
-    """tau_B = (gain - 1) times the torque that the rotors' thrusts give through the mixer, axis by axis.
+    """Gain on the rotors' torque, tau_B = (gain - 1) times the torque of the mixer, axis by axis.
 
-    Arms, torque over thrust and inertia that are off by a factor all look like it: flight shows only their ratio.
-    Fitted to flights it is no ratio of these alone: rotor thrust that trims moments of the air which no effect has is
-    an error in the regressor and pulls it towards zero (regression dilution).      Source: own choice.
+    Errors of the arms, of torque over thrust and of the inertia by a factor are not distinguishable from it: flight
+    shows only their ratio. A fitted gain is not that ratio alone: rotor thrust that trims aerodynamic moments outside
+    the library is an error in the regressor and pulls the gain towards zero (regression dilution).   Source: own
+    choice.
     """
 
     roll: float = 0.7  # [1]
-    pitch: float = 0.7
-    yaw: float = 0.7
+    pitch: float = 0.7  # [1]
+    yaw: float = 0.7  # [1]
 
     identifier: ClassVar[str] = "mixer_gain"
     begins: ClassVar[bool] = False
@@ -32,7 +33,7 @@ class MixerGain(WrenchEffect):
     )
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]; no force."""
+        """Return chi of the torque, (..., 6) [N, N·m]; no force."""
         tau_m = (motion.rotor_thrust @ vehicle.mixer.T)[..., 1:]
         tau_B = (np.array([self.roll, self.pitch, self.yaw]) - 1.0) * tau_m
         return chi_from_body(motion, np.zeros_like(tau_B), tau_B)

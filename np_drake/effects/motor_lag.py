@@ -1,4 +1,4 @@
-"""First-order lag of the rotors."""
+"""Effect `motor_lag`: first-order lag of the rotors."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -12,7 +12,10 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class MotorLag(ActuatorEffect):
-    """T d omega/dt = omega_command - omega, on rotor speed; f = k omega².   Source: first-order ESC and motor."""
+    """First-order lag of rotor speed, T d omega/dt = omega_command - omega, with f = k omega².
+
+    Source: first-order ESC and motor.
+    """
 
     time_constant: float = 0.03  # [s]
 
@@ -23,21 +26,21 @@ class MotorLag(ActuatorEffect):
     turns_rotor: ClassVar[bool] = True
 
     def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
-        """(4,) rotor speed [rad/s] that holds `thrust` (4,) [N]."""
+        """Return the rotor speed (4,) [rad/s] that holds `thrust` (4,) [N]."""
         return np.sqrt(np.maximum(thrust, 0.0) / vehicle.thrust_coefficient)
 
     def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(..., 4) [rad/s²]."""
+        """Return the rate of rotor speed, (..., 4) [rad/s²]."""
         return (self.state_at(vehicle, command) - state) / self.time_constant
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
     ) -> np.ndarray:
-        """(..., 4) [N]."""
+        """Return the thrusts of the rotor speeds, (..., 4) [N]."""
         return vehicle.thrust_coefficient * state**2
 
     def respond(self, vehicle: Vehicle, t: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(n, 4) mean thrusts [N]: the lag is exact between rows; the mean is Simpson's."""
+        """Return the mean thrusts (n, 4) [N]; the lag is exact between rows, the mean is Simpson's."""
         if self.time_constant <= 0 or len(t) < 2:
             return command
         target = self.state_at(vehicle, command)

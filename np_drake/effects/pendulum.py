@@ -1,4 +1,4 @@
-"""A payload under a moving hook: the wrench it puts on the quadrotor, for one pendulum or many at once."""
+"""A payload under a moving hook: its wrench on the quadrotor, for one pendulum or many at once."""
 
 import dataclasses as dc
 from collections.abc import Callable, Mapping
@@ -12,7 +12,7 @@ from np_drake.rigid_body import Q, W
 
 @dc.dataclass(frozen=True)
 class Payload:
-    """A point mass on a massless, inextensible tether."""
+    """Point mass on a massless, inextensible tether."""
 
     mass: float = 0.26  # [kg]
     length: float = 0.8  # [m]
@@ -22,10 +22,11 @@ class Payload:
 def tether_force(
     payload: Payload, r: np.ndarray, r_rate: np.ndarray, a_hook: np.ndarray, gravity: float
 ) -> np.ndarray:
-    """(..., 3) force on the hook in W [N]; zero where the tether would have to push.
+    """Return the force on the hook in W, (..., 3) [N]; zero where the tether would have to push.
 
     With r = p_ToPo_W, |r| = L, the constraint r · r'' = -|r'|² gives T/m = |r'|²/L - (r/L) · (g z + a_hook).
-    Args: r, r_rate: (..., 3) payload from hook and its rate [m, m/s]; a_hook: (..., 3) of the hook [m/s²].
+    Args: r, r_rate: (..., 3) payload from hook and its rate [m, m/s]; a_hook: (..., 3) of the hook [m/s²]; gravity:
+    [m/s²].
     """
     n = r / np.linalg.norm(r, axis=-1, keepdims=True)
     specific = np.sum(r_rate**2, axis=-1) / payload.length - np.sum(n * a_hook, axis=-1)
@@ -42,7 +43,7 @@ def swing_many(
     gravity: float,
     jumps: Mapping[int, np.ndarray] | None = None,
 ) -> np.ndarray:
-    """(n, m, 3) force on the hook per mass of the payload [m/s²] in the middle of n steps, of m pendulums.
+    """Return the force on the hook per mass of the payload, (n, m, 3) [m/s²], in the middle of n steps, of m pendulums.
 
     Leapfrog: positions in the middle of steps, velocities between; the tether's pull along r is the least that keeps
     the next position within |r| <= L, so a slack payload flies freely and a tether that snaps taut takes the outward
@@ -50,7 +51,7 @@ def swing_many(
 
     Args:
         lengths: (m,) [m].   r, r_rate: (m, 3) p_ToPo_W and its rate at the start [m, m/s].
-        a_hook: (n, 3) of the one hook, or (n, m, 3), held over each step [m/s²].   step: [s].
+        a_hook: (n, 3) of the one hook, or (n, m, 3), held over each step [m/s²].   step: [s].   gravity: [m/s²].
         jumps: before these steps the swing jumps by (m, 4) angles [rad] and rates [rad/s] about the axes of `across`.
     """
     limit = np.square(lengths)
@@ -69,7 +70,10 @@ def swing_many(
 
 
 def _start(lengths, r, r_rate, step) -> tuple[np.ndarray, np.ndarray]:
-    """(3, m) position half a step later, within reach, and way per step [m]; a taut tether takes outward speed."""
+    """Return the position half a step later, within reach, and the displacement per step, (3, m) each [m].
+
+    A taut tether takes up outward speed.
+    """
     span = np.linalg.norm(r, axis=0)
     n = r / np.maximum(span, 1e-12)
     outward = np.maximum(np.sum(n * r_rate, axis=0), 0.0)
@@ -80,14 +84,14 @@ def _start(lengths, r, r_rate, step) -> tuple[np.ndarray, np.ndarray]:
 
 
 def across(n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(..., 3) two unit vectors across unit vectors n (..., 3) and each other: x and y of W where n points down."""
+    """Return two unit vectors (..., 3) across n (..., 3) and each other, x and y of W where n points down."""
     e_x = np.cross([0.0, 1.0, 0.0], -n)
     e_x = e_x / np.maximum(np.linalg.norm(e_x, axis=-1, keepdims=True), 1e-9)
     return e_x, np.cross(-n, e_x)
 
 
 def _jump(now, move, jump, step) -> None:
-    """Turns position (3, m) and way per step (3, m) by a jump (m, 4); the span stays."""
+    """Change position (3, m) and displacement per step (3, m) by a jump (m, 4); the length stays."""
     span = np.maximum(np.linalg.norm(now, axis=0), 1e-12)
     e_x, e_y = (e.T for e in across((now / span).T))
     a, b, a_rate, b_rate = jump.T
@@ -97,7 +101,7 @@ def _jump(now, move, jump, step) -> None:
 
 
 def _compiled(function: Callable) -> Callable:
-    """Compiled once for all processes; where no folder can be written to, once for each."""
+    """Return the function compiled, once for all processes; where no cache can be written, once for each."""
     try:
         return njit(cache=True, error_model="numpy")(function)
     except RuntimeError:
@@ -106,10 +110,10 @@ def _compiled(function: Callable) -> Callable:
 
 @_compiled
 def _leapfrog(limit, now, move, kicks, pulls):
-    """Writes pull = mu now (n, 3, m) [m], the least mu >= 0 with |now + move + kick - mu now|² <= limit = L².
+    """Write pull = mu now (n, 3, m) [m], the least mu >= 0 with |now + move + kick - mu now|² <= limit = L².
 
     With b = now + move + kick:  mu = (b² - L²) / (now·b + sqrt((now·b)² - now² (b² - L²))).  Changes now and move.
-    Compiled: a payload is a thousand short steps, each of which needs the one before it.
+    Compiled: a payload takes a thousand short steps, each of which needs the one before it.
     """
     for i in range(now.shape[1]):
         x, y, z = now[0, i], now[1, i], now[2, i]
@@ -135,16 +139,17 @@ def _leapfrog(limit, now, move, kicks, pulls):
 def swing(
     payload: Payload, r: np.ndarray, r_rate: np.ndarray, a_hook: np.ndarray, step: float, gravity: float
 ) -> np.ndarray:
-    """(n, 3) force on the hook [N] in the middle of n steps with hook acceleration `a_hook` (n, 3) [m/s²].
+    """Return the force on the hook (n, 3) [N] in the middle of n steps with hook acceleration `a_hook` (n, 3) [m/s²].
 
-    From r, r_rate (3,) at the start [m, m/s]; `swing_many` of one.
+    This is `swing_many` of one pendulum.
+    Args: r, r_rate: (3,) at the start [m, m/s].   step: [s].   gravity: [m/s²].
     """
     length = np.array([payload.length])
     return payload.mass * swing_many(length, r[None], r_rate[None], a_hook, step, gravity)[:, 0]
 
 
 def hook_acceleration(hook, x: np.ndarray, a: np.ndarray, al: np.ndarray) -> np.ndarray:
-    """(..., 3) acceleration of the hook p_BoTo_B (3,) in W [m/s²].
+    """Return the acceleration of the hook p_BoTo_B (3,) in W, (..., 3) [m/s²].
 
     Args: x (..., 13); a (..., 3) of Bo in W [m/s²]; al (..., 3) in B [rad/s²].
     """
@@ -153,6 +158,6 @@ def hook_acceleration(hook, x: np.ndarray, a: np.ndarray, al: np.ndarray) -> np.
 
 
 def hook_wrench(payload: Payload, q: np.ndarray, force_W: np.ndarray) -> np.ndarray:
-    """(..., 6) chi of a force (..., 3) in W that acts at the hook [N, N·m]."""
+    """Return chi (..., 6) [N, N·m] of force_W (..., 3) in W at the hook, for attitudes q (..., 4)."""
     tau = np.cross(np.array(payload.hook), attitude.rotate_back(q, force_W))
     return np.concatenate([force_W, tau], axis=-1)

@@ -1,4 +1,4 @@
-"""Drag of the airframe, quadratic in the body's air speed."""
+"""Effect `quadratic_drag`: drag of the airframe, quadratic in the body's air speed."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -12,14 +12,14 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class QuadraticDrag(WrenchEffect):
-    """f_B,i = -c_i |v_i| v_i with v = R^T (v_WB - wind), axis by axis; it acts at Bo.
+    """Drag f_B,i = -c_i |v_i| v_i with v = R^T (v_WB - wind), axis by axis; it acts at Bo.
 
     Source: form drag of a bluff body; own choice: the axes do not mix.
     """
 
     c_x: float = 0.05  # [N·s²/m²]
-    c_y: float = 0.05
-    c_z: float = 0.05
+    c_y: float = 0.05  # [N·s²/m²]
+    c_z: float = 0.05  # [N·s²/m²]
 
     identifier: ClassVar[str] = "quadratic_drag"
     feels_rotor_rate: ClassVar[bool] = False
@@ -29,6 +29,6 @@ class QuadraticDrag(WrenchEffect):
     )
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
+        """Return chi of the drag, (..., 6) [N, N·m]."""
         v_B = air_velocity_B(motion)
         return chi_from_body(motion, np.array([-self.c_x, -self.c_y, -self.c_z]) * np.abs(v_B) * v_B)

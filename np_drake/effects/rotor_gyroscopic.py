@@ -1,4 +1,4 @@
-"""Angular momentum of the turning rotors."""
+"""Effect `rotor_gyroscopic`: angular momentum of the turning rotors."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -12,7 +12,7 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class RotorGyroscopic(WrenchEffect):
-    """tau_B = -w x h - dh/dt with h = -I_r sum_i(direction_i omega_i) z_B, omega_i = sqrt(f_i / k).
+    """Torque tau_B = -w x h - dh/dt with h = -I_r sum_i(direction_i omega_i) z_B, omega_i = sqrt(f_i / k).
 
     A rotor turns against its reaction torque, whose sign the vehicle file gives; hence the minus.
     Source: rate of change of the rotors' angular momentum, seen from the turning body.
@@ -27,7 +27,7 @@ class RotorGyroscopic(WrenchEffect):
     )
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]; no force."""
+        """Return chi of the torque, (..., 6) [N, N·m]; no force."""
         spin = -self.rotor_inertia * np.array(vehicle.rotor_directions)
         h = np.sqrt(np.maximum(motion.rotor_thrust, 0.0) / vehicle.thrust_coefficient) @ spin
         w = motion.x[..., W]

@@ -1,4 +1,4 @@
-"""White noise of a motion-capture and IMU rig."""
+"""Measurement effect `sensor_noise`: white noise of motion capture and IMU."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -12,9 +12,9 @@ from np_drake.vehicle import MeasurementNoise, Vehicle
 
 @dc.dataclass(frozen=True)
 class SensorNoise:
-    """Independent white noise on every reading; the accelerometer's noise and the attitude's error both reach `a`.
+    """Independent white noise on every reading; accelerometer noise and attitude error both reach `a`.
 
-    A rig reads specific force in body axes; turning it into `a` takes the *measured* attitude:
+    An IMU reads specific force in body axes; turning it into `a` takes the *measured* attitude:
     a_meas = R_meas (R^T (a + g z) + n_a) - g z.        Source: own choice: white at the log's rate.
     """
 
@@ -25,7 +25,7 @@ class SensorNoise:
     white_size: ClassVar[int] = 22  # p, attitude, v, w, a, al, rotor
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
-        """The noisy reading; `white` (..., 22) standard normal."""
+        """Return the noisy reading; `white`: (..., 22) standard normal [1]."""
         n, x = self.noise, np.array(truth.x, float)
         x[..., 0:3] += n.position * white[..., 0:3]
         error = np.ones((*white.shape[:-1], 4))

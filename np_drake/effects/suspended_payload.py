@@ -1,4 +1,4 @@
-"""A payload on a tether."""
+"""Effect `suspended_payload`: a payload on a tether."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -13,20 +13,20 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class SuspendedPayload(WrenchEffect):
-    """A point mass on a massless, inextensible tether that may go slack; the hook is p_BoTo_B.
+    """Point mass on a massless, inextensible tether that may go slack; the hook is p_BoTo_B.
 
     With r = p_ToPo_W, |r| = L, and z up:  T/m = |r'|²/L - (r/L) · (g z + a_hook); the force on the hook is T r/L, and
     the tether is taut only where T > 0: else there is no force, and the payload falls freely.
 
-    It has a hidden state, (r, r') of the payload from the hook in W: no momentary wrench. Over a log the measured
-    motion of the hook drives it (`wrench_along`). In a diagram it is a body.   Source: Newton on the payload.
+    The effect has a hidden state, (r, r') of the payload from the hook in W, and so no momentary wrench. Over a log the
+    measured motion of the hook drives it (`wrench_along`). In a diagram it is a body.   Source: Newton on the payload.
     """
 
     mass: float = 0.26  # [kg]
     length: float = 0.8  # [m]
     hook_x: float = 0.0  # [m], body axes
-    hook_y: float = 0.0
-    hook_z: float = -0.025
+    hook_y: float = 0.0  # [m]
+    hook_z: float = -0.025  # [m]
 
     identifier: ClassVar[str] = "suspended_payload"
     linear: ClassVar[bool] = False
@@ -38,11 +38,14 @@ class SuspendedPayload(WrenchEffect):
 
     @property
     def payload(self) -> Payload:
-        """As the pendulum's functions want it."""
+        """Payload in the form that the functions of `pendulum` take."""
         return Payload(self.mass, self.length, (self.hook_x, self.hook_y, self.hook_z))
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """Raises NotImplementedError: the wrench depends on the payload's own motion."""
+        """Not available, because the wrench depends on the payload's own motion.
+
+        Raises: NotImplementedError: always.
+        """
         raise NotImplementedError("SuspendedPayload: has a state of its own; use wrench_along.")
 
     def wrench_along(
@@ -56,7 +59,7 @@ class SuspendedPayload(WrenchEffect):
         r: np.ndarray,
         r_rate: np.ndarray,
     ) -> np.ndarray:
-        """(n, 6) chi in the middle of each interval of `step` [s] that begins at a row of a log [N, N·m].
+        """Return chi in the middle of each interval of `step` [s] that begins at a row of a log, (n, 6) [N, N·m].
 
         Args: x (n, 13), a (n, 3) in W [m/s²], al (n, 3) in B [rad/s²]; r, r_rate (3,): payload from hook in W at the
         first row [m, m/s].

@@ -1,4 +1,4 @@
-"""Thrust that changes over the flight."""
+"""Effect `thrust_drift`: thrust that changes over the flight."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -11,7 +11,10 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class ThrustDrift(ActuatorEffect):
-    """f = (start + rate t) f_command on every rotor, t since the flight began.   Source: own choice: battery sag."""
+    """Thrust f = (start + rate t) f_command on every rotor, t since the flight began.
+
+    Source: own choice: battery sag.
+    """
 
     start: float = 1.0  # [1]
     rate: float = -0.005  # [1/s]
@@ -25,5 +28,5 @@ class ThrustDrift(ActuatorEffect):
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
     ) -> np.ndarray:
-        """(..., 4) [N]."""
+        """Return the actual thrusts (..., 4) [N]."""
         return (self.start + self.rate * np.asarray(t, float))[..., None] * command

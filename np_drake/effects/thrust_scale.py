@@ -1,4 +1,4 @@
-"""Real thrust and rotor torque over nominal."""
+"""Effect `thrust_scale`: ratio of real to nominal thrust and rotor torque."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -11,7 +11,10 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class ThrustScale(ActuatorEffect):
-    """f = scale * f_command on every rotor (worn propellers, thin air, battery sag).   Source: own choice."""
+    """Thrust f = scale * f_command on every rotor (worn propellers, thin air, battery sag).
+
+    Source: own choice.
+    """
 
     scale: float = 0.96  # [1]
 
@@ -21,5 +24,5 @@ class ThrustScale(ActuatorEffect):
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
     ) -> np.ndarray:
-        """(..., 4) [N]."""
+        """Return the actual thrusts (..., 4) [N]."""
         return self.scale * command

@@ -1,4 +1,4 @@
-"""Additional thrust of rotors in lateral flow."""
+"""Effect `translational_lift`: additional thrust of rotors in lateral flow."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -12,7 +12,7 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class TranslationalLift(WrenchEffect):
-    """f_B = lift (v_x² + v_y²) z_B with v = R^T (v_WB - wind).
+    """Additional thrust f_B = lift (v_x² + v_y²) z_B with v = R^T (v_WB - wind).
 
     Source: lateral flow lowers the induced velocity of a rotor; own choice: the leading, quadratic term.
     """
@@ -25,7 +25,7 @@ class TranslationalLift(WrenchEffect):
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("lift", "N·s²/m²", 0.0, -0.3, 1.0, 0.05),)
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
+        """Return chi of the thrust, (..., 6) [N, N·m]."""
         v_B = air_velocity_B(motion)
         f_B = np.zeros_like(v_B)
         f_B[..., 2] = self.lift * np.sum(v_B[..., :2] ** 2, axis=-1)

@@ -1,4 +1,4 @@
-"""A constant error of the velocity estimate."""
+"""Effect `velocity_bias`: a constant error of the velocity estimate."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -13,11 +13,14 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class VelocityBias(SensorEffect):
-    """v_read = v + R [x, y, z]: constant in body axes.   Source: own choice: an optical-flow or air-data error."""
+    """Constant velocity bias in body axes, v_read = v + R [x, y, z].
+
+    Source: own choice: an optical-flow or air-data error.
+    """
 
     x: float = 0.2  # [m/s]
-    y: float = 0.0
-    z: float = 0.0
+    y: float = 0.0  # [m/s]
+    z: float = 0.0  # [m/s]
 
     identifier: ClassVar[str] = "velocity_bias"
     corrupts: ClassVar[tuple[str, ...]] = ("vx", "vy", "vz")
@@ -26,7 +29,7 @@ class VelocityBias(SensorEffect):
     )
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
-        """With the bias on the velocity."""
+        """Return the reading with the bias on the velocity."""
         x = np.array(truth.x, float)
         bias_B = np.broadcast_to([self.x, self.y, self.z], (*x.shape[:-1], 3))
         x[..., V] += attitude.rotate(x[..., Q], bias_B)

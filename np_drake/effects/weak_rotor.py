@@ -1,4 +1,4 @@
-"""One rotor that gives less than the others."""
+"""Effect `weak_rotor`: one rotor that gives less than the others."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -11,9 +11,9 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class WeakRotor(ActuatorEffect):
-    """f_rotor = efficiency f_command on one rotor, thrust and reaction torque alike; linear once the rotor is chosen.
+    """Thrust f_rotor = efficiency f_command on one rotor, thrust and reaction torque alike.
 
-    Source: own choice: a chipped or loose propeller.
+    It is linear once the rotor is chosen.   Source: own choice: a chipped or loose propeller.
     """
 
     rotor: float = 1  # 1..4, as in the vehicle file
@@ -28,7 +28,7 @@ class WeakRotor(ActuatorEffect):
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
     ) -> np.ndarray:
-        """(..., 4) [N]."""
+        """Return the actual thrusts (..., 4) [N]."""
         gain = np.ones(4)
         gain[round(self.rotor) - 1] = self.efficiency
         return gain * command

@@ -1,1 +1,1 @@
-"""Wrench estimators that know the motion only: peers of the predictor, measured on the same flights."""
+"""Wrench estimators from the motion alone, as baselines of the predictor on the same flights."""

@@ -26,7 +26,10 @@ class MheConfig:
     forgetting_process: float = 1.0  # gamma_2 in (0, 1] [1]
 
     def check(self) -> "MheConfig":
-        """Returns self; raises ValueError on an impossible horizon, weight or factor."""
+        """Return self after checking horizon, weights and factors.
+
+        Raises: ValueError: if one is impossible.
+        """
         if not self.horizon >= 1:
             raise ValueError(f"MheConfig: horizon must be at least 1; got {self.horizon}.")
         for name in ("arrival_motion", "arrival_acceleration", "measurement", "process"):

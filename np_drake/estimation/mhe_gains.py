@@ -1,4 +1,4 @@
-"""The solution of one window in closed form: a linear map of the arrival estimate and the samples.
+"""Solution of one window in closed form: a linear map of the arrival estimate and the samples.
 
 Without the known input, each channel of the model is y+ = y + h d + h²/2 w, d+ = d + h w, so that the window's
 cost is a least-squares problem in [y_0, d_0, h w_0 … h w_(n-1)] for each of the six channels alone.
@@ -13,17 +13,17 @@ from np_drake.estimation.mhe_config import MheConfig
 
 @dc.dataclass(frozen=True)
 class MheWeights:
-    """The weights as tensors (6,), the forgetting factors (): what `tune` differentiates by."""
+    """Weights as tensors (6,) and forgetting factors (), with respect to which `tune` differentiates."""
 
     arrival: torch.Tensor  # (6, 2): of y_0 and of d_0
-    measurement: torch.Tensor
-    process: torch.Tensor
-    forgetting_measurement: torch.Tensor
-    forgetting_process: torch.Tensor
+    measurement: torch.Tensor  # (6,) of y
+    process: torch.Tensor  # (6,) of w
+    forgetting_measurement: torch.Tensor  # () gamma_1 [1]
+    forgetting_process: torch.Tensor  # () gamma_2 [1]
 
     @staticmethod
     def of(config: MheConfig) -> "MheWeights":
-        """The weights of a configuration, in double precision."""
+        """Return the weights of a configuration, in double precision."""
         arrival = torch.tensor([config.arrival_motion, config.arrival_acceleration], dtype=torch.float64).T
         rest = (config.measurement, config.process, config.forgetting_measurement, config.forgetting_process)
         return MheWeights(arrival, *(torch.tensor(value, dtype=torch.float64) for value in rest))
@@ -32,10 +32,10 @@ class MheWeights:
 def window_gains(
     weights: MheWeights, step: float, n: int, seen: torch.Tensor | None = None
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Gains of a window of n steps, without known input.
+    """Return the gains of a window of n steps, without known input.
 
     Args:
-        seen: (n + 1, 6) 1 where a sample counts, 0 where it is missing; default: all count.
+        step: [s].   seen: (n + 1, 6) 1 where a sample counts, 0 where it is missing; default: all count.
     Returns:
         (6, 2 (n + 1), 2) from the arrival estimate [y, d] and (6, 2 (n + 1), n + 1) from the samples to the
         trajectory [y_0 … y_n, d_0 … d_n].
@@ -56,7 +56,7 @@ def window_gains(
 
 
 def _maps(step: float, n: int) -> tuple[torch.Tensor, torch.Tensor]:
-    """(n + 1, 2 + n) from the unknowns to y_k, and to d_k."""
+    """Return the maps from the unknowns to y_k, and to d_k, (n + 1, 2 + n) each."""
     k = torch.arange(n + 1, dtype=torch.float64)[:, None]
     steps = (k - k[:-1].T).clamp(min=0.0)  # whole steps since noise j began to act
     to_y = torch.cat([torch.ones_like(k), step * k, step * (steps - 0.5).clamp(min=0.0)], dim=1)

@@ -1,4 +1,4 @@
-"""The estimator over a whole flight."""
+"""The moving-horizon estimator over a whole flight."""
 
 import dataclasses as dc
 import time
@@ -12,8 +12,11 @@ from np_drake.estimation.moving_horizon import MheStatus, MovingHorizonEstimator
 
 @dc.dataclass(frozen=True)
 class MheRun:
-    """wrench: (n, 6) estimate at each row from the rows up to it;  held: rows without an answer of the solver;
-    step_time: median of a step [s]."""
+    """Estimates of one flight.
+
+    wrench: (n, 6) estimate at each row from the rows up to it [N, N·m].   held: rows without an answer of the solver.
+    step_time: median of a step [s].
+    """
 
     wrench: np.ndarray
     held: int
@@ -21,8 +24,9 @@ class MheRun:
 
 
 def run_mhe(motion: Motion, config: MheConfig, solver: WindowSolver | None = None) -> MheRun:
-    """Starts from the first sample of each channel in a hover, as the published evaluation does.
+    """Run the estimator over a flight, from the first sample of each channel in a hover.
 
+    Source of the start: the published evaluation of Wang et al. 2024.
     Raises: ValueError: if a channel has no sample at all.
     """
     dut = MovingHorizonEstimator(config, motion.step, solver)

@@ -1,4 +1,4 @@
-"""Weights by gradient: the estimate is a linear recursion whose gains are smooth functions of the weights."""
+"""Tuning of the weights by gradient: the estimate is a linear recursion whose gains are smooth in the weights."""
 
 import dataclasses as dc
 import logging
@@ -19,13 +19,13 @@ _LOG = logging.getLogger(__name__)
 def tune(
     motion: Motion, wrench: np.ndarray, config: MheConfig | None = None, *, iterations: int = 20
 ) -> MheConfig:
-    """The configuration whose estimates meet the labels of a training flight best, from `config` on.
+    """Return the configuration whose estimates fit the labels of a training flight best, starting from `config`.
 
     Loss: mean over the six channels of squared error over that of `config`. `measurement` stays, since only
     ratios within a channel matter. L-BFGS, each weight within a factor of 1000 of where it starts; the
-    best weights met on the way count, hence never worse ones than `config`.
+    best weights found on the way are returned, hence never worse ones than `config`.
 
-    Args:    motion: without gaps.   wrench: (n, 6) labels [N, N·m].
+    Args:    motion: without gaps.   wrench: (n, 6) labels [N, N·m].   iterations: of L-BFGS at most.
     Raises:  ValueError: if the flight has gaps, or no more samples than a window.
     """
     config = (config or MheConfig()).check()
@@ -52,7 +52,7 @@ def tune(
 
 
 class _Parameters:
-    """Unbounded numbers, and the weights that they stand for: those at the start times factors up to `_SPAN`.
+    """Unbounded parameters of the weights: the weights at the start times factors up to `_SPAN`.
 
     One factor for velocity and one for body rates: the axes of an inertial frame are arbitrary.
     """
@@ -65,7 +65,7 @@ class _Parameters:
         self.leaves = [value.double().requires_grad_() for value in start]
 
     def weights(self) -> MheWeights:
-        """As tensors that carry the gradient."""
+        """Return the weights as tensors that carry the gradient."""
         groups = (torch.exp(math.log(_SPAN) * torch.tanh(leaf)) for leaf in self.leaves[:2])
         arrival, process = (group.repeat_interleave(3, dim=0) for group in groups)
         factors = _LEAST + (1 - _LEAST) * self.leaves[2].sigmoid()
@@ -73,7 +73,7 @@ class _Parameters:
         return MheWeights(w.arrival * arrival, w.measurement, w.process * process, *factors)
 
     def config(self) -> MheConfig:
-        """As plain numbers."""
+        """Return the configuration in plain numbers."""
         w = self.weights()
         return dc.replace(
             self._start,
@@ -86,7 +86,7 @@ class _Parameters:
 
 
 class _Data:
-    """A flight with its known inputs summed up and taken out: what is left has no input."""
+    """A flight with the effect of its known inputs subtracted, so that no input remains."""
 
     def __init__(self, motion: Motion, wrench: np.ndarray, horizon: int):
         self._n, self._step = horizon, motion.step
@@ -98,7 +98,7 @@ class _Data:
         self._d = d[horizon:]
 
     def errors(self, weights: MheWeights) -> torch.Tensor:
-        """(6,) mean squared error of d."""
+        """Return the mean squared error of d, (6,)."""
         n = self._n
         from_arrival, from_samples = window_gains(weights, self._step, n)
         second, last = [1, n + 2], 2 * n + 1  # [y_1, d_1] is the arrival of the next window; d_n the estimate

@@ -2,8 +2,8 @@
 
 The arrays hold velocity and force in body axes and no attitude, but dv/dt is only simple in axes that do not
 turn: v_I = R v_B, dv_I/dt = R s + g_I with the specific force s, and the force column is m (s - g z). Hence
-R and g_I are needed. They come from a logged attitude (as NeuroMHE has it), or from the arrays alone: R by
-integrating the body rates, g_I as what is left of the past of the same equation.
+R and g_I are needed. They come from a logged attitude (as in NeuroMHE), or from the arrays alone: R by
+integrating the body rates, g_I as the remainder of the same equation over past samples.
 """
 
 import dataclasses as dc
@@ -21,9 +21,10 @@ ARRAY_GRAVITY = 9.8  # the force columns are 0.752 (specific force - [0, 0, 9.8]
 
 @dc.dataclass(frozen=True)
 class Motion:
-    """y: (n, 6) [v_I, omega_B], NaN where missing;  R: (n, 3, 3) body to inertial axes I;  gravity: (n, 3) in I.
+    """Samples of one flight for the estimator.
 
-    inertia: (3, 3) [kg·m²];  mass [kg];  step [s].
+    step: [s].   y: (n, 6) [v_I, omega_B], NaN where missing [m/s, rad/s].   R: (n, 3, 3) body to inertial axes I.
+    gravity: (n, 3) in I [m/s²].   mass: [kg].   inertia: (3, 3) [kg·m²].
     """
 
     step: float
@@ -35,40 +36,43 @@ class Motion:
 
     @property
     def u(self) -> np.ndarray:
-        """(n, 6) known inputs: gravity, and the gyroscopic term at the measured rates [m/s², rad/s²]."""
+        """Known inputs (n, 6): gravity, and the gyroscopic term at the measured rates [m/s², rad/s²]."""
         w = self.y[:, 3:]
         gyroscopic = -np.cross(w, w @ self.inertia.T) @ np.linalg.inv(self.inertia).T
         return np.concatenate([self.gravity, gyroscopic], axis=1)
 
     @property
     def hover(self) -> np.ndarray:
-        """(6,) d of a hover at the first row: the weight is carried, no torque."""
+        """Acceleration d (6,) of a hover at the first row: the weight is carried, no torque [m/s², rad/s²]."""
         return np.concatenate([-self.gravity[0], np.zeros(3)])
 
     def first(self, n: int) -> "Motion":
-        """The first n rows."""
+        """Return the first n rows."""
         return dc.replace(self, y=self.y[:n], R=self.R[:n], gravity=self.gravity[:n])
 
     def wrench(self, d: np.ndarray) -> np.ndarray:
-        """(n, 6) [f, tau] in body axes as the arrays define them, from (n, 6) d [N, N·m]."""
+        """Return [f, tau] (n, 6) in body axes as the arrays define them, from d (n, 6) [N, N·m]."""
         f = self.mass * (np.einsum("kij,ki->kj", self.R, d[:, :3]) - [0.0, 0.0, ARRAY_GRAVITY])
         return np.concatenate([f, d[:, 3:] @ self.inertia.T], axis=1)
 
     def acceleration(self, wrench: np.ndarray) -> np.ndarray:
-        """(n, 6) the inverse of `wrench`."""
+        """Return d (n, 6) of a wrench (n, 6), the inverse of `wrench` [m/s², rad/s²]."""
         s = wrench[:, :3] / self.mass + [0.0, 0.0, ARRAY_GRAVITY]
         al = wrench[:, 3:] @ np.linalg.inv(self.inertia).T
         return np.concatenate([np.einsum("kij,kj->ki", self.R, s), al], axis=1)
 
 
 def motion_from_attitude(sequence: WrenchSequence, vehicle: Vehicle, q: np.ndarray) -> Motion:
-    """With the logged attitude q (n, 4), body to world, without gaps; I is the world."""
+    """Return the motion by a logged attitude; the inertial axes I are the world's.
+
+    Args: sequence: wrench and motion in body axes.   q: (n, 4) body to world, without gaps.
+    """
     gravity = np.tile([0.0, 0.0, -vehicle.gravity], (len(sequence), 1))
     return _motion(sequence, vehicle, attitude.rotation_matrix(q), gravity)
 
 
 def motion_from_rates(sequence: WrenchSequence, vehicle: Vehicle, *, settling: float = 0.5) -> Motion:
-    """From the arrays alone: R by the body rates from the first row on, gravity from the past.
+    """Return the motion from the arrays alone: R by the body rates from the first row on, gravity from the past.
 
     gravity(k) = -(low-pass of R s - dv_I/dt up to row k - 1), with the length of the vehicle's gravity; the first
     `settling` seconds take the value at their end. Differences of neighbours do no harm: their low-pass telescopes.
@@ -96,7 +100,10 @@ def motion_from_rates(sequence: WrenchSequence, vehicle: Vehicle, *, settling: f
 
 
 def _motion(sequence: WrenchSequence, vehicle: Vehicle, R: np.ndarray, gravity: np.ndarray) -> Motion:
-    """Raises: ValueError: if the sequence is not in body axes."""
+    """Return the motion in inertial axes.
+
+    Raises: ValueError: if the sequence is not in body axes.
+    """
     if sequence.frame != "body" or not sequence.total:
         raise ValueError(f"motion: {sequence.name} must hold the total wrench in body axes.")
     y = sequence.zeta.copy()
@@ -105,7 +112,7 @@ def _motion(sequence: WrenchSequence, vehicle: Vehicle, R: np.ndarray, gravity: 
 
 
 def _integrated(w: np.ndarray, step: float) -> np.ndarray:
-    """(n, 3, 3) rotation from the first row on, by the mean rate of each step."""
+    """Return the rotation from the first row on, by the mean rate of each step, (n, 3, 3)."""
     turns = Rotation.from_rotvec(0.5 * step * (w[:-1] + w[1:])).as_matrix()
     R = np.empty((len(w), 3, 3))
     R[0] = np.eye(3)

@@ -4,7 +4,7 @@
     s.t. y_(k+1) = y_k + h (d_k + u_k) + h²/2 w_k,   d_(k+1) = d_k + h w_k,   x = [y, d]
 
 y: velocity in an inertial frame and body rates; d: the acceleration that the wrench causes in them, a random
-walk; u: what is known, gravity and the gyroscopic term. x_bar is what the last window said about the first
+walk; u: the known inputs, gravity and the gyroscopic term. x_bar is the estimate of the last window for the first
 sample of this one. Source: Wang et al. 2024 (NeuroMHE), eq. (4) and section VII-A, with fixed weights; their
 F = m d and tau = J d, and exact integration of the chain is their Runge-Kutta step.
 """
@@ -24,7 +24,7 @@ Memory = dict[str, np.ndarray]
 
 
 class MheStatus(IntEnum):
-    """How an estimate came about; larger is worse."""
+    """Origin of an estimate; larger is worse."""
 
     OPTIMAL = 0
     HELD = 1  # the solver failed: the last estimate, one step on, without noise
@@ -32,23 +32,26 @@ class MheStatus(IntEnum):
 
 @dc.dataclass(frozen=True)
 class MheEstimate:
-    """x: (n + 1, 2, 6) trajectory of [y, d] over the window; its last row is the estimate of now."""
+    """Estimate of one window.
+
+    x: (n + 1, 2, 6) trajectory of [y, d] over the window; its last row is the estimate of now.
+    """
 
     x: np.ndarray
-    status: MheStatus
+    status: MheStatus  # origin of the estimate
     solve_time: float  # [s]
 
     @property
     def acceleration(self) -> np.ndarray:
-        """(6,) d now [m/s², rad/s²]."""
+        """Estimated d of now, (6,) [m/s², rad/s²]."""
         return self.x[-1, 1]
 
 
 class WindowSolver(Protocol):
-    """Solves one window."""
+    """Interface of a solver of one window."""
 
     def solve(self, arrival: np.ndarray, y: np.ndarray, u: np.ndarray) -> np.ndarray | None:
-        """The trajectory (n + 1, 2, 6), or None where the solver failed.
+        """Return the trajectory (n + 1, 2, 6), or None where the solver failed.
 
         Args:   arrival: (2, 6) x_bar.   y: (n + 1, 6) samples, NaN where missing.   u: (n, 6) known inputs.
         """
@@ -56,14 +59,14 @@ class WindowSolver(Protocol):
 
 
 class LeastSquaresWindow:
-    """Exact, by gains that depend on nothing but which samples are missing."""
+    """Exact solver of a window by gains that depend only on which samples are missing."""
 
     def __init__(self, config: MheConfig, step: float):
         self._weights, self._step = MheWeights.of(config.check()), step
         self._gains: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
 
     def solve(self, arrival: np.ndarray, y: np.ndarray, u: np.ndarray) -> np.ndarray | None:
-        """See `WindowSolver`."""
+        """Return the trajectory, see `WindowSolver`."""
         known = np.concatenate([np.zeros((1, CHANNELS)), self._step * np.cumsum(u, axis=0)])
         seen = np.isfinite(y)
         from_arrival, from_samples = self._of(seen)
@@ -84,7 +87,7 @@ class LeastSquaresWindow:
 
 
 class MovingHorizonEstimator:
-    """One sample at a time, all memory in the caller's dictionary.
+    """Moving-horizon estimator that takes one sample at a time and keeps all memory in the caller's dictionary.
 
     A NaN in y takes that channel's sample out of the cost; a NaN in u stands for the input of the step before.
     """
@@ -96,11 +99,11 @@ class MovingHorizonEstimator:
         self._solver = solver or LeastSquaresWindow(config, step)
 
     def initial_memory(self, y: np.ndarray, d: np.ndarray) -> Memory:
-        """Before any sample: first guesses y (6,) [m/s, rad/s] and d (6,) [m/s², rad/s²].
+        """Return the memory before any sample, from first guesses of y and d.
 
-        x: (N + 1, 2, 6) last trajectory, the newest last;  arrival: (2, 6) x_bar;  y, u: (N + 1, 6) samples and
-        inputs;  count (1,): samples in the window.
-
+        Args: y: (6,) [m/s, rad/s].   d: (6,) [m/s², rad/s²].
+        Returns: x: (N + 1, 2, 6) last trajectory, the newest last.   arrival: (2, 6) x_bar.   y, u: (N + 1, 6) samples
+        and inputs.   count: (1,) samples in the window.
         Raises: ValueError: if a guess is not finite.
         """
         guess = np.array([y, d], float)
@@ -117,7 +120,10 @@ class MovingHorizonEstimator:
         }
 
     def update(self, memory: Memory, y: np.ndarray, u: np.ndarray) -> tuple[Memory, MheEstimate]:
-        """Takes the sample y (6,) of now and the known input u (6,) that acts from now on."""
+        """Return (memory, estimate) after the sample y (6,) of now.
+
+        Args: u: (6,) known input that acts from now on [m/s², rad/s²].
+        """
         full = memory["count"][0] == self._samples
         count = self._samples if full else int(memory["count"][0]) + 1
         arrival = memory["x"][1] if full else memory["arrival"]
@@ -139,7 +145,7 @@ class MovingHorizonEstimator:
         return memory, MheEstimate(x, status, seconds)
 
     def _held(self, x: np.ndarray, u: np.ndarray, *, first: bool) -> np.ndarray:
-        """The last trajectory one step on, as the model without noise foretells; at first, the guess."""
+        """Return the last trajectory one step on, by the model without noise; at first, the guess."""
         if first:
             return x
         y, d = x[-1]

@@ -1,4 +1,4 @@
-"""The window's quadratic program on MathematicalProgram: trajectory and noise as one would write them."""
+"""The window's quadratic program on MathematicalProgram, with trajectory and noise as its variables."""
 
 from typing import Any
 
@@ -8,12 +8,12 @@ from pydrake.solvers import ClarabelSolver
 from np_drake.estimation.mhe_config import CHANNELS, MheConfig
 from np_drake.mpc.drake_solvers import expected_early_ends, new_program, solver_options
 
-_STATE = 2 * CHANNELS
+_STATE = 2 * CHANNELS  # entries of x = [y, d] [1]
 _TOLERANCES = {"tol_gap_abs": 1e-11, "tol_gap_rel": 1e-11, "tol_feas": 1e-11}  # of the scaled problem
 
 
 class ProgramWindow:
-    """One program a window length, built once and updated.
+    """Solver of a window by one program a window length, built once and updated.
 
     Clarabel works on the sparse rows: 0.2 ms for 192 variables, OSQP twice as much and far less exact, Drake's
     dense equality-constrained solver 7 ms.
@@ -25,7 +25,7 @@ class ProgramWindow:
         self._programs: dict[int, _Program] = {}
 
     def solve(self, arrival: np.ndarray, y: np.ndarray, u: np.ndarray) -> np.ndarray | None:
-        """See `WindowSolver`."""
+        """Return the trajectory, see `WindowSolver`."""
         n = len(u)
         if n not in self._programs:
             self._programs[n] = _Program(self._config, self._step, n)
@@ -37,11 +37,11 @@ class ProgramWindow:
 
 
 class _Program:
-    """A window of n steps; variables x_k = [y_k, d_k] (12,) and h w_k (6,).
+    """Program of a window of n steps with variables x_k = [y_k, d_k] (12,) and h w_k (6,).
 
-    x_k counts from what the model without noise foretells from the arrival, and everything is over the deviation
-    of its weight: then costs are near the identity and answers near zero. Without, a window that forgets is solved
-    to two digits.
+    x_k counts from the prediction of the model without noise from the arrival, and everything is over the deviation
+    of its weight: then costs are near the identity and answers near zero. Otherwise, a window that forgets is solved
+    to two digits only.
     """
 
     def __init__(self, config: MheConfig, step: float, n: int):
@@ -62,7 +62,7 @@ class _Program:
             self._add_dynamics(1 / np.sqrt(weight.ravel()))
 
     def _add_dynamics(self, deviation: np.ndarray) -> None:
-        """The noise, its cost, and the model as one constraint."""
+        """Add the noise, its cost, and the model as one constraint."""
         n, h, one = self._n, self._step, np.eye(CHANNELS)
         noise = self.prog.NewContinuousVariables(len(deviation), "w")
         self.prog.AddQuadraticCost(
@@ -77,7 +77,7 @@ class _Program:
         self.prog.AddLinearEqualityConstraint(rows, zero, np.concatenate([self._x, noise]))
 
     def update(self, arrival: np.ndarray, y: np.ndarray, u: np.ndarray) -> None:
-        """New data, same structure."""
+        """Replace the data and keep the structure."""
         self._foretold = np.repeat(arrival[None], self._n + 1, axis=0)
         self._foretold[1:, 0] += self._step * np.cumsum(arrival[1] + u, axis=0)
         seen = np.isfinite(y)
@@ -91,5 +91,5 @@ class _Program:
         )
 
     def trajectory(self, result: Any) -> np.ndarray:
-        """(n + 1, 2, 6) of a solution."""
+        """Return the trajectory (n + 1, 2, 6) of a solution."""
         return self._foretold + self._scale * result.GetSolution(self._x).reshape(self._scale.shape)

@@ -1,6 +1,6 @@
 """Columns and published rows of the paper's estimation table.
 
-Source of the figures: Jin et al. 2025, table of estimation errors on 6 unseen flights (label MRFsum), as
+Source of the values: Jin et al. 2025, table of estimation errors on 6 held-out flights (label MRFsum), as
 printed; its NeuroMHE and NeuroBEM rows are those of Wang et al. 2024. RMSE [N, N·m].
 """
 
@@ -10,7 +10,7 @@ CHANNELS = {  # of chi, in each column
     **{"F_x": [0], "F_y": [1], "F_z": [2], "tau_x": [3], "tau_y": [4], "tau_z": [5]},
     **{"F_xy": [0, 1], "tau_xy": [3, 4], "F": [0, 1, 2], "tau": [3, 4, 5]},
 }
-COLUMNS = tuple(CHANNELS)
+COLUMNS = tuple(CHANNELS)  # in the order of the table
 
 PUBLISHED: dict[str, dict[str, tuple[float, ...]]] = {  # flight: method: the ten columns
     "linear oscillation": {
@@ -47,9 +47,10 @@ PUBLISHED: dict[str, dict[str, tuple[float, ...]]] = {  # flight: method: the te
 
 
 def column_rmse(error: np.ndarray) -> dict[str, float]:
-    """The ten columns of (n, 6) errors; F_xy, F, tau_xy, tau are RMS lengths of the error vector [N, N·m].
+    """Return the ten columns of the table from errors (n, 6) [N, N·m].
 
-    Rows with NaN do not count.   Raises: ValueError: if no other is left.
+    F_xy, F, tau_xy, tau are RMS lengths of the error vector. Rows with NaN do not count.
+    Raises: ValueError: if no row without NaN is left.
     """
     error = error[np.isfinite(error).all(axis=1)]
     if not len(error):

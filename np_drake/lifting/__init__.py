@@ -1,1 +1,1 @@
-"""Lifted linear systems: encoders, Algorithm 1, model files, excitation and prediction skill."""
+"""Lifted linear systems: the model, its training, error bounds and prediction metrics."""

@@ -1,4 +1,4 @@
-"""Accelerations for a log that has none: velocity and body rates differentiated without phase."""
+"""Accelerations for a log without them: velocity and body rates differentiated with zero phase."""
 
 import dataclasses as dc
 
@@ -11,10 +11,10 @@ BANDWIDTH = 15.0  # [Hz], -6 dB; own choice: 0.3 m/s² of noise from 0.01 m/s at
 
 
 def with_accelerations(log: FlightLog, bandwidth: float = BANDWIDTH) -> FlightLog:
-    """The log with a = dv/dt and al = dw/dt where it has none, and a note that says so.
+    """Return the log with a = dv/dt and al = dw/dt where it has none, and a note that says so.
 
     a_k = zero-phase low-pass of (v_(k+1) - v_k) / (t_(k+1) - t_k): over this interval row k's command acts,
-    so the pairing of rows stays (a central difference would mix two commands). It uses the future: figures
+    so the pairing of rows stays (a central difference would mix two commands). It uses the future: results
     one step ahead from such a log are not causal.  Source: own choice.
 
     Args:   bandwidth: of the low-pass [Hz].
@@ -35,7 +35,10 @@ def with_accelerations(log: FlightLog, bandwidth: float = BANDWIDTH) -> FlightLo
 
 
 def smooth_derivative(value: np.ndarray, t: np.ndarray, bandwidth: float) -> np.ndarray:
-    """(n, m) zero-phase derivative of `value` (n, m) over the interval after each row."""
+    """Return the zero-phase derivative of `value` (n, m) over the interval after each row, (n, m).
+
+    Args: t: (n,) [s].   bandwidth: of the low-pass [Hz].
+    """
     rate = np.diff(value, axis=0) / np.diff(t)[:, None]
     rate = np.concatenate([rate, rate[-1:]])
     nyquist = 0.5 / float(np.median(np.diff(t)))

@@ -1,4 +1,4 @@
-"""A case folder: one vehicle, the flights to fit and the flights to judge with (docs/reference/files.md)."""
+"""Case folder: one vehicle, the flights to fit and the held-out flights (docs/reference/files.md)."""
 
 import dataclasses as dc
 from pathlib import Path
@@ -8,12 +8,15 @@ from np_drake.logs.log_file import SUFFIXES
 from np_drake.logs.open_log import open_log
 from np_drake.vehicle import Vehicle, load_vehicle
 
-VEHICLE, TRAIN, HELD_OUT = "vehicle.yaml", "train_", "heldout"
+VEHICLE, TRAIN, HELD_OUT = "vehicle.yaml", "train_", "heldout"  # file name, and starts of file names
 
 
 @dc.dataclass(frozen=True)
 class CaseFiles:
-    """Where everything lies. vehicle: None where nobody gave a vehicle file."""
+    """Paths of the files of a case.
+
+    vehicle: None without a vehicle file.   train: flights to fit.   held_out: flights for evaluation.
+    """
 
     vehicle: Path | None
     train: tuple[Path, ...]
@@ -21,8 +24,9 @@ class CaseFiles:
 
 
 def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
-    """The files of a case folder, sorted by name; nothing is opened.   vehicle: in the place of the folder's.
+    """Return the files of a case folder, sorted by name; nothing is opened.
 
+    Args: vehicle: in the place of the folder's.
     Raises: ValueError: if it is no folder, or the vehicle or a flight of either kind is missing.
     """
     folder = Path(folder)
@@ -45,8 +49,9 @@ def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
 
 
 def open_flight(path: Path, vehicle: Vehicle, *, repair: bool = False) -> FlightLog:
-    """A flight to diagnose, under the name of its file, so that answers name what a user can find.
+    """Return a flight to diagnose, named as its file.
 
+    Args: repair: mend a few bad rows instead of refusing them.
     Raises: LogError, OSError: one line, if the file is not usable; ValueError: on an array (.npy).
     """
     log = open_log(path, vehicle=vehicle, repair=repair)
@@ -56,7 +61,7 @@ def open_flight(path: Path, vehicle: Vehicle, *, repair: bool = False) -> Flight
 
 
 def open_case(folder: str | Path) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
-    """The vehicle of a case folder, its flights to fit and its flights to judge with.
+    """Return the vehicle of a case folder, its flights to fit and its held-out flights.
 
     Raises: ValueError, LogError, OSError: one line, if the folder is no case, or a file of it is not usable.
     """

@@ -1,4 +1,4 @@
-"""Is a table a usable flight log? The first fault is raised, with its place and its remedy."""
+"""Checks of a table that is to become a flight log; the first fault is raised, with its place and its remedy."""
 
 import numpy as np
 
@@ -9,11 +9,14 @@ LEAST_ROWS = 20  # own choice: below it nothing can be filtered or differentiate
 GAP = 2.5  # median intervals between two rows that count as a gap
 NORM_TOLERANCE = 0.01  # of a quaternion [1]; rounding to two decimals stays inside
 STEP_RANGE = (5e-5, 0.25)  # plausible sampling intervals [s]
-LARGEST = 1e12  # size of a cell, time apart, beyond which it is no figure of any flight in any unit
+LARGEST = 1e12  # largest cell, but for time, that is plausible in any unit; own choice
 
 
 def check_table(table: Table, fields: list[str]) -> None:
-    """Raises LogError at the first fault of the fields' columns."""
+    """Check the columns of the fields.
+
+    Raises: LogError: at the first fault.
+    """
     table.require_cells()
     if len(table) < LEAST_ROWS:
         raise table.error(f"must have at least {LEAST_ROWS} rows; got {len(table)}.")
@@ -47,7 +50,7 @@ def _check_finite(table: Table, fields: list[str]) -> None:
 
 
 def _check_time(table: Table) -> None:
-    """Time must increase, at a plausible rate, without gaps."""
+    """Check that time increases, at a plausible rate, without gaps."""
     t = table.columns["t"]
     interval = np.diff(t)
     back = np.flatnonzero(interval <= 0)
@@ -79,13 +82,17 @@ def _check_time(table: Table) -> None:
 
 
 def is_figure(table: Table, name: str) -> np.ndarray:
-    """(n,) bool: is the cell a number that can be squared? Time may count nanoseconds, which `_check_time` tells."""
+    """Return whether each cell of a column is a usable number, (n,).
+
+    It must be finite and, but for time, small enough to be squared; time may count nanoseconds, which the check of time
+    reports.
+    """
     column = table.columns[name]
     return np.isfinite(column) if name == "t" else np.abs(column) <= LARGEST
 
 
 def quaternion_norm(table: Table) -> np.ndarray:
-    """(n,) norm of q [1]."""
+    """Return the norm of q, (n,) [1]."""
     return np.linalg.norm(table.array(COLUMNS["q"]), axis=1)
 
 

@@ -1,19 +1,19 @@
-"""A log whose state was stamped by another clock than its commands."""
+"""Time shift of a log whose state was stamped by another clock than its commands."""
 
 import numpy as np
 
 from np_drake import attitude
 from np_drake.logs.flight_log import FlightLog
 
-_STATE = ("p", "q", "v", "w", "a", "al")
+_STATE = ("p", "q", "v", "w", "a", "al")  # fields that are shifted
 
 
 def shift_state(log: FlightLog, offset: float) -> FlightLog:
-    """The log whose state columns (p, q, v, w, a, al) of row t are those of t + offset; u and rotor stay.
+    """Return the log with its state columns of row t taken from t + offset; u and rotor stay.
 
-    Linear between rows, q normalised after it (its chord: an error of third order in the turn of a row); accelerations
-    that jump with a command are smeared over one row. Rows whose t + offset lies outside the log are dropped.
-    Source: effect `clock_offset`; undo it with the opposite sign.
+    The state columns are p, q, v, w, a, al. They are linear between rows, q normalised after it (its chord: an error of
+    third order in the turn of a row); accelerations that jump with a command are smeared over one row. Rows whose
+    t + offset lies outside the log are dropped. Source: effect `clock_offset`; undo it with the opposite sign.
 
     Args:   offset: [s].
     Raises: ValueError: if fewer than two rows are left.

@@ -1,4 +1,4 @@
-"""The columns of a flight log file, and how they make up a FlightLog."""
+"""Columns of a flight log file, and their mapping to the fields of a FlightLog."""
 
 import numpy as np
 
@@ -16,13 +16,14 @@ COLUMNS: dict[str, tuple[str, ...]] = {  # field of FlightLog: columns of the fi
     "u": ("thrust", "tx", "ty", "tz"),
     "rotor": ("rotor1", "rotor2", "rotor3", "rotor4"),
 }
-STATE = ("t", "p", "q", "v", "w")
+STATE = ("t", "p", "q", "v", "w")  # fields that every log has
 OPTIONAL = ("a", "al", "u", "rotor")  # u: only where rotor speed and a vehicle stand in for it
+# All columns, in the order of the format.
 NAMES = tuple(name for group in COLUMNS.values() for name in group)
 
 
 def present_fields(table: Table) -> list[str]:
-    """The fields whose columns are there and not wholly empty.
+    """Return the fields whose columns are present and not wholly empty.
 
     Raises: LogError: if there is no row, a column of the state is missing or empty, or a group is there in part.
     """
@@ -45,7 +46,7 @@ def present_fields(table: Table) -> list[str]:
 
 
 def assemble(table: Table, fields: list[str], name: str) -> FlightLog:
-    """The log in memory; fields that the file has not are None, u is NaN."""
+    """Return the log in memory; fields that the file lacks are None, a missing u is NaN."""
     arrays: dict[str, np.ndarray | None] = {f: table.array(COLUMNS[f]) for f in fields}
     t = table.columns["t"]
     for field in OPTIONAL:
@@ -62,7 +63,7 @@ def assemble(table: Table, fields: list[str], name: str) -> FlightLog:
 
 
 def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
-    """Columns (n,) in the order of the format; a command that came from rotor speed is left out."""
+    """Return columns (n,) in the order of the format; a command that came from rotor speed is left out."""
     out: dict[str, np.ndarray] = {}
     for field, names in COLUMNS.items():
         value = getattr(log, field)

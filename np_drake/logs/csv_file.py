@@ -12,7 +12,7 @@ from np_drake.logs.table import Table
 
 
 def read_csv(path: str | Path) -> Table:
-    """Reads a comma-separated file with one header line, gzip-compressed where the name ends in .gz.
+    """Read a comma-separated file with one header line, gzip-compressed where the name ends in .gz.
 
     Raises: LogError: if the file is no such table; OSError: if it cannot be opened.
     """
@@ -28,7 +28,7 @@ def read_csv(path: str | Path) -> Table:
 
 
 def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
-    """Writes columns (n,) atomically; numbers are read back bit for bit, NaN is an empty cell."""
+    """Write columns (n,) atomically; numbers are read back bit for bit, NaN is an empty cell."""
     rows = np.stack(list(columns.values()), axis=1).tolist()
     body = "\n".join(",".join(map(repr, row)) for row in rows).replace("nan", "")
     content = f"{','.join(columns)}\n{body}\n".encode()
@@ -71,7 +71,7 @@ def _is_number(text: str) -> bool:
 
 
 def _parse(lines: list[str], names: list[str]) -> tuple[np.ndarray, list[tuple[int, str, str]], list[int]]:
-    """(n, columns) values, unreadable cells and ragged rows (float() is as fast as a C parser here)."""
+    """Return (n, columns) values, unreadable cells and ragged rows (float() is as fast as a C parser here)."""
     values = np.full((len(lines), len(names)), np.nan)
     unreadable: list[tuple[int, str, str]] = []
     ragged: list[int] = []
@@ -89,7 +89,7 @@ def _parse(lines: list[str], names: list[str]) -> tuple[np.ndarray, list[tuple[i
 
 
 def _parse_slowly(cells: list[str]) -> tuple[list[float], list[tuple[int, str]]]:
-    """The row with NaN for every empty or unreadable cell, and (column, text) of the unreadable."""
+    """Return the row with NaN for every empty or unreadable cell, and (column, text) of the unreadable."""
     row: list[float] = []
     texts: list[tuple[int, str]] = []
     for column, cell in enumerate(cells):

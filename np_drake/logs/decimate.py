@@ -1,4 +1,4 @@
-"""From a log's own rate to a predictor's step."""
+"""Decimation of a log from its own rate to a predictor's step."""
 
 import numpy as np
 
@@ -9,9 +9,10 @@ from np_drake.vehicle import Vehicle
 
 
 def rows_at(log: FlightLog, step: float) -> np.ndarray:
-    """(m,) the rows nearest to t_0, t_0 + step, ….
+    """Return the indices of the rows nearest to t_0, t_0 + step, …, (m,).
 
     Rows are picked, not averaged; quantities with content above the new rate must be filtered before (`labels` are).
+    Args: step: [s].
     Raises: ValueError: if the step is shorter than the log's, or leaves fewer than two rows.
     """
     if not step > 0.999 * log.step:
@@ -33,7 +34,7 @@ def wrench_sequence(
     step: float = 0.02,
     zero_phase: bool = False,
 ) -> WrenchSequence:
-    """Labels at the log's own rate, then a row every `step` [s]; zeta in W.
+    """Return labels made at the log's own rate, then one row every `step` [s]; zeta in W.
 
     Args:
         zero_phase: `smooth_labels` instead of the causal ones (targets for training only).

@@ -1,12 +1,15 @@
-"""What a reader says when a log is not usable."""
+"""Error of a reader whose log is not usable, and the place that it names."""
 
 
 class LogError(ValueError):
-    """One line: file, column, row (1 is the first data row; line counts the header) and the remedy."""
+    """One line with file, column, row (1 is the first data row; line counts the header) and the remedy."""
 
 
 def place(path: object, *, column: str | None = None, row: int | None = None, header_lines: int = 1) -> str:
-    """'flight.csv, column vx, row 57 (line 58)'; `row` counts from 0 as arrays do."""
+    """Return text like 'flight.csv, column vx, row 57 (line 58)'.
+
+    Args: row: counts from 0 as arrays do.   header_lines: lines before the first row, 0 where the file has no lines.
+    """
     text = str(path)
     if column is not None:
         text += f", column {column}"

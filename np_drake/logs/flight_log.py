@@ -1,4 +1,4 @@
-"""The in-memory flight log that every reader fills and every method takes."""
+"""In-memory flight log that every reader returns and every method takes."""
 
 import dataclasses as dc
 
@@ -10,9 +10,9 @@ class FlightLog:
     """One flight in SI units, W z up, quaternions w, x, y, z body to world (docs/reference/flight-log.md).
 
     Row k's command acts from t_k until t_(k+1); a and al are those at t_k with row k's command acting.
-    t: (n,) [s]; p, v: (n, 3) position and velocity of the logged point in W [m, m/s]; q: (n, 4); w: (n, 3)
-    body rates [rad/s]; u: (n, 4) commanded [f_u, tau_m] after saturation [N, N·m]; a: (n, 3) dv/dt in W
-    without gravity [m/s²]; al: (n, 3) dw/dt in B [rad/s²]; rotor: (n, 4) measured rotor speed [rad/s].
+    t: (n,) [s].   p, v: (n, 3) position and velocity of the logged point in W [m, m/s].   q: (n, 4).   w: (n, 3)
+    body rates [rad/s].   u: (n, 4) commanded [f_u, tau_m] after saturation [N, N·m].   a: (n, 3) dv/dt in W
+    without gravity [m/s²].   al: (n, 3) dw/dt in B [rad/s²].   rotor: (n, 4) measured rotor speed [rad/s].
     """
 
     t: np.ndarray
@@ -24,7 +24,7 @@ class FlightLog:
     a: np.ndarray | None = None
     al: np.ndarray | None = None
     rotor: np.ndarray | None = None
-    name: str = "flight"
+    name: str = "flight"  # for messages and tables
     input: str = "command"  # command | rotor_speed
     notes: list[str] = dc.field(default_factory=list)  # what a reader derived, differentiated or repaired
 
@@ -33,7 +33,7 @@ class FlightLog:
 
     @property
     def x(self) -> np.ndarray:
-        """(n, 13) state [p_WB, q_WB, v_WB, w_WB_B]."""
+        """State [p_WB, q_WB, v_WB, w_WB_B], (n, 13)."""
         return np.concatenate([self.p, self.q, self.v, self.w], axis=1)
 
     @property
@@ -42,7 +42,7 @@ class FlightLog:
         return float(np.median(np.diff(self.t)))
 
     def rows(self, start: int, stop: int) -> "FlightLog":
-        """The rows start … stop-1 as a log of their own."""
+        """Return the rows start … stop-1 as a separate log."""
         cut = {f.name: getattr(self, f.name) for f in dc.fields(self)}
         for name, value in cut.items():
             if isinstance(value, np.ndarray):

@@ -12,15 +12,15 @@ from np_drake.logs.table import Table
 from np_drake.logs.units import check_units
 from np_drake.vehicle import Vehicle
 
-SUFFIXES = (".csv", ".csv.gz", ".parquet")
+SUFFIXES = (".csv", ".csv.gz", ".parquet")  # of the formats
 
 
 def read_log(path: str | Path, *, vehicle: Vehicle | None = None, repair: bool = False) -> FlightLog:
-    """Reads and checks a flight log (docs/reference/flight-log.md).
+    """Read and check a flight log (docs/reference/flight-log.md).
 
     Args:
         vehicle: where the log has rotor speed and no command (or the vehicle file says `input: rotor_speed`),
-            thrust and torque come from rotor speed and this vehicle. Its weight serves the check of units.
+            thrust and torque come from rotor speed and this vehicle. Its weight is used in the check of units.
         repair: mend a few bad rows instead of refusing them; the log's notes say what was mended.
     Raises: LogError: one line with file, column, row and remedy; OSError: if the file cannot be opened.
     """
@@ -38,10 +38,11 @@ def read_log(path: str | Path, *, vehicle: Vehicle | None = None, repair: bool =
 
 
 def write_log(log: FlightLog, path: str | Path) -> None:
-    """Writes a flight log, whole or not at all; the suffix chooses the form.
+    """Write a flight log, whole or not at all; the suffix determines the format.
 
     A command that came from rotor speed is not written: a reader derives it again with the vehicle file.
-    Raises: LogError: if the suffix is unknown, or it has no rotor speed either; OSError: if the disk says no.
+    Raises: LogError: if the suffix is unknown, or neither command nor rotor speed can be written; OSError: if writing
+    fails.
     """
     if log.input == "rotor_speed" and log.rotor is None:
         raise LogError(f"{path}: a log with input rotor_speed must have rotor speed to be written.")
@@ -50,12 +51,15 @@ def write_log(log: FlightLog, path: str | Path) -> None:
 
 
 def read_table(path: str | Path) -> Table:
-    """A table of numbers from any of the forms."""
+    """Return the table of numbers in a file of any of the formats."""
     return parquet_file.read_parquet(path) if suffix(path) == ".parquet" else csv_file.read_csv(path)
 
 
 def suffix(path: str | Path) -> str:
-    """.csv, .csv.gz or .parquet. Raises LogError on any other."""
+    """Return .csv, .csv.gz or .parquet, the suffix of a path.
+
+    Raises: LogError: on any other suffix.
+    """
     for known in SUFFIXES:
         if str(path).endswith(known):
             return known
@@ -63,13 +67,13 @@ def suffix(path: str | Path) -> str:
 
 
 def log_name(path: str | Path) -> str:
-    """The file's name without folder and suffix."""
+    """Return the file's name without folder and suffix."""
     name = Path(path).name
     return name.removesuffix(suffix(path))
 
 
 def _with_input(log: FlightLog, table: Table, fields: list[str], vehicle: Vehicle | None) -> FlightLog:
-    """The log with its command, or with thrust and torque from rotor speed."""
+    """Return the log with its command, or with thrust and torque from rotor speed."""
     wants_rotor = vehicle is not None and vehicle.input == "rotor_speed" and log.rotor is not None
     if "u" in fields and not wants_rotor:
         if vehicle is not None and vehicle.input == "rotor_speed":

@@ -1,4 +1,4 @@
-"""Real flights: the two forms of the NeuroBEM data set (Bauersfeld et al. 2021).
+"""Readers of the two forms of the NeuroBEM data set of real flights (Bauersfeld et al. 2021).
 
 - CSV, 29 columns ("processed data"): body velocity, specific force and measured rotor speed -> FlightLog.
 - NPY, 12 columns: body velocity, body rates, and the *total* wrench in *body* axes -> WrenchSequence. That
@@ -31,7 +31,7 @@ AGILE = (  # flights that excite the aerodynamics
     "2021-02-23-10-48-03_seg_2",
     "2021-02-23-11-41-38_seg_3",
 )
-RACE_TRACK = "merged_2021-02-18-17-19-08_seg_2"
+RACE_TRACK = "merged_2021-02-18-17-19-08_seg_2"  # race track 1 of the paper
 TESTS = {  # file stem: the paper's name of the flight
     "merged_2021-02-18-16-53-35_seg_2": "linear oscillation",
     RACE_TRACK: "race track 1",
@@ -55,8 +55,9 @@ SOURCE_COLUMNS: dict[str, tuple[str, ...]] = {
 
 
 def published_vehicle() -> Vehicle:
-    """The quadrotor as published with the data; of its figures, flight shows only thrust coefficient / mass.
+    """Return the quadrotor as published with the data.
 
+    Of its parameters, the flights show only thrust coefficient / mass.
     Rotor order (rear right, front right, rear left, front left) and directions: own identification, the
     signs of J dw/dt + w x J w regressed on squared rotor speed in three agile flights. max_rotor_thrust: own
     choice, above the 6.8 N of the fastest rotor in the data.
@@ -79,7 +80,7 @@ def published_vehicle() -> Vehicle:
 
 
 def read_neurobem(path: str | Path, *, vehicle: Vehicle | None = None, repair: bool = False) -> FlightLog:
-    """Reads a 29-column CSV into our frames: a = R acc - g z, v = R vel, u from rotor speed.
+    """Read a 29-column CSV into our frames: a = R acc - g z, v = R vel, u from rotor speed.
 
     Args:   vehicle: default `published_vehicle()`.   repair: mend a few bad rows.
     Raises: LogError: one line with file, column (by our name) and row; OSError: if it cannot be opened.
@@ -109,7 +110,7 @@ def read_neurobem(path: str | Path, *, vehicle: Vehicle | None = None, repair: b
 
 
 def read_neurobem_npy(path: str | Path) -> WrenchSequence:
-    """Reads a 12-column array: v (body), omega, f, tau -> zeta, chi, both in body axes, total wrench.
+    """Read a 12-column array: v (body), omega, f, tau -> zeta, chi, both in body axes, total wrench.
 
     Raises: LogError: if the file is no such array (pickled ones are refused); OSError: if it cannot open.
     """
@@ -138,7 +139,7 @@ def read_neurobem_npy(path: str | Path) -> WrenchSequence:
 
 
 def _renamed(table: Table) -> Table:
-    """The table under our column names, still in the data set's frames.
+    """Return the table under our column names, still in the data set's frames.
 
     Raises: LogError: if a column is missing.
     """

@@ -1,4 +1,4 @@
-"""Opens whatever flight file a user holds."""
+"""Opening of a flight file of any known format."""
 
 import gzip
 from pathlib import Path
@@ -13,8 +13,9 @@ from np_drake.vehicle import Vehicle
 def open_log(
     path: str | Path, *, vehicle: Vehicle | None = None, repair: bool = False
 ) -> FlightLog | WrenchSequence:
-    """Our own logs and NeuroBEM CSV as a FlightLog, a NeuroBEM array (.npy) as a WrenchSequence.
+    """Return our own logs and NeuroBEM CSV as a FlightLog, a NeuroBEM array (.npy) as a WrenchSequence.
 
+    Args: vehicle, repair: as in `read_log`.
     Raises: LogError: one line with file, column, row and remedy; OSError: if the file cannot be opened.
     """
     if str(path).endswith(".npy"):
@@ -25,7 +26,10 @@ def open_log(
 
 
 def is_neurobem(path: str | Path) -> bool:
-    """Is this file in one of the data set's own forms? Raises OSError if it cannot be opened."""
+    """Return whether the file is in one of the forms of the NeuroBEM data set.
+
+    Raises: OSError: if it cannot be opened.
+    """
     if not str(path).endswith((".csv", ".csv.gz")):
         return str(path).endswith(".npy")
     opener = gzip.open if str(path).endswith(".gz") else open

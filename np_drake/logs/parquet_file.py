@@ -11,7 +11,7 @@ from np_drake.logs.table import Table
 
 
 def read_parquet(path: str | Path) -> Table:
-    """Reads a Parquet file as a table of numbers; null is NaN.
+    """Read a Parquet file as a table of numbers; null is NaN.
 
     Raises: LogError: without pyarrow, or if the file is no Parquet table of numbers.
     """
@@ -33,14 +33,17 @@ def read_parquet(path: str | Path) -> Table:
 
 
 def write_parquet(path: str | Path, columns: dict[str, np.ndarray]) -> None:
-    """Writes columns (n,) atomically. Raises LogError without pyarrow."""
+    """Write columns (n,) atomically.
+
+    Raises: LogError: without pyarrow.
+    """
     pyarrow = _pyarrow(path)
     with atomic_path(path) as temporary:
         pyarrow.parquet.write_table(pyarrow.table(columns), str(temporary))
 
 
 def _reason(error: Exception) -> str:
-    """The first sentence, without the file's name, which pyarrow puts before it."""
+    """Return the first sentence of an error, without the file's name, which pyarrow puts before it."""
     line = (str(error).splitlines() or [type(error).__name__])[0]
     return line.split("': ", 1)[-1].split(". ")[0].rstrip(".")
 

@@ -1,4 +1,4 @@
-"""Repairs a log with a few bad rows, and says what it did; refuses more than a few."""
+"""Repair of a log with a few bad rows, with notes of what was done; more than a few are refused."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ NORM_RANGE = (0.5, 2.0)  # a quaternion outside it is not normalised but interpo
 
 
 def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
-    """Drops rows out of time, bridges short gaps, interpolates bad cells, normalises quaternions.
+    """Drop rows out of time, bridge short gaps, interpolate bad cells and normalise quaternions.
 
     Every column is interpolated linearly, but a command is held.  Source: own choice.
     Returns: the repaired table (its rows are renumbered) and what was done, one line each.
@@ -42,7 +42,7 @@ def repair(table: Table, fields: list[str]) -> tuple[Table, list[str]]:
 
 
 def _figures(table: Table) -> Table:
-    """The same with NaN in every cell that holds no figure."""
+    """Return the table with NaN in every cell that holds no usable number."""
     columns = table.columns.items()
     return _replaced(
         table, {name: np.where(is_figure(table, name), column, np.nan) for name, column in columns}
@@ -50,7 +50,7 @@ def _figures(table: Table) -> Table:
 
 
 def _in_time(table: Table) -> tuple[Table, int]:
-    """The rows whose time is a number and later than every time before, and how many are left out."""
+    """Return the table of rows whose time is a number and later than every time before, and how many are left out."""
     t = np.where(np.isfinite(table.columns["t"]), table.columns["t"], -np.inf)
     before = np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
     keep = t > before
@@ -59,7 +59,7 @@ def _in_time(table: Table) -> tuple[Table, int]:
 
 
 def _bridge_gaps(table: Table) -> tuple[Table, int]:
-    """Rows of NaN at the median interval inside every gap, and how many."""
+    """Return the table with rows of NaN at the median interval inside every gap, and how many."""
     t = table.columns["t"]
     interval = np.diff(t)
     step = float(np.median(interval)) if len(t) > 1 else 1.0
@@ -80,7 +80,7 @@ def _bridge_gaps(table: Table) -> tuple[Table, int]:
 
 
 def _normalise(table: Table) -> int:
-    """Divides quaternions by their norm, sets hopeless ones to NaN; returns how many were off."""
+    """Divide quaternions by their norm, set those beyond repair to NaN, and return how many were normalised."""
     norm = quaternion_norm(table)
     off = np.abs(norm - 1) > NORM_TOLERANCE
     usable = (norm > NORM_RANGE[0]) & (norm < NORM_RANGE[1])
@@ -91,7 +91,7 @@ def _normalise(table: Table) -> int:
 
 
 def _fill(table: Table, fields: list[str]) -> int:
-    """Interpolates what is not finite, in place; returns in how many rows."""
+    """Interpolate what is not finite, in place, and return in how many rows."""
     t = table.columns["t"]
     touched = np.zeros(len(t), bool)
     _one_hemisphere(table)
@@ -113,7 +113,7 @@ def _fill(table: Table, fields: list[str]) -> int:
 
 
 def _one_hemisphere(table: Table) -> None:
-    """Turns the sign of quaternions so that neighbours are near: only then they can be interpolated."""
+    """Flip signs of quaternions so that neighbours are near, as interpolation needs."""
     q = table.array(COLUMNS["q"])
     rows = np.flatnonzero(np.all(np.isfinite(q), axis=1))
     if len(rows) == 0:
@@ -130,7 +130,10 @@ def _unit_quaternions(table: Table, rows: np.ndarray) -> None:
 
 
 def _refuse_long_run(table: Table, name: str, good: np.ndarray) -> None:
-    """Raises LogError if the column is bad for longer than `LONGEST_RUN`."""
+    """Check that the column is not bad for longer than `LONGEST_RUN`.
+
+    Raises: LogError: if it is.
+    """
     t = table.columns["t"]
     edge = np.flatnonzero(good)
     start = np.concatenate([[0], edge])

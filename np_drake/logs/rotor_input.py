@@ -1,4 +1,4 @@
-"""What acts on the rotors: from measured rotor speed, or from the command through the vehicle file's lag."""
+"""Input that acts on the rotors: from measured rotor speed, or from the command through the vehicle file's lag."""
 
 import dataclasses as dc
 
@@ -10,7 +10,7 @@ from np_drake.vehicle import Vehicle
 
 
 def with_rotor_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
-    """The log with u from measured rotor speed and the vehicle file, `input: rotor_speed`.
+    """Return the log with u from measured rotor speed and the vehicle file (`input: rotor_speed`).
 
     Raises: ValueError: where the log has no rotor columns.
     """
@@ -22,7 +22,7 @@ def with_rotor_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
 
 
 def acting_command(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
-    """(n, 4) what the vehicle file says acts on the rotors at t_k, right-sided [N, N·m].
+    """Return the command that acts on the rotors at t_k by the vehicle file, right-sided, (n, 4) [N, N·m].
 
     Without lag: row k's command. With lag: rotor speed is continuous, so row k shows commands
     0 … k-1. Measured rotor speed (`log.input`) needs no lag.
@@ -44,16 +44,16 @@ def acting_command(log: FlightLog, vehicle: Vehicle) -> np.ndarray:
 
 
 def rotor_decay(vehicle: Vehicle, step: float) -> float:
-    """exp(-step / rotor_time_constant), 0 without lag."""
+    """Return exp(-step / rotor_time_constant), 0 without lag [1]; `step` in [s]."""
     lag = vehicle.rotor_time_constant
     return float(np.exp(-step / lag)) if lag > 0 else 0.0
 
 
 def rotor_speed(vehicle: Vehicle, u: np.ndarray) -> np.ndarray:
-    """(..., 4) command [N, N·m] -> (..., 4) rotor speed that gives it [rad/s]; no rotor pulls downwards."""
+    """Return the rotor speed (..., 4) [rad/s] that gives u (..., 4) [N, N·m]; no rotor pulls downwards."""
     return np.sqrt(np.maximum(u @ vehicle.unmixer.T, 0.0) / vehicle.thrust_coefficient)
 
 
 def rotor_wrench(vehicle: Vehicle, speed: np.ndarray) -> np.ndarray:
-    """(..., 4) rotor speed [rad/s] -> (..., 4) u = [f_u, tau_m] [N, N·m]."""
+    """Return u = [f_u, tau_m] (..., 4) [N, N·m] of rotor speeds (..., 4) [rad/s]."""
     return (vehicle.thrust_coefficient * np.square(speed)) @ vehicle.mixer.T

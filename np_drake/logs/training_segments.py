@@ -1,9 +1,9 @@
-"""From flights as opened to what a predictor trains on."""
+"""Training segments of a predictor from opened flights."""
 
 import numpy as np
 
 from np_drake.labels import LabelConfig
-from np_drake.lifting.segments import Segment
+from np_drake.lifting.training.segments import Segment
 from np_drake.logs.accelerations import with_accelerations
 from np_drake.logs.decimate import wrench_sequence
 from np_drake.logs.flight_log import FlightLog
@@ -20,7 +20,7 @@ def training_segments(
     *,
     step: float = 0.02,
 ) -> list[Segment]:
-    """The uninterrupted pieces of one flight, a sample every `step` [s] (an array keeps its own step).
+    """Return the uninterrupted pieces of one flight, a sample every `step` [s] (an array keeps its own step).
 
     chi: causal labels, as seen in flight; target: zero-phase labels. An array's wrench is both.
     Raises: ValueError: if the step does not fit the log.
@@ -34,7 +34,7 @@ def training_segments(
 
 
 def _pieces(chi: np.ndarray, zeta: np.ndarray, target: np.ndarray, step: float) -> list[Segment]:
-    """Segments between the rows that hold a NaN."""
+    """Return segments between the rows that hold a NaN."""
     good = np.all(np.isfinite(np.hstack([chi, zeta, target])), axis=1)
     edge = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
     return [

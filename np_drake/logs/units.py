@@ -1,9 +1,9 @@
-"""Wrong units by orders of magnitude: what was integrated must match what was measured.
+"""Detection of units that are wrong by orders of magnitude, by comparing integrated with measured quantities.
 
 Over windows of half a second, the change of position is compared with the integral of velocity, attitude
 with body rates, velocity with acceleration, each as a spread about its own mean (so a bias is not a unit).
 Thrust is compared with weight, torque with the change of angular momentum and with what rotors can give.
-Source: own choice; thresholds tried on 43 NeuroBEM flights, those of torque also on 2760 to 2892 simulated ones with
+Source: own choice; thresholds checked on 43 NeuroBEM flights, those of torque also on 2760 to 2892 simulated ones with
 every effect of the library and many that it does not have.
 """
 
@@ -16,26 +16,26 @@ from np_drake.logs.rotor_input import rotor_wrench
 from np_drake.vehicle import Vehicle
 
 WINDOW = 0.5  # [s]
-RATIO = 6.0  # more than noise, wind-up or effects make; less than g, degrees or millimetres
-ALIKE = 0.5  # cosine below which two courses are no multiples of each other
-STILL = 1e-4  # ratio below which one of them does not move at all
-TURNS = 0.3  # spread of an axis' rate over a window below which its torque is not judged [rad/s]
-TORQUE = ("tx", "ty", "tz")
-WINDOWS = 8  # that a flight must last for its torque to be judged
-TORQUE_RATIO = 30.0  # of two integrals of one course; 5.3 at most in sound flights, 3.4 in those that turn
-OPPOSITE = 0.7  # of the turn, left by the opposite torque where the sign is wrong; sound flights leave 0.97
-STRONGEST = 6.0  # times what rotors can give; sound flights have 1 where rotors saturate, 0.2 elsewhere
+RATIO = 6.0  # above noise, wind-up or effects; below g, degrees or millimetres [1]
+ALIKE = 0.5  # cosine below which two signals are not multiples of each other [1]
+STILL = 1e-4  # ratio below which one of two signals is constant [1]
+TURNS = 0.3  # spread of an axis' rate over a window below which its torque is not checked [rad/s]
+TORQUE = ("tx", "ty", "tz")  # columns
+WINDOWS = 8  # duration that a flight needs for a check of its torque [windows]
+TORQUE_RATIO = 30.0  # of two integrals of one signal; at most 5.3 in valid flights, 3.4 where they turn [1]
+OPPOSITE = 0.7  # share of the rotation left by the opposite torque if the sign is wrong; 0.97 if valid [1]
+STRONGEST = 6.0  # over the torque of the rotors; valid flights have 1 at saturation, 0.2 elsewhere [1]
 FASTEST_ROTOR = 5000.0  # [rad/s]; 48,000 rpm
-LEAST = {
-    "position": 0.2,
-    "attitude": 0.2,
-    "velocity": 0.5,
-    "rates": 1.0,
-}  # spread below which nothing is said
+# Spread below which nothing is checked [m, rad, m/s, rad/s].
+LEAST = {"position": 0.2, "attitude": 0.2, "velocity": 0.5, "rates": 1.0}
 
 
 def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) -> None:
-    """Raises LogError if a column is off by orders of magnitude. path: named in the message."""
+    """Check the units of all columns of a log.
+
+    Args: path: named in the message.   vehicle: for the weight and the strength of the rotors; None skips these.
+    Raises: LogError: if a column is off by orders of magnitude.
+    """
     m = max(1, round(WINDOW / log.step))
     if len(log) > 2 * m:
         p, v, w = _change(log.p, m), _change(log.v, m), _change(log.w, m)
@@ -74,13 +74,13 @@ def _compare(path: object, left: str, right: str, change: np.ndarray, sum_: np.n
 
 
 def _likeness(a: np.ndarray, b: np.ndarray) -> float:
-    """Cosine between two (n, 3), their means apart [1]: near one where they differ in their unit alone."""
+    """Return the cosine between two (n, 3) about their means [1]; near one where they differ in their unit alone."""
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     return float(abs(np.sum(a * b)) / max(np.linalg.norm(a) * np.linalg.norm(b), 1e-300))
 
 
 def _check_convention(q: np.ndarray, turned: np.ndarray, m: int, path: object) -> None:
-    """Another convention of the quaternion must not agree with body rates where its own does not."""
+    """Check that no other convention of the quaternion agrees with body rates where its own does not."""
     own = _spread(_turn(q, m) - turned)
     if own < 0.5 * max(_spread(turned), LEAST["attitude"]):
         return
@@ -96,7 +96,7 @@ def _check_convention(q: np.ndarray, turned: np.ndarray, m: int, path: object) -
 
 
 def _check_gravity(a: np.ndarray, log: FlightLog, path: object) -> None:
-    """Mean vertical acceleration must be what the velocity says, not that plus g."""
+    """Check that the mean vertical acceleration agrees with the velocity, and not with that plus g."""
     surplus = float(np.mean(a[:, 2]) - (log.v[-1, 2] - log.v[0, 2]) / (log.t[-1] - log.t[0]))
     if abs(abs(surplus) - 9.81) < 2.0:
         raise LogError(
@@ -107,7 +107,7 @@ def _check_gravity(a: np.ndarray, log: FlightLog, path: object) -> None:
 
 
 def _check_thrust(log: FlightLog, path: object, vehicle: Vehicle) -> None:
-    """The upper range of thrust, commanded and from rotor speed, must be comparable with weight."""
+    """Check that the upper range of thrust, commanded and from rotor speed, is comparable with weight."""
     weight = vehicle.mass * vehicle.gravity
     thrusts = {"thrust": log.u[:, 0]}
     if log.rotor is not None:
@@ -123,7 +123,7 @@ def _check_thrust(log: FlightLog, path: object, vehicle: Vehicle) -> None:
 
 
 def _check_torque_limit(log: FlightLog, path: object, vehicle: Vehicle) -> None:
-    """The upper range of commanded torque must be what rotors can give; that from rotor speed always is."""
+    """Check that rotors can give the upper range of commanded torque; that from rotor speed always is."""
     if log.input != "command" or not np.isfinite(log.u).any():
         return
     most = 0.5 * vehicle.max_rotor_thrust * np.abs(vehicle.mixer[1:]).sum(axis=1)
@@ -136,10 +136,10 @@ def _check_torque_limit(log: FlightLog, path: object, vehicle: Vehicle) -> None:
 
 
 def _check_torque(log: FlightLog, path: object, vehicle: Vehicle, m: int) -> None:
-    """Torque must be what turns the vehicle, J dw/dt + w x J w, in size and, axis by axis, in sign.
+    """Check torque against the change of angular momentum, J dw/dt + w x J w, in size and, axis by axis, in sign.
 
-    What a controller does against a disturbance goes with the turn that is left, as does what it does to turn; where
-    it is too late for a strong one it goes against that turn, but is a multiple of it.
+    A controller's torque against a disturbance correlates with the remaining rotation, as does its torque for a turn;
+    where it is too late for a strong disturbance it opposes that rotation, but is a multiple of it.
     """
     momentum = log.w @ vehicle.J.T
     turn = _change(momentum, m) + _integral(np.cross(log.w, momentum), log.t, m)
@@ -168,13 +168,13 @@ def _change(value: np.ndarray, m: int) -> np.ndarray:
 
 
 def _integral(rate: np.ndarray, t: np.ndarray, m: int) -> np.ndarray:
-    """(n - m, 3) the integral of `rate` over m intervals."""
+    """Return the integral of `rate` over m intervals, (n - m, 3)."""
     area = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t)[:, None]
     return _change(np.concatenate([np.zeros((1, 3)), np.cumsum(area, axis=0)]), m)
 
 
 def _turn(q: np.ndarray, m: int) -> np.ndarray:
-    """(n - m, 3) the sum of small turns in body axes over m intervals [rad]."""
+    """Return the sum of small rotations in body axes over m intervals, (n - m, 3) [rad]."""
     back = q[:-1] * [1.0, -1.0, -1.0, -1.0]
     turn = attitude.multiply(back, q[1:])
     small = 2 * turn[:, 1:] * np.sign(turn[:, :1])

@@ -1,4 +1,4 @@
-"""What a predictor learns from: wrench and motion at one fixed step."""
+"""Wrench and motion at one fixed step, as training data of a predictor."""
 
 import dataclasses as dc
 
@@ -7,7 +7,7 @@ import numpy as np
 
 @dc.dataclass
 class WrenchSequence:
-    """chi and zeta of one flight at a fixed step.
+    """Wrench chi and motion zeta of one flight at a fixed step.
 
     step: time between rows [s].   chi: (n, 6) [force, torque] [N, N·m]; the torque is in body axes.
     zeta: (n, 6) [velocity, body rates] [m/s, rad/s].   frame: of force and velocity, "world" | "body".
@@ -19,20 +19,23 @@ class WrenchSequence:
     chi: np.ndarray
     zeta: np.ndarray
     frame: str = "world"
-    name: str = "flight"
+    name: str = "flight"  # for messages and tables
     total: bool = False
-    notes: list[str] = dc.field(default_factory=list)
+    notes: list[str] = dc.field(default_factory=list)  # what a reader derived or repaired
 
     def __len__(self) -> int:
         return len(self.chi)
 
     @property
     def t(self) -> np.ndarray:
-        """(n,) time from the first row [s]."""
+        """Time from the first row, (n,) [s]."""
         return self.step * np.arange(len(self))
 
     def check(self) -> "WrenchSequence":
-        """Returns self; raises ValueError where shapes or names do not fit."""
+        """Return self after checking shapes and names.
+
+        Raises: ValueError: where they do not fit.
+        """
         if self.frame not in ("world", "body"):
             raise ValueError(f"WrenchSequence: frame must be world or body; got {self.frame!r}.")
         if not 0 < self.step < np.inf:

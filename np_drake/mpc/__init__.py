@@ -1,1 +1,1 @@
-"""The paper's problem (nmpc) and its solvers on MathematicalProgram."""
+"""The MPC problem (nmpc) of the paper and its solvers on MathematicalProgram."""

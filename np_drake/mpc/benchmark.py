@@ -1,4 +1,4 @@
-"""Times the solvers against each other on the same problems in one run; only ratios compare across runs."""
+"""Benchmark of the solvers on the same problems in one run; only ratios compare across runs."""
 
 import contextlib
 import dataclasses as dc
@@ -17,21 +17,22 @@ from np_drake.vehicle import Vehicle
 
 _BLOCK = 20  # problems that a solver takes in a row [1]
 _WARM_UP = 3  # untimed solves of the first problem
-PEER = "casadi"
+PEER = "casadi"  # name of the solver that ratios refer to
 START_LIMIT = 0.015  # wall time that a cold or infeasible start may take; tracking is not limited [s]
 Progress = Callable[[int, int], None]
 
 
 @dc.dataclass
 class SolverReport:
-    """One solver on one set of problems.
+    """Results of one solver on one set of problems.
 
-    failures: no usable answer.   fallbacks: an answer, but not the method's own.   gap: relative cost above
-    the best known optimum, over answered problems.   ratio_to_casadi: of median times; None where the peer
-    did not run.
+    problems: number of problems.   median_ms, p95_ms, max_ms: solve time [ms].   failures: problems without a usable
+    answer.   fallbacks: problems with an answer that is not the method's own.   gap_median, gap_max: relative cost
+    above the best known optimum, over answered problems [1].   violation_max: of the soft sets [in each set's unit].
+    ratio_to_casadi: of median times [1]; None where CasADi did not run.
     """
 
-    name: str
+    name: str  # of the solver
     problems: int
     median_ms: float
     p95_ms: float
@@ -45,7 +46,7 @@ class SolverReport:
 
 
 def make_solvers(vehicle: Vehicle, config: MpcConfig, *, time_limit: float = np.inf) -> list[MpcSolver]:
-    """IPOPT, SQP with one and two steps, and CasADi (never limited) where it is installed."""
+    """Return IPOPT, SQP with one and two steps, and CasADi (never limited) where it is installed."""
     two = SqpSolver(vehicle, config, steps=2, time_limit=time_limit)
     two.name = "sqp_2"
     solvers: list[MpcSolver] = [
@@ -67,15 +68,15 @@ def run(
     optimum: MpcSolver | None = None,
     progress: Progress | None = None,
 ) -> list[SolverReport]:
-    """Solves every problem with every solver.
+    """Solve every problem with every solver and return a report a solver.
 
-    The solvers take turns, in turning order, at blocks of problems: short enough that noise meets all alike, long
-    enough that each flies with its own warm caches.
+    The solvers take turns, in rotating order, at blocks of problems: short enough that noise meets all alike, long
+    enough that each runs with its own warm caches.
 
     Args:
         step: the MPC's step [s].   period: time between problems [s]; each solver starts from its own last
             plan, shifted. None: every start is cold.
-        optimum: a patient solver for the gap, run untimed; without it the best answer counts as optimum.
+        optimum: a solver without time limit for the gap, run untimed; without it the best answer counts as optimum.
     """
     for solver in solvers:
         for _ in range(_WARM_UP):
@@ -107,7 +108,7 @@ def run(
 
 
 def _best_cost(problem: MpcProblem, row: list[MpcSolution | None], optimum: MpcSolver | None) -> float:
-    """The least cost known: of the answers, and of a patient solver that starts from the best of them."""
+    """Return the least cost known, of the answers and of a solver without time limit from the best of them."""
     given = min((a for a in row if a), key=lambda a: a.cost, default=None)
     patient = _attempt(optimum, problem, given)[0] if optimum else None
     return min((a.cost for a in (given, patient) if a), default=np.inf)
@@ -122,7 +123,11 @@ def suite(
     count: int = 200,
     progress: Progress | None = None,
 ) -> dict[str, list[SolverReport]]:
-    """The whole bench: recorded (or generated) tracking by name, horizons 10, 20, 40, cold and infeasible starts."""
+    """Run the whole benchmark and return the reports by name of the problem set.
+
+    The sets are recorded (or generated) tracking by name, horizons 10, 20, 40, cold and infeasible starts.
+    Args: recorded: name -> problems of a recorded flight.   period: between problems [s].   count: problems of a set.
+    """
     tracking = recorded or {"tracking": tracking_problems(vehicle, config, count=count, period=period)}
     sets: dict[str, tuple[MpcConfig, Sequence[MpcProblem], float | None]] = {
         name: (config, problems, period) for name, problems in tracking.items()
@@ -157,7 +162,7 @@ def suite(
 def _attempt(
     solver: MpcSolver, problem: MpcProblem, warm: MpcSolution | None
 ) -> tuple[MpcSolution | None, float]:
-    """The answer and its own solve time; of a failure, all that was spent [s]."""
+    """Return the answer and its own solve time [s]; for a failure, all that was spent."""
     start = time.perf_counter()
     try:
         answer = solver.solve(problem, warm)

@@ -1,4 +1,4 @@
-"""Problems to time solvers on, without a simulator: closed-loop tracking, cold starts, infeasible starts."""
+"""Benchmark problems without a simulator: closed-loop tracking, cold starts, infeasible starts."""
 
 import dataclasses as dc
 
@@ -24,9 +24,11 @@ def tracking_problems(
     lifted: int = 24,
     seed: int = 0,
 ) -> list[MpcProblem]:
-    """A closed loop on the circle; the vehicle is 5 % heavier and pulled by a wrench that swings.
+    """Return the problems of a closed loop on the circle.
 
-    Every problem has its own A, B, C (K = `lifted`), stable, whose forecast starts at the true wrench.
+    The vehicle is 5 % heavier than the controller's and pulled by an oscillating wrench. Every problem has its own
+    stable A, B, C (K = `lifted`), whose forecast starts at the true wrench.
+    Args: count: number of problems.   period: time between them [s].
     """
     rng = np.random.default_rng(seed)
     plant = DiscreteDynamics(vehicle.with_mass(1.05 * vehicle.mass), period)
@@ -48,7 +50,7 @@ def tracking_problems(
 
 
 def cold_problems(vehicle: Vehicle, config: MpcConfig, *, count: int = 40, seed: int = 1) -> list[MpcProblem]:
-    """Scattered starts within the sets: about 0.3 m, 0.5 m/s, 15 deg, 0.5 rad/s from the circle."""
+    """Return scattered starts within the sets: about 0.3 m, 0.5 m/s, 15 deg, 0.5 rad/s from the circle."""
     rng = np.random.default_rng(seed)
     problems = tracking_problems(vehicle, config, count=count, seed=seed)
     return [dc.replace(p, x0=_scatter(rng, p.x0, [0.3, 0.5, 0.25, 0.5])) for p in problems]
@@ -57,7 +59,7 @@ def cold_problems(vehicle: Vehicle, config: MpcConfig, *, count: int = 40, seed:
 def infeasible_problems(
     vehicle: Vehicle, config: MpcConfig, *, count: int = 40, seed: int = 2
 ) -> list[MpcProblem]:
-    """Starts far outside every soft set: 9 m/s, 80 deg of tilt, metres away, tumbling."""
+    """Return starts far outside every soft set: 9 m/s, 80 deg of tilt, metres away, tumbling."""
     rng = np.random.default_rng(seed)
     problems = []
     for p in tracking_problems(vehicle, config, count=count, seed=seed):
@@ -73,7 +75,7 @@ def infeasible_problems(
 
 
 def circle(vehicle: Vehicle, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """x_ref (n, 13) and u_ref (n, 4) at times t (n,) [s] on a circle of 1 m at 1.5 m/s, 1.6 m high."""
+    """Return x_ref (n, 13) and u_ref (n, 4) at times t (n,) [s] on a circle of 1 m at 1.5 m/s, 1.6 m high."""
     c, s, zero = np.cos(1.5 * t), np.sin(1.5 * t), np.zeros_like(t)
     push = np.stack([-2.25 * c, -2.25 * s, zero + vehicle.gravity], axis=1)
     size = np.linalg.norm(push, axis=1)
@@ -85,7 +87,7 @@ def circle(vehicle: Vehicle, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _base_model(rng: np.random.Generator, K: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A with spectral radius 0.97, B, C: wrenches of newtons and hundredths of newton metres."""
+    """Return A with spectral radius 0.97, B, C, for wrenches of newtons and hundredths of newton metres."""
     A = rng.normal(size=(K, K))
     A *= 0.97 / np.abs(np.linalg.eigvals(A)).max() if K else 1.0
     scale = np.array([1.0, 1.0, 1.0, 0.02, 0.02, 0.02])
@@ -93,7 +95,10 @@ def _base_model(rng: np.random.Generator, K: int) -> tuple[np.ndarray, np.ndarra
 
 
 def _forecast(rng: np.random.Generator, base, chi: np.ndarray, horizon: int) -> WrenchForecast:
-    """The base model refitted: each matrix 1 % off at every step, z the least one whose wrench is chi."""
+    """Return the base model refitted.
+
+    Each matrix is 1 % off at every step, and z is the least one whose wrench is chi.
+    """
     A, B, C = (M * (1 + 0.01 * rng.normal(size=M.shape)) for M in base)
     if len(A) == 0:
         return WrenchForecast(A, B, C, np.zeros(0), np.tile(chi, (horizon, 1)))
@@ -102,7 +107,7 @@ def _forecast(rng: np.random.Generator, base, chi: np.ndarray, horizon: int) -> 
 
 
 def _scatter(rng: np.random.Generator, x: np.ndarray, size: list[float]) -> np.ndarray:
-    """x moved by normal errors of position [m], velocity [m/s], attitude [rad] and rate [rad/s]."""
+    """Return the state x moved by normal errors of position [m], velocity [m/s], attitude [rad] and rate [rad/s]."""
     x = x.copy()
     x[0:3] += size[0] * rng.normal(size=3)
     x[7:10] += size[1] * rng.normal(size=3)

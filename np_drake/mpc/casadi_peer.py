@@ -1,4 +1,4 @@
-"""The peer of the benchmark: the same problem as a CasADi user would write it. Optional extra `bench`.
+"""Baseline of the benchmark: problem (nmpc) in CasADi (optional extra `bench`).
 
 Multiple shooting over (T, x, z), exact Hessian, IPOPT with MUMPS, data as parameters, warm start from the
 last answer. Used by the benchmark only.
@@ -18,7 +18,7 @@ from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, 
 from np_drake.mpc.sqp import as_solution
 from np_drake.vehicle import Vehicle
 
-# The fastest of eight settings of warm start and barrier that were tried on the tracking problems.
+# The fastest of eight settings of warm start and barrier on the tracking problems; own measurement.
 _OPTIONS = {
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
@@ -36,7 +36,7 @@ _OPTIONS = {
 
 
 class CasadiSolver:
-    """CasADi + IPOPT; one compiled problem for each size K of the lifted state."""
+    """Solver on CasADi and IPOPT, with one compiled problem for each size K of the lifted state."""
 
     name = "casadi"
 
@@ -51,7 +51,10 @@ class CasadiSolver:
         self._programs: dict[int, tuple[Any, np.ndarray, np.ndarray]] = {}
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
-        """Raises SolverFailure where IPOPT does not converge, or the forecast is not linear in the motion."""
+        """Solve one problem.
+
+        Raises: SolverFailure: if IPOPT does not converge, or the forecast is not linear in the motion.
+        """
         f = problem.forecast
         if f.reaction is not None:
             raise SolverFailure("MPC: casadi: the peer solves linear forecasts only.")
@@ -75,7 +78,7 @@ class CasadiSolver:
             "lbg": lower,
             "ubg": upper,
         }
-        start = time.perf_counter()  # the peer is not charged for what this project prepares around it
+        start = time.perf_counter()  # the time of this project's own preparation is not counted
         answer = solver(**given)
         spent = time.perf_counter() - start
         stats = solver.stats()
@@ -148,7 +151,7 @@ class CasadiSolver:
         return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
     def _derivative(self, state, u, chi):
-        """Eq. (1) in CasADi's symbols; a test holds it against `rigid_body`."""
+        """Return eq. (1) in CasADi's symbols; a test compares it with `rigid_body`."""
         ca, vehicle = self._casadi, self.condensed.vehicle
         w, x, y, z = (state[3 + i] for i in range(4))
         v, rate = state[7:10], state[10:13]

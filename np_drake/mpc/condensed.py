@@ -21,9 +21,10 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class Trajectory:
-    """A rollout: T (N, 4) [N], u (N, 4), x (N+1, 13), chi (N, 6) and its cost.
+    """Rollout of the rotor thrusts and its cost.
 
-    What it does to the soft sets of `objective` is computed when asked for.
+    T: (N, 4) [N].   u: (N, 4) [N, N·m].   x: (N+1, 13).   chi: (N, 6) [N, N·m].   cost: [1].
+    Its excess over the soft sets of `objective` is computed when asked for.
     """
 
     T: np.ndarray
@@ -31,34 +32,35 @@ class Trajectory:
     x: np.ndarray
     chi: np.ndarray
     cost: float
-    horizon: Horizon
+    horizon: Horizon  # data of the problem
     objective: Objective
 
     @cached_property
     def excess(self) -> np.ndarray:
-        """(4N+1,) excess over the soft sets."""
+        """Excess over the soft sets, (4N+1,) [in each set's unit]."""
         return self.objective.excess(self.horizon, self.x)
 
     @cached_property
     def slacks(self) -> np.ndarray:
-        """(3,) slacks that the excess needs."""
+        """Slacks that the excess needs, (3,) [in each set's unit]."""
         return self.objective.slacks(self.excess)
 
     @cached_property
     def merit(self) -> float:
-        """Cost and penalty."""
+        """Cost plus penalty [1]."""
         return self.cost + penalty(self.slacks, self.objective.config.slack_weight)
 
     @property
     def finite(self) -> bool:
-        """Whether the rollout stayed within the numbers."""
+        """Whether the rollout has a finite merit."""
         return bool(np.isfinite(self.merit))
 
 
 @dc.dataclass(frozen=True)
 class LocalModel:
-    """merit(d) ~ d'Hd/2 + g'd + const and soft rows, d = change of T.ravel() (n,).
+    """Quadratic model of the merit around a trajectory, d'Hd/2 + g'd + const with soft rows.
 
+    The decision d (n,) is the change of T.ravel() [N].
     hessian: (n, n) lower triangle only.   gradient: (n,).   rows: SoftRows with n columns.
     """
 
@@ -68,7 +70,10 @@ class LocalModel:
 
 
 class Condensed:
-    """The reduced problem; workspaces only, wholly overwritten by every call."""
+    """Problem reduced to the rotor thrusts.
+
+    The members are constants and workspaces that every call overwrites wholly.
+    """
 
     def __init__(self, vehicle: Vehicle, config: MpcConfig):
         self.vehicle, self.config = vehicle, config
@@ -81,15 +86,15 @@ class Condensed:
         self._R = np.kron(np.eye(n), 2 * R)
 
     def prepare(self, problem: MpcProblem) -> Horizon:
-        """See `horizon.prepare`."""
+        """Return the problem made ready for a solver, see `horizon.prepare`."""
         return prepare(problem, self.vehicle, self.config)
 
     def clip(self, T: np.ndarray) -> np.ndarray:
-        """The hard input set."""
+        """Return the thrusts clipped to the hard input set [N]."""
         return np.clip(T, 0.0, self.vehicle.max_rotor_thrust)
 
     def rollout(self, h: Horizon, T: np.ndarray) -> Trajectory:
-        """Follows the thrusts T (N, 4) [N] from h.x0."""
+        """Return the trajectory under the thrusts T (N, 4) [N] from h.x0."""
         n = self.config.horizon
         u = T @ self.vehicle.mixer.T
         chi = h.free.copy()
@@ -110,7 +115,7 @@ class Condensed:
         return Trajectory(T, u, x, chi, self.objective.cost(h, x, u, chi), h, self.objective)
 
     def sensitivities(self, h: Horizon, t: Trajectory) -> np.ndarray:
-        """(N, 13, 4N) dx_i/dT for i = 1 … N, the reaction of the wrench to the predicted motion included."""
+        """Return dx_i/dT for i = 1 … N, (N, 13, 4N), with the reaction of the wrench to the predicted motion."""
         n = self.config.horizon
         model = self.dynamics.linearise(t.x[:-1], t.u, t.chi)
         Fu = model.Fu @ self.vehicle.mixer
@@ -133,12 +138,12 @@ class Condensed:
         return S
 
     def local_model(self, h: Horizon, t: Trajectory) -> LocalModel:
-        """Gauss-Newton Hessian and exact gradient of the cost at t; the rows linearised."""
+        """Return the Gauss-Newton Hessian and exact gradient of the cost at t, with the rows linearised."""
         S = self.sensitivities(h, t)
         return LocalModel(self.hessian(h, S), self.gradient(h, t, S), self.objective.rows(h, t.x, S))
 
     def hessian(self, h: Horizon, S: np.ndarray) -> np.ndarray:
-        """(4N, 4N) Gauss-Newton Hessian over T, lower triangle [1/N²]."""
+        """Return the Gauss-Newton Hessian over T by the sensitivities S, (4N, 4N), lower triangle [1/N²]."""
         G = self._Q_root[:, None] * S
         G[-1] = h.P_root @ S[-1]
         rows = G.reshape(-1, self.size)
@@ -148,7 +153,7 @@ class Condensed:
         return dsyrk(2.0, rows.T, beta=1.0, c=self._R, lower=1)
 
     def gradient(self, h: Horizon, t: Trajectory, S: np.ndarray) -> np.ndarray:
-        """(4N,) of the cost over T [1/N]."""
+        """Return the gradient of the cost over T by the sensitivities S, (4N,) [1/N]."""
         e = t.x[1:] - h.x_ref[1:]
         weighted = 2 * self.config.Q * e
         weighted[-1] = 2 * h.P @ e[-1]

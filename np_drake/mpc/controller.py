@@ -1,4 +1,4 @@
-"""One period of the controller: targets, solve, fallback. Pure in its memory."""
+"""One period of the controller: targets, solve, fallback; a pure function of its memory."""
 
 import dataclasses as dc
 import time
@@ -14,7 +14,10 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class ControllerMemory:
-    """u: (N, 4), x: (N+1, 13), chi: (N, 6) the last plan; flags: [status, solve time (s), 1 if there is a plan]."""
+    """Last plan of the controller.
+
+    u: (N, 4) [N, N·m].   x: (N+1, 13).   chi: (N, 6) [N, N·m].   flags: [status, solve time [s], 1 if there is a plan].
+    """
 
     u: np.ndarray
     x: np.ndarray
@@ -23,10 +26,12 @@ class ControllerMemory:
 
 
 class MpcController:
-    """Turns measurement, reference and forecast into a plan; on failure the last plan goes on, then hover.
+    """Controller that turns measurement, reference and forecast into a plan.
+
+    On failure the last plan goes on; without one the vehicle hovers.
 
     Args:
-        vehicle: what the controller believes.   period: time between solves [s].
+        vehicle: parameters that the controller assumes.   period: time between solves [s].
         deadline: a solve that takes longer [s] is discarded as late; inf accepts every answer, so that a
             simulation does not depend on the machine it runs on.
         target_shift: move the attitude and input references with chi_hat.
@@ -46,7 +51,7 @@ class MpcController:
         self.period, self.deadline, self._target_shift = period, deadline, target_shift
 
     def initial_memory(self) -> ControllerMemory:
-        """Hover at the origin; not yet a plan."""
+        """Return the memory before the first plan: hover at the origin."""
         N = self.config.horizon
         x = np.zeros((N + 1, 13))
         x[:, 3] = 1.0
@@ -54,8 +59,9 @@ class MpcController:
         return ControllerMemory(np.tile(self.vehicle.hover_input, (N, 1)), x, np.zeros((N, 6)), flags)
 
     def problem(self, x: np.ndarray, flat: np.ndarray, forecast: WrenchForecast | None) -> MpcProblem:
-        """The problem at this instant; references follow the wrench that the reference motion itself would meet.
+        """Return the problem at this instant.
 
+        References follow the wrench that the reference motion itself would meet.
         Args: x: (13,) measured; flat: (5, N+1, 3) reference motion; forecast: None for the nominal MPC.
         """
         N = self.config.horizon
@@ -71,7 +77,11 @@ class MpcController:
     def step(
         self, memory: ControllerMemory, *, x: np.ndarray, flat: np.ndarray, forecast: WrenchForecast | None
     ) -> ControllerMemory:
-        """The memory after one period; its solve time is what was spent, whether the answer flies or not."""
+        """Return the memory after one period.
+
+        Its solve time is the time spent, whether the answer is used or not.
+        Args: x: (13,) measured.   flat: (5, N+1, 3) reference motion.   forecast: None for the nominal MPC.
+        """
         last = self._last_plan(memory)
         start = time.perf_counter()
         try:

@@ -1,4 +1,4 @@
-"""What every program on Drake's solvers here needs: a program, options, and a quiet log."""
+"""Common parts of all programs on Drake's solvers: a program, options, and a quiet log."""
 
 import contextlib
 import logging
@@ -9,12 +9,15 @@ from pydrake.solvers import MathematicalProgram, SolverId, SolverOptions
 
 
 def new_program() -> Any:
-    """A MathematicalProgram; `Any`, because the stubs' array types do not admit NumPy's own."""
+    """Return a MathematicalProgram.
+
+    Its type is `Any`, because the stubs' array types do not admit NumPy's own.
+    """
     return MathematicalProgram()
 
 
 def solver_options(options: Mapping[SolverId, Mapping[str, float | int | str]]) -> Any:
-    """Options by solver and name."""
+    """Return Drake's SolverOptions from options by solver and name."""
     result = SolverOptions()
     for solver, entries in options.items():
         for name, value in entries.items():
@@ -23,12 +26,12 @@ def solver_options(options: Mapping[SolverId, Mapping[str, float | int | str]]) 
 
 
 class _ExpectedEarlyEnds(logging.Filter):
-    """Drops Drake's warnings while `muted`."""
+    """Filter that drops Drake's warnings while `muted`."""
 
     muted = False
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Whether the record passes."""
+        """Return whether the record passes."""
         return not self.muted or record.levelno >= logging.ERROR
 
 
@@ -38,9 +41,9 @@ logging.getLogger("drake").addFilter(_FILTER)
 
 @contextlib.contextmanager
 def expected_early_ends() -> Iterator[None]:
-    """Mutes Drake's log below ERROR: an iteration cap that the caller handles is an answer, not a warning.
+    """Mute Drake's log below ERROR: an iteration limit that the caller handles is no warning.
 
-    A filter, because setting the logger's level empties every logger's cache at each solve.
+    It uses a filter, because setting the logger's level empties every logger's cache at each solve.
     """
     before, _FILTER.muted = _FILTER.muted, True
     try:

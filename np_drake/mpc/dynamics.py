@@ -1,4 +1,4 @@
-"""The discrete nominal dynamics inside the MPC, and their Jacobians for all stages at once.
+"""Discrete nominal dynamics inside the MPC, and their Jacobians for all stages at once.
 
 Rotation r = (q, w) drives translation and not the other way round, and dr/dt is a homogeneous quadratic of r
 plus J^-1 tau. One constant tensor therefore gives value and Jacobian together, M(r) = d(dr/dt)/dr and
@@ -19,7 +19,7 @@ _STAGES = ((0.5, 1.0, 1.0), (0.5, 2.0, 1.0), (1.0, 2.0, 1.0), (0.0, 1.0, 0.0))  
 
 @dc.dataclass(frozen=True)
 class Linearisation:
-    """x_next (N, 13), Fx = dF/d[x, chi] (N, 13, 19) and Fu = dF/du (N, 13, 4) of the discrete dynamics."""
+    """Arrays x_next (N, 13), Fx = dF/d[x, chi] (N, 13, 19) and Fu = dF/du (N, 13, 4) of the discrete dynamics."""
 
     x_next: np.ndarray
     Fx: np.ndarray
@@ -27,7 +27,7 @@ class Linearisation:
 
 
 class DiscreteDynamics:
-    """x_(i+1) = RK4(x_i, u_i, chi_i; step), input and wrench held over the step.
+    """Discrete dynamics x_(i+1) = RK4(x_i, u_i, chi_i; step), input and wrench held over the step.
 
     Source: Jin et al. 2025, eq. (1); classical Runge-Kutta, own choice. The quaternion is not renormalised:
     its drift over a horizon is of the integrator's order, and every solver shares it.
@@ -48,7 +48,7 @@ class DiscreteDynamics:
         )
 
     def linearise(self, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> Linearisation:
-        """Value and Jacobians at N stages.
+        """Return value and Jacobians at N stages.
 
         Args:    x: (N, 13) states.   u: (N, 4) inputs [N, N·m].   chi: (N, 6) wrenches [N, N·m].
         """
@@ -75,7 +75,7 @@ class DiscreteDynamics:
         return self._assemble(x, u, chi, start + (h / 6) * total, quaternions)
 
     def _assemble(self, x, u, chi, rotation, quaternions) -> Linearisation:
-        """Joins rotation (N, 7, 11) with translation from the four stage quaternions (4, N, 4, 11)."""
+        """Join rotation (N, 7, 11) with translation from the four stage quaternions (4, N, 4, 11)."""
         h, n, m = self.step, len(x), self.vehicle.mass
         axes = (quaternions[..., 10] @ self._body_z).reshape(4, n, 3, 4) @ quaternions
         axes[..., 10] *= 0.5
@@ -109,7 +109,10 @@ class DiscreteDynamics:
         return Linearisation(x_next, Fx, Fu)
 
     def advance(self, x: Sequence[float], u: Sequence[float], chi: Sequence[float]) -> list[float]:
-        """One step in plain floats, several times faster than NumPy for a single state."""
+        """Return the state after one step in plain floats, several times faster than NumPy for a single state.
+
+        Args: x: 13 entries.   u: 4 [N, N·m].   chi: 6 [N, N·m].
+        """
         px, py, pz, w0, x0, y0, z0, vx, vy, vz, a0, b0, c0 = x
         h, m = self.step, self.vehicle.mass
         thrust = u[0] / m
@@ -145,14 +148,14 @@ class DiscreteDynamics:
 
 
 def _gradient_tensor(f: Callable[[np.ndarray], np.ndarray], size: int) -> np.ndarray:
-    """(size, m*size) T with (r @ T).reshape(m, size) = df/dr, for a homogeneous quadratic f of r (size,)."""
+    """Return T (size, m*size), (r @ T).reshape(m, size) = df/dr, for a homogeneous quadratic f of r (size,)."""
     e = np.eye(size)
     columns = [[f(e[j] + e[k]) - f(e[j]) - f(e[k]) for j in range(size)] for k in range(size)]
     return np.moveaxis(np.array(columns), 2, 1).reshape(size, -1)
 
 
 def _principal_axes(J: np.ndarray) -> tuple[float, ...]:
-    """1/J_i and (J_j - J_k)/J_i for i = x, y, z of a diagonal inertia; empty for another."""
+    """Return 1/J_i and (J_j - J_k)/J_i for i = x, y, z of a diagonal inertia; empty for another."""
     if np.count_nonzero(J - np.diag(np.diag(J))):
         return ()
     x, y, z = np.diag(J).tolist()
@@ -160,7 +163,7 @@ def _principal_axes(J: np.ndarray) -> tuple[float, ...]:
 
 
 def _angular_acceleration(J: np.ndarray) -> Callable[..., tuple[float, float, float]]:
-    """dw/dt = J^-1 (torque - w x J w) in plain floats [rad/s²]."""
+    """Return dw/dt = J^-1 (torque - w x J w) in plain floats [rad/s²]."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = J.tolist()
     (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = np.linalg.inv(J).tolist()
 

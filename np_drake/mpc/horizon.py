@@ -17,7 +17,7 @@ from np_drake.vehicle import Vehicle
 class Horizon:
     """Problem data as the solvers read them; N stages.
 
-    x0: (13,) unit quaternion.   x_ref: (N+1, 13) on the hemisphere of x0.   u_ref: (N, 4).
+    x0: (13,) unit quaternion.   x_ref: (N+1, 13) on the hemisphere of x0.   u_ref: (N, 4) [N, N·m].
     P: (13, 13) terminal weight of this problem's last reference attitude.
     free: (N, 6) wrench with zeta = 0.   markov: (6, 6(N-1)) = [C A^(N-2) B … C B]; with the predicted zeta
     chi_i = free_i + markov[:, -6i:] @ [zeta_0 … zeta_(i-1)] + reaction(zeta_i).
@@ -33,12 +33,15 @@ class Horizon:
 
     @cached_property
     def P_root(self) -> np.ndarray:
-        """(13, 13) F with F'F = P (up to 1e-12 of its largest entry)."""
+        """Factor F with F'F = P (up to 1e-12 of its largest entry), (13, 13)."""
         return np.linalg.cholesky(self.P + 1e-12 * self.P.max() * np.eye(len(self.P))).T
 
 
 def prepare(problem: MpcProblem, vehicle: Vehicle, config: MpcConfig) -> Horizon:
-    """Raises SolverFailure where an entry is NaN, infinite or of the wrong shape."""
+    """Return the problem made ready for a solver.
+
+    Raises: SolverFailure: if an entry is NaN, infinite or of the wrong shape.
+    """
     _check(problem, config)
     x0 = np.array(problem.x0, float)
     norm = np.linalg.norm(x0[3:7])
@@ -55,7 +58,10 @@ def prepare(problem: MpcProblem, vehicle: Vehicle, config: MpcConfig) -> Horizon
 
 
 def eliminate(forecast: WrenchForecast) -> tuple[np.ndarray, np.ndarray]:
-    """(free, markov) of `Horizon`: only C A^j [B z] is needed, so K leaves the problem; the reaction stays."""
+    """Return (free, markov) of `Horizon`.
+
+    Only C A^j [B z] is needed, so K leaves the problem; the reaction stays.
+    """
     n = len(forecast.offset)
     free = np.array(forecast.offset, float)
     K = len(forecast.z)

@@ -1,4 +1,4 @@
-"""Where a solver starts: the shifted plan, or a rollout under the hover feedback law."""
+"""Initial guess of a solver: the shifted plan, or a rollout under the hover feedback law."""
 
 import numpy as np
 
@@ -14,7 +14,11 @@ _PACE = 2.0  # velocity error that it sees at most [m/s]
 def initial_trajectory(
     condensed: Condensed, h: Horizon, warm_start: MpcSolution | None
 ) -> tuple[Trajectory, bool]:
-    """The start and whether it is cold. A warm start that leads nowhere counts as none."""
+    """Return the initial trajectory and whether it is a cold start.
+
+    A warm start without a finite rollout is discarded.
+    Raises: SolverFailure: if there is no finite rollout from this state.
+    """
     if warm_start is not None and np.shape(warm_start.u) == h.u_ref.shape:
         T = condensed.clip(warm_start.u @ condensed.vehicle.unmixer.T)
         t = condensed.rollout(h, T)
@@ -27,7 +31,10 @@ def initial_trajectory(
 
 
 def feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
-    """(N, 4) rotor thrusts [N] of the hover feedback on saturated errors, with the wrench before any planned motion."""
+    """Return rotor thrusts (N, 4) of the hover feedback on saturated errors [N].
+
+    The wrench is that before any planned motion.
+    """
     vehicle = condensed.vehicle
     gain = hover_solution(vehicle, condensed.config)[1]
     bound = np.full(13, np.inf)

@@ -1,7 +1,7 @@
-"""The reference solver: IPOPT on the condensed problem, preconditioned, with lazy rows.
+"""Reference solver: IPOPT on the condensed problem, preconditioned, with lazy rows.
 
-A single-shooting problem with 4N variables and few rows is what IPOPT's linear solver in Drake is fast at;
-see `preconditioned`. Source: own measurement.
+A single-shooting problem with 4N variables and few rows suits IPOPT's linear solver in Drake; see `preconditioned`.
+Source: own measurement.
 """
 
 import logging
@@ -27,11 +27,11 @@ _ACTIVE = -1e-3  # excess from which a soft set counts as active
 
 
 class IpoptCondensedSolver:
-    """Starts from SQP steps, converges with IPOPT.
+    """Solver that starts from SQP steps and converges with IPOPT.
 
-    Past `time_limit` [s], and where sets are active on which SQP does better, the SQP answer flies
+    Past `time_limit` [s], and where sets are active on which SQP does better, the SQP answer is used
     (SQP_FALLBACK). Rows that turn out violated are added and the problem is solved again; on the iteration
-    cap it is preconditioned anew. With `time_limit` = inf the answer does not depend on the machine.
+    limit it is preconditioned anew. With `time_limit` = inf the answer does not depend on the machine.
     """
 
     name = "ipopt"
@@ -43,7 +43,10 @@ class IpoptCondensedSolver:
         self._ipopt = IpoptSolver()
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
-        """Raises SolverFailure on NaN, wrong shapes or a forecast that overflows."""
+        """Solve one problem.
+
+        Raises: SolverFailure: on NaN, wrong shapes or a forecast that overflows.
+        """
         start = time.perf_counter()
         with np.errstate(all="ignore"), expected_early_ends():
             h = self.condensed.prepare(problem)
@@ -61,12 +64,15 @@ class IpoptCondensedSolver:
         return as_solution(t, status, count + rounds, time.perf_counter() - start)
 
     def _crowded(self, t: Trajectory) -> bool:
-        """Whether a soft set or many rotor limits are active: dense rows then cost more than IPOPT brings."""
+        """Return whether a soft set or many rotor limits are active.
+
+        Dense rows then cost more than IPOPT gains.
+        """
         at_bounds = np.mean((t.T <= 0) | (t.T >= self.condensed.vehicle.max_rotor_thrust))  # noqa: SIM300
         return bool(t.excess.max() > _ACTIVE or at_bounds > _CROWDED)
 
     def _converge(self, h: Horizon, sqp: Trajectory, deadline: float) -> tuple[Trajectory, MpcStatus, int]:
-        """Rounds of IPOPT from the SQP answer; an end that is worse than it is not believed."""
+        """Run rounds of IPOPT from the SQP answer, and keep that answer where they end worse."""
         t, problem, count, misses = sqp, None, 0, 0
         while count < _ROUNDS and misses < _MISSES and (left := deadline - time.perf_counter()) > 0:
             count += 1

@@ -1,10 +1,9 @@
-"""The formulation of record and the tests' oracle: multiple shooting over (u, x, chi), IPOPT on
-MathematicalProgram.
+"""Multiple shooting over (u, x, chi) with IPOPT on MathematicalProgram, the reference of the tests.
 
     x_(i+1) = F(x_i, u_i, chi_i),     chi_i = free_i + sum_(j<i) C A^(i-1-j) B zeta_j
 
-One constraint holds all stages, with a hand Jacobian and its sparsity pattern; each variable is scaled to
-unit curvature of the cost. Slow, and nothing clever happens here.
+One constraint holds all stages, with a hand-written Jacobian and its sparsity pattern; each variable is scaled to
+unit curvature of the cost. It is slow and direct.
 """
 
 import time
@@ -43,7 +42,10 @@ _CHI_SCALE = [1.0, 1.0, 1.0, 0.05, 0.05, 0.05]  # [N, N·m]
 
 
 class IpoptMultipleShootingSolver:
-    """Decision y: physical values [u, x_1 … x_N, chi, slacks] = centre + scale * y."""
+    """Solver by multiple shooting with IPOPT.
+
+    Decision y: physical values [u, x_1 … x_N, chi, slacks] = centre + scale * y.
+    """
 
     name = "ipopt_multiple_shooting"
 
@@ -58,7 +60,10 @@ class IpoptMultipleShootingSolver:
         self._build()
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
-        """Raises SolverFailure where IPOPT does not converge."""
+        """Solve one problem.
+
+        Raises: SolverFailure: if IPOPT does not converge.
+        """
         start = time.perf_counter()
         with np.errstate(all="ignore"), expected_early_ends():
             self._h = h = self.condensed.prepare(problem)
@@ -89,7 +94,7 @@ class IpoptMultipleShootingSolver:
         self._options = solver_options({IpoptSolver.id(): _OPTIONS})
 
     def _load(self, h: Horizon) -> None:
-        """Scales, centres, cost and input bounds of one problem."""
+        """Set scales, centres, cost and input bounds of one problem."""
         config, stages = self.condensed.config, self._stages
         curvature = np.tile(config.Q, (config.horizon, 1))
         curvature[-1] = np.diag(h.P)

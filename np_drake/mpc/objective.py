@@ -17,8 +17,8 @@ from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.swing import swing_cost
 
-KINDS = 3
-VELOCITY, TILT, TERMINAL = range(KINDS)
+KINDS = 3  # of soft sets [1]
+VELOCITY, TILT, TERMINAL = range(KINDS)  # index of each kind
 QUADRATIC = 0.1  # share of s² in the penalty, per unit of the set
 _SOFTENING = 1e-4  # of the ellipsoid's radius squared: keeps the norm smooth at e_N = 0
 
@@ -33,7 +33,7 @@ class SoftRows:
 
 
 class Objective:
-    """Evaluates trajectories; constants only."""
+    """Cost, soft sets and merit of trajectories; it holds constants only."""
 
     def __init__(self, config: MpcConfig):
         self.config = config
@@ -41,15 +41,18 @@ class Objective:
         self.softening = _SOFTENING * config.terminal_radius**2
 
     def cost(self, h: Horizon, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> float:
-        """The quadratic cost of tracking and swing, first stage included."""
+        """Return the quadratic cost of tracking and swing, first stage included [1].
+
+        Args: x: (N+1, 13).   u: (N, 4) [N, N·m].   chi: (N, 6) [N, N·m].
+        """
         e, e_u = x - h.x_ref, u - h.u_ref
         stages = np.sum(e[:-1] ** 2 @ self.config.Q) + np.sum(e_u**2 @ self.config.R)
         return float(stages + e[-1] @ h.P @ e[-1]) + swing_cost(chi, self.config.weight_swing)
 
     def excess(self, h: Horizon, x: np.ndarray) -> np.ndarray:
-        """(4N+1,) by how much x_1 … x_N leave the sets: 3N velocities, N tilts, the terminal ellipsoid.
+        """Return by how much x_1 … x_N leave the sets, (4N+1,): 3N velocities, N tilts, the terminal ellipsoid.
 
-        The measured x_0 is not judged.
+        The measured x_0 is left out.
         """
         fast = np.abs(x[1:, 7:10]) - self.config.max_speed
         steep = self.min_cosine - attitude.body_z(x[1:, 3:7])[:, 2]
@@ -57,17 +60,17 @@ class Objective:
         return np.concatenate([fast.ravel(), steep, [far]])
 
     def slacks(self, excess: np.ndarray) -> np.ndarray:
-        """(3,) smallest slacks that an excess (4N+1,) allows."""
+        """Return the smallest slacks (3,) that an excess (4N+1,) allows."""
         fast, steep = np.split(excess[:-1], [3 * (len(excess) // 4)])
         return np.maximum([fast.max(), steep.max(), excess[-1]], 0.0)
 
     def terminal_norm(self, h: Horizon, x_N: np.ndarray) -> float:
-        """sqrt(e' P_f e) with P_f = P / P_xx [m], smooth at zero."""
+        """Return sqrt(e' P_f e) with P_f = P / P_xx, smooth at zero [m]."""
         e = x_N - h.x_ref[-1]
         return float(np.sqrt(e @ h.P @ e / h.P[0, 0] + self.softening))
 
     def rows(self, h: Horizon, x: np.ndarray, S: np.ndarray) -> SoftRows:
-        """All set rows at x, linearised by the sensitivities S (N, 13, n) of x_1 … x_N.
+        """Return all set rows at x, linearised by the sensitivities S (N, 13, n) of x_1 … x_N.
 
         The velocity box has one row a component, on the side where the velocity lies.
         """
@@ -83,5 +86,5 @@ class Objective:
 
 
 def penalty(slack: np.ndarray, slack_weight: float) -> float:
-    """Price of the slacks (3,) [1]."""
+    """Return the penalty of the slacks (3,) at a weight `slack_weight` [1]."""
     return float(slack_weight * np.sum(slack + QUADRATIC * slack**2))

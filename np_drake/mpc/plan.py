@@ -1,4 +1,4 @@
-"""Moving a plan on in time: the warm start of the next solve, and the fallback where a solve fails."""
+"""Shift of a plan in time, for the warm start of the next solve and for the fallback where a solve fails."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from np_drake.mpc.problem import MpcSolution, MpcStatus
 
 
 def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
-    """The same plan seen `elapsed` seconds later, on a grid of the same `step` [s].
+    """Return the plan as seen `elapsed` seconds later, on a grid of the same `step` [s].
 
     Inputs and wrenches are held over a stage, so a new stage takes their time average over its own span:
     exact for whole steps, and within the input set for any, which is convex. States are interpolated
@@ -34,7 +34,7 @@ def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
 
 
 def _split(ratio: float) -> tuple[int, float]:
-    """Whole steps and the rest in [0, 1); 0.04 / 0.02 counts as whole."""
+    """Return whole steps and the rest in [0, 1); 0.04 / 0.02 counts as whole."""
     nearest = round(ratio)
     if abs(ratio - nearest) < 1e-9 * max(1.0, ratio):
         return nearest, 0.0

@@ -32,9 +32,9 @@ _OPTIONS: dict[str, Any] = {
 
 
 class Preconditioned:
-    """One problem around t_0; L is the Cholesky factor of the Gauss-Newton Hessian there.
+    """One condensed problem around t_0, preconditioned by the Cholesky factor L of its Gauss-Newton Hessian.
 
-    The Hessian over w starts as the identity, which IPOPT's limited memory is told. Slacks are scaled to unit
+    The Hessian over w starts as the identity, which is the start of IPOPT's limited memory. Slacks are scaled to unit
     curvature too, and only come in where a soft row is near activity.
     """
 
@@ -56,7 +56,10 @@ class Preconditioned:
         self._unit = 1 / math.sqrt(2 * QUADRATIC * config.slack_weight)
 
     def solve(self, ipopt: Any, time_limit: float) -> tuple[bool, Trajectory]:
-        """Whether IPOPT converged, and where it ended; the rows left out may be violated there."""
+        """Return whether IPOPT converged, and the trajectory at which it ended.
+
+        The rows left out may be violated there.   Args: time_limit: [s].
+        """
         prog = new_program()
         w = prog.NewContinuousVariables(len(self._w), "w")
         prog.AddCost(self._cost, vars=w)
@@ -74,7 +77,7 @@ class Preconditioned:
         return result.is_success(), self._at(self._w)[0]
 
     def add_violated(self, t: Trajectory) -> bool:
-        """Whether t breaks a row that was left out; those are passed from now on."""
+        """Return whether t breaks a row that was left out, and include such rows from now on."""
         T = t.T.ravel()
         slacks = self._c.objective.slacks(np.where(self._soft, t.excess, 0.0))
         inputs = ~self._inputs & (np.abs(T - 0.5 * self._top) > 0.5 * self._top + _VIOLATED)
@@ -92,7 +95,7 @@ class Preconditioned:
         prog.AddConstraint(self._rows, np.full(m, -np.inf), np.zeros(m), vars=np.concatenate([w, s]))
 
     def _at(self, w: np.ndarray) -> tuple[Trajectory, np.ndarray]:
-        """Trajectory and sensitivities at w; IPOPT asks for each point several times."""
+        """Return trajectory and sensitivities at w; IPOPT asks for each point several times."""
         if w.tobytes() != self._key:
             t = self._c.rollout(self._h, (self._T_0 + self._M @ w).reshape(-1, 4))
             self._key, self._point = w.tobytes(), (t, self._c.sensitivities(self._h, t))

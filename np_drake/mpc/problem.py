@@ -11,8 +11,9 @@ from np_drake.residual_models.base import WrenchForecast
 
 @dc.dataclass
 class MpcConfig:
-    """Weights and sets of problem (nmpc). The error e_x is x - x* in the 13 state components.
+    """Weights and sets of problem (nmpc).
 
+    The error e_x is x - x* in the 13 state components.
     Source of the weights: tuned on the vehicle without payload, then frozen (`np-drake reproduce weights`).
     """
 
@@ -32,7 +33,10 @@ class MpcConfig:
     slack_weight: float = 1000.0  # L1 (exact) penalty on each violated set [1 per unit of the set]
 
     def check(self) -> "MpcConfig":
-        """Returns self; raises ValueError on an impossible weight, set or horizon."""
+        """Return self after checking weights, sets and horizon.
+
+        Raises: ValueError: if one is impossible.
+        """
         _require(self.horizon >= 1, f"horizon must be at least 1; got {self.horizon}")
         _require(0 < self.step < np.inf, f"step must be positive [s]; got {self.step}")
         for name, size in (("position", 3), ("attitude", 4), ("velocity", 3), ("rate", 3), ("input", 4)):
@@ -56,26 +60,26 @@ class MpcConfig:
 
     @property
     def Q(self) -> np.ndarray:
-        """(13,) diagonal stage weight."""
+        """Diagonal stage weight, (13,)."""
         return np.array(
             [*self.weight_position, *self.weight_attitude, *self.weight_velocity, *self.weight_rate]
         )
 
     @property
     def R(self) -> np.ndarray:
-        """(4,) diagonal input weight."""
+        """Diagonal input weight, (4,) [1/N², 1/(N·m)²]."""
         return np.array(self.weight_input, float)
 
     @property
     def P(self) -> np.ndarray:
-        """(13,) diagonal terminal weight of `terminal: scaled`."""
+        """Diagonal terminal weight of `terminal: scaled`, (13,)."""
         scale = np.ones(13)
         scale[0:3] = scale[7:10] = self.terminal_scale
         return scale * self.Q
 
 
 class MpcStatus(IntEnum):
-    """How an answer came about; larger is worse."""
+    """Origin of an answer; larger is worse."""
 
     OPTIMAL = 0  # converged to tolerance
     ITERATION_LIMIT = 1  # usable, not converged to tolerance
@@ -100,13 +104,16 @@ class MpcProblem:
 
 @dc.dataclass(frozen=True)
 class MpcSolution:
-    """u: (N, 4) [N, N·m], x: (N+1, 13), chi: (N, 6) [N, N·m]; cost [1]; violation: largest of the soft sets
-    (in each set's unit); solve_time [s]; iterations of the outer method."""
+    """Plan of a solver over the horizon.
+
+    u: (N, 4) [N, N·m].   x: (N+1, 13).   chi: (N, 6) [N, N·m].   cost: [1].   violation: largest of the soft sets
+    [in each set's unit].   solve_time: [s].   iterations: of the outer method.
+    """
 
     u: np.ndarray
     x: np.ndarray
     chi: np.ndarray
-    status: MpcStatus
+    status: MpcStatus  # origin of the answer
     cost: float
     violation: float
     solve_time: float
@@ -114,16 +121,22 @@ class MpcSolution:
 
 
 class SolverFailure(RuntimeError):
-    """A solver gave no usable answer; carries why. The controller falls back."""
+    """Failure of a solver to give a usable answer, with the reason; the controller falls back."""
 
 
 class MpcSolver(Protocol):
-    """Solves one problem; stateless but for workspaces that every call overwrites wholly."""
+    """Interface of a solver.
+
+    It has no state but workspaces that every call overwrites wholly.
+    """
 
     name: str
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
-        """Raises SolverFailure where no usable answer was found."""
+        """Solve one problem, from a warm start where one is given.
+
+        Raises: SolverFailure: if no usable answer was found.
+        """
         ...
 
 

@@ -1,8 +1,8 @@
-"""The condensed quadratic program of one SQP step.
+"""Condensed quadratic program of one SQP step.
 
     min_d,s  d'Hd/2 + g'd + penalty(s)    s.t.   lower <= d <= upper,   excess + D d <= s_kind,   s >= 0
 
-Tried in this order, each verified before it is believed: the box alone by an active-set iteration (exact,
+Methods in order, the answer of each verified before it is used: the box alone by an active-set iteration (exact,
 and one round where nothing is active), by OSQP where that cycles; the rows near activity, with Clarabel (on
 infeasible starts its p95 is a fifth of OSQP's). The programs are built once and updated.
 """
@@ -36,19 +36,19 @@ _CLARABEL = {
     "iterative_refinement_enable": 0,
 }
 _CRITICAL_ROWS = 24  # rows of the first attempt with soft sets
-_ACTIVE_SET_ROUNDS = 10
+_ACTIVE_SET_ROUNDS = 10  # before the iteration counts as cycling; own choice [1]
 
 
 @dc.dataclass(frozen=True)
 class Step:
-    """d (n,) within its bounds, and the decrease of the merit that the local model foretells."""
+    """Step d (n,) within its bounds [N], and the decrease of the merit that the local model predicts [1]."""
 
     d: np.ndarray
     decrease: float
 
 
 class QpSolver:
-    """Solves one local model after another."""
+    """Solver of the quadratic programs of one problem size."""
 
     def __init__(self, size: int, rows: int, slack_weight: float):
         self._osqp, self._clarabel = OsqpSolver(), ClarabelSolver()
@@ -57,7 +57,11 @@ class QpSolver:
         self._soft = [SoftProgram(size, m, slack_weight) for m in sorted({min(rows, _CRITICAL_ROWS), rows})]
 
     def solve(self, model: LocalModel, lower: np.ndarray, upper: np.ndarray, time_limit: float) -> Step:
-        """The minimiser; that of the box alone where `time_limit` [s] is too short for the soft sets."""
+        """Return the minimising step.
+
+        Where `time_limit` [s] is too short for the soft sets, it is the minimiser in the box alone.
+        Args: lower, upper: (n,) bounds of the step [N].
+        """
         deadline = time.perf_counter() + time_limit
         H = np.tril(model.hessian) + np.tril(model.hessian, -1).T
         if not (np.isfinite(H).all() and np.isfinite(model.rows.jacobian).all()):
@@ -82,7 +86,7 @@ class QpSolver:
         return np.clip(d, lower, upper) if np.isfinite(d).all() else guess
 
     def _solve_soft(self, H, model, lower, upper, d, deadline) -> np.ndarray:
-        """With the rows nearest to activity; with all, where those left out would take half of the gain."""
+        """Solve with the rows nearest to activity; with all, where those left out would take half of the gain."""
         rows = model.rows
         level = np.maximum(rows.excess, rows.excess + rows.jacobian @ d)
         for program in self._soft:
@@ -101,10 +105,11 @@ class QpSolver:
 
 
 def active_set(H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray | None:
-    """(n,) exact minimiser of d'Hd/2 + g'd in a box by primal-dual active sets; None if they cycle.
+    """Return the exact minimiser (n,) of d'Hd/2 + g'd in a box by primal-dual active sets; None if they cycle.
 
     Starts from the Newton step, hence ends in one round where no bound is active.
     Source: Hintermüller, Ito, Kunisch 2002, SIAM J. Optim. 13(3).
+    Args: H: (n, n).   g: (n,).   lower, upper: (n,) bounds of the box.
     """
     low = high = np.zeros(len(g), bool)
     for _ in range(_ACTIVE_SET_ROUNDS):
@@ -125,14 +130,14 @@ def active_set(H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarra
 
 
 def linear_slacks(rows: SoftRows, d: np.ndarray) -> np.ndarray:
-    """(3,) smallest slacks of the linearised rows at d."""
+    """Return the smallest slacks (3,) of the linearised rows at d."""
     slacks = np.zeros(KINDS)
     np.maximum.at(slacks, rows.kind, rows.excess + rows.jacobian @ d)
     return slacks
 
 
 class BoxProgram:
-    """min d'Hd/2 + g'd over a box."""
+    """Quadratic program min d'Hd/2 + g'd over a box."""
 
     def __init__(self, size: int):
         self.prog = new_program()
@@ -143,13 +148,13 @@ class BoxProgram:
         self._box = self.prog.AddBoundingBoxConstraint(np.zeros(size), np.zeros(size), self.d).evaluator()
 
     def update(self, H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> None:
-        """New data, same structure."""
+        """Replace the data and keep the structure."""
         self._cost.UpdateCoefficients(H, g, 0.0, is_convex=True)
         self._box.set_bounds(lower, upper)
 
 
 class SoftProgram(BoxProgram):
-    """The same with a fixed number of soft rows and one slack a kind."""
+    """Quadratic program over a box with a fixed number of soft rows and one slack a kind."""
 
     def __init__(self, size: int, rows: int, slack_weight: float):
         super().__init__(size)
@@ -165,7 +170,7 @@ class SoftProgram(BoxProgram):
         self._rows = self.prog.AddLinearConstraint(self._D, self._low, np.zeros(rows), variables).evaluator()
 
     def update(self, H, g, lower, upper, rows: SoftRows | None = None) -> None:
-        """New data, same structure; as many rows as the program was built for."""
+        """Replace the data and keep the structure, with as many rows as the program was built for."""
         super().update(H, g, lower, upper)
         if rows is not None:
             self._D[:, : self._size] = rows.jacobian

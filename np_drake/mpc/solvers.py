@@ -3,11 +3,14 @@
 from np_drake.mpc.problem import MpcConfig, MpcSolver
 from np_drake.vehicle import Vehicle
 
-SOLVERS = ("ipopt", "sqp", "ipopt_multiple_shooting")
+SOLVERS = ("ipopt", "sqp", "ipopt_multiple_shooting")  # names for `make_solver`
 
 
 def require_solver(name: str) -> None:
-    """Raises ValueError on an unknown name."""
+    """Check that a solver of that name exists.
+
+    Raises: ValueError: on an unknown name.
+    """
     if name not in SOLVERS:
         raise ValueError(f"solver: must be one of {', '.join(SOLVERS)}; got {name!r}.")
 
@@ -15,9 +18,10 @@ def require_solver(name: str) -> None:
 def make_solver(
     name: str, vehicle: Vehicle, config: MpcConfig, *, time_limit: float = float("inf")
 ) -> MpcSolver:
-    """The solver called `name`. Raises ValueError on an unknown name.
+    """Return the solver called `name`.
 
     Args: time_limit: wall time after which iterations stop [s]; without one, results repeat on any machine.
+    Raises: ValueError: on an unknown name.
     """
     require_solver(name)
     if name == "sqp":

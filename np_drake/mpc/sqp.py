@@ -1,4 +1,4 @@
-"""The fast path: sequential quadratic programming on the condensed problem, a real-time iteration or two."""
+"""Sequential quadratic programming on the condensed problem: a real-time iteration of one or two steps."""
 
 import time
 
@@ -12,7 +12,7 @@ from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, 
 from np_drake.mpc.qp import QpSolver
 from np_drake.vehicle import Vehicle
 
-_BACKTRACKS = 5
+_BACKTRACKS = 5  # step sizes that are tried, each 0.35 of the last; own choice [1]
 _TOLERANCE = 3e-3  # of the cost: how far the local model may miss the true decrease before another step
 _SETTLED = 1e-3  # of the tolerance: further steps would change nothing
 
@@ -21,7 +21,7 @@ class SqpSolver:
     """Gauss-Newton SQP with a merit check: a real-time iteration of `steps` steps.
 
     More steps, up to `max_steps`, follow a cold start and a step whose local model missed the true decrease.
-    Status OPTIMAL: the local model foretold the decrease of the last step to 3e-3 of the cost. With
+    Status OPTIMAL: the local model predicted the decrease of the last step to 3e-3 of the cost. With
     `time_limit` [s] = inf the answer does not depend on the machine.
     """
 
@@ -41,7 +41,10 @@ class SqpSolver:
         self._steps, self._max_steps, self._time_limit = steps, max(steps, max_steps), time_limit
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
-        """Raises SolverFailure on NaN, wrong shapes or a forecast that overflows."""
+        """Solve one problem.
+
+        Raises: SolverFailure: on NaN, wrong shapes or a forecast that overflows.
+        """
         start = time.perf_counter()
         with np.errstate(all="ignore"), expected_early_ends():
             h = self.condensed.prepare(problem)
@@ -53,9 +56,11 @@ class SqpSolver:
     def descend(
         self, h: Horizon, t: Trajectory, *, steps: range, deadline: float
     ) -> tuple[Trajectory, MpcStatus, int]:
-        """As many steps as `steps` starts with, and up to its last while the local model misses.
+        """Take SQP steps from t and return (trajectory, status, number of steps).
 
-        Stops where settled, stuck, or when the next step would be late.
+        It stops where settled or stuck, or where the next step would be late.
+        Args: steps: its start is the number of steps that are taken unless settled before, its last the limit while the
+        local model misses.   deadline: as of time.perf_counter [s].
         """
         longest, begin, count = 0.0, time.perf_counter(), 0
         while True:
@@ -68,7 +73,10 @@ class SqpSolver:
                 return t, MpcStatus.OPTIMAL if miss <= scale else MpcStatus.ITERATION_LIMIT, count
 
     def step(self, h: Horizon, t: Trajectory, time_limit: float) -> tuple[Trajectory, float]:
-        """One step that never raises the merit, and how far the local model missed the true decrease."""
+        """Take one step that never raises the merit.
+
+        Returns: the new trajectory, and the error of the local model's decrease against the true one.
+        """
         model = self.condensed.local_model(h, t)
         flat = t.T.ravel()
         top = self.condensed.vehicle.max_rotor_thrust
@@ -83,7 +91,10 @@ class SqpSolver:
 
 
 def as_solution(t: Trajectory, status: MpcStatus, iterations: int, solve_time: float) -> MpcSolution:
-    """The plan as every solver hands it on."""
+    """Return a trajectory as a solution.
+
+    Raises: SolverFailure: if the predicted motion is not finite.
+    """
     if not t.finite:
         raise SolverFailure("MPC: the predicted motion leaves the numbers; check the forecast and the state.")
     return MpcSolution(

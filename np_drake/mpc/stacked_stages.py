@@ -1,4 +1,4 @@
-"""All constraints of multiple shooting in one vector: dynamics, wrench, soft sets; with a hand Jacobian."""
+"""All constraints of multiple shooting in one vector: dynamics, wrench, soft sets; with a hand-written Jacobian."""
 
 import itertools
 from typing import Any
@@ -11,7 +11,10 @@ from np_drake.mpc.objective import KINDS, TERMINAL, TILT, VELOCITY
 
 
 class StackedStages:
-    """Values [u (4N), x_1 … x_N (13N), chi (6N), s (3)]; rows [x defects 13N, chi defects 6N, soft 7N+1]."""
+    """Layout of values and rows of multiple shooting.
+
+    Values: [u (4N), x_1 … x_N (13N), chi (6N), s (3)].   Rows: [x defects 13N, chi defects 6N, soft 7N+1].
+    """
 
     def __init__(self, condensed: Condensed):
         self._c, self._n = condensed, condensed.config.horizon
@@ -20,21 +23,21 @@ class StackedStages:
         self.size = cuts[-1]
 
     def x_stage(self, i: int) -> slice:
-        """Where x_i is, i = 1 … N."""
+        """Return the slice of x_i in the values, i = 1 … N."""
         return slice(self.x.start + 13 * (i - 1), self.x.start + 13 * i)
 
     def pack(self, t: Trajectory) -> np.ndarray:
-        """The values of a rollout."""
+        """Return the values of a rollout."""
         return np.concatenate([t.u.ravel(), t.x[1:].ravel(), t.chi.ravel(), t.slacks])
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Of the rows: defects vanish, soft rows are not positive."""
+        """Return (lower, upper) of the rows: defects vanish, soft rows are not positive."""
         upper = np.zeros(26 * self._n + 1)
         lower = np.concatenate([np.zeros(19 * self._n), np.full(7 * self._n + 1, -np.inf)])
         return lower, upper
 
     def pattern(self) -> np.ndarray:
-        """(rows, size) where the Jacobian can be nonzero: where it is at a random point."""
+        """Return where the Jacobian can be nonzero, (rows, size), from its value at a random point."""
         n, rng = self._n, np.random.default_rng(0)
         h = Horizon(
             x0=rng.normal(size=13),
@@ -48,7 +51,7 @@ class StackedStages:
         return self.evaluate(h, rng.normal(size=self.size))[1] != 0
 
     def evaluate(self, h: Horizon, values: np.ndarray) -> tuple[Any, np.ndarray]:
-        """Rows (26N+1,) and their Jacobian (26N+1, size), in physical units."""
+        """Return the rows (26N+1,) and their Jacobian (26N+1, size), in physical units."""
         n = self._n
         u, chi, s = values[self.u].reshape(n, 4), values[self.chi].reshape(n, 6), values[self.s]
         x = np.vstack([h.x0, values[self.x].reshape(n, 13)])
@@ -85,7 +88,7 @@ class StackedStages:
         return (chi - forecast).ravel()
 
     def _soft(self, h: Horizon, x: np.ndarray, s: np.ndarray, J: np.ndarray) -> np.ndarray:
-        """Velocity from above and below (6N), tilt (N), terminal ellipsoid."""
+        """Return rows of velocity from above and below (6N), tilt (N) and terminal ellipsoid."""
         n, objective = self._n, self._c.objective
         v, box = x[1:, 7:10].ravel(), self._c.config.max_speed + s[VELOCITY]
         excess = objective.excess(h, x)
@@ -107,7 +110,7 @@ class StackedStages:
 
 
 class _Dense:
-    """A reaction of every component to every other, for the pattern."""
+    """Reaction of every component to every other, for the pattern."""
 
     def __call__(self, zeta: np.ndarray) -> np.ndarray:
         return np.tile(zeta.sum(axis=-1, keepdims=True), 6)

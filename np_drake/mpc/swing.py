@@ -2,7 +2,7 @@
 
     weight_swing sum_i f_x,i² + f_y,i²        over the predicted residual force, stage 0 … N-1
 
-A swinging payload pulls sideways, and how it will pull depends on how the vehicle moves: the lifted linear system knows
+A swinging payload pulls sideways, and its pull depends on the vehicle's motion; the lifted linear system predicts
 both. A plan that flattens the predicted pull takes energy out of the swing. Source: own choice.
 """
 
@@ -14,12 +14,15 @@ LATERAL = slice(0, 2)  # f_x and f_y within chi
 
 
 def swing_cost(chi: np.ndarray, weight: float) -> float:
-    """Price of the predicted wrench chi (N, 6) [N, N·m] at `weight` [1/N²]."""
+    """Return the cost of the lateral force in the predicted wrench chi (N, 6) [N, N·m] at `weight` [1/N²]."""
     return float(weight * np.sum(chi[:, LATERAL] ** 2))
 
 
 def lateral_response(h: Horizon, S: np.ndarray) -> np.ndarray:
-    """(N, 2, 4N) d(f_x, f_y)_i over the rotor thrusts [1]; S (N, 13, 4N) as `Condensed.sensitivities` gives it."""
+    """Return d(f_x, f_y)_i over the rotor thrusts, (N, 2, 4N) [1].
+
+    Args: S: (N, 13, 4N) as `Condensed.sensitivities` gives it.
+    """
     n, size = len(h.u_ref), S.shape[-1]
     response = np.zeros((n, 2, size))
     if h.markov.size:

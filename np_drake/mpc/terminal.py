@@ -1,4 +1,4 @@
-"""The terminal weight P: scaled Q, or the cost-to-go of the discrete Riccati equation at hover."""
+"""Terminal weight P: scaled Q, or the cost-to-go of the discrete Riccati equation at hover."""
 
 from functools import lru_cache
 
@@ -15,7 +15,7 @@ _FLOOR = 1e-4  # of a weight, where zero would leave the Riccati equation withou
 
 
 def terminal_weight(vehicle: Vehicle, config: MpcConfig, q_ref: np.ndarray) -> np.ndarray:
-    """(13, 13) P for a horizon that ends at the attitude `q_ref`.
+    """Return P (13, 13) for a horizon that ends at the attitude `q_ref`.
 
     `riccati`: the hover solution holds in the frame of the reference: position and velocity errors are turned
     into its heading, the attitude error is q_ref^* (q - q_ref); its vector part is among the controllable
@@ -33,7 +33,10 @@ def terminal_weight(vehicle: Vehicle, config: MpcConfig, q_ref: np.ndarray) -> n
 
 
 def hover_solution(vehicle: Vehicle, config: MpcConfig) -> tuple[np.ndarray, np.ndarray]:
-    """(13, 13) Riccati cost-to-go and (4, 13) feedback, u = u_ref - feedback @ e_x, at hover, heading 0."""
+    """Return the Riccati cost-to-go (13, 13) and the feedback (4, 13) at hover with heading 0.
+
+    The feedback acts as u = u_ref - feedback @ e_x.
+    """
     key = (
         vehicle.mass,
         vehicle.gravity,

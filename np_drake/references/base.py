@@ -1,4 +1,4 @@
-"""What a reference motion is."""
+"""Interface of a reference motion, and the simplest ones."""
 
 from typing import Protocol
 
@@ -9,29 +9,29 @@ class Reference(Protocol):
     """A smooth motion of Bo at constant heading."""
 
     def sample(self, t: np.ndarray) -> np.ndarray:
-        """(n,) times [s] -> (5, n, 3) p, v, a, jerk, snap in W [m, m/s, …, m/s⁴]."""
+        """Return p, v, a, jerk, snap in W, (5, n, 3) [m, m/s, …, m/s⁴], at times t (n,) [s]."""
         ...
 
 
 class Sum:
-    """The sum of several reference motions (a circle and its dither, say)."""
+    """Sum of several reference motions, for example of a circle and its dither."""
 
     def __init__(self, *parts: Reference):
         self.parts = parts
 
     def sample(self, t: np.ndarray) -> np.ndarray:
-        """(n,) -> (5, n, 3)."""
+        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
         return np.sum([part.sample(t) for part in self.parts], axis=0)
 
 
 class Hover:
-    """Stands still at `position` (3,) [m]."""
+    """Rest at `position` (3,) [m]."""
 
     def __init__(self, position: np.ndarray):
         self.position = np.array(position, float)
 
     def sample(self, t: np.ndarray) -> np.ndarray:
-        """(n,) -> (5, n, 3)."""
+        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
         flat = np.zeros((5, len(t), 3))
         flat[0] = self.position
         return flat

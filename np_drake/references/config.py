@@ -1,4 +1,4 @@
-"""A reference motion as a piece of a scenario file."""
+"""Configuration of a reference motion, as a part of a scenario file."""
 
 import dataclasses as dc
 
@@ -11,7 +11,7 @@ from np_drake.references.multisine import Multisine
 
 @dc.dataclass
 class ReferenceConfig:
-    """Which motion to fly."""
+    """Track, size, speed and dither of a reference motion."""
 
     track: str = "circle"  # circle | lemniscate | hover
     radius: float = 1.0  # of the circle [m]
@@ -24,7 +24,10 @@ class ReferenceConfig:
     dither_seed: int = 0  # of the multisine's phases [1]
 
     def check(self) -> "ReferenceConfig":
-        """Returns self; raises ValueError on an unknown track or an impossible size."""
+        """Return self after checking track and sizes.
+
+        Raises: ValueError: on an unknown track or an impossible size.
+        """
         if self.track not in ("circle", "lemniscate", "hover"):
             raise ValueError(
                 f"ReferenceConfig: track must be circle, lemniscate or hover; got {self.track!r}."
@@ -42,7 +45,7 @@ class ReferenceConfig:
 
 
 def make_reference(config: ReferenceConfig) -> Reference:
-    """The reference motion that `config` describes."""
+    """Return the reference motion that `config` describes."""
     config.check()
     common = {"height": config.height, "speed": config.speed, "ramp": config.ramp}
     track: Reference

@@ -11,7 +11,7 @@ _DELTA = 1e-4  # step of the central difference that turns body rate into angula
 def targets(
     vehicle: Vehicle, flat: np.ndarray, chi: np.ndarray, yaw: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The target shift: x* and u* that track `flat` exactly when the wrench `chi` acts.
+    """Return x* and u* that track `flat` exactly under the wrench `chi` (the target shift).
 
     Thrust direction and size follow from m (a + g z) - f_e; body rate and torque from jerk and snap, the wrench
     taken as constant in its own derivative. Source: differential flatness of eq. (1); own choice: shortest tilt.
@@ -35,13 +35,16 @@ def targets(
 
 
 def body_rates(vehicle: Vehicle, flat: np.ndarray, yaw: float = 0.0) -> np.ndarray:
-    """(n, 3) w_WB_B [rad/s] of the reference motion `flat` (5, n, 3) without any wrench."""
+    """Return w_WB_B (n, 3) of the reference motion `flat` (5, n, 3) without any wrench [rad/s].
+
+    Args: yaw: heading [rad].
+    """
     thrust = vehicle.mass * (flat[2] + [0.0, 0.0, vehicle.gravity])
     return _attitude_and_rate(thrust, vehicle.mass * flat[3], yaw)[1]
 
 
 def _attitude_and_rate(thrust: np.ndarray, thrust_rate: np.ndarray, yaw: float):
-    """(n, 3) thrust vector in W and its rate -> (n, 4) quaternion, (n, 3) body rate."""
+    """Return quaternion (n, 4) and body rate (n, 3) of a thrust vector in W and its rate, (n, 3) each."""
     size = np.maximum(np.linalg.norm(thrust, axis=1, keepdims=True), 1e-6)
     z = thrust / size
     z_rate = (thrust_rate - z * np.sum(z * thrust_rate, axis=1, keepdims=True)) / size

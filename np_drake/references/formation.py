@@ -1,4 +1,4 @@
-"""Where n vehicles fly above one payload, and where the payload then hangs."""
+"""Formation of n vehicles above one payload, and the equilibrium height of the payload."""
 
 import numpy as np
 
@@ -6,9 +6,10 @@ from np_drake.references.base import Hover, Reference, Sum
 
 
 def polygon(count: int, spacing: float) -> np.ndarray:
-    """(count, 3) corners of a level regular polygon about the origin whose neighbours are `spacing` apart [m].
+    """Return the corners of a level regular polygon about the origin, (count, 3) [m].
 
-    Two corners lie on the x axis, as does the first of more; a single one lies at the origin.
+    Neighbours are `spacing` apart [m]. Two corners lie on the x axis, as does the first of more; a single one lies at
+    the origin.
     """
     radius = 0.0 if count == 1 else spacing / (2 * np.sin(np.pi / count))
     angle = 2 * np.pi * np.arange(count) / count
@@ -16,13 +17,14 @@ def polygon(count: int, spacing: float) -> np.ndarray:
 
 
 def fly_at(center: Reference, corner: np.ndarray) -> Reference:
-    """The motion of the vehicle at `corner` (3,) [m] of a formation whose centre moves as `center`."""
+    """Return the motion of the vehicle at `corner` (3,) [m] of a formation whose centre moves as `center`."""
     return Sum(center, Hover(corner))
 
 
 def payload_drop(radius: float, length: float, hook_z: float) -> float:
-    """Height of the payload over the vehicles [m], negative; taut cables, level vehicles on a circle of `radius`.
+    """Return the height of the payload over the vehicles, a negative number [m].
 
+    The cables are taut, and the vehicles are level on a circle of `radius` [m].
     Args: length: of a cable, its stretch included [m].   hook_z: height of the hook over Bo [m].
     Raises: ValueError: if the cables do not reach the middle.
     """
@@ -34,6 +36,6 @@ def payload_drop(radius: float, length: float, hook_z: float) -> float:
 
 
 def closest_approach(p: np.ndarray) -> float:
-    """Smallest distance between any two of (n, rows, 3) positions at any time [m]; infinite for one vehicle."""
+    """Return the smallest distance of any two of positions p (n, rows, 3) at any time [m]; inf for one vehicle."""
     pairs = [(i, j) for i in range(len(p)) for j in range(i)]
     return min((float(np.linalg.norm(p[i] - p[j], axis=-1).min()) for i, j in pairs), default=np.inf)

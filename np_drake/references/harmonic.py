@@ -7,7 +7,7 @@ from np_drake.references.ramp import compose, ramped_phase
 
 
 class HarmonicTrack:
-    """p(phase) = center + sum_h amplitude_h * cos(h phase + shift_h), run at constant phase rate after a ramp.
+    """Track p(phase) = center + sum_h amplitude_h cos(h phase + shift_h) at constant phase rate after a ramp.
 
     Args:
         center: (3,) [m].   amplitudes, shifts: (H, 3) [m, rad] for the harmonics 1 … H.
@@ -22,7 +22,7 @@ class HarmonicTrack:
         self.rate = 2 * np.pi * speed / self.length()
 
     def path(self, phase: np.ndarray) -> np.ndarray:
-        """(n,) phase [rad] -> (5, n, 3) the track and its four derivatives by phase."""
+        """Return the track and its four derivatives by phase, (5, n, 3), at phases (n,) [rad]."""
         flat = np.zeros((5, len(phase), 3))
         flat[0] = self.center
         for h, (amplitude, shift) in enumerate(zip(self.amplitudes, self.shifts, strict=True), start=1):
@@ -32,7 +32,7 @@ class HarmonicTrack:
         return flat
 
     def length(self) -> float:
-        """Length of one lap [m]."""
+        """Return the length of one lap [m]."""
 
         def arc(phase: float) -> float:
             return float(np.linalg.norm(self.path(np.array([phase]))[1, 0]))
@@ -40,20 +40,26 @@ class HarmonicTrack:
         return float(quad(arc, 0.0, 2 * np.pi, limit=200)[0])
 
     def sample(self, t: np.ndarray) -> np.ndarray:
-        """(n,) -> (5, n, 3)."""
+        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
         phase = ramped_phase(t, self.rate, self.ramp)
         return compose(self.path(phase[0]), phase)
 
 
 def circle(*, radius: float, height: float, speed: float, ramp: float) -> HarmonicTrack:
-    """x = r cos, y = r sin at constant height [m, m/s, s]."""
+    """Return the circle x = r cos, y = r sin at constant height.
+
+    Args: radius, height: [m].   speed: [m/s].   ramp: time from rest to full speed [s].
+    """
     return HarmonicTrack(
         [0, 0, height], [[radius, radius, 0.0]], [[0.0, -np.pi / 2, 0.0]], speed=speed, ramp=ramp
     )
 
 
 def lemniscate(*, length: float, width: float, height: float, speed: float, ramp: float) -> HarmonicTrack:
-    """x = length cos, y = width sin(2 ·), at the mean speed `speed` [m, m/s, s]."""
+    """Return the lemniscate x = length cos, y = width sin(2 ·) at constant height.
+
+    Args: length, width, height: [m].   speed: mean along the track [m/s].   ramp: time from rest to full speed [s].
+    """
     return HarmonicTrack(
         [0, 0, height],
         [[length, 0.0, 0.0], [0.0, width, 0.0]],

@@ -1,4 +1,4 @@
-"""A small multisine dither: what makes a training flight excite every direction of zeta."""
+"""Multisine dither that makes a training flight excite every direction of zeta."""
 
 import numpy as np
 
@@ -6,14 +6,14 @@ from np_drake.references.ramp import compose, ramped_phase
 
 
 class Multisine:
-    """Per axis a sum of sines at incommensurate frequencies; faded in with the ramp by its phase.
+    """Sum of sines at incommensurate frequencies in each axis, faded in with the ramp by its phase.
 
-    All tones of an axis have the same velocity amplitude, and their sum the RMS asked (about its own mean; it
-    starts at zero offset). Source: own choice: a circle without it teaches a spurious force per vz.
+    All tones of an axis have the same velocity amplitude, and their sum has the RMS given (about its own mean; it
+    starts at zero offset). Source: own choice: training on a circle without dither yields a spurious force per vz.
 
     Args:
-        amplitude: (3,) RMS of the dither per axis [m].   frequencies: Hz of the tones of x; y and z take tones
-        between them, so that no two axes share one.   seed: of the tones' phases.
+        amplitude: (3,) RMS of the dither per axis [m].   frequencies: of the tones of x [Hz]; y and z take tones
+        between them, so that no two axes share one.   ramp: [s].   seed: of the tones' phases.
     """
 
     def __init__(self, amplitude, *, frequencies=(0.23, 0.41, 0.67, 0.97), ramp: float = 5.0, seed: int = 0):
@@ -24,7 +24,7 @@ class Multisine:
         self.ramp = ramp
 
     def sample(self, t: np.ndarray) -> np.ndarray:
-        """(n,) -> (5, n, 3); starts at rest at zero offset."""
+        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]; starts at rest at zero offset."""
         warped = ramped_phase(t, 1.0, self.ramp)
         path = np.zeros((5, len(t), 3))
         for f, amplitude, shift in zip(self.frequencies, self.amplitude, self.shift, strict=True):

@@ -1,4 +1,4 @@
-"""The same track at another pace."""
+"""A track flown faster or slower."""
 
 import numpy as np
 
@@ -6,12 +6,12 @@ from np_drake.references.base import Reference
 
 
 class Paced:
-    """p(factor t): `factor` below 1 is slower."""
+    """Reference motion p(factor t); a `factor` below 1 is slower."""
 
     def __init__(self, reference: Reference, factor: float):
         self.reference, self.factor = reference, factor
 
     def sample(self, t: np.ndarray) -> np.ndarray:
-        """(n,) -> (5, n, 3)."""
+        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
         flat = self.reference.sample(self.factor * np.asarray(t, float))
         return flat * (self.factor ** np.arange(5.0))[:, None, None]

@@ -1,4 +1,4 @@
-"""A phase that starts from rest and runs at a constant rate after a fixed ramp."""
+"""Phase that starts from rest and runs at a constant rate after a fixed ramp."""
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -7,11 +7,11 @@ from numpy.polynomial import Polynomial
 # so that the phase is four times differentiable and thrust, torque and snap stay finite.
 _RATE = [Polynomial([0, 0, 0, 0, 35, -84, 70, -20])]
 _RATE += [_RATE[0].deriv(k) for k in (1, 2, 3)]
-_PHASE = _RATE[0].integ()
+_PHASE = _RATE[0].integ()  # phase on s in [0, 1], from 0 to 1/2
 
 
 def ramped_phase(t: np.ndarray, rate: float, ramp: float) -> np.ndarray:
-    """Phase and its four derivatives.
+    """Return the phase and its four derivatives, (5, n).
 
     Args:    t: (n,) [s]; rate: final rate [rad/s]; ramp: duration of the ramp [s], 0 for none.
     Returns: (5, n) phase [rad] and derivatives. Before t = 0 the phase rests at 0.
@@ -25,14 +25,17 @@ def ramped_phase(t: np.ndarray, rate: float, ramp: float) -> np.ndarray:
 
 
 def rest_to_rest(s: np.ndarray, duration: float) -> np.ndarray:
-    """(5, n) a step from 0 to 1 while s (n,) goes from 0 to 1 [1], and its derivatives by time [1/s^k]."""
+    """Return a step from 0 to 1 and its time derivatives, (5, n) [1/s^k], while s (n,) goes from 0 to 1.
+
+    Args: s: share of the duration that has passed [1].   duration: [s].
+    """
     s = np.clip(s, 0.0, 1.0)
     slopes = [_RATE[0], *_RATE[1:], _RATE[0].deriv(4)]
     return np.stack([slope(s) / duration**k for k, slope in enumerate(slopes)])
 
 
 def compose(path: np.ndarray, phase: np.ndarray) -> np.ndarray:
-    """Time derivatives of path(phase(t)) up to the fourth (Faà di Bruno).
+    """Return the time derivatives of path(phase(t)) up to the fourth (Faà di Bruno).
 
     Args:    path: (5, n, 3) path and its derivatives by phase; phase: (5, n) phase and its derivatives by time.
     Returns: (5, n, 3).

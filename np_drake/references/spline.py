@@ -1,11 +1,11 @@
-"""Without a stop through a list of points."""
+"""Motion through a list of points without stopping."""
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
 
 class Spline:
-    """The spline of degree 7 through `points` (k, 3) [m] at `times` (k,) [s]; at rest at both ends and beyond them.
+    """Spline of degree 7 through `points` (k, 3) [m] at `times` (k,) [s], at rest at both ends and beyond them.
 
     Three derivatives vanish at the ends, so that body rates begin at zero.
     """
@@ -16,7 +16,7 @@ class Spline:
         self._start, self._end = float(times[0]), float(times[-1])
 
     def sample(self, t: np.ndarray) -> np.ndarray:
-        """(n,) -> (5, n, 3)."""
+        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
         t = np.asarray(t, float)
         inside = ((t >= self._start) & (t <= self._end))[:, None]
         at = np.clip(t, self._start, self._end)

@@ -1,4 +1,4 @@
-"""From rest to rest through a list of points."""
+"""Motion through a list of points with a stop at each."""
 
 from itertools import pairwise
 
@@ -18,7 +18,7 @@ class Stops:
         self.points, self.starts, self.durations = np.array(points, float), starts, durations
 
     def sample(self, t: np.ndarray) -> np.ndarray:
-        """(n,) -> (5, n, 3)."""
+        """Return p and its four derivatives in W, (5, n, 3), at times t (n,) [s]."""
         flat = np.zeros((5, len(t), 3))
         flat[0] = self.points[0]
         for (a, b), start, duration in zip(pairwise(self.points), self.starts, self.durations, strict=True):

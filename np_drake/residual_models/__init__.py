@@ -1,1 +1,1 @@
-"""Residual models: what predicts the wrench, for the prediction benchmark and for the MPC alike."""
+"""Residual models: predictors of the wrench, used by the prediction benchmark and by the MPC."""

@@ -1,4 +1,4 @@
-"""The one interface of every residual model.
+"""Interface of every residual model.
 
 A residual model keeps its memory in a dictionary of arrays that the caller owns (a LeafSystem's Context, or a
 benchmark's loop), takes one sample every `step` seconds, and answers with a `WrenchForecast` over a horizon.
@@ -15,7 +15,7 @@ Memory = dict[str, np.ndarray]
 
 @dc.dataclass(frozen=True)
 class Sample:
-    """What a vehicle knows at one sampling instant.
+    """Measurement, command and label of one sampling instant.
 
     x: (13,) measured state.   u: (4,) command that acted up to now [N, N·m].
     chi: (6,) wrench label [N, N·m]; NaN where there is none.
@@ -27,26 +27,28 @@ class Sample:
 
 
 class Reaction(Protocol):
-    """A wrench that is a function g of the motion at the same instant; vectorised, differentiable, no memory."""
+    """Wrench as a function g of the motion at the same instant: vectorised, differentiable, without memory."""
 
     def __call__(self, zeta: np.ndarray) -> np.ndarray:
-        """(..., 6) chi of (..., 6) zeta [N, N·m]."""
+        """Return chi (..., 6) [N, N·m] at zeta (..., 6) [m/s, rad/s]."""
         ...
 
     def jacobian(self, zeta: np.ndarray) -> np.ndarray:
-        """(n, 6, 6) dchi/dzeta at (n, 6) zeta."""
+        """Return dchi/dzeta (n, 6, 6) at zeta (n, 6)."""
         ...
 
 
 @dc.dataclass(frozen=True)
 class WrenchForecast:
-    """chi_i = C z_i + offset_i + g(zeta_i),  z_(i+1) = A z_i + B zeta_i,  i = 0 … N-1, at the horizon's own step.
+    """Forecast of the residual wrench over a horizon at its own step.
+
+        chi_i = C z_i + offset_i + g(zeta_i),  z_(i+1) = A z_i + B zeta_i,  i = 0 … N-1
 
     chi_i acts from t_(k+i) to t_(k+i+1); zeta_i is the predicted [v_WB, w_WB_B] at t_(k+i). A model without
-    feedback from the motion has K = 0 and speaks through `offset` alone.
+    feedback from the motion has K = 0 and uses `offset` alone.
 
     A: (K, K)   B: (K, 6) per [m/s, rad/s]   C: (6, K)   z: (K,) lifted state now   offset: (N, 6) [N, N·m].
-    reaction: g, None for zero.   zeta: (6,) measured now; only g asks for it [m/s, rad/s].
+    reaction: g, None for zero.   zeta: (6,) measured now; used by g alone [m/s, rad/s].
     """
 
     A: np.ndarray
@@ -59,12 +61,12 @@ class WrenchForecast:
 
     @property
     def first(self) -> np.ndarray:
-        """(6,) chi_0 [N, N·m]."""
+        """First wrench of the forecast, chi_0 (6,) [N, N·m]."""
         chi = self.C @ self.z + self.offset[0]
         return chi if self.reaction is None else chi + self.reaction(self.zeta)
 
     def rollout(self, zeta: np.ndarray) -> np.ndarray:
-        """(N, 6) chi_hat for given (N, 6) zeta."""
+        """Return chi_hat (N, 6) [N, N·m] for a given zeta (N, 6) [m/s, rad/s]."""
         z = np.empty((len(self.offset), len(self.z)))
         z[0], z[1:] = self.z, zeta[:-1] @ self.B.T
         if len(self.z):
@@ -77,7 +79,7 @@ class WrenchForecast:
 
 @dc.dataclass
 class FlightForecasts:
-    """The forecasts at every sample of a flight from `first` on, where all share A, B and C.
+    """Forecasts at every sample of a flight from `first` on, with common A, B and C.
 
     A: (K, K)   B: (K, 6)   C: (6, K)   z: (o, K), one a sample   offset: (o, 6) held over the horizon [N, N·m].
     """
@@ -92,7 +94,11 @@ class FlightForecasts:
     def at(
         self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
     ) -> np.ndarray:
-        """(o, len(horizons), 6) chi_hat of the forecasts at `origins`; zeta (n, 6) of the whole flight."""
+        """Return chi_hat of the forecasts at `origins`, (o, len(horizons), 6) [N, N·m].
+
+        Args: horizons: [steps].   origins: (o,) sample indices.   zeta: (n, 6) of the whole flight.   zeta_known: use
+        the coming zeta, else hold that of the origin.
+        """
         z, offset, now = self.z[origins - self.first], self.offset[origins - self.first], zeta[origins]
         chi_hat = np.empty((len(origins), len(horizons), 6))
         markov: list[np.ndarray] = []
@@ -108,7 +114,7 @@ class FlightForecasts:
 
 
 def _convolved(markov: list[np.ndarray], zeta: np.ndarray, origins: np.ndarray) -> np.ndarray:
-    """(o, 6) sum over j of markov[i - 1 - j] zeta_(k + j), i = len(markov)."""
+    """Return the sum over j of markov[i - 1 - j] zeta_(k + j), i = len(markov), (o, 6)."""
     drive = np.zeros((len(origins), 6))
     for j, M in enumerate(reversed(markov)):
         drive += zeta[origins + j] @ M.T
@@ -123,32 +129,32 @@ class FlightCourse(Protocol):
     def at(
         self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
     ) -> np.ndarray:
-        """(o, len(horizons), 6) chi_hat; see `FlightForecasts`."""
+        """Return chi_hat (o, len(horizons), 6), see `FlightForecasts`."""
         ...
 
 
 @runtime_checkable
 class ForecastsWholeFlights(Protocol):
-    """A residual model that can answer for all samples of a flight at once, as it would one by one."""
+    """A residual model that can forecast all samples of a flight at once, with the results of one by one."""
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightCourse | None:
-        """For chi, zeta (n, 6) without gaps; None where this model cannot."""
+        """Return the forecasts for chi, zeta (n, 6) without gaps; None where this model cannot."""
         ...
 
 
 @runtime_checkable
 class KnowsRotorLag(Protocol):
-    """A residual model whose labels want the command let through the rotors' lag of its training."""
+    """A residual model whose labels need the command filtered by the rotor lag of its training."""
 
     rotor_lag: float  # [s]
 
 
 class ResidualModel(Protocol):
-    """Predicts the residual wrench chi; pure functions of the memory."""
+    """Predictor of the residual wrench chi, with methods that are pure functions of the memory."""
 
     @property
     def name(self) -> str:
-        """Of its row in a table."""
+        """Name of its row in a table."""
         ...
 
     @property
@@ -157,24 +163,27 @@ class ResidualModel(Protocol):
         ...
 
     def initial_memory(self) -> Memory:
-        """Arrays (float) of fixed shape, before any sample."""
+        """Return arrays (float) of fixed shape, before any sample."""
         ...
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
-        """The memory after one more sample. A sample with NaN must leave a usable memory."""
+        """Return the memory after one more sample.
+
+        A sample with NaN must leave a usable memory.
+        """
         ...
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """Forecast over `horizon` steps of `stride * self.step` seconds each."""
+        """Return the forecast over `horizon` steps of `stride * self.step` seconds each."""
         ...
 
 
 def constant_forecast(chi: np.ndarray, horizon: int) -> WrenchForecast:
-    """`chi` (6,) held over the horizon, or a given course (horizon, 6)."""
+    """Return a forecast that holds `chi` (6,) over the horizon, or follows a given trajectory (horizon, 6)."""
     offset = np.broadcast_to(np.asarray(chi, float), (horizon, 6))
     return WrenchForecast(np.zeros((0, 0)), np.zeros((0, 6)), np.zeros((6, 0)), np.zeros(0), offset)
 
 
 def no_forecast(horizon: int) -> WrenchForecast:
-    """The nominal model: no residual wrench."""
+    """Return the forecast of the nominal model: no residual wrench."""
     return constant_forecast(np.zeros(6), horizon)

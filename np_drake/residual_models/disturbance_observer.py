@@ -1,4 +1,4 @@
-"""The offset-free opponent: a disturbance observer on velocity and rate; it needs no accelerometer."""
+"""Baseline of offset-free MPC: a disturbance observer on velocity and rate, without an accelerometer."""
 
 import numpy as np
 
@@ -12,8 +12,9 @@ class DisturbanceObserver:
 
     v_hat+ = v_hat + h v_dot(x, u, chi_hat) + l1 e,  chi_hat+ = chi_hat + M l2 e / h,  e = v - v_hat;
     both poles of the error at p = exp(-2 pi bandwidth h), so l1 = 1 - p², l2 = (1 - p)².
-    Source: own choice; the standard form of offset-free MPC with pole placement, at the better of seven
-    pairs of bandwidths tried.
+    Source: own choice; the standard form of offset-free MPC with pole placement, with the best of seven
+    pairs of bandwidths.
+    Args: step: time between samples [s].   force_bandwidth, torque_bandwidth: [Hz].
     """
 
     name = "observer"
@@ -26,11 +27,14 @@ class DisturbanceObserver:
         self._l1, self._l2 = 1 - pole**2, (1 - pole) ** 2
 
     def initial_memory(self) -> Memory:
-        """chi (6,) [N, N·m]; zeta (6,) estimated [m/s, rad/s]; x (13,) last measured state; started (1,)."""
+        """Return the memory before any sample.
+
+        chi: (6,) [N, N·m].   zeta: (6,) estimated [m/s, rad/s].   x: (13,) last measured state.   started: (1,).
+        """
         return {"chi": np.zeros(6), "zeta": np.zeros(6), "x": np.zeros(13), "started": np.zeros(1)}
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
-        """One predictor-corrector step; a sample with NaN predicts only."""
+        """Return the memory after one predictor-corrector step; a sample with NaN predicts only."""
         seen = bool(np.all(np.isfinite(sample.x)))
         if not memory["started"][0]:
             if not seen:
@@ -52,5 +56,5 @@ class DisturbanceObserver:
         return {"chi": chi, "zeta": predicted + self._l1 * error, "x": sample.x, "started": np.ones(1)}
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """The estimated disturbance, held."""
+        """Return the estimated disturbance, held over the horizon."""
         return constant_forecast(memory["chi"], horizon)

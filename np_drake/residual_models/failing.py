@@ -1,4 +1,4 @@
-"""A residual model that fails in flight."""
+"""A residual model that fails in flight, for tests of fault tolerance."""
 
 import numpy as np
 
@@ -11,13 +11,13 @@ from np_drake.residual_models.base import (
     no_forecast,
 )
 
-FAULTS = ("zero", "frozen")
+FAULTS = ("zero", "frozen")  # see `Failing`
 
 
 class Failing:
-    """Answers as `model` does until `onset`, and from then on with nothing or with its last knowledge.
+    """Residual model that answers as `model` does until `onset` and then loses its forecast or its samples.
 
-    zero: the forecast is no wrench at all, as in the nominal MPC.   frozen: no sample is taken in any more; the
+    zero: the forecast is no wrench at all, as in the nominal MPC.   frozen: no further sample is taken in; the
     forecast keeps starting from the last lifted state.      Source: own choice, the two plainest losses.
 
     Args: fault: zero | frozen.   onset: time after the first sample at which the next is lost [s].
@@ -34,18 +34,18 @@ class Failing:
         self._model, self._fault, self._last = model, fault, round(onset / model.step)
 
     def initial_memory(self) -> Memory:
-        """The model's, and how many samples came."""
+        """Return the model's memory with a count of samples."""
         return {**self._model.initial_memory(), "samples": np.zeros(1)}
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
-        """The memory after one more sample, of which the model learns before the fault alone."""
+        """Return the memory after one more sample; the model takes in those before the fault only."""
         inner, count = self._split(memory)
         if count[0] < self._last:
             inner = self._model.update(inner, sample)
         return {**inner, "samples": count + 1}
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """The model's, or no wrench."""
+        """Return the model's forecast, or no wrench after the fault `zero`."""
         if self._fault == "zero" and self._failed(memory):
             return no_forecast(horizon)
         return self._model.forecast(self._split(memory)[0], horizon=horizon, stride=stride)

@@ -7,14 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.lifting.segments import Segment, check_segments, group_scale
+from np_drake.lifting.training.segments import Segment, check_segments, group_scale
 
 
 @dc.dataclass(frozen=True)
 class GaussianProcess:
-    """chi_c = mean_c + sum over n of weight_nc exp(-|(zeta - X_n) / length_c|² / 2).
+    """Posterior mean of a Gaussian process of the motion, one process a component of chi.
 
-    Source: Rasmussen, Williams 2006, eq. (2.25), with the RBF kernel of Jin et al. 2025; one process a component.
+        chi_c = mean_c + sum over n of weight_nc exp(-|(zeta - X_n) / length_c|² / 2)
+
+    Source: Rasmussen, Williams 2006, eq. (2.25), with the RBF kernel of Jin et al. 2025.
     Away from the data the mean falls back to that of the labels.
 
     X: (n, 6) training inputs [m/s, rad/s].   weight: (n, 6) [N, N·m].   length: (6, 6), component by input.
@@ -39,32 +41,38 @@ class GaussianProcess:
         object.__setattr__(self, "_precision", (1.0 / self.length**2).T.copy())
 
     def __call__(self, zeta: np.ndarray) -> np.ndarray:
-        """(..., 6) mean of chi at (..., 6) zeta [N, N·m]."""
+        """Return the mean of chi (..., 6) [N, N·m] at zeta (..., 6) [m/s, rad/s]."""
         return self.mean + self._terms(zeta)[1].sum(axis=-2)
 
     def jacobian(self, zeta: np.ndarray) -> np.ndarray:
-        """(n, 6, 6) dchi/dzeta at (n, 6) zeta."""
+        """Return dchi/dzeta (n, 6, 6) at zeta (n, 6)."""
         away, terms = self._terms(zeta)
         return -np.swapaxes(terms, -1, -2) @ away * self._precision.T  # type: ignore[attr-defined]
 
     def tensors(self) -> dict[str, np.ndarray]:
-        """What a model file holds."""
+        """Return the arrays that a model file holds, by name."""
         return {field.name: getattr(self, field.name) for field in dc.fields(self)}
 
     @classmethod
     def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "GaussianProcess":
-        """And back. Raises: KeyError, ValueError: on missing or inconsistent arrays."""
+        """Return the process of the arrays in a model file.
+
+        Raises: KeyError, ValueError: on missing or inconsistent arrays.
+        """
         return cls(**{field.name: tensors[field.name] for field in dc.fields(cls)})
 
     def _terms(self, zeta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(..., n, 6) zeta - X_n, and the terms of the sum."""
+        """Return zeta - X_n and the terms of the sum, (..., n, 6) each."""
         away = np.asarray(zeta)[..., None, :] - self.X
         return away, self.weight * np.exp(-0.5 * (away**2 @ self._precision))  # type: ignore[attr-defined]
 
 
 @dc.dataclass(frozen=True)
 class GaussianProcessConfig:
-    """As the paper: RBF kernel, 100 samples. Bounds and restarts: own choice."""
+    """Parameters of the Gaussian process: RBF kernel and 100 samples as in the paper.
+
+    Source of bounds and restarts: own choice.
+    """
 
     samples: int = 100  # evenly spaced in time over the flights [1]
     restarts: int = 1  # of the search for hyperparameters, beside the one from unit lengths [1]
@@ -73,13 +81,13 @@ class GaussianProcessConfig:
         100.0,
     )  # below, noise is learnt [RMS of the inputs about their mean]
     noise_bounds: tuple[float, float] = (1e-6, 1.0)  # variance of the labels' noise [variance of the labels]
-    seed: int = 0
+    seed: int = 0  # of the restarts
 
 
 def fit_gaussian_process(
     segments: Sequence[Segment], config: GaussianProcessConfig = GaussianProcessConfig()
 ) -> GaussianProcess:
-    """The process of the flights' smoothed labels; hyperparameters of largest marginal likelihood.
+    """Fit the process to the flights' smoothed labels by largest marginal likelihood.
 
     Raises: ValueError: if the segments are unusable.
     """
@@ -91,7 +99,7 @@ def fit_gaussian_process(
 
 
 def regressors(zeta: np.ndarray, chi: np.ndarray, config: GaussianProcessConfig) -> list[Any]:
-    """One fitted `GaussianProcessRegressor` of scikit-learn for each component of chi (n, 6), of scaled zeta (n, 6)."""
+    """Return one fitted scikit-learn process for each component of chi (n, 6), of scaled zeta (n, 6)."""
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
@@ -111,7 +119,7 @@ def regressors(zeta: np.ndarray, chi: np.ndarray, config: GaussianProcessConfig)
 
 
 def closed_form(processes: Sequence[Any], scale: np.ndarray) -> GaussianProcess:
-    """The mean of scikit-learn's processes, whose inputs are zeta / scale (6,), in physical units."""
+    """Return the mean of scikit-learn's processes, whose inputs are zeta / scale (6,), in physical units."""
     smooth = [process.kernel_.k1 for process in processes]  # the sum without the labels' noise
     weight = [
         process.alpha_ * process._y_train_std * kernel.k1.constant_value

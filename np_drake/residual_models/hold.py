@@ -1,4 +1,4 @@
-"""The naive opponent: the last low-passed label, held over the horizon."""
+"""Naive baseline: the last low-passed label, held over the horizon."""
 
 import numpy as np
 
@@ -6,11 +6,11 @@ from np_drake.residual_models.base import Memory, Sample, WrenchForecast, consta
 
 
 class Hold:
-    """chi_i = low-pass(label) for all i; a sample without a label leaves the last one.
+    """Residual model chi_i = low-pass(label) for all i; a sample without a label leaves the last one.
 
     Args:
         step: time between samples [s].
-        bandwidth: of a first-order low-pass on top of the label's own [Hz]; inf for none.
+        force_bandwidth, torque_bandwidth: of a first-order low-pass on top of the label's own [Hz]; inf for none.
     """
 
     name = "hold"
@@ -21,16 +21,16 @@ class Hold:
         self._gain = 1.0 - np.exp(-2 * np.pi * bandwidth * step)
 
     def initial_memory(self) -> Memory:
-        """chi (6,) [N, N·m]; started (1,)."""
+        """Return the memory before any sample: chi (6,) [N, N·m] and started (1,)."""
         return {"chi": np.zeros(6), "started": np.zeros(1)}
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
-        """Takes a finite label in."""
+        """Return the memory after one more sample; a label with NaN leaves it as it is."""
         if not np.all(np.isfinite(sample.chi)):
             return memory
         gain = self._gain if memory["started"][0] else 1.0
         return {"chi": memory["chi"] + gain * (sample.chi - memory["chi"]), "started": np.ones(1)}
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """The held wrench."""
+        """Return the held wrench."""
         return constant_forecast(memory["chi"], horizon)

@@ -1,8 +1,8 @@
 """Training of a KNODE: a network of the motion beside the nominal model, through the nominal model's own ODE.
 
-Source: Chee et al. 2022: the loss is the motion that the integrated model predicts, and no wrench label enters.
-Own choice: short windows from measured states (multiple shooting) rather than one long rollout, since an error of
-attitude grows without bound over a flight; each half of zeta is weighted by what the nominal model misses of it.
+Source: Chee et al. 2022: the loss is the error of the motion that the integrated model predicts, and no wrench label
+enters. Own choice: short windows from measured states (multiple shooting) rather than one long rollout, since an
+error of attitude grows without bound over a flight; each half of zeta is weighted by the nominal model's error in it.
 """
 
 import dataclasses as dc
@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import torch
 
-from np_drake.lifting.segments import group_scale
+from np_drake.lifting.training.segments import group_scale
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.rotor_input import acting_command
 from np_drake.residual_models.wrench_network import WrenchNetwork
@@ -21,7 +21,10 @@ from np_drake.vehicle import Vehicle
 
 @dc.dataclass(frozen=True)
 class Piece:
-    """One uninterrupted piece of flight: x (n, 13), u (n, 4) acting from each row to the next [N, N·m], step [s]."""
+    """One uninterrupted piece of flight.
+
+    x: (n, 13).   u: (n, 4) acting from each row to the next [N, N·m].   step: [s].
+    """
 
     x: np.ndarray
     u: np.ndarray
@@ -30,7 +33,7 @@ class Piece:
 
 @dc.dataclass(frozen=True)
 class KnodeConfig:
-    """Network as Phi (two hidden layers of 128, ReLU); the rest is own choice."""
+    """Parameters of the KNODE: network as Phi (two hidden layers of 128, ReLU), the rest own choice."""
 
     width: int = 128  # neurons of a hidden layer [1]
     layers: int = 2  # hidden layers [1]
@@ -40,11 +43,14 @@ class KnodeConfig:
     epochs: int = 15  # passes over the windows [1]
     learning_rate: float = 4e-3  # of Adam, falling to a tenth along a cosine [1]
     weight_decay: float = 1e-5  # of AdamW [1]
-    seed: int = 0
+    seed: int = 0  # of the initial weights and the order of windows
 
 
 def flown_pieces(log: FlightLog, vehicle: Vehicle) -> list[Piece]:
-    """The pieces of a log between rows that hold a NaN, with the command that acts by the vehicle file."""
+    """Return the pieces of a log between rows that hold a NaN.
+
+    Their command is the one that acts by the vehicle's rotor lag.
+    """
     x, u = log.x, acting_command(log, vehicle)
     good = np.isfinite(np.hstack([x, u])).all(axis=1)
     edge = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
@@ -58,8 +64,9 @@ def fit_knode(
     *,
     on_epoch: Callable[[int, int, float], None] = lambda *_: None,
 ) -> tuple[WrenchNetwork, list[float]]:
-    """The trained network, and the loss after each epoch (1: as the nominal model); deterministic by `config.seed`.
+    """Return the trained network and the loss after each epoch; deterministic by `config.seed`.
 
+    A loss of 1 is that of the nominal model.
     Raises: ValueError: if no piece is longer than a window, or the steps differ.
     """
     x, u, step = _windows(pieces, config)
@@ -97,7 +104,7 @@ def fit_knode(
 
 
 class _Network(torch.nn.Module):
-    """The wrench network with gradients; all double precision."""
+    """Wrench network with gradients, in double precision."""
 
     def __init__(self, config: KnodeConfig, scale: np.ndarray, unit: np.ndarray):
         super().__init__()
@@ -112,14 +119,14 @@ class _Network(torch.nn.Module):
         self._scale, self._unit = torch.from_numpy(scale), torch.from_numpy(unit)
 
     def forward(self, zeta: torch.Tensor) -> torch.Tensor:
-        """(..., 6) chi [N, N·m]."""
+        """Return chi (..., 6) [N, N·m]."""
         value = zeta / self._scale
         for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
             value = torch.relu(value @ W.T + b)
         return (value @ self.weights[-1].T + self.biases[-1]) * self._unit
 
     def export(self) -> WrenchNetwork:
-        """The same map in numpy."""
+        """Return the network in numpy."""
         weights, biases = (
             tuple(p.detach().numpy().copy() for p in group) for group in (self.weights, self.biases)
         )
@@ -127,14 +134,17 @@ class _Network(torch.nn.Module):
 
 
 class _Nominal:
-    """Eq. (1) of Jin et al. 2025 with gradients; classical Runge-Kutta, the input held over a step."""
+    """Dynamics of eq. (1) of Jin et al. 2025 with gradients; classical Runge-Kutta, the input held over a step."""
 
     def __init__(self, vehicle: Vehicle, step: float):
         self._step, self._mass, self._gravity = step, vehicle.mass, vehicle.gravity
         self._J, self._J_inv = torch.from_numpy(vehicle.J), torch.from_numpy(np.linalg.inv(vehicle.J))
 
     def rollout(self, start: torch.Tensor, u: torch.Tensor, wrench: Callable) -> torch.Tensor:
-        """(b, H, 6) zeta after 1 … H steps, of start (b, 13) and u (b, H, 4), wrench: zeta -> chi."""
+        """Return zeta after 1 … H steps, (b, H, 6).
+
+        Args: start: (b, 13).   u: (b, H, 4).   wrench: zeta -> chi.
+        """
         y, course = start[:, 3:], []  # q, v, w: position drives nothing
         for i in range(u.shape[1]):
             y = self._advance(y, u[:, i], wrench)
@@ -171,7 +181,7 @@ class _Nominal:
 
 
 def _windows(pieces: Sequence[Piece], config: KnodeConfig) -> tuple[torch.Tensor, torch.Tensor, float]:
-    """x (m, H + 1, 13), u (m, H, 4) and the step [s]."""
+    """Return x (m, H + 1, 13), u (m, H, 4) and the step [s]."""
     steps = np.array([piece.step for piece in pieces])
     if len(steps) and np.ptp(steps) > 0.02 * steps.min():
         raise ValueError(f"knode: all logs must share one step [s]; got {steps.min()} to {steps.max()}.")

@@ -1,6 +1,6 @@
-"""The opponents that every lifted linear system must beat: DMDc, delay DMDc and a ridge for every horizon.
+"""Linear baselines: DMDc, delay DMDc and a ridge for every horizon.
 
-All are trained in closed form on the same segments. They are as plain as their names: nothing keeps them stable.
+All are trained in closed form on the same segments, and nothing keeps them stable.
 """
 
 from collections.abc import Sequence
@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake import rigid_body
-from np_drake.lifting.delay_taps import DelayTaps
-from np_drake.lifting.dmdc import fit_dmdc_system, sample_scale
-from np_drake.lifting.encoders import DelayEncoder
-from np_drake.lifting.horizon_ridge import flight_moments, horizon_ridge
-from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.segments import Segment, check_segments
+from np_drake.lifting.model.delay_taps import DelayTaps
+from np_drake.lifting.model.encoders import DelayEncoder
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.training.dmdc import fit_dmdc_system, sample_scale
+from np_drake.lifting.training.horizon_ridge import flight_moments, horizon_ridge
+from np_drake.lifting.training.segments import Segment, check_segments
 from np_drake.residual_models.base import (
     FlightForecasts,
     Memory,
@@ -27,17 +27,17 @@ NOISE = 1e-3  # of the ridge's samples, in units of their scale [1]
 
 
 class _Windowed:
-    """Keeps the last `window` samples; until there are so many, holds the label."""
+    """Residual model of the last `window` samples; until there are so many, it holds the label."""
 
     def __init__(self, name: str, step: float, window: int):
         self.name, self.step, self.window = name, step, window
 
     def initial_memory(self) -> Memory:
-        """window (W, 12) of [chi, zeta], oldest first; count of samples in it."""
+        """Return the memory before any sample: window (W, 12) of [chi, zeta], oldest first, and the count in it."""
         return {"window": np.zeros((self.window, 12)), "count": np.zeros(1)}
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
-        """A sample with a NaN repeats the one before."""
+        """Return the memory after one more sample; one with a NaN repeats the sample before."""
         row = np.concatenate([sample.chi, rigid_body.zeta(np.asarray(sample.x, float))])
         row = np.where(np.isfinite(row), row, memory["window"][-1])
         window = np.concatenate([memory["window"][1:], row[None]])
@@ -48,35 +48,45 @@ class _Windowed:
 
 
 class LinearBaseline(_Windowed):
-    """z = E w;  z+ = A z + B zeta,  chi = C z.       Source: Proctor, Brunton, Kutz 2016 (DMDc), delays as states."""
+    """Lifted linear system without stabilisation, z = E w;  z+ = A z + B zeta,  chi = C z.
+
+    Source: Proctor, Brunton, Kutz 2016 (DMDc), delays as states.
+    """
 
     def __init__(self, name: str, system: LiftedLinearSystem, encoder: DelayEncoder):
         super().__init__(name, system.step, encoder.delay)
         self.system, self._encoder = system, encoder
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """The rolled-out system."""
+        """Return the rolled-out system; the last label held before the window is full."""
         if not self._full(memory):
             return constant_forecast(memory["window"][-1, :6], horizon)
         s = self.system.resample(stride)
         return WrenchForecast(s.A, s.B, s.C, self._encoder(memory["window"]), np.zeros((horizon, 6)))
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts:
-        """All forecasts of a flight without gaps."""
+        """Return all forecasts of a flight chi, zeta (n, 6) without gaps."""
         z, s = self._encoder.along(np.hstack([chi, zeta])), self.system
         return FlightForecasts(self.window - 1, s.A, s.B, s.C, z, np.zeros((len(z), 6)))
 
 
 class RidgeBaseline(_Windowed):
-    """chi_hat_h = W_h w, a map of its own for every fitted horizon; straight lines between them, held beyond."""
+    """Separate linear map chi_hat_h = W_h w for every fitted horizon.
+
+    It is interpolated linearly between them and held beyond.
+    """
 
     def __init__(self, name: str, step: float, horizons: np.ndarray, W: np.ndarray):
-        """W: (12 D + 1, H, 6) weights of the window, oldest sample first, and of 1, in physical units."""
+        """Keep the weights.
+
+        Args: step: time between samples [s].   horizons: (H,) ascending [steps].
+        W: (12 D + 1, H, 6) weights of the window, oldest sample first, and of 1, in physical units.
+        """
         super().__init__(name, step, (len(W) - 1) // 12)
         self._horizons, self._W = horizons, W
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """A course that does not listen to the coming zeta."""
+        """Return a forecast that ignores the coming zeta."""
         if not self._full(memory):
             return constant_forecast(memory["window"][-1, :6], horizon)
         features = np.append(memory["window"].ravel(), 1.0)
@@ -84,11 +94,11 @@ class RidgeBaseline(_Windowed):
         return constant_forecast(np.einsum("p,phc->hc", features, self._at(steps)), horizon)
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> "RidgeForecasts":
-        """All forecasts of a flight without gaps."""
+        """Return all forecasts of a flight chi, zeta (n, 6) without gaps."""
         return RidgeForecasts(self, np.hstack([chi, zeta]))
 
     def _at(self, steps: np.ndarray) -> np.ndarray:
-        """(12 D + 1, len(steps), 6) the weights, interpolated."""
+        """Return the weights, interpolated, (12 D + 1, len(steps), 6)."""
         steps = np.minimum(steps, self._horizons[-1])
         right = np.clip(np.searchsorted(self._horizons, steps), 1, len(self._horizons) - 1)
         low, high = self._horizons[right - 1], self._horizons[right]
@@ -97,7 +107,7 @@ class RidgeBaseline(_Windowed):
 
 
 class RidgeForecasts:
-    """Those of a whole flight."""
+    """Forecasts of a `RidgeBaseline` over a whole flight."""
 
     def __init__(self, model: RidgeBaseline, samples: np.ndarray):
         self.first, self._model, self._samples = model.window - 1, model, samples
@@ -105,7 +115,7 @@ class RidgeForecasts:
     def at(
         self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
     ) -> np.ndarray:
-        """(o, len(horizons), 6) chi_hat; zeta does not count."""
+        """Return chi_hat (o, len(horizons), 6) [N, N·m]; zeta is ignored."""
         taps = DelayTaps(self._model.window, self._model.window, 0)
         features = taps.features(self._samples, origins).reshape(len(origins), -1, 12)[:, ::-1]
         features = np.hstack([features.reshape(len(origins), -1), np.ones((len(origins), 1))])
@@ -114,7 +124,7 @@ class RidgeForecasts:
 
 
 def fit_dmdc(segments: Sequence[Segment], *, delays: int = 1, name: str | None = None) -> LinearBaseline:
-    """chi+ = A chi + B zeta by least squares; with delays, of the last so many samples of chi and zeta.
+    """Fit chi+ = A chi + B zeta by least squares, with delays of the last so many samples of chi and zeta.
 
     z = [chi now, chi before, …, zeta before, …]; the coming zeta is the input.
     """
@@ -124,7 +134,10 @@ def fit_dmdc(segments: Sequence[Segment], *, delays: int = 1, name: str | None =
 
 
 def fit_ridge(segments: Sequence[Segment], horizons: np.ndarray, *, delays: int = DELAYS) -> RidgeBaseline:
-    """The best linear map of the last `delays` samples for every one of `horizons` [steps], flights weighted alike."""
+    """Fit the best linear map of the last `delays` samples for every one of `horizons` [steps].
+
+    Flights are weighted alike.
+    """
     segments = check_segments(list(segments), delays + int(horizons[-1]) + 1)
     scale, taps = sample_scale(segments), DelayTaps(delays, delays, 0)
     flights = [
@@ -141,6 +154,6 @@ def fit_ridge(segments: Sequence[Segment], horizons: np.ndarray, *, delays: int 
 
 
 def fit_all(segments: Sequence[Segment], horizons: np.ndarray) -> dict[str, LinearBaseline | RidgeBaseline]:
-    """Every opponent, by name."""
+    """Return every linear baseline, by name."""
     models = (fit_dmdc(segments), fit_dmdc(segments, delays=DELAYS), fit_ridge(segments, horizons))
     return {model.name: model for model in models}

@@ -1,4 +1,4 @@
-"""Residual models without memory: the wrench is a function of the motion at the same instant."""
+"""Residual models without memory: the wrench as a function of the motion at the same instant."""
 
 import dataclasses as dc
 import json
@@ -8,26 +8,27 @@ from typing import Any
 import numpy as np
 
 from np_drake import rigid_body
-from np_drake.lifting.model_file import read_tensors, write_tensors
+from np_drake.lifting.model.model_file import read_tensors, write_tensors
 from np_drake.residual_models.base import Memory, Sample, WrenchForecast, constant_forecast
 from np_drake.residual_models.gaussian_process import GaussianProcess
 from np_drake.residual_models.wrench_network import WrenchNetwork
 
-GP, KNODE = "gp", "knode"
+GP, KNODE = "gp", "knode"  # names
 REACTIONS: dict[str, type[GaussianProcess] | type[WrenchNetwork]] = {
     GP: GaussianProcess,
     KNODE: WrenchNetwork,
 }
-SCHEMA = "np_drake.motion_model/1"
+SCHEMA = "np_drake.motion_model/1"  # format of the file and its version
 
 
 @dc.dataclass
 class MotionModel:
-    """chi_i = g(zeta_i) at every predicted state.      Source: Torrente et al. 2021 (gp), Chee et al. 2022 (knode).
+    """Residual model chi_i = g(zeta_i), evaluated at every predicted state.
 
-    It never looks at a label in flight: what changes there, it does not see.
+    It uses no label in flight, so that it cannot follow a change of the wrench at equal motion.
+    Source: Torrente et al. 2021 (gp), Chee et al. 2022 (knode).
 
-    name: gp | knode.   reaction: g.   step: time between samples [s].   summary: how it was trained.
+    name: gp | knode.   reaction: g.   step: time between samples [s].   summary: key figures of the training.
     """
 
     name: str
@@ -44,33 +45,37 @@ class MotionModel:
             raise ValueError(f"MotionModel: step must be positive [s]; got {self.step}.")
 
     def initial_memory(self) -> Memory:
-        """zeta (6,) last measured [m/s, rad/s]."""
+        """Return the memory before any sample: zeta (6,) last measured [m/s, rad/s]."""
         return {"zeta": np.zeros(6)}
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
-        """Takes the motion in; a sample with NaN leaves the last one."""
+        """Return the memory after one more sample; one with NaN leaves it as it is."""
         zeta = rigid_body.zeta(np.asarray(sample.x, float))
         return {"zeta": zeta.copy()} if np.all(np.isfinite(zeta)) else memory
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """The function itself, for the controller to evaluate where it plans to be."""
+        """Return a forecast with the function itself, which the controller evaluates along its plan."""
         silent = constant_forecast(np.zeros(6), horizon)
         return dc.replace(silent, reaction=self.reaction, zeta=memory["zeta"])
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> "MotionForecasts":
-        """All forecasts of a flight without gaps."""
+        """Return all forecasts of a flight chi, zeta (n, 6) without gaps; chi is not used."""
         return MotionForecasts(0, self.reaction(zeta))
 
     def save(self, path: str | Path) -> None:
-        """Writes the model file, whole or not at all. Raises OSError where it cannot be written."""
+        """Write the model file, whole or not at all.
+
+        Raises: OSError: if it cannot be written.
+        """
         header = {"name": self.name, "step": self.step, "summary": self.summary}
         write_tensors(self.reaction.tensors(), {"schema": SCHEMA, "model": json.dumps(header)}, path)
 
     @classmethod
     def load(cls, path: str | Path, name: str | None = None) -> "MotionModel":
-        """The model in a file; `name`, where given, must be the file's.
+        """Return the model in a file.
 
-        Raises: ValueError: one line, on a missing, truncated, pickled, foreign or inconsistent file.
+        Args: name: where given, the name that the file must hold.
+        Raises: ValueError: one line, if the file is missing, truncated, pickled, of another format or inconsistent.
         """
         tensors, metadata = read_tensors(path, SCHEMA)
         try:
@@ -87,7 +92,10 @@ class MotionModel:
 
 @dc.dataclass
 class MotionForecasts:
-    """Those of a whole flight. course: (n, 6) chi at its own motion [N, N·m]."""
+    """Forecasts of a `MotionModel` over a whole flight.
+
+    first: first sample.   course: (n, 6) chi at each sample's own motion [N, N·m].
+    """
 
     first: int
     course: np.ndarray
@@ -95,6 +103,6 @@ class MotionForecasts:
     def at(
         self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
     ) -> np.ndarray:
-        """(o, len(horizons), 6) chi_hat; the coming motion known, or held at its last value."""
+        """Return chi_hat (o, len(horizons), 6) [N, N·m], with the coming motion known or held at its last value."""
         rows = origins[:, None] + np.array(horizons) * zeta_known
         return self.course[rows]

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from np_drake.labels import LabelConfig
-from np_drake.lifting.excitation import measure_excitation
-from np_drake.lifting.origin import origin_of, with_origin
+from np_drake.lifting.model.origin import origin_of, with_origin
+from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.training_segments import training_segments
 from np_drake.logs.wrench_sequence import WrenchSequence
@@ -33,9 +33,10 @@ def train_motion_model(
     on_epoch: Callable[[int, int, float], None] = lambda *_: None,
     **settings,
 ) -> tuple[MotionModel, list[float]]:
-    """The model called `name`, gp or knode, and its loss after each epoch (none in closed form).
+    """Return the model called `name` (gp or knode) and its loss after each epoch (none in closed form).
 
-    Args: step: time between samples in flight [s].   settings: of the configuration, `seed` among them.
+    Args: step: time between samples in flight [s].   label: low-pass of the labels, None for the default.
+    settings: of the configuration, `seed` among them.
     Raises: ValueError: on an unknown name or setting, or flights that the model cannot learn from.
     """
     config = _config(name, settings)

@@ -6,30 +6,29 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import rigid_body
-from np_drake.lifting.encoders import DelayEncoder
-from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.lifted_model import DEFAULT, LiftedModel
-from np_drake.lifting.model_file import load_model
-from np_drake.lifting.origin import rotor_lag_of
-from np_drake.lifting.window_refit import WindowRefit
+from np_drake.lifting.model.encoders import DelayEncoder
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_model import DEFAULT, LiftedModel
+from np_drake.lifting.model.model_file import load_model
+from np_drake.lifting.model.origin import rotor_lag_of
+from np_drake.lifting.model.window_refit import WindowRefit
 from np_drake.residual_models.base import FlightForecasts, Memory, Sample, WrenchForecast
 from np_drake.residual_models.refit_forecasts import RefitForecasts
 
 
 @dc.dataclass(frozen=True)
 class PredictorOptions:
-    """How a trained model flies."""
+    """Options of a trained model in flight."""
 
     torque: str = "hold"  # hold (last low-passed label) | predict
     cutoff: float = 4.0  # of the low-pass on held labels [Hz]
     refit: bool | None = None  # refit A, B on the window in flight; None: as the model asks
-    ridge: float | None = (
-        None  # weight of the offline A, B in the refit; None: the model's [samples of unit size]
-    )
+    # Weight of the offline A, B in the refit; None: the model's [samples of unit size].
+    ridge: float | None = None
 
 
 class NeuralPredictor:
-    """z = Phi(chi) or E window;  z+ = A z + B zeta;  chi_hat = C z.   Source: Jin et al. 2025, eq. (nmpc).
+    """Neural Predictor, z = Phi(chi) or E window;  z+ = A z + B zeta;  chi_hat = C z.
 
     Where the model has `onsets`, z also holds what may have begun within the window, which takes no memory.
 
@@ -39,7 +38,7 @@ class NeuralPredictor:
     row just now; where the model has a `trust`, its memory, as trust/….
     Until `count` reaches W the forecast holds `lowpass`. A missing label is
     filled with the model's own prediction, a missing state with the last zeta; after W samples in a row
-    without, the window starts afresh.
+    without, the window starts afresh.   Source: Jin et al. 2025, eq. (nmpc).
     """
 
     def __init__(self, model: LiftedModel, options: PredictorOptions = PredictorOptions()):
@@ -65,11 +64,14 @@ class NeuralPredictor:
 
     @classmethod
     def load(cls, path: str | Path, options: PredictorOptions = PredictorOptions()) -> "NeuralPredictor":
-        """From a model file. Raises ValueError with one line on a bad file."""
+        """Return the predictor of a model file.
+
+        Raises: ValueError: one line, on a bad file.
+        """
         return cls(load_model(path), options)
 
     def initial_memory(self) -> Memory:
-        """Nothing seen yet; the forecast is zero."""
+        """Return the memory before any sample, whose forecast is zero."""
         s = self.model.system
         scalars = {name: np.zeros(1) for name in ("count", "labels", "dropped", "gap")}
         window = np.zeros((self.model.window, 12))
@@ -79,7 +81,7 @@ class NeuralPredictor:
         return memory | refit | self._fresh_trust()
 
     def update(self, memory: Memory, sample: Sample) -> Memory:
-        """One more sample; see the class for samples with NaN."""
+        """Return the memory after one more sample; see the class for samples with NaN."""
         label, zeta = np.asarray(sample.chi, float), rigid_body.zeta(np.asarray(sample.x, float))
         labelled, seen = bool(np.isfinite(label).all()), bool(np.isfinite(zeta).all())
         new = {**memory, **self._counted(memory, labelled, labelled and seen)}
@@ -101,7 +103,10 @@ class NeuralPredictor:
         return new
 
     def along(self, chi: np.ndarray, zeta: np.ndarray) -> FlightForecasts | None:
-        """The forecasts from the first full window on, as `update` would make them; None where there is no window."""
+        """Return the forecasts from the first full window on, equal to those of `update` sample by sample.
+
+        None where there is no full window.   Args: chi: (n, 6) [N, N·m].   zeta: (n, 6) [m/s, rad/s], without gaps.
+        """
         first, s, samples = self.model.window - 1, self.model.system, np.hstack([chi, zeta])
         if len(chi) <= first:
             return None
@@ -122,7 +127,10 @@ class NeuralPredictor:
         return RefitForecasts(first, A, B, self._C, z, offset, before)
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
-        """Torque (unless predicted), and everything before the window is full, is held in `offset`."""
+        """Return the forecast from the lifted state.
+
+        Torque (unless predicted), and everything before the window is full, is held in `offset`.
+        """
         full = memory["count"][0] == self.model.window
         offset = memory["lowpass"].copy()
         if full:
@@ -133,11 +141,11 @@ class NeuralPredictor:
         return WrenchForecast(system.A, B, self._C, z, np.tile(offset, (horizon, 1)))
 
     def chi_hat(self, memory: Memory) -> np.ndarray:
-        """(6,) the wrench now, as the forecast begins [N, N·m]."""
+        """Return the wrench now, as the forecast begins, (6,) [N, N·m]."""
         return self.forecast(memory, horizon=1, stride=1).rollout(np.zeros((1, 6)))[0]
 
     def _lowpassed(self, chi: np.ndarray) -> np.ndarray:
-        """(n, 6) the low-passed labels of a flight without gaps."""
+        """Return the low-passed labels of a flight without gaps, (n, 6)."""
         course, held = np.empty_like(chi), np.zeros(6)
         for k, label in enumerate(chi):
             held = held + max(self._blend, 1.0 / (k + 1)) * (label - held)
@@ -145,7 +153,7 @@ class NeuralPredictor:
         return course
 
     def _counted(self, memory: Memory, labelled: bool, complete: bool) -> Memory:
-        """The counters after one more sample."""
+        """Return the counters after one more sample."""
         W = self.model.window
         gap = np.zeros(1) if complete else memory["gap"] + 1.0
         lost = gap[0] >= W or (not complete and memory["count"][0] == 0)
@@ -157,7 +165,7 @@ class NeuralPredictor:
         return {} if self.model.trust is None else _named(self.model.trust.initial_memory())
 
     def _refitted(self, rows: np.ndarray, row: np.ndarray, full: bool) -> Memory:
-        """The rows (W, K + 6) with one more sample (12,); of a full window also z, A and B."""
+        """Return the rows (W, K + 6) with one more sample (12,); of a full window also z, A and B."""
         assert self._refit is not None
         rows = np.concatenate([rows[1:], self._refit.rows(row)[None]])
         if not full:
@@ -166,7 +174,7 @@ class NeuralPredictor:
         return {"rows": rows, "z": rows[-1, :-6], "A": A, "B": B}
 
     def _lifted(self, memory: Memory, labelled: bool) -> Memory:
-        """z of a full window, and the memory of the trust in it."""
+        """Return z of a full window, and the memory of the trust."""
         z, chi = self.model.lift(memory["window"]), memory["window"][-1, :6]
         if self.model.trust is None:
             return {"z": z}
@@ -177,7 +185,7 @@ class NeuralPredictor:
         return {"z": z, **_named(kept)}
 
     def _own_prediction(self, memory: Memory) -> np.ndarray:
-        """(6,) what the model expected for this sample before it came."""
+        """Return what the model expected for this sample before it came, (6,)."""
         if memory["count"][0] < self.model.window:
             return memory["lowpass"]
         s = self.system(memory)
@@ -187,7 +195,7 @@ class NeuralPredictor:
         return chi
 
     def system(self, memory: Memory) -> LiftedLinearSystem:
-        """The lifted linear system that flies now, at the model's step."""
+        """Return the lifted linear system in use now, at the model's step."""
         s = self.model.system
         return s if self._refit is None else LiftedLinearSystem(memory["A"], memory["B"], s.C, s.step)
 
@@ -201,10 +209,10 @@ class NeuralPredictor:
 
 
 def _named(memory: Memory) -> Memory:
-    """The memory of a trust under the names it has in the predictor's."""
+    """Return the memory of a trust under its names in the predictor's memory."""
     return {f"trust/{name}": value for name, value in memory.items()}
 
 
 def _trust_of(memory: Memory) -> Memory:
-    """And back."""
+    """Return the memory of the trust under its own names, the inverse of `_named`."""
     return {name.removeprefix("trust/"): value for name, value in memory.items() if name.startswith("trust/")}

@@ -1,4 +1,4 @@
-"""The true wrench over a planned motion: the ceiling that no vehicle can reach. For tests and tables only."""
+"""True wrench over a planned motion, an upper limit of what prediction can do; for tests and tables only."""
 
 import dataclasses as dc
 
@@ -16,7 +16,11 @@ _SUBSTEPS = 4  # of the actuators in one step of the plan [1]
 
 @dc.dataclass(frozen=True)
 class TrueModel:
-    """All that the nominal model leaves out. `believed` is the vehicle that the controller knows."""
+    """Everything that the nominal model leaves out.
+
+    believed: the vehicle that the controller assumes.   payload: None without one.   wrench_effects, actuator_effects:
+    effects that act in the simulation.
+    """
 
     believed: Vehicle
     payload: Payload | None
@@ -33,11 +37,11 @@ class TrueModel:
         rotor_thrust: np.ndarray,
         swing_state: tuple[np.ndarray, np.ndarray] | None,
     ) -> np.ndarray:
-        """(N, 6) chi over a plan: tether, drag and whatever the actuators do with the planned commands.
+        """Return chi along a plan, (N, 6) [N, N·m]: tether, drag and the actuators' response to the commands.
 
         Args:
-            x: (N+1, 13) planned states from time `t` [s] on; u: (N, 4) planned commands; step: of the plan [s].
-            rotor_thrust: (4,) actual now [N].   swing_state: (r, r_rate) of the payload from the hook, in W.
+            x: (N+1, 13) planned states from time `t` [s] on.   u: (N, 4) planned commands.   step: of the plan [s].
+            rotor_thrust: (4,) actual now [N].   swing_state: (r, r_rate) of the payload from the hook, in W [m, m/s].
         """
         starts = t + step * np.arange(len(u))
         thrust, command = self._thrusts(u, starts, step, rotor_thrust)
@@ -62,7 +66,7 @@ class TrueModel:
     def _thrusts(
         self, u: np.ndarray, starts: np.ndarray, step: float, now: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(N, 4) mean actual and commanded rotor thrust of the steps that begin at `starts` (N,) [N]."""
+        """Return mean actual and commanded rotor thrust of the steps that begin at `starts` (N,), (N, 4) each [N]."""
         command = np.clip(u @ self.believed.unmixer.T, 0.0, self.believed.max_rotor_thrust)
         gain = np.ones(4)
         for effect in self.actuator_effects:
@@ -75,7 +79,7 @@ class TrueModel:
         return thrust, command
 
     def _through(self, effect: ActuatorEffect, command, starts, step: float, resting) -> np.ndarray:
-        """(N, 4) mean thrusts [N] of one effect that rests at `resting` (4,) [N] before the first command."""
+        """Return mean thrusts (N, 4) [N] of one effect that rests at `resting` (4,) [N] before the first command."""
         if effect.dead_time > 0.0:
             before = np.concatenate([[starts[0] - step], starts])
             return effect.respond(self.believed, before, np.vstack([resting, command]))[1:]

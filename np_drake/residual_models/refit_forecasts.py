@@ -1,4 +1,4 @@
-"""The forecasts of a whole flight where A and B are refit at every sample."""
+"""Forecasts of a whole flight where A and B are refit at every sample."""
 
 import dataclasses as dc
 
@@ -9,7 +9,7 @@ from np_drake.residual_models.base import FlightForecasts
 
 @dc.dataclass
 class RefitForecasts(FlightForecasts):
-    """As `FlightForecasts`, but each sample has its own A (o, K, K) and B (o, K, 6).
+    """Forecasts at every sample of a flight, each sample with its own A (o, K, K) and B (o, K, 6).
 
     before: (o,) spectral radius of each refit A before it was made stable [1].
     """
@@ -19,7 +19,7 @@ class RefitForecasts(FlightForecasts):
     def at(
         self, horizons: list[int], origins: np.ndarray, zeta: np.ndarray, *, zeta_known: bool
     ) -> np.ndarray:
-        """(o, len(horizons), 6) chi_hat of the forecasts at `origins`; zeta (n, 6) of the whole flight."""
+        """Return chi_hat (o, len(horizons), 6) of the forecasts at `origins`, see `FlightForecasts` [N, N·m]."""
         at = origins - self.first
         A, B, z = self.A[at].swapaxes(1, 2), self.B[at].swapaxes(1, 2), self.z[at][:, None]
         chi_hat = np.repeat(self.offset[at][:, None], len(horizons), axis=1)

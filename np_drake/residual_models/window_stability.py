@@ -1,4 +1,4 @@
-"""How stable the operators are that fly: the spectral radius of A in every window of a flight."""
+"""Stability of the operators in flight: the spectral radius of A in every window."""
 
 import dataclasses as dc
 
@@ -13,9 +13,10 @@ CHUNK = 4000  # windows at a time, for memory [1]
 
 @dc.dataclass(frozen=True)
 class WindowStability:
-    """windows: of the flight.   unstable: of these, with a spectral radius of A above 1.   largest: of all radii [1].
+    """Counts of unstable windows of one flight.
 
-    pulled: windows whose least-squares A lay outside and was made stable before it flew (0 without a refit).
+    windows: of the flight.   unstable: of these, with a spectral radius of A above 1.   largest: of all radii [1].
+    pulled: windows whose least-squares A lay outside and was made stable before use (0 without a refit).
     """
 
     windows: int
@@ -25,7 +26,7 @@ class WindowStability:
 
 
 def window_stability(model: NeuralPredictor, chi: np.ndarray, zeta: np.ndarray) -> WindowStability:
-    """Counted over every full window of a flight chi, zeta (n, 6) without gaps.
+    """Return the counts over every full window of a flight chi, zeta (n, 6) without gaps.
 
     Raises: ValueError: if the flight is shorter than one window.
     """
@@ -36,7 +37,7 @@ def window_stability(model: NeuralPredictor, chi: np.ndarray, zeta: np.ndarray) 
 
 
 def stability_of(course: FlightForecasts) -> WindowStability:
-    """The same of forecasts at hand."""
+    """Return the counts over given forecasts."""
     windows = len(course.z)
     if not isinstance(course, RefitForecasts):
         radius = np.full(windows, np.abs(np.linalg.eigvals(course.A)).max(initial=0.0))

@@ -1,4 +1,4 @@
-"""A perceptron of the motion, in numpy, as it flies."""
+"""A perceptron of the motion, in numpy, as used in flight."""
 
 import dataclasses as dc
 
@@ -7,10 +7,10 @@ import numpy as np
 
 @dc.dataclass(frozen=True)
 class WrenchNetwork:
-    """chi = unit (W^(L+1) relu(W^L … relu(W^1 zeta / scale + b^1) …) + b^(L+1)).
+    """Perceptron chi = unit (W^(L+1) relu(W^L … relu(W^1 zeta / scale + b^1) …) + b^(L+1)).
 
-    Biases unlike Phi's layers: a payload hangs on the vehicle at rest too. On an edge of a ReLU the Jacobian is that of
-    the side where it rests.
+    Unlike the layers of Phi, these have biases: a payload pulls on the vehicle at rest too. At a kink of a ReLU the
+    Jacobian is that of the inactive side.
 
     weights: (out, in) matrices, biases: (out,).   scale: (6,) of zeta [m/s, rad/s].   unit: (6,) of chi [N, N·m].
     """
@@ -32,14 +32,14 @@ class WrenchNetwork:
             raise ValueError("WrenchNetwork: the last layer, scale and unit must have six entries.")
 
     def __call__(self, zeta: np.ndarray) -> np.ndarray:
-        """(..., 6) chi of (..., 6) zeta [N, N·m]."""
+        """Return chi (..., 6) [N, N·m] at zeta (..., 6) [m/s, rad/s]."""
         value = zeta / self.scale
         for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
             value = np.maximum(value @ W.T + b, 0.0)
         return (value @ self.weights[-1].T + self.biases[-1]) * self.unit
 
     def jacobian(self, zeta: np.ndarray) -> np.ndarray:
-        """(n, 6, 6) dchi/dzeta at (n, 6) zeta."""
+        """Return dchi/dzeta (n, 6, 6) at zeta (n, 6)."""
         value = zeta / self.scale
         slope = np.broadcast_to(np.diag(1.0 / self.scale), (*value.shape, 6))
         for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
@@ -48,7 +48,7 @@ class WrenchNetwork:
         return self.unit[:, None] * (self.weights[-1] @ slope)
 
     def tensors(self) -> dict[str, np.ndarray]:
-        """What a model file holds."""
+        """Return the arrays that a model file holds, by name."""
         layers = {f"W{i}": W for i, W in enumerate(self.weights)} | {
             f"b{i}": b for i, b in enumerate(self.biases)
         }
@@ -56,7 +56,10 @@ class WrenchNetwork:
 
     @classmethod
     def from_tensors(cls, tensors: dict[str, np.ndarray]) -> "WrenchNetwork":
-        """And back. Raises: KeyError, ValueError: on missing or inconsistent arrays."""
+        """Return the network of the arrays in a model file.
+
+        Raises: KeyError, ValueError: on missing or inconsistent arrays.
+        """
         depth = range(sum(name.startswith("W") for name in tensors))
         weights, biases = (tuple(tensors[f"{letter}{i}"] for i in depth) for letter in "Wb")
         return cls(weights, biases, tensors["scale"], tensors["unit"])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.segments import Segment
-from np_drake.lifting.training import CONFIGURATIONS, make_config, train
+from np_drake.lifting.training.segments import Segment
+from np_drake.lifting.training.train import CONFIGURATIONS, make_config, train
 from np_drake.mpc.horizon import eliminate
 from np_drake.residual_models.base import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel

@@ -63,7 +63,7 @@ def _attach_notes(lines: list[dict], config: "FlightConfig") -> list[str]:
 
     from diagrams.loop.controllers import DEFAULT_MODEL
     from diagrams.payload.attach import ADDED, PAPER, TOSS, encoder_step, label_deviation
-    from np_drake.lifting.model_file import load_model
+    from np_drake.lifting.model.model_file import load_model
 
     step = encoder_step(load_model(config.controller.predictor or DEFAULT_MODEL))
     period = config.controller.period

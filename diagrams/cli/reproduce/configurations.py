@@ -21,7 +21,7 @@ def configurations(
     require_files(json, markdown)
     from diagrams.tracking import configurations as experiment
     from diagrams.tracking import tracking
-    from np_drake.lifting.training import make_config
+    from np_drake.lifting.training.train import make_config
 
     rows = choose_rows(experiment.ROWS, only)
     evaluation = options.evaluation_seeds(seed, seeds)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from diagrams.prediction.array_flights import Flight
     from diagrams.prediction.estimation import EstimationTable
     from diagrams.prediction.sample_efficiency import Point
-    from np_drake.lifting.lifted_model import LiftedModel
+    from np_drake.lifting.model.lifted_model import LiftedModel
 
 EPOCHS = 16  # of `paper` in the estimation table: at its default 8 the seed still shows, in a cell or two [1]
 MILLI = 1e3  # small errors in mN and mN·m, three digits each
@@ -46,7 +46,7 @@ def estimation(
     from diagrams.prediction import array_flights
     from diagrams.prediction.estimation import estimation_table
     from diagrams.prediction.estimation_figures import rows_of
-    from np_drake.lifting.lifted_model import DEFAULT
+    from np_drake.lifting.model.lifted_model import DEFAULT
 
     training, *tests = array_flights.flights(folder)
     if out is not None:
@@ -95,7 +95,7 @@ def sample_efficiency(
     from diagrams.cli.train import configure
     from diagrams.prediction import array_flights
     from diagrams.prediction import sample_efficiency as measure
-    from np_drake.lifting.lifted_model import DEFAULT, PAPER
+    from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
 
     training, *tests = array_flights.flights(folder)
     test = next(flight for flight in tests if flight.name == "race track 1")
@@ -149,7 +149,7 @@ def response(
     from diagrams.cli.train import configure
     from diagrams.prediction import array_flights
     from diagrams.prediction import response as measure
-    from np_drake.lifting.lifted_model import DEFAULT
+    from np_drake.lifting.model.lifted_model import DEFAULT
 
     training, *tests = array_flights.flights(folder)
     models, settings = trained(training, seed)
@@ -172,7 +172,7 @@ def trained(
 ) -> tuple[dict[str, "LiftedModel"], dict[str, dict]]:
     """Both configurations trained on one segment, and their settings; epochs: of `paper`, None: its default."""
     from diagrams.cli.train import configure, run_training
-    from np_drake.lifting.lifted_model import DEFAULT, PAPER
+    from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
 
     models, settings = {}, {}
     for name in (PAPER, DEFAULT):

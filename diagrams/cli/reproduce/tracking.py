@@ -91,7 +91,7 @@ def _notes(
     """What stands under the table, and the configuration of the metrics file."""
     from diagrams.loop.experiments import load_experiment
     from diagrams.tracking import tracking
-    from np_drake.lifting.training import make_config
+    from np_drake.lifting.training.train import make_config
     from np_drake.residual_models import motion_training
 
     weights, reality = tracking.frozen_weights(), dc.asdict(load_experiment("circle").reality)
@@ -116,7 +116,7 @@ def _draw(laps: dict, rows: "tuple[Row, ...]", out: Path, *, seed: int) -> None:
     from np_drake.figure_file import save
 
     shown = {
-        row.kind: row.name for row in rows if FOUR.get(row.kind) == row.configuration and not row.told_mass
+        row.kind: row.name for row in rows if FOUR.get(row.kind) == row.configuration and not row.known_mass
     }
     chosen = {
         (track, name): lap for name in shown.values() for (track, row), lap in laps.items() if row == name

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import linalg, signal
 from scipy.integrate import cumulative_trapezoid
 
-from np_drake.lifting.segments import white_noise
+from np_drake.lifting.training.segments import white_noise
 
 RINGING = (0.5, 1.5)  # where payloads ring [Hz]
 REDDER = 3.0  # what an accelerometer's error is there over its white noise, at first: a MEMS sensor's flicker

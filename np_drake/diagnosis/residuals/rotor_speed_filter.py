@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from np_drake import attitude
-from np_drake.lifting.segments import white_noise
+from np_drake.lifting.training.segments import white_noise
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 

@@ -11,8 +11,8 @@ from diagrams.cli.evaluate import parse_horizons
 from diagrams.cli.main import run
 from diagrams.cli.scoring import diverged
 from diagrams.loop.controllers import DEFAULT_MODEL
-from np_drake.lifting.model_file import load_model
-from np_drake.lifting.skill import NAIVE, UNTRAINED
+from np_drake.lifting.metrics.skill import NAIVE, UNTRAINED
+from np_drake.lifting.model.model_file import load_model
 from np_drake.logs.neurobem import RACE_TRACK, TRAINING
 
 TRAINED = ("DMDc", "delay DMDc", "ridge by horizon")

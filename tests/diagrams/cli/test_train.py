@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagrams.cli.main import run
-from np_drake.lifting.model_file import load_model
+from np_drake.lifting.model.model_file import load_model
 from np_drake.residual_models.motion_model import MotionModel
 
 

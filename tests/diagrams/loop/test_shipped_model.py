@@ -8,8 +8,8 @@ from diagrams.loop.flight_result import fly
 from diagrams.prediction.learning import train_predictor
 from diagrams.tracking.tracking import Row, configure, training_flight
 from np_drake.labels import smooth_labels
-from np_drake.lifting.model_file import load_model
-from np_drake.lifting.skill import skill_table
+from np_drake.lifting.metrics.skill import skill_table
+from np_drake.lifting.model.model_file import load_model
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.rigid_body import zeta
 

@@ -7,9 +7,9 @@ from scipy import signal
 from diagrams.loop.controllers import DEFAULT_MODEL
 from diagrams.payload import attach
 from diagrams.payload.figures import event_responses
-from np_drake.lifting.encoders import DelayEncoder
-from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.lifted_model import DEFAULT, LiftedModel
+from np_drake.lifting.model.encoders import DelayEncoder
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_model import DEFAULT, LiftedModel
 
 T = 0.02 * np.arange(-200, 200)  # since the event [s]
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from diagrams.performance.predictor_bench import made_flight
+from diagrams.performance.predictor_bench import synthetic_flight
 from diagrams.prediction import array_flights, estimation
 from diagrams.prediction.estimation_figures import FAR, window, window_figure
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
 from np_drake.figure_file import png
-from np_drake.lifting.training import make_config, train
+from np_drake.lifting.training.train import make_config, train
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def test_one_step_ahead_the_papers_configuration_is_below_the_paper_on_race_trac
 
 
 def test_published_rows_stand_as_printed(flown):
-    short = array_flights.Flight("melon 2", made_flight(300, 0))
+    short = array_flights.Flight("melon 2", synthetic_flight(300, 0))
     table = estimation.estimation_table({"default": model(flown, "default")}, [short])
     for method in estimation.METHODS:
         assert tuple(table.cells["melon 2"][method].values()) == PUBLISHED["melon 2"][method]
@@ -50,7 +50,7 @@ def test_published_rows_stand_as_printed(flown):
 @pytest.fixture(scope="module")
 def made():
     """A made flight and a model of it."""
-    segment = made_flight(1500, 0)
+    segment = synthetic_flight(1500, 0)
     fitted = train([segment], make_config("default", frame="body")).model
     return fitted, array_flights.Flight("made", segment)
 

@@ -2,16 +2,16 @@
 
 import pytest
 
-from diagrams.performance.predictor_bench import made_flight
+from diagrams.performance.predictor_bench import synthetic_flight
 from diagrams.prediction import response as dut
 from diagrams.prediction.array_flights import Flight
-from np_drake.lifting.training import make_config, train
+from np_drake.lifting.training.train import make_config, train
 
 
 @pytest.fixture(scope="module")
 def lines():
-    training = Flight("training", made_flight(1500, 0))
-    tests = [Flight(f"test {k}", made_flight(1500, k)) for k in (1, 2)]
+    training = Flight("training", synthetic_flight(1500, 0))
+    tests = [Flight(f"test {k}", synthetic_flight(1500, k)) for k in (1, 2)]
     config = make_config("default", frame="body")
     models = {"default": train([training.segment], config).model}
     return dut.response_lines(models, training, tests, config=config, horizons=(10, 20))

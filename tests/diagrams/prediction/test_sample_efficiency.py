@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from diagrams.performance.predictor_bench import made_flight
+from diagrams.performance.predictor_bench import synthetic_flight
 from diagrams.prediction import sample_efficiency as dut
 from diagrams.prediction.array_flights import Flight
 from np_drake.figure_file import png
-from np_drake.lifting.training import make_config
+from np_drake.lifting.training.train import make_config
 
 SIZES = (600, 1200)
 CONFIGS = {"paper": make_config("paper", epochs=1), "default": make_config("default", frame="body")}
@@ -15,12 +15,12 @@ CONFIGS = {"paper": make_config("paper", epochs=1), "default": make_config("defa
 
 @pytest.fixture(scope="module")
 def points():
-    training, test = Flight("training", made_flight(1250, 0)), Flight("test", made_flight(700, 1))
+    training, test = Flight("training", synthetic_flight(1250, 0)), Flight("test", synthetic_flight(700, 1))
     return dut.sample_efficiency(training, test, CONFIGS, sizes=SIZES)
 
 
 def test_pieces_are_disjoint_and_of_one_size():
-    segment = made_flight(4000, 0)
+    segment = synthetic_flight(4000, 0)
     for size, count in ((1000, 4), (2000, 2), (3000, 1), (4000, 1)):
         cut = dut.pieces(segment, size)
         assert [len(piece) for piece in cut] == count * [size]
@@ -50,6 +50,6 @@ def test_the_figure_has_a_panel_a_horizon_and_kind(points):
 
 
 def test_too_short_a_segment_is_an_error():
-    short = Flight("training", made_flight(900, 0))
+    short = Flight("training", synthetic_flight(900, 0))
     with pytest.raises(ValueError, match="must have 1200 samples; got 900"):
         dut.sample_efficiency(short, short, CONFIGS, sizes=SIZES)

@@ -5,7 +5,7 @@ import dataclasses as dc
 import pytest
 
 from diagrams.prediction import array_flights, theorem
-from np_drake.lifting.training import make_config, train
+from np_drake.lifting.training.train import make_config, train
 
 
 @pytest.fixture(scope="module")

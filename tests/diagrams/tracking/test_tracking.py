@@ -52,7 +52,7 @@ def test_every_row_configures_a_flight_of_the_same_vehicle_and_weights():
             config = tracking.configure(track, row, solver="sqp", model="x")
             assert vars(config.controller.mpc) == weights
             assert config.reality == load_experiment(track).reality
-            assert config.controller.extra_mass == (0.26 if row.told_mass else 0.0)
+            assert config.controller.extra_mass == (0.26 if row.known_mass else 0.0)
 
 
 def test_a_campaign_trains_once_a_model_and_flies_every_row(tmp_path, short_experiments):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.segments import Segment
+from np_drake.lifting.training.segments import Segment
 from np_drake.residual_models.gaussian_process import (
     GaussianProcess,
     GaussianProcessConfig,

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.segments import Segment
-from np_drake.lifting.skill import fed_one_by_one, model_predictions
+from np_drake.lifting.metrics.skill import fed_one_by_one, model_predictions
+from np_drake.lifting.training.segments import Segment
 from np_drake.residual_models.base import Sample
 from np_drake.residual_models.linear_baselines import fit_all, fit_dmdc, fit_ridge
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.skill import fed_one_by_one, model_predictions
+from np_drake.lifting.metrics.skill import fed_one_by_one, model_predictions
 from np_drake.logs.wrench_sequence import WrenchSequence
 from np_drake.residual_models.base import Sample
 from np_drake.residual_models.gaussian_process import GaussianProcess

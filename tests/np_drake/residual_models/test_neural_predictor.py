@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.lifting.encoders import DelayEncoder, Phi
-from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
-from np_drake.lifting.model_file import save_model
-from np_drake.lifting.onsets import Onsets
+from np_drake.lifting.model.encoders import DelayEncoder, Phi
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
+from np_drake.lifting.model.model_file import save_model
+from np_drake.lifting.model.onsets import Onsets
 from np_drake.residual_models.base import Sample
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.encoders import Phi
-from np_drake.lifting.lifted_linear_system import LiftedLinearSystem
-from np_drake.lifting.lifted_model import PAPER, LiftedModel
-from np_drake.lifting.skill import fed_one_by_one, model_predictions
+from np_drake.lifting.metrics.skill import fed_one_by_one, model_predictions
+from np_drake.lifting.model.encoders import Phi
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
 from np_drake.residual_models.window_stability import window_stability
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagrams.cli.main import run
-from diagrams.performance.predictor_bench import made_flight
+from diagrams.performance.predictor_bench import synthetic_flight
 from diagrams.prediction.estimation import METHODS
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED
 from np_drake.logs.neurobem import TESTS, TRAINING
@@ -18,7 +18,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("neurobem")
     (folder / "npy").mkdir()
     for k, stem in enumerate([TRAINING, *TESTS]):
-        flight = made_flight(700, k)
+        flight = synthetic_flight(700, k)
         np.save(folder / "npy" / f"{stem}.npy", np.hstack([flight.zeta, flight.chi]))
     return folder
 

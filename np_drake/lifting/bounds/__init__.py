@@ -1,0 +1,1 @@
+"""Bounds on the prediction error (Theorem 1) and their check on flights."""

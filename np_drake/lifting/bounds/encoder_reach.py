@@ -1,0 +1,76 @@
+"""Reach of z within n steps, given by how much chi and zeta change over 1, 2, … steps.
+
+All in scaled coordinates: |chi_(k+j) - chi_k| / chi_scale <= change of chi over j steps, and so for zeta.
+"""
+
+import dataclasses as dc
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from np_drake.lifting.bounds.power_bound import spectral_norms
+from np_drake.lifting.model.encoders import Phi
+from np_drake.lifting.model.lifted_model import LiftedModel
+
+
+@dc.dataclass(frozen=True)
+class Change:
+    """Largest change of chi / scale and of zeta / scale over j = 1 … N steps, (N,) each [1]."""
+
+    chi: np.ndarray
+    zeta: np.ndarray
+
+    def __post_init__(self):
+        for name in ("chi", "zeta"):
+            value = np.asarray(getattr(self, name), float)
+            if value.shape != np.shape(self.chi) or not np.all((value >= 0) & np.isfinite(value)):
+                raise ValueError(f"bound: alpha_{name} must be finite and not negative; got {value}.")
+
+
+@dc.dataclass(frozen=True)
+class EncoderReach:
+    """Bounds on how far z moves within n = 1 … N steps.
+
+    lipschitz: constant of the encoder in scaled coordinates, of chi (Phi) or of the window [1].
+    radius: (N,) bound on the distance of z_n from where it would be if chi and zeta stood still from now on.
+    travel: (N,) bound on the distance of z_(k+n) from z_k.
+    """
+
+    lipschitz: float
+    radius: np.ndarray
+    travel: np.ndarray
+
+
+def chi_scale(model: LiftedModel) -> np.ndarray:
+    """Return the (6,) scale by which chi is divided before the encoder sees it [N, N·m]."""
+    return model.encoder.scale if isinstance(model.encoder, Phi) else model.chi_scale
+
+
+def encoder_reach(model: LiftedModel, change: Change) -> EncoderReach:
+    """Return the reach of the model's encoder under a change of chi and zeta.
+
+    Phi: L |dchi|, L the product of the layers' spectral norms.   Delay encoder: sum over lags d of |E_d| |dx|, where
+    the sample at lag d has moved for n - d steps only since now.
+    """
+    if isinstance(model.encoder, Phi):
+        L = model.encoder.lipschitz_bound
+        return EncoderReach(L, L * change.chi, L * change.chi)
+    E = model.encoder.E.reshape(model.encoder.K, model.encoder.delay, 12).swapaxes(0, 1)[::-1]  # by lag
+    gain_chi, gain_zeta = (
+        spectral_norms(E[..., :6] * model.chi_scale),
+        spectral_norms(E[..., 6:] * model.zeta_scale),
+    )
+    N = len(change.chi)
+    radius = np.convolve(gain_chi, change.chi)[:N] + np.convolve(gain_zeta, change.zeta)[:N]
+    travel = gain_chi.sum() * change.chi + gain_zeta.sum() * change.zeta
+    scales = np.tile(np.concatenate([model.chi_scale, model.zeta_scale]), model.encoder.delay)
+    return EncoderReach(float(spectral_norms(model.encoder.E * scales)), radius, travel)
+
+
+def standing_still(model: LiftedModel, window: np.ndarray, horizon: int) -> np.ndarray:
+    """Return z_n (horizon, K) for n = 1 …, if chi and zeta kept the values of the window's last row."""
+    W = model.window
+    if isinstance(model.encoder, Phi):
+        return np.broadcast_to(model.lift(window), (horizon, model.system.K))
+    future = np.concatenate([window[-W:], np.broadcast_to(window[-1], (horizon, 12))])
+    return model.lift(sliding_window_view(future, W, axis=0)[1:].swapaxes(1, 2))

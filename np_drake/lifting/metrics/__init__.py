@@ -1,0 +1,1 @@
+"""Prediction skill, response lag and tether length of trained predictors."""

@@ -1,0 +1,1 @@
+"""The trained predictor: encoder, lifted linear system, onsets, trust, in-flight refit, model file."""

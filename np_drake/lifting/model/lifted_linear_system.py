@@ -1,0 +1,96 @@
+"""The lifted linear system z+ = A z + B zeta, chi = C z."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake.lifting.model.stabilized import stabilized
+
+
+@dc.dataclass(frozen=True)
+class Mode:
+    """One eigenvalue of A_c = log(A) / step (a complex pair counts once).
+
+    frequency: |Im| / 2 pi [Hz].   damping: -Re / |s| in [-1, 1] [1].   time_constant: -1 / Re, inf if
+    undamped [s].
+    """
+
+    frequency: float
+    damping: float
+    time_constant: float
+
+
+@dc.dataclass(frozen=True)
+class LiftedLinearSystem:
+    """Discrete-time linear system z+ = A z + B zeta, chi = C z.
+
+    A: (K, K).   B: (K, 6) per [m/s, rad/s].   C: (6, K) in [N, N·m].   step: time of one application of A [s].
+    Source: Jin et al. 2025, eq. (lls).
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    step: float
+
+    def __post_init__(self):
+        K = len(self.A)
+        if self.A.shape != (K, K) or self.B.shape != (K, 6) or self.C.shape != (6, K):
+            shapes = f"{self.A.shape}, {self.B.shape}, {self.C.shape}"
+            raise ValueError(f"LiftedLinearSystem: A, B, C must be (K, K), (K, 6), (6, K); got {shapes}.")
+        if not self.step > 0:
+            raise ValueError(f"LiftedLinearSystem: step must be positive [s]; got {self.step}.")
+
+    @property
+    def K(self) -> int:
+        """Number of lifted states."""
+        return len(self.A)
+
+    @property
+    def spectral_radius(self) -> float:
+        """Largest |eigenvalue| of A [1]."""
+        return float(np.max(np.abs(np.linalg.eigvals(self.A)))) if self.K else 0.0
+
+    def rollout(self, z: np.ndarray, zeta: np.ndarray) -> np.ndarray:
+        """Return chi_hat_i = C z_i for i = 0 … N-1, (..., N, 6) [N, N·m].
+
+        Args: z: (..., K) initial state z_0.   zeta: (..., N, 6) inputs [m/s, rad/s].
+        """
+        chi = np.empty(zeta.shape[:-1] + (6,))
+        for i in range(zeta.shape[-2]):
+            chi[..., i, :] = z @ self.C.T
+            z = z @ self.A.T + zeta[..., i, :] @ self.B.T
+        return chi
+
+    def resample(self, stride: int) -> "LiftedLinearSystem":
+        """Return the system at `stride` times its step, with zeta held over the longer step.
+
+        The new matrices are A^m and sum_(i<m) A^i B with m = stride.
+        Raises: ValueError: if stride is not a positive whole number, which would need a matrix logarithm.
+        """
+        if stride < 1 or int(stride) != stride:
+            raise ValueError(f"LiftedLinearSystem: stride must be a positive whole number; got {stride}.")
+        if stride == 1:
+            return self
+        augmented = np.eye(self.K + 6)
+        augmented[: self.K] = np.hstack([self.A, self.B])
+        power = np.linalg.matrix_power(augmented, int(stride))
+        A, B = power[: self.K, : self.K], power[: self.K, self.K :]
+        return LiftedLinearSystem(A, B, self.C, self.step * stride)
+
+    def stabilized(self, radius: float = 1.0) -> "LiftedLinearSystem":
+        """Return the system with every eigenvalue of A pulled radially into |lambda| <= radius [1]."""
+        return dc.replace(self, A=stabilized(self.A, radius))
+
+    def modes(self) -> list[Mode]:
+        """Return the modes of A_c = log(A) / step, slowest decay first, without eigenvalues at zero (no memory)."""
+        eigenvalue = np.linalg.eigvals(self.A).astype(complex)
+        eigenvalue = eigenvalue[(np.abs(eigenvalue) > 1e-9) & (eigenvalue.imag >= 0)]
+        s = np.log(eigenvalue) / self.step
+        return [_mode(value) for value in s[np.argsort(-s.real)]]
+
+
+def _mode(s: complex) -> Mode:
+    time_constant = np.inf if s.real >= 0 else -1.0 / s.real
+    damping = -s.real / abs(s) if abs(s) > 0 else 0.0
+    return Mode(float(abs(s.imag) / (2 * np.pi)), float(damping), float(time_constant))

@@ -1,0 +1,87 @@
+"""A trained predictor: encoder, lifted linear system, onsets and trust."""
+
+import dataclasses as dc
+from typing import Any
+
+import numpy as np
+
+from np_drake.lifting.model.encoders import DelayEncoder, Phi
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.onsets import Onsets
+from np_drake.lifting.model.trust import Trust
+
+PAPER, DEFAULT, DICTIONARY = "paper", "default", "dictionary"
+DMDC, DELAY_DMDC, RIDGE = "dmdc", "delay-dmdc", "ridge"
+ENCODERS: dict[str, type[Phi] | type[DelayEncoder]] = {  # of each configuration, by name
+    DEFAULT: DelayEncoder,
+    PAPER: Phi,
+    DICTIONARY: DelayEncoder,
+    DMDC: DelayEncoder,
+    DELAY_DMDC: DelayEncoder,
+    RIDGE: DelayEncoder,
+}
+
+
+@dc.dataclass(frozen=True)
+class LiftedModel:
+    """Trained predictor as held by a model file, with all matrices in physical units.
+
+    configuration: a key of `ENCODERS`; a label only, as all that flies is in the other fields.
+    system: offline lifted linear system at the training step.   encoder: Phi of the instantaneous chi, or a linear map
+    of the last samples.   window: samples that the encoder or the refit needs [1].
+    chi_scale, zeta_scale: (6,) scales used in training [N, N·m; m/s, rad/s].
+    predicts_torque: whether rows 3:6 of C were trained.   summary: key figures of the training, for people.
+    ridge: weight of `system` in the refit of a window [samples of unit size]; 0 for no refit.
+    trust: correction of z in flight by the outcome of earlier forecasts; None for none.
+    onsets: addition to a delay encoder's z where a motion began within the window; None for none.
+    """
+
+    configuration: str
+    system: LiftedLinearSystem
+    encoder: Phi | DelayEncoder
+    window: int
+    chi_scale: np.ndarray
+    zeta_scale: np.ndarray
+    predicts_torque: bool
+    summary: dict[str, Any] = dc.field(default_factory=dict)
+    ridge: float = 0.0
+    trust: Trust | None = None
+    onsets: Onsets | None = None
+
+    def __post_init__(self):
+        require_configuration(self.configuration)
+        kind = ENCODERS[self.configuration]
+        if not isinstance(self.encoder, kind):
+            raise ValueError(f"LiftedModel: {self.configuration} must have {kind.__name__}.")
+        if self.encoder.K != self.system.K:
+            sizes = f"{self.encoder.K} and {self.system.K}"
+            raise ValueError(f"LiftedModel: encoder and system must agree on K; got {sizes}.")
+        if self.onsets is not None and (self.onsets.K, self.onsets.delay) != (self.system.K, self.window):
+            sizes = f"K = {self.onsets.K}, {self.onsets.delay} samples"
+            raise ValueError(f"LiftedModel: onsets must have the model's K and window; got {sizes}.")
+
+    @property
+    def refits(self) -> bool:
+        """Whether A and B are refit on the window in flight (encoder Phi and positive ridge)."""
+        return isinstance(self.encoder, Phi) and self.ridge > 0
+
+    @property
+    def step(self) -> float:
+        """Time between samples [s]."""
+        return self.system.step
+
+    def lift(self, window: np.ndarray) -> np.ndarray:
+        """Return z (..., K) now from samples [chi, zeta] (..., window, 12), oldest first."""
+        if isinstance(self.encoder, DelayEncoder):
+            z = self.encoder(window)
+            return z if self.onsets is None else z + self.onsets.correction(window)
+        return self.encoder(window[..., -1, :6])
+
+
+def require_configuration(name: str) -> None:
+    """Check that a configuration of that name exists.
+
+    Raises: ValueError: if there is none.
+    """
+    if name not in ENCODERS:
+        raise ValueError(f"configuration must be {' | '.join(ENCODERS)}; got {name}.")

@@ -1,0 +1,157 @@
+"""Model files: safetensors with the configuration in the header. Nothing pickled is ever read."""
+
+import dataclasses as dc
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save_file
+
+from np_drake.atomic_file import atomic_path
+from np_drake.lifting.model.encoders import DelayEncoder, Phi
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_model import ENCODERS, LiftedModel, require_configuration
+from np_drake.lifting.model.onsets import Onsets
+from np_drake.lifting.model.trust import Trust
+
+SCHEMA = "np_drake.lifted_model/1"  # format of the file and its version
+
+
+def save_model(model: LiftedModel, path: str | Path) -> None:
+    """Write the model file, whole or not at all.
+
+    Raises: OSError: if it cannot be written.
+    """
+    s = model.system
+    tensors = {"A": s.A, "B": s.B, "C": s.C, "chi_scale": model.chi_scale, "zeta_scale": model.zeta_scale}
+    if isinstance(model.encoder, Phi):
+        tensors |= {f"W{i}": W for i, W in enumerate(model.encoder.weights)}
+    else:
+        tensors["E"] = model.encoder.E
+        if model.encoder.offset is not None:
+            tensors["offset"] = model.encoder.offset
+    if model.trust is not None:
+        tensors |= {f"trust/{name}": np.asarray(value, float) for name, value in vars(model.trust).items()}
+    if model.onsets is not None:
+        tensors |= {f"onsets/{name}": np.asarray(value, float) for name, value in vars(model.onsets).items()}
+    header = {
+        "configuration": model.configuration, "step": s.step, "window": model.window,
+        "predicts_torque": model.predicts_torque, "ridge": model.ridge, "summary": model.summary,
+    }  # fmt: skip
+    write_tensors(tensors, {"schema": SCHEMA, "model": json.dumps(header)}, path)
+
+
+def write_tensors(tensors: dict[str, np.ndarray], metadata: dict[str, str], path: str | Path) -> None:
+    """Write a safetensors file, whole or not at all."""
+    with atomic_path(path) as temporary:
+        save_file({name: np.ascontiguousarray(value) for name, value in tensors.items()}, temporary, metadata)
+
+
+def read_tensors(path: str | Path, schema: str) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Return (tensors, metadata) of a safetensors file of the given schema.
+
+    Raises: ValueError: one line, if the file is missing or broken, has another schema or holds non-finite numbers.
+    """
+    try:
+        with safe_open(str(path), framework="numpy") as file:
+            metadata = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (SafetensorError, OSError, ValueError, TypeError, KeyError) as error:
+        raise ValueError(f"{path}: not a model file: {_reason(path, error)}") from error
+    if metadata.get("schema") != schema:
+        found = metadata.get("schema", "none")
+        raise ValueError(f"{path}: schema must be {schema}; got {found}. Train again with this version.")
+    for name, value in tensors.items():
+        if value.dtype.kind != "f" or not np.all(np.isfinite(value)):
+            raise ValueError(f"{path}: tensor {name} must hold finite floating-point numbers.")
+    return tensors, metadata
+
+
+def load_model(path: str | Path, configuration: str | None = None) -> LiftedModel:
+    """Return the model in a file.
+
+    Args: configuration: where given, the configuration that the file must hold.
+    Raises: ValueError: one line, if the file is missing, truncated, pickled, of another format or inconsistent.
+    """
+    tensors, metadata = read_tensors(path, SCHEMA)
+    try:
+        model = _model(tensors, json.loads(metadata["model"]))
+    except (KeyError, TypeError, ValueError) as error:
+        what = f"lacks {error}" if isinstance(error, KeyError) else str(error).splitlines()[0]
+        raise ValueError(f"{path}: not a usable model file: {what}") from error
+    if configuration is not None and model.configuration != configuration:
+        raise ValueError(f"{path}: configuration must be {configuration}; got {model.configuration}.")
+    return model
+
+
+def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedModel:
+    configuration, window = str(header["configuration"]), int(header["window"])
+    require_configuration(configuration)
+    system = LiftedLinearSystem(tensors["A"], tensors["B"], tensors["C"], float(header["step"]))
+    if system.spectral_radius > 1.0 + 1e-9:
+        raise ValueError(f"A must be stable; its spectral radius is {system.spectral_radius:.6g}.")
+    for name in ("chi_scale", "zeta_scale"):
+        if tensors[name].shape != (6,) or not np.all(tensors[name] > 0):
+            raise ValueError(f"{name} must be six positive numbers.")
+    encoder = _phi(tensors) if ENCODERS[configuration] is Phi else _delay_encoder(tensors, window)
+    return LiftedModel(
+        configuration, system, encoder, window, tensors["chi_scale"], tensors["zeta_scale"],
+        bool(header["predicts_torque"]), dict(header["summary"]), float(header["ridge"]), _trust(tensors, system.K),
+        _onsets(tensors),
+    )  # fmt: skip
+
+
+def _delay_encoder(tensors: dict[str, np.ndarray], window: int) -> DelayEncoder:
+    return DelayEncoder(tensors["E"], window, tensors.get("offset"))
+
+
+def _onsets(tensors: dict[str, np.ndarray]) -> Onsets | None:
+    if not any(name.startswith("onsets/") for name in tensors):
+        return None
+    return Onsets(**{field.name: tensors[f"onsets/{field.name}"] for field in dc.fields(Onsets)})
+
+
+def _trust(tensors: dict[str, np.ndarray], K: int) -> Trust | None:
+    found = {
+        name.removeprefix("trust/"): value for name, value in tensors.items() if name.startswith("trust/")
+    }
+    if not found:
+        return None
+    horizons = found.pop("horizons").astype(int)
+    arrays = {name: found.pop(name) for name in ("readout", "projector", "mean")}
+    H = len(horizons)
+    shapes = {"readout": (H, 6, K), "projector": (K, H, 6), "mean": (6,)}
+    if any(arrays[name].shape != shape for name, shape in shapes.items()):
+        raise ValueError(f"the arrays of trust must be {shapes}.")
+    if H == 0 or horizons[0] < 1 or np.any(np.diff(horizons) < 1):
+        raise ValueError("the horizons of trust must be whole numbers from 1 on, ascending.")
+    return Trust(
+        horizons, arrays["readout"], arrays["projector"], arrays["mean"],
+        **{name: value.item() for name, value in found.items()},
+    )  # fmt: skip
+
+
+def _phi(tensors: dict[str, np.ndarray]) -> Phi:
+    weights = tuple(tensors[f"W{i}"] for i in range(sum(name.startswith("W") for name in tensors)))
+    width = 6
+    for W in weights:
+        if W.ndim != 2 or W.shape[1] != width:
+            raise ValueError(f"each layer of Phi must take the {width} outputs before it; got {W.shape}.")
+        width = len(W)
+    if not weights:
+        raise ValueError("lacks the layers of Phi.")
+    return Phi(weights, tensors["chi_scale"])
+
+
+def _reason(path: str | Path, error: Exception) -> str:
+    """Return why a file is no safetensors file, in words."""
+    try:
+        with open(path, "rb") as file:
+            start = file.read(4)
+    except OSError as failure:
+        return f"{failure.strerror or failure}."
+    if start[:2] == b"PK" or start[:1] == b"\x80":
+        return "this is a pickle (.pt, .pkl), which is never loaded. Save it with `np-drake train --out`."
+    return f"truncated or another format ({str(error).splitlines()[0]})."

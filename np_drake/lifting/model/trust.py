@@ -1,0 +1,146 @@
+"""Trust in a forecast, learned in flight from earlier forecasts whose outcome is known.
+
+A flight unlike those of the training can make a long forecast worse than holding the wrench. For every horizon h and
+each of four groups of channels (f_xy, f_z, tau_xy, tau_z) two numbers in [0, 1] are therefore kept up to date:
+
+    force:   chi_hat = chi + a (forecast - chi) + b (mean so far - chi)
+    torque:  chi_hat = a forecast + b chi
+
+by least squares over all origins up to k - h, ridge toward a = prior, b = 0. The result is one value of chi_hat for
+each horizon; its amplitudes on the modes are the new z. The system z+ = A z + B zeta, chi = C z stays as it is.
+Source: own choice; scalar recalibration of forecasts as in weather prediction ("model output statistics").
+"""
+
+import dataclasses as dc
+
+import numpy as np
+
+GROUPS = ((0, 1), (2,), (3, 4), (5,))  # channels of f_xy, f_z, tau_xy, tau_z
+MEMBER = np.array([[float(c in group) for c in range(6)] for group in GROUPS])  # (4, 6)
+OF_CHANNEL = np.argmax(MEMBER, axis=0)  # (6,) group of each channel
+IS_FORCE = np.arange(6) < 3
+
+Memory = dict[str, np.ndarray]
+
+
+@dc.dataclass(frozen=True)
+class Trust:
+    """Constants of the correction of forecasts in flight.
+
+    horizons: (H,) whole numbers from 1 on [steps].   readout: (H, 6, K) forecast of each horizon from z, zeta held.
+    projector: (K, H, 6) amplitudes of a predicted trajectory.   mean: (6,) of chi in training [N, N·m].
+    half: horizon at which half of a departure is believed before any evidence [steps].
+    evidence: samples that weigh as much as the prior, beside h itself [1].   caution: the same for b [1].
+    settle: the same for the mean so far [1].
+    """
+
+    horizons: np.ndarray
+    readout: np.ndarray
+    projector: np.ndarray
+    mean: np.ndarray
+    half: float = 400.0
+    evidence: float = 100.0
+    caution: float = 3000.0
+    settle: float = 800.0
+
+    @property
+    def longest(self) -> int:
+        """Number of samples until the longest forecast is verified."""
+        return int(self.horizons[-1])
+
+    @property
+    def prior(self) -> np.ndarray:
+        """Weight a of each horizon before any evidence, (H,) [1]."""
+        return 1.0 / (1.0 + self.horizons / self.half)
+
+    def initial_memory(self) -> Memory:
+        """Return the memory at the start of a flight.
+
+        Returns: ring: (longest, K + 12) past [z, chi, mean], newest last.   sums: (5, H, 4) over verified forecasts.
+        power: (2, H, 4) of all so far.   lifted: number of forecasts so far.   total: (6,) sum of chi.   seen: samples
+        in it.
+        """
+        H, K = len(self.horizons), self.readout.shape[2]
+        return {
+            "ring": np.zeros((self.longest, K + 12)), "sums": np.zeros((5, H, 4)), "power": np.zeros((2, H, 4)),
+            "lifted": np.zeros(1), "total": np.zeros(6), "seen": np.zeros(1),
+        }  # fmt: skip
+
+    def observe(self, memory: Memory, chi: np.ndarray) -> Memory:
+        """Return the memory after one more label chi (6,), with the forecasts that it verifies added to the sums."""
+        memory = {**memory, "total": memory["total"] + chi, "seen": memory["seen"] + 1.0}
+        due = np.flatnonzero(self.horizons <= memory["lifted"][0])
+        if len(due):
+            rows = memory["ring"][-self.horizons[due]]
+            K = self.readout.shape[2]
+            z, then, mean = rows[:, :K], rows[:, K : K + 6], rows[:, K + 6 :]
+            forecast = np.einsum("hck,hk->hc", self.readout[due], z)
+            base, p, q = _regressors(forecast, then, mean)
+            sums = memory["sums"].copy()
+            sums[:, due] += _products(p, q, chi - base)
+            memory["sums"] = sums
+        return memory
+
+    def correct(self, memory: Memory, z: np.ndarray, chi: np.ndarray) -> tuple[Memory, np.ndarray]:
+        """Return (memory, corrected z) for z (K,) beside its label chi (6,), which `observe` has taken in before."""
+        mean = self._mean(memory["total"], memory["seen"][0])
+        forecast = self.readout @ z
+        base, p, q = _regressors(forecast, chi, mean)
+        power = memory["power"] + _products(p, q, p)[[0, 2]]
+        lifted = memory["lifted"] + 1.0
+        a, b = self._weights(memory["sums"], power / lifted[0])
+        ring = np.concatenate([memory["ring"][1:], np.concatenate([z, chi, mean])[None]])
+        wanted = base + a[:, OF_CHANNEL] * p + b[:, OF_CHANNEL] * q
+        corrected = z + np.einsum("khc,hc->k", self.projector, wanted - forecast)
+        return {**memory, "power": power, "lifted": lifted, "ring": ring}, corrected
+
+    def along(self, z: np.ndarray, chi: np.ndarray, first: int) -> np.ndarray:
+        """Return the corrected z (o, K) of a whole flight without gaps.
+
+        Equal to `observe` and `correct` sample by sample.
+        Args: z: (o, K) from sample `first` on.   chi: (n, 6) all labels [N, N·m].
+        """
+        n = len(chi)
+        mean = self._mean(np.cumsum(chi, axis=0), np.arange(1.0, n + 1)[:, None])[first:]
+        now, corrected, count = chi[first:], z.copy(), np.arange(1.0, len(z) + 1)[:, None]
+        for i, h in enumerate(self.horizons):
+            forecast = z @ self.readout[i].T
+            base, p, q = _regressors(forecast, now, mean)
+            power = np.cumsum(_products(p, q, p)[[0, 2]], axis=1) / count
+            sums = np.zeros((5, len(z), 4))
+            if h < len(z):
+                sums[:, h:] = np.cumsum(_products(p[:-h], q[:-h], now[h:] - base[:-h]), axis=1)
+            a, b = self._weights(sums, power, i)
+            wanted = base + a[:, OF_CHANNEL] * p + b[:, OF_CHANNEL] * q
+            corrected += (wanted - forecast) @ self.projector[:, i].T
+        return corrected
+
+    def _mean(self, total: np.ndarray, seen) -> np.ndarray:
+        return (total + self.settle * self.mean) / (seen + self.settle)
+
+    def _weights(self, sums: np.ndarray, power: np.ndarray, horizon: int | None = None):
+        """Return a, b (..., 4) in [0, 1] of sums (5, ..., 4) and mean power (2, ..., 4).
+
+        The middle axis is the horizon unless one is given by its number.
+        """
+        h = (self.horizons if horizon is None else self.horizons[[horizon]])[:, None]
+        prior = (self.prior if horizon is None else self.prior[[horizon]])[:, None]
+        pull = (self.evidence + h) * power[0]
+        pp, pq, qq = sums[0] + pull + 1e-12, sums[1], sums[2] + self.caution * power[1] + 1e-12
+        pa, qa = sums[3] + pull * prior, sums[4]
+        b = np.clip((pp * qa - pq * pa) / np.maximum(pp * qq - pq**2, 1e-300), 0.0, 1.0)
+        return np.clip((pa - pq * b) / pp, 0.0, 1.0), b
+
+
+def _regressors(
+    forecast: np.ndarray, chi: np.ndarray, mean: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the base, and what a and b multiply, (..., 6) each."""
+    base = np.where(IS_FORCE, chi, 0.0)
+    return base, forecast - base, np.where(IS_FORCE, mean - chi, chi)
+
+
+def _products(p: np.ndarray, q: np.ndarray, outcome: np.ndarray) -> np.ndarray:
+    """Return pp, pq, qq, p outcome, q outcome, summed over each group, (5, ..., 4)."""
+    q = np.broadcast_to(q, p.shape)
+    return np.stack([p * p, p * q, q * q, p * outcome, q * outcome]) @ MEMBER.T

@@ -1,0 +1,113 @@
+"""Best linear forecast for every horizon by itself: ridge on delayed samples, flights weighted alike.
+
+For zeta held at its last value a lifted linear system answers chi_hat_h = C A^h E w (+ constant): one linear map W_h
+of the window a horizon. Fitted freely, horizon by horizon, W_h bounds what any of them can do; `mode_dictionary`
+finds the system closest to it.       Source: own choice; the two steps of subspace identification.
+"""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.lifting.model.channel_views import turns
+from np_drake.lifting.model.delay_taps import DelayTaps
+
+GROUPS = (slice(0, 3), slice(3, 6))  # force, torque
+TURNS = tuple(turns(np.eye(6)))  # (6, 6) each: row vectors chi and zeta times it are their images
+NOW = 100.0  # power at horizon 0, where nothing is to be forecast, in units of that one step ahead
+CONSTANT = 1e-9  # ridge of the constant feature, whose own power is 1
+
+
+@dc.dataclass(frozen=True)
+class Moments:
+    """Second moments of one flight, scaled.
+
+    The last of the p features is the constant 1.
+    gram: (p, p) of the features.   cross: (p, H, 6) of features and goals.   square: (H, 6) of the goals.
+    power: (H, 2) squared error of the better naive row: mean squared change of force and of torque over the horizon, or
+    their variance where that is less.
+    """
+
+    gram: np.ndarray
+    cross: np.ndarray
+    square: np.ndarray
+    power: np.ndarray
+
+
+def flight_moments(
+    samples: np.ndarray,
+    goal: np.ndarray,
+    *,
+    taps: DelayTaps,
+    horizons: np.ndarray,
+    max_origins: int,
+    symmetry: float,
+) -> Moments:
+    """Return the moments of a flight over evenly thinned origins.
+
+    Args:
+        samples: (n, 12) [chi, zeta], scaled.   goal: (n, 6), scaled.   taps: features of a window.
+        horizons: ascending [steps].   max_origins: thinned evenly beyond.
+        symmetry: share of the moments that is averaged over quarter turns about body z and the mirror y -> -y,
+            0 … 1. The mean of the images is that of a perfectly symmetric airframe.
+    """
+    first, last = taps.delay - 1, len(samples) - int(horizons[-1])
+    origins = np.arange(first, last, max(1, -(-(last - first) // max_origins)))
+    F = np.hstack([taps.features(samples, origins), np.ones((len(origins), 1))])
+    Y = goal[origins[:, None] + horizons]
+    gram = F.T @ F / len(F)
+    cross = (F.T @ Y.reshape(len(F), -1) / len(F)).reshape(-1, len(horizons), 6)
+    change = np.mean((Y - samples[origins, None, :6]) ** 2, axis=0)
+    power = np.minimum(_grouped(change), _grouped(np.var(Y, axis=0)))
+    power[horizons == 0] = NOW * power[horizons > 0].min(axis=0)
+    if symmetry > 0:
+        images = [_turned(gram, cross, turn) for turn in TURNS]
+        gram = (1 - symmetry) * gram + symmetry * np.mean([image[0] for image in images], axis=0)
+        cross = (1 - symmetry) * cross + symmetry * np.mean([image[1] for image in images], axis=0)
+    return Moments(gram, cross, np.mean(Y**2, axis=0), np.maximum(power, 1e-12))
+
+
+def relative_error(flight: Moments, W: np.ndarray) -> np.ndarray:
+    """Return the mean squared error of the forecast W (p, H, 6) over `power`, (H, 2), force and torque [1]."""
+    explained = np.einsum("phc,phc->hc", W, 2 * flight.cross)
+    explained -= np.einsum("phc,phc->hc", W, np.tensordot(flight.gram, W, axes=1))
+    return _grouped(flight.square - explained) / flight.power
+
+
+def horizon_ridge(flights: Sequence[Moments], *, noise: float) -> np.ndarray:
+    """Return the weights W_h of the features, (p, H, 6); the error of each flight counts relative to its `power`.
+
+    Args: noise: deviation of white noise that the features are taken to have [scaled]. It keeps W_h from differencing
+    what another flight's filter or sensor makes differently.
+    """
+    p, H, _ = flights[0].cross.shape
+    W = np.empty((p, H, 6))
+    ridge = np.full(p, noise**2)
+    ridge[-1] = CONSTANT
+    for h in range(H):
+        for k, group in enumerate(GROUPS):
+            weight = np.array([1.0 / flight.power[h, k] for flight in flights])
+            weight /= weight.sum()
+            gram = sum(w * flight.gram for w, flight in zip(weight, flights, strict=True))
+            cross = sum(w * flight.cross[:, h, group] for w, flight in zip(weight, flights, strict=True))
+            W[:, h, group] = np.linalg.solve(gram + np.diag(ridge), cross)
+    return W
+
+
+def horizon_grid(longest: int, count: int) -> np.ndarray:
+    """Return about `count` whole numbers from 0 to `longest`, evenly spaced on a logarithmic axis."""
+    return np.unique(np.concatenate([[0], np.round(np.geomspace(1, longest, count - 1))])).astype(int)
+
+
+def _grouped(square: np.ndarray) -> np.ndarray:
+    """Sum (H, 6) over force and torque to (H, 2)."""
+    return np.stack([square[:, group].sum(axis=1) for group in GROUPS], axis=1)
+
+
+def _turned(gram: np.ndarray, cross: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the moments of the turned flight."""
+    taps = (len(gram) - 1) // 12
+    T = np.eye(len(gram))
+    T[:-1, :-1] = np.kron(np.eye(2 * taps), turn)
+    return T.T @ gram @ T, np.einsum("ap,ahc,cd->phd", T, cross, turn, optimize=True)

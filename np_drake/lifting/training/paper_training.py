@@ -1,0 +1,240 @@
+"""Training of the `paper` configuration: Algorithm 1, made well-posed.
+
+What the paper leaves open is settled as follows:
+- The window's least squares for A, B has 30 columns and 39 rows of median rank 15: it is a ridge toward a prior A_0,
+  B_0 shared by all windows: least squares over all of them, renewed every epoch, and in flight the offline model. B
+  is not shrunk along unexcited directions (the paper has no such step); the summary names them.
+- Stable: A_0 and each window's A are scaled into |eig| <= RADIUS before they are iterated.
+- Backward in time, A^-1 of a stable A grows like |lambda|^-40. A is inverted in the least-squares sense: the window
+  fit of z_k on z_(k+1) and zeta_k, ridge toward a backward prior, made stable the same way.
+- mu carries the trajectory index in the paper, so that late trajectories count less; here it discounts the
+  prediction step: mean over j of mu^j |z_j - z_hat_j|².
+- chi enters Phi over one scale for force and one for torque; gamma is the Lipschitz constant there.
+Targets other than the labels are not used: Phi sees one instant and cannot undo a delay.
+"""
+
+import dataclasses as dc
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from torch import nn
+
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
+from np_drake.lifting.model.stabilized import stabilized
+from np_drake.lifting.model.window_refit import RADIUS
+from np_drake.lifting.training.checkpoint import Checkpoint
+from np_drake.lifting.training.excitation import measure_excitation
+from np_drake.lifting.training.phi_module import PhiModule
+from np_drake.lifting.training.segments import Segment, check_segments, group_scale
+
+OnEpoch = Callable[[int, int, float], None]
+
+
+@dc.dataclass(frozen=True)
+class PaperConfig:
+    """Parameters of the `paper` configuration: Phi of the instantaneous chi, A and B refit on a window."""
+
+    size: int = 24  # K [1]
+    width: int = 128  # neurons of a hidden layer [1]
+    layers: int = 2  # hidden layers, L [1]
+    gamma: float = 1.0  # Lipschitz constant of Phi in scaled coordinates [1]
+    window: int = 40  # samples of a window [1]
+    beta: tuple[float, float, float] = (1.0, 1.0, 1.0)  # weights: forward, backward, reconstruction [1]
+    mu: float = 0.999  # discount of a prediction step, forward and backward [1]
+    ridge: float = 3.0  # weight of the prior in a window's fit [samples of unit size]
+    epochs: int = 8  # passes over the windows [1]
+    batch: int = 32  # windows of a gradient step [1]
+    spacing: int = 5  # samples between the starts of windows [1]
+    learning_rate: float = 2e-3  # of Adam, falling to a tenth along a cosine [1]
+    max_windows: int = 1000  # windows are thinned beyond [1]
+    seed: int = 0  # of the initial weights and the order of windows
+
+
+class PaperTrainer:
+    """State of one training run: Phi, C, priors, optimiser, epoch."""
+
+    def __init__(self, segments: list[Segment], config: PaperConfig):
+        segments = check_segments(segments, config.window)
+        self.config = config
+        self.step = float(np.median([segment.step for segment in segments]))
+        self.samples = sum(map(len, segments))
+        self.chi_scale = group_scale([segment.chi for segment in segments], centred=False)
+        self.zeta_scale = group_scale([segment.zeta for segment in segments], centred=False)
+        self.excitation = measure_excitation([segment.zeta for segment in segments], step=self.step)
+        self._chi, self._zeta = _windows(segments, config, self.zeta_scale)
+        self.phi = PhiModule(
+            width=config.width, layers=config.layers, K=config.size, gamma=config.gamma,
+            scale=self.chi_scale, seed=config.seed,
+        )  # fmt: skip
+        self.C = nn.Parameter(torch.zeros(6, config.size, dtype=torch.float64))
+        with torch.no_grad():
+            self.C.copy_(self._best_readout(self.phi(self._chi)))
+        self.parameters = [*self.phi.raw, self.C]
+        self.optimiser = torch.optim.Adam(self.parameters, lr=config.learning_rate)
+        self.epoch, self.history = 0, list[float]()
+
+    def run_epoch(self) -> float:
+        """Make one pass over the windows in an order drawn from (seed, epoch) and return the mean loss."""
+        order = np.random.default_rng([self.config.seed, self.epoch]).permutation(len(self._chi))
+        fraction = self.epoch / max(self.config.epochs, 1)
+        rate = self.config.learning_rate * (0.55 + 0.45 * np.cos(np.pi * min(fraction, 1.0)))
+        losses = []
+        self._fit_priors()
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        for start in range(0, len(order), self.config.batch):
+            batch = torch.from_numpy(order[start : start + self.config.batch])
+            loss = self.loss(self._chi[batch], self._zeta[batch])
+            self.optimiser.zero_grad()
+            loss.backward()
+            nn.utils.clip_grad_norm_(self.parameters, 1.0)
+            self.optimiser.step()
+            losses.append(loss.item())
+        self.epoch += 1
+        self.history.append(float(np.mean(losses)))
+        return self.history[-1]
+
+    def loss(self, chi: torch.Tensor, zeta: torch.Tensor) -> torch.Tensor:
+        """Return beta_1 L_forward + beta_2 L_backward + beta_3 L_recons of windows (b, W, 6), zeta scaled."""
+        z = self.phi(chi)
+        reconstruction = ((chi / self._scale() - z @ self.C.T) ** 2).mean()
+        forward = self._rollout_error(z, zeta, self.forward_prior, backward=False)
+        backward = self._rollout_error(z, zeta, self.backward_prior, backward=True)
+        b = self.config.beta
+        return b[0] * forward + b[1] * backward + b[2] * reconstruction
+
+    def model(self) -> LiftedModel:
+        """Return the trained model, with C as the least-squares readout of the final Phi, as L_recons asks for."""
+        self._fit_priors()
+        with torch.no_grad():
+            C = self._best_readout(self.phi(self._chi)).numpy() * self.chi_scale[:, None]
+        K, prior = self.config.size, self.forward_prior.numpy()
+        system = LiftedLinearSystem(
+            stabilized(prior[:K].T, RADIUS), prior[K:].T / self.zeta_scale, C, self.step
+        )
+        summary = {
+            "samples": self.samples, "epochs": self.epoch, "loss": self.history[-1] if self.history else None,
+            "gamma": self.config.gamma, "excitation": self.excitation.text,
+        }  # fmt: skip
+        return LiftedModel(
+            PAPER, system, self.phi.export(), self.config.window, self.chi_scale, self.zeta_scale, True, summary,
+            ridge=self.config.ridge,
+        )  # fmt: skip
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Return what the next epoch depends on: parameters, Adam's moments, power iterations, history."""
+        tensors = {"history": np.array(self.history)}
+        for i, parameter in enumerate(self.parameters):
+            tensors[f"parameter{i}"] = parameter.detach().numpy()
+            for name, value in self.optimiser.state[parameter].items():
+                tensors[f"parameter{i}/{name}"] = value.numpy().astype(float)
+        return tensors | {f"right{i}": v.numpy() for i, v in enumerate(self.phi.right)}
+
+    def restore(self, state: dict[str, np.ndarray]) -> None:
+        """Restore the `state()` of an earlier run; an empty one changes nothing."""
+        if not state:
+            return
+        self.history = state["history"].tolist()
+        self.epoch = len(self.history)
+        self.phi.right = [torch.from_numpy(state[f"right{i}"]) for i in range(len(self.phi.right))]
+        for i, parameter in enumerate(self.parameters):
+            parameter.data = torch.from_numpy(state[f"parameter{i}"].copy())
+            moments = {
+                name: torch.tensor(state[f"parameter{i}/{name}"]) for name in ("exp_avg", "exp_avg_sq")
+            }
+            count = torch.tensor(state[f"parameter{i}/step"].item(), dtype=torch.float32)
+            self.optimiser.state[parameter] = {"step": count, **moments}
+
+    def _fit_priors(self) -> None:
+        """Fit the priors of this epoch by least squares over all windows with the present Phi."""
+        with torch.no_grad():
+            z = self.phi(self._chi)
+            self.forward_prior = _global_fit(*_regression(z, self._zeta))
+            self.backward_prior = _global_fit(*_regression(z, self._zeta, backward=True))
+
+    def _scale(self) -> torch.Tensor:
+        return torch.from_numpy(self.chi_scale)
+
+    def _best_readout(self, z: torch.Tensor) -> torch.Tensor:
+        """Return the least squares of chi / scale on z over all windows, ridge 1e-6 of the mean power, (6, K)."""
+        Z, chi = z.reshape(-1, z.shape[-1]), (self._chi / self._scale()).reshape(-1, 6)
+        normal = Z.T @ Z
+        normal += (1e-6 * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=Z.dtype)
+        return torch.linalg.solve(normal, Z.T @ chi).T
+
+    def _rollout_error(self, z, zeta, prior, *, backward: bool) -> torch.Tensor:
+        """Return the discounted mean square of the multi-step error in z, with each window's own A and B."""
+        X, Y = _regression(z, zeta, backward=backward)
+        A, B = _window_fit(X, Y, prior, self.config.ridge)
+        drive = X[..., z.shape[-1] :] @ B
+        course = z.flip(1) if backward else z
+        drive = drive.flip(1) if backward else drive
+        state, error = course[:, 0], torch.zeros((), dtype=z.dtype)
+        for j in range(drive.shape[1]):
+            state = torch.baddbmm(drive[:, j, None], state[:, None], A)[:, 0]
+            error = error + self.config.mu ** (j + 1) * ((state - course[:, j + 1]) ** 2).mean()
+        return error / drive.shape[1]
+
+
+def train_paper(
+    segments: list[Segment], config: PaperConfig, checkpoint: Checkpoint, on_epoch: OnEpoch = lambda *_: None
+) -> tuple[LiftedModel, list[float]]:
+    """Return (model, loss after each epoch), continued from the checkpoint where there is one."""
+    trainer = PaperTrainer(segments, config)
+    trainer.restore(checkpoint.load())
+    while trainer.epoch < config.epochs:
+        loss = trainer.run_epoch()
+        checkpoint.save(trainer.state())
+        on_epoch(trainer.epoch, config.epochs, loss)
+    return trainer.model(), trainer.history
+
+
+def _windows(
+    segments: list[Segment], config: PaperConfig, zeta_scale: np.ndarray
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return chi in physical units and scaled zeta of all windows, (b, W, 6) each."""
+    starts = [
+        (segment, k)
+        for segment in segments
+        for k in range(0, len(segment) - config.window + 1, config.spacing)
+    ]
+    starts = starts[:: max(1, -(-len(starts) // config.max_windows))]
+    chi = np.stack([segment.chi[k : k + config.window] for segment, k in starts])
+    zeta = np.stack([segment.zeta[k : k + config.window] for segment, k in starts])
+    return torch.from_numpy(chi), torch.from_numpy(zeta / zeta_scale)
+
+
+def _regression(
+    z: torch.Tensor, zeta: torch.Tensor, *, backward: bool = False
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return regressors [z, zeta] (b, W-1, K+6) and targets (b, W-1, K).
+
+    They are z_(k+1) from z_k, or z_k from z_(k+1).
+    """
+    before, after = (z[:, 1:], z[:, :-1]) if backward else (z[:, :-1], z[:, 1:])
+    return torch.cat([before, zeta[:, :-1]], dim=-1), after
+
+
+def _global_fit(X: torch.Tensor, Y: torch.Tensor) -> torch.Tensor:
+    """Return the ridge fit over all windows, at which the priors start, (K+6, K)."""
+    X, Y = X.reshape(-1, X.shape[-1]), Y.reshape(-1, Y.shape[-1])
+    normal = X.T @ X
+    normal += (1e-4 * normal.diagonal().mean() + 1e-12) * torch.eye(len(normal), dtype=X.dtype)
+    return torch.linalg.solve(normal, X.T @ Y)
+
+
+def _stable(A: torch.Tensor) -> torch.Tensor:
+    """Scale (..., K, K) as a whole into |eig| <= RADIUS; the factor is taken as a constant in gradients."""
+    radius = torch.linalg.eigvals(A.detach()).abs().amax(dim=-1)
+    return A * torch.clamp(RADIUS / radius, max=1.0)[..., None, None]
+
+
+def _window_fit(X, Y, prior, ridge: float) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return A^T (b, K, K), stable, and B^T (b, 6, K) of each window; prior (K+6, K) = [A_0 B_0]^T."""
+    K = Y.shape[-1]
+    prior = torch.cat([_stable(prior[:K]), prior[K:]])
+    normal = X.mT @ X + ridge * torch.eye(X.shape[-1], dtype=X.dtype)
+    solution = prior + torch.cholesky_solve(X.mT @ (Y - X @ prior), torch.linalg.cholesky(normal))
+    return _stable(solution[:, :K]), solution[:, K:]

@@ -1,0 +1,170 @@
+import dataclasses as dc
+import json
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.numpy import load_file, save_file
+
+from np_drake.lifting.model import model_file
+from np_drake.lifting.model.encoders import DelayEncoder, Phi
+from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
+from np_drake.lifting.model.lifted_model import DEFAULT, ENCODERS, PAPER, LiftedModel
+from np_drake.lifting.model.model_file import SCHEMA, load_model, save_model
+from np_drake.lifting.model.onsets import Onsets
+
+
+def model(configuration: str) -> LiftedModel:
+    generator = np.random.default_rng(0)
+    A, B, C = 0.5 * np.eye(4), generator.standard_normal((4, 6)), generator.standard_normal((6, 4))
+    scale = generator.uniform(0.5, 2.0, 6)
+    encoder = (
+        Phi((generator.standard_normal((7, 6)), generator.standard_normal((4, 7))), scale)
+        if configuration == PAPER
+        else DelayEncoder(generator.standard_normal((4, 60)), 5)
+    )
+    system = LiftedLinearSystem(A, B, C, 0.02)
+    return LiftedModel(configuration, system, encoder, 5, scale, scale, True, {"samples": 7}, ridge=0.5)
+
+
+def rewrite(path: Path, change) -> None:
+    """Tensors and header of a good file, changed by `change(tensors, header, metadata)`."""
+    tensors = load_file(path)
+    metadata = {"schema": SCHEMA, "model": ""}
+    header = {"configuration": DEFAULT, "step": 0.02, "window": 5, "predicts_torque": True, "ridge": 0.0}
+    header["summary"] = {}
+    change(tensors, header, metadata)
+    save_file(tensors, path, {**metadata, "model": json.dumps(header)})
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    save_model(model(DEFAULT), tmp_path / "model.safetensors")
+    return tmp_path / "model.safetensors"
+
+
+@pytest.mark.parametrize("configuration", ENCODERS)
+def test_what_is_read_is_what_was_written(configuration, tmp_path):
+    saved = model(configuration)
+    save_model(saved, tmp_path / "m.safetensors")
+    read = load_model(tmp_path / "m.safetensors", configuration)
+    for name in ("configuration", "window", "predicts_torque", "summary", "ridge", "step"):
+        assert getattr(read, name) == getattr(saved, name)
+    for name in "ABC":
+        np.testing.assert_array_equal(getattr(read.system, name), getattr(saved.system, name))
+    window = np.random.default_rng(1).standard_normal((5, 12))
+    np.testing.assert_array_equal(read.lift(window), saved.lift(window))
+
+
+def with_onsets(odds: np.ndarray | float = 0.1) -> LiftedModel:
+    generator = np.random.default_rng(2)
+    channels, watch = generator.standard_normal((2, 3, 12)), 0.3 * generator.standard_normal((2, 4, 2, 15))
+    onsets = Onsets(channels, watch, np.ones((2, 4)), generator.standard_normal((2, 4, 2, 2)), odds)
+    return dc.replace(model(DEFAULT), onsets=onsets)
+
+
+@pytest.mark.parametrize("odds", [0.1, np.array([0.1, 0.2, 0.3, 4.0])], ids=["one for all", "one an age"])
+def test_onsets_are_read_as_they_were_written(tmp_path, odds):
+    saved = with_onsets(odds)
+    save_model(saved, tmp_path / "m.safetensors")
+    read, window = load_model(tmp_path / "m.safetensors"), np.random.default_rng(1).standard_normal((5, 12))
+    np.testing.assert_array_equal(read.lift(window), saved.lift(window))
+    assert np.abs(saved.lift(window) - saved.encoder(window)).max() > 0.01  # they do something
+
+
+@pytest.mark.parametrize(
+    "fault, match",
+    [
+        (lambda t: t.pop("onsets/watch"), "lacks 'onsets/watch'"),
+        (lambda t: t.update({"onsets/cost": np.ones((2, 3))}), "Onsets: watch .* must agree"),
+        (lambda t: t.update({"onsets/odds": np.zeros(())}), "odds must be positive"),
+        (lambda t: t.update({"onsets/watch": np.ones((2, 4, 2, 12))}), "the model's K and window"),
+    ],
+)
+def test_broken_onsets_have_their_line(tmp_path, fault, match):
+    save_model(with_onsets(), tmp_path / "m.safetensors")
+    rewrite(tmp_path / "m.safetensors", lambda tensors, header, metadata: fault(tensors))
+    with pytest.raises(ValueError, match=match) as caught:
+        load_model(tmp_path / "m.safetensors")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.99])
+def test_a_truncated_file_is_refused(path, share):
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(ValueError, match="not a model file: truncated") as caught:
+        load_model(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_pickles_are_never_loaded(tmp_path):
+    class Trap:
+        def __reduce__(self):
+            return (pytest.fail, ("a pickle was executed",))
+
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(Trap()))
+    torch.save({"A": torch.eye(3)}, tmp_path / "b.pt")
+    for name in ("a.pkl", "b.pt"):
+        with pytest.raises(ValueError, match=r"pickle .* never loaded"):
+            load_model(tmp_path / name)
+
+
+def test_a_missing_file_and_a_folder_are_named(tmp_path):
+    for where in (tmp_path / "nothing.safetensors", tmp_path):
+        with pytest.raises(ValueError, match="not a model file"):
+            load_model(where)
+
+
+def test_another_configuration_is_refused(path):
+    with pytest.raises(ValueError, match="configuration must be paper; got default"):
+        load_model(path, PAPER)
+
+
+FAULTS = {
+    "schema must be": lambda t, h, m: m.update(schema="np_drake.lifted_model/0"),
+    "lacks 'E'": lambda t, h, m: t.pop("E"),
+    "lacks 'step'": lambda t, h, m: h.pop("step"),
+    r"must be default \| paper \| dictionary": lambda t, h, m: h.update(configuration="theirs"),
+    "lacks the layers of Phi": lambda t, h, m: h.update(configuration=PAPER),
+    "must hold finite": lambda t, h, m: t.update(B=np.full((4, 6), np.nan)),
+    "must hold finite floating": lambda t, h, m: t.update(B=np.zeros((4, 6), int)),
+    r"A, B, C must be \(K, K\)": lambda t, h, m: t.update(B=np.zeros((3, 6))),
+    r"E must be \(K, 60\)": lambda t, h, m: t.update(E=np.zeros((4, 59))),
+    "agree on K": lambda t, h, m: t.update(E=np.zeros((3, 60))),
+    "A must be stable": lambda t, h, m: t.update(A=1.1 * np.eye(4)),
+    "zeta_scale must be six positive": lambda t, h, m: t.update(zeta_scale=np.zeros(6)),
+    "step must be positive": lambda t, h, m: h.update(step=-1.0),
+}
+
+
+@pytest.mark.parametrize("message", FAULTS)
+def test_every_fault_has_its_line(path, message):
+    rewrite(path, FAULTS[message])
+    with pytest.raises(ValueError, match=message) as caught:
+        load_model(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_layers_that_do_not_fit_are_refused(tmp_path):
+    saved = model(PAPER)
+    phi = dc.replace(saved.encoder, weights=saved.encoder.weights[:1] + (np.zeros((4, 5)),))
+    save_model(dc.replace(saved, encoder=phi), tmp_path / "m.safetensors")
+    with pytest.raises(ValueError, match="each layer of Phi must take the 7 outputs"):
+        load_model(tmp_path / "m.safetensors")
+
+
+def test_a_failed_write_leaves_the_old_file(path, monkeypatch):
+    def half(tensors, filename, metadata):
+        Path(filename).write_bytes(b"half a file")
+        raise OSError("no space left")
+
+    before = path.read_bytes()
+    monkeypatch.setattr(model_file, "save_file", half)
+    with pytest.raises(OSError, match="no space left"):
+        save_model(model(DEFAULT), path)
+    assert path.read_bytes() == before
+    assert list(path.parent.iterdir()) == [path]

@@ -1,0 +1,52 @@
+"""Laws of the rotor lag that flight logs show."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake import labels, rigid_body
+from np_drake.logs.flight_log import FlightLog
+from np_drake.rotor_lag import learned_rotor_lag
+from np_drake.vehicle import Vehicle
+
+STEP = 0.02  # [s]
+
+
+def flight(lag: float, *, noise: float = 0.0, n: int = 1500) -> FlightLog:
+    """A log under a slow wrench and a restless command that acts through `lag` [s]; noise of a [m/s²]."""
+    draw, t = np.random.default_rng(0), STEP * np.arange(n)
+    u = np.array([20.0, 0, 0, 0]) + draw.normal(size=(n, 4)) * [1.0, 0.1, 0.1, 0.02]
+    still = np.tile([1.0, 0, 0, 0], (n, 1))
+    log = FlightLog(t=t, p=np.zeros((n, 3)), q=still, v=np.zeros((n, 3)), w=np.zeros((n, 3)), u=u)
+    chi = np.outer(np.sin(3.5 * t), [1.0, 0.5, 1.0, 0.02, 0.02, 0.0]) - [0, 0, 2.5, 0, 0, 0]
+    rate = rigid_body.state_derivative(
+        Vehicle(), log.x, labels.acting_command(log, Vehicle(rotor_time_constant=lag)), chi
+    )
+    log.a = rate[:, 7:10] + noise * draw.normal(size=(n, 3))
+    log.al = rate[:, 10:13] + 5 * noise * draw.normal(size=(n, 3))
+    return log
+
+
+@pytest.mark.parametrize("lag", [0.01, 0.03, 0.06])
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_the_lag_of_the_rotors_is_found(lag, noise):
+    assert learned_rotor_lag([(flight(lag, noise=noise), Vehicle())]) == pytest.approx(lag, abs=0.003)  # [s]
+
+
+def test_rotors_without_lag_show_none():
+    assert learned_rotor_lag([(flight(0.0), Vehicle())]) < 1e-3  # [s]
+
+
+def test_a_vehicle_file_that_names_a_lag_and_measured_rotor_speed_are_believed():
+    named = Vehicle(rotor_time_constant=0.02)
+    measured = dc.replace(flight(0.03), input="rotor_speed")
+    assert learned_rotor_lag([(flight(0.03), named), (measured, Vehicle())]) == 0.0
+
+
+def test_rows_without_a_reading_do_no_harm():
+    log = flight(0.03)
+    log.a[100:120] = np.nan
+    assert learned_rotor_lag([(log, Vehicle())]) == pytest.approx(0.03, abs=0.003)  # [s]
+    log.a[:] = np.nan
+    assert learned_rotor_lag([(log, Vehicle())]) == 0.0
