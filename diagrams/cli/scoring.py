@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from diagrams.cli.flights import Flight
-from diagrams.cli.output import print_table
+from diagrams.cli.output import Table
 from np_drake.lifting.lifted_model import DEFAULT, PAPER, LiftedModel
 from np_drake.lifting.origin import require_origin
 from np_drake.lifting.segments import Segment
@@ -21,7 +21,7 @@ from np_drake.residual_models.neural_predictor import NeuralPredictor, Predictor
 from np_drake.residual_models.window_stability import window_stability
 
 OURS = (PAPER, DEFAULT)
-MOTIONS = ("held", "known")  # what a forecast is told of the coming zeta
+MOTIONS = ("held", "known")  # what a forecast knows of the coming zeta
 DIVERGED = 10.0  # longest forecast over longest label from which a flight counts as diverged [1]
 STEP_TOLERANCE = 0.02  # between a model's step and an array's [1]
 
@@ -36,7 +36,7 @@ def score(
     mean: np.ndarray | None = None,
     on_model: Callable[[int, int], None] = lambda *_: None,
 ) -> list[dict[str, Any]]:
-    """The rows of `--json`: every model, baseline and naive row on every flight, horizon in seconds.
+    """Return the rows of `--json`: every model, baseline and naive row on every flight, horizon in seconds.
 
     mean: (6,) of chi in training; None: the flight's own, which no predictor could know.
     zeta: `held` at its last value, or `known`.
@@ -71,17 +71,17 @@ def score(
 
 
 def flight_name(flight: Flight) -> str:
-    """The paper's name where it has one."""
+    """Return the paper's name of a flight where it has one."""
     return TESTS.get(f"merged_{flight.data.name}", flight.data.name)
 
 
 def options_for(model: LiftedModel) -> PredictorOptions:
-    """Torque predicted where it was trained."""
+    """Return the options of a model: torque is predicted where it was trained."""
     return PredictorOptions(torque="predict" if model.predicts_torque else "hold")
 
 
 def longest_piece(flight: Flight, step: float) -> Segment:
-    """The longest uninterrupted piece of a flight, at a model's step [s].
+    """Return the longest uninterrupted piece of a flight, at a model's step [s].
 
     Raises: ValueError: if an array has another step, or nothing usable is left.
     """
@@ -96,34 +96,39 @@ def longest_piece(flight: Flight, step: float) -> Segment:
     return max(pieces, key=len)
 
 
-def show(rows: list[dict[str, Any]], zeta: str) -> None:
-    """Two tables a flight, a column a horizon: RMSE and, in brackets, skill."""
-    for flight in dict.fromkeys(row["flight"] for row in rows):
-        of_flight = [row for row in rows if row["flight"] == flight]
-        horizons = sorted({row["horizon"] for row in of_flight})
+def tables(rows: list[dict[str, Any]], zeta: str, *, mean: bool) -> list[Table]:
+    """Return two tables, a column for every horizon, for every flight or, with `mean`, for all together.
+
+    A flight's hold RMSE and, in brackets, skill; the mean over flights is that of the ratio to persistence with its
+    95 % interval and the worst skill.
+    """
+    rows = [row for row in rows if row["zeta"] == zeta]
+    groups = {
+        name: [row for row in rows if row["flight"] == name] for name in (row["flight"] for row in rows)
+    }
+    found = []
+    for name, group in ({"mean over flights": rows} if mean else groups).items():
+        horizons = sorted({row["horizon"] for row in group})
         for kind, unit in (("force", "N"), ("torque", "N·m")):
-            cells = {
-                (row["model"], row["horizon"]): f"{row[f'{kind}_rmse']:.3g} ({row[f'{kind}_skill']:.2f})"
-                for row in of_flight
-            }
+            what = f" RMSE [{unit}] (skill: below 1 beats all naive)"
+            what = ", ratio to persistence (worst skill)" if mean else what
+            cells: dict[tuple, list[dict]] = {}
+            for row in group:
+                cells.setdefault((row["model"], row["horizon"]), []).append(row)
             lines = [
-                [model, *(cells[model, horizon] for horizon in horizons)]
-                for model in dict.fromkeys(row["model"] for row in of_flight)
+                (
+                    model,
+                    *((_mean_cell if mean else _cell)(cells[model, horizon], kind) for horizon in horizons),
+                )
+                for model in dict.fromkeys(row["model"] for row in group)
             ]
-            title = f"{flight}: {kind} RMSE [{unit}] (skill: below 1 beats all naive), coming motion {zeta}"
-            print_table(title, ["ahead", *(f"{horizon:.4g} s" for horizon in horizons)], lines)
+            header = ["ahead", *(f"{horizon:.4g} s" for horizon in horizons)]
+            found.append((f"{name}: {kind}{what}, coming motion {zeta}", header, lines))
+    return found
 
 
-def show_mean(rows: list[dict[str, Any]], zeta: str) -> None:
-    """Two tables, a column a horizon: ratio to persistence, mean over flights and its 95 % interval; largest skill."""
-    horizons = sorted({row["horizon"] for row in rows})
-    for kind in ("force", "torque"):
-        lines = []
-        for model in dict.fromkeys(row["model"] for row in rows):
-            cells = [[row for row in rows if (row["model"], row["horizon"]) == (model, h)] for h in horizons]
-            lines.append([model, *(_mean_cell(cell, kind) for cell in cells)])
-        title = f"mean over flights: {kind}, ratio to persistence (worst skill), coming motion {zeta}"
-        print_table(title, ["ahead", *(f"{horizon:.4g} s" for horizon in horizons)], lines)
+def _cell(cell: list[dict[str, Any]], kind: str) -> str:
+    return f"{cell[-1][f'{kind}_rmse']:.3g} ({cell[-1][f'{kind}_skill']:.2f})"
 
 
 def _mean_cell(cell: list[dict[str, Any]], kind: str) -> str:
@@ -133,12 +138,12 @@ def _mean_cell(cell: list[dict[str, Any]], kind: str) -> str:
 
 
 def _short(value: float) -> str:
-    """Two digits behind the point, or two that count."""
+    """Format with two digits behind the point, or two significant ones."""
     return f"{value:.2f}" if 0.1 <= value < 1000 or value != value else f"{value:.2g}"
 
 
 def diverged(rows: list[dict[str, Any]]) -> list[str]:
-    """Flights on which a model's RMSE is no number, or a forecast is `DIVERGED` times the longest label.
+    """Return the flights on which a model's RMSE is no number, or a forecast is `DIVERGED` times the longest label.
 
     A baseline may diverge; nothing keeps it from that.
     """
@@ -152,7 +157,7 @@ def _bounded(row: dict[str, Any]) -> bool:
 
 
 def stability(models: dict[str, LiftedModel], flights: Sequence[Flight]) -> list[dict[str, Any]]:
-    """Spectral radius of A in every window of every flight, model by model; see `WindowStability`.
+    """Return the spectral radius of A in every window of every flight, model by model; see `WindowStability`.
 
     Raises: ValueError: as `score`.
     """
@@ -166,7 +171,7 @@ def stability(models: dict[str, LiftedModel], flights: Sequence[Flight]) -> list
 
 
 def stability_text(lines: list[dict[str, Any]], rows: list[dict[str, Any]]) -> list[str]:
-    """Two sentences a model: windows above 1 and the largest radius; flights that diverge and the longest forecast."""
+    """Return two sentences for every model: spectral radii of its windows; flights that diverge, longest forecast."""
     said = []
     for name in dict.fromkeys(line["model"] for line in lines):
         of = [line for line in lines if line["model"] == name]

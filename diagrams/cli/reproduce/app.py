@@ -18,9 +18,13 @@ from diagrams.cli.reproduce import (
 
 
 class Tables(TyperGroup):
-    """Names the tables there are, where one is unknown."""
+    """Group of tables that lists its names where one is unknown."""
 
     def resolve_command(self, context, arguments):
+        """Return the sub-command.
+
+        Raises: ValueError: on an unknown name.
+        """
         if arguments and arguments[0] not in self.commands:
             raise ValueError(f"table: must be one of {', '.join(self.commands)}; got {arguments[0]!r}.")
         return super().resolve_command(context, arguments)

@@ -1,0 +1,52 @@
+"""What the verbs that fly several seeds share: seeds, title and the choice of rows."""
+
+import dataclasses as dc
+from collections.abc import Collection
+from typing import Any
+
+
+@dc.dataclass(frozen=True)
+class Campaign:
+    """Flights of the seeds after `training_seed`, which the training flight draws."""
+
+    training_seed: int
+    count: int
+    solver: str
+
+    @property
+    def seeds(self) -> list[int]:
+        """Seeds of the evaluation flights."""
+        return [self.training_seed + 1 + k for k in range(self.count)]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Solver and seeds, as the experiments take them and as `--json` holds them."""
+        return {"solver": self.solver, "seeds": self.seeds, "training_seed": self.training_seed}
+
+    def title(self, flights: str = "flights a row", learner: str = "") -> str:
+        """Return the title of a table: flights, seeds, training seed and solver."""
+        return (
+            f"{self.count} {flights}, seeds {self.seeds[0]} … {self.seeds[-1]}, "
+            f"{learner}trained on seed {self.training_seed}, {self.solver}"
+        )
+
+
+def require_rows(names: Collection[str], known: Collection[str]) -> None:
+    """Check the names given as `--only`.
+
+    Raises: ValueError: on an unknown name.
+    """
+    if unknown := set(names) - set(known):
+        raise ValueError(
+            f"--only: must name rows of the table ({'; '.join(known)}); got {', '.join(sorted(unknown))}."
+        )
+
+
+def choose_rows(rows: tuple, only: Collection[str] | None) -> tuple:
+    """Return the rows of these names, all where there are none; nominal always.
+
+    Raises: ValueError: on an unknown name.
+    """
+    only = only or ()
+    require_rows(only, [row.name for row in rows])
+    return tuple(row for row in rows if not only or row.name in only or row.name == "nominal")
