@@ -70,7 +70,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def run(arguments: list[str]) -> int:
-    """Run the command line and return the exit code; an expected failure is one line on stderr."""
+    """Run the command line and return its exit code."""
+    return run_app(app, arguments)
+
+
+def run_app(app: typer.Typer, arguments: list[str]) -> int:
+    """Run an application and return its exit code; an expected failure is one line on stderr."""
     empty = _empty(arguments)
     if empty is not None:
         line = (

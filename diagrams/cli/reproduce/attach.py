@@ -1,27 +1,19 @@
 """`np-drake reproduce attach`: the payload changes in flight."""
 
 import dataclasses as dc
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from diagrams.cli import options
 from diagrams.cli.columns import fixed, percent, spread, tabulate
 from diagrams.cli.output import Table
-from diagrams.cli.reproduce.campaign import Campaign
-from diagrams.cli.runner import Report, Run, counting, reports
+from diagrams.cli.reproduce.campaign import Campaign, campaign
+from diagrams.cli.runner import Report, counting
 
 if TYPE_CHECKING:
     from diagrams.loop.flight import FlightConfig
 
 
-@reports("reproduce", seed=1000, out=options.Out)
-def attach(
-    run: Run,
-    seeds: Annotated[int, typer.Option(min=1, help="Flights of seeds seed + 1, …")] = 20,
-    solver: options.Solver = options.DEFAULT_SOLVER,
-    jobs: options.Jobs = 2,
-) -> Report:
+@campaign(seeds=20)
+def attach(run: Campaign) -> Report:
     """The payload changes in flight: attached, cut off, taut. --out DIR: model, and the responses as a figure."""
     from diagrams.payload import attach as experiment
     from diagrams.payload import figures
@@ -29,23 +21,22 @@ def attach(
     from diagrams.tracking.tracking import Row, train_models
 
     row = Row("np", "np", training=TRAINING, configuration="default")
-    flown = Campaign(run.seed, seeds, solver)
     with counting("attach", "flights") as on_progress:
-        model = train_models((row,), run.folder, seed=run.seed, solver=solver)[
+        model = train_models((row,), run.folder, seed=run.seed, solver=run.solver)[
             row.training, row.configuration
         ]
-        config = experiment.attach_config(solver=solver, model=model)
+        config = experiment.attach_config(solver=run.solver, model=model)
         runs = experiment.run_attach(
-            model, seeds=flown.seeds, solver=solver, jobs=jobs, on_progress=on_progress
+            model, seeds=run.seeds, solver=run.solver, jobs=run.jobs, on_progress=on_progress
         )
     lines = experiment.attach_table(runs, config)
     notes = _attach_notes(lines, config)
     controller = dc.asdict(config.controller) | {"predictor": f"trained on {TRAINING}, seed {run.seed}"}
-    title = flown.title(f"flights (release, snap: {min(seeds, experiment.BESIDE)})", "np ")
-    of_figure = f"seeds from {flown.seeds[0]}"
+    title = run.title(f"flights (release, snap: {min(run.count, experiment.BESIDE)})", "np ")
+    of_figure = f"seeds from {run.seeds[0]}"
     return Report(
         [attach_printed(lines, title)],
-        config={**flown.settings, "controller": controller},
+        config={**run.settings, "controller": controller},
         metrics={"table": lines, "notes": notes},
         notes=[*notes, f"controller: {controller}"],
         figures={"attach_responses.png": lambda: figures.event_responses(runs, config, of_figure)},

@@ -1,34 +1,47 @@
-"""What the verbs that fly several seeds share: seeds, title and the choice of rows."""
+"""What the verbs that fly several seeds share: options, seeds, title and the choice of rows."""
 
 import dataclasses as dc
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import Any
+
+from diagrams.cli import options
+from diagrams.cli.runner import Run, Shared, reports
 
 
 @dc.dataclass(frozen=True)
-class Campaign:
-    """Flights of the seeds after `training_seed`, which the training flight draws."""
+class Campaign(Run):
+    """Run that flies the seeds after `seed`, which the training flight draws."""
 
-    training_seed: int
     count: int
     solver: str
+    jobs: int
 
     @property
     def seeds(self) -> list[int]:
         """Seeds of the evaluation flights."""
-        return [self.training_seed + 1 + k for k in range(self.count)]
+        return [self.seed + 1 + k for k in range(self.count)]
 
     @property
     def settings(self) -> dict[str, Any]:
         """Solver and seeds, as the experiments take them and as `--json` holds them."""
-        return {"solver": self.solver, "seeds": self.seeds, "training_seed": self.training_seed}
+        return {"solver": self.solver, "seeds": self.seeds, "training_seed": self.seed}
 
     def title(self, flights: str = "flights a row", learner: str = "") -> str:
         """Return the title of a table: flights, seeds, training seed and solver."""
         return (
             f"{self.count} {flights}, seeds {self.seeds[0]} … {self.seeds[-1]}, "
-            f"{learner}trained on seed {self.training_seed}, {self.solver}"
+            f"{learner}trained on seed {self.seed}, {self.solver}"
         )
+
+
+def campaign(*, seeds: int, out: Any = options.Out) -> Callable[[Callable], Callable[..., None]]:
+    """Return the decorator of a verb `(run: Campaign, own options) -> Report`, with `seeds` flights a row."""
+    flown: list[Shared] = [
+        ("count", options.Seeds, seeds),
+        ("solver", options.Solver, options.DEFAULT_SOLVER),
+        ("jobs", options.Jobs, 2),
+    ]
+    return reports("reproduce", seed=1000, out=out, run=Campaign, first=flown)
 
 
 def require_rows(names: Collection[str], known: Collection[str]) -> None:

@@ -5,27 +5,21 @@ import dataclasses as dc
 from diagrams.cli import options
 from diagrams.cli.columns import fixed, spread, tabulate
 from diagrams.cli.output import Table
-from diagrams.cli.reproduce.campaign import Campaign, choose_rows
-from diagrams.cli.runner import Report, Run, counting, reports
+from diagrams.cli.reproduce.campaign import Campaign, campaign, choose_rows
+from diagrams.cli.runner import Report, counting
 
 
-@reports("reproduce", seed=1000, out=options.Out)
-def configurations(
-    run: Run,
-    seeds: options.Seeds = 5,
-    solver: options.Solver = options.DEFAULT_SOLVER,
-    jobs: options.Jobs = 2,
-    only: options.Only = None,
-) -> Report:
+@campaign(seeds=5)
+def configurations(run: Campaign, only: options.Only = None) -> Report:
     """Every configuration of the predictor in the loop. All are trained on one flight; --out DIR: models."""
     from diagrams.tracking import configurations as experiment
     from diagrams.tracking import tracking
     from np_drake.lifting.training import make_config
 
-    rows, flown = choose_rows(experiment.ROWS, only), Campaign(run.seed, seeds, solver)
+    rows = choose_rows(experiment.ROWS, only)
     with counting("configurations", "flights") as on_progress:
         summaries = tracking.run_tracking(
-            run.folder, rows=rows, jobs=jobs, on_progress=on_progress, **flown.settings
+            run.folder, rows=rows, jobs=run.jobs, on_progress=on_progress, **run.settings
         )
     lines, places = tracking.table(summaries, rows), experiment.ranking(summaries)
     used = {
@@ -34,12 +28,12 @@ def configurations(
     configs = {name: dc.asdict(c) for name, c in used.items()}
     best = [{"row": name, "mean": mean, "sd": sd} for name, mean, sd in places]
     return Report(
-        [printed(lines, f"{flown.title()}; ± standard deviation over seeds")],
-        config={**flown.settings, "mpc": tracking.frozen_weights(), "configurations": configs},
+        [printed(lines, f"{run.title()}; ± standard deviation over seeds")],
+        config={**run.settings, "mpc": tracking.frozen_weights(), "configurations": configs},
         metrics={"table": lines, "ranking": best, "runs": summaries},
         notes=[
             experiment.verdict(places),
-            f"training: {experiment.TRAINING}, seed {run.seed}; evaluation: seeds {flown.seeds}",
+            f"training: {experiment.TRAINING}, seed {run.seed}; evaluation: seeds {run.seeds}",
             *(f"{name}: {c}" for name, c in used.items()),
         ],
     )

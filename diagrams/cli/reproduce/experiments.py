@@ -5,40 +5,36 @@ import dataclasses as dc
 from diagrams.cli import options
 from diagrams.cli.columns import MISSING, fixed, percent, spread, tabulate
 from diagrams.cli.output import Table
-from diagrams.cli.reproduce.campaign import Campaign, choose_rows
+from diagrams.cli.reproduce.campaign import Campaign, campaign, choose_rows
 from diagrams.cli.runner import Report, Run, counting, reports
 
 PERIODS = 250  # of the timing table [1]
 
 
-@reports("reproduce", seed=1000, out=options.Out)
-def hover(
-    run: Run,
-    seeds: options.Seeds = 5,
-    solver: options.Solver = options.DEFAULT_SOLVER,
-    jobs: options.Jobs = 2,
-    only: options.Only = None,
-) -> Report:
+@campaign(seeds=5)
+def hover(run: Campaign, only: options.Only = None) -> Report:
     """Hover while the payload swings. --out DIR: models, and the payload's distance as a figure."""
     from diagrams.payload import figures, hover_swing
 
-    rows, flown = choose_rows(hover_swing.ROWS, only), Campaign(run.seed, seeds, solver)
+    rows = choose_rows(hover_swing.ROWS, only)
     with counting("hover", "flights") as on_progress:
         runs = hover_swing.run_hover(
-            run.folder, rows=rows, jobs=jobs, on_progress=on_progress, **flown.settings
+            run.folder, rows=rows, jobs=run.jobs, on_progress=on_progress, **run.settings
         )
     lines = hover_swing.hover_table(runs)
     verdict = hover_swing.verdict(lines)
     named = {row.name: f"trained on {row.training}" if row.training else "" for row in rows}
     controllers = {
-        row.name: dc.asdict(hover_swing.hover_config(row, solver=solver, model=named[row.name]).controller)
+        row.name: dc.asdict(
+            hover_swing.hover_config(row, solver=run.solver, model=named[row.name]).controller
+        )
         for row in rows
     }
-    of_figure = f"Hover, impulse of {hover_swing.IMPULSE} N·s on the payload, seed {flown.seeds[0]}"
+    of_figure = f"Hover, impulse of {hover_swing.IMPULSE} N·s on the payload, seed {run.seeds[0]}"
     summaries = [{key: value for key, value in run.items() if key != "course"} for run in runs]
     return Report(
-        [hover_printed(lines, f"{flown.title(learner='np ')}; ± 95 % interval of the mean")],
-        config={**flown.settings, "controllers": controllers},
+        [hover_printed(lines, f"{run.title(learner='np ')}; ± 95 % interval of the mean")],
+        config={**run.settings, "controllers": controllers},
         metrics={"table": lines, "verdict": verdict, "runs": summaries},
         notes=[*verdict, *(f"{name}: MPC {controller['mpc']}" for name, controller in controllers.items())],
         figures={"hover_payload_distance.png": lambda: figures.payload_distance(runs, of_figure)},

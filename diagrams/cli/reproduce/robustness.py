@@ -9,8 +9,8 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.columns import MISSING, Column, tabulate
 from diagrams.cli.output import Table, counted, progress
-from diagrams.cli.reproduce.campaign import Campaign, choose_rows
-from diagrams.cli.runner import Report, Run, reports
+from diagrams.cli.reproduce.campaign import Campaign, campaign, choose_rows
+from diagrams.cli.runner import Report
 
 if TYPE_CHECKING:
     from diagrams.batch.campaign import Record
@@ -23,12 +23,9 @@ OutOfCases = Annotated[
 ]
 
 
-@reports("reproduce", seed=1000, out=OutOfCases)
+@campaign(seeds=2, out=OutOfCases)
 def robustness(
-    run: Run,
-    seeds: options.Seeds = 2,
-    solver: options.Solver = options.DEFAULT_SOLVER,
-    jobs: options.Jobs = 2,
+    run: Campaign,
     scheduler: Annotated[
         str,
         typer.Option(metavar="ADDRESS", help="Fly on the Dask cluster of this scheduler: tcp://HOST:PORT."),
@@ -50,29 +47,25 @@ def robustness(
     from diagrams.robustness.table import robustness_table
     from np_drake.mpc.solvers import require_solver
 
-    rows, axes, flown = (
-        choose_rows(experiment.ROWS, only),
-        _axes(axis or []),
-        Campaign(run.seed, seeds, solver),
-    )
-    require_solver(solver)
+    rows, axes = choose_rows(experiment.ROWS, only), _axes(axis or [])
+    require_solver(run.solver)
     with progress("robustness", 1.0) as advance:
         trainings, flights = experiment.run_robustness(
             run.folder / CASES if run.out else None,
             rows=rows,
             axes=axes,
             duration=duration,
-            jobs=jobs,
+            jobs=run.jobs,
             scheduler=scheduler,
             on_training=lambda done, total: advance(0.0, f"{done} of {total} trainings"),
             on_progress=counted(advance, "flights"),
-            **flown.settings,
+            **run.settings,
         )
     if all("error" in record for record in flights):
         raise FailedRun(f"no flight has a result; the first: {flights[0]['error']}")
     lines = robustness_table(flights, axes)
-    config = experiment.campaign_config(run.seed, solver, duration) | {"seeds": flown.seeds}
-    title = _title(flown, duration)
+    config = experiment.campaign_config(run.seed, run.solver, duration) | {"seeds": run.seeds}
+    title = _title(run, duration)
     return Report(
         [limits_printed(lines, title), errors_printed(lines, title)],
         config=config,
@@ -82,10 +75,10 @@ def robustness(
     )
 
 
-def _title(flown: Campaign, duration: float) -> str:
-    first, *_, last = [*flown.seeds, flown.seeds[-1]]
+def _title(run: Campaign, duration: float) -> str:
+    first, *_, last = [*run.seeds, run.seeds[-1]]
     seeds = f"seed {first}" if first == last else f"seeds {first} … {last}"
-    return f"{seeds}, {duration:g} s, trained on seed {flown.training_seed}, {flown.solver}"
+    return f"{seeds}, {duration:g} s, trained on seed {run.seed}, {run.solver}"
 
 
 def _axes(names: list[str]) -> "list[Axis]":

@@ -8,8 +8,8 @@ import typer
 from diagrams.cli import options
 from diagrams.cli.columns import MISSING, fixed, percent, spread, tabulate
 from diagrams.cli.output import Table
-from diagrams.cli.reproduce.campaign import Campaign, choose_rows
-from diagrams.cli.runner import Report, Run, counting, reports
+from diagrams.cli.reproduce.campaign import Campaign, campaign, choose_rows
+from diagrams.cli.runner import Report, counting
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,12 +19,9 @@ if TYPE_CHECKING:
 FOUR = {"nominal": "", "gp": "gp", "knode": "knode", "np": "default"}  # the paper's: kind, configuration
 
 
-@reports("reproduce", seed=1000, out=options.Out)
+@campaign(seeds=5)
 def tracking(
-    run: Run,
-    seeds: options.Seeds = 5,
-    solver: options.Solver = options.DEFAULT_SOLVER,
-    jobs: options.Jobs = 2,
+    run: Campaign,
     only: options.Only = None,
     training: Annotated[
         str, typer.Option(help="Circle that learned rows train on: plain | dithered | both.")
@@ -34,25 +31,25 @@ def tracking(
     from diagrams.tracking import tracking as experiment
     from diagrams.tracking.tracking_figure import plane_tracks
 
-    rows, flown = _rows(only or [], training), Campaign(run.seed, seeds, solver)
+    rows = _rows(only or [], training)
     laps: dict[tuple[str, str], dict[str, np.ndarray]] = {}
 
     def keep(summary: dict, lap: dict) -> None:
-        if summary["seed"] == flown.seeds[0]:
+        if summary["seed"] == run.seeds[0]:
             laps[summary["experiment"], summary["row"]] = lap
 
     with counting("tracking", "flights") as on_progress:
         summaries = experiment.run_tracking(
-            run.folder, rows=rows, jobs=jobs, on_progress=on_progress, on_lap=keep, **flown.settings
+            run.folder, rows=rows, jobs=run.jobs, on_progress=on_progress, on_lap=keep, **run.settings
         )
     lines = experiment.table(summaries, rows)
-    notes, config = _notes(rows, flown, training)
+    notes, config = _notes(rows, run, training)
     lost = [f"{s['row']}, {s['experiment']}, seed {s['seed']}: {s['lost']}" for s in summaries if "lost" in s]
     failed = sum(line["solve_failures"] for line in lines)
     counts = f"failed solves: {failed} in {len(summaries)} flights; lost flights: {len(lost)}"
-    of_figure = f"last lap, seed {flown.seeds[0]}"
+    of_figure = f"last lap, seed {run.seeds[0]}"
     return Report(
-        [printed(lines, flown.title())],
+        [printed(lines, run.title())],
         config=config,
         metrics={"table": lines, "runs": summaries},
         notes=[*notes, counts, *lost],
@@ -78,7 +75,7 @@ def _rows(only: list[str], training: str) -> "tuple[Row, ...]":
     return rows
 
 
-def _notes(rows: "tuple[Row, ...]", flown: Campaign, training: str) -> tuple[list[str], dict]:
+def _notes(rows: "tuple[Row, ...]", run: Campaign, training: str) -> tuple[list[str], dict]:
     """Return the lines under the table, and the configuration of the metrics file."""
     from diagrams.loop.experiments import load_experiment
     from diagrams.tracking import tracking
@@ -86,17 +83,17 @@ def _notes(rows: "tuple[Row, ...]", flown: Campaign, training: str) -> tuple[lis
     from np_drake.residual_models import motion_training
 
     weights, reality = tracking.frozen_weights(), dc.asdict(load_experiment("circle").reality)
-    used, seed = {}, flown.training_seed
+    used, seed = {}, run.seed
     for name in dict.fromkeys(row.configuration for row in rows if row.configuration):
         known = motion_training.CONFIGURATIONS.get(name)
         used[name] = dc.replace(known, seed=seed) if known else make_config(name, seed=seed)
     notes = [
-        f"training: {training}, seed {seed}; evaluation: seeds {flown.seeds}; solver {flown.solver}",
+        f"training: {training}, seed {seed}; evaluation: seeds {run.seeds}; solver {run.solver}",
         f"MPC of every row: {weights}",
         f"real vehicle of every row: {reality}",
         *(f"{name}: {config}" for name, config in used.items()),
     ]
-    config = {**flown.settings, "mpc": weights, "training": training, "reality": reality}
+    config = {**run.settings, "mpc": weights, "training": training, "reality": reality}
     return notes, config | {"configurations": {name: dc.asdict(c) for name, c in used.items()}}
 
 
