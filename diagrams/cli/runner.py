@@ -13,7 +13,6 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from diagrams.cli import options, output
@@ -51,9 +50,7 @@ class Report:
     lines: Sequence[str] = ()  # printed above the tables
     summary: Sequence[str] = ()  # printed below the tables, and in the Markdown file
     notes: Sequence[str] = ()  # printed below the tables only
-    figures: Mapping[str, Callable[[], "Figure"]] = MappingProxyType(
-        {}
-    )  # file name: draws it, where --out is given
+    figures: Mapping[str, Callable[[], "Figure"]] = dc.field(default_factory=dict)  # by file name in --out
     write: Callable[[Path], None] | None = None  # writes further files into the folder of --out
     failure: Exception | None = None  # raised when all is written and printed
 

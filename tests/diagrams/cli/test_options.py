@@ -1,6 +1,7 @@
 """Laws of the options that verbs share."""
 
 import inspect
+import re
 
 import pytest
 import typer
@@ -49,6 +50,6 @@ def test_shared_options_are_documented_once_in_the_top_level_help(capsys):
 @pytest.mark.parametrize("verb", VERBS)
 def test_help_has_the_fields_words(verb, capsys):
     assert run([*verb.split(), "--help"]) == 0
-    said = capsys.readouterr().out.replace("--rig", "").replace("--laboratory", "").lower()
+    said = re.sub(r"--[a-z-]+", "", capsys.readouterr().out.lower())  # option names stay as they are
     for word in ("foreign", "told", "laborator", " rig ", "second look", "made flights"):
         assert word not in said

@@ -26,7 +26,7 @@ def made(change=lambda run: {}, **settings):
         seen.append(run)
         return Report([TABLE], config={"size": size}, metrics={"table": [1]}, **change(run))
 
-    app = typer.Typer()
+    app = typer.Typer(rich_markup_mode=None)
     app.command("make")(make)
     app.callback()(lambda: None)
     return app, seen
