@@ -4,7 +4,7 @@ import dataclasses as dc
 import os
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Option
 
 from diagrams.cli.columns import tabulate
 from diagrams.cli.output import Table, progress, say
@@ -19,10 +19,10 @@ RECORDED = {"mpc": "default, K = 12", "mpc_refit": "paper, K = 24"}  # key of --
 @reports("bench", seed=0)
 def bench(
     run: Run,
-    problems: Annotated[int, typer.Option(min=10, help="Recorded NP-MPC problems.")] = 200,
-    seconds: Annotated[float, typer.Option(min=1.0, help="Simulated time of the simulator [s].")] = 40.0,
+    problems: Annotated[int, Option(min=10, help="Recorded NP-MPC problems.")] = 200,
+    seconds: Annotated[float, Option(min=1.0, help="Simulated time of the simulator [s].")] = 40.0,
     predictor: Annotated[
-        bool, typer.Option("--predictor", help="Only the predictors, against the pseudo-inverse.")
+        bool, Option("--predictor", help="Only the predictors, against the pseudo-inverse.")
     ] = False,
 ) -> Report:
     """Time solvers, predictor, simulator and training; CasADi + IPOPT (extra `bench`) is the peer."""
@@ -43,7 +43,7 @@ def bench(
         advance(1.0, "")
     mpc = config.controller.mpc
     with counting("solvers") as on_progress:
-        reports = suite(
+        found = suite(
             config.vehicle,
             mpc,
             recorded=dict(zip(RECORDED.values(), (recorded, refit), strict=True)),
@@ -53,36 +53,36 @@ def bench(
     content, tables = _others(measure, config, run, walls, seconds)
     growth = [
         {"N": int(name.split("=")[1]), "solver": r.name, **dc.asdict(r)}
-        for name, rows in reports.items()
+        for name, rows in found.items()
         if name.startswith("N =")
         for r in rows
     ]
-    starts = {name: [dc.asdict(r) for r in rows] for name, rows in reports.items() if "start" in name}
+    starts = {name: [dc.asdict(r) for r in rows] for name, rows in found.items() if "start" in name}
     timed = {
-        key: {r.name: {"N": mpc.horizon, **dc.asdict(r)} for r in reports[name]}
+        key: {r.name: {"N": mpc.horizon, **dc.asdict(r)} for r in found[name]}
         for key, name in RECORDED.items()
     }
     return Report(
-        [_solver_table(reports), *tables],
+        [_solver_table(found), *tables],
         config=dc.asdict(mpc),
         metrics={**timed, "mpc_growth": growth, "mpc_starts": starts, **content},
     )
 
 
-def _solver_table(reports: "dict[str, list[SolverReport]]") -> Table:
+def _solver_table(found: "dict[str, list[SolverReport]]") -> Table:
     columns = (
-        ("problems", lambda line: line[0]),
-        ("solver", lambda line: line[1].name),
-        ("n", lambda line: line[1].problems),
-        ("median [ms]", lambda line: line[1].median_ms),
-        ("p95", lambda line: line[1].p95_ms),
-        ("max", lambda line: line[1].max_ms),
-        ("ratio", lambda line: line[1].ratio_to_casadi),
-        ("failed", lambda line: line[1].failures),
-        ("fell back", lambda line: line[1].fallbacks),
-        ("gap", lambda line: f"{line[1].gap_median:.1e}"),
+        ("problems", "suite"),
+        ("solver", "name"),
+        ("n", "problems"),
+        ("median [ms]", "median_ms"),
+        ("p95", "p95_ms"),
+        ("max", "max_ms"),
+        ("ratio", "ratio_to_casadi"),
+        ("failed", "failures"),
+        ("fell back", "fallbacks"),
+        ("gap", lambda line: f"{line['gap_median']:.1e}"),
     )
-    lines = [(name, solver) for name, solvers in reports.items() for solver in solvers]
+    lines = [{"suite": suite, **dc.asdict(r)} for suite, solvers in found.items() for r in solvers]
     return tabulate("NP-MPC solvers; ratio: to CasADi + IPOPT in this run", lines, columns)
 
 

@@ -4,7 +4,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option
 
 from diagrams.cli import options
 from diagrams.cli.columns import percent, tabulate
@@ -15,7 +15,7 @@ from diagrams.cli.runner import Report, Run, reports
 if TYPE_CHECKING:
     from diagrams.tracking.demo import Demo
 
-Out = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for model, log, figures, replay.")]
+Out = Annotated[Path, Option("--out", metavar="DIR", help="Folder for model, log, figures, replay.")]
 
 
 @reports("demo", seed=0, out=Out, folder=Path("out/demo"), markdown=False)

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from diagrams.cli import options
 from diagrams.cli.output import progress, say
@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from np_drake.vehicle import Vehicle
 
 NAMED_VEHICLES = ("paper", "neurobem")
-Out = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Folder for report, figures and JSON.")
-]
+Out = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for report, figures and JSON.")]
 LOG_HELP = "Flight log (CSV, .csv.gz, Parquet) or NeuroBEM CSV; repeatable."
 
 
@@ -26,31 +24,27 @@ LOG_HELP = "Flight log (CSV, .csv.gz, Parquet) or NeuroBEM CSV; repeatable."
 def diagnose(
     run: Run,
     case: Annotated[
-        Path | None, typer.Argument(metavar="CASE", help="Folder of vehicle.yaml, train_* and heldout* logs.")
+        Path | None, Argument(metavar="CASE", help="Folder of vehicle.yaml, train_* and heldout* logs.")
     ] = None,
     vehicle: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--vehicle",
             metavar="FILE",
             help="Vehicle file (YAML), or paper | neurobem; without it the latter for its flights, else the former.",
         ),
     ] = None,
-    train: Annotated[
-        list[Path] | None, typer.Option("--train", metavar="LOG", help=f"To fit effects to. {LOG_HELP}")
-    ] = None,
-    held_out: Annotated[
-        list[Path] | None, typer.Option("--held-out", metavar="LOG", help=f"To judge them. {LOG_HELP}")
-    ] = None,
+    train: Annotated[list[Path] | None, Option(metavar="LOG", help=f"To fit effects to. {LOG_HELP}")] = None,
+    held_out: Annotated[list[Path] | None, Option(metavar="LOG", help=f"To judge them. {LOG_HELP}")] = None,
     no_replay: Annotated[
-        bool, typer.Option("--no-replay", help="Leave out the open-loop replay in the simulator.")
+        bool, Option("--no-replay", help="Leave out the open-loop replay in the simulator.")
     ] = False,
     no_second_look: Annotated[
-        bool, typer.Option("--no-second-look", help="No adaptive split: fit nothing to held-out flights.")
+        bool, Option("--no-second-look", help="No adaptive split: fit nothing to held-out flights.")
     ] = False,
     rig: Annotated[
         bool | None,
-        typer.Option(
+        Option(
             "--rig/--laboratory",
             help="Tolerances of vehicle file and logs: real or ideal sensors; default: as logs look.",
         ),

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
@@ -24,25 +24,24 @@ HORIZONS = "1,5,10,20,40"
 @reports("evaluate", seed=0, markdown=False)
 def evaluate(
     run: Run,
-    logs: Annotated[list[Path] | None, typer.Argument(metavar="LOG…", help=LOG_HELP)] = None,
+    logs: Annotated[list[Path] | None, Argument(metavar="LOG…", help=LOG_HELP)] = None,
     predictor: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Model file; default: the one in the package.")
+        Path | None, Option(metavar="FILE", help="Model file; default: the one in the package.")
     ] = None,
     train: Annotated[
-        list[Path] | None, typer.Option(metavar="LOG", help="Train both configurations on it; repeatable.")
+        list[Path] | None, Option(metavar="LOG", help="Train both configurations on it; repeatable.")
     ] = None,
     neurobem: options.Neurobem = None,
     leave_one_out: Annotated[
-        bool, typer.Option("--leave-one-out", help="Score every LOG by models trained on all the others.")
+        bool, Option("--leave-one-out", help="Score every LOG by models trained on all the others.")
     ] = False,
     only: Annotated[
-        list[str] | None, typer.Option(help="Train only this one: paper | default; repeatable.")
+        list[str] | None, Option(help="Train only this one: paper | default; repeatable.")
     ] = None,
     also: Annotated[
-        list[str] | None,
-        typer.Option(help="Rows of these as well, trained likewise: gp | knode; repeatable."),
+        list[str] | None, Option(help="Rows of these as well, trained likewise: gp | knode; repeatable.")
     ] = None,
-    horizons: Annotated[str, typer.Option(help="Steps ahead, comma-separated.")] = HORIZONS,
+    horizons: Annotated[str, Option(help="Steps ahead, comma-separated.")] = HORIZONS,
     epochs: options.Epochs = None,
     step: options.Step = 0.02,
     vehicle: options.VehicleFile = None,

@@ -4,7 +4,7 @@ import dataclasses as dc
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from diagrams.cli import options
 from diagrams.cli.columns import Column, tabulate
@@ -20,27 +20,23 @@ if TYPE_CHECKING:
 @reports("fly", seed=0, out=options.Out, markdown=False)
 def fly(
     run: Run,
-    experiment: Annotated[
-        str, typer.Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")
-    ],
+    experiment: Annotated[str, Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")],
     controller: Annotated[
         str | None,
-        typer.Option(
-            help="nominal | hold | observer | oracle | np | gp | knode; default: the scenario's, or np."
-        ),
+        Option(help="nominal | hold | observer | oracle | np | gp | knode; default: the scenario's, or np."),
     ] = None,
     solver: Annotated[
         str | None,
-        typer.Option(
+        Option(
             help="sqp | ipopt (MathematicalProgram, the reference) | ipopt_multiple_shooting (the test oracle: "
             f"0.2 to 1 s a solve); default: the scenario file's, or {options.DEFAULT_SOLVER}."
         ),
     ] = None,
-    predictor: Annotated[Path | None, typer.Option(help="Model file of controller np, gp or knode.")] = None,
+    predictor: Annotated[Path | None, Option(help="Model file of controller np, gp or knode.")] = None,
     told_mass: Annotated[
-        bool, typer.Option("--told-mass", help="Known mass: controller and estimator have the payload's.")
+        bool, Option("--told-mass", help="Known mass: controller and estimator have the payload's.")
     ] = False,
-    duration: Annotated[float | None, typer.Option(help="Scored time after the ramp [s].")] = None,
+    duration: Annotated[float | None, Option(help="Scored time after the ramp [s].")] = None,
     vehicle: options.VehicleFile = None,
 ) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""

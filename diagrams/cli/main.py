@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from typing import Annotated
 
 import typer
+from typer import Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import bench, demo, diagnose, evaluate, fly, options, train
@@ -50,7 +51,7 @@ GROUPS = {
 @app.callback(invoke_without_command=True)
 def about(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Print the version and leave.")] = False,
+    version: Annotated[bool, Option("--version", help="Print the version and leave.")] = False,
 ) -> None:
     """Print the version or the help, where no verb is given."""
     if version:

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 DEFAULT_SOLVER = "sqp"  # of every verb that flies
 EPILOG = (
@@ -14,34 +14,33 @@ EPILOG = (
 )
 
 OptionalPath = Path | None
-Json = Annotated[OptionalPath, typer.Option("--json", metavar="FILE", help="Write the values as JSON.")]
-Out = Annotated[OptionalPath, typer.Option("--out", metavar="DIR", help="Folder for logs and figures.")]
-Markdown = Annotated[
-    OptionalPath, typer.Option("--markdown", metavar="FILE", help="Write the table as Markdown.")
-]
-Seed = Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Seed of every random draw.")]
-Undrawn = Annotated[int, typer.Option("--seed", min=0, hidden=True)]  # of verbs without a random draw
-Seeds = Annotated[int, typer.Option("--seeds", min=1, help="Evaluation flights a row, of seeds seed + 1, …")]
-Solver = Annotated[str, typer.Option("--solver", help="sqp | ipopt (MathematicalProgram, the reference)")]
-Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes.")]
+Json = Annotated[OptionalPath, Option("--json", metavar="FILE", help="Write the values as JSON.")]
+Out = Annotated[OptionalPath, Option("--out", metavar="DIR", help="Folder for logs and figures.")]
+Markdown = Annotated[OptionalPath, Option("--markdown", metavar="FILE", help="Write the table as Markdown.")]
+Seed = Annotated[int, Option("--seed", min=0, max=2**31 - 1, help="Seed of every random draw.")]
+Undrawn = Annotated[int, Option("--seed", min=0, hidden=True)]  # of verbs without a random draw
+Seeds = Annotated[int, Option("--seeds", min=1, help="Evaluation flights a row, of seeds seed + 1, …")]
+Solver = Annotated[str, Option("--solver", help="sqp | ipopt (MathematicalProgram, the reference)")]
+Jobs = Annotated[int, Option("--jobs", min=1, help="Processes.")]
 Only = Annotated[
-    list[str] | None, typer.Option("--only", help="Only rows of these names (nominal is always flown).")
+    list[str] | None, Option("--only", help="Only rows of these names (nominal is always flown).")
 ]
 VehicleFile = Annotated[
-    OptionalPath, typer.Option("--vehicle", metavar="FILE", help="Vehicle file (YAML); default: the paper's.")
+    OptionalPath, Option("--vehicle", metavar="FILE", help="Vehicle file (YAML); default: the paper's.")
 ]
-Repair = Annotated[bool, typer.Option("--repair", help="Mend a few bad rows of a log and say so.")]
-Epochs = Annotated[int | None, typer.Option("--epochs", min=1, help="Passes; default: the configuration's.")]
+Repair = Annotated[bool, Option("--repair", help="Mend a few bad rows of a log and say so.")]
+Epochs = Annotated[int | None, Option("--epochs", min=1, help="Passes; default: the configuration's.")]
 Configuration = Annotated[
     str,
-    typer.Option(
+    Option(
         "--configuration",
         metavar="NAME",
         help="Predictor: default | paper | dictionary | dmdc | delay-dmdc | ridge; or gp | knode.",
     ),
 ]
-Step = Annotated[float, typer.Option("--step", min=1e-4, max=1.0, help="Predictor step for flight logs [s].")]
+Step = Annotated[float, Option("--step", min=1e-4, max=1.0, help="Predictor step for flight logs [s].")]
 Neurobem = Annotated[
     OptionalPath,
-    typer.Option("--neurobem", metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),
+    Option("--neurobem", metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),
 ]
+Replay = Annotated[bool, Option("--replay", help="Replay held-out flights in Drake too.")]

@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -38,9 +39,10 @@ def score(
 ) -> list[dict[str, Any]]:
     """Return the rows of `--json`: every model, baseline and naive row on every flight, horizon in seconds.
 
-    mean: (6,) of chi in training; None: the flight's own, which no predictor could know.
-    zeta: `held` at its last value, or `known`.
-    `on_model` is called with (done, total) after every model.
+    Args:
+        mean: (6,) of chi in training; None: the flight's own, which no predictor could know.
+        zeta: `held` at its last value, or `known`.
+        on_model: called with (done, total) after every model.
     Raises: ValueError: if a step is not the model's, or a flight too short.
     """
     rows: list[dict[str, Any]] = []
@@ -103,35 +105,29 @@ def tables(rows: list[dict[str, Any]], zeta: str, *, mean: bool) -> list[Table]:
     95 % interval and the worst skill.
     """
     rows = [row for row in rows if row["zeta"] == zeta]
-    groups = {
-        name: [row for row in rows if row["flight"] == name] for name in (row["flight"] for row in rows)
-    }
+    flights = dict.fromkeys(row["flight"] for row in rows)
+    groups = {name: [row for row in rows if row["flight"] == name] for name in flights}
     found = []
     for name, group in ({"mean over flights": rows} if mean else groups).items():
+        cells: dict[str, dict[float, list[dict]]] = {}
+        for row in group:
+            cells.setdefault(row["model"], {}).setdefault(row["horizon"], []).append(row)
         horizons = sorted({row["horizon"] for row in group})
         for kind, unit in (("force", "N"), ("torque", "N·m")):
             what = f" RMSE [{unit}] (skill: below 1 beats all naive)"
             what = ", ratio to persistence (worst skill)" if mean else what
-            cells: dict[tuple, list[dict]] = {}
-            for row in group:
-                cells.setdefault((row["model"], row["horizon"]), []).append(row)
-            lines = [
-                (
-                    model,
-                    *((_mean_cell if mean else _cell)(cells[model, horizon], kind) for horizon in horizons),
-                )
-                for model in dict.fromkeys(row["model"] for row in group)
-            ]
+            cell = partial(_mean_cell if mean else _cell, kind)
+            lines = [(model, *(cell(of[horizon]) for horizon in horizons)) for model, of in cells.items()]
             header = ["ahead", *(f"{horizon:.4g} s" for horizon in horizons)]
             found.append((f"{name}: {kind}{what}, coming motion {zeta}", header, lines))
     return found
 
 
-def _cell(cell: list[dict[str, Any]], kind: str) -> str:
+def _cell(kind: str, cell: list[dict[str, Any]]) -> str:
     return f"{cell[-1][f'{kind}_rmse']:.3g} ({cell[-1][f'{kind}_skill']:.2f})"
 
 
-def _mean_cell(cell: list[dict[str, Any]], kind: str) -> str:
+def _mean_cell(kind: str, cell: list[dict[str, Any]]) -> str:
     mean, low, high = mean_interval(np.array([row[f"{kind}_ratio"] for row in cell]))
     worst = max(row[f"{kind}_skill"] for row in cell)
     return f"{_short(float(mean))} ±{_short(float(high - low) / 2)} ({_short(worst)})"

@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from diagrams.cli import options
 from diagrams.cli.output import Table, progress, require_outputs, say
@@ -25,12 +25,12 @@ LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM array
 @reports("train", seed=0, markdown=False)
 def train(
     run: Run,
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help=LOG_HELP)],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Model file (safetensors).")],
+    logs: Annotated[list[Path], Argument(metavar="LOG…", help=LOG_HELP)],
+    out: Annotated[Path, Option(metavar="FILE", help="Model file (safetensors).")],
     configuration: options.Configuration = "default",
     epochs: options.Epochs = None,
     checkpoint: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Save the run here as it goes, and resume it.")
+        Path | None, Option(metavar="FILE", help="Save the run here as it goes, and resume it.")
     ] = None,
     step: options.Step = 0.02,
     vehicle: options.VehicleFile = None,
@@ -52,9 +52,8 @@ def train(
         raise ValueError(f"--checkpoint: {configuration} has none; it trains in a minute or less.")
     flights = open_flights(logs, vehicle, repair=repair)
     if configuration in REACTIONS:
-        head: dict[str, Any] = {"seed": run.seed} | (
-            {"epochs": epochs} if epochs and configuration == KNODE else {}
-        )
+        head: dict[str, Any] = {"seed": run.seed}
+        head |= {"epochs": epochs} if epochs and configuration == KNODE else {}
         learnt, loss, wall = train_reaction(configuration, flights, step=step, settings=head)
         learnt.save(out)
         summary = learnt.summary
@@ -142,7 +141,8 @@ def configure(name: str, *, frame: str = "world", seed: int = 0, epochs: int | N
 
     config = make_config(name, frame=frame, seed=seed)
     names = {field.name for field in dc.fields(config)} & {"epochs", "iterations"}
-    return config if epochs is None else dc.replace(config, **dict.fromkeys(names, epochs))
+    given: dict[str, Any] = dict.fromkeys(names, epochs)
+    return config if epochs is None else dc.replace(config, **given)
 
 
 def run_training(

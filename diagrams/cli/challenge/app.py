@@ -4,7 +4,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Option
 
+from diagrams.cli import options
 from diagrams.cli.challenge import compare, golden, score, solve
 from diagrams.cli.output import progress, require_folder
 from diagrams.cli.runner import Report, Run, reports
@@ -20,17 +22,17 @@ challenge.command("golden")(golden.golden)
 @reports("challenge_make", seed=0, markdown=False)
 def make(
     run: Run,
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the case folders.")],
-    truth: Annotated[Path, typer.Option(metavar="DIR", help="Folder for their truth; not inside --out.")],
-    simulator: Annotated[str, typer.Option(metavar="NAME", help="Who flies: drake | rotorpy.")] = "drake",
-    quality: Annotated[str, typer.Option(metavar="NAME", help="Sensors: clean (ideal) | real.")] = "clean",
-    cases: Annotated[int, typer.Option(min=0, help="Cases with effects.")] = 44,
-    clean: Annotated[int, typer.Option(min=0, help="Clean controls: cases without.")] = 20,
-    seconds: Annotated[float, typer.Option(help="Length of every flight [s].")] = 20.0,
+    out: Annotated[Path, Option(metavar="DIR", help="Folder for the case folders.")],
+    truth: Annotated[Path, Option(metavar="DIR", help="Folder for their truth; not inside --out.")],
+    simulator: Annotated[str, Option(metavar="NAME", help="Who flies: drake | rotorpy.")] = "drake",
+    quality: Annotated[str, Option(metavar="NAME", help="Sensors: clean (ideal) | real.")] = "clean",
+    cases: Annotated[int, Option(min=0, help="Cases with effects.")] = 44,
+    clean: Annotated[int, Option(min=0, help="Clean controls: cases without.")] = 20,
+    seconds: Annotated[float, Option(help="Length of every flight [s].")] = 20.0,
     unseen: Annotated[
-        bool, typer.Option("--unseen", help="Out-of-library effects alone, of kinds in no other set.")
+        bool, Option("--unseen", help="Out-of-library effects alone, of kinds in no other set.")
     ] = False,
-    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
+    jobs: options.Jobs = 1,
 ) -> Report:
     """Fly and write a set: about half single effects, then pairs, triples, onsets in flight, out-of-library effects."""
     from diagrams.challenge.generate.make import check_request, require_no_other_set

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument
 
 from diagrams.cli.runner import Report, Run, reports
 
@@ -12,7 +12,7 @@ from diagrams.cli.runner import Report, Run, reports
 def compare(
     run: Run,
     scores: Annotated[
-        list[Path], typer.Argument(metavar="FILE...", help="What score --json wrote, or compare --json.")
+        list[Path], Argument(metavar="FILE...", help="What score --json wrote, or compare --json.")
     ],
 ) -> Report:
     """Scores of several draws beside what is asked for; short ones between asterisks.

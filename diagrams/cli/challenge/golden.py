@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from diagrams.cli import options
 from diagrams.cli.output import require_outputs, say
@@ -14,15 +14,11 @@ SHOWN = 20  # differences that are printed
 
 
 def golden(
-    only: Annotated[
-        list[str] | None, typer.Option("--only", metavar="CASE", help="These cases alone.")
-    ] = None,
-    against: Annotated[
-        Path | None, typer.Option("--against", metavar="FILE", help="Answers to compare with.")
-    ] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write the answers.")] = None,
-    tolerance: Annotated[float, typer.Option(min=0.0, help="Largest relative difference.")] = 1e-6,
-    names: Annotated[bool, typer.Option("--list", help="Print the names of the cases and leave.")] = False,
+    only: Annotated[list[str] | None, Option(metavar="CASE", help="These cases alone.")] = None,
+    against: Annotated[Path | None, Option(metavar="FILE", help="Answers to compare with.")] = None,
+    out: Annotated[Path | None, Option(metavar="FILE", help="Write the answers.")] = None,
+    tolerance: Annotated[float, Option(min=0.0, help="Largest relative difference.")] = 1e-6,
+    names: Annotated[bool, Option("--list", help="Print the names of the cases and leave.")] = False,
     jobs: options.Jobs = 2,
     neurobem: options.Neurobem = None,
     seed: options.Undrawn = 0,

@@ -4,7 +4,7 @@ import math
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from diagrams.cli import options
 from diagrams.cli.output import progress, say
@@ -15,13 +15,13 @@ from diagrams.cli.runner import Report, Run, reports
 def score(
     run: Run,
     answers: Annotated[
-        Path, typer.Argument(metavar="ANSWERS", help="Folder of <case>/diagnosis.json, or of sets.")
+        Path, Argument(metavar="ANSWERS", help="Folder of <case>/diagnosis.json, or of sets.")
     ],
-    truth: Annotated[Path, typer.Argument(metavar="TRUTH", help="Folder of <case>/truth.json, or of sets.")],
+    truth: Annotated[Path, Argument(metavar="TRUTH", help="Folder of <case>/truth.json, or of sets.")],
     visible: Annotated[
-        float, typer.Option(metavar="RATIO", min=1.0, help="Visibility from which a case must be found [1].")
+        float, Option(metavar="RATIO", min=1.0, help="Visibility from which a case must be found [1].")
     ] = 1.5,
-    misses: Annotated[bool, typer.Option("--misses", help="List every miss.")] = False,
+    misses: Annotated[bool, Option("--misses", help="List every miss.")] = False,
 ) -> Report:
     """Score the answers to a challenge set; with --out: figures. A case without an answer is a miss."""
     if not math.isfinite(visible):
@@ -35,6 +35,7 @@ def score(
     from diagrams.challenge.score.tables import miss_table, set_lines, tables
 
     result = score_cases(read_solved(answers, truth), least=visible, seed=run.seed)
+    shown = [*tables(result, visible), *([miss_table(result)] if misses else [])]
 
     def draw(folder: Path) -> None:
         with progress("figures", 1.0) as advance:
@@ -43,8 +44,7 @@ def score(
         say(f"figures: {', '.join(map(str, written))}")
 
     return Report(
-        [(title, header, list(map(tuple, rows))) for title, header, rows in tables(result, visible)]
-        + [miss_table(result)] * misses,
+        [(title, header, list(map(tuple, rows))) for title, header, rows in shown],
         config={"answers": answers, "truth": truth, "visible": visible},
         metrics=result,
         summary=set_lines(result),

@@ -3,8 +3,9 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
+from diagrams.cli import options
 from diagrams.cli.output import progress, require_folder
 from diagrams.cli.runner import Report, Run, reports
 
@@ -12,11 +13,11 @@ from diagrams.cli.runner import Report, Run, reports
 @reports("challenge_solve", seed=None, markdown=False)
 def solve(
     run: Run,
-    cases: Annotated[Path, typer.Argument(metavar="CASES", help="Folder of case folders.")],
-    out: Annotated[Path, typer.Option(metavar="ANSWERS", help="Folder for <case>/diagnosis.json.")],
-    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
-    replay: Annotated[bool, typer.Option("--replay", help="Replay held-out flights in Drake too.")] = False,
-    again: Annotated[bool, typer.Option("--again", help="Also where there is an answer already.")] = False,
+    cases: Annotated[Path, Argument(metavar="CASES", help="Folder of case folders.")],
+    out: Annotated[Path, Option(metavar="ANSWERS", help="Folder for <case>/diagnosis.json.")],
+    jobs: options.Jobs = 1,
+    replay: options.Replay = False,
+    again: Annotated[bool, Option("--again", help="Also where there is an answer already.")] = False,
 ) -> Report:
     """Diagnose every case folder in parallel; answers that are there already are kept.
 

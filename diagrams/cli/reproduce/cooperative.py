@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option
 
 from diagrams.cli import options
 from diagrams.cli.columns import MISSING, spread
@@ -22,12 +22,10 @@ COLUMNS = ("position_rmse", "E_xy", "E_z", "excursion", "payload_rmse", "payload
 @reports("reproduce", seed=1000, out=options.Out)
 def cooperative(
     run: Run,
-    vehicles: Annotated[
-        list[int] | None, typer.Option(help="Fleet sizes, once each; default: 2, 3 and 4.")
-    ] = None,
+    vehicles: Annotated[list[int] | None, Option(help="Fleet sizes, once each; default: 2, 3 and 4.")] = None,
     solver: options.Solver = options.DEFAULT_SOLVER,
-    only: Annotated[list[str] | None, typer.Option(help="Only rows of these names.")] = None,
-    seeds: Annotated[int, typer.Option(min=1, help="Flights a row, of seeds seed, seed + 1, …")] = 3,
+    only: Annotated[list[str] | None, Option(help="Only rows of these names.")] = None,
+    seeds: Annotated[int, Option(min=1, help="Flights a row, of seeds seed, seed + 1, …")] = 3,
 ) -> Report:
     """Several vehicles on one payload. Each has its own predictor and MPC; --out DIR: paths, replays of one seed."""
     from diagrams.cli.fly import as_config

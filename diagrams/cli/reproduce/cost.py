@@ -3,8 +3,9 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
+from diagrams.cli import options
 from diagrams.cli.columns import fixed, tabulate
 from diagrams.cli.output import Table
 from diagrams.cli.runner import Report, Run, counting, reports
@@ -15,14 +16,11 @@ GIBIBYTE = 2**30
 @reports("reproduce", seed=0)
 def cost(
     run: Run,
-    case: Annotated[
-        list[Path] | None, typer.Option("--case", metavar="DIR", help="A case folder to time as well.")
-    ] = None,
+    case: Annotated[list[Path] | None, Option(metavar="DIR", help="A case folder to time as well.")] = None,
     seconds: Annotated[
-        list[float] | None,
-        typer.Option("--seconds", min=5.0, max=300.0, help="Length of simulated flights [s]; 20, 60, 200."),
+        list[float] | None, Option(min=5.0, max=300.0, help="Length of simulated flights [s]; 20, 60, 200.")
     ] = None,
-    replay: Annotated[bool, typer.Option("--replay", help="Replay held-out flights in Drake too.")] = False,
+    replay: options.Replay = False,
 ) -> Report:
     """What a diagnosis costs. Time and memory of whole processes, by the length of flights."""
     from diagrams.challenge.cost import LENGTHS, MADE, cost_table

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
 CASES = "cases"  # folder in --out with a file for every case
 OutOfCases = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="DIR", help="Folder for the figure and every case, to resume from."),
+    Path | None, Option("--out", metavar="DIR", help="Folder for the figure and every case, to resume from.")
 ]
 
 
@@ -27,14 +26,13 @@ OutOfCases = Annotated[
 def robustness(
     run: Campaign,
     scheduler: Annotated[
-        str,
-        typer.Option(metavar="ADDRESS", help="Fly on the Dask cluster of this scheduler: tcp://HOST:PORT."),
+        str, Option(metavar="ADDRESS", help="Fly on the Dask cluster of this scheduler: tcp://HOST:PORT.")
     ] = "",
     only: options.Only = None,
     axis: Annotated[
-        list[str] | None, typer.Option(help="Only these axes: mass | length | speed | wind | noise | lag.")
+        list[str] | None, Option(help="Only these axes: mass | length | speed | wind | noise | lag.")
     ] = None,
-    duration: Annotated[float, typer.Option(min=10.0, help="Of a flight, after the ramp [s].")] = 20.0,
+    duration: Annotated[float, Option(min=10.0, help="Of a flight, after the ramp [s].")] = 20.0,
 ) -> Report:
     """Payload, tether, speed, wind and noise, one by one. --out DIR: figure, and cases to resume from."""
     from diagrams.batch.cluster import client

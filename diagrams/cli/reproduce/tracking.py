@@ -3,7 +3,7 @@
 import dataclasses as dc
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option
 
 from diagrams.cli import options
 from diagrams.cli.columns import MISSING, fixed, percent, spread, tabulate
@@ -24,7 +24,7 @@ def tracking(
     run: Campaign,
     only: options.Only = None,
     training: Annotated[
-        str, typer.Option(help="Circle that learned rows train on: plain | dithered | both.")
+        str, Option(help="Circle that learned rows train on: plain | dithered | both.")
     ] = "both",
 ) -> Report:
     """Every controller on circle and lemniscate. --out DIR: models and figure."""
