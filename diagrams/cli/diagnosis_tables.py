@@ -18,16 +18,17 @@ def judgement(diagnosis: Diagnosis) -> list[str]:
 
 def tables(diagnosis: Diagnosis) -> list[Table]:
     """Return the tables that have rows."""
+    cause_header = ["effect", "probability", "parameter", "value", "95 % interval", "onset"]
+    ladder = [(rung.name, words.number(rung.residual)) for rung in diagnosis.shrink.ladder]
+    alike = [(" | ".join(item.effects), item.manoeuvre) for item in diagnosis.check.not_identifiable]
+    left = [(finding.name, finding.text) for finding in diagnosis.remains]
+    left += [(f"minor: {finding.name}", finding.text) for finding in diagnosis.minor]
     every: list[Table] = [
-        (
-            "causes",
-            ["effect", "probability", "parameter", "value", "95 % interval", "onset"],
-            cause_rows(diagnosis),
-        ),
-        ("held-out residual", ["simulator", "residual [noise units]"], ladder_rows(diagnosis)),
+        ("causes", cause_header, cause_rows(diagnosis)),
+        ("held-out residual", ["simulator", "residual [noise units]"], ladder),
         ("replay, median error, before → after", ["horizon [s]", *_QUANTITIES], replay_rows(diagnosis)),
-        ("these logs cannot tell", ["effects", "what would tell"], confusable_rows(diagnosis)),
-        ("left unexplained, and minor", ["finding", "what was found"], finding_rows(diagnosis)),
+        ("these logs cannot tell", ["effects", "what would tell"], alike),
+        ("left unexplained, and minor", ["finding", "what was found"], left),
     ]
     return [table for table in every if table[2]]
 
@@ -61,11 +62,6 @@ def begin(time: float, flight: str) -> str:
     return f"{flight}: {time:.2f} s" if math.isfinite(time) else f"{flight}: not at all"
 
 
-def ladder_rows(diagnosis: Diagnosis) -> list[tuple]:
-    """Return a row for every rung of the ladder."""
-    return [(rung.name, words.number(rung.residual)) for rung in diagnosis.shrink.ladder]
-
-
 def replay_rows(diagnosis: Diagnosis) -> list[tuple]:
     """Return a row for every horizon."""
     gaps = [gap for gap in (diagnosis.shrink.replay_before, diagnosis.shrink.replay_after) if gap is not None]
@@ -76,14 +72,3 @@ def replay_rows(diagnosis: Diagnosis) -> list[tuple]:
             cells.append(" → ".join(words.number(float(getattr(gap, name)[k, 0]), 2) for gap in gaps))
         rows.append((f"{horizon:g}", *cells))
     return rows
-
-
-def confusable_rows(diagnosis: Diagnosis) -> list[tuple]:
-    """Return a row for every set of effects that are not identifiable."""
-    return [(" | ".join(item.effects), item.manoeuvre) for item in diagnosis.check.not_identifiable]
-
-
-def finding_rows(diagnosis: Diagnosis) -> list[tuple]:
-    """Return rows of what is unexplained, then of what is significant but immaterial."""
-    left = [(finding.name, finding.text) for finding in diagnosis.remains]
-    return left + [(f"minor: {finding.name}", finding.text) for finding in diagnosis.minor]

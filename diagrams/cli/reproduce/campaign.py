@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection
 from typing import Any
 
 from diagrams.cli import options
-from diagrams.cli.runner import Run, Shared, reports
+from diagrams.cli.runner import Run, Shared, counting, reports
 
 
 @dc.dataclass(frozen=True)
@@ -25,6 +25,12 @@ class Campaign(Run):
     def settings(self) -> dict[str, Any]:
         """Solver and seeds, as the experiments take them and as `--json` holds them."""
         return {"solver": self.solver, "seeds": self.seeds, "training_seed": self.seed}
+
+    def fly(self, name: str, experiment: Callable[..., list[dict]], rows: tuple, **more: Any) -> list[dict]:
+        """Fly every row with every seed behind a progress bar; return the summaries of the flights."""
+        with counting(name, "flights") as on_progress:
+            more |= {"rows": rows, "jobs": self.jobs, "on_progress": on_progress}
+            return experiment(self.folder, **self.settings, **more)
 
     def title(self, flights: str = "flights a row", learner: str = "") -> str:
         """Return the title of a table: flights, seeds, training seed and solver."""

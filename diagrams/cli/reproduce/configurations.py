@@ -6,7 +6,7 @@ from diagrams.cli import options
 from diagrams.cli.columns import fixed, spread, tabulate
 from diagrams.cli.output import Table
 from diagrams.cli.reproduce.campaign import Campaign, campaign, choose_rows
-from diagrams.cli.runner import Report, counting
+from diagrams.cli.runner import Report
 
 
 @campaign(seeds=5)
@@ -17,10 +17,7 @@ def configurations(run: Campaign, only: options.Only = None) -> Report:
     from np_drake.lifting.training import make_config
 
     rows = choose_rows(experiment.ROWS, only)
-    with counting("configurations", "flights") as on_progress:
-        summaries = tracking.run_tracking(
-            run.folder, rows=rows, jobs=run.jobs, on_progress=on_progress, **run.settings
-        )
+    summaries = run.fly("configurations", tracking.run_tracking, rows)
     lines, places = tracking.table(summaries, rows), experiment.ranking(summaries)
     used = {
         row.configuration: make_config(row.configuration, seed=run.seed) for row in rows if row.configuration

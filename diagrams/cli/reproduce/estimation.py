@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from diagrams.cli import options
 from diagrams.cli.columns import grouped
 from diagrams.cli.output import Table
-from diagrams.cli.reproduce.real_flights import required, trained
+from diagrams.cli.reproduce.real_flights import arrays, trained
 from diagrams.cli.runner import Report, Run, counting, reports
 
 if TYPE_CHECKING:
@@ -21,14 +21,12 @@ SHOWN = "random points"  # the flight of which the paper shows ten seconds
 @reports("reproduce", seed=1000, out=options.Out)
 def estimation(run: Run, neurobem: options.Neurobem = None) -> Report:
     """The paper's table, one step ahead. On six real flights; --out DIR: ten seconds as a figure."""
-    folder = required("estimation", neurobem)
-    from diagrams.prediction import array_flights
     from diagrams.prediction import estimation_figures as figures
     from diagrams.prediction.estimation import estimation_table
     from np_drake.estimation.wrench_table import COLUMNS
     from np_drake.lifting.lifted_model import DEFAULT
 
-    training, *tests = array_flights.flights(folder)
+    training, *tests = arrays("estimation", neurobem)
     shown = next(flight for flight in tests if flight.name == SHOWN)
     if run.out is not None:
         figures.rows_of(shown)  # before the long work
@@ -65,13 +63,11 @@ def estimation(run: Run, neurobem: options.Neurobem = None) -> Report:
 @reports("reproduce", seed=1000, out=options.Out)
 def sample_efficiency(run: Run, neurobem: options.Neurobem = None) -> Report:
     """Error against training samples. On race track 1; --out DIR: figure."""
-    folder = required("sample-efficiency", neurobem)
     from diagrams.cli.train import configure
-    from diagrams.prediction import array_flights
     from diagrams.prediction import sample_efficiency as measure
     from np_drake.lifting.lifted_model import DEFAULT, PAPER
 
-    training, *tests = array_flights.flights(folder)
+    training, *tests = arrays("sample-efficiency", neurobem)
     test = next(flight for flight in tests if flight.name == "race track 1")
     configs = {name: configure(name, frame="body", seed=run.seed) for name in (PAPER, DEFAULT)}
     with counting("models") as on_progress:
@@ -111,13 +107,11 @@ def _range(point: "Point") -> str:
 @reports("reproduce", seed=1000)
 def response(run: Run, neurobem: options.Neurobem = None) -> Report:
     """How late the prediction is. Its lag behind the label where jerk is largest."""
-    folder = required("response", neurobem)
     from diagrams.cli.train import configure
-    from diagrams.prediction import array_flights
     from diagrams.prediction import response as measure
     from np_drake.lifting.lifted_model import DEFAULT
 
-    training, *tests = array_flights.flights(folder)
+    training, *tests = arrays("response", neurobem)
     models, settings = trained(training, run.seed)
     config = configure(DEFAULT, frame="body", seed=run.seed)
     with counting("flights") as on_progress:

@@ -17,10 +17,7 @@ def hover(run: Campaign, only: options.Only = None) -> Report:
     from diagrams.payload import figures, hover_swing
 
     rows = choose_rows(hover_swing.ROWS, only)
-    with counting("hover", "flights") as on_progress:
-        runs = hover_swing.run_hover(
-            run.folder, rows=rows, jobs=run.jobs, on_progress=on_progress, **run.settings
-        )
+    runs = run.fly("hover", hover_swing.run_hover, rows)
     lines = hover_swing.hover_table(runs)
     verdict = hover_swing.verdict(lines)
     named = {row.name: f"trained on {row.training}" if row.training else "" for row in rows}

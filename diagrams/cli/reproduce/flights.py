@@ -8,7 +8,7 @@ from typer import Option
 from diagrams.cli import options
 from diagrams.cli.columns import grouped, percent, tabulate
 from diagrams.cli.output import progress
-from diagrams.cli.reproduce.real_flights import required, trained
+from diagrams.cli.reproduce.real_flights import arrays, required, trained
 from diagrams.cli.runner import Report, Run, counting, reports
 
 
@@ -84,11 +84,9 @@ def theorem(
     jobs: options.Jobs = 2,
 ) -> Report:
     """Theorem 1, corrected: bound against error. In every window of the real flights."""
-    folder = required("theorem", neurobem)
-    from diagrams.prediction import array_flights
     from diagrams.prediction import theorem as experiment
 
-    flights = array_flights.flights(folder)
+    flights = arrays("theorem", neurobem)
     models, settings = trained(flights[0], run.seed)
     with counting("every window") as on_progress:
         lines = experiment.bound_table(models, flights, spacing=spacing, jobs=jobs, on_progress=on_progress)

@@ -21,6 +21,17 @@ def required(table: str, neurobem: Path | None) -> Path:
     return neurobem
 
 
+def arrays(table: str, neurobem: Path | None) -> "list[Flight]":
+    """Return the arrays of the real flights, the training segment first.
+
+    Raises: ValueError: if the folder is not given, or a flight is not usable.
+    """
+    folder = required(table, neurobem)
+    from diagrams.prediction.array_flights import flights
+
+    return flights(folder)
+
+
 def trained(
     training: "Flight", seed: int, epochs: int | None = None
 ) -> tuple[dict[str, "LiftedModel"], dict[str, dict]]:

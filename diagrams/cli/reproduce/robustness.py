@@ -98,12 +98,9 @@ def _notes(trainings: "list[Record]", flights: "list[Record]", lines: list[dict]
 
     lost = lost_lines(flights)
     failed = [f"training of {r['case']['model']}: {r['error']}" for r in trainings if "error" in r]
-    spread = [
-        point["spread"]
-        for line in lines
-        for point in line["points"]
-        if point["spread"] and point["flights"] > 1
-    ]
+    points = [point for line in lines for point in line["points"]]
+    spread = [p["spread"] for p in points if p["spread"] and p["flights"] > 1]
+    said = [f"E_xy of a seed is at most {100 * max(spread):.0f} % off the mean of its cell"] if spread else []
     minutes = sum(record["seconds"] or 0.0 for record in [*trainings, *flights]) / 60
     return [
         f"{len(flights)} flights, lost or failed: {len(lost)}; failed solves: "
@@ -111,11 +108,7 @@ def _notes(trainings: "list[Record]", flights: "list[Record]", lines: list[dict]
         *failed,
         *lost,
         *extremes(flights, axes_of(lines)),
-        *(
-            [f"E_xy of a seed is at most {100 * max(spread):.0f} % off the mean of its cell"]
-            if spread
-            else []
-        ),
+        *said,
         f"processor time of all cases: {minutes:.0f} min",
     ]
 
@@ -156,25 +149,20 @@ def _intervals(line: dict, key: str, values: tuple[float, ...]) -> str:
     found = line["better"][key]
     if len(found) == 1 and (found[0][0], found[0][1]) == (values[0], values[-1]):
         return "all"
-    return (
-        ", ".join(f"{low:.3g} … {high:.3g}" if high > low else f"{low:.3g}" for low, high in found)
-        or "nowhere"
-    )
+    return ", ".join(f"{a:.3g} … {b:.3g}" if b > a else f"{a:.3g}" for a, b in found) or "nowhere"
 
 
 def errors_printed(lines: list[dict], title: str) -> Table:
     """Return the table of errors: a block for every axis, whose first row has the values; errors in cm."""
     from diagrams.robustness.table import axes_of
 
-    columns = max(len(axis.values) for axis in axes_of(lines))
+    axes = axes_of(lines)
+    header = [""] * (1 + max(len(axis.values) for axis in axes))
     rows: list[tuple] = []
-    for axis in axes_of(lines):
-        values = [f"{value:g}" for value in axis.values]
-        rows.append((f"{axis.title} [{axis.unit}]", *values, *[""] * (columns - len(values))))
-        for line in (line for line in lines if line["axis"] == axis.name):
-            cells = [_errors(point) for point in line["points"]]
-            rows.append((line["row"], *cells, *[""] * (columns - len(cells))))
-    return f"E_xy / E_z [cm]; {title}", ["", *[""] * columns], rows
+    for axis in axes:
+        rows.append((f"{axis.title} [{axis.unit}]", *(f"{value:g}" for value in axis.values)))
+        rows += [(line["row"], *map(_errors, line["points"])) for line in lines if line["axis"] == axis.name]
+    return f"E_xy / E_z [cm]; {title}", header, [(*row, *header[len(row) :]) for row in rows]
 
 
 def _errors(point: dict) -> str:

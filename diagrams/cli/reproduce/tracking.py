@@ -9,7 +9,7 @@ from diagrams.cli import options
 from diagrams.cli.columns import MISSING, fixed, percent, spread, tabulate
 from diagrams.cli.output import Table
 from diagrams.cli.reproduce.campaign import Campaign, campaign, choose_rows
-from diagrams.cli.runner import Report, counting
+from diagrams.cli.runner import Report
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,10 +38,7 @@ def tracking(
         if summary["seed"] == run.seeds[0]:
             laps[summary["experiment"], summary["row"]] = lap
 
-    with counting("tracking", "flights") as on_progress:
-        summaries = experiment.run_tracking(
-            run.folder, rows=rows, jobs=run.jobs, on_progress=on_progress, on_lap=keep, **run.settings
-        )
+    summaries = run.fly("tracking", experiment.run_tracking, rows, on_lap=keep)
     lines = experiment.table(summaries, rows)
     notes, config = _notes(rows, run, training)
     lost = [f"{s['row']}, {s['experiment']}, seed {s['seed']}: {s['lost']}" for s in summaries if "lost" in s]
