@@ -2,168 +2,122 @@
 
 import dataclasses as dc
 import os
-import tempfile
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Option
 
-from diagrams.cli import options
-from diagrams.cli.output import (
-    counted,
-    print_table,
-    progress,
-    require_files,
-    say,
-    write_markdown,
-    write_metrics,
-)
+from diagrams.cli.columns import tabulate
+from diagrams.cli.output import Table, progress, say
+from diagrams.cli.runner import Report, Run, counting, reports
 
 if TYPE_CHECKING:
     from np_drake.mpc.benchmark import SolverReport
 
+RECORDED = {"mpc": "default, K = 12", "mpc_refit": "paper, K = 24"}  # key of --json: recorded problems
 
+
+@reports("bench", seed=0)
 def bench(
-    problems: Annotated[int, typer.Option(min=10, help="Recorded NP-MPC problems.")] = 200,
-    seconds: Annotated[
-        float, typer.Option(min=1.0, help="Simulated time of the simulator's figures [s].")
-    ] = 40.0,
+    run: Run,
+    problems: Annotated[int, Option(min=10, help="Recorded NP-MPC problems.")] = 200,
+    seconds: Annotated[float, Option(min=1.0, help="Simulated time of the simulator [s].")] = 40.0,
     predictor: Annotated[
-        bool, typer.Option("--predictor", help="Only the predictors, against the pseudo-inverse.")
+        bool, Option("--predictor", help="Only the predictors, against the pseudo-inverse.")
     ] = False,
-    seed: options.Seed = 0,
-    json: options.Json = None,
-    markdown: options.Markdown = None,
-) -> None:
+) -> Report:
     """Time solvers, predictor, simulator and training; CasADi + IPOPT (extra `bench`) is the peer."""
-    require_files(json, markdown)
     if os.environ.get("OMP_NUM_THREADS") != "1":
         say("OMP_NUM_THREADS is not 1: small matrices run two to three times slower on several threads.")
-    from diagrams.performance import bench as measure
-
     if predictor:
-        lines, table = _against_the_pseudo_inverse(seed)
-        print_table(*table)
-        write_markdown(markdown, table)
-        write_metrics(json, "bench", seed=seed, config={}, predictor={"against_pseudo_inverse": lines})
-        return
-    with tempfile.TemporaryDirectory() as folder:
-        _run(
-            measure, Path(folder), problems=problems, seconds=seconds, seed=seed, json=json, markdown=markdown
-        )
-
-
-def _run(
-    measure: Any,
-    folder: Path,
-    *,
-    problems: int,
-    seconds: float,
-    seed: int,
-    json: Path | None,
-    markdown: Path | None,
-) -> None:
+        lines, table = _against_the_pseudo_inverse(run.seed)
+        return Report([table], config={}, metrics={"predictor": {"against_pseudo_inverse": lines}})
+    from diagrams.performance import bench as measure
     from np_drake.mpc.benchmark import suite
 
     with progress("training, recording problems", 1.0) as advance:
-        walls = measure.time_training(folder, seed=seed)
+        walls = measure.time_training(run.folder, seed=run.seed)
         advance(0.5, "recording")
-        config, recorded = measure.record_problems(problems, seed=seed)
-        paper = str(measure.model_file(folder, "paper"))
-        _, refit = measure.record_problems(problems, seed=seed, predictor=paper)
+        config, recorded = measure.record_problems(problems, seed=run.seed)
+        paper = str(measure.model_file(run.folder, "paper"))
+        _, refit = measure.record_problems(problems, seed=run.seed, predictor=paper)
         advance(1.0, "")
-    with progress("solvers", 1.0) as advance:
-        reports = suite(
+    mpc = config.controller.mpc
+    with counting("solvers") as on_progress:
+        found = suite(
             config.vehicle,
-            config.controller.mpc,
-            recorded={"default, K = 12": recorded, "paper, K = 24": refit},
+            mpc,
+            recorded=dict(zip(RECORDED.values(), (recorded, refit), strict=True)),
             period=config.controller.period,
-            progress=counted(advance),
+            progress=on_progress,
         )
-    solvers = _solver_table(reports)
-    print_table(*solvers)
-    write_markdown(markdown, solvers)
-    content = _other_figures(measure, config, folder, walls, seconds=seconds, seed=seed)
-    mpc = {
-        name: {r.name: {"N": config.controller.mpc.horizon, **dc.asdict(r)} for r in reports[name]}
-        for name in ("default, K = 12", "paper, K = 24")
-    }
+    content, tables = _others(measure, config, run, walls, seconds)
     growth = [
         {"N": int(name.split("=")[1]), "solver": r.name, **dc.asdict(r)}
-        for name, rows in reports.items()
+        for name, rows in found.items()
         if name.startswith("N =")
         for r in rows
     ]
-    write_metrics(
-        json,
-        "bench",
-        seed=seed,
-        config=dc.asdict(config.controller.mpc),
-        mpc=mpc["default, K = 12"],
-        mpc_refit=mpc["paper, K = 24"],
-        mpc_growth=growth,
-        mpc_starts={name: [dc.asdict(r) for r in rows] for name, rows in reports.items() if "start" in name},
-        **content,
+    starts = {name: [dc.asdict(r) for r in rows] for name, rows in found.items() if "start" in name}
+    timed = {
+        key: {r.name: {"N": mpc.horizon, **dc.asdict(r)} for r in found[name]}
+        for key, name in RECORDED.items()
+    }
+    return Report(
+        [_solver_table(found), *tables],
+        config=dc.asdict(mpc),
+        metrics={**timed, "mpc_growth": growth, "mpc_starts": starts, **content},
     )
 
 
-def _solver_table(reports: "dict[str, list[SolverReport]]") -> tuple[str, list[str], list[tuple]]:
-    rows = [
-        (
-            name,
-            r.name,
-            r.problems,
-            r.median_ms,
-            r.p95_ms,
-            r.max_ms,
-            r.ratio_to_casadi,
-            r.failures,
-            r.fallbacks,
-            f"{r.gap_median:.1e}",
-        )
-        for name, solvers in reports.items()
-        for r in solvers
-    ]
-    header = ["problems", "solver", "n", "median [ms]", "p95", "max", "ratio", "failed", "fell back", "gap"]
-    return "NP-MPC solvers; ratio: to CasADi + IPOPT in this run", header, rows
+def _solver_table(found: "dict[str, list[SolverReport]]") -> Table:
+    columns = (
+        ("problems", "suite"),
+        ("solver", "name"),
+        ("n", "problems"),
+        ("median [ms]", "median_ms"),
+        ("p95", "p95_ms"),
+        ("max", "max_ms"),
+        ("ratio", "ratio_to_casadi"),
+        ("failed", "failures"),
+        ("fell back", "fallbacks"),
+        ("gap", lambda line: f"{line['gap_median']:.1e}"),
+    )
+    lines = [{"suite": suite, **dc.asdict(r)} for suite, solvers in found.items() for r in solvers]
+    return tabulate("NP-MPC solvers; ratio: to CasADi + IPOPT in this run", lines, columns)
 
 
-def _against_the_pseudo_inverse(seed: int) -> tuple[list[dict], tuple[str, list[str], list[tuple]]]:
-    """Lines of `--json`, and the table."""
+def _against_the_pseudo_inverse(seed: int) -> tuple[list[dict], Table]:
+    """Return the lines of `--json`, and the table."""
     from diagrams.performance.predictor_bench import predictor_timings
 
     with progress("predictors", 1.0):
-        timings = predictor_timings(seed)
-    rows = [(t.name, t.median_ms, t.p95_ms, t.ratio) for t in timings]
+        lines = [dc.asdict(timing) for timing in predictor_timings(seed)]
     title = "one sample: refit, lift and 20 steps; ratio: to the pseudo-inverse of 40 samples in this run"
-    return [dc.asdict(t) for t in timings], (title, ["", "median [ms]", "p95", "ratio"], rows)
+    columns = (("", "name"), ("median [ms]", "median_ms"), ("p95", "p95_ms"), ("ratio", "ratio"))
+    return lines, tabulate(title, lines, columns)
 
 
-def _other_figures(
-    measure: Any, config: Any, folder: Path, walls: dict[str, float], *, seconds: float, seed: int
-) -> dict[str, Any]:
-    """Predictor, simulator and training, printed and as `--json` has them."""
+def _others(
+    measure: Any, config: Any, run: Run, walls: dict[str, float], seconds: float
+) -> tuple[dict[str, Any], list[Table]]:
+    """Time predictor and simulator; return these and training, for `--json` and as tables."""
     span = {"horizon": config.controller.mpc.horizon, "stride": config.controller.stride}
     with progress("predictor, simulator", 1.0):
         update = {
-            name: measure.time_predictor(measure.load_predictor(measure.model_file(folder, name)), **span)
+            name: measure.time_predictor(measure.load_predictor(measure.model_file(run.folder, name)), **span)
             for name in ("default", "paper")
         }
-        factors = measure.real_time_factors(seconds=seconds, seed=seed)
-    rows: list[tuple[str, float, str]] = []
-    for name, value in update.items():
-        rows += [(f"predictor `{name}`: lift, refit, forecast", value["median"], "ms (median)")]
-    rows += [(f"simulator: {name}", value, "x real time") for name, value in factors.items()]
-    rows += [(f"training `{name}`, 3000 points", value, "s") for name, value in walls.items()]
-    print_table("the rest", ["what", "figure", "unit"], rows)
-    lines, table = _against_the_pseudo_inverse(seed)
-    print_table(*table)
-    return {
-        "predictor": {
-            "update_ms": update["default"],
-            "update_ms_paper": update["paper"],
-            "against_pseudo_inverse": lines,
-        },
+        factors = measure.real_time_factors(seconds=seconds, seed=run.seed)
+    rows: list[tuple] = [
+        *((f"predictor `{n}`: lift, refit, forecast", v["median"], "ms (median)") for n, v in update.items()),
+        *((f"simulator: {name}", value, "x real time") for name, value in factors.items()),
+        *((f"training `{name}`, 3000 points", value, "s") for name, value in walls.items()),
+    ]
+    lines, table = _against_the_pseudo_inverse(run.seed)
+    times = {"update_ms": update["default"], "update_ms_paper": update["paper"]}
+    content = {
+        "predictor": {**times, "against_pseudo_inverse": lines},
         "simulator": {"real_time_factor": factors},
         "training": {"wall": walls["default"], "wall_paper": walls["paper"]},
     }
+    return content, [("the rest", ["what", "value", "unit"], rows), table]

@@ -4,64 +4,66 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Option
 
 from diagrams.cli import options
-from diagrams.cli.output import make_folder, print_table, progress, say, write_metrics
-from np_drake.atomic_file import require_writable
+from diagrams.cli.columns import percent, tabulate
+from diagrams.cli.fly import as_config, flights_table, write_flight
+from diagrams.cli.output import Table, progress, say
+from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
     from diagrams.tracking.demo import Demo
 
+Out = Annotated[Path, Option("--out", metavar="DIR", help="Folder for model, log, figures, replay.")]
 
-def demo(
-    out: Annotated[
-        Path, typer.Option("--out", metavar="DIR", help="Folder for model, log, figures, replay.")
-    ] = Path("out/demo"),
-    solver: Annotated[str, typer.Option(help="ipopt | sqp")] = "sqp",
-    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
-    seed: options.Seed = 0,
-    json: options.Json = None,
-) -> None:
+
+@reports("demo", seed=0, out=Out, folder=Path("out/demo"), markdown=False)
+def demo(run: Run, solver: options.Solver = options.DEFAULT_SOLVER, jobs: options.Jobs = 2) -> Report:
     """Fly the training circle, learn, fly circle and lemniscate with nominal MPC, hold and NP-MPC."""
-    if json is not None:
-        require_writable(json)
     from np_drake.mpc.solvers import require_solver
 
     require_solver(solver)
-    make_folder(out)
-    from diagrams.cli.fly import as_config, print_flights, write_flight
     from diagrams.tracking.demo import run_demo
 
     start = time.perf_counter()
     with progress("demo", 1.0) as advance:
-        result = run_demo(out, seed=seed, solver=solver, jobs=jobs, on_progress=advance)
-    say(
-        f"trained on {result.result.model.summary['samples']} points: {result.result.model.summary['excitation']}"
-    )
-    print_flights(result.flights)
-    _print_reduction(result)
-    write_flight(result.training, out)
-    for flight in result.flights:
-        if flight.config.controller.kind == "np":
-            write_flight(flight, out)
-    _write_comparison(result, out)
-    wall = time.perf_counter() - start
-    say(f"seed {seed}, {wall:.0f} s; everything is in {out}/")
-    config = as_config(result.flights[-1].config)
+        result = run_demo(run.folder, seed=run.seed, solver=solver, jobs=jobs, on_progress=advance)
+    wall, trained = time.perf_counter() - start, result.result.model.summary
     runs = [flight.summary() for flight in result.flights]
-    write_metrics(json, "demo", seed=seed, config=config, runs=runs, reduction=result.reduction(), wall=wall)
+
+    def write(folder: Path) -> None:
+        write_flight(result.training, folder)
+        for flight in result.flights:
+            if flight.config.controller.kind == "np":
+                write_flight(flight, folder)
+        _write_comparison(result, folder)
+        say(f"seed {run.seed}, {wall:.0f} s; everything is in {folder}/")
+
+    return Report(
+        [flights_table(result.flights), _reduction_table(result)],
+        config=as_config(result.flights[-1].config),
+        metrics={"runs": runs, "reduction": result.reduction(), "wall": wall},
+        lines=[f"trained on {trained['samples']} points: {trained['excitation']}"],
+        write=write,
+    )
 
 
-def _print_reduction(result: "Demo") -> None:
+def _reduction_table(result: "Demo") -> Table:
     from diagrams.tracking.tracking import PAPER
 
-    rows = []
+    lines = []
     for track, cut in result.reduction().items():
-        paper = [1 - n / m for n, m in zip(PAPER["np"][track], PAPER["nominal"][track], strict=True)]
-        rows.append((track, *(f"{100 * v:.0f} %" for v in (cut["E_xy"], paper[0], cut["E_z"], paper[1]))))
-    header = ["track", "E_xy cut, ours", "paper", "E_z cut, ours", "paper"]
-    print_table("NP-MPC against nominal MPC (the paper: its own vehicle, real flights)", header, rows)
+        xy, z = (1 - n / m for n, m in zip(PAPER["np"][track], PAPER["nominal"][track], strict=True))
+        lines.append({"track": track, **cut, "paper_xy": xy, "paper_z": z})
+    columns = (
+        ("track", "track"),
+        ("E_xy cut, ours", percent("E_xy")),
+        ("paper", percent("paper_xy")),
+        ("E_z cut, ours", percent("E_z")),
+        ("paper", percent("paper_z")),
+    )
+    return tabulate("NP-MPC against nominal MPC (the paper: its own vehicle, real flights)", lines, columns)
 
 
 def _write_comparison(result: "Demo", out: Path) -> None:

@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import make_folder, progress, require_folder, say, write_metrics
-from np_drake.atomic_file import require_writable
+from diagrams.cli.output import progress, say
+from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
     from np_drake.diagnosis.result import Diagnosis
@@ -16,75 +16,72 @@ if TYPE_CHECKING:
     from np_drake.vehicle import Vehicle
 
 NAMED_VEHICLES = ("paper", "neurobem")
+Out = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for report, figures and JSON.")]
 LOG_HELP = "Flight log (CSV, .csv.gz, Parquet) or NeuroBEM CSV; repeatable."
 
 
+@reports("diagnosis", seed=None, out=Out, markdown=False)
 def diagnose(
+    run: Run,
     case: Annotated[
-        Path | None, typer.Argument(metavar="CASE", help="Folder of vehicle.yaml, train_* and heldout* logs.")
+        Path | None, Argument(metavar="CASE", help="Folder of vehicle.yaml, train_* and heldout* logs.")
     ] = None,
     vehicle: Annotated[
         Path | None,
-        typer.Option(
+        Option(
             "--vehicle",
             metavar="FILE",
             help="Vehicle file (YAML), or paper | neurobem; without it the latter for its flights, else the former.",
         ),
     ] = None,
-    train: Annotated[
-        list[Path] | None, typer.Option("--train", metavar="LOG", help=f"To fit effects to. {LOG_HELP}")
-    ] = None,
-    held_out: Annotated[
-        list[Path] | None, typer.Option("--held-out", metavar="LOG", help=f"To judge them. {LOG_HELP}")
-    ] = None,
+    train: Annotated[list[Path] | None, Option(metavar="LOG", help=f"To fit effects to. {LOG_HELP}")] = None,
+    held_out: Annotated[list[Path] | None, Option(metavar="LOG", help=f"To judge them. {LOG_HELP}")] = None,
     no_replay: Annotated[
-        bool, typer.Option("--no-replay", help="Leave out the open-loop replay in the simulator.")
+        bool, Option("--no-replay", help="Leave out the open-loop replay in the simulator.")
     ] = False,
     no_second_look: Annotated[
-        bool, typer.Option("--no-second-look", help="Fit nothing to held-out flights, whatever they show.")
+        bool, Option("--no-second-look", help="No adaptive split: fit nothing to held-out flights.")
     ] = False,
     rig: Annotated[
         bool | None,
-        typer.Option(
-            "--rig/--laboratory", help="What file and sensors may be off by; default: as logs look."
+        Option(
+            "--rig/--laboratory",
+            help="Tolerances of vehicle file and logs: real or ideal sensors; default: as logs look.",
         ),
     ] = None,
     repair: options.Repair = False,
-    seed: options.Undrawn = 0,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Folder for report, figures and JSON.")
-    ] = None,
-    json: options.Json = None,
-) -> None:
+) -> Report:
     """Diagnose the gap between the nominal simulator and flights; with --out: report.html, figures, JSON."""
-    if json is not None:
-        require_writable(json)
-    if out is not None:
-        require_folder(out)
     files = choose_files(case, vehicle, list(train or ()), list(held_out or ()))
     nominal = nominal_vehicle(files)
     logs = [open_flights(paths, nominal, repair=repair) for paths in (files.train, files.held_out)]
-    found = run(nominal, *logs, replay=not no_replay, second_look=not no_second_look, rig=rig)
+    found = diagnose_logs(nominal, *logs, replay=not no_replay, second_look=not no_second_look, rig=rig)
     config: dict[str, Any] = {"vehicle": nominal.name, "train": files.train, "held_out": files.held_out}
     config |= {"replay": not no_replay, "second_look": not no_second_look, "rig": rig, "repair": repair}
-    if out is not None:
+
+    def write(folder: Path) -> None:
         from np_drake.diagnosis.report.write import write_report
 
-        report = write_report(found, make_folder(out), seed=seed, config=config)
+        say(f"report: {write_report(found, folder, seed=run.seed, config=config)}")
+
+    from diagrams.cli.diagnosis_tables import judgement, tables, warning_lines
+
     content = found.as_json()
     del content["schema"]  # the head says it
-    write_metrics(json, "diagnosis", seed=seed, config=config, **content)
-    from diagrams.cli.diagnosis_tables import show
-
-    show(found)
-    if out is not None:
-        say(f"report: {report}")
+    return Report(
+        tables(found),
+        config=config,
+        metrics=content,
+        lines=judgement(found),
+        notes=warning_lines(found),
+        write=write,
+    )
 
 
 def choose_files(
     case: Path | None, vehicle: Path | None, train: list[Path], held_out: list[Path]
 ) -> "CaseFiles":
-    """Those of a case folder, or those given one by one.
+    """Return the files of a case folder, or those given one by one.
 
     Raises: ValueError: if both or neither are given, or the folder is no case.
     """
@@ -104,7 +101,7 @@ def choose_files(
 
 
 def nominal_vehicle(files: "CaseFiles") -> "Vehicle":
-    """What the nominal simulator knows; without a vehicle file the published one where all flights are NeuroBEM's.
+    """Return the nominal vehicle; without a file the published one where all flights are NeuroBEM's.
 
     Raises: ValueError: on a bad vehicle file; OSError: if a flight cannot be opened.
     """
@@ -127,7 +124,7 @@ def nominal_vehicle(files: "CaseFiles") -> "Vehicle":
 
 
 def open_flights(paths: tuple[Path, ...], vehicle: "Vehicle", *, repair: bool) -> "list[FlightLog]":
-    """Every file opened and checked; what a reader derived or repaired is said.
+    """Open and check every file, and print what a reader derived or repaired.
 
     Raises: LogError, OSError: one line, at the first file that is not usable; ValueError: on an array (.npy).
     """
@@ -141,7 +138,7 @@ def open_flights(paths: tuple[Path, ...], vehicle: "Vehicle", *, repair: bool) -
     return logs
 
 
-def run(
+def diagnose_logs(
     vehicle: "Vehicle",
     train: "list[FlightLog]",
     held_out: "list[FlightLog]",
@@ -150,7 +147,10 @@ def run(
     second_look: bool = True,
     rig: bool | None = None,
 ) -> "Diagnosis":
-    """The five steps behind a progress bar.   rig: logs of one, or of a laboratory; None: as they look."""
+    """Run the five steps behind a progress bar.
+
+    Args: rig: whether sensors are real or ideal; None: as the logs look.
+    """
     from diagrams.gap.drake_replay import DrakeReplay
     from np_drake.diagnosis.diagnose import diagnose as five_steps
     from np_drake.diagnosis.residuals.requirements import require_flights

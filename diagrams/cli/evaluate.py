@@ -1,21 +1,18 @@
 """`np-drake evaluate`: prediction skill against the horizon, naive rows included."""
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
-from diagrams.cli.output import progress, say, write_metrics
+from diagrams.cli.output import say
+from diagrams.cli.runner import Report, Run, counting, reports
 from diagrams.cli.train import LOG_HELP, configure, run_training, train_reaction
-from np_drake.atomic_file import require_writable
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from diagrams.cli.flights import Flight
     from np_drake.lifting.model.lifted_model import LiftedModel
     from np_drake.residual_models.base import ResidualModel
@@ -24,42 +21,36 @@ CONFIGURATIONS = ("paper", "default")
 HORIZONS = "1,5,10,20,40"
 
 
+@reports("evaluate", seed=0, markdown=False)
 def evaluate(
-    logs: Annotated[list[Path] | None, typer.Argument(metavar="LOG…", help=LOG_HELP)] = None,
+    run: Run,
+    logs: Annotated[list[Path] | None, Argument(metavar="LOG…", help=LOG_HELP)] = None,
     predictor: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Model file; default: the one in the package.")
+        Path | None, Option(metavar="FILE", help="Model file; default: the one in the package.")
     ] = None,
     train: Annotated[
-        list[Path] | None, typer.Option(metavar="LOG", help="Train both configurations on it; repeatable.")
+        list[Path] | None, Option(metavar="LOG", help="Train both configurations on it; repeatable.")
     ] = None,
-    neurobem: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),
-    ] = None,
+    neurobem: options.Neurobem = None,
     leave_one_out: Annotated[
-        bool, typer.Option("--leave-one-out", help="Score every LOG by models trained on all the others.")
+        bool, Option("--leave-one-out", help="Score every LOG by models trained on all the others.")
     ] = False,
     only: Annotated[
-        list[str] | None, typer.Option(help="Train only this one: paper | default; repeatable.")
+        list[str] | None, Option(help="Train only this one: paper | default; repeatable.")
     ] = None,
     also: Annotated[
-        list[str] | None,
-        typer.Option(help="Rows of these as well, trained likewise: gp | knode; repeatable."),
+        list[str] | None, Option(help="Rows of these as well, trained likewise: gp | knode; repeatable.")
     ] = None,
-    horizons: Annotated[str, typer.Option(help="Steps ahead, comma-separated.")] = HORIZONS,
-    epochs: Annotated[int | None, typer.Option(min=1, help="Passes; default: the configuration's.")] = None,
+    horizons: Annotated[str, Option(help="Steps ahead, comma-separated.")] = HORIZONS,
+    epochs: options.Epochs = None,
     step: options.Step = 0.02,
     vehicle: options.VehicleFile = None,
     repair: options.Repair = False,
-    seed: options.Seed = 0,
-    json: options.Json = None,
-) -> None:
+) -> Report:
     """Score predictors on flights; without any: train on the paper's segment, score on race track 1.
 
     Twice: with the coming motion (zeta) held at its last value, as a predictor alone would have to, and known.
     """
-    if json is not None:
-        require_writable(json)
     steps = parse_horizons(horizons)
     names = choose_configurations(only)
     require_reactions(also or (), predictor)
@@ -73,43 +64,43 @@ def evaluate(
     tests = open_flights(logs, vehicle, repair=repair)
     training = open_flights(train, vehicle, repair=repair)
     require_one_frame([*training, *tests])
-    from diagrams.cli.scoring import MOTIONS, diverged, score, show, show_mean, stability, stability_text
+    from diagrams.cli.scoring import MOTIONS, diverged, score, stability, stability_text, tables
 
     folds = [([other for other in tests if other is not test], [test]) for test in tests]
     rows: list[dict] = []
     windows: list[dict] = []
-    for learned, unseen in folds if leave_one_out else [(training, tests)]:
+    for learned, held_out in folds if leave_one_out else [(training, tests)]:
         models = (
             load(predictor)
             if predictor
-            else train_all(learned, step=step, seed=seed, epochs=epochs, names=names)
+            else train_all(learned, step=step, seed=run.seed, epochs=epochs, names=names)
         )
-        baselines, mean = train_baselines(learned, steps, step, also or (), seed)
+        known = train_baselines(learned, steps, step, also or (), run.seed)
         for zeta in MOTIONS:
-            with progress(f"scoring, coming motion {zeta}", 1.0) as advance:
-                rows += score(
-                    models, unseen, steps, zeta=zeta, baselines=baselines, mean=mean,
-                    on_model=partial(_advance, advance),
-                )  # fmt: skip
-        windows += stability(models, unseen)
-    for zeta in MOTIONS:
-        (show_mean if leave_one_out else show)([row for row in rows if row["zeta"] == zeta], zeta)
-    say(*stability_text(windows, rows))
+            with counting(f"scoring, coming motion {zeta}") as on_model:
+                rows += score(models, held_out, steps, zeta=zeta, on_model=on_model, **known)
+        windows += stability(models, held_out)
     settings = {
         "configurations": list(models),
         "horizons": steps,
         "step": step,
         "leave_one_out": leave_one_out,
     }
-    settings |= {"training": [flight.data.name for flight in training]}
-    write_metrics(json, "evaluate", seed=seed, config=settings, rows=rows, stability=windows)
-    unstable = [line["flight"] for line in windows if line["unstable"]]
-    if lost := diverged(rows) or unstable:
-        raise FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.")
+    lost = diverged(rows) or [line["flight"] for line in windows if line["unstable"]]
+    return Report(
+        [table for zeta in MOTIONS for table in tables(rows, zeta, mean=leave_one_out)],
+        config=settings | {"training": [flight.data.name for flight in training]},
+        metrics={"rows": rows, "stability": windows},
+        notes=stability_text(windows, rows),
+        failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.") if lost else None,
+    )
 
 
 def parse_horizons(text: str) -> list[int]:
-    """Steps ahead, ascending. Raises ValueError where one is no positive whole number."""
+    """Return the steps ahead, ascending.
+
+    Raises: ValueError: if one is no positive whole number.
+    """
     parts = [part.strip() for part in text.split(",")]
     if not all(part.isdecimal() and int(part) > 0 for part in parts):
         raise ValueError(f"--horizons: must be positive whole numbers of steps, as {HORIZONS}; got {text!r}.")
@@ -119,7 +110,7 @@ def parse_horizons(text: str) -> list[int]:
 def choose_flights(
     train: list[Path], logs: list[Path], predictor: Path | None, neurobem: Path | None
 ) -> tuple[list[Path], list[Path]]:
-    """Flights to train on and to score; the paper's where none are given.
+    """Return the flights to train on and to score; the paper's where none are given.
 
     Raises: ValueError: if what is given does not fit together.
     """
@@ -139,12 +130,11 @@ def choose_flights(
     return [neurobem / "npy" / f"{TRAINING}.npy"], [neurobem / "npy" / f"{RACE_TRACK}.npy"]
 
 
-def _advance(advance: Callable[[float], None], done: int, total: int) -> None:
-    advance(done / total)
-
-
 def choose_configurations(only: list[str] | None) -> list[str]:
-    """The configurations to train. Raises ValueError on an unknown name."""
+    """Return the configurations to train.
+
+    Raises: ValueError: on an unknown name.
+    """
     unknown = set(only or ()) - set(CONFIGURATIONS)
     if unknown:
         raise ValueError(f"--only: must be {' | '.join(CONFIGURATIONS)}; got {', '.join(sorted(unknown))}.")
@@ -152,7 +142,10 @@ def choose_configurations(only: list[str] | None) -> list[str]:
 
 
 def require_reactions(names: Sequence[str], predictor: Path | None) -> None:
-    """Raises ValueError where `--also` names what there is not, or nothing is trained."""
+    """Check the names of `--also`.
+
+    Raises: ValueError: on an unknown name, or if nothing is trained.
+    """
     from np_drake.residual_models.motion_model import REACTIONS
 
     if unknown := set(names) - set(REACTIONS):
@@ -163,15 +156,16 @@ def require_reactions(names: Sequence[str], predictor: Path | None) -> None:
 
 def train_baselines(
     flights: list["Flight"], horizons: list[int], step: float, also: Sequence[str] = (), seed: int = 0
-) -> tuple[dict[str, "ResidualModel"], "np.ndarray | None"]:
-    """The opponents that must be trained, and the mean of chi (6,) in training; none without training flights.
+) -> dict[str, Any]:
+    """Train the baselines.
 
+    Returns: `baselines` by name and `mean`, (6,) of chi in training, as `score` takes them; empty without flights.
     Raises: ValueError: if one of `also` is not gp or knode, or cannot learn from these flights.
     """
     if not flights:
         if also:
             raise ValueError("--also: gp and knode need flights to train on; give --train LOG.")
-        return {}, None
+        return {}
     import numpy as np
 
     from np_drake.residual_models.linear_baselines import fit_all
@@ -182,11 +176,14 @@ def train_baselines(
     step = segments[0].step
     for name in also:
         models[name] = train_reaction(name, flights, step=step, settings={"seed": seed})[0]
-    return models, mean
+    return {"baselines": models, "mean": mean}
 
 
 def packaged_model() -> Path:
-    """The model that ships with the package. Raises ValueError where there is none."""
+    """Return the model file of the package.
+
+    Raises: ValueError: if there is none.
+    """
     from diagrams.loop.controllers import DEFAULT_MODEL
 
     if not DEFAULT_MODEL.is_file():
@@ -195,7 +192,10 @@ def packaged_model() -> Path:
 
 
 def load(path: Path) -> dict[str, "LiftedModel"]:
-    """The model of a file by its configuration. Raises ValueError on a bad file."""
+    """Load the model of a file; return it by its configuration.
+
+    Raises: ValueError: on a bad file.
+    """
     from np_drake.lifting.model.model_file import load_model
 
     model = load_model(path)
@@ -210,7 +210,7 @@ def train_all(
     epochs: int | None,
     names: Sequence[str] = CONFIGURATIONS,
 ) -> dict[str, "LiftedModel"]:
-    """The configurations of these names, trained on the same flights."""
+    """Train the configurations of these names on the same flights."""
     segments = [segment for flight in flights for segment in flight.segments(step)]
     models = {}
     for name in names:

@@ -23,16 +23,16 @@ class Flight:
 
     @property
     def frame(self) -> str:
-        """Of force and velocity: world, or body (NeuroBEM arrays)."""
+        """Axes of force and velocity: world, or body (NeuroBEM arrays)."""
         return self.data.frame if isinstance(self.data, WrenchSequence) else "world"
 
     def segments(self, step: float) -> list[Segment]:
-        """Training input, a sample every `step` [s] (an array keeps its own step)."""
+        """Return the training input, a sample every `step` [s] (an array keeps its own step)."""
         return training_segments(self.data, self.vehicle, step=step)
 
 
 def open_flights(paths: list[Path], vehicle_file: Path | None, *, repair: bool = False) -> list[Flight]:
-    """Every file opened and checked; what a reader derived or repaired is said.
+    """Open and check every file, and print what a reader derived or repaired.
 
     Without a vehicle file: the published one for NeuroBEM files, the paper's for flight logs.
     Raises: LogError, OSError: one line, at the first file that is not usable; ValueError: on a bad vehicle
@@ -53,7 +53,10 @@ def open_flights(paths: list[Path], vehicle_file: Path | None, *, repair: bool =
 
 
 def require_one_frame(flights: list[Flight]) -> None:
-    """Raises ValueError where total wrenches in body axes are mixed with residual ones in W."""
+    """Check that total wrenches in body axes are not mixed with residual ones in W.
+
+    Raises: ValueError: if they are.
+    """
     if len({flight.frame for flight in flights}) > 1:
         raise ValueError(
             "flights: arrays (.npy) hold the total wrench in body axes, logs the residual one; give one kind."

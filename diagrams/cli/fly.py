@@ -4,11 +4,12 @@ import dataclasses as dc
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
+from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import make_folder, print_table, progress, require_folder, say, write_metrics
-from np_drake.atomic_file import require_writable
+from diagrams.cli.columns import Column, tabulate
+from diagrams.cli.output import Table, progress, say
+from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
     from diagrams.cooperative.config import CooperativeConfig
@@ -16,43 +17,38 @@ if TYPE_CHECKING:
     from diagrams.loop.flight_result import FlightResult
 
 
+@reports("fly", seed=0, out=options.Out, markdown=False)
 def fly(
-    experiment: Annotated[
-        str, typer.Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")
-    ],
+    run: Run,
+    experiment: Annotated[str, Argument(help="circle, lemniscate, hover, … or a scenario file (YAML).")],
     controller: Annotated[
         str | None,
-        typer.Option(
-            help="nominal | hold | observer | oracle | np | gp | knode; default: the scenario's, or np."
-        ),
+        Option(help="nominal | hold | observer | oracle | np | gp | knode; default: the scenario's, or np."),
     ] = None,
     solver: Annotated[
         str | None,
-        typer.Option(help="ipopt | sqp | ipopt_multiple_shooting (the test oracle: 0.2 to 1 s a solve)"),
+        Option(
+            help="sqp | ipopt (MathematicalProgram, the reference) | ipopt_multiple_shooting (the test oracle: "
+            f"0.2 to 1 s a solve); default: the scenario file's, or {options.DEFAULT_SOLVER}."
+        ),
     ] = None,
-    predictor: Annotated[Path | None, typer.Option(help="Model file of controller np, gp or knode.")] = None,
+    predictor: Annotated[Path | None, Option(help="Model file of controller np, gp or knode.")] = None,
     told_mass: Annotated[
-        bool, typer.Option("--told-mass", help="Tell controller and estimator the payload's mass.")
+        bool, Option("--told-mass", help="Known mass: controller and estimator have the payload's.")
     ] = False,
-    duration: Annotated[float | None, typer.Option(help="Scored time after the ramp [s].")] = None,
+    duration: Annotated[float | None, Option(help="Scored time after the ramp [s].")] = None,
     vehicle: options.VehicleFile = None,
-    seed: options.Seed = 0,
-    out: options.Out = None,
-    json: options.Json = None,
-) -> None:
+) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
-    if json is not None:
-        require_writable(json)
     from diagrams.loop.controllers import make_residual_model
     from diagrams.loop.experiments import EXPERIMENTS, load_experiment
-    from diagrams.loop.flight_result import fly as run
+    from diagrams.loop.flight_result import fly as simulate
     from np_drake.vehicle import load_vehicle
 
     config = load_experiment(experiment)
     if controller is not None or experiment in EXPERIMENTS:
         config.controller.kind = controller or "np"
-    if solver is not None:
-        config.controller.solver = solver
+    config.controller.solver = solver or named_solver(experiment) or options.DEFAULT_SOLVER
     if predictor is not None:
         config.controller.predictor = str(predictor)
     if told_mass:
@@ -65,19 +61,28 @@ def fly(
     make_residual_model(
         config.controller, config.controller.believed(config.vehicle)
     )  # refused before any work
-    if out is not None:
-        require_folder(out)
     with progress(f"flying {config.name} with {config.controller.kind}", config.end) as advance:
-        flight = run(config, seed=seed, monitor=advance)
-    print_flights([flight])
-    if out is not None:
-        write_flight(flight, make_folder(out))
-    summary = flight.summary()
-    write_metrics(json, "fly", config=as_config(config), **summary)
+        flight = simulate(config, seed=run.seed, monitor=advance)
+    return Report(
+        [flights_table([flight])],
+        config=as_config(config),
+        metrics=flight.summary(),
+        write=lambda folder: write_flight(flight, folder),
+    )
+
+
+def named_solver(experiment: str) -> str | None:
+    """Return the solver that a scenario names; None where it names none."""
+    from pydrake.common.yaml import yaml_load
+
+    from diagrams.loop.experiments import EXPERIMENTS, FOLDER
+
+    file = FOLDER / f"{experiment}.yaml" if experiment in EXPERIMENTS else experiment
+    return (yaml_load(filename=str(file)).get("controller") or {}).get("solver")
 
 
 def as_config(config: "FlightConfig | CooperativeConfig") -> dict:
-    """The scenario as plain data, for `--json`."""
+    """Return the scenario as plain data, for `--json`."""
     simulator = {k: getattr(config.simulator, k) for k in ("integration_scheme", "max_step_size", "accuracy")}
     parts = {f.name: getattr(config, f.name) for f in dc.fields(config) if f.name != "simulator"}
     plain = {
@@ -86,36 +91,23 @@ def as_config(config: "FlightConfig | CooperativeConfig") -> dict:
     return {**plain, "simulator": simulator}
 
 
-def print_flights(flights: "list[FlightResult]") -> None:
-    """One line a flight: errors in cm, solve times in ms."""
-    rows = []
-    for flight in flights:
-        m = flight.metrics()
-        rows.append(
-            (
-                flight.config.name,
-                flight.label,
-                round(100 * m["E_xy"], 2),
-                round(100 * m["E_z"], 2),
-                m["solve_ms"]["median"],
-                m["solve_ms"]["p95"],
-                m["solve_failures"],
-            )
-        )
-    header = [
-        "experiment",
-        "controller",
-        "E_xy [cm]",
-        "E_z [cm]",
-        "solve [ms]",
-        "p95 [ms]",
-        "failed",
-    ]
-    print_table(f"seed {flights[0].seed}, {flights[0].config.controller.solver}", header, rows)
+def flights_table(flights: "list[FlightResult]") -> Table:
+    """Return a table with a line for every flight: errors in cm, solve times in ms."""
+    lines = [{"name": f.config.name, "controller": f.label, **f.metrics()} for f in flights]
+    columns: tuple[Column, ...] = (
+        ("experiment", "name"),
+        ("controller", "controller"),
+        ("E_xy [cm]", lambda line: round(100 * line["E_xy"], 2)),
+        ("E_z [cm]", lambda line: round(100 * line["E_z"], 2)),
+        ("solve [ms]", lambda line: line["solve_ms"]["median"]),
+        ("p95 [ms]", lambda line: line["solve_ms"]["p95"]),
+        ("failed", "solve_failures"),
+    )
+    return tabulate(f"seed {flights[0].seed}, {flights[0].config.controller.solver}", lines, columns)
 
 
 def write_flight(flight: "FlightResult", folder: Path) -> None:
-    """Flight log, track, errors, wrench and replay page, named by experiment and controller."""
+    """Write flight log, track, errors, wrench and replay page, named by experiment and controller."""
     from diagrams.loop.replay_page import write_replay
     from diagrams.tracking import figures
     from np_drake.figure_file import save

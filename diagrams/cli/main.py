@@ -1,4 +1,4 @@
-"""Entry point `np-drake`: the verbs, and what happens when one fails.
+"""Entry point `np-drake`: the verbs and their exit codes.
 
 Exit code 0; 2 for bad input (one clear line on stderr, nothing half-written); 1 for a failed run. With
 NP_DRAKE_TRACEBACK=1 in the environment the line gives way to the traceback.
@@ -11,9 +11,10 @@ from collections.abc import Sequence
 from typing import Annotated
 
 import typer
+from typer import Option
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.cli import bench, demo, diagnose, evaluate, fly, train
+from diagrams.cli import bench, demo, diagnose, evaluate, fly, options, train
 from diagrams.cli.challenge import app as challenge
 from diagrams.cli.output import console, say
 from diagrams.cli.reproduce import app as reproduce
@@ -27,7 +28,7 @@ BAD_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 app = typer.Typer(
     name=PROGRAM,
     help="Neural Predictor and NP-MPC for a quadrotor with a tethered payload, on Drake.",
-    add_completion=False,
+    epilog=options.EPILOG,
     rich_markup_mode=None,  # units stand in brackets, which markup would swallow
     pretty_exceptions_enable=False,
 )
@@ -50,8 +51,9 @@ GROUPS = {
 @app.callback(invoke_without_command=True)
 def about(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Print the version and leave.")] = False,
+    version: Annotated[bool, Option("--version", help="Print the version and leave.")] = False,
 ) -> None:
+    """Print the version or the help, where no verb is given."""
     if version:
         from importlib.metadata import version as installed
 
@@ -61,7 +63,7 @@ def about(
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Runs the command line and leaves with its exit code."""
+    """Run the command line and leave with its exit code."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s")
     logging.getLogger("drake").setLevel(logging.WARNING)
@@ -69,7 +71,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def run(arguments: list[str]) -> int:
-    """The exit code; every expected failure has become one line on stderr."""
+    """Run the command line and return its exit code."""
+    return run_app(app, arguments)
+
+
+def run_app(app: typer.Typer, arguments: list[str]) -> int:
+    """Run an application and return its exit code; an expected failure is one line on stderr."""
     empty = _empty(arguments)
     if empty is not None:
         line = (
@@ -93,7 +100,7 @@ def run(arguments: list[str]) -> int:
 
 
 def _empty(arguments: list[str]) -> str | None:
-    """What is given as nothing, if anything is: as a path it would be the folder that one stands in."""
+    """Return the first empty argument and where it stands; as a path it would be the current folder."""
     for before, argument in zip([PROGRAM, *arguments], arguments, strict=False):
         if not argument:
             return f"'' behind {before}"
@@ -103,7 +110,7 @@ def _empty(arguments: list[str]) -> str | None:
 
 
 def _text(error: Exception) -> str:
-    """The message; of a bare operating-system error, the file and the reason."""
+    """Return the message; for a bare operating-system error, the file and the reason."""
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename}: {error.strerror}." if error.filename else f"{error.strerror}."
     return str(error) or type(error).__name__

@@ -1,46 +1,46 @@
-"""Options that verbs share."""
+"""Options that verbs share, and what they mean everywhere."""
 
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
-Json = Annotated[
-    Path | None, typer.Option("--json", metavar="FILE", help="Write the figures as JSON for machines.")
+DEFAULT_SOLVER = "sqp"  # of every verb that flies
+EPILOG = (
+    "Shared options: --seed fixes every random draw. --out DIR is created where it is missing and holds figures, "
+    "logs and models. --json FILE holds schema, version, seed, configuration and every value. --markdown FILE "
+    "holds the printed tables. Files and folders are checked before long work; a file appears whole or not at all. "
+    "--solver: sqp unless a scenario file names another; ipopt (MathematicalProgram) is the reference."
+)
+
+OptionalPath = Path | None
+Json = Annotated[OptionalPath, Option("--json", metavar="FILE", help="Write the values as JSON.")]
+Out = Annotated[OptionalPath, Option("--out", metavar="DIR", help="Folder for logs and figures.")]
+Markdown = Annotated[OptionalPath, Option("--markdown", metavar="FILE", help="Write the table as Markdown.")]
+Seed = Annotated[int, Option("--seed", min=0, max=2**31 - 1, help="Seed of every random draw.")]
+Undrawn = Annotated[int, Option("--seed", min=0, hidden=True)]  # of verbs without a random draw
+Seeds = Annotated[int, Option("--seeds", min=1, help="Evaluation flights a row, of seeds seed + 1, …")]
+Solver = Annotated[str, Option("--solver", help="sqp | ipopt (MathematicalProgram, the reference)")]
+Jobs = Annotated[int, Option("--jobs", min=1, help="Processes.")]
+Only = Annotated[
+    list[str] | None, Option("--only", help="Only rows of these names (nominal is always flown).")
 ]
-Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for logs and figures.")]
-Seed = Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Seed of every random draw.")]
 VehicleFile = Annotated[
-    Path | None, typer.Option("--vehicle", metavar="FILE", help="Vehicle file (YAML); default: the paper's.")
+    OptionalPath, Option("--vehicle", metavar="FILE", help="Vehicle file (YAML); default: the paper's.")
 ]
-Repair = Annotated[bool, typer.Option("--repair", help="Mend a few bad rows of a log and say so.")]
+Repair = Annotated[bool, Option("--repair", help="Mend a few bad rows of a log and say so.")]
+Epochs = Annotated[int | None, Option("--epochs", min=1, help="Passes; default: the configuration's.")]
 Configuration = Annotated[
     str,
-    typer.Option(
+    Option(
         "--configuration",
         metavar="NAME",
         help="Predictor: default | paper | dictionary | dmdc | delay-dmdc | ridge; or gp | knode.",
     ),
 ]
-Step = Annotated[float, typer.Option("--step", min=1e-4, max=1.0, help="Predictor step for flight logs [s].")]
-Markdown = Annotated[
-    Path | None, typer.Option("--markdown", metavar="FILE", help="Write the table as Markdown.")
-]
-Seeds = Annotated[int, typer.Option("--seeds", min=1, help="Evaluation flights a row, of seeds seed + 1, …")]
-Solver = Annotated[str, typer.Option("--solver", help="ipopt | sqp")]
-Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Processes.")]
-Only = Annotated[
-    list[str] | None, typer.Option("--only", help="Only rows of these names (nominal is always flown).")
-]
+Step = Annotated[float, Option("--step", min=1e-4, max=1.0, help="Predictor step for flight logs [s].")]
 Neurobem = Annotated[
-    Path | None,
-    typer.Option("--neurobem", metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),
+    OptionalPath,
+    Option("--neurobem", metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),
 ]
-Undrawn = Annotated[
-    int, typer.Option("--seed", min=0, hidden=True)
-]  # every verb takes it; here nothing is drawn
-
-
-def evaluation_seeds(seed: int, seeds: int) -> list[int]:
-    """Seeds of the evaluation flights: those after `seed`, which the training flight draws."""
-    return [seed + 1 + k for k in range(seeds)]
+Replay = Annotated[bool, Option("--replay", help="Replay held-out flights in Drake too.")]

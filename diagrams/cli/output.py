@@ -1,15 +1,14 @@
-"""What every verb prints and writes: console, progress, tables, `--json` files, figures, folders.
+"""Console, progress bars, tables, `--json` files, figures and folders of every verb.
 
 Only the command line prints. Files appear whole or not at all (`np_drake.atomic_file`).
 """
 
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -18,27 +17,30 @@ from rich.table import Table as Grid
 
 from np_drake.atomic_file import require_writable, write_json, write_text
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 WIDTH = 100  # columns a table may take
 Advance = Callable[..., None]  # (done, text="")
 Table = tuple[str, list[str], list[tuple]]  # title, header, rows
 
 
 def console(*, stderr: bool = False) -> Console:
-    """A console at most `WIDTH` columns wide, and that wide where the output is no terminal."""
+    """Return a console at most `WIDTH` columns wide, and that wide where the output is no terminal."""
     stream = sys.stderr if stderr else sys.stdout
     width = min(WIDTH, Console(file=stream).width) if stream.isatty() else WIDTH
     return Console(file=stream, width=width, highlight=False)
 
 
 def say(*lines: str) -> None:
-    """Plain lines on stdout."""
+    """Print plain lines on stdout."""
     for line in lines:
         console().print(line, markup=False, soft_wrap=True)
 
 
 @contextmanager
 def progress(description: str, total: float) -> Iterator[Advance]:
-    """A progress bar on stderr for anything over two seconds; yields `advance(done, text)`.
+    """Show a progress bar on stderr and yield `advance(done, text)`.
 
     `done` counts up to `total`; `text` stands behind the bar. Where stderr is no terminal nothing moves: the
     bar is printed once, at its end.
@@ -61,19 +63,12 @@ def progress(description: str, total: float) -> Iterator[Advance]:
 
 
 def counted(advance: Advance, what: str = "") -> Callable[[int, int], None]:
-    """An `on_progress(done, total)` that moves a bar of total 1."""
+    """Return an `on_progress(done, total)` that moves a bar of total 1."""
     return lambda done, total: advance(done / total, f"{done} of {total} {what}".rstrip())
 
 
-@contextmanager
-def flying(description: str, out: Path | None) -> Iterator[tuple[Path, Callable[[int, int], None]]]:
-    """What flights over several seeds need: a folder for models (one that goes, without `out`), and `on_progress`."""
-    with tempfile.TemporaryDirectory() as scratch, progress(description, 1.0) as advance:
-        yield make_folder(out) if out else Path(scratch), counted(advance, "flights")
-
-
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """A table in `WIDTH` columns: text to the left, numbers to the right with three digits."""
+    """Print a table in `WIDTH` columns: text to the left, numbers to the right with three digits."""
     table = Grid(title=escape(title), title_justify="left", pad_edge=False)
     for column, name in enumerate(header):
         numeric = all(isinstance(row[column], float | int | None) for row in rows)
@@ -83,24 +78,18 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[Any]]
     console().print(table)
 
 
-def write_markdown(path: Path | None, *tables: Table) -> None:
-    """The same tables as a Markdown file; nothing where no file was asked for."""
+def write_markdown(path: Path | None, *tables: Table, lines: Sequence[str] = ()) -> None:
+    """Write tables, and lines as a list below them, as a Markdown file; nothing where no file was asked for."""
     if path is None:
         return
-    lines: list[str] = []
+    blocks = []
     for title, header, rows in tables:
-        lines += ["", title + ":", "", "| " + " | ".join(header) + " |", "|---" * len(header) + "|"]
-        lines += ["| " + " | ".join(map(_cell, row)) + " |" for row in rows]
-    write_text(path, "\n".join(lines[1:]) + "\n")
+        body = ["| " + " | ".join(header) + " |", "|---" * len(header) + "|"]
+        body += ["| " + " | ".join(_cell(v).strip().replace("|", "\\|") for v in row) + " |" for row in rows]
+        blocks.append("\n".join([f"{title}:", "", *body]))
+    blocks += ["\n".join(f"- {line}" for line in lines)] if lines else []
+    write_text(path, "\n\n".join(blocks) + "\n")
     say(f"table: {path}")
-
-
-def show(markdown: Path | None, *tables: Table, notes: Sequence[str] = ()) -> None:
-    """Prints tables and the lines that stand under them, and writes the tables to `markdown`."""
-    for table in tables:
-        print_table(*table)
-    say(*notes)
-    write_markdown(markdown, *tables)
 
 
 def _cell(value: Any) -> str:
@@ -110,7 +99,7 @@ def _cell(value: Any) -> str:
 
 
 def write_metrics(path: Path | None, verb: str, *, seed: int, config: dict, **content: Any) -> None:
-    """Writes the file of `--json` (docs/reference/files.md: metrics); nothing where no file was asked for."""
+    """Write the file of `--json` (docs/reference/files.md: metrics); nothing where no file was asked for."""
     if path is None:
         return
     head = {"schema": f"np_drake.{verb}/1", "version": version("np_drake"), "seed": seed, "config": config}
@@ -118,15 +107,31 @@ def write_metrics(path: Path | None, verb: str, *, seed: int, config: dict, **co
     say(f"metrics: {path}")
 
 
-def require_files(*paths: Path | None) -> None:
-    """Asks before long work whether the files that were asked for can be written. Raises OSError if not."""
-    for path in paths:
+def save_figure(figure: "Figure", path: Path) -> None:
+    """Write a figure and print where it is."""
+    from np_drake.figure_file import save
+
+    save(figure, path)
+    say(f"figure: {path}")
+
+
+def require_outputs(*files: Path | None, folder: Path | None = None) -> None:
+    """Check before long work that files and folder can be written, and create nothing.
+
+    Raises: OSError: if one cannot be written.
+    """
+    for path in files:
         if path is not None:
             require_writable(path)
+    if folder is not None:
+        require_folder(folder)
 
 
 def require_folder(path: Path) -> None:
-    """Asks before long work whether `make_folder` will succeed, and creates nothing. Raises OSError if not."""
+    """Check before long work that `make_folder` will succeed, and create nothing.
+
+    Raises: OSError: if it will not.
+    """
     there = next(folder for folder in (path.absolute(), *path.absolute().parents) if folder.exists())
     if not there.is_dir():
         raise NotADirectoryError(f"{there}: must be a folder; it is a file.")
@@ -134,7 +139,10 @@ def require_folder(path: Path) -> None:
 
 
 def make_folder(path: Path) -> Path:
-    """The folder of `--out`, created where it is missing. Raises OSError where nothing can be written in it."""
+    """Return the folder of `--out`, created where it is missing.
+
+    Raises: OSError: if nothing can be written in it.
+    """
     path.mkdir(parents=True, exist_ok=True)
     require_writable(path / "any")
     return path

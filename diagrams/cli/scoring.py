@@ -2,13 +2,14 @@
 
 import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from diagrams.cli.flights import Flight
-from diagrams.cli.output import print_table
+from diagrams.cli.output import Table
 from np_drake.lifting.metrics.skill import UNTRAINED, skill_table
 from np_drake.lifting.metrics.skill_interval import mean_interval
 from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
@@ -21,7 +22,7 @@ from np_drake.residual_models.neural_predictor import NeuralPredictor, Predictor
 from np_drake.residual_models.window_stability import window_stability
 
 OURS = (PAPER, DEFAULT)
-MOTIONS = ("held", "known")  # what a forecast is told of the coming zeta
+MOTIONS = ("held", "known")  # what a forecast knows of the coming zeta
 DIVERGED = 10.0  # longest forecast over longest label from which a flight counts as diverged [1]
 STEP_TOLERANCE = 0.02  # between a model's step and an array's [1]
 
@@ -36,11 +37,12 @@ def score(
     mean: np.ndarray | None = None,
     on_model: Callable[[int, int], None] = lambda *_: None,
 ) -> list[dict[str, Any]]:
-    """The rows of `--json`: every model, baseline and naive row on every flight, horizon in seconds.
+    """Return the rows of `--json`: every model, baseline and naive row on every flight, horizon in seconds.
 
-    mean: (6,) of chi in training; None: the flight's own, which no predictor could know.
-    zeta: `held` at its last value, or `known`.
-    `on_model` is called with (done, total) after every model.
+    Args:
+        mean: (6,) of chi in training; None: the flight's own, which no predictor could know.
+        zeta: `held` at its last value, or `known`.
+        on_model: called with (done, total) after every model.
     Raises: ValueError: if a step is not the model's, or a flight too short.
     """
     rows: list[dict[str, Any]] = []
@@ -71,17 +73,17 @@ def score(
 
 
 def flight_name(flight: Flight) -> str:
-    """The paper's name where it has one."""
+    """Return the paper's name of a flight where it has one."""
     return TESTS.get(f"merged_{flight.data.name}", flight.data.name)
 
 
 def options_for(model: LiftedModel) -> PredictorOptions:
-    """Torque predicted where it was trained."""
+    """Return the options of a model: torque is predicted where it was trained."""
     return PredictorOptions(torque="predict" if model.predicts_torque else "hold")
 
 
 def longest_piece(flight: Flight, step: float) -> Segment:
-    """The longest uninterrupted piece of a flight, at a model's step [s].
+    """Return the longest uninterrupted piece of a flight, at a model's step [s].
 
     Raises: ValueError: if an array has another step, or nothing usable is left.
     """
@@ -96,49 +98,48 @@ def longest_piece(flight: Flight, step: float) -> Segment:
     return max(pieces, key=len)
 
 
-def show(rows: list[dict[str, Any]], zeta: str) -> None:
-    """Two tables a flight, a column a horizon: RMSE and, in brackets, skill."""
-    for flight in dict.fromkeys(row["flight"] for row in rows):
-        of_flight = [row for row in rows if row["flight"] == flight]
-        horizons = sorted({row["horizon"] for row in of_flight})
+def tables(rows: list[dict[str, Any]], zeta: str, *, mean: bool) -> list[Table]:
+    """Return two tables, a column for every horizon, for every flight or, with `mean`, for all together.
+
+    A flight's hold RMSE and, in brackets, skill; the mean over flights is that of the ratio to persistence with its
+    95 % interval and the worst skill.
+    """
+    rows = [row for row in rows if row["zeta"] == zeta]
+    flights = dict.fromkeys(row["flight"] for row in rows)
+    groups = {name: [row for row in rows if row["flight"] == name] for name in flights}
+    found = []
+    for name, group in ({"mean over flights": rows} if mean else groups).items():
+        cells: dict[str, dict[float, list[dict]]] = {}
+        for row in group:
+            cells.setdefault(row["model"], {}).setdefault(row["horizon"], []).append(row)
+        horizons = sorted({row["horizon"] for row in group})
         for kind, unit in (("force", "N"), ("torque", "N·m")):
-            cells = {
-                (row["model"], row["horizon"]): f"{row[f'{kind}_rmse']:.3g} ({row[f'{kind}_skill']:.2f})"
-                for row in of_flight
-            }
-            lines = [
-                [model, *(cells[model, horizon] for horizon in horizons)]
-                for model in dict.fromkeys(row["model"] for row in of_flight)
-            ]
-            title = f"{flight}: {kind} RMSE [{unit}] (skill: below 1 beats all naive), coming motion {zeta}"
-            print_table(title, ["ahead", *(f"{horizon:.4g} s" for horizon in horizons)], lines)
+            what = f" RMSE [{unit}] (skill: below 1 beats all naive)"
+            what = ", ratio to persistence (worst skill)" if mean else what
+            cell = partial(_mean_cell if mean else _cell, kind)
+            lines = [(model, *(cell(of[horizon]) for horizon in horizons)) for model, of in cells.items()]
+            header = ["ahead", *(f"{horizon:.4g} s" for horizon in horizons)]
+            found.append((f"{name}: {kind}{what}, coming motion {zeta}", header, lines))
+    return found
 
 
-def show_mean(rows: list[dict[str, Any]], zeta: str) -> None:
-    """Two tables, a column a horizon: ratio to persistence, mean over flights and its 95 % interval; largest skill."""
-    horizons = sorted({row["horizon"] for row in rows})
-    for kind in ("force", "torque"):
-        lines = []
-        for model in dict.fromkeys(row["model"] for row in rows):
-            cells = [[row for row in rows if (row["model"], row["horizon"]) == (model, h)] for h in horizons]
-            lines.append([model, *(_mean_cell(cell, kind) for cell in cells)])
-        title = f"mean over flights: {kind}, ratio to persistence (worst skill), coming motion {zeta}"
-        print_table(title, ["ahead", *(f"{horizon:.4g} s" for horizon in horizons)], lines)
+def _cell(kind: str, cell: list[dict[str, Any]]) -> str:
+    return f"{cell[-1][f'{kind}_rmse']:.3g} ({cell[-1][f'{kind}_skill']:.2f})"
 
 
-def _mean_cell(cell: list[dict[str, Any]], kind: str) -> str:
+def _mean_cell(kind: str, cell: list[dict[str, Any]]) -> str:
     mean, low, high = mean_interval(np.array([row[f"{kind}_ratio"] for row in cell]))
     worst = max(row[f"{kind}_skill"] for row in cell)
     return f"{_short(float(mean))} ±{_short(float(high - low) / 2)} ({_short(worst)})"
 
 
 def _short(value: float) -> str:
-    """Two digits behind the point, or two that count."""
+    """Format with two digits behind the point, or two significant ones."""
     return f"{value:.2f}" if 0.1 <= value < 1000 or value != value else f"{value:.2g}"
 
 
 def diverged(rows: list[dict[str, Any]]) -> list[str]:
-    """Flights on which a model's RMSE is no number, or a forecast is `DIVERGED` times the longest label.
+    """Return the flights on which a model's RMSE is no number, or a forecast is `DIVERGED` times the longest label.
 
     A baseline may diverge; nothing keeps it from that.
     """
@@ -152,7 +153,7 @@ def _bounded(row: dict[str, Any]) -> bool:
 
 
 def stability(models: dict[str, LiftedModel], flights: Sequence[Flight]) -> list[dict[str, Any]]:
-    """Spectral radius of A in every window of every flight, model by model; see `WindowStability`.
+    """Return the spectral radius of A in every window of every flight, model by model; see `WindowStability`.
 
     Raises: ValueError: as `score`.
     """
@@ -166,7 +167,7 @@ def stability(models: dict[str, LiftedModel], flights: Sequence[Flight]) -> list
 
 
 def stability_text(lines: list[dict[str, Any]], rows: list[dict[str, Any]]) -> list[str]:
-    """Two sentences a model: windows above 1 and the largest radius; flights that diverge and the longest forecast."""
+    """Return two sentences for every model: spectral radii of its windows; flights that diverge, longest forecast."""
     said = []
     for name in dict.fromkeys(line["model"] for line in lines):
         of = [line for line in lines if line["model"] == name]

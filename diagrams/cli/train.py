@@ -5,11 +5,11 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import print_table, progress, say, write_metrics
-from np_drake.atomic_file import require_writable
+from diagrams.cli.output import Table, progress, require_outputs, say
+from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,76 +22,89 @@ if TYPE_CHECKING:
 LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
 
 
+@reports("train", seed=0, markdown=False)
 def train(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG…", help=LOG_HELP)],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="Model file (safetensors).")],
+    run: Run,
+    logs: Annotated[list[Path], Argument(metavar="LOG…", help=LOG_HELP)],
+    out: Annotated[Path, Option(metavar="FILE", help="Model file (safetensors).")],
     configuration: options.Configuration = "default",
-    epochs: Annotated[int | None, typer.Option(min=1, help="Passes; default: the configuration's.")] = None,
+    epochs: options.Epochs = None,
     checkpoint: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Save the run here as it goes, and resume it.")
+        Path | None, Option(metavar="FILE", help="Save the run here as it goes, and resume it.")
     ] = None,
     step: options.Step = 0.02,
     vehicle: options.VehicleFile = None,
     repair: options.Repair = False,
-    seed: options.Seed = 0,
-    json: options.Json = None,
-) -> None:
+) -> Report:
     """Train a predictor; writes the model, and the loss curve as a PNG beside it."""
     if out.suffix != ".safetensors":
         raise ValueError(f"--out: must end in .safetensors; got {out.name}.")
     curve = out.with_suffix(".png")
-    places = [place for place in (out, curve, json, checkpoint) if place is not None]
+    places = [place for place in (out, curve, checkpoint, run.json) if place is not None]
     if len(set(places)) < len(places):
         raise ValueError("--out, its loss curve, --json and --checkpoint must be different files.")
-    for place in places:
-        require_writable(place)
+    require_outputs(*places)
     from diagrams.cli.flights import open_flights
     from np_drake.figure_file import save
-    from np_drake.labels import LabelConfig
-    from np_drake.lifting.model.lifted_model import DEFAULT
-    from np_drake.lifting.model.model_file import save_model
-    from np_drake.lifting.model.origin import origin_of, with_origin, with_rotor_lag
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
 
     if configuration in REACTIONS and checkpoint is not None:
         raise ValueError(f"--checkpoint: {configuration} has none; it trains in a minute or less.")
     flights = open_flights(logs, vehicle, repair=repair)
     if configuration in REACTIONS:
-        given = {"seed": seed} | ({"epochs": epochs} if epochs and configuration == KNODE else {})
-        learnt, loss, wall = train_reaction(configuration, flights, step=step, settings=given)
+        head: dict[str, Any] = {"seed": run.seed}
+        head |= {"epochs": epochs} if epochs and configuration == KNODE else {}
+        learnt, loss, wall = train_reaction(configuration, flights, step=step, settings=head)
         learnt.save(out)
-        if loss:
-            save(loss_figure(loss), curve)
-        rmse = learnt.summary["label_rmse"]
-        say(
-            f"excitation: {learnt.summary['excitation']}",
-            f"against the labels [N, N·m]: {[round(value, 4) for value in rmse]}",
-        )
-        say(f"{learnt.summary['samples']} samples, {wall:.1f} s", f"model: {out}")
-        write_metrics(json, "train", seed=seed, config=given, loss=loss, wall=wall, summary=learnt.summary)
-        return
-    config = configure(configuration, frame=flights[0].frame, seed=seed, epochs=epochs)
-    segments = [segment for flight in flights for segment in flight.segments(step)]
-    result, wall = run_training(f"training {configuration}", segments, config, checkpoint)
-    origin = origin_of(flights[0].frame, flights[0].vehicle, LabelConfig())
-    model = with_origin(result.model, origin)
-    if configuration == DEFAULT:
-        model = with_rotor_lag(model, rotor_lag(flights))
-    save_model(model, out)
-    save(loss_figure(result.loss), curve)
-    say(f"excitation: {result.model.summary['excitation']}")
-    report(result, wall)
-    say(f"model: {out}", f"loss curve: {curve}")
-    head: dict[str, Any] = {"configuration": configuration, "step": step, **dc.asdict(config)}
-    write_metrics(
-        json, "train", seed=seed, config=head, loss=result.loss, wall=wall, summary=result.model.summary
+        summary = learnt.summary
+        rmse = [round(value, 4) for value in summary["label_rmse"]]
+        lines, tables = [f"against the labels [N, N·m]: {rmse}"], []
+        notes = [f"{summary['samples']} samples, {wall:.1f} s", f"model: {out}"]
+    else:
+        config = configure(configuration, frame=flights[0].frame, seed=run.seed, epochs=epochs)
+        result, wall = train_predictor(configuration, flights, config, out, step=step, checkpoint=checkpoint)
+        loss, summary = result.loss, result.model.summary
+        head = {"configuration": configuration, "step": step, **dc.asdict(config)}
+        lines, tables = [], [loss_table(summary, wall)]
+        notes = [f"model: {out}", f"loss curve: {curve}"]
+    if loss or tables:
+        save(loss_figure(loss), curve)
+    return Report(
+        tables,
+        config=head,
+        metrics={"loss": loss, "wall": wall, "summary": summary},
+        lines=[f"excitation: {summary['excitation']}", *lines],
+        notes=notes,
     )
+
+
+def train_predictor(
+    name: str, flights: "list[Flight]", config: "Config", out: Path, *, step: float, checkpoint: Path | None
+) -> tuple["TrainingResult", float]:
+    """Train a predictor and write its model file.
+
+    Returns: the result, and how long the training took [s].
+    """
+    from np_drake.labels import LabelConfig
+    from np_drake.lifting.model.lifted_model import DEFAULT
+    from np_drake.lifting.model.model_file import save_model
+    from np_drake.lifting.model.origin import origin_of, with_origin, with_rotor_lag
+
+    segments = [segment for flight in flights for segment in flight.segments(step)]
+    result, wall = run_training(f"training {name}", segments, config, checkpoint)
+    model = with_origin(result.model, origin_of(flights[0].frame, flights[0].vehicle, LabelConfig()))
+    save_model(with_rotor_lag(model, rotor_lag(flights)) if name == DEFAULT else model, out)
+    return result, wall
 
 
 def train_reaction(
     name: str, flights: "list[Flight]", *, step: float, settings: dict
 ) -> tuple["MotionModel", list[float], float]:
-    """The model gp or knode, its loss and how long it took [s]. Raises ValueError where `flights` do not serve."""
+    """Train gp or knode.
+
+    Returns: the model, its loss, and how long the training took [s].
+    Raises: ValueError: if `flights` do not serve.
+    """
     from np_drake.residual_models.motion_training import train_motion_model
 
     start, vehicles = time.perf_counter(), [flight.vehicle for flight in flights]
@@ -107,7 +120,7 @@ def train_reaction(
 
 
 def rotor_lag(flights: "list[Flight]") -> float:
-    """The lag of the rotors that the flights show [s]; said, where there is one."""
+    """Return the lag of the rotors that the flights show [s], and print it where there is one."""
     from np_drake.logs.flight_log import FlightLog
     from np_drake.rotor_lag import learned_rotor_lag
 
@@ -120,7 +133,7 @@ def rotor_lag(flights: "list[Flight]") -> float:
 
 
 def configure(name: str, *, frame: str = "world", seed: int = 0, epochs: int | None = None) -> "Config":
-    """The configuration called `name`; one in closed form has no epochs.
+    """Return the configuration called `name`; one in closed form has no epochs.
 
     Raises: ValueError: on another name.
     """
@@ -128,17 +141,14 @@ def configure(name: str, *, frame: str = "world", seed: int = 0, epochs: int | N
 
     config = make_config(name, frame=frame, seed=seed)
     names = {field.name for field in dc.fields(config)} & {"epochs", "iterations"}
-    return (
-        config
-        if epochs is None
-        else make_config(name, frame=frame, seed=seed, **dict.fromkeys(names, epochs))
-    )
+    given: dict[str, Any] = dict.fromkeys(names, epochs)
+    return config if epochs is None else dc.replace(config, **given)
 
 
 def run_training(
     description: str, segments: list["Segment"], config: "Config", checkpoint: Path | None = None
 ) -> tuple["TrainingResult", float]:
-    """The training's result and how long it took [s], behind a progress bar."""
+    """Train behind a progress bar; return the result and how long it took [s]."""
     from np_drake.lifting.training.train import train as run
 
     start = time.perf_counter()
@@ -152,16 +162,15 @@ def run_training(
     return result, time.perf_counter() - start
 
 
-def report(result: "TrainingResult", wall: float) -> None:
-    """The summary of a training run."""
-    summary = result.model.summary
+def loss_table(summary: dict[str, Any], wall: float) -> Table:
+    """Return the table of a training run: the loss by block."""
     loss = summary["loss"] if isinstance(summary["loss"], dict) else {"total": summary["loss"]}
-    rows = [(name, float(value)) for name, value in loss.items()]
-    print_table(f"{summary['samples']} samples, {wall:.1f} s", ["block", "loss [1]"], rows)
+    rows: list[tuple] = [(name, float(value)) for name, value in loss.items()]
+    return f"{summary['samples']} samples, {wall:.1f} s", ["block", "loss [1]"], rows
 
 
 def loss_figure(loss: list[float]) -> "Figure":
-    """Loss against epoch, as a Figure."""
+    """Plot loss against epoch."""
     from np_drake.figure_file import new_figure
 
     figure, grid = new_figure(1, 1, width=6.0, height=3.5)

@@ -1,14 +1,15 @@
-"""`np-drake challenge`: sets of flights with an effect that whoever diagnoses them is not told."""
+"""`np-drake challenge`: sets of flights with an effect that whoever diagnoses them does not know."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Option
 
 from diagrams.cli import options
 from diagrams.cli.challenge import compare, golden, score, solve
-from diagrams.cli.output import progress, require_folder, say, write_metrics
-from np_drake.atomic_file import require_writable
+from diagrams.cli.output import progress, require_folder
+from diagrams.cli.runner import Report, Run, reports
 
 challenge = typer.Typer(help="Withheld-effect challenge sets.", add_completion=False, rich_markup_mode=None)
 challenge.command("solve")(solve.solve)
@@ -18,35 +19,33 @@ challenge.command("golden")(golden.golden)
 
 
 @challenge.command("make")
+@reports("challenge_make", seed=0, markdown=False)
 def make(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the case folders.")],
-    truth: Annotated[Path, typer.Option(metavar="DIR", help="Folder for their truth; not inside --out.")],
-    simulator: Annotated[str, typer.Option(metavar="NAME", help="Who flies: drake | rotorpy.")] = "drake",
-    quality: Annotated[str, typer.Option(metavar="NAME", help="Logs as from a rig: clean | real.")] = "clean",
-    cases: Annotated[int, typer.Option(min=0, help="Cases with effects.")] = 44,
-    clean: Annotated[int, typer.Option(min=0, help="Clean controls: cases without.")] = 20,
-    seconds: Annotated[float, typer.Option(help="Length of every flight [s].")] = 20.0,
+    run: Run,
+    out: Annotated[Path, Option(metavar="DIR", help="Folder for the case folders.")],
+    truth: Annotated[Path, Option(metavar="DIR", help="Folder for their truth; not inside --out.")],
+    simulator: Annotated[str, Option(metavar="NAME", help="Who flies: drake | rotorpy.")] = "drake",
+    quality: Annotated[str, Option(metavar="NAME", help="Sensors: clean (ideal) | real.")] = "clean",
+    cases: Annotated[int, Option(min=0, help="Cases with effects.")] = 44,
+    clean: Annotated[int, Option(min=0, help="Clean controls: cases without.")] = 20,
+    seconds: Annotated[float, Option(help="Length of every flight [s].")] = 20.0,
     unseen: Annotated[
-        bool, typer.Option("--unseen", help="Foreign effects alone, of kinds in no other set.")
+        bool, Option("--unseen", help="Out-of-library effects alone, of kinds in no other set.")
     ] = False,
-    jobs: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
-    seed: options.Seed = 0,
-    json: options.Json = None,
-) -> None:
-    """Fly and write a set: about half single effects, then pairs, triples, onsets in flight, foreign effects."""
-    if json is not None:
-        require_writable(json)
+    jobs: options.Jobs = 1,
+) -> Report:
+    """Fly and write a set: about half single effects, then pairs, triples, onsets in flight, out-of-library effects."""
     from diagrams.challenge.generate.make import check_request, require_no_other_set
-    from diagrams.challenge.generate.make import make as run
+    from diagrams.challenge.generate.make import make as fly_set
 
     check_request(out, truth, simulator=simulator, quality=quality, seconds=seconds, cases=cases + clean)
     for folder in (out, truth):
         require_folder(folder)
-    require_no_other_set(out, truth, seed=seed, cases=cases + clean)
+    require_no_other_set(out, truth, seed=run.seed, cases=cases + clean)
     config = {"simulator": simulator, "quality": quality, "cases": cases, "clean": clean, "seconds": seconds}
     config["unseen"] = unseen
     with progress(f"flying {cases + clean} cases", cases + clean) as advance:
-        result = run(out, truth, seed=seed, jobs=jobs, on_progress=advance, **config)  # type: ignore[arg-type]
+        result = fly_set(out, truth, seed=run.seed, jobs=jobs, on_progress=advance, **config)  # type: ignore[arg-type]
     kinds = ", ".join(f"{count} {kind}" for kind, count in result["kinds"].items())
-    say(f"cases: {out} ({kinds}); truth: {truth}; redrawn: {result['redrawn']}")
-    write_metrics(json, "challenge_make", seed=seed, config=config, **result)
+    said = f"cases: {out} ({kinds}); truth: {truth}; redrawn: {result['redrawn']}"
+    return Report([], config=config, metrics=result, lines=[said])

@@ -1,33 +1,30 @@
-"""`np-drake challenge golden`: frozen cases, answered and compared with what they were answered before."""
+"""`np-drake challenge golden`: frozen cases, answered and compared with reference answers."""
 
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from diagrams.cli import options
-from diagrams.cli.output import counted, progress, require_files, say
+from diagrams.cli.output import require_outputs, say
+from diagrams.cli.runner import counting
 from np_drake.atomic_file import write_json
 
 SHOWN = 20  # differences that are printed
 
 
 def golden(
-    only: Annotated[
-        list[str] | None, typer.Option("--only", metavar="CASE", help="These cases alone.")
-    ] = None,
-    against: Annotated[
-        Path | None, typer.Option("--against", metavar="FILE", help="Answers to compare with.")
-    ] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write the answers.")] = None,
-    tolerance: Annotated[float, typer.Option(min=0.0, help="Largest relative difference.")] = 1e-6,
-    names: Annotated[bool, typer.Option("--list", help="Print the names of the cases and leave.")] = False,
+    only: Annotated[list[str] | None, Option(metavar="CASE", help="These cases alone.")] = None,
+    against: Annotated[Path | None, Option(metavar="FILE", help="Answers to compare with.")] = None,
+    out: Annotated[Path | None, Option(metavar="FILE", help="Write the answers.")] = None,
+    tolerance: Annotated[float, Option(min=0.0, help="Largest relative difference.")] = 1e-6,
+    names: Annotated[bool, Option("--list", help="Print the names of the cases and leave.")] = False,
     jobs: options.Jobs = 2,
     neurobem: options.Neurobem = None,
     seed: options.Undrawn = 0,
 ) -> None:
     """Fly and diagnose frozen cases; with --against FILE exit code 1 where an answer differs from it."""
-    require_files(out)
+    require_outputs(out)
     from diagrams.batch.failed_run import FailedRun
     from diagrams.challenge import golden as check
 
@@ -36,10 +33,8 @@ def golden(
         return
     reference = check.read_answers(against) if against is not None else {}
     chosen = only or list(check.golden_cases())
-    with progress("frozen cases", 1.0) as advance:
-        answers = check.answer_all(
-            chosen, neurobem=neurobem, jobs=jobs, on_progress=counted(advance, "cases")
-        )
+    with counting("frozen cases", "cases") as on_progress:
+        answers = check.answer_all(chosen, neurobem=neurobem, jobs=jobs, on_progress=on_progress)
     if out is not None:
         write_json(
             out, {"schema": check.SCHEMA, "seed": check.SEED, "seconds": check.SECONDS, "answers": answers}

@@ -3,24 +3,31 @@
 import typer
 from typer.core import TyperGroup
 
-from diagrams.cli.reproduce import (
-    attach,
-    configurations,
-    cooperative,
-    cost,
-    estimation,
-    experiments,
-    flights,
-    robustness,
-    tracking,
-    weights,
-)
+from diagrams.cli.reproduce.attach import attach
+from diagrams.cli.reproduce.configurations import configurations
+from diagrams.cli.reproduce.cooperative import cooperative
+from diagrams.cli.reproduce.cost import cost
+from diagrams.cli.reproduce.estimation import estimation, response, sample_efficiency
+from diagrams.cli.reproduce.experiments import hover, timing
+from diagrams.cli.reproduce.flights import gap, mhe, theorem
+from diagrams.cli.reproduce.robustness import robustness
+from diagrams.cli.reproduce.tracking import tracking
+from diagrams.cli.reproduce.weights import pendulum, weights
+
+TABLES = (
+    tracking, configurations, weights, gap, mhe, theorem, pendulum, estimation, sample_efficiency, response, hover,
+    attach, timing, cooperative, robustness, cost,
+)  # fmt: skip
 
 
 class Tables(TyperGroup):
-    """Names the tables there are, where one is unknown."""
+    """Group of tables that lists its names where one is unknown."""
 
     def resolve_command(self, context, arguments):
+        """Return the sub-command.
+
+        Raises: ValueError: on an unknown name.
+        """
         if arguments and arguments[0] not in self.commands:
             raise ValueError(f"table: must be one of {', '.join(self.commands)}; got {arguments[0]!r}.")
         return super().resolve_command(context, arguments)
@@ -32,22 +39,5 @@ reproduce = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
 )
-for name, table in (
-    ("tracking", tracking.tracking),
-    ("configurations", configurations.configurations),
-    ("weights", weights.weights),
-    ("gap", flights.gap),
-    ("mhe", flights.mhe),
-    ("theorem", flights.theorem),
-    ("pendulum", weights.pendulum),
-    ("estimation", estimation.estimation),
-    ("sample-efficiency", estimation.sample_efficiency),
-    ("response", estimation.response),
-    ("hover", experiments.hover),
-    ("attach", attach.attach),
-    ("timing", experiments.timing),
-    ("cooperative", cooperative.cooperative),
-    ("robustness", robustness.robustness),
-    ("cost", cost.cost),
-):
-    reproduce.command(name)(table)
+for table in TABLES:
+    reproduce.command(table.__name__.replace("_", "-"))(table)

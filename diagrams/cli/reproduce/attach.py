@@ -1,64 +1,50 @@
 """`np-drake reproduce attach`: the payload changes in flight."""
 
 import dataclasses as dc
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from diagrams.cli import options
-from diagrams.cli.output import Table, flying, require_files, say, show, write_metrics
+from diagrams.cli.columns import fixed, percent, spread, tabulate
+from diagrams.cli.output import Table
+from diagrams.cli.reproduce.campaign import Campaign, campaign
+from diagrams.cli.runner import Report, counting
 
 if TYPE_CHECKING:
     from diagrams.loop.flight import FlightConfig
 
 
-def attach(
-    seeds: Annotated[int, typer.Option(min=1, help="Flights of seeds seed + 1, …")] = 20,
-    solver: options.Solver = "sqp",
-    jobs: options.Jobs = 2,
-    seed: options.Seed = 1000,
-    out: options.Out = None,
-    json: options.Json = None,
-    markdown: options.Markdown = None,
-) -> None:
+@campaign(seeds=20)
+def attach(run: Campaign) -> Report:
     """The payload changes in flight: attached, cut off, taut. --out DIR: model, and the responses as a figure."""
-    require_files(json, markdown)
     from diagrams.payload import attach as experiment
     from diagrams.payload import figures
     from diagrams.payload.hover_swing import TRAINING
     from diagrams.tracking.tracking import Row, train_models
-    from np_drake.figure_file import save
 
     row = Row("np", "np", training=TRAINING, configuration="default")
-    evaluation = options.evaluation_seeds(seed, seeds)
-    with flying("attach", out) as (folder, on_progress):
-        model = train_models((row,), folder, seed=seed, solver=solver)[(row.training, row.configuration)]
-        config = experiment.attach_config(solver=solver, model=model)
+    with counting("attach", "flights") as on_progress:
+        model = train_models((row,), run.folder, seed=run.seed, solver=run.solver)[
+            row.training, row.configuration
+        ]
+        config = experiment.attach_config(solver=run.solver, model=model)
         runs = experiment.run_attach(
-            model,
-            seeds=evaluation,
-            solver=solver,
-            jobs=jobs,
-            on_progress=on_progress,
+            model, seeds=run.seeds, solver=run.solver, jobs=run.jobs, on_progress=on_progress
         )
-        lines = experiment.attach_table(runs, config)
-        said = _attach_notes(lines, config)  # reads the model file, which is gone with a scratch folder
-    if out is not None:
-        figure = figures.event_responses(runs, config, f"seeds from {evaluation[0]}")
-        save(figure, out / "attach_responses.png")
-        say(f"figure: {out / 'attach_responses.png'}")
-    controller = dc.asdict(config.controller) | {"predictor": f"trained on {TRAINING}, seed {seed}"}
-    settings = {"solver": solver, "seeds": evaluation, "training_seed": seed, "controller": controller}
-    write_metrics(json, "reproduce", seed=seed, config=settings, table=lines, notes=said)
-    title = (
-        f"{seeds} flights (release, snap: {min(seeds, experiment.BESIDE)}), seeds {evaluation[0]} … {evaluation[-1]}, "
-        f"np trained on seed {seed}, {solver}"
+    lines = experiment.attach_table(runs, config)
+    notes = _attach_notes(lines, config)
+    controller = dc.asdict(config.controller) | {"predictor": f"trained on {TRAINING}, seed {run.seed}"}
+    title = run.title(f"flights (release, snap: {min(run.count, experiment.BESIDE)})", "np ")
+    of_figure = f"seeds from {run.seeds[0]}"
+    return Report(
+        [attach_printed(lines, title)],
+        config={**run.settings, "controller": controller},
+        metrics={"table": lines, "notes": notes},
+        notes=[*notes, f"controller: {controller}"],
+        figures={"attach_responses.png": lambda: figures.event_responses(runs, config, of_figure)},
     )
-    show(markdown, attach_printed(lines, title), notes=[*said, f"controller: {controller}"])
 
 
 def _attach_notes(lines: list[dict], config: "FlightConfig") -> list[str]:
-    """What is behind the figures: thrust scale, filter, paper, and the snap, which leaves no step."""
+    """Return the notes: thrust scale, filter, the paper's values, and the snap, which leaves no step."""
     import numpy as np
 
     from diagrams.loop.controllers import DEFAULT_MODEL
@@ -90,36 +76,18 @@ def _attach_notes(lines: list[dict], config: "FlightConfig") -> list[str]:
 
 
 def attach_printed(lines: list[dict], title: str) -> Table:
-    """Title, header and rows of the steps among the lines that `attach_table` gives; N, s, cm."""
-    header = [
-        "event",
-        "signal",
-        "step [N]",
-        "expected",
-        "off",
-        "90 % [s]",
-        "over",
-        "dip",
-        "sd [N]",
-        "height [cm]",
-        "failed",
-    ]
-    rows: list[tuple] = [
-        (
-            line["event"],
-            line["signal"],
-            f"{line['size']:.3f}"
-            + (f" ± {line['size_ci95']:.3f}" if line["size_ci95"] == line["size_ci95"] else ""),
-            f"{line['expected']:.3f}",
-            f"{100 * line['error']:.1f} %",
-            f"{line['rise']:.3f}",
-            f"{100 * line['overshoot']:.0f} %",
-            f"{100 * line['dip']:.0f} %",
-            f"{line['deviation']:.3f}",
-            f"{100 * line['height_error']:.1f}",
-            line["solve_failures"],
-        )
-        for line in lines
-        if "size" in line
-    ]
-    return title, header, rows
+    """Return the table of the steps among the lines that `attach_table` gives; N, s, cm."""
+    columns = (
+        ("event", "event"),
+        ("signal", "signal"),
+        ("step [N]", spread("size", 3, factor=1)),
+        ("expected", fixed("expected", 3)),
+        ("off", percent("error", 1)),
+        ("90 % [s]", fixed("rise", 3)),
+        ("over", percent("overshoot")),
+        ("dip", percent("dip")),
+        ("sd [N]", fixed("deviation", 3)),
+        ("height [cm]", fixed("height_error", 1, factor=100)),
+        ("failed", "solve_failures"),
+    )
+    return tabulate(title, [line for line in lines if "size" in line], columns)

@@ -1,121 +1,88 @@
 """`np-drake reproduce estimation | sample-efficiency | response`: the paper's estimation section beside ours."""
 
 import dataclasses as dc
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from diagrams.cli import options
-from diagrams.cli.output import (
-    Table,
-    counted,
-    make_folder,
-    progress,
-    require_files,
-    require_folder,
-    say,
-    show,
-    write_metrics,
-)
-from diagrams.cli.reproduce.flights import required
+from diagrams.cli.columns import grouped
+from diagrams.cli.output import Table
+from diagrams.cli.reproduce.real_flights import arrays, trained
+from diagrams.cli.runner import Report, Run, counting, reports
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from diagrams.prediction.array_flights import Flight
     from diagrams.prediction.estimation import EstimationTable
     from diagrams.prediction.sample_efficiency import Point
-    from np_drake.lifting.model.lifted_model import LiftedModel
 
 EPOCHS = 16  # of `paper` in the estimation table: at its default 8 the seed still shows, in a cell or two [1]
 MILLI = 1e3  # small errors in mN and mN·m, three digits each
 SHOWN = "random points"  # the flight of which the paper shows ten seconds
 
 
-def estimation(
-    neurobem: options.Neurobem = None,
-    seed: options.Seed = 1000,
-    out: options.Out = None,
-    json: options.Json = None,
-    markdown: options.Markdown = None,
-) -> None:
+@reports("reproduce", seed=1000, out=options.Out)
+def estimation(run: Run, neurobem: options.Neurobem = None) -> Report:
     """The paper's table, one step ahead. On six real flights; --out DIR: ten seconds as a figure."""
-    require_files(json, markdown)
-    folder = required("estimation", neurobem)
-    if out is not None:
-        require_folder(out)
-    from diagrams.prediction import array_flights
+    from diagrams.prediction import estimation_figures as figures
     from diagrams.prediction.estimation import estimation_table
-    from diagrams.prediction.estimation_figures import rows_of
+    from np_drake.estimation.wrench_table import COLUMNS
     from np_drake.lifting.model.lifted_model import DEFAULT
 
-    training, *tests = array_flights.flights(folder)
-    if out is not None:
-        rows_of(next(flight for flight in tests if flight.name == SHOWN))  # before the long work
-    models, settings = trained(training, seed, epochs=EPOCHS)
-    with progress("every origin", 1.0) as advance:
-        table = estimation_table(models, tests, counted(advance))
-    if out is not None:
-        _window_figure(models[DEFAULT], tests, make_folder(out) / "random_points.png", seed)
-    say(*_lines(table, training.name, seed), *(f"{name}: {values}" for name, values in settings.items()))
-    counts = {row: table.at_or_below(row) for row in _own_rows()}
-    write_metrics(
-        json,
-        "reproduce",
-        seed=seed,
+    training, *tests = arrays("estimation", neurobem)
+    shown = next(flight for flight in tests if flight.name == SHOWN)
+    if run.out is not None:
+        figures.rows_of(shown)  # before the long work
+    models, settings = trained(training, run.seed, epochs=EPOCHS)
+    with counting("every origin") as on_progress:
+        table = estimation_table(models, tests, on_progress)
+    of_flight = {
+        flight: [(name, *(f"{MILLI * values[c]:.3g}" for c in COLUMNS)) for name, values in cells.items()]
+        for flight, cells in table.cells.items()
+    }
+    title = "One step (2.5 ms) ahead on real flights, RMSE [mN, mN·m]; NeuroBEM, NeuroMHE, NP as published"
+    span = f"{SHOWN}, {figures.SPAN[0]:g} to {figures.SPAN[1]:g} s"
+    of_figure = f"{span} · `default`, trained on ten seconds of circling, seed {run.seed}"
+    return Report(
+        [grouped(title, ["", *COLUMNS], of_flight)],
         config={"training": training.name, **settings},
-        table=table.lines(),
-        at_or_below_the_paper=counts,
-        stability={
-            name: {flight: dc.asdict(found) for flight, found in of.items()}
-            for name, of in table.stability.items()
+        metrics={
+            "table": table.lines(),
+            "at_or_below_the_paper": {row: table.at_or_below(row) for row in _own_rows()},
+            "stability": {
+                name: {flight: dc.asdict(found) for flight, found in of.items()}
+                for name, of in table.stability.items()
+            },
+        },
+        lines=[*_lines(table, training.name, run.seed), *settings_lines(settings)],
+        figures={
+            "random_points.png": lambda: figures.window_figure(
+                figures.window(models[DEFAULT], shown), of_figure
+            )
         },
     )
-    from np_drake.estimation.wrench_table import COLUMNS
-
-    rows: list[tuple] = []
-    for flight, of_flight in table.cells.items():
-        rows.append((flight, *("" for _ in COLUMNS)))
-        rows += [(name, *(f"{MILLI * values[c]:.3g}" for c in COLUMNS)) for name, values in of_flight.items()]
-    title = "One step (2.5 ms) ahead on real flights, RMSE [mN, mN·m]; NeuroBEM, NeuroMHE, NP as published"
-    show(markdown, (title, ["", *COLUMNS], rows))
 
 
-def sample_efficiency(
-    neurobem: options.Neurobem = None,
-    seed: options.Seed = 1000,
-    out: options.Out = None,
-    json: options.Json = None,
-    markdown: options.Markdown = None,
-) -> None:
+@reports("reproduce", seed=1000, out=options.Out)
+def sample_efficiency(run: Run, neurobem: options.Neurobem = None) -> Report:
     """Error against training samples. On race track 1; --out DIR: figure."""
-    require_files(json, markdown)
-    folder = required("sample-efficiency", neurobem)
-    if out is not None:
-        require_folder(out)
     from diagrams.cli.train import configure
-    from diagrams.prediction import array_flights
     from diagrams.prediction import sample_efficiency as measure
     from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
 
-    training, *tests = array_flights.flights(folder)
+    training, *tests = arrays("sample-efficiency", neurobem)
     test = next(flight for flight in tests if flight.name == "race track 1")
-    configs = {name: configure(name, frame="body", seed=seed) for name in (PAPER, DEFAULT)}
-    with progress("models", 1.0) as advance:
-        points = measure.sample_efficiency(
-            training,
-            test,
-            configs,
-            on_progress=counted(advance),
-        )
+    configs = {name: configure(name, frame="body", seed=run.seed) for name in (PAPER, DEFAULT)}
+    with counting("models") as on_progress:
+        points = measure.sample_efficiency(training, test, configs, on_progress=on_progress)
     step, settings = test.segment.step, {name: dc.asdict(config) for name, config in configs.items()}
     title = f"RMSE on {test.name} against training samples, mean over disjoint pieces of the training segment"
-    if out is not None:
-        path = make_folder(out) / "sample_efficiency.png"
-        save_figure(measure.efficiency_figure(points, step, f"{title} · seed {seed}"), path)
-    say(f"seed {seed}", *(f"{name}: {values}" for name, values in settings.items()))
+    of_figure = f"{title} · seed {run.seed}"
     lines = [{**dc.asdict(p), "horizon": p.horizon * step} for p in points]
-    write_metrics(json, "reproduce", seed=seed, config=settings, table=lines, published=measure.PUBLISHED)
-    show(markdown, _efficiency_table(points, step, title))
+    return Report(
+        [_efficiency_table(points, step, title)],
+        config=settings,
+        metrics={"table": lines, "published": measure.PUBLISHED},
+        lines=[f"seed {run.seed}", *settings_lines(settings)],
+        figures={"sample_efficiency.png": lambda: measure.efficiency_figure(points, step, of_figure)},
+    )
 
 
 def _efficiency_table(points: "list[Point]", step: float, title: str) -> Table:
@@ -137,49 +104,25 @@ def _range(point: "Point") -> str:
     return f"{point.force[0]:.3g} / {point.torque[0]:.3g}"
 
 
-def response(
-    neurobem: options.Neurobem = None,
-    seed: options.Seed = 1000,
-    json: options.Json = None,
-    markdown: options.Markdown = None,
-) -> None:
+@reports("reproduce", seed=1000)
+def response(run: Run, neurobem: options.Neurobem = None) -> Report:
     """How late the prediction is. Its lag behind the label where jerk is largest."""
-    require_files(json, markdown)
-    folder = required("response", neurobem)
     from diagrams.cli.train import configure
-    from diagrams.prediction import array_flights
     from diagrams.prediction import response as measure
     from np_drake.lifting.model.lifted_model import DEFAULT
 
-    training, *tests = array_flights.flights(folder)
-    models, settings = trained(training, seed)
-    config = configure(DEFAULT, frame="body", seed=seed)
-    with progress("flights", 1.0) as advance:
-        lines = measure.response_lines(
-            models,
-            training,
-            tests,
-            config=config,
-            on_progress=counted(advance),
-        )
-    say(f"seed {seed}", *(f"{name}: {values}" for name, values in settings.items()))
-    write_metrics(json, "reproduce", seed=seed, config=settings, table=lines)
-    show(markdown, measure.printed(lines))
+    training, *tests = arrays("response", neurobem)
+    models, settings = trained(training, run.seed)
+    config = configure(DEFAULT, frame="body", seed=run.seed)
+    with counting("flights") as on_progress:
+        lines = measure.response_lines(models, training, tests, config=config, on_progress=on_progress)
+    said = [f"seed {run.seed}", *settings_lines(settings)]
+    return Report([measure.printed(lines)], config=settings, metrics={"table": lines}, lines=said)
 
 
-def trained(
-    training: "Flight", seed: int, epochs: int | None = None
-) -> tuple[dict[str, "LiftedModel"], dict[str, dict]]:
-    """Both configurations trained on one segment, and their settings; epochs: of `paper`, None: its default."""
-    from diagrams.cli.train import configure, run_training
-    from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
-
-    models, settings = {}, {}
-    for name in (PAPER, DEFAULT):
-        config = configure(name, frame="body", seed=seed, epochs=epochs)
-        models[name] = run_training(f"training {name}", [training.segment], config)[0].model
-        settings[name] = dc.asdict(config)
-    return models, settings
+def settings_lines(settings: dict[str, dict]) -> list[str]:
+    """Return a line for every configuration with its settings."""
+    return [f"{name}: {values}" for name, values in settings.items()]
 
 
 def _own_rows() -> list[str]:
@@ -189,7 +132,7 @@ def _own_rows() -> list[str]:
 
 
 def _lines(table: "EstimationTable", training: str, seed: int) -> list[str]:
-    """What is said beside the table."""
+    """Return the lines above the table."""
     said = [f"seed {seed}, trained on the {training}; {sum(table.origins.values())} origins, every one."]
     for row in _own_rows():
         said.append(
@@ -204,21 +147,3 @@ def _lines(table: "EstimationTable", training: str, seed: int) -> list[str]:
             + (f"; the refit of {pulled} was made stable" if pulled else "")
         )
     return said
-
-
-def _window_figure(model: "LiftedModel", tests: "list[Flight]", path: Path, seed: int) -> None:
-    from diagrams.prediction.estimation_figures import SPAN, window, window_figure
-
-    flight = next(f for f in tests if f.name == SHOWN)
-    title = (
-        f"{SHOWN}, {SPAN[0]:g} to {SPAN[1]:g} s · `default`, trained on ten seconds of circling, seed {seed}"
-    )
-    save_figure(window_figure(window(model, flight), title), path)
-
-
-def save_figure(figure: "Figure", path: Path) -> None:
-    """Writes it and says where."""
-    from np_drake.figure_file import save
-
-    save(figure, path)
-    say(f"figure: {path}")

@@ -1,170 +1,109 @@
 """`np-drake reproduce hover | timing`: a swinging payload, and what a period costs, beside the paper."""
 
 import dataclasses as dc
-import tempfile
-from pathlib import Path
 
 from diagrams.cli import options
-from diagrams.cli.output import Table, counted, flying, progress, require_files, say, show, write_metrics
-from diagrams.cli.reproduce.configurations import choose_rows
+from diagrams.cli.columns import MISSING, fixed, percent, spread, tabulate
+from diagrams.cli.output import Table
+from diagrams.cli.reproduce.campaign import Campaign, campaign, choose_rows
+from diagrams.cli.runner import Report, Run, counting, reports
 
 PERIODS = 250  # of the timing table [1]
 
 
-def hover(
-    seeds: options.Seeds = 5,
-    solver: options.Solver = "sqp",
-    jobs: options.Jobs = 2,
-    only: options.Only = None,
-    seed: options.Seed = 1000,
-    out: options.Out = None,
-    json: options.Json = None,
-    markdown: options.Markdown = None,
-) -> None:
+@campaign(seeds=5)
+def hover(run: Campaign, only: options.Only = None) -> Report:
     """Hover while the payload swings. --out DIR: models, and the payload's distance as a figure."""
-    require_files(json, markdown)
-    from diagrams.payload import figures as payload_figures
-    from diagrams.payload import hover_swing
-    from np_drake.figure_file import save
+    from diagrams.payload import figures, hover_swing
 
     rows = choose_rows(hover_swing.ROWS, only)
-    evaluation = options.evaluation_seeds(seed, seeds)
-    with flying("hover", out) as (folder, on_progress):
-        runs = hover_swing.run_hover(
-            folder,
-            seeds=evaluation,
-            training_seed=seed,
-            solver=solver,
-            rows=rows,
-            jobs=jobs,
-            on_progress=on_progress,
-        )
-    lines, said = hover_swing.hover_table(runs), hover_swing.verdict(hover_swing.hover_table(runs))
-    if out is not None:
-        title = f"Hover, impulse of {hover_swing.IMPULSE} N·s on the payload, seed {evaluation[0]}"
-        save(payload_figures.payload_distance(runs, title), out / "hover_payload_distance.png")
-        say(f"figure: {out / 'hover_payload_distance.png'}")
+    runs = run.fly("hover", hover_swing.run_hover, rows)
+    lines = hover_swing.hover_table(runs)
+    verdict = hover_swing.verdict(lines)
     named = {row.name: f"trained on {row.training}" if row.training else "" for row in rows}
-    flown = {
-        row.name: dc.asdict(hover_swing.hover_config(row, solver=solver, model=named[row.name]).controller)
+    controllers = {
+        row.name: dc.asdict(
+            hover_swing.hover_config(row, solver=run.solver, model=named[row.name]).controller
+        )
         for row in rows
     }
-    config = {"solver": solver, "seeds": evaluation, "training_seed": seed, "controllers": flown}
-    figures = [{key: value for key, value in run.items() if key != "course"} for run in runs]
-    write_metrics(json, "reproduce", seed=seed, config=config, table=lines, verdict=said, runs=figures)
-    notes = [*said, *(f"{name}: MPC {controller['mpc']}" for name, controller in flown.items())]
-    title = (
-        f"{seeds} flights a row, seeds {evaluation[0]} … {evaluation[-1]}, np trained on seed {seed}, {solver}; "
-        "± 95 % interval of the mean"
+    of_figure = f"Hover, impulse of {hover_swing.IMPULSE} N·s on the payload, seed {run.seeds[0]}"
+    summaries = [{key: value for key, value in run.items() if key != "course"} for run in runs]
+    return Report(
+        [hover_printed(lines, f"{run.title(learner='np ')}; ± 95 % interval of the mean")],
+        config={**run.settings, "controllers": controllers},
+        metrics={"table": lines, "verdict": verdict, "runs": summaries},
+        notes=[*verdict, *(f"{name}: MPC {controller['mpc']}" for name, controller in controllers.items())],
+        figures={"hover_payload_distance.png": lambda: figures.payload_distance(runs, of_figure)},
     )
-    show(markdown, hover_printed(lines, title), notes=notes)
 
 
 def hover_printed(lines: list[dict], title: str) -> Table:
-    """Title, header and rows of the lines that `hover_table` gives; errors in cm."""
+    """Return the table of the lines that `hover_table` gives; errors in cm."""
     from diagrams.payload.hover_swing import EARLY, PAPER
 
-    def cell(line: dict, key: str, factor: float, digits: int) -> str:
-        value, spread = factor * line[key], factor * line[f"{key}_ci95"]
-        if value in (float("inf"), float("-inf")):
-            return "never" if key == "settling" else "lost"
-        return f"{value:.{digits}f}" + (f" ± {spread:.{digits}f}" if spread == spread else "")
+    def paper(line: dict) -> str:
+        return f"{100 * PAPER[line['row']]:.1f}" if line["row"] in PAPER else MISSING
 
-    header = [
-        "controller",
-        "3-D [cm]",
-        "cut",
-        f"first {EARLY:.0f} s",
-        "after",
-        "xy [cm]",
-        "swing [cm]",
-        "decay [1/s]",
-        "< 5 cm after [s]",
-        "paper 3-D",
-        "failed",
-    ]
-    rows: list[tuple] = [
-        (
-            line["row"],
-            cell(line, "position_rmse", 100, 2),
-            f"{100 * line['position_rmse_cut']:.1f} %",
-            cell(line, "early", 100, 2),
-            cell(line, "late", 100, 2),
-            cell(line, "E_xy", 100, 2),
-            cell(line, "amplitude", 100, 1),
-            cell(line, "rate", 1, 3),
-            cell(line, "settling", 1, 1),
-            f"{100 * PAPER[line['row']]:.1f}" if line["row"] in PAPER else "–",
-            line["solve_failures"],
-        )
-        for line in lines
-    ]
-    return title, header, rows
+    columns = (
+        ("controller", "row"),
+        ("3-D [cm]", spread("position_rmse")),
+        ("cut", percent("position_rmse_cut", 1)),
+        (f"first {EARLY:.0f} s", spread("early")),
+        ("after", spread("late")),
+        ("xy [cm]", spread("E_xy")),
+        ("swing [cm]", spread("amplitude", 1)),
+        ("decay [1/s]", spread("rate", 3, factor=1)),
+        ("< 5 cm after [s]", spread("settling", 1, factor=1, lost="never")),
+        ("paper 3-D", paper),
+        ("failed", "solve_failures"),
+    )
+    return tabulate(title, lines, columns)
 
 
-def timing(
-    only: options.Only = None,
-    seed: options.Seed = 1000,
-    json: options.Json = None,
-    markdown: options.Markdown = None,
-) -> None:
+@reports("reproduce", seed=1000)
+def timing(run: Run, only: options.Only = None) -> Report:
     """What a period costs. As ratios to a reference calculation in the same run."""
-    require_files(json, markdown)
     from diagrams.performance import timing as experiment
     from diagrams.tracking.tracking import train_models
 
-    rows = choose_rows(experiment.ROWS, only)
-    with tempfile.TemporaryDirectory() as scratch, progress("timing", 1.0) as advance:
-        models = train_models(rows, Path(scratch), seed=seed, solver="sqp")
+    rows, flight_seed = choose_rows(experiment.ROWS, only), run.seed + 1
+    with counting("timing", "controllers") as on_progress:
+        models = train_models(rows, run.folder, seed=run.seed, solver="sqp")
         lines = experiment.timing_table(
-            models,
-            periods=PERIODS,
-            seed=seed + 1,
-            rows=rows,
-            on_progress=counted(advance, "controllers"),
+            models, periods=PERIODS, seed=flight_seed, rows=rows, on_progress=on_progress
         )
     mpc = dc.asdict(experiment.timing_config(rows[0], periods=PERIODS, solver="sqp").controller.mpc)
-    config = {
-        "track": experiment.TRACK,
-        "periods": PERIODS,
-        "mpc": mpc,
-        "training_seed": seed,
-        "flight_seed": seed + 1,
-    }
-    write_metrics(json, "reproduce", seed=seed, config=config, table=lines)
-    notes = [
-        "processor time of one process; ratio: to the pseudo-inverse of a 40 x 30 matrix in the same run "
-        f"({lines[0]['reference']:.3f} ms); paper: lift and refit < {experiment.PAPER['predict']:g} ms, "
-        f"solve < {experiment.PAPER['solve']:g} ms on an i5-1135G7.",
-        f"MPC of the first row: {mpc}",
-    ]
-    title = (
-        f"{PERIODS} periods of the {experiment.TRACK}, seed {seed + 1}, np trained on seed {seed}; "
-        "median / 95 % quantile"
+    title = f"{PERIODS} periods of the {experiment.TRACK}, seed {flight_seed}, np trained on seed {run.seed}"
+    config = {"track": experiment.TRACK, "periods": PERIODS, "mpc": mpc}
+    return Report(
+        [timing_printed(lines, f"{title}; median / 95 % quantile")],
+        config=config | {"training_seed": run.seed, "flight_seed": flight_seed},
+        metrics={"table": lines},
+        notes=[
+            "processor time of one process; ratio: to the pseudo-inverse of a 40 x 30 matrix in the same run "
+            f"({lines[0]['reference']:.3f} ms); paper: lift and refit < {experiment.PAPER['predict']:g} ms, "
+            f"solve < {experiment.PAPER['solve']:g} ms on an i5-1135G7.",
+            f"MPC of the first row: {mpc}",
+        ],
     )
-    show(markdown, timing_printed(lines, title), notes=notes)
 
 
 def timing_printed(lines: list[dict], title: str) -> Table:
-    """Title, header and rows of the lines that `timing_table` gives."""
+    """Return the table of the lines that `timing_table` gives."""
     from diagrams.performance.timing import RATES
 
-    def pair(line: dict, key: str, factor: float, digits: int) -> str:
-        return f"{factor * line[key]:.{digits}f} / {factor * line[f'{key}_p95']:.{digits}f}"
+    def pair(key: str, digits: int, factor: float = 1.0):
+        return lambda line: f"{factor * line[key]:.{digits}f} / {factor * line[f'{key}_p95']:.{digits}f}"
 
-    header = ["controller", "solver", "predict [ms]", "ratio", "solve [ms]", "ratio"]
-    header += [f"load at {rate} Hz [%]" for rate in RATES] + ["failed"]
-    rows: list[tuple] = [
-        (
-            line["row"],
-            line["solver"],
-            pair(line, "predict", 1, 2),
-            f"{line['predict_ratio']:.1f}",
-            pair(line, "solve", 1, 1),
-            f"{line['solve_ratio']:.0f}",
-            *(pair(line, f"load_{rate}", 100, 0) for rate in RATES),
-            line["failures"],
-        )
-        for line in lines
-    ]
-    return title, header, rows
+    columns = (
+        ("controller", "row"),
+        ("solver", "solver"),
+        ("predict [ms]", pair("predict", 2)),
+        ("ratio", fixed("predict_ratio", 1)),
+        ("solve [ms]", pair("solve", 1)),
+        ("ratio", fixed("solve_ratio", 0)),
+        *((f"load at {rate} Hz [%]", pair(f"load_{rate}", 0, 100)) for rate in RATES),
+        ("failed", "failures"),
+    )
+    return tabulate(title, lines, columns)

@@ -1,50 +1,48 @@
 """`np-drake reproduce weights | pendulum`: how the MPC was tuned, and the tether's length from the payload's mode."""
 
 from diagrams.cli import options
-from diagrams.cli.output import counted, progress, require_files, say, show, write_metrics
+from diagrams.cli.columns import tabulate
+from diagrams.cli.runner import Report, Run, counting, reports
 
 
-def pendulum(seed: options.Seed = 1000, json: options.Json = None, markdown: options.Markdown = None) -> None:
+@reports("reproduce", seed=1000)
+def pendulum(run: Run) -> Report:
     """The tether's length from the payload's mode. For circles with and without dither."""
-    require_files(json, markdown)
     from diagrams.payload.pendulum import EXPERIMENTS, LENGTHS, pendulum_table
 
-    with progress("flights", 1.0) as advance:
-        lines = pendulum_table(seed=seed, on_progress=counted(advance))
-    say(*(f"{line['flight']}, {line['length']} m: {line['text']}" for line in lines))
-    config = {"experiments": EXPERIMENTS, "lengths": LENGTHS}
-    write_metrics(json, "reproduce", seed=seed, config=config, table=lines)
-    keys = ("flight", "length", "found", "frequency", "damping", "motion")
-    header = ["flight", "tether [m]", "found [m]", "mode [Hz]", "damping", "motion / noise"]
-    rows = [tuple(line[k] for k in keys) for line in lines]
-    show(markdown, (f"tether from the payload's mode, seed {seed}", header, rows))
+    with counting("flights") as on_progress:
+        lines = pendulum_table(seed=run.seed, on_progress=on_progress)
+    columns = (
+        ("flight", "flight"),
+        ("tether [m]", "length"),
+        ("found [m]", "found"),
+        ("mode [Hz]", "frequency"),
+        ("damping", "damping"),
+        ("motion / noise", "motion"),
+    )
+    return Report(
+        [tabulate(f"tether from the payload's mode, seed {run.seed}", lines, columns)],
+        config={"experiments": EXPERIMENTS, "lengths": LENGTHS},
+        metrics={"table": lines},
+        lines=[f"{line['flight']}, {line['length']} m: {line['text']}" for line in lines],
+    )
 
 
-def weights(
-    jobs: options.Jobs = 2,
-    seed: options.Seed = 1000,
-    json: options.Json = None,
-    markdown: options.Markdown = None,
-) -> None:
+@reports("reproduce", seed=1000)
+def weights(run: Run, jobs: options.Jobs = 2) -> Report:
     """How the MPC's weights were chosen. On the vehicle without payload."""
-    require_files(json, markdown)
     from diagrams.tracking.tuning import EFFORT, LAG, weight_table
 
-    with progress("weights", 1.0) as advance:
-        lines = weight_table(seed=seed, jobs=jobs, on_progress=counted(advance))
-    rows = [
-        (
-            line["position"],
-            line["torque"],
-            round(100 * line["E_xy"], 2),
-            round(100 * line["E_z"], 2),
-            round(line["torque_rms"], 4),
-            "yes" if line["allowed"] else "no",
-        )
-        for line in lines
-    ]
-    header = ["position", "torque", "E_xy [cm]", "E_z [cm]", "torque RMS [N·m]", "allowed"]
-    title = f"factors on the frozen weights; lemniscate, no payload, motor lag {LAG} s, seed {seed}"
+    with counting("weights") as on_progress:
+        lines = weight_table(seed=run.seed, jobs=jobs, on_progress=on_progress)
+    title = f"factors on the frozen weights; lemniscate, no payload, motor lag {LAG} s, seed {run.seed}"
+    columns = (
+        ("position", "position"),
+        ("torque", "torque"),
+        ("E_xy [cm]", lambda line: round(100 * line["E_xy"], 2)),
+        ("E_z [cm]", lambda line: round(100 * line["E_z"], 2)),
+        ("torque RMS [N·m]", lambda line: round(line["torque_rms"], 4)),
+        ("allowed", lambda line: "yes" if line["allowed"] else "no"),
+    )
     config = {"allowed_torque_rms": EFFORT, "motor_lag": LAG}
-    write_metrics(json, "reproduce", seed=seed, config=config, table=lines)
-    show(markdown, (title, header, rows))
+    return Report([tabulate(title, lines, columns)], config=config, metrics={"table": lines})

@@ -95,11 +95,11 @@ def test_logs_can_be_named_one_by_one_and_the_replay_left_out(case, tmp_path, ca
     assert "position [m]" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", ["rig", "laboratory"])
-def test_the_user_says_whether_logs_are_a_rigs_or_a_laboratorys(case, tmp_path, capsys, name):
+@pytest.mark.parametrize("name, sensors", [("rig", "real"), ("laboratory", "ideal")])
+def test_the_user_says_whether_sensors_are_real_or_ideal(case, tmp_path, capsys, name, sensors):
     metrics = tmp_path / "d.json"
     assert run(["diagnose", str(case), "--no-replay", f"--{name}", "--json", str(metrics)]) == 0
-    assert f"Judged as logs of a {name}" in capsys.readouterr().out
+    assert f"Judged as logs of {sensors} sensors" in capsys.readouterr().out
     content = json.loads(metrics.read_text())
     assert (content["judged_as"], content["config"]["rig"]) == (name, name == "rig")
 

@@ -5,7 +5,10 @@ import json
 import numpy as np
 import pytest
 
+from diagrams.cli.fly import named_solver
 from diagrams.cli.main import run
+from diagrams.cli.options import DEFAULT_SOLVER
+from diagrams.loop.experiments import EXPERIMENTS
 from np_drake.logs.log_file import read_log
 
 
@@ -41,6 +44,24 @@ def test_the_scenarios_controller_flies_unless_another_is_asked_for(tmp_path, ca
         file = tmp_path / "m.json"
         assert run(["fly", str(scenario), *arguments, "--json", str(file)]) == 0, capsys.readouterr().err
         assert json.loads(file.read_text())["controller"] == kind
+
+
+@pytest.mark.parametrize(
+    "named, asked, flown", [("", None, "sqp"), ("ipopt", None, "ipopt"), ("ipopt", "sqp", "sqp")]
+)
+def test_a_flight_has_the_solver_asked_for_else_the_scenarios_else_the_default(
+    named, asked, flown, tmp_path, capsys
+):
+    scenario, file = tmp_path / "mine.yaml", tmp_path / "m.json"
+    controller = f"controller: {{kind: nominal{', solver: ' + named if named else ''}}}\n"
+    scenario.write_text("name: mine\nduration: 0.2\nreference: {track: hover, ramp: 0.2}\n" + controller)
+    arguments = ["fly", str(scenario), "--json", str(file), *(["--solver", asked] if asked else [])]
+    assert run(arguments) == 0, capsys.readouterr().err
+    assert json.loads(file.read_text())["config"]["controller"]["solver"] == flown
+
+
+def test_a_packaged_experiment_flies_with_the_default_solver():
+    assert {named_solver(name) or DEFAULT_SOLVER for name in EXPERIMENTS} == {DEFAULT_SOLVER}
 
 
 BAD = {  # arguments: what the line must say

@@ -1,5 +1,6 @@
 """Laws of the command line as a whole."""
 
+import os
 import subprocess
 import sys
 
@@ -32,23 +33,20 @@ def failing(error):
         (KeyboardInterrupt(), 130, "np-drake verb: interrupted.\n"),
     ],
 )
-def test_an_expected_failure_is_one_line_and_an_exit_code(monkeypatch, capsys, error, code, line):
-    monkeypatch.setattr(dut, "app", failing(error))
-    assert dut.run(["verb"]) == code
+def test_an_expected_failure_is_one_line_and_an_exit_code(capsys, error, code, line):
+    assert dut.run_app(failing(error), ["verb"]) == code
     assert capsys.readouterr().err == line
 
 
-def test_a_fault_of_the_program_keeps_its_traceback(monkeypatch):
-    monkeypatch.setattr(dut, "app", failing(ZeroDivisionError("fault")))
+def test_a_fault_of_the_program_keeps_its_traceback():
     with pytest.raises(ZeroDivisionError):
-        dut.run(["verb"])
+        dut.run_app(failing(ZeroDivisionError("fault")), ["verb"])
 
 
 def test_a_developer_can_ask_for_the_traceback(monkeypatch):
-    monkeypatch.setattr(dut, "app", failing(ValueError("bad")))
     monkeypatch.setenv("NP_DRAKE_TRACEBACK", "1")
     with pytest.raises(ValueError, match="bad"):
-        dut.run(["verb"])
+        dut.run_app(failing(ValueError("bad")), ["verb"])
 
 
 @pytest.mark.parametrize(
@@ -107,3 +105,25 @@ def test_a_line_names_the_verb_of_a_group(capsys):
     for verb in ("solve", "score"):
         assert dut.run(["challenge", verb]) == 2
         assert capsys.readouterr().err.startswith(f"np-drake challenge {verb}: Missing ")
+
+
+def shell(*arguments, **variables):
+    """`python -m np_drake` as a shell calls it, told which shell that is."""
+    environment = {**os.environ, "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1", **variables}
+    command = [sys.executable, "-m", "np_drake", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout
+
+
+def test_the_shell_completes_a_verb():
+    said = shell(_NP_DRAKE_COMPLETE="complete_bash", COMP_WORDS="np-drake re", COMP_CWORD="1")
+    assert said.split() == ["reproduce"]
+
+
+def test_the_completion_is_shown():
+    assert "_NP_DRAKE_COMPLETE=complete_bash" in shell("--show-completion", "bash")
+
+
+def test_the_completion_is_installed(tmp_path):
+    assert "bash completion installed in" in shell("--install-completion", "bash", HOME=str(tmp_path))
+    (script,) = tmp_path.glob(".bash_completions/*")
+    assert "complete_bash" in script.read_text()

@@ -1,4 +1,4 @@
-"""Laws of `np-drake reproduce mhe`, on arrays that are made here."""
+"""Laws of the tables of real flights, on arrays that are made here."""
 
 import json
 

@@ -1,0 +1,71 @@
+"""What the verbs that fly several seeds share: options, seeds, title and the choice of rows."""
+
+import dataclasses as dc
+from collections.abc import Callable, Collection
+from typing import Any
+
+from diagrams.cli import options
+from diagrams.cli.runner import Run, Shared, counting, reports
+
+
+@dc.dataclass(frozen=True)
+class Campaign(Run):
+    """Run that flies the seeds after `seed`, which the training flight draws."""
+
+    count: int
+    solver: str
+    jobs: int
+
+    @property
+    def seeds(self) -> list[int]:
+        """Seeds of the evaluation flights."""
+        return [self.seed + 1 + k for k in range(self.count)]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Solver and seeds, as the experiments take them and as `--json` holds them."""
+        return {"solver": self.solver, "seeds": self.seeds, "training_seed": self.seed}
+
+    def fly(self, name: str, experiment: Callable[..., list[dict]], rows: tuple, **more: Any) -> list[dict]:
+        """Fly every row with every seed behind a progress bar; return the summaries of the flights."""
+        with counting(name, "flights") as on_progress:
+            more |= {"rows": rows, "jobs": self.jobs, "on_progress": on_progress}
+            return experiment(self.folder, **self.settings, **more)
+
+    def title(self, flights: str = "flights a row", learner: str = "") -> str:
+        """Return the title of a table: flights, seeds, training seed and solver."""
+        return (
+            f"{self.count} {flights}, seeds {self.seeds[0]} … {self.seeds[-1]}, "
+            f"{learner}trained on seed {self.seed}, {self.solver}"
+        )
+
+
+def campaign(*, seeds: int, out: Any = options.Out) -> Callable[[Callable], Callable[..., None]]:
+    """Return the decorator of a verb `(run: Campaign, own options) -> Report`, with `seeds` flights a row."""
+    flown: list[Shared] = [
+        ("count", options.Seeds, seeds),
+        ("solver", options.Solver, options.DEFAULT_SOLVER),
+        ("jobs", options.Jobs, 2),
+    ]
+    return reports("reproduce", seed=1000, out=out, run=Campaign, first=flown)
+
+
+def require_rows(names: Collection[str], known: Collection[str]) -> None:
+    """Check the names given as `--only`.
+
+    Raises: ValueError: on an unknown name.
+    """
+    if unknown := set(names) - set(known):
+        raise ValueError(
+            f"--only: must name rows of the table ({'; '.join(known)}); got {', '.join(sorted(unknown))}."
+        )
+
+
+def choose_rows(rows: tuple, only: Collection[str] | None) -> tuple:
+    """Return the rows of these names, all where there are none; nominal always.
+
+    Raises: ValueError: on an unknown name.
+    """
+    only = only or ()
+    require_rows(only, [row.name for row in rows])
+    return tuple(row for row in rows if not only or row.name in only or row.name == "nominal")

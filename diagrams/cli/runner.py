@@ -1,0 +1,135 @@
+"""One runner for all verbs: checks files, runs the body, writes and prints its report.
+
+    @reports("reproduce", seed=1000, out=options.Out)
+    def verb(run: Run, spacing: ... = 1) -> Report: ...
+
+adds `--seed`, `--out`, `--json` and `--markdown` behind the verb's own options.
+"""
+
+import dataclasses as dc
+import functools
+import inspect
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from diagrams.cli import options, output
+from diagrams.cli.output import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+KEYWORD = inspect.Parameter.KEYWORD_ONLY
+Shared = tuple[str, Any, Any]  # an option: name, annotated type, default
+
+
+@dc.dataclass(frozen=True)
+class Run:
+    """Seed, files and folders of one run of a verb."""
+
+    seed: int
+    out: Path | None
+    json: Path | None
+    scratch: Path
+
+    @property
+    def folder(self) -> Path:
+        """Folder of `--out`, created on first use; without it a scratch folder that ends with the run."""
+        return output.make_folder(self.out) if self.out else self.scratch
+
+
+@dc.dataclass(frozen=True)
+class Report:
+    """Tables of a verb, and what its files hold."""
+
+    tables: Sequence[Table]
+    config: dict[str, Any]
+    metrics: dict[str, Any]  # of --json, behind its head
+    lines: Sequence[str] = ()  # printed above the tables
+    summary: Sequence[str] = ()  # printed below the tables, and in the Markdown file
+    notes: Sequence[str] = ()  # printed below the tables only
+    figures: Mapping[str, Callable[[], "Figure"]] = dc.field(default_factory=dict)  # by file name in --out
+    write: Callable[[Path], None] | None = None  # writes further files into the folder of --out
+    failure: Exception | None = None  # raised when all is written and printed
+
+
+def reports(
+    schema: str,
+    *,
+    seed: int | None,
+    out: Any = None,
+    folder: Path | None = None,
+    markdown: bool = True,
+    run: Callable[..., Any] = Run,
+    first: Sequence[Shared] = (),
+) -> Callable[[Callable[..., Report]], Callable[..., None]]:
+    """Return a decorator that makes a verb of a body `(run, own options) -> Report`.
+
+    Args:
+        schema: Name in the head of the `--json` file.
+        seed: Default of `--seed`; None: nothing is drawn, and the option is accepted but hidden.
+        out: Annotated type of `--out`; None: the runner adds no such option.
+        folder: Default of `--out`.
+        markdown: Whether there is a `--markdown`.
+        run: Type of the body's first argument; takes the values of `first` by name.
+        first: Options before the verb's own.
+    """
+    last: list[Shared] = [
+        ("seed", options.Undrawn if seed is None else options.Seed, seed or 0),
+        *([("out", out, folder)] if out is not None else []),
+        ("json", options.Json, None),
+        *([("markdown", options.Markdown, None)] if markdown else []),
+    ]
+
+    def decorate(body: Callable[..., Report]) -> Callable[..., None]:
+        @functools.wraps(body)
+        def verb(**given: Any) -> None:
+            files, flown = ({name: given.pop(name) for name, *_ in group} for group in (last, first))
+            output.require_outputs(files["json"], files.get("markdown"), folder=files.get("out"))
+            with tempfile.TemporaryDirectory() as scratch:
+                this = run(files["seed"], files.get("out"), files["json"], Path(scratch), **flown)
+                publish(body(this, **given), schema, **files)
+
+        _, *own = inspect.signature(body, eval_str=True).parameters.values()
+        parameters = [*_parameters(first), *(p.replace(kind=KEYWORD) for p in own), *_parameters(last)]
+        verb.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        verb.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+        return verb
+
+    return decorate
+
+
+def _parameters(shared: Sequence[Shared]) -> list[inspect.Parameter]:
+    return [inspect.Parameter(name, KEYWORD, default=value, annotation=kind) for name, kind, value in shared]
+
+
+def publish(report: Report, schema: str, seed: int, **files: Path | None) -> None:
+    """Write the metrics of a report, print it, and write its tables as Markdown and its figures.
+
+    Args: files: `json`, `markdown` and `out`, where they were given.
+    Raises: Exception: the failure that the report holds, last.
+    """
+    output.write_metrics(
+        files.get("json"), schema, **{"seed": seed, "config": report.config, **report.metrics}
+    )
+    output.say(*report.lines)
+    for table in report.tables:
+        output.print_table(*table)
+    output.say(*report.summary, *report.notes)
+    output.write_markdown(files.get("markdown"), *report.tables, lines=report.summary)
+    if out := files.get("out"):
+        for name, draw in report.figures.items():
+            output.save_figure(draw(), output.make_folder(out) / name)
+        if report.write is not None:
+            report.write(output.make_folder(out))
+    if report.failure is not None:
+        raise report.failure
+
+
+@contextmanager
+def counting(description: str, what: str = "") -> Iterator[Callable[[int, int], None]]:
+    """Show a progress bar and yield `on_progress(done, total)`, which counts `what` behind it."""
+    with output.progress(description, 1.0) as advance:
+        yield output.counted(advance, what)

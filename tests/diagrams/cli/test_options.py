@@ -1,0 +1,55 @@
+"""Laws of the options that verbs share."""
+
+import inspect
+import re
+
+import pytest
+import typer
+
+from diagrams.cli.main import app, run
+from diagrams.cli.options import DEFAULT_SOLVER
+from diagrams.tracking.demo import run_demo
+
+ROOT = typer.main.get_command(app)
+VERBS = {name: verb for name, verb in ROOT.commands.items() if not hasattr(verb, "commands")}
+VERBS |= {
+    f"{group} {name}": verb
+    for group, of in ROOT.commands.items()
+    for name, verb in getattr(of, "commands", {}).items()
+}
+
+
+def solvers():
+    """Default of `--solver` by verb."""
+    return {n: p.default for n, verb in VERBS.items() for p in verb.params if p.name == "solver"}
+
+
+def test_every_verb_that_flies_has_one_default_solver():
+    assert set(solvers()) >= {"fly", "demo", "reproduce tracking", "reproduce cooperative"}
+    told = {name: solver for name, solver in solvers().items() if name != "fly"}
+    assert set(told.values()) == {DEFAULT_SOLVER}
+    assert solvers()["fly"] is None  # the scenario file's, or DEFAULT_SOLVER: see test_fly
+    assert inspect.signature(run_demo).parameters["solver"].default == DEFAULT_SOLVER
+
+
+@pytest.mark.parametrize("verb", solvers())
+def test_the_help_of_a_solver_names_the_reference_and_the_default(verb, capsys):
+    assert run([*verb.split(), "--help"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "ipopt (MathematicalProgram, the reference)" in said
+    assert f"default: {DEFAULT_SOLVER}]" in said or f"or {DEFAULT_SOLVER}." in said
+
+
+def test_shared_options_are_documented_once_in_the_top_level_help(capsys):
+    assert run(["--help"]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    for option in ("--seed", "--out DIR", "--json FILE", "--markdown FILE", "--solver"):
+        assert option in said.split("Shared options")[1]
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_has_the_fields_words(verb, capsys):
+    assert run([*verb.split(), "--help"]) == 0
+    said = re.sub(r"--[a-z-]+", "", capsys.readouterr().out.lower())  # option names stay as they are
+    for word in ("foreign", "told", "laborator", " rig ", "second look", "made flights"):
+        assert word not in said

@@ -1,0 +1,133 @@
+"""Laws of the runner of the verbs."""
+
+import inspect
+import json
+from typing import Annotated
+
+import pytest
+import typer
+
+from diagrams.batch.failed_run import FailedRun
+from diagrams.cli import options
+from diagrams.cli.main import run_app
+from diagrams.cli.runner import Report, Run, counting, reports
+from np_drake.figure_file import new_figure
+
+TABLE = ("a title", ["what", "value"], [("one | two", 1.23456)])
+
+
+def made(change=lambda run: {}, **settings):
+    """An application whose verb `make` reports `TABLE`, and the runs that reached its body."""
+    seen: list[Run] = []
+
+    @reports("made", **{"seed": 7, "out": options.Out, **settings})
+    def make(run: Run, size: Annotated[int, typer.Option(help="Size [m].")] = 3) -> Report:
+        """Make a table."""
+        seen.append(run)
+        return Report([TABLE], config={"size": size}, metrics={"table": [1]}, **change(run))
+
+    app = typer.Typer(rich_markup_mode=None)
+    app.command("make")(make)
+    app.callback()(lambda: None)
+    return app, seen
+
+
+def call(app, *arguments):
+    return run_app(app, ["make", *map(str, arguments)])
+
+
+def test_the_metrics_begin_with_schema_version_seed_and_configuration(tmp_path):
+    app, _ = made()
+    assert call(app, "--json", tmp_path / "m.json", "--size", 5) == 0
+    content = json.loads((tmp_path / "m.json").read_text())
+    assert list(content) == ["schema", "version", "seed", "config", "table"]
+    assert (content["schema"], content["seed"], content["config"]) == ("np_drake.made/1", 7, {"size": 5})
+
+
+def test_lines_stand_above_the_table_and_notes_below(tmp_path, capsys):
+    app, _ = made(lambda run: {"lines": ["above"], "summary": ["below"], "notes": ["last"]})
+    page = tmp_path / "page.md"
+    assert call(app, "--markdown", page) == 0
+    said = capsys.readouterr().out
+    places = [said.index(text) for text in ("above", "a title", "below", "last", "table: ")]
+    assert places == sorted(places)
+    expected = "a title:\n\n| what | value |\n|---|---|\n| one \\| two | 1.23 |\n\n- below\n"
+    assert page.read_text() == expected
+
+
+@pytest.mark.parametrize("option", ["--json", "--markdown", "--out"])
+def test_a_file_that_cannot_be_written_is_refused_before_the_body_runs(option, tmp_path, capsys):
+    app, seen = made()
+    (tmp_path / "file").touch()
+    assert call(app, option, tmp_path / "file" / "below") == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    assert seen == []
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_body_that_fails_leaves_nothing(tmp_path):
+    def fail(run):
+        raise ValueError("bad")
+
+    app, _ = made(fail)
+    files = [f"--{name}={tmp_path / name}" for name in ("json", "markdown", "out")]
+    assert call(app, *files) == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_figures_are_drawn_and_files_written_only_where_a_folder_is_asked_for(tmp_path, capsys):
+    def change(run):
+        figures = {"f.png": lambda: new_figure(1, 1, width=1.0, height=1.0)[0]}
+        return {"figures": figures, "write": lambda folder: (folder / "extra.txt").write_text("more")}
+
+    app, _ = made(change)
+    assert call(app) == 0
+    assert "figure: " not in capsys.readouterr().out
+    assert call(app, "--out", tmp_path / "a" / "b") == 0
+    assert {path.name for path in (tmp_path / "a" / "b").iterdir()} == {"f.png", "extra.txt"}
+    assert "figure: " in capsys.readouterr().out
+
+
+def test_without_a_folder_a_run_has_a_scratch_folder_that_ends_with_it(tmp_path):
+    there = []
+    app, seen = made(lambda run: there.append(run.folder.is_dir()) or {})
+    assert call(app) == 0
+    assert there == [True]
+    assert not seen[0].folder.exists()
+    assert call(app, "--out", tmp_path / "out") == 0
+    assert seen[1].folder == tmp_path / "out"
+
+
+def test_a_failure_comes_last(tmp_path, capsys):
+    app, _ = made(lambda run: {"failure": FailedRun("it diverged.")})
+    assert call(app, "--json", tmp_path / "m.json") == 1
+    captured = capsys.readouterr()
+    assert "a title" in captured.out
+    assert captured.err == "np-drake make: it diverged.\n"
+    assert (tmp_path / "m.json").exists()
+
+
+def test_shared_options_stand_behind_the_verbs_own(capsys):
+    app, _ = made(markdown=False)
+    verb = app.registered_commands[0].callback
+    assert list(inspect.signature(verb).parameters) == ["size", "seed", "out", "json"]
+    assert call(app, "--help") == 0
+    said = capsys.readouterr().out
+    assert "Size [m]." in said
+    assert "--markdown" not in said
+
+
+def test_the_seed_of_a_verb_without_a_draw_is_accepted_and_hidden(capsys):
+    app, seen = made(seed=None)
+    assert call(app, "--seed", 3) == 0
+    assert call(app) == 0
+    assert [run.seed for run in seen] == [3, 0]
+    assert call(app, "--help") == 0
+    assert "--seed" not in capsys.readouterr().out.split("Usage")[1]
+
+
+def test_counting_counts_up_to_a_hundred_percent(capsys):
+    with counting("flying", "flights") as on_progress:
+        on_progress(4, 4)
+    assert "100 %" in (err := capsys.readouterr().err)
+    assert "4 of 4 flights" in err
