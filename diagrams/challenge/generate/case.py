@@ -11,7 +11,7 @@ from diagrams.challenge.generate.magnitudes import draw_effect
 from diagrams.challenge.generate.sensor_quality import Quality, draw_quality
 from diagrams.challenge.generate.trajectories import draw_plans
 from diagrams.challenge.generate.vehicles import draw_vehicle
-from diagrams.challenge.out_of_library.draw import draw_foreign
+from diagrams.challenge.out_of_library.draw import draw_out_of_library
 from diagrams.challenge.simulators.flight_plan import Plan
 from np_drake.effects.base import Effect
 from np_drake.vehicle import Vehicle
@@ -98,7 +98,7 @@ def draw_effects(
 ) -> Sequence[Effect]:
     """The effects of a case, each name once (a wind's drag may be there already)."""
     if draw.kind == "foreign":
-        return [draw_foreign(draw.names[0], rng, vehicle)]
+        return [draw_out_of_library(draw.names[0], rng, vehicle)]
     effects: dict[str, Effect] = {}
     for name in draw.names:
         for effect in draw_effect(name, rng, vehicle, seconds):

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 
 from diagrams.challenge.generate.case import CaseDraw
-from diagrams.challenge.out_of_library.draw import SEEN, UNSEEN
+from diagrams.challenge.out_of_library.draw import DEVELOPMENT, HOLDOUT
 from np_drake.effects.library import LIBRARY
 
 SHARES = {"pair": 0.15, "triple": 0.08, "onset": 0.12, "foreign": 0.15}  # the rest are single effects
@@ -39,7 +39,7 @@ def compose(cases: int, clean: int, seed: int, *, unseen: bool = False) -> list[
     names = {
         "single": _cycle(rng, [(name,) for name in LIBRARY]),
         "onset": _cycle(rng, [(name,) for name, effect in LIBRARY.items() if effect.begins]),
-        "foreign": _cycle(rng, [(name,) for name in (UNSEEN if unseen else SEEN)]),
+        "foreign": _cycle(rng, [(name,) for name in (HOLDOUT if unseen else DEVELOPMENT)]),
         "pair": _cycle(rng, [c for c in combinations(LIBRARY, 2) if compatible(c)]),
         "triple": _cycle(rng, [c for c in combinations(LIBRARY, 3) if compatible(c)]),
         "clean": _cycle(rng, [()]),

@@ -14,7 +14,7 @@ PAYLOAD = {
     "parameters": {"mass": 0.2, "length": 0.8, "hook_x": 0.0, "hook_y": 0.0, "hook_z": -0.02},
 }
 WEAK = {"effect": "weak_rotor", "parameters": {"rotor": 2.0, "efficiency": 0.8}}
-FOREIGN = {"effect": "fan_jet", "parameters": {"reach": 0.7}}
+OUT_OF_LIBRARY = {"effect": "fan_jet", "parameters": {"reach": 0.7}}
 
 
 def make_truth(*effects: dict[str, Any], kind: str = "single", visibility: float = 5.0, **other: Any) -> dict:
@@ -97,6 +97,6 @@ def perfect_set() -> list[Solved]:
         make_truth(SCALE, DRAG, kind="pair"),
         make_truth(SCALE, DRAG, WEAK, kind="triple"),
         make_truth(kind="clean", visibility=1.0),
-        make_truth(FOREIGN, kind="foreign"),
+        make_truth(OUT_OF_LIBRARY, kind="foreign"),
     ]
     return [make_case(truth, perfect(truth), f"case {k}") for k, truth in enumerate(truths)]

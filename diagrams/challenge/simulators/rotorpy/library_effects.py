@@ -110,13 +110,6 @@ def weak_rotor(vehicle: Vehicle, c: Values, thrust: np.ndarray, t: float) -> np.
     return np.array(share) * thrust
 
 
-def bent_thrust_curve(vehicle: Vehicle, c: Values, thrust: np.ndarray, t: float) -> np.ndarray:
-    """Foreign: f = c - bend (c - h)³ / h² about the thrust h of a hovering rotor."""
-    hover = vehicle.mass * vehicle.gravity / 4
-    over = thrust / hover - 1.0
-    return np.maximum(thrust - c["bend"] * hover * over * over * over, 0.0)
-
-
 def cushion(c: Values, height: float) -> float:
     """Thrust over that far from the ground, by the method of images; at most 1.5."""
     ratio = c["effective_radius"] / (4.0 * max(height, 1e-6))
@@ -133,5 +126,4 @@ LAWS: dict[str, Law] = {
 GAINS: dict[str, Gain] = {
     "thrust_drift": thrust_drift,
     "weak_rotor": weak_rotor,
-    "bent_thrust_curve": bent_thrust_curve,
 }

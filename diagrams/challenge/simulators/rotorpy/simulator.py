@@ -10,15 +10,10 @@ from typing import Any
 import numpy as np
 
 from diagrams.challenge.simulators.flight_plan import Plan
-from diagrams.challenge.simulators.rotorpy.base import FOREIGN_LAWS, HIDDEN
 from diagrams.challenge.simulators.rotorpy.closed_loop import Flight
-from diagrams.challenge.simulators.rotorpy.library_effects import GAINS, LAWS, Acting, read
-from diagrams.challenge.simulators.rotorpy.out_of_library_fresh import FRESH_HIDDEN, FRESH_LAWS
-from diagrams.challenge.simulators.rotorpy.out_of_library_further import FURTHER_LAWS
-from diagrams.challenge.simulators.rotorpy.out_of_library_newest import NEWEST_HIDDEN, NEWEST_LAWS
-from diagrams.challenge.simulators.rotorpy.out_of_library_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
+from diagrams.challenge.simulators.rotorpy.library_effects import Acting, read
 from diagrams.challenge.simulators.rotorpy.sensors import ERRORS, misread
-from diagrams.challenge.simulators.rotorpy.vehicle import RealMultirotor
+from diagrams.challenge.simulators.rotorpy.vehicle import GAINS, LAWS, STATEFUL, RealMultirotor
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
@@ -28,13 +23,7 @@ _OWN_PLACE = [
     *("mass_error", "inertia_error", "center_of_mass_offset", "thrust_scale", "motor_lag", "command_delay"),
     *("constant_wind", "gusty_wind", "ground_effect", "suspended_payload", "clock_offset"),
 ]
-KNOWN = frozenset(
-    [
-        *(*_OWN_PLACE, *LAWS, *GAINS, *ERRORS),
-        *(*FOREIGN_LAWS, *HIDDEN, *FURTHER_LAWS, *UNSEEN_LAWS, *UNSEEN_HIDDEN, *FRESH_LAWS, *FRESH_HIDDEN),
-        *(*NEWEST_LAWS, *NEWEST_HIDDEN),
-    ]
-)
+KNOWN = frozenset([*_OWN_PLACE, *LAWS, *GAINS, *STATEFUL, *ERRORS])
 
 
 def fly(

@@ -5,18 +5,31 @@ from collections.abc import Sequence
 import numpy as np
 from rotorpy.vehicles.multirotor import Multirotor
 
-from diagrams.challenge.simulators.rotorpy.base import FOREIGN_LAWS, HIDDEN
-from diagrams.challenge.simulators.rotorpy.library_effects import GAINS, LAWS, Acting, Instant, cross, cushion
-from diagrams.challenge.simulators.rotorpy.out_of_library_fresh import FRESH_HIDDEN, FRESH_LAWS
-from diagrams.challenge.simulators.rotorpy.out_of_library_further import FURTHER_LAWS
-from diagrams.challenge.simulators.rotorpy.out_of_library_newest import NEWEST_HIDDEN, NEWEST_LAWS
-from diagrams.challenge.simulators.rotorpy.out_of_library_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
+from diagrams.challenge.simulators.rotorpy import library_effects
+from diagrams.challenge.simulators.rotorpy.library_effects import Acting, Instant, cross, cushion
+from diagrams.challenge.simulators.rotorpy.out_of_library import (
+    actuators,
+    aerodynamic,
+    contact,
+    ground_and_walls,
+    wind,
+)
 from diagrams.challenge.simulators.rotorpy.tether import Tether
 from diagrams.challenge.simulators.rotorpy.wind import winds
 from np_drake import attitude
 from np_drake.vehicle import Vehicle
 
 X, V, Q, W, WIND, SPEED = (slice(*ends) for ends in ((0, 3), (3, 6), (6, 10), (10, 13), (13, 16), (16, 20)))
+LAWS = (
+    library_effects.LAWS
+    | aerodynamic.LAWS
+    | wind.LAWS
+    | ground_and_walls.LAWS
+    | contact.LAWS
+    | actuators.LAWS
+)
+GAINS = library_effects.GAINS | actuators.GAINS
+STATEFUL = aerodynamic.STATEFUL | contact.STATEFUL | actuators.STATEFUL
 SIZE = 20  # of rotorpy's own state; hidden states follow
 
 
@@ -36,12 +49,10 @@ class RealMultirotor(Multirotor):
         self._beside = bool(np.any(self.center))
         self.dead_time = sum(a.values["delay"] for a in acting if a.name == "command_delay")
         self._winds = winds(list(acting))
-        laws = LAWS | FOREIGN_LAWS | FURTHER_LAWS | UNSEEN_LAWS | FRESH_LAWS | NEWEST_LAWS
-        self._laws = [(laws[a.name], a.values) for a in acting if a.name in laws]
+        self._laws = [(LAWS[a.name], a.values) for a in acting if a.name in LAWS]
         self._gains = [(GAINS[a.name], a.values) for a in acting if a.name in GAINS]
         self._ground = [a.values for a in acting if a.name == "ground_effect"]
-        hidden = HIDDEN | UNSEEN_HIDDEN | FRESH_HIDDEN | NEWEST_HIDDEN
-        self._hidden = [hidden[a.name](vehicle, a.values) for a in acting if a.name in hidden]
+        self._hidden = [STATEFUL[a.name](vehicle, a.values) for a in acting if a.name in STATEFUL]
         self._tether = next((Tether(a.values) for a in acting if a.name == "suspended_payload"), None)
         self._plain = not (self._laws or self._gains or self._ground or self._hidden or self._tether)
         self._t, self._s, self._command = 0.0, np.zeros(SIZE), np.zeros(4)  # overwritten for every rate

@@ -2,8 +2,8 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
-
 from diagrams.challenge.foreign_further import CeilingEffect
+
 from diagrams.challenge.generate.case import FILES, CaseDraw, draw_case
 from diagrams.challenge.generate.ground_truth import looks_like, pair_of, pairs_of, seen, unforeseen
 from diagrams.challenge.generate.make import fly_case

@@ -229,7 +229,7 @@ def test_what_a_truth_or_an_answer_may_leave_out_is_no_fault(folders):
     assert cases[0].verdict == ("thrust_scale",)
 
 
-def test_a_foreign_effect_may_have_any_name_and_figures(folders):
+def test_an_out_of_library_effect_may_have_any_name_and_figures(folders):
     answers, truth = folders
     spoilt(truth / "a1" / "truth.json", ["effects", 0], {"effect": "jet", "parameters": {"place": [1, 2]}})
     spoilt(truth / "a1" / "truth.json", ["class"], [["jet"]])

@@ -5,7 +5,7 @@ from diagrams.challenge.score.confusion import confusion, reliability, verdict_i
 
 def test_every_case_stands_in_one_cell(by_hand):
     scale, clean = by_hand.make_truth(by_hand.SCALE), by_hand.make_truth(kind="clean")
-    foreign = by_hand.make_truth(by_hand.FOREIGN, kind="foreign")
+    foreign = by_hand.make_truth(by_hand.OUT_OF_LIBRARY, kind="foreign")
     cases = [
         by_hand.named(scale, "thrust_scale"),
         by_hand.named(scale, "mass_error"),

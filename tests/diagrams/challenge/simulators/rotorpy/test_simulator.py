@@ -8,14 +8,15 @@ import pytest
 
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
-from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge.foreign_further import RotorSaturation, StutteringRotor
 from diagrams.challenge.foreign_unseen import PassingVehicle
+
+from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge.generate.magnitudes import draw_effect
 from diagrams.challenge.generate.sensor_quality import Quality
 from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.generate.vehicles import VEHICLES
-from diagrams.challenge.out_of_library.draw import FOREIGN, draw_foreign
+from diagrams.challenge.out_of_library.draw import OUT_OF_LIBRARY, draw_out_of_library
 from diagrams.challenge.simulators.drake import simulator
 from diagrams.challenge.simulators.rotorpy import simulator as rotorpy_simulator
 from diagrams.challenge.simulators.rotorpy.simulator import KNOWN, fly
@@ -24,7 +25,7 @@ from np_drake.effects.library import LIBRARY
 from np_drake.labels import raw_labels
 from np_drake.rigid_body import residual_wrench
 
-FILES = sorted(Path(rotorpy_simulator.__file__).parent.glob("*.py"))
+FILES = sorted(Path(rotorpy_simulator.__file__).parent.rglob("*.py"))
 # What a momentary wrench does not show whole: effects with memory, with more mass, or with clocks of their own.
 SHARED = [
     *("center_of_mass_offset", "suspended_payload", "motor_lag", "command_delay", "clock_offset"),
@@ -47,7 +48,11 @@ def clean(vehicle, plan, t):
 
 def drawn(name, vehicle):
     rng = np.random.default_rng(4)
-    return [draw_foreign(name, rng, vehicle)] if name in FOREIGN else draw_effect(name, rng, vehicle, 20.0)
+    return (
+        [draw_out_of_library(name, rng, vehicle)]
+        if name in OUT_OF_LIBRARY
+        else draw_effect(name, rng, vehicle, 20.0)
+    )
 
 
 def rms(difference):
@@ -63,7 +68,7 @@ def imported(path):
 
 
 def test_no_module_of_it_imports_the_effects():
-    assert len(FILES) >= 8
+    assert len(FILES) >= 14
     for path in FILES:
         assert [name for name in imported(path) if "effects" in name.split(".")] == [], path.name
 
@@ -78,7 +83,7 @@ def test_flying_loads_no_effects_by_any_detour():
 
 
 def test_it_knows_every_effect():
-    assert set(LIBRARY) | set(FOREIGN) <= KNOWN
+    assert set(LIBRARY) | set(OUT_OF_LIBRARY) <= KNOWN
 
 
 @pytest.mark.parametrize("nominal", VEHICLES, ids=lambda vehicle: vehicle.name)
@@ -134,7 +139,9 @@ IN_THESE_SECONDS = {  # what acts now and then, as it acts in these few
 }
 
 
-@pytest.mark.parametrize("name", [n for n in (*LIBRARY, *FOREIGN) if n in FOREIGN or LIBRARY[n].begins])
+@pytest.mark.parametrize(
+    "name", [n for n in (*LIBRARY, *OUT_OF_LIBRARY) if n in OUT_OF_LIBRARY or LIBRARY[n].begins]
+)
 def test_before_its_onset_an_effect_does_nothing(name, vehicle, plan, t, clean):
     effects = [IN_THESE_SECONDS[name](vehicle)] if name in IN_THESE_SECONDS else drawn(name, vehicle)
     log = fly(vehicle, plan, effects, t=t, onset=1.2)
