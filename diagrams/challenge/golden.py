@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from diagrams.batch.processes import in_order
-from diagrams.challenge.generate.case import CaseDraw, opaque
+from diagrams.challenge.generate.case import CaseDraw, case_name
 from diagrams.challenge.generate.make import make_case
-from diagrams.challenge.score.schema import Form, misfit, record, table_of
+from diagrams.challenge.score.schema import SchemaValidator, object_of, record, violation
 from diagrams.challenge.solve import diagnose_folder
 from diagrams.gap.real_flights import agile_flights
 from np_drake.diagnosis.diagnose import diagnose
@@ -88,7 +88,9 @@ REAL = "neurobem"
 Settings = tuple[str, str, CaseDraw]  # simulator, quality, draw
 SCHEMA = "np_drake.golden/1"
 OBJECT = {"description": "an object", "type": "object"}
-FILE = Form(record({"schema": {"description": SCHEMA, "const": SCHEMA}, "answers": table_of(OBJECT)}))
+FILE = SchemaValidator(
+    record({"schema": {"description": SCHEMA, "const": SCHEMA}, "answers": object_of(OBJECT)})
+)
 
 
 def golden_cases() -> dict[str, Settings]:
@@ -148,7 +150,7 @@ def answer(name: str, neurobem: Path | None = None) -> dict[str, Any]:
         cases.mkdir()
         truth.mkdir()
         make_case(draw, cases, truth, simulator=simulator, quality=quality, seconds=SECONDS, seed=SEED)
-        return summary(diagnose_folder(cases / opaque(SEED, draw.index), replay=False))
+        return summary(diagnose_folder(cases / case_name(SEED, draw.index), replay=False))
 
 
 def summary(diagnosis: dict[str, Any]) -> dict[str, Any]:
@@ -188,7 +190,7 @@ def read_answers(path: Path) -> dict[str, dict[str, Any]]:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError):
         raise ValueError(f"{path}: must be JSON that `challenge golden --out` wrote.") from None
-    fault = misfit(FILE, content)
+    fault = violation(FILE, content)
     if fault is not None:
         raise ValueError(f"{path}: {fault}")
     return content["answers"]

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagrams.challenge.generate.magnitudes import draw_effect
-from diagrams.challenge.generate.sensor_quality import Quality, draw_quality
+from diagrams.challenge.generate.sensor_quality import SensorQuality, draw_sensor_quality
 from diagrams.challenge.generate.trajectories import draw_plans
 from diagrams.challenge.generate.vehicles import draw_vehicle
 from diagrams.challenge.out_of_library.draw import draw_out_of_library
@@ -19,7 +19,7 @@ from np_drake.vehicle import Vehicle
 FILES = ("train_1.csv", "train_2.csv", "heldout_1.csv")
 RATE = 100.0  # rows a second [Hz]
 # Streams of random numbers that do not touch each other: the effect decides about nothing else.
-_VEHICLE, _PLANS, _RIG, _EFFECT, _ONSET, NOISE = range(6)
+_VEHICLE, _PLANS, _SENSORS, _EFFECT, _ONSET, NOISE = range(6)
 
 
 @dc.dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Case:
     seed: int
     seconds: float
     vehicle: Vehicle
-    quality: Quality
+    quality: SensorQuality
     plans: dict[str, Plan]
     effects: tuple[Effect, ...]
     onset: dict[str, float | None]
@@ -56,7 +56,7 @@ class Case:
     def instants(self, file: str) -> np.ndarray:
         """(n,) when the rows of a flight are taken, before any is dropped [s]."""
         flight = FILES.index(file)
-        return self.quality.instants(self.stream(_RIG, flight + 1), self.seconds, RATE)
+        return self.quality.instants(self.stream(_SENSORS, flight + 1), self.seconds, RATE)
 
     def effects_of(self, file: str) -> list[Effect]:
         """The effects as they act in one flight: what is random (a gust) differs from flight to flight."""
@@ -71,24 +71,24 @@ def stream(seed: int, draw: CaseDraw, which: int, flight: int = 0) -> np.random.
 
 def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Case:
     """The case that `draw` names; the same for the same arguments."""
-    rig = stream(seed, draw, _RIG)
-    vehicle = draw_vehicle(stream(seed, draw, _VEHICLE), Quality(quality).stated_noise())
+    rig = stream(seed, draw, _SENSORS)
+    vehicle = draw_vehicle(stream(seed, draw, _VEHICLE), SensorQuality(quality).stated_noise())
     spin = math.sqrt(vehicle.mass * vehicle.gravity / 4 / vehicle.thrust_coefficient)
     plans = draw_plans(stream(seed, draw, _PLANS), vehicle, seconds, len(FILES))
     return Case(
-        name=opaque(seed, draw.index),
+        name=case_name(seed, draw.index),
         draw=draw,
         seed=seed,
         seconds=seconds,
         vehicle=vehicle,
-        quality=draw_quality(quality, rig, spin),
+        quality=draw_sensor_quality(quality, rig, spin),
         plans=dict(zip(FILES, plans, strict=True)),
         effects=tuple(draw_effects(draw, stream(seed, draw, _EFFECT), vehicle, seconds)),
         onset=draw_onset(draw, stream(seed, draw, _ONSET), seconds),
     )
 
 
-def opaque(seed: int, index: int) -> str:
+def case_name(seed: int, index: int) -> str:
     """A folder's name that tells nothing, not even the order in which cases were drawn."""
     return hashlib.sha256(f"challenge {seed} {index}".encode()).hexdigest()[:10]
 

@@ -10,7 +10,7 @@ from np_drake.effects.library import LIBRARY
 
 SHARES = {"pair": 0.15, "triple": 0.08, "onset": 0.12, "foreign": 0.15}  # the rest are single effects
 # Physically the same, or nearly so: never in one case together.
-SAME = (
+EQUIVALENT = (
     {"mass_error", "thrust_scale", "thrust_drift", "translational_lift", "ground_effect"},
     {"motor_lag", "command_delay", "clock_offset"},
     {"linear_drag", "quadratic_drag", "constant_wind", "gusty_wind"},
@@ -21,7 +21,7 @@ SAME = (
 
 def compatible(names: tuple[str, ...]) -> bool:
     """Whether effects can be told apart in principle, and act at different places."""
-    if any(len(group & set(names)) > 1 for group in SAME):
+    if any(len(group & set(names)) > 1 for group in EQUIVALENT):
         return False
     return len({LIBRARY[name].place for name in names}) == len(names)
 

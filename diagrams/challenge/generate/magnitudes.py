@@ -81,7 +81,7 @@ def _weak(rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[st
     return {"rotor": float(rng.integers(1, 5)), "efficiency": 1 - log_uniform(rng, 0.01, 0.25)}
 
 
-STRENGTHS: dict[str, Draw] = {
+MAGNITUDES: dict[str, Draw] = {
     "mass_error": _one("delta_mass", lambda rng, v: v.mass * np.clip(signed(rng, 0.01, 0.25), -0.15, 0.25)),
     "inertia_error": _inertia,
     "center_of_mass_offset": lambda rng, v, s: _vector(0.005 * arm(v), 0.2 * arm(v), rise=0.5)(rng, v, s),
@@ -113,7 +113,7 @@ COMPANION_DRAG = _drag(0.05, 0.3, ("d_x", "d_y", "d_z"))  # through which a wind
 
 def draw_effect(name: str, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> list[Effect]:
     """The effect `name`, and the drag that it acts through where it needs one."""
-    effect = LIBRARY[name].of(STRENGTHS[name](rng, vehicle, seconds))
+    effect = LIBRARY[name].of(MAGNITUDES[name](rng, vehicle, seconds))
     if not effect.needs:
         return [effect]
     return [effect, LIBRARY["linear_drag"].of(COMPANION_DRAG(rng, vehicle, seconds))]

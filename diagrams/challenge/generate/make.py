@@ -11,10 +11,16 @@ from pathlib import Path
 from joblib import Parallel, delayed
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge.generate.case import FILES, NOISE, Case, CaseDraw, draw_case, opaque
+from diagrams.challenge.generate.case import FILES, NOISE, Case, CaseDraw, case_name, draw_case
 from diagrams.challenge.generate.composition import compose
-from diagrams.challenge.generate.ground_truth import Pair, looks_like, pairs_of, truth, write_truth
-from diagrams.challenge.generate.sensor_quality import kept_rows, measured, rows_of
+from diagrams.challenge.generate.ground_truth import (
+    FlightPair,
+    equivalent_library_effects,
+    flight_pairs,
+    truth,
+    write_truth,
+)
+from diagrams.challenge.generate.sensor_quality import kept_rows, rows_of, with_sensor_noise
 from diagrams.challenge.generate.vehicles import vehicle_file
 from diagrams.challenge.simulators.rotorpy import optional_import
 from np_drake.atomic_file import write_text
@@ -83,8 +89,8 @@ def make_case(
         case = draw_case(dc.replace(draw, attempt=attempt), quality=quality, seed=seed, seconds=seconds)
         try:
             exact, noisy = fly_case(case, simulator)
-            flights = pairs_of(case, exact, noisy)
-            require_foreign(case, flights)
+            flights = flight_pairs(case, exact, noisy)
+            require_no_library_equivalent(case, flights)
         except FailedRun as error:
             last = error
             continue
@@ -109,14 +115,14 @@ def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str
         rng = case.stream(NOISE, flight)
         log.name = file.removesuffix(".csv")
         rows = kept_rows(rng, case.quality, len(log))
-        noisy[file] = rows_of(measured(log, case.vehicle, case.quality, rng), rows)
+        noisy[file] = rows_of(with_sensor_noise(log, case.vehicle, case.quality, rng), rows)
         exact[file] = rows_of(log, rows)
     return exact, noisy
 
 
-def require_foreign(case: Case, flights: dict[str, Pair]) -> None:
+def require_no_library_equivalent(case: Case, flights: dict[str, FlightPair]) -> None:
     """Raises FailedRun where an effect of the library leaves in the flights what the foreign one leaves there."""
-    if case.draw.kind == "foreign" and (names := looks_like(case, flights)):
+    if case.draw.kind == "foreign" and (names := equivalent_library_effects(case, flights)):
         raise FailedRun(f"make: {case.draw.names[0]} must be no {names[0]} where it is flown.")
 
 
@@ -124,7 +130,7 @@ def write_case(
     case: Case,
     simulator: str,
     noisy: dict[str, FlightLog],
-    flights: dict[str, Pair],
+    flights: dict[str, FlightPair],
     out: Path,
     truth_folder: Path,
 ) -> None:
@@ -153,7 +159,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 def require_no_other_set(out: Path, truth: Path, *, seed: int, cases: int) -> None:
     """Raises ValueError where a folder holds what is not of this set: two sets could not be told apart there."""
-    own = {opaque(seed, index) for index in range(cases)}
+    own = {case_name(seed, index) for index in range(cases)}
     for folder in (out, truth):
         others = sorted({path.name for path in folder.iterdir()} - own) if folder.is_dir() else []
         if others:

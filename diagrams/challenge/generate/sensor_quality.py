@@ -16,7 +16,7 @@ JITTER = 0.05  # of the instants, of the interval [1]
 
 
 @dc.dataclass(frozen=True)
-class Quality:
+class SensorQuality:
     """The rig of one case. `clean` has white noise as the vehicle file states and a constant rate.
 
     Deviations of white noise, RMS of the coloured part, correlation times [s]. Source: own choice, the size of
@@ -58,11 +58,11 @@ class Quality:
         return t + (JITTER / rate * rng.uniform(-1, 1, len(t)) if self.real else 0.0)
 
 
-def draw_quality(name: str, rng: np.random.Generator, spin: float) -> Quality:
+def draw_sensor_quality(name: str, rng: np.random.Generator, spin: float) -> SensorQuality:
     """A rig of that name. spin: rotor speed in hover [rad/s]."""
     if name == "clean":
-        return Quality()
-    return Quality(
+        return SensorQuality()
+    return SensorQuality(
         name="real",
         attitude=rng.uniform(0.005, 0.010),
         wander=np.deg2rad(rng.uniform(0.35, 0.65)),
@@ -79,7 +79,7 @@ def draw_quality(name: str, rng: np.random.Generator, spin: float) -> Quality:
     )
 
 
-def kept_rows(rng: np.random.Generator, quality: Quality, n: int) -> np.ndarray:
+def kept_rows(rng: np.random.Generator, quality: SensorQuality, n: int) -> np.ndarray:
     """(m,) rows of n that are not dropped; never two in succession, never the first or the last."""
     count = round(quality.drops * n)
     dropped: set[int] = set()
@@ -90,7 +90,9 @@ def kept_rows(rng: np.random.Generator, quality: Quality, n: int) -> np.ndarray:
     return np.setdiff1d(np.arange(n), sorted(dropped))
 
 
-def measured(log: FlightLog, vehicle: Vehicle, quality: Quality, rng: np.random.Generator) -> FlightLog:
+def with_sensor_noise(
+    log: FlightLog, vehicle: Vehicle, quality: SensorQuality, rng: np.random.Generator
+) -> FlightLog:
     """The exact `log` (all rows) with the rig's noise; every sensor has draws of its own.
 
     The accelerometer reads R^T (a + g z) + n in body axes; it comes to W with the true attitude or, on a `turned`
@@ -109,7 +111,7 @@ def measured(log: FlightLog, vehicle: Vehicle, quality: Quality, rng: np.random.
         v += gauss_markov(parts[1], log.t, 3, rms=quality.velocity_wander, tau=quality.velocity_time)
         w += flicker(parts[2], log.t, 3, rms=quality.rate_flicker)
         n_B += flicker(parts[3], log.t, 3, rms=quality.acceleration_flicker)
-    q = turned_by(log.q, turn)
+    q = rotated_by(log.q, turn)
     g = np.array([0.0, 0.0, vehicle.gravity])
     specific = attitude.rotate_back(log.q, log.a + g) + n_B
     rotor = None if quality.rotor < 0 else log.rotor + quality.rotor * parts[6].normal(size=(n, 4))
@@ -125,7 +127,7 @@ def measured(log: FlightLog, vehicle: Vehicle, quality: Quality, rng: np.random.
     )
 
 
-def turned_by(q: np.ndarray, turn: np.ndarray) -> np.ndarray:
+def rotated_by(q: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """(n, 4) q after a small turn (n, 3) in body axes [rad]."""
     small = np.concatenate([np.ones((len(turn), 1)), 0.5 * turn], axis=1)
     out = attitude.multiply(q, small)

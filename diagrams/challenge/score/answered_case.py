@@ -1,22 +1,126 @@
-"""A case with its answer and its truth, as read from file."""
+"""A case with its truth and its answer, as read from files and checked (docs/files.md)."""
 
 import dataclasses as dc
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from diagrams.challenge.score.answer_schema import fault_of_answer, fault_of_truth
-from diagrams.challenge.solve import ANSWER
+from diagrams.challenge.score.schema import SchemaValidator, list_of, object_of, or_null, record, violation
 from np_drake.diagnosis.result import UNKNOWN
+from np_drake.effects.library import LIBRARY
 
-TRUTH = "truth.json"
+OUT_OF_LIBRARY, CLEAN = "foreign", "clean"
+KINDS = ("single", "pair", "triple", "onset", CLEAN, OUT_OF_LIBRARY)
+ANYTHING = {"description": "of any kind"}
+TEXT = {"description": "text", "type": "string"}
+KIND = {"description": f"one of {', '.join(KINDS)}", "enum": list(KINDS)}
+WHOLE = {"description": "a whole number", "type": "integer"}
+NUMBER = {"description": "a finite number", "type": "number"}
+SIZE = {"description": "a finite number, at least 0", "type": "number", "minimum": 0}
+SHARE = {**SIZE, "description": "a finite number, at least 0 and at most 1", "maximum": 1}
+BOUNDS = {
+    **list_of(or_null(NUMBER)),
+    "description": "a list of 2, each a finite number, or null",
+    "minItems": 2,
+    "maxItems": 2,
+}
+INSTANTS = object_of(or_null(NUMBER))  # by flight [s]
+RESIDUAL = record({f"{kind}_{axis}": SIZE for kind in ("force", "torque") for axis in "xyz"})
+EFFECT = record({"effect": TEXT, "parameters": object_of(ANYTHING)}, spare={"onset": INSTANTS})
+TRUTH = SchemaValidator(
+    record(
+        {
+            "effects": list_of(EFFECT),
+            "class": list_of(list_of(TEXT)),
+            "true_model_residual": RESIDUAL,
+            "visibility": SIZE,
+            "simulator": TEXT,
+            "quality": TEXT,
+            "kind": KIND,
+            "seed": WHOLE,
+        },
+        spare={
+            "parameters_residual": or_null(RESIDUAL),
+            "best_onset": object_of(NUMBER),
+            "visibility_in_training": object_of(SIZE),
+        },
+    )
+)
+PARAMETERS = SchemaValidator(object_of(NUMBER))  # of an effect of the library
+
+ESTIMATE = record({"value": or_null(NUMBER), "ci95": BOUNDS})
+CAUSE = record(
+    {"effect": TEXT, "parameters": object_of(ESTIMATE)},
+    spare={
+        "probability": or_null(SHARE),
+        "onset": INSTANTS,
+        "indistinguishable_from": list_of(TEXT),
+    },
+)
+CHANNEL = record({}, spare={"rms": or_null(SIZE), "after": or_null(SIZE)})
+AXES = record({}, spare=dict.fromkeys("xyz", CHANNEL))
+MEDIANS = or_null(record({"position": list_of(or_null(NUMBER))}))
+REPLAY = record({"horizon": list_of(NUMBER)}, spare={"before": MEDIANS, "after": MEDIANS})
+ANSWER = SchemaValidator(
+    record(
+        {
+            "verdict": list_of(TEXT),
+            "causes": list_of(CAUSE),
+            "gap": record({}, spare={"force": AXES, "torque": AXES}),
+            "shrink": record({}, spare={"replay": or_null(REPLAY)}),
+        },
+        spare={"wall": or_null(SIZE), "joined": list_of(TEXT)},
+    )
+)
+
+
+def fault_of_truth(truth: dict[str, Any]) -> str | None:
+    """One sentence on the first field that cannot be read, or does not agree with the others; None: there is none."""
+    return violation(TRUTH, truth) or next(_disagreements(truth), None)
+
+
+def fault_of_answer(answer: dict[str, Any]) -> str | None:
+    """The same of an answer."""
+    return violation(ANSWER, answer) or next(_unlike(answer["shrink"].get("replay") or {}), None)
+
+
+def _disagreements(truth: dict[str, Any]) -> Iterator[str]:
+    """Names are of the library, but for a foreign effect; every effect has its class."""
+    kind, effects, classes = truth["kind"], truth["effects"], truth["class"]
+    if (kind == CLEAN) != (not effects):
+        must = "be empty" if kind == CLEAN else "name what acts"
+        yield f"effects must {must} in a case of kind {kind}; got {len(effects)}."
+    if len(classes) != len(effects):
+        yield f"class must hold a list for each of {len(effects)} effects; got {len(classes)}."
+    for i, (effect, names) in enumerate(zip(effects, classes, strict=False)):
+        own = effect["effect"]
+        if kind != OUT_OF_LIBRARY:
+            if own not in LIBRARY:
+                yield f"effects[{i}].effect must be an effect of the library; got {own!r}."
+            wrong = violation(PARAMETERS, effect["parameters"], f"effects[{i}].parameters")
+            if wrong is not None:
+                yield wrong
+        for name in names:
+            if name not in LIBRARY and name != own:
+                yield f"class[{i}] must hold effects of the library; got {name!r}."
+
+
+def _unlike(replay: dict[str, Any]) -> Iterator[str]:
+    """Every horizon has its error."""
+    for name in [name for name in ("before", "after") if replay.get(name) is not None]:
+        given, asked = len(replay[name]["position"]), len(replay["horizon"])
+        if given != asked:
+            yield f"shrink.replay.{name}.position must hold an error for each of {asked} horizons; got {given}."
+
+
+TRUTH_FILE, ANSWER_FILE = "truth.json", "diagnosis.json"
 COMPANION = "linear_drag"  # through which a wind is felt, and which is then named too
 WINDS = ("constant_wind", "gusty_wind")
 
 
 @dc.dataclass(frozen=True)
-class Solved:
+class AnsweredCase:
     """One case. truth, answer: the content of truth.json and diagnosis.json; answer None: there is none."""
 
     name: str
@@ -39,7 +143,7 @@ class Solved:
         return float(self.truth["visibility"])
 
     @property
-    def felt_in_training(self) -> float:
+    def visibility_in_training(self) -> float:
         """The same in the flights of the fit, the most of them; 0 where the truth does not say [1]."""
         return max(self.truth.get("visibility_in_training", {}).values(), default=0.0)
 
@@ -75,21 +179,23 @@ class Solved:
         return {} if self.answer is None else {c["effect"]: c for c in self.answer["causes"]}
 
 
-def read_solved(answers: Path, truth: Path) -> list[Solved]:
+def read_answered_cases(answers: Path, truth: Path) -> list[AnsweredCase]:
     """Every case that has a truth, sorted by name; of a folder of sets, `<set>/<case>`.
 
     Raises: ValueError: if there is no truth, or a file is no JSON or not what docs/files.md says: one line with file,
         field and what it must be; OSError: if one cannot be read.
     """
-    names = [file.parent.relative_to(truth) for file in sorted(truth.rglob(TRUTH)) if file.parent != truth]
+    names = [
+        file.parent.relative_to(truth) for file in sorted(truth.rglob(TRUTH_FILE)) if file.parent != truth
+    ]
     if not names:
-        raise ValueError(f"{truth}: must hold <case>/{TRUTH}; got none.")
-    return [_read_case(str(name), truth / name / TRUTH, answers / name / ANSWER) for name in names]
+        raise ValueError(f"{truth}: must hold <case>/{TRUTH_FILE}; got none.")
+    return [_read_case(str(name), truth / name / TRUTH_FILE, answers / name / ANSWER_FILE) for name in names]
 
 
-def _read_case(name: str, truth: Path, answer: Path) -> Solved:
+def _read_case(name: str, truth: Path, answer: Path) -> AnsweredCase:
     found = _read(answer, fault_of_answer) if answer.is_file() else None
-    return Solved(name, _read(truth, fault_of_truth), found)
+    return AnsweredCase(name, _read(truth, fault_of_truth), found)
 
 
 def _read(path: Path, fault_of: Callable[[dict[str, Any]], str | None]) -> dict[str, Any]:

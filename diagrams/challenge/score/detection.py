@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from diagrams.challenge.score.answered_case import Solved
-from diagrams.challenge.score.intervals import rate
-from diagrams.challenge.score.matching import detected
+from diagrams.challenge.score.answered_case import AnsweredCase
+from diagrams.challenge.score.binomial_intervals import binomial_interval
+from diagrams.challenge.score.identification import detected
 
 FAINTEST = 1e-3  # visibility - 1 below which all is as invisible [1]
 EDGES = (1.0, 1.03, 1.1, 1.3, 1.5, 2.0, 3.0, 5.0, 10.0, np.inf)  # of the bins of visibility [1]
@@ -22,7 +22,7 @@ def abscissa(visibility: np.ndarray | float) -> np.ndarray:
     return np.log10(np.maximum(np.asarray(visibility, float) - 1.0, FAINTEST))
 
 
-def detection(cases: Sequence[Solved], seed: int) -> dict[str, Any]:
+def detection(cases: Sequence[AnsweredCase], seed: int) -> dict[str, Any]:
     """Of cases of one effect: points, bins, curve (intercept, slope), and visibility of half with its 95 % interval."""
     visibility = np.array([c.visibility for c in cases])
     found = np.array([detected(c) for c in cases], float)
@@ -46,7 +46,7 @@ def bins(visibility: np.ndarray, found: np.ndarray) -> list[dict[str, Any]]:
             "lower": EDGES[k],
             "upper": EDGES[k + 1],
             "median": float(np.median(visibility[place == k])),
-            **rate(found[place == k] > 0),
+            **binomial_interval(found[place == k] > 0),
         }
         for k in range(len(EDGES) - 1)
         if np.any(place == k)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from diagrams.challenge.score.schema import Form, list_of, misfit, or_null, record, table_of
+from diagrams.challenge.score.schema import SchemaValidator, list_of, object_of, or_null, record, violation
 from diagrams.challenge.score.tables import NOTHING
 
 QUALITIES = ("clean", "real")
@@ -17,7 +17,7 @@ Value = dict[
 
 
 @dc.dataclass(frozen=True)
-class Figure:
+class Metric:
     """of: the figure of a score (`share` or `plain`).   asked: by quality, least and most; None: not asked for."""
 
     label: str
@@ -55,29 +55,29 @@ def plain(*keys: str) -> Callable[[dict[str, Any]], Value]:
     return lambda score: {"value": _at(score, keys)}
 
 
-FIGURES = (
-    Figure("single: right class", share("rates", "single", "class"), least(0.98), least(0.88)),
-    Figure("right name, nothing else", share("rates", "single", "exact"), least(0.93), least(0.80)),
-    Figure("pairs and triples: F1", plain("rates", "several", "all", "f1"), least(0.92), least(0.75)),
-    Figure("clean controls: false alarm", share("rates", "clean", "false_alarm"), most(0.01), most(0.03)),
-    Figure("foreign: `unknown`", share("rates", "foreign", "unknown"), least(0.92), least(0.75)),
-    Figure("a wrong name above 0.9", share("rates", "foreign", "wrong_and_sure"), most(0.0), most(0.02)),
-    Figure("parameters: median error", plain("parameters", "median_error"), most(0.03), most(0.08)),
-    Figure("in the 95 % interval", share("parameters", "coverage_rate"), (0.90, 0.99), (0.88, 0.99)),
-    Figure("onset within 0.2 s", share("onset", "within"), least(0.90), least(0.75)),
-    Figure("where it shows", share("onset", "within_if_seen")),
-    Figure("where the true effect tells", share("onset", "within_if_told")),
-    Figure("shrink, mean", plain("shrink_relative", "mean"), least(0.95), least(0.85)),
-    Figure("true parameters, not every gust", plain("shrink_relative_parameters", "mean")),
-    Figure("half are found at visibility", plain("detection", "half"), most(1.1), most(1.3)),
-    Figure("replay, 1 s: reduction", plain("replay", "median_reduction"), least(0.70), least(0.70)),
+METRICS = (
+    Metric("single: right class", share("rates", "single", "class"), least(0.98), least(0.88)),
+    Metric("right name, nothing else", share("rates", "single", "exact"), least(0.93), least(0.80)),
+    Metric("pairs and triples: F1", plain("rates", "several", "all", "f1"), least(0.92), least(0.75)),
+    Metric("clean controls: false alarm", share("rates", "clean", "false_alarm"), most(0.01), most(0.03)),
+    Metric("foreign: `unknown`", share("rates", "foreign", "unknown"), least(0.92), least(0.75)),
+    Metric("a wrong name above 0.9", share("rates", "foreign", "wrong_and_sure"), most(0.0), most(0.02)),
+    Metric("parameters: median error", plain("parameters", "median_error"), most(0.03), most(0.08)),
+    Metric("in the 95 % interval", share("parameters", "coverage_rate"), (0.90, 0.99), (0.88, 0.99)),
+    Metric("onset within 0.2 s", share("onset", "within"), least(0.90), least(0.75)),
+    Metric("where it shows", share("onset", "within_if_seen")),
+    Metric("where the true effect tells", share("onset", "within_if_told")),
+    Metric("shrink, mean", plain("shrink_relative", "mean"), least(0.95), least(0.85)),
+    Metric("true parameters, not every gust", plain("shrink_relative_parameters", "mean")),
+    Metric("half are found at visibility", plain("detection", "half"), most(1.1), most(1.3)),
+    Metric("replay, 1 s: reduction", plain("replay", "median_reduction"), least(0.70), least(0.70)),
 )
 
 NUMBER = {"description": "a finite number", "type": "number"}
 WHOLE = {"description": "a whole number from 0", "type": "integer", "minimum": 0}
 VALUE = record({}, spare={"count": WHOLE, "n": WHOLE, "value": or_null(NUMBER)})
-DRAW = record({"seeds": list_of(WHOLE)}, spare=dict.fromkeys(QUALITIES, table_of(VALUE)))
-KEPT, ONE = Form(record({"draws": list_of(DRAW)})), Form(DRAW)
+DRAW = record({"seeds": list_of(WHOLE)}, spare=dict.fromkeys(QUALITIES, object_of(VALUE)))
+KEPT, ONE = SchemaValidator(record({"draws": list_of(DRAW)})), SchemaValidator(DRAW)
 
 
 def read_draws(files: Iterable[Path]) -> list[dict[str, Any]]:
@@ -97,7 +97,7 @@ def _read(file: Path) -> list[dict[str, Any]]:
     except (ValueError, TypeError, KeyError, RecursionError):
         schema = None
     if schema == DRAWS:
-        fault = misfit(KEPT, content)
+        fault = violation(KEPT, content)
         if fault is not None:
             raise ValueError(f"{file}: {fault}")
         return list(content["draws"])
@@ -109,7 +109,7 @@ def _read(file: Path) -> list[dict[str, Any]]:
         draw = draw_of(content)
     except (KeyError, TypeError, IndexError, AttributeError) as error:
         raise ValueError(f"{file}: must be a whole score; {error} cannot be read.") from error
-    fault = misfit(ONE, draw)
+    fault = violation(ONE, draw)
     if fault is not None:
         raise ValueError(f"{file}: must be a whole score; {fault}")
     return [draw]
@@ -118,7 +118,7 @@ def _read(file: Path) -> list[dict[str, Any]]:
 def draw_of(score: dict[str, Any]) -> dict[str, Any]:
     """The figures of a score by quality, and the seeds of its sets."""
     seeds = sorted({seed for part in score["sets"] for seed in part["seeds"]})
-    figures = {name: {f.label: f.of(part) for f in FIGURES} for name, part in _by_quality(score).items()}
+    figures = {name: {f.label: f.of(part) for f in METRICS} for name, part in _by_quality(score).items()}
     return {"seeds": seeds, **figures}
 
 
@@ -134,7 +134,7 @@ def table(draws: Sequence[dict[str, Any]], quality: str) -> tuple[list[str], lis
     having = [draw for draw in draws if quality in draw]
     header = [quality, "asked", *map(name_of, having), "together"]
     rows = []
-    for figure in FIGURES:
+    for figure in METRICS:
         values = [draw[quality].get(figure.label, {}) for draw in having]
         cells = [_cell(figure, quality, value) for value in [*values, together(values)]]
         rows.append([figure.label, _asked(figure.asked(quality)), *cells])
@@ -160,7 +160,7 @@ def number(value: Value) -> float | None:
     return value.get("value")
 
 
-def _cell(figure: Figure, quality: str, value: Value) -> str:
+def _cell(figure: Metric, quality: str, value: Value) -> str:
     known = number(value)
     if known is None:
         return NOTHING

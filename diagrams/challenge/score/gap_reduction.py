@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.score.answered_case import Solved
-from diagrams.challenge.score.intervals import mean, median, rate
+from diagrams.challenge.generate.ground_truth import NO_GAP
+from diagrams.challenge.score.answered_case import AnsweredCase
+from diagrams.challenge.score.binomial_intervals import binomial_interval, mean, median
 
 CHANNELS = tuple((kind, axis) for kind in ("force", "torque") for axis in "xyz")
-VISIBLE = 1.1  # residual before over what the true model leaves, pooled: less is no gap [1]
 HORIZON = 1.0  # of the replay [s]
 
 
@@ -17,7 +17,7 @@ HORIZON = 1.0  # of the replay [s]
 ALL, PARAMETERS = "true_model_residual", "parameters_residual"
 
 
-def before_and_after(case: Solved, true: str = ALL) -> tuple[float, float] | None:
+def before_and_after(case: AnsweredCase, true: str = ALL) -> tuple[float, float] | None:
     """Held-out residual in units of what the true model leaves, pooled over wrench channels [1].
 
     true: the true model that knows every gust, or the one that knows the parameters of the wind as the truth has them.
@@ -38,22 +38,22 @@ def before_and_after(case: Solved, true: str = ALL) -> tuple[float, float] | Non
     return pooled[0], pooled[1]
 
 
-def relative_shrink(case: Solved, true: str = ALL) -> float | None:
+def relative_gap_reduction(case: AnsweredCase, true: str = ALL) -> float | None:
     """1 - (after² - 1) / (before² - 1), held to [-1, 1]: the true model has 1; None where there is no gap to see."""
     figures = before_and_after(case, true)
-    if case.kind == "clean" or figures is None or figures[0] < VISIBLE:
+    if case.kind == "clean" or figures is None or figures[0] < NO_GAP:
         return None
     before, after = figures
     return float(np.clip(1 - (after**2 - 1) / (before**2 - 1), -1.0, 1.0))
 
 
-def shrink_summary(cases: Iterable[Solved], true: str = ALL) -> dict[str, Any]:
+def gap_reduction_summary(cases: Iterable[AnsweredCase], true: str = ALL) -> dict[str, Any]:
     """Over cases with a visible gap."""
-    values = [value for case in cases if (value := relative_shrink(case, true)) is not None]
+    values = [value for case in cases if (value := relative_gap_reduction(case, true)) is not None]
     return {"n": len(values), "mean": mean(values), "median": median(values)}
 
 
-def replay_reduction(case: Solved) -> float | None:
+def replay_reduction(case: AnsweredCase) -> float | None:
     """1 - after / before of the position error of the replay at `HORIZON`; None without both figures."""
     replay = None if case.answer is None else case.answer["shrink"].get("replay")
     if not replay or not replay.get("before") or not replay.get("after"):
@@ -67,9 +67,9 @@ def replay_reduction(case: Solved) -> float | None:
     return float(1 - errors[1] / errors[0])
 
 
-def replay_summary(cases: Sequence[Solved], least: float) -> dict[str, Any]:
+def replay_summary(cases: Sequence[AnsweredCase], least: float) -> dict[str, Any]:
     """Median reduction of the position error, and where it grows, over visible cases of the library's effects."""
     values = [replay_reduction(case) for case in cases if case.visibility >= least]
     known = [value for value in values if value is not None]
-    worse = rate(value < 0 for value in known)
+    worse = binomial_interval(value < 0 for value in known)
     return {"n": len(known), "horizon": HORIZON, "median_reduction": median(known), "worse": worse}

@@ -20,7 +20,7 @@ def tables(score: dict[str, Any], least: float) -> list[Table]:
             ["effect", "n", "found", "right name", "named wrongly", "median error", "coverage"],
             [effect_cells(row) for row in score["effects"]],
         ),
-        *foreign_table(score, least),
+        *out_of_library_table(score, least),
     ]
 
 
@@ -83,7 +83,7 @@ def _found(row: dict[str, Any] | None) -> str:
     return f"{row['count']} of {row['n']}" if row else NOTHING
 
 
-def foreign_table(score: dict[str, Any], least: float) -> list[Table]:
+def out_of_library_table(score: dict[str, Any], least: float) -> list[Table]:
     """A row a kind that the library does not have, where there are any."""
     rows = [
         [

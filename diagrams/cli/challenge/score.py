@@ -37,11 +37,11 @@ def score(
     for folder in (answers, truth):
         if not folder.is_dir():
             raise ValueError(f"{folder}: must be a folder.")
-    from diagrams.challenge.score.answered_case import read_solved
+    from diagrams.challenge.score.answered_case import read_answered_cases
     from diagrams.challenge.score.score import score as run
     from diagrams.challenge.score.tables import miss_table, set_lines, tables
 
-    result = run(read_solved(answers, truth), least=visible, seed=seed)
+    result = run(read_answered_cases(answers, truth), least=visible, seed=seed)
     shown = tables(result, visible) + ([miss_table(result)] if misses else [])
     for title, header, rows in shown:
         print_table(title, header, rows)

@@ -3,7 +3,7 @@
 import copy
 from typing import Any
 
-from diagrams.challenge.score.answered_case import Solved
+from diagrams.challenge.score.answered_case import AnsweredCase
 
 FLOOR = {"force": 0.2, "torque": 0.02}  # that the true model leaves in every channel [N, N·m]
 SCALE = {"effect": "thrust_scale", "parameters": {"scale": 0.9}}
@@ -75,17 +75,19 @@ def perfect(truth: dict[str, Any]) -> dict[str, Any]:
     return make_answer(*causes)
 
 
-def make_case(truth: dict[str, Any], answer: dict[str, Any] | None, name: str = "case") -> Solved:
+def make_case(truth: dict[str, Any], answer: dict[str, Any] | None, name: str = "case") -> AnsweredCase:
     """The two together."""
-    return Solved(name, truth, answer)
+    return AnsweredCase(name, truth, answer)
 
 
-def named(truth: dict[str, Any], *names: str, alike: tuple[str, ...] = (), unknown: bool = False) -> Solved:
+def named(
+    truth: dict[str, Any], *names: str, alike: tuple[str, ...] = (), unknown: bool = False
+) -> AnsweredCase:
     """A case that is answered with these names, each with the same `indistinguishable_from`."""
     return make_case(truth, make_answer(*(make_cause(n, {}, *alike) for n in names), unknown=unknown))
 
 
-def perfect_set() -> list[Solved]:
+def perfect_set() -> list[AnsweredCase]:
     """One of every kind, and ten singles, each with the answer that says what the truth says."""
     begun = {**SCALE, "onset": {"train_1.csv": 8.0, "train_2.csv": None}}
     truths = [make_truth(SCALE, visibility=1.5 + k) for k in range(10)]

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagrams.challenge.simulators.drake.closed_loop import DrakeLoop
-from diagrams.challenge.simulators.drake.signals import joined
+from diagrams.challenge.simulators.drake.closed_loop import DrakeLoop, joined
 from diagrams.challenge.simulators.flight_plan import Plan
 from np_drake.effects.base import Effect, Measurement, SensorEffect
 from np_drake.logs.clock import shift_state

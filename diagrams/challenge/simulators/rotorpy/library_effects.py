@@ -18,7 +18,7 @@ Values = Mapping[str, Any]
 
 
 @dc.dataclass(frozen=True)
-class Acting:
+class ActiveEffect:
     """An effect as it is read from outside: its name, its parameters, and the seed of what is random in it."""
 
     name: str
@@ -48,9 +48,9 @@ Law = Callable[[Vehicle, Values, Instant], np.ndarray]  # -> (6,) force at Bo an
 Gain = Callable[[Vehicle, Values, np.ndarray, float], np.ndarray]  # thrust (4,) [N], t [s] -> thrust (4,) [N]
 
 
-def read(effect: Any) -> Acting:
+def read_effect(effect: Any) -> ActiveEffect:
     """What an effect object says of itself; a foreign one has no parameters but fields."""
-    return Acting(effect.identifier, effect.values or dc.asdict(effect), getattr(effect, "seed", 0))
+    return ActiveEffect(effect.identifier, effect.values or dc.asdict(effect), getattr(effect, "seed", 0))
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

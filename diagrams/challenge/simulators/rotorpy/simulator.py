@@ -11,8 +11,8 @@ import numpy as np
 
 from diagrams.challenge.simulators.flight_plan import Plan
 from diagrams.challenge.simulators.rotorpy.closed_loop import Flight
-from diagrams.challenge.simulators.rotorpy.library_effects import Acting, read
-from diagrams.challenge.simulators.rotorpy.sensors import ERRORS, misread
+from diagrams.challenge.simulators.rotorpy.library_effects import ActiveEffect, read_effect
+from diagrams.challenge.simulators.rotorpy.sensors import ERRORS, with_sensor_errors
 from diagrams.challenge.simulators.rotorpy.vehicle import GAINS, LAWS, STATEFUL, RealMultirotor
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
@@ -44,7 +44,7 @@ def fly(
         background: effects that act throughout and are no cause (a vehicle file that is a percent off).
     Raises: FailedRun: if the vehicle is lost; ValueError: on an effect that this simulator does not know.
     """
-    added, always = known(effects), known(background)
+    added, always = read_effects(effects), read_effects(background)
     offset = sum(a.values["offset"] for a in added if a.name == "clock_offset")
     rows = instants(t, max(offset, 0.0))
     split = 0 if onset is None else int(np.searchsorted(rows, onset - 1e-9))
@@ -56,12 +56,12 @@ def fly(
     start = int(np.searchsorted(rows, t[0] - 1e-9))
     u, speed = commands[start : start + len(t), :4], commands[start : start + len(t), 4:]
     p, q, v, w, a, al = np.split(states, [3, 7, 10, 13, 16], axis=1)
-    return misread(FlightLog(t, p, q, v, w, u, a, al, speed), added)
+    return with_sensor_errors(FlightLog(t, p, q, v, w, u, a, al, speed), added)
 
 
-def known(effects: Sequence[Any]) -> list[Acting]:
+def read_effects(effects: Sequence[Any]) -> list[ActiveEffect]:
     """The effects as this simulator reads them. Raises: ValueError: if one is unknown, or there are two payloads."""
-    acting = [read(effect) for effect in effects]
+    acting = [read_effect(effect) for effect in effects]
     for a in acting:
         if a.name not in KNOWN:
             raise ValueError(f"rotorpy: an effect must be one of {', '.join(sorted(KNOWN))}; got {a.name!r}.")

@@ -6,7 +6,7 @@ import numpy as np
 from rotorpy.vehicles.multirotor import Multirotor
 
 from diagrams.challenge.simulators.rotorpy import library_effects
-from diagrams.challenge.simulators.rotorpy.library_effects import Acting, Instant, cross, cushion
+from diagrams.challenge.simulators.rotorpy.library_effects import ActiveEffect, Instant, cross, cushion
 from diagrams.challenge.simulators.rotorpy.out_of_library import (
     actuators,
     aerodynamic,
@@ -41,7 +41,7 @@ class RealMultirotor(Multirotor):
     own aerodynamics and its ground plane are off. `center`: p_BoBcm_B [m].   `dead_time`: of commands [s].
     """
 
-    def __init__(self, vehicle: Vehicle, acting: Sequence[Acting]):
+    def __init__(self, vehicle: Vehicle, acting: Sequence[ActiveEffect]):
         super().__init__(parameters(vehicle, acting), aero=False, enable_ground=False)
         self.g = vehicle.gravity
         self.weight = np.array([0.0, 0.0, -self.mass * self.g])
@@ -134,13 +134,13 @@ class RealMultirotor(Multirotor):
         return Instant(t, p, R, v, air, s[W], thrust, speed, spin_up)
 
 
-def center_of_mass(acting: Sequence[Acting]) -> np.ndarray:
+def center_of_mass(acting: Sequence[ActiveEffect]) -> np.ndarray:
     """(3,) p_BoBcm_B [m]."""
     offsets = [a.values for a in acting if a.name == "center_of_mass_offset"]
     return np.array([sum(c[axis] for c in offsets) for axis in "xyz"], float)
 
 
-def parameters(vehicle: Vehicle, acting: Sequence[Acting]) -> dict:
+def parameters(vehicle: Vehicle, acting: Sequence[ActiveEffect]) -> dict:
     """What rotorpy takes as a multirotor's parameters, with the effects that are parameters there."""
     named = [(a.name, a.values) for a in acting]
     scale = float(np.prod([c["scale"] for name, c in named if name == "thrust_scale"]))

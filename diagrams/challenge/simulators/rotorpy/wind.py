@@ -4,7 +4,7 @@ import numpy as np
 from rotorpy.wind.default_winds import ConstantWind
 
 from diagrams.challenge.simulators.coloured_noise import gauss_markov
-from diagrams.challenge.simulators.rotorpy.library_effects import Acting
+from diagrams.challenge.simulators.rotorpy.library_effects import ActiveEffect
 
 FIRST, LAST, STEP = -8.0, 320.0, 0.005  # when gusts are blown, and how densely they are drawn [s]
 
@@ -14,7 +14,7 @@ class Gusts:
     and correlation time depend on height and speed.
     """
 
-    def __init__(self, acting: Acting):
+    def __init__(self, acting: ActiveEffect):
         c = acting.values
         t = np.arange(FIRST, LAST, STEP)
         rng = np.random.default_rng([acting.seed, 2])
@@ -28,7 +28,7 @@ class Gusts:
         return self._path[k] + (row - k) * (self._path[k + 1] - self._path[k])
 
 
-def winds(acting: list[Acting]) -> list:
+def winds(acting: list[ActiveEffect]) -> list:
     """The wind profiles among the effects."""
     out: list = [Gusts(a) for a in acting if a.name == "gusty_wind"]
     for a in acting:

@@ -8,15 +8,14 @@ import pytest
 
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
-from diagrams.challenge.foreign_further import RotorSaturation, StutteringRotor
-from diagrams.challenge.foreign_unseen import PassingVehicle
-
 from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge.generate.magnitudes import draw_effect
-from diagrams.challenge.generate.sensor_quality import Quality
+from diagrams.challenge.generate.sensor_quality import SensorQuality
 from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.generate.vehicles import VEHICLES
+from diagrams.challenge.out_of_library.actuators import RotorSaturation, StutteringRotor
 from diagrams.challenge.out_of_library.draw import OUT_OF_LIBRARY, draw_out_of_library
+from diagrams.challenge.out_of_library.wind import PassingVehicle
 from diagrams.challenge.simulators.drake import simulator
 from diagrams.challenge.simulators.rotorpy import simulator as rotorpy_simulator
 from diagrams.challenge.simulators.rotorpy.simulator import KNOWN, fly
@@ -119,7 +118,7 @@ def test_an_effect_moves_the_vehicle_as_in_the_other_simulator(name, vehicle, pl
     # The other one's other clock interpolates across commands, at which accelerations jump.
     for signal in ("p", "v", "q", "w") if name == "clock_offset" else ("p", "v", "q", "w", "a", "al"):
         a, b, c = (getattr(log, signal) for log in (ours, theirs, clean))
-        # Of what the effect changes: the other one's cable is springy.
+        # Of what the effect changes: the other one's cable is stiff_cable.
         assert rms(a - b) < 0.05 * rms(b - c) + 1e-4, signal
 
 
@@ -152,7 +151,7 @@ def test_before_its_onset_an_effect_does_nothing(name, vehicle, plan, t, clean):
 
 
 def test_a_file_that_is_a_percent_off_is_so_throughout(vehicle, plan, t):
-    background = Quality("real", mass_off=0.01, thrust_off=-0.01).background(vehicle)
+    background = SensorQuality("real", mass_off=0.01, thrust_off=-0.01).background(vehicle)
     log = fly(vehicle, plan, drawn("linear_drag", vehicle), t=t, onset=1.2, background=background)
     chi = raw_labels(log, vehicle)[:110]
     expected = -0.01 * vehicle.mass * (log.a + [0, 0, 9.81]) - 0.01 * log.u[:, :1] * attitude.body_z(log.q)

@@ -9,7 +9,7 @@ from scipy.stats import beta
 LEVEL = 0.95
 
 
-def rate(outcomes: Iterable[bool]) -> dict[str, Any]:
+def binomial_interval(outcomes: Iterable[bool]) -> dict[str, Any]:
     """{"count", "n", "rate", "ci95"}; the rate of none is None.
 
     ci95: the exact binomial interval, from quantiles of the beta distribution. Source: Clopper and Pearson 1934.
@@ -22,7 +22,7 @@ def rate(outcomes: Iterable[bool]) -> dict[str, Any]:
     return {"count": k, "n": n, "rate": k / n if n else None, "ci95": [low, high]}
 
 
-def name_rates(counts: Sequence[tuple[int, int, int]]) -> dict[str, Any]:
+def precision_and_recall(counts: Sequence[tuple[int, int, int]]) -> dict[str, Any]:
     """Precision, recall and F1, pooled over cases of (right, too many, missing); None where undefined."""
     right, extra, missing = (int(total) for total in np.sum(np.reshape(counts, (-1, 3)), axis=0))
     return {
