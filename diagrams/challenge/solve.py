@@ -75,8 +75,7 @@ def solve_all(folders: Sequence[Path], answers: Path, jobs: int, replay: bool) -
 
 
 def solve_case(folder: Path, answers: Path, replay: bool) -> dict[str, Any]:
-    """Diagnoses one case and writes its answer and cost into a folder of its name in `answers`. Never raises: a
-    failure is in the row.
+    """Diagnose one case and write its answer and cost into `answers`; a failure is in the row, never raised.
 
     The peak is of this process, which may have solved other cases before.
     """

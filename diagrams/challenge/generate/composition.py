@@ -20,16 +20,16 @@ EQUIVALENT = (
 
 
 def compatible(names: tuple[str, ...]) -> bool:
-    """Whether effects can be told apart in principle, and act at different places."""
+    """Return whether effects can be told apart in principle, and act at different places."""
     if any(len(group & set(names)) > 1 for group in EQUIVALENT):
         return False
     return len({LIBRARY[name].place for name in names}) == len(names)
 
 
 def compose(cases: int, clean: int, seed: int, *, unseen: bool = False) -> list[CaseDraw]:
-    """`cases` with an effect and `clean` without, in shuffled order; single effects cycle through the library.
+    """Draw `cases` with an effect and `clean` without, in shuffled order; single effects cycle through the library.
 
-    unseen: all with a foreign effect, of the kinds that the other sets do not have.
+    unseen: all with an out-of-library effect that is held out from the other sets.
     """
     rng = np.random.default_rng([seed, 7])
     shares = {"foreign": 1.0} if unseen else SHARES
@@ -50,7 +50,7 @@ def compose(cases: int, clean: int, seed: int, *, unseen: bool = False) -> list[
 
 
 def _cycle(rng: np.random.Generator, items: list):
-    """Every item once in random order, then again in another."""
+    """Yield every item once in random order, then again in another."""
     while True:
         for i in rng.permutation(len(items)):
             yield items[i]

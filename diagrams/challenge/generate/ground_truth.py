@@ -2,13 +2,11 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from diagrams.challenge.generate.case import FILES, Case
-from np_drake.atomic_file import write_json
 from np_drake.diagnosis.forward_model.predicted_residual import Term, gate, signature
 from np_drake.diagnosis.localisation.collinearity import collinear_effects, effects_of_trace
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
@@ -24,7 +22,7 @@ SPAN = 0.4  # that is to hold the onset as likely as may be: twice the tolerance
 def best_onset(
     exact: Evidence, errors: np.ndarray, terms: Sequence[Term], onset: float, noise: NoiseModel
 ) -> float:
-    """The middle of the span of `SPAN` that most likely holds the onset [s], each instant about it alike before.
+    """Return the middle of the span of `SPAN` that most likely holds the onset [s], under a uniform prior about it.
 
     Args:
         exact, errors: a flight without noise, (m, 15) what noise adds to its channels.
@@ -45,7 +43,7 @@ def best_onset(
 
 
 def _from(t: np.ndarray, k: float, onset: float, begun: np.ndarray, always: np.ndarray) -> np.ndarray:
-    """(m, 15) the trace if it began at k: as it is where it has begun, as from the start before that."""
+    """Return the trace (m, 15) if it began at k: as it is where it has begun, as from the start before that."""
     return gate(t, k) * np.where(gate(t, onset) > 0, begun, always)
 
 
@@ -57,26 +55,26 @@ CHANNELS = tuple(
 
 @dc.dataclass(frozen=True)
 class FlightPair:
-    """The evidence of one flight as it is measured, and as it would be without noise, on the same grid."""
+    """The residuals of one flight as measured, and without noise on the same grid."""
 
     measured: Evidence
     true: Evidence
 
     @property
     def errors(self) -> np.ndarray:
-        """(m, 15) what noise leaves to the true model."""
+        """Return what noise leaves to the true model (m, 15)."""
         return self.measured.y - self.true.y
 
 
 def flight_pairs(
     case: Case, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]
 ) -> dict[str, FlightPair]:
-    """By file. exact, noisy: the logs by file, the same rows."""
+    """Return the pairs by file of the exact and noisy logs by file, which have the same rows."""
     return {file: flight_pair(case, file, exact[file], noisy[file]) for file in FILES}
 
 
 def truth(case: Case, simulator: str, flights: dict[str, FlightPair]) -> dict:
-    """The content of truth.json. flights: by file."""
+    """Return the content of truth.json. flights: by file."""
     held_out = flights[FILES[-1]]
     residual, visibility = residual_and_visibility(case, held_out)
     return {
@@ -106,17 +104,17 @@ def truth(case: Case, simulator: str, flights: dict[str, FlightPair]) -> dict:
 
 
 def flight_pair(case: Case, file: str, exact: FlightLog, noisy: FlightLog) -> FlightPair:
-    """Of a flight, named by its file: both from when on the measured one counts."""
+    """Return the pair of one flight; both begin where the measured one counts."""
     measured = make_evidence(dc.replace(noisy, name=file), case.vehicle)
     since = float(measured.t[0])
     return FlightPair(measured, make_evidence(dc.replace(exact, name=file), case.vehicle, since=since))
 
 
 def equivalent_library_effects(case: Case, flights: dict[str, FlightPair]) -> list[str]:
-    """Effects of the library that leave, in all flights, what the foreign effect of a case leaves there.
+    """Return library effects that explain, in all flights, what the out-of-library effect of a case leaves there.
 
-    As a ceiling does whose lift is even above a height, of vehicles that stay there: it is a mass. What the nearest
-    effect does not take is of a visibility below `NO_GAP`, were all of it in one channel.
+    A ceiling effect, for example, is a mass error to a vehicle that stays where its lift is even. The remainder must be
+    of a visibility below `NO_GAP`, were all of it in one channel.
     """
     off = [Term(effect) for effect in case.quality.background(case.vehicle)]
     measured = [pair.measured for pair in flights.values()]
@@ -127,12 +125,12 @@ def equivalent_library_effects(case: Case, flights: dict[str, FlightPair]) -> li
 
 
 def parameters(effect: Effect) -> dict[str, Any]:
-    """By name; of a foreign effect its fields."""
+    """Return the parameters by name; the fields of an out-of-library effect."""
     return effect.values or dict(vars(effect))
 
 
 def collinear_class(case: Case, training: list[FlightPair]) -> list[list[str]]:
-    """Per effect the names that are physically the same in the training flights, its own first.
+    """Return per effect the names that are physically the same in the training flights, its own first.
 
     Whitened with what noise really left there, so that nothing is solved for it.
     """
@@ -149,7 +147,7 @@ def collinear_class(case: Case, training: list[FlightPair]) -> list[list[str]]:
 
 
 def residual_and_visibility(case: Case, flight: FlightPair) -> tuple[np.ndarray, float]:
-    """RMS (15,) that noise leaves to the true model, and visibility: the largest ratio of a channel's RMS to it.
+    """Return the RMS (15,) that the true model leaves, and visibility: the largest ratio of a channel's RMS to it.
 
     What the vehicle file is off by is no effect: it is taken out of the nominal residual.
     """
@@ -160,7 +158,7 @@ def residual_and_visibility(case: Case, flight: FlightPair) -> tuple[np.ndarray,
 
 
 def residual_of_true_parameters(case: Case, flight: FlightPair, noise: np.ndarray) -> np.ndarray:
-    """RMS (15,) that the true parameters leave: noise, and gusts, of which they say how strong but not which."""
+    """Return the RMS (15,) that the true parameters leave: noise, and gusts, of which they give the strength alone."""
     if case.draw.kind == "foreign" or all(effect.foreseen is effect for effect in case.effects):
         return noise
     known = [*case.quality.background(case.vehicle), *(e.foreseen for e in case.effects)]
@@ -169,7 +167,7 @@ def residual_of_true_parameters(case: Case, flight: FlightPair, noise: np.ndarra
 
 
 def best_onset_of_flight(case: Case, flight: FlightPair) -> float | None:
-    """What `best_onset` reads from a flight [s]; None where nothing begins in it."""
+    """Return `best_onset` of a flight [s]; None where nothing begins in it."""
     file = flight.true.name
     onset = case.onset[file]
     if onset is None or case.draw.kind == "foreign":
@@ -180,7 +178,7 @@ def best_onset_of_flight(case: Case, flight: FlightPair) -> float | None:
 
 
 def visibility_of_each(case: Case, flight: FlightPair, noise: np.ndarray) -> list[float]:
-    """Of every effect alone: the largest ratio of noise with its trace to noise; NaN for foreign ones."""
+    """Return for every effect alone the largest ratio of noise with its trace to noise; NaN out of the library."""
     evidence, effects = flight.true, case.effects_of(FILES[-1])
     if case.draw.kind == "foreign":
         return [float("nan")] * len(effects)
@@ -190,8 +188,3 @@ def visibility_of_each(case: Case, flight: FlightPair, noise: np.ndarray) -> lis
         trace = signature(evidence, terms) - signature(evidence, terms[:i] + terms[i + 1 :])
         out.append(float(np.max(np.sqrt(1 + np.mean(trace**2, axis=0) / np.maximum(noise, 1e-12) ** 2))))
     return out
-
-
-def write_truth(content: dict, folder: Path) -> None:
-    """<folder>/truth.json."""
-    write_json(folder / "truth.json", content)

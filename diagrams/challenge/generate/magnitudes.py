@@ -1,6 +1,6 @@
 """How strong each effect is drawn: log-uniform from invisible to strong, scaled to the vehicle.
 
-Source: own choice throughout: the weak end drowns in a rig's noise, the strong end is what the controller still flies.
+Source: own choice throughout: the weak end drowns in sensor noise, the strong end is what the controller still flies.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +16,7 @@ Draw = Callable[[np.random.Generator, Vehicle, float], dict[str, float]]
 
 
 def _vector(low: float, high: float, names: Sequence[str] = "xyz", rise: float | None = None) -> Draw:
-    """A vector of log-uniform size and random direction."""
+    """Draw a vector of log-uniform size and random direction."""
 
     def draw(rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
         return dict(zip(names, log_uniform(rng, low, high) * direction(rng, rise), strict=True))
@@ -49,7 +49,7 @@ def _drift(rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[s
 
 
 def _drag(low: float, high: float, names: tuple[str, str, str]) -> Draw:
-    """Per kilogram: what slows a heavy vehicle is more."""
+    """Draw drag coefficients per kilogram: a heavy vehicle has more drag."""
 
     def draw(rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
         lateral = log_uniform(rng, low, high) * vehicle.mass
@@ -68,11 +68,11 @@ def _gusts(rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[s
     }
 
 
-def _one(name: str, figure: Callable[[np.random.Generator, Vehicle], float]) -> Draw:
-    """An effect of one figure."""
+def _one(name: str, parameter: Callable[[np.random.Generator, Vehicle], float]) -> Draw:
+    """Draw an effect of one parameter."""
 
     def draw(rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
-        return {name: float(figure(rng, vehicle))}
+        return {name: float(parameter(rng, vehicle))}
 
     return draw
 
@@ -112,7 +112,7 @@ COMPANION_DRAG = _drag(0.05, 0.3, ("d_x", "d_y", "d_z"))  # through which a wind
 
 
 def draw_effect(name: str, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> list[Effect]:
-    """The effect `name`, and the drag that it acts through where it needs one."""
+    """Draw the effect `name`, and the drag that it acts through where it needs one."""
     effect = LIBRARY[name].of(MAGNITUDES[name](rng, vehicle, seconds))
     if not effect.needs:
         return [effect]

@@ -24,7 +24,6 @@ class RotorSaturation(OutOfLibraryWrench):
     """Saturation: no rotor gives more than `limit`."""
 
     limit: float  # [N]
-
     identifier: ClassVar[str] = "rotor_saturation"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -41,7 +40,6 @@ class StutteringRotor(OutOfLibraryWrench):
     loss: float  # [1]
     period: float  # [s]
     share: float  # [1]
-
     identifier: ClassVar[str] = "stuttering_rotor"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -61,7 +59,6 @@ class TwistingMount(OutOfLibraryWrench):
 
     rotor: int  # 0, 1, 2, 3
     twist: float  # in hover [rad]
-
     identifier: ClassVar[str] = "twisting_mount"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -78,7 +75,6 @@ class BentThrustCurve(OutOfLibraryActuator):
     """A bent thrust curve: f = c - bend (c - h)³ / h² with h the thrust of a hovering rotor."""
 
     bend: float  # [1]
-
     identifier: ClassVar[str] = "bent_thrust_curve"
 
     def thrust(
@@ -95,7 +91,6 @@ class CreepingBlades(LaggingActuator):
 
     creep: float  # [1]
     time: float  # [s]
-
     identifier: ClassVar[str] = "creeping_blades"
     state_size: ClassVar[int] = 4
 
@@ -121,7 +116,6 @@ class ShakingRotors(LaggingActuator):
     load: float  # over that in hover [1]
     width: float  # [1]
     time: float  # in which it builds up [s]
-
     identifier: ClassVar[str] = "shaking_rotors"
     state_size: ClassVar[int] = 4
 
@@ -149,7 +143,6 @@ class LosingSync(OutOfLibraryActuator):
     loss: float  # out of step [1]
     jump: float  # of the thrust over that in hover [1]
     time: float  # [s]
-
     identifier: ClassVar[str] = "losing_sync"
     state_size: ClassVar[int] = 2
 
@@ -180,7 +173,6 @@ class ThrustRateTorque(LaggingActuator):
     arm_x: float  # [m]
     arm_y: float
     time: float  # [s]
-
     identifier: ClassVar[str] = "thrust_rate_torque"
     state_size: ClassVar[int] = 1
 
@@ -202,7 +194,6 @@ class YawBacklash(OutOfLibraryActuator):
 
     play: float  # half width of the band [N·m]
     time: float = 0.015  # with which the edge pushes [s]
-
     identifier: ClassVar[str] = "yaw_backlash"
     state_size: ClassVar[int] = 1
 
@@ -232,7 +223,6 @@ class SoftArms(LaggingActuator):
 
     gain: float  # [1]
     time: float  # [s]
-
     identifier: ClassVar[str] = "soft_arms"
     state_size: ClassVar[int] = 2
 

@@ -26,7 +26,6 @@ class RotationalDamping(OutOfLibraryWrench):
     """Quadratic damping of the body rates: tau = -c |w| w, axis by axis."""
 
     c: float  # [N·m·s²/rad²]
-
     identifier: ClassVar[str] = "rotational_damping"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -40,7 +39,6 @@ class MagnusForce(OutOfLibraryWrench):
     """A Magnus force on a body that turns: f_B = c w x v, v the air velocity in body axes."""
 
     c: float  # [N·s²/(m·rad)]
-
     identifier: ClassVar[str] = "magnus_force"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -53,7 +51,6 @@ class SideLift(OutOfLibraryWrench):
     """Side force of a slanted plate that deflects the flow: f_B,y = c |v_x| v_z."""
 
     c: float  # [N·s²/m²]
-
     identifier: ClassVar[str] = "side_lift"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -69,7 +66,6 @@ class Weathervane(OutOfLibraryWrench):
     """A tail that turns into the wind: tau_z = c |v| v_y in body axes."""
 
     c: float  # [N·s²/m]
-
     identifier: ClassVar[str] = "weathervane"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -92,7 +88,6 @@ class PanelFlutter(OutOfLibraryWrench):
     onset: float  # [m/s]
     frequency: float  # [Hz]
     phase: float  # [rad]
-
     identifier: ClassVar[str] = "panel_flutter"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -113,7 +108,6 @@ class BentVane(OutOfLibraryWrench):
 
     lever: float  # in hover [m]
     speed: float  # at which half of it is left [m/s]
-
     identifier: ClassVar[str] = "bent_vane"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -130,7 +124,6 @@ class VortexRing(OutOfLibraryWrench):
     loss: float  # [1]
     speed: float  # of descent [m/s]
     width: float  # [m/s]
-
     identifier: ClassVar[str] = "vortex_ring"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -149,7 +142,6 @@ class WakeInterference(OutOfLibraryWrench):
 
     loss: float  # [1]
     speed: float  # [m/s]
-
     identifier: ClassVar[str] = "wake_interference"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -174,7 +166,6 @@ class OddPropeller(OutOfLibraryWrench):
 
     rotor: int  # 0, 1, 2, 3
     c: float  # in hover [N·s/m]
-
     identifier: ClassVar[str] = "odd_propeller"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -191,7 +182,6 @@ class DynamicInflow(LaggingActuator):
 
     gain: float  # [1]
     time: float  # [s]
-
     identifier: ClassVar[str] = "dynamic_inflow"
     state_size: ClassVar[int] = 4
 

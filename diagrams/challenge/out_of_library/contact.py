@@ -26,7 +26,6 @@ class PeriodicForce(OutOfLibraryWrench):
     force: tuple[float, float, float]  # [N]
     frequency: float  # [Hz]
     phase: float  # [rad]
-
     identifier: ClassVar[str] = "periodic_force"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -42,7 +41,6 @@ class GroundTether(OutOfLibraryWrench):
     stiffness: float  # [N/m]
     slack: float  # [m]
     anchor: tuple[float, float, float]  # [m]
-
     identifier: ClassVar[str] = "ground_tether"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -64,7 +62,6 @@ class WinchTether(OutOfLibraryWrench):
     friction: float  # of the drum, over the tension [1]
     creep: float  # speed at which the drum begins to slip [m/s]
     anchor: tuple[float, float, float]  # [m]
-
     identifier: ClassVar[str] = "winch_tether"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -81,7 +78,6 @@ class RubbingLine(OutOfLibraryWrench):
 
     force: float  # of dry friction [N]
     creep: float  # speed at which it begins to slip [m/s]
-
     identifier: ClassVar[str] = "rubbing_line"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -96,7 +92,6 @@ class LiftedCable(OutOfLibraryWrench):
     """The weight of what a vehicle has lifted of a cable on the ground: f_z = -density g z in W."""
 
     density: float  # of the cable [kg/m]
-
     identifier: ClassVar[str] = "lifted_cable"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -110,7 +105,6 @@ class TwistedCable(OutOfLibraryWrench):
     """A power cable that was laid out straight twists back: tau = -k sin(heading) about the vertical."""
 
     k: float  # [N·m]
-
     identifier: ClassVar[str] = "twisted_cable"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -129,7 +123,6 @@ class StickingAxis(OutOfLibraryWrench):
     torque: float  # [N·m]
     period: float  # [s]
     share: float  # [1]
-
     identifier: ClassVar[str] = "sticking_axis"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -145,7 +138,6 @@ class SpinningLidar(OutOfLibraryWrench):
     """A part that turns steadily, whatever the rotors do: tau = -w x h with h along body z."""
 
     h: float  # angular momentum [N·m·s]
-
     identifier: ClassVar[str] = "spinning_lidar"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -159,7 +151,6 @@ class SlidingLoad(OutOfLibraryWrench):
 
     moment: float  # weight times way [N·m]
     tilt: float  # [rad]
-
     identifier: ClassVar[str] = "sliding_load"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -183,7 +174,6 @@ class SprungLoad(OutOfLibraryActuator):
     frequency: float  # [Hz]
     damping: float  # [1]
     share: float  # of the mass [1]
-
     identifier: ClassVar[str] = "sprung_load"
     state_size: ClassVar[int] = 2
 
@@ -219,7 +209,6 @@ class LiquidSlosh(OutOfLibraryActuator):
     frequency: float  # [Hz]
     damping: float  # [1]
     gain: float  # [1]
-
     identifier: ClassVar[str] = "liquid_slosh"
     state_size: ClassVar[int] = 4
 

@@ -31,7 +31,6 @@ class WallSuction(OutOfLibraryWrench):
     reach: float  # [m]
     normal: tuple[float, float, float]  # towards the wall
     from_origin: float  # distance of the wall [m]
-
     identifier: ClassVar[str] = "wall_suction"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -48,7 +47,6 @@ class CeilingEffect(OutOfLibraryWrench):
     strength: float  # [1]
     reach: float  # [m]
     height: float  # [m]
-
     identifier: ClassVar[str] = "ceiling_effect"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -69,7 +67,6 @@ class TiltedCushion(OutOfLibraryWrench):
 
     lever: float  # over a lean of one, on the ground [m]
     reach: float  # [m]
-
     identifier: ClassVar[str] = "tilted_cushion"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -93,7 +90,6 @@ class PlatformEdge(OutOfLibraryWrench):
     normal: tuple[float, float, float]  # level, inwards from the edge
     from_origin: float  # distance of the edge [m]
     edge: float  # half width over which it fades [m]
-
     identifier: ClassVar[str] = "platform_edge"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:

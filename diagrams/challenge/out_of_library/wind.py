@@ -24,7 +24,6 @@ class FanJet(OutOfLibraryWrench):
     force: tuple[float, float, float]  # [N]
     center: tuple[float, float, float]  # [m]
     size: float  # [m]
-
     identifier: ClassVar[str] = "fan_jet"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -40,7 +39,6 @@ class WindShear(OutOfLibraryWrench):
     c: float  # [N/m]
     height: float  # [m]
     course: float  # [rad]
-
     identifier: ClassVar[str] = "wind_shear"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -58,7 +56,6 @@ class DoorwayDraft(OutOfLibraryWrench):
     normal: tuple[float, float, float]  # into the draft
     from_origin: float  # distance of the plane [m]
     edge: float  # [m]
-
     identifier: ClassVar[str] = "doorway_draft"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -78,7 +75,6 @@ class StandingEddy(OutOfLibraryWrench):
     force: float  # at `core`; counter-clockwise from above [N]
     center: tuple[float, float]  # [m]
     core: float  # [m]
-
     identifier: ClassVar[str] = "standing_eddy"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
@@ -102,7 +98,6 @@ class PassingVehicle(OutOfLibraryWrench):
     period: float  # [s]
     passage: float  # of the first one [s]
     duration: float  # [s]
-
     identifier: ClassVar[str] = "passing_vehicle"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:

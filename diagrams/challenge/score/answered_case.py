@@ -76,17 +76,17 @@ ANSWER = SchemaValidator(
 
 
 def fault_of_truth(truth: dict[str, Any]) -> str | None:
-    """One sentence on the first field that cannot be read, or does not agree with the others; None: there is none."""
+    """Return a sentence on the first field of a truth that is wrong or contradicts others; None: there is none."""
     return violation(TRUTH, truth) or next(_disagreements(truth), None)
 
 
 def fault_of_answer(answer: dict[str, Any]) -> str | None:
-    """The same of an answer."""
+    """Return a sentence on the first field of an answer that is wrong; None: there is none."""
     return violation(ANSWER, answer) or next(_unlike(answer["shrink"].get("replay") or {}), None)
 
 
 def _disagreements(truth: dict[str, Any]) -> Iterator[str]:
-    """Names are of the library, but for a foreign effect; every effect has its class."""
+    """Yield what in a truth contradicts: names not in the library, effects without a class."""
     kind, effects, classes = truth["kind"], truth["effects"], truth["class"]
     if (kind == CLEAN) != (not effects):
         must = "be empty" if kind == CLEAN else "name what acts"
@@ -107,7 +107,7 @@ def _disagreements(truth: dict[str, Any]) -> Iterator[str]:
 
 
 def _unlike(replay: dict[str, Any]) -> Iterator[str]:
-    """Every horizon has its error."""
+    """Yield replays that lack an error for a horizon."""
     for name in [name for name in ("before", "after") if replay.get(name) is not None]:
         given, asked = len(replay[name]["position"]), len(replay["horizon"])
         if given != asked:
@@ -121,7 +121,7 @@ WINDS = ("constant_wind", "gusty_wind")
 
 @dc.dataclass(frozen=True)
 class AnsweredCase:
-    """One case. truth, answer: the content of truth.json and diagnosis.json; answer None: there is none."""
+    """A case with the content of truth.json and diagnosis.json; answer None: there is none."""
 
     name: str
     truth: dict[str, Any]
@@ -129,58 +129,58 @@ class AnsweredCase:
 
     @property
     def kind(self) -> str:
-        """single | pair | triple | onset | clean | foreign."""
+        """Return the kind: single | pair | triple | onset | clean | foreign."""
         return str(self.truth["kind"])
 
     @property
     def group(self) -> str:
-        """Simulator and quality, as `drake, real`."""
+        """Return simulator and quality, as `drake, real`."""
         return f"{self.truth['simulator']}, {self.truth['quality']}"
 
     @property
     def visibility(self) -> float:
-        """Largest ratio of a channel's RMS to its noise [1]."""
+        """Return the largest ratio of a channel's RMS to its noise [1]."""
         return float(self.truth["visibility"])
 
     @property
     def visibility_in_training(self) -> float:
-        """The same in the flights of the fit, the most of them; 0 where the truth does not say [1]."""
+        """Return the largest visibility in the training flights; 0 where the truth does not say [1]."""
         return max(self.truth.get("visibility_in_training", {}).values(), default=0.0)
 
     def visibility_in(self, flight: str) -> float:
-        """The same in one flight; that of the case where the truth does not say [1]."""
+        """Return the visibility in one flight; that of the case where the truth does not say [1]."""
         return float(self.truth.get("visibility_in_training", {}).get(flight, self.visibility))
 
     @property
     def true_names(self) -> tuple[str, ...]:
-        """Of all effects that act."""
+        """Return the names of all effects that act."""
         return tuple(effect["effect"] for effect in self.truth["effects"])
 
     @property
     def main(self) -> str:
-        """What a case of one effect is about: the first, for a wind's drag comes after it; clean: `clean`."""
+        """Return the effect that a case of one effect is about (a wind's drag comes after it), `foreign` or `clean`."""
         if self.kind == "foreign":
             return "foreign"
         return next((n for n in self.true_names), "clean")
 
     @property
     def verdict(self) -> tuple[str, ...]:
-        """All that is said to be missing, `unknown` among it; without an answer nothing."""
+        """Return all that is said to be missing, `unknown` among it; without an answer nothing."""
         return () if self.answer is None else tuple(self.answer["verdict"])
 
     @property
     def named(self) -> tuple[str, ...]:
-        """The verdict without `unknown`."""
+        """Return the verdict without `unknown`."""
         return tuple(name for name in self.verdict if name != UNKNOWN)
 
     @property
     def causes(self) -> dict[str, dict[str, Any]]:
-        """Causes of the answer by effect."""
+        """Return the causes of the answer by effect."""
         return {} if self.answer is None else {c["effect"]: c for c in self.answer["causes"]}
 
 
 def read_answered_cases(answers: Path, truth: Path) -> list[AnsweredCase]:
-    """Every case that has a truth, sorted by name; of a folder of sets, `<set>/<case>`.
+    """Return every case that has a truth, sorted by name; of a folder of sets, `<set>/<case>`.
 
     Raises: ValueError: if there is no truth, or a file is no JSON or not what docs/files.md says: one line with file,
         field and what it must be; OSError: if one cannot be read.
@@ -212,7 +212,7 @@ def _read(path: Path, fault_of: Callable[[dict[str, Any]], str | None]) -> dict[
 
 
 def same_flight(name: str) -> str:
-    """A flight's name without folder and suffix, for `train_1.csv` and `train_1` are the same."""
+    """Return a flight's name without folder and suffix: `train_1.csv` and `train_1` are one flight."""
     base = name.rsplit("/", 1)[-1]
     for suffix in (".csv.gz", ".csv", ".parquet"):
         base = base.removesuffix(suffix)

@@ -18,7 +18,7 @@ Value = dict[
 
 @dc.dataclass(frozen=True)
 class Metric:
-    """of: the figure of a score (`share` or `plain`).   asked: by quality, least and most; None: not asked for."""
+    """A metric of a score: its reader (`share` or `plain`), and the least and most that are asked for by quality."""
 
     label: str
     of: Callable[[dict[str, Any]], Value]
@@ -26,32 +26,32 @@ class Metric:
     real: tuple[float, float] | None = None
 
     def falls_short(self, quality: str, value: Value) -> bool:
-        """Is it outside what is asked for?"""
-        asked, figure = self.asked(quality), number(value)
-        return asked is not None and figure is not None and not asked[0] <= figure <= asked[1]
+        """Return whether a value is outside what is asked for."""
+        asked, known = self.asked(quality), number(value)
+        return asked is not None and known is not None and not asked[0] <= known <= asked[1]
 
     def asked(self, quality: str) -> tuple[float, float] | None:
-        """Least and most [1]."""
+        """Return the least and most that are asked for [1]; None: nothing is."""
         return self.clean if quality == "clean" else self.real
 
 
 def least(bound: float) -> tuple[float, float]:
-    """At least this."""
+    """Return the bounds of a metric that must be at least this."""
     return bound, float("inf")
 
 
 def most(bound: float) -> tuple[float, float]:
-    """At most this."""
+    """Return the bounds of a metric that must be at most this."""
     return -float("inf"), bound
 
 
 def share(*keys: str) -> Callable[[dict[str, Any]], Value]:
-    """Of a count and how many there were, at these keys of a score."""
+    """Return a reader of a count and its total at these keys of a score."""
     return lambda score: {key: _at(score, keys)[key] for key in ("count", "n")}
 
 
 def plain(*keys: str) -> Callable[[dict[str, Any]], Value]:
-    """Of a number at these keys of a score."""
+    """Return a reader of a number at these keys of a score."""
     return lambda score: {"value": _at(score, keys)}
 
 
@@ -81,7 +81,7 @@ KEPT, ONE = SchemaValidator(record({"draws": list_of(DRAW)})), SchemaValidator(D
 
 
 def read_draws(files: Iterable[Path]) -> list[dict[str, Any]]:
-    """{"seeds", quality: {label: value}} of every draw, in order of seeds; of one that is there twice, the last.
+    """Return {"seeds", quality: {label: value}} of every draw, in order of seeds; of one that is there twice, the last.
 
     Args: files: each what `challenge score --json` wrote, or `challenge compare --json`.
     Raises: ValueError: where a file is neither; OSError: where it cannot be read.
@@ -116,56 +116,56 @@ def _read(file: Path) -> list[dict[str, Any]]:
 
 
 def draw_of(score: dict[str, Any]) -> dict[str, Any]:
-    """The figures of a score by quality, and the seeds of its sets."""
+    """Return the metrics of a score by quality, and the seeds of its sets."""
     seeds = sorted({seed for part in score["sets"] for seed in part["seeds"]})
-    figures = {name: {f.label: f.of(part) for f in METRICS} for name, part in _by_quality(score).items()}
-    return {"seeds": seeds, **figures}
+    metrics = {name: {f.label: f.of(part) for f in METRICS} for name, part in _by_quality(score).items()}
+    return {"seeds": seeds, **metrics}
 
 
 def _by_quality(score: dict[str, Any]) -> dict[str, Any]:
-    """Of a set of one quality, or of one simulator in two, the score has no part of that name."""
+    """Return the parts of a score by quality; the whole score where a set has one quality."""
     groups = score["groups"] or {score["sets"][0]["group"]: score}
     parts = score["qualities"] or {group.rsplit(", ", 1)[1]: part for group, part in groups.items()}
     return {name: parts[name] for name in QUALITIES if name in parts}
 
 
 def table(draws: Sequence[dict[str, Any]], quality: str) -> tuple[list[str], list[list[str]]]:
-    """Header and rows: a row a figure, a column a draw; shares of all draws together in the last; short ones bold."""
+    """Return header and rows: a row a metric, a column a draw, then all draws together; bold where it falls short."""
     having = [draw for draw in draws if quality in draw]
     header = [quality, "asked", *map(name_of, having), "together"]
     rows = []
-    for figure in METRICS:
-        values = [draw[quality].get(figure.label, {}) for draw in having]
-        cells = [_cell(figure, quality, value) for value in [*values, together(values)]]
-        rows.append([figure.label, _asked(figure.asked(quality)), *cells])
+    for metric in METRICS:
+        values = [draw[quality].get(metric.label, {}) for draw in having]
+        cells = [_cell(metric, quality, value) for value in [*values, together(values)]]
+        rows.append([metric.label, _asked(metric.asked(quality)), *cells])
     return header, rows
 
 
 def name_of(draw: dict[str, Any]) -> str:
-    """`48xxx` where all seeds begin so."""
+    """Return a draw's name: `48xxx` where all seeds begin so."""
     thousands = {seed // 1000 for seed in draw["seeds"]}
     return f"{thousands.pop()}xxx" if len(thousands) == 1 else ", ".join(map(str, draw["seeds"]))
 
 
 def together(values: Sequence[Value]) -> Value:
-    """The share of all; nothing of what is no share."""
+    """Return the share of all; nothing of what is no share."""
     shares = [value for value in values if "count" in value and "n" in value]
     return {key: sum(value[key] for value in shares) for key in ("count", "n")} if shares else {}
 
 
 def number(value: Value) -> float | None:
-    """The share, or the number."""
+    """Return the share, or the number."""
     if "count" in value and "n" in value:
         return value["count"] / value["n"] if value["n"] else None
     return value.get("value")
 
 
-def _cell(figure: Metric, quality: str, value: Value) -> str:
+def _cell(metric: Metric, quality: str, value: Value) -> str:
     known = number(value)
     if known is None:
         return NOTHING
     text = f"{value['count']}/{value['n']}" if "count" in value else f"{known:.3g}"
-    return f"**{text}**" if figure.falls_short(quality, value) else text
+    return f"**{text}**" if metric.falls_short(quality, value) else text
 
 
 def _asked(bounds: tuple[float, float] | None) -> str:

@@ -24,7 +24,7 @@ _ANGLES = ("roll", "pitch", "yaw")
 
 @dc.dataclass(frozen=True)
 class ParameterError:
-    """Of a parameter, or of a vector of them.
+    """The error of a parameter, or of a vector of them.
 
     size: relative [1], of a place [m], of a choice 0 or 1.   inside: by scalar, whether its interval holds the truth.
     """
@@ -38,7 +38,7 @@ class ParameterError:
 
 
 def errors_of(case: AnsweredCase) -> list[ParameterError]:
-    """Of every effect that is named by its right name."""
+    """Return the parameter errors of every effect that is named by its right name."""
     found = []
     for true in case.truth["effects"]:
         name = true["effect"]
@@ -69,14 +69,14 @@ def _group_error(effect: str, name: str, group: list[Parameter], true, estimates
 
 
 def _scale(effect: str, group: list[Parameter], real: np.ndarray) -> float:
-    """Distance of the truth from where the effect vanishes, but no less than `SMALL`."""
+    """Return the distance of the truth from where the effect vanishes, but no less than `SMALL`."""
     neutral = np.array([0.0 if (effect, p.name) in ABSOLUTE else p.neutral for p in group])
     least = SMALL * float(np.linalg.norm([p.typical for p in group]))
     return max(float(np.linalg.norm(real - neutral)), least)
 
 
 def group_of(name: str) -> str:
-    """The vector that a parameter is part of, else its own name: x -> vector, d_x -> d, roll -> angles."""
+    """Return the vector that a parameter is part of, else its own name: x -> vector, d_x -> d, roll -> angles."""
     if name in _ANGLES:
         return "angles"
     axis = _AXIS.fullmatch(name)
@@ -84,7 +84,7 @@ def group_of(name: str) -> str:
 
 
 def parameter_summary(errors: Iterable[ParameterError]) -> dict[str, Any]:
-    """Median errors, coverage of intervals, choices that are right."""
+    """Return median errors, coverage of intervals, and choices that are right."""
     errors = list(errors)
     return {
         "n": len(errors),
@@ -97,7 +97,7 @@ def parameter_summary(errors: Iterable[ParameterError]) -> dict[str, Any]:
 
 
 def by_parameter(errors: Sequence[ParameterError]) -> list[dict[str, Any]]:
-    """A row a parameter or vector of every effect."""
+    """Return a row a parameter or vector of every effect."""
     keys = sorted({(list(LIBRARY).index(e.effect), e.effect, e.parameter) for e in errors})
     rows = []
     for _, effect, parameter in keys:
@@ -123,7 +123,7 @@ TOLERANCE = 0.2  # [s]
 
 
 def onset_errors(case: AnsweredCase) -> list[dict[str, Any]]:
-    """A row a flight and instant: error [s], None where no cause with an onset stands for what begins there.
+    """Return a row a flight and instant: error [s], None where no cause with an onset stands for what begins there.
 
     What begins together (a wind and its drag) counts once, by the one that is worst.
     """
@@ -150,12 +150,12 @@ def _badness(row: dict[str, Any]) -> tuple[bool, float]:
 
 
 def onset_within(row: dict[str, Any]) -> bool:
-    """Is the onset right?"""
+    """Return whether the onset is right."""
     return row["error"] is not None and abs(row["error"]) <= TOLERANCE
 
 
 def onset_summary(cases: Sequence[AnsweredCase], least: float) -> dict[str, Any]:
-    """Share of flights with the right onset, and the median error [s].
+    """Return the share of flights with the right onset, and the median error [s].
 
     within: of visible cases.   within_all: of all.   within_if_named: of visible cases whose effect is named.
     within_if_seen: of visible cases, flights in which the effect is visible, as by visibility in that flight itself.

@@ -21,7 +21,7 @@ JITTER = 0.035  # of points that would hide each other [1]
 
 
 def write_figures(score: dict[str, Any], folder: Path) -> list[Path]:
-    """<folder>/<name>.png for every figure that the set gives."""
+    """Write <folder>/<name>.png for every figure that the set gives."""
     makers: dict[str, Callable[[dict[str, Any]], Figure | None]] = {
         "detection": detection_figure,
         "confusion": confusion_figure,
@@ -184,7 +184,7 @@ def effect_figure(score: dict[str, Any]) -> Figure | None:
 
 
 def _shrinks(cases: list[dict[str, Any]]) -> dict[str, list[float]]:
-    """By what acts; pairs and triples in a line each."""
+    """Return gap reductions by what acts; pairs and triples in a line each."""
     found: dict[str, list[float]] = {}
     for row in cases:
         if row["shrink_relative"] is not None:

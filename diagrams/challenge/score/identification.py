@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from diagrams.challenge.score.answered_case import COMPANION, WINDS, AnsweredCase
-from diagrams.challenge.score.binomial_intervals import binomial_interval, precision_and_recall
+from diagrams.challenge.score.binomial_intervals import binned, binomial_interval, precision_and_recall
 from np_drake.diagnosis.result import UNKNOWN
 from np_drake.effects.library import LIBRARY
 
@@ -16,19 +16,19 @@ WIDEST = 3  # names that a class may hold, a cause's own included: more tell not
 
 
 def class_of(case: AnsweredCase, name: str) -> tuple[str, ...]:
-    """A cause's own name and those that it says cannot be told from it."""
+    """Return a cause's own name and those that it says cannot be told from it."""
     return (name, *case.causes.get(name, {}).get("indistinguishable_from", ()))
 
 
 def stands_for(case: AnsweredCase, true: int, name: str) -> bool:
-    """Does the cause `name` stand for the true effect number `true`? A class that is too wide stands for none."""
+    """Return whether the cause `name` stands for true effect number `true`; too wide a class stands for none."""
     own = class_of(case, name)
     same = case.truth["class"][true]
     return len(set(own)) <= WIDEST and (name in same or case.true_names[true] in own)
 
 
 def matches(case: AnsweredCase) -> dict[int, str]:
-    """Number of true effect -> cause that stands for it; as many as possible, each cause once, own names first."""
+    """Return true effect number -> cause that stands for it; as many as possible, each cause once, own names first."""
     named = case.named
     if not named or not case.true_names:
         return {}
@@ -43,18 +43,18 @@ def matches(case: AnsweredCase) -> dict[int, str]:
 
 
 def exact(case: AnsweredCase) -> bool:
-    """The verdict names all true effects and nothing else."""
+    """Return whether the verdict names all true effects and nothing else."""
     return set(case.verdict) == set(case.true_names)
 
 
 def exact_lenient(case: AnsweredCase) -> bool:
-    """As `exact`, but a wind's drag may be missing."""
+    """Return whether the verdict is exact but for a wind's drag, which may be missing."""
     spare = {COMPANION} if set(WINDS) & set(case.true_names) else set()
     return set(case.verdict) - spare == set(case.true_names) - spare
 
 
 def right_class(case: AnsweredCase, *, unknown_allowed: bool = False) -> bool:
-    """Every true effect has its cause and every cause its effect; `unknown` is a name too many unless allowed."""
+    """Return whether causes and true effects match one to one; `unknown` is an excess name unless allowed."""
     if UNKNOWN in case.verdict and not unknown_allowed:
         return False
     found = matches(case)
@@ -62,12 +62,12 @@ def right_class(case: AnsweredCase, *, unknown_allowed: bool = False) -> bool:
 
 
 def detected(case: AnsweredCase) -> bool:
-    """The main effect has its cause, whatever else is named."""
+    """Return whether the main effect has its cause, whatever else is named."""
     return 0 in matches(case)
 
 
 def identifiable_in_training(case: AnsweredCase) -> bool:
-    """Do the training flights tell every true effect from all others but a few?
+    """Return whether the training flights tell every true effect from all others but a few.
 
     One that is lost in noise, or in what vehicle file and sensors may be off by, is the same as any other, and as none.
     """
@@ -75,18 +75,18 @@ def identifiable_in_training(case: AnsweredCase) -> bool:
 
 
 def name_counts(case: AnsweredCase) -> tuple[int, int, int]:
-    """Names that are right, too many (`unknown` among them) and missing, by class."""
+    """Return how many names are right, too many (`unknown` among them) and missing, by class."""
     right = len(matches(case))
     return right, len(case.verdict) - right, len(case.true_names) - right
 
 
 def is_true(case: AnsweredCase, name: str) -> bool:
-    """Is `name` a true effect, or physically the same as one?"""
+    """Return whether `name` is a true effect, or physically the same as one."""
     return any(name in {true, *same} for true, same in _with_class(case))
 
 
 def _with_class(case: AnsweredCase) -> list[tuple[str, list[str]]]:
-    """Every true effect with its class."""
+    """Return every true effect with its class."""
     return list(zip(case.true_names, case.truth["class"], strict=True))
 
 
@@ -94,7 +94,7 @@ SURE = 0.9  # probability of a cause above which a wrong name counts as a claim
 
 
 def singles(cases: Sequence[AnsweredCase]) -> dict[str, Any]:
-    """Cases of one effect: shares with the right name and the right class."""
+    """Return shares of cases of one effect with the right name and the right class."""
     return {
         "class": binomial_interval(right_class(c) for c in cases),
         "class_unknown_allowed": binomial_interval(right_class(c, unknown_allowed=True) for c in cases),
@@ -105,7 +105,7 @@ def singles(cases: Sequence[AnsweredCase]) -> dict[str, Any]:
 
 
 def several(cases: Sequence[AnsweredCase], least: float) -> dict[str, Any]:
-    """Pairs and triples: precision, recall and F1 of names, of all and of the visible, and whole cases right."""
+    """Return precision, recall and F1 of names in pairs and triples, all and visible, and whole cases right."""
     return {
         "all": precision_and_recall([name_counts(c) for c in cases]),
         "visible": precision_and_recall([name_counts(c) for c in cases if c.visibility >= least]),
@@ -114,7 +114,7 @@ def several(cases: Sequence[AnsweredCase], least: float) -> dict[str, Any]:
 
 
 def clean(cases: Sequence[AnsweredCase]) -> dict[str, Any]:
-    """False alarms on clean controls. A control without an answer counts as one."""
+    """Return false alarms on clean controls; a control without an answer counts as one."""
     return {
         "false_alarm": binomial_interval(bool(c.verdict) or c.answer is None for c in cases),
         "named": binomial_interval(bool(c.named) for c in cases),
@@ -122,7 +122,7 @@ def clean(cases: Sequence[AnsweredCase]) -> dict[str, Any]:
 
 
 def out_of_library(cases: Sequence[AnsweredCase], least: float) -> dict[str, Any]:
-    """Effects that the library does not have: how often called unknown, how often called something else, surely."""
+    """Return how often out-of-library effects are called unknown, and how often a wrong name is given confidently."""
     visible = [c for c in cases if c.visibility >= least]
     return {
         "unknown": binomial_interval(UNKNOWN in c.verdict for c in visible),
@@ -137,7 +137,7 @@ def out_of_library(cases: Sequence[AnsweredCase], least: float) -> dict[str, Any
 
 
 def out_of_library_effect(kind: str, cases: Sequence[AnsweredCase]) -> dict[str, Any]:
-    """Of the cases of one kind: how many are called unknown, nothing else, surely something else, and what."""
+    """Return how often one out-of-library effect is called unknown or given a wrong name, and which names."""
     mine = [c for c in cases if c.true_names[0] == kind]
     said = Counter(name for c in mine for name in c.named)
     return {
@@ -150,7 +150,7 @@ def out_of_library_effect(kind: str, cases: Sequence[AnsweredCase]) -> dict[str,
 
 
 def wrong_and_sure(case: AnsweredCase) -> list[str]:
-    """Names in the verdict that are not true, with a probability above `SURE`."""
+    """Return names in the verdict that are not true, with a probability above `SURE`."""
     return [
         name
         for name in case.named
@@ -159,7 +159,7 @@ def wrong_and_sure(case: AnsweredCase) -> list[str]:
 
 
 def effect_counts(name: str, cases: Sequence[AnsweredCase], least: float) -> dict[str, Any]:
-    """Of an effect as the main one of visible cases of one effect, and how often it is named where it does not act."""
+    """Return how often an effect is found as the main one of a visible case, and named where it does not act."""
     mine = [c for c in cases if c.kind in ("single", "onset") and c.main == name and c.visibility >= least]
     others = [c for c in cases if not is_true(c, name)]
     return {
@@ -175,7 +175,7 @@ EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0)  # of the bins of probability
 
 
 def confusion(cases: Sequence[AnsweredCase], least: float) -> dict[str, Any]:
-    """Counts of (what acts, what is named), of clean controls and of visible cases of one effect."""
+    """Return counts of (what acts, what is named), of clean controls and of visible cases of one effect."""
     shown = [c for c in cases if c.kind in ("single", "onset", "foreign") and c.visibility >= least]
     shown += [c for c in cases if c.kind == "clean"]
     acting = {c.main for c in shown}
@@ -188,7 +188,7 @@ def confusion(cases: Sequence[AnsweredCase], least: float) -> dict[str, Any]:
 
 
 def verdict_in_a_word(case: AnsweredCase) -> str:
-    """The one name, `none` or `several`; where a wind is named its drag is no second name."""
+    """Return the one name, `none` or `several`; where a wind is named its drag is no second name."""
     names = set(case.verdict)
     if names & set(WINDS):
         names.discard(COMPANION)
@@ -199,7 +199,7 @@ def verdict_in_a_word(case: AnsweredCase) -> str:
 
 
 def reliability(cases: Iterable[AnsweredCase]) -> dict[str, Any]:
-    """Reported probability of every named cause against whether it is true.
+    """Return reported probabilities of named causes against whether they are true.
 
     brier: mean square of probability minus outcome.   ece: mean of |share right - mean probability| over bins,
     weighted by count.
@@ -224,15 +224,6 @@ def reliability(cases: Iterable[AnsweredCase]) -> dict[str, Any]:
 
 
 def _bins(probability: np.ndarray, right: np.ndarray) -> list[dict[str, Any]]:
-    """Upper edges belong to the bin; empty bins are left out."""
+    """Return the share that is true by probability; upper edges belong to the bin, empty bins are left out."""
     place = np.clip(np.searchsorted(EDGES, probability) - 1, 0, len(EDGES) - 2)
-    return [
-        {
-            "lower": EDGES[k],
-            "upper": EDGES[k + 1],
-            "mean": float(probability[place == k].mean()),
-            **binomial_interval(right[place == k] > 0),
-        }
-        for k in range(len(EDGES) - 1)
-        if np.any(place == k)
-    ]
+    return binned(right, place, EDGES, mean=(np.mean, probability))

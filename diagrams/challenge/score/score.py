@@ -44,7 +44,7 @@ GUSTS = "gusty_wind"
 
 
 def score(cases: Sequence[AnsweredCase], *, least: float = VISIBLE, seed: int = SEED) -> dict[str, Any]:
-    """All figures, also by simulator and quality (`groups`) and by quality (`qualities`) where the set mixes them.
+    """Return all metrics; where the set mixes them also by simulator and quality (`groups`) and by quality.
 
     Args: least: visibility from which a case counts as visible [1].
     """
@@ -69,12 +69,12 @@ def score(cases: Sequence[AnsweredCase], *, least: float = VISIBLE, seed: int = 
 def parts_by(
     cases: Sequence[AnsweredCase], key: Callable[[AnsweredCase], str]
 ) -> dict[str, list[AnsweredCase]]:
-    """The cases by key, sorted by it."""
+    """Return the cases by key, sorted by it."""
     return {name: [c for c in cases if key(c) == name] for name in sorted({key(c) for c in cases})}
 
 
 def score_group(cases: Sequence[AnsweredCase], *, least: float, seed: int) -> dict[str, Any]:
-    """All figures of cases that are taken together."""
+    """Return all metrics of cases that are taken together."""
     kinds = {kind: [c for c in cases if c.kind == kind] for kind in ("single", "onset", "clean", "foreign")}
     many = [c for c in cases if c.kind in ("pair", "triple")]
     visible = [c for c in cases if c.visibility >= least]
@@ -115,7 +115,7 @@ def score_group(cases: Sequence[AnsweredCase], *, least: float, seed: int) -> di
 
 
 def accuracy(rates: dict[str, Any]) -> dict[str, Any]:
-    """The plain figures: share of visible singles with the right class and name, F1 of pairs, and so on."""
+    """Return plain numbers: share of visible singles with the right class and name, F1 of pairs, and so on."""
     return {
         "single": rates["single"]["class"]["rate"],
         "single_exact": rates["single"]["exact"]["rate"],
@@ -127,7 +127,7 @@ def accuracy(rates: dict[str, Any]) -> dict[str, Any]:
 
 
 def parameters_of(errors: Sequence[ParameterError]) -> dict[str, Any]:
-    """Summary, `coverage` as a plain figure, and a row a parameter."""
+    """Return a summary, `coverage` as a plain number, and a row a parameter."""
     found = parameter_summary(errors)
     return {
         **found,
@@ -140,18 +140,18 @@ def parameters_of(errors: Sequence[ParameterError]) -> dict[str, Any]:
 def effect_rows(
     cases: Sequence[AnsweredCase], errors: Sequence[ParameterError], least: float
 ) -> list[dict[str, Any]]:
-    """A row an effect of the library that acts or is named in the set."""
+    """Return a row an effect of the library that acts or is named in the set."""
     seen = {name for c in cases for name in (*c.true_names, *c.verdict)}
     rows = []
     for name in (n for n in LIBRARY if n in seen):
         found = parameter_summary(e for e in errors if e.effect == name)
-        figures = {key: found[key] for key in ("median_error", "coverage")}
-        rows.append({"effect": name, **effect_counts(name, cases, least), **figures})
+        estimated = {key: found[key] for key in ("median_error", "coverage")}
+        rows.append({"effect": name, **effect_counts(name, cases, least), **estimated})
     return rows
 
 
 def case_row(case: AnsweredCase, least: float) -> dict[str, Any]:
-    """What became of one case."""
+    """Return the outcome of one case."""
     return {
         "case": case.name,
         "group": case.group,
@@ -173,7 +173,7 @@ def case_row(case: AnsweredCase, least: float) -> dict[str, Any]:
 
 
 def missed(case: AnsweredCase, least: float) -> bool:
-    """Is it a miss that counts: a false alarm, a wrong class, `unknown` not said; the latter two where visible?"""
+    """Return whether a case counts as a miss: a false alarm, or, where visible, a wrong class or `unknown` not said."""
     if case.kind == "clean":
         return bool(case.verdict) or case.answer is None
     if case.kind == "foreign":
@@ -183,7 +183,7 @@ def missed(case: AnsweredCase, least: float) -> bool:
 
 
 def warnings(cases: Iterable[AnsweredCase]) -> list[str]:
-    """One line for cases without an answer."""
+    """Return one line for cases without an answer."""
     without = [case.name for case in cases if case.answer is None]
     if not without:
         return []

@@ -12,6 +12,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, DiagramBuilder
 
 from diagrams.batch.failed_run import FailedRun
+from diagrams.challenge.simulators.flight_plan import require_flying
 from np_drake import attitude
 from np_drake.effects.base import Effect
 from np_drake.effects.combine import EffectsByPlace, split_effects
@@ -27,7 +28,7 @@ STEP, CABLE_STEP, LAG_SHARE = 0.0112, 0.0037, 0.2
 
 
 def largest_step(vehicle: Vehicle, places: EffectsByPlace) -> float:
-    """A step at which runge_kutta3 is stable and follows the lags to a few parts in a thousand [s]."""
+    """Return a step at which runge_kutta3 is stable and follows the lags to a few parts in a thousand [s]."""
     lags = [vehicle.rotor_time_constant] if vehicle.rotor_time_constant > 0 else []
     for effect in places.actuator:
         lags += [getattr(effect, name) for name in ("time_constant", "time") if hasattr(effect, name)]
@@ -35,7 +36,7 @@ def largest_step(vehicle: Vehicle, places: EffectsByPlace) -> float:
 
 
 def stiff_cable(effect: SuspendedPayload | None, vehicle: Vehicle) -> PayloadConfig:
-    """A cable as stiff for this payload as the integrator's step allows."""
+    """Return the payload on a cable as stiff as the integrator's step allows."""
     payload = payload_config(effect)
     if payload.tether == "none":
         return payload
@@ -45,13 +46,8 @@ def stiff_cable(effect: SuspendedPayload | None, vehicle: Vehicle) -> PayloadCon
 
 
 def acting_order(effects: list) -> list:
-    """Actuator effects as they act: first what changes how rotors turn, then what turning rotors give."""
+    """Return actuator effects as they act: first what changes how rotors turn, then what turning rotors give."""
     return sorted(effects, key=lambda effect: not effect.turns_rotor)
-
-
-LOST = 6.0  # farther than this from the plan a vehicle counts as lost [m]
-FLOOR = 0.03  # lower than this it has crashed [m]
-STEEPEST = -0.2  # cosine of the tilt at which it counts as lost [1]
 
 
 class DrakeLoop:
@@ -137,12 +133,12 @@ class DrakeLoop:
             self._deliver()
             rows.append(np.concatenate([u, self._reading()]))
             if not i % 10:
-                self._require_flying(target)
+                require_flying(self.state(), target, self._root.get_time())
             self._advance(t[i + 1] if i + 1 < len(t) else end)
         return unpack(np.array(rows), self._plant.num_positions())
 
     def state(self) -> np.ndarray:
-        """(13,) now."""
+        """Return the state (13,) now."""
         return self._eval(self._real, "x").copy()
 
     def _context(self, system) -> Context:
@@ -153,7 +149,7 @@ class DrakeLoop:
 
     @cached_property
     def _ports(self) -> list:
-        """(port, context) of what a row holds beside the command."""
+        """Return (port, context) of what a row holds beside the command."""
         instance = self._plant.GetBodyByName("quadrotor").model_instance()
         return [
             (self._real.GetOutputPort("nominal_rotor_thrust"), self._context(self._real)),
@@ -182,15 +178,9 @@ class DrakeLoop:
         except RuntimeError as error:
             raise FailedRun(f"challenge: the simulation ended before {t:.2f} s: {error}") from error
 
-    def _require_flying(self, target: np.ndarray) -> None:
-        x = self.state()
-        upright = 1 - 2 * (x[4] ** 2 + x[5] ** 2)
-        if not (np.linalg.norm(x[:3] - target[:3]) < LOST and x[2] > FLOOR and upright > STEEPEST):
-            raise FailedRun(f"challenge: the vehicle was lost at {self._root.get_time():.2f} s.")
-
 
 def unpack(rows: np.ndarray, num_positions: int) -> dict[str, np.ndarray]:
-    """Rows [u, nominal thrust, plant state, its rates] -> signals by name, see `DrakeLoop.fly`."""
+    """Return rows [u, nominal thrust, plant state, its rates] as signals by name, see `DrakeLoop.fly`."""
     u, nominal, s = rows[:, :4], rows[:, 4:8], rows[:, 8:]
     velocities, size = s[:, num_positions:], 6 * (num_positions // 7)
     w_W, v, rates = velocities[:, 0:3], velocities[:, 3:6], velocities[:, size:]
@@ -206,5 +196,5 @@ def unpack(rows: np.ndarray, num_positions: int) -> dict[str, np.ndarray]:
 
 
 def joined(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """The signals of consecutive phases as one."""
+    """Return the signals of consecutive phases as one."""
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

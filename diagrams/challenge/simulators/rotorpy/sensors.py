@@ -44,7 +44,7 @@ ERRORS: dict[str, Error] = {
 
 
 def with_sensor_errors(log: FlightLog, acting: Sequence[ActiveEffect]) -> FlightLog:
-    """The log (changed in place) as the sensors with their errors give it; every error acts on the truth."""
+    """Return the log (changed in place) as sensors with their errors give it; every error acts on the truth."""
     R_WB = Rotation.from_quat(log.q[:, [1, 2, 3, 0]])
     for effect in acting:
         if effect.name in ERRORS:

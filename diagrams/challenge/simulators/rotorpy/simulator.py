@@ -1,7 +1,7 @@
 """The simulator `rotorpy`: an exact log of one planned flight with effects, independent of how a diagnosis sees them.
 
-Rigid body, rotors and motors are rotorpy's; other effects are written anew in `rotorpy_*.py`. Of an effect that is
-passed in only its identifier and its figures are read.   Source: Folk, Paulos and Kumar 2023 (RotorPy), as a library.
+Rigid body, rotors and motors are rotorpy's; other effects are written anew in this folder. Only the identifier
+and the parameters of an effect are read.   Source: Folk, Paulos and Kumar 2023 (RotorPy), as a library.
 """
 
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.simulators.flight_plan import Plan
+from diagrams.challenge.simulators.flight_plan import Plan, require_flying
 from diagrams.challenge.simulators.rotorpy.closed_loop import Flight
 from diagrams.challenge.simulators.rotorpy.library_effects import ActiveEffect, read_effect
 from diagrams.challenge.simulators.rotorpy.sensors import ERRORS, with_sensor_errors
@@ -35,7 +35,7 @@ def fly(
     onset: float | None = None,
     background: Sequence[Any] = (),
 ) -> FlightLog:
-    """The exact log of Bo: no noise; systematic sensor effects and the right-sided accelerations are in it.
+    """Return the exact log of Bo: no noise; systematic sensor effects and the right-sided accelerations are in it.
 
     Args:
         t: (n,) instants of the rows [s]; the command is updated there too.
@@ -60,7 +60,7 @@ def fly(
 
 
 def read_effects(effects: Sequence[Any]) -> list[ActiveEffect]:
-    """The effects as this simulator reads them. Raises: ValueError: if one is unknown, or there are two payloads."""
+    """Return the effects as read here. Raises ValueError: if one is unknown, or there are two payloads."""
     acting = [read_effect(effect) for effect in effects]
     for a in acting:
         if a.name not in KNOWN:
@@ -71,7 +71,7 @@ def read_effects(effects: Sequence[Any]) -> list[ActiveEffect]:
 
 
 def instants(t: np.ndarray, margin: float) -> np.ndarray:
-    """(m,) rows [s]: those before the log, its own, and those after until its last state has been read."""
+    """Return the rows (m,) [s]: those before the log, its own, and those after until its last state has been read."""
     step = float(np.median(np.diff(t)))
     before = t[0] - step * np.arange(round(WARM_UP / step), 0, -1)
     return np.concatenate([before, t, t[-1] + step * np.arange(1, 2 + int(np.ceil(margin / step)))])
@@ -85,7 +85,7 @@ def _fly_rows(
     split: int,
     later: RealMultirotor | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(m - 1, 8) command and rotor speed at the rows but the last, (n, 19) states and accelerations at `reads`."""
+    """Return (m - 1, 8) command and rotor speed at all rows but the last, (n, 19) states at `reads`."""
     commands: list[np.ndarray] = []
     states: list[np.ndarray] = []
     for k, target in enumerate(targets[:-1]):
@@ -94,7 +94,7 @@ def _fly_rows(
         u = flight.control(target)
         commands.append(np.concatenate([u, flight.speed]))
         if not k % 10:
-            flight.require_flying(target)
+            require_flying(flight.state(), target, flight.t)
         while len(states) < len(reads) and reads[len(states)] < rows[k + 1] - 1e-9:
             flight.advance(reads[len(states)])
             states.append(flight.reading())

@@ -34,7 +34,7 @@ SIZE = 20  # of rotorpy's own state; hidden states follow
 
 
 class RealMultirotor(Multirotor):
-    """rotorpy's rigid body, rotors, motor lag and wind state; other effects join its body wrench.
+    """A multirotor of rotorpy: its rigid body, rotors, motor lag and wind state; other effects join its body wrench.
 
     rotorpy's own parameters are mass, inertia, place of the rotors from the centre of mass, thrust and torque
     coefficient (`thrust_scale`), motor time constant (infinite: none, and the command is the speed) and gravity. Its
@@ -60,11 +60,11 @@ class RealMultirotor(Multirotor):
 
     @property
     def swings(self) -> bool:
-        """Whether there is a payload, which wants short steps."""
+        """Return whether there is a payload, which needs short steps."""
         return self._tether is not None
 
     def hidden_at_rest(self, t: float, s: np.ndarray) -> np.ndarray:
-        """What follows rotorpy's state `s` (20,) where nothing has happened yet: liquid at rest, payload hanging."""
+        """Return what follows rotorpy's state `s` (20,) at rest: liquid still, payload hanging."""
         self._t, self._s, self._command = t, s, s[SPEED]
         now = self._instant(s[SPEED], np.zeros(3))
         drive = self.vehicle.mixer @ now.thrust
@@ -72,7 +72,7 @@ class RealMultirotor(Multirotor):
         return np.concatenate([*parts, self._tether.hang(now) if self._tether else np.zeros(0)])
 
     def rate(self, t: float, s: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """Time derivative of the state `s` under commanded rotor speeds (4,) [rad/s]. Writes the wind into `s`."""
+        """Return the derivative of the state `s` at commanded rotor speeds (4,) [rad/s]; writes the wind into `s`."""
         s[WIND] = sum(wind.update(t, s[X]) for wind in self._winds) if self._winds else 0.0
         self._t, self._s, self._command = t, s, command
         self._rates = []
@@ -89,7 +89,7 @@ class RealMultirotor(Multirotor):
     def compute_body_wrench(
         self, body_rates: np.ndarray, rotor_speeds: np.ndarray, body_airspeed_vector: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(3,), (3,) force and torque about Bcm in B [N, N·m]: rotorpy's of the rotors, and the laws of the effects."""
+        """Return force (3,) and torque (3,) about Bcm in B [N, N·m]: of rotorpy's rotors and of the effects."""
         if self._plain:
             return super().compute_body_wrench(body_rates, rotor_speeds, body_airspeed_vector)
         now = self._now = self._instant(rotor_speeds, body_airspeed_vector)
@@ -110,7 +110,7 @@ class RealMultirotor(Multirotor):
         return force + extra[:3], torque + extra[3:]
 
     def _given(self, now: Instant) -> np.ndarray:
-        """(4,) thrust and torque of effects with a hidden state [N, N·m]; keeps their rates."""
+        """Return thrust and torque (4,) of effects with a hidden state [N, N·m]; keeps their rates."""
         total, at = np.zeros(4), SIZE
         for effect in self._hidden:
             given, rate = effect.act(self.vehicle.mixer @ now.thrust, self._s[at : at + effect.size])
@@ -120,7 +120,7 @@ class RealMultirotor(Multirotor):
         return total
 
     def _instant(self, speed: np.ndarray, airspeed: np.ndarray) -> Instant:
-        """airspeed: (3,) of Bcm in B [m/s]."""
+        """Return the instant of the laws. airspeed: (3,) of Bcm in B [m/s]."""
         s, t = self._s, self._t
         thrust = self.k_eta * speed * speed
         for gain, values in self._gains:
@@ -135,13 +135,13 @@ class RealMultirotor(Multirotor):
 
 
 def center_of_mass(acting: Sequence[ActiveEffect]) -> np.ndarray:
-    """(3,) p_BoBcm_B [m]."""
+    """Return p_BoBcm_B (3,) [m]."""
     offsets = [a.values for a in acting if a.name == "center_of_mass_offset"]
     return np.array([sum(c[axis] for c in offsets) for axis in "xyz"], float)
 
 
 def parameters(vehicle: Vehicle, acting: Sequence[ActiveEffect]) -> dict:
-    """What rotorpy takes as a multirotor's parameters, with the effects that are parameters there."""
+    """Return rotorpy's parameters of a multirotor, with the effects that are parameters there."""
     named = [(a.name, a.values) for a in acting]
     scale = float(np.prod([c["scale"] for name, c in named if name == "thrust_scale"]))
     J = vehicle.J.copy()

@@ -10,8 +10,9 @@ FIRST, LAST, STEP = -8.0, 320.0, 0.005  # when gusts are blown, and how densely 
 
 
 class Gusts:
-    """mean + a Gauss-Markov process on every axis, drawn at `STEP` and straight between; not Dryden, whose deviation
-    and correlation time depend on height and speed.
+    """A mean wind and a Gauss-Markov process on every axis, drawn at `STEP` and straight between.
+
+    Not Dryden, whose deviation and correlation time depend on height and speed.
     """
 
     def __init__(self, acting: ActiveEffect):
@@ -22,14 +23,14 @@ class Gusts:
         self._path = gusts + [c["mean_x"], c["mean_y"], c["mean_z"]]
 
     def update(self, t: float, position: np.ndarray) -> np.ndarray:
-        """(3,) velocity of the air in W [m/s], the same everywhere."""
+        """Return the velocity of the air (3,) in W [m/s], the same everywhere."""
         row = min(max((t - FIRST) / STEP, 0.0), len(self._path) - 1.001)
         k = int(row)
         return self._path[k] + (row - k) * (self._path[k + 1] - self._path[k])
 
 
 def winds(acting: list[ActiveEffect]) -> list:
-    """The wind profiles among the effects."""
+    """Return the wind profiles among the effects."""
     out: list = [Gusts(a) for a in acting if a.name == "gusty_wind"]
     for a in acting:
         if a.name == "constant_wind":

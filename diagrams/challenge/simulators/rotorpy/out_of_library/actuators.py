@@ -10,7 +10,7 @@ from np_drake.vehicle import Vehicle
 
 
 def rotor_saturation(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
-    """What every rotor lacks above its limit."""
+    """The thrust that every rotor lacks above its limit."""
     over = now.thrust - np.minimum(now.thrust, c["limit"])
     return of_rotors(vehicle, -over)
 
@@ -33,7 +33,7 @@ def twisting_mount(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
 
 
 def bent_thrust_curve(vehicle: Vehicle, c: Values, thrust: np.ndarray, t: float) -> np.ndarray:
-    """f = c - bend (c - h)³ / h² about the thrust h of a hovering rotor."""
+    """Thrust f = c - bend (c - h)³ / h² about the thrust h of a hovering rotor."""
     hover = vehicle.mass * vehicle.gravity / 4
     over = thrust / hover - 1.0
     return np.maximum(thrust - c["bend"] * hover * over * over * over, 0.0)
@@ -45,11 +45,11 @@ class CreepingBlades(StatefulEffect):
     size = 4
 
     def rest(self, drive: np.ndarray) -> np.ndarray:
-        """(4,) [N]."""
+        """Return the filtered loads (4,) [N]."""
         return self.vehicle.unmixer @ drive
 
     def act(self, drive: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What the four lose; the blades give way slowly."""
+        """Return what the rotors lose; the blades give way slowly."""
         load, hover = self.vehicle.unmixer @ drive, self.vehicle.mass * self.vehicle.gravity / 4
         lost = self.c["creep"] * load * (own - hover) / hover
         return -(self.vehicle.mixer @ lost), (load - own) / self.c["time"]
@@ -61,16 +61,16 @@ class ShakingRotors(StatefulEffect):
     size = 4
 
     def rest(self, drive: np.ndarray) -> np.ndarray:
-        """(4,) [1]."""
+        """Return the shares lost (4,) [1]."""
         return self._worst(self.vehicle.unmixer @ drive)
 
     def act(self, drive: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What the four lose; shaking takes its time to come and go."""
+        """Return what the rotors lose; shaking takes its time to come and go."""
         load = self.vehicle.unmixer @ drive
         return -(self.vehicle.mixer @ (own * load)), (self._worst(load) - own) / self.c["time"]
 
     def _worst(self, load: np.ndarray) -> np.ndarray:
-        """(4,) shares lost where the loads last [1]."""
+        """Return the shares (4,) lost where the loads last [1]."""
         hover = self.vehicle.mass * self.vehicle.gravity / 4
         off = (load - self.c["load"] * hover) / (self.c["width"] * hover)
         return self.c["loss"] / np.exp(off * off)
@@ -82,11 +82,11 @@ class LosingSync(StatefulEffect):
     size = 2
 
     def rest(self, drive: np.ndarray) -> np.ndarray:
-        """(2,): in step."""
+        """Return the state in step (2,)."""
         return np.array([self._load(drive), 0.0])
 
     def act(self, drive: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What one rotor lacks."""
+        """Return what one rotor lacks."""
         followed, share = own.tolist()
         load = self._load(drive)
         least = self.c["jump"] * self.vehicle.mass * self.vehicle.gravity / 4
@@ -103,11 +103,11 @@ class ThrustRateTorque(StatefulEffect):
     """Roll and pitch torque with collective thrust less its own low-pass. State: the low-pass [N]."""
 
     def rest(self, drive: np.ndarray) -> np.ndarray:
-        """(1,) [N]."""
+        """Return the low-pass (1,) [N]."""
         return drive[:1].copy()
 
     def act(self, drive: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """High-passed thrust times the arms."""
+        """Return high-passed thrust times the arms."""
         change = float(drive[0] - own[0])
         added = np.array([0.0, self.c["arm_x"] * change, self.c["arm_y"] * change, 0.0])
         return added, np.array([change / self.c["time"]])
@@ -117,11 +117,11 @@ class YawBacklash(StatefulEffect):
     """Yaw torque with play. State: the torque that comes through [N·m]."""
 
     def rest(self, drive: np.ndarray) -> np.ndarray:
-        """(1,) [N·m]."""
+        """Return the torque that comes through (1,) [N·m]."""
         return drive[3:].copy()
 
     def act(self, drive: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What comes through instead of what was sent; it moves when pushed from an edge of the band."""
+        """Return what comes through less what was sent; it moves when pushed from an edge of the band."""
         ahead = float(drive[3] - own[0])
         push = ahead - min(max(ahead, -self.c["play"]), self.c["play"])
         return np.array([0.0, 0.0, 0.0, -ahead]), np.array([push / self.c["time"]])
@@ -133,11 +133,11 @@ class SoftArms(StatefulEffect):
     size = 2
 
     def rest(self, drive: np.ndarray) -> np.ndarray:
-        """(2,) [N·m]."""
+        """Return the torque carried over (2,) [N·m]."""
         return self.c["gain"] * np.array([-drive[2], drive[1]])
 
     def act(self, drive: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The torque carried over; it follows with a lag of first order."""
+        """Return the torque carried over; it follows with a lag of first order."""
         return np.array([0.0, own[0], own[1], 0.0]), (self.rest(drive) - own) / self.c["time"]
 
 

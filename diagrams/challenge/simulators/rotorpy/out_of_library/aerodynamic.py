@@ -15,7 +15,7 @@ def rotational_damping(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
 
 
 def magnus_force(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
-    """c w x v in body axes."""
+    """The force c w x v in body axes."""
     return at_center(*(c["c"] * cross(now.w, now.air)))
 
 
@@ -82,11 +82,11 @@ class DynamicInflow(StatefulEffect):
     size = 4
 
     def rest(self, drive: np.ndarray) -> np.ndarray:
-        """(4,) [N]."""
+        """Return the low-passes (4,) [N]."""
         return self.vehicle.unmixer @ drive
 
     def act(self, drive: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The overshoot; no rotor pulls downwards."""
+        """Return the overshoot; no rotor pulls downwards."""
         load = self.vehicle.unmixer @ drive
         change = load - own
         over = np.maximum(self.c["gain"] * change, -load)

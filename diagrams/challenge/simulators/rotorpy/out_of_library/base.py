@@ -15,20 +15,20 @@ class StatefulEffect:
         self.vehicle, self.c = vehicle, values
 
     def rest(self, drive: np.ndarray) -> np.ndarray:
-        """(size,) at which nothing happens under a constant drive."""
+        """Return the state (size,) at rest under a constant drive."""
         raise NotImplementedError
 
     def act(self, drive: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(4,) what it adds to the drive [N, N·m], and the rate (size,) of its state."""
+        """Return what it adds to the drive (4,) [N, N·m], and the rate (size,) of its state."""
         raise NotImplementedError
 
 
 def from_world(now: Instant, f_W: np.ndarray) -> np.ndarray:
-    """(6,) of a force at Bo (3,) in W [N]."""
+    """Return the wrench (6,) of a force at Bo (3,) in W [N]."""
     return np.concatenate([f_W @ now.R, np.zeros(3)])
 
 
 def of_rotors(vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
-    """(6,) of additional thrusts (4,) [N]."""
+    """Return the wrench (6,) of additional thrusts (4,) [N]."""
     force, *torque = vehicle.mixer @ thrust
     return np.array([0.0, 0.0, force, *torque])

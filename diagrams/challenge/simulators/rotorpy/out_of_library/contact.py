@@ -84,12 +84,12 @@ class SprungLoad(StatefulEffect):
     size = 2
 
     def rest(self, drive: np.ndarray) -> np.ndarray:
-        """(2,): the spring gives until it carries it."""
+        """Return the state (2,) in which the spring carries the load."""
         stiffness = (math.tau * self.c["frequency"]) ** 2
         return np.array([-float(drive[0]) / (stiffness * self.vehicle.mass), 0.0])
 
     def act(self, drive: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What the frame is pushed less, or more, as the load accelerates away from it."""
+        """Return what the frame is pushed less, or more, as the load accelerates away from it."""
         way, rate = own.tolist()
         w, mass = math.tau * self.c["frequency"], self.vehicle.mass
         acceleration = -w * w * way - 2.0 * self.c["damping"] * w * rate - float(drive[0]) / mass
@@ -103,11 +103,11 @@ class LiquidSlosh(StatefulEffect):
     size = 4
 
     def rest(self, drive: np.ndarray) -> np.ndarray:
-        """(4,)."""
+        """Return deflections and rates (4,) at rest."""
         return np.array([drive[1], drive[2], 0.0, 0.0])
 
     def act(self, drive: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The liquid twists back by `gain` times its deflection."""
+        """Return the torque of the liquid, -gain times its deflection."""
         w = math.tau * self.c["frequency"]
         pull = w * (w * (drive[1:3] - own[:2]) - 2.0 * self.c["damping"] * own[2:])
         back = self.c["gain"] * own[:2]
