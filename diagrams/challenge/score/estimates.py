@@ -159,7 +159,7 @@ def onset_summary(cases: Sequence[AnsweredCase], least: float) -> dict[str, Any]
 
     within: of visible cases.   within_all: of all.   within_if_named: of visible cases whose effect is named.
     within_if_seen: of visible cases, flights in which the effect is visible, as by visibility in that flight itself.
-    within_if_told: of visible cases, flights in which who knows the effect itself would be as near (`onset_bound`).
+    within_if_told: of visible cases, flights in which who knows the effect itself would be as near (`ground_truth.best_onset`).
     """
     rows = [row for case in cases if case.visibility >= least for row in onset_errors(case)]
     return {

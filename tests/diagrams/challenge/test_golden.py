@@ -5,7 +5,7 @@ import json
 from collections import Counter
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from diagrams.challenge import golden as module
@@ -24,6 +24,7 @@ from np_drake.effects.library import LIBRARY
 
 CASES = golden_cases()
 TOLERANCE = 1e-6
+few = settings(max_examples=25, deadline=None)
 size = st.floats(1e-3, 1e3)
 number = st.one_of(size, size.map(lambda value: -value))
 share = st.floats(0.0, 1.0)
@@ -81,11 +82,13 @@ def test_every_kind_of_case_is_flown_in_every_setting():
     assert len(counts) == 4 * 6
 
 
+@few
 @given(answers())
 def test_an_answer_does_not_differ_from_itself(reference):
     assert differences(reference, copy.deepcopy(reference), 0.0) == []
 
 
+@few
 @given(answers())
 def test_another_verdict_is_the_one_difference_that_is_reported(reference):
     found = copy.deepcopy(reference)
@@ -95,6 +98,7 @@ def test_another_verdict_is_the_one_difference_that_is_reported(reference):
     assert line == f"verdict: {reference['verdict']} -> {found['verdict']}"
 
 
+@few
 @given(answers(), st.floats(2.0, 1e3), st.data())
 def test_a_parameter_may_be_off_by_the_tolerance_relative_to_its_size(reference, factor, data):
     effect = data.draw(st.sampled_from(sorted(reference["causes"])))
@@ -109,6 +113,7 @@ def test_a_parameter_may_be_off_by_the_tolerance_relative_to_its_size(reference,
         assert [line.startswith(f"{effect}: {name}: ") for line in lines] == [True] * differs
 
 
+@few
 @given(answers(), st.floats(2.0, 1e3), st.data())
 def test_a_probability_may_be_off_by_the_tolerance_itself(reference, factor, data):
     effect = data.draw(st.sampled_from(sorted(reference["causes"])))
@@ -120,6 +125,7 @@ def test_a_probability_may_be_off_by_the_tolerance_itself(reference, factor, dat
 
 
 @pytest.mark.parametrize("key", ["before", "after", "floor"])
+@few
 @given(reference=answers())
 def test_another_residual_is_a_difference(key, reference):
     found = copy.deepcopy(reference)
@@ -127,6 +133,7 @@ def test_another_residual_is_a_difference(key, reference):
     assert len(differences(reference, found, TOLERANCE)) == 1
 
 
+@few
 @given(answers())
 def test_what_was_known_and_is_not_any_more_is_a_difference(reference):
     effect = next(iter(reference["causes"]))
@@ -140,11 +147,13 @@ def test_what_was_known_and_is_not_any_more_is_a_difference(reference):
 
 
 @pytest.mark.parametrize("key", ["minor", "remains"])
+@few
 @given(reference=answers())
 def test_another_finding_is_a_difference(key, reference):
     assert len(differences(reference, {**reference, key: ["thrust_drift"]}, TOLERANCE)) == 1
 
 
+@few
 @given(answers())
 def test_answers_come_back_from_their_file(tmp_path_factory, reference):
     file = tmp_path_factory.mktemp("golden") / "answers.json"
