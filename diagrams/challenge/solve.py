@@ -1,4 +1,4 @@
-"""Diagnoses every case of a challenge set. It is told where the cases lie, and nothing of the truth."""
+"""Diagnoses every case of a challenge set, from its case folder alone."""
 
 import gc
 import resource

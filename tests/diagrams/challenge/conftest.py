@@ -51,5 +51,5 @@ def by_hand():
 
 @pytest.fixture(scope="session")
 def implementations():
-    """Random motions, and what the two forms of a foreign effect must have in common."""
+    """Random motions, and what both implementations of an out-of-library effect must have in common."""
     return _beside("implementations")

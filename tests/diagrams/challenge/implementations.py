@@ -1,4 +1,4 @@
-"""Motions by chance, and the two forms of a foreign effect against each other on them."""
+"""Motions by chance, and both implementations of an out-of-library effect against each other on them."""
 
 import dataclasses as dc
 
