@@ -1,1 +1,1 @@
-"""Withheld-effect challenge sets: flights with an effect that whoever diagnoses them is not told."""
+"""Withheld-effect challenge sets: flights with an effect that a diagnosis does not know."""

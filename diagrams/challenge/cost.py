@@ -81,7 +81,7 @@ def cost_of(case: Path, *, replay: bool) -> dict[str, float]:
 
 
 def _times(command: Sequence[str], name: str) -> dict[str, float]:
-    """Of a process, from its start to its end [s]."""
+    """Return processor and wall time of a process from its start to its end [s]."""
     start = time.perf_counter()
     with tempfile.TemporaryFile("w+") as said:
         environment = {**os.environ, **ONE_THREAD}

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from diagrams.batch.processes import in_order
-from diagrams.challenge.generate.case import CaseDraw, opaque
+from diagrams.challenge.generate.case import CaseDraw, case_name
 from diagrams.challenge.generate.make import make_case
-from diagrams.challenge.score.schema import Form, misfit, record, table_of
+from diagrams.challenge.score.schema import SchemaValidator, object_of, record, violation
 from diagrams.challenge.solve import diagnose_folder
 from diagrams.gap.real_flights import agile_flights
 from np_drake.diagnosis.diagnose import diagnose
@@ -24,13 +24,8 @@ from np_drake.logs.neurobem import published_vehicle
 
 SEED, SECONDS = 36, 10.0
 DIGITS = 10  # significant ones that are stored
-SETTINGS = (
-    ("drake", "clean"),
-    ("rotorpy", "real"),
-    ("drake", "real"),
-    ("rotorpy", "clean"),
-)  # the first two and the last
-# two hold both simulators and both qualities: every effect is flown in one of the two pairs
+# The first two and the last two hold both simulators and both qualities: every effect is flown in one of the two pairs.
+SETTINGS = (("drake", "clean"), ("rotorpy", "real"), ("drake", "real"), ("rotorpy", "clean"))
 PAIRS = (
     ("mass_error", "linear_drag"),
     ("suspended_payload", "motor_lag"),
@@ -50,49 +45,27 @@ TRIPLES = (
     ("center_of_mass_offset", "constant_wind", "command_delay"),
 )
 ONSETS = (
-    "suspended_payload",
-    "weak_rotor",
-    "constant_wind",
-    "thrust_scale",
-    "motor_lag",
-    "linear_drag",
-    "mass_error",
-    "accelerometer_bias",
-    "center_of_mass_offset",
-    "thrust_drift",
+    *("suspended_payload", "weak_rotor", "constant_wind", "thrust_scale", "motor_lag", "linear_drag"),
+    *("mass_error", "accelerometer_bias", "center_of_mass_offset", "thrust_drift"),
 )
 OUT_OF_LIBRARY = (
-    "fan_jet",
-    "periodic_force",
-    "rotational_damping",
-    "ground_tether",
-    "sticking_axis",
-    "wall_suction",
-    "bent_thrust_curve",
-    "yaw_backlash",
-    "liquid_slosh",
-    "vortex_ring",
-    "rotor_saturation",
-    "twisted_cable",
-    "wind_shear",
-    "doorway_draft",
-    "spinning_lidar",
-    "creeping_blades",
-    "rubbing_line",
-    "winch_tether",
-    "odd_propeller",
-    "losing_sync",
+    *("fan_jet", "periodic_force", "rotational_damping", "ground_tether", "sticking_axis", "wall_suction"),
+    *("bent_thrust_curve", "yaw_backlash", "liquid_slosh", "vortex_ring", "rotor_saturation"),
+    *("twisted_cable", "wind_shear", "doorway_draft", "spinning_lidar", "creeping_blades", "rubbing_line"),
+    *("winch_tether", "odd_propeller", "losing_sync"),
 )
 CONTROLS = 12
 REAL = "neurobem"
 Settings = tuple[str, str, CaseDraw]  # simulator, quality, draw
 SCHEMA = "np_drake.golden/1"
 OBJECT = {"description": "an object", "type": "object"}
-FILE = Form(record({"schema": {"description": SCHEMA, "const": SCHEMA}, "answers": table_of(OBJECT)}))
+FILE = SchemaValidator(
+    record({"schema": {"description": SCHEMA, "const": SCHEMA}, "answers": object_of(OBJECT)})
+)
 
 
 def golden_cases() -> dict[str, Settings]:
-    """Every simulated case by name, in the order of its index."""
+    """Return every simulated case by name, in the order of its index."""
     drawn: list[tuple[int, str, tuple[str, ...]]] = []  # setting, kind, names
     for i, name in enumerate(sorted(LIBRARY)):
         drawn += [(2 * (i % 2), "single", (name,)), (2 * (i % 2) + 1, "single", (name,))]
@@ -116,7 +89,7 @@ def answer_all(
     jobs: int = 1,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[str, dict[str, Any]]:
-    """{case: answer} of these cases, and of the real flights where their folder is given.
+    """Return {case: answer} of these cases, and of the real flights where their folder is given.
 
     Raises: ValueError: on a name that is no case; FailedRun: where a case cannot be flown.
     """
@@ -135,7 +108,7 @@ def answer_all(
 
 
 def answer(name: str, neurobem: Path | None = None) -> dict[str, Any]:
-    """Flies and diagnoses one case: verdict, probabilities, parameters, onsets and residuals, rounded."""
+    """Fly and diagnose one case: verdict, probabilities, parameters, onsets and residuals, rounded."""
     if name.startswith(f"{REAL}/"):
         if neurobem is None:
             raise ValueError(f"golden: {name} needs the folder of the NeuroBEM flights.")
@@ -148,11 +121,11 @@ def answer(name: str, neurobem: Path | None = None) -> dict[str, Any]:
         cases.mkdir()
         truth.mkdir()
         make_case(draw, cases, truth, simulator=simulator, quality=quality, seconds=SECONDS, seed=SEED)
-        return summary(diagnose_folder(cases / opaque(SEED, draw.index), replay=False))
+        return summary(diagnose_folder(cases / case_name(SEED, draw.index), replay=False))
 
 
 def summary(diagnosis: dict[str, Any]) -> dict[str, Any]:
-    """What of `diagnosis.json` must not change."""
+    """Return the part of `diagnosis.json` that must not change."""
     residual = diagnosis["shrink"]["residual"]
     return {
         "verdict": diagnosis["verdict"],
@@ -180,7 +153,7 @@ def _rounded(value: float | None) -> float | None:
 
 
 def read_answers(path: Path) -> dict[str, dict[str, Any]]:
-    """The answers of a file that `golden --out` wrote, by case.
+    """Return the answers of a file that `golden --out` wrote, by case.
 
     Raises: ValueError: one line with the file and what it must hold; OSError: if it cannot be read.
     """
@@ -188,14 +161,14 @@ def read_answers(path: Path) -> dict[str, dict[str, Any]]:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError):
         raise ValueError(f"{path}: must be JSON that `challenge golden --out` wrote.") from None
-    fault = misfit(FILE, content)
+    fault = violation(FILE, content)
     if fault is not None:
         raise ValueError(f"{path}: {fault}")
     return content["answers"]
 
 
 def differences(reference: dict[str, Any], found: dict[str, Any], tolerance: float) -> list[str]:
-    """One line for every value of an answer that differs.
+    """Return one line for every value of an answer that differs.
 
     tolerance: of a parameter, relative to the larger of its value and its interval; of all else absolute [1, s].
     """

@@ -1,4 +1,4 @@
-"""Diagnoses every case of a challenge set. It is told where the cases lie, and nothing of the truth."""
+"""Diagnoses every case of a challenge set, from its case folder alone."""
 
 import gc
 import resource
@@ -10,11 +10,12 @@ from typing import Any
 
 from diagrams.batch.failed_run import one_line
 from diagrams.batch.processes import as_they_finish
+from diagrams.challenge.score.answered_case import ANSWER_FILE
 from np_drake.atomic_file import write_json
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.logs.case_folder import TRAIN, VEHICLE, open_case
 
-ANSWER, COST = "diagnosis.json", "cost.json"
+COST = "cost.json"
 KIBIBYTE = 1024  # [byte]
 STATUS = Path("/proc/self/status")  # of Linux
 
@@ -36,7 +37,7 @@ def solve(
     Raises: ValueError: if `cases` holds no case folder.
     """
     folders = case_folders(cases)
-    left = [f for f in folders if again or not (answers / f.name / ANSWER).is_file()]
+    left = [f for f in folders if again or not (answers / f.name / ANSWER_FILE).is_file()]
     rows: list[dict[str, Any]] = []
     for row in solve_all(left, answers, jobs, replay):
         rows.append(row)
@@ -74,8 +75,7 @@ def solve_all(folders: Sequence[Path], answers: Path, jobs: int, replay: bool) -
 
 
 def solve_case(folder: Path, answers: Path, replay: bool) -> dict[str, Any]:
-    """Diagnoses one case and writes its answer and cost into a folder of its name in `answers`. Never raises: a
-    failure is in the row.
+    """Diagnose one case and write its answer and cost into `answers`; a failure is in the row, never raised.
 
     The peak is of this process, which may have solved other cases before.
     """
@@ -94,7 +94,7 @@ def _solve(folder: Path, out: Path, replay: bool) -> dict[str, Any]:
     out.mkdir(parents=True, exist_ok=True)
     cost = {"wall": time.perf_counter() - start, "peak_memory": peak_memory(), "replay": replay}
     write_json(out / COST, cost)
-    write_json(out / ANSWER, answer)
+    write_json(out / ANSWER_FILE, answer)
     return {"case": folder.name, **cost}
 
 

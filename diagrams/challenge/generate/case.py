@@ -1,4 +1,4 @@
-"""A case of a challenge set, drawn from a seed: vehicle, plans, rig and, apart from them, effects."""
+"""A case of a challenge set, drawn from a seed: vehicle, plans, sensors and, apart from them, effects."""
 
 import dataclasses as dc
 import hashlib
@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagrams.challenge.generate.magnitudes import draw_effect
-from diagrams.challenge.generate.sensor_quality import Quality, draw_quality
+from diagrams.challenge.generate.sensor_quality import SensorQuality, draw_sensor_quality
 from diagrams.challenge.generate.trajectories import draw_plans
 from diagrams.challenge.generate.vehicles import draw_vehicle
-from diagrams.challenge.out_of_library.draw import draw_foreign
+from diagrams.challenge.out_of_library.draw import draw_out_of_library
 from diagrams.challenge.simulators.flight_plan import Plan
 from np_drake.effects.base import Effect
 from np_drake.vehicle import Vehicle
@@ -19,12 +19,12 @@ from np_drake.vehicle import Vehicle
 FILES = ("train_1.csv", "train_2.csv", "heldout_1.csv")
 RATE = 100.0  # rows a second [Hz]
 # Streams of random numbers that do not touch each other: the effect decides about nothing else.
-_VEHICLE, _PLANS, _RIG, _EFFECT, _ONSET, NOISE = range(6)
+_VEHICLE, _PLANS, _SENSORS, _EFFECT, _ONSET, NOISE = range(6)
 
 
 @dc.dataclass(frozen=True)
 class CaseDraw:
-    """What is settled before anything is drawn: index in the set, kind, and the names of its effects.
+    """The settings of a case before anything is drawn: index in the set, kind, and names of its effects.
 
     kind: single | pair | triple | onset | clean | foreign.   attempt: how many draws failed before.
     """
@@ -37,29 +37,29 @@ class CaseDraw:
 
 @dc.dataclass(frozen=True)
 class Case:
-    """One vehicle, one question. effects and onset hold the truth; onset by file [s], None: from the start."""
+    """A case as drawn; `effects` and `onset` hold the truth; onset by file [s], None: from the start."""
 
     name: str
     draw: CaseDraw
     seed: int
     seconds: float
     vehicle: Vehicle
-    quality: Quality
+    quality: SensorQuality
     plans: dict[str, Plan]
     effects: tuple[Effect, ...]
     onset: dict[str, float | None]
 
     def stream(self, which: int, flight: int = 0) -> np.random.Generator:
-        """Random numbers of one purpose."""
+        """Return the random numbers of one purpose."""
         return stream(self.seed, self.draw, which, flight)
 
     def instants(self, file: str) -> np.ndarray:
-        """(n,) when the rows of a flight are taken, before any is dropped [s]."""
+        """Return the times (n,) of the rows of a flight, before any is dropped [s]."""
         flight = FILES.index(file)
-        return self.quality.instants(self.stream(_RIG, flight + 1), self.seconds, RATE)
+        return self.quality.instants(self.stream(_SENSORS, flight + 1), self.seconds, RATE)
 
     def effects_of(self, file: str) -> list[Effect]:
-        """The effects as they act in one flight: what is random (a gust) differs from flight to flight."""
+        """Return the effects as they act in one flight: what is random (a gust) differs from flight to flight."""
         seed = int(self.stream(_EFFECT, FILES.index(file) + 1).integers(2**31))
         return [dc.replace(e, seed=seed) if hasattr(e, "seed") else e for e in self.effects]  # type: ignore
 
@@ -70,35 +70,35 @@ def stream(seed: int, draw: CaseDraw, which: int, flight: int = 0) -> np.random.
 
 
 def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Case:
-    """The case that `draw` names; the same for the same arguments."""
-    rig = stream(seed, draw, _RIG)
-    vehicle = draw_vehicle(stream(seed, draw, _VEHICLE), Quality(quality).stated_noise())
+    """Return the case that `draw` names; equal arguments give equal cases."""
+    sensors = stream(seed, draw, _SENSORS)
+    vehicle = draw_vehicle(stream(seed, draw, _VEHICLE), SensorQuality(quality).stated_noise())
     spin = math.sqrt(vehicle.mass * vehicle.gravity / 4 / vehicle.thrust_coefficient)
     plans = draw_plans(stream(seed, draw, _PLANS), vehicle, seconds, len(FILES))
     return Case(
-        name=opaque(seed, draw.index),
+        name=case_name(seed, draw.index),
         draw=draw,
         seed=seed,
         seconds=seconds,
         vehicle=vehicle,
-        quality=draw_quality(quality, rig, spin),
+        quality=draw_sensor_quality(quality, sensors, spin),
         plans=dict(zip(FILES, plans, strict=True)),
         effects=tuple(draw_effects(draw, stream(seed, draw, _EFFECT), vehicle, seconds)),
         onset=draw_onset(draw, stream(seed, draw, _ONSET), seconds),
     )
 
 
-def opaque(seed: int, index: int) -> str:
-    """A folder's name that tells nothing, not even the order in which cases were drawn."""
+def case_name(seed: int, index: int) -> str:
+    """Return a folder's name that tells nothing, not even the order in which cases were drawn."""
     return hashlib.sha256(f"challenge {seed} {index}".encode()).hexdigest()[:10]
 
 
 def draw_effects(
     draw: CaseDraw, rng: np.random.Generator, vehicle: Vehicle, seconds: float
 ) -> Sequence[Effect]:
-    """The effects of a case, each name once (a wind's drag may be there already)."""
+    """Return the effects of a case, each name once (a wind's drag may be there already)."""
     if draw.kind == "foreign":
-        return [draw_foreign(draw.names[0], rng, vehicle)]
+        return [draw_out_of_library(draw.names[0], rng, vehicle)]
     effects: dict[str, Effect] = {}
     for name in draw.names:
         for effect in draw_effect(name, rng, vehicle, seconds):
@@ -107,7 +107,7 @@ def draw_effects(
 
 
 def draw_onset(draw: CaseDraw, rng: np.random.Generator, seconds: float) -> dict[str, float | None]:
-    """In mid-flight in the first flight; in the others in mid-flight or from the start."""
+    """Draw onsets by file [s]: mid-flight in the first flight, mid-flight or from the start in the others."""
     onset: dict[str, float | None] = dict.fromkeys(FILES)
     if draw.kind == "onset":
         first, second, held_out = FILES

@@ -5,12 +5,12 @@ from itertools import combinations
 import numpy as np
 
 from diagrams.challenge.generate.case import CaseDraw
-from diagrams.challenge.out_of_library.draw import SEEN, UNSEEN
+from diagrams.challenge.out_of_library.draw import DEVELOPMENT, HOLDOUT
 from np_drake.effects.library import LIBRARY
 
 SHARES = {"pair": 0.15, "triple": 0.08, "onset": 0.12, "foreign": 0.15}  # the rest are single effects
 # Physically the same, or nearly so: never in one case together.
-SAME = (
+EQUIVALENT = (
     {"mass_error", "thrust_scale", "thrust_drift", "translational_lift", "ground_effect"},
     {"motor_lag", "command_delay", "clock_offset"},
     {"linear_drag", "quadratic_drag", "constant_wind", "gusty_wind"},
@@ -20,16 +20,16 @@ SAME = (
 
 
 def compatible(names: tuple[str, ...]) -> bool:
-    """Whether effects can be told apart in principle, and act at different places."""
-    if any(len(group & set(names)) > 1 for group in SAME):
+    """Return whether effects can be told apart in principle, and act at different places."""
+    if any(len(group & set(names)) > 1 for group in EQUIVALENT):
         return False
     return len({LIBRARY[name].place for name in names}) == len(names)
 
 
 def compose(cases: int, clean: int, seed: int, *, unseen: bool = False) -> list[CaseDraw]:
-    """`cases` with an effect and `clean` without, in shuffled order; single effects cycle through the library.
+    """Draw `cases` with an effect and `clean` without, in shuffled order; single effects cycle through the library.
 
-    unseen: all with a foreign effect, of the kinds that the other sets do not have.
+    unseen: all with an out-of-library effect that is held out from the other sets.
     """
     rng = np.random.default_rng([seed, 7])
     shares = {"foreign": 1.0} if unseen else SHARES
@@ -39,7 +39,7 @@ def compose(cases: int, clean: int, seed: int, *, unseen: bool = False) -> list[
     names = {
         "single": _cycle(rng, [(name,) for name in LIBRARY]),
         "onset": _cycle(rng, [(name,) for name, effect in LIBRARY.items() if effect.begins]),
-        "foreign": _cycle(rng, [(name,) for name in (UNSEEN if unseen else SEEN)]),
+        "foreign": _cycle(rng, [(name,) for name in (HOLDOUT if unseen else DEVELOPMENT)]),
         "pair": _cycle(rng, [c for c in combinations(LIBRARY, 2) if compatible(c)]),
         "triple": _cycle(rng, [c for c in combinations(LIBRARY, 3) if compatible(c)]),
         "clean": _cycle(rng, [()]),
@@ -50,7 +50,7 @@ def compose(cases: int, clean: int, seed: int, *, unseen: bool = False) -> list[
 
 
 def _cycle(rng: np.random.Generator, items: list):
-    """Every item once in random order, then again in another."""
+    """Yield every item once in random order, then again in another."""
     while True:
         for i in rng.permutation(len(items)):
             yield items[i]

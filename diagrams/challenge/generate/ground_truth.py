@@ -1,51 +1,83 @@
 """What truth.json holds of a case."""
 
 import dataclasses as dc
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from diagrams.challenge.generate.case import FILES, Case
-from diagrams.challenge.generate.onset_bound import best_onset
-from diagrams.challenge.score.gap_reduction import VISIBLE as NO_GAP
-from np_drake.atomic_file import write_json
-from np_drake.diagnosis.forward_model.prediction import predicted_residual
+from np_drake.diagnosis.forward_model.prediction import gate, predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.localisation.collinearity import collinear_effects, effects_of_trace
-from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
+from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
 from np_drake.diagnosis.regressors.nuisance import tolerance_of
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
 from np_drake.effects.base import Effect
 from np_drake.logs.flight_log import FlightLog
 
+AROUND = 4.0  # of the true onset, in which others are weighed [s]
+SPAN = 0.4  # that is to hold the onset as likely as may be: twice the tolerance of the score [s]
+
+
+def best_onset(
+    exact: FlightResiduals, errors: np.ndarray, terms: Sequence[Term], onset: float, noise: NoiseModel
+) -> float:
+    """Return the middle of the span of `SPAN` that most likely holds the onset [s], under a uniform prior about it.
+
+    Args:
+        exact, errors: a flight without noise, (m, 15) what noise adds to its channels.
+        terms: the true effects with the true onset [s].   noise: model of `errors`.
+    """
+    t, name = exact.t, exact.name
+    begun = predicted_residual(exact, terms)
+    always = predicted_residual(exact, [dc.replace(term, onset={**term.onset, name: None}) for term in terms])
+    tried = np.flatnonzero(np.abs(t - onset) <= AROUND)
+    cost = [
+        float(np.sum(noise.whiten(errors + begun - _from(t, k, onset, begun, always)) ** 2)) for k in t[tried]
+    ]
+    likely = np.exp(-0.5 * (np.array(cost) - min(cost)))
+    width = min(len(likely), max(1, round(SPAN / exact.grid.step)))
+    first = int(np.argmax(np.convolve(likely, np.ones(width), "valid")))
+    within = np.cumsum(likely[first : first + width])
+    return float(t[tried[first + np.searchsorted(within, 0.5 * within[-1])]])
+
+
+def _from(t: np.ndarray, k: float, onset: float, begun: np.ndarray, always: np.ndarray) -> np.ndarray:
+    """Return the trace (m, 15) if it began at k: as it is where it has begun, as from the start before that."""
+    return gate(t, k) * np.where(gate(t, onset) > 0, begun, always)
+
+
+NO_GAP = 1.1  # residual over what the true model leaves, pooled: less is no gap [1]
 CHANNELS = tuple(
     f"{kind}_{axis}" for kind in ("force", "torque", "velocity", "acceleration", "rate") for axis in "xyz"
 )
 
 
 @dc.dataclass(frozen=True)
-class Pair:
-    """The evidence of one flight as it is measured, and as it would be without noise, on the same grid."""
+class FlightPair:
+    """The residuals of one flight as measured, and without noise on the same grid."""
 
     measured: FlightResiduals
     true: FlightResiduals
 
     @property
     def errors(self) -> np.ndarray:
-        """(m, 15) what noise leaves to the true model."""
+        """Return what noise leaves to the true model (m, 15)."""
         return self.measured.y - self.true.y
 
 
-def pairs_of(case: Case, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]) -> dict[str, Pair]:
-    """By file. exact, noisy: the logs by file, the same rows."""
-    return {file: pair_of(case, file, exact[file], noisy[file]) for file in FILES}
+def flight_pairs(
+    case: Case, exact: dict[str, FlightLog], noisy: dict[str, FlightLog]
+) -> dict[str, FlightPair]:
+    """Return the pairs by file of the exact and noisy logs by file, which have the same rows."""
+    return {file: flight_pair(case, file, exact[file], noisy[file]) for file in FILES}
 
 
-def truth(case: Case, simulator: str, flights: dict[str, Pair]) -> dict:
-    """The content of truth.json. flights: by file."""
+def truth(case: Case, simulator: str, flights: dict[str, FlightPair]) -> dict:
+    """Return the content of truth.json. flights: by file."""
     held_out = flights[FILES[-1]]
-    residual, visibility = seen(case, held_out)
+    residual, visibility = residual_and_visibility(case, held_out)
     return {
         "effects": [
             {"effect": e.identifier, "parameters": parameters(e), "onset": case.onset} for e in case.effects
@@ -53,12 +85,14 @@ def truth(case: Case, simulator: str, flights: dict[str, Pair]) -> dict:
         "class": collinear_class(case, [flights[file] for file in FILES[:-1]]),
         "true_model_residual": dict(zip(CHANNELS, residual.tolist(), strict=True)),
         "parameters_residual": dict(
-            zip(CHANNELS, unforeseen(case, held_out, residual).tolist(), strict=True)
+            zip(CHANNELS, residual_of_true_parameters(case, held_out, residual).tolist(), strict=True)
         ),
-        "best_onset": {f: best for f in FILES if (best := knowable_onset(case, flights[f])) is not None},
+        "best_onset": {
+            f: best for f in FILES if (best := best_onset_of_flight(case, flights[f])) is not None
+        },
         "visibility": visibility,
-        "visibility_in_training": {f: seen(case, flights[f])[1] for f in FILES[:-1]},
-        "visibility_of_each": own_visibility(case, held_out, residual),
+        "visibility_in_training": {f: residual_and_visibility(case, flights[f])[1] for f in FILES[:-1]},
+        "visibility_of_each": visibility_of_each(case, held_out, residual),
         "simulator": simulator,
         "quality": case.quality.name,
         "kind": case.draw.kind,
@@ -70,18 +104,20 @@ def truth(case: Case, simulator: str, flights: dict[str, Pair]) -> dict:
     }
 
 
-def pair_of(case: Case, file: str, exact: FlightLog, noisy: FlightLog) -> Pair:
-    """Of a flight, named by its file: both from when on the measured one counts."""
+def flight_pair(case: Case, file: str, exact: FlightLog, noisy: FlightLog) -> FlightPair:
+    """Return the pair of one flight; both begin where the measured one counts."""
     measured = make_flight_residuals(dc.replace(noisy, name=file), case.vehicle)
     since = float(measured.t[0])
-    return Pair(measured, make_flight_residuals(dc.replace(exact, name=file), case.vehicle, since=since))
+    return FlightPair(
+        measured, make_flight_residuals(dc.replace(exact, name=file), case.vehicle, since=since)
+    )
 
 
-def looks_like(case: Case, flights: dict[str, Pair]) -> list[str]:
-    """Effects of the library that leave, in all flights, what the foreign effect of a case leaves there.
+def equivalent_library_effects(case: Case, flights: dict[str, FlightPair]) -> list[str]:
+    """Return library effects that explain, in all flights, what the out-of-library effect of a case leaves there.
 
-    As a ceiling does whose lift is even above a height, of vehicles that stay there: it is a mass. What the nearest
-    effect does not take is of a visibility below `NO_GAP`, were all of it in one channel.
+    A ceiling effect, for example, is a mass error to a vehicle that stays where its lift is even. The remainder must be
+    of a visibility below `NO_GAP`, were all of it in one channel.
     """
     off = [Term(effect) for effect in case.quality.background(case.vehicle)]
     measured = [pair.measured for pair in flights.values()]
@@ -92,12 +128,12 @@ def looks_like(case: Case, flights: dict[str, Pair]) -> list[str]:
 
 
 def parameters(effect: Effect) -> dict[str, Any]:
-    """By name; of a foreign effect its fields."""
+    """Return the parameters by name; the fields of an out-of-library effect."""
     return effect.values or dict(vars(effect))
 
 
-def collinear_class(case: Case, training: list[Pair]) -> list[list[str]]:
-    """Per effect the names that are physically the same in the training flights, its own first.
+def collinear_class(case: Case, training: list[FlightPair]) -> list[list[str]]:
+    """Return per effect the names that are physically the same in the training flights, its own first.
 
     Whitened with what noise really left there, so that nothing is solved for it.
     """
@@ -113,8 +149,8 @@ def collinear_class(case: Case, training: list[Pair]) -> list[list[str]]:
     ]
 
 
-def seen(case: Case, flight: Pair) -> tuple[np.ndarray, float]:
-    """RMS (15,) that noise leaves to the true model, and visibility: the largest ratio of a channel's RMS to it.
+def residual_and_visibility(case: Case, flight: FlightPair) -> tuple[np.ndarray, float]:
+    """Return the RMS (15,) that the true model leaves, and visibility: the largest ratio of a channel's RMS to it.
 
     What the vehicle file is off by is no effect: it is taken out of the nominal residual.
     """
@@ -124,8 +160,8 @@ def seen(case: Case, flight: Pair) -> tuple[np.ndarray, float]:
     return noise, float(np.max(total / np.maximum(noise, 1e-12)))
 
 
-def unforeseen(case: Case, flight: Pair, noise: np.ndarray) -> np.ndarray:
-    """RMS (15,) that the true parameters leave: noise, and gusts, of which they say how strong but not which."""
+def residual_of_true_parameters(case: Case, flight: FlightPair, noise: np.ndarray) -> np.ndarray:
+    """Return the RMS (15,) that the true parameters leave: noise, and gusts, of which they give the strength alone."""
     if case.draw.kind == "foreign" or all(effect.foreseen is effect for effect in case.effects):
         return noise
     known = [*case.quality.background(case.vehicle), *(e.foreseen for e in case.effects)]
@@ -135,8 +171,8 @@ def unforeseen(case: Case, flight: Pair, noise: np.ndarray) -> np.ndarray:
     return np.sqrt(noise**2 + np.mean(left**2, axis=0))
 
 
-def knowable_onset(case: Case, flight: Pair) -> float | None:
-    """What `best_onset` reads from a flight [s]; None where nothing begins in it."""
+def best_onset_of_flight(case: Case, flight: FlightPair) -> float | None:
+    """Return `best_onset` of a flight [s]; None where nothing begins in it."""
     file = flight.true.name
     onset = case.onset[file]
     if onset is None or case.draw.kind == "foreign":
@@ -146,8 +182,8 @@ def knowable_onset(case: Case, flight: Pair) -> float | None:
     return best_onset(flight.true, flight.errors, terms, onset, noise)
 
 
-def own_visibility(case: Case, flight: Pair, noise: np.ndarray) -> list[float]:
-    """Of every effect alone: the largest ratio of noise with its trace to noise; NaN for foreign ones."""
+def visibility_of_each(case: Case, flight: FlightPair, noise: np.ndarray) -> list[float]:
+    """Return for every effect alone the largest ratio of noise with its trace to noise; NaN out of the library."""
     evidence, effects = flight.true, case.effects_of(FILES[-1])
     if case.draw.kind == "foreign":
         return [float("nan")] * len(effects)
@@ -157,8 +193,3 @@ def own_visibility(case: Case, flight: Pair, noise: np.ndarray) -> list[float]:
         trace = predicted_residual(evidence, terms) - predicted_residual(evidence, terms[:i] + terms[i + 1 :])
         out.append(float(np.max(np.sqrt(1 + np.mean(trace**2, axis=0) / np.maximum(noise, 1e-12) ** 2))))
     return out
-
-
-def write_truth(content: dict, folder: Path) -> None:
-    """<folder>/truth.json."""
-    write_json(folder / "truth.json", content)

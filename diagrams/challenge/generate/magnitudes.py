@@ -1,12 +1,13 @@
 """How strong each effect is drawn: log-uniform from invisible to strong, scaled to the vehicle.
 
-Source: own choice throughout: the weak end drowns in a rig's noise, the strong end is what the controller still flies.
+Source: own choice throughout: the weak end drowns in sensor noise, the strong end is what the controller still flies.
 """
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from diagrams.challenge.random_magnitudes import arm, direction, log_uniform, signed
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
 from np_drake.vehicle import Vehicle
@@ -14,31 +15,8 @@ from np_drake.vehicle import Vehicle
 Draw = Callable[[np.random.Generator, Vehicle, float], dict[str, float]]
 
 
-def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
-    """A figure between two positive bounds, every decade as likely."""
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
-
-
-def signed(rng: np.random.Generator, low: float, high: float) -> float:
-    """As `log_uniform`, either sign."""
-    return float(rng.choice([-1.0, 1.0])) * log_uniform(rng, low, high)
-
-
-def arm(vehicle: Vehicle) -> float:
-    """Mean distance of a rotor from Bo in the plane of the rotors [m]."""
-    return float(np.mean(np.linalg.norm(np.array(vehicle.rotor_positions)[:, :2], axis=1)))
-
-
-def direction(rng: np.random.Generator, rise: float | None = None) -> np.ndarray:
-    """(3,) unit vector by chance: in all directions, or about level with a deviation of `rise` in slope."""
-    n = rng.normal(size=3)
-    if rise is not None:
-        n[2] = rise * n[2] * np.hypot(n[0], n[1])
-    return n / np.linalg.norm(n)
-
-
 def _vector(low: float, high: float, names: Sequence[str] = "xyz", rise: float | None = None) -> Draw:
-    """A vector of log-uniform size and random direction."""
+    """Draw a vector of log-uniform size and random direction."""
 
     def draw(rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
         return dict(zip(names, log_uniform(rng, low, high) * direction(rng, rise), strict=True))
@@ -71,7 +49,7 @@ def _drift(rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[s
 
 
 def _drag(low: float, high: float, names: tuple[str, str, str]) -> Draw:
-    """Per kilogram: what slows a heavy vehicle is more."""
+    """Draw drag coefficients per kilogram: a heavy vehicle has more drag."""
 
     def draw(rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
         lateral = log_uniform(rng, low, high) * vehicle.mass
@@ -90,11 +68,11 @@ def _gusts(rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[s
     }
 
 
-def _one(name: str, figure: Callable[[np.random.Generator, Vehicle], float]) -> Draw:
-    """An effect of one figure."""
+def _one(name: str, parameter: Callable[[np.random.Generator, Vehicle], float]) -> Draw:
+    """Draw an effect of one parameter."""
 
     def draw(rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[str, float]:
-        return {name: float(figure(rng, vehicle))}
+        return {name: float(parameter(rng, vehicle))}
 
     return draw
 
@@ -103,7 +81,7 @@ def _weak(rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> dict[st
     return {"rotor": float(rng.integers(1, 5)), "efficiency": 1 - log_uniform(rng, 0.01, 0.25)}
 
 
-STRENGTHS: dict[str, Draw] = {
+MAGNITUDES: dict[str, Draw] = {
     "mass_error": _one("delta_mass", lambda rng, v: v.mass * np.clip(signed(rng, 0.01, 0.25), -0.15, 0.25)),
     "inertia_error": _inertia,
     "center_of_mass_offset": lambda rng, v, s: _vector(0.005 * arm(v), 0.2 * arm(v), rise=0.5)(rng, v, s),
@@ -134,8 +112,8 @@ COMPANION_DRAG = _drag(0.05, 0.3, ("d_x", "d_y", "d_z"))  # through which a wind
 
 
 def draw_effect(name: str, rng: np.random.Generator, vehicle: Vehicle, seconds: float) -> list[Effect]:
-    """The effect `name`, and the drag that it acts through where it needs one."""
-    effect = LIBRARY[name].of(STRENGTHS[name](rng, vehicle, seconds))
+    """Draw the effect `name`, and the drag that it acts through where it needs one."""
+    effect = LIBRARY[name].of(MAGNITUDES[name](rng, vehicle, seconds))
     if not effect.needs:
         return [effect]
     return [effect, LIBRARY["linear_drag"].of(COMPANION_DRAG(rng, vehicle, seconds))]

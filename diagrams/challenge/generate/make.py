@@ -11,13 +11,18 @@ from pathlib import Path
 from joblib import Parallel, delayed
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge.generate.case import FILES, NOISE, Case, CaseDraw, draw_case, opaque
+from diagrams.challenge.generate.case import FILES, NOISE, Case, CaseDraw, case_name, draw_case
 from diagrams.challenge.generate.composition import compose
-from diagrams.challenge.generate.ground_truth import Pair, looks_like, pairs_of, truth, write_truth
-from diagrams.challenge.generate.sensor_quality import kept_rows, measured, rows_of
+from diagrams.challenge.generate.ground_truth import (
+    FlightPair,
+    equivalent_library_effects,
+    flight_pairs,
+    truth,
+)
+from diagrams.challenge.generate.sensor_quality import kept_rows, rows_of, with_sensor_noise
 from diagrams.challenge.generate.vehicles import vehicle_file
 from diagrams.challenge.simulators.rotorpy import optional_import
-from np_drake.atomic_file import write_text
+from np_drake.atomic_file import write_json, write_text
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.log_file import write_log
 
@@ -26,7 +31,7 @@ QUALITIES = ("clean", "real")
 
 
 def simulators() -> dict[str, Callable]:
-    """Simulators by name: fly(vehicle, plan, effects, *, t, onset, background) -> the exact FlightLog."""
+    """Return simulators by name: fly(vehicle, plan, effects, *, t, onset, background) -> the exact FlightLog."""
     from diagrams.challenge.simulators.drake.simulator import fly
 
     return {"drake": fly, "rotorpy": optional_import.fly}
@@ -48,7 +53,7 @@ def make(
 ) -> dict:
     """Writes `cases` + `clean` case folders into `out` and as many truths into `truth`.
 
-    unseen: all `cases` have a foreign effect, of the kinds that no other set has.
+    unseen: all `cases` have an out-of-library effect that is held out from other sets.
     Returns: {"written", "kinds": {kind: count}, "redrawn": how many draws were lost on the way, "lost": which}.
     Raises: ValueError: on impossible arguments; FailedRun: where a case cannot be flown in any draw.
     """
@@ -74,7 +79,7 @@ def make(
 def make_case(
     draw: CaseDraw, out: Path, truth: Path, *, simulator: str, quality: str, seconds: float, seed: int
 ) -> int:
-    """Draws a case until its vehicle comes home and what is foreign shows as such, and writes it.
+    """Draws a case until its vehicle is not lost and no library effect explains it, and writes it.
 
     Returns: how many draws were lost.
     """
@@ -83,8 +88,8 @@ def make_case(
         case = draw_case(dc.replace(draw, attempt=attempt), quality=quality, seed=seed, seconds=seconds)
         try:
             exact, noisy = fly_case(case, simulator)
-            flights = pairs_of(case, exact, noisy)
-            require_foreign(case, flights)
+            flights = flight_pairs(case, exact, noisy)
+            require_no_library_equivalent(case, flights)
         except FailedRun as error:
             last = error
             continue
@@ -94,7 +99,7 @@ def make_case(
 
 
 def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str, FlightLog]]:
-    """The exact and the noisy logs of a case by file, with the same rows."""
+    """Return the exact and the noisy logs of a case by file, with the same rows."""
     fly, exact, noisy = simulators()[simulator], {}, {}
     background = case.quality.background(case.vehicle)
     for flight, (file, plan) in enumerate(case.plans.items()):
@@ -109,14 +114,14 @@ def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str
         rng = case.stream(NOISE, flight)
         log.name = file.removesuffix(".csv")
         rows = kept_rows(rng, case.quality, len(log))
-        noisy[file] = rows_of(measured(log, case.vehicle, case.quality, rng), rows)
+        noisy[file] = rows_of(with_sensor_noise(log, case.vehicle, case.quality, rng), rows)
         exact[file] = rows_of(log, rows)
     return exact, noisy
 
 
-def require_foreign(case: Case, flights: dict[str, Pair]) -> None:
-    """Raises FailedRun where an effect of the library leaves in the flights what the foreign one leaves there."""
-    if case.draw.kind == "foreign" and (names := looks_like(case, flights)):
+def require_no_library_equivalent(case: Case, flights: dict[str, FlightPair]) -> None:
+    """Raise FailedRun where a library effect explains what an out-of-library effect leaves in the flights."""
+    if case.draw.kind == "foreign" and (names := equivalent_library_effects(case, flights)):
         raise FailedRun(f"make: {case.draw.names[0]} must be no {names[0]} where it is flown.")
 
 
@@ -124,13 +129,13 @@ def write_case(
     case: Case,
     simulator: str,
     noisy: dict[str, FlightLog],
-    flights: dict[str, Pair],
+    flights: dict[str, FlightPair],
     out: Path,
     truth_folder: Path,
 ) -> None:
-    """Both folders, each whole or not at all."""
+    """Write both folders, each whole or not at all."""
     with whole_folder(truth_folder / case.name) as folder:
-        write_truth(truth(case, simulator, flights), folder)
+        write_json(folder / "truth.json", truth(case, simulator, flights))
     with whole_folder(out / case.name) as folder:
         write_text(folder / "vehicle.yaml", vehicle_file(case.vehicle))
         for file in FILES:
@@ -139,7 +144,7 @@ def write_case(
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """A temporary folder beside `path` that takes its name at the end; an older folder gives way."""
+    """Yield a temporary folder beside `path` that takes its name at the end; an older folder gives way."""
     temporary = Path(tempfile.mkdtemp(prefix=".", dir=path.parent))
     try:
         yield temporary
@@ -152,8 +157,8 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 
 def require_no_other_set(out: Path, truth: Path, *, seed: int, cases: int) -> None:
-    """Raises ValueError where a folder holds what is not of this set: two sets could not be told apart there."""
-    own = {opaque(seed, index) for index in range(cases)}
+    """Raise ValueError where a folder holds what is not of this set: two sets could not be told apart there."""
+    own = {case_name(seed, index) for index in range(cases)}
     for folder in (out, truth):
         others = sorted({path.name for path in folder.iterdir()} - own) if folder.is_dir() else []
         if others:
@@ -163,7 +168,7 @@ def require_no_other_set(out: Path, truth: Path, *, seed: int, cases: int) -> No
 def check_request(
     out: Path, truth: Path, *, simulator: str, quality: str, seconds: float, cases: int
 ) -> None:
-    """Raises ValueError where `make` would, before any work."""
+    """Raise ValueError where `make` would, before any work."""
     here, there = out.resolve(), truth.resolve()
     if here == there or here in there.parents or there in here.parents:
         raise ValueError(f"make: neither of cases and truth may lie in the other; got {out} and {truth}.")

@@ -1,4 +1,4 @@
-"""From an exact log to what a rig would have logged: laboratory-clean, or of real quality."""
+"""Sensor quality: from an exact log to what ideal (`clean`) or real sensors would have logged."""
 
 import dataclasses as dc
 
@@ -16,8 +16,8 @@ JITTER = 0.05  # of the instants, of the interval [1]
 
 
 @dc.dataclass(frozen=True)
-class Quality:
-    """The rig of one case. `clean` has white noise as the vehicle file states and a constant rate.
+class SensorQuality:
+    """The sensors of one case; `clean` has white noise as the vehicle file states and a constant rate.
 
     Deviations of white noise, RMS of the coloured part, correlation times [s]. Source: own choice, the size of
     motion capture, MEMS sensors and a Kalman filter's velocity.
@@ -39,30 +39,30 @@ class Quality:
 
     @property
     def real(self) -> bool:
-        """Not from a laboratory."""
+        """Return whether the sensors are real ones."""
         return self.name == "real"
 
     def background(self, vehicle: Vehicle) -> list[Effect]:
-        """What the vehicle file is off by; acts throughout and is no cause."""
+        """Return what the vehicle file is off by; it acts throughout and is no cause."""
         if not self.real:
             return []
         return [MassError(self.mass_off * vehicle.mass), ThrustScale(1 + self.thrust_off)]
 
     def stated_noise(self) -> MeasurementNoise:
-        """What the vehicle file says of white noise."""
+        """Return the white noise that the vehicle file states."""
         return MeasurementNoise(attitude=0.005) if self.real else MeasurementNoise()
 
     def instants(self, rng: np.random.Generator, seconds: float, rate: float) -> np.ndarray:
-        """(n,) when rows are taken [s]."""
+        """Return the times (n,) of the rows [s]."""
         t = np.arange(round(seconds * rate)) / rate
         return t + (JITTER / rate * rng.uniform(-1, 1, len(t)) if self.real else 0.0)
 
 
-def draw_quality(name: str, rng: np.random.Generator, spin: float) -> Quality:
-    """A rig of that name. spin: rotor speed in hover [rad/s]."""
+def draw_sensor_quality(name: str, rng: np.random.Generator, spin: float) -> SensorQuality:
+    """Draw sensors of that quality. spin: rotor speed in hover [rad/s]."""
     if name == "clean":
-        return Quality()
-    return Quality(
+        return SensorQuality()
+    return SensorQuality(
         name="real",
         attitude=rng.uniform(0.005, 0.010),
         wander=np.deg2rad(rng.uniform(0.35, 0.65)),
@@ -79,8 +79,8 @@ def draw_quality(name: str, rng: np.random.Generator, spin: float) -> Quality:
     )
 
 
-def kept_rows(rng: np.random.Generator, quality: Quality, n: int) -> np.ndarray:
-    """(m,) rows of n that are not dropped; never two in succession, never the first or the last."""
+def kept_rows(rng: np.random.Generator, quality: SensorQuality, n: int) -> np.ndarray:
+    """Return the rows (m,) of n that are not dropped; never two dropped in succession, never the first or last."""
     count = round(quality.drops * n)
     dropped: set[int] = set()
     while len(dropped) < count:
@@ -90,11 +90,13 @@ def kept_rows(rng: np.random.Generator, quality: Quality, n: int) -> np.ndarray:
     return np.setdiff1d(np.arange(n), sorted(dropped))
 
 
-def measured(log: FlightLog, vehicle: Vehicle, quality: Quality, rng: np.random.Generator) -> FlightLog:
-    """The exact `log` (all rows) with the rig's noise; every sensor has draws of its own.
+def with_sensor_noise(
+    log: FlightLog, vehicle: Vehicle, quality: SensorQuality, rng: np.random.Generator
+) -> FlightLog:
+    """Return the exact `log` (all rows) with sensor noise; every sensor has draws of its own.
 
-    The accelerometer reads R^T (a + g z) + n in body axes; it comes to W with the true attitude or, on a `turned`
-    rig, with the measured one.
+    The accelerometer reads R^T (a + g z) + n in body axes; it comes to W with the true attitude or, where `turned`,
+    with the measured one.
     """
     if log.a is None or log.al is None or log.rotor is None:
         raise ValueError("measured: the exact log must have accelerations and rotor speed.")
@@ -109,7 +111,7 @@ def measured(log: FlightLog, vehicle: Vehicle, quality: Quality, rng: np.random.
         v += gauss_markov(parts[1], log.t, 3, rms=quality.velocity_wander, tau=quality.velocity_time)
         w += flicker(parts[2], log.t, 3, rms=quality.rate_flicker)
         n_B += flicker(parts[3], log.t, 3, rms=quality.acceleration_flicker)
-    q = turned_by(log.q, turn)
+    q = rotated_by(log.q, turn)
     g = np.array([0.0, 0.0, vehicle.gravity])
     specific = attitude.rotate_back(log.q, log.a + g) + n_B
     rotor = None if quality.rotor < 0 else log.rotor + quality.rotor * parts[6].normal(size=(n, 4))
@@ -125,15 +127,15 @@ def measured(log: FlightLog, vehicle: Vehicle, quality: Quality, rng: np.random.
     )
 
 
-def turned_by(q: np.ndarray, turn: np.ndarray) -> np.ndarray:
-    """(n, 4) q after a small turn (n, 3) in body axes [rad]."""
+def rotated_by(q: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Return q (n, 4) after a small rotation (n, 3) in body axes [rad]."""
     small = np.concatenate([np.ones((len(turn), 1)), 0.5 * turn], axis=1)
     out = attitude.multiply(q, small)
     return out / np.linalg.norm(out, axis=1, keepdims=True)
 
 
 def rows_of(log: FlightLog, rows: np.ndarray) -> FlightLog:
-    """The log with these rows alone."""
+    """Return the log with these rows alone."""
     arrays = {f.name: getattr(log, f.name) for f in dc.fields(log)}
     cut = {name: value[rows] for name, value in arrays.items() if isinstance(value, np.ndarray)}
     return dc.replace(log, **cut)

@@ -51,7 +51,7 @@ def _lemniscate(rng: np.random.Generator, seconds: float) -> Reference:
 
 
 def _stops(rng: np.random.Generator, points: list, seconds: float, lasting: tuple[float, float]) -> Reference:
-    """Through `points` and back to the second, over and over, each move `lasting` between two times [s]."""
+    """Return stops through `points` and back to the second, repeated, each move `lasting` between two times [s]."""
     starts: list[float] = []
     durations: list[float] = []
     track, t = [points[0]], 0.5
@@ -108,20 +108,20 @@ KINDS: dict[str, Draw] = {
 
 
 def draw_plan(rng: np.random.Generator, vehicle: Vehicle, seconds: float, kind: str | None = None) -> Plan:
-    """One flight of `seconds` [s] that a nominal vehicle can fly; of a kind drawn too, if none is asked for."""
+    """Draw one flight of `seconds` [s] that a nominal vehicle can fly; of a random kind if none is asked for."""
     kind = kind or str(rng.choice(list(KINDS)))
     reference = KINDS[kind](rng, seconds)
     return within_limits(Plan(kind, reference, _draw_heading(rng)), vehicle, seconds)
 
 
 def draw_plans(rng: np.random.Generator, vehicle: Vehicle, seconds: float, flights: int) -> list[Plan]:
-    """Different kinds, so that training and held-out flights differ; one hover in a case at most."""
+    """Draw flights of different kinds, so that training and held-out flights differ; one hover in a case at most."""
     kinds = rng.permutation(list(KINDS))[:flights]
     return [draw_plan(rng, vehicle, seconds, str(kind)) for kind in kinds]
 
 
 def _draw_heading(rng: np.random.Generator) -> Heading:
-    """Constant in half of the flights; else a slow turn or a swing."""
+    """Draw a heading: constant in half of the flights; else a slow turn or a swing."""
     start, manner = rng.uniform(-np.pi, np.pi), rng.integers(4)
     rate, swing, frequency = rng.uniform(-0.5, 0.5), rng.uniform(0.3, 1.0), rng.uniform(0.05, 0.15)
     if manner == 0:

@@ -11,7 +11,7 @@ def _diagonal(xx: float, yy: float, zz: float) -> list[list[float]]:
 
 
 def _cross(x: float, y: float, z: float = 0.0) -> list[list[float]]:
-    """Rotor 1 … 4 of an X frame with half lengths x, y and height z [m]."""
+    """Return rotors 1 … 4 of an X frame with half lengths x, y and height z [m]."""
     return [[x, y, z], [x, -y, z], [-x, -y, z], [-x, y, z]]
 
 
@@ -65,12 +65,12 @@ VEHICLES: tuple[Vehicle, ...] = (
 
 
 def draw_vehicle(rng: np.random.Generator, noise: MeasurementNoise) -> Vehicle:
-    """One of them, with the white noise that its file states."""
+    """Draw one of them, with the white noise that its file states."""
     kind = VEHICLES[rng.integers(len(VEHICLES))]
     parts = {name: getattr(kind, name) for name in Vehicle.__dataclass_fields__}
     return Vehicle(**{**parts, "measurement_noise": noise}).check()
 
 
 def vehicle_file(vehicle: Vehicle) -> str:
-    """The vehicle file (YAML) of `vehicle`."""
+    """Return the vehicle file (YAML) of `vehicle`."""
     return yaml_dump_typed(vehicle, schema=Vehicle)

@@ -1,122 +1,238 @@
-"""Oddities between command and rotor thrust that the library does not have. Source of each law: own choice."""
+"""Faults between command and rotor thrust that the library does not have.
+
+Source of each law: own choice, of what vehicles are known to meet.
+"""
 
 import dataclasses as dc
 from typing import ClassVar
 
 import numpy as np
 
-from np_drake.effects.base import ActuatorEffect, Parameter
+from diagrams.challenge.out_of_library.base import (
+    LaggingActuator,
+    OutOfLibraryActuator,
+    OutOfLibraryWrench,
+    chi_of_rotors,
+)
+from np_drake.effects.air_speed import chi_from_body
+from np_drake.effects.base import Motion
 from np_drake.vehicle import Vehicle
 
 
-class ForeignActuator(ActuatorEffect):
-    """Without parameters that could be fitted. What it does to the wrench it does through the rotors' thrusts."""
+@dc.dataclass(frozen=True)
+class RotorSaturation(OutOfLibraryWrench):
+    """Saturation: no rotor gives more than `limit`."""
 
-    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    limit: float  # [N]
+    identifier: ClassVar[str] = "rotor_saturation"
 
-
-class LaggingActuator(ForeignActuator):
-    """One whose state follows what `state_at` has of the commands, with a lag of first order."""
-
-    time: float  # of the lag [s]
-
-    def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(..., state_size) [state/s]."""
-        return (self.state_at(vehicle, command) - state) / self.time
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return chi (..., 6) [N, N·m]."""
+        lost = -np.maximum(motion.rotor_thrust - self.limit, 0.0) @ vehicle.mixer.T
+        return chi_of_rotors(motion, lost)
 
 
 @dc.dataclass(frozen=True)
-class BentThrustCurve(ForeignActuator):
-    """f = c - bend (c - h)³ / h² with h the thrust of a hovering rotor: right in hover, too little far above."""
+class StutteringRotor(OutOfLibraryWrench):
+    """A rotor that stutters: for `share` of every `period` it gives less by `loss`."""
+
+    rotor: int  # 0, 1, 2, 3
+    loss: float  # [1]
+    period: float  # [s]
+    share: float  # [1]
+    identifier: ClassVar[str] = "stuttering_rotor"
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return chi (..., 6) [N, N·m]."""
+        stutters = np.mod(motion.t, self.period) < self.share * self.period
+        lost = -self.loss * stutters * motion.rotor_thrust[..., self.rotor]
+        given = lost[..., None] * vehicle.mixer[:, self.rotor]
+        return chi_of_rotors(motion, given)
+
+
+@dc.dataclass(frozen=True)
+class TwistingMount(OutOfLibraryWrench):
+    """A rotor's mount gives way: thrust f tilts by twist f / h [rad] about its arm, h the thrust in hover.
+
+    A force twist f² / h at the rotor, level and across the arm; what tilt takes from f is of second order.
+    """
+
+    rotor: int  # 0, 1, 2, 3
+    twist: float  # in hover [rad]
+    identifier: ClassVar[str] = "twisting_mount"
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return chi (..., 6) [N, N·m]."""
+        hover = vehicle.mass * vehicle.gravity / 4
+        place = np.array(vehicle.rotor_positions[self.rotor])
+        across = np.array([-place[1], place[0], 0.0]) / np.hypot(place[0], place[1])
+        f_B = (self.twist * motion.rotor_thrust[..., self.rotor] ** 2 / hover)[..., None] * across
+        return chi_from_body(motion, f_B, np.cross(place, f_B))
+
+
+@dc.dataclass(frozen=True)
+class BentThrustCurve(OutOfLibraryActuator):
+    """A bent thrust curve: f = c - bend (c - h)³ / h² with h the thrust of a hovering rotor."""
 
     bend: float  # [1]
-
     identifier: ClassVar[str] = "bent_thrust_curve"
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
     ) -> np.ndarray:
-        """(..., 4) [N]."""
+        """Return what the rotors give (..., 4) [N]."""
         hover = vehicle.mass * vehicle.gravity / 4
         return np.maximum(command - self.bend * (command - hover) ** 3 / hover**2, 0.0)
 
 
 @dc.dataclass(frozen=True)
+class CreepingBlades(LaggingActuator):
+    """Soft blades give way slowly: f = c (1 - creep (s - 1)), time s' = c / h - s, h that in hover."""
+
+    creep: float  # [1]
+    time: float  # [s]
+    identifier: ClassVar[str] = "creeping_blades"
+    state_size: ClassVar[int] = 4
+
+    def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
+        """Return the state at rest: (..., 4) load, filtered, over that in hover [1]."""
+        return 4 * np.asarray(thrust, float) / (vehicle.mass * vehicle.gravity)
+
+    def thrust(
+        self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
+    ) -> np.ndarray:
+        """Return what the rotors give (..., 4) [N]."""
+        return command * (1.0 - self.creep * (state - 1.0))
+
+
+@dc.dataclass(frozen=True)
+class ShakingRotors(LaggingActuator):
+    """Rotors that shake at one load, and give less while they do: f = c (1 - loss s).
+
+    time s' = exp(-((c / h - load) / width)²) - s, h the thrust in hover.
+    """
+
+    loss: float  # while it shakes [1]
+    load: float  # over that in hover [1]
+    width: float  # [1]
+    time: float  # in which it builds up [s]
+    identifier: ClassVar[str] = "shaking_rotors"
+    state_size: ClassVar[int] = 4
+
+    def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
+        """Return the state at rest: (..., 4) how much each shakes [1]."""
+        over_hover = 4 * np.asarray(thrust, float) / (vehicle.mass * vehicle.gravity)
+        return np.exp(-(((over_hover - self.load) / self.width) ** 2))
+
+    def thrust(
+        self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
+    ) -> np.ndarray:
+        """Return what the rotors give (..., 4) [N]."""
+        return command * (1.0 - self.loss * state)
+
+
+@dc.dataclass(frozen=True)
+class LosingSync(OutOfLibraryActuator):
+    """A motor whose thrust is to rise too fast loses step with its controller: f = c (1 - loss d).
+
+    time d' = g - d, time l' = c - l; g rises from 0 to 1 as (c - l) / h does from `jump` to twice that, h the
+    thrust in hover.
+    """
+
+    rotor: int  # 0, 1, 2, 3
+    loss: float  # out of step [1]
+    jump: float  # of the thrust over that in hover [1]
+    time: float  # [s]
+    identifier: ClassVar[str] = "losing_sync"
+    state_size: ClassVar[int] = 2
+
+    def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
+        """Return the state at rest: (..., 2) filtered thrust of the rotor [N], and how far it is out of step [1]."""
+        own = np.asarray(thrust, float)[..., self.rotor]
+        return np.stack([own, np.zeros_like(own)], axis=-1)
+
+    def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
+        """Return the rate of the state (..., 2) [N/s, 1/s]."""
+        ahead = command[..., self.rotor] - state[..., 0]
+        over_hover = 4 * ahead / (vehicle.mass * vehicle.gravity)
+        out_of_step = np.clip(over_hover / self.jump - 1.0, 0.0, 1.0)
+        return np.stack([ahead, out_of_step - state[..., 1]], axis=-1) / self.time
+
+    def thrust(
+        self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
+    ) -> np.ndarray:
+        """Return what the rotors give (..., 4) [N]."""
+        lost = self.loss * state[..., 1:] * (np.arange(4) == self.rotor)
+        return command * (1.0 - lost)
+
+
+@dc.dataclass(frozen=True)
 class ThrustRateTorque(LaggingActuator):
-    """A torque that grows with the change of collective thrust F: (arm_x, arm_y) (F - F filtered over `time`)."""
+    """A torque with the change of collective thrust F: (arm_x, arm_y) (F - F filtered over `time`)."""
 
     arm_x: float  # [m]
     arm_y: float
     time: float  # [s]
-
     identifier: ClassVar[str] = "thrust_rate_torque"
     state_size: ClassVar[int] = 1
 
     def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
-        """(..., 1) filtered collective thrust [N]."""
+        """Return the state at rest: (..., 1) filtered collective thrust [N]."""
         return np.sum(thrust, axis=-1, keepdims=True)
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
     ) -> np.ndarray:
-        """(..., 4) [N]."""
+        """Return what the rotors give (..., 4) [N]."""
         change = np.sum(command, axis=-1, keepdims=True) - state
         return command + change * (vehicle.unmixer[:, 1:3] @ [self.arm_x, self.arm_y])
 
 
 @dc.dataclass(frozen=True)
-class YawBacklash(ForeignActuator):
-    """The yaw torque follows its command with play: it moves only when pushed at the edge of a band."""
+class YawBacklash(OutOfLibraryActuator):
+    """Yaw torque with play: it follows its command only when pushed at the edge of a band."""
 
     play: float  # half width of the band [N·m]
     time: float = 0.015  # with which the edge pushes [s]
-
     identifier: ClassVar[str] = "yaw_backlash"
     state_size: ClassVar[int] = 1
 
     def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
-        """(1,) yaw torque [N·m]."""
+        """Return the state at rest: (1,) yaw torque [N·m]."""
         return np.array([vehicle.mixer[3] @ thrust])
 
     def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(..., 1) [N·m/s]."""
+        """Return the rate of the state (..., 1) [N·m/s]."""
         ahead = (command @ vehicle.mixer[3])[..., None] - state
         return np.sign(ahead) * np.maximum(np.abs(ahead) - self.play, 0.0) / self.time
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
     ) -> np.ndarray:
-        """(..., 4) [N]."""
+        """Return what the rotors give (..., 4) [N]."""
         lost = state - (command @ vehicle.mixer[3])[..., None]
         return command + lost * vehicle.unmixer[:, 3]
 
 
 @dc.dataclass(frozen=True)
-class LiquidSlosh(ForeignActuator):
-    """Liquid in a tank as two oscillators (roll, pitch) that the commanded torques drive; it twists back.
+class SoftArms(LaggingActuator):
+    """Arms that bend carry a torque over to the other level axis, late: extra torque = gain (-s_y, s_x).
 
-    s'' = -2 damping w s' - w² s + w² tau, w = 2 pi frequency; extra torque = -gain s.
+    time s' = tau - s with tau the commanded roll and pitch torque.
     """
 
-    frequency: float  # [Hz]
-    damping: float  # [1]
     gain: float  # [1]
-
-    identifier: ClassVar[str] = "liquid_slosh"
-    state_size: ClassVar[int] = 4
+    time: float  # [s]
+    identifier: ClassVar[str] = "soft_arms"
+    state_size: ClassVar[int] = 2
 
     def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
-        """(4,) displacement in torque [N·m] and its rate [N·m/s], at rest."""
-        return np.concatenate([vehicle.mixer[1:3] @ thrust, np.zeros(2)])
-
-    def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """(..., 4)."""
-        w, s, rate = 2 * np.pi * self.frequency, state[..., :2], state[..., 2:]
-        drive = w**2 * (command @ vehicle.mixer[1:3].T - s) - 2 * self.damping * w * rate
-        return np.concatenate([rate, drive], axis=-1)
+        """Return the state at rest: (..., 2) filtered roll and pitch torque [N·m]."""
+        return np.asarray(thrust, float) @ vehicle.mixer[1:3].T
 
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
     ) -> np.ndarray:
-        """(..., 4) [N]."""
-        return command - self.gain * (state[..., :2] @ vehicle.unmixer[:, 1:3].T)
+        """Return what the rotors give (..., 4) [N]."""
+        carried = np.stack([-state[..., 1], state[..., 0]], axis=-1)
+        return command + self.gain * carried @ vehicle.unmixer[:, 1:3].T

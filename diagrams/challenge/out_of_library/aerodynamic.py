@@ -1,162 +1,196 @@
-"""Forces and torques that the library does not have. Source of each law: own choice, named after what it resembles."""
+"""Aerodynamics of airframe and rotors that the library does not have.
+
+Source of each law: own choice, of what vehicles are known to meet.
+"""
 
 import dataclasses as dc
 from typing import ClassVar
 
 import numpy as np
 
+from diagrams.challenge.out_of_library.base import (
+    LaggingActuator,
+    OutOfLibraryWrench,
+    chi_along_z,
+    chi_of_rotors,
+    chi_of_torque,
+)
 from np_drake.effects.air_speed import air_velocity_B, chi_from_body
-from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.rigid_body import P, V, W
+from np_drake.effects.base import Motion
+from np_drake.rigid_body import V, W
 from np_drake.vehicle import Vehicle
 
 
-class ForeignWrench(WrenchEffect):
-    """Without parameters that could be fitted."""
-
-    parameters: ClassVar[tuple[Parameter, ...]] = ()
-
-
-def pushed(f_W: np.ndarray) -> np.ndarray:
-    """(..., 6) chi of a force at Bo (..., 3) in W [N]."""
-    return np.concatenate([f_W, np.zeros_like(f_W)], axis=-1)
-
-
-def along_z(motion: Motion, force: np.ndarray) -> np.ndarray:
-    """(..., 6) chi of a force (...,) along body z [N]."""
-    return chi_from_body(motion, force[..., None] * np.array([0.0, 0.0, 1.0]))
-
-
-def twisted(tau_B: np.ndarray) -> np.ndarray:
-    """(..., 6) chi of a torque (..., 3) in B [N·m]."""
-    return np.concatenate([np.zeros_like(tau_B), tau_B], axis=-1)
-
-
 @dc.dataclass(frozen=True)
-class FanJet(ForeignWrench):
-    """f = force exp(-|p - center|² / 2 size²) in W: a jet at one place of the room."""
-
-    force: tuple[float, float, float]  # [N]
-    center: tuple[float, float, float]  # [m]
-    size: float  # [m]
-
-    identifier: ClassVar[str] = "fan_jet"
-
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
-        away = np.sum((motion.x[..., P] - self.center) ** 2, axis=-1)
-        return pushed(np.exp(-0.5 * away / self.size**2)[..., None] * self.force)
-
-
-@dc.dataclass(frozen=True)
-class PeriodicForce(ForeignWrench):
-    """f = force sin(2 pi frequency t + phase) in W."""
-
-    force: tuple[float, float, float]  # [N]
-    frequency: float  # [Hz]
-    phase: float  # [rad]
-
-    identifier: ClassVar[str] = "periodic_force"
-
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
-        wave = np.sin(2 * np.pi * self.frequency * np.asarray(motion.t) + self.phase)
-        return pushed(np.broadcast_to(wave[..., None] * self.force, (*motion.x.shape[:-1], 3)))
-
-
-@dc.dataclass(frozen=True)
-class RotationalDamping(ForeignWrench):
-    """tau = -c |w| w, axis by axis."""
+class RotationalDamping(OutOfLibraryWrench):
+    """Quadratic damping of the body rates: tau = -c |w| w, axis by axis."""
 
     c: float  # [N·m·s²/rad²]
-
     identifier: ClassVar[str] = "rotational_damping"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
+        """Return chi (..., 6) [N, N·m]."""
         w = motion.x[..., W]
-        return twisted(-self.c * np.abs(w) * w)
+        return chi_of_torque(-self.c * np.abs(w) * w)
 
 
 @dc.dataclass(frozen=True)
-class MagnusForce(ForeignWrench):
-    """f_B = c w x v with v in body axes: a side force on a body that turns."""
+class MagnusForce(OutOfLibraryWrench):
+    """A Magnus force on a body that turns: f_B = c w x v, v the air velocity in body axes."""
 
     c: float  # [N·s²/(m·rad)]
-
     identifier: ClassVar[str] = "magnus_force"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
+        """Return chi (..., 6) [N, N·m]."""
         return chi_from_body(motion, self.c * np.cross(motion.x[..., W], air_velocity_B(motion)))
 
 
 @dc.dataclass(frozen=True)
-class GroundTether(ForeignWrench):
-    """A rubber band from `anchor` to Bo: stiffness times what is beyond `slack`, and it only pulls."""
-
-    stiffness: float  # [N/m]
-    slack: float  # [m]
-    anchor: tuple[float, float, float]  # [m]
-
-    identifier: ClassVar[str] = "ground_tether"
-
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
-        r = motion.x[..., P] - self.anchor
-        span = np.maximum(np.linalg.norm(r, axis=-1, keepdims=True), 1e-6)
-        return pushed(-self.stiffness * np.maximum(span - self.slack, 0.0) * r / span)
-
-
-@dc.dataclass(frozen=True)
-class StickingAxis(ForeignWrench):
-    """For `share` of every `period` a torque -drag w brakes one body axis, and one `torque` twists it."""
-
-    axis: int  # 0, 1, 2
-    drag: float  # [N·m·s/rad]
-    torque: float  # [N·m]
-    period: float  # [s]
-    share: float  # [1]
-
-    identifier: ClassVar[str] = "sticking_axis"
-
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
-        stuck = np.mod(motion.t, self.period) < self.share * self.period
-        chi = np.zeros((*motion.x.shape[:-1], 6))
-        chi[..., 3 + self.axis] = stuck * (self.torque - self.drag * motion.x[..., W][..., self.axis])
-        return chi
-
-
-@dc.dataclass(frozen=True)
-class WallSuction(ForeignWrench):
-    """f = strength * thrust * exp(-d / reach) towards a wall at distance d: normal · p = from_origin on the wall."""
-
-    strength: float  # [1]
-    reach: float  # [m]
-    normal: tuple[float, float, float]  # towards the wall
-    from_origin: float  # distance of the wall [m]
-
-    identifier: ClassVar[str] = "wall_suction"
-
-    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
-        d = np.maximum(self.from_origin - motion.x[..., P] @ np.array(self.normal), 0.0)
-        pull = self.strength * motion.rotor_thrust.sum(axis=-1) * np.exp(-d / self.reach)
-        return pushed(pull[..., None] * np.array(self.normal))
-
-
-@dc.dataclass(frozen=True)
-class SideLift(ForeignWrench):
-    """f_B,y = c |v_x| v_z: a slanted plate that deflects the flow."""
+class SideLift(OutOfLibraryWrench):
+    """Side force of a slanted plate that deflects the flow: f_B,y = c |v_x| v_z."""
 
     c: float  # [N·s²/m²]
-
     identifier: ClassVar[str] = "side_lift"
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
-        """(..., 6) [N, N·m]."""
+        """Return chi (..., 6) [N, N·m]."""
         v_B = air_velocity_B(motion)
         f_B = np.zeros_like(v_B)
         f_B[..., 1] = self.c * np.abs(v_B[..., 0]) * motion.x[..., V][..., 2]
         return chi_from_body(motion, f_B)
+
+
+@dc.dataclass(frozen=True)
+class Weathervane(OutOfLibraryWrench):
+    """A tail that turns into the wind: tau_z = c |v| v_y in body axes."""
+
+    c: float  # [N·s²/m]
+    identifier: ClassVar[str] = "weathervane"
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return chi (..., 6) [N, N·m]."""
+        v_B = air_velocity_B(motion)
+        turn = self.c * np.linalg.norm(v_B, axis=-1) * v_B[..., 1]
+        return chi_of_torque(turn[..., None] * np.array([0.0, 0.0, 1.0]))
+
+
+@dc.dataclass(frozen=True)
+class PanelFlutter(OutOfLibraryWrench):
+    """A loose panel at (x, y) flutters in air faster than `onset`: f_z = force a sin(2 pi frequency t + phase) in B.
+
+    a = max(1 - onset² / |v|², 0); tau = place x f.
+    """
+
+    force: float  # in very fast air [N]
+    x: float  # place [m]
+    y: float
+    onset: float  # [m/s]
+    frequency: float  # [Hz]
+    phase: float  # [rad]
+    identifier: ClassVar[str] = "panel_flutter"
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return chi (..., 6) [N, N·m]."""
+        speed = np.linalg.norm(air_velocity_B(motion), axis=-1)
+        share = 1.0 - (self.onset / np.maximum(speed, self.onset)) ** 2
+        wave = np.sin(2 * np.pi * self.frequency * np.asarray(motion.t) + self.phase)
+        f_B = (self.force * share * wave)[..., None] * np.array([0.0, 0.0, 1.0])
+        return chi_from_body(motion, f_B, np.cross([self.x, self.y, 0.0], f_B))
+
+
+@dc.dataclass(frozen=True)
+class BentVane(OutOfLibraryWrench):
+    """A bent plate in the rotors' wake twists: tau_z = lever F / (1 + (u / speed)²), F of all rotors.
+
+    u is the lateral air speed: flow from the side blows the wake off the plate.
+    """
+
+    lever: float  # in hover [m]
+    speed: float  # at which half of it is left [m/s]
+    identifier: ClassVar[str] = "bent_vane"
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return chi (..., 6) [N, N·m]."""
+        lateral = np.sum(air_velocity_B(motion)[..., :2] ** 2, axis=-1)
+        turn = self.lever * motion.rotor_thrust.sum(axis=-1) / (1.0 + lateral / self.speed**2)
+        return chi_of_torque(turn[..., None] * np.array([0.0, 0.0, 1.0]))
+
+
+@dc.dataclass(frozen=True)
+class VortexRing(OutOfLibraryWrench):
+    """Vortex ring state: the rotors lose `loss` of their thrust in a descent at about `speed`."""
+
+    loss: float  # [1]
+    speed: float  # of descent [m/s]
+    width: float  # [m/s]
+    identifier: ClassVar[str] = "vortex_ring"
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return chi (..., 6) [N, N·m]."""
+        off = (motion.x[..., V][..., 2] + self.speed) / self.width
+        return chi_along_z(motion, -self.loss * motion.rotor_thrust.sum(axis=-1) * np.exp(-(off**2)))
+
+
+@dc.dataclass(frozen=True)
+class WakeInterference(OutOfLibraryWrench):
+    """Rotors behind others fly in their wake: each loses loss b g of its thrust, most at one air `speed`.
+
+    g = u exp((1 - u²) / 2), u = level speed / speed; b = cosine of the angle between rotor and dead astern, 0
+    for those ahead.
+    """
+
+    loss: float  # [1]
+    speed: float  # [m/s]
+    identifier: ClassVar[str] = "wake_interference"
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return chi (..., 6) [N, N·m]."""
+        v = air_velocity_B(motion)[..., :2]
+        u = np.linalg.norm(v, axis=-1, keepdims=True) / self.speed
+        place = np.array(vehicle.rotor_positions)[:, :2]
+        outwards = place / np.linalg.norm(place, axis=1, keepdims=True)
+        astern = np.maximum(-v @ outwards.T, 0.0) / self.speed  # b u
+        lost = self.loss * np.exp(0.5 * (1.0 - u**2)) * astern * motion.rotor_thrust
+        given = -lost @ vehicle.mixer.T
+        return chi_of_rotors(motion, given)
+
+
+@dc.dataclass(frozen=True)
+class OddPropeller(OutOfLibraryWrench):
+    """One propeller of another make: its side force is not balanced by those that turn the other way.
+
+    f = c sqrt(f_i / h) (z x v) in B at the rotor, v of Bo through the air, h the thrust in hover;
+    tau = place x f.
+    """
+
+    rotor: int  # 0, 1, 2, 3
+    c: float  # in hover [N·s/m]
+    identifier: ClassVar[str] = "odd_propeller"
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return chi (..., 6) [N, N·m]."""
+        over_hover = 4 * motion.rotor_thrust[..., self.rotor] / (vehicle.mass * vehicle.gravity)
+        turning = np.sqrt(np.maximum(over_hover, 0.0))  # speed of the rotor over that in hover
+        f_B = self.c * turning[..., None] * np.cross([0.0, 0.0, 1.0], air_velocity_B(motion))
+        return chi_from_body(motion, f_B, np.cross(vehicle.rotor_positions[self.rotor], f_B))
+
+
+@dc.dataclass(frozen=True)
+class DynamicInflow(LaggingActuator):
+    """The air through a rotor follows late, so thrust overshoots: f = c + gain (c - s), time s' = c - s."""
+
+    gain: float  # [1]
+    time: float  # [s]
+    identifier: ClassVar[str] = "dynamic_inflow"
+    state_size: ClassVar[int] = 4
+
+    def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
+        """Return the state at rest: (..., 4) filtered thrust [N]."""
+        return np.array(thrust, float)
+
+    def thrust(
+        self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
+    ) -> np.ndarray:
+        """Return what the rotors give (..., 4) [N]."""
+        return np.maximum(command + self.gain * (command - state), 0.0)

@@ -1,23 +1,127 @@
-"""A case with its answer and its truth, as read from file."""
+"""A case with its truth and its answer, as read from files and checked (docs/reference/files.md)."""
 
 import dataclasses as dc
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from diagrams.challenge.score.answer_schema import fault_of_answer, fault_of_truth
-from diagrams.challenge.solve import ANSWER
+from diagrams.challenge.score.schema import SchemaValidator, list_of, object_of, or_null, record, violation
 from np_drake.diagnosis.result import UNKNOWN
+from np_drake.effects.library import LIBRARY
 
-TRUTH = "truth.json"
+OUT_OF_LIBRARY, CLEAN = "foreign", "clean"
+KINDS = ("single", "pair", "triple", "onset", CLEAN, OUT_OF_LIBRARY)
+ANYTHING = {"description": "of any kind"}
+TEXT = {"description": "text", "type": "string"}
+KIND = {"description": f"one of {', '.join(KINDS)}", "enum": list(KINDS)}
+WHOLE = {"description": "a whole number", "type": "integer"}
+NUMBER = {"description": "a finite number", "type": "number"}
+SIZE = {"description": "a finite number, at least 0", "type": "number", "minimum": 0}
+SHARE = {**SIZE, "description": "a finite number, at least 0 and at most 1", "maximum": 1}
+BOUNDS = {
+    **list_of(or_null(NUMBER)),
+    "description": "a list of 2, each a finite number, or null",
+    "minItems": 2,
+    "maxItems": 2,
+}
+INSTANTS = object_of(or_null(NUMBER))  # by flight [s]
+RESIDUAL = record({f"{kind}_{axis}": SIZE for kind in ("force", "torque") for axis in "xyz"})
+EFFECT = record({"effect": TEXT, "parameters": object_of(ANYTHING)}, spare={"onset": INSTANTS})
+TRUTH = SchemaValidator(
+    record(
+        {
+            "effects": list_of(EFFECT),
+            "class": list_of(list_of(TEXT)),
+            "true_model_residual": RESIDUAL,
+            "visibility": SIZE,
+            "simulator": TEXT,
+            "quality": TEXT,
+            "kind": KIND,
+            "seed": WHOLE,
+        },
+        spare={
+            "parameters_residual": or_null(RESIDUAL),
+            "best_onset": object_of(NUMBER),
+            "visibility_in_training": object_of(SIZE),
+        },
+    )
+)
+PARAMETERS = SchemaValidator(object_of(NUMBER))  # of an effect of the library
+
+ESTIMATE = record({"value": or_null(NUMBER), "ci95": BOUNDS})
+CAUSE = record(
+    {"effect": TEXT, "parameters": object_of(ESTIMATE)},
+    spare={
+        "probability": or_null(SHARE),
+        "onset": INSTANTS,
+        "indistinguishable_from": list_of(TEXT),
+    },
+)
+CHANNEL = record({}, spare={"rms": or_null(SIZE), "after": or_null(SIZE)})
+AXES = record({}, spare=dict.fromkeys("xyz", CHANNEL))
+MEDIANS = or_null(record({"position": list_of(or_null(NUMBER))}))
+REPLAY = record({"horizon": list_of(NUMBER)}, spare={"before": MEDIANS, "after": MEDIANS})
+ANSWER = SchemaValidator(
+    record(
+        {
+            "verdict": list_of(TEXT),
+            "causes": list_of(CAUSE),
+            "gap": record({}, spare={"force": AXES, "torque": AXES}),
+            "shrink": record({}, spare={"replay": or_null(REPLAY)}),
+        },
+        spare={"wall": or_null(SIZE), "joined": list_of(TEXT)},
+    )
+)
+
+
+def fault_of_truth(truth: dict[str, Any]) -> str | None:
+    """Return a sentence on the first field of a truth that is wrong or contradicts others; None: there is none."""
+    return violation(TRUTH, truth) or next(_disagreements(truth), None)
+
+
+def fault_of_answer(answer: dict[str, Any]) -> str | None:
+    """Return a sentence on the first field of an answer that is wrong; None: there is none."""
+    return violation(ANSWER, answer) or next(_unlike(answer["shrink"].get("replay") or {}), None)
+
+
+def _disagreements(truth: dict[str, Any]) -> Iterator[str]:
+    """Yield what in a truth contradicts: names not in the library, effects without a class."""
+    kind, effects, classes = truth["kind"], truth["effects"], truth["class"]
+    if (kind == CLEAN) != (not effects):
+        must = "be empty" if kind == CLEAN else "name what acts"
+        yield f"effects must {must} in a case of kind {kind}; got {len(effects)}."
+    if len(classes) != len(effects):
+        yield f"class must hold a list for each of {len(effects)} effects; got {len(classes)}."
+    for i, (effect, names) in enumerate(zip(effects, classes, strict=False)):
+        own = effect["effect"]
+        if kind != OUT_OF_LIBRARY:
+            if own not in LIBRARY:
+                yield f"effects[{i}].effect must be an effect of the library; got {own!r}."
+            wrong = violation(PARAMETERS, effect["parameters"], f"effects[{i}].parameters")
+            if wrong is not None:
+                yield wrong
+        for name in names:
+            if name not in LIBRARY and name != own:
+                yield f"class[{i}] must hold effects of the library; got {name!r}."
+
+
+def _unlike(replay: dict[str, Any]) -> Iterator[str]:
+    """Yield replays that lack an error for a horizon."""
+    for name in [name for name in ("before", "after") if replay.get(name) is not None]:
+        given, asked = len(replay[name]["position"]), len(replay["horizon"])
+        if given != asked:
+            yield f"shrink.replay.{name}.position must hold an error for each of {asked} horizons; got {given}."
+
+
+TRUTH_FILE, ANSWER_FILE = "truth.json", "diagnosis.json"
 COMPANION = "linear_drag"  # through which a wind is felt, and which is then named too
 WINDS = ("constant_wind", "gusty_wind")
 
 
 @dc.dataclass(frozen=True)
-class Solved:
-    """One case. truth, answer: the content of truth.json and diagnosis.json; answer None: there is none."""
+class AnsweredCase:
+    """A case with the content of truth.json and diagnosis.json; answer None: there is none."""
 
     name: str
     truth: dict[str, Any]
@@ -25,71 +129,73 @@ class Solved:
 
     @property
     def kind(self) -> str:
-        """single | pair | triple | onset | clean | foreign."""
+        """Return the kind: single | pair | triple | onset | clean | foreign."""
         return str(self.truth["kind"])
 
     @property
     def group(self) -> str:
-        """Simulator and quality, as `drake, real`."""
+        """Return simulator and quality, as `drake, real`."""
         return f"{self.truth['simulator']}, {self.truth['quality']}"
 
     @property
     def visibility(self) -> float:
-        """Largest ratio of a channel's RMS to its noise [1]."""
+        """Return the largest ratio of a channel's RMS to its noise [1]."""
         return float(self.truth["visibility"])
 
     @property
-    def felt_in_training(self) -> float:
-        """The same in the flights of the fit, the most of them; 0 where the truth does not say [1]."""
+    def visibility_in_training(self) -> float:
+        """Return the largest visibility in the training flights; 0 where the truth does not say [1]."""
         return max(self.truth.get("visibility_in_training", {}).values(), default=0.0)
 
     def visibility_in(self, flight: str) -> float:
-        """The same in one flight; that of the case where the truth does not say [1]."""
+        """Return the visibility in one flight; that of the case where the truth does not say [1]."""
         return float(self.truth.get("visibility_in_training", {}).get(flight, self.visibility))
 
     @property
     def true_names(self) -> tuple[str, ...]:
-        """Of all effects that act."""
+        """Return the names of all effects that act."""
         return tuple(effect["effect"] for effect in self.truth["effects"])
 
     @property
     def main(self) -> str:
-        """What a case of one effect is about: the first, for a wind's drag comes after it; clean: `clean`."""
+        """Return the effect that a case of one effect is about (a wind's drag comes after it), `foreign` or `clean`."""
         if self.kind == "foreign":
             return "foreign"
         return next((n for n in self.true_names), "clean")
 
     @property
     def verdict(self) -> tuple[str, ...]:
-        """All that is said to be missing, `unknown` among it; without an answer nothing."""
+        """Return all that is said to be missing, `unknown` among it; without an answer nothing."""
         return () if self.answer is None else tuple(self.answer["verdict"])
 
     @property
     def named(self) -> tuple[str, ...]:
-        """The verdict without `unknown`."""
+        """Return the verdict without `unknown`."""
         return tuple(name for name in self.verdict if name != UNKNOWN)
 
     @property
     def causes(self) -> dict[str, dict[str, Any]]:
-        """Causes of the answer by effect."""
+        """Return the causes of the answer by effect."""
         return {} if self.answer is None else {c["effect"]: c for c in self.answer["causes"]}
 
 
-def read_solved(answers: Path, truth: Path) -> list[Solved]:
-    """Every case that has a truth, sorted by name; of a folder of sets, `<set>/<case>`.
+def read_answered_cases(answers: Path, truth: Path) -> list[AnsweredCase]:
+    """Return every case that has a truth, sorted by name; of a folder of sets, `<set>/<case>`.
 
     Raises: ValueError: if there is no truth, or a file is no JSON or not what docs/reference/files.md says: one line
         with file, field and what it must be; OSError: if one cannot be read.
     """
-    names = [file.parent.relative_to(truth) for file in sorted(truth.rglob(TRUTH)) if file.parent != truth]
+    names = [
+        file.parent.relative_to(truth) for file in sorted(truth.rglob(TRUTH_FILE)) if file.parent != truth
+    ]
     if not names:
-        raise ValueError(f"{truth}: must hold <case>/{TRUTH}; got none.")
-    return [_read_case(str(name), truth / name / TRUTH, answers / name / ANSWER) for name in names]
+        raise ValueError(f"{truth}: must hold <case>/{TRUTH_FILE}; got none.")
+    return [_read_case(str(name), truth / name / TRUTH_FILE, answers / name / ANSWER_FILE) for name in names]
 
 
-def _read_case(name: str, truth: Path, answer: Path) -> Solved:
+def _read_case(name: str, truth: Path, answer: Path) -> AnsweredCase:
     found = _read(answer, fault_of_answer) if answer.is_file() else None
-    return Solved(name, _read(truth, fault_of_truth), found)
+    return AnsweredCase(name, _read(truth, fault_of_truth), found)
 
 
 def _read(path: Path, fault_of: Callable[[dict[str, Any]], str | None]) -> dict[str, Any]:
@@ -106,7 +212,7 @@ def _read(path: Path, fault_of: Callable[[dict[str, Any]], str | None]) -> dict[
 
 
 def same_flight(name: str) -> str:
-    """A flight's name without folder and suffix, for `train_1.csv` and `train_1` are the same."""
+    """Return a flight's name without folder and suffix: `train_1.csv` and `train_1` are one flight."""
     base = name.rsplit("/", 1)[-1]
     for suffix in (".csv.gz", ".csv", ".parquet"):
         base = base.removesuffix(suffix)

@@ -1,4 +1,4 @@
-"""How visible an effect must be to be found: a logistic curve over visibility, with bins."""
+"""Detection against visibility: a logistic curve with bins."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from diagrams.challenge.score.answered_case import Solved
-from diagrams.challenge.score.intervals import rate
-from diagrams.challenge.score.matching import detected
+from diagrams.challenge.score.answered_case import AnsweredCase
+from diagrams.challenge.score.binomial_intervals import binned
+from diagrams.challenge.score.identification import detected
 
 FAINTEST = 1e-3  # visibility - 1 below which all is as invisible [1]
 EDGES = (1.0, 1.03, 1.1, 1.3, 1.5, 2.0, 3.0, 5.0, 10.0, np.inf)  # of the bins of visibility [1]
@@ -18,12 +18,12 @@ ENOUGH = 8  # cases for a curve
 
 
 def abscissa(visibility: np.ndarray | float) -> np.ndarray:
-    """log10 of visibility - 1, on which the curve is logistic. Source: own choice: effects are drawn by decades."""
+    """Return log10(visibility - 1), in which the curve is logistic. Source: own choice: effects come by decades."""
     return np.log10(np.maximum(np.asarray(visibility, float) - 1.0, FAINTEST))
 
 
-def detection(cases: Sequence[Solved], seed: int) -> dict[str, Any]:
-    """Of cases of one effect: points, bins, curve (intercept, slope), and visibility of half with its 95 % interval."""
+def detection(cases: Sequence[AnsweredCase], seed: int) -> dict[str, Any]:
+    """Return points, bins, curve (intercept, slope), and visibility of half with its 95 % interval."""
     visibility = np.array([c.visibility for c in cases])
     found = np.array([detected(c) for c in cases], float)
     curve = logistic(abscissa(visibility), found) if len(cases) >= ENOUGH else None
@@ -39,22 +39,13 @@ def detection(cases: Sequence[Solved], seed: int) -> dict[str, Any]:
 
 
 def bins(visibility: np.ndarray, found: np.ndarray) -> list[dict[str, Any]]:
-    """Share found by visibility; empty bins are left out."""
+    """Return the share found by visibility; empty bins are left out."""
     place = np.clip(np.digitize(visibility, EDGES) - 1, 0, len(EDGES) - 2)
-    return [
-        {
-            "lower": EDGES[k],
-            "upper": EDGES[k + 1],
-            "median": float(np.median(visibility[place == k])),
-            **rate(found[place == k] > 0),
-        }
-        for k in range(len(EDGES) - 1)
-        if np.any(place == k)
-    ]
+    return binned(found, place, EDGES, median=(np.median, visibility))
 
 
 def logistic(x: np.ndarray, y: np.ndarray, steps: int = 60) -> tuple[float, float]:
-    """Intercept and slope of P(y = 1) = expit(a + b x) by damped Newton steps, lightly penalised."""
+    """Fit intercept and slope of P(y = 1) = expit(a + b x) by damped Newton steps, lightly penalised."""
     design = np.stack([np.ones_like(x), x], axis=1)
     penalty, theta = PRIOR * np.eye(2), np.zeros(2)
     for _ in range(steps):
@@ -67,13 +58,13 @@ def logistic(x: np.ndarray, y: np.ndarray, steps: int = 60) -> tuple[float, floa
 
 
 def half_found(curve: tuple[float, float]) -> float | None:
-    """Visibility at which half are found; None where the curve does not rise."""
+    """Return the visibility at which half are found; None where the curve does not rise."""
     intercept, slope = curve
     return None if slope <= 0 else float(1.0 + 10.0 ** np.clip(-intercept / slope, -6.0, 6.0))
 
 
 def bootstrap(visibility: np.ndarray, found: np.ndarray, seed: int) -> list[float] | None:
-    """95 % interval of `half_found` over cases drawn with replacement."""
+    """Return the 95 % interval of `half_found` over cases drawn with replacement."""
     rng, values = np.random.default_rng(seed), []
     for _ in range(DRAWS):
         pick = rng.integers(0, len(found), len(found))

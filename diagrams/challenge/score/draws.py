@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from diagrams.challenge.score.schema import Form, list_of, misfit, or_null, record, table_of
+from diagrams.challenge.score.schema import SchemaValidator, list_of, object_of, or_null, record, violation
 from diagrams.challenge.score.tables import NOTHING
 
 QUALITIES = ("clean", "real")
@@ -17,8 +17,8 @@ Value = dict[
 
 
 @dc.dataclass(frozen=True)
-class Figure:
-    """of: the figure of a score (`share` or `plain`).   asked: by quality, least and most; None: not asked for."""
+class Metric:
+    """A metric of a score: its reader (`share` or `plain`), and the least and most that are asked for by quality."""
 
     label: str
     of: Callable[[dict[str, Any]], Value]
@@ -26,62 +26,62 @@ class Figure:
     real: tuple[float, float] | None = None
 
     def falls_short(self, quality: str, value: Value) -> bool:
-        """Is it outside what is asked for?"""
-        asked, figure = self.asked(quality), number(value)
-        return asked is not None and figure is not None and not asked[0] <= figure <= asked[1]
+        """Return whether a value is outside what is asked for."""
+        asked, known = self.asked(quality), number(value)
+        return asked is not None and known is not None and not asked[0] <= known <= asked[1]
 
     def asked(self, quality: str) -> tuple[float, float] | None:
-        """Least and most [1]."""
+        """Return the least and most that are asked for [1]; None: nothing is."""
         return self.clean if quality == "clean" else self.real
 
 
 def least(bound: float) -> tuple[float, float]:
-    """At least this."""
+    """Return the bounds of a metric that must be at least this."""
     return bound, float("inf")
 
 
 def most(bound: float) -> tuple[float, float]:
-    """At most this."""
+    """Return the bounds of a metric that must be at most this."""
     return -float("inf"), bound
 
 
 def share(*keys: str) -> Callable[[dict[str, Any]], Value]:
-    """Of a count and how many there were, at these keys of a score."""
+    """Return a reader of a count and its total at these keys of a score."""
     return lambda score: {key: _at(score, keys)[key] for key in ("count", "n")}
 
 
 def plain(*keys: str) -> Callable[[dict[str, Any]], Value]:
-    """Of a number at these keys of a score."""
+    """Return a reader of a number at these keys of a score."""
     return lambda score: {"value": _at(score, keys)}
 
 
-FIGURES = (
-    Figure("single: right class", share("rates", "single", "class"), least(0.98), least(0.88)),
-    Figure("right name, nothing else", share("rates", "single", "exact"), least(0.93), least(0.80)),
-    Figure("pairs and triples: F1", plain("rates", "several", "all", "f1"), least(0.92), least(0.75)),
-    Figure("clean controls: false alarm", share("rates", "clean", "false_alarm"), most(0.01), most(0.03)),
-    Figure("foreign: `unknown`", share("rates", "foreign", "unknown"), least(0.92), least(0.75)),
-    Figure("a wrong name above 0.9", share("rates", "foreign", "wrong_and_sure"), most(0.0), most(0.02)),
-    Figure("parameters: median error", plain("parameters", "median_error"), most(0.03), most(0.08)),
-    Figure("in the 95 % interval", share("parameters", "coverage_rate"), (0.90, 0.99), (0.88, 0.99)),
-    Figure("onset within 0.2 s", share("onset", "within"), least(0.90), least(0.75)),
-    Figure("where it shows", share("onset", "within_if_seen")),
-    Figure("where the true effect tells", share("onset", "within_if_told")),
-    Figure("shrink, mean", plain("shrink_relative", "mean"), least(0.95), least(0.85)),
-    Figure("true parameters, not every gust", plain("shrink_relative_parameters", "mean")),
-    Figure("half are found at visibility", plain("detection", "half"), most(1.1), most(1.3)),
-    Figure("replay, 1 s: reduction", plain("replay", "median_reduction"), least(0.70), least(0.70)),
+METRICS = (
+    Metric("single: right class", share("rates", "single", "class"), least(0.98), least(0.88)),
+    Metric("right name, nothing else", share("rates", "single", "exact"), least(0.93), least(0.80)),
+    Metric("pairs and triples: F1", plain("rates", "several", "all", "f1"), least(0.92), least(0.75)),
+    Metric("clean controls: false alarm", share("rates", "clean", "false_alarm"), most(0.01), most(0.03)),
+    Metric("foreign: `unknown`", share("rates", "foreign", "unknown"), least(0.92), least(0.75)),
+    Metric("a wrong name above 0.9", share("rates", "foreign", "wrong_and_sure"), most(0.0), most(0.02)),
+    Metric("parameters: median error", plain("parameters", "median_error"), most(0.03), most(0.08)),
+    Metric("in the 95 % interval", share("parameters", "coverage_rate"), (0.90, 0.99), (0.88, 0.99)),
+    Metric("onset within 0.2 s", share("onset", "within"), least(0.90), least(0.75)),
+    Metric("where it shows", share("onset", "within_if_seen")),
+    Metric("where the true effect tells", share("onset", "within_if_told")),
+    Metric("shrink, mean", plain("shrink_relative", "mean"), least(0.95), least(0.85)),
+    Metric("true parameters, not every gust", plain("shrink_relative_parameters", "mean")),
+    Metric("half are found at visibility", plain("detection", "half"), most(1.1), most(1.3)),
+    Metric("replay, 1 s: reduction", plain("replay", "median_reduction"), least(0.70), least(0.70)),
 )
 
 NUMBER = {"description": "a finite number", "type": "number"}
 WHOLE = {"description": "a whole number from 0", "type": "integer", "minimum": 0}
 VALUE = record({}, spare={"count": WHOLE, "n": WHOLE, "value": or_null(NUMBER)})
-DRAW = record({"seeds": list_of(WHOLE)}, spare=dict.fromkeys(QUALITIES, table_of(VALUE)))
-KEPT, ONE = Form(record({"draws": list_of(DRAW)})), Form(DRAW)
+DRAW = record({"seeds": list_of(WHOLE)}, spare=dict.fromkeys(QUALITIES, object_of(VALUE)))
+KEPT, ONE = SchemaValidator(record({"draws": list_of(DRAW)})), SchemaValidator(DRAW)
 
 
 def read_draws(files: Iterable[Path]) -> list[dict[str, Any]]:
-    """{"seeds", quality: {label: value}} of every draw, in order of seeds; of one that is there twice, the last.
+    """Return {"seeds", quality: {label: value}} of every draw, in order of seeds; of one that is there twice, the last.
 
     Args: files: each what `challenge score --json` wrote, or `challenge compare --json`.
     Raises: ValueError: where a file is neither; OSError: where it cannot be read.
@@ -97,7 +97,7 @@ def _read(file: Path) -> list[dict[str, Any]]:
     except (ValueError, TypeError, KeyError, RecursionError):
         schema = None
     if schema == DRAWS:
-        fault = misfit(KEPT, content)
+        fault = violation(KEPT, content)
         if fault is not None:
             raise ValueError(f"{file}: {fault}")
         return list(content["draws"])
@@ -109,63 +109,63 @@ def _read(file: Path) -> list[dict[str, Any]]:
         draw = draw_of(content)
     except (KeyError, TypeError, IndexError, AttributeError) as error:
         raise ValueError(f"{file}: must be a whole score; {error} cannot be read.") from error
-    fault = misfit(ONE, draw)
+    fault = violation(ONE, draw)
     if fault is not None:
         raise ValueError(f"{file}: must be a whole score; {fault}")
     return [draw]
 
 
 def draw_of(score: dict[str, Any]) -> dict[str, Any]:
-    """The figures of a score by quality, and the seeds of its sets."""
+    """Return the metrics of a score by quality, and the seeds of its sets."""
     seeds = sorted({seed for part in score["sets"] for seed in part["seeds"]})
-    figures = {name: {f.label: f.of(part) for f in FIGURES} for name, part in _by_quality(score).items()}
-    return {"seeds": seeds, **figures}
+    metrics = {name: {f.label: f.of(part) for f in METRICS} for name, part in _by_quality(score).items()}
+    return {"seeds": seeds, **metrics}
 
 
 def _by_quality(score: dict[str, Any]) -> dict[str, Any]:
-    """Of a set of one quality, or of one simulator in two, the score has no part of that name."""
+    """Return the parts of a score by quality; the whole score where a set has one quality."""
     groups = score["groups"] or {score["sets"][0]["group"]: score}
     parts = score["qualities"] or {group.rsplit(", ", 1)[1]: part for group, part in groups.items()}
     return {name: parts[name] for name in QUALITIES if name in parts}
 
 
 def table(draws: Sequence[dict[str, Any]], quality: str) -> tuple[list[str], list[list[str]]]:
-    """Header and rows: a row a figure, a column a draw; shares of all draws together in the last; short ones bold."""
+    """Return header and rows: a row a metric, a column a draw, then all draws together; bold where it falls short."""
     having = [draw for draw in draws if quality in draw]
     header = [quality, "asked", *map(name_of, having), "together"]
     rows = []
-    for figure in FIGURES:
-        values = [draw[quality].get(figure.label, {}) for draw in having]
-        cells = [_cell(figure, quality, value) for value in [*values, together(values)]]
-        rows.append([figure.label, _asked(figure.asked(quality)), *cells])
+    for metric in METRICS:
+        values = [draw[quality].get(metric.label, {}) for draw in having]
+        cells = [_cell(metric, quality, value) for value in [*values, together(values)]]
+        rows.append([metric.label, _asked(metric.asked(quality)), *cells])
     return header, rows
 
 
 def name_of(draw: dict[str, Any]) -> str:
-    """`48xxx` where all seeds begin so."""
+    """Return a draw's name: `48xxx` where all seeds begin so."""
     thousands = {seed // 1000 for seed in draw["seeds"]}
     return f"{thousands.pop()}xxx" if len(thousands) == 1 else ", ".join(map(str, draw["seeds"]))
 
 
 def together(values: Sequence[Value]) -> Value:
-    """The share of all; nothing of what is no share."""
+    """Return the share of all; nothing of what is no share."""
     shares = [value for value in values if "count" in value and "n" in value]
     return {key: sum(value[key] for value in shares) for key in ("count", "n")} if shares else {}
 
 
 def number(value: Value) -> float | None:
-    """The share, or the number."""
+    """Return the share, or the number."""
     if "count" in value and "n" in value:
         return value["count"] / value["n"] if value["n"] else None
     return value.get("value")
 
 
-def _cell(figure: Figure, quality: str, value: Value) -> str:
+def _cell(metric: Metric, quality: str, value: Value) -> str:
     known = number(value)
     if known is None:
         return NOTHING
     text = f"{value['count']}/{value['n']}" if "count" in value else f"{known:.3g}"
-    return f"**{text}**" if figure.falls_short(quality, value) else text
+    return f"**{text}**" if metric.falls_short(quality, value) else text
 
 
 def _asked(bounds: tuple[float, float] | None) -> str:

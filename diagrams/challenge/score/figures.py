@@ -1,4 +1,4 @@
-"""The figures of a score: detection against visibility, and reliability of probabilities; others beside."""
+"""Figures of a score: detection, confusion, reliability, and gap reduction and parameters by effect."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from scipy.special import expit
 
-from diagrams.challenge.score.confusion_figure import confusion_figure
 from diagrams.challenge.score.detection import FAINTEST, abscissa
-from diagrams.challenge.score.effect_figure import effect_figure
+from np_drake.effects.library import LIBRARY
 from np_drake.figure_file import PALETTE, new_figure, save
 
 BLUE, ORANGE = PALETTE[0], PALETTE[1]
@@ -21,7 +21,7 @@ JITTER = 0.035  # of points that would hide each other [1]
 
 
 def write_figures(score: dict[str, Any], folder: Path) -> list[Path]:
-    """<folder>/<name>.png for every figure that the set gives."""
+    """Write <folder>/<name>.png for every figure that the set gives."""
     makers: dict[str, Callable[[dict[str, Any]], Figure | None]] = {
         "detection": detection_figure,
         "confusion": confusion_figure,
@@ -114,3 +114,119 @@ def reliability_figure(score: dict[str, Any]) -> Figure | None:
     ax.set_title(title, fontsize=9)
     figure.legend(loc="outside lower center", ncols=2, fontsize=8)
     return figure
+
+
+SHADES = LinearSegmentedColormap.from_list("shades", ["#ffffff", PALETTE[0]])
+CELL = 0.27  # [inch]
+DARK = 0.55  # share from which a count is printed in white [1]
+
+
+def confusion_figure(score: dict[str, Any]) -> Figure | None:
+    """Counts; shaded by their share of the row, so that a column without any colour was never named."""
+    matrix = score["confusion"]
+    counts = np.array(matrix["counts"])
+    if not counts.size:
+        return None
+    used = counts.sum(axis=0) > 0
+    used |= np.isin(matrix["named"], [*matrix["true"], "unknown", "several", "none"])
+    names = [name for name, shown in zip(matrix["named"], used, strict=True) if shown]
+    counts = counts[:, used]
+    share = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
+    size = {"width": 2.6 + CELL * len(names), "height": 2.2 + CELL * len(counts)}
+    figure, axes = new_figure(1, 1, **size)
+    ax = axes[0, 0]
+    ax.imshow(share, cmap=SHADES, vmin=0, vmax=1, aspect="equal")
+    for i, j in np.argwhere(counts > 0):
+        color = "white" if share[i, j] > DARK else "black"
+        ax.text(j, i, str(counts[i, j]), ha="center", va="center", color=color, fontsize=8)
+    _frame_right(ax, matrix["true"], names)
+    ax.set_xticks(range(len(names)), [_words(n) for n in names], rotation=90, fontsize=8)
+    ax.set_yticks(range(len(counts)), [_words(n) for n in matrix["true"]], fontsize=8)
+    ax.set_xticks(np.arange(-0.5, len(names)), minor=True)
+    ax.set_yticks(np.arange(-0.5, len(counts)), minor=True)
+    ax.grid(which="minor", color="0.85", linewidth=0.5)
+    ax.tick_params(which="minor", length=0)
+    ax.set_xlabel("named")
+    ax.set_ylabel("acts")
+    return figure
+
+
+def _frame_right(ax, true: list[str], names: list[str]) -> None:
+    """A frame around the cell that is right in each row."""
+    right = {"foreign": "unknown", "clean": "none"}
+    for i, name in enumerate(true):
+        word = right.get(name, name)
+        if word in names:
+            j = names.index(word)
+            x, y = np.array([0, 1, 1, 0, 0]) + j - 0.5, np.array([0, 0, 1, 1, 0]) + i - 0.5
+            ax.plot(x, y, color="black", linewidth=1.2, clip_on=False)
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+LEAST, MOST = 1e-4, 10.0  # of relative errors that are drawn [1]
+ROW = 0.2  # [inch]
+
+
+def effect_figure(score: dict[str, Any]) -> Figure | None:
+    """Left: shrink of every case with a gap. Right: median relative error of every parameter that was named."""
+    shrinks = _shrinks(score["cases"])
+    errors = [row for row in score["parameters"]["rows"] if row["kind"] == "relative"]
+    if not shrinks and not errors:
+        return None
+    rows = max(len(shrinks), len(errors), 4)
+    figure, axes = new_figure(1, 2, width=9.5, height=1.0 + ROW * rows)
+    _draw_shrinks(axes[0, 0], shrinks)
+    _draw_errors(axes[0, 1], errors)
+    return figure
+
+
+def _shrinks(cases: list[dict[str, Any]]) -> dict[str, list[float]]:
+    """Return gap reductions by what acts; pairs and triples in a line each."""
+    found: dict[str, list[float]] = {}
+    for row in cases:
+        if row["shrink_relative"] is not None:
+            one = row["kind"] in ("single", "onset", "foreign")
+            name = row["true"][0] if one else f"({row['kind']}s)"
+            found.setdefault(name, []).append(row["shrink_relative"])
+    order = [*LIBRARY, *sorted(set(found) - set(LIBRARY))]
+    return {name: found[name] for name in order[::-1] if name in found}
+
+
+def _draw_shrinks(ax: Axes, shrinks: dict[str, list[float]]) -> None:
+    """A dot a case, a bar at the median."""
+    for i, values in enumerate(shrinks.values()):
+        ax.plot(values, [i] * len(values), "o", color=PALETTE[0], markersize=4, fillstyle="none")
+        ax.plot([np.median(values)] * 2, [i - 0.3, i + 0.3], color=PALETTE[1], linewidth=2)
+    ax.axvline(1.0, color="0.45", linestyle="--", linewidth=1)
+    ax.set_xlim(-1.05, 1.08)
+    _name_rows(ax, [name.replace("_", " ") for name in shrinks])
+    ax.set_xlabel("held-out shrink, true model = 1 [1]")
+    ax.set_title("○ every case with a visible gap, | median", fontsize=9)
+
+
+def _draw_errors(ax: Axes, errors: list[dict[str, Any]]) -> None:
+    """Median relative error a parameter, with coverage and number of cases behind it."""
+    errors = errors[::-1]
+    sizes = np.clip([row["median_error"] for row in errors], LEAST, MOST)
+    ax.plot(sizes, range(len(errors)), "s", color=PALETTE[0], markersize=5)
+    for i, row in enumerate(errors):
+        inside = row["coverage"]
+        text = f"n = {row['n']}, {inside['count']} of {inside['n']}"
+        ax.annotate(text, (1.02, i), xycoords=("axes fraction", "data"), va="center", fontsize=7)
+    ax.set_xscale("log")
+    ax.set_xlim(0.7 * LEAST, 1.4 * MOST)
+    ax.axvline(0.1, color="0.45", linestyle="--", linewidth=1)
+    _name_rows(
+        ax, [f"{row['effect'].replace('_', ' ')}: {row['parameter'].replace('_', ' ')}" for row in errors]
+    )
+    ax.set_xlabel("median relative error [1]")
+    ax.set_title("named effects; n, truth inside how many 95 % intervals", fontsize=9)
+
+
+def _name_rows(ax: Axes, names: list[str]) -> None:
+    ax.set_yticks(range(len(names)), names, fontsize=8)
+    ax.set_ylim(-0.7, max(len(names), 4) - 0.3)
+    ax.grid(axis="y", color="0.9", linewidth=0.5)

@@ -1,15 +1,15 @@
-"""How far the held-out residual shrinks, relative to the true model, and the error of the replay."""
+"""Reduction of the held-out residual relative to the true model, and of the error of the replay."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.score.answered_case import Solved
-from diagrams.challenge.score.intervals import mean, median, rate
+from diagrams.challenge.generate.ground_truth import NO_GAP
+from diagrams.challenge.score.answered_case import AnsweredCase
+from diagrams.challenge.score.binomial_intervals import binomial_interval, mean, median
 
 CHANNELS = tuple((kind, axis) for kind in ("force", "torque") for axis in "xyz")
-VISIBLE = 1.1  # residual before over what the true model leaves, pooled: less is no gap [1]
 HORIZON = 1.0  # of the replay [s]
 
 
@@ -17,8 +17,8 @@ HORIZON = 1.0  # of the replay [s]
 ALL, PARAMETERS = "true_model_residual", "parameters_residual"
 
 
-def before_and_after(case: Solved, true: str = ALL) -> tuple[float, float] | None:
-    """Held-out residual in units of what the true model leaves, pooled over wrench channels [1].
+def before_and_after(case: AnsweredCase, true: str = ALL) -> tuple[float, float] | None:
+    """Return the held-out residual in units of what the true model leaves, pooled over wrench channels [1].
 
     true: the true model that knows every gust, or the one that knows the parameters of the wind as the truth has them.
     """
@@ -31,30 +31,30 @@ def before_and_after(case: Solved, true: str = ALL) -> tuple[float, float] | Non
         return None
     pooled = []
     for name in ("rms", "after"):
-        figures = [gap[kind][axis].get(name) for kind, axis in CHANNELS]
-        if any(figure is None for figure in figures):
+        values = [gap[kind][axis].get(name) for kind, axis in CHANNELS]
+        if any(value is None for value in values):
             return None
-        pooled.append(float(np.sqrt(np.mean((np.array(figures, float) / floor) ** 2))))
+        pooled.append(float(np.sqrt(np.mean((np.array(values, float) / floor) ** 2))))
     return pooled[0], pooled[1]
 
 
-def relative_shrink(case: Solved, true: str = ALL) -> float | None:
-    """1 - (after² - 1) / (before² - 1), held to [-1, 1]: the true model has 1; None where there is no gap to see."""
-    figures = before_and_after(case, true)
-    if case.kind == "clean" or figures is None or figures[0] < VISIBLE:
+def relative_gap_reduction(case: AnsweredCase, true: str = ALL) -> float | None:
+    """Return 1 - (after² - 1) / (before² - 1), clipped to [-1, 1]: the true model has 1; None where there is no gap."""
+    values = before_and_after(case, true)
+    if case.kind == "clean" or values is None or values[0] < NO_GAP:
         return None
-    before, after = figures
+    before, after = values
     return float(np.clip(1 - (after**2 - 1) / (before**2 - 1), -1.0, 1.0))
 
 
-def shrink_summary(cases: Iterable[Solved], true: str = ALL) -> dict[str, Any]:
-    """Over cases with a visible gap."""
-    values = [value for case in cases if (value := relative_shrink(case, true)) is not None]
+def gap_reduction_summary(cases: Iterable[AnsweredCase], true: str = ALL) -> dict[str, Any]:
+    """Return count, mean and median over cases with a visible gap."""
+    values = [value for case in cases if (value := relative_gap_reduction(case, true)) is not None]
     return {"n": len(values), "mean": mean(values), "median": median(values)}
 
 
-def replay_reduction(case: Solved) -> float | None:
-    """1 - after / before of the position error of the replay at `HORIZON`; None without both figures."""
+def replay_reduction(case: AnsweredCase) -> float | None:
+    """Return 1 - after / before of the position error of the replay at `HORIZON`; None without both errors."""
     replay = None if case.answer is None else case.answer["shrink"].get("replay")
     if not replay or not replay.get("before") or not replay.get("after"):
         return None
@@ -67,9 +67,9 @@ def replay_reduction(case: Solved) -> float | None:
     return float(1 - errors[1] / errors[0])
 
 
-def replay_summary(cases: Sequence[Solved], least: float) -> dict[str, Any]:
-    """Median reduction of the position error, and where it grows, over visible cases of the library's effects."""
+def replay_summary(cases: Sequence[AnsweredCase], least: float) -> dict[str, Any]:
+    """Return the median reduction of the position error, and where it grows, over visible cases."""
     values = [replay_reduction(case) for case in cases if case.visibility >= least]
     known = [value for value in values if value is not None]
-    worse = rate(value < 0 for value in known)
+    worse = binomial_interval(value < 0 for value in known)
     return {"n": len(known), "horizon": HORIZON, "median_reduction": median(known), "worse": worse}

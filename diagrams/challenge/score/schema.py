@@ -1,4 +1,4 @@
-"""Forms of JSON values, as JSON Schema (Draft 2020-12); a misfit is one sentence.
+"""Schemas of JSON values, as JSON Schema (Draft 2020-12); a violation is one sentence.
 
 `description` of a schema says what a value must be, in the words that follow "must be".
 """
@@ -29,13 +29,13 @@ def _is_whole(checker: Any, value: Any) -> bool:
 
 EXACT = 2**53  # up to which every whole number is a float
 TYPES = Draft202012Validator.TYPE_CHECKER.redefine_many({"number": _is_number, "integer": _is_whole})
-Form = extend(Draft202012Validator, type_checker=TYPES)
+SchemaValidator = extend(Draft202012Validator, type_checker=TYPES)
 
 
-def misfit(form: Validator, value: Any, place: str = "") -> str | None:
-    """Where the value first misfits, what it must be there and what it is; None where it suits.
+def violation(form: Validator, value: Any, place: str = "") -> str | None:
+    """Return where the value first violates the schema, what it must be there and what it is; None where it suits.
 
-    Args: form: `Form(schema)`.   place: of the value, as `effects[0].onset`; empty for the whole file.
+    Args: form: `SchemaValidator(schema)`.   place: of the value, as `effects[0].onset`; empty for the whole file.
     """
     error = next(form.iter_errors(value), None)
     if error is None:
@@ -49,32 +49,32 @@ def misfit(form: Validator, value: Any, place: str = "") -> str | None:
 
 
 def list_of(item: Schema) -> Schema:
-    """A list of any length, whose items are all `item`."""
+    """Return the schema of a list of any length, whose items are all `item`."""
     return {"description": f"a list, each {item['description']}", "type": "array", "items": item}
 
 
-def table_of(value: Schema) -> Schema:
-    """An object of any names, whose values are all `value`."""
+def object_of(value: Schema) -> Schema:
+    """Return the schema of an object of any names, whose values are all `value`."""
     must = f"an object, each value {value['description']}"
     # A pattern that every name has: `additionalProperties` would go through them in no order.
     return {"description": must, "type": "object", "patternProperties": {"": value}}
 
 
 def record(fields: Mapping[str, Schema], spare: Mapping[str, Schema] | None = None) -> Schema:
-    """An object with these fields, and possibly with `spare`; what else it holds is of no matter."""
+    """Return the schema of an object with these fields, and possibly with `spare`; other fields are ignored."""
     known = {**fields, **(spare or {})}
     must = f"an object with {', '.join(known)}"
-    # In the order in which a misfit is looked for: what is there, then what is missing.
+    # In the order in which a violation is looked for: what is there, then what is missing.
     return {"description": must, "type": "object", "properties": known, "required": list(fields)}
 
 
 def or_null(schema: Schema) -> Schema:
-    """May be null; of a schema with one type."""
+    """Return a schema that allows null too; of a schema with one type."""
     return {**schema, "description": f"{schema['description']}, or null", "type": [schema["type"], "null"]}
 
 
 def _joined(place: str, path: Iterable[str | int]) -> str:
-    """path: names and indices, as in `effects`, 0, `onset`; a name may be any text, and stays on one line."""
+    """Return the place with names and indices appended on one line, as `effects[0].onset`."""
     for step in path:
         place += f"[{step}]" if isinstance(step, int) else f"{'.' if place else ''}{' '.join(step.split())}"
     return place

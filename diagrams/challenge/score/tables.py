@@ -8,29 +8,29 @@ NOTHING = "–"
 
 
 def tables(score: dict[str, Any], least: float) -> list[Table]:
-    """Those worth printing: figures by quality where a set mixes simulators, figures by set, effects."""
+    """Return the tables worth printing: metrics by quality where a set mixes simulators, metrics by set, effects."""
     parts = {**({"all": score} if score["groups"] else {name_of_set(score): score}), **score["groups"]}
     title = f"score: [95 % interval], cases; (≥ {least:g}): of that visibility; shrink: true model = 1"
     columns = [some for some in (score["qualities"], parts) if some]
     return [
-        *((title, ["figure", *some], figure_rows(some, least)) for some in columns),
+        *((title, ["figure", *some], metric_rows(some, least)) for some in columns),
         *(detection_table(some) for some in columns[:1]),
         (
             f"effects, cases of one with visibility ≥ {least:g}",
             ["effect", "n", "found", "right name", "named wrongly", "median error", "coverage"],
             [effect_cells(row) for row in score["effects"]],
         ),
-        *foreign_table(score, least),
+        *out_of_library_table(score, least),
     ]
 
 
-def figure_rows(parts: dict[str, dict[str, Any]], least: float) -> list[list[Any]]:
-    """A row a figure, a column a part of the cases."""
+def metric_rows(parts: dict[str, dict[str, Any]], least: float) -> list[list[Any]]:
+    """Return a row a metric, a column a part of the cases."""
     return [[label, *(cell(part) for part in parts.values())] for label, cell in lines(least)]
 
 
 def lines(least: float) -> list[tuple[str, Any]]:
-    """(label, cell of a score) for every figure."""
+    """Return (label, cell of a score) for every metric."""
     return [
         (f"single (≥ {least:g}): right class", lambda s: share(s["rates"]["single"]["class"])),
         ("  `unknown` beside it allowed", lambda s: share(s["rates"]["single"]["class_unknown_allowed"])),
@@ -72,7 +72,7 @@ def lines(least: float) -> list[tuple[str, Any]]:
 
 
 def detection_table(parts: dict[str, dict[str, Any]]) -> Table:
-    """Single effects found, by visibility: a row a bin, a column a part of the cases."""
+    """Return single effects found, by visibility: a row a bin, a column a part of the cases."""
     bins = [{(row["lower"], row["upper"]): row for row in s["detection"]["bins"]} for s in parts.values()]
     edges = sorted({edge for some in bins for edge in some})
     rows = [[f"{a:g} … {b:g}", *(_found(some.get((a, b))) for some in bins)] for a, b in edges]
@@ -83,8 +83,8 @@ def _found(row: dict[str, Any] | None) -> str:
     return f"{row['count']} of {row['n']}" if row else NOTHING
 
 
-def foreign_table(score: dict[str, Any], least: float) -> list[Table]:
-    """A row a kind that the library does not have, where there are any."""
+def out_of_library_table(score: dict[str, Any], least: float) -> list[Table]:
+    """Return a row an out-of-library effect, where there are any."""
     rows = [
         [
             row["kind"],
@@ -98,12 +98,12 @@ def foreign_table(score: dict[str, Any], least: float) -> list[Table]:
 
 
 def named(row: dict[str, Any]) -> str:
-    """Names and how often they were said."""
+    """Return names and how often they were said."""
     return ", ".join(f"{name} {count}" for name, count in row["named"].items()) or NOTHING
 
 
 def effect_cells(row: dict[str, Any]) -> list[Any]:
-    """A line of the table of effects."""
+    """Return a line of the table of effects."""
     found, right = row["detected"], row["exact"]
     return [
         row["effect"],
@@ -117,13 +117,13 @@ def effect_cells(row: dict[str, Any]) -> list[Any]:
 
 
 def miss_table(score: dict[str, Any]) -> Table:
-    """Every miss that counts: what acts, how visible, what was said with which probability."""
+    """Return every miss that counts: what acts, how visible, what was said with which probability."""
     rows = [miss_cells(row) for row in score["cases"] if row["missed"]]
     return "misses", ["case", "kind", "visibility", "truth", "verdict", "shrink"], rows
 
 
 def miss_cells(row: dict[str, Any]) -> list[Any]:
-    """A line of the table of misses."""
+    """Return a line of the table of misses."""
     said = [f"{name} {number(row['probability'].get(name))}".removesuffix(NOTHING) for name in row["verdict"]]
     verdict = ", ".join(text.strip() for text in said) if row["answered"] else "no answer"
     return [
@@ -137,12 +137,12 @@ def miss_cells(row: dict[str, Any]) -> list[Any]:
 
 
 def name_of_set(score: dict[str, Any]) -> str:
-    """Simulator and quality of a set that does not mix them."""
+    """Return simulator and quality of a set that does not mix them."""
     return str(score["sets"][0]["group"]) if score["sets"] else "none"
 
 
 def set_lines(score: dict[str, Any]) -> list[str]:
-    """Where the cases come from."""
+    """Return where the cases come from, a line a group."""
     return [
         f"{part['group']}: {part['cases']} cases, seed {', '.join(map(str, part['seeds']))}"
         for part in score["sets"]
@@ -150,7 +150,7 @@ def set_lines(score: dict[str, Any]) -> list[str]:
 
 
 def share(rate: dict[str, Any]) -> str:
-    """`93 % [81, 99] 41/44`."""
+    """Return a share as `93 % [81, 99] 41/44`."""
     if not rate["n"]:
         return NOTHING
     low, high = (100 * bound for bound in rate["ci95"])
@@ -158,38 +158,38 @@ def share(rate: dict[str, Any]) -> str:
 
 
 def three(names: dict[str, Any]) -> str:
-    """Precision, recall, F1 and how many cases."""
+    """Return precision, recall, F1 and how many cases."""
     if not names["cases"]:
         return NOTHING
-    figures = ", ".join(number(names[key], 2) for key in ("precision", "recall", "f1"))
-    return f"{figures} ({names['cases']})"
+    values = ", ".join(number(names[key], 2) for key in ("precision", "recall", "f1"))
+    return f"{values} ({names['cases']})"
 
 
-def shrink(figures: dict[str, Any]) -> str:
-    """Mean, median and how many cases."""
-    if not figures["n"]:
+def shrink(values: dict[str, Any]) -> str:
+    """Return mean, median and how many cases."""
+    if not values["n"]:
         return NOTHING
-    return f"{figures['mean']:.3f}, {figures['median']:.3f} ({figures['n']})"
+    return f"{values['mean']:.3f}, {values['median']:.3f} ({values['n']})"
 
 
 def half(detection: dict[str, Any]) -> str:
-    """With its interval."""
+    """Return the visibility at which half are found, with its interval."""
     bounds: Sequence[float] | None = detection["half_ci95"]
     if detection["half"] is None or bounds is None:
         return NOTHING
     return f"{detection['half']:.3g} [{bounds[0]:.3g}, {bounds[1]:.3g}]"
 
 
-def reliability(figures: dict[str, Any]) -> str:
-    """Brier score and expected calibration error."""
-    return NOTHING if not figures["n"] else f"{figures['brier']:.3f}, {figures['ece']:.3f} ({figures['n']})"
+def reliability(values: dict[str, Any]) -> str:
+    """Return Brier score and expected calibration error."""
+    return NOTHING if not values["n"] else f"{values['brier']:.3f}, {values['ece']:.3f} ({values['n']})"
 
 
 def percent(value: float | None) -> str:
-    """Three digits."""
+    """Return a percentage of three digits."""
     return NOTHING if value is None else f"{100 * value:.3g} %"
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Significant digits."""
+    """Return a number with significant digits."""
     return NOTHING if value is None else f"{value:.{digits}g}"

@@ -7,7 +7,7 @@ from scipy import signal
 def gauss_markov(
     rng: np.random.Generator, t: np.ndarray, channels: int, *, rms: float, tau: float
 ) -> np.ndarray:
-    """(n, channels) first-order process of `rms` and correlation time `tau` [s] at instants t (n,) [s].
+    """Draw a first-order process (n, channels) of `rms` and correlation time `tau` [s] at times t (n,) [s].
 
     Exact for equal steps; the median step stands for all. Starts in its stationary distribution.
     """
@@ -18,7 +18,7 @@ def gauss_markov(
 
 
 def flicker(rng: np.random.Generator, t: np.ndarray, channels: int, *, rms: float) -> np.ndarray:
-    """(n, channels) about 1/f between 0.02 and 10 Hz: Gauss-Markov processes of equal power, one a decade."""
+    """Draw noise (n, channels) of about 1/f from 0.02 to 10 Hz: Gauss-Markov processes of equal power a decade."""
     taus = (0.016, 0.16, 1.6, 8.0)  # [s]
     parts = [gauss_markov(rng, t, channels, rms=rms / np.sqrt(len(taus)), tau=tau) for tau in taus]
     return np.sum(parts, axis=0)

@@ -1,9 +1,10 @@
-"""A flight plan: where to fly and which way to look, and what a controller is told of it."""
+"""A flight plan: where to fly and which way to look, as targets of a controller."""
 
 import dataclasses as dc
 
 import numpy as np
 
+from diagrams.batch.failed_run import FailedRun
 from np_drake import attitude
 from np_drake.references.base import Reference
 from np_drake.references.pace import Paced
@@ -13,11 +14,13 @@ _DELTA = 2e-3  # of the central differences from attitude to rate and angular ac
 ROTOR_SHARE = (0.08, 0.62)  # of the largest thrust that a plan may ask of a rotor: the rest is for surprises
 FASTEST = 8.0  # [m/s]
 STEEPEST = 0.75  # tilt [rad]
+# A vehicle counts as lost farther from the plan [m], lower [m], or with a smaller cosine of its tilt [1].
+FARTHEST, LOWEST, LEAST_UPRIGHT = 6.0, 0.03, -0.2
 
 
 @dc.dataclass(frozen=True)
 class Heading:
-    """yaw = start + rate t + swing (1 - cos 2 pi frequency t) / 2, from rest [rad, rad/s, Hz]."""
+    """A heading from rest: yaw = start + rate t + swing (1 - cos 2 pi frequency t) / 2 [rad, rad/s, Hz]."""
 
     start: float = 0.0
     rate: float = 0.0
@@ -25,7 +28,7 @@ class Heading:
     frequency: float = 0.1
 
     def sample(self, t: np.ndarray) -> np.ndarray:
-        """(n,) yaw [rad]; the turn sets in over a second."""
+        """Return the yaw (n,) [rad]; the turn sets in over a second."""
         after = np.maximum(t, 0.0)
         turned = np.where(after < 1.0, 0.5 * after**2, after - 0.5)
         return (
@@ -44,12 +47,12 @@ class Plan:
     heading: Heading = dc.field(default_factory=Heading)
 
     def start(self, gravity: float) -> np.ndarray:
-        """(7,) position and attitude at rest, before and at t = 0."""
+        """Return position and attitude (7,) at rest, before and at t = 0."""
         zero = np.zeros(1)
         return np.concatenate([self.reference.sample(zero)[0, 0], self._attitude(gravity, zero)[0]])
 
     def targets(self, gravity: float, t: np.ndarray) -> np.ndarray:
-        """(n, 16) what `np_drake.control.cascade` takes at the instants t (n,) [s]."""
+        """Return the targets (n, 16) of `np_drake.control.cascade` at times t (n,) [s]."""
         p, v, a = self.reference.sample(t)[:3]
         sooner, now, later = (self._rate(gravity, t + shift) for shift in (-_DELTA, 0.0, _DELTA))
         al = (later - sooner) / (2 * _DELTA)
@@ -61,13 +64,13 @@ class Plan:
         return attitude.quaternion_from_axes(z_B_W, self.heading.sample(t))
 
     def _rate(self, gravity: float, t: np.ndarray) -> np.ndarray:
-        """(n, 3) body rates of the attitude that the plan needs [rad/s]."""
+        """Return the body rates (n, 3) of the attitude that the plan needs [rad/s]."""
         sooner, later = self._attitude(gravity, t - _DELTA), self._attitude(gravity, t + _DELTA)
         turn = attitude.multiply(sooner * [1.0, -1.0, -1.0, -1.0], later)
         return turn[:, 1:] * np.sign(turn[:, :1]) / _DELTA
 
     def rotor_thrust(self, vehicle: Vehicle, t: np.ndarray) -> np.ndarray:
-        """(n, 4) what the plan asks of the rotors of a nominal vehicle [N]."""
+        """Return the rotor thrusts (n, 4) that the plan asks of a nominal vehicle [N]."""
         target = self.targets(vehicle.gravity, t)
         a, w, al = target[:, 6:9], target[:, 9:12], target[:, 12:15]
         f = vehicle.mass * np.linalg.norm(a + [0.0, 0.0, vehicle.gravity], axis=1, keepdims=True)
@@ -75,8 +78,15 @@ class Plan:
         return np.concatenate([f, tau], axis=1) @ vehicle.unmixer.T
 
 
+def require_flying(x: np.ndarray, target: np.ndarray, t: float) -> None:
+    """Raise FailedRun where a vehicle in state `x` (13,) at `t` [s] is lost: far off, low or upside down."""
+    upright = 1 - 2 * (x[4] ** 2 + x[5] ** 2)
+    if not (np.linalg.norm(x[:3] - target[:3]) < FARTHEST and x[2] > LOWEST and upright > LEAST_UPRIGHT):
+        raise FailedRun(f"challenge: the vehicle was lost at {t:.2f} s.")
+
+
 def within_limits(plan: Plan, vehicle: Vehicle, seconds: float) -> Plan:
-    """The plan, slowed down until a nominal vehicle can fly it. Raises ValueError: if no pace is slow enough."""
+    """Return the plan, slowed down until a nominal vehicle can fly it. Raises ValueError: if no pace is slow enough."""
     t = np.arange(0.0, seconds, 0.02)
     low, high = np.array(ROTOR_SHARE) * vehicle.max_rotor_thrust
     for factor in 0.9 ** np.arange(25):

@@ -50,6 +50,6 @@ def by_hand():
 
 
 @pytest.fixture(scope="session")
-def two_forms():
-    """Random motions, and what the two forms of a foreign effect must have in common."""
-    return _beside("two_forms")
+def implementations():
+    """Random motions, and what both implementations of an out-of-library effect must have in common."""
+    return _beside("implementations")

@@ -3,7 +3,7 @@
 import copy
 from typing import Any
 
-from diagrams.challenge.score.answered_case import Solved
+from diagrams.challenge.score.answered_case import AnsweredCase
 
 FLOOR = {"force": 0.2, "torque": 0.02}  # that the true model leaves in every channel [N, N·m]
 SCALE = {"effect": "thrust_scale", "parameters": {"scale": 0.9}}
@@ -14,7 +14,7 @@ PAYLOAD = {
     "parameters": {"mass": 0.2, "length": 0.8, "hook_x": 0.0, "hook_y": 0.0, "hook_z": -0.02},
 }
 WEAK = {"effect": "weak_rotor", "parameters": {"rotor": 2.0, "efficiency": 0.8}}
-FOREIGN = {"effect": "fan_jet", "parameters": {"reach": 0.7}}
+OUT_OF_LIBRARY = {"effect": "fan_jet", "parameters": {"reach": 0.7}}
 
 
 def make_truth(*effects: dict[str, Any], kind: str = "single", visibility: float = 5.0, **other: Any) -> dict:
@@ -75,17 +75,19 @@ def perfect(truth: dict[str, Any]) -> dict[str, Any]:
     return make_answer(*causes)
 
 
-def make_case(truth: dict[str, Any], answer: dict[str, Any] | None, name: str = "case") -> Solved:
+def make_case(truth: dict[str, Any], answer: dict[str, Any] | None, name: str = "case") -> AnsweredCase:
     """The two together."""
-    return Solved(name, truth, answer)
+    return AnsweredCase(name, truth, answer)
 
 
-def named(truth: dict[str, Any], *names: str, alike: tuple[str, ...] = (), unknown: bool = False) -> Solved:
+def named(
+    truth: dict[str, Any], *names: str, alike: tuple[str, ...] = (), unknown: bool = False
+) -> AnsweredCase:
     """A case that is answered with these names, each with the same `indistinguishable_from`."""
     return make_case(truth, make_answer(*(make_cause(n, {}, *alike) for n in names), unknown=unknown))
 
 
-def perfect_set() -> list[Solved]:
+def perfect_set() -> list[AnsweredCase]:
     """One of every kind, and ten singles, each with the answer that says what the truth says."""
     begun = {**SCALE, "onset": {"train_1.csv": 8.0, "train_2.csv": None}}
     truths = [make_truth(SCALE, visibility=1.5 + k) for k in range(10)]
@@ -97,6 +99,6 @@ def perfect_set() -> list[Solved]:
         make_truth(SCALE, DRAG, kind="pair"),
         make_truth(SCALE, DRAG, WEAK, kind="triple"),
         make_truth(kind="clean", visibility=1.0),
-        make_truth(FOREIGN, kind="foreign"),
+        make_truth(OUT_OF_LIBRARY, kind="foreign"),
     ]
     return [make_case(truth, perfect(truth), f"case {k}") for k, truth in enumerate(truths)]

@@ -1,5 +1,6 @@
 """The vehicle under its controller in Drake, advanced from row to row of a log."""
 
+import dataclasses as dc
 from collections.abc import Sequence
 from functools import cached_property
 
@@ -11,18 +12,42 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from pydrake.systems.framework import Context, DiagramBuilder
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge.simulators.drake.settings import in_order, largest_step, springy
-from diagrams.challenge.simulators.drake.signals import unpack
+from diagrams.challenge.simulators.flight_plan import require_flying
 from np_drake import attitude
 from np_drake.effects.base import Effect
-from np_drake.effects.combine import split_effects
+from np_drake.effects.combine import EffectsByPlace, split_effects
+from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 from systems.cascaded_controller import CascadedController
+from systems.payload_config import PayloadConfig, payload_config
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
-LOST = 6.0  # farther than this from the plan a vehicle counts as lost [m]
-FLOOR = 0.03  # lower than this it has crashed [m]
-STEEPEST = -0.2  # cosine of the tilt at which it counts as lost [1]
+CABLE_RATE, CABLE_DAMPING = 250.0, 0.3  # of the cable: frequency [rad/s] and damping ratio [1]
+# Steps of the integrator [s]: one between rows 10 ms apart, jitter included, three with a cable; share of a lag.
+STEP, CABLE_STEP, LAG_SHARE = 0.0112, 0.0037, 0.2
+
+
+def largest_step(vehicle: Vehicle, places: EffectsByPlace) -> float:
+    """Return a step at which runge_kutta3 is stable and follows the lags to a few parts in a thousand [s]."""
+    lags = [vehicle.rotor_time_constant] if vehicle.rotor_time_constant > 0 else []
+    for effect in places.actuator:
+        lags += [getattr(effect, name) for name in ("time_constant", "time") if hasattr(effect, name)]
+    return min([STEP if places.payload is None else CABLE_STEP, *(LAG_SHARE * lag for lag in lags)])
+
+
+def stiff_cable(effect: SuspendedPayload | None, vehicle: Vehicle) -> PayloadConfig:
+    """Return the payload on a cable as stiff as the integrator's step allows."""
+    payload = payload_config(effect)
+    if payload.tether == "none":
+        return payload
+    reduced = payload.mass * vehicle.mass / (payload.mass + vehicle.mass)
+    stiffness, damping = reduced * CABLE_RATE**2, 2 * CABLE_DAMPING * reduced * CABLE_RATE
+    return dc.replace(payload, stiffness=stiffness, damping=damping)
+
+
+def acting_order(effects: list) -> list:
+    """Return actuator effects as they act: first what changes how rotors turn, then what turning rotors give."""
+    return sorted(effects, key=lambda effect: not effect.turns_rotor)
 
 
 class DrakeLoop:
@@ -33,7 +58,7 @@ class DrakeLoop:
 
     def __init__(self, vehicle: Vehicle, effects: Sequence[Effect]):
         places = split_effects(effects)
-        self._vehicle, self._payload = vehicle, springy(places.payload, vehicle)
+        self._vehicle, self._payload = vehicle, stiff_cable(places.payload, vehicle)
         self._dead_time = sum(effect.dead_time for effect in places.actuator)
         self._on_the_way: list[tuple[float, np.ndarray]] = []  # commands, and when they arrive [s]
         builder = DiagramBuilder()
@@ -41,7 +66,7 @@ class DrakeLoop:
             vehicle,
             self._payload,
             wrench_effects=places.wrench,
-            actuator_effects=in_order([e for e in places.actuator if e.dead_time == 0.0]),
+            actuator_effects=acting_order([e for e in places.actuator if e.dead_time == 0.0]),
             mass_effects=places.mass,
         )
         builder.AddSystem(self._real)
@@ -108,12 +133,12 @@ class DrakeLoop:
             self._deliver()
             rows.append(np.concatenate([u, self._reading()]))
             if not i % 10:
-                self._require_flying(target)
+                require_flying(self.state(), target, self._root.get_time())
             self._advance(t[i + 1] if i + 1 < len(t) else end)
         return unpack(np.array(rows), self._plant.num_positions())
 
     def state(self) -> np.ndarray:
-        """(13,) now."""
+        """Return the state (13,) now."""
         return self._eval(self._real, "x").copy()
 
     def _context(self, system) -> Context:
@@ -124,7 +149,7 @@ class DrakeLoop:
 
     @cached_property
     def _ports(self) -> list:
-        """(port, context) of what a row holds beside the command."""
+        """Return (port, context) of what a row holds beside the command."""
         instance = self._plant.GetBodyByName("quadrotor").model_instance()
         return [
             (self._real.GetOutputPort("nominal_rotor_thrust"), self._context(self._real)),
@@ -153,8 +178,23 @@ class DrakeLoop:
         except RuntimeError as error:
             raise FailedRun(f"challenge: the simulation ended before {t:.2f} s: {error}") from error
 
-    def _require_flying(self, target: np.ndarray) -> None:
-        x = self.state()
-        upright = 1 - 2 * (x[4] ** 2 + x[5] ** 2)
-        if not (np.linalg.norm(x[:3] - target[:3]) < LOST and x[2] > FLOOR and upright > STEEPEST):
-            raise FailedRun(f"challenge: the vehicle was lost at {self._root.get_time():.2f} s.")
+
+def unpack(rows: np.ndarray, num_positions: int) -> dict[str, np.ndarray]:
+    """Return rows [u, nominal thrust, plant state, its rates] as signals by name, see `DrakeLoop.fly`."""
+    u, nominal, s = rows[:, :4], rows[:, 4:8], rows[:, 8:]
+    velocities, size = s[:, num_positions:], 6 * (num_positions // 7)
+    w_W, v, rates = velocities[:, 0:3], velocities[:, 3:6], velocities[:, size:]
+    q = s[:, 0:4] / np.linalg.norm(s[:, 0:4], axis=1, keepdims=True)
+    x = np.concatenate([s[:, 4:7], q, v, attitude.rotate_back(q, w_W)], axis=1)
+    return {
+        "x": x,
+        "a": rates[:, 3:6],
+        "al": attitude.rotate_back(q, rates[:, 0:3]),
+        "nominal_thrust": nominal,
+        "u": u,
+    }
+
+
+def joined(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Return the signals of consecutive phases as one."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagrams.challenge.simulators.drake.closed_loop import DrakeLoop
-from diagrams.challenge.simulators.drake.signals import joined
+from diagrams.challenge.simulators.drake.closed_loop import DrakeLoop, joined
 from diagrams.challenge.simulators.flight_plan import Plan
 from np_drake.effects.base import Effect, Measurement, SensorEffect
 from np_drake.logs.clock import shift_state
@@ -25,7 +24,7 @@ def fly(
     onset: float | None = None,
     background: Sequence[Effect] = (),
 ) -> FlightLog:
-    """The exact log: no noise; systematic sensor effects and the right-sided accelerations are in it.
+    """Return the exact log: no noise; systematic sensor effects and the right-sided accelerations are in it.
 
     Args:
         t: (n,) instants of the rows [s]; the command is updated there too.
@@ -45,7 +44,7 @@ def fly(
 
 
 def _signals(vehicle, plan, effects, background, t, onset) -> dict[str, np.ndarray]:
-    """Of one phase, or of two: before the onset without the effects."""
+    """Return the signals of one phase, or of two: before the onset without the effects."""
     targets, end = plan.targets(vehicle.gravity, t), t[-1] + (t[-1] - t[-2])
     x = np.concatenate([plan.start(vehicle.gravity), np.zeros(6)])
     split = 0 if onset is None else int(np.searchsorted(t, onset - 1e-9))
@@ -63,7 +62,7 @@ def _signals(vehicle, plan, effects, background, t, onset) -> dict[str, np.ndarr
 def _read(
     vehicle: Vehicle, t: np.ndarray, signals: dict[str, np.ndarray], sensors: Sequence[SensorEffect]
 ) -> FlightLog:
-    """The log as sensors with systematic errors and no noise give it."""
+    """Return the log as sensors with systematic errors and no noise give it."""
     speed = np.sqrt(np.maximum(signals["nominal_thrust"], 0.0) / vehicle.thrust_coefficient)
     reading = Measurement(signals["x"], signals["a"], signals["al"], speed)
     for sensor in sensors:

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge.simulators.rotorpy.library_effects import cross
 from diagrams.challenge.simulators.rotorpy.vehicle import SIZE, SPEED, Q, RealMultirotor, V, W, X
 from np_drake import attitude
@@ -14,12 +13,10 @@ from np_drake.vehicle import Vehicle
 # Of the integrator, at most [s]: one between rows 10 ms apart, jitter included, two with a tether.
 STEP, TETHER_STEP = 0.0112, 0.0056
 LAG_SHARE = 0.5  # of a motor's time constant that a step may last [1]
-FARTHEST, LOWEST = 6.0, 0.03  # lost farther from the plan, or lower [m]
-STEEPEST = -0.2  # cosine of the tilt beyond which it is lost [1]
 
 
 def to_rotorpy(x: np.ndarray, center: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    """(20,) rotorpy's state of Bcm, quaternion x, y, z, w, from x (13,) of Bo and rotor speed (4,) [rad/s]."""
+    """Return rotorpy's state (20,) of Bcm, quaternion x, y, z, w, from x (13,) of Bo and rotor speed (4,) [rad/s]."""
     q, w = x[3:7] / np.linalg.norm(x[3:7]), x[10:13]
     s = np.zeros(SIZE)
     s[X] = x[0:3] + attitude.rotate(q, center)
@@ -29,7 +26,7 @@ def to_rotorpy(x: np.ndarray, center: np.ndarray, speed: np.ndarray) -> np.ndarr
 
 
 def from_rotorpy(s: np.ndarray, center: np.ndarray) -> np.ndarray:
-    """(13,) state of Bo, quaternion w, x, y, z, from rotorpy's."""
+    """Return the state (13,) of Bo, quaternion w, x, y, z, from rotorpy's."""
     q, w = s[Q][[3, 0, 1, 2]], s[W]
     R = attitude.rotation_matrix(q)
     return np.concatenate([s[X] - R @ center, q, s[V] - R @ cross(w, center), w])
@@ -59,15 +56,15 @@ class Flight:
 
     @property
     def speed(self) -> np.ndarray:
-        """(4,) [rad/s]."""
+        """Return the rotor speeds (4,) [rad/s]."""
         return self._s[SPEED].copy()
 
     def state(self) -> np.ndarray:
-        """(13,) of Bo."""
+        """Return the state (13,) of Bo."""
         return from_rotorpy(self._s, self.real.center)
 
     def control(self, target: np.ndarray) -> np.ndarray:
-        """(4,) the controller's command from now on [N, N·m]; it arrives after the dead time."""
+        """Return the controller's command (4,) from now on [N, N·m]; it arrives after the dead time."""
         u, self._integral = cascade(
             self._vehicle,
             self._gains,
@@ -82,7 +79,7 @@ class Flight:
         return u
 
     def reading(self) -> np.ndarray:
-        """(19,) now: state of Bo, its acceleration in W and dw/dt in B, as the acting command makes them."""
+        """Return (19,) state of Bo, its acceleration in W and dw/dt in B, as the acting command makes them."""
         rate, x, c = self._rate_now(), self.state(), self.real.center
         w, al = x[10:13], rate[W]
         swept = cross(al, c) + cross(w, cross(w, c))
@@ -96,15 +93,8 @@ class Flight:
         self._integrate(t)
         self._deliver()
 
-    def require_flying(self, target: np.ndarray) -> None:
-        """Raises FailedRun: if the vehicle is lost."""
-        x = self.state()
-        upright = 1 - 2 * (x[4] ** 2 + x[5] ** 2)
-        if not (np.linalg.norm(x[:3] - target[:3]) < FARTHEST and x[2] > LOWEST and upright > STEEPEST):
-            raise FailedRun(f"challenge: the vehicle was lost at {self.t:.2f} s.")
-
     def _speeds(self, u: np.ndarray) -> np.ndarray:
-        """(4,) rotor speeds that a nominal vehicle needs for u (4,) [rad/s]."""
+        """Return the rotor speeds (4,) that a nominal vehicle needs for u (4,) [rad/s]."""
         return np.sqrt(np.maximum(self._vehicle.unmixer @ u, 0.0) / self._vehicle.thrust_coefficient)
 
     def _deliver(self) -> None:

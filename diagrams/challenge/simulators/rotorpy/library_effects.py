@@ -18,7 +18,7 @@ Values = Mapping[str, Any]
 
 
 @dc.dataclass(frozen=True)
-class Acting:
+class ActiveEffect:
     """An effect as it is read from outside: its name, its parameters, and the seed of what is random in it."""
 
     name: str
@@ -28,7 +28,9 @@ class Acting:
 
 @dc.dataclass
 class Instant:
-    """The vehicle now: t [s]; p (3,) of Bo in W [m]; R (3, 3) R_WB; v (3,) of Bo in W, air (3,) of Bo through the air
+    """The vehicle at one instant.
+
+    t [s]; p (3,) of Bo in W [m]; R (3, 3) R_WB; v (3,) of Bo in W, air (3,) of Bo through the air
     in B [m/s]; w (3,) in B [rad/s]; thrust (4,) that the propellers give [N]; speed (4,) of the rotors [rad/s] and
     its rate, spin_up (4,) [rad/s²].
     """
@@ -48,24 +50,24 @@ Law = Callable[[Vehicle, Values, Instant], np.ndarray]  # -> (6,) force at Bo an
 Gain = Callable[[Vehicle, Values, np.ndarray, float], np.ndarray]  # thrust (4,) [N], t [s] -> thrust (4,) [N]
 
 
-def read(effect: Any) -> Acting:
-    """What an effect object says of itself; a foreign one has no parameters but fields."""
-    return Acting(effect.identifier, effect.values or dc.asdict(effect), getattr(effect, "seed", 0))
+def read_effect(effect: Any) -> ActiveEffect:
+    """Return an effect's name, parameters and seed; an out-of-library effect has fields for parameters."""
+    return ActiveEffect(effect.identifier, effect.values or dc.asdict(effect), getattr(effect, "seed", 0))
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(3,) a x b of two vectors, in a tenth of the time of NumPy's."""
+    """Return a x b of two vectors (3,), in a tenth of the time of NumPy's."""
     (a0, a1, a2), (b0, b1, b2) = a, b
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
 def at_center(f_x: float, f_y: float, f_z: float) -> np.ndarray:
-    """(6,) of a force at Bo in B alone [N]."""
+    """Return the wrench (6,) of a force at Bo in B alone [N]."""
     return np.array([f_x, f_y, f_z, 0.0, 0.0, 0.0])
 
 
 def linear_drag(vehicle: Vehicle, d: Values, now: Instant) -> np.ndarray:
-    """-d_i v_i, and proportional to the mean rotor speed that the thrusts show, over that in hover."""
+    """Return drag -d_i v_i, proportional to the mean rotor speed that the thrusts show, over that in hover."""
     hover = vehicle.mass * vehicle.gravity / 4
     turning = sum(math.sqrt(max(f, 0.0) / hover) for f in now.thrust.tolist()) / 4
     x, y, z = now.air.tolist()
@@ -73,25 +75,25 @@ def linear_drag(vehicle: Vehicle, d: Values, now: Instant) -> np.ndarray:
 
 
 def quadratic_drag(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
-    """-c_i |v_i| v_i: every axis for itself."""
+    """Return drag -c_i |v_i| v_i, every axis for itself."""
     x, y, z = now.air.tolist()
     return at_center(-c["c_x"] * x * abs(x), -c["c_y"] * y * abs(y), -c["c_z"] * z * abs(z))
 
 
 def blade_flapping(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
-    """moment * v x z: flying ahead (+x) raises the nose (torque about -y)."""
+    """Return the torque moment * v x z: flying ahead (+x) raises the nose (torque about -y)."""
     x, y, _ = now.air.tolist()
     return np.array([0.0, 0.0, 0.0, c["moment"] * y, -c["moment"] * x, 0.0])
 
 
 def translational_lift(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
-    """lift * (lateral air speed)² along body z."""
+    """Return the force lift * (lateral air speed)² along body z."""
     x, y, _ = now.air.tolist()
     return at_center(0.0, 0.0, c["lift"] * (x * x + y * y))
 
 
 def rotor_gyroscopic(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
-    """What turning the rotors' angular momentum takes: -w x h - h', along body z; rotors turn against their torque."""
+    """Return the torque -w x h - h' of the rotors' angular momentum h along body z, against their torque."""
     signs = np.array(vehicle.rotor_directions)
     h = -c["rotor_inertia"] * float(signs @ now.speed)
     h_rate = -c["rotor_inertia"] * float(signs @ now.spin_up)
@@ -100,25 +102,18 @@ def rotor_gyroscopic(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
 
 
 def thrust_drift(vehicle: Vehicle, c: Values, thrust: np.ndarray, t: float) -> np.ndarray:
-    """All propellers, by the flight's time."""
+    """Return the thrust of propellers that all drift with the flight's time."""
     return (c["start"] + c["rate"] * t) * thrust
 
 
 def weak_rotor(vehicle: Vehicle, c: Values, thrust: np.ndarray, t: float) -> np.ndarray:
-    """One propeller of four, counted from 1."""
+    """Return the thrust with one weak propeller of four, counted from 1."""
     share = [c["efficiency"] if i == round(c["rotor"]) else 1.0 for i in (1, 2, 3, 4)]
     return np.array(share) * thrust
 
 
-def bent_thrust_curve(vehicle: Vehicle, c: Values, thrust: np.ndarray, t: float) -> np.ndarray:
-    """Foreign: f = c - bend (c - h)³ / h² about the thrust h of a hovering rotor."""
-    hover = vehicle.mass * vehicle.gravity / 4
-    over = thrust / hover - 1.0
-    return np.maximum(thrust - c["bend"] * hover * over * over * over, 0.0)
-
-
 def cushion(c: Values, height: float) -> float:
-    """Thrust over that far from the ground, by the method of images; at most 1.5."""
+    """Return the thrust over that far from the ground, by the method of images; at most 1.5."""
     ratio = c["effective_radius"] / (4.0 * max(height, 1e-6))
     return 1.0 / (1.0 - min(ratio * ratio, 1.0 / 3.0))
 
@@ -133,5 +128,4 @@ LAWS: dict[str, Law] = {
 GAINS: dict[str, Gain] = {
     "thrust_drift": thrust_drift,
     "weak_rotor": weak_rotor,
-    "bent_thrust_curve": bent_thrust_curve,
 }

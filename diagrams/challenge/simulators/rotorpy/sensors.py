@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from diagrams.challenge.simulators.rotorpy.library_effects import Acting, Values
+from diagrams.challenge.simulators.rotorpy.library_effects import ActiveEffect, Values
 from np_drake.logs.flight_log import FlightLog
 
 Error = Callable[[FlightLog, Rotation, Values], None]
@@ -43,8 +43,8 @@ ERRORS: dict[str, Error] = {
 }
 
 
-def misread(log: FlightLog, acting: Sequence[Acting]) -> FlightLog:
-    """The log (changed in place) as the sensors with their errors give it; every error acts on the truth."""
+def with_sensor_errors(log: FlightLog, acting: Sequence[ActiveEffect]) -> FlightLog:
+    """Return the log (changed in place) as sensors with their errors give it; every error acts on the truth."""
     R_WB = Rotation.from_quat(log.q[:, [1, 2, 3, 0]])
     for effect in acting:
         if effect.name in ERRORS:

@@ -1,7 +1,7 @@
 """The simulator `rotorpy`: an exact log of one planned flight with effects, independent of how a diagnosis sees them.
 
-Rigid body, rotors and motors are rotorpy's; other effects are written anew in `rotorpy_*.py`. Of an effect that is
-passed in only its identifier and its figures are read.   Source: Folk, Paulos and Kumar 2023 (RotorPy), as a library.
+Rigid body, rotors and motors are rotorpy's; other effects are written anew in this folder. Only the identifier
+and the parameters of an effect are read.   Source: Folk, Paulos and Kumar 2023 (RotorPy), as a library.
 """
 
 from collections.abc import Sequence
@@ -9,16 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.simulators.flight_plan import Plan
-from diagrams.challenge.simulators.rotorpy.base import FOREIGN_LAWS, HIDDEN
+from diagrams.challenge.simulators.flight_plan import Plan, require_flying
 from diagrams.challenge.simulators.rotorpy.closed_loop import Flight
-from diagrams.challenge.simulators.rotorpy.library_effects import GAINS, LAWS, Acting, read
-from diagrams.challenge.simulators.rotorpy.out_of_library_fresh import FRESH_HIDDEN, FRESH_LAWS
-from diagrams.challenge.simulators.rotorpy.out_of_library_further import FURTHER_LAWS
-from diagrams.challenge.simulators.rotorpy.out_of_library_newest import NEWEST_HIDDEN, NEWEST_LAWS
-from diagrams.challenge.simulators.rotorpy.out_of_library_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
-from diagrams.challenge.simulators.rotorpy.sensors import ERRORS, misread
-from diagrams.challenge.simulators.rotorpy.vehicle import RealMultirotor
+from diagrams.challenge.simulators.rotorpy.library_effects import ActiveEffect, read_effect
+from diagrams.challenge.simulators.rotorpy.sensors import ERRORS, with_sensor_errors
+from diagrams.challenge.simulators.rotorpy.vehicle import GAINS, LAWS, STATEFUL, RealMultirotor
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
@@ -28,13 +23,7 @@ _OWN_PLACE = [
     *("mass_error", "inertia_error", "center_of_mass_offset", "thrust_scale", "motor_lag", "command_delay"),
     *("constant_wind", "gusty_wind", "ground_effect", "suspended_payload", "clock_offset"),
 ]
-KNOWN = frozenset(
-    [
-        *(*_OWN_PLACE, *LAWS, *GAINS, *ERRORS),
-        *(*FOREIGN_LAWS, *HIDDEN, *FURTHER_LAWS, *UNSEEN_LAWS, *UNSEEN_HIDDEN, *FRESH_LAWS, *FRESH_HIDDEN),
-        *(*NEWEST_LAWS, *NEWEST_HIDDEN),
-    ]
-)
+KNOWN = frozenset([*_OWN_PLACE, *LAWS, *GAINS, *STATEFUL, *ERRORS])
 
 
 def fly(
@@ -46,7 +35,7 @@ def fly(
     onset: float | None = None,
     background: Sequence[Any] = (),
 ) -> FlightLog:
-    """The exact log of Bo: no noise; systematic sensor effects and the right-sided accelerations are in it.
+    """Return the exact log of Bo: no noise; systematic sensor effects and the right-sided accelerations are in it.
 
     Args:
         t: (n,) instants of the rows [s]; the command is updated there too.
@@ -55,7 +44,7 @@ def fly(
         background: effects that act throughout and are no cause (a vehicle file that is a percent off).
     Raises: FailedRun: if the vehicle is lost; ValueError: on an effect that this simulator does not know.
     """
-    added, always = known(effects), known(background)
+    added, always = read_effects(effects), read_effects(background)
     offset = sum(a.values["offset"] for a in added if a.name == "clock_offset")
     rows = instants(t, max(offset, 0.0))
     split = 0 if onset is None else int(np.searchsorted(rows, onset - 1e-9))
@@ -67,12 +56,12 @@ def fly(
     start = int(np.searchsorted(rows, t[0] - 1e-9))
     u, speed = commands[start : start + len(t), :4], commands[start : start + len(t), 4:]
     p, q, v, w, a, al = np.split(states, [3, 7, 10, 13, 16], axis=1)
-    return misread(FlightLog(t, p, q, v, w, u, a, al, speed), added)
+    return with_sensor_errors(FlightLog(t, p, q, v, w, u, a, al, speed), added)
 
 
-def known(effects: Sequence[Any]) -> list[Acting]:
-    """The effects as this simulator reads them. Raises: ValueError: if one is unknown, or there are two payloads."""
-    acting = [read(effect) for effect in effects]
+def read_effects(effects: Sequence[Any]) -> list[ActiveEffect]:
+    """Return the effects as read here. Raises ValueError: if one is unknown, or there are two payloads."""
+    acting = [read_effect(effect) for effect in effects]
     for a in acting:
         if a.name not in KNOWN:
             raise ValueError(f"rotorpy: an effect must be one of {', '.join(sorted(KNOWN))}; got {a.name!r}.")
@@ -82,7 +71,7 @@ def known(effects: Sequence[Any]) -> list[Acting]:
 
 
 def instants(t: np.ndarray, margin: float) -> np.ndarray:
-    """(m,) rows [s]: those before the log, its own, and those after until its last state has been read."""
+    """Return the rows (m,) [s]: those before the log, its own, and those after until its last state has been read."""
     step = float(np.median(np.diff(t)))
     before = t[0] - step * np.arange(round(WARM_UP / step), 0, -1)
     return np.concatenate([before, t, t[-1] + step * np.arange(1, 2 + int(np.ceil(margin / step)))])
@@ -96,7 +85,7 @@ def _fly_rows(
     split: int,
     later: RealMultirotor | None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(m - 1, 8) command and rotor speed at the rows but the last, (n, 19) states and accelerations at `reads`."""
+    """Return (m - 1, 8) command and rotor speed at all rows but the last, (n, 19) states at `reads`."""
     commands: list[np.ndarray] = []
     states: list[np.ndarray] = []
     for k, target in enumerate(targets[:-1]):
@@ -105,7 +94,7 @@ def _fly_rows(
         u = flight.control(target)
         commands.append(np.concatenate([u, flight.speed]))
         if not k % 10:
-            flight.require_flying(target)
+            require_flying(flight.state(), target, flight.t)
         while len(states) < len(reads) and reads[len(states)] < rows[k + 1] - 1e-9:
             flight.advance(reads[len(states)])
             states.append(flight.reading())

@@ -27,14 +27,14 @@ class Tether:
         self.hook = np.array([values["hook_x"], values["hook_y"], values["hook_z"]])
 
     def hang(self, now: Instant) -> np.ndarray:
-        """(6,) straight below the hook, and moving with it."""
+        """Return the payload's state (6,) straight below the hook, and moving with it."""
         below = now.p + now.R @ self.hook - [0.0, 0.0, self.length]
         return np.concatenate([below, now.v + now.R @ cross(now.w, self.hook)])
 
     def pull(
         self, now: Instant, own: np.ndarray, motion: np.ndarray, inertial: tuple, gravity: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The tether's part of the vehicle's accelerations, and the rate of the payload's state.
+        """Return the tether's part of the vehicle's accelerations, and the rate of the payload's state.
 
         Args:   own: (6,) its state.   motion: (6,) [dv/dt of Bcm in W, dw/dt in B] without the tether.
                 inertial: mass [kg], inverse inertia (3, 3), p_BoBcm_B (3,) of the vehicle.

@@ -5,30 +5,43 @@ from collections.abc import Sequence
 import numpy as np
 from rotorpy.vehicles.multirotor import Multirotor
 
-from diagrams.challenge.simulators.rotorpy.base import FOREIGN_LAWS, HIDDEN
-from diagrams.challenge.simulators.rotorpy.library_effects import GAINS, LAWS, Acting, Instant, cross, cushion
-from diagrams.challenge.simulators.rotorpy.out_of_library_fresh import FRESH_HIDDEN, FRESH_LAWS
-from diagrams.challenge.simulators.rotorpy.out_of_library_further import FURTHER_LAWS
-from diagrams.challenge.simulators.rotorpy.out_of_library_newest import NEWEST_HIDDEN, NEWEST_LAWS
-from diagrams.challenge.simulators.rotorpy.out_of_library_unseen import UNSEEN_HIDDEN, UNSEEN_LAWS
+from diagrams.challenge.simulators.rotorpy import library_effects
+from diagrams.challenge.simulators.rotorpy.library_effects import ActiveEffect, Instant, cross, cushion
+from diagrams.challenge.simulators.rotorpy.out_of_library import (
+    actuators,
+    aerodynamic,
+    contact,
+    ground_and_walls,
+    wind,
+)
 from diagrams.challenge.simulators.rotorpy.tether import Tether
 from diagrams.challenge.simulators.rotorpy.wind import winds
 from np_drake import attitude
 from np_drake.vehicle import Vehicle
 
 X, V, Q, W, WIND, SPEED = (slice(*ends) for ends in ((0, 3), (3, 6), (6, 10), (10, 13), (13, 16), (16, 20)))
+LAWS = (
+    library_effects.LAWS
+    | aerodynamic.LAWS
+    | wind.LAWS
+    | ground_and_walls.LAWS
+    | contact.LAWS
+    | actuators.LAWS
+)
+GAINS = library_effects.GAINS | actuators.GAINS
+STATEFUL = aerodynamic.STATEFUL | contact.STATEFUL | actuators.STATEFUL
 SIZE = 20  # of rotorpy's own state; hidden states follow
 
 
 class RealMultirotor(Multirotor):
-    """rotorpy's rigid body, rotors, motor lag and wind state; other effects join its body wrench.
+    """A multirotor of rotorpy: its rigid body, rotors, motor lag and wind state; other effects join its body wrench.
 
     rotorpy's own parameters are mass, inertia, place of the rotors from the centre of mass, thrust and torque
     coefficient (`thrust_scale`), motor time constant (infinite: none, and the command is the speed) and gravity. Its
     own aerodynamics and its ground plane are off. `center`: p_BoBcm_B [m].   `dead_time`: of commands [s].
     """
 
-    def __init__(self, vehicle: Vehicle, acting: Sequence[Acting]):
+    def __init__(self, vehicle: Vehicle, acting: Sequence[ActiveEffect]):
         super().__init__(parameters(vehicle, acting), aero=False, enable_ground=False)
         self.g = vehicle.gravity
         self.weight = np.array([0.0, 0.0, -self.mass * self.g])
@@ -36,12 +49,10 @@ class RealMultirotor(Multirotor):
         self._beside = bool(np.any(self.center))
         self.dead_time = sum(a.values["delay"] for a in acting if a.name == "command_delay")
         self._winds = winds(list(acting))
-        laws = LAWS | FOREIGN_LAWS | FURTHER_LAWS | UNSEEN_LAWS | FRESH_LAWS | NEWEST_LAWS
-        self._laws = [(laws[a.name], a.values) for a in acting if a.name in laws]
+        self._laws = [(LAWS[a.name], a.values) for a in acting if a.name in LAWS]
         self._gains = [(GAINS[a.name], a.values) for a in acting if a.name in GAINS]
         self._ground = [a.values for a in acting if a.name == "ground_effect"]
-        hidden = HIDDEN | UNSEEN_HIDDEN | FRESH_HIDDEN | NEWEST_HIDDEN
-        self._hidden = [hidden[a.name](vehicle, a.values) for a in acting if a.name in hidden]
+        self._hidden = [STATEFUL[a.name](vehicle, a.values) for a in acting if a.name in STATEFUL]
         self._tether = next((Tether(a.values) for a in acting if a.name == "suspended_payload"), None)
         self._plain = not (self._laws or self._gains or self._ground or self._hidden or self._tether)
         self._t, self._s, self._command = 0.0, np.zeros(SIZE), np.zeros(4)  # overwritten for every rate
@@ -49,11 +60,11 @@ class RealMultirotor(Multirotor):
 
     @property
     def swings(self) -> bool:
-        """Whether there is a payload, which wants short steps."""
+        """Return whether there is a payload, which needs short steps."""
         return self._tether is not None
 
     def hidden_at_rest(self, t: float, s: np.ndarray) -> np.ndarray:
-        """What follows rotorpy's state `s` (20,) where nothing has happened yet: liquid at rest, payload hanging."""
+        """Return what follows rotorpy's state `s` (20,) at rest: liquid still, payload hanging."""
         self._t, self._s, self._command = t, s, s[SPEED]
         now = self._instant(s[SPEED], np.zeros(3))
         drive = self.vehicle.mixer @ now.thrust
@@ -61,7 +72,7 @@ class RealMultirotor(Multirotor):
         return np.concatenate([*parts, self._tether.hang(now) if self._tether else np.zeros(0)])
 
     def rate(self, t: float, s: np.ndarray, command: np.ndarray) -> np.ndarray:
-        """Time derivative of the state `s` under commanded rotor speeds (4,) [rad/s]. Writes the wind into `s`."""
+        """Return the derivative of the state `s` at commanded rotor speeds (4,) [rad/s]; writes the wind into `s`."""
         s[WIND] = sum(wind.update(t, s[X]) for wind in self._winds) if self._winds else 0.0
         self._t, self._s, self._command = t, s, command
         self._rates = []
@@ -78,7 +89,7 @@ class RealMultirotor(Multirotor):
     def compute_body_wrench(
         self, body_rates: np.ndarray, rotor_speeds: np.ndarray, body_airspeed_vector: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(3,), (3,) force and torque about Bcm in B [N, N·m]: rotorpy's of the rotors, and the laws of the effects."""
+        """Return force (3,) and torque (3,) about Bcm in B [N, N·m]: of rotorpy's rotors and of the effects."""
         if self._plain:
             return super().compute_body_wrench(body_rates, rotor_speeds, body_airspeed_vector)
         now = self._now = self._instant(rotor_speeds, body_airspeed_vector)
@@ -99,7 +110,7 @@ class RealMultirotor(Multirotor):
         return force + extra[:3], torque + extra[3:]
 
     def _given(self, now: Instant) -> np.ndarray:
-        """(4,) thrust and torque of effects with a hidden state [N, N·m]; keeps their rates."""
+        """Return thrust and torque (4,) of effects with a hidden state [N, N·m]; keeps their rates."""
         total, at = np.zeros(4), SIZE
         for effect in self._hidden:
             given, rate = effect.act(self.vehicle.mixer @ now.thrust, self._s[at : at + effect.size])
@@ -109,7 +120,7 @@ class RealMultirotor(Multirotor):
         return total
 
     def _instant(self, speed: np.ndarray, airspeed: np.ndarray) -> Instant:
-        """airspeed: (3,) of Bcm in B [m/s]."""
+        """Return the instant of the laws. airspeed: (3,) of Bcm in B [m/s]."""
         s, t = self._s, self._t
         thrust = self.k_eta * speed * speed
         for gain, values in self._gains:
@@ -123,14 +134,14 @@ class RealMultirotor(Multirotor):
         return Instant(t, p, R, v, air, s[W], thrust, speed, spin_up)
 
 
-def center_of_mass(acting: Sequence[Acting]) -> np.ndarray:
-    """(3,) p_BoBcm_B [m]."""
+def center_of_mass(acting: Sequence[ActiveEffect]) -> np.ndarray:
+    """Return p_BoBcm_B (3,) [m]."""
     offsets = [a.values for a in acting if a.name == "center_of_mass_offset"]
     return np.array([sum(c[axis] for c in offsets) for axis in "xyz"], float)
 
 
-def parameters(vehicle: Vehicle, acting: Sequence[Acting]) -> dict:
-    """What rotorpy takes as a multirotor's parameters, with the effects that are parameters there."""
+def parameters(vehicle: Vehicle, acting: Sequence[ActiveEffect]) -> dict:
+    """Return rotorpy's parameters of a multirotor, with the effects that are parameters there."""
     named = [(a.name, a.values) for a in acting]
     scale = float(np.prod([c["scale"] for name, c in named if name == "thrust_scale"]))
     J = vehicle.J.copy()

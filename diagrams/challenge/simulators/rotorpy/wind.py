@@ -4,17 +4,18 @@ import numpy as np
 from rotorpy.wind.default_winds import ConstantWind
 
 from diagrams.challenge.simulators.coloured_noise import gauss_markov
-from diagrams.challenge.simulators.rotorpy.library_effects import Acting
+from diagrams.challenge.simulators.rotorpy.library_effects import ActiveEffect
 
 FIRST, LAST, STEP = -8.0, 320.0, 0.005  # when gusts are blown, and how densely they are drawn [s]
 
 
 class Gusts:
-    """mean + a Gauss-Markov process on every axis, drawn at `STEP` and straight between; not Dryden, whose deviation
-    and correlation time depend on height and speed.
+    """A mean wind and a Gauss-Markov process on every axis, drawn at `STEP` and straight between.
+
+    Not Dryden, whose deviation and correlation time depend on height and speed.
     """
 
-    def __init__(self, acting: Acting):
+    def __init__(self, acting: ActiveEffect):
         c = acting.values
         t = np.arange(FIRST, LAST, STEP)
         rng = np.random.default_rng([acting.seed, 2])
@@ -22,14 +23,14 @@ class Gusts:
         self._path = gusts + [c["mean_x"], c["mean_y"], c["mean_z"]]
 
     def update(self, t: float, position: np.ndarray) -> np.ndarray:
-        """(3,) velocity of the air in W [m/s], the same everywhere."""
+        """Return the velocity of the air (3,) in W [m/s], the same everywhere."""
         row = min(max((t - FIRST) / STEP, 0.0), len(self._path) - 1.001)
         k = int(row)
         return self._path[k] + (row - k) * (self._path[k + 1] - self._path[k])
 
 
-def winds(acting: list[Acting]) -> list:
-    """The wind profiles among the effects."""
+def winds(acting: list[ActiveEffect]) -> list:
+    """Return the wind profiles among the effects."""
     out: list = [Gusts(a) for a in acting if a.name == "gusty_wind"]
     for a in acting:
         if a.name == "constant_wind":

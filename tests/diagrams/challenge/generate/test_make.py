@@ -6,7 +6,7 @@ import pytest
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge.generate import make as module
-from diagrams.challenge.generate.case import FILES, CaseDraw, opaque
+from diagrams.challenge.generate.case import FILES, CaseDraw, case_name
 from diagrams.challenge.generate.make import make, make_case, require_no_other_set
 from np_drake.logs.log_file import read_log
 from np_drake.vehicle import load_vehicle
@@ -77,8 +77,8 @@ def test_impossible_requests_are_refused(tmp_path, wrong):
 
 
 def test_a_set_is_not_mixed_with_another_but_may_be_made_again(tmp_path):
-    mine = opaque(5, 0)
-    for name, fine in ((mine, True), (opaque(6, 0), False), ("notes.txt", False)):
+    mine = case_name(5, 0)
+    for name, fine in ((mine, True), (case_name(6, 0), False), ("notes.txt", False)):
         for holder in ("cases", "truth"):
             folders = {n: tmp_path / f"{name}-{holder}" / n for n in ("cases", "truth")}
             (folders[holder] / name).mkdir(parents=True)
@@ -107,9 +107,9 @@ def test_a_lost_vehicle_is_drawn_again_and_counted(tmp_path, monkeypatch):
     assert len(list(out.iterdir())) == 1
 
 
-def test_what_is_foreign_in_name_alone_is_drawn_again(tmp_path, monkeypatch):
+def test_an_effect_that_a_library_effect_explains_is_drawn_again(tmp_path, monkeypatch):
     answers = iter([["mass_error"], []])
-    monkeypatch.setattr(module, "looks_like", lambda *_: next(answers))
+    monkeypatch.setattr(module, "equivalent_library_effects", lambda *_: next(answers))
     for folder in ("cases", "truth"):
         (tmp_path / folder).mkdir()
     draw = CaseDraw(0, "foreign", ("ceiling_effect",))

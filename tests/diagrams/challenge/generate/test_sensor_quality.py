@@ -1,7 +1,13 @@
 import numpy as np
 import pytest
 
-from diagrams.challenge.generate.sensor_quality import Quality, draw_quality, kept_rows, measured, rows_of
+from diagrams.challenge.generate.sensor_quality import (
+    SensorQuality,
+    draw_sensor_quality,
+    kept_rows,
+    rows_of,
+    with_sensor_noise,
+)
 from diagrams.challenge.simulators.coloured_noise import flicker, gauss_markov
 from np_drake import attitude
 from np_drake.logs.flight_log import FlightLog
@@ -37,7 +43,9 @@ def turn(q: np.ndarray, q_true: np.ndarray) -> np.ndarray:
 def test_clean_noise_is_white_and_as_the_file_states():
     noise = MeasurementNoise(0.001, 0.01, 0.0, 0.02, 0.1, 0.5)
     log, true = (
-        measured(still(), Vehicle(measurement_noise=noise), Quality(), np.random.default_rng(0)),
+        with_sensor_noise(
+            still(), Vehicle(measurement_noise=noise), SensorQuality(), np.random.default_rng(0)
+        ),
         still(),
     )
     figures = {"p": 0.001, "v": 0.01, "w": 0.02, "a": 0.1, "al": 0.5, "rotor": 2.0}
@@ -49,23 +57,25 @@ def test_clean_noise_is_white_and_as_the_file_states():
 
 
 def test_real_noise_has_the_figures_drawn():
-    rig = draw_quality("real", np.random.default_rng(1), 700.0)
-    assert 0.005 <= rig.attitude <= 0.010
-    vehicle = Vehicle(measurement_noise=rig.stated_noise())
-    log = measured(still(), vehicle, rig, np.random.default_rng(2))
+    sensors = draw_sensor_quality("real", np.random.default_rng(1), 700.0)
+    assert 0.005 <= sensors.attitude <= 0.010
+    vehicle = Vehicle(measurement_noise=sensors.stated_noise())
+    log = with_sensor_noise(still(), vehicle, sensors, np.random.default_rng(2))
     assert log.al is None
     error = turn(log.q, still().q)
-    assert rms(np.diff(error, axis=0)) / np.sqrt(2) == pytest.approx(rig.attitude, rel=0.05)
-    assert rms(error) == pytest.approx(np.hypot(rig.attitude, rig.wander), rel=0.2)  # slow: few samples
-    assert rms(log.v) == pytest.approx(np.hypot(0.01, rig.velocity_wander), rel=0.1)
-    assert rms(log.w) == pytest.approx(np.hypot(0.01, rig.rate_flicker), rel=0.1)
+    assert rms(np.diff(error, axis=0)) / np.sqrt(2) == pytest.approx(sensors.attitude, rel=0.05)
+    assert rms(error) == pytest.approx(
+        np.hypot(sensors.attitude, sensors.wander), rel=0.2
+    )  # slow: few samples
+    assert rms(log.v) == pytest.approx(np.hypot(0.01, sensors.velocity_wander), rel=0.1)
+    assert rms(log.w) == pytest.approx(np.hypot(0.01, sensors.rate_flicker), rel=0.1)
 
 
 @pytest.mark.parametrize("turned", [True, False])
 def test_a_turned_accelerometer_sees_gravity_through_the_attitudes_error(turned):
-    rig = Quality("real", attitude=0.008, turned=turned)
+    sensors = SensorQuality("real", attitude=0.008, turned=turned)
     vehicle = Vehicle(measurement_noise=MeasurementNoise(acceleration=0.0))
-    log = measured(still(0.3), vehicle, rig, np.random.default_rng(0))
+    log = with_sensor_noise(still(0.3), vehicle, sensors, np.random.default_rng(0))
     expected = 9.81 * 0.008 if turned else 0.0
     assert rms(log.a[:, 1]) == pytest.approx(expected, rel=0.05, abs=1e-12)
 
@@ -87,15 +97,15 @@ def test_flicker_has_equal_power_in_every_decade():
 
 
 def test_dropped_rows_leave_no_gap_that_a_reader_refuses():
-    rig = Quality("real", drops=0.01)
+    sensors = SensorQuality("real", drops=0.01)
     rng = np.random.default_rng(0)
-    t, rows = rig.instants(rng, 20.0, 100.0), kept_rows(rng, rig, 2000)
+    t, rows = sensors.instants(rng, 20.0, 100.0), kept_rows(rng, sensors, 2000)
     assert len(rows) == 1980
     assert np.diff(t[rows]).max() < 2.5 * np.median(np.diff(t[rows]))
     assert np.diff(t).std() == pytest.approx(0.01 * 0.05 * np.sqrt(2 / 3), rel=0.1)  # uniform, two instants
 
 
 def test_clean_rows_are_all_there_at_a_constant_rate():
-    rig, rng = Quality(), np.random.default_rng(0)
-    np.testing.assert_allclose(np.diff(rig.instants(rng, 5.0, 100.0)), 0.01, atol=1e-12)
-    assert len(rows_of(still(), kept_rows(rng, rig, N))) == N
+    sensors, rng = SensorQuality(), np.random.default_rng(0)
+    np.testing.assert_allclose(np.diff(sensors.instants(rng, 5.0, 100.0)), 0.01, atol=1e-12)
+    assert len(rows_of(still(), kept_rows(rng, sensors, N))) == N

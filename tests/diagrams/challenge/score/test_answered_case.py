@@ -3,7 +3,7 @@ import shutil
 
 import pytest
 
-from diagrams.challenge.score.answered_case import read_solved, same_flight
+from diagrams.challenge.score.answered_case import read_answered_cases, same_flight
 from diagrams.challenge.score.score import score
 
 
@@ -19,7 +19,7 @@ def folders(by_hand, tmp_path):
 
 
 def test_every_truth_is_a_case_with_or_without_an_answer(folders):
-    first, second = read_solved(*folders)
+    first, second = read_answered_cases(*folders)
     assert (first.name, first.main, first.verdict) == ("a1", "thrust_scale", ("thrust_scale",))
     assert (second.name, second.main, second.answer, second.verdict) == ("b2", "clean", None, ())
     assert first.group == "drake, clean"
@@ -30,21 +30,21 @@ def test_a_folder_of_sets_is_read_as_all_their_cases(folders, tmp_path):
     for whole, part in zip(sets, folders, strict=True):
         for name in ("one", "two"):
             shutil.copytree(part, whole / name)
-    alone, together = read_solved(*folders), read_solved(*sets)
+    alone, together = read_answered_cases(*folders), read_answered_cases(*sets)
     assert [c.name for c in together] == [f"{s}/{c.name}" for s in ("one", "two") for c in alone]
     assert [c.verdict for c in together] == 2 * [c.verdict for c in alone]
 
 
 def test_a_folder_without_truth_is_refused(folders, tmp_path):
     with pytest.raises(ValueError, match=r"must hold <case>/truth\.json"):
-        read_solved(folders[0], folders[0])
+        read_answered_cases(folders[0], folders[0])
 
 
 def test_a_broken_file_is_named(folders):
     answers, truth = folders
     (answers / "a1" / "diagnosis.json").write_text("{")
     with pytest.raises(ValueError, match=r"a1/diagnosis\.json: must hold a JSON object"):
-        read_solved(answers, truth)
+        read_answered_cases(answers, truth)
 
 
 def test_a_flight_is_the_same_by_any_suffix():
@@ -61,7 +61,7 @@ def test_a_file_that_is_no_diagnosis_is_named(folders, content, said):
     answers, truth = folders
     (answers / "a1" / "diagnosis.json").write_text(content)
     with pytest.raises(ValueError, match=rf"a1/diagnosis\.json: {said}"):
-        read_solved(answers, truth)
+        read_answered_cases(answers, truth)
 
 
 def spoilt(path, place, value):
@@ -208,7 +208,7 @@ def test_a_field_that_cannot_be_read_is_one_line_with_file_field_and_what_it_mus
     path = {"truth": truth / "a1" / "truth.json", "answers": answers / "a1" / "diagnosis.json"}[file]
     spoilt(path, place, value)
     with pytest.raises(ValueError, match=rf"a1/{path.name}: .*{said}") as caught:
-        read_solved(answers, truth)
+        read_answered_cases(answers, truth)
     assert "\n" not in str(caught.value)
 
 
@@ -224,24 +224,24 @@ def test_what_a_truth_or_an_answer_may_leave_out_is_no_fault(folders):
     left_out = ([*cause, "probability"], [*cause, "onset"], [*cause, "indistinguishable_from"], ["wall"])
     for place in (*left_out, ["shrink", "replay"], ["gap", "torque"], ["gap", "force", "z"]):
         spoilt(answers / "a1" / "diagnosis.json", place, ...)
-    cases = read_solved(answers, truth)
+    cases = read_answered_cases(answers, truth)
     score(cases)
     assert cases[0].verdict == ("thrust_scale",)
 
 
-def test_a_foreign_effect_may_have_any_name_and_figures(folders):
+def test_an_out_of_library_effect_may_have_any_name_and_figures(folders):
     answers, truth = folders
     spoilt(truth / "a1" / "truth.json", ["effects", 0], {"effect": "jet", "parameters": {"place": [1, 2]}})
     spoilt(truth / "a1" / "truth.json", ["class"], [["jet"]])
     spoilt(truth / "a1" / "truth.json", ["kind"], "foreign")
-    score(read_solved(answers, truth))
+    score(read_answered_cases(answers, truth))
 
 
 def test_a_file_too_deep_to_read_is_named(folders):
     answers, truth = folders
     (answers / "a1" / "diagnosis.json").write_text("[" * 100_000)
     with pytest.raises(ValueError, match=r"a1/diagnosis\.json: must hold a JSON object"):
-        read_solved(answers, truth)
+        read_answered_cases(answers, truth)
 
 
 def test_a_value_too_deep_to_quote_is_one_line(folders):
@@ -251,4 +251,4 @@ def test_a_value_too_deep_to_quote_is_one_line(folders):
     ):  # what the stack takes: first read and quoted, then read alone, then neither
         (answers / "a1" / "diagnosis.json").write_text(f'{{"verdict": [{"[" * depth}{"]" * depth}]}}')
         with pytest.raises(ValueError, match=r"a1/diagnosis\.json: (must hold a JSON object|verdict\[0\])"):
-            read_solved(answers, truth)
+            read_answered_cases(answers, truth)

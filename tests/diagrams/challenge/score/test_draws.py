@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from diagrams.challenge.score.draws import (
-    FIGURES,
-    Figure,
+    METRICS,
+    Metric,
     draw_of,
     name_of,
     number,
@@ -55,7 +55,7 @@ def test_every_figure_is_one_of_the_score(whole):
     dut = draw_of(whole)
     assert dut["seeds"] == whole["sets"][0]["seeds"]
     (figures,) = [dut[name] for name in ("clean", "real") if name in dut]
-    assert list(figures) == [figure.label for figure in FIGURES]
+    assert list(figures) == [figure.label for figure in METRICS]
     assert figures["single: right class"] == {"count": 13, "n": 13}
     assert figures["shrink, mean"] == {"value": 1.0}
     assert figures["parameters: median error"] == {"value": 0.0}
@@ -81,7 +81,7 @@ def test_figures_that_were_kept_are_those_of_the_scores(whole, tmp_path, capsys)
     ids=str,
 )  # fmt: skip
 def test_what_is_asked_for_is_enough_and_no_cases_fall_short_of_nothing(value, short):
-    dut = Figure("x", share(), clean=(0.98, float("inf")))
+    dut = Metric("x", share(), clean=(0.98, float("inf")))
     assert dut.falls_short("clean", value) is short
     assert not dut.falls_short("real", value)
 
@@ -97,7 +97,7 @@ def test_short_figures_are_bold_and_draws_have_a_column_each():
     draws = [{"seeds": [5107, 5111], "clean": figures}, {"seeds": [3, 5107], "real": figures}]
     header, rows = table(draws, "clean")
     assert header == ["clean", "asked", "5xxx", "together"]
-    assert [len(row) for row in rows] == [4] * len(FIGURES)
+    assert [len(row) for row in rows] == [4] * len(METRICS)
     assert rows[0] == ["single: right class", "≥ 0.98", "**1/2**", "**1/2**"]
     assert [row[1:] for row in rows if row[0] == "shrink, mean"] == [["≥ 0.95", "0.96", "–"]]
     assert name_of(draws[1]) == "3, 5107"
@@ -143,5 +143,5 @@ def test_the_pages_table_is_that_of_the_figures_that_are_kept(tmp_path, capsys):
     page = tmp_path / "draws.md"
     assert run(["challenge", "compare", str(STUDIES / "draws.json"), "--markdown", str(page)]) == 0
     rows = [line for line in page.read_text().splitlines() if line.startswith("|")]
-    assert len(rows) == 2 * (2 + len(FIGURES))
+    assert len(rows) == 2 * (2 + len(METRICS))
     assert set(rows) <= set((STUDIES / "diagnosis-benchmark.md").read_text().splitlines())

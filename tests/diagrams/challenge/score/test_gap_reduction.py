@@ -5,7 +5,7 @@ import pytest
 from diagrams.challenge.score.gap_reduction import (
     PARAMETERS,
     before_and_after,
-    relative_shrink,
+    relative_gap_reduction,
     replay_reduction,
     replay_summary,
 )
@@ -18,7 +18,7 @@ def case_with(by_hand, kind="single", **figures):
 
 @pytest.mark.parametrize("after, shrink", [(1.0, 1.0), (3.0, 0.0), (2.0, 1 - 3 / 8), (0.5, 1.0), (9.0, -1.0)])
 def test_the_true_model_has_one_and_no_change_none(by_hand, after, shrink):
-    dut = relative_shrink(case_with(by_hand, before=3.0, after=after))
+    dut = relative_gap_reduction(case_with(by_hand, before=3.0, after=after))
     assert dut == pytest.approx(shrink)
 
 
@@ -31,15 +31,15 @@ def test_channels_are_pooled_in_units_of_their_floor(by_hand):
 
 
 def test_without_a_gap_there_is_nothing_to_shrink(by_hand):
-    assert relative_shrink(case_with(by_hand, before=1.05)) is None
-    assert relative_shrink(case_with(by_hand, kind="clean", before=3.0)) is None
+    assert relative_gap_reduction(case_with(by_hand, before=1.05)) is None
+    assert relative_gap_reduction(case_with(by_hand, kind="clean", before=3.0)) is None
 
 
 def test_without_figures_there_is_no_shrink(by_hand):
     case = case_with(by_hand)
-    assert relative_shrink(dc.replace(case, answer=None)) is None
+    assert relative_gap_reduction(dc.replace(case, answer=None)) is None
     del case.answer["gap"]["force"]["x"]["after"]
-    assert relative_shrink(case) is None
+    assert relative_gap_reduction(case) is None
 
 
 def test_the_replay_is_compared_at_one_second(by_hand):
@@ -59,7 +59,7 @@ def test_the_replay_is_compared_at_one_second(by_hand):
 
 def test_a_true_model_that_does_not_know_the_gusts_leaves_them(by_hand):
     case = case_with(by_hand, before=3.0, after=2.0)
-    assert relative_shrink(case, PARAMETERS) == relative_shrink(case)
+    assert relative_gap_reduction(case, PARAMETERS) == relative_gap_reduction(case)
     case.truth[PARAMETERS] = {name: 2.0 * value for name, value in case.truth["true_model_residual"].items()}
-    assert relative_shrink(case, PARAMETERS) == pytest.approx(1.0)
-    assert relative_shrink(case) == pytest.approx(1 - 3 / 8)
+    assert relative_gap_reduction(case, PARAMETERS) == pytest.approx(1.0)
+    assert relative_gap_reduction(case) == pytest.approx(1 - 3 / 8)

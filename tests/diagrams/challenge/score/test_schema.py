@@ -2,11 +2,11 @@
 
 import pytest
 
-from diagrams.challenge.score.answer_schema import ANSWER, FIGURES, NUMBER, SIZE, TEXT, TRUTH
-from diagrams.challenge.score.schema import Form, list_of, misfit, or_null, record, table_of
+from diagrams.challenge.score.answered_case import ANSWER, NUMBER, PARAMETERS, SIZE, TEXT, TRUTH
+from diagrams.challenge.score.schema import SchemaValidator, list_of, object_of, or_null, record, violation
 
 PAIR = record({"a": NUMBER, "b": TEXT}, spare={"c": list_of(SIZE)})
-DEEP = Form(list_of(table_of(PAIR)))
+DEEP = SchemaValidator(list_of(object_of(PAIR)))
 
 
 def schemas(schema):
@@ -20,16 +20,16 @@ def schemas(schema):
     "value", [float("nan"), float("inf"), -float("inf"), 10**400, -(10**400), True, "1", None, [1]], ids=str
 )
 def test_what_is_no_finite_number_is_refused(value):
-    assert misfit(Form(NUMBER), value).startswith("it must be a finite number; got ")
+    assert violation(SchemaValidator(NUMBER), value).startswith("it must be a finite number; got ")
 
 
 @pytest.mark.parametrize("value", [0, -3, 1.5, 1e308, 10**300])
 def test_a_finite_number_suits(value):
-    assert misfit(Form(NUMBER), value) is None
+    assert violation(SchemaValidator(NUMBER), value) is None
 
 
 def test_bounds_are_included():
-    assert [misfit(Form(SIZE), value) is None for value in (0, -1e-9)] == [True, False]
+    assert [violation(SchemaValidator(SIZE), value) is None for value in (0, -1e-9)] == [True, False]
 
 
 @pytest.mark.parametrize(
@@ -52,26 +52,28 @@ def test_bounds_are_included():
     ids=str,
 )
 def test_a_misfit_names_place_what_it_must_be_and_what_it_is(value, sentence):
-    assert misfit(DEEP, value) == sentence
+    assert violation(DEEP, value) == sentence
 
 
 def test_a_place_given_stands_before_the_one_found():
-    assert misfit(FIGURES, {"m": "x"}, "effects[0]") == "effects[0].m must be a finite number; got 'x'."
+    assert violation(PARAMETERS, {"m": "x"}, "effects[0]") == "effects[0].m must be a finite number; got 'x'."
 
 
 def test_the_first_misfit_of_the_file_is_named():
     table = {f"k{i}": i if i < 5 else "x" for i in range(50)}
-    assert misfit(FIGURES, table) == "k5 must be a finite number; got 'x'."
+    assert violation(PARAMETERS, table) == "k5 must be a finite number; got 'x'."
 
 
 def test_null_suits_only_where_it_may_be():
-    assert misfit(Form(PAIR), None) == "it must be an object with a, b, c; got nothing."
-    assert misfit(Form(or_null(PAIR)), None) is None
-    assert misfit(Form(or_null(PAIR)), 3) == "it must be an object with a, b, c, or null; got 3."
-    assert misfit(Form(or_null(PAIR)), {"a": 1}) == "b is missing; it must be text."
+    assert violation(SchemaValidator(PAIR), None) == "it must be an object with a, b, c; got nothing."
+    assert violation(SchemaValidator(or_null(PAIR)), None) is None
+    assert (
+        violation(SchemaValidator(or_null(PAIR)), 3) == "it must be an object with a, b, c, or null; got 3."
+    )
+    assert violation(SchemaValidator(or_null(PAIR)), {"a": 1}) == "b is missing; it must be text."
 
 
-@pytest.mark.parametrize("form", [TRUTH, ANSWER, FIGURES], ids=["truth", "answer", "figures"])
+@pytest.mark.parametrize("form", [TRUTH, ANSWER, PARAMETERS], ids=["truth", "answer", "figures"])
 def test_a_form_is_a_json_schema_and_says_of_every_value_what_it_must_be(form):
-    Form.check_schema(form.schema)
+    SchemaValidator.check_schema(form.schema)
     assert all(schema.get("description") for schema in schemas(form.schema))

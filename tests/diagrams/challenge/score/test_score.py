@@ -89,8 +89,8 @@ def test_a_false_alarm_is_counted(cases, by_hand):
     assert found["named"]["count"] == 1
 
 
-def test_a_foreign_effect_must_be_called_unknown_and_nothing_else_surely(cases, by_hand):
-    truth = by_hand.make_truth(by_hand.FOREIGN, kind="foreign")
+def test_an_out_of_library_effect_must_be_called_unknown_and_nothing_else_surely(cases, by_hand):
+    truth = by_hand.make_truth(by_hand.OUT_OF_LIBRARY, kind="foreign")
     sure = by_hand.make_case(
         truth, by_hand.make_answer(by_hand.make_cause("gusty_wind", {}, probability=0.95))
     )

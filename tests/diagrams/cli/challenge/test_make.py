@@ -2,7 +2,7 @@ import json
 
 import pytest
 
-from diagrams.challenge.out_of_library.draw import UNSEEN
+from diagrams.challenge.out_of_library.draw import HOLDOUT
 from diagrams.cli.main import run
 
 
@@ -52,5 +52,5 @@ def test_unseen_kinds_are_flown_alone_where_they_are_asked_for(tmp_path):
     assert run([*arguments, "--unseen", *small]) == 0
     truths = [json.loads(path.read_text()) for path in (tmp_path / "truth").glob("*/truth.json")]
     assert [truth["kind"] for truth in truths] == ["foreign", "foreign"]
-    assert all(truth["effects"][0]["effect"] in UNSEEN for truth in truths)
+    assert all(truth["effects"][0]["effect"] in HOLDOUT for truth in truths)
     assert json.loads(metrics.read_text())["config"]["unseen"] is True

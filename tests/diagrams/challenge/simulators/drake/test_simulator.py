@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge.generate.magnitudes import STRENGTHS, draw_effect
-from diagrams.challenge.generate.sensor_quality import Quality
+from diagrams.challenge.generate.magnitudes import MAGNITUDES, draw_effect
+from diagrams.challenge.generate.sensor_quality import SensorQuality
 from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.generate.vehicles import VEHICLES
 from diagrams.challenge.simulators.drake.simulator import fly
@@ -40,8 +40,8 @@ def commanded(log, vehicle):
 
 
 def test_strengths_are_those_of_the_library():
-    assert set(STRENGTHS) == set(LIBRARY)
-    assert len(STRENGTHS) == 22
+    assert set(MAGNITUDES) == set(LIBRARY)
+    assert len(MAGNITUDES) == 22
 
 
 @pytest.mark.parametrize("nominal", VEHICLES, ids=lambda vehicle: vehicle.name)
@@ -180,7 +180,7 @@ def test_before_its_onset_an_effect_does_nothing(name, clean, vehicle, plan, t):
 
 
 def test_a_file_that_is_a_percent_off_is_so_throughout(vehicle, plan, t):
-    background = Quality("real", mass_off=0.01, thrust_off=-0.01).background(vehicle)
+    background = SensorQuality("real", mass_off=0.01, thrust_off=-0.01).background(vehicle)
     log = fly(vehicle, plan, drawn("linear_drag", vehicle), t=t, onset=1.2, background=background)
     chi = raw_labels(log, vehicle)[: round(1.1 * 100)]
     expected = -0.01 * vehicle.mass * (log.a + [0, 0, 9.81]) - 0.01 * log.u[:, :1] * attitude.body_z(log.q)

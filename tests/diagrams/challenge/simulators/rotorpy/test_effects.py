@@ -7,7 +7,7 @@ pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np
 
 from diagrams.challenge.generate.magnitudes import draw_effect
 from diagrams.challenge.generate.trajectories import draw_plan
-from diagrams.challenge.out_of_library.draw import FOREIGN, draw_foreign
+from diagrams.challenge.out_of_library.draw import OUT_OF_LIBRARY, draw_out_of_library
 from diagrams.challenge.simulators.rotorpy import simulator
 from diagrams.challenge.simulators.rotorpy.simulator import fly
 from np_drake import attitude
@@ -59,9 +59,9 @@ def test_a_push_is_the_effects_own_wrench(name, vehicle, plan, t):
     assert np.abs(chi).max() > 0
 
 
-@pytest.mark.parametrize("name", FOREIGN)
-def test_a_foreign_effect_shows_and_a_push_is_its_own(name, vehicle, plan, t):
-    effect = draw_foreign(name, np.random.default_rng(4), vehicle)
+@pytest.mark.parametrize("name", OUT_OF_LIBRARY)
+def test_an_out_of_library_effect_shows_and_a_push_is_its_own(name, vehicle, plan, t):
+    effect = draw_out_of_library(name, np.random.default_rng(4), vehicle)
     log = fly(vehicle, plan, [effect], t=t)
     chi = raw_labels(log, vehicle)
     assert np.abs(chi).max() > 1e-3

@@ -9,13 +9,13 @@ import pytest
 pytest.importorskip("rotorpy", reason="rotorpy is not installed: pip install 'np_drake[challenge]'")
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.challenge.foreign_further import RotorSaturation, StutteringRotor
-from diagrams.challenge.foreign_unseen import PassingVehicle
 from diagrams.challenge.generate.magnitudes import draw_effect
-from diagrams.challenge.generate.sensor_quality import Quality
+from diagrams.challenge.generate.sensor_quality import SensorQuality
 from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.generate.vehicles import VEHICLES
-from diagrams.challenge.out_of_library.draw import FOREIGN, draw_foreign
+from diagrams.challenge.out_of_library.actuators import RotorSaturation, StutteringRotor
+from diagrams.challenge.out_of_library.draw import OUT_OF_LIBRARY, draw_out_of_library
+from diagrams.challenge.out_of_library.wind import PassingVehicle
 from diagrams.challenge.simulators.drake import simulator
 from diagrams.challenge.simulators.rotorpy import simulator as rotorpy_simulator
 from diagrams.challenge.simulators.rotorpy.simulator import KNOWN, fly
@@ -24,7 +24,7 @@ from np_drake.effects.library import LIBRARY
 from np_drake.labels import raw_labels
 from np_drake.rigid_body import residual_wrench
 
-FILES = sorted(Path(rotorpy_simulator.__file__).parent.glob("*.py"))
+FILES = sorted(Path(rotorpy_simulator.__file__).parent.rglob("*.py"))
 # What a momentary wrench does not show whole: effects with memory, with more mass, or with clocks of their own.
 SHARED = [
     *("center_of_mass_offset", "suspended_payload", "motor_lag", "command_delay", "clock_offset"),
@@ -47,7 +47,11 @@ def clean(vehicle, plan, t):
 
 def drawn(name, vehicle):
     rng = np.random.default_rng(4)
-    return [draw_foreign(name, rng, vehicle)] if name in FOREIGN else draw_effect(name, rng, vehicle, 20.0)
+    return (
+        [draw_out_of_library(name, rng, vehicle)]
+        if name in OUT_OF_LIBRARY
+        else draw_effect(name, rng, vehicle, 20.0)
+    )
 
 
 def rms(difference):
@@ -63,7 +67,7 @@ def imported(path):
 
 
 def test_no_module_of_it_imports_the_effects():
-    assert len(FILES) >= 8
+    assert len(FILES) >= 14
     for path in FILES:
         assert [name for name in imported(path) if "effects" in name.split(".")] == [], path.name
 
@@ -78,7 +82,7 @@ def test_flying_loads_no_effects_by_any_detour():
 
 
 def test_it_knows_every_effect():
-    assert set(LIBRARY) | set(FOREIGN) <= KNOWN
+    assert set(LIBRARY) | set(OUT_OF_LIBRARY) <= KNOWN
 
 
 @pytest.mark.parametrize("nominal", VEHICLES, ids=lambda vehicle: vehicle.name)
@@ -114,7 +118,7 @@ def test_an_effect_moves_the_vehicle_as_in_the_other_simulator(name, vehicle, pl
     # The other one's other clock interpolates across commands, at which accelerations jump.
     for signal in ("p", "v", "q", "w") if name == "clock_offset" else ("p", "v", "q", "w", "a", "al"):
         a, b, c = (getattr(log, signal) for log in (ours, theirs, clean))
-        # Of what the effect changes: the other one's cable is springy.
+        # Of what the effect changes: the other one's cable is stiff_cable.
         assert rms(a - b) < 0.05 * rms(b - c) + 1e-4, signal
 
 
@@ -134,7 +138,9 @@ IN_THESE_SECONDS = {  # what acts now and then, as it acts in these few
 }
 
 
-@pytest.mark.parametrize("name", [n for n in (*LIBRARY, *FOREIGN) if n in FOREIGN or LIBRARY[n].begins])
+@pytest.mark.parametrize(
+    "name", [n for n in (*LIBRARY, *OUT_OF_LIBRARY) if n in OUT_OF_LIBRARY or LIBRARY[n].begins]
+)
 def test_before_its_onset_an_effect_does_nothing(name, vehicle, plan, t, clean):
     effects = [IN_THESE_SECONDS[name](vehicle)] if name in IN_THESE_SECONDS else drawn(name, vehicle)
     log = fly(vehicle, plan, effects, t=t, onset=1.2)
@@ -145,7 +151,7 @@ def test_before_its_onset_an_effect_does_nothing(name, vehicle, plan, t, clean):
 
 
 def test_a_file_that_is_a_percent_off_is_so_throughout(vehicle, plan, t):
-    background = Quality("real", mass_off=0.01, thrust_off=-0.01).background(vehicle)
+    background = SensorQuality("real", mass_off=0.01, thrust_off=-0.01).background(vehicle)
     log = fly(vehicle, plan, drawn("linear_drag", vehicle), t=t, onset=1.2, background=background)
     chi = raw_labels(log, vehicle)[:110]
     expected = -0.01 * vehicle.mass * (log.a + [0, 0, 9.81]) - 0.01 * log.u[:, :1] * attitude.body_z(log.q)

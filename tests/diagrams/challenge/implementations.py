@@ -1,10 +1,10 @@
-"""Motions by chance, and the two forms of a foreign effect against each other on them."""
+"""Motions by chance, and both implementations of an out-of-library effect against each other on them."""
 
 import dataclasses as dc
 
 import numpy as np
 
-from diagrams.challenge.out_of_library.draw import draw_foreign
+from diagrams.challenge.out_of_library.draw import draw_out_of_library
 from diagrams.challenge.simulators.rotorpy.library_effects import Instant
 from np_drake import attitude
 from np_drake.effects.base import Motion
@@ -35,7 +35,7 @@ def same_wrench(name, law, nominal):
     """A law without memory, on many motions at once and on one."""
     rng = np.random.default_rng(7)
     motion, instants = motions(nominal, 50, rng)
-    effect = draw_foreign(name, rng, nominal)
+    effect = draw_out_of_library(name, rng, nominal)
     chi = effect.wrench(nominal, motion)
     force_B = attitude.rotate_back(motion.x[:, 3:7], chi[:, :3])
     anew = np.array([law(nominal, dc.asdict(effect), now) for now in instants])
@@ -48,7 +48,7 @@ def same_wrench(name, law, nominal):
 def same_following(name, hidden, nominal):
     """Of half a second of commands by chance, in small steps of Euler."""
     rng = np.random.default_rng(8)
-    effect, hover = draw_foreign(name, rng, nominal), nominal.mass * nominal.gravity / 4
+    effect, hover = draw_out_of_library(name, rng, nominal), nominal.mass * nominal.gravity / 4
     anew = hidden(nominal, dc.asdict(effect))
     commands, step = np.repeat(hover * rng.uniform(0.2, 2.0, (50, 4)), 10, axis=0), 1e-3
     s, own = effect.state_at(nominal, commands[0]), anew.rest(nominal.mixer @ commands[0])

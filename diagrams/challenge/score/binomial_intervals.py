@@ -1,6 +1,6 @@
-"""Shares with their intervals, and precision and recall of names."""
+"""Proportions with their binomial intervals, precision and recall of names, and medians of what is known."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,8 +9,8 @@ from scipy.stats import beta
 LEVEL = 0.95
 
 
-def rate(outcomes: Iterable[bool]) -> dict[str, Any]:
-    """{"count", "n", "rate", "ci95"}; the rate of none is None.
+def binomial_interval(outcomes: Iterable[bool]) -> dict[str, Any]:
+    """Return {"count", "n", "rate", "ci95"} of outcomes; the rate of none is None.
 
     ci95: the exact binomial interval, from quantiles of the beta distribution. Source: Clopper and Pearson 1934.
     """
@@ -22,8 +22,24 @@ def rate(outcomes: Iterable[bool]) -> dict[str, Any]:
     return {"count": k, "n": n, "rate": k / n if n else None, "ci95": [low, high]}
 
 
-def name_rates(counts: Sequence[tuple[int, int, int]]) -> dict[str, Any]:
-    """Precision, recall and F1, pooled over cases of (right, too many, missing); None where undefined."""
+def binned(
+    outcomes: np.ndarray, place: np.ndarray, edges: Sequence[float], **columns: tuple[Callable, np.ndarray]
+) -> list[dict[str, Any]]:
+    """Return a row a bin with its edges and proportion; empty bins are left out.
+
+    Args: place: (n,) bin of every outcome.   columns: a statistic and the values that it is taken of, by name.
+    """
+    rows = []
+    for k in np.unique(place):
+        here = place == k
+        of_bin = {name: float(statistic(values[here])) for name, (statistic, values) in columns.items()}
+        row = {"lower": edges[k], "upper": edges[k + 1], **of_bin, **binomial_interval(outcomes[here] > 0)}
+        rows.append(row)
+    return rows
+
+
+def precision_and_recall(counts: Sequence[tuple[int, int, int]]) -> dict[str, Any]:
+    """Return precision, recall and F1, pooled over cases of (right, too many, missing); None where undefined."""
     right, extra, missing = (int(total) for total in np.sum(np.reshape(counts, (-1, 3)), axis=0))
     return {
         "cases": len(counts),
@@ -37,12 +53,12 @@ def name_rates(counts: Sequence[tuple[int, int, int]]) -> dict[str, Any]:
 
 
 def median(values: Iterable[float | None]) -> float | None:
-    """Of the finite ones; None where there are none."""
+    """Return the median of the finite values; None where there are none."""
     return _statistic(np.median, values)
 
 
 def mean(values: Iterable[float | None]) -> float | None:
-    """As `median`."""
+    """Return the mean of the finite values; None where there are none."""
     return _statistic(np.mean, values)
 
 

@@ -2,37 +2,37 @@ import math
 
 import pytest
 
-from diagrams.challenge.score.intervals import mean, median, name_rates, rate
+from diagrams.challenge.score.binomial_intervals import binomial_interval, mean, median, precision_and_recall
 
 
 def test_the_interval_of_no_success_in_n_is_the_closed_form():
-    found = rate([False] * 10)
+    found = binomial_interval([False] * 10)
     assert found["rate"] == 0.0
     assert found["ci95"] == [0.0, pytest.approx(1 - 0.025 ** (1 / 10), abs=1e-12)]  # tail (1 - p)^n = 0.025
 
 
 def test_the_interval_turns_with_success_and_failure():
-    some, others = rate([True] * 3 + [False] * 7), rate([False] * 3 + [True] * 7)
+    some, others = binomial_interval([True] * 3 + [False] * 7), binomial_interval([False] * 3 + [True] * 7)
     assert some["count"] == 3
     assert some["ci95"] == pytest.approx([1 - others["ci95"][1], 1 - others["ci95"][0]], abs=1e-12)
 
 
 def test_the_interval_is_exact_at_its_bounds():
-    low, high = rate([True] * 3 + [False] * 7)["ci95"]
+    low, high = binomial_interval([True] * 3 + [False] * 7)["ci95"]
     tail = sum(math.comb(10, k) * low**k * (1 - low) ** (10 - k) for k in range(3, 11))
     other = sum(math.comb(10, k) * high**k * (1 - high) ** (10 - k) for k in range(4))
     assert [tail, other] == pytest.approx([0.025, 0.025], abs=1e-9)
 
 
 def test_of_nothing_there_is_no_rate():
-    assert rate([]) == {"count": 0, "n": 0, "rate": None, "ci95": [0.0, 1.0]}
-    assert name_rates([])["f1"] is None
+    assert binomial_interval([]) == {"count": 0, "n": 0, "rate": None, "ci95": [0.0, 1.0]}
+    assert precision_and_recall([])["f1"] is None
     assert median([]) is None
     assert mean([None, float("nan")]) is None
 
 
 def test_names_are_pooled_over_cases():
-    found = name_rates([(2, 0, 0), (1, 2, 1)])
+    found = precision_and_recall([(2, 0, 0), (1, 2, 1)])
     assert found["precision"] == pytest.approx(3 / 5)
     assert found["recall"] == pytest.approx(3 / 4)
     assert found["f1"] == pytest.approx(6 / 9)
