@@ -11,7 +11,7 @@ CODE := np_drake systems diagrams tests docs
 export OMP_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: venv demo test lint format docs clean
+.PHONY: venv demo test golden lint format docs clean
 
 venv: $(STAMP)
 
@@ -32,6 +32,11 @@ lint: venv
 
 test: lint
 	$(BIN)/python -m pytest -n 2 $(PYTEST_ARGS)
+
+# All frozen diagnoses against their stored answers, the real flights too where NP_DRAKE_NEUROBEM names them.
+GOLDEN := tests/golden/answers.json
+golden: venv
+	$(BIN)/np-drake challenge golden --against $(GOLDEN)
 
 format: venv
 	$(BIN)/ruff check --fix $(CODE)

@@ -18,6 +18,7 @@ from diagrams.challenge.generate.make import make_case
 from diagrams.challenge.score.schema import SchemaValidator, object_of, record, violation
 from diagrams.challenge.solve import diagnose_folder
 from diagrams.gap.real_flights import agile_flights
+from np_drake.atomic_file import write_text
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.library import LIBRARY
 from np_drake.logs.neurobem import published_vehicle
@@ -150,6 +151,16 @@ def summary(diagnosis: dict[str, Any]) -> dict[str, Any]:
 
 def _rounded(value: float | None) -> float | None:
     return None if value is None else float(f"{value:.{DIGITS}g}")
+
+
+def write_answers(path: Path, answers: dict[str, dict[str, Any]]) -> None:
+    """Write answers as JSON, a case a line, so that a difference between two versions of the file can be read."""
+    head = {"schema": SCHEMA, "seed": SEED, "seconds": SECONDS}
+    lines = (
+        f"{json.dumps(name)}: {json.dumps(value, separators=(',', ':'))}" for name, value in answers.items()
+    )
+    body = ",\n".join(lines)
+    write_text(path, f'{json.dumps(head)[:-1]}, "answers": {{\n{body}\n}}}}\n')
 
 
 def read_answers(path: Path) -> dict[str, dict[str, Any]]:

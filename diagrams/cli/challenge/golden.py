@@ -8,7 +8,6 @@ from typer import Option
 from diagrams.cli import options
 from diagrams.cli.output import require_outputs, say
 from diagrams.cli.runner import counting
-from np_drake.atomic_file import write_json
 
 SHOWN = 20  # differences that are printed
 
@@ -36,9 +35,7 @@ def golden(
     with counting("frozen cases", "cases") as on_progress:
         answers = check.answer_all(chosen, neurobem=neurobem, jobs=jobs, on_progress=on_progress)
     if out is not None:
-        write_json(
-            out, {"schema": check.SCHEMA, "seed": check.SEED, "seconds": check.SECONDS, "answers": answers}
-        )
+        check.write_answers(out, answers)
         say(f"answers: {out}")
     if against is None:
         return

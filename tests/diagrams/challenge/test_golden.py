@@ -17,6 +17,7 @@ from diagrams.challenge.golden import (
     golden_cases,
     read_answers,
     summary,
+    write_answers,
 )
 from diagrams.challenge.out_of_library.draw import OUT_OF_LIBRARY
 from np_drake.diagnosis.result import UNKNOWN
@@ -237,3 +238,11 @@ def test_a_case_is_flown_as_its_name_says_and_diagnosed_without_its_truth(monkey
     found = answer_all(names)
     assert list(found) == names
     assert flown == [CASES[name] for name in names]
+
+
+@given(answers=st.dictionaries(st.text(max_size=8), st.dictionaries(st.text(max_size=4), number), max_size=3))
+@few
+def test_answers_survive_the_file(tmp_path_factory, answers):
+    path = tmp_path_factory.mktemp("answers") / "golden.json"
+    write_answers(path, answers)
+    assert read_answers(path) == answers
