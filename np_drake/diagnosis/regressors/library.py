@@ -249,4 +249,4 @@ def switched(candidate: Candidate, flights: Sequence[FlightResiduals], onset: On
     return Candidate(candidate.identifiers, candidate.variant, columns, terms, candidate.log_prior, onset)
 
 
-GUSTY = (DRAG, "constant_wind")  # what gusts, which no unseen flight repeats, hide on it
+GUSTY = (DRAG, "constant_wind")  # effects that gusts mask in a held-out flight

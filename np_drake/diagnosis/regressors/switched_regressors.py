@@ -55,7 +55,10 @@ class SwitchedRegressors:
         return XX, XBy[..., :-1], XBy[..., -1]
 
     def begun(self, X: np.ndarray, whole: Sums, rows: np.ndarray) -> Sums:
-        """Return the sums for columns (m', 15, k) switched on at each of the whitened rows (n,), smeared by the grid."""
+        """Return the sums for columns (m', 15, k) switched on at each of `rows`, smeared by the grid.
+
+        rows (n,) count whitened rows; whole: the sums of the columns from `whole`.
+        """
         half, order, m = len(self._rise) // 2, self._order, len(self.t)
         offsets = np.arange(-half - order, half + order + 1)
         gate = np.concatenate([np.zeros((order, SIZE)), self._rise, np.ones((order, SIZE))])
