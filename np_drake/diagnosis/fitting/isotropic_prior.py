@@ -1,4 +1,4 @@
-"""Figures that the flights hardly tell, beside others of the same vector that they do: of like size on every axis."""
+"""Isotropic prior: parameters that the flights hardly determine, with a prior as wide as those of the same vector."""
 
 import dataclasses as dc
 
@@ -11,11 +11,12 @@ TOLD = 2.0  # deviations from neutral at which a figure is one that the flights 
 
 
 def with_isotropic_prior(fit: Fit) -> Fit:
-    """The fit with priors of `isotropic` effects as wide as those of their figures are large that the flights tell.
+    """Return the fit with priors of `isotropic` effects as wide as their well-determined parameters are large.
 
-    A search does not know how large an effect is, and its priors are wide: where one axis is hardly excited, its figure
-    is noise as large as that prior. Evidence stays that of the search.
-    Source: conditioning of the posterior on one more observation of each such figure: its neutral value.
+    The search does not know how large an effect is, and its priors are wide. Where an axis is hardly excited, its
+    parameter is noise as large as that prior. The log evidence stays that of the search.
+
+    Source: conditioning of the posterior on one more observation of each such parameter: its neutral value.
     """
     values, covariance = fit.values.copy(), fit.covariance.copy()
     for i in (i for i, t in enumerate(fit.terms) if t.effect.isotropic):

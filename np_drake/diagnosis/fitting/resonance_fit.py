@@ -1,4 +1,4 @@
-"""The mode of what swings behind a drive: its frequency and damping, fitted, where a grid found that it swings."""
+"""Frequency and damping of an oscillator that a drive excites, refined from a grid of resonances."""
 
 from collections.abc import Mapping, Sequence
 
@@ -23,13 +23,16 @@ def mode_of(
     residual: Mapping[str, np.ndarray],
     noise: NoiseModel,
 ) -> tuple[float, float] | None:
-    """Frequency [Hz] and damping [1] of the oscillator s'' + 2 z w s' + w² s = w² drive that leaves the least.
+    """Return frequency [Hz] and damping [1] of the oscillator s'' + 2 z w s' + w² s = w² drive with the least residual.
 
-    None where there is none within the bounds, or the search has not come to an end.
-
-    left: (m, 15) by flight, of the whole fit, the structure itself among what it explains.
+    Args:
+        generic: the resonance as fitted on a grid.
+        flights: the flights of the fit.
+        residual: by flight, (m, 15) residual of the whole fit, in which `generic` is explained.
+        noise: noise model that whitens.
+    Returns: None where no mode lies within the bounds or the search has not converged.
     Source: output error with the gains projected out (Golub and Pereyra 1973, variable projection).
-    Raises: ValueError: of structure that does not swing.
+    Raises: ValueError: if the structure is no resonance.
     """
     candidate = generic.candidate
     if candidate.swing is None:
