@@ -28,7 +28,7 @@ from np_drake.vehicle import Vehicle
 FORCE, TORQUE, WRENCH = slice(0, 3), slice(3, 6), slice(0, 6)
 POSITION, VELOCITY, ATTITUDE = slice(6, 9), slice(9, 12), slice(12, 15)
 SIZE = 15
-LEAST = 3.0  # least duration of a flight [s]; own choice
+LEAST_DURATION = 3.0  # least duration of a flight [s]; own choice
 SETTLING = 7.0  # rotor time constants after which commands before the log no longer matter [1]; own choice
 OFF = 0.4  # initial thrust error over hover thrust, above which rotors had not settled [1]; own choice
 
@@ -205,9 +205,9 @@ def make_flight_residuals(
         since: time from which rows count [s]; default: when rotor thrust follows from the commands alone.
     Raises: ValueError: if the flight is too short for a grid.
     """
-    if log.t[-1] - log.t[0] < LEAST:
+    if log.t[-1] - log.t[0] < LEAST_DURATION:
         raise ValueError(
-            f"diagnose: {log.name} must last at least {LEAST:g} s; got {log.t[-1] - log.t[0]:.3g} s. "
+            f"diagnose: {log.name} must last at least {LEAST_DURATION:g} s; got {log.t[-1] - log.t[0]:.3g} s. "
             "Give a longer flight."
         )
     smooth, noise = smooth_attitude(log.t, log.q, log.w)
@@ -241,7 +241,7 @@ def _settled(log: FlightLog, vehicle: Vehicle, thrust: np.ndarray, torque: np.nd
     hover = 0.25 * vehicle.mass * vehicle.gravity
     if np.sqrt(np.mean(missed**2)) < OFF * hover:
         return float(log.t[0])
-    return float(min(log.t[0] + SETTLING * lag, log.t[-1] - LEAST))
+    return float(min(log.t[0] + SETTLING * lag, log.t[-1] - LEAST_DURATION))
 
 
 def _attitude_for_force(log: FlightLog, smooth: np.ndarray, gravity: float) -> tuple[np.ndarray, bool]:
@@ -266,7 +266,14 @@ def after_rows(f_rows: np.ndarray, f_mids: np.ndarray) -> np.ndarray:
     return f_mids - f_rows[:-1]
 
 
-def _channels(log, vehicle, q, mids, thrust_rows, thrust_mids) -> tuple[np.ndarray, np.ndarray]:
+def _channels(
+    log: FlightLog,
+    vehicle: Vehicle,
+    q: np.ndarray,
+    mids: Instants,
+    thrust_rows: np.ndarray,
+    thrust_mids: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the force channels (n, 3) at the instants of force and the others (n-1, 12) at those of torque."""
     dt = np.diff(log.t)[:, None]
     g = np.array([0.0, 0.0, vehicle.gravity])
