@@ -102,7 +102,7 @@ class Band:
 
 @dc.dataclass(frozen=True)
 class Localisation:
-    """Where the gap lies: by channel, time, regime and frequency.
+    """Localisation of the gap by channel, time, regime and frequency.
 
     times, before, after: residuals by flight, for figures.
     """
@@ -220,7 +220,10 @@ Times of logs and onsets count from the flight's first row.
 
 
 def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Return the diagnosis in plain types, without residual traces and fitted objects; values that are not finite are None."""
+    """Return the diagnosis in plain types, without residual series and fitted objects.
+
+    Values that are not finite become None.
+    """
     check, shrink = diagnosis.check, diagnosis.shrink
     content = {
         "schema": SCHEMA,
