@@ -7,7 +7,7 @@ import numpy as np
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.parameters import write
 
-TOLD = 2.0  # deviations from neutral at which a figure is one that the flights tell [1]; own choice
+TOLD = 2.0  # deviations from neutral above which a parameter is well determined [1]; own choice
 
 
 def with_isotropic_prior(fit: Fit) -> Fit:

@@ -14,8 +14,8 @@ from np_drake.diagnosis.regressors import Candidate
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.base import ActuatorEffect, SensorEffect
 
-TOLD = 0.95  # probability that figures are not none, from which they are told [1]
-BLOCK = 1.0  # over which residuals may hang together, for the robust covariance [s]
+TOLD = 0.95  # level at which parameters differ significantly from neutral [1]
+BLOCK = 1.0  # length of blocks within which residuals may correlate, for the robust covariance [s]
 
 
 @dc.dataclass(frozen=True)
@@ -143,7 +143,7 @@ def refine(
     sizes = [(len(e.t) - noise.phi.shape[1]) * noise.phi.shape[0] for e in flights]
     spans = [slice(*ends) for ends in pairwise(np.cumsum([0, *sizes]).tolist())]
     rows = sum(sizes)
-    # One buffer for all steps: only the first n columns of its rows change, and each step needs its own alone.
+    # One buffer serves all steps: only the first n columns of its rows change, and each step uses only its own.
     J = np.zeros((rows + n + k, n + k))
     J[rows:] = np.eye(n + k)
     for c, at in zip(linear, pairwise(np.cumsum([n, *sizes_of]).tolist()), strict=True):

@@ -15,7 +15,7 @@ from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.tolerance import Tolerance
 
 ITERATIONS = 6
-AGAIN = 3  # times that a descent with a hidden swing is begun anew; own choice
+AGAIN = 3  # largest number of restarts of a descent with a hidden swing; own choice
 
 
 def refit(

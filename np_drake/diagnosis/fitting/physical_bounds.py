@@ -10,9 +10,9 @@ from np_drake.diagnosis.regressors import DRAG, DRAGS
 from np_drake.effects.base import Effect, MassEffect, MassProperties
 from np_drake.vehicle import Vehicle
 
-EDGE = 1e-3  # of a figure's range, within which it lies at its bound [1]; own choice
-PUSHES = 3.0  # deviations below none, at which a drag is one that pushes; own choice
-STEPS = 3  # in which an interval is gone through; own choice
+EDGE = 1e-3  # share of a parameter's range within which it is at its bound [1]; own choice
+PUSHES = 3.0  # deviations below zero at which a drag is significantly negative [1]; own choice
+STEPS = 3  # points of an interval that are tried; own choice
 
 
 def interval(fit: Fit, i: int, name: str) -> tuple[float, float]:

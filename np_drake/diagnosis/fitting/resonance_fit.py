@@ -10,11 +10,11 @@ from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.regressors import DAMPING
 from np_drake.diagnosis.residuals import FlightResiduals
 
-WITHIN = 1.5  # times the frequency that the grid found, up or down; own choice
-DAMPINGS = (0.005, 1.0)  # that are looked for [1]; own choice
-STEP = 0.1  # first one, in the logarithm of either
-EDGE = 1e-3  # of a bound, in the logarithm
-TRIES = 80  # evaluations, of some ten milliseconds
+WITHIN = 1.5  # largest ratio to the frequency from the grid, up or down [1]; own choice
+DAMPINGS = (0.005, 1.0)  # bounds of the damping [1]; own choice
+STEP = 0.1  # initial step in the logarithm of frequency and damping
+EDGE = 1e-3  # distance from a bound in the logarithm, within which a solution lies on it
+TRIES = 80  # largest number of evaluations, of about ten milliseconds each
 
 
 def mode_of(

@@ -19,11 +19,11 @@ from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.regressors import SWING, WIDEST
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 
-STEPS = 3  # of Gauss-Newton
-GRID = 128  # swings, as wide as may be, from which it may descend; own choice
-TRIED = 3  # of them from which it does, beside the swing that is there; own choice
-SMALL = 0.02  # of the differences [rad]
-WAYS = 32  # in which a payload may swing, of whose traces the mean is foreseen; own choice
+STEPS = 3  # Gauss-Newton iterations
+GRID = 128  # swings in the grid of starts; own choice
+TRIED = 3  # best grid points from which to descend, besides the given swing; own choice
+SMALL = 0.02  # step of finite differences [rad]
+WAYS = 32  # posterior samples of a swing, whose mean prediction is used; own choice
 
 
 class SwingFit:
@@ -128,7 +128,7 @@ class SwingFit:
         return self._noise.whiten(bridged, self._flight.name)[self._scored]
 
 
-SPANS = (4.0, 8.0)  # over which a swing is followed through a flight, one after the other [s]
+SPANS = (4.0, 8.0)  # growing lengths of a flight over which its swing is fitted [s]
 
 
 def fitted_to_whole_flight(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel) -> list[Term]:

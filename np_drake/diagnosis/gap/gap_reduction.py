@@ -15,8 +15,8 @@ from np_drake.logs.flight_log import FlightLog
 
 BLOCK = 1.0  # length of a bootstrap block [s]
 FEWEST = 8  # least number of blocks; they are shorter in short flights; own choice
-DRAWS = 400
-SEED = 1
+DRAWS = 400  # bootstrap samples
+SEED = 1  # bootstrap seed
 LEAD = 0.5  # commands before a replay that motors and delays need [s]
 LEAST_REPLAYED = 3.0  # least time after a cause begins; else all of the flight is replayed [s]; own choice
 LEAST_GAP = 0.02  # gap over noise power below which there is none to close [1]; own choice

@@ -23,7 +23,7 @@ from np_drake.effects.library import LIBRARY
 DISTANCE = (
     14.0  # squared whitened distance below which noise hides the difference; own choice: about four sigma
 )
-LENGTHS = np.geomspace(0.2, 2.0, 12)  # of a payload that could stand in [m]
+LENGTHS = np.geomspace(0.2, 2.0, 12)  # tether lengths of payloads that are compared [m]
 
 
 def collinear_effects(

@@ -15,7 +15,7 @@ from np_drake.diagnosis.result import CHANNELS, Band, ChannelGap, Localisation, 
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
 BINS = 4  # regimes of each quantity
 COARSE = 0.2  # time resolution of change points [s]
-PENALTY = 35.0  # of a change point, in units of the noise's variance times channels; own choice
+PENALTY = 35.0  # penalty of a change point, in noise variance times channels; own choice
 LEAST_SPAN = 1e-3  # span of a quantity below which it has no regimes [its unit]
 
 

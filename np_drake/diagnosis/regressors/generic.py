@@ -20,13 +20,11 @@ from np_drake.diagnosis.residuals import FlightResiduals, FlightState, flight_st
 PREFIX = "unknown:"
 SIZE = 0.04  # prior deviation of a group's force over weight, and of its torque over weight times arm [1]
 RESONANCES = (0.4, 0.6, 0.8, 1.05, 1.4, 1.8, 2.4, 3.2, 4.2)  # [Hz]
-DAMPING = 0.1  # of a resonance that is tried [1]
-TWISTS = tuple(0.7 * 1.3**k for k in range(9))  # of a resonance between command and torque [Hz]
+DAMPING = 0.1  # damping of the resonances in the grids [1]
+TWISTS = tuple(0.7 * 1.3**k for k in range(9))  # frequencies of resonances between command and torque [Hz]
 GAIN = 0.3  # prior deviation of its torque over the commanded one [1]
-CENTRES = 10  # of a place
-Pushes = Callable[
-    [FlightState], np.ndarray
-]  # (m, 6, k) force and torque in body axes in units of their prior
+CENTRES = 10  # number of centres of the position group
+Pushes = Callable[[FlightState], np.ndarray]  # (m, 6, k) force and torque in B in units of their prior
 
 
 def generic_candidates(flights: Sequence[FlightResiduals]) -> list[Candidate]:
@@ -218,7 +216,7 @@ def _twist(frequency: float, damping: float = DAMPING) -> Pushes:
         once = behind(GAIN * s.u[:, 1:] / (SIZE * s.weight * s.torque_unit))
         twice = behind(once)
         changes = [np.gradient(g, s.step, axis=0) / omega for g in (once, twice)]
-        peak = 2 * damping  # of G, by which it is made one
+        peak = 2 * damping  # normalises the peak of G to one
         parts = np.stack([peak * once, peak * changes[0], peak**2 * twice, peak**2 * changes[1]], axis=2)
         return _joined(*(_each(parts[:, i], [3 + i]) for i in range(3)))
 

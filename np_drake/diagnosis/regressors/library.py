@@ -11,13 +11,13 @@ from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.library import LIBRARY, effects_for
 
-DRAG = "linear_drag"  # through which winds are felt
+DRAG = "linear_drag"  # the effect through which winds act
 DRAGS = (DRAG, "quadratic_drag")
 ROTOR_SPEED_BLIND = ("motor_lag", "command_delay", "clock_offset")
-SHIFTS = np.geomspace(0.003, 0.06, 10)  # of commands against states that are tried [s]
+SHIFTS = np.geomspace(0.003, 0.06, 10)  # grid of shifts of commands against states [s]
 Onset = dict[str, float | None]
 Swing = Callable[[float, float, FlightResiduals], np.ndarray]
-Mended = tuple[np.ndarray, float]  # coefficients and their log probability
+Mended = tuple[np.ndarray, float]  # physical coefficients and their log probability
 
 
 @dc.dataclass(frozen=True)

@@ -64,7 +64,7 @@ def sensor_drift(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> Ca
     return Candidate((), "wander", columns, lambda c: [])
 
 
-Drift = dict[str, np.ndarray]  # by flight, (m, 15, k) columns of what its sensors may be off by, whitened
+Drift = dict[str, np.ndarray]  # by flight, (m - p, 15, k) whitened columns of its sensor errors
 
 
 def drift_of(flights: Sequence[FlightResiduals], noise: NoiseModel, tolerance: Tolerance) -> Drift:
@@ -91,7 +91,7 @@ def loss_on(
     return loss_beside(white, D)
 
 
-REAL = 1e-3  # attitude noise above which a log comes from a real rig [rad]
+REAL = 1e-3  # attitude noise above which sensors are taken as real [rad]
 
 
 def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:

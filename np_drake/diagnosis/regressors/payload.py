@@ -19,9 +19,9 @@ LENGTH = 0.05  # prior deviation of the length about a guess, relative [1]
 SMALL = 0.02  # difference quotients: of a swing [rad], of a length, relative [1]
 WIDEST = 1.2  # swing [rad], and with the natural rate its rate, that a guess may have
 LONGEST, SHORTEST = 3.0, 0.1  # tether [m]
-SURELY = 2.0  # deviations that a mass is at least above zero [1]; own choice
-LIGHTEST = 0.02  # share of `unit` that products with the mass are divided by at least [1]
-AT_REST = 4  # the first columns: mass and hook
+SURELY = 2.0  # least mass over its posterior deviation [1]; own choice
+LIGHTEST = 0.02  # least mass, as a share of `unit`, by which products with the mass are divided [1]
+AT_REST = 4  # number of columns for mass and hook, which come first
 
 
 @dc.dataclass(frozen=True)

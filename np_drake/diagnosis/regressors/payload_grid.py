@@ -12,7 +12,7 @@ from np_drake.diagnosis.regressors.payload import AT_REST, HOOK, LENGTH, SMALL, 
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.effects.library import LIBRARY
 
-UNIT = 0.1  # of the vehicle's mass: prior deviation of a payload's
+UNIT = 0.1  # prior deviation of the payload's mass over the vehicle's mass [1]
 
 
 def payload_candidates(

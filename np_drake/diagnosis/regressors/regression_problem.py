@@ -12,10 +12,10 @@ from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.library import LIBRARY
 
-EFFECT_PRIOR = -3.0  # log prior of every effect named: about one in twenty; own choice
-LESS_LIKELY = {"clock_offset": 0.7, "unknown": 3.0}  # than the others, in log prior; own choice
-SHIFTS = ("command_delay", "clock_offset")  # the same but for the sign
-SHIFTING = ("motor_lag", *SHIFTS)  # of commands against states
+EFFECT_PRIOR = -3.0  # log prior of every effect: about one in twenty; own choice
+LESS_LIKELY = {"clock_offset": 0.7, "unknown": 3.0}  # reduction of the log prior; own choice
+SHIFTS = ("command_delay", "clock_offset")  # same prediction but for the sign
+SHIFTING = ("motor_lag", *SHIFTS)  # effects that shift commands against states
 
 
 def effect_prior(identifier: str) -> float:

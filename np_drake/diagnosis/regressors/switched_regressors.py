@@ -29,7 +29,7 @@ class SwitchedRegressors:
         both = np.concatenate([beside, target[..., None]], axis=-1)
         active, half, m = np.flatnonzero(noise.active), len(self._rise) // 2, len(self.t)
         driven = self._driven(active, flight.bridged(both[:, active]))
-        # What drives a channel times this is what is white times `both`; no row is beyond either end.
+        # Innovations times this equal whitened values times whitened `both`; rows beyond either end are zero.
         padded = np.zeros((both.shape[1], half + m + half + self._order, both.shape[2]))
         self._facing = padded[:, half : half + m]
         self._facing[active] = np.tensordot(self._weight(active), driven, 1)

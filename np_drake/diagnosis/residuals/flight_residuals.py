@@ -147,7 +147,7 @@ class FlightResiduals:
         do not change.
         """
         known = np.append(np.flatnonzero(~self.shocks[rows - 1 :]), len(self.t))
-        n = rows + int(known[0]) + TAPS  # beyond what bridges shocks, and as far as the low-pass reaches
+        n = rows + int(known[0]) + TAPS  # past interpolated outliers and the reach of the low-pass
         if n >= len(self.t):
             return self
         grid = dc.replace(self.grid, t=self.t[:n], fine=self.grid.fine[: (n - 1) * self.grid.factor + 1])

@@ -63,5 +63,5 @@ def _above_noise(values: np.ndarray, read: np.ndarray) -> np.ndarray:
 
     Source: Wiener gain; `SURELY` is own choice.
     """
-    noise = np.mean(np.diff(read, n=2, axis=0) ** 2) / 6.0  # of second differences of white noise
+    noise = np.mean(np.diff(read, n=2, axis=0) ** 2) / 6.0  # second differences have six times the variance
     return values * np.clip(1 - SURELY * noise / np.maximum(values.var(axis=0), 1e-12), 0.0, 1.0)
