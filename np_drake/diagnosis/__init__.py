@@ -1,1 +1,1 @@
-"""Where a simulator and reality part, which effect causes it, and how far the gap shrinks once it is added."""
+"""Diagnosis of the sim-to-real gap: its causes, where it lies, and how far adding the causes closes it."""

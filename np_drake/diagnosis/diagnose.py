@@ -1,4 +1,4 @@
-"""The diagnosis in five steps: residuals, causes, identifiability, localisation, gap reduction."""
+"""Diagnosis in five steps: residuals, causes, identifiability, localisation, gap reduction."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -32,19 +32,20 @@ def diagnose(
     tolerance: Tolerance | None = None,
     on_progress: Progress | None = None,
 ) -> Diagnosis:
-    """Return where the nominal model and the flights part, which effects cause it, and how far adding them closes it.
+    """Diagnose the gap between the nominal model and the flights: its causes, and how far adding them closes it.
 
     Args:
-        vehicle: what the nominal simulator knows.
-        train: flights to which effects are fitted.   held_out: flights that judge the fit.
+        vehicle: the nominal vehicle.
+        train: flights to which effects are fitted.
+        held_out: flights that judge the fit.
         replay: the simulator as a callable (`diagrams.gap.drake_replay.DrakeReplay`); without it, replay errors are
             left out.
         adaptive_split: where held-out flights show what the training flights do not excite, let their first halves join
             the fit and only their second halves judge; `Diagnosis.joined` names them.
-        tolerance: what vehicle file and sensors may be off by without a cause: `Tolerance()` for real sensors,
+        tolerance: errors of vehicle file and sensors that are not a cause: `Tolerance()` for real sensors,
             `IDEAL_SENSORS`, or one's own; default: real where attitudes are noisy or rotor speed is measured.
         on_progress: called with the share done [1] and the name of the step.
-    Raises: ValueError: on logs that cannot be used, one line with the remedy.
+    Raises: ValueError: if the logs cannot be used; one line with the remedy.
     """
     start = time.perf_counter()
     tell = on_progress or (lambda share, text: None)
@@ -69,7 +70,7 @@ def diagnose(
     )
     held, noise = found.unexplained.held, found.ranking.noise
 
-    # 3. What these logs cannot tell apart.
+    # 3. Effects that these logs cannot tell apart.
     tell(0.7, "how far")
     checked = assess_identifiability(found.flights, found.held_out, found.ranking.problem.candidates, noise)
 

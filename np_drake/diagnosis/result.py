@@ -1,4 +1,4 @@
-"""The answer of a diagnosis as dataclasses; `as_json` is the file `diagnosis.json` (docs/reference/files.md)."""
+"""Result of a diagnosis as dataclasses; `as_json` gives the file `diagnosis.json` (docs/reference/files.md)."""
 
 import dataclasses as dc
 from collections.abc import Callable, Iterable
@@ -11,14 +11,14 @@ from np_drake.effects.base import Effect
 from np_drake.logs.flight_log import FlightLog
 
 CHANNELS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")  # body axes
-HORIZONS = (0.1, 0.25, 0.5, 1.0)  # of the replay [s]
+HORIZONS = (0.1, 0.25, 0.5, 1.0)  # horizons of the replay [s]
 SCHEMA = "np_drake.diagnosis/1"
 UNKNOWN = "unknown"
 
 
 @dc.dataclass(frozen=True)
 class Estimate:
-    """A parameter with its unit and 95 % interval."""
+    """Value of a parameter with its unit and 95 % interval."""
 
     value: float
     unit: str
@@ -27,11 +27,12 @@ class Estimate:
 
 @dc.dataclass(frozen=True)
 class Cause:
-    """One unmodelled effect that the logs show.
+    """Unmodelled effect that the logs show.
 
-    onset: by flight, the time at which it begins [s]; None where it acts from the start (or not at all: absent).
-    share: square of its own trace over that of the gap above the noise, in the flights of the fit [1]; NaN for gusts,
-        which have none there. Traces overlap: shares need not add up.   effect: the fitted object.
+    onset: by flight, the time at which it begins [s]; None: from the start; infinite: absent from the flight.
+    share: power of its own predicted residual over that of the gap above the noise, in the flights of the fit [1]; NaN
+        for gusts, which have none there. Predicted residuals overlap, so that shares need not add up to one.
+    effect: the fitted object.
     """
 
     identifier: str
@@ -45,7 +46,7 @@ class Cause:
 
 @dc.dataclass(frozen=True)
 class Finding:
-    """Something worth a line: a minor (significant but immaterial) effect, or a trace of what is unknown."""
+    """Result that is no cause: a significant but immaterial effect, or a sign of unknown structure."""
 
     name: str
     text: str
@@ -55,7 +56,7 @@ class Finding:
 
 @dc.dataclass(frozen=True)
 class ChannelGap:
-    """One channel of the residual wrench, held-out: RMS before and after, noise floor, share explained [1]."""
+    """Held-out residual of one channel of the wrench: RMS before and after, noise floor, share explained [1]."""
 
     channel: str
     unit: str
@@ -67,7 +68,7 @@ class ChannelGap:
 
 @dc.dataclass(frozen=True)
 class Segment:
-    """A stretch of a flight between two change points, with the RMS residual of each channel in noise units."""
+    """Part of a flight between two change points, with the RMS residual of each channel in noise units."""
 
     flight: str
     start: float
@@ -77,7 +78,7 @@ class Segment:
 
 @dc.dataclass(frozen=True)
 class Regime:
-    """Rows alike in one quantity (speed, thrust, height, tilt, rate), with RMS residual in noise units."""
+    """Rows within a range of one quantity (speed, thrust, height, tilt, rate), with RMS residual in noise units."""
 
     quantity: str
     unit: str
@@ -101,7 +102,10 @@ class Band:
 
 @dc.dataclass(frozen=True)
 class Localisation:
-    """Step 2: channels, time, regime, frequency. `times`, `before`, `after`: residual traces by flight, for figures."""
+    """Localisation of the gap by channel, time, regime and frequency.
+
+    times, before, after: residuals by flight, for figures.
+    """
 
     channels: tuple[ChannelGap, ...]
     segments: tuple[Segment, ...] = ()
@@ -114,7 +118,7 @@ class Localisation:
 
 @dc.dataclass(frozen=True)
 class Confusable:
-    """Effects that these logs cannot tell apart, or not see at all, and the manoeuvre that would."""
+    """Effects that these logs cannot show or cannot tell apart, and the manoeuvre that would."""
 
     effects: tuple[str, ...]
     because: str
@@ -123,7 +127,10 @@ class Confusable:
 
 @dc.dataclass(frozen=True)
 class Identifiability:
-    """Step 1: is the log usable, what can it not tell?   excitation: by quantity, RMS or span with unit in the key."""
+    """Whether the logs are usable, and which effects they cannot tell apart.
+
+    excitation: by quantity, an RMS or span, with the unit in the key.
+    """
 
     usable: bool
     excitation: dict[str, float]
@@ -134,7 +141,7 @@ class Identifiability:
 
 @dc.dataclass(frozen=True)
 class Rung:
-    """A rung of the ladder: pooled held-out residual in noise units once the effects so far are added."""
+    """Rung of the ladder: pooled held-out residual in noise units once the effects so far are added."""
 
     name: str
     residual: float
@@ -142,7 +149,7 @@ class Rung:
 
 @dc.dataclass(frozen=True)
 class ReplayGap:
-    """Error of open-loop replay against horizon: median over starts and the 95 % interval of the median.
+    """Error of open-loop replay against horizon: median over starts and its 95 % interval.
 
     horizon (h,) [s]; position [m], velocity [m/s], attitude [deg]: (h, 3) = value, lower, upper.
     """
@@ -156,7 +163,7 @@ class ReplayGap:
 
 @dc.dataclass(frozen=True)
 class GapReduction:
-    """Step 4: held-out residual in noise units before and after;
+    """Held-out residual in noise units before and after the causes are added.
 
     fraction = 1 - (after² - floor²) / (before² - floor²).
     """
@@ -174,11 +181,13 @@ class GapReduction:
 
 @dc.dataclass(frozen=True)
 class Diagnosis:
-    """All five steps. verdict: identifiers, possibly with `unknown`; empty: nothing is missing.
+    """Result of all five steps of a diagnosis.
 
-    joined: held-out flights whose first half joined the fit, so that only their second half judges.
-    cannot_tell: the logs excite nothing; then there is no verdict.   unknown: probability that something material
-    is left that no effect of the library explains.   judged_as: logs of a rig or of a laboratory; empty: neither.
+    verdict: identifiers of effects, possibly with `unknown`; empty: nothing is missing.
+    joined: held-out flights whose first half joined the fit, so that only their second half judges (adaptive split).
+    cannot_tell: the logs excite nothing, and there is no verdict.
+    unknown_probability: probability that a material residual remains that no effect of the library explains [1].
+    judged_as: tolerance used: `rig` (real sensors) or `laboratory` (ideal sensors); empty: neither.
     """
 
     vehicle: str
@@ -199,19 +208,22 @@ class Diagnosis:
     judged_as: str = ""
 
     def as_json(self) -> dict[str, Any]:
-        """`diagnosis.json` as a dictionary of plain types."""
+        """Return the content of `diagnosis.json` in plain types."""
         return as_json(self)
 
 
 Replay = Callable[[list[FlightLog], list[tuple[Effect, dict[str, float | None]]]], ReplayGap]
-"""(held-out logs, effects with their onset by flight) -> error of the simulator with these effects; [] is nominal.
+"""Replay of held-out logs in a simulator: (logs, effects with their onset by flight) -> error; [] is nominal.
 
 Times of logs and onsets count from the flight's first row.
 """
 
 
 def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
-    """All of it but the traces and the fitted objects; what is not finite is None."""
+    """Return the diagnosis in plain types, without residual series and fitted objects.
+
+    Values that are not finite become None.
+    """
     check, shrink = diagnosis.check, diagnosis.shrink
     content = {
         "schema": SCHEMA,
@@ -255,7 +267,7 @@ def _cause(cause: Cause) -> dict[str, Any]:
 
 
 def _gap(where: Localisation, replay: ReplayGap | None) -> dict[str, Any]:
-    """By kind and axis; the replay's medians; and where in time, regime and frequency."""
+    """Return the gap by kind and axis, the replay's medians, and its parts in time, regime and frequency."""
     gap: dict[str, Any] = {"force": {}, "torque": {}}
     for channel in where.channels:
         kind, axis = channel.channel.split()
@@ -270,7 +282,7 @@ def _gap(where: Localisation, replay: ReplayGap | None) -> dict[str, Any]:
 
 
 def _both_replays(before: ReplayGap | None, after: ReplayGap | None) -> dict[str, Any] | None:
-    """Medians and their 95 % intervals, nominal and with the causes added."""
+    """Return medians and 95 % intervals of the replay, nominal and with the causes added."""
     known = before or after
     if known is None:
         return None
@@ -282,12 +294,12 @@ def _both_replays(before: ReplayGap | None, after: ReplayGap | None) -> dict[str
 
 
 def _medians(gap: ReplayGap) -> dict[str, list[float]]:
-    """(h,) each [m], [m/s], [deg]."""
+    """Return the medians (h,) by quantity [m], [m/s], [deg]."""
     return {name: values[:, 0].tolist() for name, values in _quantities(gap)}
 
 
 def _intervals(gap: ReplayGap) -> dict[str, list[list[float]]]:
-    """(h, 2) each."""
+    """Return the 95 % intervals (h, 2) by quantity."""
     return {f"{name}_ci95": values[:, 1:].tolist() for name, values in _quantities(gap)}
 
 

@@ -1,4 +1,4 @@
-"""Maximum a posteriori parameters of one model."""
+"""Maximum a posteriori fit of one model's parameters, with starts, bounds and hidden states."""
 
 from np_drake.diagnosis.fitting.isotropic_prior import with_isotropic_prior
 from np_drake.diagnosis.fitting.map_estimate import Fit, Generic

@@ -1,4 +1,4 @@
-"""Figures that the flights hardly tell, beside others of the same vector that they do: of like size on every axis."""
+"""Isotropic prior: parameters that the flights hardly determine, with a prior as wide as those of the same vector."""
 
 import dataclasses as dc
 
@@ -7,15 +7,16 @@ import numpy as np
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.parameters import write
 
-TOLD = 2.0  # deviations from neutral at which a figure is one that the flights tell [1]; own choice
+TOLD = 2.0  # deviations from neutral above which a parameter is well determined [1]; own choice
 
 
 def with_isotropic_prior(fit: Fit) -> Fit:
-    """The fit with priors of `isotropic` effects as wide as those of their figures are large that the flights tell.
+    """Return the fit with priors of `isotropic` effects as wide as their well-determined parameters are large.
 
-    A search does not know how large an effect is, and its priors are wide: where one axis is hardly excited, its figure
-    is noise as large as that prior. Evidence stays that of the search.
-    Source: conditioning of the posterior on one more observation of each such figure: its neutral value.
+    The search does not know how large an effect is, and its priors are wide. Where an axis is hardly excited, its
+    parameter is noise as large as that prior. The log evidence stays that of the search.
+
+    Source: conditioning of the posterior on one more observation of each such parameter: its neutral value.
     """
     values, covariance = fit.values.copy(), fit.covariance.copy()
     for i in (i for i, t in enumerate(fit.terms) if t.effect.isotropic):

@@ -1,4 +1,4 @@
-"""All parameters of a set of effects at once: nonlinear least squares in the whitened channels, with priors."""
+"""Maximum a posteriori parameters of a set of effects: nonlinear least squares in whitened channels, with priors."""
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
@@ -14,28 +14,35 @@ from np_drake.diagnosis.regressors import Candidate
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.base import ActuatorEffect, SensorEffect
 
-TOLD = 0.95  # probability that figures are not none, from which they are told [1]
-BLOCK = 1.0  # over which residuals may hang together, for the robust covariance [s]
+TOLD = 0.95  # level at which parameters differ significantly from neutral [1]
+BLOCK = 1.0  # length of blocks within which residuals may correlate, for the robust covariance [s]
 
 
 @dc.dataclass(frozen=True)
 class Generic:
-    """Structure that is no effect, as fitted: on any flight its part of the channels is columns @ coefficients."""
+    """Generic structure as fitted: its part of the channels is columns @ coefficients on any flight."""
 
     candidate: Candidate
     coefficients: np.ndarray
 
     def part(self, e: FlightResiduals) -> np.ndarray:
-        """(m, 15) of a flight."""
+        """Return the part of the channels (m, 15) of a flight."""
         assert self.candidate.generic is not None
         return self.candidate.generic(e) @ self.coefficients
 
 
 @dc.dataclass(frozen=True)
 class Fit:
-    """A fitted model. covariance (k, k) of `free` in physical units; loss: whitened sum of squares on its flights;
+    """Fitted model of effects, calibration and generic structure.
 
-    wander (m, 15) by flight: of its sensors and of what is generic.   unseen: what unseen flights add to its evidence.
+    terms, calibration: fitted terms.
+    free, values: free parameters and their values (k,) in physical units; covariance (k, k): of these.
+    log_evidence: log evidence of the model on the flights of the fit [nat].
+    loss: whitened sum of squares on these flights; samples: number of their rows.
+    sensor_drift: by flight, (m, 15) contribution of sensor errors and generic structure.
+    generic: fitted generic structure.
+    onset_prior: log prior of the onsets.
+    held_out_evidence: log evidence that held-out flights add [nat].
     """
 
     terms: tuple[Term, ...]
@@ -52,17 +59,22 @@ class Fit:
     held_out_evidence: float = 0.0
 
     def residual(self, e: FlightResiduals) -> np.ndarray:
-        """(m, 15) what the model leaves of a flight, shocks apart; of a fitted one, without its sensors' own wander."""
+        """Return the residual (m, 15) of the model on a flight, with outlier rows interpolated.
+
+        On a flight of the fit, sensor errors and generic structure are removed as well.
+        """
         residual = e.y - predicted_residual(e, self.everything)
         return e.bridged(residual - self.sensor_drift[e.name] if e.name in self.sensor_drift else residual)
 
     def is_significant(self, i: int) -> bool:
-        """Are the figures of `terms[i]` not those at which its effect vanishes, by 95 %?
+        """Return whether the parameters of `terms[i]` differ from those of a vanishing effect at the 95 % level.
 
-        What helps beside others while its figures may be none stands for what these get wrong. Of an effect that is
-        felt through another the products with that one's figures are asked: where a drag is hardly known, so is the
-        wind, but not how it pushes (axis by axis; where the two have not as many figures, its own are asked).
-        Source: Wald test of all of them together; products to first order.
+        An effect that improves the fit without being significant makes up for errors of the others. An effect that acts
+        through another is tested by the products of the two sets of parameters. Where a drag is poorly known so is the
+        wind, but not the force of the wind. Products are taken axis by axis; where the two have different numbers of
+        parameters, its own are tested.
+
+        Source: Wald test of all parameters together; products to first order.
         """
         own = self._vanishing(i)
         if not own:
@@ -78,19 +90,19 @@ class Fit:
         return bool(away @ np.linalg.pinv(spread) @ away > stats.chi2.ppf(TOLD, len(own)))
 
     def _vanishing(self, i: int) -> list[int]:
-        """Positions in `free` of the figures of term i at whose neutral values it is none."""
+        """Return the positions in `free` of the parameters of term i at whose neutral values its effect vanishes."""
         names = {p.name for p in self.terms[i].effect.parameters if p.vanishes}
         return [k for k, f in enumerate(self.free) if f.term == i and not f.flight and f.name in names]
 
     def _felt_through(self, i: int) -> list[int]:
-        """The same of the term through which term i is felt; none where it needs none."""
+        """Return these positions for the term through which term i acts; none where it needs no other."""
         needs = type(self.terms[i].effect).needs
         felt = (j for j, t in enumerate(self.terms) if t.effect.identifier in needs)
         return next(map(self._vanishing, felt), [])
 
     @property
     def everything(self) -> list[Term]:
-        """Terms and calibration: what predicts the channels."""
+        """Terms and calibration, which together predict the channels."""
         return [*self.terms, *self.calibration]
 
 
@@ -106,10 +118,18 @@ def refine(
     evaluations: int = 8,
     wide: bool = True,
 ) -> Fit:
-    """Fits terms and calibration (each with its prior deviation) to the flights, from the terms' values.
+    """Fit terms and calibration to the flights by bounded Gauss-Newton, starting from the terms' values.
 
-    linear: what acts beside them, with its coefficients free.   white: (m - p, 15, k) columns of one of these in a
-    flight, whitened; by default, by `noise`.   wide: are priors as wide as effects are large?
+    Args:
+        terms: effects with initial parameters.
+        calibration: calibration terms, each with its prior standard deviation.
+        flights: the flights of the fit.
+        noise: noise model that whitens.
+        temperature: factor on the noise variance [1].
+        linear: candidates that act as well, with free coefficients.
+        white: gives the whitened columns (m - p, 15, k) of one of these in a flight; default: by `noise`.
+        evaluations: largest number of iterations.
+        wide: whether priors widen to the size of the effects.
     """
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
@@ -123,7 +143,7 @@ def refine(
     sizes = [(len(e.t) - noise.phi.shape[1]) * noise.phi.shape[0] for e in flights]
     spans = [slice(*ends) for ends in pairwise(np.cumsum([0, *sizes]).tolist())]
     rows = sum(sizes)
-    # One buffer for all steps: only the first n columns of its rows change, and each step needs its own alone.
+    # One buffer serves all steps: only the first n columns of its rows change, and each step uses only its own.
     J = np.zeros((rows + n + k, n + k))
     J[rows:] = np.eye(n + k)
     for c, at in zip(linear, pairwise(np.cumsum([n, *sizes_of]).tolist()), strict=True):
@@ -184,7 +204,10 @@ def refine(
 def _jacobian(
     now, free, flight: FlightResiduals, noise: NoiseModel, z: np.ndarray, scale: np.ndarray
 ) -> np.ndarray:
-    """Whitened derivative of the signature by finite differences; only terms that feel each other are evaluated."""
+    """Return the whitened derivative of the predicted residual by finite differences.
+
+    Only terms that interact with the changed one are evaluated again.
+    """
     columns = np.zeros((*flight.y.shape, len(free)))
     base: dict[tuple[int, ...], np.ndarray] = {}
     stages = StageCache()
@@ -214,10 +237,10 @@ def _jacobian(
 
 
 def _least_step(term: Term, flight: FlightResiduals) -> float:
-    """By which a figure has to move for a derivative [its unit].
+    """Return the least step of a parameter for its derivative, in its unit.
 
-    A held command jumps from row to row, and a force at rows changes with a delay by these jumps alone: none may fall
-    into a smaller step.
+    A held command jumps at every row, and a force at rows changes with a delay only when a jump passes a row. The step
+    must be long enough to contain one.
     """
     effect = term.effect
     shifts = isinstance(effect, ActuatorEffect) and effect.dead_time > 0
@@ -226,7 +249,10 @@ def _least_step(term: Term, flight: FlightResiduals) -> float:
 
 
 def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
-    """The terms whose signatures hang together with term i's (a payload's with other mass: to second order)."""
+    """Return the positions of the terms whose predicted residuals interact with that of term i.
+
+    A payload is taken as independent of other mass effects, which holds to first order.
+    """
 
     def alone(t: Term) -> bool:
         sensor = isinstance(t.effect, SensorEffect) and not t.effect.clock_shift
@@ -238,7 +264,7 @@ def _group(terms: Sequence[Term], i: int) -> tuple[int, ...]:
 
 
 def _robust(covariance, J, fun, flights, noise) -> np.ndarray:
-    """(k,) by how much the variances grow when residuals hang together within blocks (at least 1)."""
+    """Return the factor (k,) by which variances grow for residuals that correlate within blocks, at least 1."""
     step = flights[0].grid.step
     p, channels = noise.phi.shape[1], noise.phi.shape[0]
     rows = max(1, round(BLOCK / step)) * channels

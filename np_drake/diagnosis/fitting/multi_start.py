@@ -1,4 +1,4 @@
-"""From a set of candidates to its figures: the descent of `refine`, begun where a hidden swing would not hold it up."""
+"""Multi-start fit of a set of candidates: `refine` from several starts where there is a hidden swing."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.tolerance import Tolerance
 
 ITERATIONS = 6
-AGAIN = 3  # times that a descent with a hidden swing is begun anew; own choice
+AGAIN = 3  # largest number of restarts of a descent with a hidden swing; own choice
 
 
 def refit(
@@ -26,9 +26,17 @@ def refit(
     noise: NoiseModel | None = None,
     iterations: int = ITERATIONS,
 ) -> Fit:
-    """A model's figures; where a fit of the same effects is known, from there.
+    """Fit a model's parameters, starting from a known fit of the same effects where there is one.
 
-    With a hidden swing, whose tether snaps, the descent may rest on the way: then from the posterior as well.
+    With a hidden swing the descent may stop early, as where a tether snaps; it then starts from the posterior as well.
+
+    Args:
+        problem: the regression that holds the candidates.
+        model: the candidates to fit.
+        tolerance: tolerance of calibration.
+        known: an earlier fit, or None.
+        noise: noise model that whitens; default: that of the problem.
+        iterations: largest number of iterations.
     """
     noise = noise or problem.noise
     terms = _terms_at_posterior(problem, model)
@@ -40,10 +48,16 @@ def refit(
 
 
 def first_fit(problem: RegressionProblem, model: Model, tolerance: Tolerance, iterations: int) -> Fit:
-    """A model's figures where no fit is known: what it leaves is the noise of the next.
+    """Fit a model's parameters where no fit is known; its residual becomes the noise of the next.
 
-    A swing that is not met yet is in the noise, which rings with it, and so hides it: then from the swings that suit
-    the posterior's other figures, flight by flight, with errors that are weighted alike.
+    A swing that is not yet fitted is part of the noise, whose resonance then hides it. The start is therefore the swing
+    that suits the posterior's other parameters, flight by flight, under white noise.
+
+    Args:
+        problem: the regression that holds the candidates.
+        model: the candidates to fit.
+        tolerance: tolerance of calibration.
+        iterations: largest number of iterations.
     """
     flights, terms = problem.flights, _terms_at_posterior(problem, model)
     if not any(t.swings for t in terms):
@@ -57,7 +71,15 @@ def first_fit(problem: RegressionProblem, model: Model, tolerance: Tolerance, it
 def restarted(
     problem: RegressionProblem, model: Model, tolerance: Tolerance, fit: Fit, noise: NoiseModel
 ) -> Fit:
-    """The fit, where a swing is hidden in it, begun anew until it gains no more; `fit`: a `refit` with this noise."""
+    """Return the fit, restarted until it gains no more where it has a hidden swing.
+
+    Args:
+        problem: the regression that holds the candidates.
+        model: the candidates of the fit.
+        tolerance: tolerance of calibration.
+        fit: a `refit` with this noise.
+        noise: noise model that whitens.
+    """
     for _ in range(AGAIN if any(t.swings for t in fit.terms) else 0):
         before, fit = fit, _descend(problem, model, tolerance, list(fit.terms), noise, ITERATIONS)
         if fit.log_evidence < before.log_evidence + 1.0:
@@ -89,7 +111,7 @@ def _descend(
 
 
 def _swung(terms: Sequence[Term], flights: Sequence[FlightResiduals], noise: NoiseModel) -> list[Term]:
-    """The terms with the swings that suit each flight, the other figures being known."""
+    """Return the terms with the swings that suit each flight, given the other parameters."""
     found = {e.name: fitted_to_whole_flight(terms, e, noise) for e in flights}
     return [
         dc.replace(t, hidden={n: now[i].hidden[n] for n, now in found.items() if n in now[i].hidden})
@@ -98,7 +120,7 @@ def _swung(terms: Sequence[Term], flights: Sequence[FlightResiduals], noise: Noi
 
 
 def _terms_at_posterior(problem: RegressionProblem, model: Model) -> list[Term]:
-    """The terms of a model's members as the linear regression has them, all given that each is physical."""
+    """Return the terms of a model's members at the posterior of the linear regression, given that each is physical."""
     mean, covariance = problem.total.posterior(problem.columns(model.members))
     first = sum(c.size for c in problem.nuisance)
     chosen = [problem.candidates[i] for i in model.members]
@@ -111,5 +133,5 @@ def _terms_at_posterior(problem: RegressionProblem, model: Model) -> list[Term]:
 
 
 def _same(a: Sequence[Term], b: Sequence[Term]) -> bool:
-    """The same effects with the same onsets, in the same order."""
+    """Return whether both have the same effects with the same onsets in the same order."""
     return [(type(t.effect), t.onset) for t in a] == [(type(t.effect), t.onset) for t in b]

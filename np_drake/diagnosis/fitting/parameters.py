@@ -1,4 +1,4 @@
-"""The free figures of a model: which they are, and how they are read from terms and written into them."""
+"""Free parameters of a model, read from terms and written into them."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from np_drake.diagnosis.residuals import FlightResiduals
 
 @dc.dataclass(frozen=True)
 class Free:
-    """One free figure: of term `term`, a parameter by name or an entry of the hidden state of a flight."""
+    """Free parameter of term `term`: a parameter by name, or an entry of the hidden state of a flight."""
 
     term: int
     name: str
@@ -27,9 +27,13 @@ class Free:
 def free_parameters(
     terms: Sequence[Term], flights: Sequence[FlightResiduals], scales: dict[int, float], *, wide: bool = True
 ) -> list[Free]:
-    """What may move. scales: of calibration terms, by position: the prior deviation instead of the typical one.
+    """Return the free parameters of the terms.
 
-    wide: are priors as wide as effects are large?
+    Args:
+        terms: the terms.
+        flights: the flights, each with its own hidden states.
+        scales: by position, the prior standard deviation of calibration terms, in place of the typical one.
+        wide: whether priors widen to the size of the effects.
     """
     found = []
     for i, term in enumerate(terms):
@@ -48,7 +52,10 @@ def free_parameters(
 
 
 def _width(term: Term) -> float:
-    """Of the prior, over the typical one: as large as the effect is, at least 1 (as in `Gram.evidence_of_sets`)."""
+    """Return the width of the prior over the typical one: the size of the effect, at least 1.
+
+    `Gram.evidence_of_sets` uses the same rule.
+    """
     free = [p for p in term.effect.parameters if not p.choices]
     sizes = [(float(getattr(term.effect, p.name)) - p.neutral) / p.typical for p in free]
     return max(1.0, float(np.sqrt(np.mean(np.square(sizes)))))
@@ -59,7 +66,7 @@ def _size(term: Term, e: FlightResiduals) -> int:
 
 
 def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
-    """(k,) the free figures' values."""
+    """Return the values (k,) of the free parameters."""
     return np.array(
         [
             padded(terms[f.term].hidden.get(f.flight), f.entry + 1)[f.entry]
@@ -71,7 +78,7 @@ def read(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
 
 
 def write(terms: Sequence[Term], free: Sequence[Free], values: np.ndarray) -> list[Term]:
-    """The terms with the free figures set; those that have none are as they are."""
+    """Return the terms with the free parameters set to `values` (k,); other terms are unchanged."""
     moved = {f.term for f in free}
     fields: list[dict[str, float]] = [{} for _ in terms]
     hidden = {i: {k: np.array(v) for k, v in terms[i].hidden.items()} for i in moved}

@@ -1,4 +1,4 @@
-"""What the figures of a fit can be, and what they cannot."""
+"""Physical bounds of fitted parameters, and fits that violate them."""
 
 import dataclasses as dc
 from itertools import product
@@ -10,13 +10,13 @@ from np_drake.diagnosis.regressors import DRAG, DRAGS
 from np_drake.effects.base import Effect, MassEffect, MassProperties
 from np_drake.vehicle import Vehicle
 
-EDGE = 1e-3  # of a figure's range, within which it lies at its bound [1]; own choice
-PUSHES = 3.0  # deviations below none, at which a drag is one that pushes; own choice
-STEPS = 3  # in which an interval is gone through; own choice
+EDGE = 1e-3  # share of a parameter's range within which it is at its bound [1]; own choice
+PUSHES = 3.0  # deviations below zero at which a drag is significantly negative [1]; own choice
+STEPS = 3  # points of an interval that are tried; own choice
 
 
 def interval(fit: Fit, i: int, name: str) -> tuple[float, float]:
-    """Of 95 %, of a figure of term i, as far as the fit knows."""
+    """Return the 95 % interval of a parameter of term i, from the covariance of the fit."""
     value = float(getattr(fit.terms[i].effect, name))
     own = (k for k, f in enumerate(fit.free) if (f.term, f.name, f.flight) == (i, name, ""))
     half = sum(1.96 * float(np.sqrt(fit.covariance[k, k])) for k in own)
@@ -24,9 +24,9 @@ def interval(fit: Fit, i: int, name: str) -> tuple[float, float]:
 
 
 def at_its_bound(effect: Effect) -> bool:
-    """Does a figure lie at the end of what is physical, without being neutral there?
+    """Return whether a parameter lies at a physical bound that is not its neutral value.
 
-    Then the effect stands for something else, which would need more of it.
+    Such an effect stands in for another, which would need more of it.
     """
     for p in effect.parameters:
         value, edge = float(getattr(effect, p.name)), EDGE * (p.upper - p.lower)
@@ -37,7 +37,10 @@ def at_its_bound(effect: Effect) -> bool:
 
 
 def _pushes(fit: Fit, i: int) -> bool:
-    """Is it a drag, and surely less than none along an axis? Of two drags one may make up for the other."""
+    """Return whether the effect is a drag that is significantly negative along an axis.
+
+    Of two drags, one may compensate the other.
+    """
     effect = fit.terms[i].effect
     if effect.identifier not in DRAGS:
         return False
@@ -46,10 +49,15 @@ def _pushes(fit: Fit, i: int) -> bool:
 
 
 def impossible(fit: Fit, i: int, vehicle: Vehicle, *, gusty: bool = False) -> str:
-    """Why term i's effect must stand for something else: a figure is at its bound, a drag pushes, or no rigid body has
+    """Return why the effect of term i must stand in for another, or "" where it need not.
 
-    such figures, wherever in their 95 % intervals; "": it need not.   gusty: do gusts blow? They are what a drag that
-    feels them stands for where it is at its bound or pushes: fitted without them, it may lose an axis to them.
+    A parameter is at its bound, a drag is negative, or no rigid body has such parameters within their 95 % intervals.
+
+    Args:
+        fit: the fitted model.
+        i: position of the term.
+        vehicle: the nominal vehicle.
+        gusty: whether gusts blow. A linear drag at its bound or negative then stands for the gusts, and is accepted.
     """
     effect = fit.terms[i].effect
     if not (gusty and effect.identifier == DRAG):

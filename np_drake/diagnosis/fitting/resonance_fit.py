@@ -1,4 +1,4 @@
-"""The mode of what swings behind a drive: its frequency and damping, fitted, where a grid found that it swings."""
+"""Frequency and damping of an oscillator that a drive excites, refined from a grid of resonances."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,11 +10,11 @@ from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.regressors import DAMPING
 from np_drake.diagnosis.residuals import FlightResiduals
 
-WITHIN = 1.5  # times the frequency that the grid found, up or down; own choice
-DAMPINGS = (0.005, 1.0)  # that are looked for [1]; own choice
-STEP = 0.1  # first one, in the logarithm of either
-EDGE = 1e-3  # of a bound, in the logarithm
-TRIES = 80  # evaluations, of some ten milliseconds
+WITHIN = 1.5  # largest ratio to the frequency from the grid, up or down [1]; own choice
+DAMPINGS = (0.005, 1.0)  # bounds of the damping [1]; own choice
+STEP = 0.1  # initial step in the logarithm of frequency and damping
+EDGE = 1e-3  # distance from a bound in the logarithm, within which a solution lies on it
+TRIES = 80  # largest number of evaluations, of about ten milliseconds each
 
 
 def mode_of(
@@ -23,13 +23,16 @@ def mode_of(
     residual: Mapping[str, np.ndarray],
     noise: NoiseModel,
 ) -> tuple[float, float] | None:
-    """Frequency [Hz] and damping [1] of the oscillator s'' + 2 z w s' + w² s = w² drive that leaves the least.
+    """Return frequency [Hz] and damping [1] of the oscillator s'' + 2 z w s' + w² s = w² drive with the least residual.
 
-    None where there is none within the bounds, or the search has not come to an end.
-
-    left: (m, 15) by flight, of the whole fit, the structure itself among what it explains.
+    Args:
+        generic: the resonance as fitted on a grid.
+        flights: the flights of the fit.
+        residual: by flight, (m, 15) residual of the whole fit, in which `generic` is explained.
+        noise: noise model that whitens.
+    Returns: None where no mode lies within the bounds or the search has not converged.
     Source: output error with the gains projected out (Golub and Pereyra 1973, variable projection).
-    Raises: ValueError: of structure that does not swing.
+    Raises: ValueError: if the structure is no resonance.
     """
     candidate = generic.candidate
     if candidate.swing is None:

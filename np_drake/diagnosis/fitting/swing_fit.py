@@ -1,4 +1,4 @@
-"""The swing of a payload on some rows of a flight, its figures being known: a grid of starts, Gauss-Newton."""
+"""Fit of a payload's swing on some rows of a flight, its parameters being known: a grid of starts and Gauss-Newton."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -19,18 +19,20 @@ from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.regressors import SWING, WIDEST
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 
-STEPS = 3  # of Gauss-Newton
-GRID = 128  # swings, as wide as may be, from which it may descend; own choice
-TRIED = 3  # of them from which it does, beside the swing that is there; own choice
-SMALL = 0.02  # of the differences [rad]
-WAYS = 32  # in which a payload may swing, of whose traces the mean is foreseen; own choice
+STEPS = 3  # Gauss-Newton iterations
+GRID = 128  # swings in the grid of starts; own choice
+TRIED = 3  # best grid points from which to descend, besides the given swing; own choice
+SMALL = 0.02  # step of finite differences [rad]
+WAYS = 32  # posterior samples of a swing, whose mean prediction is used; own choice
 
 
 class SwingFit:
-    """What term i, a payload that begins at `onset`, misses on `rows` (m,) of a flight, by its swing there.
+    """Whitened misfit of term i on `rows` (m,) of a flight as a function of its swing there.
 
-    A swing (size,): angles [rad] and rates [rad/s] at the start, and jumps at shocks (`hidden_size`).   Source:
-    nonlinear least squares, whitened, from a grid; own choice of the grid: after a snap a swing may be anything.
+    The term is a payload that begins at `onset`. A swing (size,) holds angles [rad] and rates [rad/s] at the start, and
+    jumps at outliers (`hidden_size`).
+
+    Source: nonlinear least squares from a grid. The grid is own choice: after a snap any swing is possible.
     """
 
     def __init__(
@@ -58,19 +60,24 @@ class SwingFit:
 
     @property
     def known(self) -> np.ndarray:
-        """(size,) the swing as the term has it."""
+        """(size,) swing of the term as given."""
         return padded(self._term.hidden.get(self._flight.name), self.size)
 
     def term(self, swing: np.ndarray) -> Term:
-        """The payload with this swing (size,), and no other."""
+        """Return the payload with this swing (size,) alone."""
         return dc.replace(self._term, hidden={self._flight.name: swing})
 
     def costs(self, swings: np.ndarray) -> np.ndarray:
-        """(k,) whitened squares and prior of swings (k, size)."""
+        """Return the whitened squares plus prior (k,) of swings (k, size)."""
         return np.sum(self._misses(swings) ** 2, axis=1) + np.sum((swings / self._prior) ** 2, axis=1)
 
     def descend_from_grid(self, swing: np.ndarray, free: slice) -> np.ndarray:
-        """(size,) from the best of a grid of the free figures about `swing`, and from there itself."""
+        """Return the best swing (size,) after descents from `swing` and from the best points of a grid about it.
+
+        Args:
+            swing: (size,) centre of the grid.
+            free: entries of the swing that may change.
+        """
         start = np.arange(self.size)[free]
         grid = np.tile(swing, (GRID, 1))
         grid[:, start] += self._limit[start] * (2 * qmc.Halton(len(start), scramble=False).random(GRID) - 1)
@@ -79,7 +86,7 @@ class SwingFit:
         return ends[np.argmin(self.costs(ends))]
 
     def descend(self, swing: np.ndarray, free: slice = slice(None)) -> np.ndarray:
-        """(size,) the best on the way of Gauss-Newton in the free figures."""
+        """Return the best swing (size,) on the path of Gauss-Newton in the free entries."""
         best, least = swing, np.inf
         for _ in range(STEPS + 1):
             miss, X, A = self._normal(swing, free)
@@ -91,9 +98,11 @@ class SwingFit:
         return best
 
     def posterior_swings(self, free: slice) -> np.ndarray:
-        """(`WAYS`, size) errors of the term's own swing, in its free figures, that these rows allow.
+        """Return deviations (`WAYS`, size) from the term's own swing, drawn from the posterior of its free entries.
 
-        The same at each call.   Source: Laplace's approximation.
+        The draws are quasi-random and the same at each call.
+
+        Source: Laplace approximation.
         """
         covariance = np.linalg.inv(self._normal(self.known, free)[2])
         seed = free.indices(self.size)[0]
@@ -101,14 +110,14 @@ class SwingFit:
         return normal.random(WAYS) @ np.eye(self.size)[free]
 
     def _normal(self, swing: np.ndarray, free: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Misses (n,), their negative derivatives (n, f) by the free figures, and the normal matrix (f, f)."""
+        """Return misfits (n,), their negative derivatives (n, f) by the free entries, and the normal matrix (f, f)."""
         moved = np.eye(self.size)[free]
         miss, *beside = self._misses(swing + SMALL * np.concatenate([np.zeros((1, self.size)), moved]))
         X = (miss - np.array(beside)).T / SMALL
         return miss, X, X.T @ X + np.diag(self._prior[free] ** -2)
 
     def _misses(self, swings: np.ndarray) -> np.ndarray:
-        """(k, n) whitened."""
+        """Return the whitened misfits (k, n) of swings (k, size)."""
         wrench = swing_wrenches(self._flight, [self.term(s) for s in swings])
         channels = np.zeros((len(wrench), self._flight.y.shape[1], len(swings)))
         channels[:, WRENCH] = np.moveaxis(wrench, 1, 2)
@@ -119,11 +128,14 @@ class SwingFit:
         return self._noise.whiten(bridged, self._flight.name)[self._scored]
 
 
-SPANS = (4.0, 8.0)  # over which a swing is followed through a flight, one after the other [s]
+SPANS = (4.0, 8.0)  # growing lengths of a flight over which its swing is fitted [s]
 
 
 def fitted_to_whole_flight(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel) -> list[Term]:
-    """Adapted terms with hidden states, jumps at shocks among them, that fit the whole flight: for what is no swing."""
+    """Return the terms with hidden states, jumps included, that fit the whole flight.
+
+    What remains of the flight is then not due to the swing. These swings are no prediction: they have seen the flight.
+    """
     terms = list(terms)
     for i, term in enumerate(terms):
         begin = term.begins(flight.name)

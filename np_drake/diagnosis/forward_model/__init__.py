@@ -1,4 +1,4 @@
-"""Predicted residual of effects with given parameters."""
+"""Forward model: the residual that effects with given parameters predict in a flight."""
 
 from np_drake.diagnosis.forward_model.payload_state import (
     MOST_JUMPS,

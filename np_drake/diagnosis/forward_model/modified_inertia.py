@@ -1,4 +1,4 @@
-"""A rigid body whose mass properties are not the vehicle file's: what nominal inverse dynamics miss of its motion."""
+"""Rigid body with mass properties other than those of the vehicle file, and the residual that they leave."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from np_drake.effects.base import MassEffect, MassProperties
 
 
 class ModifiedInertia:
-    """The mass properties of a flight's vehicle under these effects, and what its motion makes of them."""
+    """Mass properties of a flight's vehicle under mass effects, applied to the motion of the flight."""
 
     def __init__(self, flight: FlightResiduals, effects: Sequence[MassEffect]):
         self._e = flight
@@ -24,13 +24,16 @@ class ModifiedInertia:
         self._inward = w * (w @ c)[:, None] - c * np.sum(w**2, axis=1)[:, None]  # w x (w x c)
 
     def needs(self, added: np.ndarray, ahead: np.ndarray) -> np.ndarray:
-        """(m, 6) what nominal inverse dynamics make of the motion under the nominal wrench and `added` (m, 6).
+        """Return the residual wrench (m, 6) in B that the changed mass properties leave [N, N·m].
 
-        The motion is that of the real mass properties m', c, J' (forward dynamics), so that no measured acceleration
-        enters: al = J'^-1 (tau - c x F - w x J' w), s = F / m' - al x c - w x (w x c); residual m s - thrust and
-        J al + w x J w - tau_nominal. Where the log follows the centre of mass, s = F / m'. Where accelerations
-        are logged, force is that at rows and torque that in the mean between them, where rotors lag by what `ahead`
-        (m, 4) gives.
+        The motion follows from the real mass properties m', c, J' by forward dynamics, so that no measured acceleration
+        enters: al = J'^-1 (tau - c x F - w x J' w), s = F / m' - al x c - w x (w x c). The residual is m s - thrust and
+        J al + w x J w - tau_nominal. Where the log follows the centre of mass, s = F / m'. Where accelerations are
+        logged, force is that at the rows and torque the mean around them; `ahead` converts between the two.
+
+        Args:
+            added: (m, 6) wrench in B in addition to the nominal one [N, N·m].
+            ahead: (m, 4) thrust and torques at rows less their mean around the rows [N, N·m].
         """
         e = self._e
         wrench = e.nominal + added

@@ -1,4 +1,4 @@
-"""A payload as a hidden state: a pendulum that the quadrotor's measured motion drives."""
+"""Hidden state of a suspended payload: a pendulum driven by the measured motion of the quadrotor."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -13,25 +13,33 @@ if TYPE_CHECKING:
     from np_drake.diagnosis.forward_model.term import Term
 
 STATE = 4  # swing angles [rad] and their rates [rad/s] about the direction of rest
-ERROR = {  # of mass and length relative [1], of the hook [m], on a rig and in a laboratory: what made flights show
+ERROR = {  # with real sensors (True) and ideal ones; mass and length relative [1], hook [m]; from simulated flights
     True: {"mass": 0.02, "length": 0.008, "hook": 0.001},
     False: {"mass": 0.006, "length": 0.003, "hook": 0.0003},
 }
-MOST_JUMPS = 4  # in a flight: what a tether that snaps taut does to the swing is not told by sampled motion
-APART = 0.3  # between jumps, at least [s]
+MOST_JUMPS = (
+    4  # largest number of jumps in a flight; sampled motion does not show how a snap changes the swing
+)
+APART = 0.3  # least time between jumps [s]
 
 
 def pendulum_error(name: str, value: float, *, real: bool) -> float:
-    """Deviation of a payload's figure that its fit does not know of: motion that drives it is read with noise, and a
+    """Return the standard deviation of a payload parameter that its fit does not account for, in the unit of `value`.
 
-    tether that snaps is no pendulum.   real: on a rig.   Source: own choice.
+    The motion that drives the pendulum is measured with noise, and a tether that goes slack is no pendulum.
+
+    Args:
+        name: name of the parameter, beginning with mass, length or hook.
+        value: its value.
+        real: whether the sensors are real, not ideal.
+    Source: own choice, from errors in simulated flights.
     """
     kind = name.split("_")[0]
     return ERROR[real][kind] * (1.0 if kind == "hook" else abs(value))
 
 
 def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:
-    """(k,) rows of the grid right after shocks, where the swing may have jumped."""
+    """Return the rows (k,) of the grid right after outliers, at which the swing may jump."""
     if onset == float("inf"):
         return np.zeros(0, int)
     ends = np.flatnonzero(np.diff(flight.shocks.astype(int)) < 0) + 1
@@ -45,30 +53,45 @@ def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:
 
 
 def hidden_size(flight: FlightResiduals, onset: float | None) -> int:
-    """Figures of the hidden state of a payload in a flight: its initial swing, and a jump after every shock."""
+    """Return the size of a payload's hidden state in a flight: its initial swing, and a jump after every outlier."""
     return STATE * (1 + len(jumps(flight, onset)))
 
 
 def swing_units(size: int, rate: float) -> np.ndarray:
-    """(size,) one radian for angles, and for their rates what has the same energy at the natural rate [1/s]."""
+    """Return the scale (size,) of a hidden state at natural rate `rate` [1/s].
+
+    It is 1 rad for angles, and for rates the value of equal energy.
+    """
     return np.tile([1.0, 1.0, rate, rate], size // STATE)
 
 
 def padded(hidden: np.ndarray | None, size: int) -> np.ndarray:
-    """(size,) the figures that are known, zeros for the others."""
+    """Return the known entries of a hidden state, padded with zeros to (size,)."""
     known = np.zeros(0) if hidden is None else hidden[:size]
     return np.concatenate([known, np.zeros(size - len(known))])
 
 
 def hook_acceleration(flight: FlightResiduals, hooks: np.ndarray) -> np.ndarray:
-    """(n-1, m, 3) in W at the middle of the grid's steps [m/s²], of hooks (m, 3) in body axes; of one if all are it."""
+    """Return the acceleration of hooks in W at the middles of the grid's steps [m/s²].
+
+    Args:
+        flight: the flight.
+        hooks: (m, 3) positions p_BoTo_B [m].
+    Returns: (n-1, m, 3), or (n-1, 1, 3) where all hooks are the same.
+    """
     own = hooks[:1] if np.all(hooks == hooks[0]) else hooks
     a, lever = flight.driving[..., 0], flight.driving[..., 1:]
     return a[:, None] + np.swapaxes(lever @ own.T, 1, 2)
 
 
 def start_of_swing(lengths: np.ndarray, swing: np.ndarray, pull: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(m, 3) r and r_rate of pendula of `lengths` (m,) whose swing (m, 4) is counted from rest along -`pull` (3,)."""
+    """Return the initial position r (m, 3) [m] and velocity (m, 3) [m/s] of payloads relative to their hooks, in W.
+
+    Args:
+        lengths: (m,) tether lengths [m].
+        swing: (m, 4) angles [rad] and rates [rad/s] from rest.
+        pull: (3,) specific force at the hook in W [m/s²]; the tether rests along -`pull`.
+    """
     down = -pull / np.linalg.norm(pull)
     e_x, e_y = across(down)
     side = swing[:, :1] * e_x + swing[:, 1:2] * e_y
@@ -82,12 +105,16 @@ def start_of_swing(lengths: np.ndarray, swing: np.ndarray, pull: np.ndarray) -> 
 def specific_pull(
     flight: FlightResiduals, lengths: np.ndarray, swing: np.ndarray, hooks: np.ndarray, onset: float | None
 ) -> np.ndarray:
-    """(n, m, 3) force on the hook per payload mass, body axes [m/s²], at the grid's times; zero before the onset,
+    """Return the force (n, m, 3) of payloads on their hooks in B per payload mass, on the grid [m/s²].
 
-    but for what the grid's low-pass smears.
+    It is zero before the onset, smeared as the grid's low-pass smears a step.
 
-    Args: lengths (m,) [m]; hooks (m, 3) or (1, 3) [m]; swing (m, `hidden_size` or less): at the start (see
-        `start_of_swing`), then the jumps.
+    Args:
+        flight: the flight.
+        lengths: (m,) tether lengths [m].
+        swing: (m, k) initial swing (`start_of_swing`), then jumps; k at most `hidden_size`.
+        hooks: (m, 3) or (1, 3) positions p_BoTo_B [m].
+        onset: time at which the payload is attached [s]; None: from the start.
     """
     a = hook_acceleration(flight, hooks)
     first = 0 if onset is None else int(np.clip(np.searchsorted(flight.t, onset), 0, len(a) - 2))
@@ -107,7 +134,10 @@ def specific_pull(
 
 
 def swing_wrenches(flight: FlightResiduals, terms: "Sequence[Term]") -> np.ndarray:
-    """(n, m, 6) wrenches of payloads in body axes, all with the onset of the first: many cost little more than one."""
+    """Return the wrenches (n, m, 6) of payloads in B on the grid [N, N·m].
+
+    All payloads begin at the onset of the first. Many cost little more than one.
+    """
     onset = terms[0].begins(flight.name)
     if onset == float("inf"):
         return np.zeros((len(flight.t), len(terms), 6))
@@ -121,7 +151,10 @@ def swing_wrenches(flight: FlightResiduals, terms: "Sequence[Term]") -> np.ndarr
 
 
 def swing_wrench(flight: FlightResiduals, term: "Term") -> np.ndarray:
-    """(n, 6) wrench of one suspended payload in body axes; of one that may swing in many ways, their mean."""
+    """Return the wrench (n, 6) of one suspended payload in B on the grid [N, N·m].
+
+    Where its hidden state has several samples, this is their mean.
+    """
     ways = np.atleast_2d(term.hidden.get(flight.name, np.zeros(0)))
     terms = [dc.replace(term, hidden={flight.name: way}) for way in ways]
     return swing_wrenches(flight, terms).mean(axis=1)

@@ -1,4 +1,4 @@
-"""What a set of effects would leave in the channels of `Evidence`, if they were real: one function for all places."""
+"""Predicted residual: what a set of effects leaves in the channels of `FlightResiduals`, for all places of effects."""
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
@@ -12,7 +12,7 @@ from np_drake.diagnosis.forward_model.payload_state import swing_wrench
 from np_drake.diagnosis.forward_model.sensor_residual import sensor_residual, without_errors
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.residuals import FlightResiduals, Instants
-from np_drake.diagnosis.residuals import flight_residuals as ev
+from np_drake.diagnosis.residuals import flight_residuals as channels
 from np_drake.effects.base import (
     ActuatorEffect,
     MassEffect,
@@ -24,16 +24,16 @@ from np_drake.effects.motor_lag import MotorLag
 
 
 class StageCache:
-    """Parts of the signatures of one flight, each kept by the terms that it depends on: derivatives by one figure
+    """Cache of the parts of one flight's predicted residuals, keyed by the terms on which each part depends.
 
-    after the other change one part at a time.
+    Finite differences change one parameter at a time, so that most parts are reused.
     """
 
     def __init__(self) -> None:
         self._known: dict[tuple, Any] = {}
 
     def once(self, stage: str, key: tuple, make: Callable[[], Any]) -> Any:
-        """What `make` gives, or gave for the same key before."""
+        """Return the cached value of a stage for this key, computed by `make` on first use."""
         if (stage, key) not in self._known:
             self._known[stage, key] = make()
         return self._known[stage, key]
@@ -42,9 +42,14 @@ class StageCache:
 def predicted_residual(
     flight: FlightResiduals, terms: Sequence[Term], stages: StageCache | None = None
 ) -> np.ndarray:
-    """(m, 15) sum of what the terms leave in the channels.   Wind acts through the drags among the terms.
+    """Return the sum (m, 15) of what the terms leave in the channels of a flight.
 
-    stages: of signatures of this flight before; what they share with this one is not computed again.
+    Wind acts through the drag effects among the terms.
+
+    Args:
+        flight: the flight.
+        terms: effects with their onsets and hidden states.
+        stages: cache of earlier predictions for this flight.
     """
     stages, log = stages or StageCache(), flight.name
     sensors = tuple(t.effect for t in terms if isinstance(t.effect, SensorEffect))
@@ -57,7 +62,7 @@ def predicted_residual(
     for sensor in sensors:
         y += stages.once("sensor", (sensor,), partial(sensor_residual, flight, sensor))
     if len(sensors) == len(terms) and not any(s.clock_shift for s in sensors):
-        return y  # alone they change no wrench
+        return y  # sensor effects alone change no wrench
     flight = stages.once("before", sensors, partial(without_errors, flight, sensors))
     key = (turning, sum(s.clock_shift for s in sensors))
     thrust = stages.once("thrust", key, partial(_thrust, flight, terms))
@@ -73,7 +78,7 @@ def predicted_residual(
     for term in terms:
         if term.swings:
             added = added + swing_wrench(flight, term)
-    y[:, ev.WRENCH] += _through_mass(
+    y[:, channels.WRENCH] += _through_mass(
         flight,
         terms,
         added,
@@ -84,16 +89,18 @@ def predicted_residual(
 
 
 def gate(t: np.ndarray, onset: float | None) -> np.ndarray:
-    """(n, 1) one from the onset on."""
+    """Return a step (n, 1) that is one from the onset on."""
     return np.ones((len(t), 1)) if onset is None else (np.asarray(t) >= onset).astype(float)[:, None]
 
 
 Begun = tuple[WrenchEffect, float | None]  # an effect and its onset [s]
-Thrust = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # rows, mids [N]; their rotor rates [rad/s²]
+Thrust = tuple[
+    np.ndarray, np.ndarray, np.ndarray, np.ndarray
+]  # at rows, mids [N]; rotor accelerations there [rad/s²]
 
 
 def _thrust(flight: FlightResiduals, terms: Sequence[Term]) -> Thrust:
-    """Actual thrust: effects that begin later are switched in, one after the other."""
+    """Return the actual thrust; effects that begin later are switched in at their onset."""
     log, vehicle = flight.log, flight.vehicle
     acting = [(t.effect, t.begins(log.name) or -NEVER) for t in terms if isinstance(t.effect, ActuatorEffect)]
     acting.sort(key=lambda pair: not pair[0].turns_rotor)  # the motor comes before the propeller
@@ -117,13 +124,13 @@ def _thrust(flight: FlightResiduals, terms: Sequence[Term]) -> Thrust:
 
 @dc.dataclass(frozen=True)
 class Turned:
-    """What rotors do, on the grid.   wrench (m, 6) over that of nominal ones, body axes.
+    """Response of the rotors on the grid: wrench (m, 6) in excess of the nominal one in B [N, N·m].
 
     Where accelerations are logged:
-    after (m,): by how much thrust in the mean until the next row exceeds that at a row, over what nominal thrust does:
-        dv/dt - a along the thrust [m/s²];
-    ahead (m, 4): thrust and torques at rows less those in the mean around them [N, N·m]: a command that is held is half
-        a row ahead at a row of its mean over the intervals beside it.
+    after (m,): mean thrust until the next row less thrust at the row, in excess of the nominal difference, over mass
+        [m/s²]. It is the part of dv/dt - a along the thrust.
+    ahead (m, 4): thrust and torques at rows less their mean around the rows [N, N·m]. A held command at a row leads its
+        mean over the adjacent intervals by half a row.
     """
 
     wrench: np.ndarray
@@ -139,7 +146,7 @@ def _turned(flight: FlightResiduals, thrust: Thrust) -> Turned:
     if flight.log.a is None:
         wrench[:, 2:] = flight.from_mids(du_mids)
         return Turned(wrench, wrench[:, 0], flight.ahead)
-    after = ev.after_rows(du_rows[:, 0], du_mids[:, 0]) / flight.vehicle.mass
+    after = channels.after_rows(du_rows[:, 0], du_mids[:, 0]) / flight.vehicle.mass
     at_rows = flight.from_rows(du_rows)
     at_mids = flight.from_mids(np.column_stack([du_mids, after]))
     wrench[:, 2], wrench[:, 3:] = at_rows[:, 0], at_mids[:, 1:4]
@@ -147,7 +154,7 @@ def _turned(flight: FlightResiduals, thrust: Thrust) -> Turned:
 
 
 def _motions(flight: FlightResiduals, thrust: Thrust, blowing: Sequence[Begun]) -> tuple[Motion, Motion]:
-    """At the instants of force and of torque, in the air that the winds move."""
+    """Return the motions at the instants of force and of torque, with the air velocity of the winds."""
     rows, mids, rate_rows, rate_mids = thrust
     at_force = (mids, rate_mids) if flight.log.a is None else (rows, rate_rows)
 
@@ -162,16 +169,18 @@ def _motions(flight: FlightResiduals, thrust: Thrust, blowing: Sequence[Begun]) 
 def _wrench(
     flight: FlightResiduals, effect: WrenchEffect, begin: float | None, at_force: Motion, at_torque: Motion
 ) -> np.ndarray:
-    """(m, 6) of one effect, body axes."""
+    """Return the wrench (m, 6) of one effect in B on the grid [N, N·m]."""
 
     def at(motion: Motion) -> np.ndarray:
         return effect.wrench(flight.vehicle, motion) * gate(motion.t, begin)  # type: ignore[arg-type]
 
     out = np.zeros((len(flight.t), 6))
     if effect.pushes:
-        out[:, ev.FORCE] = flight.from_rows(np.einsum("mi,mij->mj", at(at_force)[:, :3], flight.rows.R_WB))
+        out[:, channels.FORCE] = flight.from_rows(
+            np.einsum("mi,mij->mj", at(at_force)[:, :3], flight.rows.R_WB)
+        )
     if effect.turns:
-        out[:, ev.TORQUE] = flight.from_mids(at(at_torque)[:, 3:])
+        out[:, channels.TORQUE] = flight.from_mids(at(at_torque)[:, 3:])
     return out
 
 
@@ -182,9 +191,9 @@ def _through_mass(
     ahead: np.ndarray,
     body: Callable[[tuple[MassEffect, ...]], ModifiedInertia],
 ) -> np.ndarray:
-    """(m, 6) `MovedBody.needs` with the effects that act at each instant; without any, what is `added` (m, 6).
+    """Return the residual (m, 6) of `ModifiedInertia.needs` with the mass effects that act at each instant.
 
-    ahead: as there.   body: of these effects.
+    Without mass effects it is `added` (m, 6). ahead: as in `ModifiedInertia.needs`; body: makes its object for effects.
     """
     acting = [(t.effect, t.begins(flight.name) or -NEVER) for t in terms if isinstance(t.effect, MassEffect)]
     out = added
@@ -194,6 +203,6 @@ def _through_mass(
         if onset == -NEVER:
             out = moved
         else:
-            begun = flight.begun(onset)[:, ev.WRENCH]
+            begun = flight.begun(onset)[:, channels.WRENCH]
             out = begun * moved + (1 - begun) * out
     return out

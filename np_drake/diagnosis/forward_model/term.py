@@ -1,4 +1,4 @@
-"""TODO."""
+"""Term of a model: an effect with its onsets and hidden states by flight."""
 
 import dataclasses as dc
 
@@ -13,11 +13,11 @@ NEVER = float("inf")  # onset of an effect that is absent from a flight [s]
 
 @dc.dataclass(frozen=True)
 class Term:
-    """An effect in a model of the logs.
+    """Effect in a model of the logs.
 
-    onset: by flight, the time at which it begins [s]; missing or None: from the start; `NEVER`: not at all.
-    hidden: by flight, the hidden state (a payload's initial swing, and its jumps at shocks), or many (k, size) that it
-    may be, whose mean is what the term leaves.
+    onset: by flight, the time at which it begins [s]; missing or None: from the start; `NEVER`: absent.
+    hidden: by flight, the hidden state (size,), a payload's initial swing and its jumps at outliers. It may hold
+        several samples (k, size), whose mean prediction counts.
     """
 
     effect: Effect
@@ -26,9 +26,9 @@ class Term:
 
     @property
     def swings(self) -> bool:
-        """Is a swing hidden in it?"""
+        """Whether the effect has a hidden swing."""
         return hasattr(self.effect, "payload")
 
     def begins(self, flight: str) -> float | None:
-        """Onset in this flight [s]."""
+        """Return the onset in this flight [s]."""
         return self.onset.get(flight)

@@ -1,4 +1,4 @@
-"""Step 4: how far the gap shrinks on held-out flights, as a ladder, and in the simulator's replay."""
+"""Gap reduction on held-out flights: closed fraction, ladder of effects, and replay in the simulator."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -13,13 +13,13 @@ from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause, GapReduction, Replay, ReplayGap, Rung
 from np_drake.logs.flight_log import FlightLog
 
-BLOCK = 1.0  # of the bootstrap [s]
-FEWEST = 8  # blocks, shorter ones where flights are short; own choice
-DRAWS = 400
-SEED = 1
-LEAD = 0.5  # of commands before a replay, for motors and delays [s]
-LEAST_REPLAYED = 3.0  # of a flight after a cause begins, or all of it is replayed [s]; own choice
-LEAST_GAP = 0.02  # of the noise's power, below which there is no gap to close; own choice
+BLOCK = 1.0  # length of a bootstrap block [s]
+FEWEST = 8  # least number of blocks; they are shorter in short flights; own choice
+DRAWS = 400  # bootstrap samples
+SEED = 1  # bootstrap seed
+LEAD = 0.5  # commands before a replay that motors and delays need [s]
+LEAST_REPLAYED = 3.0  # least time after a cause begins; else all of the flight is replayed [s]; own choice
+LEAST_GAP = 0.02  # gap over noise power below which there is none to close [1]; own choice
 
 
 def measure_gap_reduction(
@@ -30,7 +30,16 @@ def measure_gap_reduction(
     held: HeldOut,
     replay: Replay | None,
 ) -> GapReduction:
-    """Held-out shrink with a block-bootstrap interval, the ladder, and the replay before and after."""
+    """Return the held-out gap reduction with a block-bootstrap interval, the ladder, and the replay before and after.
+
+    Args:
+        fit: the fitted model.
+        causes: the causes that are added.
+        flights: the held-out flights.
+        noise: noise model of the channels.
+        held: held-out terms and the rows that count, by flight.
+        replay: the simulator; None: no replay.
+    """
     before = {e.name: e.y[held.rows[e.name]] for e in flights}
     named = {c.identifier for c in causes}
     kept = {n: [t for t in terms if t.effect.identifier in named] for n, terms in held.terms.items()}
@@ -68,9 +77,10 @@ def measure_gap_reduction(
 
 
 def _judging(flight: FlightResiduals, onsets: Sequence[float | None]) -> FlightLog:
-    """The log, its time from its first row on, without what a fit has seen of it, and from where a cause acts on:
+    """Return the rows of the log that did not join the fit, from shortly before a cause acts on.
 
-    until then the simulator is the same with all of them and without.   onsets: of the causes, from the first row [s].
+    Before that the simulator is the same with and without the causes. Times count from the first row of the log.
+    onsets: of the causes, from the first row [s].
     """
     log = dc.replace(flight.log, t=flight.log.t - flight.log.t[0])
     first = 0
@@ -83,7 +93,7 @@ def _judging(flight: FlightResiduals, onsets: Sequence[float | None]) -> FlightL
 
 
 def _with_effects(replay: Replay, logs, effects, warnings: list[str]) -> ReplayGap | None:
-    """The replay with the effects; a simulator that refuses their figures costs that figure, not the answer."""
+    """Return the replay with the effects, or None with a warning where the simulator rejects their parameters."""
     if not effects:
         return None
     try:
@@ -94,7 +104,7 @@ def _with_effects(replay: Replay, logs, effects, warnings: list[str]) -> ReplayG
 
 
 def closed_fraction(before: float, after: float, floor: float) -> float:
-    """1 - (after² - floor²) / (before² - floor²); zero where there was no gap, within -1 … 1."""
+    """Return 1 - (after² - floor²) / (before² - floor²), limited to -1 … 1; zero where there was no gap [1]."""
     gap = before**2 - floor**2
     if gap <= LEAST_GAP * floor**2:
         return 0.0
@@ -102,18 +112,20 @@ def closed_fraction(before: float, after: float, floor: float) -> float:
 
 
 def _onset_of(terms: Sequence[Term], identifier: str, flight: FlightResiduals) -> float | None:
-    """From the first row of the log on [s]."""
+    """Return the onset from the first row of the log on [s]."""
     begin = next((t.begins(flight.name) for t in terms if t.effect.identifier == identifier), None)
     return None if begin is None else begin - float(flight.log.t[0])
 
 
 def _order(cause: Cause) -> tuple[bool, float]:
-    """The largest first, but a wind after the drag that it acts through."""
+    """Return the sort key that puts the largest share first, and a wind after the drag through which it acts."""
     return bool(cause.effect is not None and type(cause.effect).needs), -float(np.nan_to_num(cause.share))
 
 
-def _ladder(causes, flights, noise, held: HeldOut) -> tuple[Rung, ...]:
-    """Nominal, then effect by effect in order of share, then the noise floor."""
+def _ladder(
+    causes: Sequence[Cause], flights: Sequence[FlightResiduals], noise: NoiseModel, held: HeldOut
+) -> tuple[Rung, ...]:
+    """Return the residual of the nominal model, with effects added in order of share, and of noise alone."""
     rungs = [Rung("nominal", remaining_residual([], flights, noise, held))]
     so_far: list[Cause] = []
     for cause in sorted(causes, key=_order):
@@ -122,13 +134,15 @@ def _ladder(causes, flights, noise, held: HeldOut) -> tuple[Rung, ...]:
     return (*rungs, Rung("noise floor", 1.0))
 
 
-def _bootstrap(before, after, noise: NoiseModel, step: float) -> tuple[float, float]:
-    """95 % interval of the fraction over blocks of about a second."""
+def _bootstrap(
+    before: dict[str, np.ndarray], after: dict[str, np.ndarray], noise: NoiseModel, step: float
+) -> tuple[float, float]:
+    """Return the 95 % interval of the closed fraction over blocks of about a second."""
     rows = sum(map(len, before.values()))
     size = max(1, min(round(BLOCK / step), rows // FEWEST))
 
     def blocks(parts: dict[str, np.ndarray]) -> np.ndarray:
-        """(blocks, 2) sum of power over rows, and number of rows."""
+        """Return (blocks, 2): sum of power over rows, and number of rows."""
         out = []
         for residual in parts.values():
             power = np.mean((residual[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)) ** 2, axis=1)

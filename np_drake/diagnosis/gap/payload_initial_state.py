@@ -1,4 +1,4 @@
-"""Where a payload swings under a logged flight, for a replay to start from."""
+"""Initial state of a payload under a logged flight, from which a replay starts."""
 
 from typing import NamedTuple
 
@@ -14,18 +14,18 @@ from np_drake.rigid_body import Q, V
 from np_drake.vehicle import Vehicle
 
 SPAN = 0.1  # half width of the local parabolas through velocity, force and direction [s]
-SLACK = 0.2  # of the payload's weight: a weaker pull has no direction
+SLACK = 0.2  # pull over the payload's weight below which its direction is unknown [1]
 
 
 class Track(NamedTuple):
-    """Payload from hook in W: t (n,) [s], r (n, 3) [m], r_rate (n, 3) [m/s]."""
+    """Payload relative to its hook in W: t (n,) [s], r (n, 3) [m], r_rate (n, 3) [m/s]."""
 
     t: np.ndarray
     r: np.ndarray
     r_rate: np.ndarray
 
     def at(self, time: float) -> tuple[np.ndarray, np.ndarray]:
-        """(3,) r and (3,) r_rate at `time`; between two rows on a straight line."""
+        """Return r (3,) [m] and r_rate (3,) [m/s] at `time` [s], by linear interpolation."""
         r, rate = (np.array([np.interp(time, self.t, column) for column in value.T]) for value in self[1:])
         return r, rate
 
@@ -33,10 +33,18 @@ class Track(NamedTuple):
 def payload_track(
     log: FlightLog, states: States, vehicle: Vehicle, effects: EffectsByPlace, payload: SuspendedPayload
 ) -> Track:
-    """The payload hangs along the force that the flight shows beyond thrust, weight and the other effects.
+    """Return the payload's track along the force that the flight shows beyond thrust, weight and the other effects.
 
-    m (a + g z) = R z f + f_effects + T r / L; smoothed over ± `SPAN`, so it is known where the flight is, not ahead of
-    it. Where the tether hardly pulls, r lies along the apparent gravity.   Source: Newton on the quadrotor.
+    m (a + g z) = R z f + f_effects + T r / L, smoothed over ± `SPAN`. Where the tether hardly pulls, r lies along the
+    apparent gravity.
+
+    Args:
+        log: the flight, for its commands.
+        states: states of the quadrotor.
+        vehicle: the nominal vehicle.
+        effects: all effects except the payload.
+        payload: the payload.
+    Source: Newton's second law for the quadrotor.
     """
     step = float(np.median(np.diff(states.t)))
     gravity = np.array([0.0, 0.0, vehicle.gravity])
@@ -50,7 +58,7 @@ def payload_track(
 
 
 def _other_forces(log: FlightLog, states: States, vehicle: Vehicle, effects: EffectsByPlace) -> np.ndarray:
-    """(n, 3) thrust and the forces of the other effects in W [N]."""
+    """Return thrust plus the forces of the other effects (n, 3) in W [N]."""
     u = np.stack([np.interp(states.t, log.t, column) for column in log.u.T], axis=1)
     thrust = vehicle.saturate(u) @ vehicle.unmixer.T
     for effect in effects.actuator:

@@ -1,4 +1,4 @@
-"""Where the gap lies, and which effects the logs cannot tell apart."""
+"""Localisation of the gap in channel, time, regime and frequency, and identifiability of effects from the logs."""
 
 from np_drake.diagnosis.localisation.identifiability import assess_identifiability, excitation, excited
 from np_drake.diagnosis.localisation.localisation import localise

@@ -1,4 +1,4 @@
-"""Which effects are physically the same in given data: by collinearity of their traces, before anything is solved."""
+"""Collinearity: effects whose predicted residuals are the same in given flights."""
 
 from collections.abc import Mapping, Sequence
 
@@ -23,7 +23,7 @@ from np_drake.effects.library import LIBRARY
 DISTANCE = (
     14.0  # squared whitened distance below which noise hides the difference; own choice: about four sigma
 )
-LENGTHS = np.geomspace(0.2, 2.0, 12)  # of a payload that could stand in [m]
+LENGTHS = np.geomspace(0.2, 2.0, 12)  # tether lengths of payloads that are compared [m]
 
 
 def collinear_effects(
@@ -33,10 +33,18 @@ def collinear_effects(
     noise: NoiseModel,
     tolerance: Tolerance,
 ) -> list[str]:
-    """Effects whose trace is the same as that of terms[i] in these flights, the nearest first; itself not among them.
+    """Return the effects that are indistinguishable from terms[i] in these flights, nearest first.
 
-    The trace is what the term adds to the others. Another effect is the same if with its figures free, and with
-    mass, thrust and sensors free within their tolerance, it comes within `DISTANCE`.
+    The term's contribution is the predicted residual with it less that without it. Another effect is indistinguishable
+    if it comes within `DISTANCE` of the contribution. Its parameters are free, and mass, thrust and sensors are free
+    within tolerance.
+
+    Args:
+        flights: the flights.
+        terms: all terms of the model.
+        i: position of the term to compare.
+        noise: noise model that whitens.
+        tolerance: tolerance of mass, thrust and sensors.
     """
     rest = [t for j, t in enumerate(terms) if j != i]
     trace = {e.name: predicted_residual(e, terms) - predicted_residual(e, rest) for e in flights}
@@ -54,10 +62,15 @@ def effects_of_trace(
     tolerance: Tolerance,
     within: float = DISTANCE,
 ) -> list[str]:
-    """Effects of the library that come within this squared distance of a trace in these flights, the nearest first.
+    """Return the library effects within a squared whitened distance of a residual in these flights, nearest first.
 
-    trace: by flight, (m, 15) in the channels of `Evidence`.   Returns: none where mass, thrust and sensors within
-    their tolerance come as near by themselves.
+    Args:
+        flights: the flights.
+        trace: by flight, (m, 15) residual in the channels of `FlightResiduals`.
+        noise: noise model that whitens.
+        tolerance: tolerance of mass, thrust and sensors.
+        within: largest squared whitened distance.
+    Returns: identifiers; empty where mass, thrust and sensors within tolerance come as near by themselves.
     """
     if _Distance(flights, trace, noise, tolerance).to([]) < within:
         return []
@@ -86,7 +99,7 @@ def _options(flights: Sequence[FlightResiduals], onset: Onset) -> list[Candidate
 
 
 def _mirror_images(flights: Sequence[FlightResiduals], term: Term, onset: dict) -> list[Candidate]:
-    """A delay and a late clock of the very size of the other: they are not linear in it."""
+    """Return a delay and a clock offset of the size of the given shift, because they are not linear in it."""
     shift = {"command_delay": 1.0, "clock_offset": -1.0}
     if term.effect.identifier not in shift:
         return []
@@ -103,7 +116,7 @@ def _mirror_images(flights: Sequence[FlightResiduals], term: Term, onset: dict) 
 
 
 class _Distance:
-    """Squared whitened distance of a trace from what candidates can leave beside what the rig tolerates."""
+    """Squared whitened distance of a residual from the span of candidates and tolerated calibration errors."""
 
     def __init__(
         self,
@@ -118,7 +131,7 @@ class _Distance:
         self._fixed = self._columns([*calibration(flights, tolerance), *([drifting] if drifting else [])])
 
     def to(self, candidates: Sequence[Candidate]) -> float:
-        """min |target - X c|² + |c|²: leaving the prior costs as well."""
+        """Return min |target - X c|² + |c|² over c, the prior's penalty included."""
         X = np.hstack([self._fixed, self._columns(candidates)]) if candidates else self._fixed
         b = X.T @ self._target
         return float(self._target @ self._target - b @ np.linalg.solve(X.T @ X + np.eye(X.shape[1]), b))

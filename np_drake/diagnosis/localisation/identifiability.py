@@ -1,4 +1,4 @@
-"""Step 1: is the log usable, what does it excite, and which effects can it not see or not tell apart?"""
+"""Identifiability: excitation of the logs, and effects that they cannot show or cannot tell apart."""
 
 from collections.abc import Sequence
 
@@ -11,18 +11,18 @@ from np_drake.diagnosis.regressors import Candidate
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import CHANNELS, Confusable, Identifiability
 
-LEAST = {
+LEAST_EXCITATION = {
     "speed": 0.08,
     "rate": 0.05,
     "tilt": 1.0,
     "thrust variation": 0.01,
 }  # [m/s, rad/s, deg, 1]; own choice
 BARELY = 10.0  # whitened size of an effect that is just visible [1]
-SAME = 9.0  # squared whitened distance below which two just visible effects are the same
+SAME = 9.0  # squared whitened distance below which two just visible effects are the same [1]
 
 
 def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
-    """RMS and spans over all flights, unit in the name."""
+    """Return RMS values and spans over all flights by quantity, with the unit in the key."""
     v = np.concatenate([e.mids.x[:, 7:10] for e in flights])
     w = np.concatenate([e.w for e in flights])
     tilt = np.degrees(
@@ -47,17 +47,23 @@ def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
 
 
 def excited(figures: dict[str, float]) -> bool:
-    """Does anything move enough to tell one effect from another?"""
+    """Return whether any quantity of `excitation` is large enough to tell effects apart."""
     named = {key.split(" [")[0]: value for key, value in figures.items()}
-    return any(named[key] >= least for key, least in LEAST.items())
+    return any(named[key] >= least for key, least in LEAST_EXCITATION.items())
 
 
 def confusables(
     flights: Sequence[FlightResiduals], candidates: Sequence[Candidate], noise: NoiseModel
 ) -> list[Confusable]:
-    """Effects that cannot be seen at their usual size, and pairs that are the same when just visible.
+    """Return the effects that cannot be seen at their usual size, and pairs that are the same when just visible.
 
-    An effect a, scaled to `BARELY` whitened units, is the same as b if the distance to b's columns is below `SAME`.
+    An effect scaled to whitened size `BARELY` is the same as another if its squared distance to the other's columns is
+    below `SAME`.
+
+    Args:
+        flights: the flights.
+        candidates: library candidates; generic ones and those of several effects are skipped.
+        noise: noise model that whitens.
     """
     blocks: dict[str, np.ndarray] = {}
     for c in candidates:
@@ -67,19 +73,19 @@ def confusables(
         parts = [noise.whiten(c.columns[e.name]).reshape(-1, c.size) for e in flights]
         blocks[name] = np.concatenate(parts)
     sizes = {n: float(np.sqrt(np.max(np.sum(X**2, axis=0)))) for n, X in blocks.items()}
-    unseen = tuple(n for n, s in sizes.items() if s < 3.0)
+    invisible = tuple(n for n, s in sizes.items() if s < 3.0)
     out = [
         Confusable((n,), "at its usual size it leaves no trace in these flights", manoeuvre((n,)))
-        for n in unseen
+        for n in invisible
     ]
     bases = {
         n: np.linalg.qr(X[:, np.linalg.norm(X, axis=0) > 1e-9])[0]
         for n, X in blocks.items()
-        if n not in unseen
+        if n not in invisible
     }
     found: set[tuple[str, str]] = set()
     for a, X in blocks.items():
-        if a in unseen:
+        if a in invisible:
             continue
         direction = X[:, np.argmax(np.sum(X**2, axis=0))]
         direction = BARELY * direction / np.linalg.norm(direction)
@@ -99,7 +105,14 @@ def assess_identifiability(
     candidates: Sequence[Candidate],
     noise: NoiseModel,
 ) -> Identifiability:
-    """The first step's answer."""
+    """Return excitation, noise floor, unidentifiable effects and warnings of the logs.
+
+    Args:
+        train: flights to which effects are fitted.
+        held_out: held-out flights, whose logs may give warnings.
+        candidates: library candidates with columns for the training flights.
+        noise: noise model of the channels.
+    """
     figures = excitation(train)
     warnings = [f"{e.name}: {note}" for e in [*train, *held_out] for note in e.log.notes]
     if train[0].log.input == "rotor_speed":

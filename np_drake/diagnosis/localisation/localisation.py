@@ -1,4 +1,4 @@
-"""Step 2: where the gap lies: channels, time, flight regime, frequency."""
+"""Localisation of the gap in channel, time, flight regime and frequency."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -13,10 +13,10 @@ from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import CHANNELS, Band, ChannelGap, Localisation, Regime, Segment
 
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
-BINS = 4  # of a regime
+BINS = 4  # regimes of each quantity
 COARSE = 0.2  # time resolution of change points [s]
-PENALTY = 35.0  # of a change point, in units of the noise's variance times channels; own choice
-LEAST_SPAN = 1e-3
+PENALTY = 35.0  # penalty of a change point, in noise variance times channels; own choice
+LEAST_SPAN = 1e-3  # span of a quantity below which it has no regimes [its unit]
 
 
 def localise(
@@ -25,7 +25,14 @@ def localise(
     noise: NoiseModel,
     rows: dict[str, np.ndarray],
 ) -> Localisation:
-    """Of flights with what is left of them (m, 15) after the causes; `rows` (m,) are the ones that count."""
+    """Localise the gap of flights, before and after the causes are added.
+
+    Args:
+        flights: the flights.
+        after: by flight, (m, 15) residual after the causes.
+        noise: noise model of the channels.
+        rows: by flight, (m,) bool, the rows that count.
+    """
     before = {e.name: e.y[:, WRENCH] for e in flights}
     residual = {e.name: after[e.name][:, WRENCH] for e in flights}
     return Localisation(
@@ -39,8 +46,20 @@ def localise(
     )
 
 
-def channel_gaps(before, after, noise: NoiseModel, rows) -> tuple[ChannelGap, ...]:
-    """RMS before and after by channel, pooled over the rows that count."""
+def channel_gaps(
+    before: dict[str, np.ndarray],
+    after: dict[str, np.ndarray],
+    noise: NoiseModel,
+    rows: dict[str, np.ndarray],
+) -> tuple[ChannelGap, ...]:
+    """Return the RMS residual before and after by channel, pooled over the rows that count.
+
+    Args:
+        before: by flight, (m, 6) residual of the nominal model [N, N·m].
+        after: by flight, (m, 6) residual after the causes [N, N·m].
+        noise: noise model of the channels.
+        rows: by flight, (m,) bool, the rows that count.
+    """
 
     def rms(parts: dict[str, np.ndarray], c: int) -> float:
         return float(np.sqrt(np.mean(np.concatenate([parts[n][rows[n], c] for n in parts]) ** 2)))
@@ -55,9 +74,10 @@ def channel_gaps(before, after, noise: NoiseModel, rows) -> tuple[ChannelGap, ..
 
 
 def segments(flight: FlightResiduals, noise: NoiseModel) -> list[Segment]:
-    """Stretches between change points of the residual's mean (exact segmentation by dynamic programming, PELT).
+    """Return the segments of a flight between change points of the residual's mean.
 
-    Source: Killick et al. 2012, as in ruptures; the penalty is own choice.
+    Source: exact segmentation by dynamic programming, PELT (Killick et al. 2012), as in ruptures; the penalty is own
+        choice.
     """
     scaled = flight.y[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)
     bin_ = max(1, round(COARSE / flight.grid.step))
@@ -78,7 +98,7 @@ def segments(flight: FlightResiduals, noise: NoiseModel) -> list[Segment]:
 
 
 def quantities(flight: FlightResiduals) -> dict[str, tuple[np.ndarray, str]]:
-    """What a regime is: by name, values on the grid (m,) and unit."""
+    """Return the quantities that define a regime: by name, values (m,) on the grid and unit."""
     mids = flight.mids
     tilt = np.degrees(np.arccos(np.clip(attitude.body_z(mids.q)[:, 2], -1, 1)))
     raw = np.stack(
@@ -100,8 +120,16 @@ def quantities(flight: FlightResiduals) -> dict[str, tuple[np.ndarray, str]]:
     }
 
 
-def regimes(flights: Sequence[FlightResiduals], after, noise: NoiseModel) -> tuple[Regime, ...]:
-    """Rows in quarters of each quantity, equally many in each, with their RMS residual."""
+def regimes(
+    flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel
+) -> tuple[Regime, ...]:
+    """Return the RMS residual before and after in quarters of each quantity, with equally many rows each.
+
+    Args:
+        flights: the flights.
+        after: by flight, (m, 6) residual after the causes [N, N·m].
+        noise: noise model of the channels.
+    """
     all_of = [quantities(e) for e in flights]
     before = np.concatenate([e.y[:, WRENCH] for e in flights]) / np.maximum(noise.rms[WRENCH], 1e-12)
     residual = np.concatenate([after[e.name] for e in flights]) / np.maximum(noise.rms[WRENCH], 1e-12)
@@ -121,8 +149,16 @@ def regimes(flights: Sequence[FlightResiduals], after, noise: NoiseModel) -> tup
     return tuple(out)
 
 
-def bands(flights: Sequence[FlightResiduals], after, noise: NoiseModel) -> tuple[Band, ...]:
-    """Welch spectra by channel, averaged over flights, beside the noise model's."""
+def bands(
+    flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel
+) -> tuple[Band, ...]:
+    """Return Welch spectra by channel before and after, averaged over flights, with those of the noise model.
+
+    Args:
+        flights: the flights.
+        after: by flight, (m, 6) residual after the causes [N, N·m].
+        noise: noise model of the channels.
+    """
     rate = 1.0 / flights[0].grid.step
     length = min(256, *(len(e.t) for e in flights))
 

@@ -1,4 +1,4 @@
-"""Which manoeuvre would show an effect, or tell two apart."""
+"""Manoeuvres that would show an effect, or tell two apart."""
 
 SHOWS = {
     "mass_error": "steep climbs and descents with roll and pitch doublets (torque tells thrust from mass)",
@@ -39,7 +39,7 @@ PAIRS = {
 
 
 def manoeuvre(effects: tuple[str, ...]) -> str:
-    """A line for one effect or for a pair."""
+    """Return one line that names a manoeuvre for one effect or for a pair."""
     if len(effects) > 1 and frozenset(effects) in PAIRS:
         return PAIRS[frozenset(effects)]
     known = [SHOWS[e] for e in effects if e in SHOWS]

@@ -1,4 +1,4 @@
-"""The answer where nothing is excited: the residual is localised, no cause is named."""
+"""Diagnosis of flights without excitation: the residual is localised, and no cause is named."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -17,7 +17,7 @@ from np_drake.diagnosis.result import GapReduction, Identifiability
 def unexcited_diagnosis(
     flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]
 ) -> dict[str, Any]:
-    """Return the fields of a `Diagnosis` of flights in which nothing moves: no verdict, every effect unidentifiable."""
+    """Return the fields of a `Diagnosis` for flights in which nothing moves: an empty verdict, nothing identifiable."""
     noise = fit_noise([e.y - e.y.mean(axis=0) for e in flights], flights[0].grid.step)
     pairs = confusables(flights, library_candidates(flights), noise)
     rows = {e.name: np.ones(len(e.t), bool) for e in held_out}

@@ -1,4 +1,4 @@
-"""Numerical methods without any knowledge of flights."""
+"""Numerical methods that know nothing of flights: noise model, regression, Gauss-Newton, filters."""
 
 from np_drake.diagnosis.numerics.autoregressive_noise import (
     NoiseModel,

@@ -1,7 +1,9 @@
-"""Noise as a model: an autoregressive spectrum for every channel and the covariance of what drives them.
+"""Autoregressive noise model of the residual channels, and whitening with it.
 
-e_k = sum_i phi_i e_(k-i) + n_k in each channel, n ~ N(0, Sigma) across channels. Whitening with it makes least
-squares generalised least squares.   Source: Yule-Walker equations; the order is own choice.
+Each channel follows e_k = sum_i phi_i e_(k-i) + n_k. The innovations are correlated across channels, n ~ N(0, Sigma).
+Least squares on whitened channels is generalised least squares.
+
+Source: Yule-Walker equations; the order is own choice.
 """
 
 import dataclasses as dc
@@ -15,16 +17,21 @@ from scipy import linalg
 from np_drake.diagnosis.numerics.fir_filter import banded, filtered
 
 ORDER = 20  # 0.4 s at 50 Hz
-RIDGE = 1e-3  # white share added to every channel, for what the low-pass took from the highest frequencies
+RIDGE = 1e-3  # white share added to every channel, for the highest frequencies that the low-pass removed [1]
 ACTIVE = 1e-12  # a channel with less variance is absent
-QUIETEST = 0.1  # least errors of a flight over those of all: one at rest must not decide either; own choice
+QUIETEST = 0.1  # least error of a flight over that of all, so that a flight at rest does not dominate [1]; own choice
 
 
 @dc.dataclass(frozen=True)
 class NoiseModel:
-    """phi (c, p); mixing (c, c) maps innovations to unit white ones, zero for absent channels; rms (c,); step [s].
+    """Autoregressive noise of c channels with order p.
 
-    loudness: by flight, (c,) its errors over the model's, where flights differ [1]; others are as the model says.
+    phi: (c, p) autoregressive coefficients of each channel [1].
+    mixing: (c, c) matrix that maps innovations to unit white noise; zero for absent channels.
+    rms: (c,) RMS of each channel; zero for absent channels.
+    innovation: (c,) variance of the innovations.
+    step: sample interval [s].
+    loudness: by flight, (c,) error of the flight over that of the model, where flights differ [1]; 1 for other flights.
     """
 
     phi: np.ndarray
@@ -36,11 +43,14 @@ class NoiseModel:
 
     @property
     def active(self) -> np.ndarray:
-        """(c,) channels that these logs have."""
+        """(c,) bool: channels that these logs contain."""
         return self.rms > 0
 
     def head(self, channels: int) -> "NoiseModel":
-        """Of the first channels alone (whitening is lower triangular)."""
+        """Return the model of the first channels alone.
+
+        This is exact because the mixing matrix is lower triangular.
+        """
         return NoiseModel(
             self.phi[:channels],
             self.mixing[:channels, :channels],
@@ -51,23 +61,35 @@ class NoiseModel:
 
     @cached_property
     def weight(self) -> np.ndarray:
-        """(c, c) of what drives the channels: the inverse of its covariance, zero for absent channels."""
+        """(c, c) inverse covariance of the innovations; zero for absent channels."""
         return self.mixing.T @ self.mixing
 
     @cached_property
     def _bands(self) -> np.ndarray:
-        """(c, ...) for every channel, what makes of its values what drives them (`fir`)."""
+        """(c, ...) banded filter of each channel that maps its values to its innovations (`fir_filter.banded`)."""
         return banded(np.concatenate([-self.phi[:, ::-1], np.ones((len(self.phi), 1))], axis=1))
 
     def whiten(self, values: np.ndarray, flight: str = "") -> np.ndarray:
-        """(m - p, c, ...) white with unit variance, of channels (m, c, ...) of a flight; the first p rows go."""
+        """Return the channels of a flight whitened to unit variance.
+
+        Args:
+            values: (m, c, ...) channels, or columns in these channels.
+            flight: name of the flight, whose `loudness` applies.
+        Returns: (m - p, c, ...) whitened values; the first p rows are dropped.
+        """
         channels, driven = self.driven(values, flight)
         flat = driven.reshape(*driven.shape[:2], math.prod(values.shape[2:]))
         mixed = np.matmul(np.ascontiguousarray(self.mixing[:, channels]), flat)
         return mixed.reshape(len(mixed), *values.shape[1:])
 
     def driven(self, values: np.ndarray, flight: str = "") -> tuple[np.ndarray, np.ndarray]:
-        """(a,) active channels in which something is, and (m - p, a, ...) what drives them, for values (m, c, ...)."""
+        """Return the innovations of the active channels that are not all zero.
+
+        Args:
+            values: (m, c, ...) channels, or columns in these channels.
+            flight: name of the flight, whose `loudness` applies.
+        Returns: (a,) indices of these channels, and (m - p, a, ...) their innovations.
+        """
         flat = np.asarray(values, float).reshape(*values.shape[:2], -1)
         parts = self._driven([flat], flight)
         n, k = len(flat) - self.phi.shape[1], flat.shape[2]
@@ -78,7 +100,7 @@ class NoiseModel:
         return channels, driven.reshape(n, len(parts), *values.shape[2:])
 
     def driven_in(self, channel: int, values: np.ndarray, flight: str = "") -> np.ndarray:
-        """(m - p, ...) what drives one channel, for its values (m, ...)."""
+        """Return the innovations (m - p, ...) of one channel with values (m, ...)."""
         flat = np.ascontiguousarray(values, float).reshape(len(values), math.prod(values.shape[1:]))
         driven = (
             filtered(self._bands[channel], flat) if self.phi[channel].any() else flat[self.phi.shape[1] :]
@@ -87,9 +109,14 @@ class NoiseModel:
         return driven if flight not in self.loudness else driven / self.loudness[flight][channel]
 
     def products(self, columns: Sequence[np.ndarray], flight: str = "") -> np.ndarray:
-        """(k, k) inner products of columns, in groups (m, c, k_i) of a flight, once they are white.
+        """Return the inner products of whitened columns.
 
-        A column that is zero in most channels, as those of most effects are, is nothing there to be multiplied.
+        Columns that are zero in a channel are skipped there; most effects act in few channels.
+
+        Args:
+            columns: groups (m, c, k_i) of columns of one flight.
+            flight: name of the flight, whose `loudness` applies.
+        Returns: (k, k) inner products, k the sum of all k_i.
         """
         size = sum(X.shape[-1] for X in columns)
         weight, out = self.weight, np.zeros((size, size))
@@ -103,7 +130,7 @@ class NoiseModel:
         return out
 
     def _driven(self, columns: Sequence[np.ndarray], flight: str) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        """Active channels in which something is: each with its columns that are, and what drives them (m - p, k')."""
+        """Return (channel, positions (k',) of its nonzero columns, innovations (m - p, k')) for each active channel."""
         there = [np.asarray(X.any(axis=0)) for X in columns]
         acts = np.array([some.any(axis=-1) for some in there])
         groups = list(zip(columns, there, strict=True))
@@ -118,22 +145,28 @@ class NoiseModel:
         return parts
 
     def spectrum(self, frequency: np.ndarray) -> np.ndarray:
-        """(c, f) one-sided power spectral density [unit²/Hz] at `frequency` (f,) [Hz]."""
+        """Return the one-sided power spectral density (c, f) [unit²/Hz] at `frequency` (f,) [Hz]."""
         z = np.exp(-2j * np.pi * frequency * self.step)
         powers = z[None, :] ** np.arange(1, self.phi.shape[1] + 1)[:, None]
         return 2 * self.step * self.innovation[:, None] / np.abs(1 - self.phi @ powers) ** 2
 
 
 def _columns(values: np.ndarray, some: np.ndarray) -> np.ndarray:
-    """Those of values (n, k) that are asked for; not copied where all are."""
+    """Return the columns of values (n, k) selected by `some` (k,); a view where all are."""
     return values if some.all() else values[:, some]
 
 
 def scale_only(residuals: list[np.ndarray], step: float, flights: Sequence[str] = ()) -> NoiseModel:
-    """White noise as large as the residuals: ordinary least squares with channels made comparable.
+    """Return white noise with the RMS of the residuals.
 
-    flights: their names, where each is to have errors of its own size: then a flight whose errors are ten times
-    as large does not decide for all.   Source: feasible generalised least squares, one variance for each group.
+    With it, generalised least squares becomes ordinary least squares on scaled channels.
+
+    Args:
+        residuals: (m, c) residuals of each flight.
+        step: sample interval [s].
+        flights: names of the flights. Where given, each flight has its own error level, so that one flight with large
+            errors does not dominate the fit.
+    Source: feasible generalised least squares with one variance for each group.
     """
     rms = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
     rms[rms**2 < ACTIVE] = 0.0
@@ -145,18 +178,25 @@ def scale_only(residuals: list[np.ndarray], step: float, flights: Sequence[str] 
 
 
 def _loudness(residual: np.ndarray, rms: np.ndarray) -> np.ndarray:
-    """(c,) RMS of one flight's channels over that of all, held above `QUIETEST` [1]."""
+    """Return the (c,) RMS of one flight over that of all flights, at least `QUIETEST` [1]."""
     own = np.sqrt(np.mean(residual**2, axis=0))
     return np.where(rms > 0, np.maximum(own / np.maximum(rms, 1e-12), QUIETEST), 1.0)
 
 
 def no_worse_anywhere(residuals: list[np.ndarray], before: list[np.ndarray]) -> list[np.ndarray]:
-    """As `no_worse`, flight by flight."""
+    """Apply `no_worse` to each flight separately."""
     return [no_worse([r], [b])[0] for r, b in zip(residuals, before, strict=True)]
 
 
 def no_worse(residuals: list[np.ndarray], before: list[np.ndarray]) -> list[np.ndarray]:
-    """Residuals, but channel by channel those `before` where a fit has made it worse: noise must not excuse a fit."""
+    """Return the residuals, except in channels that a fit has made worse: there return those `before` the fit.
+
+    A poor fit would otherwise raise the noise level and so excuse itself.
+
+    Args:
+        residuals: (m, c) residuals of each flight after the fit.
+        before: (m, c) residuals of each flight before it.
+    """
     now = np.concatenate(residuals).std(axis=0)
     then = np.sqrt(np.mean(np.concatenate(before) ** 2, axis=0))
     return [np.where(now > then, b, r) for r, b in zip(residuals, before, strict=True)]
@@ -172,10 +212,18 @@ def fit_noise(
     white: np.ndarray | None = None,
     order: int = ORDER,
 ) -> NoiseModel:
-    """From residuals (m, c) of one or more flights. Noise has no mean: a mean is a finding.
+    """Fit the noise model to the residuals of one or more flights.
 
-    explained: (m, c) what a model predicts there, good to a share `inexact` [1] only: that share counts as noise too.
-    slow: (c,) RMS of errors that hardly change over the model's memory; white: (c,) of some that residuals may lack.
+    The mean of each flight is removed first: noise has none, and a mean is a finding.
+
+    Args:
+        residuals: (m, c) residuals of each flight.
+        step: sample interval [s].
+        explained: (m, c) prediction of a model for each flight, of which the share `inexact` [1] counts as noise too.
+        inexact: relative error of that prediction [1].
+        slow: (c,) RMS of errors that hardly change over the memory of the noise model.
+        white: (c,) RMS of white errors that the residuals may lack.
+        order: order of the autoregression [1].
     """
     drift, sudden = (np.zeros(residuals[0].shape[1]) if rms is None else rms**2 for rms in (slow, white))
     smear = [inexact * (p - p.mean(axis=0)) for p in explained or []] if inexact else []
@@ -202,13 +250,14 @@ def fit_noise(
 
 
 def _autocovariance(e: np.ndarray, order: int) -> np.ndarray:
+    """Return the sums of lagged products (order + 1,) of e (n,)."""
     size = 2 ** int(np.ceil(np.log2(len(e) + order + 1)))
     power = np.abs(np.fft.rfft(e, size)) ** 2
     return np.fft.irfft(power, size)[: order + 1]
 
 
 def _mixing(covariance: np.ndarray, active: np.ndarray) -> np.ndarray:
-    """Inverse Cholesky factor on the active channels."""
+    """Return the inverse Cholesky factor of the covariance on the active channels; zero elsewhere."""
     mixing = np.zeros_like(covariance)
     index = np.ix_(active, active)
     block = covariance[index]

@@ -1,7 +1,9 @@
-"""Bayesian linear regression on Gram matrices: evidence and posterior of any subset of columns.
+"""Bayesian linear regression on Gram matrices: log evidence and posterior of any subset of columns.
 
-y = X c + n, n white with unit variance, c ~ N(0, 1) column by column (columns carry the prior's scale).
-log p(y) = -1/2 (y'y - b' A^-1 b) - 1/2 log det A + const, with A = X'X + 1, b = X'y.      Source: standard.
+y = X c + n, n white with unit variance, c ~ N(0, 1) for each column (columns carry the scale of the prior).
+log p(y) = -1/2 (y'y - b' A^-1 b) - 1/2 log det A + const, with A = X'X + 1, b = X'y.
+
+Source: standard.
 """
 
 import dataclasses as dc
@@ -10,12 +12,12 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.linalg import lapack
 
-AT_ONCE = 200_000  # figures in the matrices of the sets that are solved together
+AT_ONCE = 200_000  # matrix entries of the sets that are solved together
 
 
 @dc.dataclass(frozen=True)
 class Gram:
-    """X'X (k, k), X'y (k,), y'y and the number of samples."""
+    """Sufficient statistics of a regression: X'X (k, k), X'y (k,), y'y and the number of samples."""
 
     XX: np.ndarray
     Xy: np.ndarray
@@ -26,17 +28,18 @@ class Gram:
         return Gram(self.XX + other.XX, self.Xy + other.Xy, self.yy + other.yy, self.samples + other.samples)
 
     def tempered(self, temperature: float) -> "Gram":
-        """As if noise had `temperature` times the variance."""
+        """Return the statistics as if the noise had `temperature` times its variance."""
         return Gram(self.XX / temperature, self.Xy / temperature, self.yy / temperature, self.samples)
 
     def only(self, index: np.ndarray) -> "Gram":
-        """Of these columns."""
+        """Return the statistics of the columns `index` alone."""
         return Gram(self.XX[np.ix_(index, index)], self.Xy[index], self.yy, self.samples)
 
     def given(self, n: int) -> tuple["Gram", float]:
-        """Of the other columns when the first n are in every model, and the log evidence of these n alone.
+        """Return the statistics of the other columns when every model holds the first n, and the log evidence of these.
 
-        The log evidence of any set beside them is that of the set here, and that of the n; so with its posterior.
+        The log evidence of any set together with the first n is the sum of that of the set here and that of the n. The
+        posterior of a set together with the first n is, for the coefficients of the set, that of the set here.
         """
         factor = np.linalg.cholesky(self.XX[:n, :n] + np.eye(n))
         B = np.linalg.solve(factor, self.XX[:n, n:])
@@ -45,7 +48,7 @@ class Gram:
         return rest, float(0.5 * b @ b - np.log(np.diag(factor)).sum())
 
     def log_evidence(self, index: np.ndarray) -> float:
-        """Of the model with these columns, less that of the empty model."""
+        """Return the log evidence of the columns `index`, less that of the empty model [nat]."""
         if len(index) == 0:
             return 0.0
         return _solved(self.XX[index[:, None], index], self.Xy[index])[1]
@@ -53,10 +56,15 @@ class Gram:
     def evidence_of_sets(
         self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]
     ) -> np.ndarray:
-        """(n,) the same of n sets of groups of columns, whose prior, where `wide`, is as wide as they ask for.
+        """Return the log evidence (n,) of n sets of column groups, less that of the empty model [nat].
 
-        An effect may be ten times what is usual: a normal prior would rather have two effects of the usual size.
-        Source: local empirical Bayes (Liang et al. 2008, Mixtures of g priors); one width a group, at least 1.
+        Where `wide`, the prior of a group widens to the size of its estimate. A large effect then does not lose to two
+        effects of the usual size.
+
+        Args:
+            sets: for each set, the column indices of its groups.
+            wide: for each set, by group, whether its prior may widen.
+        Source: local empirical Bayes (Liang et al. 2008, Mixtures of g priors); one width for each group, at least 1.
         """
         evidence = np.zeros(len(sets))
         for some in _alike([sum(map(len, groups)) for groups in sets]):
@@ -64,7 +72,7 @@ class Gram:
         return evidence
 
     def _evidence(self, sets: Sequence[Sequence[np.ndarray]], wide: Sequence[Sequence[bool]]) -> np.ndarray:
-        """(n,) of sets with k columns each."""
+        """Return the log evidence (n,) of sets that all have k columns."""
         index = np.stack([np.concatenate(groups) for groups in sets])
         XX, Xy = self.XX[index[:, :, None], index[:, None, :]], self.Xy[index]
         one = np.eye(index.shape[1])
@@ -80,11 +88,11 @@ class Gram:
         return 0.5 * np.sum(b**2, axis=1) - logdet
 
     def posterior(self, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(k,) mean and (k, k) covariance of the coefficients of these columns."""
+        """Return the posterior mean (k,) and covariance (k, k) of the coefficients of the columns `index`."""
         return self.posteriors([index])[0]
 
     def posteriors(self, indices: Sequence[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
-        """`posterior` of many sets of columns."""
+        """Return `posterior` for each of many sets of columns."""
         found = [(np.zeros(0), np.zeros((0, 0)))] * len(indices)
         for some in _alike([len(index) for index in indices]):
             index = np.stack([indices[i] for i in some])
@@ -96,7 +104,7 @@ class Gram:
 
 
 def _alike(sizes: Sequence[int]) -> Iterator[np.ndarray]:
-    """Positions of sets with as many columns, as many at a time as `AT_ONCE` allows; empty sets apart."""
+    """Yield positions of nonempty sets of equal size, at most `AT_ONCE` matrix entries at a time."""
     for size in set(sizes) - {0}:
         same = np.flatnonzero(np.equal(sizes, size))
         most = max(1, AT_ONCE // size**2)
@@ -104,7 +112,7 @@ def _alike(sizes: Sequence[int]) -> Iterator[np.ndarray]:
 
 
 def _solved(XX: np.ndarray, Xy: np.ndarray) -> tuple[np.ndarray, float]:
-    """Posterior mean (k,) and log evidence by one factor."""
+    """Return the posterior mean (k,) and the log evidence from one Cholesky factor."""
     A = XX.copy()
     A[np.diag_indices(len(A))] += 1.0
     factor, failed = lapack.dpotrf(A, lower=1)
@@ -115,9 +123,14 @@ def _solved(XX: np.ndarray, Xy: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def loss_beside(residual: np.ndarray, columns: np.ndarray) -> float:
-    """Sum of squares of what is left (n,), white, less what columns (n, k) take of it, with prior N(0, 1) each.
+    """Return the sum of squares of a residual after regression on columns with prior N(0, 1) for each coefficient.
 
-    Minus half of it is a log likelihood, whatever their coefficients are, but for what does not depend on `left`.
+    Minus half of it is the log likelihood, marginalised over the coefficients, up to terms that do not depend on
+    `residual`.
+
+    Args:
+        residual: (n,) whitened residual.
+        columns: (n, k) whitened columns.
     """
     factor = np.linalg.cholesky(columns.T @ columns + np.eye(columns.shape[1]))
     return float(residual @ residual) - float(np.sum(np.linalg.solve(factor, columns.T @ residual) ** 2))

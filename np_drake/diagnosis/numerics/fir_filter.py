@@ -1,16 +1,22 @@
-"""Sums of neighbouring rows with fixed weights, of many columns at once: blocks of rows times one banded matrix.
+"""FIR filtering of many columns at once: blocks of rows times one banded matrix.
 
-Own choice over scipy's filters: these go through the columns one by one, which takes three times as long.
+Source: own choice over scipy's filters, which take the columns one by one and three times as long.
 """
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
-BLOCK = 32  # rows that are filtered at a time
+BLOCK = 32  # output rows that are filtered at a time
 
 
 def banded(taps: np.ndarray, every: int = 1) -> np.ndarray:
-    """(..., `BLOCK`, q) times q rows of values: `BLOCK` sums with taps (..., p), one `every` so many rows."""
+    """Return the banded matrix that applies taps to `BLOCK` output rows at once.
+
+    Args:
+        taps: (..., p) weights.
+        every: decimation: input rows for each output row.
+    Returns: (..., `BLOCK`, q) matrix that maps q input rows to `BLOCK` outputs.
+    """
     p = taps.shape[-1]
     band = np.zeros((*taps.shape[:-1], BLOCK, (BLOCK - 1) * every + p))
     for i in range(BLOCK):
@@ -19,7 +25,14 @@ def banded(taps: np.ndarray, every: int = 1) -> np.ndarray:
 
 
 def filtered(band: np.ndarray, values: np.ndarray, every: int = 1) -> np.ndarray:
-    """((n - p) // every + 1, k) sums over values (n, k), the first over its first p rows, by its `banded` taps (p,)."""
+    """Return weighted sums of neighbouring rows.
+
+    Args:
+        band: matrix of the taps (p,) from `banded`.
+        values: (n, k) input; the first output covers its first p rows.
+        every: decimation, as given to `banded`.
+    Returns: ((n - p) // every + 1, k) outputs.
+    """
     p, (n, k) = band.shape[1] - (BLOCK - 1) * every, values.shape
     count = (n - p) // every + 1
     whole, rest = divmod(count, BLOCK)

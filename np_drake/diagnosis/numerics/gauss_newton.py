@@ -1,6 +1,7 @@
-"""Damped Gauss-Newton within bounds on normal equations: for tall problems, where each evaluation costs a simulation.
+"""Damped Gauss-Newton within bounds on the normal equations, for tall problems with costly evaluations.
 
-Own choice over scipy's trust region: that decomposes the tall Jacobian at every step, which costs more than all else.
+Source: own choice over scipy's trust region, which decomposes the tall Jacobian at every step. That costs more than
+everything else.
 """
 
 import dataclasses as dc
@@ -9,13 +10,13 @@ from collections.abc import Callable
 import numpy as np
 
 ITERATIONS = 8
-TRIES = 4  # dampings in one iteration
-DONE = 0.1  # change of the cost that ends it; costs are log likelihoods
+TRIES = 4  # damping values tried in one iteration
+DONE = 0.1  # change of the cost that ends the descent; costs are negative log likelihoods [nat]
 
 
 @dc.dataclass(frozen=True)
 class Minimum:
-    """z (n,), cost 1/2 |r|², information J'J (n, n), residual (m,) and Jacobian (m, n) there."""
+    """Result of `minimise`: z (n,), cost 1/2 |r|², information J'J (n, n), residual (m,) and Jacobian (m, n) at z."""
 
     z: np.ndarray
     cost: float
@@ -33,9 +34,18 @@ def minimise(
     iterations: int = ITERATIONS,
     settled: np.ndarray | None = None,
 ) -> Minimum:
-    """Least squares from `start`; a figure at its bound stays there while the descent points outwards.
+    """Minimise 1/2 |r(z)|² within bounds, from `start`.
 
-    settled (k, k): J'J of the last k figures, where the residual is linear in them and it stays as it is.
+    A parameter at its bound stays there while the descent direction points outwards.
+
+    Args:
+        residual: maps z (n,) to r (m,).
+        jacobian: maps z (n,) to dr/dz (m, n).
+        start: (n,) initial parameters.
+        lower: (n,) lower bounds.
+        upper: (n,) upper bounds.
+        iterations: largest number of iterations.
+        settled: (k, k) constant J'J of the last k parameters, where the residual is linear in them.
     """
     z, r = start, residual(start)
     cost, damping = 0.5 * float(r @ r), 1e-3
@@ -55,14 +65,14 @@ def minimise(
                 z, r, cost, damping = new, r_new, cost_new, damping / 10
                 break
             damping *= 10
-        if before - cost < DONE:  # so near to where the Jacobian was taken that it is the one here
+        if before - cost < DONE:  # the Jacobian of the last step still holds
             return Minimum(z, cost, H, r, J)
     J = jacobian(z)
     return Minimum(z, cost, _information(J, settled), r, J)
 
 
 def _information(J: np.ndarray, settled: np.ndarray | None) -> np.ndarray:
-    """(n, n) J'J, its last block given."""
+    """Return J'J (n, n) with its last block given by `settled`."""
     if settled is None:
         return J.T @ J
     n = J.shape[1] - len(settled)

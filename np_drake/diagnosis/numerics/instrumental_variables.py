@@ -1,7 +1,9 @@
-"""Least squares under gusts: a vehicle yields to a gust, and what it then does is no cause of the force.
+"""Least squares under gusts with instrumental variables.
 
-Source: generalised least squares with instrumental variables. A gust changes the velocity within its own bin, so that
-each bin's velocity is known from those before it.
+A vehicle yields to a gust, so that its velocity correlates with the force of the gust, and ordinary least squares is
+biased. A gust changes the velocity within its own bin; the instrument is the velocity extrapolated from earlier bins.
+
+Source: generalised least squares with instrumental variables.
 """
 
 from collections.abc import Iterable
@@ -13,7 +15,12 @@ Block = tuple[np.ndarray, np.ndarray, np.ndarray]  # columns (n, k), force (n,),
 
 
 def instrumented(blocks: Iterable[Block]) -> tuple[np.ndarray, np.ndarray]:
-    """Precision (k, k) of the estimate, and times it the estimate (k,)."""
+    """Estimate coefficients with instruments that earlier bins predict.
+
+    Args:
+        blocks: for each block, columns (n, k), force (n,) and a lower triangular root (n, n) of its covariance.
+    Returns: (k, k) precision of the estimate, and (k,) precision times estimate.
+    """
     pieces, instruments = [], []
     for X, f, root in blocks:
         pieces.append(_whitened(X, f, root))
@@ -25,18 +32,25 @@ def instrumented(blocks: Iterable[Block]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def plain(blocks: Iterable[Block]) -> tuple[np.ndarray, np.ndarray]:
-    """The same without instruments, which takes the yielding for less of what slows a vehicle."""
+    """Estimate coefficients by generalised least squares without instruments.
+
+    The estimate is biased towards less drag, because the vehicle yields to gusts.
+
+    Args:
+        blocks: for each block, columns (n, k), force (n,) and a lower triangular root (n, n) of its covariance.
+    Returns: (k, k) precision of the estimate, and (k,) precision times estimate.
+    """
     white = np.concatenate([_whitened(*block) for block in blocks])
     both = white[:, :-1].T @ white
     return both[:, :-1], both[:, -1]
 
 
 def _whitened(X: np.ndarray, f: np.ndarray, root: np.ndarray) -> np.ndarray:
-    """(n, k + 1) columns and force."""
+    """Return columns and force (n, k + 1), whitened."""
     return linalg.solve_triangular(root, np.column_stack([X, f]), lower=True)
 
 
 def _known_before(X: np.ndarray) -> np.ndarray:
-    """(n, k) columns as the two rows before each foretell it, by the line through them."""
+    """Return columns (n, k) extrapolated linearly from the two rows before each."""
     early = X[:1].repeat(min(2, len(X)), axis=0)
     return np.concatenate([early, 2 * X[1:-1] - X[:-2]])[: len(X)]

@@ -1,4 +1,4 @@
-"""Columns of the linear model: library effects, generic structure, nuisance, payload."""
+"""Regressors of the linear model: library effects, generic structure, nuisance parameters, payload."""
 
 from np_drake.diagnosis.regressors.generic import DAMPING, PREFIX, generic_candidates
 from np_drake.diagnosis.regressors.library import (

@@ -1,7 +1,9 @@
-"""Structure that no effect explains: generic groups of columns that compete with the library for the same evidence.
+"""Generic structure: groups of columns that compete with the library for the same evidence.
 
-A group says where the structure lives: with the rates, at a place, with the command, with height, in a resonance. A
-library effect that explains as much with fewer figures wins over it.   Source: own choice of groups.
+Each group depends on one signal: body rates, position, command, height, or a resonance. A library effect that explains
+as much with fewer parameters wins over it.
+
+Source: own choice of groups.
 """
 
 import math
@@ -18,17 +20,15 @@ from np_drake.diagnosis.residuals import FlightResiduals, FlightState, flight_st
 PREFIX = "unknown:"
 SIZE = 0.04  # prior deviation of a group's force over weight, and of its torque over weight times arm [1]
 RESONANCES = (0.4, 0.6, 0.8, 1.05, 1.4, 1.8, 2.4, 3.2, 4.2)  # [Hz]
-DAMPING = 0.1  # of a resonance that is tried [1]
-TWISTS = tuple(0.7 * 1.3**k for k in range(9))  # of a resonance between command and torque [Hz]
+DAMPING = 0.1  # damping of the resonances in the grids [1]
+TWISTS = tuple(0.7 * 1.3**k for k in range(9))  # frequencies of resonances between command and torque [Hz]
 GAIN = 0.3  # prior deviation of its torque over the commanded one [1]
-CENTRES = 10  # of a place
-Pushes = Callable[
-    [FlightState], np.ndarray
-]  # (m, 6, k) force and torque in body axes in units of their prior
+CENTRES = 10  # number of centres of the position group
+Pushes = Callable[[FlightState], np.ndarray]  # (m, 6, k) force and torque in B in units of their prior
 
 
 def generic_candidates(flights: Sequence[FlightResiduals]) -> list[Candidate]:
-    """All groups as candidates; `generic` gives their columns on any flight."""
+    """Return all groups as candidates; their `generic` gives the columns on any flight."""
     states = {e.name: flight_state(e) for e in flights}
     found = [
         _candidate(flights, states, name, text, pushes)
@@ -81,7 +81,7 @@ def _candidate(
 
 
 def _each(features: np.ndarray, channels: Sequence[int]) -> np.ndarray:
-    """(m, 6, k len(channels)) every feature (m, k) free in each of the channels."""
+    """Return columns (m, 6, k len(channels)) in which every feature (m, k) acts freely in each of the channels."""
     m, k = features.shape
     out = np.zeros((m, 6, k * len(channels)))
     for j, c in enumerate(channels):
@@ -111,14 +111,14 @@ def _velocity(s: FlightState) -> np.ndarray:
 
 
 def _cross_flow(s: FlightState) -> np.ndarray:
-    """Products |v_i| v_j of two different axes, each free along all three."""
+    """Return products |v_i| v_j of two different axes, each free along all three."""
     v = s.v / 2.0
     products = [np.abs(v[:, i]) * v[:, j] for i in range(3) for j in range(3) if i != j]
     return _each(np.stack(products, axis=1), [0, 1, 2])
 
 
 def _thrust_curve(s: FlightState) -> np.ndarray:
-    """Square and cube of every rotor's thrust over its mean, the same curve for all four."""
+    """Return square and cube of every rotor's relative thrust, the same curve for all four rotors."""
     relative = s.rotor / s.rotor.mean() - 1
     powers = np.stack([relative**2, relative**3], axis=2)
     u = np.einsum("ij,mjk->mik", s.mixer, powers)
@@ -146,7 +146,7 @@ def _height(s: FlightState) -> np.ndarray:
 
 
 def _place(states: dict[str, FlightState]) -> Pushes:
-    """Bells about centres that the flights chose, each with a force in W."""
+    """Return Gaussian bumps about centres from k-means on the positions, each with a force in W."""
     p = np.concatenate([s.p for s in states.values()])
     width = 0.8 * float(np.sqrt(np.mean(p.var(axis=0)))) + 0.05
     pick = p[np.linspace(0, len(p) - 1, 40 * CENTRES).astype(int)]
@@ -164,7 +164,7 @@ def _place(states: dict[str, FlightState]) -> Pushes:
 
 @lru_cache(maxsize=32)
 def _oscillator(omega: float, damping: float, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Numerator and denominator of w² / (s² + 2 z w s + w²) every `step` [s]; flights share it."""
+    """Return numerator and denominator of w² / (s² + 2 z w s + w²), discretised at `step` [s]."""
     b, a, _ = signal.cont2discrete(
         ([omega**2], [1.0, 2 * damping * omega, omega**2]), step, method="bilinear"
     )
@@ -172,10 +172,10 @@ def _oscillator(omega: float, damping: float, step: float) -> tuple[np.ndarray, 
 
 
 def _resonance(frequency: float, damping: float = DAMPING) -> Pushes:
-    """Two phases of the motion behind a lightly damped resonance: force along the axis, torque across.
+    """Return the response of a lightly damped resonance to the motion: force along an axis, torque across.
 
-    What drives it is the acceleration that the command gives, not the measured one: any force at all is in the latter,
-    and would explain itself.
+    Each has two phases. The input is the acceleration that the command gives. The measured one contains every force and
+    would explain itself.
     """
     omega = 2 * np.pi * frequency
 
@@ -193,16 +193,16 @@ def _resonance(frequency: float, damping: float = DAMPING) -> Pushes:
 
 
 def _one_twist(frequency: float, damping: float) -> Pushes:
-    """Torque behind one very resonance: G and D G / w of `_twist` alone."""
+    """Return the columns G and D G / w of `_twist` alone, for a single resonance of torque."""
     both = _twist(frequency, damping)
     return lambda s: both(s)[..., [0, 1, 4, 5, 8, 9]]
 
 
 def _twist(frequency: float, damping: float = DAMPING) -> Pushes:
-    """Torque behind a lightly damped resonance that the commanded torque drives, every axis for itself.
+    """Return the torque of a lightly damped resonance that the commanded torque drives, separately for every axis.
 
-    With G = w² / (D² + 2 z w D + w²) the columns are G, D G / w, G² and D G² / w: what G and its derivatives by w and z
-    span, so that a resonance between two of those tried, or damped otherwise, is met to first order.
+    With G = w² / (D² + 2 z w D + w²) the columns are G, D G / w, G² and D G² / w. They span G and its derivatives by w
+    and z, so that a resonance between two grid frequencies, or with other damping, is matched to first order.
     """
     omega = 2 * np.pi * frequency
 
@@ -216,7 +216,7 @@ def _twist(frequency: float, damping: float = DAMPING) -> Pushes:
         once = behind(GAIN * s.u[:, 1:] / (SIZE * s.weight * s.torque_unit))
         twice = behind(once)
         changes = [np.gradient(g, s.step, axis=0) / omega for g in (once, twice)]
-        peak = 2 * damping  # of G, by which it is made one
+        peak = 2 * damping  # normalises the peak of G to one
         parts = np.stack([peak * once, peak * changes[0], peak**2 * twice, peak**2 * changes[1]], axis=2)
         return _joined(*(_each(parts[:, i], [3 + i]) for i in range(3)))
 

@@ -1,4 +1,4 @@
-"""Every effect of the library as columns of a linear regression, some at several values of what is not linear."""
+"""Candidates of the library: every effect as columns of a linear regression, nonlinear ones at several values."""
 
 import dataclasses as dc
 import math
@@ -11,21 +11,23 @@ from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.library import LIBRARY, effects_for
 
-DRAG = "linear_drag"  # through which winds are felt
+DRAG = "linear_drag"  # the effect through which winds act
 DRAGS = (DRAG, "quadratic_drag")
 ROTOR_SPEED_BLIND = ("motor_lag", "command_delay", "clock_offset")
-SHIFTS = np.geomspace(0.003, 0.06, 10)  # of commands against states that are tried [s]
+SHIFTS = np.geomspace(0.003, 0.06, 10)  # grid of shifts of commands against states [s]
 Onset = dict[str, float | None]
 Swing = Callable[[float, float, FlightResiduals], np.ndarray]
-Mended = tuple[np.ndarray, float]  # coefficients and their log probability
+Mended = tuple[np.ndarray, float]  # physical coefficients and their log probability
 
 
 @dc.dataclass(frozen=True)
 class Candidate:
-    """Columns (m, 15, k) by flight with prior N(0, 1) on their coefficients, and the terms that coefficients mean.
+    """Columns (m, 15, k) by flight with prior N(0, 1) on their coefficients, and the terms that coefficients stand for.
 
-    identifiers: of the effects (wind comes with its drag).   log_prior: of this variant among its sisters;
-    onset_prior: of its onsets.
+    identifiers: of the effects; a wind comes with its drag.
+    variant: label of this variant, with the values that are fixed.
+    terms: maps coefficients (k,) to terms.
+    log_prior: log prior of this variant among those of the same effect; onset_prior: log prior of its onsets.
     """
 
     identifiers: tuple[str, ...]
@@ -34,12 +36,12 @@ class Candidate:
     terms: Callable[[np.ndarray], list[Term]]
     log_prior: float = 0.0
     onset: Onset = dc.field(default_factory=dict)
-    possible: Callable[[np.ndarray], bool] | None = None  # are these coefficients physical?
-    mended: Callable[[np.ndarray, np.ndarray], Mended] | None = None  # and which are, where a bound is near?
+    possible: Callable[[np.ndarray], bool] | None = None  # whether coefficients are physical
+    mended: Callable[[np.ndarray, np.ndarray], Mended] | None = None  # physical coefficients near a bound
     generic: Callable[[FlightResiduals], np.ndarray] | None = (
-        None  # columns on any flight, of what is no effect
+        None  # columns on any flight; None for effects of the library
     )
-    swing: Swing | None = None  # the same of one frequency [Hz] and damping [1]
+    swing: Swing | None = None  # columns at a frequency [Hz] and damping [1]
     figures: dict[str, float] = dc.field(default_factory=dict)
     onset_prior: float = 0.0
 
@@ -50,11 +52,16 @@ class Candidate:
 
     @property
     def bounded(self) -> bool:
-        """May coefficients not be physical?"""
+        """Whether some coefficients are not physical."""
         return self.possible is not None or self.mended is not None
 
     def physical(self, mean: np.ndarray, covariance: np.ndarray) -> Mended:
-        """Coefficients (k,) for a posterior's mean (k,) and covariance (k, k), and the log probability of such ones."""
+        """Return physical coefficients (k,) given the posterior, and the log probability of being physical.
+
+        Args:
+            mean: (k,) posterior mean.
+            covariance: (k, k) posterior covariance.
+        """
         c, log_probability = (mean, 0.0) if self.mended is None else self.mended(mean, covariance)
         if self.possible is not None and not self.possible(c):
             return c, -math.inf
@@ -62,7 +69,7 @@ class Candidate:
 
 
 def nonlinear_grid(effect: type[Effect], flight: FlightResiduals) -> list[dict[str, float]]:
-    """Values at which an effect that is not linear is tried; [] where it has its own treatment."""
+    """Return the parameter values at which a nonlinear effect is linearised; [] for effects treated otherwise."""
     grids: dict[str, list[dict[str, float]]] = {
         "motor_lag": [
             {"time_constant": flight.vehicle.rotor_time_constant + float(v)}
@@ -83,9 +90,13 @@ def nonlinear_grid(effect: type[Effect], flight: FlightResiduals) -> list[dict[s
 
 
 def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None = None) -> list[Candidate]:
-    """All effects of the library but wind and payload, which act through others and have hidden states.
+    """Return candidates for all effects of the library except wind and payload.
 
-    onset: begin there; effects that cannot begin in flight are left out then.
+    Winds act through drag effects, and payloads have hidden states; both are built elsewhere.
+
+    Args:
+        flights: the flights.
+        onset: onsets by flight [s]; effects that cannot begin in flight are then left out.
     """
     found: list[Candidate] = []
     stages = {e.name: StageCache() for e in flights}
@@ -102,7 +113,7 @@ def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None =
 
 
 def _readable(effect: type[Effect], flights: Sequence[FlightResiduals]) -> bool:
-    """Are the columns that a sensor effect corrupts in these logs?"""
+    """Return whether these logs contain the measurements that a sensor effect corrupts."""
     if not issubclass(effect, SensorEffect):
         return True
     return not (flights[0].log.a is None and set(effect.corrupts) == {"ax", "ay", "az"})
@@ -114,7 +125,14 @@ def effect_candidates(
     onset: Onset,
     stages: Mapping[str, StageCache] | None = None,
 ) -> list[Candidate]:
-    """The variants of one effect.   stages: by flight, of its signatures before."""
+    """Return the variants of one effect as candidates.
+
+    Args:
+        effect: class of the effect.
+        flights: the flights.
+        onset: onsets by flight [s].
+        stages: by flight, cache of earlier predictions.
+    """
     stages = stages or {e.name: StageCache() for e in flights}
     discrete = [p for p in effect.parameters if p.choices]
     settings: list[dict[str, float]] = [{}]
@@ -152,12 +170,22 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
 
 
 def _step_of(effect: type[Effect], p) -> float:
-    """Small for what is linear only to first order (angles, scales of inertia), typical otherwise."""
+    """Return the step of a parameter: small where the effect is linear to first order only, typical otherwise."""
     step = 0.1 * p.typical if effect.place in ("mass", "measurement") else p.typical
     return step if p.neutral + step <= p.upper else -step
 
 
 def at_value(effect, flights, onset, values: dict[str, float], variants: int, stages) -> Candidate:
+    """Return the candidate of a nonlinear effect that scales its prediction at `values`.
+
+    Args:
+        effect: class of the effect.
+        flights: the flights.
+        onset: onsets by flight [s].
+        values: parameters at which the residual is predicted.
+        variants: number of variants that share the prior of the effect.
+        stages: by flight, cache of earlier predictions.
+    """
     term = Term(effect.of(values), onset)
     columns = {e.name: 2.0 * predicted_residual(e, [term], stages[e.name])[..., None] for e in flights}
 
@@ -178,10 +206,10 @@ def at_value(effect, flights, onset, values: dict[str, float], variants: int, st
 def wind_candidates(
     flights: Sequence[FlightResiduals], plain: Sequence[Candidate], onset: Onset | None = None
 ) -> list[Candidate]:
-    """Steady wind with each drag of `plain`: v - wind through linear drag is the drag and three more columns.
+    """Return a steady wind with each drag of `plain`, as the columns of the drag and three more.
 
-    A drag that is weak, or comes out as none that brakes, is begun as a weak one that does, the wind so that it pushes
-    as much: a drag and a wind turned about together push alike, and a descent does not come from one to the other.
+    A drag that is weak or negative starts as a weak positive one, with a wind of the same force. Drag and wind of
+    opposite sign push alike, and a local optimiser cannot pass from one to the other.
     """
     if "constant_wind" not in LIBRARY or DRAG not in LIBRARY:
         return []
@@ -212,7 +240,7 @@ def wind_candidates(
 
 
 def switched(candidate: Candidate, flights: Sequence[FlightResiduals], onset: Onset) -> Candidate:
-    """The candidate from its onsets on (not for hidden states, which begin anew)."""
+    """Return the candidate switched on at its onsets; not for hidden states, which begin anew at an onset."""
     columns = {e.name: candidate.columns[e.name] * e.begun(onset.get(e.name))[..., None] for e in flights}
 
     def terms(c: np.ndarray) -> list[Term]:
@@ -221,4 +249,4 @@ def switched(candidate: Candidate, flights: Sequence[FlightResiduals], onset: On
     return Candidate(candidate.identifiers, candidate.variant, columns, terms, candidate.log_prior, onset)
 
 
-GUSTY = (DRAG, "constant_wind")  # what gusts, which no unseen flight repeats, hide on it
+GUSTY = (DRAG, "constant_wind")  # effects that gusts mask in a held-out flight

@@ -1,6 +1,6 @@
-"""What a rig may be off by without a cause: tolerances of vehicle file and sensors, part of every model.
+"""Nuisance parameters: errors of the vehicle file and the sensors within tolerance, part of every model.
 
-Mass and thrust are off by the same figure in all flights; sensors wander from flight to flight.
+Mass and thrust errors are the same in all flights; sensor errors differ from flight to flight.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from np_drake.vehicle import Vehicle
 
 
 def calibration_terms(vehicle: Vehicle, tolerance: Tolerance) -> list[tuple[Term, float]]:
-    """Mass and thrust, each with the deviation of its prior: the same in all flights."""
+    """Return the mass and thrust terms that all flights share, each with the standard deviation of its prior."""
     return [
         (Term(ThrustScale(1.0)), tolerance.thrust),
         (Term(MassError(0.0)), tolerance.mass * vehicle.mass),
@@ -31,7 +31,7 @@ def calibration_terms(vehicle: Vehicle, tolerance: Tolerance) -> list[tuple[Term
 
 
 def calibration(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> list[Candidate]:
-    """Mass and thrust as columns."""
+    """Return the mass and thrust terms as candidates, whose columns carry the prior's scale."""
     out = []
     for term, deviation in calibration_terms(flights[0].vehicle, tolerance):
         p = term.effect.parameters[0]
@@ -44,7 +44,7 @@ def calibration(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> lis
 
 
 def sensor_drift(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> Candidate | None:
-    """Every flight's own sensor errors as columns; nothing for a laboratory."""
+    """Return the sensor errors of every flight as one candidate; None for ideal sensors."""
     if not tolerance.real:
         return None
     sensors: tuple[type[Effect], ...] = (AccelerometerBias, AttitudeBias, GyroBias, VelocityBias)
@@ -64,11 +64,11 @@ def sensor_drift(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> Ca
     return Candidate((), "wander", columns, lambda c: [])
 
 
-Drift = dict[str, np.ndarray]  # by flight, (m, 15, k) columns of what its sensors may be off by, whitened
+Drift = dict[str, np.ndarray]  # by flight, (m - p, 15, k) whitened columns of its sensor errors
 
 
 def drift_of(flights: Sequence[FlightResiduals], noise: NoiseModel, tolerance: Tolerance) -> Drift:
-    """Every flight's own sensor errors within tolerance, each with prior N(0, 1)."""
+    """Return the whitened columns of every flight's own sensor errors within tolerance, each with prior N(0, 1)."""
     found = {e.name: sensor_drift([e], tolerance) for e in flights}
     return {e.name: e.white(noise, w.columns[e.name]) for e in flights if (w := found[e.name])}
 
@@ -76,17 +76,25 @@ def drift_of(flights: Sequence[FlightResiduals], noise: NoiseModel, tolerance: T
 def loss_on(
     e: FlightResiduals, residual: np.ndarray, noise: NoiseModel, rows: np.ndarray, drift: Drift
 ) -> float:
-    """Whitened sum of squares of what is left (m, 15) on these rows (m,), less what the flight's own sensors take."""
+    """Return the whitened sum of squares of a residual, less what the flight's own sensor errors explain.
+
+    Args:
+        e: the flight.
+        residual: (m, 15) residual of a model.
+        noise: noise model that whitens.
+        rows: (m,) bool, the rows that count.
+        drift: columns of sensor errors by flight (`drift_of`).
+    """
     counted = rows[noise.phi.shape[1] :]
     white = e.white(noise, residual)[counted].ravel()
     D = drift[e.name][counted].reshape(len(white), -1) if e.name in drift else np.zeros((len(white), 0))
     return loss_beside(white, D)
 
 
-REAL = 1e-3  # attitude noise above which a log comes from a real rig [rad]
+REAL = 1e-3  # attitude noise above which sensors are taken as real [rad]
 
 
 def tolerance_of(flights: Sequence[FlightResiduals]) -> Tolerance:
-    """A log with attitude noise or measured rotor speed comes from a real rig; others are taken at their word."""
+    """Return the tolerance for real sensors if attitudes are noisy or rotor speed is measured, else for ideal ones."""
     measured = flights[0].measured_rotors
     return Tolerance() if measured or max(e.attitude_noise for e in flights) > REAL else IDEAL_SENSORS

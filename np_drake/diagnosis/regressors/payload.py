@@ -1,4 +1,4 @@
-"""A payload as columns of the regression, linear about a guess of its length, its hook and its swing."""
+"""Payload columns of the regression, linear about a guess of tether length, hook and swing."""
 
 import dataclasses as dc
 import itertools
@@ -19,16 +19,16 @@ LENGTH = 0.05  # prior deviation of the length about a guess, relative [1]
 SMALL = 0.02  # difference quotients: of a swing [rad], of a length, relative [1]
 WIDEST = 1.2  # swing [rad], and with the natural rate its rate, that a guess may have
 LONGEST, SHORTEST = 3.0, 0.1  # tether [m]
-SURELY = 2.0  # deviations that a mass is at least above zero [1]; own choice
-LIGHTEST = 0.02  # share of `unit` that products with the mass are divided by at least [1]
-AT_REST = 4  # the first columns: mass and hook
+SURELY = 2.0  # least mass over its posterior deviation [1]; own choice
+LIGHTEST = 0.02  # least mass, as a share of `unit`, by which products with the mass are divided [1]
+AT_REST = 4  # number of columns for mass and hook, which come first
 
 
 @dc.dataclass(frozen=True)
 class Guess:
-    """length [m]; hook (3,) [m]; swing by flight: angles [rad] and rates [rad/s], at the start and jumps (`jumps`).
+    """Guess of a payload: tether length [m], hook p_BoTo_B (3,) [m] and hidden state by flight.
 
-    What is missing is zero.
+    The hidden state holds angles [rad] and rates [rad/s] at the start and at jumps (`jumps`); missing entries are zero.
     """
 
     length: float
@@ -36,19 +36,23 @@ class Guess:
     swing: dict[str, np.ndarray] = dc.field(default_factory=dict)
 
     def at(self, flight: str, size: int) -> np.ndarray:
-        """(size,) swing in a flight."""
+        """Return the hidden state (size,) in a flight."""
         return padded(self.swing.get(flight), size)
 
 
 @dc.dataclass(frozen=True)
 class PayloadColumns:
-    """Columns with prior N(0, 1), flight by flight without those that are zero there: the swings of other flights.
+    """Payload columns with prior N(0, 1), by flight, without those that are zero there (the swings of other flights).
 
-    In all there are mass, hook (3), length (if `longer`), and the swings of one flight after the other.
+    The order over all flights is mass, hook (3), length (if `longer`), and the swings of one flight after the other.
 
     Args:
-        own: (m, 6, k') force and torque by flight: at rest, length, and the swing there.
-        unit: mass of a coefficient of one [kg].   rate: natural rate [1/s].
+        guess: the point of linearisation.
+        own: by flight, (m, 6, k') force and torque: at rest, length, and the swing there.
+        onset: onsets by flight [s].
+        unit: mass of a coefficient of one [kg].
+        rate: natural rate [1/s].
+        longer: whether the length is free.
     """
 
     guess: Guess
@@ -60,12 +64,12 @@ class PayloadColumns:
 
     @property
     def first(self) -> int:
-        """Columns before those of swings."""
+        """Number of columns before those of swings."""
         return AT_REST + int(self.longer)
 
     @property
     def swings(self) -> dict[str, slice]:
-        """Where the columns of each flight's swing are."""
+        """Columns of each flight's swing."""
         ends = np.cumsum([self.first, *(X.shape[-1] - self.first for X in self.own.values())]).tolist()
         return {name: slice(*span) for name, span in zip(self.own, itertools.pairwise(ends), strict=True)}
 
@@ -75,18 +79,21 @@ class PayloadColumns:
         return self.first + sum(X.shape[-1] - self.first for X in self.own.values())
 
     def at(self, flight: str) -> np.ndarray:
-        """(k',) positions of a flight's columns among all."""
+        """Return the positions (k',) of a flight's columns among all."""
         return np.r_[: self.first, self.swings[flight]]
 
     @property
     def log_prior(self) -> float:
-        """Of the swings of the guess: what moves it from there has its own prior."""
+        """Log prior of the swings of the guess; deviations from the guess have their own prior."""
         spans = {name: span.stop - span.start for name, span in self.swings.items()}
         relative = [self.guess.at(name, n) / (SWING * swing_units(n, self.rate)) for name, n in spans.items()]
         return -0.5 * float(np.sum(np.concatenate(relative) ** 2))
 
     def moved(self, c: np.ndarray) -> Guess:
-        """Where coefficients (k,) point to: length, hook and swing are known by their products with the mass."""
+        """Return the guess to which coefficients (k,) point.
+
+        The coefficients of length, hook and swing are products with the mass.
+        """
         share = max(c[0], LIGHTEST)
         hook = np.clip(self.guess.hook + c[1:AT_REST] / share * HOOK, -0.5, 0.5)
         stretch = np.clip(c[AT_REST] / share * LENGTH, -0.2, 0.2) if self.longer else 0.0
@@ -100,14 +107,14 @@ class PayloadColumns:
         return Guess(length, hook, swing)
 
     def terms(self, c: np.ndarray) -> list[Term]:
-        """The payload that coefficients (k,) mean."""
+        """Return the payload term that coefficients (k,) stand for."""
         guess = self.moved(c)
         values = {"mass": max(c[0], LIGHTEST) * self.unit, "length": guess.length}
         values |= dict(zip(("hook_x", "hook_y", "hook_z"), guess.hook.tolist(), strict=True))
         return [Term(LIBRARY["suspended_payload"].of(values), self.onset, guess.swing)]
 
     def candidate(self, flights: Sequence[FlightResiduals]) -> Candidate:
-        """With columns for all channels."""
+        """Return a candidate with columns for all channels."""
         columns = {}
         for e in flights:
             columns[e.name] = np.zeros((*e.y.shape, self.size))
@@ -124,18 +131,20 @@ class PayloadColumns:
         )
 
     def _hangs(self, c: np.ndarray) -> bool:
-        """A payload weighs something, and does not swing further than a payload can."""
+        """Return whether the mass is positive and the swing within what a payload can reach."""
         return bool(c[0] > 0.01 and np.all(np.abs(c[self.first :]) < 7.0 * c[0]))
 
 
 def heavy_enough(mean: np.ndarray, covariance: np.ndarray) -> Mended:
-    """The coefficients (k,), the mass first, with one that is surely positive, and the log probability that it is.
+    """Return coefficients (k,) conditioned on a mass that is significantly positive, and its log probability.
 
-    mean (k,), covariance (k, k): of the posterior, in units of the prior's deviations.
+    Hook and swing are known by their products with the mass. A mass that is too small or negative makes them too large
+    for the descent to return. This occurs where the tolerance of the vehicle file is as large as the payload's mass.
 
-    Where files may be off by as much as a payload weighs, hook and swing are known by their products with the mass:
-    with a mass that is too small, or negative, they would be too wide to come back from.
-    Source: conditioning of the posterior; own choice of `SURELY`.
+    Args:
+        mean: (k,) posterior mean, the mass first, in units of the prior's deviations.
+        covariance: (k, k) posterior covariance in these units.
+    Source: conditioning of the posterior; `SURELY` is own choice.
     """
     deviation = math.sqrt(covariance[0, 0])
     log_probability = float(special.log_ndtr(mean[0] / deviation))

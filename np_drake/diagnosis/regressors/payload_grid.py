@@ -1,4 +1,4 @@
-"""Payloads at many tether lengths at once, or about a guess from which the fit goes on."""
+"""Payload columns at many tether lengths at once, or linearised about a guess."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -12,13 +12,21 @@ from np_drake.diagnosis.regressors.payload import AT_REST, HOOK, LENGTH, SMALL, 
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.effects.library import LIBRARY
 
-UNIT = 0.1  # of the vehicle's mass: prior deviation of a payload's
+UNIT = 0.1  # prior deviation of the payload's mass over the vehicle's mass [1]
 
 
 def payload_candidates(
     flights: Sequence[FlightResiduals], lengths: np.ndarray, onset: Onset | None = None
 ) -> list[Candidate]:
-    """`payloads_of` with columns for all channels; none where the library has no payload."""
+    """Return payload candidates at each tether length, with columns for all channels.
+
+    The list is empty where the library has no payload.
+
+    Args:
+        flights: the flights.
+        lengths: tether lengths [m].
+        onset: onsets by flight [s].
+    """
     if "suspended_payload" not in LIBRARY:
         return []
     return [columns.candidate(flights) for columns in payloads_of(flights, lengths, onset)]
@@ -27,9 +35,15 @@ def payload_candidates(
 def payloads_of(
     flights: Sequence[FlightResiduals], lengths: np.ndarray, onset: Onset | None = None
 ) -> list[PayloadColumns]:
-    """A payload at each tether length (as it is): mass, hook (through torque), and the initial swing of every flight.
+    """Return payload columns at each fixed tether length.
 
-    All lengths together cost little more than one.
+    Mass, hook (through torque) and the initial swing of every flight are free. All lengths together cost little more
+    than one.
+
+    Args:
+        flights: the flights.
+        lengths: tether lengths [m].
+        onset: onsets by flight [s].
     """
     lengths = np.asarray(lengths, float)
     rates = np.sqrt(flights[0].vehicle.gravity / lengths)
@@ -50,7 +64,7 @@ def payloads_of(
 def payload_about(
     flights: Sequence[FlightResiduals], guess: Guess, onset: Onset | None = None
 ) -> PayloadColumns:
-    """A payload about a guess; its length is free too."""
+    """Return payload columns linearised about a guess, with its length free as well."""
     rate = math.sqrt(flights[0].vehicle.gravity / guess.length)
     pulls = {}
     for e in flights:
@@ -70,7 +84,7 @@ def _columns(
     *,
     longer: bool = False,
 ) -> PayloadColumns:
-    """From the pulls at the guess, with a little more of the length (if `longer`), and of each swing."""
+    """Return the columns from the pulls at the guess, at a longer tether (if `longer`), and at each displaced swing."""
     mass = UNIT * flights[0].vehicle.mass
     rate = math.sqrt(flights[0].vehicle.gravity / guess.length)
     hooks = [guess.hook, *(HOOK * np.eye(3))]
@@ -90,7 +104,7 @@ def _columns(
 def _pulls(
     flight: FlightResiduals, lengths: np.ndarray, swing: np.ndarray, hook: np.ndarray, onset: Onset | None
 ) -> np.ndarray:
-    """(m, k, 3) specific pulls of k payloads (`specific_pull`); zero where there is none in this flight."""
+    """Return the specific pulls (m, k, 3) of k payloads (`specific_pull`); zero where the flight has no payload."""
     begin = (onset or {}).get(flight.name)
     if begin == NEVER:
         return np.zeros((len(flight.t), len(lengths), 3))

@@ -1,4 +1,4 @@
-"""TODO."""
+"""Linear regression over flights: log evidence of any set of candidates, with nuisance columns and priors."""
 
 import dataclasses as dc
 from collections.abc import Iterable, Sequence
@@ -12,21 +12,26 @@ from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.library import LIBRARY
 
-EFFECT_PRIOR = -3.0  # log prior of every effect named: about one in twenty; own choice
-LESS_LIKELY = {"clock_offset": 0.7, "unknown": 3.0}  # than the others, in log prior; own choice
-SHIFTS = ("command_delay", "clock_offset")  # the same but for the sign
-SHIFTING = ("motor_lag", *SHIFTS)  # of commands against states
+EFFECT_PRIOR = -3.0  # log prior of every effect: about one in twenty; own choice
+LESS_LIKELY = {"clock_offset": 0.7, "unknown": 3.0}  # reduction of the log prior; own choice
+SHIFTS = ("command_delay", "clock_offset")  # same prediction but for the sign
+SHIFTING = ("motor_lag", *SHIFTS)  # effects that shift commands against states
 
 
 def effect_prior(identifier: str) -> float:
-    """Log prior of an effect. A late clock is half as likely as a delay: the same but for where it arises."""
+    """Return the log prior of an effect.
+
+    A clock offset is half as likely as a command delay, from which it differs only in sign and origin.
+    """
     return EFFECT_PRIOR - LESS_LIKELY.get(identifier.split(":")[0], 0.0)
 
 
 def prior_of(identifiers: Iterable[str]) -> float:
-    """Log prior of a set of effects. One that is felt through another alone brings it: that one costs no more.
+    """Return the log prior of a set of effects.
 
-    Source: own choice: a wind in which no drag acts cannot be seen.
+    An effect that needs another is acting through it, as a wind through drag; the other then adds no cost.
+
+    Source: own choice: a wind without drag has no influence.
     """
     every = set(identifiers)
     needs = [LIBRARY[name].needs for name in every if name in LIBRARY]
@@ -36,17 +41,22 @@ def prior_of(identifiers: Iterable[str]) -> float:
 
 @dc.dataclass(frozen=True)
 class Model:
-    """A set of candidates by position, and its log evidence, prior included, over the empty model."""
+    """Set of candidates by position, with its log evidence over the empty model, prior included."""
 
     members: tuple[int, ...]
     score: float
 
 
 class RegressionProblem:
-    """Flights whitened, candidates as columns, their Gram matrix once it is asked for.
+    """Whitened flights with candidates as columns, whose Gram matrix is computed on first use.
 
-    nuisance: columns that every model has (calibration within its tolerance).   wide: may priors be as wide as strong
-    effects of the library ask for?
+    Args:
+        flights: the flights of the fit.
+        noise: noise model that whitens.
+        nuisance: candidates that every model has (calibration within its tolerance).
+        candidates: candidates among which to select.
+        temperature: factor on the noise variance [1].
+        wide: whether priors widen to the size of strong library effects.
     """
 
     def __init__(
@@ -68,19 +78,22 @@ class RegressionProblem:
 
     @cached_property
     def total(self) -> Gram:
-        """Of nuisance and candidates, in all flights."""
+        """Gram matrix of nuisance and candidates over all flights."""
         return sum_grams([self._gram(e) for e in self.flights]).tempered(self.temperature)
 
     @cached_property
     def _rest(self) -> Gram:
-        """Of the candidates beside all nuisance."""
+        """Gram matrix of the candidates with all nuisance in every model."""
         return self.total.given(self._nuisance)[0]
 
     def _gram(self, e: FlightResiduals) -> Gram:
         return e.gram(self.noise, [c.columns[e.name] for c in (*self.nuisance, *self.candidates)])
 
     def white(self, noise: NoiseModel, e: FlightResiduals, candidate: Candidate) -> np.ndarray:
-        """(m - p, 15, k) columns of one of its candidates or nuisances, whitened; kept until another noise asks."""
+        """Return the whitened columns (m - p, 15, k) of a candidate or nuisance in a flight.
+
+        They are cached until another noise model is used.
+        """
         if self._white[0] is not noise:
             self._white = (noise, {})
         kept, key = self._white[1], (e.name, id(candidate))
@@ -89,7 +102,7 @@ class RegressionProblem:
         return kept[key]
 
     def beside(self, more: list[Candidate]) -> "RegressionProblem":
-        """The same with more candidates, after the ones it has."""
+        """Return the problem with more candidates, after the present ones."""
         return RegressionProblem(
             self.flights,
             self.noise,
@@ -100,20 +113,20 @@ class RegressionProblem:
         )
 
     def columns_of(self, member: int) -> np.ndarray:
-        """Columns of one candidate."""
+        """Return the column indices of one candidate."""
         return self._index[len(self.nuisance) + member]
 
     def columns(self, members: Sequence[int]) -> np.ndarray:
-        """Columns of nuisance and members."""
+        """Return the column indices of the nuisance and the members."""
         parts = [*self._index[: len(self.nuisance)], *(self.columns_of(i) for i in members)]
         return np.concatenate(parts) if parts else np.zeros(0, int)
 
     def score(self, members: Sequence[int]) -> float:
-        """Log evidence and prior of a set."""
+        """Return the log evidence plus log prior of a set [nat]."""
         return self.scores([members])[0]
 
     def scores(self, sets: Sequence[Sequence[int]]) -> list[float]:
-        """The same of many sets, solved together."""
+        """Return `score` of many sets, solved together."""
         priors = np.array([self._log_prior(members) for members in sets]) + self._log_probability(sets)
         wide = [[self.wide and not self.candidates[i].generic for i in members] for members in sets]
         some = np.flatnonzero(np.isfinite(priors)).tolist()
@@ -124,7 +137,7 @@ class RegressionProblem:
         return (evidence + priors).tolist()
 
     def _groups(self, members: Sequence[int]) -> list[np.ndarray]:
-        """Columns of each member in what is left beside all nuisance."""
+        """Return the columns of each member in `_rest`."""
         return [self.columns_of(i) - self._nuisance for i in members]
 
     def _log_prior(self, members: Sequence[int]) -> float:
@@ -133,7 +146,7 @@ class RegressionProblem:
         return prior_of(effects) + sum(c.log_prior + c.onset_prior for c in chosen)
 
     def _log_probability(self, sets: Sequence[Sequence[int]]) -> np.ndarray:
-        """(n,) that all members of each set are physical, by the posterior."""
+        """Return the log probability (n,) under the posterior that all members of each set are physical."""
         total = np.zeros(len(sets))
         some = [k for k, members in enumerate(sets) if any(self.candidates[i].bounded for i in members)]
         posteriors = self._rest.posteriors([np.concatenate(self._groups(sets[k])) for k in some])
@@ -146,13 +159,13 @@ class RegressionProblem:
         return total
 
     def fits_together(self, members: Sequence[int]) -> bool:
-        """No effect twice, and at most one that shifts commands against states."""
+        """Return whether no effect occurs twice and at most one shifts commands against states."""
         names = [name for i in members for name in self.candidates[i].identifiers]
         return len(names) == len(set(names)) and sum(name in SHIFTS for name in names) < 2
 
 
 def sum_grams(grams: list[Gram]) -> Gram:
-    """Of all flights."""
+    """Return the sum of Gram matrices."""
     total = grams[0]
     for g in grams[1:]:
         total = total + g

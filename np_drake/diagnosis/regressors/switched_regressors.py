@@ -1,6 +1,6 @@
-"""Whitened columns of what begins in flight.
+"""Whitened columns of effects that begin in flight.
 
-Whitening of slow noise turns a step into a spike: the rows about an onset tell more of it than all that follow.
+Whitening of slow noise turns a step into a spike, so that the rows about an onset carry most of the information on it.
 """
 
 import numpy as np
@@ -13,10 +13,10 @@ Sums = tuple[np.ndarray, np.ndarray, np.ndarray]  # X'X (n, k, k), X'B (n, k, b)
 
 
 class SwitchedRegressors:
-    """One flight: sums over its whitened rows of columns X that begin at any of them.
+    """Sums over the whitened rows of one flight, for columns X that begin at any of them.
 
-    Target y (m', 15) and B (m', 15, b), columns of what acts as well, are raw.   products (b + 1, b + 1): of B and y,
-    white.   t (m,): of the whitened rows [s].
+    Target y (m', 15) and columns B (m', 15, b) that act as well are not whitened yet.
+    products (b + 1, b + 1): inner products of whitened B and y. t (m,): times of the whitened rows [s].
     """
 
     def __init__(
@@ -29,7 +29,7 @@ class SwitchedRegressors:
         both = np.concatenate([beside, target[..., None]], axis=-1)
         active, half, m = np.flatnonzero(noise.active), len(self._rise) // 2, len(self.t)
         driven = self._driven(active, flight.bridged(both[:, active]))
-        # What drives a channel times this is what is white times `both`; no row is beyond either end.
+        # Innovations times this equal whitened values times whitened `both`; rows beyond either end are zero.
         padded = np.zeros((both.shape[1], half + m + half + self._order, both.shape[2]))
         self._facing = padded[:, half : half + m]
         self._facing[active] = np.tensordot(self._weight(active), driven, 1)
@@ -38,11 +38,14 @@ class SwitchedRegressors:
 
     @property
     def _near(self) -> int:
-        """Whitened rows in which a column that begins is none of what follows: from half a rise before it on."""
+        """Number of whitened rows about an onset in which switched and whole columns differ.
+
+        They begin half a rise before the onset.
+        """
         return len(self._rise) + self._order
 
     def whole(self, X: np.ndarray) -> Sums:
-        """Of the columns (m', 15, k) as they are from each row (m + 1) on: a jump there is not in it."""
+        """Return the sums for columns (m', 15, k) over all rows from each row (m + 1) on, without a jump there."""
         channels = self._channels(X)
         own = self._driven(channels, self._e.bridged(X[:, channels]))
         weighted = np.tensordot(self._weight(channels), own, 1)
@@ -52,7 +55,10 @@ class SwitchedRegressors:
         return XX, XBy[..., :-1], XBy[..., -1]
 
     def begun(self, X: np.ndarray, whole: Sums, rows: np.ndarray) -> Sums:
-        """Of the columns (m', 15, k), each time switched on at one of the whitened rows (n,), as the grid smears it."""
+        """Return the sums for columns (m', 15, k) switched on at each of `rows`, smeared by the grid.
+
+        rows (n,) count whitened rows; whole: the sums of the columns from `whole`.
+        """
         half, order, m = len(self._rise) // 2, self._order, len(self.t)
         offsets = np.arange(-half - order, half + order + 1)
         gate = np.concatenate([np.zeros((order, SIZE)), self._rise, np.ones((order, SIZE))])
@@ -72,11 +78,11 @@ class SwitchedRegressors:
         return XX, XB, Xy
 
     def _channels(self, X: np.ndarray) -> np.ndarray:
-        """Those in which a column is."""
+        """Return the active channels in which a column is not zero."""
         return np.flatnonzero(self._noise.active & X.any(axis=(0, 2)))
 
     def _driven(self, channels: np.ndarray, values: np.ndarray) -> np.ndarray:
-        """(a, m - p, ...) what drives the channels (a,), for values (m, a, ...)."""
+        """Return the innovations (a, m - p, ...) of the channels (a,), for values (m, a, ...)."""
         parts = [
             self._noise.driven_in(c, values[:, i], self._e.name) for i, c in enumerate(channels.tolist())
         ]
@@ -88,7 +94,7 @@ class SwitchedRegressors:
 
 
 class SwitchedSums:
-    """Sums of one candidate's columns X (m', 15, k) in one flight, for every scan of it: each is made once."""
+    """Cache of the sums of one candidate's columns X (m', 15, k) in one flight."""
 
     def __init__(self, columns: SwitchedRegressors, X: np.ndarray):
         self.t, self._columns, self._X = columns.t, columns, X
@@ -96,7 +102,7 @@ class SwitchedSums:
         self._begun: dict[bytes, Sums] = {}
 
     def begun(self, rows: np.ndarray) -> Sums:
-        """Switched on at each of the whitened rows (n,); not to be written to."""
+        """Return the read-only sums for columns switched on at each of the whitened rows (n,)."""
         key = rows.tobytes()
         if key not in self._begun:
             self._begun[key] = self._columns.begun(self._X, self.whole, rows)
@@ -104,7 +110,7 @@ class SwitchedSums:
 
 
 def _taken(windows: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """windows[rows], not copied where rows (n,) are equally far apart."""
+    """Return windows[rows], as a view where rows (n,) are equally spaced."""
     steps = np.unique(np.diff(rows))
     if len(steps) != 1 or steps[0] <= 0:
         return windows[rows]

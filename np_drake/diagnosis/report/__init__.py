@@ -1,1 +1,1 @@
-"""The report of a diagnosis: one page that a person reads from top to bottom, its figures and its JSON."""
+"""Report of a diagnosis: one HTML page, its figures and its JSON."""

@@ -1,4 +1,4 @@
-"""Figures of how far: the ladder, and the error of the replay against its horizon."""
+"""Figures of the gap reduction: the ladder of effects, and replay error against horizon."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -11,9 +11,9 @@ from np_drake.figure_file import PALETTE, new_figure
 BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"
 
 
-def ladder_figure(shrink: GapReduction) -> Figure:
-    """Residual in noise units, a bar a rung (nominal, + effect, …, noise floor); the floor is a line too."""
-    rungs = shrink.ladder
+def ladder_figure(reduction: GapReduction) -> Figure:
+    """Return the ladder as bars of held-out residual in noise units, with the noise floor as a line."""
+    rungs = reduction.ladder
     figure, grid = new_figure(1, 1, width=7.2, height=0.95 + 0.42 * len(rungs))
     ax = grid[0, 0]
     for place, rung in enumerate(rungs):
@@ -27,11 +27,11 @@ def ladder_figure(shrink: GapReduction) -> Figure:
             bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85},
             zorder=4,
         )
-    ax.axvline(shrink.floor, color=NOISE, linestyle="--", linewidth=1.2, zorder=3, label="noise alone")
+    ax.axvline(reduction.floor, color=NOISE, linestyle="--", linewidth=1.2, zorder=3, label="noise alone")
     ax.set_yticks(range(len(rungs)), [_rung_name(rung.name) for rung in rungs])
     ax.invert_yaxis()
     ax.set_xlabel("held-out residual [noise units]")
-    ax.set_xlim(0, 1.12 * max([rung.residual for rung in rungs] + [shrink.floor]))
+    ax.set_xlim(0, 1.12 * max([rung.residual for rung in rungs] + [reduction.floor]))
     _tidy(ax, "x")
     figure.legend(*ax.get_legend_handles_labels(), loc="outside upper right", frameon=False)
     return figure
@@ -49,7 +49,10 @@ def _rung_colour(name: str, place: int) -> str:
 
 
 def replay_figure(before: ReplayGap | None, after: ReplayGap | None) -> Figure:
-    """Median error of position, velocity and attitude with its 95 % interval, a panel each; both axes logarithmic."""
+    """Return the median replay error against horizon on logarithmic axes, with 95 % intervals.
+
+    One panel each shows position, velocity and attitude.
+    """
     figure, grid = new_figure(1, 3, width=9.0, height=3.1)
     panels = (("position", "position [m]"), ("velocity", "velocity [m/s]"), ("attitude", "attitude [deg]"))
     curves = ((before, "before", BEFORE, "o", "--"), (after, "after", AFTER, "s", "-"))
@@ -72,7 +75,7 @@ def replay_figure(before: ReplayGap | None, after: ReplayGap | None) -> Figure:
 
 
 def plain_ticks() -> FuncFormatter:
-    """0.01, 0.1, 1 instead of powers of ten."""
+    """Return a tick formatter that writes 0.01, 0.1, 1 instead of powers of ten."""
     return FuncFormatter(lambda value, _: f"{value:g}")
 
 

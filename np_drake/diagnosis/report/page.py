@@ -1,4 +1,4 @@
-"""The page: what the template shows, as plain text; figures and style are inside, nothing is fetched."""
+"""HTML page of the report: the template's content as plain text, with figures and style embedded."""
 
 import base64
 import math
@@ -14,11 +14,17 @@ from np_drake.diagnosis.report.verdict import has_gap, headline, verdict_sentenc
 from np_drake.diagnosis.result import Cause, ChannelGap, Diagnosis, Finding, ReplayGap
 
 TEMPLATE = "report.html.j2"
-SEEN = 1.05  # of the noise, below which a channel has no gap to speak of [1]; own choice
+SEEN = 1.05  # residual over noise below which a channel has no gap [1]; own choice
 
 
 def render(diagnosis: Diagnosis, figures: Mapping[str, bytes], *, seed: int = 0) -> str:
-    """The whole page. figures: PNG by name."""
+    """Return the HTML page.
+
+    Args:
+        diagnosis: the result to show.
+        figures: PNG bytes by figure name.
+        seed: seed of the diagnosis, which the page states.
+    """
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -28,8 +34,8 @@ def render(diagnosis: Diagnosis, figures: Mapping[str, bytes], *, seed: int = 0)
 
 
 def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
-    """Everything that the template names, numbers already as text."""
-    check, shrink = diagnosis.check, diagnosis.shrink
+    """Return all values that the template uses, with numbers formatted as text."""
+    check, reduction = diagnosis.check, diagnosis.shrink
     return {
         "headline": headline(diagnosis),
         "sentences": verdict_sentences(diagnosis),
@@ -46,8 +52,8 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
             }
             for item in check.not_identifiable
         ],
-        "replay": _replay_rows(shrink.replay_before, shrink.replay_after),
-        "starts": next((g.starts for g in (shrink.replay_before, shrink.replay_after) if g), 0),
+        "replay": _replay_rows(reduction.replay_before, reduction.replay_after),
+        "starts": next((g.starts for g in (reduction.replay_before, reduction.replay_after) if g), 0),
         "remains": [_finding(finding) for finding in diagnosis.remains],
         "minor": [_finding(finding) for finding in diagnosis.minor],
         "unknown": words.probability(diagnosis.unknown_probability),
@@ -68,18 +74,20 @@ def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:
 
 
 def _tiles(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
-    """(label, figure, note): the four figures that count."""
-    shrink = diagnosis.shrink
-    before, after = words.number(shrink.before, 2), words.number(shrink.after, 2)
+    """Return (label, value, note) of the main numbers."""
+    reduction = diagnosis.shrink
+    before, after = words.number(reduction.before, 2), words.number(reduction.after, 2)
     changed = [c for c in diagnosis.causes if c.identifier in diagnosis.verdict]
     tiles = [
         ("residual", f"{before} → {after}" if changed else before, "times the noise, on held-out flights")
     ]
     if changed:
-        note = f"95\u00a0% interval {words.percent_interval(shrink.ci95)}"
-        closed = words.percent(min(max(shrink.fraction, 0.0), 1.0)) if has_gap(shrink) else words.NOTHING
-        tiles.append(("of the gap closed", closed, note if has_gap(shrink) else "there was none to close"))
-    first, last = shrink.replay_before, shrink.replay_after
+        note = f"95\u00a0% interval {words.percent_interval(reduction.ci95)}"
+        closed = (
+            words.percent(min(max(reduction.fraction, 0.0), 1.0)) if has_gap(reduction) else words.NOTHING
+        )
+        tiles.append(("of the gap closed", closed, note if has_gap(reduction) else "there was none to close"))
+    first, last = reduction.replay_before, reduction.replay_after
     if first is not None:
         figure = words.number(first.position[-1, 0], 2)
         if changed and last is not None:
@@ -91,7 +99,7 @@ def _tiles(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
 
 
 def _largest(channels: Sequence[ChannelGap]) -> str:
-    """One sentence: the channel that stands out of its noise most."""
+    """Return a sentence on the channel with the largest ratio of residual to noise."""
     known = [channel for channel in channels if channel.noise_floor > 0]
     if not known:
         return ""
@@ -107,13 +115,13 @@ def _channel_row(channel: ChannelGap) -> list[str]:
 
 
 def _judges(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Held-out flights, and what each was used for."""
+    """Return the held-out flights with the use of each."""
     halves = "first half: fit; second half: judge"
     return [(n, halves if n in diagnosis.joined else "judge (held out)") for n in diagnosis.held_out]
 
 
 def _cause(cause: Cause, flights: int) -> dict[str, Any]:
-    """One card."""
+    """Return the content of one cause's card."""
     rows = []
     for name, parameter in cause.parameters.items():
         value, bounds = words.estimate(parameter)
@@ -140,7 +148,7 @@ def _cause(cause: Cause, flights: int) -> dict[str, Any]:
 def _replay_rows(
     before: ReplayGap | None, after: ReplayGap | None
 ) -> list[tuple[str, list[tuple[str, str]]]]:
-    """(horizon, (median, interval) of position, velocity and attitude, each before and after)."""
+    """Return (horizon, cells): median and interval of position, velocity and attitude, each before and after."""
     gap = before or after
     rows = []
     for k, horizon in enumerate(gap.horizon if gap else ()):

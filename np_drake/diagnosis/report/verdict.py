@@ -1,4 +1,4 @@
-"""The verdict in two sentences: what is missing, and what adding it brings."""
+"""Verdict in two sentences: what is missing, and how far adding it closes the gap."""
 
 from np_drake.diagnosis.report.words import (
     NBSP,
@@ -16,11 +16,11 @@ from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, GapReduction
 PLAIN_GAP = (
     1.4  # residual over its floor above which a simulator does not agree with the logs [1]; own choice
 )
-LEAST_GAP = 1.05  # residual over its floor below which a share of the gap says nothing [1]; own choice
+LEAST_GAP = 1.05  # residual over its floor below which a share of the gap has no meaning [1]; own choice
 
 
 def verdict_sentences(diagnosis: Diagnosis) -> tuple[str, str]:
-    """What is missing; how far it closes the gap, or what to do next."""
+    """Return two sentences: what is missing, and how far adding it closes the gap or what to do next."""
     if diagnosis.cannot_tell:
         return _cannot_tell(diagnosis)
     named = [cause for cause in diagnosis.causes if cause.identifier in diagnosis.verdict]
@@ -30,7 +30,7 @@ def verdict_sentences(diagnosis: Diagnosis) -> tuple[str, str]:
 
 
 def headline(diagnosis: Diagnosis) -> str:
-    """The shortest answer: a few words."""
+    """Return the verdict in a few words."""
     if diagnosis.cannot_tell:
         return "These logs cannot tell"
     if not diagnosis.verdict:
@@ -50,9 +50,9 @@ def _cannot_tell(diagnosis: Diagnosis) -> tuple[str, str]:
 
 
 def _nothing(diagnosis: Diagnosis) -> tuple[str, str]:
-    shrink = diagnosis.shrink
-    residual = f"{number(shrink.before, 2)} times the noise"
-    if _unexplained(shrink):
+    reduction = diagnosis.shrink
+    residual = f"{number(reduction.before, 2)} times the noise"
+    if _unexplained(reduction):
         first = (
             "No effect of the library, and no structure, is told in what is left, "
             f"which is {residual} of the training flights."
@@ -60,7 +60,7 @@ def _nothing(diagnosis: Diagnosis) -> tuple[str, str]:
         second = "The flights that judge are noisier, or differ in what the training flights do not excite"
     else:
         first = "Nothing material is missing: on flights it has not seen, the simulator agrees with the logs."
-        second = f"What is left is {residual}, where noise alone would give {number(shrink.floor, 2)}"
+        second = f"What is left is {residual}, where noise alone would give {number(reduction.floor, 2)}"
     minor = len(diagnosis.minor)
     return first, second + (f"; {minor} minor finding{'s' * (minor > 1)} below." if minor else ".")
 
@@ -91,7 +91,7 @@ def _unknown(diagnosis: Diagnosis) -> tuple[str, str]:
 
 
 def _with_figures(cause: Cause, count: int) -> str:
-    """The cause with its probability and, where it has few, its parameters."""
+    """Return the cause with its probability and, where it has few, its parameters."""
     details = _figures(cause) if len(cause.parameters) == 1 or count == 1 else []
     details.append(f"probability {probability(cause.probability)}")
     others = [name_of(other) for other in cause.indistinguishable_from]
@@ -101,7 +101,7 @@ def _with_figures(cause: Cause, count: int) -> str:
 
 
 def _figures(cause: Cause) -> list[str]:
-    """One parameter with its interval, two or three without; more are for the table."""
+    """Return the text of up to three parameters, with the interval where there is only one."""
     if len(cause.parameters) > 3:
         return []
     shown = []
@@ -113,26 +113,26 @@ def _figures(cause: Cause) -> list[str]:
     return [", ".join(shown)]
 
 
-def _unexplained(shrink: GapReduction) -> bool:
-    """Is so much left on held-out flights that the simulator cannot be said to agree with them?"""
-    return shrink.before > PLAIN_GAP * shrink.floor
+def _unexplained(reduction: GapReduction) -> bool:
+    """Return whether the held-out residual is too large for the simulator to agree with the logs."""
+    return reduction.before > PLAIN_GAP * reduction.floor
 
 
-def has_gap(shrink: GapReduction) -> bool:
-    """Is there a gap above the noise on held-out flights, so that a share of it means something?"""
-    return shrink.before > LEAST_GAP * shrink.floor
+def has_gap(reduction: GapReduction) -> bool:
+    """Return whether the held-out residual exceeds the noise enough for a closed fraction to have meaning."""
+    return reduction.before > LEAST_GAP * reduction.floor
 
 
 def _closes(diagnosis: Diagnosis, subject: str) -> str:
-    shrink = diagnosis.shrink
+    reduction = diagnosis.shrink
     judges = f"{'the second half of ' if diagnosis.joined else ''}held-out flights"
-    change = f"from {number(shrink.before, 2)} to {number(shrink.after, 2)} times the noise"
+    change = f"from {number(reduction.before, 2)} to {number(reduction.after, 2)} times the noise"
     adding = subject[:1].lower() + subject[1:]
-    if not has_gap(shrink):
+    if not has_gap(reduction):
         return f"{judges.capitalize()} have no gap above the noise to close: {adding} takes the residual {change}"
-    if shrink.fraction < 0:
+    if reduction.fraction < 0:
         return f"On {judges} {adding} does not help: the residual goes {change}"
     return (
-        f"{subject} closes {percent(min(shrink.fraction, 1.0))} of the gap on {judges} "
-        f"(95{NBSP}% interval {percent_interval(shrink.ci95)}): {change}"
+        f"{subject} closes {percent(min(reduction.fraction, 1.0))} of the gap on {judges} "
+        f"(95{NBSP}% interval {percent_interval(reduction.ci95)}): {change}"
     )

@@ -1,10 +1,10 @@
-"""Numbers, names and file names as a person reads them."""
+"""Numbers, names and file names as text for people."""
 
 import math
 
 from np_drake.diagnosis.result import Estimate
 
-NAMES = {  # identifier: what is missing, in a sentence
+NAMES = {  # identifier: name of the effect within a sentence
     "mass_error": "a mass error",
     "inertia_error": "an inertia error",
     "center_of_mass_offset": "an offset of the centre of mass",
@@ -35,23 +35,23 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def name_of(identifier: str) -> str:
-    """What is missing, with its article; a user's own effect by its identifier."""
+    """Return the name of an effect with its article; for a user's own effect, its identifier."""
     return NAMES.get(identifier, identifier.replace("_", " "))
 
 
 def title_of(identifier: str) -> str:
-    """The same as a heading."""
+    """Return the name of an effect as a heading."""
     name = name_of(identifier).removeprefix("a ").removeprefix("an ").removeprefix("the ")
     return name[:1].upper() + name[1:]
 
 
 def listed(names: list[str], last: str = "and") -> str:
-    """'x', 'x and y', 'x, y and z'."""
+    """Join names as in 'x', 'x and y', 'x, y and z'."""
     return f" {last} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """Significant digits, powers of ten where they are shorter; a dash for what is not finite."""
+    """Return a number with significant digits, or with a power of ten where that is shorter; a dash if not finite."""
     if value is None or not math.isfinite(value):
         return NOTHING
     if value == 0:
@@ -64,7 +64,10 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def percent(share: float | None) -> str:
-    """A share in per cent; near 0 % and 100 % with a decimal, and never either of what is not."""
+    """Return a share in per cent.
+
+    Near 0 % and 100 % it has a decimal, and a share between the two is never shown as 0 % or 100 %.
+    """
     if share is None or not math.isfinite(share):
         return NOTHING
     if 0.9995 <= share < 1:
@@ -77,12 +80,12 @@ def percent(share: float | None) -> str:
 
 
 def unit_of(unit: str) -> str:
-    """A unit behind a number; nothing behind a pure one."""
+    """Return the unit to write after a number; "" for a dimensionless one."""
     return "" if unit in ("", "1") else unit
 
 
 def estimate(parameter: Estimate) -> tuple[str, str]:
-    """Value and interval, to the digits that the interval warrants."""
+    """Return value and interval of a parameter as text, with the digits that the interval supports."""
     lower, upper = parameter.ci95
     half = 0.5 * (upper - lower)
     if half == 0 and not parameter.unit and parameter.value == round(parameter.value):
@@ -97,22 +100,22 @@ def estimate(parameter: Estimate) -> tuple[str, str]:
 
 
 def onset(time: float, flight: str) -> str:
-    """When an effect begins in a flight [s]; infinite: not at all."""
+    """Return when an effect begins in a flight, at `time` [s]; infinite: absent."""
     return f"at {number(time)}{NBSP}s in {flight}" if math.isfinite(time) else f"not in {flight}"
 
 
 def probability(value: float) -> str:
-    """A probability in per cent: nothing that was inferred is certain."""
+    """Return a probability in per cent, never 0 % or 100 %."""
     return percent(min(max(value, 1e-9), 1 - 1e-9)) if math.isfinite(value) else NOTHING
 
 
 def percent_interval(bounds: tuple[float, float]) -> str:
-    """'91 … 97 %' of a share; it ends at 100 %."""
+    """Return an interval of a share such as '91 … 97 %', limited to 100 %."""
     lower, upper = (percent(min(bound, 1.0)) for bound in bounds)
     return f"{lower.removesuffix(NBSP + '%')} … {upper}"
 
 
 def plain_name(name: str, longest: int = 36) -> str:
-    """A file name for a figure: fonts do not have every sign, and a figure not every width."""
+    """Return a file name for a figure, with characters that fonts lack replaced, and shortened to `longest`."""
     shown = "".join(sign if sign.isprintable() and ord(sign) < 0x250 else "?" for sign in name)
     return shown if len(shown) <= longest else f"{shown[: longest - 10]}…{shown[-9:]}"

@@ -1,4 +1,4 @@
-"""Writes the report's folder: page, JSON, pictures. Everything is made before anything is written."""
+"""Writing of the report's folder: page, JSON and figures, all made before anything is written."""
 
 import math
 from importlib.metadata import version
@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 from np_drake.atomic_file import atomic_path, require_writable, write_json, write_text
 from np_drake.diagnosis.report.gap_figures import ladder_figure, replay_figure
+from np_drake.diagnosis.report.localisation_figures import regime_figure, spectrum_figure, timeline_figure
 from np_drake.diagnosis.report.page import render
-from np_drake.diagnosis.report.where_figures import regime_figure, spectrum_figure, timeline_figure
 from np_drake.diagnosis.result import Diagnosis, as_json
 from np_drake.figure_file import png
 
@@ -21,10 +21,14 @@ PICTURES = ("ladder", "regimes", "timeline", "spectrum", "replay")
 def write_report(
     diagnosis: Diagnosis, folder: str | Path, *, seed: int = 0, config: dict[str, Any] | None = None
 ) -> Path:
-    """The page `report.html`, with `diagnosis.json` and the pictures beside it; returns the page's path.
+    """Write `report.html`, `diagnosis.json` and the figures to a folder, and return the path of the page.
 
-    Args: folder: must exist.   seed, config: what the diagnosis was made with, for the JSON's head.
-    Raises: OSError: if nothing can be written there.
+    Args:
+        diagnosis: the result to report.
+        folder: existing folder.
+        seed: seed of the diagnosis, for the head of the JSON.
+        config: configuration of the diagnosis, for the head of the JSON.
+    Raises: OSError: if the folder cannot be written.
     """
     folder = Path(folder)
     require_writable(folder / PAGE)
@@ -41,30 +45,30 @@ def write_report(
 
 
 def with_head(content: dict[str, Any], *, seed: int, config: dict[str, Any]) -> dict[str, Any]:
-    """The content behind what every file of the project begins with (docs/reference/files.md: metrics)."""
+    """Return the content after the head that every file of the project begins with (docs/reference/files.md)."""
     head = {"schema": content["schema"], "version": version("np_drake"), "seed": seed, "config": config}
     return {**head, **content}
 
 
 def figures(diagnosis: Diagnosis) -> dict[str, Figure]:
-    """By name: those that the diagnosis has figures for."""
-    where, shrink = diagnosis.where, diagnosis.shrink
+    """Return by name the figures for which the diagnosis has data."""
+    localisation, reduction = diagnosis.where, diagnosis.shrink
     out: dict[str, Figure] = {}
-    if shrink.ladder:
-        out["ladder"] = ladder_figure(shrink)
-    if where.regimes:
-        out["regimes"] = regime_figure(where.regimes)
-    if where.times:
-        out["timeline"] = timeline_figure(where, _onsets(diagnosis))
-    if where.bands:
-        out["spectrum"] = spectrum_figure(where.bands)
-    if shrink.replay_before is not None or shrink.replay_after is not None:
-        out["replay"] = replay_figure(shrink.replay_before, shrink.replay_after)
+    if reduction.ladder:
+        out["ladder"] = ladder_figure(reduction)
+    if localisation.regimes:
+        out["regimes"] = regime_figure(localisation.regimes)
+    if localisation.times:
+        out["timeline"] = timeline_figure(localisation, _onsets(diagnosis))
+    if localisation.bands:
+        out["spectrum"] = spectrum_figure(localisation.bands)
+    if reduction.replay_before is not None or reduction.replay_after is not None:
+        out["replay"] = replay_figure(reduction.replay_before, reduction.replay_after)
     return out
 
 
 def _onsets(diagnosis: Diagnosis) -> dict[str, list[tuple[str, float]]]:
-    """By flight: (effect, time) of every cause that begins in it."""
+    """Return by flight the (effect, time [s]) of every cause that begins in it."""
     out: dict[str, list[tuple[str, float]]] = {}
     for cause in diagnosis.causes:
         for flight, time in cause.onset.items():

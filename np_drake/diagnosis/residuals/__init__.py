@@ -1,4 +1,4 @@
-"""From flight logs to residuals on a uniform grid."""
+"""Residuals of flight logs against the nominal model, on a uniform grid."""
 
 from np_drake.diagnosis.residuals.accelerations import Instants, low_pass
 from np_drake.diagnosis.residuals.attitude_smoothing import conjugate, rotation_vector, smooth_attitude

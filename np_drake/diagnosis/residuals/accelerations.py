@@ -16,7 +16,10 @@ REGRESSOR_BAND = 8.0  # low-pass on accelerations that enter as regressors [Hz];
 
 @dc.dataclass(frozen=True)
 class Instants:
-    """States at some instants of a flight: t (n,), x (n, 13); smoothed, as regressors, a (n, 3) in W and al (n, 3)."""
+    """States of a flight at the instants t (n,) [s]: x (n, 13) of Bo.
+
+    a (n, 3) in W [m/s²] and al (n, 3) in B [rad/s²] are smoothed accelerations, for use as regressors.
+    """
 
     t: np.ndarray
     x: np.ndarray
@@ -25,23 +28,30 @@ class Instants:
 
     @property
     def q(self) -> np.ndarray:
-        """(n, 4) attitude."""
+        """(n, 4) attitude quaternion (w, x, y, z)."""
         return self.x[:, Q]
 
     @cached_property
     def R_WB(self) -> np.ndarray:
-        """(n, 3, 3) the same as rotation matrices."""
+        """(n, 3, 3) attitude as rotation matrices."""
         return attitude.rotation_matrix(self.q)
 
     @cached_property
     def lever(self) -> np.ndarray:
-        """(n, 3, 3) times a body-fixed point p_BoP_B [m]: by how much it accelerates more than Bo, in W [1/s²]."""
+        """(n, 3, 3) matrix that maps p_BoP_B [m] to the acceleration of P relative to Bo, in W [1/s²]."""
         turning = attitude.skew(self.x[:, W])
         return self.R_WB @ (attitude.skew(self.al) + turning @ turning)
 
 
 def make_instants(log: FlightLog, smooth: np.ndarray) -> tuple[Instants, Instants]:
-    """Rows and the middles between them, with smoothed attitudes (n, 4); without accelerations both are the middles."""
+    """Return the states at the rows of a log and at the middles between them.
+
+    Without logged accelerations both are the middles.
+
+    Args:
+        log: the flight.
+        smooth: (n, 4) smoothed attitude at the rows.
+    """
     dt, step = np.diff(log.t)[:, None], log.step
     t_mid = 0.5 * (log.t[1:] + log.t[:-1])
     al = low_pass(np.diff(log.w, axis=0) / dt, step, REGRESSOR_BAND)
@@ -59,7 +69,15 @@ def make_instants(log: FlightLog, smooth: np.ndarray) -> tuple[Instants, Instant
 
 
 def low_pass(values: np.ndarray, step: float, band: float) -> np.ndarray:
-    """(n, m) zero-phase second-order low-pass [Hz]; as it is where the band is beyond the rate."""
+    """Apply a zero-phase second-order Butterworth low-pass to each column.
+
+    Args:
+        values: (n, m) samples.
+        step: sample interval [s].
+        band: cut-off frequency [Hz].
+    Returns: (n, m) filtered samples; `values` unchanged where the band reaches the sampling limit or rows are fewer
+        than 20.
+    """
     if band >= 0.45 / step or len(values) < 20:
         return values
     sos = signal.butter(2, band * 2 * step, output="sos")

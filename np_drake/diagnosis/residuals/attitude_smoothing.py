@@ -1,4 +1,4 @@
-"""Attitude without its white noise: the gyro carries it over the short time, the reading over the long."""
+"""Attitude smoothing: a complementary filter of integrated gyro rates and attitude readings."""
 
 import numpy as np
 from scipy import signal
@@ -6,13 +6,13 @@ from scipy import signal
 from np_drake import attitude
 
 CROSSOVER = 1.0  # [Hz]; own choice: above it the gyro is better than a reading of 1 mrad or worse
-DRIFT = 0.2  # [Hz]; own choice: below it the gyro drifts, in W, and a reading wanders, in the body
-ROUNDS = 3  # in which the two are told apart; own choice
+DRIFT = 0.2  # [Hz]; own choice: below it the gyro drifts in W, and the error of a reading drifts in B
+ROUNDS = 3  # iterations that separate the two drifts; own choice
 QUIET = 1e-3  # attitude noise below which readings are used as they are [rad]
 
 
 def rotation_vector(q: np.ndarray) -> np.ndarray:
-    """(..., 3) rotation vector [rad] of a unit quaternion (..., 4), below half a turn."""
+    """Return the rotation vector (..., 3) [rad] of a unit quaternion (..., 4), of at most half a turn."""
     q = np.where(q[..., :1] < 0, -q, q)
     sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
     angle = 2 * np.arctan2(sine, q[..., :1])
@@ -20,19 +20,26 @@ def rotation_vector(q: np.ndarray) -> np.ndarray:
 
 
 def from_rotation_vector(r: np.ndarray) -> np.ndarray:
-    """(..., 4) unit quaternion of a rotation vector (..., 3) [rad]."""
+    """Return the unit quaternion (..., 4) of a rotation vector (..., 3) [rad]."""
     angle = np.linalg.norm(r, axis=-1, keepdims=True)
     scale = 0.5 * np.sinc(angle / (2 * np.pi))
     return np.concatenate([np.cos(0.5 * angle), scale * r], axis=-1)
 
 
 def conjugate(q: np.ndarray) -> np.ndarray:
-    """(..., 4) the inverse rotation."""
+    """Return the conjugate (..., 4) of a unit quaternion, its inverse rotation."""
     return q * np.array([1.0, -1.0, -1.0, -1.0])
 
 
 def gyro_attitude(t: np.ndarray, q0: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """(n, 4) body rates (n, 3) [rad/s] integrated from q0 (4,): trapezoidal rotation vectors."""
+    """Integrate body rates to an attitude by trapezoidal rotation vectors.
+
+    Args:
+        t: (n,) times [s].
+        q0: (4,) initial attitude.
+        w: (n, 3) body rates in B [rad/s].
+    Returns: (n, 4) attitude.
+    """
     turns = from_rotation_vector(0.5 * (w[1:] + w[:-1]) * np.diff(t)[:, None])
     out = np.empty((len(t), 4))
     pw, px, py, pz = (float(v) for v in q0)
@@ -49,14 +56,14 @@ def gyro_attitude(t: np.ndarray, q0: np.ndarray, w: np.ndarray) -> np.ndarray:
 
 
 def _rate_bias(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> np.ndarray:
-    """(3,) what the gyro reads too much in the mean: it would be carried far from the readings."""
+    """Return the mean error (3,) of the gyro against the attitude readings [rad/s]."""
     dt = np.diff(t)[:, None]
     turned = rotation_vector(attitude.multiply(conjugate(q[:-1]), q[1:]))
     return np.sum(0.5 * (w[1:] + w[:-1]) * dt - turned, axis=0) / (t[-1] - t[0])
 
 
 def _unwound(r: np.ndarray) -> np.ndarray:
-    """(n, 3) the rotation vectors r (n, 3), each as many turns further along its axis as is next to the one before."""
+    """Return the rotation vectors r (n, 3) with full turns added, so that each continues the one before."""
     angle = np.linalg.norm(r, axis=1)
     if angle.max() < 0.5 * np.pi:
         return r
@@ -68,16 +75,16 @@ def _unwound(r: np.ndarray) -> np.ndarray:
 
 
 def _low_pass(values: np.ndarray, step: float, band: float) -> np.ndarray:
-    """(n, 3) of values (n, 3), zero phase, of second order either way; `band` in Hz."""
+    """Return values (n, 3) after a zero-phase second-order low-pass at `band` [Hz]."""
     sos = signal.butter(2, band * 2 * step, output="sos")
     return signal.sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(1 / (band * step))))
 
 
 def _without_drift(carried: np.ndarray, q: np.ndarray, step: float) -> np.ndarray:
-    """(n, 4) the attitude that the gyro carried, without its slow drift in W against the readings (n, 4).
+    """Return the integrated gyro attitude (n, 4) without its slow drift in W against the readings q (n, 4).
 
-    A drift in W turns about in the axes of a body that tilts this way and that; a low-pass there would leave it to
-    the attitude. What a reading is off by goes with the body, and is taken out of it before the drift is read.
+    A drift that is constant in W varies in B as the body tilts, so that a low-pass in B would miss it. The error of a
+    reading is constant in B; it is removed before the drift is estimated.
     """
     sensor_drift = np.zeros((len(q), 3))
     for _ in range(ROUNDS):
@@ -89,11 +96,16 @@ def _without_drift(carried: np.ndarray, q: np.ndarray, step: float) -> np.ndarra
 
 
 def smooth_attitude(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, float]:
-    """(n, 4) attitude, and the white attitude noise found [rad].
+    """Return the smoothed attitude (n, 4) and the white attitude noise [rad].
 
-    q = q_gyro * exp(low-pass(log(q_gyro^-1 q_read))): complementary, zero phase; q_gyro without its drift. Readings
-    that are quieter than `QUIET` are returned as they are.   Source: the complementary filter, run both ways; own
-    choice of the crossover.
+    q = q_gyro * exp(low-pass(log(q_gyro^-1 q_read))), zero phase, with q_gyro free of drift. Readings with less noise
+    than `QUIET` are returned unchanged.
+
+    Args:
+        t: (n,) times [s].
+        q: (n, 4) attitude readings.
+        w: (n, 3) body rates in B [rad/s].
+    Source: complementary filter, run in both directions; the crossover is own choice.
     """
     step = float(np.median(np.diff(t)))
     if 0.5 / step <= 2 * CROSSOVER or len(t) < 30:

@@ -1,12 +1,12 @@
-"""What a flight says against the nominal model: residual wrench and kinematic disagreement, on a uniform grid.
+"""Residuals of a flight against the nominal model: residual wrench and kinematic disagreement, on a uniform grid.
 
-Channels, all in body axes:
+Channels, all in B:
     0-2   force   m s - thrust, s = R^T (a + g): specific force [N]
     3-5   torque  J dw/dt + w x J w - torque of the command [N·m]
     6-8   dp/dt - v [m/s]      9-11  dv/dt - a [m/s²]      12-14  rate of q - w [rad/s]
-a is that at a row, dv/dt the mean until the next: by what thrust changes in between (`after_rows`) they may differ.
-Derivatives are differences over the interval between two rows, over which exactly one command acts: no command is
-mixed with the next, and a log without accelerations needs no other path.
+a is the acceleration at a row; dv/dt is the mean until the next row. The two differ by the change of thrust in between
+(`after_rows`). Derivatives are differences over the interval between two rows, in which one command is held. Logs
+without accelerations take the same path.
 """
 
 import dataclasses as dc
@@ -28,21 +28,24 @@ from np_drake.vehicle import Vehicle
 FORCE, TORQUE, WRENCH = slice(0, 3), slice(3, 6), slice(0, 6)
 POSITION, VELOCITY, ATTITUDE = slice(6, 9), slice(9, 12), slice(12, 15)
 SIZE = 15
-LEAST = 3.0  # of a flight [s]; own choice
-SETTLING = 7.0  # time constants after which what rotors did before the log began is forgotten; own choice
-OFF = 0.4  # of what hovering takes, by which rotors then give something else; own choice
+LEAST_DURATION = 3.0  # least duration of a flight [s]; own choice
+SETTLING = 7.0  # rotor time constants after which commands before the log no longer matter [1]; own choice
+OFF = 0.4  # initial thrust error over hover thrust, above which rotors had not settled [1]; own choice
 
 
 @dc.dataclass(frozen=True)
 class FlightResiduals:
-    """One flight: y (m, 15) on `grid`; the instants at which force (rows) and torque (mids) are measured.
+    """Residuals y (m, 15) of one flight on `grid`, with the signals from which regressors are made.
 
-    thrust_rows (n, 4), thrust_mids (n-1, 4): what nominal rotors give there [N]; the latter in the mean.
-    nominal (m, 6): their wrench in body axes, w (m, 3): body rates, both on the grid.
-    attitude_noise: white, as found [rad]; turned: `a` was turned to W with the attitude that was read.
-    shocks (m,): rows on the grid that say nothing (`shocks`); none, until a model has been seen to miss them.
-    joined (m,): rows of an unseen flight that a fit has seen after all (`second_look`).
-    goes_on: the flight goes on after these rows, so that what is absent here may begin later.
+    rows, mids: the instants at which force (rows) and torque (mids) are measured.
+    thrust_rows (n, 4), thrust_mids (n-1, 4): thrust of nominal rotors there [N]; mids hold the mean over an interval.
+    nominal (m, 6): wrench of nominal rotors in B on the grid [N, N·m].
+    w (m, 3): body rates in B on the grid [rad/s].
+    attitude_noise: white attitude noise found [rad].
+    turned: `a` was rotated to W with the attitude readings, not with the smoothed attitude.
+    shocks (m,): outlier rows of the grid, which are interpolated; none until `find_shocks` has been applied.
+    joined (m,): rows of a held-out flight that joined the fit (adaptive split).
+    goes_on: the flight continues after these rows, so that an effect absent here may begin later.
     """
 
     log: FlightLog
@@ -63,58 +66,61 @@ class FlightResiduals:
 
     @property
     def name(self) -> str:
-        """Of the flight."""
+        """Name of the flight."""
         return self.log.name
 
     @property
     def measured_rotors(self) -> bool:
-        """Is the input measured rotor speed, not a command?"""
+        """Whether the input is measured rotor speed rather than a command."""
         return self.log.input == "rotor_speed"
 
     @property
     def t(self) -> np.ndarray:
-        """(m,) of the grid [s]."""
+        """(m,) times of the grid [s]."""
         return self.grid.t
 
     @cached_property
     def from_rows(self) -> Resampler:
-        """From the instants of force to the grid."""
+        """Resampler from the instants of force to the grid."""
         return Resampler(self.grid, self.rows.t)
 
     @cached_property
     def from_mids(self) -> Resampler:
-        """From the instants of torque to the grid."""
+        """Resampler from the instants of torque to the grid."""
         return Resampler(self.grid, self.mids.t)
 
     @cached_property
     def rotors(self) -> Rotors:
-        """What makes thrust of the log's commands."""
+        """Rotor model that turns the commands of the log into thrust."""
         return Rotors(self.log, self.vehicle)
 
     @cached_property
     def rotor_noise(self) -> np.ndarray:
-        """(15,) deviation of the channels on the grid by readings of rotor speed, were it white; zero without any."""
+        """(15,) standard deviation of the channels due to noise in measured rotor speed, taken as white.
+
+        Zero where the input is a command.
+        """
         f_tau = np.sqrt(self.vehicle.mixer**2 @ self.rotors.noise**2 * self.log.step / self.grid.step)
         return np.concatenate([[0.0, 0.0], f_tau, np.zeros(SIZE - 6)])
 
     @cached_property
     def q(self) -> np.ndarray:
-        """(m, 4) attitude at the grid's times."""
+        """(m, 4) attitude on the grid."""
         near = attitude.one_hemisphere(self.rows.q, self.rows.q[0])
         q = np.stack([np.interp(self.t, self.rows.t, component) for component in near.T], axis=1)
         return q / np.linalg.norm(q, axis=1, keepdims=True)
 
     @cached_property
     def R_WB(self) -> np.ndarray:
-        """(m, 3, 3) the same as rotation matrices."""
+        """(m, 3, 3) attitude on the grid as rotation matrices."""
         return attitude.rotation_matrix(self.q)
 
     @cached_property
     def ahead(self) -> np.ndarray:
-        """(m, 4) thrust and torques of nominal rotors at rows, less those in the mean around them [N, N·m].
+        """(m, 4) thrust and torques of nominal rotors at rows, less their mean around the rows [N, N·m].
 
-        A command that is held is half a row ahead at a row of its mean over the intervals beside it. Zero where no
-        accelerations are logged: then all are means.
+        A held command at a row leads its mean over the adjacent intervals by half a row. Zero where no accelerations
+        are logged, because all values are then means.
         """
         if self.log.a is None:
             return np.zeros((len(self.t), 4))
@@ -123,21 +129,25 @@ class FlightResiduals:
 
     @cached_property
     def gyroscopic(self) -> np.ndarray:
-        """(m, 3) w x J w of the vehicle file's inertia [N·m]."""
+        """(m, 3) w x J w with the inertia of the vehicle file, in B [N·m]."""
         return np.cross(self.w, self.w @ self.vehicle.J.T)
 
     @cached_property
     def driving(self) -> np.ndarray:
-        """(m-1, 3, 4) in W at the middle of the grid's steps: `a` [m/s²], and `lever` of body-fixed points [1/s²]."""
+        """(m-1, 3, 4) `a` [m/s²] and `lever` [1/s²], in W, at the middles of the grid's steps."""
         values = np.concatenate([self.rows.a[..., None], self.rows.lever], axis=-1)
         middle = 0.5 * (self.t[1:] + self.t[:-1])
         columns = [np.interp(middle, self.rows.t, column) for column in values.reshape(-1, 12).T]
         return np.stack(columns, axis=1).reshape(-1, 3, 4)
 
     def head(self, rows: int) -> "FlightResiduals":
-        """The flight up to so many of the grid's rows at least: as it is there, and as if no more were known."""
+        """Return the flight truncated after at least `rows` rows of the grid.
+
+        The cut lies beyond the interpolation of outliers and the reach of the low-pass, so that the first `rows` rows
+        do not change.
+        """
         known = np.append(np.flatnonzero(~self.shocks[rows - 1 :]), len(self.t))
-        n = rows + int(known[0]) + TAPS  # beyond what bridges shocks, and as far as the low-pass reaches
+        n = rows + int(known[0]) + TAPS  # past interpolated outliers and the reach of the low-pass
         if n >= len(self.t):
             return self
         grid = dc.replace(self.grid, t=self.t[:n], fine=self.grid.fine[: (n - 1) * self.grid.factor + 1])
@@ -145,7 +155,10 @@ class FlightResiduals:
         return dc.replace(self, grid=grid, **parts)
 
     def begun(self, onset: float | None) -> np.ndarray:
-        """(m, 15) one from the onset on [s], on the grid: smeared as its low-pass smears a step of each channel."""
+        """Return a step (m, 15) that is one from `onset` [s] on, smeared as the grid's low-pass smears each channel.
+
+        A missing onset gives ones, an infinite one zeros.
+        """
         if onset is None or not np.isfinite(onset):
             return np.full((len(self.t), SIZE), float(onset is None))
         force, others = (
@@ -155,7 +168,7 @@ class FlightResiduals:
         return _by_channel(force, others)
 
     def rise(self) -> np.ndarray:
-        """(2 k + 1, 15) how a step at the middle one of so many rows shows on them, where the log's are even."""
+        """Return the step response (2 k + 1, 15) of the grid about its middle row, for evenly spaced log rows."""
         fine, middle = self.grid.fine, len(self.grid) // 2
         half = min(TAPS if self.grid.factor > 1 else 1, middle - 1)
         mids = fine + 0.5 * (fine[1] - fine[0])
@@ -166,15 +179,15 @@ class FlightResiduals:
         return _by_channel(force, others)[middle - half : middle + half + 1]
 
     def bridged(self, values: np.ndarray) -> np.ndarray:
-        """(m, ...) channels or columns without shocks."""
+        """Return channels or columns (m, ...) with outlier rows interpolated."""
         return bridge(values, self.shocks)
 
     def white(self, noise: NoiseModel, values: np.ndarray) -> np.ndarray:
-        """(m - p, ...) channels or columns (m, 15, ...) without shocks, whitened."""
+        """Return channels or columns (m, 15, ...) with outlier rows interpolated, whitened to (m - p, ...)."""
         return noise.whiten(self.bridged(values), self.name)
 
     def gram(self, noise: NoiseModel, columns: Sequence[np.ndarray]) -> Gram:
-        """Of columns, in groups (m, 15, k_i), whitened, with the channels."""
+        """Return the Gram matrix of columns, in groups (m, 15, k_i), with the channels as target, all whitened."""
         products = noise.products([self.bridged(X) for X in (*columns, self.y[..., None])], self.name)
         rows = len(self.t) - noise.phi.shape[1]
         return Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), rows)
@@ -183,16 +196,18 @@ class FlightResiduals:
 def make_flight_residuals(
     log: FlightLog, vehicle: Vehicle, step: float | None = None, since: float | None = None
 ) -> FlightResiduals:
-    """Residuals of one flight.
+    """Compute the residuals of one flight.
 
-    step: of its grid, where flights are to share it; default: the log's own [s].
-    since: from when on it counts [s]; default: from when its rotors are known by their commands.
-
-    Raises: ValueError: if it is too short for a grid.
+    Args:
+        log: the flight.
+        vehicle: the nominal vehicle.
+        step: step of the grid, where flights are to share it [s]; default: that of the log.
+        since: time from which rows count [s]; default: when rotor thrust follows from the commands alone.
+    Raises: ValueError: if the flight is too short for a grid.
     """
-    if log.t[-1] - log.t[0] < LEAST:
+    if log.t[-1] - log.t[0] < LEAST_DURATION:
         raise ValueError(
-            f"diagnose: {log.name} must last at least {LEAST:g} s; got {log.t[-1] - log.t[0]:.3g} s. "
+            f"diagnose: {log.name} must last at least {LEAST_DURATION:g} s; got {log.t[-1] - log.t[0]:.3g} s. "
             "Give a longer flight."
         )
     smooth, noise = smooth_attitude(log.t, log.q, log.w)
@@ -215,9 +230,10 @@ def make_flight_residuals(
 
 
 def _settled(log: FlightLog, vehicle: Vehicle, thrust: np.ndarray, torque: np.ndarray) -> float:
-    """From when on rotors are known by their commands [s]; those that lag may not have held the first one until then.
+    """Return the time from which rotor thrust follows from the commands alone [s].
 
-    thrust (n, 1) [N], torque (n-1, 3) [N·m]: what rotors that did would have missed.
+    Rotors with lag may not have held the first command before the log began. thrust (n, 1) [N] and torque (n-1, 3)
+    [N·m] are the residuals that rotors which did would leave.
     """
     lag = 0.0 if log.input == "rotor_speed" else vehicle.rotor_time_constant
     first = max(1, int(np.sum(log.t[1:] <= log.t[0] + STEP)))
@@ -225,11 +241,11 @@ def _settled(log: FlightLog, vehicle: Vehicle, thrust: np.ndarray, torque: np.nd
     hover = 0.25 * vehicle.mass * vehicle.gravity
     if np.sqrt(np.mean(missed**2)) < OFF * hover:
         return float(log.t[0])
-    return float(min(log.t[0] + SETTLING * lag, log.t[-1] - LEAST))
+    return float(min(log.t[0] + SETTLING * lag, log.t[-1] - LEAST_DURATION))
 
 
 def _attitude_for_force(log: FlightLog, smooth: np.ndarray, gravity: float) -> tuple[np.ndarray, bool]:
-    """The attitude that turns `a` back into what an accelerometer read, with the least noise."""
+    """Return the attitude (n, 4) that rotates `a` back to the accelerometer's axes with least noise, and `turned`."""
     if log.a is None or smooth is log.q:
         return smooth, False
     g = np.array([0.0, 0.0, gravity])
@@ -241,17 +257,24 @@ def _attitude_for_force(log: FlightLog, smooth: np.ndarray, gravity: float) -> t
 
 
 def _by_channel(force: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """(m, 15) of what holds for the channels of force (m,) and for those measured between rows (m,)."""
+    """Return (m, 15) channels from a value for force (m,) and one for all channels measured between rows (m,)."""
     return np.repeat(np.stack([force, others], axis=1), [3, SIZE - 3], axis=1)
 
 
 def after_rows(f_rows: np.ndarray, f_mids: np.ndarray) -> np.ndarray:
-    """(n-1,) by how much thrust in the mean until the next row exceeds that at a row; f_rows (n,), f_mids (n-1,)."""
+    """Return the mean thrust until the next row, f_mids (n-1,), less that at the row, f_rows (n,) [N]."""
     return f_mids - f_rows[:-1]
 
 
-def _channels(log, vehicle, q, mids, thrust_rows, thrust_mids) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 3) the force channels at the instants of force, (n-1, 12) the others at those of torque."""
+def _channels(
+    log: FlightLog,
+    vehicle: Vehicle,
+    q: np.ndarray,
+    mids: Instants,
+    thrust_rows: np.ndarray,
+    thrust_mids: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the force channels (n, 3) at the instants of force and the others (n-1, 12) at those of torque."""
     dt = np.diff(log.t)[:, None]
     g = np.array([0.0, 0.0, vehicle.gravity])
     rate = np.diff(log.v, axis=0) / dt

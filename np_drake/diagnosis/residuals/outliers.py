@@ -1,28 +1,34 @@
-"""Shocks: a tether that snaps taut, a knock. For one or two samples they outweigh a whole flight.
+"""Outliers ("shocks"): one or two samples, as of a tether that snaps taut or a collision, that outweigh a whole flight.
 
-When and how hard is not told by motion that is sampled and smoothed, so that least squares would bend every figure to
-them. Their rows are bridged by straight lines, in channels and columns alike, which leaves all else linear.
-Source: own choice, in the place of a heavy-tailed noise.
+Sampled and smoothed motion does not show their time and strength, and least squares would bend every parameter to them.
+Their rows are interpolated linearly, in channels and columns alike, which keeps the model linear.
+
+Source: own choice, in the place of a heavy-tailed noise model.
 """
 
 import numpy as np
 from scipy import ndimage
 
-SPIKE = 12.0  # deviations of what is left by a running median; own choice
-WINDOW = 0.3  # of that median [s]
-MOST = 0.05  # share of a flight's rows above which it is no shock but how the flight is
-ABOUT = 1  # rows to either side that the grid smears a shock over
-APART = 0.3  # shocks that are closer are one: a tether that bounces [s]
-LONGEST = 0.07  # what lasts longer is motion, not a shock [s]
-BOUNCE = 0.3  # but where a payload is known to swing, whose tether may snap taut several times in a row [s]
+SPIKE = 12.0  # robust deviations from a running median [1]; own choice
+WINDOW = 0.3  # length of that median [s]
+MOST = 0.05  # share of a flight's rows above which spikes are part of the flight, not outliers [1]
+ABOUT = 1  # rows to either side over which the grid smears an outlier
+APART = 0.3  # outliers closer than this are merged: a tether that bounces [s]
+LONGEST = 0.07  # a longer deviation is motion, not an outlier [s]
+BOUNCE = 0.3  # longest with a payload, whose tether may snap taut several times in a row [s]
 
 
 def find_shocks(
     residual: np.ndarray, step: float, longest: float = LONGEST, most: float = MOST
 ) -> np.ndarray:
-    """(m,) bool: rows with a spike, of at most `longest` [s], in any channel of what a rich model leaves (m, c).
+    """Find rows with a spike in any channel.
 
-    most: none, where they would be a larger share of the rows [1].
+    Args:
+        residual: (m, c) residual of a flexible model.
+        step: sample interval [s].
+        longest: longest duration of a spike [s].
+        most: largest share of outlier rows [1]; above it no row is an outlier.
+    Returns: (m,) bool, the outlier rows.
     """
     size = 2 * max(1, round(0.5 * WINDOW / step)) + 1
     if len(residual) < 2 * size:
@@ -37,7 +43,7 @@ def find_shocks(
 
 
 def _short(found: np.ndarray, longest: int) -> np.ndarray:
-    """The runs of up to `longest` rows."""
+    """Return `found` (m,) with only its runs of up to `longest` rows."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], found.astype(int), [0]])))
     out = np.zeros_like(found)
     for a, b in edges.reshape(-1, 2):
@@ -46,7 +52,7 @@ def _short(found: np.ndarray, longest: int) -> np.ndarray:
 
 
 def bridge(values: np.ndarray, shocks: np.ndarray) -> np.ndarray:
-    """(m, ...) the values, rows of `shocks` (m,) on straight lines between their neighbours."""
+    """Return values (m, ...) with the rows of `shocks` (m,) interpolated linearly between their neighbours."""
     if not shocks.any():
         return values
     good, bad = np.flatnonzero(~shocks), np.flatnonzero(shocks)

@@ -1,8 +1,8 @@
-"""Acceleration that drives hidden states: the position tells what is slow, the accelerometer what is fast.
+"""Acceleration that drives hidden states: slow parts from the position, fast parts from the accelerometer.
 
-A pendulum rings at about 1 Hz: noise there swings it, and a swing that was not there makes a fit believe in less mass
-(errors in variables). Differences of the position have noise that falls with the fourth power of the frequency, and
-neither a bias nor the tilt of an attitude that wanders.
+A pendulum resonates at about 1 Hz. Noise there drives its predicted swing, which biases the fitted mass towards zero
+(errors in variables). The noise power of twice differentiated positions grows with the fourth power of the frequency,
+and so is small at low ones. It contains neither a bias nor the tilt error of a drifting attitude.
 """
 
 import numpy as np
@@ -11,18 +11,24 @@ from scipy.integrate import cumulative_trapezoid
 
 from np_drake.lifting.training.segments import white_noise
 
-RINGING = (0.5, 1.5)  # where payloads ring [Hz]
-REDDER = 3.0  # what an accelerometer's error is there over its white noise, at first: a MEMS sensor's flicker
-QUIETEST = 1e-6  # least noise of an accelerometer [m/s²]
+RINGING = (0.5, 1.5)  # band in which payloads resonate [Hz]
+REDDER = 3.0  # initial ratio of accelerometer error to white noise in that band [1]: flicker of a MEMS sensor
+QUIETEST = 1e-6  # least noise of an accelerometer [m/s²]; avoids a division by zero
 
 
 def corrected_acceleration(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """(n, 3) in W [m/s²] of positions p (n, 3) [m] and accelerations a (n, 3) that were read at t (n,) [s].
+    """Return the acceleration (n, 3) in W that positions and accelerations show together [m/s²].
 
-    Second differences of the path that minimises |path - p|² / s_p² + |path'' - a|² / s_a²: of the positions'
-    acceleration the share 1 / (1 + (f / f_c)^4), with f_c = sqrt(s_a / s_p) / 2 pi.   Source: Whittaker smoothing as
-    generalised least squares; s_p: white noise of the positions; s_a: what white noise would err as much as the
-    accelerations do where payloads ring, as a first such path shows it.
+    It is the second difference of the path that minimises |path - p|² / s_p² + |path'' - a|² / s_a². The position
+    enters with the share 1 / (1 + (f / f_c)^4), f_c = sqrt(s_a / s_p) / 2 pi. s_p is the white noise of the positions.
+    s_a is the white noise with the power of the acceleration error where payloads resonate, as estimated from a first
+    path.
+
+    Args:
+        t: (n,) times [s].
+        p: (n, 3) positions in W [m].
+        a: (n, 3) accelerations in W [m/s²].
+    Source: Whittaker smoothing as generalised least squares.
     """
     a = a + _bias(t, p, a)
     noise_p, noise_a = (float(np.sqrt(np.mean(white_noise([x]) ** 2))) for x in (p, a))
@@ -32,9 +38,9 @@ def corrected_acceleration(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.nd
 
 
 def _along_path(t: np.ndarray, p: np.ndarray, a: np.ndarray, ratio: float) -> np.ndarray:
-    """(n, 3) second differences of the path.   ratio: s_p / s_a [s²]."""
+    """Return the second differences (n, 3) of the smoothed path; ratio = s_p / s_a [s²]."""
     D = _second_difference(t)
-    bands = np.zeros((3, len(t)))  # of 1 + ratio² D'D, upper form
+    bands = np.zeros((3, len(t)))  # bands of 1 + ratio² D'D, upper form
     bands[2] = 1.0
     target = p.copy()
     for i in range(3):
@@ -49,7 +55,7 @@ def _along_path(t: np.ndarray, p: np.ndarray, a: np.ndarray, ratio: float) -> np
 
 
 def _ringing(error: np.ndarray, step: float) -> float:
-    """Deviation of the white noise that has as much power as `error` (n, 3) where payloads ring."""
+    """Return the deviation of white noise with the power of `error` (n, 3) in the band where payloads resonate."""
     if RINGING[1] > 0.4 / step or len(error) * step < 4 / RINGING[0]:
         return 0.0
     sos = signal.butter(2, RINGING, "bandpass", fs=1 / step, output="sos")
@@ -58,14 +64,17 @@ def _ringing(error: np.ndarray, step: float) -> float:
 
 
 def _bias(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """(3,) what the accelerations lack in the mean: near both ends of a flight the smoother would leave it in."""
+    """Return the mean error (3,) of the accelerations against the positions.
+
+    The smoother would leave it in near both ends of a flight.
+    """
     v = cumulative_trapezoid(a, t, axis=0, initial=0.0)
     missed = p - cumulative_trapezoid(v, t, axis=0, initial=0.0)
     return 2.0 * np.polynomial.polynomial.polyfit(t - t[0], missed, 2)[2]
 
 
 def _second_difference(t: np.ndarray) -> np.ndarray:
-    """(3, n-2) weights of the row before, of a row and of the one after in the second derivative at it."""
+    """Return the weights (3, n-2) of the previous, current and next row in the second derivative."""
     before, after = np.diff(t)[:-1], np.diff(t)[1:]
     residual, right = 2 / ((before + after) * before), 2 / ((before + after) * after)
     return np.stack([residual, -(residual + right), right])

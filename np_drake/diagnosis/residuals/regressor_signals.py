@@ -1,4 +1,4 @@
-"""What generic structure may depend on: the state of a flight on its grid."""
+"""Signals on which generic regressors may depend: the state of a flight on its grid."""
 
 import dataclasses as dc
 
@@ -7,15 +7,17 @@ import numpy as np
 from np_drake import attitude
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals
 
-SURELY = 4.0  # times the noise that an axis must move to be a regressor at all; own choice
+SURELY = 4.0  # variance of an axis over that of its noise, below which it is no regressor [1]; own choice
 
 
 @dc.dataclass(frozen=True)
 class FlightState:
-    """On the grid: v, w (m, 3) in B [m/s, rad/s], p (m, 3) in W [m], R (m, 3, 3), u (m, 4) nominal [f, tau],
+    """State of a flight on its grid.
 
-    rotor (m, 4) nominal thrusts [N], t (m,) [s]; mixer (4, 4); torque_unit (3,): arms of the prior [m]; weight [N];
-    gravity [m/s²]; step [s].
+    v, w (m, 3): velocity and body rates in B [m/s, rad/s]; p (m, 3): position in W [m]; R (m, 3, 3): R_WB.
+    u (m, 4): nominal thrust and torques [N, N·m]; rotor (m, 4): nominal rotor thrusts [N]; t (m,): times [s].
+    mixer (4, 4): rotor thrusts to u; torque_unit (3,): lever arms that scale torque priors [m].
+    weight [N]; gravity [m/s²]; step [s].
     """
 
     v: np.ndarray
@@ -33,7 +35,7 @@ class FlightState:
 
 
 def flight_state(flight: FlightResiduals) -> FlightState:
-    """Of one flight."""
+    """Return the state of one flight on its grid, with noise removed from velocity and body rates."""
     mids, vehicle, log = flight.mids, flight.vehicle, flight.log
     u = flight.nominal[:, 2:]
     arm = float(np.mean(np.linalg.norm(np.array(vehicle.rotor_positions), axis=1)))
@@ -54,10 +56,12 @@ def flight_state(flight: FlightResiduals) -> FlightState:
 
 
 def _above_noise(values: np.ndarray, read: np.ndarray) -> np.ndarray:
-    """values (m, 3), each axis shrunk by its share of signal (Wiener), with the white noise that `read` (n, 3) shows.
+    """Return values (m, 3) with each axis shrunk by its share of signal, given the white noise of the readings (n, 3).
 
-    An axis that hardly moves is noise, which its derivative shares: torque would seem to go with it.
-    The noise of three axes together, for v is turned from W to B.   Source: own choice: `SURELY`.
+    An axis that hardly moves is mostly noise. Its derivative shares that noise, so that torque would seem to depend on
+    it. The noise is the mean over the three axes, because v is rotated from W to B.
+
+    Source: Wiener gain; `SURELY` is own choice.
     """
-    noise = np.mean(np.diff(read, n=2, axis=0) ** 2) / 6.0  # of second differences of white noise
+    noise = np.mean(np.diff(read, n=2, axis=0) ** 2) / 6.0  # second differences have six times the variance
     return values * np.clip(1 - SURELY * noise / np.maximum(values.var(axis=0), 1e-12), 0.0, 1.0)

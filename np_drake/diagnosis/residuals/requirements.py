@@ -1,4 +1,4 @@
-"""What flights must meet together to be diagnosed."""
+"""Requirements that flights must meet together to be diagnosed."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from np_drake.logs.flight_log import FlightLog
 def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -> None:
     """Check names, inputs and accelerations of the flights, and that no held-out flight is a training flight.
 
-    Raises: ValueError: where these flights, together, cannot be diagnosed; one line with the remedy.
+    Raises: ValueError: if the flights cannot be diagnosed together; one line with the remedy.
     """
     for name, logs in (("train", train), ("held_out", held_out)):
         if not logs:
@@ -46,5 +46,5 @@ def _motion(log: FlightLog) -> set[bytes]:
 
 
 def _same(held_out: set[bytes], train: set[bytes]) -> bool:
-    """Return whether more than half of the distinct rows are in the training flight too; one row alone is no motion."""
+    """Return whether more than half of the distinct rows are also in the training flight; a single row is no motion."""
     return len(held_out) > 1 and 2 * len(held_out & train) > len(held_out)

@@ -1,4 +1,4 @@
-"""A flight's own instants to a uniform grid: interpolation, then a zero-phase low-pass and decimation."""
+"""Resampling of a flight to a uniform grid: interpolation, then a zero-phase low-pass and decimation."""
 
 import dataclasses as dc
 from functools import cache
@@ -8,15 +8,18 @@ from scipy import signal, sparse
 
 from np_drake.diagnosis.numerics import banded, filtered
 
-STEP = 0.02  # of the grid [s]; own choice: rigid-body effects live below 15 Hz
-NEARLY = 0.1  # of a row: rows of a jittered log are not counted one short; own choice
-SAME = 0.01  # difference of steps that is none, for which rows are not interpolated [1]; own choice
-TAPS = 10  # of the low-pass, in grid steps to either side
+STEP = 0.02  # step of the grid [s]; own choice: rigid-body effects act below 15 Hz
+NEARLY = 0.1  # share of a row added before rounding down, for logs with jitter [1]; own choice
+SAME = 0.01  # relative difference of steps below which rows are not interpolated [1]; own choice
+TAPS = 10  # half length of the low-pass [grid steps]
 
 
 @dc.dataclass(frozen=True)
 class Grid:
-    """t (m,) [s] equally spaced; fine: the intermediate spacing is step / factor."""
+    """Uniform grid t (m,) [s] with spacing `step` [s].
+
+    fine: intermediate grid with spacing step / factor, before decimation [s].
+    """
 
     t: np.ndarray
     step: float
@@ -28,13 +31,18 @@ class Grid:
 
 
 def natural_step(t: np.ndarray) -> float:
-    """Of the grid that a log with these row times asks for: `STEP`, or the log's own if that is longer [s]."""
+    """Return the grid step for a log with row times t (n,): `STEP`, or the log's own step if that is longer [s]."""
     own = float(np.median(np.diff(t)))
     return own * max(1, int(STEP / own + NEARLY))
 
 
 def make_grid(t: np.ndarray, step: float | None = None) -> Grid:
-    """The grid of a flight with row times t (n,) [s].   step: about which, where flights are to share it [s]."""
+    """Return the grid of a flight.
+
+    Args:
+        t: (n,) row times [s].
+        step: approximate step, where flights are to share it [s]; default: `natural_step`.
+    """
     own = float(np.median(np.diff(t)))
     step = natural_step(t) if step is None else step
     factor = max(1, round(step / own))
@@ -45,7 +53,7 @@ def make_grid(t: np.ndarray, step: float | None = None) -> Grid:
 
 
 class Resampler:
-    """From instants t (n,) of a flight to its grid: where each lies is found once."""
+    """Linear map from values at instants t (n,) [s] of a flight to its grid; the weights are computed once."""
 
     def __init__(self, grid: Grid, t: np.ndarray):
         self._factor = grid.factor
@@ -56,13 +64,13 @@ class Resampler:
         self._between = sparse.csr_array((*map(np.ravel, entries), ends), (len(grid.fine), len(t)))
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
-        """(m, ...) values (n, ...) on the grid; the ends are held."""
+        """Return values (n, ...) resampled to the grid (m, ...); the ends are held."""
         fine = self._between @ values.reshape(len(values), -1)
         return _decimate(fine, self._factor).reshape(-1, *values.shape[1:])
 
 
 def to_grid(grid: Grid, t: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """(m, ...) values (n, ...) at times t (n,) on the grid; the ends are held."""
+    """Return values (n, ...) at times t (n,) [s] resampled to the grid (m, ...); the ends are held."""
     return Resampler(grid, t)(values)
 
 
@@ -76,5 +84,5 @@ def _decimate(fine: np.ndarray, factor: int) -> np.ndarray:
 
 @cache
 def _low_pass(factor: int) -> np.ndarray:
-    """Its taps, banded: to design them takes longer than to apply them."""
+    """Return the taps of the low-pass as a banded matrix; cached, because design costs more than application."""
     return banded(signal.firwin(2 * TAPS * factor + 1, 0.8 / factor), factor)

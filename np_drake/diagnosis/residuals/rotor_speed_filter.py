@@ -1,8 +1,8 @@
-"""Thrust of rotors whose speed is read: noise of the readings stands in the residual and in what drives the model.
+"""Thrust of rotors whose speed is measured, filtered for the noise of the readings.
 
-What is regressed on itself that way seems to answer to itself (errors in variables). The most likely thrust errs
-independently of what it is (Berkson), which leaves regression unbiased; where nothing else is known it errs as much as
-the readings do.
+Measurement noise enters both the residual and the regressors, which biases a regression (errors in variables). The
+error of a Wiener estimate is independent of the estimate (Berkson), which leaves the regression unbiased. Where
+nothing else is known, that error is as large as the noise of the readings.
 """
 
 import numpy as np
@@ -13,17 +13,18 @@ from np_drake.lifting.training.segments import white_noise
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
-BAND = 1.0  # over which powers are averaged [Hz]; own choice
+BAND = 1.0  # bandwidth over which spectra are averaged [Hz]; own choice
 ANSWERED = (
-    0.5  # share of what is fast that the motion must surely answer to, for it to be no noise; own choice
+    0.5  # share of fast thrust to which the motion responds, above which it is no noise [1]; own choice
 )
-SURELY = 2.0  # deviations [1]
+SURELY = 2.0  # standard deviations of the lower bound [1]
 
 
 def read_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 4) thrust at the rows [N], the most likely for what was read, and (4,) deviation of the readings' noise [N].
+    """Return thrust (n, 4) at the rows and the standard deviation (4,) of its measurement noise [N].
 
-    Where the motion answers to what looks like noise, it is none: then as it was read.
+    Where the measured motion responds to the apparent noise, that is real thrust: the readings are returned unfiltered,
+    with zero noise.
     """
     read = log.u @ vehicle.unmixer.T
     noise = white_noise([read])
@@ -34,7 +35,13 @@ def read_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarra
 
 
 def most_likely(values: np.ndarray, noise: np.ndarray, step: float) -> np.ndarray:
-    """(n, k) values (n, k) every `step` [s] without white noise of deviation (k,): the non-causal Wiener filter."""
+    """Return values (n, k) without white noise, by the non-causal Wiener filter.
+
+    Args:
+        values: (n, k) samples.
+        noise: (k,) standard deviation of the white noise, in the unit of the values.
+        step: sample interval [s].
+    """
     mean = values.mean(axis=0)
     mirrored = np.concatenate([values, values[::-1]]) - mean
     spectrum = np.fft.rfft(mirrored, axis=0)
@@ -45,9 +52,10 @@ def most_likely(values: np.ndarray, noise: np.ndarray, step: float) -> np.ndarra
 
 
 def _answered(log: FlightLog, vehicle: Vehicle, fast: np.ndarray) -> float:
-    """Least share of fast thrust and torque (n, 4) that the motion surely shows [1]: generalised least squares.
+    """Return a lower bound on the share of fast thrust and torque (n, 4) to which the motion responds [1].
 
-    What differences of noisy readings are, their own differences tell: these are three times as strong.
+    Source: generalised least squares. The noise of differentiated readings follows from their own differences, whose
+    variance is three times as large.
     """
     given = 0.5 * (fast[1:] + fast[:-1])
     answer = np.zeros_like(given)

@@ -1,4 +1,4 @@
-"""Rotor thrust of a log: commands through actuator effects, at rows and in the mean between them."""
+"""Rotor thrust of a log: commands passed through actuator effects, at the rows and as means between them."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -11,13 +11,13 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
-SUBSTEPS = 4  # of the log's interval; own choice
-# Of the steps before an instant, the last first: the value there of a parabola with these means; closed form.
+SUBSTEPS = 4  # substeps in an interval of the log; own choice
+# Weights of the means over the last three steps, latest first: the value of the parabola with these means at the end.
 FROM_MEANS = (11 / 6, -7 / 6, 1 / 3)
 
 
 class Rotors:
-    """The rotors of one flight; what no effect changes is found once."""
+    """Rotor model of one flight; what does not depend on effects is computed once."""
 
     def __init__(self, log: FlightLog, vehicle: Vehicle):
         self._log, self._vehicle = log, vehicle
@@ -33,12 +33,15 @@ class Rotors:
     def thrust(
         self, effects: Sequence[ActuatorEffect], *, shift: float = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """(n, 4) at the rows, right-sided, and (n-1, 4) in the mean between them [N].
+        """Return thrust (n, 4) at the rows, right-sided, and its means (n-1, 4) between rows [N].
 
-        Commands are held between rows and shifted by `shift` (positive: taken later than logged [s]), then pass the
-        effects (a dead time among them), whose time counts from the first row. The vehicle file's own lag acts unless
-        `effects` bring a lag. Measured rotor speed (`log.input`) is not held but interpolated, and passes propeller
-        effects only.
+        Commands are held between rows, shifted, and passed through the effects, including their dead time. Their time
+        counts from the first row. The lag of the vehicle file acts unless `effects` contain a lag. Measured rotor speed
+        (`log.input`) is interpolated instead of held, and passes propeller effects only.
+
+        Args:
+            effects: actuator effects in the order in which they act.
+            shift: time by which commands are delayed against the log [s].
         """
         own = self._vehicle.rotor_time_constant
         if self._measured:
@@ -56,14 +59,14 @@ class Rotors:
         return self._at_rows(thrust, kinks=lag > 0), self._mean(thrust)
 
     def _at_rows(self, thrust: np.ndarray, *, kinks: bool) -> np.ndarray:
-        """(n, 4) [N]; where the rotors lag, thrust has no jump at a row, but a kink: it is continued from before."""
+        """Return thrust (n, 4) at the rows [N], extrapolated from before where it has a kink at a row."""
         row = self._row
         if not kinks:
             return thrust[row]
         return sum(c * thrust[np.maximum(row - k, 0)] for k, c in enumerate(FROM_MEANS, start=1))
 
     def _mean(self, thrust: np.ndarray) -> np.ndarray:
-        """(n-1, 4) between rows."""
+        """Return the mean thrust (n-1, 4) between rows [N]."""
         later = np.concatenate([thrust[1:], thrust[-1:]]) if self._measured else thrust
         part = 0.5 * self._step * (thrust + later)
         total = np.zeros((len(part) + 1, 4))
@@ -73,7 +76,7 @@ class Rotors:
 
     @property
     def noise(self) -> np.ndarray:
-        """(4,) deviation of what readings of their speed err by, row by row [N]; zero where commands are known."""
+        """(4,) standard deviation of thrust due to noise in rotor speed readings [N]; zero for commands."""
         return self._read[1] if self._measured else np.zeros(4)
 
     @cached_property
@@ -82,7 +85,7 @@ class Rotors:
 
     @cached_property
     def _commanded(self) -> np.ndarray:
-        """(m, 4) at substeps [N]."""
+        """(m, 4) commanded or measured thrust at substeps [N]."""
         if not self._measured:
             return self._held(0.0)
         read, _ = self._read
@@ -94,7 +97,7 @@ class Rotors:
 
     @cached_property
     def _lagged(self) -> np.ndarray:
-        """(m, 4) after the vehicle file's own lag [N]."""
+        """(m, 4) thrust after the lag of the vehicle file [N]."""
         return self._lag(self._commanded)
 
     def _lag(self, thrust: np.ndarray) -> np.ndarray:
@@ -102,7 +105,7 @@ class Rotors:
 
 
 def _held(t_row: np.ndarray, command: np.ndarray, t: np.ndarray, h: float) -> np.ndarray:
-    """(m, 4) mean over [t, t + h] of a command that is held from each row to the next; the ends are held on."""
+    """Return the mean (m, 4) over [t, t + h] of a command that is held between rows and beyond both ends."""
     total = np.concatenate([np.zeros((1, 4)), np.cumsum(command[:-1] * np.diff(t_row)[:, None], axis=0)])
     first, last = t_row[0] - 1e3, t_row[-1] + 1e3
     knots = np.concatenate([[first], t_row, [last]])

@@ -1,4 +1,4 @@
-"""Made flights (`made_flights.py`), what they say, and the models that explain them."""
+"""Fixtures: simulated flights (`simulated_flights.py`), their residuals, and the models that explain them."""
 
 import dataclasses as dc
 import importlib.util
@@ -26,8 +26,10 @@ Fly = Callable[..., FlightLog]
 
 @pytest.fixture(scope="session")
 def fly() -> Fly:
-    """The maker of flights."""
-    spec = importlib.util.spec_from_file_location("made_flights", Path(__file__).with_name("made_flights.py"))
+    """Return the function that simulates a flight."""
+    spec = importlib.util.spec_from_file_location(
+        "simulated_flights", Path(__file__).with_name("simulated_flights.py")
+    )
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -37,7 +39,7 @@ def fly() -> Fly:
 
 @pytest.fixture(scope="session")
 def seen(fly: Fly) -> Callable[..., FlightResiduals]:
-    """What a made flight says: `fly` and `make_evidence`."""
+    """Return a function that simulates a flight and computes its residuals."""
 
     def infer(*effects: Effect, vehicle: Vehicle = VEHICLE, **how: Any) -> FlightResiduals:
         return make_flight_residuals(fly(*effects, vehicle=vehicle, **how), vehicle)
@@ -60,7 +62,7 @@ class Case:
 
 @pytest.fixture(scope="session")
 def ranked(seen) -> Callable[..., Case]:
-    """The models of two noisy flights under some effects, and a third flight; each case is worked out once."""
+    """Return a function that ranks models on two noisy flights under some effects, with a third held out; cached."""
 
     @cache
     def case(*effects: Effect) -> Case:
@@ -73,14 +75,14 @@ def ranked(seen) -> Callable[..., Case]:
 
 @pytest.fixture(scope="session")
 def noise(seen) -> NoiseModel:
-    """That of nominal flights."""
+    """Return the noise model of nominal flights."""
     nominal = [seen(name=str(i), seed=i, noise=1.0) for i in (8, 9)]
     return fit_noise([e.y for e in nominal], nominal[0].grid.step)
 
 
 @pytest.fixture
 def library() -> Iterator[dict[str, type[Effect]]]:
-    """The library, as it was once the test is over."""
+    """Yield the library, and restore it after the test."""
     before = dict(LIBRARY)
     yield LIBRARY
     LIBRARY.clear()
@@ -88,7 +90,7 @@ def library() -> Iterator[dict[str, type[Effect]]]:
 
 
 def _process(rng: np.random.Generator, t: np.ndarray, time: float) -> np.ndarray:
-    """(n, 3) first-order Gauss-Markov, exactly, of deviation 1."""
+    """Return an exact first-order Gauss-Markov process (n, 3) of unit deviation."""
     decay = np.exp(-np.diff(t) / time)
     out = [rng.standard_normal(3)]
     for a in decay:
@@ -98,9 +100,12 @@ def _process(rng: np.random.Generator, t: np.ndarray, time: float) -> np.ndarray
 
 @pytest.fixture(scope="session")
 def pushed() -> Callable[..., dict[str, np.ndarray]]:
-    """What is left (m, 15) of flights in gusts of 0.5 N about a mean, from `begin` on, and noise."""
+    """Return a function that gives residuals (m, 15) of flights with noise and gusts of 0.5 N about a mean.
 
-    def left_of(flights, rng, time, *, begin=-np.inf, white=0.05) -> dict[str, np.ndarray]:
+    The force begins at `begin` [s].
+    """
+
+    def residual_of(flights, rng, time, *, begin=-np.inf, white=0.05) -> dict[str, np.ndarray]:
         residual = {}
         for e in flights:
             gusts = 0.5 * _process(rng, e.t, time) + white * rng.standard_normal((len(e.t), 3))
@@ -109,4 +114,4 @@ def pushed() -> Callable[..., dict[str, np.ndarray]]:
             residual[e.name][:, :3] = attitude.rotate_back(e.q, force * (e.t >= begin)[:, None])
         return residual
 
-    return left_of
+    return residual_of

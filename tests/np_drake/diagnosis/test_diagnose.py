@@ -1,3 +1,5 @@
+"""Laws of the whole diagnosis on simulated flights."""
+
 import dataclasses as dc
 from functools import cache
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""Every effect of the library: flown with it, fitted from a weaker one, found again."""
+"""Recovery of every library effect: it is flown, fitted from a weaker one, and found again."""
 
 import numpy as np
 import pytest

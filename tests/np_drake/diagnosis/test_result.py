@@ -1,4 +1,4 @@
-"""`diagnosis.json` is what docs/reference/files.md says."""
+"""Laws of `diagnosis.json` as docs/reference/files.md describes it."""
 
 import dataclasses as dc
 import json

@@ -1,4 +1,4 @@
-"""Laws of figures that the flights hardly tell."""
+"""Laws of isotropic priors on parameters that the flights hardly determine."""
 
 import numpy as np
 import pytest

@@ -1,3 +1,5 @@
+"""Laws of the maximum a posteriori fit and its covariance."""
+
 import dataclasses as dc
 
 import numpy as np

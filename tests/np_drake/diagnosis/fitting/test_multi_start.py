@@ -1,4 +1,4 @@
-"""Laws of the descent from a set of candidates to its figures."""
+"""Laws of multi-start fits."""
 
 import dataclasses as dc
 

@@ -1,3 +1,5 @@
+"""Laws of physical bounds on fitted parameters."""
+
 import numpy as np
 import pytest
 

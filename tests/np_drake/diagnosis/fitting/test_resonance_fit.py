@@ -1,3 +1,5 @@
+"""Laws of the frequency and damping of a fitted resonance."""
+
 import dataclasses as dc
 
 import numpy as np

@@ -1,3 +1,5 @@
+"""Laws of the fit of a payload's swing."""
+
 import dataclasses as dc
 
 import numpy as np

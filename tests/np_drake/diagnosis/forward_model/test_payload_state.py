@@ -1,3 +1,5 @@
+"""Laws of a payload's hidden swing and its pull."""
+
 import dataclasses as dc
 
 import numpy as np

@@ -1,3 +1,5 @@
+"""Laws of predicted residuals: true effects predict the residual of an exact log."""
+
 import dataclasses as dc
 
 import numpy as np

@@ -1,3 +1,5 @@
+"""Laws of the gap reduction and its bootstrap interval."""
+
 import dataclasses as dc
 
 import numpy as np

@@ -1,3 +1,5 @@
+"""Laws of the states from which a replay starts."""
+
 import numpy as np
 import pytest
 

@@ -1,3 +1,5 @@
+"""Laws of collinear predicted residuals."""
+
 import pytest
 
 from np_drake.diagnosis.forward_model.prediction import predicted_residual

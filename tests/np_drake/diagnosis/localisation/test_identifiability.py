@@ -1,3 +1,5 @@
+"""Laws of excitation and of effects that cannot be told apart."""
+
 import dataclasses as dc
 
 import numpy as np

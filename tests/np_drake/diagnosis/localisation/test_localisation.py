@@ -1,3 +1,5 @@
+"""Laws of localisation in channel, time, regime and frequency."""
+
 import dataclasses as dc
 from itertools import pairwise
 

@@ -1,3 +1,5 @@
+"""Laws of the manoeuvres that show effects."""
+
 import pytest
 
 from np_drake.diagnosis.localisation.manoeuvres import PAIRS, SHOWS, manoeuvre

@@ -1,3 +1,5 @@
+"""Laws of the autoregressive noise model and of whitening with it."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,3 +1,5 @@
+"""Laws of Bayesian linear regression on Gram matrices."""
+
 from itertools import pairwise
 from unittest.mock import patch
 

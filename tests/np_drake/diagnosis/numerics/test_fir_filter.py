@@ -1,4 +1,4 @@
-"""Laws of sums of neighbouring rows."""
+"""Laws of banded FIR filtering."""
 
 import numpy as np
 from hypothesis import given

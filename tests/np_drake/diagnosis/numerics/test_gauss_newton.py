@@ -1,3 +1,5 @@
+"""Laws of bounded Gauss-Newton."""
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st

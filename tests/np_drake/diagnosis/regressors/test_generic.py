@@ -1,3 +1,5 @@
+"""Laws of generic structure as regressors."""
+
 import dataclasses as dc
 from typing import ClassVar
 

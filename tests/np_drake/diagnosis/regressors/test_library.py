@@ -1,3 +1,5 @@
+"""Laws of library effects as regressors."""
+
 import dataclasses as dc
 
 import numpy as np

@@ -1,3 +1,5 @@
+"""Laws of nuisance parameters: calibration and sensor errors within tolerance."""
+
 import numpy as np
 import pytest
 

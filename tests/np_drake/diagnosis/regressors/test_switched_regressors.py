@@ -1,3 +1,5 @@
+"""Laws of sums over regressors that begin in flight."""
+
 import dataclasses as dc
 
 import numpy as np

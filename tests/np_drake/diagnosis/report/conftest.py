@@ -1,4 +1,4 @@
-"""A diagnosis as one would get it: a payload that is hung on in mid-flight, and drag. Made by hand."""
+"""Diagnoses made by hand for the report: a payload attached in mid-flight, and drag."""
 
 import itertools
 

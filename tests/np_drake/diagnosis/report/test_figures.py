@@ -1,3 +1,5 @@
+"""Laws of the report's figures."""
+
 import dataclasses as dc
 
 import numpy as np

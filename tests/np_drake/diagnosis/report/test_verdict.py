@@ -1,4 +1,4 @@
-"""Every kind of verdict in two sentences."""
+"""Laws of the verdict in two sentences, for every kind of verdict."""
 
 import dataclasses as dc
 

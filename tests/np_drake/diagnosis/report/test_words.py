@@ -1,3 +1,5 @@
+"""Laws of numbers and names as text."""
+
 import math
 
 import pytest

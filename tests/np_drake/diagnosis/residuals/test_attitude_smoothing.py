@@ -1,3 +1,5 @@
+"""Laws of attitude smoothing and its rotation vectors."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings

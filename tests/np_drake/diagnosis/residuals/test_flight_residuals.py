@@ -1,3 +1,5 @@
+"""Laws of the residuals of a flight against the nominal model."""
+
 import dataclasses as dc
 
 import numpy as np

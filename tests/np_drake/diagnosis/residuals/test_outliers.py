@@ -1,3 +1,5 @@
+"""Laws of outlier detection and interpolation."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings

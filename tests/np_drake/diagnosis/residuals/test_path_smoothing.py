@@ -1,4 +1,4 @@
-"""Laws of the acceleration that position and accelerometer tell together."""
+"""Laws of the acceleration that position and accelerometer give together."""
 
 import numpy as np
 import pytest

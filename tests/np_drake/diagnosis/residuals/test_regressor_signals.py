@@ -1,3 +1,5 @@
+"""Laws of noise removal from regressor signals."""
+
 import numpy as np
 
 from np_drake.diagnosis.residuals.regressor_signals import flight_state

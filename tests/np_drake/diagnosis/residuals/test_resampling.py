@@ -1,3 +1,5 @@
+"""Laws of resampling to a uniform grid."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings

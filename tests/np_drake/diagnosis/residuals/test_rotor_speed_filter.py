@@ -1,3 +1,5 @@
+"""Laws of thrust from measured rotor speed."""
+
 import dataclasses as dc
 
 import numpy as np

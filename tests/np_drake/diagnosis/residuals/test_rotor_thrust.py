@@ -1,3 +1,5 @@
+"""Laws of rotor thrust from logged commands."""
+
 import dataclasses as dc
 
 import numpy as np

@@ -1,6 +1,6 @@
-"""Flights without a simulator: a motion is prescribed, and the command is what makes the real dynamics follow it.
+"""Simulated flights from a prescribed motion: the command is that with which the real dynamics follow it.
 
-Row by row: body rates change by the mean torque of an interval, specific force is that of the held thrust and of the
+Row by row, body rates change by the mean torque of an interval, specific force is that of the held thrust and of the
 effects, and velocity and position are its sums. Every effect of the library can act, from any time on.
 """
 

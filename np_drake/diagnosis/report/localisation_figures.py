@@ -1,4 +1,4 @@
-"""Figures of where: channel against regime, time line, spectra."""
+"""Figures of the localisation: channel against regime, timeline, spectra."""
 
 from collections.abc import Sequence
 
@@ -12,14 +12,14 @@ from np_drake.diagnosis.report.words import number, plain_name
 from np_drake.diagnosis.result import CHANNELS, Band, Localisation, Regime
 from np_drake.figure_file import PALETTE, new_figure
 
-FLIGHTS = 4  # at most in the time line
-_WINDOW = 0.25  # of the running RMS in the time line [s]
+FLIGHTS = 4  # largest number of flights in the timeline
+_WINDOW = 0.25  # window of the running RMS in the timeline [s]
 _KINDS = (("force", "N", slice(0, 3)), ("torque", "N·m", slice(3, 6)))
 Onsets = dict[str, list[tuple[str, float]]]  # flight: (effect, time)
 
 
 def regime_figure(regimes: Sequence[Regime]) -> Figure:
-    """RMS residual in noise units, channel against regime: before, and after where it is known."""
+    """Return a heat map of RMS residual in noise units, channel against regime, before and, where known, after."""
     quantities = list(dict.fromkeys(regime.quantity for regime in regimes))
     groups = [[regime for regime in regimes if regime.quantity == quantity] for quantity in quantities]
     rows = [("before", [r.rms for r in regimes])]
@@ -56,7 +56,7 @@ def regime_figure(regimes: Sequence[Regime]) -> Figure:
 
 
 def _heat(ax, group: Sequence[Regime], when: str, scale: LogNorm):
-    """One panel with its numbers."""
+    """Draw one panel with its numbers, and return its image."""
     values = np.array([r.rms if when == "before" else r.rms_after for r in group], float).T
     shown = ax.imshow(np.maximum(values, 1.0), cmap="Blues", norm=scale, aspect="auto")
     for (row, column), value in np.ndenumerate(values):
@@ -68,22 +68,22 @@ def _heat(ax, group: Sequence[Regime], when: str, scale: LogNorm):
 
 
 def _ranges(group: Sequence[Regime]) -> list[str]:
-    """'lower … upper' of regimes of one quantity, with the decimals that tell them apart."""
+    """Return 'lower … upper' of regimes of one quantity, with enough decimals to tell them apart."""
     span = max(regime.upper for regime in group) - min(regime.lower for regime in group)
     decimals = int(np.clip(-np.floor(np.log10(max(span, 1e-6) / 30)), 0, 6))
     return [f"{r.lower:.{decimals}f} … {r.upper:.{decimals}f}".replace("-", "−") for r in group]
 
 
-def timeline_figure(where: Localisation, onsets: Onsets) -> Figure:
-    """Running RMS of force and torque residual of each flight, with change points and onsets."""
-    flights = list(where.times)[:FLIGHTS]
+def timeline_figure(localisation: Localisation, onsets: Onsets) -> Figure:
+    """Return the running RMS of force and torque residual of each flight, with change points and onsets."""
+    flights = list(localisation.times)[:FLIGHTS]
     figure, grid = new_figure(
         len(flights), 2, width=9.0, height=0.9 + 1.75 * len(flights), sharex="row", sharey="col"
     )
     for axes, flight in zip(grid, flights, strict=True):
         for ax, (kind, unit, channels) in zip(axes, _KINDS, strict=True):
-            _trace(ax, where, flight, channels)
-            _marks(ax, where, flight, onsets.get(flight, []))
+            _trace(ax, localisation, flight, channels)
+            _marks(ax, localisation, flight, onsets.get(flight, []))
             ax.set_ylabel(f"{kind} [{unit}]")
             ax.set_title(plain_name(flight), fontsize=8, loc="left", parse_math=False)
     for ax in grid[-1]:
@@ -97,9 +97,9 @@ def timeline_figure(where: Localisation, onsets: Onsets) -> Figure:
     return figure
 
 
-def _trace(ax, where: Localisation, flight: str, channels: slice) -> None:
-    t = where.times[flight]
-    curves = ((where.before, "before", BEFORE, 0.9), (where.after, "after", AFTER, 0.9))
+def _trace(ax, localisation: Localisation, flight: str, channels: slice) -> None:
+    t = localisation.times[flight]
+    curves = ((localisation.before, "before", BEFORE, 0.9), (localisation.after, "after", AFTER, 0.9))
     for traces, label, colour, width in curves:
         if flight in traces:
             size = np.linalg.norm(traces[flight][:, channels], axis=1)
@@ -110,9 +110,9 @@ def _trace(ax, where: Localisation, flight: str, channels: slice) -> None:
     ax.grid(alpha=0.3, linewidth=0.6)
 
 
-def _marks(ax, where: Localisation, flight: str, onsets: list[tuple[str, float]]) -> None:
-    """Change points as dotted lines, onsets as solid ones, every second segment shaded."""
-    segments = [segment for segment in where.segments if segment.flight == flight]
+def _marks(ax, localisation: Localisation, flight: str, onsets: list[tuple[str, float]]) -> None:
+    """Draw change points as dotted lines and onsets as solid ones, and shade every second segment."""
+    segments = [segment for segment in localisation.segments if segment.flight == flight]
     for place, segment in enumerate(segments):
         if place % 2:
             ax.axvspan(segment.start, segment.end, color="0.93", zorder=0, linewidth=0)
@@ -123,7 +123,7 @@ def _marks(ax, where: Localisation, flight: str, onsets: list[tuple[str, float]]
 
 
 def _running_rms(size: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """(n,) root of the mean square over `_WINDOW` [s]; rows without a number count for nothing."""
+    """Return the root mean square (n,) over `_WINDOW` [s]; rows that are not finite are left out."""
     rows = max(1, round(_WINDOW / max(float(np.median(np.diff(t))), 1e-6))) if len(t) > 1 else 1
     good = np.isfinite(size)
     kernel = np.ones(min(rows, len(t)))
@@ -133,7 +133,7 @@ def _running_rms(size: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def spectrum_figure(bands: Sequence[Band]) -> Figure:
-    """Spectral density of the residual before and after, against the model of the noise."""
+    """Return the spectral density of the residual before and after, with that of the noise model."""
     bands = bands[:6]
     rows = -(-len(bands) // 3)
     figure, grid = new_figure(rows, min(3, len(bands)), width=9.0, height=0.7 + 2.2 * rows, sharex=True)
@@ -155,7 +155,7 @@ def spectrum_figure(bands: Sequence[Band]) -> Figure:
             )
         unit = "N²/Hz" if band.channel.startswith("force") else "(N·m)²/Hz"
         ax.set_ylabel(f"{band.channel} [{unit}]")
-        if np.any(band.noise > 0):  # below it there is nothing but the roll-off of a filter
+        if np.any(band.noise > 0):  # below it there is only the roll-off of a filter
             ax.set_ylim(bottom=0.05 * np.quantile(band.noise[band.noise > 0], 0.1))
         ax.xaxis.set_major_formatter(plain_ticks())
         ax.grid(alpha=0.3, linewidth=0.6)
