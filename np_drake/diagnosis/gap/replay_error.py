@@ -31,6 +31,6 @@ def replay_gap(errors: np.ndarray, horizons: tuple[float, ...]) -> ReplayGap:
     medians = np.array([np.median(errors[draw], axis=0) for draw in draws])
     with np.errstate(invalid="ignore"):  # inf - inf where many starts diverged
         lower, upper = np.quantile(medians, [0.025, 0.975], axis=0, method="nearest")
-    figures = np.stack([np.median(errors, axis=0), lower, upper], axis=-1)  # (h, 3 quantities, 3)
-    position, velocity, turned = figures[:, 0], figures[:, 1], figures[:, 2]
+    values = np.stack([np.median(errors, axis=0), lower, upper], axis=-1)  # (h, 3 quantities, 3)
+    position, velocity, turned = values[:, 0], values[:, 1], values[:, 2]
     return ReplayGap(tuple(horizons), position, velocity, turned, len(errors))

@@ -46,9 +46,9 @@ def excitation(flights: Sequence[FlightResiduals]) -> dict[str, float]:
     }
 
 
-def excited(figures: dict[str, float]) -> bool:
+def excited(excitations: dict[str, float]) -> bool:
     """Return whether any quantity of `excitation` is large enough to tell effects apart."""
-    named = {key.split(" [")[0]: value for key, value in figures.items()}
+    named = {key.split(" [")[0]: value for key, value in excitations.items()}
     return any(named[key] >= least for key, least in LEAST_EXCITATION.items())
 
 
@@ -113,7 +113,6 @@ def assess_identifiability(
         candidates: library candidates with columns for the training flights.
         noise: noise model of the channels.
     """
-    figures = excitation(train)
     warnings = [f"{e.name}: {note}" for e in [*train, *held_out] for note in e.log.notes]
     if train[0].log.input == "rotor_speed":
         warnings.append("rotor speed is the input: motor_lag, command_delay and clock_offset cannot be told.")
@@ -129,7 +128,7 @@ def assess_identifiability(
             )
     return Identifiability(
         usable=True,
-        excitation=figures,
+        excitation=excitation(train),
         noise_floor={name: float(noise.rms[WRENCH][c]) for c, name in enumerate(CHANNELS)},
         not_identifiable=tuple(confusables(train, candidates, noise)),
         warnings=tuple(warnings),

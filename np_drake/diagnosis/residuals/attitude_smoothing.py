@@ -86,12 +86,12 @@ def _without_drift(carried: np.ndarray, q: np.ndarray, step: float) -> np.ndarra
     A drift that is constant in W varies in B as the body tilts, so that a low-pass in B would miss it. The error of a
     reading is constant in B; it is removed before the drift is estimated.
     """
-    sensor_drift = np.zeros((len(q), 3))
+    reading_error = np.zeros((len(q), 3))
     for _ in range(ROUNDS):
-        was = attitude.multiply(q, from_rotation_vector(-sensor_drift))
+        was = attitude.multiply(q, from_rotation_vector(-reading_error))
         drift = _unwound(rotation_vector(attitude.multiply(was, conjugate(carried))))
         carried = attitude.multiply(from_rotation_vector(_low_pass(drift, step, DRIFT)), carried)
-        sensor_drift = _low_pass(rotation_vector(attitude.multiply(conjugate(carried), q)), step, DRIFT)
+        reading_error = _low_pass(rotation_vector(attitude.multiply(conjugate(carried), q)), step, DRIFT)
     return carried
 
 

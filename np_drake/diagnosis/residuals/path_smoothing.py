@@ -76,5 +76,5 @@ def _bias(t: np.ndarray, p: np.ndarray, a: np.ndarray) -> np.ndarray:
 def _second_difference(t: np.ndarray) -> np.ndarray:
     """Return the weights (3, n-2) of the previous, current and next row in the second derivative."""
     before, after = np.diff(t)[:-1], np.diff(t)[1:]
-    residual, right = 2 / ((before + after) * before), 2 / ((before + after) * after)
-    return np.stack([residual, -(residual + right), right])
+    left, right = 2 / ((before + after) * before), 2 / ((before + after) * after)
+    return np.stack([left, -(left + right), right])

@@ -41,10 +41,10 @@ def fly() -> Fly:
 def seen(fly: Fly) -> Callable[..., FlightResiduals]:
     """Return a function that simulates a flight and computes its residuals."""
 
-    def infer(*effects: Effect, vehicle: Vehicle = VEHICLE, **how: Any) -> FlightResiduals:
+    def simulate(*effects: Effect, vehicle: Vehicle = VEHICLE, **how: Any) -> FlightResiduals:
         return make_flight_residuals(fly(*effects, vehicle=vehicle, **how), vehicle)
 
-    return infer
+    return simulate
 
 
 @dc.dataclass(frozen=True)

@@ -34,7 +34,7 @@ WAVES = ((0.2, (1.0, 0.9, 0.3, 0.4)), (0.5, (0.2, 0.25, 0.1, 0.1)), (1.2, (0.02,
 
 @dc.dataclass
 class Course:
-    """The motion that is wanted, on the rows: p, v, a (n, 3) in W and heading (n,)."""
+    """Desired motion on the rows: p, v, a (n, 3) in W and heading (n,)."""
 
     t: np.ndarray
     p: np.ndarray
@@ -44,7 +44,7 @@ class Course:
 
 
 def course(seed: int, seconds: float, vigour: float | tuple[float, ...]) -> Course:
-    """A few sinusoids an axis about a point 1.2 m above the ground, out of rest there over the first seconds."""
+    """Return a few sinusoids on each axis about a point 1.2 m above the ground, starting from rest."""
     rng = np.random.default_rng(seed)
     t = STEP * np.arange(round(seconds / STEP) + 1)
     parts = np.zeros((3, len(t), 4))
@@ -64,7 +64,7 @@ def course(seed: int, seconds: float, vigour: float | tuple[float, ...]) -> Cour
 
 @dc.dataclass
 class Flown:
-    """What happens: x (n, 13), a (n, 3) right-sided, thrust (n, 4) at rows and in the mean of each row's interval."""
+    """Resulting motion: x (n, 13), a (n, 3) right-sided, thrust (n, 4) at rows and as mean over each row's interval."""
 
     x: np.ndarray
     a: np.ndarray
@@ -73,18 +73,18 @@ class Flown:
 
 
 class Flight:
-    """One flight under some effects."""
+    """Simulation of one flight under some effects."""
 
     def __init__(self, path: Course, places: EffectsByPlace, onset: Mapping[str, float], vehicle: Vehicle):
         self.path, self.places, self.onset, self.vehicle = path, places, onset, vehicle
         self.lag = next((e for e in places.actuator if isinstance(e, MotorLag)), None)
 
     def gate(self, effect: Any) -> np.ndarray:
-        """(n, 1) one from its onset on."""
+        """Return a step (n, 1) that is one from the effect's onset on."""
         return (self.path.t >= self.onset.get(effect.identifier, -np.inf))[:, None].astype(float)
 
     def flown(self) -> Flown:
-        """By fixed point: forces from motion, motion from forces."""
+        """Return the motion by fixed-point iteration: forces from motion, motion from forces."""
         path, n = self.path, len(self.path.t)
         self.m, self.c, self.J = self._mass_properties()
         thrust = np.full((n, 4), 0.25 * self.vehicle.mass * self.vehicle.gravity)
@@ -113,7 +113,7 @@ class Flight:
         return m, c, J
 
     def _attitude(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Attitude, body rates and thrust that follow the course under `force` (n, 3) in W."""
+        """Return attitude, body rates and thrust that follow the course under `force` (n, 3) in W."""
         mass = ndimage.gaussian_filter1d(self.m, 0.06 / STEP, axis=0, mode="nearest")
         needed = mass * (self.path.a + GRAVITY) - force
         lift = np.linalg.norm(needed, axis=1)
@@ -122,7 +122,7 @@ class Flight:
         return q, 2 * attitude.multiply(q * [1.0, -1.0, -1.0, -1.0], rate)[:, 1:], lift
 
     def _moved(self, now: Flown, q, w, lift) -> tuple[np.ndarray, Flown]:
-        """One sweep: the effects' force in W at the rows, and the motion under it."""
+        """Return the effects' force in W at the rows, and the motion under it, after one iteration."""
         x = np.concatenate([now.x[:, :3], q, now.x[:, V], w], axis=1)
         al = np.diff(w, axis=0) / STEP
         al = np.concatenate([al, al[-1:]])
@@ -151,7 +151,7 @@ class Flight:
         return chi_rows[:, :3], Flown(np.concatenate([p, q, v, w], axis=1), a, rows, mids)
 
     def _chi(self, t: np.ndarray, x: np.ndarray, thrust: np.ndarray) -> np.ndarray:
-        """(n, 6) of all wrench effects, each from its onset on."""
+        """Return the wrench (n, 6) of all wrench effects, each from its onset on."""
         wind = sum(e.air_velocity(t) * self.gate(e) for e in self.places.wrench) + np.zeros((len(t), 3))
         rate = np.zeros((len(t), 4))
         if self.lag:
@@ -162,9 +162,9 @@ class Flight:
         )
 
     def _payload(self, x: np.ndarray, a: np.ndarray, al: np.ndarray) -> np.ndarray:
-        """(n, 6) in the mean of the intervals, from the motion in their middle; it begins at rest along the apparent
+        """Return the mean wrench (n, 6) over each interval, from the motion in its middle.
 
-        gravity of its first half second.
+        The payload begins at rest along the apparent gravity of its first half second.
         """
         payload, chi = self.places.payload, np.zeros((len(x), 6))
         if payload is None:
@@ -179,7 +179,7 @@ class Flight:
         return chi
 
     def _turned(self, needed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Thrust (n, 4) at rows and in the mean: held over the interval, or between rows as a lag lets it."""
+        """Return thrust (n, 4) at rows and in the mean: held over the interval, or interpolated where rotors lag."""
         if self.lag is None:
             return needed, needed
         rows = _before(needed)
@@ -194,7 +194,7 @@ class Flight:
         return float(np.exp(-share * STEP / self.lag.time_constant))
 
     def command(self, now: Flown) -> np.ndarray:
-        """(n, 4) u whose rotors, through the actuator effects, give the thrust that was flown [N, N·m]."""
+        """Return u (n, 4) whose rotors, through the actuator effects, give the thrust that was flown [N, N·m]."""
         thrust = now.mids
         for effect in reversed(self.places.actuator):
             if not effect.turns_rotor:
@@ -210,7 +210,7 @@ class Flight:
 
 
 def _middle(rows: np.ndarray) -> np.ndarray:
-    """(n, m) in the middle of the interval after each row; unit quaternions where there are states."""
+    """Return values (n, m) in the middle of the interval after each row; quaternions are normalised."""
     out = 0.5 * (rows + np.concatenate([rows[1:], rows[-1:]]))
     if out.shape[1] == 13:
         out[:, Q] /= np.linalg.norm(out[:, Q], axis=1, keepdims=True)
@@ -218,12 +218,12 @@ def _middle(rows: np.ndarray) -> np.ndarray:
 
 
 def _before(mids: np.ndarray) -> np.ndarray:
-    """(n, m) at the rows, of what is known in the middle of the intervals after them."""
+    """Return values (n, m) at the rows, from those in the middle of the intervals after them."""
     return 0.5 * (mids + np.concatenate([mids[:1], mids[:-1]]))
 
 
 def _sum(rates: np.ndarray) -> np.ndarray:
-    """(n, 3) sums before each row."""
+    """Return the cumulative sums (n, 3) before each row."""
     return np.concatenate([np.zeros((1, 3)), np.cumsum(rates[:-1], axis=0)])
 
 
@@ -239,9 +239,9 @@ def fly(
     attitude_noise: float = 0.0,
     vehicle: Vehicle = VEHICLE,
 ) -> FlightLog:
-    """A log of a flight under `effects`.
+    """Return the log of a flight under `effects`.
 
-    onset: by identifier [s].   noise: times the white noise of the vehicle file [1]; attitude_noise [rad].
+    onset: by identifier [s]. noise: factor on the white noise of the vehicle file [1]; attitude_noise [rad].
     vigour: of the motion along x, y, z and about z [1]; 0 hovers.
     """
     places = split_effects(effects)

@@ -25,7 +25,7 @@ SHORT = {"noise": 1.0, "seconds": 10.0}
 
 @pytest.fixture(scope="module")
 def diagnosed(fly):
-    """The answer to two training flights and a held-out one under some effects; each is worked out once."""
+    """Return a function that diagnoses two training flights and a held-out one under some effects; cached."""
 
     @cache
     def answer(*effects, onset=None, **how) -> Diagnosis:
@@ -123,7 +123,7 @@ def test_a_diagnosis_leaves_the_logs_as_they_were(fly):
 
 @dc.dataclass(frozen=True)
 class Brake(WrenchEffect):
-    """tau_B = -brake w."""
+    """Rotational damping tau_B = -brake w."""
 
     brake: float = 0.02  # [N·m·s]
 
@@ -159,7 +159,7 @@ def test_progress_is_told_and_grows(fly):
 
 
 def bad_inputs(fly):
-    """What is wrong, and the flights."""
+    """Return what is wrong, and the flights."""
     a, b = fly(name="a", seconds=5.0), fly(name="b", seconds=5.0)
     yield "train must hold at least one flight", [], [b]
     yield "held_out must hold at least one flight", [a], []

@@ -21,7 +21,7 @@ DRAG = LinearDrag(0.4, 0.4, 0.4)
 
 
 def strong(name: str, share: float) -> Effect:
-    """That share of a typical effect."""
+    """Return that share of a typical effect."""
     values = {}
     for p, sign in zip(LIBRARY[name].parameters, SIGNS * 2, strict=False):
         if p.choices:

@@ -15,7 +15,7 @@ from np_drake.effects.mass_error import MassError
 
 
 def posterior(information: np.ndarray, pull: np.ndarray, scales: np.ndarray):
-    """Mean and covariance of figures about 0 with priors of these deviations."""
+    """Return mean and covariance of parameters about 0 with priors of these deviations."""
     covariance = np.linalg.inv(information + np.diag(scales**-2.0))
     return covariance @ pull, covariance
 
@@ -28,7 +28,10 @@ def fit_of(effect, values: np.ndarray, covariance: np.ndarray) -> Fit:
 
 
 def told(weak: float, like: np.ndarray):
-    """Information on three figures and a mass: the third is hardly told, and leans on the mass."""
+    """Return information on three parameters and a mass.
+
+    The third parameter is hardly determined, and correlates with the mass.
+    """
     X = np.diag([1e6, 1e6, weak, 300.0])
     X[2, 3] = 0.3 * weak
     information = X.T @ X

@@ -186,7 +186,7 @@ def test_a_wind_is_told_by_how_it_pushes_however_little_is_known_of_its_drag(pus
 
 
 def told_beside_a_drag(drag, wind, deviation):
-    """Is the wind told, beside the drag that it is felt through, where every figure has this deviation?"""
+    """Return whether the wind is significant beside its drag, where every parameter has this deviation."""
     terms = (Term(LinearDrag(*drag)), Term(wind))
     free = tuple(f for f in free_parameters(terms, [], {}) if not f.flight)
     values = read(terms, free)

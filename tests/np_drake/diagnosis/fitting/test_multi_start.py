@@ -19,7 +19,10 @@ ONLY = Model((0,), 0.0)
 
 @pytest.fixture(scope="module")
 def swinging(seen):
-    """Two flights with a payload, whose length is guessed, and noise that is all they show: it rings with the swing."""
+    """Return two flights with a payload of guessed length, and a noise model of their whole residual.
+
+    That noise resonates with the swing.
+    """
     flights = [seen(PAYLOAD, name=str(i), seed=i, noise=1.0, seconds=10.0) for i in (1, 2)]
     noise = fit_noise([e.y for e in flights], flights[0].grid.step)
     return RegressionProblem(

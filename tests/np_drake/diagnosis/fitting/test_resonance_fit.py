@@ -12,7 +12,7 @@ from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
 
 @pytest.fixture(scope="module")
 def swinging(seen):
-    """Nominal flights with what a group of columns of one frequency and damping gives, and the nearest of the grid."""
+    """Return nominal flights with the columns of one frequency and damping added, and the nearest grid candidate."""
 
     def made(name: str, frequency: float, damping: float):
         flights = [seen(name=str(i), seed=i, noise=1.0, seconds=12.0) for i in (1, 2)]

@@ -19,7 +19,7 @@ WIDE = np.array([1.0, -0.8, -3.0, 4.0])  # [rad, rad/s]
 
 @pytest.fixture
 def thrown(seen):
-    """A flight whose payload swings as `WIDE` from the start, with nothing else but noise."""
+    """Return a flight whose payload swings as `WIDE` from the start, with noise and nothing else."""
     flight = seen(name="c", seed=4, noise=1.0)
     return dc.replace(flight, y=flight.y + predicted_residual(flight, [Term(PAYLOAD, hidden={"c": WIDE})]))
 

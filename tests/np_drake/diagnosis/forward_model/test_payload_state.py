@@ -95,7 +95,7 @@ def test_before_its_onset_nothing_pulls_and_what_never_begins_never_does(seen):
 
 
 def knocked(e, *at):
-    """The flight with shocks of two rows at these times."""
+    """Return the flight with outliers of two rows at these times."""
     shocks = np.zeros(len(e.t), bool)
     for t in at:
         shocks[np.searchsorted(e.t, t) : np.searchsorted(e.t, t) + 2] = True

@@ -39,7 +39,7 @@ LIGHT = SuspendedPayload(0.2, 0.35, 0.02, 0.0, -0.05)  # short: it does not swin
 
 
 def made(effect: type) -> list:
-    """The effect at its defaults, with the drag that it needs."""
+    """Return the effect at its defaults, with the drag that it needs."""
     own = LIGHT if effect is SuspendedPayload else effect()
     return [LinearDrag(), own] if effect.needs else [own]
 

@@ -43,7 +43,7 @@ def test_pooled_is_one_for_noise_and_scales_with_it():
 
 
 def parts(seed: int, gap: float, share: float) -> tuple[dict, dict, float]:
-    """Residuals of two flights before and after, and the fraction that they were made with."""
+    """Return residuals of two flights before and after, and the closed fraction with which they were made."""
     rng = np.random.default_rng(seed)
     before, after = {}, {}
     for name in "ab":

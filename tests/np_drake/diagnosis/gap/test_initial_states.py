@@ -11,7 +11,7 @@ RATE = 100.0
 
 @pytest.fixture
 def flown():
-    """(t, x): ten seconds on a circle of 1 m at 1.5 rad/s, level."""
+    """Return (t, x) of ten seconds on a circle of 1 m at 1.5 rad/s, level."""
     t = np.arange(round(10 * RATE)) / RATE
     x = np.zeros((len(t), 13))
     x[:, Q][:, 0] = 1.0
@@ -21,7 +21,7 @@ def flown():
 
 
 def velocity_error(smoothed, x):
-    """RMS away from the ends, where parabolas are one-sided [m/s]."""
+    """Return the RMS error away from the ends, where parabolas are one-sided [m/s]."""
     return float(np.sqrt(np.mean((smoothed - x)[30:-30, V] ** 2)))
 
 

@@ -20,7 +20,7 @@ PHI = {0: [1.2, -0.6], 1: [0.5], 2: []}  # of three processes
 
 
 def processes(seed: int, n: int = 6000, mixing: np.ndarray | None = None) -> np.ndarray:
-    """(n, 3) autoregressive, driven by white noise with the covariance mixing mixing'."""
+    """Return autoregressive channels (n, 3), driven by white noise with the covariance mixing mixing'."""
     drive = np.random.default_rng(seed).normal(size=(n + 200, 3))
     drive = drive if mixing is None else drive @ mixing.T
     parts = [signal.lfilter([1.0], [1.0, *(-np.array(PHI[c]))], drive[:, c]) for c in range(3)]

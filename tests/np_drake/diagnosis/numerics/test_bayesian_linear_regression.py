@@ -20,13 +20,13 @@ def problem(seed: int, rows: int = 12, channels: int = 2, k: int = 4) -> tuple[n
 
 
 def gram(X: np.ndarray, y: np.ndarray) -> Gram:
-    """Of white columns (m, c, k) and channels (m, c)."""
+    """Return the Gram matrix of white columns (m, c, k) and channels (m, c)."""
     flat, target = X.reshape(-1, X.shape[-1]), y.reshape(-1)
     return Gram(flat.T @ flat, flat.T @ target, float(target @ target), len(y))
 
 
 def density(X: np.ndarray, y: np.ndarray, variance: float = 1.0) -> float:
-    """log p(y) with the coefficients integrated out."""
+    """Return log p(y) with the coefficients integrated out."""
     flat = X.reshape(y.size, X.shape[-1])
     covariance = variance * np.eye(len(flat)) + flat @ flat.T
     return float(stats.multivariate_normal.logpdf(y.ravel(), cov=covariance))

@@ -70,7 +70,7 @@ class Plate(WrenchEffect):
 
 
 def swinging(e, frequency, damping, gain=0.3):
-    """The flight with a torque behind an oscillator that the commanded torque drives; exact between the rows."""
+    """Return the flight with a torque behind an oscillator that the commanded torque drives; exact between the rows."""
     w = 2 * np.pi * frequency
     y = e.y.copy()
     for axis in (3, 4):

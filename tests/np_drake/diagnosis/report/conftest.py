@@ -13,7 +13,7 @@ SIZE = (8.0, 7.0, 22.0, 3.0, 2.6, 1.3)  # of the gap in noise units
 
 
 def traces(flight: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """t, residual before and after of 20 s; the payload comes at 8 s of the second flight."""
+    """Return t and the residuals before and after, over 20 s; the payload begins at 8 s of the second flight."""
     draw = np.random.default_rng(flight)
     t = np.arange(0.0, 20.0, 0.01)
     hung = (t > 8.0) if flight else np.ones(len(t))

@@ -71,7 +71,7 @@ def test_a_bias_of_the_gyro_is_no_noise_of_the_attitude(fly):
 
 
 def circling(tilt: float, turns: float, seconds: float = 20.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """t (n,) and attitudes (n, 4) of a body whose axis goes about the vertical, without yaw, and its rates (n, 3)."""
+    """Return t (n,), attitudes (n, 4) and rates (n, 3) of a body that precesses about the vertical without yaw."""
     t = np.arange(0.0, seconds, 0.01)
     about = 2 * np.pi * turns * t
     q = from_rotation_vector(tilt * np.stack([np.cos(about), np.sin(about), 0 * t], axis=1))
@@ -81,7 +81,10 @@ def circling(tilt: float, turns: float, seconds: float = 20.0) -> tuple[np.ndarr
 
 @pytest.mark.parametrize("off, tilting, turning", [(0.0, 0.0012, 0.0015), (0.1, 0.003, 0.009)])
 def test_on_a_tight_circle_the_gyros_drift_is_not_left_to_the_attitude(off, tilting, turning):
-    """off: what the reading is off by in body axes [rad], which stays.   tilting, turning: largest deviations [rad]."""
+    """Check drift removal while precessing.
+
+    off: constant error of the reading in B [rad], which stays. tilting, turning: largest deviations [rad].
+    """
     t, truth, w = circling(tilt=0.7, turns=0.9)
     rng = np.random.default_rng(1)
     read = attitude.multiply(truth, from_rotation_vector(0.008 * rng.normal(size=w.shape) + [0, off, 0]))

@@ -33,7 +33,7 @@ def test_a_nominal_flight_has_no_residual(seen, accelerations):
 
 
 def shaken(rows: int = 800, *, late: int = 0) -> FlightLog:
-    """Level flight whose thrust is new in every row; `late`: its acceleration stands so many rows too late."""
+    """Return a level flight whose thrust changes in every row; `late`: rows by which its acceleration is delayed."""
     t = 0.01 * np.arange(rows)
     f = 19.62 + np.random.default_rng(0).normal(scale=2.0, size=rows)
     a = np.stack([0 * f, 0 * f, f / VEHICLE.mass - VEHICLE.gravity], axis=1)
@@ -60,7 +60,7 @@ def test_without_accelerations_a_change_of_velocity_meets_the_command_before_it(
 
 @pytest.fixture
 def lagging():
-    """(vehicle, log): rotors that lag, and are called to hover in row 400."""
+    """Return (vehicle, log) of rotors with lag that are commanded to hover in row 400."""
     vehicle = dc.replace(VEHICLE, rotor_time_constant=0.04)
     log = shaken()
     log.u[:400, 0] = 9.0
@@ -71,7 +71,7 @@ def lagging():
 
 @pytest.fixture
 def between():
-    """(vehicle, log): rotors that lag, whose thrust changes from row to row and between rows."""
+    """Return (vehicle, log) of rotors with lag, whose thrust changes from row to row and between rows."""
     vehicle = dc.replace(VEHICLE, rotor_time_constant=0.04)
     log = shaken()
     at, until = (f.sum(axis=1) / vehicle.mass - vehicle.gravity for f in Rotors(log, vehicle).thrust([]))

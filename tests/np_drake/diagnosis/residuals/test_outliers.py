@@ -12,7 +12,7 @@ STEP = 0.02
 
 @pytest.fixture
 def quiet() -> np.ndarray:
-    """Twenty seconds of noise in six channels."""
+    """Return twenty seconds of noise in six channels."""
     return np.random.default_rng(1).normal(size=(1000, 6))
 
 

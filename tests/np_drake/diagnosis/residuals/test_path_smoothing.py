@@ -13,7 +13,7 @@ SIZES = st.floats(-1.0, 1.0)
 
 
 def flight(rng: np.random.Generator, jitter: float = 0.0):
-    """Times, exact positions and accelerations of a motion below 1.3 Hz; some rows are missing, times are uneven."""
+    """Return times, exact positions and accelerations of a motion below 1.3 Hz, with missing rows and uneven times."""
     t = np.arange(0.0, SECONDS, STEP)
     t = t + jitter * STEP * rng.uniform(-1, 1, len(t))
     if jitter:
@@ -25,13 +25,13 @@ def flight(rng: np.random.Generator, jitter: float = 0.0):
 
 
 def slow_share(error: np.ndarray) -> float:
-    """RMS between 0.5 and 1.5 Hz, where a payload rings."""
+    """Return the RMS between 0.5 and 1.5 Hz, where a payload resonates."""
     sos = signal.butter(2, [0.5, 1.5], "bandpass", fs=1 / STEP, output="sos")
     return float(np.sqrt(np.mean(signal.sosfiltfilt(sos, error, axis=0)[200:-200] ** 2)))
 
 
 def flicker(rng: np.random.Generator, n: int, rms: float) -> np.ndarray:
-    """(n, 3) with a power that falls as 1 / f."""
+    """Return noise (n, 3) with a power that falls as 1 / f."""
     f = np.fft.rfftfreq(n, STEP)
     spectrum = np.fft.rfft(rng.normal(size=(n, 3)), axis=0) / np.sqrt(np.maximum(f, f[1]))[:, None]
     out = np.fft.irfft(spectrum, n, axis=0)

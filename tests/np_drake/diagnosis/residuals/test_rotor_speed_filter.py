@@ -20,20 +20,20 @@ NOISE = 4.0  # of readings of rotor speed [rad/s]
 
 
 def known(log: FlightLog) -> FlightLog:
-    """The log with rotor speed at its rows, and no command: of one that is held, in the middle of its step."""
+    """Return the log with rotor speed at its rows in place of a held command, taken in the middle of its step."""
     at_rows = np.concatenate([log.u[:1], 0.5 * (log.u[1:] + log.u[:-1])])
     return dc.replace(log, u=at_rows, input="rotor_speed")
 
 
 def read(log: FlightLog, noise: float = NOISE, seed: int = 0) -> FlightLog:
-    """The same, read with noise [rad/s]."""
+    """Return the log with noise on its rotor speed [rad/s]."""
     spin = rotor_speed(VEHICLE, known(log).u)
     spin = spin + noise * np.random.default_rng(seed).normal(size=spin.shape)
     return dc.replace(known(log), u=rotor_wrench(VEHICLE, spin))
 
 
 def thrust_noise(log: FlightLog) -> np.ndarray:
-    """(4,) deviation of thrust [N] by that of the readings, in the mean."""
+    """Return the mean deviation of thrust (4,) due to the noise of the readings [N]."""
     return 2 * VEHICLE.thrust_coefficient * NOISE * np.mean(rotor_speed(VEHICLE, log.u), axis=0)
 
 
