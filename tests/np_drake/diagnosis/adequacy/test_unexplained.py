@@ -7,7 +7,7 @@ import pytest
 
 from np_drake.diagnosis.adequacy import residual_tests
 from np_drake.diagnosis.adequacy import unexplained as remains_module
-from np_drake.diagnosis.adequacy.generic_structure import _repeat
+from np_drake.diagnosis.adequacy.generic_structure import repeats_on_held_out
 from np_drake.diagnosis.adequacy.residual_statistics import strongest_line
 from np_drake.diagnosis.adequacy.unexplained import find_unexplained
 from np_drake.diagnosis.forward_model.term import Term
@@ -161,7 +161,7 @@ def repeats(part: np.ndarray, flight, noise) -> list[bool]:
     fit = SimpleNamespace(everything=[Term(MassError(0.2))], generic=[SimpleNamespace(part=lambda e: part)])
     ranking = SimpleNamespace(noise=noise, problem=SimpleNamespace(temperature=2.0))
     held = SimpleNamespace(rows={flight.name: np.ones(len(flight.t), bool)})
-    return _repeat(ranking, fit, [flight], held)  # type: ignore[arg-type]
+    return repeats_on_held_out(ranking, fit, [flight], held)  # type: ignore[arg-type]
 
 
 def test_structure_repeats_where_it_helps_beside_the_effects_that_it_was_fitted_with(seen, noise):

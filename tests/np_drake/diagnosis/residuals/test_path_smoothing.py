@@ -52,7 +52,7 @@ def test_a_bias_of_the_accelerometer_goes(bias, seed):
     t, p, a = flight(rng)
     p, noise = p + 1e-3 * rng.normal(size=p.shape), 0.1 * rng.normal(size=a.shape)
     apart = corrected_acceleration(t, p, a + noise + bias) - corrected_acceleration(t, p, a + noise)
-    assert np.abs(apart).max() < 1e-2 * max(np.abs(bias).max(), 1e-9)
+    assert np.abs(apart).max() < 1e-2 * max(np.abs(bias).max(), 1e-6)  # below it the solve rounds more
 
 
 @settings(max_examples=20, deadline=None)
