@@ -3,9 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from np_drake.lifting.training import excitation
 from np_drake.lifting.training.default_training import DefaultConfig
 from np_drake.lifting.training.excitation import measure_excitation
-from np_drake.lifting.training.train import excitation, train
+from np_drake.lifting.training.train import train
 
 VZ, FZ = 2, 2
 
