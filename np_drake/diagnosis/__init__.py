@@ -1,1 +1,7 @@
-"""Diagnosis of the sim-to-real gap: its causes, where it lies, and how far adding the causes closes it."""
+"""Diagnosis of the sim-to-real gap from flight logs: `diagnose`, its result, and what it takes as given."""
+
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.result import Diagnosis
+from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
+
+__all__ = ["IDEAL_SENSORS", "Diagnosis", "Tolerance", "diagnose"]
