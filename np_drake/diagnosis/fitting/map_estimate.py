@@ -10,11 +10,11 @@ from scipy import stats
 from np_drake.diagnosis.fitting.parameters import Free, free_parameters, read, write
 from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual, swing_wrenches
 from np_drake.diagnosis.numerics import NoiseModel, minimise
+from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors import Candidate
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.base import ActuatorEffect, SensorEffect
 
-TOLD = 0.95  # probability that figures are not none, from which they are told [1]
 BLOCK = 1.0  # over which residuals may hang together, for the robust covariance [s]
 
 
@@ -56,8 +56,8 @@ class Fit:
         residual = e.y - predicted_residual(e, self.everything)
         return e.bridged(residual - self.sensor_drift[e.name] if e.name in self.sensor_drift else residual)
 
-    def is_significant(self, i: int) -> bool:
-        """Are the figures of `terms[i]` not those at which its effect vanishes, by 95 %?
+    def is_significant(self, i: int, level: float) -> bool:
+        """Are the figures of `terms[i]` not those at which its effect vanishes, at this confidence level [1]?
 
         What helps beside others while its figures may be none stands for what these get wrong. Of an effect that is
         felt through another the products with that one's figures are asked: where a drag is hardly known, so is the
@@ -75,7 +75,7 @@ class Fit:
             slope[range(len(own)), through] = away
             away = away * self.values[through]
         spread = slope @ self.covariance @ slope.T
-        return bool(away @ np.linalg.pinv(spread) @ away > stats.chi2.ppf(TOLD, len(own)))
+        return bool(away @ np.linalg.pinv(spread) @ away > stats.chi2.ppf(level, len(own)))
 
     def _vanishing(self, i: int) -> list[int]:
         """Positions in `free` of the figures of term i at whose neutral values it is none."""
@@ -105,6 +105,7 @@ def refine(
     white: Callable[[FlightResiduals, Candidate], np.ndarray] | None = None,
     evaluations: int = 8,
     wide: bool = True,
+    priors: Priors,
 ) -> Fit:
     """Fits terms and calibration (each with its prior deviation) to the flights, from the terms' values.
 
@@ -113,7 +114,7 @@ def refine(
     """
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
-    free = free_parameters(everything, flights, scales, wide=wide)
+    free = free_parameters(everything, flights, scales, priors, wide=wide)
     scale = np.array([f.scale for f in free])
     neutral = np.array([f.neutral for f in free])
     root = 1.0 / np.sqrt(temperature)

@@ -6,12 +6,12 @@ from itertools import product
 import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit
+from np_drake.diagnosis.options import Thresholds
 from np_drake.diagnosis.regressors import DRAG, DRAGS
 from np_drake.effects.base import Effect, MassEffect, MassProperties
 from np_drake.vehicle import Vehicle
 
 EDGE = 1e-3  # of a figure's range, within which it lies at its bound [1]; own choice
-PUSHES = 3.0  # deviations below none, at which a drag is one that pushes; own choice
 STEPS = 3  # in which an interval is gone through; own choice
 
 
@@ -36,16 +36,16 @@ def at_its_bound(effect: Effect) -> bool:
     return False
 
 
-def _pushes(fit: Fit, i: int) -> bool:
+def _pushes(fit: Fit, i: int, deviations: float) -> bool:
     """Is it a drag, and surely less than none along an axis? Of two drags one may make up for the other."""
     effect = fit.terms[i].effect
     if effect.identifier not in DRAGS:
         return False
     own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight]
-    return any(fit.values[k] < -PUSHES * np.sqrt(fit.covariance[k, k]) for k in own)
+    return any(fit.values[k] < -deviations * np.sqrt(fit.covariance[k, k]) for k in own)
 
 
-def impossible(fit: Fit, i: int, vehicle: Vehicle, *, gusty: bool = False) -> str:
+def impossible(fit: Fit, i: int, vehicle: Vehicle, thresholds: Thresholds, *, gusty: bool = False) -> str:
     """Why term i's effect must stand for something else: a figure is at its bound, a drag pushes, or no rigid body has
 
     such figures, wherever in their 95 % intervals; "": it need not.   gusty: do gusts blow? They are what a drag that
@@ -55,7 +55,7 @@ def impossible(fit: Fit, i: int, vehicle: Vehicle, *, gusty: bool = False) -> st
     if not (gusty and effect.identifier == DRAG):
         if at_its_bound(effect):
             return "a figure at its bound is none"
-        if _pushes(fit, i):
+        if _pushes(fit, i, thresholds.pushing_drag):
             return "no drag pushes"
     if not isinstance(effect, MassEffect):
         return ""

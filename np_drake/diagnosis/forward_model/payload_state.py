@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals
 from np_drake.effects.pendulum import across, swing_many
 
@@ -13,21 +14,18 @@ if TYPE_CHECKING:
     from np_drake.diagnosis.forward_model.term import Term
 
 STATE = 4  # swing angles [rad] and their rates [rad/s] about the direction of rest
-ERROR = {  # of mass and length relative [1], of the hook [m], on a rig and in a laboratory: what made flights show
-    True: {"mass": 0.02, "length": 0.008, "hook": 0.001},
-    False: {"mass": 0.006, "length": 0.003, "hook": 0.0003},
-}
 MOST_JUMPS = 4  # in a flight: what a tether that snaps taut does to the swing is not told by sampled motion
 APART = 0.3  # between jumps, at least [s]
 
 
-def pendulum_error(name: str, value: float, *, real: bool) -> float:
+def pendulum_error(name: str, value: float, priors: Priors) -> float:
     """Deviation of a payload's figure that its fit does not know of: motion that drives it is read with noise, and a
 
-    tether that snaps is no pendulum.   real: on a rig.   Source: own choice.
+    tether that snaps is no pendulum.   Source: own choice.
     """
     kind = name.split("_")[0]
-    return ERROR[real][kind] * (1.0 if kind == "hook" else abs(value))
+    errors = {"mass": priors.pendulum_mass, "length": priors.pendulum_length, "hook": priors.pendulum_hook}
+    return errors[kind] * (1.0 if kind == "hook" else abs(value))
 
 
 def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:
