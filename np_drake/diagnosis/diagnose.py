@@ -13,6 +13,7 @@ from np_drake.diagnosis.localisation import (
     localise,
     unexcited_diagnosis,
 )
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals, natural_step, require_flights
 from np_drake.diagnosis.result import UNKNOWN, Diagnosis, Replay
 from np_drake.diagnosis.tolerance import Tolerance
@@ -30,6 +31,7 @@ def diagnose(
     *,
     adaptive_split: bool = True,
     tolerance: Tolerance | None = None,
+    options: Options | None = None,
     on_progress: Progress | None = None,
 ) -> Diagnosis:
     """Diagnose the gap between the nominal model and the flights: its causes, and how far adding them closes it.
@@ -44,9 +46,14 @@ def diagnose(
             the fit and only their second halves judge; `Diagnosis.joined` names them.
         tolerance: errors of vehicle file and sensors that are not a cause: `Tolerance()` for real sensors,
             `IDEAL_SENSORS`, or one's own; default: real where attitudes are noisy or rotor speed is measured.
+        options: all that steers the answer; default: `Options.for_sensors` of that tolerance.
         on_progress: called with the share done [1] and the name of the step.
-    Raises: ValueError: if the logs cannot be used; one line with the remedy.
+    Raises: ValueError: if the logs cannot be used, or both tolerance and options are given; one line with the remedy.
     """
+    if tolerance is not None and options is not None:
+        raise ValueError("diagnose: give either tolerance or options, which hold a tolerance; got both.")
+    if tolerance is not None:
+        options = Options.for_sensors(tolerance.real, tolerance)
     start = time.perf_counter()
     tell = on_progress or (lambda share, text: None)
 
@@ -64,9 +71,9 @@ def diagnose(
     # 2. Effects fitted, compared and decided.
     tell(0.1, "effects")
     found, joined = (
-        infer_adaptively(fitted, judging, tolerance, tell)
+        infer_adaptively(fitted, judging, options, tell)
         if adaptive_split
-        else (infer(fitted, judging, tolerance), [])
+        else (infer(fitted, judging, options), [])
     )
     held, noise = found.unexplained.held, found.ranking.noise
 
@@ -84,7 +91,7 @@ def diagnose(
     return Diagnosis(
         **names,
         joined=halves,
-        judged_as=found.ranking.tolerance.name,
+        judged_as=found.options.tolerance.name,
         verdict=tuple(c.identifier for c in found.causes) + ((UNKNOWN,) if found.unknown else ()),
         causes=tuple(without_onsets_in(joined, cause) for cause in found.causes),
         check=checked,

@@ -1,24 +1,41 @@
-"""TODO."""
+"""Sizes below which an effect or a structure is immaterial."""
 
 import dataclasses as dc
 
-# Of weight, in all flights, on a rig and in a laboratory [1]; own choice.
-LEAST_FORCE = {True: 0.006, False: 0.003}
-MATERIAL_FORCE = 0.01  # of weight, of structure that is no effect [1]; own choice
-MATERIAL_TORQUE = 0.01  # of RMS commanded torque [1]
-EXACT = 0.3  # of that structure and torque, where logs come from a laboratory [1]; own choice
-CALIBRATED = 0.02  # of weight, below which mass and thrust are within what files are off by [1]
-MATERIAL_GAP = 0.10  # of the gap above the noise [1]
-LEAST_SHARE = 1e-5  # of it, less than what the causes beside it get wrong [1]; own choice: 0.3 % in size
-LEAST_FORCED = 1e-3  # the same beside a payload, which no pendulum is to more than 3 %; own choice
-MATERIAL_SENSOR = 1.5  # of the tolerance of that sensor [1]
+
+@dc.dataclass(frozen=True)
+class Materiality:
+    """Bounds of the region of practical equivalence with no effect; the defaults are those of real sensors.
+
+    Source: own choice, where a field names none.
+    """
+
+    effect_force: float = (
+        0.006  # RMS force of an effect over weight, in all flights [1]; ideal sensors: 0.003
+    )
+    structure_force: float = 0.01  # RMS force of a structure that is no effect over weight [1]
+    torque: float = 0.01  # RMS torque over RMS commanded torque [1]
+    exactness: float = 1.0  # factor on `structure_force` and `torque` [1]; ideal sensors: 0.3
+    calibration_force: float = (
+        0.02  # of weight: mass and thrust below it are what vehicle files are off by [1]
+    )
+    gap: float = 0.10  # share of the gap above the noise [1]
+    least_gap: float = 1e-5  # share of the gap that the other causes get wrong [1]: 0.3 % in size
+    least_gap_beside_payload: float = 1e-3  # the same beside a payload, a pendulum to no better than 3 % [1]
+    sensor: float = 1.5  # size of a sensor error over the tolerance of that sensor [1]
+    structure_share: float = 0.03  # of the gap, and of a channel's power, for structure that is no effect [1]
+    time_shift_share: float = (
+        0.03  # of the largest time shift, for another one; as `SearchOptions.linear_error` [1]
+    )
 
 
 @dc.dataclass(frozen=True)
 class Size:
-    """How large a term is: force over weight, torque over RMS commanded torque, share of the gap above noise,
+    """Size of a term.
 
-    and of a sensor error, its size over the rig's tolerance [1].
+    Args:
+        force: over weight [1].   torque: over RMS commanded torque [1].   gap: share of the gap above the noise [1].
+        sensor: of a sensor error, its size over the tolerance [1].
     """
 
     force: float
@@ -26,14 +43,21 @@ class Size:
     gap: float
     sensor: float
 
-    def material(self, *, calibration: bool, sensor: bool, real: bool, least: float = LEAST_SHARE) -> bool:
-        """Does it matter?   real: to a rig, not to a laboratory.   least: of the gap."""
-        if self.gap < least:
+    def material(
+        self, materiality: Materiality, *, calibration: bool, sensor: bool, least_gap: float | None = None
+    ) -> bool:
+        """Return whether the size is material.
+
+        Args:
+            calibration: whether the term is what a vehicle file may be off by.   sensor: whether it is a sensor error.
+            least_gap: share of the gap [1]; default: that of the materiality.
+        """
+        if self.gap < (materiality.least_gap if least_gap is None else least_gap):
             return False
         if calibration:
-            return self.force >= CALIBRATED
+            return self.force >= materiality.calibration_force
         if sensor:
-            return self.sensor >= MATERIAL_SENSOR
-        torque = MATERIAL_TORQUE * (1.0 if real else EXACT)
-        strong = self.force >= LEAST_FORCE[real] or self.torque >= torque
-        return strong or self.gap >= MATERIAL_GAP
+            return self.sensor >= materiality.sensor
+        torque = materiality.torque * materiality.exactness
+        strong = self.force >= materiality.effect_force or self.torque >= torque
+        return strong or self.gap >= materiality.gap

@@ -1,4 +1,4 @@
-"""TODO."""
+"""What vehicle file and sensors may be off by without a cause."""
 
 import dataclasses as dc
 
@@ -16,16 +16,16 @@ class Tolerance:
 
     @property
     def name(self) -> str:
-        """rig | laboratory."""
+        """Return `rig` for real sensors, `laboratory` for ideal ones."""
         return "rig" if self.real else "laboratory"
 
     @property
     def real(self) -> bool:
-        """Of a rig, not of a laboratory."""
+        """Whether the sensors are real ones."""
         return self.mass > 0.003
 
     def of(self, identifier: str) -> float:
-        """Of the sensor or figure that an effect is about; 0 for others."""
+        """Return the tolerance of the sensor that an effect is about; 0 for others."""
         names = {
             "accelerometer_bias": self.acceleration,
             "attitude_bias": self.attitude,

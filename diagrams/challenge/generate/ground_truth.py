@@ -11,6 +11,7 @@ from np_drake.diagnosis.forward_model.prediction import gate, predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.localisation.collinearity import collinear_effects, effects_of_trace
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
+from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors.nuisance import tolerance_of
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
 from np_drake.effects.base import Effect
@@ -124,7 +125,9 @@ def equivalent_library_effects(case: Case, flights: dict[str, FlightPair]) -> li
     trace = {pair.true.name: pair.true.y - predicted_residual(pair.true, off) for pair in flights.values()}
     noise = fit_noise([pair.errors for pair in flights.values()], measured[0].grid.step)
     rows = sum(len(y) for y in trace.values())
-    return effects_of_trace(measured, trace, noise, tolerance_of(measured), (NO_GAP**2 - 1.0) * rows)
+    return effects_of_trace(
+        measured, trace, noise, tolerance_of(measured), Priors(), (NO_GAP**2 - 1.0) * rows
+    )
 
 
 def parameters(effect: Effect) -> dict[str, Any]:
@@ -142,9 +145,9 @@ def collinear_class(case: Case, training: list[FlightPair]) -> list[list[str]]:
     flights = [pair.measured for pair in training]
     noise = fit_noise([pair.errors for pair in training], flights[0].grid.step)
     terms = [Term(effect, dict(case.onset)) for effect in case.effects]
-    tolerance = tolerance_of(flights)
+    tolerance, priors = tolerance_of(flights), Priors()
     return [
-        [effect.identifier, *collinear_effects(flights, terms, i, noise, tolerance)]
+        [effect.identifier, *collinear_effects(flights, terms, i, noise, tolerance, priors)]
         for i, effect in enumerate(case.effects)
     ]
 

@@ -5,21 +5,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.adequacy.residual_tests import (
-    LEAST_SHARE,
     material_structure,
 )
 from np_drake.diagnosis.fitting import Fit, Generic
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.held_out import HeldOut, adapt
-from np_drake.diagnosis.materiality import MATERIAL_GAP
+from np_drake.diagnosis.materiality import Materiality
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.regressors import PREFIX
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.result import Finding
 from np_drake.diagnosis.selection import Ranking
-
-HARM = -1.0  # log likelihood on unseen flights below which a structure does not repeat
 
 
 def material_shares(
@@ -29,7 +26,7 @@ def material_shares(
     return [
         ranking.probability.get(PREFIX + f.name, 0.0)
         for (f, material), again in zip(generic, repeats, strict=True)
-        if material and again and f.size > LEAST_SHARE
+        if material and again and f.size > ranking.options.materiality.structure_share
     ]
 
 
@@ -43,29 +40,29 @@ def repeats_on_held_out(
     gains = np.zeros(len(fit.generic))
     for e in held_out if fit.generic else ():
         rows = held.rows[e.name][ranking.noise.phi.shape[1] :]
-        terms = adapt(fit.everything, e, ranking.noise)
+        terms = adapt(fit.everything, e, ranking.noise, ranking.options.priors)
         parts = [g.part(e) for g in fit.generic]
         residual = e.y - predicted_residual(e, terms) - sum(parts)
         losses = [
             np.sum(e.white(ranking.noise, r)[rows] ** 2) for r in (residual, *(residual + p for p in parts))
         ]
         gains += 0.5 * (np.array(losses[1:]) - losses[0]) / ranking.problem.temperature
-    return [bool(gain > HARM) for gain in gains]
+    return [bool(gain > ranking.options.thresholds.structure_harm) for gain in gains]
 
 
 def generic_finding(
-    generic: Generic, noise: NoiseModel, flights: Sequence[FlightResiduals]
+    generic: Generic, noise: NoiseModel, flights: Sequence[FlightResiduals], materiality: Materiality
 ) -> tuple[Finding, bool]:
     """A finding, and whether it is material as an effect would be."""
     inverse = np.where(noise.rms > 0, 1 / np.maximum(noise.rms, 1e-12), 0.0)
     part = np.concatenate([generic.part(e) for e in flights])
     y = np.concatenate([e.y for e in flights])
-    least_force, least_torque = material_structure(flights)
+    least_force, least_torque = material_structure(flights, materiality)
     force = np.sqrt(np.mean(np.sum(part[:, ev.FORCE] ** 2, axis=1)))
     torque = np.sqrt(np.mean(np.sum(part[:, ev.TORQUE] ** 2, axis=1)))
     own = np.sum((part * inverse) ** 2)
     gap = own / max(np.sum((y * inverse) ** 2) - y.shape[0] * np.sum(noise.rms > 0), own)
-    material = force >= least_force or torque >= least_torque or gap >= MATERIAL_GAP
+    material = force >= least_force or torque >= least_torque or gap >= materiality.gap
     candidate = generic.candidate
     figures = {"force": float(force), "torque": float(torque), **candidate.figures}
     name = candidate.identifiers[0].removeprefix(PREFIX)

@@ -4,18 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.adequacy.residual_tests import (
-    FAINT,
-    SWUNG,
-)
 from np_drake.diagnosis.fitting import Fit
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.materiality import EXACT, MATERIAL_FORCE
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.tolerance import Tolerance
-from np_drake.diagnosis.wind import LEAST, slow_force, slow_power
+from np_drake.diagnosis.wind import slow_force, slow_power
 
 
 def swing_free_residual(held: HeldOut, e: FlightResiduals) -> np.ndarray:
@@ -25,7 +20,7 @@ def swing_free_residual(held: HeldOut, e: FlightResiduals) -> np.ndarray:
 
 def gust_probability(
     named: Fit,
-    tolerance: Tolerance,
+    options: Options,
     flights: Sequence[FlightResiduals],
     residual: dict[str, np.ndarray],
     held_out: Sequence[FlightResiduals],
@@ -36,14 +31,16 @@ def gust_probability(
     A drag that was found would feel it however small it is; where none was, it is a matter if it is as large as an
     effect has to be.
     """
-    seen = slow_force(flights, residual, tolerance)
-    both = slow_force([*flights, *held_out], residual | swung, tolerance)
+    seen = slow_force(flights, residual, options)
+    both = slow_force([*flights, *held_out], residual | swung, options)
     felt = any(t.effect.identifier == DRAG for t in named.terms)
     vehicle = flights[0].vehicle
-    least = MATERIAL_FORCE * (1.0 if tolerance.real else EXACT)
+    thresholds, materiality = options.thresholds, options.materiality
+    least = materiality.structure_force * materiality.exactness
+    even = thresholds.slow_force_evidence(felt=felt)
     matters = felt or both.deviation > least * vehicle.mass * vehicle.gravity
-    shown = seen.log_evidence > FAINT * LEAST[felt]
-    lost = any(t.swings for t in named.terms) and slow_power(flights, residual) < SWUNG * slow_power(
-        flights, {e.name: e.y for e in flights}
-    )
-    return both.probability(felt=felt) if matters and shown and not lost else 0.0
+    shown = seen.log_evidence > thresholds.held_out_share * even
+    lost = any(t.swings for t in named.terms) and slow_power(
+        flights, residual
+    ) < thresholds.swing_power * slow_power(flights, {e.name: e.y for e in flights})
+    return both.probability(even) if matters and shown and not lost else 0.0

@@ -12,7 +12,6 @@ from scipy import ndimage, signal
 
 from np_drake.diagnosis.residuals import FORCE, TORQUE, WRENCH, FlightResiduals, low_pass
 
-LINE = 20.0  # power of a line over its neighbourhood above which it is no noise [1]; own choice
 NEIGHBOURHOOD = 1.2  # of a line, to either side at most [Hz]
 OCTAVE = 2.0  # and at most this factor: slow noise is steep, and its level is another an octave away [1]
 LOBE = 4.0  # but at least so many over the flight's length, for a line of a short flight is wide itself [1]

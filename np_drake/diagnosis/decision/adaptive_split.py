@@ -13,49 +13,58 @@ from np_drake.diagnosis.decision.compare import Comparison, compare
 from np_drake.diagnosis.decision.decide import Inference, decide
 from np_drake.diagnosis.held_out import HeldOut, misfit, on_held_out, without_shocks
 from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.options import Options, Thresholds
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
 from np_drake.diagnosis.result import Cause
 from np_drake.diagnosis.selection import PAYLOAD, SearchResult, find_map_model, probabilities
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.diagnosis.wind import slow_power
 
-UNLIKELY = 0.01  # probability of a payload below which it is not sought again; own choice
-UNFORESEEN = {True: 1.6, False: 1.25}  # residual over noise, on a rig and in a laboratory [1]; own choice
-LEAST = 4.0  # that either half must last [s]; own choice
 NAME = "first half of {}"
 JOINED = "shows what the training flights do not; its first half joined the fit, its second half judges."
+
+
+@dc.dataclass(frozen=True)
+class _SplitNeeded:
+    """What the second inference takes over from the first: the probability of a payload [1], and the options."""
+
+    payload: float
+    options: Options
 
 
 def infer_adaptively(
     flights: Sequence[FlightResiduals],
     held_out: Sequence[FlightResiduals],
-    tolerance: Tolerance | None,
+    options: Options | None,
     on_progress: Callable[[float, str], None],
 ) -> tuple[Inference, list[FlightResiduals]]:
     """A look, or a second one where there is cause for it; with the halves of unseen flights that joined its fit.
 
     Where the best model plainly shows that there is, it is not compared with its rivals before.
     """
-    first = _first_look(flights, held_out, tolerance)
+    first = _first_inference(flights, held_out, options)
     if isinstance(first, Inference):
         return first, []
+    thresholds = first.options.thresholds
     on_progress(0.4, "what held-out flights show")
-    joined, judges = split_flights(held_out)
-    hanging = first > UNLIKELY
-    return decide(compare(find_map_model([*flights, *joined], tolerance, hanging=hanging), judges)), joined
+    joined, judges = split_flights(held_out, thresholds.split_half)
+    hanging = first.payload > thresholds.split_payload
+    return decide(compare(find_map_model([*flights, *joined], options, hanging=hanging), judges)), joined
 
 
-def _first_look(
-    flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals], tolerance: Tolerance | None
-) -> Inference | float:
+def _first_inference(
+    flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals], options: Options | None
+) -> "Inference | _SplitNeeded":
     """The look, if it is enough, else the probability of a payload in it: the rest would take memory of the second."""
-    found = find_map_model(flights, tolerance)
-    if not any(_middle(e) - e.log.t[0] >= LEAST for e in held_out):
+    found = find_map_model(flights, options)
+    if not any(_middle(e) - e.log.t[0] >= found.options.thresholds.split_half for e in held_out):
         return decide(compare(found, held_out))
     if plainly_needs_split(found, held_out):
-        return probabilities(found.problem, found.models, [found.best]).get(PAYLOAD, 0.0)
+        payload = probabilities(found.problem, found.models, [found.best]).get(PAYLOAD, 0.0)
+        return _SplitNeeded(payload, found.options)
     first = compare(found, held_out)
-    return first.ranking.probability.get(PAYLOAD, 0.0) if needs_split(first) else decide(first)
+    if not needs_split(first):
+        return decide(first)
+    return _SplitNeeded(first.ranking.probability.get(PAYLOAD, 0.0), first.ranking.options)
 
 
 def needs_split(first: Comparison) -> bool:
@@ -66,7 +75,7 @@ def needs_split(first: Comparison) -> bool:
     if first.gusty or any(t.swings for t in first.ranking.named.terms):
         return False
     return first.unexplained.novel_on_held_out or _more_than_noise(
-        first.unexplained.held, first.ranking.noise, first.ranking.tolerance
+        first.unexplained.held, first.ranking.noise, first.ranking.options.thresholds
     )
 
 
@@ -76,34 +85,36 @@ def plainly_needs_split(found: SearchResult, held_out: Sequence[FlightResiduals]
     Then unseen flights are not asked which of its rivals they would have (`close_call`), and a slow force is part of
     that structure, no gusts.
     """
-    best, noise, tolerance, flights = found.best, found.noise, found.tolerance, found.problem.flights
+    best, noise, options, flights = found.best, found.noise, found.options, found.problem.flights
     if not best.generic or any(t.swings for t in best.terms):
         return False
-    held_out = [without_shocks(best.everything, e, noise) for e in held_out]
-    held = on_held_out(best, held_out, noise, structured=flights[0].measured_rotors)
-    if _more_than_noise(held, noise, tolerance):
+    held_out = [without_shocks(best.everything, e, noise, options.priors) for e in held_out]
+    held = on_held_out(best, held_out, noise, options.priors, structured=flights[0].measured_rotors)
+    if _more_than_noise(held, noise, options.thresholds):
         return True
     residual = {e.name: best.residual(e) for e in flights}
     swung = {e.name: swing_free_residual(held, e) for e in held_out}
-    gusty = gust_probability(best, tolerance, flights, residual, held_out, swung) > 0.5
-    return novel_on_held_out(held_out, swung, tolerance, slow_power(flights, residual), gusty=gusty)[0] > 0.5
+    gusty = gust_probability(best, options, flights, residual, held_out, swung) > 0.5
+    return novel_on_held_out(held_out, swung, options, slow_power(flights, residual), gusty=gusty)[0] > 0.5
 
 
-def _more_than_noise(held: HeldOut, noise: NoiseModel, tolerance: Tolerance) -> bool:
-    return bool(misfit(held, noise).max() > UNFORESEEN[tolerance.real])
+def _more_than_noise(held: HeldOut, noise: NoiseModel, thresholds: Thresholds) -> bool:
+    return bool(misfit(held, noise).max() > thresholds.split_misfit)
 
 
 def _middle(e: FlightResiduals) -> float:
     return 0.5 * (e.log.t[0] + e.log.t[-1])
 
 
-def split_flights(flights: Sequence[FlightResiduals]) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
+def split_flights(
+    flights: Sequence[FlightResiduals], least: float
+) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
     """First halves of long enough flights, as flights of their own; and all flights, these rows not counting."""
     halves, judges = [], []
     for e in flights:
         log = e.log
         middle = _middle(e)
-        if middle - log.t[0] < LEAST:
+        if middle - log.t[0] < least:
             judges.append(e)
             continue
         half = dc.replace(log.rows(0, int(np.searchsorted(log.t, middle))), name=NAME.format(e.name))

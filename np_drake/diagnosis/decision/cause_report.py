@@ -5,6 +5,7 @@ import numpy as np
 from np_drake.diagnosis.decision.inclusion import Inclusion
 from np_drake.diagnosis.fitting import Fit, interval
 from np_drake.diagnosis.forward_model import pendulum_error
+from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.result import Cause, Estimate, Finding
 
 PROBABILITY = "probability"  # figure of a finding that would be a cause if it were surer
@@ -36,13 +37,13 @@ def make_cause(
     onset: dict[str, float | None],
     alternatives: tuple[str, ...],
     *,
-    real: bool,
+    priors: Priors,
 ) -> Cause:
     """Return term i of the fit as a cause, with 95 % intervals.
 
     Args:
         share: of the gap [1].   onset: by flight [s].   alternatives: effects that cannot be told from it.
-        real: whether logs come from real sensors, whose payloads are no ideal pendulums.
+        priors: with the model error of payloads, which are no ideal pendulums.
     """
     term = fit.terms[i]
     effect = term.effect
@@ -51,6 +52,6 @@ def make_cause(
         value, (lower, upper) = float(getattr(effect, p.name)), interval(fit, i, p.name)
         half = 0.5 * (upper - lower)
         if term.swings:
-            half = float(np.hypot(half, 1.96 * pendulum_error(p.name, value, real=real)))
+            half = float(np.hypot(half, 1.96 * pendulum_error(p.name, value, priors)))
         parameters[p.name] = Estimate(value, p.unit, (value - half, value + half))
     return Cause(effect.identifier, probability, parameters, onset, alternatives, share, effect)

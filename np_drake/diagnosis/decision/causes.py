@@ -31,11 +31,13 @@ def causes_of(
     members = {names_of(ranking.named_problem, m): m for m in reversed(ranking.named_models)}
     key = names_of_fit(ranking.named)
     same = indistinguishable(ranking.named_problem, members[key]) if key in members else {}
-    drift = drift_of([*flights, *held_out], ranking.noise, ranking.tolerance)
+    drift = drift_of([*flights, *held_out], ranking.noise, ranking.options.tolerance)
     causes, minor = [], []
     for i, term in enumerate(fit.terms):
         alternatives = same.get(term.effect.identifier, ())
-        probability = calibrated_probability(ranking.probability, (term.effect.identifier, *alternatives))
+        probability = calibrated_probability(
+            ranking.probability, (term.effect.identifier, *alternatives), ranking.options.thresholds
+        )
         verdict = judge(ranking, fit, i, probability, flights, held_out, held, drift, gusty=gusty)
         cause = make_cause(
             fit,
@@ -44,10 +46,11 @@ def causes_of(
             verdict.size.gap,
             {e.name: held.terms.get(e.name, fit.everything)[i].begins(e.name) for e in [*flights, *held_out]},
             alternatives,
-            real=ranking.tolerance.real,
+            priors=ranking.options.priors,
         )
         if verdict.included:
             causes.append(cause)
         else:
             minor.append(minor_finding(cause, verdict))
-    return without_faint_shifts(*without_missing_drag(causes, minor))
+    share = ranking.options.materiality.time_shift_share
+    return without_faint_shifts(*without_missing_drag(causes, minor), share)

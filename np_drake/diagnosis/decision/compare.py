@@ -12,6 +12,7 @@ from np_drake.diagnosis.adequacy import (
 )
 from np_drake.diagnosis.forward_model import Term
 from np_drake.diagnosis.held_out import without_shocks
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Finding
@@ -23,9 +24,6 @@ from np_drake.diagnosis.selection import (
 )
 from np_drake.diagnosis.wind import Begins, position_p_value, wind_begins, with_drag
 
-BY_CHANCE = (
-    1e-3  # probability below which it is not by chance that a slow force follows the place; own choice
-)
 PLACE = Finding("place", "a slow force tied to a place", 1.0, {})
 
 
@@ -39,12 +37,17 @@ class Comparison:
     unexplained: Unexplained
     gusty: bool
 
+    @property
+    def options(self) -> Options:
+        """What flights were ranked with."""
+        return self.ranking.options
+
 
 def compare(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Comparison:
     """Compares the best model with its rivals, and lays it on `unseen`."""
-    ranking = ranked(found)
+    ranking, priors = ranked(found), found.options.priors
     flights = ranking.problem.flights
-    held_out = [without_shocks(ranking.named.everything, e, ranking.noise) for e in held_out]
+    held_out = [without_shocks(ranking.named.everything, e, ranking.noise, priors) for e in held_out]
     ranking = rerank_by_held_out_evidence(ranking, held_out)
     fit = ranking.fits[0]
     unexplained = find_unexplained(ranking, fit, flights, held_out)
@@ -75,8 +78,8 @@ def _knows_its_place(
     begins: Begins = {
         e.name: _felt_from(unexplained.held.terms.get(e.name, ranking.named.terms), e.name) for e in every
     }
-    begins = wind_begins(every, rest, begins, ranking.tolerance)
-    return position_p_value(every, rest, begins) < BY_CHANCE
+    begins = wind_begins(every, rest, begins, ranking.options)
+    return position_p_value(every, rest, begins) < ranking.options.thresholds.place
 
 
 def _felt_from(terms: Sequence[Term], flight: str) -> float | None:

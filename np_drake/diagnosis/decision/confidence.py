@@ -8,38 +8,33 @@ from np_drake.diagnosis.adequacy import (
     Unexplained,
 )
 from np_drake.diagnosis.held_out import misfit
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import PREFIX
 from np_drake.diagnosis.result import Cause, Finding
 from np_drake.diagnosis.selection import (
-    TRUST,
     Ranking,
 )
-from np_drake.diagnosis.tolerance import Tolerance
-
-MISFIT = {
-    True: 1.4,
-    False: 1.11,
-}  # on a rig and in a laboratory: what the true model leaves is less; own choice
-GUSTS = 1.5  # the same in gusts, which a tilted vehicle feels along its thrust; own choice
-VAGUE = 0.375  # of a rate, half of its interval [1]; own choice, set on made flights
-CHANCE = 3.5  # deviations of white noise's RMS, within which it is chance in a short flight; own choice
 
 
 def leaves_more_than_noise(ranking: Ranking, unexplained: Unexplained, *, gusty: bool = False) -> bool:
     """Do unseen flights leave more than noise, whatever it is? Then a name may stand for something like it."""
-    real, rows = ranking.tolerance.real, sum(int(some.sum()) for some in unexplained.held.rows.values())
-    limit = GUSTS if gusty else MISFIT[real]
+    thresholds, rows = (
+        ranking.options.thresholds,
+        sum(int(some.sum()) for some in unexplained.held.rows.values()),
+    )
+    limit = thresholds.misfit_in_gusts if gusty else thresholds.misfit
     return bool(
-        largest_misfit(ranking, unexplained, gusty=gusty) > max(limit, 1 + CHANCE / np.sqrt(2 * rows))
+        largest_misfit(ranking, unexplained, gusty=gusty)
+        > max(limit, 1 + thresholds.misfit_deviations / np.sqrt(2 * rows))
     )
 
 
-def is_vague_drift(cause: Cause, tolerance: Tolerance) -> bool:
+def is_vague_drift(cause: Cause, options: Options) -> bool:
     """Is it a drift of thrust whose rate is hardly known, on a rig? What its sensors read wanders like that."""
     rate = cause.parameters.get("rate")
-    if not tolerance.real or cause.identifier != "thrust_drift" or rate is None:
+    if not options.tolerance.real or cause.identifier != "thrust_drift" or rate is None:
         return False
-    return rate.ci95[1] - rate.ci95[0] > 2 * VAGUE * abs(rate.value)
+    return rate.ci95[1] - rate.ci95[0] > 2 * options.thresholds.vague_rate * abs(rate.value)
 
 
 def largest_misfit(ranking: Ranking, unexplained: Unexplained, *, gusty: bool) -> float:
@@ -51,7 +46,7 @@ def largest_misfit(ranking: Ranking, unexplained: Unexplained, *, gusty: bool) -
     if any(t.swings for t in ranking.named.terms):
         return 0.0
     ratio = misfit(unexplained.held, ranking.noise)
-    return float(np.max(ratio[2:] if gusty or ranking.tolerance.real else ratio))
+    return float(np.max(ratio[2:] if gusty or ranking.options.tolerance.real else ratio))
 
 
 def structure_instead(ranking: Ranking, unexplained: Unexplained) -> tuple[bool, float, Unexplained]:
@@ -62,4 +57,8 @@ def structure_instead(ranking: Ranking, unexplained: Unexplained) -> tuple[bool,
         return unexplained.unknown, unexplained.probability, unexplained
     text = "structure that says as much as effects of which none is sure"
     found = Finding(name.removeprefix(PREFIX), text, shares[name], {})
-    return True, min(shares[name], TRUST), dc.replace(unexplained, findings=(*unexplained.findings, found))
+    return (
+        True,
+        min(shares[name], ranking.options.thresholds.trust),
+        dc.replace(unexplained, findings=(*unexplained.findings, found)),
+    )

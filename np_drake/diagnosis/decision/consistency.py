@@ -10,8 +10,6 @@ from np_drake.diagnosis.regressors import SHIFTING
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding
 
-FAINT = 0.03  # of the largest among them [1]; own choice, as linear columns are `INEXACT`
-
 
 def without_missing_drag(causes: list[Cause], minor: list[Finding]) -> tuple[list[Cause], list[Finding]]:
     """A wind pushes through a drag alone: where none is a cause, neither is it."""
@@ -21,10 +19,12 @@ def without_missing_drag(causes: list[Cause], minor: list[Finding]) -> tuple[lis
     return [c for c in causes if c not in unfelt], [*minor, *texts]
 
 
-def without_faint_shifts(causes: list[Cause], minor: list[Finding]) -> tuple[list[Cause], list[Finding]]:
+def without_faint_shifts(
+    causes: list[Cause], minor: list[Finding], least: float
+) -> tuple[list[Cause], list[Finding]]:
     """Lag, delay and clock all move commands against states: where one does, a trace of another is its misfit."""
     largest = max((c.share for c in causes if c.identifier in SHIFTING), default=0.0)
-    faint = [c for c in causes if c.identifier in SHIFTING and c.share < FAINT * largest]
+    faint = [c for c in causes if c.identifier in SHIFTING and c.share < least * largest]
     texts = [
         Finding(c.identifier, f"a {c.share / largest:.2g} of what another shift of time does", c.share, {})
         for c in faint

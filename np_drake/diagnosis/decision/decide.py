@@ -12,10 +12,6 @@ from np_drake.diagnosis.decision.confidence import is_vague_drift, leaves_more_t
 from np_drake.diagnosis.decision.consistency import without_superfluous
 from np_drake.diagnosis.decision.gust_causes import explain_by_gusts
 from np_drake.diagnosis.result import Cause, Finding
-from np_drake.diagnosis.selection import (
-    BESIDE_UNKNOWN,
-    DOUBTED,
-)
 
 
 @dc.dataclass(frozen=True)
@@ -31,6 +27,7 @@ class Inference(Comparison):
 def decide(compared: Comparison) -> Inference:
     """Which effects are causes, and whether there is one that is unknown."""
     flights, held_out, ranking, gusty = compared.flights, compared.held_out, compared.ranking, compared.gusty
+    thresholds = ranking.options.thresholds
     unexplained = with_fitted_resonances(compared.unexplained, ranking)
     unknown, probability = unexplained.unknown, unexplained.probability
     causes, minor = causes_of(ranking, ranking.named, flights, held_out, unexplained.held, gusty=gusty)
@@ -42,10 +39,11 @@ def decide(compared: Comparison) -> Inference:
         causes, unexplained, unknown, probability = explain_by_gusts(compared, unexplained, causes)
     if unknown:
         causes, idle = without_superfluous(causes, held_out, ranking.noise, unexplained.held)
-        causes = [dc.replace(c, probability=min(c.probability, BESIDE_UNKNOWN)) for c in causes]
+        causes = [dc.replace(c, probability=min(c.probability, thresholds.beside_unknown)) for c in causes]
         minor = [*minor, *idle]
     else:
-        all_of_them = DOUBTED if leaves_more_than_noise(ranking, unexplained, gusty=gusty) else 1.0
-        most = [min(all_of_them, DOUBTED if is_vague_drift(c, ranking.tolerance) else 1.0) for c in causes]
+        doubted = thresholds.doubted
+        all_of_them = doubted if leaves_more_than_noise(ranking, unexplained, gusty=gusty) else 1.0
+        most = [min(all_of_them, doubted if is_vague_drift(c, ranking.options) else 1.0) for c in causes]
         causes = [dc.replace(c, probability=min(c.probability, p)) for c, p in zip(causes, most, strict=True)]
     return Inference(flights, held_out, ranking, unexplained, gusty, causes, minor, unknown, probability)

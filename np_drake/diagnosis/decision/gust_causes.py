@@ -15,12 +15,10 @@ from np_drake.diagnosis.regressors import DRAG, GUSTY
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding
 from np_drake.diagnosis.selection import (
-    TRUST,
     Ranking,
 )
 from np_drake.diagnosis.wind import as_gusts, in_gusts
 
-NO_GUSTS = 2.0  # above which what is unexplained there is none of theirs; own choice
 UPRIGHT = Finding(
     "upright", "a force along the thrust or a torque, which gusts, being level, do not have", 1.0, {}
 )
@@ -35,13 +33,14 @@ def explain_by_gusts(
     have, is left on held-out flights.
     """
     flights, held_out, ranking = compared.flights, compared.held_out, compared.ranking
-    blows = TRUST * unexplained.slow_probability * ranking.probability.get(DRAG, 1.0)
+    thresholds = ranking.options.thresholds
+    blows = thresholds.trust * unexplained.slow_probability * ranking.probability.get(DRAG, 1.0)
     felt = _felt(ranking, unexplained, flights, held_out)
-    causes = as_gusts(flights, felt, causes, blows, ranking.tolerance, held_out)
+    causes = as_gusts(flights, felt, causes, blows, ranking.options, held_out)
     if not any(c.identifier == "gusty_wind" for c in causes):
         return causes, unexplained, True, unexplained.slow_probability
     unexplained = dc.replace(unexplained, held=in_gusts(unexplained.held, causes, held_out))
-    if largest_misfit(ranking, unexplained, gusty=True) <= NO_GUSTS:
+    if largest_misfit(ranking, unexplained, gusty=True) <= thresholds.upright:
         return causes, unexplained, False, unexplained.probability
     unexplained = dc.replace(unexplained, findings=(*unexplained.findings, UPRIGHT))
     return causes, unexplained, True, unexplained.slow_probability

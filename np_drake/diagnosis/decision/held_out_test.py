@@ -6,17 +6,21 @@ import numpy as np
 
 from np_drake.diagnosis.fitting import Fit
 from np_drake.diagnosis.forward_model import NEVER, Term, predicted_residual
-from np_drake.diagnosis.held_out import SURPRISE, HeldOut
+from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.options import Priors, Thresholds
 from np_drake.diagnosis.regressors import Drift, loss_on
 from np_drake.diagnosis.residuals import FlightResiduals
 
-HURT = 2.0  # log evidence on flights that it has not seen, which says nothing of an effect; own choice
-MISFIT = 0.01  # and of what it brings to those of its fit [1]; own choice
-
 
 def log_bayes_factor(
-    fit: Fit, i: int, flights: Sequence[FlightResiduals], noise: NoiseModel, held: HeldOut, drift: Drift
+    fit: Fit,
+    i: int,
+    flights: Sequence[FlightResiduals],
+    noise: NoiseModel,
+    held: HeldOut,
+    drift: Drift,
+    priors: Priors,
 ) -> float:
     """Log evidence that term i brings on the held-out flights, whatever their own sensors are off by.
 
@@ -27,7 +31,7 @@ def log_bayes_factor(
         for e in flights
     )
     late = sum(held.terms[e.name][i].begins(e.name) is not None for e in flights)
-    return brought if set(fit.terms[i].onset.values()) - {None} else brought - SURPRISE * late
+    return brought if set(fit.terms[i].onset.values()) - {None} else brought - priors.new_onset_gain * late
 
 
 def _log_bayes_factor_on(
@@ -42,7 +46,12 @@ def _log_bayes_factor_on(
 
 
 def least_log_bayes_factor(
-    fit: Fit, i: int, flights: Sequence[FlightResiduals], noise: NoiseModel, drift: Drift
+    fit: Fit,
+    i: int,
+    flights: Sequence[FlightResiduals],
+    noise: NoiseModel,
+    drift: Drift,
+    thresholds: Thresholds,
 ) -> float:
     """Log evidence on held-out flights below which term i is not confirmed by them.
 
@@ -52,4 +61,4 @@ def least_log_bayes_factor(
     brought = sum(
         _log_bayes_factor_on(fit.everything, i, e, noise, np.ones(len(e.t), bool), drift) for e in flights
     )
-    return -(HURT + MISFIT * max(brought, 0.0))
+    return -(thresholds.hurt + thresholds.hurt_share * max(brought, 0.0))

@@ -4,19 +4,18 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 from np_drake.diagnosis.decision.effect_size import size_of
-from np_drake.diagnosis.decision.held_out_test import HURT, least_log_bayes_factor, log_bayes_factor
+from np_drake.diagnosis.decision.held_out_test import least_log_bayes_factor, log_bayes_factor
 from np_drake.diagnosis.fitting import Fit, impossible
 from np_drake.diagnosis.forward_model import Term
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.materiality import LEAST_FORCED, LEAST_SHARE, Size
+from np_drake.diagnosis.materiality import Size
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG, GUSTY, Drift
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection import Ranking
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.base import ActuatorEffect, SensorEffect
 
-SURE = {True: 0.5, False: 0.75}  # least probability of a name, on a rig and in a laboratory; own choice
-SEEN_AGAIN = 20.0  # log evidence that it brings to unseen flights, where a rig's will do; own choice
 CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
 
 
@@ -61,24 +60,26 @@ def judge(
         gusty: gusts were found. Then the drag that feels them is material however small, may lie at its bound, and
             neither it nor the wind must be confirmed by held-out flights, where it blew otherwise.
     """
-    effect, tolerance, noise = fit.terms[i].effect, ranking.tolerance, ranking.noise
+    effect, options, noise = fit.terms[i].effect, ranking.options, ranking.noise
+    tolerance, thresholds = options.tolerance, options.thresholds
     feels_gusts = gusty and effect.identifier == DRAG
     size = size_of(fit, i, flights, noise, tolerance, [(e, held.terms[e.name]) for e in held_out])
-    brought = log_bayes_factor(fit, i, held_out, noise, held, drift)
-    confirmed = brought > least_log_bayes_factor(fit, i, flights, noise, drift)
+    brought = log_bayes_factor(fit, i, held_out, noise, held, drift, options.priors)
+    confirmed = brought > least_log_bayes_factor(fit, i, flights, noise, drift, thresholds)
+    sure = thresholds.sure_seen_again if brought > thresholds.seen_again else thresholds.sure
     material = size.material(
+        options.materiality,
         calibration=within_calibration(fit.terms[i], tolerance),
         sensor=tolerance.of(effect.identifier) > 0,
-        real=tolerance.real,
-        least=_least_share(fit, i, brought),
+        least_gap=_least_gap(fit, i, brought, options),
     )
     return Inclusion(
         size=size,
         confirmed=confirmed or (gusty and effect.identifier in GUSTY),
         material=material or feels_gusts,
-        sure=probability >= SURE[tolerance.real or brought > SEEN_AGAIN] or feels_gusts,
-        significant=fit.is_significant(i) or feels_gusts,
-        stands_for=impossible(fit, i, flights[0].vehicle, gusty=gusty),
+        sure=probability >= sure or feels_gusts,
+        significant=fit.is_significant(i, thresholds.significance) or feels_gusts,
+        stands_for=impossible(fit, i, flights[0].vehicle, thresholds, gusty=gusty),
     )
 
 
@@ -88,7 +89,7 @@ def within_calibration(term: Term, tolerance: Tolerance) -> bool:
     return term.effect.identifier in CALIBRATION and tolerance.real and not late
 
 
-def _least_share(fit: Fit, i: int, brought: float) -> float:
+def _least_gap(fit: Fit, i: int, brought: float, options: Options) -> float:
     """Of the gap, for term i to matter [1].   brought: log evidence that it brings to unseen flights.
 
     Unlike a payload's swing, so fainter beside it, are sensors, clocks, and dead times that unseen flights bear out.
@@ -96,5 +97,6 @@ def _least_share(fit: Fit, i: int, brought: float) -> float:
     effect = fit.terms[i].effect
     timed = isinstance(effect, ActuatorEffect) and effect.dead_time > 0.0
     beside = any(t.swings for j, t in enumerate(fit.terms) if j != i)
-    unlike = isinstance(effect, SensorEffect) or (timed and brought > HURT)
-    return LEAST_FORCED if beside and not unlike else LEAST_SHARE
+    unlike = isinstance(effect, SensorEffect) or (timed and brought > options.thresholds.hurt)
+    materiality = options.materiality
+    return materiality.least_gap_beside_payload if beside and not unlike else materiality.least_gap

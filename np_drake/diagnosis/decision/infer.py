@@ -4,17 +4,17 @@ from collections.abc import Sequence
 
 from np_drake.diagnosis.decision.compare import compare
 from np_drake.diagnosis.decision.decide import Inference, decide
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection import (
     find_map_model,
 )
-from np_drake.diagnosis.tolerance import Tolerance
 
 
 def infer(
     flights: Sequence[FlightResiduals],
     held_out: Sequence[FlightResiduals],
-    tolerance: Tolerance | None = None,
+    options: Options | None = None,
 ) -> Inference:
     """Ranks the effects by `flights` and asks `unseen` which of them are causes."""
-    return decide(compare(find_map_model(flights, tolerance), held_out))
+    return decide(compare(find_map_model(flights, options), held_out))

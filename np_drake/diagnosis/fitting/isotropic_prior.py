@@ -6,11 +6,10 @@ import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.fitting.parameters import write
+from np_drake.diagnosis.options import Priors
 
-TOLD = 2.0  # deviations from neutral above which a parameter is well determined [1]; own choice
 
-
-def with_isotropic_prior(fit: Fit) -> Fit:
+def with_isotropic_prior(fit: Fit, priors: Priors) -> Fit:
     """Return the fit with priors of `isotropic` effects as wide as their well-determined parameters are large.
 
     The search does not know how large an effect is, and its priors are wide. Where an axis is hardly excited, its
@@ -22,7 +21,7 @@ def with_isotropic_prior(fit: Fit) -> Fit:
     for i in (i for i, t in enumerate(fit.terms) if t.effect.isotropic):
         own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight]
         away = np.abs([values[k] - fit.free[k].neutral for k in own])
-        told = away > TOLD * np.sqrt(np.diag(covariance)[own])
+        told = away > priors.isotropic_deviations * np.sqrt(np.diag(covariance)[own])
         size = float(np.sqrt(np.mean(away[told] ** 2))) if told.any() else np.inf
         for k in (k for k, known in zip(own, told, strict=True) if not known and size < fit.free[k].scale):
             more = 1.0 / (size**-2 - fit.free[k].scale ** -2)

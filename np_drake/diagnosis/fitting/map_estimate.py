@@ -10,11 +10,11 @@ from scipy import stats
 from np_drake.diagnosis.fitting.parameters import Free, free_parameters, read, write
 from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual, swing_wrenches
 from np_drake.diagnosis.numerics import NoiseModel, minimise
+from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors import Candidate
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.base import ActuatorEffect, SensorEffect
 
-TOLD = 0.95  # level at which parameters differ significantly from neutral [1]
 BLOCK = 1.0  # length of blocks within which residuals may correlate, for the robust covariance [s]
 
 
@@ -66,8 +66,8 @@ class Fit:
         residual = e.y - predicted_residual(e, self.everything)
         return e.bridged(residual - self.sensor_drift[e.name] if e.name in self.sensor_drift else residual)
 
-    def is_significant(self, i: int) -> bool:
-        """Return whether the parameters of `terms[i]` differ from those of a vanishing effect at the 95 % level.
+    def is_significant(self, i: int, level: float) -> bool:
+        """Return whether the parameters of `terms[i]` differ from those of a vanishing effect at this level [1].
 
         An effect that improves the fit without being significant makes up for errors of the others. An effect that acts
         through another is tested by the products of the two sets of parameters. Where a drag is poorly known so is the
@@ -87,7 +87,7 @@ class Fit:
             slope[range(len(own)), through] = away
             away = away * self.values[through]
         spread = slope @ self.covariance @ slope.T
-        return bool(away @ np.linalg.pinv(spread) @ away > stats.chi2.ppf(TOLD, len(own)))
+        return bool(away @ np.linalg.pinv(spread) @ away > stats.chi2.ppf(level, len(own)))
 
     def _vanishing(self, i: int) -> list[int]:
         """Return the positions in `free` of the parameters of term i at whose neutral values its effect vanishes."""
@@ -117,6 +117,7 @@ def refine(
     white: Callable[[FlightResiduals, Candidate], np.ndarray] | None = None,
     evaluations: int = 8,
     wide: bool = True,
+    priors: Priors,
 ) -> Fit:
     """Fit terms and calibration to the flights by bounded Gauss-Newton, starting from the terms' values.
 
@@ -133,7 +134,7 @@ def refine(
     """
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
-    free = free_parameters(everything, flights, scales, wide=wide)
+    free = free_parameters(everything, flights, scales, priors, wide=wide)
     scale = np.array([f.scale for f in free])
     neutral = np.array([f.neutral for f in free])
     root = 1.0 / np.sqrt(temperature)

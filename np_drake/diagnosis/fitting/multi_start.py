@@ -11,7 +11,6 @@ from np_drake.diagnosis.fitting.swing_fit import fitted_to_whole_flight
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel, scale_only
 from np_drake.diagnosis.regressors import Model, RegressionProblem, calibration_terms
-from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.tolerance import Tolerance
 
 ITERATIONS = 6
@@ -65,7 +64,7 @@ def first_fit(problem: RegressionProblem, model: Model, tolerance: Tolerance, it
     same_scale = scale_only(
         [e.bridged(e.y - predicted_residual(e, terms)) for e in flights], flights[0].grid.step
     )
-    return _descend(problem, model, tolerance, _swung(terms, flights, same_scale), same_scale, iterations)
+    return _descend(problem, model, tolerance, _swung(terms, problem, same_scale), same_scale, iterations)
 
 
 def restarted(
@@ -106,13 +105,14 @@ def _descend(
         white=partial(problem.white, noise),
         evaluations=iterations,
         wide=problem.wide,
+        priors=problem.options.priors,
     )
     return dc.replace(fit, onset_prior=sum(problem.candidates[i].onset_prior for i in model.members))
 
 
-def _swung(terms: Sequence[Term], flights: Sequence[FlightResiduals], noise: NoiseModel) -> list[Term]:
+def _swung(terms: Sequence[Term], problem: RegressionProblem, noise: NoiseModel) -> list[Term]:
     """Return the terms with the swings that suit each flight, given the other parameters."""
-    found = {e.name: fitted_to_whole_flight(terms, e, noise) for e in flights}
+    found = {e.name: fitted_to_whole_flight(terms, e, noise, problem.options.priors) for e in problem.flights}
     return [
         dc.replace(t, hidden={n: now[i].hidden[n] for n, now in found.items() if n in now[i].hidden})
         for i, t in enumerate(terms)

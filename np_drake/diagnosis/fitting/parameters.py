@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.forward_model import NEVER, STATE, Term, hidden_size, padded
-from np_drake.diagnosis.regressors import SWING
+from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.residuals import FlightResiduals
 
 
@@ -25,7 +25,12 @@ class Free:
 
 
 def free_parameters(
-    terms: Sequence[Term], flights: Sequence[FlightResiduals], scales: dict[int, float], *, wide: bool = True
+    terms: Sequence[Term],
+    flights: Sequence[FlightResiduals],
+    scales: dict[int, float],
+    priors: Priors,
+    *,
+    wide: bool = True,
 ) -> list[Free]:
     """Return the free parameters of the terms.
 
@@ -46,7 +51,7 @@ def free_parameters(
             continue
         for e in flights:
             if term.begins(e.name) != NEVER:
-                scales_of = [SWING * (1 if k % STATE < 2 else 3) for k in range(_size(term, e))]
+                scales_of = [priors.swing * (1 if k % STATE < 2 else 3) for k in range(_size(term, e))]
                 found += [Free(i, "swing", s, 0.0, -4.0, 4.0, e.name, k) for k, s in enumerate(scales_of)]
     return found
 

@@ -6,12 +6,12 @@ from itertools import product
 import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit
+from np_drake.diagnosis.options import Thresholds
 from np_drake.diagnosis.regressors import DRAG, DRAGS
 from np_drake.effects.base import Effect, MassEffect, MassProperties
 from np_drake.vehicle import Vehicle
 
 EDGE = 1e-3  # share of a parameter's range within which it is at its bound [1]; own choice
-PUSHES = 3.0  # deviations below zero at which a drag is significantly negative [1]; own choice
 STEPS = 3  # points of an interval that are tried; own choice
 
 
@@ -36,8 +36,8 @@ def at_its_bound(effect: Effect) -> bool:
     return False
 
 
-def _pushes(fit: Fit, i: int) -> bool:
-    """Return whether the effect is a drag that is significantly negative along an axis.
+def _pushes(fit: Fit, i: int, deviations: float) -> bool:
+    """Return whether the effect is a drag that is negative along an axis by so many standard deviations.
 
     Of two drags, one may compensate the other.
     """
@@ -45,10 +45,10 @@ def _pushes(fit: Fit, i: int) -> bool:
     if effect.identifier not in DRAGS:
         return False
     own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight]
-    return any(fit.values[k] < -PUSHES * np.sqrt(fit.covariance[k, k]) for k in own)
+    return any(fit.values[k] < -deviations * np.sqrt(fit.covariance[k, k]) for k in own)
 
 
-def impossible(fit: Fit, i: int, vehicle: Vehicle, *, gusty: bool = False) -> str:
+def impossible(fit: Fit, i: int, vehicle: Vehicle, thresholds: Thresholds, *, gusty: bool = False) -> str:
     """Return why the effect of term i must stand in for another, or "" where it need not.
 
     A parameter is at its bound, a drag is negative, or no rigid body has such parameters within their 95 % intervals.
@@ -63,7 +63,7 @@ def impossible(fit: Fit, i: int, vehicle: Vehicle, *, gusty: bool = False) -> st
     if not (gusty and effect.identifier == DRAG):
         if at_its_bound(effect):
             return "a figure at its bound is none"
-        if _pushes(fit, i):
+        if _pushes(fit, i, thresholds.pushing_drag):
             return "no drag pushes"
     if not isinstance(effect, MassEffect):
         return ""

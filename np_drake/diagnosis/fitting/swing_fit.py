@@ -16,7 +16,8 @@ from np_drake.diagnosis.forward_model import (
     swing_wrenches,
 )
 from np_drake.diagnosis.numerics import NoiseModel
-from np_drake.diagnosis.regressors import SWING, WIDEST
+from np_drake.diagnosis.options import Priors
+from np_drake.diagnosis.regressors import WIDEST
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 
 STEPS = 3  # Gauss-Newton iterations
@@ -43,6 +44,7 @@ class SwingFit:
         noise: NoiseModel,
         onset: float | None,
         rows: np.ndarray,
+        priors: Priors,
     ):
         self._term = dc.replace(terms[i], onset={**terms[i].onset, flight.name: onset})
         order, found = noise.phi.shape[1], np.flatnonzero(rows)
@@ -56,7 +58,7 @@ class SwingFit:
         self.size = hidden_size(flight, onset)
         rate = np.sqrt(flight.vehicle.gravity / terms[i].effect.payload.length)  # type: ignore[attr-defined]
         unit = swing_units(self.size, rate)
-        self._prior, self._limit = SWING * unit, WIDEST * unit
+        self._prior, self._limit = priors.swing * unit, WIDEST * unit
 
     @property
     def known(self) -> np.ndarray:
@@ -131,7 +133,9 @@ class SwingFit:
 SPANS = (4.0, 8.0)  # growing lengths of a flight over which its swing is fitted [s]
 
 
-def fitted_to_whole_flight(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel) -> list[Term]:
+def fitted_to_whole_flight(
+    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors
+) -> list[Term]:
     """Return the terms with hidden states, jumps included, that fit the whole flight.
 
     What remains of the flight is then not due to the swing. These swings are no prediction: they have seen the flight.
@@ -142,11 +146,11 @@ def fitted_to_whole_flight(terms: Sequence[Term], flight: FlightResiduals, noise
         if not term.swings or begin == NEVER:
             continue
         start = flight.t[0] if begin is None else begin
-        whole = SwingFit(terms, i, flight, noise, begin, flight.t >= start)
+        whole = SwingFit(terms, i, flight, noise, begin, flight.t >= start, priors)
         swing = whole.known
         for span in SPANS:
             rows = (flight.t >= start) & (flight.t < start + span)
-            swing = SwingFit(terms, i, flight, noise, begin, rows).descend(swing)
+            swing = SwingFit(terms, i, flight, noise, begin, rows, priors).descend(swing)
         ends = np.array([whole.descend(whole.known), whole.descend(swing)])
         terms[i] = whole.term(ends[np.argmin(whole.costs(ends))])
     return terms

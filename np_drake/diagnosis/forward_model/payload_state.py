@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals
 from np_drake.effects.pendulum import across, swing_many
 
@@ -13,17 +14,13 @@ if TYPE_CHECKING:
     from np_drake.diagnosis.forward_model.term import Term
 
 STATE = 4  # swing angles [rad] and their rates [rad/s] about the direction of rest
-ERROR = {  # with real sensors (True) and ideal ones; mass and length relative [1], hook [m]; from simulated flights
-    True: {"mass": 0.02, "length": 0.008, "hook": 0.001},
-    False: {"mass": 0.006, "length": 0.003, "hook": 0.0003},
-}
 MOST_JUMPS = (
     4  # largest number of jumps in a flight; sampled motion does not show how a snap changes the swing
 )
 APART = 0.3  # least time between jumps [s]
 
 
-def pendulum_error(name: str, value: float, *, real: bool) -> float:
+def pendulum_error(name: str, value: float, priors: Priors) -> float:
     """Return the standard deviation of a payload parameter that its fit does not account for, in the unit of `value`.
 
     The motion that drives the pendulum is measured with noise, and a tether that goes slack is no pendulum.
@@ -31,11 +28,12 @@ def pendulum_error(name: str, value: float, *, real: bool) -> float:
     Args:
         name: name of the parameter, beginning with mass, length or hook.
         value: its value.
-        real: whether the sensors are real, not ideal.
+        priors: hold the errors.
     Source: own choice, from errors in simulated flights.
     """
     kind = name.split("_")[0]
-    return ERROR[real][kind] * (1.0 if kind == "hook" else abs(value))
+    errors = {"mass": priors.pendulum_mass, "length": priors.pendulum_length, "hook": priors.pendulum_hook}
+    return errors[kind] * (1.0 if kind == "hook" else abs(value))
 
 
 def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:

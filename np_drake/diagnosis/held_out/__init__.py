@@ -1,7 +1,6 @@
 """Models on flights to which they were not fitted."""
 
 from np_drake.diagnosis.held_out.adaptation import (
-    SURPRISE,
     adapt,
     onset_log_likelihood,
     scored_on_fitted_rows,
@@ -10,7 +9,6 @@ from np_drake.diagnosis.held_out.adaptation import (
 from np_drake.diagnosis.held_out.prediction import HeldOut, misfit, on_held_out, pooled, remaining_residual
 
 __all__ = [
-    "SURPRISE",
     "HeldOut",
     "adapt",
     "misfit",

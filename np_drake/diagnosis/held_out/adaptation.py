@@ -8,17 +8,21 @@ import numpy as np
 from np_drake.diagnosis.fitting import SwingFit
 from np_drake.diagnosis.forward_model import MOST_JUMPS, NEVER, STATE, Term, jumps, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors import SwitchedRegressors
 from np_drake.diagnosis.residuals import APART, BOUNCE, LONGEST, MOST, FlightResiduals, find_shocks
 
 HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not scored [s]
 JUMP_SPAN = 1.5  # after a shock, over which a swing is fitted anew; not scored either [s]
-ONSET_GAIN = 8.0  # log likelihood that an onset must bring; own choice
-SURPRISE = 30.0  # and where none of the fitted flights has one; own choice
 
 
 def adapt(
-    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, *, structured: bool = False
+    terms: Sequence[Term],
+    flight: FlightResiduals,
+    noise: NoiseModel,
+    priors: Priors,
+    *,
+    structured: bool = False,
 ) -> list[Term]:
     """The terms on an unseen flight: onset (none, from the start, in flight) and initial swing found, figures kept.
 
@@ -29,18 +33,20 @@ def adapt(
     known = [any(begin is not None for begin in t.onset.values()) for t in terms]
     fitted = list(terms)
     terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
-    terms = [_anchored(terms, i, flight, noise) for i in range(len(terms))]
+    terms = [_anchored(terms, i, flight, noise, priors) for i in range(len(terms))]
     felt_by = {i: _felt_by(fitted, i) for i in range(len(terms))}
     for i in sorted(range(len(terms)), key=lambda i: (not known[i], felt_by[i] is not None)):
         j = felt_by[i]
         if j is not None:
             terms[i] = dc.replace(terms[i], onset=terms[j].onset)
         elif late[i]:
-            terms[i] = _with_onset(terms, i, flight, noise, known=known[i])
+            terms[i] = _with_onset(terms, i, flight, noise, priors, known=known[i])
     return terms
 
 
-def predictive_terms(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel) -> list[Term]:
+def predictive_terms(
+    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors
+) -> list[Term]:
     """Adapted terms, payloads with all the ways in which the rows that their swing was fitted to let them swing.
 
     The least squared miss of the rest of the flight is expected of their mean: a swing that is not known, or that no
@@ -52,7 +58,9 @@ def predictive_terms(terms: Sequence[Term], flight: FlightResiduals, noise: Nois
     out = list(terms)
     for i, term in enumerate(terms):
         begin = term.begins(flight.name)
-        spans = [SwingFit(terms, i, flight, noise, begin, rows) for rows in hidden_state_rows(term, flight)]
+        spans = [
+            SwingFit(terms, i, flight, noise, begin, rows, priors) for rows in hidden_state_rows(term, flight)
+        ]
         if spans:
             doubts = [fit.posterior_swings(slice(k * STATE, (k + 1) * STATE)) for k, fit in enumerate(spans)]
             out[i] = dc.replace(term, hidden={flight.name: spans[0].known + sum(doubts)})
@@ -66,24 +74,26 @@ def _felt_by(terms: Sequence[Term], i: int) -> int | None:
     return next(together, None)
 
 
-def without_shocks(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel) -> FlightResiduals:
+def without_shocks(
+    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors
+) -> FlightResiduals:
     """The flight, its shocks taken out as the terms' misses show them.
 
     A swing is lost at a shock, and what it misses from there on looks like more of them: they are taken in turn.
     """
     for _ in range(MOST_JUMPS if any(t.swings for t in terms) else 0):
-        found = _shocks(terms, flight, noise, most=1.0)  # where a swing is lost it misses ever more
+        found = _shocks(terms, flight, noise, priors, most=1.0)  # where a swing is lost it misses ever more
         first = _first_run(found & (flight.t > _end_of(flight.t, flight.shocks) + APART))
         if not first.any():
             return flight
         flight = dc.replace(flight, shocks=flight.shocks | first)
-    return dc.replace(flight, shocks=flight.shocks | _shocks(terms, flight, noise))
+    return dc.replace(flight, shocks=flight.shocks | _shocks(terms, flight, noise, priors))
 
 
 def _shocks(
-    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, most: float = MOST
+    terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors, most: float = MOST
 ) -> np.ndarray:
-    residual = flight.y - predicted_residual(flight, adapt(terms, flight, noise))
+    residual = flight.y - predicted_residual(flight, adapt(terms, flight, noise, priors))
     longest = BOUNCE if any(t.swings for t in terms) else LONGEST
     return find_shocks(residual, flight.grid.step, longest, most)
 
@@ -133,19 +143,24 @@ def scored_on_fitted_rows(terms: Sequence[Term], flight: FlightResiduals) -> boo
 
 
 def _anchored(
-    terms: Sequence[Term], i: int, flight: FlightResiduals, noise: NoiseModel, onset: float | None = None
+    terms: Sequence[Term],
+    i: int,
+    flight: FlightResiduals,
+    noise: NoiseModel,
+    priors: Priors,
+    onset: float | None = None,
 ) -> Term:
     """The term, its swing fitted to the rows at its start, then every jump to those after the shock."""
     now = list(terms)
     for k, rows in enumerate(hidden_state_rows(dc.replace(terms[i], onset={flight.name: onset}), flight)):
-        fit = SwingFit(now, i, flight, noise, onset, rows)
+        fit = SwingFit(now, i, flight, noise, onset, rows, priors)
         swing = fit.descend_from_grid(fit.known, slice(k * STATE, (k + 1) * STATE))
         now[i] = fit.term(swing)
     return now[i]
 
 
 def _with_onset(
-    terms: list[Term], i: int, flight: FlightResiduals, noise: NoiseModel, *, known: bool
+    terms: list[Term], i: int, flight: FlightResiduals, noise: NoiseModel, priors: Priors, *, known: bool
 ) -> Term:
     """Where in this flight the term begins, its figures being known (whatever a payload's swing was).
 
@@ -154,19 +169,23 @@ def _with_onset(
     """
     term = terms[i]
     rest = predicted_residual(flight, [t for j, t in enumerate(terms) if j != i])
-    trace = _span_by_span(terms, i, flight, noise) if term.swings else predicted_residual(flight, terms)
+    trace = (
+        _span_by_span(terms, i, flight, noise, priors) if term.swings else predicted_residual(flight, terms)
+    )
     t, profile = onset_log_likelihood(flight, noise, flight.y - rest, trace - rest)
     k = int(np.argmax(profile))
-    if k == 0 or profile[k] - profile[0] < (ONSET_GAIN if known else SURPRISE):
+    if k == 0 or profile[k] - profile[0] < (priors.onset_gain if known else priors.new_onset_gain):
         return term
     onset = NEVER if k == len(t) - 1 else float(t[k])
     if onset == NEVER and not known:
         return term
     late = dc.replace(term, onset={flight.name: onset}, hidden={})
-    return _anchored([*terms[:i], late, *terms[i + 1 :]], i, flight, noise, onset)
+    return _anchored([*terms[:i], late, *terms[i + 1 :]], i, flight, noise, priors, onset)
 
 
-def _span_by_span(terms: Sequence[Term], i: int, flight: FlightResiduals, noise: NoiseModel) -> np.ndarray:
+def _span_by_span(
+    terms: Sequence[Term], i: int, flight: FlightResiduals, noise: NoiseModel, priors: Priors
+) -> np.ndarray:
     """(m, 15) trace of the terms with a payload that swings in every span as that span shows it by itself.
 
     A swing that is followed from the start of the flight is wrong wherever the payload was hung on later; where it
@@ -181,7 +200,7 @@ def _span_by_span(terms: Sequence[Term], i: int, flight: FlightResiduals, noise:
             continue
         onset = None if start == flight.t[0] else float(start)
         now = [*terms[:i], dc.replace(terms[i], onset={flight.name: onset}, hidden={}), *terms[i + 1 :]]
-        fit = SwingFit(now, i, flight, noise, onset, rows)
+        fit = SwingFit(now, i, flight, noise, onset, rows, priors)
         now[i] = fit.term(fit.descend(fit.known))
         alone = predicted_residual(flight, now)
         losses = [np.sum(flight.white(noise, flight.y - way)[inside] ** 2) for way in (alone, followed)]

@@ -9,6 +9,7 @@ from np_drake.diagnosis.fitting import Fit, fitted_to_whole_flight
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out.adaptation import adapt, predictive_terms, scored_rows
 from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.result import Cause
@@ -28,16 +29,21 @@ class HeldOut:
 
 
 def on_held_out(
-    fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel, *, structured: bool = False
+    fit: Fit,
+    flights: Sequence[FlightResiduals],
+    noise: NoiseModel,
+    priors: Priors,
+    *,
+    structured: bool = False,
 ) -> HeldOut:
     """The fit's terms on flights that it has not seen; `structured` as in `adapt`."""
     terms, residual, rows, whole = {}, {}, {}, {}
     for e in flights:
-        known = adapt(fit.everything, e, noise, structured=structured)
-        terms[e.name] = predictive_terms(known, e, noise)
+        known = adapt(fit.everything, e, noise, priors, structured=structured)
+        terms[e.name] = predictive_terms(known, e, noise, priors)
         residual[e.name] = e.y - predicted_residual(e, terms[e.name])
         rows[e.name] = scored_rows(terms[e.name], e)
-        whole[e.name] = fitted_to_whole_flight(known, e, noise)
+        whole[e.name] = fitted_to_whole_flight(known, e, noise, priors)
     return HeldOut(terms, residual, rows, whole)
 
 

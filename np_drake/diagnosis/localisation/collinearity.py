@@ -6,6 +6,7 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import NEVER, StageCache, Term, predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors import (
     Candidate,
     Onset,
@@ -32,6 +33,7 @@ def collinear_effects(
     i: int,
     noise: NoiseModel,
     tolerance: Tolerance,
+    priors: Priors,
 ) -> list[str]:
     """Return the effects that are indistinguishable from terms[i] in these flights, nearest first.
 
@@ -49,7 +51,7 @@ def collinear_effects(
     rest = [t for j, t in enumerate(terms) if j != i]
     trace = {e.name: predicted_residual(e, terms) - predicted_residual(e, rest) for e in flights}
     onset: Onset = {n: t for n, t in terms[i].onset.items() if t is not None and t != NEVER}
-    options = [*_options(flights, onset), *_mirror_images(flights, terms[i], onset)]
+    options = [*_options(flights, priors, onset), *_mirror_images(flights, terms[i], onset)]
     known = {t.effect.identifier for t in terms}
     options = [option for option in options if option.identifiers[-1] not in known]
     return _same(flights, trace, options, noise, tolerance)
@@ -60,6 +62,7 @@ def effects_of_trace(
     trace: Mapping[str, np.ndarray],
     noise: NoiseModel,
     tolerance: Tolerance,
+    priors: Priors,
     within: float = DISTANCE,
 ) -> list[str]:
     """Return the library effects within a squared whitened distance of a residual in these flights, nearest first.
@@ -74,7 +77,7 @@ def effects_of_trace(
     """
     if _Distance(flights, trace, noise, tolerance).to([]) < within:
         return []
-    return _same(flights, trace, _options(flights, {}), noise, tolerance, within)
+    return _same(flights, trace, _options(flights, priors, {}), noise, tolerance, within)
 
 
 def _same(
@@ -93,9 +96,13 @@ def _same(
     return sorted((n for n, d in found.items() if d < within), key=lambda n: found[n])
 
 
-def _options(flights: Sequence[FlightResiduals], onset: Onset) -> list[Candidate]:
+def _options(flights: Sequence[FlightResiduals], priors: Priors, onset: Onset) -> list[Candidate]:
     plain = library_candidates(flights, onset or None)
-    return [*plain, *wind_candidates(flights, plain, onset), *payload_candidates(flights, LENGTHS, onset)]
+    return [
+        *plain,
+        *wind_candidates(flights, plain, onset),
+        *payload_candidates(flights, LENGTHS, priors, onset),
+    ]
 
 
 def _mirror_images(flights: Sequence[FlightResiduals], term: Term, onset: dict) -> list[Candidate]:

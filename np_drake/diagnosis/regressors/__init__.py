@@ -21,13 +21,12 @@ from np_drake.diagnosis.regressors.nuisance import (
     sensor_drift,
     tolerance_of,
 )
-from np_drake.diagnosis.regressors.payload import AT_REST, SWING, WIDEST, Guess, PayloadColumns, heavy_enough
+from np_drake.diagnosis.regressors.payload import AT_REST, WIDEST, Guess, PayloadColumns, heavy_enough
 from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of
 from np_drake.diagnosis.regressors.regression_problem import (
     SHIFTING,
     Model,
     RegressionProblem,
-    effect_prior,
     prior_of,
 )
 from np_drake.diagnosis.regressors.switched_regressors import Sums, SwitchedRegressors, SwitchedSums
@@ -40,7 +39,6 @@ __all__ = [
     "GUSTY",
     "PREFIX",
     "SHIFTING",
-    "SWING",
     "WIDEST",
     "Candidate",
     "Drift",
@@ -56,7 +54,6 @@ __all__ = [
     "calibration",
     "calibration_terms",
     "drift_of",
-    "effect_prior",
     "generic_candidates",
     "heavy_enough",
     "library_candidates",

@@ -8,30 +8,29 @@ Source: own choice of groups.
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 from scipy import signal
 from scipy.cluster.vq import kmeans2
 
+from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.residuals import FlightResiduals, FlightState, flight_state
 
 PREFIX = "unknown:"
-SIZE = 0.04  # prior deviation of a group's force over weight, and of its torque over weight times arm [1]
 RESONANCES = (0.4, 0.6, 0.8, 1.05, 1.4, 1.8, 2.4, 3.2, 4.2)  # [Hz]
 DAMPING = 0.1  # damping of the resonances in the grids [1]
 TWISTS = tuple(0.7 * 1.3**k for k in range(9))  # frequencies of resonances between command and torque [Hz]
-GAIN = 0.3  # prior deviation of its torque over the commanded one [1]
 CENTRES = 10  # number of centres of the position group
 Pushes = Callable[[FlightState], np.ndarray]  # (m, 6, k) force and torque in B in units of their prior
 
 
-def generic_candidates(flights: Sequence[FlightResiduals]) -> list[Candidate]:
+def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> list[Candidate]:
     """Return all groups as candidates; their `generic` gives the columns on any flight."""
     states = {e.name: flight_state(e) for e in flights}
     found = [
-        _candidate(flights, states, name, text, pushes)
+        _candidate(flights, states, priors, name, text, pushes)
         for name, text, pushes in (
             ("rates", "a torque that goes with body rates", _damping),
             ("side force", "a force across velocity and body rate", _side_force),
@@ -43,26 +42,27 @@ def generic_candidates(flights: Sequence[FlightResiduals]) -> list[Candidate]:
             ("place", "a force tied to a place", _place(states)),
         )
     ]
+    twist, one_twist = partial(_twist, priors=priors), partial(_one_twist, priors=priors)
     for name, driven, frequencies, pushes, modes in (
         ("resonance", "the motion", RESONANCES, _resonance, _resonance),
-        ("twist", "the commanded torque", TWISTS, _twist, _one_twist),
+        ("twist", "the commanded torque", TWISTS, twist, one_twist),
     ):
         prior = -math.log(len(frequencies))
         for f in frequencies:
             text = f"an answer to {driven} with a resonance near {f:.3g} Hz"
             figures = {"frequency": f}
-            found.append(_candidate(flights, states, name, text, pushes(f), prior, figures, modes))
+            found.append(_candidate(flights, states, priors, name, text, pushes(f), prior, figures, modes))
     return found
 
 
 def _candidate(
-    flights, states, name, text, pushes: Pushes, log_prior=0.0, figures=None, modes=None
+    flights, states, priors: Priors, name, text, pushes: Pushes, log_prior=0.0, figures=None, modes=None
 ) -> Candidate:
     def columns(e: FlightResiduals, pushes: Pushes = pushes) -> np.ndarray:
         state = states.get(e.name) or flight_state(e)
         weight = e.vehicle.mass * e.vehicle.gravity
         arm = float(np.mean(np.linalg.norm(np.array(e.vehicle.rotor_positions), axis=1)))
-        size = SIZE * weight * np.array([1, 1, 1, 0.3 * arm, 0.3 * arm, 0.1 * arm])
+        size = priors.generic_size * weight * np.array([1, 1, 1, 0.3 * arm, 0.3 * arm, 0.1 * arm])
         raw = pushes(state)
         X = np.zeros((*e.y.shape, raw.shape[-1]))
         X[:, :6] = size[:, None] * raw
@@ -192,13 +192,13 @@ def _resonance(frequency: float, damping: float = DAMPING) -> Pushes:
     return pushes
 
 
-def _one_twist(frequency: float, damping: float) -> Pushes:
+def _one_twist(frequency: float, damping: float, *, priors: Priors) -> Pushes:
     """Return the columns G and D G / w of `_twist` alone, for a single resonance of torque."""
-    both = _twist(frequency, damping)
+    both = _twist(frequency, damping, priors=priors)
     return lambda s: both(s)[..., [0, 1, 4, 5, 8, 9]]
 
 
-def _twist(frequency: float, damping: float = DAMPING) -> Pushes:
+def _twist(frequency: float, damping: float = DAMPING, *, priors: Priors) -> Pushes:
     """Return the torque of a lightly damped resonance that the commanded torque drives, separately for every axis.
 
     With G = w² / (D² + 2 z w D + w²) the columns are G, D G / w, G² and D G² / w. They span G and its derivatives by w
@@ -213,7 +213,7 @@ def _twist(frequency: float, damping: float = DAMPING) -> Pushes:
         def behind(drive: np.ndarray) -> np.ndarray:
             return signal.lfilter(b, a, drive, axis=0, zi=rest * drive[:1])[0]
 
-        once = behind(GAIN * s.u[:, 1:] / (SIZE * s.weight * s.torque_unit))
+        once = behind(priors.twist * s.u[:, 1:] / (priors.generic_size * s.weight * s.torque_unit))
         twice = behind(once)
         changes = [np.gradient(g, s.step, axis=0) / omega for g in (once, twice)]
         peak = 2 * damping  # normalises the peak of G to one

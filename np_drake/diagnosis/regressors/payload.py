@@ -9,13 +9,11 @@ import numpy as np
 from scipy import special
 
 from np_drake.diagnosis.forward_model import Term, padded, swing_units
+from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors.library import Candidate, Mended, Onset
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.library import LIBRARY
 
-SWING = 0.15  # prior deviation of an initial swing [rad]
-HOOK = 0.1  # prior deviation of the hook [m]
-LENGTH = 0.05  # prior deviation of the length about a guess, relative [1]
 SMALL = 0.02  # difference quotients: of a swing [rad], of a length, relative [1]
 WIDEST = 1.2  # swing [rad], and with the natural rate its rate, that a guess may have
 LONGEST, SHORTEST = 3.0, 0.1  # tether [m]
@@ -60,6 +58,7 @@ class PayloadColumns:
     onset: Onset
     unit: float
     rate: float
+    priors: Priors
     longer: bool = False
 
     @property
@@ -86,7 +85,10 @@ class PayloadColumns:
     def log_prior(self) -> float:
         """Log prior of the swings of the guess; deviations from the guess have their own prior."""
         spans = {name: span.stop - span.start for name, span in self.swings.items()}
-        relative = [self.guess.at(name, n) / (SWING * swing_units(n, self.rate)) for name, n in spans.items()]
+        relative = [
+            self.guess.at(name, n) / (self.priors.swing * swing_units(n, self.rate))
+            for name, n in spans.items()
+        ]
         return -0.5 * float(np.sum(np.concatenate(relative) ** 2))
 
     def moved(self, c: np.ndarray) -> Guess:
@@ -95,13 +97,13 @@ class PayloadColumns:
         The coefficients of length, hook and swing are products with the mass.
         """
         share = max(c[0], LIGHTEST)
-        hook = np.clip(self.guess.hook + c[1:AT_REST] / share * HOOK, -0.5, 0.5)
-        stretch = np.clip(c[AT_REST] / share * LENGTH, -0.2, 0.2) if self.longer else 0.0
+        hook = np.clip(self.guess.hook + c[1:AT_REST] / share * self.priors.hook, -0.5, 0.5)
+        stretch = np.clip(c[AT_REST] / share * self.priors.length, -0.2, 0.2) if self.longer else 0.0
         length = float(np.clip(self.guess.length * (1 + stretch), SHORTEST, LONGEST))
         swing = {}
         for name, span in self.swings.items():
             units = swing_units(span.stop - span.start, self.rate)
-            move = np.clip(c[span] / share, -4.0, 4.0) * SWING
+            move = np.clip(c[span] / share, -4.0, 4.0) * self.priors.swing
             known = self.guess.at(name, len(units))
             swing[name] = np.clip(known + move * units, -WIDEST * units, WIDEST * units)
         return Guess(length, hook, swing)

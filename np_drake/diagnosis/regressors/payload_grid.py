@@ -7,16 +7,15 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.diagnosis.forward_model import NEVER, STATE, hidden_size, specific_pull, swing_units
+from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors.library import Candidate, Onset
-from np_drake.diagnosis.regressors.payload import AT_REST, HOOK, LENGTH, SMALL, SWING, Guess, PayloadColumns
+from np_drake.diagnosis.regressors.payload import AT_REST, SMALL, Guess, PayloadColumns
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.effects.library import LIBRARY
 
-UNIT = 0.1  # prior deviation of the payload's mass over the vehicle's mass [1]
-
 
 def payload_candidates(
-    flights: Sequence[FlightResiduals], lengths: np.ndarray, onset: Onset | None = None
+    flights: Sequence[FlightResiduals], lengths: np.ndarray, priors: Priors, onset: Onset | None = None
 ) -> list[Candidate]:
     """Return payload candidates at each tether length, with columns for all channels.
 
@@ -29,11 +28,11 @@ def payload_candidates(
     """
     if "suspended_payload" not in LIBRARY:
         return []
-    return [columns.candidate(flights) for columns in payloads_of(flights, lengths, onset)]
+    return [columns.candidate(flights) for columns in payloads_of(flights, lengths, priors, onset)]
 
 
 def payloads_of(
-    flights: Sequence[FlightResiduals], lengths: np.ndarray, onset: Onset | None = None
+    flights: Sequence[FlightResiduals], lengths: np.ndarray, priors: Priors, onset: Onset | None = None
 ) -> list[PayloadColumns]:
     """Return payload columns at each fixed tether length.
 
@@ -56,13 +55,13 @@ def payloads_of(
         e.name: _pulls(e, *many, np.zeros(3), onset).reshape(-1, len(lengths), 1 + STATE, 3) for e in flights
     }
     return [
-        _columns(flights, Guess(float(length)), {n: p[:, i] for n, p in pulls.items()}, onset or {})
+        _columns(flights, Guess(float(length)), {n: p[:, i] for n, p in pulls.items()}, priors, onset or {})
         for i, length in enumerate(lengths)
     ]
 
 
 def payload_about(
-    flights: Sequence[FlightResiduals], guess: Guess, onset: Onset | None = None
+    flights: Sequence[FlightResiduals], guess: Guess, priors: Priors, onset: Onset | None = None
 ) -> PayloadColumns:
     """Return payload columns linearised about a guess, with its length free as well."""
     rate = math.sqrt(flights[0].vehicle.gravity / guess.length)
@@ -73,32 +72,34 @@ def payload_about(
         swing = guess.at(e.name, size) + np.concatenate([np.zeros((2, size)), moves])
         lengths = guess.length * np.array([1.0, 1.0 + SMALL] + [1.0] * size)
         pulls[e.name] = _pulls(e, lengths, swing, guess.hook, onset)
-    return _columns(flights, guess, pulls, onset or {}, longer=True)
+    return _columns(flights, guess, pulls, priors, onset or {}, longer=True)
 
 
 def _columns(
     flights: Sequence[FlightResiduals],
     guess: Guess,
     pulls: Mapping[str, np.ndarray],
+    priors: Priors,
     onset: Onset,
     *,
     longer: bool = False,
 ) -> PayloadColumns:
     """Return the columns from the pulls at the guess, at a longer tether (if `longer`), and at each displaced swing."""
-    mass = UNIT * flights[0].vehicle.mass
+    mass = priors.payload_mass * flights[0].vehicle.mass
     rate = math.sqrt(flights[0].vehicle.gravity / guess.length)
-    hooks = [guess.hook, *(HOOK * np.eye(3))]
+    hooks = [guess.hook, *(priors.hook * np.eye(3))]
     own = {}
     for name, pull in pulls.items():
         force = np.swapaxes(mass * pull, 1, 2)  # (m, 3, k)
-        more = np.repeat([LENGTH / SMALL, SWING / SMALL], [int(longer), pull.shape[1] - 1 - int(longer)])
+        widths = [priors.length / SMALL, priors.swing / SMALL]
+        more = np.repeat(widths, [int(longer), pull.shape[1] - 1 - int(longer)])
         moved = (force[..., 1:] - force[..., :1]) * more
         X = np.zeros((len(force), 6, AT_REST + len(more)))
         X[:, FORCE, 0], X[:, FORCE, AT_REST:] = force[..., 0], moved
         X[:, TORQUE, :AT_REST] = np.stack([force[..., 0] @ attitude.skew(h).T for h in hooks], axis=-1)
         X[:, TORQUE, AT_REST:] = attitude.skew(guess.hook) @ moved
         own[name] = X
-    return PayloadColumns(guess, own, onset, mass, rate, longer)
+    return PayloadColumns(guess, own, onset, mass, rate, priors, longer)
 
 
 def _pulls(

@@ -8,25 +8,16 @@ from itertools import pairwise
 import numpy as np
 
 from np_drake.diagnosis.numerics import Gram, NoiseModel
+from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.library import LIBRARY
 
-EFFECT_PRIOR = -3.0  # log prior of every effect: about one in twenty; own choice
-LESS_LIKELY = {"clock_offset": 0.7, "unknown": 3.0}  # reduction of the log prior; own choice
 SHIFTS = ("command_delay", "clock_offset")  # same prediction but for the sign
 SHIFTING = ("motor_lag", *SHIFTS)  # effects that shift commands against states
 
 
-def effect_prior(identifier: str) -> float:
-    """Return the log prior of an effect.
-
-    A clock offset is half as likely as a command delay, from which it differs only in sign and origin.
-    """
-    return EFFECT_PRIOR - LESS_LIKELY.get(identifier.split(":")[0], 0.0)
-
-
-def prior_of(identifiers: Iterable[str]) -> float:
+def prior_of(identifiers: Iterable[str], priors: Priors) -> float:
     """Return the log prior of a set of effects.
 
     An effect that needs another is acting through it, as a wind through drag; the other then adds no cost.
@@ -36,7 +27,7 @@ def prior_of(identifiers: Iterable[str]) -> float:
     every = set(identifiers)
     needs = [LIBRARY[name].needs for name in every if name in LIBRARY]
     brought = {next((name for name in some if name in every), "") for some in needs}
-    return sum(effect_prior(name) for name in every - brought)
+    return sum(priors.of_effect(name) for name in every - brought)
 
 
 @dc.dataclass(frozen=True)
@@ -67,10 +58,11 @@ class RegressionProblem:
         candidates: list[Candidate],
         *,
         temperature: float,
+        options: Options,
         wide: bool = True,
     ):
         self.flights, self.noise, self.temperature, self.wide = list(flights), noise, temperature, wide
-        self.nuisance, self.candidates = nuisance, candidates
+        self.nuisance, self.candidates, self.options = nuisance, candidates, options
         ends = np.cumsum([0] + [c.size for c in (*nuisance, *candidates)])
         self._index = [np.arange(a, b) for a, b in pairwise(ends)]
         self._nuisance = sum(c.size for c in nuisance)
@@ -109,6 +101,7 @@ class RegressionProblem:
             self.nuisance,
             [*self.candidates, *more],
             temperature=self.temperature,
+            options=self.options,
             wide=self.wide,
         )
 
@@ -143,7 +136,7 @@ class RegressionProblem:
     def _log_prior(self, members: Sequence[int]) -> float:
         chosen = [self.candidates[i] for i in members]
         effects = {name for c in chosen for name in c.identifiers}
-        return prior_of(effects) + sum(c.log_prior + c.onset_prior for c in chosen)
+        return prior_of(effects, self.options.priors) + sum(c.log_prior + c.onset_prior for c in chosen)
 
     def _log_probability(self, sets: Sequence[Sequence[int]]) -> np.ndarray:
         """Return the log probability (n,) under the posterior that all members of each set are physical."""

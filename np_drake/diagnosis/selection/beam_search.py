@@ -6,13 +6,10 @@ import numpy as np
 
 from np_drake.diagnosis.regressors import Model, RegressionProblem
 
-MOSTLY = 0.8  # of the best evidence that the library must reach to go before generic structure; own choice
-BEAM = 6
-MOST_EFFECTS = 5
 
-
-def search(problem: RegressionProblem, *, beam: int = BEAM, most: int = MOST_EFFECTS) -> list[Model]:
+def search(problem: RegressionProblem, *, most: int | None = None) -> list[Model]:
     """All models met, best first. Grows a beam by one candidate at a time, then swaps and removes until it rests."""
+    options = problem.options.search
     seen: dict[tuple[int, ...], float] = {(): 0.0}
 
     def score_all(sets: Iterable[tuple[int, ...]]) -> None:
@@ -21,7 +18,7 @@ def search(problem: RegressionProblem, *, beam: int = BEAM, most: int = MOST_EFF
 
     everyone = range(len(problem.candidates))
     layer: list[tuple[int, ...]] = [()]
-    for _ in range(most):
+    for _ in range(options.most_effects if most is None else most):
         grown = {
             tuple(sorted((*m, i)))
             for m in layer
@@ -33,8 +30,8 @@ def search(problem: RegressionProblem, *, beam: int = BEAM, most: int = MOST_EFF
         score_all(grown)
         ranked = sorted(grown, key=lambda m: (-seen[m], m))
         best = max(seen.values())
-        layer = _diverse(problem, ranked, beam)
-        if seen[layer[0]] < best - 8.0:
+        layer = _diverse(problem, ranked, options.beam)
+        if seen[layer[0]] < best - options.beam_margin:
             break
     current = max(seen, key=lambda m: seen[m])
     while True:
@@ -50,14 +47,14 @@ def search(problem: RegressionProblem, *, beam: int = BEAM, most: int = MOST_EFF
 def library_first(problem: RegressionProblem, models: list[Model]) -> list[Model]:
     """The same models, but a best one whose generic structure hides effects gives way to effects plus structure.
 
-    Where effects of the library alone reach the share `MOSTLY` of the best evidence, they are kept and generic
+    Where effects of the library alone reach the `library_share` of the best evidence, they are kept and generic
     structure is added to them, not put in their place.
     """
     best = models[0]
     if not any(problem.candidates[i].generic for i in best.members) or best.score <= 0:
         return models
     plain = next(m for m in models if not any(problem.candidates[i].generic for i in m.members))
-    if plain.score < MOSTLY * best.score:
+    if plain.score < problem.options.search.library_share * best.score:
         return models
     now = plain
     while True:

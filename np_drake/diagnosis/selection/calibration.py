@@ -9,17 +9,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-TEMPER = 0.4  # exponent of the odds
-TRUST = 0.97  # that what explains the flights best is one of the library's names at all
-DOUBTED = 0.8  # that a name is right where unseen flights leave more than noise
-BESIDE_UNKNOWN = 0.2  # that a name is right where something unknown is left: it mostly stands for that
+from np_drake.diagnosis.options import Thresholds
 
 
-def calibrated_probability(share: Mapping[str, float], names: Sequence[str]) -> float:
+def calibrated_probability(share: Mapping[str, float], names: Sequence[str], thresholds: Thresholds) -> float:
     """Probability that one of these effects acts, which these flights cannot tell apart [1].
 
     share: of the evidence, held by the models that have an effect.   Source: own choice.
     """
     together = float(np.clip(sum(share.get(name, 0.0) for name in names), 0.0, 1.0 - 1e-12))
-    odds = (together / (1.0 - together)) ** TEMPER
-    return TRUST * odds / (1.0 + odds)
+    odds = (together / (1.0 - together)) ** thresholds.temper
+    return thresholds.trust * odds / (1.0 + odds)

@@ -2,7 +2,6 @@
 
 import copy
 import dataclasses as dc
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -20,14 +19,7 @@ from np_drake.diagnosis.selection.onset_grid import TriedOnsets, at_rows, possib
 from np_drake.diagnosis.selection.payload_search import PAYLOAD, PayloadSearch
 from np_drake.effects.library import effects_for
 
-FIRST = math.log(1 / 6)  # prior of an onset in a flight; own choice
-ANOTHER = math.log(1 / 2)  # and in one more; own choice
-ABSENT = math.log(1 / 4)  # of one that has not begun at the end of this flight; own choice
-LEAST = 1.0  # gain in log evidence, prior included, from which an onset is tried; own choice
-SUBSTANTIAL = 8.0  # from which a payload is looked for that is hung on in flight; own choice
 WEIGHTS = (("mass_error",), ("thrust_scale",))
-LARGEST = 8  # columns of a candidate that is scanned
-VARIANTS = 2  # of an effect, that promise most
 
 
 def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ()) -> list[Candidate]:
@@ -36,12 +28,13 @@ def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ())
     members: of a model. Every effect is tried alone, and beside those members that are another effect.
     """
     found: list[Candidate] = []
+    kept = problem.options.search.onset_variants
     whole = OnsetScan(problem, members)
     for own, variants in _that_begin(problem).items():
         others = tuple(i for i in members if not set(own) & set(problem.candidates[i].identifiers))
         tried = [(c, whole.sums(c)) for c in variants]
         for scan in map(whole.beside, dict.fromkeys([(), others])):
-            for candidate, sums in sorted(tried, key=lambda pair: scan.rough_evidence(pair[1]))[-VARIANTS:]:
+            for candidate, sums in sorted(tried, key=lambda pair: scan.rough_evidence(pair[1]))[-kept:]:
                 found_at = scan.best(candidate, sums)
                 late = dc.replace(
                     switched(candidate, problem.flights, found_at.onset), onset_prior=found_at.prior
@@ -60,7 +53,7 @@ def _that_begin(problem: RegressionProblem) -> dict[tuple[str, ...], list[Candid
     library = effects_for(problem.flights[0].log.input)
     found: dict[tuple[str, ...], list[Candidate]] = {}
     for c in problem.candidates:
-        scanned = c.size <= LARGEST and not c.onset and not c.generic
+        scanned = c.size <= problem.options.search.onset_columns and not c.onset and not c.generic
         if scanned and all(library[name].begins for name in c.identifiers):
             found.setdefault(c.identifiers, []).append(c)
     return found
@@ -72,21 +65,25 @@ def late_payloads(problem: RegressionProblem, late: list[Candidate]) -> list[Can
     A payload from the start that swings as it likes may explain more than such a weight; which is there is told later.
     """
     at_start = [c for c in problem.candidates if c.identifiers == (PAYLOAD,) and not c.onset]
-    scan = OnsetScan(problem)
+    scan, options = OnsetScan(problem), problem.options
     weights = [_at_rest(c) for c in at_start[:1]]
     weights += [c for c in problem.candidates if c.identifiers in WEIGHTS and not c.onset]
-    heavy = [f for f in map(scan.best, weights) if f.onset and f.gain + f.prior > SUBSTANTIAL]
+    heavy = [
+        f for f in map(scan.best, weights) if f.onset and f.gain + f.prior > options.search.payload_onset_gain
+    ]
     if not heavy:
         return []
     found = max(heavy, key=lambda f: f.evidence + f.prior)
     unlike = [c for c in late if c.onset != found.onset]  # what begins when it does stands for it
     others = [c for c in (*problem.candidates, *unlike) if c.size <= 3 and PAYLOAD not in c.identifiers]
-    first = PayloadSearch(problem.flights, found.onset)
+    first = PayloadSearch(problem.flights, options, found.onset)
     guesses = [guess for guess, _ in first.followed(problem.noise, problem.nuisance, others)]
     if not guesses:
         return []
     onset = first.when(problem.noise, problem.nuisance, guesses[0])
-    sharp = PayloadSearch(problem.flights, onset).from_guesses(problem.noise, problem.nuisance, guesses)
+    sharp = PayloadSearch(problem.flights, options, onset).from_guesses(
+        problem.noise, problem.nuisance, guesses
+    )
     return [dc.replace(c, onset_prior=found.prior) for _, c in sharp]
 
 
@@ -115,6 +112,7 @@ class OnsetScan:
     def __init__(self, problem: RegressionProblem, members: Sequence[int] = ()):
         chosen = [*problem.nuisance, *(problem.candidates[i] for i in members)]
         scale = problem.temperature**-0.5
+        self._options = problem.options
         self._go_on = {e.name for e in problem.flights if e.goes_on}
         self._flights: dict[str, SwitchedRegressors] = {}
         for e in problem.flights:
@@ -149,7 +147,7 @@ class OnsetScan:
         start = {name: at_rows(sums, [0]) for name, sums in whole.items()}
         at = dict(start)
         for name, f in self._flights.items():
-            rows = possible_onsets(f.t)
+            rows = possible_onsets(f.t, self._options.search)
             profile = self._evidence(at_rows(whole[name], rows), [at[n] for n in at if n != name])
             now = self._evidence(start[name], [at[n] for n in at if n != name])[0]
             if len(rows) and profile.max() > now:
@@ -164,7 +162,7 @@ class OnsetScan:
         all rows, one that is known to half a flight has one half.
         """
         late = sums or self.sums(candidate)
-        scans = {n: TriedOnsets(of, goes_on=n in self._go_on) for n, of in late.items()}
+        scans = {n: TriedOnsets(of, self._options.search, goes_on=n in self._go_on) for n, of in late.items()}
         found = [self._climbed(scans)]
         for scan in scans.values():
             self._settle_alone(scan)
@@ -185,6 +183,7 @@ class OnsetScan:
     def _climbed(self, scans: dict[str, TriedOnsets]) -> "Onsets":
         """From where they are settled, flight by flight, the others as they are."""
         widths = dict[str, float]()
+        priors, least = self._options.priors, self._options.search.onset_gain
         for _ in range(2):
             for name, scan in scans.items():
                 rest = [s.now for n, s in scans.items() if n != name]
@@ -197,11 +196,11 @@ class OnsetScan:
                 others = any(s.begins for n, s in scans.items() if n != name)
                 may_lack = others and scan.goes_on
                 best, widths[name] = float(profile.max(initial=-np.inf)), scan.log_width(profile)
-                best += (ANOTHER if others else FIRST) + widths[name]
-                never += ABSENT if may_lack else 0.0
-                if best - max(start, never) > LEAST:
+                best += (priors.another_onset if others else priors.first_onset) + widths[name]
+                never += priors.absence if may_lack else 0.0
+                if best - max(start, never) > least:
                     scan.settle(scan.most_likely(profile))
-                elif may_lack and never - start > LEAST:
+                elif may_lack and never - start > least:
                     scan.leave_out()
                 else:
                     scan.settle(None)
@@ -209,8 +208,8 @@ class OnsetScan:
                 break
         onset = _onsets(scans)
         begin = [widths[name] for name in onset if scans[name].begins]
-        prior = sum(begin) + ABSENT * (len(onset) - len(begin))
-        prior += FIRST + ANOTHER * (len(begin) - 1) if begin else 0.0
+        prior = sum(begin) + priors.absence * (len(onset) - len(begin))
+        prior += priors.first_onset + priors.another_onset * (len(begin) - 1) if begin else 0.0
         all_of = ([getattr(scan, at) for scan in scans.values()] for at in ("now", "start"))
         now, start = (float(self._evidence(first, rest)[0]) for first, *rest in all_of)
         return Onsets(onset, prior, now - start, now)

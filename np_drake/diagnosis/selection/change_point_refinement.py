@@ -50,6 +50,7 @@ def _sharp(problem: RegressionProblem, late: Candidate, beside: Sequence[Candida
             problem.nuisance,
             [*beside, late, *tried],
             temperature=problem.temperature,
+            options=problem.options,
             wide=problem.wide,
         )
         rest = range(len(beside))

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.numerics import NoiseModel, fit_noise, no_worse, scale_only
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import (
     Candidate,
     RegressionProblem,
@@ -18,11 +19,6 @@ from np_drake.diagnosis.regressors import (
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals, find_shocks
 from np_drake.diagnosis.selection.change_point import switched_candidates
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
-from np_drake.diagnosis.tolerance import Tolerance
-
-INEXACT = 0.03  # share of what linear columns explain that they get wrong; own choice
-LEVER = 0.05  # at which a force may act that is known as well as the attitude is [m]; own choice
-TEMPERATURE = 2.0  # noise is never quite its model: its variance counts this many times; own choice
 
 
 @dc.dataclass(frozen=True)
@@ -36,49 +32,71 @@ class Ready:
     noise: NoiseModel
 
 
-def prepare(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> Ready:
+def prepare(flights: Sequence[FlightResiduals], options: Options) -> Ready:
     """Shocks, payloads and noise as they show when every effect helps."""
+    tolerance, error = options.tolerance, options.search.linear_error
     drifting = sensor_drift(flights, tolerance)
     nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]
     plain = library_candidates(flights)
-    candidates = [*plain, *wind_candidates(flights, plain), *generic_candidates(flights)]
+    candidates = [*plain, *wind_candidates(flights, plain), *generic_candidates(flights, options.priors)]
     step = flights[0].grid.step
     white = scale_only([e.y for e in flights], step)
     late = switched_candidates(
-        RegressionProblem(flights, white, nuisance, candidates, temperature=TEMPERATURE)
+        RegressionProblem(
+            flights, white, nuisance, candidates, temperature=options.search.temperature, options=options
+        )
     )
     everything = [*candidates, *late]
-    residual = _rich_residuals(RegressionProblem(flights, white, nuisance, everything, temperature=1.0))
+    residual = _rich_residuals(
+        RegressionProblem(flights, white, nuisance, everything, temperature=1.0, options=options)
+    )
     flights = [dc.replace(e, shocks=find_shocks(r, step)) for e, r in zip(flights, residual, strict=True)]
     raw = [e.bridged(e.y) for e in flights]
     white = scale_only(raw, step)
     if any(e.shocks.any() for e in flights):
-        residual = _rich_residuals(RegressionProblem(flights, white, nuisance, everything, temperature=1.0))
-    noise = noise_of(flights, residual, raw, tolerance, INEXACT)
-    others = [plain[i] for i in _best_variants(RegressionProblem(flights, noise, [], plain, temperature=1.0))]
-    residual = _rich_residuals(RegressionProblem(flights, white, nuisance, others, temperature=1.0))
-    weights = (white, scale_only(no_worse(residual, raw), step))  # a light payload shows in the second alone
-    payloads = next(filter(None, (PayloadSearch(flights).best(n, nuisance, others) for n in weights)), [])
+        residual = _rich_residuals(
+            RegressionProblem(flights, white, nuisance, everything, temperature=1.0, options=options)
+        )
+    noise = noise_of(flights, residual, raw, options, error)
+    others = [
+        plain[i]
+        for i in _best_variants(
+            RegressionProblem(flights, noise, [], plain, temperature=1.0, options=options)
+        )
+    ]
     residual = _rich_residuals(
-        RegressionProblem(flights, noise, nuisance, [*everything, *payloads], temperature=1.0)
+        RegressionProblem(flights, white, nuisance, others, temperature=1.0, options=options)
     )
-    noise = noise_of(flights, residual, raw, tolerance, INEXACT)
+    weights = (white, scale_only(no_worse(residual, raw), step))  # a light payload shows in the second alone
+    payloads = next(
+        filter(None, (PayloadSearch(flights, options).best(n, nuisance, others) for n in weights)), []
+    )
+    residual = _rich_residuals(
+        RegressionProblem(
+            flights, noise, nuisance, [*everything, *payloads], temperature=1.0, options=options
+        )
+    )
+    noise = noise_of(flights, residual, raw, options, error)
     return Ready(list(flights), raw, nuisance, [*candidates, *payloads], noise)
 
 
 def noise_of(
-    flights: Sequence[FlightResiduals], residuals, raw, tolerance: Tolerance, inexact: float = 0.0
+    flights: Sequence[FlightResiduals], residuals, raw, options: Options, inexact: float = 0.0
 ) -> NoiseModel:
-    """Noise as residuals show it, and what errors of the regressors add to it.
+    """Return the noise that residuals show, with what errors of the regressors add to it.
 
-    inexact: share of what a model explains that it gets wrong, `INEXACT` for columns that are only linear. A force is
-    known in body axes as well as the attitude is, and so is its torque, at a lever of `LEVER`: slow, as a rig wanders.
-    Thrust from rotor speed is known as well as that is read.
+    A force is known in body axes as well as the attitude is, and so is its torque, at a lever of `force_lever`: slow,
+    as real sensors drift. Thrust from rotor speed is known as well as that is read.
+
+    Args:
+        residuals, raw: (m, 15) by flight, after and before a model.
+        inexact: share of what the model explains that it gets wrong [1]; `linear_error` for linear columns.
     """
     explained = [y - r for y, r in zip(raw, residuals, strict=True)]
     force = np.sqrt(np.mean(np.sum(np.concatenate(explained)[:, FORCE] ** 2, axis=1)))
     slow = np.zeros(raw[0].shape[1])
-    slow[FORCE], slow[TORQUE] = tolerance.attitude * force, tolerance.attitude * force * LEVER
+    slow[FORCE] = options.tolerance.attitude * force
+    slow[TORQUE] = options.tolerance.attitude * force * options.search.force_lever
     white = np.sqrt(np.mean([e.rotor_noise**2 for e in flights], axis=0))
     step = flights[0].grid.step
     return fit_noise(

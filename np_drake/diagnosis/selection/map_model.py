@@ -8,13 +8,13 @@ import numpy as np
 
 from np_drake.diagnosis.fitting import Fit, first_fit, refit
 from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, tolerance_of
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.beam_search import library_first, search
 from np_drake.diagnosis.selection.change_point import late_payloads, switched_candidates
 from np_drake.diagnosis.selection.change_point_refinement import refined_change_points
-from np_drake.diagnosis.selection.initial_noise import INEXACT, TEMPERATURE, Ready, noise_of, prepare
-from np_drake.diagnosis.tolerance import Tolerance
+from np_drake.diagnosis.selection.initial_noise import Ready, noise_of, prepare
 
 
 @dc.dataclass(frozen=True)
@@ -29,21 +29,21 @@ class SearchResult:
     models: list[Model]
     best: Fit
     noise: NoiseModel
-    tolerance: Tolerance
+    options: Options
 
 
 def find_map_model(
-    flights: Sequence[FlightResiduals], tolerance: Tolerance | None = None, *, hanging: bool = True
+    flights: Sequence[FlightResiduals], options: Options | None = None, *, hanging: bool = True
 ) -> SearchResult:
     """The best model of these (training) flights.   hanging: are payloads sought that are hung on in flight?"""
-    tolerance = tolerance or tolerance_of(flights)
-    ready = prepare(flights, tolerance)
-    problem, models, best = _search_twice(ready, tolerance, hanging)
-    return SearchResult(ready.raw, problem, models, best, _noise_left(ready, best, tolerance), tolerance)
+    options = options or Options.for_sensors(tolerance_of(flights).real)
+    ready = prepare(flights, options)
+    problem, models, best = _search_twice(ready, options, hanging)
+    return SearchResult(ready.raw, problem, models, best, _noise_left(ready, best, options), options)
 
 
 def _search_twice(
-    ready: Ready, tolerance: Tolerance, hanging: bool
+    ready: Ready, options: Options, hanging: bool
 ) -> tuple[RegressionProblem, list[Model], Fit]:
     """Search and fit, once more with the noise that the fit leaves.
 
@@ -54,7 +54,14 @@ def _search_twice(
     for first in (True, False):
         begun = [c for c in acting if c.onset and not any(c is known for known in candidates)]
         candidates = [*candidates, *begun]
-        problem = RegressionProblem(ready.flights, noise, ready.nuisance, candidates, temperature=TEMPERATURE)
+        problem = RegressionProblem(
+            ready.flights,
+            noise,
+            ready.nuisance,
+            candidates,
+            temperature=options.search.temperature,
+            options=options,
+        )
         late = switched_candidates(
             problem, [i for i, c in enumerate(candidates) if any(c is a for a in acting)]
         )
@@ -66,11 +73,11 @@ def _search_twice(
         acting = [problem.candidates[i] for i in models[0].members]
         candidates = [*candidates, *(refined_change_points(problem, models[0]) if first else [])]
         fit = first_fit if best is None else partial(refit, known=best)
-        best = fit(problem, models[0], tolerance, iterations=3)
-        noise = _noise_left(ready, best, tolerance, INEXACT)
+        best = fit(problem, models[0], options.tolerance, iterations=3)
+        noise = _noise_left(ready, best, options, options.search.linear_error)
     assert best is not None
     return problem, models, best
 
 
-def _noise_left(ready: Ready, fit: Fit, tolerance: Tolerance, inexact: float = 0.0) -> NoiseModel:
-    return noise_of(ready.flights, [fit.residual(e) for e in ready.flights], ready.raw, tolerance, inexact)
+def _noise_left(ready: Ready, fit: Fit, options: Options, inexact: float = 0.0) -> NoiseModel:
+    return noise_of(ready.flights, [fit.residual(e) for e in ready.flights], ready.raw, options, inexact)

@@ -14,37 +14,33 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import Candidate, Guess, Onset, PayloadColumns, payload_about, payloads_of
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.payload_evidence import HORIZONS, Beside
 from np_drake.effects.library import LIBRARY
 
-LENGTHS = np.geomspace(0.15, 2.5, 96)  # [m], 3 % apart
-KEPT = 3
 PAYLOAD = "suspended_payload"
 CHUNK = 12  # lengths whose columns are held at a time
 ENDS = (HORIZONS[0], HORIZONS[-1])
 SHARPENED = ((0.4, 0.05), (0.04, 0.01))  # about an onset: span to either side and step, in turn [s]
 MOVES = 4  # of a span, at most, whose best instant is nearer to an end than to its middle; own choice
 AFTER_ONSET = 2.0  # up to which an onset is judged [s]
-FOLLOWED = 2  # lengths of each profile that are followed from its horizon, the best from the first one too
-PROMISING = 8.0  # log evidence that a length must add to everything else to be followed; own choice
 STEPS = 3  # Gauss-Newton steps at each horizon
-LOST = -400.0  # log evidence below which no guess has come back that was followed; own choice
-TOLD_APART = 12  # lengths that can be told apart by eye; own choice
-NEAR = 0.06  # lengths closer than this are the same, relative [1]
 
 
 class PayloadSearch:
     """Payload candidates of some flights; columns of a few lengths are in memory at a time."""
 
-    def __init__(self, flights: Sequence[FlightResiduals], onset: Onset | None = None):
+    def __init__(self, flights: Sequence[FlightResiduals], options: Options, onset: Onset | None = None):
         self._flights, self._onset = list(flights), onset
+        self._options, self._priors = options.search, options.priors
+        self.lengths = np.geomspace(*options.search.payload_lengths)
 
     def best(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
     ) -> list[Candidate]:
-        """The `KEPT` best payloads, of different lengths; none where `others` leave nothing for any length.
+        """The `payloads_kept` best payloads, of different lengths; none where `others` leave nothing for any length.
 
         They are followed beside the others, as there may be more than a payload; and beside `nuisance` alone, as
         effects that are not there take from a payload what a guess does not yet explain, and it loses its way.
@@ -61,16 +57,16 @@ class PayloadSearch:
         alone = Beside(self._flights, noise, nuisance, self._onset)
         asked = [(b, h) for b in (rich, alone) for h in ENDS]
         gains = self._profiles(rich, alone)
-        if max(g.max() for g in gains[: len(ENDS)]) < PROMISING:
+        if max(g.max() for g in gains[: len(ENDS)]) < self._options.payload_gain:
             return []
         starts: dict[tuple[Beside, int, float], None] = {}
         for (beside, horizon), profile in zip(asked, gains, strict=True):
-            best, *others_of_it = _peaks(profile)[:FOLLOWED]
+            best, *others_of_it = _peaks(profile)[: self._options.payloads_followed]
             starts |= dict.fromkeys((beside, best, first) for first in (ENDS[0], horizon))
             starts |= dict.fromkeys((beside, i, horizon) for i in others_of_it)
         found = []
         for beside, i, first in starts:
-            payload = self._follow(beside, Guess(float(LENGTHS[i])), first)
+            payload = self._follow(beside, Guess(float(self.lengths[i])), first)
             if payload is not None:
                 found.append((rich.gain(rich.white(payload), math.inf)[0], payload))
         return self._distinct(found)
@@ -88,9 +84,10 @@ class PayloadSearch:
         kept: list[tuple[Guess, Candidate]] = []
         for _, payload in sorted(found, key=lambda f: -f[0]):
             guess = payload.guess
-            if all(abs(math.log(guess.length / g.length)) > NEAR for g, _ in kept) and len(kept) < KEPT:
+            new = all(abs(math.log(guess.length / g.length)) > self._options.payload_near for g, _ in kept)
+            if new and len(kept) < self._options.payloads_kept:
                 candidate = payload.candidate(self._flights)
-                prior = -math.log(len(LENGTHS) / TOLD_APART)
+                prior = -math.log(len(self.lengths) / self._options.payload_distinct)
                 kept.append((guess, dc.replace(candidate, log_prior=candidate.log_prior + prior)))
         return kept
 
@@ -102,8 +99,9 @@ class PayloadSearch:
     def _profiles(self, rich: Beside, alone: Beside) -> list[np.ndarray]:
         """(lengths,) beside either, up to either of `ENDS`.   alone: has the first of the columns of rich."""
         gains = []
-        for start in range(0, len(LENGTHS), CHUNK):
-            for c in payloads_of(self._flights, LENGTHS[start : start + CHUNK], self._onset):
+        for start in range(0, len(self.lengths), CHUNK):
+            some_lengths = self.lengths[start : start + CHUNK]
+            for c in payloads_of(self._flights, some_lengths, self._priors, self._onset):
                 white = rich.white(c)
                 joints = rich.joints(white, ENDS)
                 own = np.r_[: alone.size, rich.size : len(joints[0].Xy)]
@@ -140,14 +138,14 @@ class PayloadSearch:
 
     def _gain_from(self, e: FlightResiduals, begin: float, beside: Beside, guess: Guess) -> float:
         """Log evidence of a payload that begins there, in one flight."""
-        payload = payload_about([e], dc.replace(guess, swing={}), {e.name: begin})
+        payload = payload_about([e], dc.replace(guess, swing={}), self._priors, {e.name: begin})
         for _ in range(STEPS):
             _, mean = beside.gain(beside.white(payload), AFTER_ONSET)
-            payload = payload_about([e], payload.moved(mean), {e.name: begin})
+            payload = payload_about([e], payload.moved(mean), self._priors, {e.name: begin})
         return beside.gain(beside.white(payload), AFTER_ONSET)[0]
 
     def _follow(self, beside: Beside, guess: Guess, first: float) -> PayloadColumns | None:
-        """From a guess through the horizons, to the payload about which it fits best; none where it is `LOST`.
+        """From a guess through the horizons, to the payload about which it fits best; none where it is lost.
 
         At every further horizon swings move alone at first: out of step, a lighter payload would fit better than
         this one, and there would be no way back.
@@ -155,15 +153,15 @@ class PayloadSearch:
         mean = np.zeros(0)
         for horizon in [h for h in beside.horizons if h >= first]:
             flights = beside.heads(horizon)
-            payload = payload_about(flights, guess, self._onset)
+            payload = payload_about(flights, guess, self._priors, self._onset)
             white = beside.white(payload)
             for _ in range(STEPS - 1 if len(mean) else 0):
                 swung = payload.moved(beside.swing_alone(white, horizon, mean[0]))
-                payload = payload_about(flights, swung, self._onset)
+                payload = payload_about(flights, swung, self._priors, self._onset)
                 white = beside.white(payload)
             gain, mean = beside.gain(white, horizon)
             for _ in range(STEPS):
-                new = payload_about(flights, payload.moved(mean), self._onset)
+                new = payload_about(flights, payload.moved(mean), self._priors, self._onset)
                 new_white = beside.white(new)
                 new_gain, new_mean = beside.gain(new_white, horizon)
                 if new_gain < gain and horizon == math.inf:
@@ -172,7 +170,7 @@ class PayloadSearch:
                 payload, white, gain, mean = new, new_white, new_gain, new_mean
                 if done:
                     break
-            if gain < LOST:
+            if gain < self._options.payload_lost:
                 return None
             guess = payload.guess
         return payload

@@ -8,18 +8,11 @@ import numpy as np
 from np_drake.diagnosis.fitting import Fit, refit, restarted, with_isotropic_prior
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel, no_worse, no_worse_anywhere, scale_only
+from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import PREFIX, SHIFTING, Model, RegressionProblem, prior_of
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.selection.beam_search import MOST_EFFECTS, search
+from np_drake.diagnosis.selection.beam_search import search
 from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
-from np_drake.diagnosis.tolerance import Tolerance
-
-TOGETHER = 25.0  # rows over which errors hang together where structure remains: half a second; own choice
-MOST_MEASURED = 8  # effects that are named where rotor speed is measured: real rotors have many; own choice
-REFINED = 3  # models that are refined, with what is simpler than these
-FAINT = 0.1  # of the trace of all, below which a model is tried without an effect [1]; own choice
-GIVES_WAY = 4.0  # log evidence by which generic structure must beat the library's effects; own choice
-CLOSE = 12.0  # of the best's log evidence, below which a model is not worth it
 
 
 @dc.dataclass(frozen=True)
@@ -37,58 +30,63 @@ class Ranking:
     noise: NoiseModel
     problem: RegressionProblem
     models: tuple[Model, ...]
-    tolerance: Tolerance
+    options: Options
 
 
-def rank(flights: Sequence[FlightResiduals], *, tolerance: Tolerance | None = None) -> Ranking:
+def rank(flights: Sequence[FlightResiduals], *, options: Options | None = None) -> Ranking:
     """The models of these (training) flights, best first."""
-    return ranked(find_map_model(flights, tolerance))
+    return ranked(find_map_model(flights, options))
 
 
 def ranked(found: SearchResult) -> Ranking:
     """The best model among its rivals, each refined."""
-    problem, best, tolerance, noise = found.problem, found.best, found.tolerance, found.noise
-    refined = _refined(problem, found.models, tolerance, best, noise)
+    problem, best, options, noise = found.problem, found.best, found.options, found.noise
+    refined = _refined(problem, found.models, best, noise)
     models = [*found.models, *(m for m in refined if m not in found.models)]
-    fits = sorted(refined.values(), key=precedence)
+    fits = sorted(refined.values(), key=lambda f: precedence(f, options))
     probability = probabilities(problem, models, fits)
     named, named_problem, named_models = fits[0], problem, models
     if fits[0].generic and fits[0].terms:
-        named, named_problem, named_models = _without_generic(problem, fits[0], found.raw, tolerance)
+        named, named_problem, named_models = _without_generic(problem, fits[0], found.raw)
         structure = {n: p for n, p in probability.items() if n.startswith(PREFIX)}
         probability = probabilities(named_problem, named_models, [named]) | structure
     return Ranking(
         tuple(fits),
-        with_isotropic_prior(named),
+        with_isotropic_prior(named, options.priors),
         named_problem,
         tuple(named_models),
         probability,
         noise,
         problem,
         tuple(models),
-        tolerance,
+        options,
     )
 
 
 def of_fits(ranking: Ranking, fits: Sequence[Fit]) -> Ranking:
     """The ranking of its own fits as they are scored now; for rankings without generic structure in the best."""
-    fits = sorted(fits, key=precedence)
+    fits = sorted(fits, key=lambda f: precedence(f, ranking.options))
     probability = probabilities(ranking.problem, ranking.models, fits)
-    return dc.replace(ranking, fits=tuple(fits), named=with_isotropic_prior(fits[0]), probability=probability)
+    named = with_isotropic_prior(fits[0], ranking.options.priors)
+    return dc.replace(ranking, fits=tuple(fits), named=named, probability=probability)
 
 
 def _refined(
-    problem: RegressionProblem, models: Sequence[Model], tolerance: Tolerance, best: Fit, noise: NoiseModel
+    problem: RegressionProblem, models: Sequence[Model], best: Fit, noise: NoiseModel
 ) -> dict[Model, Fit]:
     """The models that come close to the best, each with its fit.
 
     With them the best that these are without generic structure, and the best fit without its faint effects.
     """
-    close = [m for m in _distinct(problem, models) if m.score > models[0].score - CLOSE]
-    plainest = max((bare(problem, m) for m in close[:REFINED]), key=lambda m: m.score)
-    tried = dict.fromkeys([*close[:REFINED], *([plainest] if np.isfinite(plainest.score) else [])])
+    options, tolerance = problem.options, problem.options.tolerance
+    refined = options.search.refined
+    close = [
+        m for m in _distinct(problem, models) if m.score > models[0].score - options.search.refined_margin
+    ]
+    plainest = max((bare(problem, m) for m in close[:refined]), key=lambda m: m.score)
+    tried = dict.fromkeys([*close[:refined], *([plainest] if np.isfinite(plainest.score) else [])])
     fits = {m: refit(problem, m, tolerance, best, noise) for m in tried}
-    first = min(fits, key=lambda m: precedence(fits[m]))
+    first = min(fits, key=lambda m: precedence(fits[m], options))
     fits[first] = restarted(problem, first, tolerance, fits[first], noise)
     for m in simpler(problem, first, fits[first]):
         if m not in fits:
@@ -97,25 +95,33 @@ def _refined(
 
 
 def _without_generic(
-    problem: RegressionProblem, fit: Fit, raw: list[np.ndarray], tolerance: Tolerance
+    problem: RegressionProblem, fit: Fit, raw: list[np.ndarray]
 ) -> tuple[Fit, RegressionProblem, list[Model]]:
     """The effects that explain most by themselves, where structure that is no effect remains beside them.
 
-    What remains is no noise then, and weighting by its spectrum would bend the figures: plain least squares, channels
-    made comparable, in which errors hang together (`TOGETHER`). With measured rotor speed every flight is weighted
-    by what is left of it: that grows with how hard it is flown, and the loudest would decide for all. There
-    figures would grow to stand for what real rotors do besides, and priors keep their usual width.
+    What remains is no noise then, and weighting by its spectrum would bias the parameters: plain least squares,
+    channels made comparable, with correlated errors (`structured_temperature`). With measured rotor speed every flight
+    is weighted by its residual: that grows with how hard it is flown, and the loudest would decide for all. There
+    parameters would grow to stand for what real rotors do besides, and priors keep their usual width.
     """
     flights, measured = problem.flights, problem.flights[0].measured_rotors
+    options = problem.options
+    most = options.search.most_effects_measured if measured else options.search.most_effects
     candidates = [c for c in problem.candidates if not c.generic]
     for _ in range(4 if measured else 2):  # until weights rest
         residual = [e.bridged(e.y - predicted_residual(e, fit.everything)) for e in flights]
         noise = _structured_noise(residual, raw, flights)
         plain = RegressionProblem(
-            flights, noise, problem.nuisance, candidates, temperature=TOGETHER, wide=not measured
+            flights,
+            noise,
+            problem.nuisance,
+            candidates,
+            temperature=options.search.structured_temperature,
+            options=options,
+            wide=not measured,
         )
-        models = search(plain, most=MOST_MEASURED if measured else MOST_EFFECTS)
-        fit = refit(plain, models[0], tolerance, None, iterations=5)
+        models = search(plain, most=most)
+        fit = refit(plain, models[0], options.tolerance, None, iterations=5)
     return fit, plain, models
 
 
@@ -138,18 +144,23 @@ def bare(problem: RegressionProblem, model: Model) -> Model:
 def simpler(problem: RegressionProblem, model: Model, fit: Fit) -> list[Model]:
     """The model without its faint effects, all and each: columns that are only linear may have asked for them.
 
-    Faint is an effect whose trace, whitened, is less than `FAINT` of that of all: what linear columns get wrong. And
-    one that shifts commands against states beside another that shifts them more: these are tried a third apart, and all
-    of them, as a lag that is shorter than the vehicle file's and a delay may stand for that lag. And one of two or
-    more whose figures may all be none: each may say what another does, or they take from each other.
+    Faint is an effect whose whitened predicted residual is less than the share `faint` of that of all: what linear
+    columns get wrong. And one that shifts commands against states beside another that shifts them more: these are tried
+    a third apart, and all of them, as a lag that is shorter than the vehicle file's and a delay may stand for that lag.
+    And one of two or more whose parameters may all be none: each may say what another does, or they take from each
+    other.
     """
     own = {i: _trace(fit, problem.candidates[i].identifiers, problem) for i in model.members}
     whole = _trace(fit, None, problem)
     shifting = [i for i in model.members if problem.candidates[i].identifiers[0] in SHIFTING]
     lesser = sorted(shifting, key=lambda i: own[i])[:-1]
     named = [i for i in model.members if not problem.candidates[i].generic]
-    faint = [i for i in named if own[i] < FAINT * whole or i in lesser]
-    vague = [i for i in named if _vague(fit, problem.candidates[i].identifiers)]
+    faint = [i for i in named if own[i] < problem.options.search.faint * whole or i in lesser]
+    vague = [
+        i
+        for i in named
+        if _vague(fit, problem.candidates[i].identifiers, problem.options.thresholds.significance)
+    ]
     doubted = dict.fromkeys([*faint, *(vague if len(vague) > 1 else [])])
     dropped = dict.fromkeys([tuple(faint), tuple(shifting if lesser else []), *((i,) for i in doubted)])
     kept = [tuple(i for i in model.members if i not in some) for some in dropped if some]
@@ -157,10 +168,10 @@ def simpler(problem: RegressionProblem, model: Model, fit: Fit) -> list[Model]:
     return [Model(members, problem.score(members)) for members in kept]
 
 
-def _vague(fit: Fit, names: tuple[str, ...]) -> bool:
+def _vague(fit: Fit, names: tuple[str, ...], level: float) -> bool:
     """Are there no figures of these effects that the fit tells from none?"""
     own = [i for i, t in enumerate(fit.terms) if t.effect.identifier in names]
-    return bool(own) and not any(fit.is_significant(i) for i in own)
+    return bool(own) and not any(fit.is_significant(i, level) for i in own)
 
 
 def _only(problem: RegressionProblem, model: Model, fit: Fit) -> Fit:
@@ -179,14 +190,14 @@ def _trace(fit: Fit, names: tuple[str, ...] | None, problem: RegressionProblem) 
     return float(np.sqrt(total))
 
 
-def precedence(fit: Fit) -> float:
+def precedence(fit: Fit, options: Options) -> float:
     """The least goes first: the best score, but generic structure gives way to effects that are nearly as good."""
-    return -score_of(fit) + (GIVES_WAY if fit.generic else 0.0)
+    return -score_of(fit, options.priors) + (options.search.generic_margin if fit.generic else 0.0)
 
 
-def score_of(fit: Fit) -> float:
+def score_of(fit: Fit, priors: Priors) -> float:
     """Log evidence with the priors of its effects and onsets, and what unseen flights said, where they were asked."""
-    prior = prior_of(names_of_fit(fit)) + sum(g.candidate.log_prior for g in fit.generic)
+    prior = prior_of(names_of_fit(fit), priors) + sum(g.candidate.log_prior for g in fit.generic)
     return fit.log_evidence + prior + fit.onset_prior + fit.held_out_evidence
 
 
@@ -213,9 +224,10 @@ def probabilities(
     problem: RegressionProblem, models: Sequence[Model], fits: Sequence[Fit]
 ) -> dict[str, float]:
     """Of every effect: the share of the models that hold it, each with its (refined, where it is) evidence."""
-    refined = {names_of_fit(f): score_of(f) for f in sorted(fits, key=score_of)}
+    scored = {id(f): score_of(f, problem.options.priors) for f in fits}
+    refined = {names_of_fit(f): scored[id(f)] for f in sorted(fits, key=lambda f: scored[id(f)])}
     linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}
-    of_fitted = max(score_of(f) - f.held_out_evidence for f in fits)
+    of_fitted = max(scored[id(f)] - f.held_out_evidence for f in fits)
     shift = of_fitted - max(linear[n] for n in refined if n in linear)
     scores = {n: s + min(shift, 0.0) for n, s in linear.items()} | refined
     top = max(scores.values())

@@ -7,16 +7,14 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.numerics import Block, instrumented
+from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
 from np_drake.diagnosis.wind.force_bins import drags, factor, forces, instants, spans, width
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, Z, wind_force
 from np_drake.effects.linear_drag import LinearDrag
 
-# By which axes differ from what they share, in its size: level ones, the upright one [1]; own choice.
-APART = np.array([0.3, 0.3, 1.0])
 SIZES = np.geomspace(0.01, 3.0, 60)  # that axes may share [N·s/m]; own choice
-SPREAD = 1.0  # of the size's logarithm about that of a usual drag [1]; own choice
 ROUNDS = 3  # of gusts from the drag and drag under the gusts
 WEAKEST = 1e-4  # level drag that feels anything [N·s/m]; own choice
 STEEPEST = 5.0  # by which the upright axis may feel gusts more, or less, than the level ones [1]; own choice
@@ -24,7 +22,11 @@ FIGURES = LinearDrag.parameters
 
 
 def drag_in_gusts(
-    drag: Cause, flights: Sequence[FlightResiduals], felt: Mapping[str, np.ndarray], begins: Begins
+    drag: Cause,
+    flights: Sequence[FlightResiduals],
+    felt: Mapping[str, np.ndarray],
+    begins: Begins,
+    priors: Priors,
 ) -> Cause | None:
     """The drag with figures and intervals under the gusts' own covariance; None where no wind acts through it.
 
@@ -35,8 +37,8 @@ def drag_in_gusts(
     Args:
         felt: by flight, (m, 15) what drag and wind together leave in it.
         begins: by flight, when the wind begins [s]; None: from the start.
-    Source: `instruments`; level axes share most of their size, as those of one airframe do (own choice: `APART`; x and
-    y of rotor drag 0.54 and 0.39 1/s, Faessler et al. 2018).
+    Source: `instruments`; level axes share most of their size, as those of one airframe do (own choice: `drag_axes`;
+    x and y of rotor drag 0.54 and 0.39 1/s, Faessler et al. 2018).
     """
     found = np.array([drag.parameters[p.name].value for p in FIGURES])
     known = _feels(found)
@@ -47,7 +49,7 @@ def drag_in_gusts(
         if not _feels(d):
             return drag if known else None
         residual = {e.name: felt[e.name] - drag_trace(e, LinearDrag(*d.tolist()), begins) for e in flights}
-        d, deviation = _estimate(pieces, width(flights[0]), wind_force(flights, residual, begins), d)
+        d, deviation = _estimate(pieces, width(flights[0]), wind_force(flights, residual, begins), d, priors)
     if not _feels(d):
         return drag if known else None
     figures = {
@@ -88,10 +90,10 @@ def _pieces(e: FlightResiduals, felt: np.ndarray, begin: float | None, *, early:
 
 
 def _estimate(
-    pieces: Sequence[_Piece], width: float, gusts: WindForce, d: np.ndarray
+    pieces: Sequence[_Piece], width: float, gusts: WindForce, d: np.ndarray, priors: Priors
 ) -> tuple[np.ndarray, np.ndarray]:
     """(3,) drag and (3,) its deviation [N·s/m], beside a mean force in W; from the drag d (3,) that was known."""
-    return _of_one_airframe(*instrumented(_blocks(pieces, width, gusts, d)))
+    return _of_one_airframe(*instrumented(_blocks(pieces, width, gusts, d)), priors)
 
 
 def _blocks(pieces: Sequence[_Piece], width: float, gusts: WindForce, d: np.ndarray) -> Iterator[Block]:
@@ -106,21 +108,24 @@ def _blocks(pieces: Sequence[_Piece], width: float, gusts: WindForce, d: np.ndar
             yield X, piece.force[:, axis], factor(len(X), width, gust, time, white)
 
 
-def _of_one_airframe(precision: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _of_one_airframe(
+    precision: np.ndarray, target: np.ndarray, priors: Priors
+) -> tuple[np.ndarray, np.ndarray]:
     """(3,) mean and (3,) deviation of three drags that share a size, of which `SIZES` are tried, beside a mean force.
 
     precision (6, 6), target (6,): of the estimate that the data alone give, and times it.   Source: Bayes; a size of
     which one is sought instead goes to none where data say little of level axes.
     """
+    apart = np.array(priors.drag_axes)
     some, means, covariances = np.zeros(len(SIZES)), np.zeros((len(SIZES), 3)), np.zeros((len(SIZES), 3, 3))
     for i, size in enumerate(SIZES):
         prior, pull = np.zeros((6, 6)), np.zeros(6)
-        prior[:3, :3], pull[:3] = np.diag((APART * size) ** -2.0), size / (APART * size) ** 2
+        prior[:3, :3], pull[:3] = np.diag((apart * size) ** -2.0), size / (apart * size) ** 2
         inverse = np.linalg.inv(precision + prior)
         solution = inverse @ (target + pull)
         means[i], covariances[i] = solution[:3], inverse[:3, :3]
         some[i] = 0.5 * (np.linalg.slogdet(inverse)[1] + (target + pull) @ solution) - 3 * np.log(size)
-        some[i] -= 0.5 * (np.log(size / FIGURES[0].typical) / SPREAD) ** 2
+        some[i] -= 0.5 * (np.log(size / FIGURES[0].typical) / priors.drag_spread) ** 2
     weight = np.exp(some - some.max())
     weight /= weight.sum()
     mean = weight @ means

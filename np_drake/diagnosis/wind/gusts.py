@@ -9,11 +9,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG, GUSTY
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
-from np_drake.diagnosis.selection import DOUBTED
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.diagnosis.wind.force_bins import blows
 from np_drake.diagnosis.wind.friction import dry_friction
 from np_drake.diagnosis.wind.gauss_markov import WindForce, Z, wind_force
@@ -23,10 +22,6 @@ from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
 TINY = 1e-6  # drag that is none [N·s/m]
-STRONGEST = next(p.upper for p in GustyWind.parameters if p.name == "deviation")  # of a wind [m/s]
-UPWARD = 0.5  # usual mean of a wind upward: the ground is near [m/s]; own choice
-RUBS, MAY_RUB = 2.0, 1.3  # deviations of a friction that gusts have not, and hardly have; own choice
-ROUGH = 2.0  # times as wide are intervals of gusts on a rig, of whose own wander they cannot quite be told; own choice
 
 
 def as_gusts(
@@ -34,7 +29,7 @@ def as_gusts(
     felt: Mapping[str, np.ndarray],
     causes: list[Cause],
     probability: float,
-    tolerance: Tolerance,
+    options: Options,
     held_out: Sequence[FlightResiduals] = (),
 ) -> list[Cause]:
     """The causes with gusts among them, where a drag was found through which they can act; else as they are.
@@ -44,14 +39,15 @@ def as_gusts(
     Gusts do not repeat: they explain no unseen flight. Stronger than a wind can be they are none, nor where they rub
     against the way over ground.
     """
+    thresholds = options.thresholds
     drag = next((c for c in causes if c.identifier == DRAG), None)
     if drag is None:
         return causes
     known = _known(causes, drag)
     if not any(blows(e, known.get(e.name)) for e in flights):
         return causes
-    onset, begun = GustOnset(flights, held_out, felt, drag, tolerance).begins(known)
-    felt_by = drag_in_gusts(dc.replace(drag, onset=begun), flights, felt, onset)
+    onset, begun = GustOnset(flights, held_out, felt, drag, options).begins(known)
+    felt_by = drag_in_gusts(dc.replace(drag, onset=begun), flights, felt, onset, options.priors)
     if felt_by is None:
         return causes
     drag = felt_by
@@ -59,23 +55,23 @@ def as_gusts(
     residual = {e.name: felt[e.name] - drag_trace(e, drag.effect, begun) for e in flights}
     force = wind_force(flights, residual, onset)
     friction = dry_friction(flights, felt, onset, force)
-    if _too_strong(force, drag) or friction > RUBS:
+    if _too_strong(force, drag, thresholds.strongest_wind) or friction > thresholds.friction:
         return causes
-    parameters = _statistics(flights, force, drag, tolerance)
+    parameters = _statistics(flights, force, drag, options)
     # Only a drag at the end of its interval makes a wind of what is so strong.
-    if parameters["deviation"].value > STRONGEST or friction > MAY_RUB:
-        probability = min(probability, DOUBTED)
-        drag = dc.replace(drag, probability=min(drag.probability, DOUBTED))
+    if parameters["deviation"].value > thresholds.strongest_wind or friction > thresholds.faint_friction:
+        probability = min(probability, thresholds.doubted)
+        drag = dc.replace(drag, probability=min(drag.probability, thresholds.doubted))
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
     gusts = Cause("gusty_wind", probability, parameters, onset, (), effect=effect)
     others = [c for c in causes if c.identifier not in GUSTY[1:]]
     return [*(drag if c.identifier == DRAG else c for c in others), gusts]
 
 
-def _too_strong(force: WindForce, drag: Cause) -> bool:
+def _too_strong(force: WindForce, drag: Cause, strongest: float) -> bool:
     """Would the wind have to vary by more than one does, however large in its interval the drag that feels it is?"""
     most = np.mean([max(map(abs, drag.parameters[name].ci95)) for name in ("d_x", "d_y")])
-    return bool(force.deviation[0] > STRONGEST * most)
+    return bool(force.deviation[0] > strongest * most)
 
 
 def _known(causes: Sequence[Cause], drag: Cause) -> dict[str, float | None]:
@@ -85,25 +81,26 @@ def _known(causes: Sequence[Cause], drag: Cause) -> dict[str, float | None]:
 
 
 def _statistics(
-    flights: Sequence[FlightResiduals], force: WindForce, drag: Cause, tolerance: Tolerance
+    flights: Sequence[FlightResiduals], force: WindForce, drag: Cause, options: Options
 ) -> dict[str, Estimate]:
     """Figures of the wind [m/s, s] from those of its force: a drag is known to a share, a rig's axes to an angle."""
     d = np.array([drag.parameters[f"d_{axis}"].value for axis in "xyz"])
     d[np.abs(d) < TINY] = TINY
     level = float(np.abs(d[:2]).mean())
     known = max(_half(drag.parameters[f"d_{axis}"]) for axis in "xy") / level
+    tolerance = options.tolerance
     weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
     tilt = tolerance.attitude / np.sqrt(len(flights))
     off = weight * Z * np.array([tilt, tilt, np.hypot(tolerance.mass, tolerance.thrust)])
     out = {}
     for i, p in enumerate(GustyWind.parameters[:3]):
         half = float(np.hypot(force.mean[i, 1], off[i])) / abs(d[i])
-        usual = UPWARD if p.name == "mean_z" else p.typical
+        usual = options.priors.upward_wind if p.name == "mean_z" else p.typical
         told = usual**2 / (usual**2 + (half / Z) ** 2)
         value = told * force.mean[i, 0] / d[i]
         half = float(np.hypot(np.sqrt(told) * half, known * value))
         out[p.name] = Estimate(float(value), "m/s", (float(value) - half, float(value) + half))
-    rough = ROUGH if tolerance.real else 1.0
+    rough = options.thresholds.gust_interval
     value, lower, upper = force.deviation
     wider = [float(np.exp(rough * np.hypot(np.log(end / value), known))) for end in (lower, upper)]
     out["deviation"] = Estimate(value / level, "m/s", (value / level / wider[0], value / level * wider[1]))

@@ -5,16 +5,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.held_out import SURPRISE
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force
 from np_drake.diagnosis.wind.gust_drag import drag_trace
-from np_drake.diagnosis.wind.wind_onset import ASKED, GAIN, ROUNDS, Asked, Begin, loss_of_calm, wind_onset
+from np_drake.diagnosis.wind.wind_onset import ROUNDS, Asked, Begin, loss_of_calm, wind_onset
 from np_drake.effects.linear_drag import LinearDrag
-
-MOVES = 2.0  # log likelihood for another instant, where the drag's own begin is weighed with the wind's; own choice
 
 
 @dc.dataclass(frozen=True)
@@ -28,7 +25,7 @@ class GustOnset:
     held_out: Sequence[FlightResiduals]
     felt: Mapping[str, np.ndarray]
     drag: Cause
-    tolerance: Tolerance
+    options: Options
 
     def begins(self, known: Begins) -> tuple[dict[str, float | None], dict[str, float | None]]:
         """By flight, when the wind begins by its power, taken to be `known` [s], and when the drag does.
@@ -36,13 +33,16 @@ class GustOnset:
         A drag that begins with the wind in one flight does so in all. Flights of the fit say whether it does: what an
         unseen one seems to show moves nothing in them.
         """
+        priors = self.options.priors
         acts: Begins = self.drag.onset
         blown = {e.name: self._left(e, {}) for e in self._every}
-        at_once = 2 * GAIN * any(self.drag.onset.get(e.name) is not None for e in self.flights)
+        at_once = (
+            2 * priors.wind_onset_gain * any(self.drag.onset.get(e.name) is not None for e in self.flights)
+        )
         for _ in range(ROUNDS):
             wind = wind_force(self.flights, {e.name: self._left(e, acts) for e in self.flights}, known)
-            apart = self._sought(blown, blown, known, wind, ASKED.moves)
-            together = self._sought(blown, self.felt, known, wind, MOVES)
+            apart = self._sought(blown, blown, known, wind, priors.wind_onset_gain)
+            together = self._sought(blown, self.felt, known, wind, priors.joint_onset_move)
             late = [e for e in self.flights if any(b[e.name].at is not None for b in (apart, together))]
             gain = sum(apart[e.name].loss - together[e.name].loss for e in late or self.held_out)
             both = gain + at_once > 0
@@ -68,16 +68,18 @@ class GustOnset:
         moves: float,
     ) -> dict[str, Begin]:
         """In every flight.   blown, calm: (m, 15) by flight, what is left of it with a wind and before."""
-        before = {e.name: loss_of_calm(e, calm[e.name], wind, self.tolerance) for e in self._every}
-        asked = Asked(moves=moves)
+        before = {e.name: loss_of_calm(e, calm[e.name], wind, self.options) for e in self._every}
+        priors = self.options.priors
+        asked = Asked(priors.wind_onset_gain, moves)
+        unexpected = Asked(priors.new_onset_gain, priors.wind_onset_gain)
         found = {
-            e.name: wind_onset(e, blown[e.name], known.get(e.name), wind, before[e.name], asked)
+            e.name: wind_onset(e, blown[e.name], known.get(e.name), wind, before[e.name], priors, asked)
             for e in self.flights
         }
         late = any(begin.at is not None for begin in found.values())
         for e in self.held_out:  # what acts throughout the others hardly begins late here
             begin = known.get(e.name) if late else None
             found[e.name] = wind_onset(
-                e, blown[e.name], begin, wind, before[e.name], asked if late else Asked(SURPRISE)
+                e, blown[e.name], begin, wind, before[e.name], priors, asked if late else unexpected
             )
         return found

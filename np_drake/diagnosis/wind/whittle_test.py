@@ -13,21 +13,12 @@ import numpy as np
 from scipy import fft, optimize
 
 from np_drake import attitude
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FORCE, POSITION, VELOCITY, FlightResiduals, low_pass
-from np_drake.diagnosis.tolerance import Tolerance
 
 TOP = 1.0  # of what counts as slow [Hz]
-WANDERS = (10.0, 0.45)  # correlation time of an attitude's error [s] and its spread [e-folds]
-SPREAD = 0.25  # of that error's size, of whose median a rig's tolerance speaks [e-folds]
-DRIFTS = (0.55, 0.4)  # of an accelerometer: 1/f part, in tolerances per root e-fold, and its spread [e-folds]
-VAGUE = 3.0  # spread of what is white in either [e-folds]
-BLOWS = (1.0, 0.6)  # correlation time of a force in the air [s] and its spread [e-folds]
 REACH = 3.0  # spreads to either side
 STARTS = (0.2, 1.0)  # of the force's size, over the attitude's
-LEAST = {
-    True: 4.0,
-    False: 7.0,
-}  # log evidence that makes it even odds, where a drag would feel it and where none
 
 
 @dc.dataclass(frozen=True)
@@ -37,9 +28,9 @@ class SlowForce:
     log_evidence: float
     deviation: float
 
-    def probability(self, *, felt: bool) -> float:
-        """That a force is there.   felt: is there a drag that feels a wind?"""
-        return float(1 / (1 + np.exp(np.clip(LEAST[felt] - self.log_evidence, -50, 50))))
+    def probability(self, even: float) -> float:
+        """Return the probability that a force is there; `even`: log evidence of even odds."""
+        return float(1 / (1 + np.exp(np.clip(even - self.log_evidence, -50, 50))))
 
 
 @dc.dataclass(frozen=True)
@@ -54,14 +45,14 @@ class _Spectra:
 
 
 def slow_force(
-    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], tolerance: Tolerance
+    flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], options: Options
 ) -> SlowForce:
     """In what is left (m, 15) of the flights."""
     spectra = [_spectra(e, residual[e.name]) for e in flights]
     mass, gravity = flights[0].vehicle.mass, flights[0].vehicle.gravity
-    centre, spread = _prior(tolerance, gravity, max(len(s.values) for s in spectra))
+    centre, spread = _prior(options, gravity, max(len(s.values) for s in spectra))
     bounds = list(zip(centre - REACH * spread, centre + REACH * spread, strict=True))
-    n, (time, times) = len(centre), BLOWS
+    n, (time, times) = len(centre), options.priors.gust_time
 
     def still(z: np.ndarray) -> float:
         return _loss(spectra, z, None) + 0.5 * float(np.sum(((z - centre) / spread) ** 2))
@@ -110,13 +101,16 @@ def _spectra(e: FlightResiduals, residual: np.ndarray, *, upright: bool = False)
     )
 
 
-def _prior(tolerance: Tolerance, gravity: float, channels: int) -> tuple[np.ndarray, np.ndarray]:
+def _prior(options: Options, gravity: float, channels: int) -> tuple[np.ndarray, np.ndarray]:
     """Centre and spread of the logarithms of what sensors do: attitude (RMS [m/s²], time [s], white), accelerometer."""
+    tolerance, priors = options.tolerance, options.priors
     turned = gravity * tolerance.attitude
-    found = [(turned, SPREAD), WANDERS, (0.02 * turned, VAGUE)]
+    found = [(turned, priors.attitude_spread), priors.attitude_wander, (0.02 * turned, priors.white_spread)]
     if channels == 2:
-        found += [(DRIFTS[0] * tolerance.acceleration, DRIFTS[1]), (0.2 * tolerance.acceleration, VAGUE)]
-    return np.log([centre for centre, _ in found]), np.array([spread for _, spread in found])
+        size, spread = priors.accelerometer_flicker
+        found += [(size * tolerance.acceleration, spread)]
+        found += [(0.2 * tolerance.acceleration, priors.white_spread)]
+    return np.log([centre for centre, _ in found]), np.array([wide for _, wide in found])
 
 
 def _markov(f: np.ndarray, rms: float, time: float) -> np.ndarray:

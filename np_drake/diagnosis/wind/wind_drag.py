@@ -5,13 +5,9 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake.diagnosis.fitting import refit, with_isotropic_prior
-from np_drake.diagnosis.regressors import DRAG, Model, Onset, effect_prior, switched
+from np_drake.diagnosis.regressors import DRAG, Model, Onset, switched
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
 from np_drake.diagnosis.wind.wind_onset import wind_begins
-
-RATHER = (
-    4.6  # log odds of wind against what the library does not have, for a slow force of no shape; own choice
-)
 
 
 def with_drag(ranking: Ranking) -> Ranking:
@@ -20,6 +16,7 @@ def with_drag(ranking: Ranking) -> Ranking:
     Gusts and a drag are as rare together as something that is not in the library; what is left is what the flights
     themselves say of the drag, its prior apart. Where the slow force begins in flight, so may the drag.
     """
+    options, priors = ranking.options, ranking.options.priors
     problem, key = ranking.named_problem, names_of_fit(ranking.named)
     known = next((m for m in ranking.named_models if names_of(problem, m) == key), None)
     if known is None or DRAG in key:
@@ -35,10 +32,10 @@ def with_drag(ranking: Ranking) -> Ranking:
     best = max((Model(m, problem.score(m)) for m in sets), key=lambda m: m.score, default=None)
     if best is None:
         return ranking
-    odds = best.score - problem.score(known.members) - effect_prior(DRAG) + RATHER
+    odds = best.score - problem.score(known.members) - priors.of_effect(DRAG) + priors.wind_over_unknown
     if odds < 0:
         return ranking
-    named = with_isotropic_prior(refit(problem, best, ranking.tolerance, None, own))
+    named = with_isotropic_prior(refit(problem, best, options.tolerance, None, own), priors)
     probability = ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))}
     models = (best, *ranking.named_models)
     return dc.replace(
@@ -49,5 +46,5 @@ def with_drag(ranking: Ranking) -> Ranking:
 def _begins(ranking: Ranking) -> Onset:
     """Flights in which the slow force that is left begins in flight, and when [s]: its own power pays for instants."""
     flights = ranking.named_problem.flights
-    begins = wind_begins(flights, {e.name: ranking.named.residual(e) for e in flights}, {}, ranking.tolerance)
+    begins = wind_begins(flights, {e.name: ranking.named.residual(e) for e in flights}, {}, ranking.options)
     return {name: begin for name, begin in begins.items() if begin is not None}

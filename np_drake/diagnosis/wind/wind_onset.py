@@ -6,19 +6,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import linalg
 
+from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.diagnosis.wind.force_bins import SPAN, factor, forces, instants, width
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force
 
 FIRST, LAST = 0.7, 1.0  # of a flight, in which no begin is looked for [s]
 CALM = 2.0  # that is quiet at least before a wind whose begin is not known at all [s]
-OWN = 1.0  # deviations by which a flight's mean may be its own [1]; own choice
 ROUNDS = 2  # of wind and its begins: at first it is that of all the flight
-GAIN = 8.0  # in log likelihood that a better begin must bring; own choice
-WANDER = 8.0  # correlation time of what a rig's attitude errs by [s]; own choice
 SIZES = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0)  # of that error, in tolerances [1]; own choice
-SPREAD = 0.7  # of its size [e-folds]; own choice
 WHITES = (
     0.6,
     0.8,
@@ -33,11 +29,8 @@ class Asked:
     begins: in flight, over the start, or the start over it.   moves: at another instant of the flight.
     """
 
-    begins: float = GAIN
-    moves: float = GAIN
-
-
-ASKED = Asked()
+    begins: float
+    moves: float
 
 
 @dc.dataclass(frozen=True)
@@ -54,7 +47,8 @@ def wind_onset(
     begin: float | None,
     wind: WindForce,
     before: np.ndarray,
-    asked: Asked = ASKED,
+    priors: Priors,
+    asked: Asked | None = None,
 ) -> Begin:
     """When the wind begins that was taken to begin at `begin` [s] (None: from the start; infinite: not at all).
 
@@ -63,10 +57,11 @@ def wind_onset(
     without gusts as well.   Source: likelihood of a change point; the two sides independent (own choice).
     left: (m, 15) what is left of the flight while it blows.   before: (k,) `loss_of_calm` of what is left until then.
     """
+    asked = asked or Asked(priors.wind_onset_gain, priors.wind_onset_gain)
     bins, t = forces(e, residual)[:, :2], instants(e)
     k = np.arange(len(t))
     here = 0 if begin is None else int(np.argmin(np.abs(t - min(begin, t[-1]))))
-    root = factor(len(t), width(e), *wind.figures, OWN * wind.deviation[0])
+    root = factor(len(t), width(e), *wind.figures, priors.flight_mean * wind.deviation[0])
     # A stationary process is the same backwards: one solution has those from every bin to the last.
     loss = before + np.cumsum(_loss_of_bins((bins - wind.mean[:2, 0])[::-1], root))[::-1]
     near = (t > t[0] + (CALM if begin is None else FIRST)) & (t < t[-1] - LAST)
@@ -81,23 +76,21 @@ def wind_begins(
     flights: Sequence[FlightResiduals],
     residual: Mapping[str, np.ndarray],
     known: Begins,
-    tolerance: Tolerance,
+    options: Options,
 ) -> Begins:
     """When it begins in each flight by its own power [s], from where it is taken to; left: (m, 15) by flight."""
     begins = known
     for _ in range(ROUNDS):
         wind = wind_force(flights, residual, begins)
-        calm = {e.name: loss_of_calm(e, residual[e.name], wind, tolerance) for e in flights}
+        calm = {e.name: loss_of_calm(e, residual[e.name], wind, options) for e in flights}
         begins = {
-            e.name: wind_onset(e, residual[e.name], begins.get(e.name), wind, calm[e.name]).at
+            e.name: wind_onset(e, residual[e.name], begins.get(e.name), wind, calm[e.name], options.priors).at
             for e in flights
         }
     return begins
 
 
-def loss_of_calm(
-    e: FlightResiduals, residual: np.ndarray, wind: WindForce, tolerance: Tolerance
-) -> np.ndarray:
+def loss_of_calm(e: FlightResiduals, residual: np.ndarray, wind: WindForce, options: Options) -> np.ndarray:
     """(k,) -2 log likelihood of the level forces in the bins before each bin of a flight, without a wind.
 
     left: (m, 15) what is left of it while it is calm.   A laboratory's sensors leave white noise, as the wind has it
@@ -105,16 +98,17 @@ def loss_of_calm(
     best; its white noise is that of the whole flight.   Source: profile likelihood; own choice of the grid.
     """
     bins = forces(e, residual)[:, :2]
-    if not tolerance.real:
+    if not options.tolerance.real:
         count = 2 * np.arange(len(bins))
         power = _before(np.sum(bins**2, axis=1))
         noise = np.maximum(wind.white**2, power / np.maximum(count, 1))
         return power / noise + count * np.log(noise)
-    size = e.vehicle.mass * e.vehicle.gravity * tolerance.attitude
+    size = e.vehicle.mass * e.vehicle.gravity * options.tolerance.attitude
+    wander, spread = options.priors.calm_wander_time, options.priors.calm_wander_spread
     rough = np.sqrt(np.mean(np.diff(bins, 2, axis=0) ** 2) / 6)
     n = min(len(bins), round(SPAN / width(e)))
     losses = [
-        _calm(bins, factor(n, width(e), s * size, WANDER, w * rough, size)) + (np.log(s) / SPREAD) ** 2
+        _calm(bins, factor(n, width(e), s * size, wander, w * rough, size)) + (np.log(s) / spread) ** 2
         for s in SIZES
         for w in WHITES
     ]

@@ -32,7 +32,9 @@ def answer(
         tuple(log.name for log in held_out),
         ("mass_error",),
         (cause,),
-        an.Identifiability(True, {"speed, RMS [m/s]": 1.0}, {"force x": 0.05}, (confusable,), ("a warning.",)),
+        an.Identifiability(
+            True, {"speed, RMS [m/s]": 1.0}, {"force x": 0.05}, (confusable,), ("a warning.",)
+        ),
         an.Localisation((an.ChannelGap("force z", "N", 1.0, 0.1, 0.1, 0.99),)),
         an.GapReduction(5.0, 1.2, 1.0, 0.98, (0.95, 0.99), ladder, gap, gap),
         minor=(an.Finding("gyro_bias", "0.001 rad/s about x.", 0.001),),

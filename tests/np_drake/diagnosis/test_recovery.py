@@ -6,9 +6,12 @@ import pytest
 from np_drake.diagnosis.fitting.map_estimate import refine
 from np_drake.diagnosis.fitting.parameters import read
 from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.options import Options
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 ELSEWHERE = {
     "suspended_payload": "test_refine",
@@ -40,7 +43,7 @@ def test_what_flies_is_found_again_within_its_interval(seen, noise, name):
     if LIBRARY[name].needs:
         true, start = [DRAG, *true], [DRAG, *start]
     flights = [seen(*true, noise=1.0, seconds=10.0, name=str(i), seed=i) for i in (1, 2)]
-    dut = refine([Term(e) for e in start], [], flights, noise, temperature=1.0)
+    dut = refine([Term(e) for e in start], [], flights, noise, temperature=1.0, priors=REAL.priors)
     expected = read([Term(e) for e in true], dut.free)
     deviation = np.sqrt(np.diag(dut.covariance))
     grid = INEXACT * np.array([f.scale for f in dut.free])

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.adequacy import residual_tests as dut
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
+from np_drake.diagnosis.options import Options
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 
 def test_on_a_rig_an_accelerometer_may_read_another_weight_in_every_flight(ranked):
     case = ranked()
     residual = {e.name: np.zeros_like(e.y) for e in case.flights}
     residual[case.flights[0].name][:, 2] = 0.01 * case.flights[0].vehicle.mass * 9.81
-    irregularities = {
-        t.name: dut.irregularities(case.flights, residual, t) for t in (Tolerance(), IDEAL_SENSORS)
-    }
+    irregularities = {t.tolerance.name: dut.irregularities(case.flights, residual, t) for t in (REAL, IDEAL)}
     assert [p > 0.5 for p, _ in irregularities["rig"]] == [False, False]
     assert [p > 0.5 for p, _ in irregularities["laboratory"]] == [False, True]
 
@@ -25,8 +25,8 @@ def test_a_burst_is_asked_whether_it_matters(ranked, force):
     weight = case.flights[0].vehicle.mass * 9.81
     residual = {e.name: 1e-4 * weight * np.sin(e.t)[:, None] * np.ones(15) for e in case.flights}
     residual[case.flights[0].name][200:260, 2] += force * weight
-    (burst, found), _ = dut.irregularities(case.flights, residual, Tolerance())
-    assert found.size > 2 * dut.BURST
+    (burst, found), _ = dut.irregularities(case.flights, residual, REAL)
+    assert found.size > 2 * REAL.thresholds.burst
     assert (burst > 0.5) is (force > 0.01)
 
 
@@ -34,9 +34,9 @@ def test_a_burst_is_asked_whether_it_matters(ranked, force):
 def test_a_slow_force_of_unseen_flights_alone_is_more_than_an_attitude_that_wanders(
     ranked, monkeypatch, times, unknown
 ):
-    case, rig = ranked(), Tolerance()
+    case, rig = ranked(), REAL
     weight = case.held_out[0].vehicle.mass * case.held_out[0].vehicle.gravity
-    monkeypatch.setattr(dut, "slow_power", lambda *_: (times * weight * rig.attitude) ** 2)
+    monkeypatch.setattr(dut, "slow_power", lambda *_: (times * weight * rig.tolerance.attitude) ** 2)
     residual = {e.name: e.y for e in case.held_out}
     assert (dut.novel_on_held_out(case.held_out, residual, rig, 0.0, gusty=False)[0] > 0.5) is unknown
     assert dut.novel_on_held_out(case.held_out, residual, rig, 0.0, gusty=True)[0] < 0.5
@@ -45,7 +45,7 @@ def test_a_slow_force_of_unseen_flights_alone_is_more_than_an_attitude_that_wand
 def test_a_line_matters_less_on_a_rig(ranked):
     flights = ranked().flights
     weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
-    rig, laboratory = (dut.least_lines(flights, t) for t in (Tolerance(), IDEAL_SENSORS))
+    rig, laboratory = (dut.least_lines(flights, t.materiality) for t in (REAL, IDEAL))
     assert rig[0] == pytest.approx(0.005 * weight)
     assert np.all(laboratory[:3] == pytest.approx(0.3 * rig[:3]))
 
@@ -65,17 +65,21 @@ def test_a_slow_torque_matters_by_its_share_or_far_above_what_noise_has(
     ranked, monkeypatch, times, share, size, unknown
 ):
     """size: of the torque, over what matters."""
-    flights, tolerance = ranked().flights, Tolerance()
-    torque = times * dut.SLOW_TORQUE[True], share, size * dut.least_structure(flights, tolerance)[1]
+    flights, options = ranked().flights, REAL
+    torque = (
+        times * REAL.thresholds.slow_torque,
+        share,
+        size * dut.least_structure(flights, options.materiality)[1],
+    )
     monkeypatch.setattr(dut, "slow_torque", lambda *_: torque)
-    found, _ = dut.slow_torque_test(torque, flights, flights, {}, tolerance, hidden=False)
+    found, _ = dut.slow_torque_test(torque, flights, flights, {}, options, hidden=False)
     assert (found > 0.5) is unknown
 
 
 @pytest.mark.parametrize("again, unknown", [(1.0, True), (0.3, False)], ids=["there too", "not there"])
 def test_a_slow_torque_is_asked_of_unseen_flights_as_well(ranked, monkeypatch, again, unknown):
-    flights, tolerance = ranked().flights, Tolerance()
-    limit = dut.SLOW_TORQUE[True]
+    flights, options = ranked().flights, REAL
+    limit = REAL.thresholds.slow_torque
     monkeypatch.setattr(dut, "slow_torque", lambda *_: (again * limit, 1.0, 1.0))
-    found, _ = dut.slow_torque_test((2 * limit, 1.0, 1.0), flights, flights, {}, tolerance, hidden=False)
+    found, _ = dut.slow_torque_test((2 * limit, 1.0, 1.0), flights, flights, {}, options, hidden=False)
     assert (found > 0.5) is unknown

@@ -11,8 +11,8 @@ from np_drake.diagnosis.adequacy.generic_structure import repeats_on_held_out
 from np_drake.diagnosis.adequacy.residual_statistics import strongest_line
 from np_drake.diagnosis.adequacy.unexplained import find_unexplained
 from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.result import CHANNELS
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.base import WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.inertia_error import InertiaError
@@ -20,7 +20,10 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.rigid_body import W
 
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+
 CLEAR = 10.0  # prominence of a line in these short flights that noise does not have [1]
+SENSITIVE = dc.replace(REAL, thresholds=dc.replace(REAL.thresholds, line=CLEAR))
 
 
 @dc.dataclass(frozen=True)
@@ -114,13 +117,10 @@ def test_a_flight_that_weighs_otherwise_than_the_others_is_unknown(ranked, share
 
 @pytest.mark.parametrize("channel", [0, 4], ids=["force", "torque"])
 @pytest.mark.parametrize("times", [0.7, 2.0], ids=["too small to matter", "large"])
-def test_a_line_is_unknown_where_it_is_large_enough_to_matter_however_clear_it_is(
-    ranked, monkeypatch, channel, times
-):
-    monkeypatch.setattr(residual_tests, "LINE", CLEAR)
+def test_a_line_is_unknown_where_it_is_large_enough_to_matter_however_clear_it_is(ranked, channel, times):
     case = ranked()
-    ranking = dc.replace(case.ranking, tolerance=Tolerance())
-    least = residual_tests.least_lines(case.flights, ranking.tolerance)[channel]
+    ranking = dc.replace(case.ranking, options=SENSITIVE)
+    least = residual_tests.least_lines(case.flights, SENSITIVE.materiality)[channel]
     wave = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.held_out)]
     for e in wave:
         e.y[:, channel] += times * least * np.sqrt(2) * np.sin(2 * np.pi * 2.3 * e.t)
@@ -134,11 +134,10 @@ def test_a_line_is_unknown_where_it_is_large_enough_to_matter_however_clear_it_i
     assert ("line" in {f.name for f in dut.findings}) is (times > 1)
 
 
-def test_a_line_that_does_not_matter_hides_none_that_does(ranked, monkeypatch):
-    monkeypatch.setattr(residual_tests, "LINE", CLEAR)
+def test_a_line_that_does_not_matter_hides_none_that_does(ranked):
     case = ranked()
-    ranking = dc.replace(case.ranking, tolerance=Tolerance())
-    least = residual_tests.least_lines(case.flights, ranking.tolerance)
+    ranking = dc.replace(case.ranking, options=SENSITIVE)
+    least = residual_tests.least_lines(case.flights, SENSITIVE.materiality)
     both = [dc.replace(e, y=e.y.copy()) for e in (*case.flights, *case.held_out)]
     for e in both:
         for channel, times, f in ((0, 0.8, 2.3), (4, 1.3, 5.3)):
@@ -159,7 +158,7 @@ def test_the_unseen_flight_is_explained_too(of):
 def repeats(part: np.ndarray, flight, noise) -> list[bool]:
     """Of a structure with this trace (m, 15), fitted beside a mass error."""
     fit = SimpleNamespace(everything=[Term(MassError(0.2))], generic=[SimpleNamespace(part=lambda e: part)])
-    ranking = SimpleNamespace(noise=noise, problem=SimpleNamespace(temperature=2.0))
+    ranking = SimpleNamespace(noise=noise, problem=SimpleNamespace(temperature=2.0), options=REAL)
     held = SimpleNamespace(rows={flight.name: np.ones(len(flight.t), bool)})
     return repeats_on_held_out(ranking, fit, [flight], held)  # type: ignore[arg-type]
 

@@ -9,7 +9,6 @@ import pytest
 from np_drake.diagnosis.adequacy.residual_tests import UNSEEN
 from np_drake.diagnosis.decision import adaptive_split
 from np_drake.diagnosis.decision.adaptive_split import (
-    LEAST,
     infer_adaptively,
     needs_split,
     plainly_needs_split,
@@ -21,6 +20,7 @@ from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.fitting.map_estimate import Generic
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.adaptation import scored_rows
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.result import Diagnosis, Finding
 from np_drake.diagnosis.selection import map_model
 from np_drake.diagnosis.selection.change_point import late_payloads
@@ -29,6 +29,8 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle import Vehicle
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 DRAG = LinearDrag(0.6, 0.6, 0.0)
 UP_AND_DOWN = (0.0, 0.0, 1.0, 0.0)
@@ -194,7 +196,7 @@ def test_a_force_that_unseen_flights_alone_show_is_plain_however_small_it_is(see
 
 
 def test_where_no_flight_is_long_enough_for_two_halves_there_is_one_look(seen, monkeypatch):
-    model, unseen = found(seen, DRAG, seconds=2 * LEAST - 0.5)
+    model, unseen = found(seen, DRAG, seconds=2 * REAL.thresholds.split_half - 0.5)
     assert plainly_needs_split(model, unseen)
     sought = []
     monkeypatch.setattr(adaptive_split, "find_map_model", lambda *of, **how: sought.append(of) or model)
@@ -212,7 +214,7 @@ def test_what_is_no_more_than_noise_asks_for_no_second_look(diagnosed):
 
 def test_a_half_is_the_flight_up_to_its_middle_and_its_rows_do_not_count(seen):
     flight = seen(name="c", seconds=10.0)
-    (half,), (judge,) = split_flights([flight])
+    (half,), (judge,) = split_flights([flight], least=REAL.thresholds.split_half)
     assert half.name == "first half of c"
     assert (half.goes_on, judge.goes_on, flight.goes_on) == (True, False, False)
     assert half.log.t[-1] < 5.0 <= half.log.t[-1] + 2 * flight.log.step
@@ -222,7 +224,7 @@ def test_a_half_is_the_flight_up_to_its_middle_and_its_rows_do_not_count(seen):
 
 
 def test_a_flight_too_short_for_two_halves_judges_whole(seen):
-    flight = seen(name="c", seconds=2 * LEAST - 0.5)
-    halves, (judge,) = split_flights([flight])
+    flight = seen(name="c", seconds=2 * REAL.thresholds.split_half - 0.5)
+    halves, (judge,) = split_flights([flight], least=REAL.thresholds.split_half)
     assert halves == []
     assert scored_rows([], judge).all()

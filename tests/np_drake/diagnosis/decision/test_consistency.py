@@ -4,9 +4,11 @@ import dataclasses as dc
 
 import pytest
 
-from np_drake.diagnosis.decision.consistency import FAINT, without_faint_shifts, without_missing_drag
+from np_drake.diagnosis.decision.consistency import without_faint_shifts, without_missing_drag
 from np_drake.diagnosis.result import Cause
 from np_drake.effects.library import LIBRARY
+
+LEAST = 0.03  # share of the largest shift [1]
 
 
 def cause(name: str, share: float) -> Cause:
@@ -15,13 +17,13 @@ def cause(name: str, share: float) -> Cause:
 
 def test_a_trace_of_one_shift_of_time_beside_another_is_minor():
     delay, drag = cause("command_delay", 0.7), cause("linear_drag", 1e-3)
-    lag = cause("motor_lag", 0.5 * FAINT * 0.7)
-    causes, minor = without_faint_shifts([lag, delay, drag], [])
+    lag = cause("motor_lag", 0.5 * LEAST * 0.7)
+    causes, minor = without_faint_shifts([lag, delay, drag], [], least=LEAST)
     assert causes == [delay, drag]
     assert [m.name for m in minor] == ["motor_lag"]
-    equal = dc.replace(lag, share=2 * FAINT * 0.7)
-    assert without_faint_shifts([equal, delay], []) == ([equal, delay], [])
-    assert without_faint_shifts([drag], []) == ([drag], [])
+    equal = dc.replace(lag, share=2 * LEAST * 0.7)
+    assert without_faint_shifts([equal, delay], [], least=LEAST) == ([equal, delay], [])
+    assert without_faint_shifts([drag], [], least=LEAST) == ([drag], [])
 
 
 @pytest.mark.parametrize(

@@ -14,16 +14,17 @@ from np_drake.diagnosis.decision.cause_report import PROBABILITY
 from np_drake.diagnosis.decision.confidence import is_vague_drift, leaves_more_than_noise
 from np_drake.diagnosis.decision.infer import infer
 from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.result import Cause, Estimate, Finding
-from np_drake.diagnosis.selection.calibration import DOUBTED, TRUST
 from np_drake.diagnosis.selection.ranking import rank
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.rigid_body import P
 from np_drake.vehicle import Vehicle
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 
 @dc.dataclass(frozen=True)
@@ -80,7 +81,7 @@ def test_a_slow_force_that_does_not_is_gusts(flown):
 def test_gusts_are_no_surer_than_any_other_name_however_loud_they_are(flown):
     dut = infer(*flown(gusts(61), gusts(62), gusts(63)))
     (surest,) = (c.probability for c in dut.causes if c.identifier == "gusty_wind")
-    assert 0.95 * TRUST < surest <= TRUST
+    assert 0.95 * REAL.thresholds.trust < surest <= REAL.thresholds.trust
 
 
 def test_the_mean_of_gusts_holds_a_steady_wind_that_the_fit_has_and_that_is_no_cause(flown, monkeypatch):
@@ -124,7 +125,7 @@ def test_a_name_is_less_sure_where_unseen_flights_leave_more_than_noise(seen, no
     dut = infer(fitted, [seen(DRAG, name="3", seed=3, noise=noise, **how)])
     assert [c.identifier for c in dut.causes] == ["linear_drag"]
     assert not dut.unknown
-    assert (dut.causes[0].probability <= DOUBTED) is doubted
+    assert (dut.causes[0].probability <= REAL.thresholds.doubted) is doubted
 
 
 @pytest.mark.parametrize(
@@ -162,27 +163,27 @@ def test_where_no_name_is_sure_and_structure_is_as_likely_it_is_unknown(
     assert ("height" in {f.name for f in dut.unexplained.findings}) is unknown
 
 
-def left_by(tolerance: Tolerance, ratio: tuple[float, ...], rows: int, *, swings: bool = False):
+def left_by(options: Options, ratio: tuple[float, ...], rows: int, *, swings: bool = False):
     """What `misfits` asks of unseen flights that leave `ratio` (6,) of the noise."""
     residual = {"a": np.tile([*ratio, *[9.0] * 9], (rows, 1))}
     term = SimpleNamespace(swings=swings)
     ranking = SimpleNamespace(
-        named=SimpleNamespace(terms=[term]), tolerance=tolerance, noise=SimpleNamespace(rms=np.ones(15))
+        named=SimpleNamespace(terms=[term]), options=options, noise=SimpleNamespace(rms=np.ones(15))
     )
     return ranking, SimpleNamespace(held=SimpleNamespace(residual=residual, rows={"a": np.ones(rows, bool)}))
 
 
 @pytest.mark.parametrize(
-    "tolerance, ratio, rows, swings, found",
+    "options, ratio, rows, swings, found",
     [
-        (IDEAL_SENSORS, (1.2, 1, 1, 1, 1, 1), 1000, False, True),
-        (IDEAL_SENSORS, (1.05, 1, 1, 1, 1, 1), 1000, False, False),
-        (IDEAL_SENSORS, (1.05, 1, 1, 1, 1, 1), 20_000, False, False),
-        (IDEAL_SENSORS, (1, 1, 1, 1, 1, 1.2), 100, False, False),
-        (IDEAL_SENSORS, (1, 1, 1.2, 1, 1, 1), 1000, True, False),
-        (Tolerance(), (3, 3, 1.2, 1, 1, 1), 1000, False, False),
-        (Tolerance(), (1, 1, 1.5, 1, 1, 1), 1000, False, True),
-        (Tolerance(), (1, 1, 1, 1, 1, 1.5), 1000, False, True),
+        (IDEAL, (1.2, 1, 1, 1, 1, 1), 1000, False, True),
+        (IDEAL, (1.05, 1, 1, 1, 1, 1), 1000, False, False),
+        (IDEAL, (1.05, 1, 1, 1, 1, 1), 20_000, False, False),
+        (IDEAL, (1, 1, 1, 1, 1, 1.2), 100, False, False),
+        (IDEAL, (1, 1, 1.2, 1, 1, 1), 1000, True, False),
+        (REAL, (3, 3, 1.2, 1, 1, 1), 1000, False, False),
+        (REAL, (1, 1, 1.5, 1, 1, 1), 1000, False, True),
+        (REAL, (1, 1, 1, 1, 1, 1.5), 1000, False, True),
     ],
     ids=[
         "more than noise",
@@ -195,8 +196,8 @@ def left_by(tolerance: Tolerance, ratio: tuple[float, ...], rows: int, *, swings
         "a rig's torque",
     ],
 )
-def test_what_is_more_than_noise_depends_on_what_sensors_and_chance_do(tolerance, ratio, rows, swings, found):
-    assert leaves_more_than_noise(*left_by(tolerance, ratio, rows, swings=swings)) is found  # type: ignore[arg-type]
+def test_what_is_more_than_noise_depends_on_what_sensors_and_chance_do(options, ratio, rows, swings, found):
+    assert leaves_more_than_noise(*left_by(options, ratio, rows, swings=swings)) is found  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -206,6 +207,6 @@ def test_what_is_more_than_noise_depends_on_what_sensors_and_chance_do(tolerance
 def test_on_a_rig_a_drift_of_thrust_that_is_hardly_known_may_be_what_its_sensors_do(half, real, found, sign):
     rate = Estimate(sign * 0.01, "1/s", (sign * 0.01 - half, sign * 0.01 + half))
     drift = Cause("thrust_drift", 0.97, {"rate": rate}, {})
-    tolerance = Tolerance() if real else IDEAL_SENSORS
-    assert is_vague_drift(drift, tolerance) is found
-    assert not is_vague_drift(dc.replace(drift, identifier="mass_error"), tolerance)
+    options = REAL if real else IDEAL
+    assert is_vague_drift(drift, options) is found
+    assert not is_vague_drift(dc.replace(drift, identifier="mass_error"), options)

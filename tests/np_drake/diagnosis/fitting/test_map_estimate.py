@@ -8,6 +8,7 @@ import pytest
 from np_drake.diagnosis.fitting.map_estimate import Fit, refine
 from np_drake.diagnosis.fitting.parameters import free_parameters, read, write
 from np_drake.diagnosis.forward_model.term import NEVER, Term
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.constant_wind import ConstantWind
@@ -19,6 +20,10 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.weak_rotor import WeakRotor
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+PRIORS = REAL.priors
+THRESHOLDS = REAL.thresholds
 
 SEEDS = 40
 
@@ -40,7 +45,7 @@ def deviation(fit) -> np.ndarray:
 )
 def test_parameters_are_recovered_within_their_intervals(seen, noise, true, start):
     flight = seen(*true, noise=1.0, seconds=8.0)
-    dut = refine([Term(e) for e in start], [], [flight], noise, temperature=1.0)
+    dut = refine([Term(e) for e in start], [], [flight], noise, temperature=1.0, priors=PRIORS)
     expected = read([Term(e) for e in true], dut.free)
     np.testing.assert_array_less(np.abs(dut.values - expected), 3.5 * deviation(dut))
     np.testing.assert_array_less(deviation(dut), 0.15 * np.maximum(np.abs(expected), 0.2))
@@ -50,7 +55,7 @@ def test_parameters_are_recovered_within_their_intervals(seen, noise, true, star
 def test_a_payload_is_recovered_with_its_swing(seen, noise):
     true = SuspendedPayload(0.2, 0.5, 0.0, 0.0, -0.05)
     flight = seen(true, noise=1.0, seconds=7.0)
-    dut = refine([Term(SuspendedPayload(0.15, 0.46))], [], [flight], noise, temperature=1.0)
+    dut = refine([Term(SuspendedPayload(0.15, 0.46))], [], [flight], noise, temperature=1.0, priors=PRIORS)
     found = dut.terms[0].effect
     assert found.mass == pytest.approx(0.2, rel=0.05)
     assert found.length == pytest.approx(0.5, rel=0.03)
@@ -63,14 +68,14 @@ def test_95_percent_intervals_hold_the_truth_about_95_times_in_100(seen, noise):
     inside = []
     for seed in range(SEEDS):
         flight = seen(true, seed=seed, noise=1.0, seconds=6.0)
-        fit = refine([Term(true)], [], [flight], noise, temperature=1.0, evaluations=2)
+        fit = refine([Term(true)], [], [flight], noise, temperature=1.0, evaluations=2, priors=PRIORS)
         inside.append(np.abs(fit.values - [0.3, 0.2, 0.25]) < 1.96 * deviation(fit))
     assert 0.88 < np.mean(inside) < 1.0  # of 120: 0.95 less 3.5 sigma; some must miss
 
 
 def test_the_residual_of_a_fit_is_what_its_terms_leave(seen, noise):
     flight = seen(MassError(0.2), noise=1.0, seconds=6.0)
-    fit = refine([Term(MassError())], [], [flight], noise, temperature=1.0)
+    fit = refine([Term(MassError())], [], [flight], noise, temperature=1.0, priors=PRIORS)
     white = noise.whiten(fit.residual(flight))
     assert fit.loss == pytest.approx(np.sum(white**2), rel=1e-6)
     assert np.mean(white**2) == pytest.approx(1.0, abs=0.1)
@@ -80,7 +85,8 @@ def test_the_residual_of_a_fit_is_what_its_terms_leave(seen, noise):
 def test_a_wrong_model_has_less_evidence(seen, noise):
     flight = seen(MassError(0.2), noise=1.0, seconds=6.0)
     right, wrong = (
-        refine([Term(e)], [], [flight], noise, temperature=1.0) for e in (MassError(), GyroBias())
+        refine([Term(e)], [], [flight], noise, temperature=1.0, priors=PRIORS)
+        for e in (MassError(), GyroBias())
     )
     assert right.log_evidence > wrong.log_evidence + 100
 
@@ -88,14 +94,22 @@ def test_a_wrong_model_has_less_evidence(seen, noise):
 def test_calibration_moves_no_further_than_its_prior_lets_it(seen, noise):
     flight = seen(MassError(0.2), noise=1.0, seconds=6.0)
     tight, loose = (
-        refine([], [(Term(MassError(0.0)), d)], [flight], noise, temperature=1.0) for d in (1e-4, 1.0)
+        refine([], [(Term(MassError(0.0)), d)], [flight], noise, temperature=1.0, priors=PRIORS)
+        for d in (1e-4, 1.0)
     )
     assert abs(tight.calibration[0].effect.delta_mass) < 0.02
     assert loose.calibration[0].effect.delta_mass == pytest.approx(0.2, rel=0.03)
 
 
 def test_what_no_flight_tells_is_left_to_its_prior(seen, noise):
-    dut = refine([Term(MassError(0.1), {"a": NEVER})], [], [seen(seconds=5.0)], noise, temperature=1.0)
+    dut = refine(
+        [Term(MassError(0.1), {"a": NEVER})],
+        [],
+        [seen(seconds=5.0)],
+        noise,
+        temperature=1.0,
+        priors=PRIORS,
+    )
     (free,) = dut.free
     assert dut.values[0] == pytest.approx(free.neutral, abs=1e-6)
     assert deviation(dut)[0] == pytest.approx(free.scale)
@@ -107,7 +121,15 @@ def test_wander_takes_what_is_a_flights_own(seen, noise):
     drift[:, 2] = 1.0  # [N]
     pushed = dc.replace(flight, y=flight.y + 1.7 * drift[..., 0])
     sensor_drift = Candidate((), "wander", {"a": drift}, lambda c: [])
-    fit = refine([Term(LinearDrag(0, 0, 0))], [], [pushed], noise, temperature=1.0, linear=[sensor_drift])
+    fit = refine(
+        [Term(LinearDrag(0, 0, 0))],
+        [],
+        [pushed],
+        noise,
+        temperature=1.0,
+        linear=[sensor_drift],
+        priors=PRIORS,
+    )
     np.testing.assert_allclose(fit.sensor_drift["a"][:, 2], 1.7, atol=0.1)  # four sigma [N]
     np.testing.assert_array_equal(np.delete(fit.sensor_drift["a"], 2, axis=1), 0.0)
     assert abs(np.mean(fit.residual(pushed)[:, 2])) < 0.1
@@ -118,7 +140,7 @@ TERMS = [Term(WeakRotor(3, 0.9)), Term(SuspendedPayload(0.2, 0.7), {"b": NEVER})
 
 def test_what_is_written_is_read(seen):
     flights = [seen(name=n, seed=i, seconds=4.0) for i, n in enumerate("ab")]
-    free = free_parameters(TERMS, flights, {2: 0.01})
+    free = free_parameters(TERMS, flights, {2: 0.01}, priors=PRIORS)
     values = np.linspace(0.1, 0.9, len(free))
     np.testing.assert_array_equal(read(write(TERMS, free, values), free), values)
     assert TERMS[0].effect.efficiency == 0.9  # the terms themselves stay
@@ -126,7 +148,7 @@ def test_what_is_written_is_read(seen):
 
 def test_choices_are_not_free_and_absent_payloads_do_not_swing(seen):
     flights = [seen(name=n, seed=i, seconds=4.0) for i, n in enumerate("ab")]
-    free = free_parameters(TERMS, flights, {2: 0.01})
+    free = free_parameters(TERMS, flights, {2: 0.01}, priors=PRIORS)
     assert [f.name for f in free if f.term == 0] == ["efficiency"]
     assert {f.flight for f in free if f.name == "swing"} == {"a"}
     assert [f.scale for f in free if f.term == 2] == [0.01]
@@ -144,13 +166,14 @@ def test_a_delay_is_told_by_forces_alone_wherever_between_two_rows_it_falls(seen
         dc.replace(noise, loudness={"1": deaf}),
         temperature=1.0,
         evaluations=1,
+        priors=PRIORS,
     )
     assert deviation(dut)[0] < 0.1 * dut.free[0].scale
 
 
 def test_figures_that_only_together_differ_from_none_are_told_and_a_figure_that_only_shapes_tells_nothing():
     drag, payload = Term(LinearDrag(0.2, 0.2, 0.0)), Term(SuspendedPayload(0.0, 0.6))
-    free = [f for f in free_parameters([drag, payload], [], {}) if not f.flight]
+    free = [f for f in free_parameters([drag, payload], [], {}, priors=PRIORS) if not f.flight]
 
     def fit(covariance, values):
         free_of = [f for f in free if f.term == (0 if len(values) == 3 else 1)]
@@ -166,7 +189,7 @@ def test_figures_that_only_together_differ_from_none_are_told_and_a_figure_that_
     assert fit(0.0025 * np.eye(3), [0.2, 0.2, 0.0]).is_significant(0)
     size = len([f for f in free if f.term == 1])
     nothing = fit(1e-4 * np.eye(size), [0.0, 0.6, 0.0, 0.0, 0.0])  # no payload, of a length that is known
-    assert not nothing.is_significant(0)
+    assert not nothing.is_significant(0, level=THRESHOLDS.significance)
     assert fit(1e-4 * np.eye(size), [0.1, 0.6, 0.0, 0.0, 0.0]).is_significant(0)
 
 
@@ -180,15 +203,24 @@ def test_a_wind_is_told_by_how_it_pushes_however_little_is_known_of_its_drag(pus
         np.block([[np.eye(3), np.zeros((3, 3))], [np.diag(wind), np.diag(drag)]])
     )  # of drag and push
     covariance = figures_of @ np.diag([0.13**2] * 3 + [0.1**2] * 3) @ figures_of.T
-    dut = Fit(terms, (), tuple(free_parameters(terms, [], {})), np.r_[drag, wind], covariance, 0.0, 0.0, 1)
+    dut = Fit(
+        terms,
+        (),
+        tuple(free_parameters(terms, [], {}, priors=PRIORS)),
+        np.r_[drag, wind],
+        covariance,
+        0.0,
+        0.0,
+        1,
+    )
     assert wind[0] < 2.0 * np.sqrt(covariance[3, 3])  # by itself it may as well be none
-    assert dut.is_significant(1) is told
+    assert dut.is_significant(1, level=THRESHOLDS.significance) is told
 
 
 def told_beside_a_drag(drag, wind, deviation):
     """Return whether the wind is significant beside its drag, where every parameter has this deviation."""
     terms = (Term(LinearDrag(*drag)), Term(wind))
-    free = tuple(f for f in free_parameters(terms, [], {}) if not f.flight)
+    free = tuple(f for f in free_parameters(terms, [], {}, priors=PRIORS) if not f.flight)
     values = read(terms, free)
     return Fit(terms, (), free, values, deviation**2 * np.eye(len(values)), 0.0, 0.0, 1).is_significant(1)
 

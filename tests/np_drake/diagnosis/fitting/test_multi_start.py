@@ -7,11 +7,15 @@ import pytest
 from np_drake.diagnosis.fitting.multi_start import first_fit, refit, restarted
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import fit_noise
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.nuisance import tolerance_of
 from np_drake.diagnosis.regressors.payload import Guess
 from np_drake.diagnosis.regressors.payload_grid import payload_about
 from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
 from np_drake.effects.suspended_payload import SuspendedPayload
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+PRIORS = REAL.priors
 
 PAYLOAD = SuspendedPayload(0.25, 1.2)
 ONLY = Model((0,), 0.0)
@@ -26,7 +30,12 @@ def swinging(seen):
     flights = [seen(PAYLOAD, name=str(i), seed=i, noise=1.0, seconds=10.0) for i in (1, 2)]
     noise = fit_noise([e.y for e in flights], flights[0].grid.step)
     return RegressionProblem(
-        flights, noise, [], [payload_about(flights, Guess(1.15)).candidate(flights)], temperature=2.0
+        flights,
+        noise,
+        [],
+        [payload_about(flights, Guess(1.15), priors=PRIORS).candidate(flights)],
+        temperature=2.0,
+        options=REAL,
     )
 
 

@@ -7,7 +7,10 @@ import pytest
 
 from np_drake.diagnosis.fitting.map_estimate import Generic
 from np_drake.diagnosis.fitting.resonance_fit import mode_of
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 
 @pytest.fixture(scope="module")
@@ -16,7 +19,9 @@ def swinging(seen):
 
     def made(name: str, frequency: float, damping: float):
         flights = [seen(name=str(i), seed=i, noise=1.0, seconds=12.0) for i in (1, 2)]
-        groups = [c for c in generic_candidates(flights) if c.identifiers == (PREFIX + name,)]
+        groups = [
+            c for c in generic_candidates(flights, priors=REAL.priors) if c.identifiers == (PREFIX + name,)
+        ]
         nearest = min(groups, key=lambda c: abs(np.log(c.figures["frequency"] / frequency)))
         size = nearest.swing(frequency, damping, flights[0]).shape[-1]
         gains = np.random.default_rng(3).normal(size=size)
@@ -55,6 +60,6 @@ def test_a_mode_far_from_where_the_grid_found_it_is_none(swinging, noise):
 
 def test_what_does_not_swing_has_no_mode(seen, noise):
     flights = [seen(seconds=6.0)]
-    place = next(c for c in generic_candidates(flights) if c.swing is None)
+    place = next(c for c in generic_candidates(flights, priors=REAL.priors) if c.swing is None)
     with pytest.raises(ValueError, match="does not swing"):
         mode_of(Generic(place, np.zeros(place.size)), flights, {e.name: e.y for e in flights}, noise)

@@ -13,6 +13,7 @@ from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.gap import gap_reduction as dut
 from np_drake.diagnosis.held_out.prediction import on_held_out
 from np_drake.diagnosis.numerics.autoregressive_noise import scale_only
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.diagnosis.result import ReplayGap
 from np_drake.effects.constant_wind import ConstantWind
@@ -20,6 +21,8 @@ from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 NOISE = scale_only([np.random.default_rng(0).normal(size=(20000, 15))], 0.02)
 
@@ -86,7 +89,7 @@ def test_the_bootstrap_is_the_same_each_time():
 @pytest.fixture(scope="module")
 def solved(ranked):
     case = ranked(MassError(0.2), LinearDrag(0.6, 0.6, 0.6))
-    held = on_held_out(case.fit, case.held_out, case.ranking.noise)
+    held = on_held_out(case.fit, case.held_out, case.ranking.noise, priors=REAL.priors)
     causes, _ = causes_of(case.ranking, case.fit, case.flights, case.held_out, held)
     return case, held, causes
 

@@ -17,6 +17,7 @@ from np_drake.diagnosis.held_out.adaptation import (
     scored_rows,
     without_shocks,
 )
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals.flight_residuals import WRENCH, make_flight_residuals
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gyro_bias import GyroBias
@@ -25,6 +26,8 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+
 HEAVY = MassError(0.2)
 PAYLOAD = SuspendedPayload(0.2, 0.5, 0.0, 0.0, -0.05)
 
@@ -32,14 +35,14 @@ PAYLOAD = SuspendedPayload(0.2, 0.5, 0.0, 0.0, -0.05)
 @pytest.mark.parametrize("when", [2.5, 6.0, 9.5])
 def test_the_onset_in_an_unseen_flight_is_found(seen, noise, when):
     flight = seen(HEAVY, name="c", seed=3, noise=1.0, onset={"mass_error": when})
-    (dut,) = adapt([Term(HEAVY, {"a": 1.0})], flight, noise)
+    (dut,) = adapt([Term(HEAVY, {"a": 1.0})], flight, noise, priors=REAL.priors)
     assert dut.begins("c") == pytest.approx(when, abs=0.2)
     assert dut.effect == HEAVY  # its figures are those of the fit
 
 
 def test_a_payload_that_is_hung_on_late_is_found_however_it_swings(seen, noise):
     flight = seen(PAYLOAD, name="c", seed=4, noise=1.0, vigour=1.6, onset={"suspended_payload": 7.0})
-    (dut,) = adapt([Term(PAYLOAD, {"a": 1.0})], flight, noise)
+    (dut,) = adapt([Term(PAYLOAD, {"a": 1.0})], flight, noise, priors=REAL.priors)
     assert dut.begins("c") == pytest.approx(7.0, abs=0.2)
 
 
@@ -48,50 +51,50 @@ def test_a_wind_begins_with_the_drag_that_feels_it(seen, noise):
     onset = {"linear_drag": 6.0, "constant_wind": 6.0}
     flight = seen(wind, drag, name="c", seed=3, noise=1.0, onset=onset)
     for terms in ([Term(wind, late), Term(drag, late)], [Term(drag, late), Term(wind, late)]):
-        begins = [t.begins("c") for t in adapt(terms, flight, noise)]
+        begins = [t.begins("c") for t in adapt(terms, flight, noise, priors=REAL.priors)]
         assert begins == pytest.approx([6.0, 6.0], abs=0.1)
     flight = seen(wind, drag, name="c", seed=3, noise=1.0, onset={"constant_wind": 6.0})
-    steady, late_wind = adapt([Term(drag), Term(wind, late)], flight, noise)
+    steady, late_wind = adapt([Term(drag), Term(wind, late)], flight, noise, priors=REAL.priors)
     assert steady.begins("c") is None
     assert late_wind.begins("c") == pytest.approx(6.0, abs=0.1)
 
 
 def test_what_acts_from_the_start_keeps_no_onset(seen, noise):
     flight = seen(HEAVY, name="c", seed=3, noise=1.0)
-    (dut,) = adapt([Term(HEAVY, {"a": 4.0})], flight, noise)
+    (dut,) = adapt([Term(HEAVY, {"a": 4.0})], flight, noise, priors=REAL.priors)
     assert dut.begins("c") is None
 
 
 def test_what_is_absent_from_a_flight_never_begins_there(seen, noise):
     flight = seen(name="c", seed=3, noise=1.0)
     late = {"a": 4.0}
-    dut = adapt([Term(HEAVY, late), Term(LinearDrag(0.5, 0.5, 0.5), late)], flight, noise)
+    dut = adapt([Term(HEAVY, late), Term(LinearDrag(0.5, 0.5, 0.5), late)], flight, noise, priors=REAL.priors)
     assert [t.begins("c") for t in dut] == [NEVER, NEVER]
 
 
 def test_what_acts_throughout_the_fit_is_not_excused_where_it_is_absent(seen, noise):
     flight = seen(name="c", seed=3, noise=1.0)
-    (dut,) = adapt([Term(HEAVY)], flight, noise)
+    (dut,) = adapt([Term(HEAVY)], flight, noise, priors=REAL.priors)
     assert dut.begins("c") is None
 
 
 def test_beside_structure_only_what_began_late_in_the_fit_may_begin_late(seen, noise):
     flight = seen(HEAVY, name="c", seed=3, noise=1.0, onset={"mass_error": 6.0})
-    (late,) = adapt([Term(HEAVY, {"a": 4.0, "b": None})], flight, noise, structured=True)
-    (steady,) = adapt([Term(HEAVY, {"a": None})], flight, noise, structured=True)
+    (late,) = adapt([Term(HEAVY, {"a": 4.0, "b": None})], flight, noise, structured=True, priors=REAL.priors)
+    (steady,) = adapt([Term(HEAVY, {"a": None})], flight, noise, structured=True, priors=REAL.priors)
     assert late.begins("c") == pytest.approx(6.0, abs=0.2)
     assert steady.begins("c") is None
 
 
 def test_a_sensor_has_no_onset(seen, noise):
-    (dut,) = adapt([Term(GyroBias(0.2))], seen(name="c", seed=3, noise=1.0), noise)
+    (dut,) = adapt([Term(GyroBias(0.2))], seen(name="c", seed=3, noise=1.0), noise, priors=REAL.priors)
     assert dut.begins("c") is None
 
 
 def test_two_effects_find_their_own_onsets(seen, noise):
     acting = [HEAVY, LinearDrag(0.8, 0.8, 0.8)]
     flight = seen(*acting, name="c", seed=3, noise=1.0, onset={"mass_error": 7.0})
-    heavy, drag = adapt([Term(e) for e in acting], flight, noise)
+    heavy, drag = adapt([Term(e) for e in acting], flight, noise, priors=REAL.priors)
     assert heavy.begins("c") == pytest.approx(7.0, abs=0.2)
     assert drag.begins("c") is None
 
@@ -100,7 +103,7 @@ def test_the_swing_at_the_start_of_an_unseen_flight_is_found(fly, noise):
     log = fly(PAYLOAD, name="c", seed=3, noise=1.0)
     middle = log.rows(420, len(log))  # the payload is swinging
     flight = make_flight_residuals(dc.replace(middle, t=middle.t - middle.t[0]), Vehicle())
-    (dut,) = adapt([Term(PAYLOAD)], flight, noise)
+    (dut,) = adapt([Term(PAYLOAD)], flight, noise, priors=REAL.priors)
     rows = scored_rows([dut], flight)
     residual, still = (
         noise.whiten(flight.y - predicted_residual(flight, [t])[:, :])[rows[noise.phi.shape[1] :]][:, WRENCH]
@@ -116,8 +119,11 @@ def test_of_a_swing_that_is_hardly_known_the_mean_is_foreseen_which_misses_less(
     for seed, swing in enumerate(np.random.default_rng(1).normal(size=(6, 4)) * [0.4, 0.4, 2.0, 2.0]):
         flight = seen(name="c", seed=seed, noise=1.0, seconds=8.0)
         real = predicted_residual(flight, [Term(faint, hidden={"c": swing})])
-        terms = adapt([Term(faint)], dc.replace(flight, y=flight.y + real), noise)
-        ways = (terms, predictive_terms(terms, dc.replace(flight, y=flight.y + real), noise))
+        terms = adapt([Term(faint)], dc.replace(flight, y=flight.y + real), noise, priors=REAL.priors)
+        ways = (
+            terms,
+            predictive_terms(terms, dc.replace(flight, y=flight.y + real), noise, priors=REAL.priors),
+        )
         rows = scored_rows(terms, flight)
         missed.append([np.sum((predicted_residual(flight, w) - real)[rows, WRENCH] ** 2) for w in ways])
     best, mean = np.sum(missed, axis=0)
@@ -126,8 +132,8 @@ def test_of_a_swing_that_is_hardly_known_the_mean_is_foreseen_which_misses_less(
 
 def test_a_swing_that_is_known_is_foreseen_as_it_is(seen, noise):
     flight = seen(PAYLOAD, name="c", seed=3, noise=1.0)
-    terms = adapt([Term(PAYLOAD), Term(HEAVY)], flight, noise)
-    dut = predictive_terms(terms, flight, noise)
+    terms = adapt([Term(PAYLOAD), Term(HEAVY)], flight, noise, priors=REAL.priors)
+    dut = predictive_terms(terms, flight, noise, priors=REAL.priors)
     assert dut[1] is terms[1]
     known, ahead = predicted_residual(flight, terms[:1]), predicted_residual(flight, dut[:1])
     assert np.std(ahead - known) < 0.02 * np.std(known)
@@ -155,7 +161,7 @@ def test_a_swing_that_jumps_at_a_shock_is_found_anew_and_those_rows_are_not_scor
     jumped = Term(PAYLOAD, hidden={"c": np.array([0.0, 0.0, 0.0, 0.0, 0.3, -0.2, 0.5, 0.8])})
     y = flight.y + predicted_residual(flight, [jumped]) - predicted_residual(flight, [Term(PAYLOAD)])
     flight = dc.replace(flight, y=y)
-    (dut,) = adapt([Term(PAYLOAD)], flight, noise)
+    (dut,) = adapt([Term(PAYLOAD)], flight, noise, priors=REAL.priors)
     rows = scored_rows([dut], flight)
     after = flight.t > flight.t[flight.shocks][-1]
     assert not rows[after & (flight.t < 6.0 + JUMP_SPAN)].any()
@@ -206,7 +212,7 @@ def test_shocks_of_a_swing_are_taken_in_turn(seen, noise):
     y = flight.y - predicted_residual(flight, [Term(PAYLOAD)])
     y = y + predicted_residual(knocked(flight, 6.0), [jumped])
     y[at : at + 2, :3] += 60.0
-    dut = without_shocks([Term(PAYLOAD)], dc.replace(flight, y=y), noise)
+    dut = without_shocks([Term(PAYLOAD)], dc.replace(flight, y=y), noise, priors=REAL.priors)
     assert dut.shocks[at : at + 2].all()
     assert dut.shocks.sum() < 8  # nothing of the swing that is lost there
 
@@ -217,7 +223,7 @@ def test_shocks_of_a_swing_are_taken_in_turn_however_many_it_misses_where_it_is_
     y = flight.y.copy()
     y[at : at + 2, :3] += 60.0
     y[at + 100 :: 30, 2] -= 60.0  # more rows than a flight's shocks have
-    dut = without_shocks([Term(PAYLOAD)], dc.replace(flight, y=y), noise)
+    dut = without_shocks([Term(PAYLOAD)], dc.replace(flight, y=y), noise, priors=REAL.priors)
     assert dut.shocks[at : at + 2].all()
 
 
@@ -238,10 +244,12 @@ def test_a_hidden_state_that_settles_on_the_whole_flight_explains_all_of_it(seen
     flight = seen(PAYLOAD, name="1", seed=3, noise=1.0, seconds=12.0)
     late = flight.t > 8.0
     astray = [Term(PAYLOAD, hidden={"1": np.array([0.3, -0.2, 0.0, 0.5])})]
-    whole = fitted_to_whole_flight(astray, flight, noise)
+    whole = fitted_to_whole_flight(astray, flight, noise, priors=REAL.priors)
     residual = [
         np.std((flight.y - predicted_residual(flight, terms))[late][:, :3]) for terms in (astray, whole)
     ]
     assert residual[1] < 1.1 * noise.rms[:3].max() < 0.8 * residual[0]
     drag = Term(LinearDrag(0.3, 0.3, 0.3))
-    assert fitted_to_whole_flight([drag], flight, noise) == [drag]  # what has no hidden state stays
+    assert fitted_to_whole_flight([drag], flight, noise, priors=REAL.priors) == [
+        drag
+    ]  # what has no hidden state stays

@@ -5,6 +5,7 @@ import pytest
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.localisation.collinearity import collinear_effects, effects_of_trace
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
@@ -13,10 +14,12 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.thrust_scale import ThrustScale
 
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+
 
 def same_as(seen, noise, *effects, i=0, tolerance=IDEAL_SENSORS, vigour=1.0):
     flights = [seen(*effects, name="a", seed=1, noise=1.0, seconds=8.0, vigour=vigour)]
-    return collinear_effects(flights, [Term(e) for e in effects], i, noise, tolerance)
+    return collinear_effects(flights, [Term(e) for e in effects], i, noise, tolerance, priors=REAL.priors)
 
 
 def test_a_delay_and_a_clock_behind_are_the_same(seen, noise):
@@ -58,10 +61,10 @@ def test_what_a_rig_may_be_off_by_can_stand_in_for_an_effect(seen, noise):
 def test_of_a_trace_the_effect_that_left_it_is_found(seen, noise):
     flight = seen(name="a", seed=1, noise=1.0, seconds=8.0)
     trace = {"a": predicted_residual(flight, [Term(LinearDrag(0.1, 0.1, 0.1))])}
-    assert "linear_drag" in effects_of_trace([flight], trace, noise, IDEAL_SENSORS)
+    assert "linear_drag" in effects_of_trace([flight], trace, noise, IDEAL_SENSORS, priors=REAL.priors)
 
 
 def test_of_what_is_lost_in_noise_no_effect_is_found(seen, noise):
     flight = seen(name="a", seed=1, noise=1.0, seconds=8.0)
     faint = {"a": predicted_residual(flight, [Term(LinearDrag(1e-6, 1e-6, 1e-6))])}
-    assert effects_of_trace([flight], faint, noise, IDEAL_SENSORS) == []
+    assert effects_of_trace([flight], faint, noise, IDEAL_SENSORS, priors=REAL.priors) == []

@@ -13,6 +13,7 @@ from np_drake.diagnosis.adequacy.unexplained import find_unexplained
 from np_drake.diagnosis.decision.compare import Comparison
 from np_drake.diagnosis.decision.decide import decide
 from np_drake.diagnosis.fitting.resonance_fit import mode_of
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
@@ -20,6 +21,8 @@ from np_drake.diagnosis.selection.beam_search import search
 from np_drake.diagnosis.selection.ranking import rank
 from np_drake.effects.base import WrenchEffect
 from np_drake.rigid_body import P, Q, V, W
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 
 @dc.dataclass(frozen=True)
@@ -83,8 +86,8 @@ def swinging(e, frequency, damping, gain=0.3):
 
 def problem_of(seen, noise, *effects) -> RegressionProblem:
     flights = [seen(*effects, name=str(i), seed=i, noise=1.0) for i in (1, 2)]
-    candidates = [*library_candidates(flights), *generic_candidates(flights)]
-    return RegressionProblem(flights, noise, [], candidates, temperature=2.0)
+    candidates = [*library_candidates(flights), *generic_candidates(flights, priors=REAL.priors)]
+    return RegressionProblem(flights, noise, [], candidates, temperature=2.0, options=REAL)
 
 
 def found(problem: RegressionProblem) -> list[str]:
@@ -143,7 +146,7 @@ def test_noise_alone_is_nothing_unknown(seen, noise):
 @pytest.fixture(scope="module")
 def groups(seen):
     flights = [seen(name=str(i), seed=i, noise=1.0, seconds=6.0) for i in (1, 2)]
-    return flights, generic_candidates(flights)
+    return flights, generic_candidates(flights, priors=REAL.priors)
 
 
 def test_a_group_has_the_same_columns_on_a_flight_whether_it_was_seen_before(seen, groups):

@@ -10,6 +10,7 @@ from scipy import stats
 
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import (
     effect_candidates,
     library_candidates,
@@ -25,6 +26,8 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +127,7 @@ def test_a_wind_pushes_as_much_whatever_the_sign_of_a_drag_too_weak_to_be_known(
 
 
 def test_a_payload_at_rest_has_the_trace_of_its_terms(flights):
-    (dut,) = payload_candidates(flights, np.array([0.6]))
+    (dut,) = payload_candidates(flights, np.array([0.6]), priors=REAL.priors)
     c = np.zeros(dut.size)
     c[0], c[3] = 0.9, -0.4  # mass, and the hook below
     for e in flights:
@@ -135,7 +138,7 @@ def test_a_payload_at_rest_has_the_trace_of_its_terms(flights):
 
 
 def test_a_payload_that_swings_has_the_trace_of_its_terms(flights):
-    (dut,) = payload_candidates(flights, np.array([0.6]))
+    (dut,) = payload_candidates(flights, np.array([0.6]), priors=REAL.priors)
     c = np.zeros(dut.size)
     c[0] = 1.0
     c[4:] = 0.3 * np.array([1, -1, 0.5, 0.5, -1, 1, 0.5, -0.5])  # every flight has its own start
@@ -147,7 +150,7 @@ def test_a_payload_that_swings_has_the_trace_of_its_terms(flights):
 
 
 def test_a_payload_weighs_something(flights):
-    (dut,) = payload_candidates(flights, np.array([0.6]))
+    (dut,) = payload_candidates(flights, np.array([0.6]), priors=REAL.priors)
     c = np.zeros(dut.size)
     assert dut.possible is not None
     assert not dut.possible(c)
@@ -175,7 +178,7 @@ def test_a_mass_that_the_flights_hardly_tell_is_one_that_hangs_and_all_else_goes
 
 
 def test_a_payload_of_a_mass_below_zero_by_its_error_is_possible_and_one_that_swings_too_wide_is_not(flights):
-    (dut,) = payload_candidates(flights, np.array([0.6]))
+    (dut,) = payload_candidates(flights, np.array([0.6]), priors=REAL.priors)
     c, covariance = np.zeros(dut.size), 0.01 * np.eye(dut.size)
     c[0] = -0.05
     mended, log_probability = dut.physical(c, covariance)
@@ -221,5 +224,5 @@ def test_a_library_without_wind_or_payload_has_no_such_candidates(flights, libra
     del library["constant_wind"]
     del library["suspended_payload"]
     assert wind_candidates(flights, library_candidates(flights)) == []
-    assert payload_candidates(flights, np.array([0.6])) == []
+    assert payload_candidates(flights, np.array([0.6]), priors=REAL.priors) == []
     assert SuspendedPayload.identifier not in library

@@ -8,6 +8,7 @@ import pytest
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.adaptation import adapt
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.switched_regressors import SwitchedRegressors, SwitchedSums
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.command_delay import CommandDelay
@@ -15,6 +16,8 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.weak_rotor import WeakRotor
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 SCALE = 0.7
 
@@ -55,7 +58,7 @@ def test_what_leaves_no_trace_has_no_sums_and_begins_nowhere(seen, noise):
     nothing = np.zeros((*flight.y.shape, 2))
     assert not any(part.any() for part in dut.begun(nothing, dut.whole(nothing), np.array([40, 150])))
     for effect in (MotorLag(0.0), CommandDelay(0.0)):
-        (term,) = adapt([Term(effect)], flight, noise)
+        (term,) = adapt([Term(effect)], flight, noise, priors=REAL.priors)
         assert term.begins("1") is None
 
 

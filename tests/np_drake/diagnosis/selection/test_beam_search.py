@@ -4,8 +4,9 @@ import math
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import Candidate, library_candidates
-from np_drake.diagnosis.regressors.regression_problem import RegressionProblem, effect_prior, prior_of
+from np_drake.diagnosis.regressors.regression_problem import RegressionProblem, prior_of
 from np_drake.diagnosis.selection.beam_search import search
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.linear_drag import LinearDrag
@@ -13,12 +14,16 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.weak_rotor import WeakRotor
 
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+
 SEEDS = (1, 2)
 
 
 def problem_of(seen, noise, *effects, nuisance=(), seconds=8.0) -> RegressionProblem:
     flights = [seen(*effects, name=str(i), seed=i, noise=1.0, seconds=seconds) for i in SEEDS]
-    return RegressionProblem(flights, noise, list(nuisance), library_candidates(flights), temperature=1.0)
+    return RegressionProblem(
+        flights, noise, list(nuisance), library_candidates(flights), temperature=1.0, options=REAL
+    )
 
 
 def names(problem: RegressionProblem, members) -> list[str]:
@@ -105,7 +110,7 @@ def test_the_score_is_evidence_and_prior(searched):
     problem, _ = searched
     i = next(k for k, c in enumerate(problem.candidates) if c.identifiers == ("weak_rotor",))
     evidence = problem.total.log_evidence(problem.columns((i,)))
-    assert problem.score((i,)) == pytest.approx(evidence + effect_prior("weak_rotor") - math.log(4))
+    assert problem.score((i,)) == pytest.approx(evidence + REAL.priors.of_effect("weak_rotor") - math.log(4))
 
 
 def test_an_impossible_set_is_never_a_model(seen, noise):
@@ -114,7 +119,7 @@ def test_an_impossible_set_is_never_a_model(seen, noise):
     mass = next(c for c in candidates if c.identifiers == ("mass_error",))
     heavy = Candidate(("heavy",), "", mass.columns, mass.terms, possible=lambda c: bool(c[0] < 0))
     light = Candidate(("light",), "", mass.columns, mass.terms, possible=lambda c: bool(c[0] > 0))
-    problem = RegressionProblem(flights, noise, [], [heavy, light], temperature=1.0)
+    problem = RegressionProblem(flights, noise, [], [heavy, light], temperature=1.0, options=REAL)
     models = search(problem)
     assert [names(problem, m.members) for m in models if 0 in m.members] == []
     assert names(problem, models[0].members) == ["light"]
@@ -125,7 +130,7 @@ def test_a_set_that_may_be_impossible_is_less_likely_by_as_much(seen, noise):
     mass = next(c for c in library_candidates(flights) if c.identifiers == ("mass_error",))
     sure = Candidate(("mass_error",), "", mass.columns, mass.terms, possible=lambda c: True)
     unsure = dc.replace(sure, mended=lambda mean, covariance: (mean, -3.0))
-    problem = RegressionProblem(flights, noise, [], [sure, unsure], temperature=1.0)
+    problem = RegressionProblem(flights, noise, [], [sure, unsure], temperature=1.0, options=REAL)
     assert problem.score((1,)) == pytest.approx(problem.score((0,)) - 3.0)
 
 
@@ -133,18 +138,18 @@ def test_nuisance_that_explains_an_effect_leaves_nothing_to_name(seen, noise):
     flights = [seen(RotorGyroscopic(), name=str(i), seed=i, noise=1.0, seconds=8.0) for i in SEEDS]
     candidates = library_candidates(flights)
     own = next(c for c in candidates if c.identifiers == ("rotor_gyroscopic",))
-    without = search(RegressionProblem(flights, noise, [], candidates, temperature=1.0))[0]
+    without = search(RegressionProblem(flights, noise, [], candidates, temperature=1.0, options=REAL))[0]
     assert candidates.index(own) in without.members
     nuisance = Candidate((), "nuisance", own.columns, own.terms)
-    problem = RegressionProblem(flights, noise, [nuisance], candidates, temperature=1.0)
+    problem = RegressionProblem(flights, noise, [nuisance], candidates, temperature=1.0, options=REAL)
     assert search(problem)[0].members == ()
 
 
 def test_candidates_put_beside_others_are_judged_as_if_they_had_been_there(seen, noise):
     flights = [seen(MassError(0.2), name="1", seed=1, noise=1.0, seconds=6.0)]
     first, *more = library_candidates(flights)[:4]
-    whole = RegressionProblem(flights, noise, [], [first, *more], temperature=2.0)
-    dut = RegressionProblem(flights, noise, [], [first], temperature=2.0).beside(more)
+    whole = RegressionProblem(flights, noise, [], [first, *more], temperature=2.0, options=REAL)
+    dut = RegressionProblem(flights, noise, [], [first], temperature=2.0, options=REAL).beside(more)
     for members in ((0,), (1, 2), (0, 3)):
         assert dut.score(members) == pytest.approx(whole.score(members))
 
@@ -162,4 +167,4 @@ def test_candidates_put_beside_others_are_judged_as_if_they_had_been_there(seen,
     ids=str,
 )
 def test_a_wind_brings_the_drag_through_which_it_is_felt(effects, costs):
-    assert prior_of(effects) == pytest.approx(sum(map(effect_prior, costs)))
+    assert prior_of(effects, priors=REAL.priors) == pytest.approx(sum(map(REAL.priors.of_effect, costs)))

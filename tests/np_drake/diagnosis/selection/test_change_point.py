@@ -5,13 +5,11 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.forward_model.term import NEVER
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import effect_candidates, library_candidates, switched
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
 from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.diagnosis.selection.change_point import (
-    ABSENT,
-    ANOTHER,
-    FIRST,
     WEIGHTS,
     OnsetScan,
     _onsets,
@@ -29,10 +27,13 @@ from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+PRIORS = REAL.priors
+
 
 def problem_of(flights, noise, effects) -> RegressionProblem:
     candidates = [c for e in effects for c in effect_candidates(type(e), flights, {})]
-    return RegressionProblem(flights, noise, [], candidates, temperature=1.0)
+    return RegressionProblem(flights, noise, [], candidates, temperature=1.0, options=REAL)
 
 
 @pytest.mark.parametrize("when", [2.0, 5.3, 9.0])
@@ -79,7 +80,11 @@ def test_each_flight_has_its_own_onset(seen, noise):
     assert late.onset == dut.onset
     assert late.log_prior == problem.candidates[0].log_prior
     rows = round((12.0 - 2 * 0.7) / 0.02)
-    assert FIRST + ANOTHER - 2 * np.log(rows) <= late.onset_prior < FIRST + ANOTHER - np.log(rows)
+    assert (
+        PRIORS.first_onset + PRIORS.another_onset - 2 * np.log(rows)
+        <= late.onset_prior
+        < PRIORS.first_onset + PRIORS.another_onset - np.log(rows)
+    )
 
 
 def test_a_step_in_every_flight_is_no_drift_from_the_start(seen, noise):
@@ -103,7 +108,11 @@ def test_what_has_not_begun_at_the_end_of_a_half_is_absent_from_it(seen, noise):
         assert dut.onset["late"] == pytest.approx(8.0, abs=0.03)
         assert dut.onset.get("without") == (NEVER if half.goes_on else None)
         if half.goes_on:
-            assert FIRST + ABSENT - np.log(12.0 / 0.02) < dut.prior < FIRST + ABSENT
+            assert (
+                PRIORS.first_onset + PRIORS.absence - np.log(12.0 / 0.02)
+                < dut.prior
+                < PRIORS.first_onset + PRIORS.absence
+            )
 
 
 def test_what_begins_nowhere_is_absent_from_none():
@@ -153,7 +162,9 @@ def test_of_the_variants_that_begin_late_those_go_on_that_explain_most(seen, noi
 
 def test_noise_alone_begins_nowhere(seen, noise):
     flights = [seen(name=str(i), seed=i, noise=1.0, seconds=8.0) for i in (1, 2)]
-    problem = RegressionProblem(flights, noise, [], library_candidates(flights), temperature=2.0)
+    problem = RegressionProblem(
+        flights, noise, [], library_candidates(flights), temperature=2.0, options=REAL
+    )
     assert switched_candidates(problem) == []
 
 
@@ -173,7 +184,7 @@ def test_a_scan_beside_fewer_is_one_of_its_own_from_the_same_sums(seen, noise):
         for n, when in whens.items()
     ]
     turn, *candidates = problem_of(flights, noise, [CenterOfMassOffset(), drag, WeakRotor(), late]).candidates
-    problem = RegressionProblem(flights, noise, [turn], candidates, temperature=1.0)
+    problem = RegressionProblem(flights, noise, [turn], candidates, temperature=1.0, options=REAL)
     mass = next(c for c in problem.candidates if c.identifiers == ("mass_error",))
     whole = OnsetScan(problem, [0, 1])
     sums = whole.sums(mass)
@@ -234,8 +245,8 @@ def test_it_is_sought_where_one_from_the_start_explains_more_than_its_weight(see
     onset = {"suspended_payload": 1.5}
     flights = [seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset=onset)]
     plain = library_candidates(flights)
-    at_start = PayloadSearch(flights).best(noise, [], plain)
-    problem = RegressionProblem(flights, noise, [], [*plain, *at_start], temperature=2.0)
+    at_start = PayloadSearch(flights, options=REAL).best(noise, [], plain)
+    problem = RegressionProblem(flights, noise, [], [*plain, *at_start], temperature=2.0, options=REAL)
     scores = [problem.score((len(plain) + k,)) for k in range(len(at_start))]
     scan = OnsetScan(problem)
     weights = [scan.best(c) for c in plain if c.identifiers in WEIGHTS]

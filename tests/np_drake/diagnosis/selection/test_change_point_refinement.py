@@ -2,6 +2,7 @@ import dataclasses as dc
 
 import pytest
 
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import effect_candidates, switched
 from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
 from np_drake.diagnosis.selection.change_point_refinement import refined_change_points
@@ -11,6 +12,8 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.weak_rotor import WeakRotor
 
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+
 HEAVY, DRAG = MassError(0.4), LinearDrag(0.6, 0.6, 0.6)
 
 
@@ -18,7 +21,7 @@ def late_problem(flights, noise, effect, onset, *others):
     """Candidates: the effect from the start, what else acts, and the effect from `onset` on."""
     candidates = [effect_candidates(type(e), flights, {})[0] for e in (effect, *others)]
     late = dc.replace(switched(candidates[0], flights, onset), onset_prior=-5.0)
-    return RegressionProblem(flights, noise, [], [*candidates, late], temperature=1.0)
+    return RegressionProblem(flights, noise, [], [*candidates, late], temperature=1.0, options=REAL)
 
 
 @pytest.mark.parametrize("found", [5.30, 5.32])

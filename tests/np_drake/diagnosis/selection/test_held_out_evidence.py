@@ -5,13 +5,17 @@ import math
 import pytest
 
 from np_drake.diagnosis.forward_model.term import NEVER, Term
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.selection import held_out_evidence
-from np_drake.diagnosis.selection.change_point import ABSENT, ANOTHER
-from np_drake.diagnosis.selection.held_out_evidence import CLOSE, _onset_prior, rerank_by_held_out_evidence
+from np_drake.diagnosis.selection.held_out_evidence import _onset_prior, rerank_by_held_out_evidence
 from np_drake.diagnosis.selection.ranking import names_of_fit, rank, score_of
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.quadratic_drag import QuadraticDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+PRIORS = REAL.priors
+SEARCH = REAL.search
 
 FAINT = LinearDrag(0.05, 0.05, 0.05)
 SLOW, FAST = 0.5, 1.5  # vigour
@@ -33,7 +37,7 @@ def slow(flight):
 
 def test_unseen_flights_decide_between_names_that_fitted_ones_leave_open(flight, slow):
     wrong, right = ({names_of_fit(f): f for f in slow.fits}[n,] for n in ("quadratic_drag", "linear_drag"))
-    assert 0 < score_of(wrong) - score_of(right) < CLOSE
+    assert 0 < score_of(wrong, priors=PRIORS) - score_of(right, priors=PRIORS) < SEARCH.held_out_margin
     dut = rerank_by_held_out_evidence(slow, [flight("c", 3, FAST)])
     assert names_of_fit(dut.fits[0]) == names_of_fit(dut.named) == ("linear_drag",)
     assert dut.probability["linear_drag"] > 0.99 > 0.9 > slow.probability["linear_drag"]
@@ -59,8 +63,12 @@ def test_what_unseen_flights_say_is_tempered_as_what_fitted_ones_do(flight, slow
 
 def test_an_onset_that_is_sought_in_an_unseen_flight_costs_its_prior(seen, slow, monkeypatch):
     e = seen(FAINT, name="c", seed=3, noise=1.0, seconds=10.0, vigour=3.0, onset={"linear_drag": 6.0})
-    assert ANOTHER - math.log(len(e.t)) <= _onset_prior([Term(FAINT, {"c": 6.0})], 6.0, e, slow.noise) < -1.0
-    assert _onset_prior([], NEVER, e, slow.noise) == ABSENT
+    assert (
+        PRIORS.another_onset - math.log(len(e.t))
+        <= _onset_prior([Term(FAINT, {"c": 6.0})], 6.0, e, slow.noise, priors=PRIORS)
+        < -1.0
+    )
+    assert _onset_prior([], NEVER, e, slow.noise, priors=PRIORS) == PRIORS.absence
     wrong, right = (
         next(f for f in slow.fits if names_of_fit(f) == (n,)) for n in ("quadratic_drag", "linear_drag")
     )
@@ -78,7 +86,7 @@ def test_an_onset_that_is_sought_in_an_unseen_flight_costs_its_prior(seen, slow,
 
 def test_an_unseen_flight_that_shows_no_more_than_the_fitted_ones_decides_nothing(flight, slow):
     dut = rerank_by_held_out_evidence(slow, [flight("c", 3, SLOW)])
-    assert all(abs(f.held_out_evidence) < CLOSE for f in dut.fits if f.terms)
+    assert all(abs(f.held_out_evidence) < SEARCH.held_out_margin for f in dut.fits if f.terms)
 
 
 def test_names_that_are_more_or_less_are_not_asked_for_what_training_does_not_show(flight):

@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
 
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.selection.initial_noise import noise_of, prepare
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 
 def slow_power(noise, channel: int) -> float:
@@ -20,7 +22,7 @@ def residual() -> list[np.ndarray]:
 def test_a_force_that_is_explained_is_known_no_better_than_the_attitude(seen, residual):
     force = np.zeros((1000, 15))
     force[:, 0] = 1000.0  # [N]
-    rig = Tolerance()
+    rig = REAL
     flights = [seen(seconds=4.0)]
     calm = noise_of(flights, residual, residual, rig)
     pulled = noise_of(flights, residual, [residual[0] + force], rig)
@@ -28,13 +30,13 @@ def test_a_force_that_is_explained_is_known_no_better_than_the_attitude(seen, re
         assert slow_power(pulled, channel) > 2.0 * slow_power(calm, channel)
     for channel in range(6, 15):  # a pull says nothing of the sensors
         assert slow_power(pulled, channel) == pytest.approx(slow_power(calm, channel))
-    laboratory = noise_of(flights, residual, [residual[0] + force], IDEAL_SENSORS)
+    laboratory = noise_of(flights, residual, [residual[0] + force], IDEAL)
     assert slow_power(laboratory, 3) < slow_power(pulled, 3)
 
 
 def test_a_payload_is_among_the_candidates_of_flights_that_have_one(seen):
     flights = [seen(SuspendedPayload(0.15, 0.6), name="1", seed=1, noise=1.0, seconds=8.0)]
-    ready = prepare(flights, IDEAL_SENSORS)
+    ready = prepare(flights, IDEAL)
     lengths = [c.variant for c in ready.candidates if c.identifiers == ("suspended_payload",)]
     assert min(abs(float(v.removeprefix("length=")) - 0.6) for v in lengths) < 0.02
 
@@ -42,13 +44,13 @@ def test_a_payload_is_among_the_candidates_of_flights_that_have_one(seen):
 def test_a_light_payload_is_found_beside_an_effect_that_is_much_larger(seen):
     effects = MassError(0.6), SuspendedPayload(0.01, 0.6)
     flights = [seen(*effects, name=str(i), seed=i, noise=1.0, seconds=8.0) for i in (1, 2)]
-    ready = prepare(flights, IDEAL_SENSORS)
+    ready = prepare(flights, IDEAL)
     lengths = [c.variant for c in ready.candidates if c.identifiers == ("suspended_payload",)]
     assert min(abs(float(v.removeprefix("length=")) - 0.6) for v in lengths) < 0.02
 
 
 def test_flights_without_shocks_are_left_as_they_are(seen):
     (flight,) = flights = [seen(name="1", seed=1, noise=1.0, seconds=6.0)]
-    ready = prepare(flights, IDEAL_SENSORS)
+    ready = prepare(flights, IDEAL)
     assert not ready.flights[0].shocks.any()
     np.testing.assert_array_equal(ready.raw[0], flight.y)

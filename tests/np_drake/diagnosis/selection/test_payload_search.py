@@ -4,16 +4,20 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.regressors.payload import Guess
 from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of
 from np_drake.diagnosis.residuals.flight_residuals import FORCE
 from np_drake.diagnosis.residuals.resampling import TAPS
-from np_drake.diagnosis.selection import payload_search
 from np_drake.diagnosis.selection.payload_evidence import Beside
-from np_drake.diagnosis.selection.payload_search import ENDS, KEPT, LENGTHS, NEAR, PayloadSearch
+from np_drake.diagnosis.selection.payload_search import ENDS, PayloadSearch
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+PRIORS = REAL.priors
+SEARCH = REAL.search
 
 
 def others(flights):
@@ -25,7 +29,7 @@ def others(flights):
 def test_the_length_of_a_tether_is_found(seen, noise, length):
     payload = SuspendedPayload(0.15, length)
     flights = [seen(payload, name=str(i), seed=i, noise=1.0, seconds=7.0) for i in (1, 2)]
-    dut = PayloadSearch(flights)
+    dut = PayloadSearch(flights, options=REAL)
     best = dut.best(noise, [], others(flights))
     assert best[0].variant.startswith("length=")
     assert float(best[0].variant.removeprefix("length=")) == pytest.approx(length, rel=0.02)
@@ -34,25 +38,27 @@ def test_the_length_of_a_tether_is_found(seen, noise, length):
 
 def test_the_best_lengths_are_not_next_to_each_other(seen, noise):
     flights = [seen(SuspendedPayload(0.15, 0.5), name="1", seed=1, noise=1.0, seconds=6.0)]
-    best = PayloadSearch(flights).best(noise, [], others(flights))
+    best = PayloadSearch(flights, options=REAL).best(noise, [], others(flights))
     found = np.sort([float(c.variant.removeprefix("length=")) for c in best])
-    assert 1 <= len(found) <= KEPT
-    assert np.all(np.diff(np.log(found)) > NEAR)
+    assert 1 <= len(found) <= SEARCH.payloads_kept
+    assert np.all(np.diff(np.log(found)) > SEARCH.payload_near)
 
 
 def test_without_a_payload_no_length_has_evidence(seen, noise):
     flights = [seen(name=str(i), seed=i, noise=1.0, seconds=6.0) for i in (1, 2)]
-    assert PayloadSearch(flights).profile(noise, others(flights)).max() < 5.0
+    assert PayloadSearch(flights, options=REAL).profile(noise, others(flights)).max() < 5.0
 
 
 def test_what_more_mass_explains_is_no_evidence_for_a_payload(seen, noise):
     flights = [seen(MassError(0.2), name=str(i), seed=i, noise=1.0, seconds=6.0) for i in (1, 2)]
-    assert PayloadSearch(flights).profile(noise, others(flights)).max() < 5.0
+    assert PayloadSearch(flights, options=REAL).profile(noise, others(flights)).max() < 5.0
 
 
 def test_before_its_onset_a_payload_hangs_on_nothing(seen):
     flights = [seen(name="1", seed=1, seconds=6.0)]
-    for candidate in payload_candidates(flights, LENGTHS[::24], {"1": 3.0}):
+    for candidate in payload_candidates(
+        flights, np.geomspace(*SEARCH.payload_lengths)[::24], onset={"1": 3.0}, priors=PRIORS
+    ):
         X = candidate.columns["1"]
         smear = TAPS * flights[0].grid.step
         np.testing.assert_allclose(X[flights[0].t < 3.0 - smear], 0.0, atol=1e-12)
@@ -61,23 +67,25 @@ def test_before_its_onset_a_payload_hangs_on_nothing(seen):
 
 def test_a_library_without_payload_searches_nothing(seen, noise, library):
     del library["suspended_payload"]
-    assert PayloadSearch([seen(seconds=5.0)]).best(noise, [], []) == []
+    assert PayloadSearch([seen(seconds=5.0)], options=REAL).best(noise, [], []) == []
 
 
 @pytest.mark.parametrize("off", [-0.25, 0.2, 0.9])
 def test_an_onset_that_is_known_roughly_is_sharpened_to_the_row(seen, noise, off):
     payload = SuspendedPayload(0.2, 0.5)
     flight = seen(payload, name="1", seed=1, noise=1.0, seconds=10.0, onset={"suspended_payload": 4.0})
-    dut = PayloadSearch([flight], {"1": 4.0 + off})
+    dut = PayloadSearch([flight], onset={"1": 4.0 + off}, options=REAL)
     assert dut.when(noise, [], Guess(0.5))["1"] == pytest.approx(4.0, abs=0.03)
-    assert PayloadSearch([flight]).when(noise, [], Guess(0.5)) == {}  # what has no onset gets none
+    assert (
+        PayloadSearch([flight], options=REAL).when(noise, [], Guess(0.5)) == {}
+    )  # what has no onset gets none
 
 
 def test_one_pass_over_the_rows_gives_every_horizon_and_every_set_of_others(seen, noise):
     flights = [seen(SuspendedPayload(0.15, 0.6), name=str(i), seed=i, noise=1.0, seconds=7.0) for i in (1, 2)]
     mass, *more = others(flights)
     rich, alone = (Beside(flights, noise, some, None) for some in ([mass, *more], [mass]))
-    (candidate,) = payloads_of(flights, np.array([0.6]))
+    (candidate,) = payloads_of(flights, np.array([0.6]), priors=PRIORS)
     own = np.r_[: alone.size, rich.size : rich.size + candidate.size]
     white = rich.white(candidate)
     for both, horizon in zip(rich.joints(white, ENDS), ENDS, strict=True):
@@ -95,7 +103,7 @@ def test_a_head_of_the_flights_tells_up_to_its_horizon_what_all_of_them_do(seen,
     heads = dut.heads(4.0)
     assert [len(e.t) for e in heads] < [len(e.t) for e in flights]
     guess = Guess(0.55, swing={"1": np.array([0.1, -0.1, 0.2, 0.3])})
-    short, whole = (payload_about(some, guess, {"2": 1.0}) for some in (heads, flights))
+    short, whole = (payload_about(some, guess, onset={"2": 1.0}, priors=PRIORS) for some in (heads, flights))
     (gain, mean), (expected, all_of_it) = (dut.gain(dut.white(p), 4.0) for p in (short, whole))
     assert gain == pytest.approx(expected, rel=1e-9)
     moved, far = short.moved(mean), whole.moved(all_of_it)
@@ -108,18 +116,19 @@ def test_a_head_of_the_flights_tells_up_to_its_horizon_what_all_of_them_do(seen,
         np.testing.assert_allclose(moved.swing[e.name], far.swing[e.name][: len(moved.swing[e.name])])
 
 
-def test_a_guess_that_is_lost_is_given_up(seen, noise, monkeypatch):
+def test_a_guess_that_is_lost_is_given_up(seen, noise):
     flights = [seen(SuspendedPayload(0.15, 0.5), name="1", seed=1, noise=1.0, seconds=6.0)]
-    dut = PayloadSearch(flights)
+    dut = PayloadSearch(flights, options=REAL)
     assert dut.best(noise, [], others(flights))
-    monkeypatch.setattr(payload_search, "LOST", np.inf)
+    options = dc.replace(REAL, search=dc.replace(SEARCH, payload_lost=np.inf))
+    dut = PayloadSearch(flights, options=options)
     assert dut.best(noise, [], others(flights)) == []
     assert dut.from_guesses(noise, [], [Guess(0.5)]) == []
 
 
 def test_columns_of_a_payload_mean_what_its_guess_moves_to(seen):
     flights = [seen(name=str(i), seed=i, seconds=5.0) for i in (1, 2)]
-    dut = payload_about(flights, Guess(0.6, np.array([0.01, 0.0, -0.1])))
+    dut = payload_about(flights, Guess(0.6, np.array([0.01, 0.0, -0.1])), priors=PRIORS)
     c = 0.1 * np.random.default_rng(1).normal(size=dut.size)
     c[:4] = 0.7, 0.0, 0.0, 0.0  # what a hook adds to the force is of second order
     guess, (term,) = dut.moved(c), dut.terms(c)

@@ -5,16 +5,9 @@ import pytest
 
 from np_drake.diagnosis.fitting.map_estimate import Fit, Generic
 from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.regression_problem import Model
-from np_drake.diagnosis.selection.ranking import (
-    GIVES_WAY,
-    bare,
-    names_of,
-    names_of_fit,
-    precedence,
-    rank,
-    simpler,
-)
+from np_drake.diagnosis.selection.ranking import bare, names_of, names_of_fit, precedence, rank, simpler
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
@@ -23,6 +16,9 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+SEARCH = REAL.search
 
 BOTH = (MassError(0.2), LinearDrag(0.6, 0.6, 0.6))
 
@@ -61,14 +57,17 @@ def test_every_fit_is_one_of_the_models_that_were_met(dut):
     assert len(fitted) == len(set(fitted))
 
 
-@pytest.mark.parametrize(("ahead", "goes_first"), [(0.5 * GIVES_WAY, False), (2.0 * GIVES_WAY, True)])
+@pytest.mark.parametrize(
+    ("ahead", "goes_first"),
+    [(0.5 * SEARCH.generic_margin, False), (2.0 * SEARCH.generic_margin, True)],
+)
 def test_structure_that_is_no_effect_goes_first_only_where_it_explains_much_more(dut, ahead, goes_first):
     plain = dut.fit
     columns = dc.replace(dut.ranking.problem.candidates[0], identifiers=("unknown:place",), log_prior=0.0)
     generic = dc.replace(plain, terms=(), generic=(Generic(columns, np.zeros(columns.size)),))
-    behind = precedence(generic) - precedence(plain) - GIVES_WAY
+    behind = precedence(generic, options=REAL) - precedence(plain, options=REAL) - SEARCH.generic_margin
     generic = dc.replace(generic, log_evidence=generic.log_evidence + behind + ahead)
-    assert (min(plain, generic, key=precedence) is generic) is goes_first
+    assert (min(plain, generic, key=lambda fit: precedence(fit, REAL)) is generic) is goes_first
 
 
 def test_a_large_offset_of_the_mass_is_not_helped_by_a_mass_that_is_its_second_order(ranked):
@@ -99,7 +98,7 @@ def test_of_effects_whose_figures_may_all_be_none_the_model_is_tried_without_eac
     problem = dut.ranking.problem
     at = {c.identifiers[0]: i for i, c in enumerate(problem.candidates) if len(c.identifiers) == 1}
     members = tuple(at[t.effect.identifier] for t in dut.fit.terms)
-    monkeypatch.setattr(Fit, "is_significant", lambda _, i: i not in vague)
+    monkeypatch.setattr(Fit, "is_significant", lambda _, i, level: i not in vague)
     tried = {m.members for m in simpler(problem, Model(members, 0.0), dut.fit)}
     assert tried == ({(members[0],), (members[1],)} if tried_without else set())
 

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
-from np_drake.diagnosis.selection.calibration import DOUBTED
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.wind.friction import dry_friction
 from np_drake.diagnosis.wind.gauss_markov import wind_force
 from np_drake.diagnosis.wind.gust_drag import drag_trace
 from np_drake.diagnosis.wind.gusts import as_gusts
 from np_drake.effects.linear_drag import LinearDrag
 from tests.np_drake.diagnosis.wind.test_gust_drag import D, cause, yielding
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 MEAN = np.array([0.8, -0.4, 0.0])
 
@@ -58,9 +59,11 @@ def test_of_a_vehicle_that_stands_still_there_is_no_telling(seen):
 
 def test_what_rubs_is_no_gust_and_what_may_is_a_doubted_one(seen, monkeypatch):
     flights, felt = flown(seen, 1)
-    for size, named, most in ((0.0, 2, 1.0), (1.5, 2, DOUBTED), (2.5, 1, 1.0)):
+    for size, named, most in ((0.0, 2, 1.0), (1.5, 2, REAL.thresholds.doubted), (2.5, 1, 1.0)):
         monkeypatch.setattr("np_drake.diagnosis.wind.gusts.dry_friction", lambda *_, size=size: size)
-        causes = as_gusts(flights, felt, [cause(*D)], 0.95, IDEAL_SENSORS)
+        causes = as_gusts(flights, felt, [cause(*D)], 0.95, IDEAL)
         assert len(causes) == named
         assert max(c.probability for c in causes) <= most
-        assert (max(c.probability for c in causes) > DOUBTED) == (most > DOUBTED)
+        assert (max(c.probability for c in causes) > REAL.thresholds.doubted) == (
+            most > REAL.thresholds.doubted
+        )

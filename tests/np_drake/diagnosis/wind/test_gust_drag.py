@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.result import Cause, Estimate
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS
 from np_drake.diagnosis.wind.gust_drag import drag_in_gusts
 from np_drake.diagnosis.wind.gusts import as_gusts
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.rigid_body import P, V
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 D = np.array([0.25, 0.2, 0.15])
 MASS, STIFFNESS, DAMPING = 1.0, 3.0, 3.0
@@ -88,7 +90,7 @@ def found(flights, rng, first=(0.1, 0.1, 0.1), begins=None, **how):
     pairs = [yielding(e, rng, mean, begin=begins.get(e.name, -np.inf), **how) for e in flights]
     felt = {e.name: residual for e, residual in pairs}
     drag = dc.replace(cause(*first), onset={} if how.get("early") else begins)
-    return drag_in_gusts(drag, [e for e, _ in pairs], felt, begins)
+    return drag_in_gusts(drag, [e for e, _ in pairs], felt, begins, priors=REAL.priors)
 
 
 def ends_of(drag):
@@ -168,7 +170,7 @@ def test_where_no_drag_is_there_the_cause_stays_as_it_is(flights):
         force = 0.3 * v + 0.05 * rng.standard_normal(v.shape)
         felt[e.name][:, :3] = attitude.rotate_back(e.q, force)
     drag = cause(0.1, 0.1, 0.1)
-    assert drag_in_gusts(drag, flights, felt, {}) is drag
+    assert drag_in_gusts(drag, flights, felt, {}, priors=REAL.priors) is drag
     against = cause(-0.1, -0.1, 0.1)  # through which no wind acts
-    assert drag_in_gusts(against, flights, felt, {}) is None
-    assert as_gusts(flights, felt, [against], 0.9, IDEAL_SENSORS) == [against]
+    assert drag_in_gusts(against, flights, felt, {}, priors=REAL.priors) is None
+    assert as_gusts(flights, felt, [against], 0.9, IDEAL) == [against]

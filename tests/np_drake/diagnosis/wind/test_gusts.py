@@ -5,15 +5,15 @@ import pytest
 
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.prediction import HeldOut
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.result import Cause, Estimate
-from np_drake.diagnosis.selection.calibration import DOUBTED
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
-from np_drake.diagnosis.wind import gusts as dut
 from np_drake.diagnosis.wind.gusts import as_gusts
 from np_drake.diagnosis.wind.held_out_gusts import in_gusts
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 DRAG = LinearDrag(0.3, 0.3, 0.3)
 
@@ -54,12 +54,12 @@ def test_gusts_that_need_more_wind_than_there_is_through_all_the_drag_there_may_
 ):
     weak = cause(LinearDrag(0.02, 0.02, 0.02))
     weak = dc.replace(weak, parameters={n: Estimate(0.02, "", (0.0, most)) for n in weak.parameters})
-    causes = as_gusts(*blown, [weak], 0.9, IDEAL_SENSORS)
+    causes = as_gusts(*blown, [weak], 0.9, IDEAL)
     assert ("gusty_wind" in {c.identifier for c in causes}) is named
 
 
 def test_through_a_drag_a_slow_force_is_a_wind_with_its_figures(blown):
-    causes = as_gusts(*blown, [cause(DRAG)], 0.9, IDEAL_SENSORS)
+    causes = as_gusts(*blown, [cause(DRAG)], 0.9, IDEAL)
     gusts = next(c for c in causes if c.identifier == "gusty_wind")
     assert [c.identifier for c in causes] == ["linear_drag", "gusty_wind"]
     true = {"mean_x": 1.0, "mean_y": -0.5, "mean_z": 0.0, "deviation": 1.5, "correlation_time": 0.5}
@@ -75,7 +75,7 @@ def test_through_a_drag_a_slow_force_is_a_wind_with_its_figures(blown):
 
 def test_a_steady_wind_that_was_found_becomes_the_mean(blown):
     alone, beside = (
-        as_gusts(*blown, [cause(DRAG), *winds], 0.9, IDEAL_SENSORS)
+        as_gusts(*blown, [cause(DRAG), *winds], 0.9, IDEAL)
         for winds in ([], [cause(ConstantWind(2.0, -1.0, 0.5))])
     )
     assert [c.identifier for c in beside] == ["linear_drag", "gusty_wind"]
@@ -89,8 +89,7 @@ def test_a_mean_wind_is_level_as_far_as_the_flights_do_not_tell(blown, known_dra
         y[:, 2] += 0.3 * 2.0
     sharp, vague = cause(DRAG), cause(DRAG, d_x=0.3, d_y=0.3, d_z=0.01)
     found = [
-        as_gusts(flights, upward, [drag], 0.9, IDEAL_SENSORS)[-1].parameters["mean_z"]
-        for drag in (sharp, vague)
+        as_gusts(flights, upward, [drag], 0.9, IDEAL)[-1].parameters["mean_z"] for drag in (sharp, vague)
     ]
     told = [e.value for e in found]
     assert 0.5 < told[0] < 2.0
@@ -105,14 +104,14 @@ def test_a_drag_that_is_hardly_known_widens_the_figures_of_the_wind(blown, known
         sharp.parameters[name] = dc.replace(estimate, ci95=(0.299, 0.301))
     widths = []
     for drag in (sharp, vague):
-        gusts = as_gusts(*blown, [drag], 0.9, IDEAL_SENSORS)[-1]
+        gusts = as_gusts(*blown, [drag], 0.9, IDEAL)[-1]
         widths.append([np.diff(gusts.parameters[name].ci95)[0] for name in ("mean_x", "deviation")])
     assert np.all(np.array(widths[1]) > 1.1 * np.array(widths[0]))
 
 
 def test_a_drag_that_was_found_too_weak_is_as_strong_as_it_is_under_the_gusts(blown):
     flights, _ = blown
-    drag, gusts = as_gusts(flights, felt_in(flights), [cause(LinearDrag(0.1, 0.1, 0.1))], 0.9, IDEAL_SENSORS)
+    drag, gusts = as_gusts(flights, felt_in(flights), [cause(LinearDrag(0.1, 0.1, 0.1))], 0.9, IDEAL)
     for axis in "xyz":
         low, high = drag.parameters[f"d_{axis}"].ci95
         assert 0.2 < low < 0.31
@@ -122,31 +121,39 @@ def test_a_drag_that_was_found_too_weak_is_as_strong_as_it_is_under_the_gusts(bl
     assert 1.0 < low < 1.5 < high < 2.2
 
 
-def test_gusts_that_only_the_end_of_the_drags_interval_makes_a_wind_are_doubted_with_it(blown, monkeypatch):
+def test_gusts_that_only_the_end_of_the_drags_interval_makes_a_wind_are_doubted_with_it(blown):
     flights, _ = blown
     found = [cause(LinearDrag(0.1, 0.1, 0.1))]
-    drag, wind = as_gusts(flights, felt_in(flights), found, 0.9, IDEAL_SENSORS)
+    drag, wind = as_gusts(flights, felt_in(flights), found, 0.9, IDEAL)
     assert (drag.probability, wind.probability) == (found[0].probability, 0.9)
-    monkeypatch.setattr(dut, "STRONGEST", 0.95 * wind.parameters["deviation"].value)
-    drag, wind = as_gusts(flights, felt_in(flights), found, 0.9, IDEAL_SENSORS)
-    assert (drag.probability, wind.probability) == (DOUBTED, DOUBTED)
-    monkeypatch.setattr(dut, "STRONGEST", 0.5 * wind.parameters["deviation"].value)
-    assert as_gusts(flights, felt_in(flights), found, 0.9, IDEAL_SENSORS) == found
+    deviation = wind.parameters["deviation"].value
+
+    def calmer(strongest: float) -> Options:
+        return dc.replace(IDEAL, thresholds=dc.replace(IDEAL.thresholds, strongest_wind=strongest))
+
+    drag, wind = as_gusts(flights, felt_in(flights), found, 0.9, calmer(0.95 * deviation))
+    assert (drag.probability, wind.probability) == (REAL.thresholds.doubted, REAL.thresholds.doubted)
+    assert as_gusts(flights, felt_in(flights), found, 0.9, calmer(0.5 * deviation)) == found
 
 
-@pytest.mark.parametrize("tolerance", [IDEAL_SENSORS, Tolerance()])
-def test_gusts_that_were_found_late_begin_where_their_power_does(seen, tolerance):
+def test_a_wind_is_as_strong_as_the_effect_may_be():
+    (upper,) = (p.upper for p in GustyWind.parameters if p.name == "deviation")
+    assert REAL.thresholds.strongest_wind == upper
+
+
+@pytest.mark.parametrize("options", [IDEAL, REAL])
+def test_gusts_that_were_found_late_begin_where_their_power_does(seen, options):
     gusts, late = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4), {"linear_drag": 8.0, "gusty_wind": 8.0}
     flights = flown(seen, DRAG, gusts, seconds=16.0, onset=late)
     found = dc.replace(cause(DRAG), onset={"1": 9.0, "2": 9.0})
-    for blown in as_gusts(flights, felt_in(flights), [found], 0.9, tolerance):
+    for blown in as_gusts(flights, felt_in(flights), [found], 0.9, options):
         assert list(blown.onset.values()) == pytest.approx([8.0, 8.0], abs=0.15)
 
 
 def test_a_drag_that_seemed_to_act_throughout_begins_with_the_wind_where_it_is_not_felt_before(seen):
     gusts, late = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4), {"linear_drag": 8.0, "gusty_wind": 8.0}
     flights = flown(seen, DRAG, gusts, seconds=16.0, onset=late)
-    for blown in as_gusts(flights, felt_in(flights), [cause(DRAG)], 0.9, IDEAL_SENSORS):
+    for blown in as_gusts(flights, felt_in(flights), [cause(DRAG)], 0.9, IDEAL):
         assert list(blown.onset.values()) == pytest.approx([8.0, 8.0], abs=0.15)
 
 
@@ -158,7 +165,7 @@ def test_a_drag_that_begins_with_the_wind_in_one_flight_does_so_in_another_that_
         for n, t in begins.items()
     ]
     found = dc.replace(cause(DRAG), onset={"1": 8.0, "2": None})
-    for blown in as_gusts(flights, felt_in(flights), [found], 0.9, IDEAL_SENSORS):
+    for blown in as_gusts(flights, felt_in(flights), [found], 0.9, IDEAL):
         assert list(blown.onset.values()) == pytest.approx(list(begins.values()), abs=0.15)
 
 
@@ -170,7 +177,7 @@ def test_what_an_unseen_flight_seems_to_show_moves_nothing_in_the_fitted_ones(se
         for n in "123"
     )
     found = dc.replace(cause(DRAG), onset={"1": None, "2": None, "3": held_out})
-    drag, wind = as_gusts(flights, felt_in([*flights, third]), [found], 0.9, IDEAL_SENSORS, [third])
+    drag, wind = as_gusts(flights, felt_in([*flights, third]), [found], 0.9, IDEAL, [third])
     assert drag.onset == found.onset
     assert [wind.onset[n] for n in "12"] == pytest.approx([8.0, 8.0], abs=0.15)
 
@@ -178,13 +185,13 @@ def test_what_an_unseen_flight_seems_to_show_moves_nothing_in_the_fitted_ones(se
 def test_where_the_wind_begins_too_late_to_be_read_the_causes_stay(seen):
     flights = flown(seen, DRAG, seconds=8.0)
     found = dc.replace(cause(DRAG), onset={"1": 7.99, "2": 7.99})
-    assert as_gusts(flights, felt_in(flights), [found], 0.9, Tolerance()) == [found]
+    assert as_gusts(flights, felt_in(flights), [found], 0.9, REAL) == [found]
 
 
 def test_a_drag_that_acts_from_the_start_does_so_before_gusts(seen):
     gusts = GustyWind(0.0, 0.0, 0.0, 2.0, 0.5, seed=4)
     flights = flown(seen, DRAG, gusts, seconds=16.0, onset={"gusty_wind": 8.0})
-    drag, wind = as_gusts(flights, felt_in(flights), [cause(DRAG)], 0.9, IDEAL_SENSORS)
+    drag, wind = as_gusts(flights, felt_in(flights), [cause(DRAG)], 0.9, IDEAL)
     assert drag.onset == {"1": None, "2": None}
     assert list(wind.onset.values()) == pytest.approx([8.0, 8.0], abs=0.15)
 
@@ -197,9 +204,7 @@ def test_in_an_unseen_flight_gusts_begin_where_their_power_does_and_their_figure
     held_out = seen(DRAG, gusts, name="3", seed=3, noise=1.0, seconds=16.0, onset=late)
     felt = felt_in((*flights, held_out))
     found = dc.replace(cause(DRAG), onset={"1": 8.0, "2": 8.0, "3": 9.5})
-    alone, (drag, beside) = (
-        as_gusts(flights, felt, [found], 0.9, IDEAL_SENSORS, u) for u in ([], [held_out])
-    )
+    alone, (drag, beside) = (as_gusts(flights, felt, [found], 0.9, IDEAL, u) for u in ([], [held_out]))
     alone = alone[-1]
     assert list(beside.onset.values()) == pytest.approx([8.0, 8.0, 8.0], abs=0.15)
     assert drag.onset == beside.onset
@@ -208,8 +213,8 @@ def test_in_an_unseen_flight_gusts_begin_where_their_power_does_and_their_figure
 
 def test_without_a_drag_a_slow_force_stays_unnamed(blown):
     causes = [cause(ConstantWind())]
-    assert as_gusts(*blown, causes, 0.9, IDEAL_SENSORS) == causes
-    assert as_gusts(*blown, [], 0.9, IDEAL_SENSORS) == []
+    assert as_gusts(*blown, causes, 0.9, IDEAL) == causes
+    assert as_gusts(*blown, [], 0.9, IDEAL) == []
 
 
 def test_of_gusts_the_mean_is_foreseen_in_the_place_of_a_steady_wind(seen):
@@ -230,9 +235,7 @@ def test_of_gusts_the_mean_is_foreseen_in_the_place_of_a_steady_wind(seen):
 
 
 def test_on_a_rig_the_size_and_time_of_gusts_are_known_half_as_well(blown, known_drag):
-    laboratory, rig = (
-        as_gusts(*blown, [cause(DRAG)], 0.9, t)[-1].parameters for t in (IDEAL_SENSORS, Tolerance())
-    )
+    laboratory, rig = (as_gusts(*blown, [cause(DRAG)], 0.9, t)[-1].parameters for t in (IDEAL, REAL))
     for name in ("deviation", "correlation_time"):
         assert rig[name].value == pytest.approx(laboratory[name].value)
         widths = [np.log(some[name].ci95[1] / some[name].ci95[0]) for some in (laboratory, rig)]

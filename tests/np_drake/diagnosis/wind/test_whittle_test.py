@@ -9,12 +9,15 @@ from scipy import integrate, signal
 from np_drake import attitude
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals.flight_residuals import FORCE, VELOCITY
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
-from np_drake.diagnosis.wind.whittle_test import LEAST, SlowForce, _markov, slow_force, slow_power
+from np_drake.diagnosis.wind.whittle_test import SlowForce, _markov, slow_force, slow_power
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.rigid_body import Q
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+THRESHOLDS = REAL.thresholds
 
 DRAG = LinearDrag(0.3, 0.3, 0.3)
 
@@ -54,8 +57,8 @@ def pushed(
 @pytest.mark.parametrize("time", [0.5, 1.5])
 def test_gusts_are_a_force_in_the_air(seen, time):
     flights = flown(seen, DRAG, GustyWind(0.0, 0.0, 0.0, 1.5, time, seed=4))
-    dut = slow_force(flights, left_of(flights, DRAG), IDEAL_SENSORS)
-    assert dut.probability(felt=True) > 0.99
+    dut = slow_force(flights, left_of(flights, DRAG), IDEAL)
+    assert dut.probability(THRESHOLDS.slow_force_evidence(felt=True)) > 0.99
     assert dut.deviation == pytest.approx(0.45, rel=0.4)
 
 
@@ -63,17 +66,22 @@ def test_gusts_are_a_force_in_the_air(seen, time):
 @pytest.mark.parametrize("attitude_noise", [0.0, 0.01], ids=["laboratory", "rig"])
 def test_noise_alone_is_none(seen, attitude_noise, accelerations):
     flights = flown(seen, DRAG, seconds=12.0, attitude_noise=attitude_noise, accelerations=accelerations)
-    tolerance = Tolerance() if attitude_noise else IDEAL_SENSORS
-    assert slow_force(flights, left_of(flights, DRAG), tolerance).probability(felt=True) < 0.05
+    tolerance = REAL if attitude_noise else IDEAL
+    assert (
+        slow_force(flights, left_of(flights, DRAG), tolerance).probability(
+            THRESHOLDS.slow_force_evidence(felt=True)
+        )
+        < 0.05
+    )
 
 
 def test_a_steady_force_is_none(seen):
     flights = flown(seen, seconds=12.0)
     residual = left_of(flights)
-    still = slow_force(flights, residual, IDEAL_SENSORS).log_evidence
+    still = slow_force(flights, residual, IDEAL).log_evidence
     for e in flights:
         residual[e.name][:, FORCE] += attitude.rotate_back(e.q, np.tile([3.0, -2.0, 0.0], (len(e.t), 1)))
-    assert slow_force(flights, residual, IDEAL_SENSORS).log_evidence == pytest.approx(still, abs=0.5)
+    assert slow_force(flights, residual, IDEAL).log_evidence == pytest.approx(still, abs=0.5)
 
 
 def test_an_attitude_may_wander_as_a_rig_does_but_not_as_fast_and_as_far_as_air_pushes(seen):
@@ -81,29 +89,36 @@ def test_an_attitude_may_wander_as_a_rig_does_but_not_as_fast_and_as_far_as_air_
     weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
     residual = left_of(flights)
     wander, push = (
-        slow_force(flights, pushed(flights, residual, position=size * weight, time=time), Tolerance())
+        slow_force(flights, pushed(flights, residual, position=size * weight, time=time), REAL)
         for size, time in ((0.008, 10.0), (0.02, 1.0))
     )
-    assert wander.probability(felt=True) < 0.1
-    assert push.probability(felt=True) > 0.9
+    assert wander.probability(THRESHOLDS.slow_force_evidence(felt=True)) < 0.1
+    assert push.probability(THRESHOLDS.slow_force_evidence(felt=True)) > 0.9
 
 
 @pytest.mark.parametrize("one", ["position", "accelerometer"])
 def test_where_the_accelerometer_needs_no_attitude_a_force_that_one_of_both_shows_alone_is_none(seen, one):
     flights = [dc.replace(e, turned=True) for e in flown(seen, attitude_noise=0.007)]
     residual = left_of(flights)
-    alone = slow_force(flights, pushed(flights, residual, **{one: 0.15}, time=1.0), Tolerance())
-    both = slow_force(flights, pushed(flights, residual, both=0.15, time=1.0), Tolerance())
-    assert alone.probability(felt=True) < 0.3
-    assert both.probability(felt=True) > 0.99
+    alone = slow_force(flights, pushed(flights, residual, **{one: 0.15}, time=1.0), REAL)
+    both = slow_force(flights, pushed(flights, residual, both=0.15, time=1.0), REAL)
+    assert alone.probability(THRESHOLDS.slow_force_evidence(felt=True)) < 0.3
+    assert both.probability(THRESHOLDS.slow_force_evidence(felt=True)) > 0.99
     assert both.deviation == pytest.approx(0.15, rel=0.4)
 
 
 def test_a_drag_that_would_feel_it_makes_it_likelier():
     for evidence in (0.0, 5.5, 50.0):
         dut = SlowForce(evidence, 0.1)
-        assert dut.probability(felt=True) >= dut.probability(felt=False)
-    assert SlowForce(LEAST[True], 0.1).probability(felt=True) == 0.5
+        assert dut.probability(THRESHOLDS.slow_force_evidence(felt=True)) >= dut.probability(
+            THRESHOLDS.slow_force_evidence(felt=False)
+        )
+    assert (
+        SlowForce(THRESHOLDS.slow_force_evidence(felt=True), 0.1).probability(
+            THRESHOLDS.slow_force_evidence(felt=True)
+        )
+        == 0.5
+    )
 
 
 @settings(max_examples=20, deadline=None)

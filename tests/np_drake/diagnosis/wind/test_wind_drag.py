@@ -1,12 +1,15 @@
 import pytest
 
 from np_drake.diagnosis.decision.infer import infer
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import DRAG
-from np_drake.diagnosis.selection.calibration import TRUST
 from np_drake.diagnosis.wind.wind_drag import with_drag
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+THRESHOLDS = REAL.thresholds
 
 WEAK = LinearDrag(0.05, 0.05, 0.05)
 STRONG = GustyWind(0.0, 0.0, 0.0, 6.0, 0.8, seed=5)
@@ -24,7 +27,9 @@ def test_gusts_are_felt_through_a_drag_that_is_too_small_to_be_named_by_itself(r
     causes = {c.identifier: c for c in dut.causes}
     assert list(causes) == [DRAG, "gusty_wind"]
     assert not dut.unknown
-    assert causes["gusty_wind"].probability == pytest.approx(TRUST * dut.ranking.probability[DRAG], rel=0.01)
+    assert causes["gusty_wind"].probability == pytest.approx(
+        THRESHOLDS.trust * dut.ranking.probability[DRAG], rel=0.01
+    )
     low, high = causes[DRAG].parameters["d_x"].ci95
     assert low < 0.05 < high
 

@@ -1,13 +1,15 @@
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.wind.force_bins import BIN
 from np_drake.diagnosis.wind.gauss_markov import WindForce, wind_force
-from np_drake.diagnosis.wind.wind_onset import WANDER, loss_of_calm, wind_begins, wind_onset
+from np_drake.diagnosis.wind.wind_onset import loss_of_calm, wind_begins, wind_onset
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 DEVIATION, MEAN = 0.5, np.array([0.3, -0.2, 0.1])  # of `pushed`
-RIG = Tolerance()
+RIG = REAL
 
 
 @pytest.fixture(scope="module")
@@ -15,14 +17,15 @@ def flights(seen):
     return [seen(name=str(i), seed=i, seconds=20.0) for i in (1, 2)]
 
 
-def begin_of(e, residual, taken_for, wind, tolerance=IDEAL_SENSORS):
-    return wind_onset(e, residual, taken_for, wind, loss_of_calm(e, residual, wind, tolerance)).at
+def begin_of(e, residual, taken_for, wind, options=IDEAL):
+    calm = loss_of_calm(e, residual, wind, options)
+    return wind_onset(e, residual, taken_for, wind, calm, options.priors).at
 
 
 def wandering(e, rng, size=1.0):
     """(m, 15) of an attitude that errs as a rig's may, in tolerances, and of white noise."""
-    step, scale = e.grid.step, size * e.vehicle.mass * e.vehicle.gravity * RIG.attitude
-    decay = np.exp(-step / WANDER)
+    step, scale = e.grid.step, size * e.vehicle.mass * e.vehicle.gravity * RIG.tolerance.attitude
+    decay = np.exp(-step / REAL.priors.calm_wander_time)
     force = [scale * rng.standard_normal(3)]
     for kick in rng.standard_normal((len(e.t) - 1, 3)):
         force.append(decay * force[-1] + scale * np.sqrt(1 - decay**2) * kick)
@@ -122,13 +125,13 @@ def test_an_attitude_that_errs_slowly_is_no_wind_in_a_flight_that_has_none(fligh
             assert begin_of(e, residual, np.inf, wind, RIG) == np.inf
 
 
-@pytest.mark.parametrize("tolerance", [IDEAL_SENSORS, RIG])
-def test_a_wind_makes_a_calm_less_likely_from_its_begin_on(flights, tolerance, pushed):
+@pytest.mark.parametrize("options", [IDEAL, RIG])
+def test_a_wind_makes_a_calm_less_likely_from_its_begin_on(flights, options, pushed):
     wind = WindForce(np.zeros((3, 2)), (DEVIATION, 0.3, 0.7), (0.5, 0.3, 0.8), 0.03)
     e = flights[0]
     calm = wandering(e, np.random.default_rng(1))
     blown = calm + pushed(flights, np.random.default_rng(2), 0.5, begin=8.0)[e.name]
-    dut, alone = (loss_of_calm(e, residual, wind, tolerance) for residual in (blown, calm))
+    dut, alone = (loss_of_calm(e, residual, wind, options) for residual in (blown, calm))
     assert dut[-1] > alone[-1] + 100.0
     before = slice(0, int(7.9 / BIN))
     assert np.abs(dut - alone)[before].max() < 0.1 * (dut - alone)[-1]
