@@ -48,3 +48,12 @@ def size_of(
         float(own / max(gap, own, 1e-9)),
         float(np.linalg.norm(list(effect.values.values()))) / max(tolerance.of(effect.identifier), 1e-9),
     )
+
+
+CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
+
+
+def within_calibration(term: Term, tolerance: Tolerance) -> bool:
+    """Is it what the file of a rig may be off by? Not if it begins in flight: files do not change there."""
+    late = any(begin is not None for begin in term.onset.values())
+    return term.effect.identifier in CALIBRATION and tolerance.real and not late

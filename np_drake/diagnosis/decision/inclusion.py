@@ -3,20 +3,16 @@
 import dataclasses as dc
 from collections.abc import Sequence
 
-from np_drake.diagnosis.decision.effect_size import size_of
+from np_drake.diagnosis.decision.effect_size import size_of, within_calibration
 from np_drake.diagnosis.decision.held_out_test import least_log_bayes_factor, log_bayes_factor
 from np_drake.diagnosis.fitting import Fit, impossible
-from np_drake.diagnosis.forward_model import Term
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.materiality import Size
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG, GUSTY, Drift
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection import Ranking
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.base import ActuatorEffect, SensorEffect
-
-CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
 
 
 @dc.dataclass(frozen=True)
@@ -81,12 +77,6 @@ def judge(
         significant=fit.is_significant(i, thresholds.significance) or feels_gusts,
         stands_for=impossible(fit, i, flights[0].vehicle, thresholds, gusty=gusty),
     )
-
-
-def within_calibration(term: Term, tolerance: Tolerance) -> bool:
-    """Is it what the file of a rig may be off by? Not if it begins in flight: files do not change there."""
-    late = any(begin is not None for begin in term.onset.values())
-    return term.effect.identifier in CALIBRATION and tolerance.real and not late
 
 
 def _least_gap(fit: Fit, i: int, brought: float, options: Options) -> float:

@@ -5,10 +5,9 @@ import pytest
 
 from np_drake.diagnosis.decision import inclusion
 from np_drake.diagnosis.decision.causes import causes_of
-from np_drake.diagnosis.decision.effect_size import size_of
+from np_drake.diagnosis.decision.effect_size import size_of, within_calibration
 from np_drake.diagnosis.decision.equivalence import indistinguishable
 from np_drake.diagnosis.decision.held_out_test import least_log_bayes_factor, log_bayes_factor
-from np_drake.diagnosis.decision.inclusion import within_calibration
 from np_drake.diagnosis.fitting.swing_fit import WAYS
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
