@@ -1,4 +1,4 @@
-"""TODO."""
+"""Size of an effect in force, torque, gap and sensor tolerance."""
 
 from collections.abc import Sequence
 
@@ -21,7 +21,9 @@ def size_of(
     tolerance: Tolerance,
     unseen: Sequence[tuple[FlightResiduals, Sequence[Term]]] = (),
 ) -> Size:
-    """Of the fit's term i, over its flights and unseen ones (with their terms as `adapt` has them); its gap: its own.
+    """Return the size of term i over training and held-out flights; its gap counts training flights alone.
+
+    unseen: held-out flights with their adapted terms.
 
     What does little where it was fitted may do much elsewhere, as a drag in a flight that is faster. A half of a flight
     that joined the fit counts in both.   Source: own choice.

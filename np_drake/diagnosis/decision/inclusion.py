@@ -13,7 +13,6 @@ from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG, GUSTY, Drift
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection import Ranking
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.base import ActuatorEffect, SensorEffect
 
 CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
@@ -69,7 +68,7 @@ def judge(
     sure = thresholds.sure_seen_again if brought > thresholds.seen_again else thresholds.sure
     material = size.material(
         options.materiality,
-        calibration=within_calibration(fit.terms[i], tolerance),
+        calibration=within_calibration(fit.terms[i], options),
         sensor=tolerance.of(effect.identifier) > 0,
         least_gap=_least_gap(fit, i, brought, options),
     )
@@ -83,16 +82,16 @@ def judge(
     )
 
 
-def within_calibration(term: Term, tolerance: Tolerance) -> bool:
-    """Is it what the file of a rig may be off by? Not if it begins in flight: files do not change there."""
+def within_calibration(term: Term, options: Options) -> bool:
+    """Return whether the term is what a vehicle file may be off by; not if it begins in flight."""
     late = any(begin is not None for begin in term.onset.values())
-    return term.effect.identifier in CALIBRATION and tolerance.real and not late
+    return term.effect.identifier in CALIBRATION and options.tolerance.real and not late
 
 
 def _least_gap(fit: Fit, i: int, brought: float, options: Options) -> float:
-    """Of the gap, for term i to matter [1].   brought: log evidence that it brings to unseen flights.
+    """Of the gap, for term i to matter [1].   brought: log evidence that it brings to held-out flights.
 
-    Unlike a payload's swing, so fainter beside it, are sensors, clocks, and dead times that unseen flights bear out.
+    Unlike a payload's swing, so fainter beside it, are sensors, clocks, and dead times that held-out flights bear out.
     """
     effect = fit.terms[i].effect
     timed = isinstance(effect, ActuatorEffect) and effect.dead_time > 0.0
