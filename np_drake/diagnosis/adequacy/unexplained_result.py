@@ -15,7 +15,7 @@ class Unexplained:
 
     unknown: whether something material is left.   findings: where it lives.   held: the fit on held-out flights.
 
-    structured: with measured rotor speed, is there structure beside the effects, whether or not it repeats?
+    structured: with measured rotor speed, whether there is structure beside the effects, repeated or not.
     """
 
     unknown: bool

@@ -1,6 +1,6 @@
 """Adaptive split: first halves of held-out flights join the fit where they show what training flights do not excite.
 
-Then the first half of each joins the fit, and its second half alone judges.
+The second halves alone judge then.
 """
 
 import dataclasses as dc
@@ -39,7 +39,7 @@ def infer_adaptively(
 ) -> tuple[Inference, list[FlightResiduals]]:
     """Return the inference, adaptively split where held-out flights need it, and the halves that joined the fit.
 
-    Where the best model plainly shows that there is, it is not compared with its rivals before.
+    Where the best model plainly shows that a split is needed, it is not compared with its rivals before.
     """
     first = _first_inference(flights, held_out, options)
     if isinstance(first, Inference):
@@ -82,10 +82,8 @@ def needs_split(first: Comparison) -> bool:
 def plainly_needs_split(found: SearchResult, held_out: Sequence[FlightResiduals]) -> bool:
     """Return whether the best model needs a split, before it is compared with its rivals.
 
-    This asks models with generic structure and without a payload.
-
-    Then held-out flights are not asked which of its rivals they would have (`rerank_by_held_out_evidence`), and a slow
-    force is part of that structure, no gusts.
+    Only models with generic structure and without a payload do. Held-out evidence of rivals is skipped then
+    (`rerank_by_held_out_evidence`), and a slow force counts as part of that structure, not as gusts.
     """
     best, noise, options, flights = found.best, found.noise, found.options, found.problem.flights
     if not best.generic or any(t.swings for t in best.terms):

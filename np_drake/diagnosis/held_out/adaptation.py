@@ -26,7 +26,7 @@ def adapt(
 ) -> list[Term]:
     """Return the terms with onset and initial swing adapted to a held-out flight, parameters kept.
 
-    structured: structure is left that no effect explains, which a late onset would follow by chance: what acted
+    structured: whether structure is left that no effect explains, which a late onset would follow by chance: what acted
     from the start in all flights of the fit does so here, and nothing of it is fitted to the held-out flight.
     """
     late = [type(t.effect).begins and not (structured and set(t.onset.values()) <= {None}) for t in terms]
@@ -126,7 +126,7 @@ def hidden_state_rows(term: Term, flight: FlightResiduals) -> list[np.ndarray]:
 def scored_rows(terms: Sequence[Term], flight: FlightResiduals) -> np.ndarray:
     """Return (m,) the rows that count: seen by no fit and no hidden state, without a tether's shocks.
 
-    Of a flight so short that none would be left, all that no fit has seen (`judged_by_its_own_swing`).
+    In a flight so short that none would be left, all rows that no fit has seen (`scored_on_fitted_rows`).
     """
     rows = ~flight.joined
     for term in terms:

@@ -51,7 +51,7 @@ def _search_twice(
 ) -> tuple[RegressionProblem, list[Model], Fit]:
     """Search and fit, once more with the noise that the fit leaves.
 
-    hanging: are payloads sought that are hung on in flight?
+    hanging: whether payloads that begin in flight are sought.
     """
     best: Fit | None = None
     noise, candidates, acting = ready.noise, list(ready.candidates), list[Candidate]()

@@ -30,9 +30,9 @@ def drag_in_gusts(
 ) -> Cause | None:
     """Return the drag with parameters and intervals under the covariance of gusts; None where it feels no wind.
 
-    As it is, where it has no such parameters. Where the drag that was found would feel no wind, least squares having
-    lost it to the gusts, one is sought from its usual size. Where the drag acts before the wind begins, what is felt
-    until then counts with white noise alone.
+    The drag stays as it is where it has no such parameters. Where the drag that was found would feel no wind, least
+    squares having lost it to the gusts, one is sought from its usual size. Where the drag acts before the wind begins,
+    what is felt until then counts with white noise alone.
 
     Args:
         felt: by flight, (m, 15) what drag and wind together leave in it.

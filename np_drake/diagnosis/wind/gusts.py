@@ -35,7 +35,7 @@ def as_gusts(
     """Return the causes with gusts among them, where a drag was found through which they can act.
 
     felt: by flight, (m, 15) what drag and wind together leave in it: in those of which the parameters are, and in
-    unseen ones, in which the wind may begin as well. A steady wind among the causes becomes the mean of the gusts.
+    held-out ones, in which the wind may begin as well. A steady wind among the causes becomes the mean of the gusts.
     Gusts do not repeat: they explain no held-out flight. Stronger than a wind can be they are none, nor where they rub
     against the way over ground.
     """
