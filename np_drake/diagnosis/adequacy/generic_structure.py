@@ -1,4 +1,4 @@
-"""TODO."""
+"""Generic structure: whether it is material, and whether held-out flights repeat it."""
 
 from collections.abc import Sequence
 
@@ -22,7 +22,7 @@ from np_drake.diagnosis.selection import Ranking
 def material_shares(
     ranking: Ranking, generic: Sequence[tuple[Finding, bool]], repeats: Sequence[bool]
 ) -> list[float]:
-    """Probabilities of the structures that are material and that unseen flights do not contradict."""
+    """Return the probabilities of structures that are material and that held-out flights do not contradict."""
     return [
         ranking.probability.get(PREFIX + f.name, 0.0)
         for (f, material), again in zip(generic, repeats, strict=True)
@@ -33,7 +33,7 @@ def material_shares(
 def repeats_on_held_out(
     ranking: Ranking, fit: Fit, held_out: Sequence[FlightResiduals], held: HeldOut
 ) -> list[bool]:
-    """Of each structure: does it help on flights that it was not fitted to, or at least do no harm there?
+    """Return for each structure whether it does no harm on held-out flights.
 
     Beside the effects that it was fitted with: those that are named without it may stand in its place.
     """
@@ -53,7 +53,7 @@ def repeats_on_held_out(
 def generic_finding(
     generic: Generic, noise: NoiseModel, flights: Sequence[FlightResiduals], materiality: Materiality
 ) -> tuple[Finding, bool]:
-    """A finding, and whether it is material as an effect would be."""
+    """Return the finding of a structure, and whether it is as material as an effect would have to be."""
     inverse = np.where(noise.rms > 0, 1 / np.maximum(noise.rms, 1e-12), 0.0)
     part = np.concatenate([generic.part(e) for e in flights])
     y = np.concatenate([e.y for e in flights])

@@ -1,4 +1,4 @@
-"""TODO."""
+"""Probability of gusts in the residual of all flights."""
 
 from collections.abc import Sequence
 
@@ -14,7 +14,7 @@ from np_drake.diagnosis.wind import slow_force, slow_power
 
 
 def swing_free_residual(held: HeldOut, e: FlightResiduals) -> np.ndarray:
-    """(m, 15) what is left of an unseen flight whatever a payload's hidden swing was, shocks apart."""
+    """Return the residual (m, 15) of a held-out flight with a payload's swing fitted to all of it, shocks apart."""
     return e.bridged(e.y - predicted_residual(e, held.whole_flight_terms[e.name]))
 
 
@@ -26,7 +26,7 @@ def gust_probability(
     held_out: Sequence[FlightResiduals],
     swung: dict[str, np.ndarray],
 ) -> float:
-    """Probability of a force in the air in what is left of all flights: none where those of the fit show none.
+    """Return the probability of a slow force in the air; 0 where training flights show none.
 
     A drag that was found would feel it however small it is; where none was, it is a matter if it is as large as an
     effect has to be.

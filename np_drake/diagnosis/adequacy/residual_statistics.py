@@ -1,6 +1,6 @@
-"""What noise does not do: lines in the spectrum, slow torques, forces now and then, flights that weigh differently.
+"""Statistics of the residual: spectral lines, slow torques, bursts, and lift that differs between flights.
 
-What has no shape that an unseen flight would repeat (a vibration, a stuck axis now and then) is not found by
+What has no shape that a held-out flight would repeat (a vibration, a stuck axis now and then) is not found by
 regression; it is found by where its power lies, or by when.
 """
 
@@ -45,7 +45,7 @@ class Burst:
 
 
 def strongest_burst(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> Burst:
-    """Of slow force, body axis by body axis, over what the median deviation in all flights has a normal variate do.
+    """Return the largest slow force, axis by axis, over its usual deviation by the median of all flights.
 
     Noise and sensors that wander are normal, and stay within five deviations in minutes of flight; what acts now and
     then does not count in a median.   Source: own choice.
@@ -70,21 +70,22 @@ def _slow_force(e: FlightResiduals, residual: np.ndarray) -> np.ndarray:
 
 
 def lift_apart(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> float:
-    """Largest mean force along body z of a flight [N]: across z, an attitude that is off would do as much."""
+    """Return the largest mean force along body z of a flight [N]; across z, an attitude error does as much."""
     return max(abs(float(np.mean(residual[e.name][:, FORCE][:, 2]))) for e in flights)
 
 
 def strongest_line(
     flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray], least: np.ndarray | None = None
 ) -> Line:
-    """Of force (in W-independent body axes) and torque, over all flights together; `least` (6,): RMS that
-    matters [N, N·m]; none: any.
+    """Return the strongest line of force and torque in body axes, over all flights together.
 
-    A smaller one does not hide one that matters; where none does, it is the strongest of all.
+    A smaller one does not hide one that is material; where none is, it is the strongest of all.
 
     Periodograms of all flights on one frequency axis are averaged; the line is the bin with the largest ratio to the
     median about it. In noise that ratio of an average of n flights is a gamma variate of shape n.   Where slow noise
     is steep (gusts), the neighbourhood is narrow: a median over slower and much faster ones would be too low.
+
+    least: (6,) RMS of a material line [N, N·m]; default: any.
     """
     rate = 1.0 / flights[0].grid.step
     size = 2 ** int(np.ceil(np.log2(max(len(e.t) for e in flights))))
@@ -115,9 +116,9 @@ def _floor(power: np.ndarray, frequency: np.ndarray, lobe: float) -> np.ndarray:
 def slow_torque(
     flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]
 ) -> tuple[float, float, float]:
-    """Largest ratio over axes of slow torque to what gyro noise, seen in the middle band, would have there [1],
+    """Return the largest ratio over axes of slow torque to that of gyro noise [1], its share [1] and its RMS [N·m].
 
-    the share of that axis' slow residual, before anything was explained, that it is [1], and its RMS [N·m].
+    The noise is that of the middle band. The share is of the slow torque of that axis before anything was explained.
 
     The derivative of white gyro noise has power proportional to frequency squared; noise of rotor speed is white.
     """

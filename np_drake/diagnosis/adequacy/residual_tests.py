@@ -1,4 +1,4 @@
-"""What neither noise nor sensors do, in what the named effects leave of flights: each with its probability."""
+"""Tests of the residual for what neither noise nor sensors do, each with its probability."""
 
 from collections.abc import Sequence
 
@@ -28,7 +28,7 @@ Indication = tuple[float, Finding]  # what there may be, and how probable that i
 def irregularities(
     flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray], options: Options
 ) -> list[Indication]:
-    """What neither noise nor sensors do, whatever the shape, and its probability.
+    """Return bursts and differing lift, which neither noise nor sensors make, each with its probability.
 
     A payload, whose swing may be lost, and gusts do the like: beside these it is not asked.
     """
@@ -57,7 +57,7 @@ def novel_on_held_out(
     *,
     gusty: bool,
 ) -> Indication:
-    """Do unseen flights show something at work which the flights of the fit did not excite?
+    """Return what held-out flights show that training flights do not excite, with its probability.
 
     A slow force or torque on them is several times what sensors have, and the causes leave much of it. Gusts, which do
     not repeat, are no such force.   usual: slow power that is left of the flights of the fit [N²].
@@ -87,7 +87,10 @@ def line_test(
     residual: dict[str, np.ndarray],
     options: Options,
 ) -> Indication:
-    """Is there a line that matters, and that unseen flights show as well?   left: of these."""
+    """Return the probability of a material spectral line that held-out flights show as well.
+
+    residual: of held-out flights, (m, 15) by flight.
+    """
     thresholds = options.thresholds
     loud = line.rms >= least_lines(flights, options.materiality)[line.channel]
     again = strongest_line(held_out, residual).prominence > thresholds.held_out_share * thresholds.line
@@ -106,9 +109,9 @@ def slow_torque_test(
     *,
     hidden: bool,
 ) -> Indication:
-    """Is there a slow torque that matters, and that unseen flights show as well?
+    """Return the probability of a material slow torque that held-out flights show as well.
 
-    torque: `slow_torque` of flights.   left: of unseen ones.   hidden: may a swing have been lost?
+    torque: `slow_torque` of flights.   residual: of held-out ones.   hidden: may a swing have been lost?
     """
     ratio, share, rms = torque
     thresholds, materiality = options.thresholds, options.materiality
@@ -121,7 +124,7 @@ def slow_torque_test(
 
 
 def beyond_bounds(named: Fit, vehicle: Vehicle, thresholds: Thresholds, *, gusty: bool) -> list[Indication]:
-    """Effects that need a figure which they cannot have."""
+    """Return the effects that need a parameter beyond its bounds."""
     why = [impossible(named, i, vehicle, thresholds, gusty=gusty) for i in range(len(named.terms))]
     return [
         (
@@ -139,7 +142,7 @@ def _above(ratio: float, threshold: float, thresholds: Thresholds) -> float:
 
 
 def material_structure(flights: Sequence[FlightResiduals], materiality: Materiality) -> tuple[float, float]:
-    """RMS force [N] and torque [N·m] of structure that is a matter: of a force half an effect's, it may be a part."""
+    """Return the least RMS force [N] and torque [N·m] of material structure; half of an effect's force, as a part."""
     tau = np.concatenate([e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights])
     weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
     commanded = float(np.sqrt(np.mean(np.sum(tau**2, axis=1))))
@@ -147,12 +150,12 @@ def material_structure(flights: Sequence[FlightResiduals], materiality: Material
 
 
 def least_structure(flights: Sequence[FlightResiduals], materiality: Materiality) -> np.ndarray:
-    """(2,) the same, less in a laboratory [N, N·m]."""
+    """Return (2,) the least RMS force and torque of material structure, smaller for ideal sensors [N, N·m]."""
     return np.array(material_structure(flights, materiality)) * materiality.exactness
 
 
 def least_lines(flights: Sequence[FlightResiduals], materiality: Materiality) -> np.ndarray:
-    """(6,) RMS of a line that is a matter in a channel of the wrench: a long flight shows lines that are none."""
+    """Return (6,) the least RMS of a material line by channel of the wrench [N, N·m]."""
     y = np.concatenate([e.y[:, ev.WRENCH] for e in flights])
     least = np.repeat(least_structure(flights, materiality), 3)
     return np.maximum(np.sqrt(materiality.structure_share * np.mean(y**2, axis=0)), least)

@@ -1,4 +1,4 @@
-"""TODO."""
+"""Frequency and damping of the resonances that remain."""
 
 import dataclasses as dc
 
@@ -9,7 +9,7 @@ from np_drake.diagnosis.selection import Ranking
 
 
 def with_fitted_resonances(unexplained: Unexplained, ranking: Ranking) -> Unexplained:
-    """The same, with frequency and damping of what swings fitted: they are for the answer alone, and take a while."""
+    """Return the unexplained structure with frequency [Hz] and damping [1] of its resonances fitted."""
     fit, flights = ranking.fits[0], ranking.problem.flights
     rest = {e.name: fit.residual(e) for e in flights}
     swinging = [g for g in fit.generic if g.candidate.swing is not None]

@@ -1,4 +1,4 @@
-"""What is left once the causes are taken out: is it noise, or something the library does not have?"""
+"""What the causes leave: noise, or something the library does not have."""
 
 from collections.abc import Sequence
 
@@ -29,7 +29,7 @@ from np_drake.diagnosis.wind import slow_power
 def find_unexplained(
     ranking: Ranking, fit: Fit, flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]
 ) -> Unexplained:
-    """The generic structure of the fit, and what is odd in what is left of all flights."""
+    """Return the generic structure of the fit, and what the tests find in the residual of all flights."""
     options, named = ranking.options, ranking.named
     structured = bool(ranking.fits[0].generic) and flights[0].measured_rotors
     held = on_held_out(named, held_out, ranking.noise, options.priors, structured=structured)

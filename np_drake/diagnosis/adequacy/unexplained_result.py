@@ -1,4 +1,4 @@
-"""TODO."""
+"""Result of the adequacy tests."""
 
 import dataclasses as dc
 
@@ -11,9 +11,11 @@ from np_drake.diagnosis.result import Finding
 
 @dc.dataclass(frozen=True)
 class Unexplained:
-    """unknown: is something material left?   findings: where it lives.   held: the fit on unseen flights.
+    """What the causes leave.
 
-    structured: with measured rotor speed, is there structure beside the effects, whether or not it repeats?
+    unknown: whether something material is left.   findings: where it lives.   held: the fit on held-out flights.
+
+    structured: with measured rotor speed, whether there is structure beside the effects, repeated or not.
     """
 
     unknown: bool
@@ -25,5 +27,5 @@ class Unexplained:
 
     @property
     def novel_on_held_out(self) -> bool:
-        """Do unseen flights alone show something?"""
+        """Whether held-out flights alone show something."""
         return any(f.name == UNSEEN for f in self.findings)

@@ -1,6 +1,6 @@
-"""Held-out flights may show what training flights do not excite: a drag, where those hover.
+"""Adaptive split: first halves of held-out flights join the fit where they show what training flights do not excite.
 
-Then the first half of each joins the fit, and its second half alone judges.
+The second halves alone judge then.
 """
 
 import dataclasses as dc
@@ -37,9 +37,9 @@ def infer_adaptively(
     options: Options | None,
     on_progress: Callable[[float, str], None],
 ) -> tuple[Inference, list[FlightResiduals]]:
-    """A look, or a second one where there is cause for it; with the halves of unseen flights that joined its fit.
+    """Return the inference, adaptively split where held-out flights need it, and the halves that joined the fit.
 
-    Where the best model plainly shows that there is, it is not compared with its rivals before.
+    Where the best model plainly shows that a split is needed, it is not compared with its rivals before.
     """
     first = _first_inference(flights, held_out, options)
     if isinstance(first, Inference):
@@ -54,7 +54,7 @@ def infer_adaptively(
 def _first_inference(
     flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals], options: Options | None
 ) -> "Inference | _SplitNeeded":
-    """The look, if it is enough, else the probability of a payload in it: the rest would take memory of the second."""
+    """Return the first inference if it is enough, else what the second takes over: the rest would take its memory."""
     found = find_map_model(flights, options)
     if not any(_middle(e) - e.log.t[0] >= found.options.thresholds.split_half for e in held_out):
         return decide(compare(found, held_out))
@@ -68,7 +68,7 @@ def _first_inference(
 
 
 def needs_split(first: Comparison) -> bool:
-    """Is more left on some channel of the held-out flights than noise, or a force or torque that these do not excite?
+    """Return whether held-out flights show more than noise, or a force or torque that training flights do not excite.
 
     Gusts, which repeat nowhere, and a payload, whose swing may be lost, do not count.
     """
@@ -80,10 +80,10 @@ def needs_split(first: Comparison) -> bool:
 
 
 def plainly_needs_split(found: SearchResult, held_out: Sequence[FlightResiduals]) -> bool:
-    """The same by the best model before it is compared: where structure that no effect explains is in it, and no swing.
+    """Return whether the best model needs a split, before it is compared with its rivals.
 
-    Then unseen flights are not asked which of its rivals they would have (`close_call`), and a slow force is part of
-    that structure, no gusts.
+    Only models with generic structure and without a payload do. Held-out evidence of rivals is skipped then
+    (`rerank_by_held_out_evidence`), and a slow force counts as part of that structure, not as gusts.
     """
     best, noise, options, flights = found.best, found.noise, found.options, found.problem.flights
     if not best.generic or any(t.swings for t in best.terms):
@@ -109,7 +109,10 @@ def _middle(e: FlightResiduals) -> float:
 def split_flights(
     flights: Sequence[FlightResiduals], least: float
 ) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
-    """First halves of long enough flights, as flights of their own; and all flights, these rows not counting."""
+    """Return the first halves of flights as flights of their own, and all flights with these rows marked as joined.
+
+    least: duration of either half; shorter flights stay whole [s].
+    """
     halves, judges = [], []
     for e in flights:
         log = e.log

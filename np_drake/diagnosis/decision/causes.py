@@ -1,4 +1,4 @@
-"""From a ranking of models to causes: material ones, minor ones, what cannot be told from them, and the unknown."""
+"""Causes and minor findings of a ranking of models."""
 
 from collections.abc import Sequence
 
@@ -23,10 +23,10 @@ def causes_of(
     *,
     gusty: bool = False,
 ) -> tuple[list[Cause], list[Finding]]:
-    """Causes and minor findings of a fit: a cause is material, and helps on flights that the fit has not seen.
+    """Return causes and minor findings of a fit; a cause is material and helps on held-out flights.
 
     gusty: gusts were felt. Then the drag that feels them matters however small it is by itself, may lie at its bound,
-    and neither it nor the wind must help on unseen flights, where it blew otherwise.
+    and neither it nor the wind must help on held-out flights, where it blew otherwise.
     """
     members = {names_of(ranking.named_problem, m): m for m in reversed(ranking.named_models)}
     key = names_of_fit(ranking.named)

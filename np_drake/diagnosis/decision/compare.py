@@ -1,4 +1,4 @@
-"""TODO."""
+"""Comparison of the best model with its rivals, on training and held-out flights."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ PLACE = Finding("place", "a slow force tied to a place", 1.0, {})
 
 @dc.dataclass(frozen=True)
 class Comparison:
-    """What `flights`, fitted, and `unseen`, which judge, show.   gusty: do slow forces come and go?"""
+    """What training and held-out flights show.   gusty: whether slow forces come and go."""
 
     flights: Sequence[FlightResiduals]
     held_out: Sequence[FlightResiduals]
@@ -39,12 +39,12 @@ class Comparison:
 
     @property
     def options(self) -> Options:
-        """What flights were ranked with."""
+        """Options of the ranking."""
         return self.ranking.options
 
 
 def compare(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Comparison:
-    """Compares the best model with its rivals, and lays it on `unseen`."""
+    """Compare the best model with its rivals, and test it on held-out flights."""
     ranking, priors = ranked(found), found.options.priors
     flights = ranking.problem.flights
     held_out = [without_shocks(ranking.named.everything, e, ranking.noise, priors) for e in held_out]
@@ -69,7 +69,7 @@ def _knows_its_place(
     flights: Sequence[FlightResiduals],
     held_out: Sequence[FlightResiduals],
 ) -> bool:
-    """Does the slow force follow the place, in all flights alike, as gusts would not?"""
+    """Return whether the slow force depends on position alike in all flights, as gusts would not."""
     every = [
         *flights,
         *(e for e in held_out if not e.joined.any()),
@@ -93,16 +93,16 @@ def residual_beside_named(
     flights: Sequence[FlightResiduals],
     held_out: Sequence[FlightResiduals],
 ) -> dict[str, np.ndarray]:
-    """By flight, (m, 15) what the named effects leave of it."""
+    """Return by flight the residual (m, 15) of the named effects [N, N·m, …]."""
     rest = {e.name: ranking.named.residual(e) for e in flights}
     return rest | {e.name: swing_free_residual(unexplained.held, e) for e in held_out}
 
 
 def has_slow_force(unexplained: Unexplained) -> bool:
-    """Does a slow force remain, and nothing that says more?"""
+    """Return whether a slow force remains, and nothing more specific."""
     return unexplained.slow_probability > 0.5 and not unexplained.unknown
 
 
 def _gusty(unexplained: Unexplained) -> bool:
-    """And is it none of the rotors', which is no gust?"""
+    """Return whether a slow force remains that is not structure of the rotors."""
     return has_slow_force(unexplained) and not unexplained.structured

@@ -1,4 +1,4 @@
-"""TODO."""
+"""Confidence in names, from what held-out flights leave."""
 
 import dataclasses as dc
 
@@ -17,7 +17,7 @@ from np_drake.diagnosis.selection import (
 
 
 def leaves_more_than_noise(ranking: Ranking, unexplained: Unexplained, *, gusty: bool = False) -> bool:
-    """Do unseen flights leave more than noise, whatever it is? Then a name may stand for something like it."""
+    """Return whether held-out flights leave more than noise, so that names are doubted."""
     thresholds, rows = (
         ranking.options.thresholds,
         sum(int(some.sum()) for some in unexplained.held.rows.values()),
@@ -30,7 +30,7 @@ def leaves_more_than_noise(ranking: Ranking, unexplained: Unexplained, *, gusty:
 
 
 def is_vague_drift(cause: Cause, options: Options) -> bool:
-    """Is it a drift of thrust whose rate is hardly known, on a rig? What its sensors read wanders like that."""
+    """Return whether the cause is a vague drift of thrust, which the drift of real sensors resembles."""
     rate = cause.parameters.get("rate")
     if not options.tolerance.real or cause.identifier != "thrust_drift" or rate is None:
         return False
@@ -38,10 +38,10 @@ def is_vague_drift(cause: Cause, options: Options) -> bool:
 
 
 def largest_misfit(ranking: Ranking, unexplained: Unexplained, *, gusty: bool) -> float:
-    """The most that unseen flights leave on a channel that is asked, over noise.
+    """Return the largest held-out residual over noise of the channels that are tested [1].
 
-    A payload's swing may be lost, on a rig an attitude that wanders turns thrust into force across it, and gusts are
-    level: none of these is asked.
+    A payload's swing may be lost, with real sensors an attitude that wanders turns thrust into force across it, and
+    gusts are level: none of these is asked.
     """
     if any(t.swings for t in ranking.named.terms):
         return 0.0
@@ -50,7 +50,10 @@ def largest_misfit(ranking: Ranking, unexplained: Unexplained, *, gusty: bool) -
 
 
 def structure_instead(ranking: Ranking, unexplained: Unexplained) -> tuple[bool, float, Unexplained]:
-    """Where something acts and no name is sure: is it more likely a structure that no effect has?"""
+    """Return whether generic structure is the more likely explanation, its probability, and the findings with it.
+
+    Asked where something acts and no name is sure.
+    """
     shares = {n: p for n, p in ranking.probability.items() if n.startswith(PREFIX)}
     name = max(shares, key=lambda n: shares[n], default="")
     if shares.get(name, 0.0) <= 0.5:

@@ -1,4 +1,4 @@
-"""Causes that are withdrawn for what stands beside them, or does not."""
+"""Causes withdrawn for other causes that stand beside them, or are absent."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from np_drake.diagnosis.result import Cause, Finding
 
 
 def without_missing_drag(causes: list[Cause], minor: list[Finding]) -> tuple[list[Cause], list[Finding]]:
-    """A wind pushes through a drag alone: where none is a cause, neither is it."""
+    """Return causes and minor findings with winds moved to the latter where no drag is a cause."""
     named = {c.identifier for c in causes}
     unfelt = [c for c in causes if c.effect and c.effect.needs and not named & {*c.effect.needs}]
     texts = [Finding(c.identifier, "no cause through which it would be felt", c.share, {}) for c in unfelt]
@@ -22,7 +22,10 @@ def without_missing_drag(causes: list[Cause], minor: list[Finding]) -> tuple[lis
 def without_faint_shifts(
     causes: list[Cause], minor: list[Finding], least: float
 ) -> tuple[list[Cause], list[Finding]]:
-    """Lag, delay and clock all move commands against states: where one does, a trace of another is its misfit."""
+    """Return causes and minor findings with time shifts moved to the latter that a larger one explains.
+
+    least: share of the largest shift [1]. Lag, delay and clock all move commands against states.
+    """
     largest = max((c.share for c in causes if c.identifier in SHIFTING), default=0.0)
     faint = [c for c in causes if c.identifier in SHIFTING and c.share < least * largest]
     texts = [
@@ -35,7 +38,7 @@ def without_faint_shifts(
 def without_superfluous(
     causes: Sequence[Cause], flights: Sequence[FlightResiduals], noise: NoiseModel, held: HeldOut
 ) -> tuple[list[Cause], list[Finding]]:
-    """Causes by which the ladder goes down, and those by which it does not: what is not known stands behind them.
+    """Return the causes that lower the held-out residual, and findings for those that do not.
 
     They are taken off one by one, the worst first; a drag that a wind among them acts through stays with it.
     """

@@ -1,4 +1,4 @@
-"""One look at flights: which effects, what remains, and what of it is a cause."""
+"""Decision which effects are causes, and whether something unknown acts."""
 
 import dataclasses as dc
 
@@ -16,7 +16,7 @@ from np_drake.diagnosis.result import Cause, Finding
 
 @dc.dataclass(frozen=True)
 class Inference(Comparison):
-    """And which causes that tells."""
+    """A comparison with the causes that follow from it."""
 
     causes: list[Cause]
     minor: list[Finding]
@@ -25,7 +25,7 @@ class Inference(Comparison):
 
 
 def decide(compared: Comparison) -> Inference:
-    """Which effects are causes, and whether there is one that is unknown."""
+    """Return the causes that a comparison shows, and whether there is one that is unknown."""
     flights, held_out, ranking, gusty = compared.flights, compared.held_out, compared.ranking, compared.gusty
     thresholds = ranking.options.thresholds
     unexplained = with_fitted_resonances(compared.unexplained, ranking)

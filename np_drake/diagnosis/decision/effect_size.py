@@ -1,4 +1,4 @@
-"""TODO."""
+"""Size of an effect in force, torque, gap and sensor tolerance."""
 
 from collections.abc import Sequence
 
@@ -8,6 +8,7 @@ from np_drake.diagnosis.fitting import Fit
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.materiality import Size
 from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.tolerance import Tolerance
@@ -21,7 +22,9 @@ def size_of(
     tolerance: Tolerance,
     unseen: Sequence[tuple[FlightResiduals, Sequence[Term]]] = (),
 ) -> Size:
-    """Of the fit's term i, over its flights and unseen ones (with their terms as `adapt` has them); its gap: its own.
+    """Return the size of term i over training and held-out flights; its gap counts training flights alone.
+
+    unseen: held-out flights with their adapted terms.
 
     What does little where it was fitted may do much elsewhere, as a drag in a flight that is faster. A half of a flight
     that joined the fit counts in both.   Source: own choice.
@@ -53,7 +56,7 @@ def size_of(
 CALIBRATION = ("mass_error", "thrust_scale")  # within tolerance they are no cause
 
 
-def within_calibration(term: Term, tolerance: Tolerance) -> bool:
-    """Is it what the file of a rig may be off by? Not if it begins in flight: files do not change there."""
+def within_calibration(term: Term, options: Options) -> bool:
+    """Return whether the term is what a vehicle file may be off by; not if it begins in flight."""
     late = any(begin is not None for begin in term.onset.values())
-    return term.effect.identifier in CALIBRATION and tolerance.real and not late
+    return term.effect.identifier in CALIBRATION and options.tolerance.real and not late

@@ -1,4 +1,4 @@
-"""TODO."""
+"""Effects that the training flights cannot tell apart."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from np_drake.diagnosis.regressors import Model, RegressionProblem
 
 
 def indistinguishable(problem: RegressionProblem, model: Model) -> dict[str, tuple[str, ...]]:
-    """By effect of the best model: effects which in its place explain the logs as well."""
+    """Return by effect of the model the effects that explain the logs as well in its place."""
     thresholds = problem.options.thresholds
     out: dict[str, tuple[str, ...]] = {}
     for i in model.members:

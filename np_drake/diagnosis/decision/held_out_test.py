@@ -1,4 +1,4 @@
-"""TODO."""
+"""Log evidence of a term on held-out flights."""
 
 from collections.abc import Sequence
 
@@ -22,7 +22,7 @@ def log_bayes_factor(
     drift: Drift,
     priors: Priors,
 ) -> float:
-    """Log evidence that term i brings on the held-out flights, whatever their own sensors are off by.
+    """Return the log Bayes factor of term i on held-out flights, their sensor errors marginalised.
 
     What acts throughout the flights of the fit, but not in one of these, must bring there what its onset had to.
     """
@@ -53,7 +53,7 @@ def least_log_bayes_factor(
     drift: Drift,
     thresholds: Thresholds,
 ) -> float:
-    """Log evidence on held-out flights below which term i is not confirmed by them.
+    """Return the log Bayes factor on held-out flights below which term i is not confirmed.
 
     Where a flight does not excite an effect, its columns are the noise of what is measured, and it explains nothing
     there: that may cost a share of what the term brings to the flights of the fit.

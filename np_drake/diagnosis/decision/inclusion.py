@@ -65,7 +65,7 @@ def judge(
     sure = thresholds.sure_seen_again if brought > thresholds.seen_again else thresholds.sure
     material = size.material(
         options.materiality,
-        calibration=within_calibration(fit.terms[i], tolerance),
+        calibration=within_calibration(fit.terms[i], options),
         sensor=tolerance.of(effect.identifier) > 0,
         least_gap=_least_gap(fit, i, brought, options),
     )
@@ -80,9 +80,9 @@ def judge(
 
 
 def _least_gap(fit: Fit, i: int, brought: float, options: Options) -> float:
-    """Of the gap, for term i to matter [1].   brought: log evidence that it brings to unseen flights.
+    """Of the gap, for term i to matter [1].   brought: log evidence that it brings to held-out flights.
 
-    Unlike a payload's swing, so fainter beside it, are sensors, clocks, and dead times that unseen flights bear out.
+    Unlike a payload's swing, so fainter beside it, are sensors, clocks, and dead times that held-out flights bear out.
     """
     effect = fit.terms[i].effect
     timed = isinstance(effect, ActuatorEffect) and effect.dead_time > 0.0

@@ -16,5 +16,5 @@ def infer(
     held_out: Sequence[FlightResiduals],
     options: Options | None = None,
 ) -> Inference:
-    """Ranks the effects by `flights` and asks `unseen` which of them are causes."""
+    """Rank the effects by training flights, and decide by held-out flights which of them are causes."""
     return decide(compare(find_map_model(flights, options), held_out))

@@ -1,4 +1,4 @@
-"""A model on flights that its fit has not seen: hidden starts from the first seconds, onsets by scan, nothing else."""
+"""Adaptation of a model to a held-out flight: swings from the first seconds, onsets by scan, nothing else."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -24,10 +24,10 @@ def adapt(
     *,
     structured: bool = False,
 ) -> list[Term]:
-    """The terms on an unseen flight: onset (none, from the start, in flight) and initial swing found, figures kept.
+    """Return the terms with onset and initial swing adapted to a held-out flight, parameters kept.
 
-    structured: structure is left that no effect explains, which a late onset would follow by chance: what acted
-    from the start in all flights of the fit does so here, and nothing of it is fitted to the unseen flight.
+    structured: whether structure is left that no effect explains, which a late onset would follow by chance: what acted
+    from the start in all flights of the fit does so here, and nothing of it is fitted to the held-out flight.
     """
     late = [type(t.effect).begins and not (structured and set(t.onset.values()) <= {None}) for t in terms]
     known = [any(begin is not None for begin in t.onset.values()) for t in terms]
@@ -47,11 +47,11 @@ def adapt(
 def predictive_terms(
     terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors
 ) -> list[Term]:
-    """Adapted terms, payloads with all the ways in which the rows that their swing was fitted to let them swing.
+    """Return adapted terms with samples of each swing from its posterior.
 
     The least squared miss of the rest of the flight is expected of their mean: a swing that is not known, or that no
     motion tells for long after its tether went slack, fades to the weight that hangs.   Source: mean of a posterior;
-    own choice: by Laplace's approximation, figures kept.
+    own choice: by Laplace's approximation, parameters kept.
 
     Returns: the terms; hidden swings are (`WAYS`, size) [rad, rad/s].
     """
@@ -77,7 +77,7 @@ def _felt_by(terms: Sequence[Term], i: int) -> int | None:
 def without_shocks(
     terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors
 ) -> FlightResiduals:
-    """The flight, its shocks taken out as the terms' misses show them.
+    """Return the flight with its shocks marked, as the residual of the terms shows them.
 
     A swing is lost at a shock, and what it misses from there on looks like more of them: they are taken in turn.
     """
@@ -114,7 +114,7 @@ def _end_of(t: np.ndarray, rows: np.ndarray) -> float:
 
 
 def hidden_state_rows(term: Term, flight: FlightResiduals) -> list[np.ndarray]:
-    """Rows (m,) to which the hidden state is fitted: at its start, and after every shock at which it may jump."""
+    """Return rows (m,) to which the hidden state is fitted: at its start, and after every shock."""
     start = term.begins(flight.name)
     if not term.swings or start == NEVER:
         return []
@@ -124,9 +124,9 @@ def hidden_state_rows(term: Term, flight: FlightResiduals) -> list[np.ndarray]:
 
 
 def scored_rows(terms: Sequence[Term], flight: FlightResiduals) -> np.ndarray:
-    """(m,) rows that count: not those that a hidden state, or a fit, has seen, nor those of a tether's shocks.
+    """Return (m,) the rows that count: seen by no fit and no hidden state, without a tether's shocks.
 
-    Of a flight so short that none would be left, all that no fit has seen (`judged_by_its_own_swing`).
+    In a flight so short that none would be left, all rows that no fit has seen (`scored_on_fitted_rows`).
     """
     rows = ~flight.joined
     for term in terms:
@@ -137,7 +137,7 @@ def scored_rows(terms: Sequence[Term], flight: FlightResiduals) -> np.ndarray:
 
 
 def scored_on_fitted_rows(terms: Sequence[Term], flight: FlightResiduals) -> bool:
-    """Is the flight so short that it is scored on rows to which its own swing was fitted?"""
+    """Return whether a short flight is scored on rows to which its own swing was fitted."""
     rows = scored_rows(terms, flight)
     return any(bool(np.any(rows & fitted)) for term in terms for fitted in hidden_state_rows(term, flight))
 
@@ -162,7 +162,7 @@ def _anchored(
 def _with_onset(
     terms: list[Term], i: int, flight: FlightResiduals, noise: NoiseModel, priors: Priors, *, known: bool
 ) -> Term:
-    """Where in this flight the term begins, its figures being known (whatever a payload's swing was).
+    """Where in this flight the term begins, its parameters being known (whatever a payload's swing was).
 
     known: to begin in flight. What acts from the start in all flights of the fit hardly begins late here, and is not
     excused where it is not there at all.
@@ -186,7 +186,7 @@ def _with_onset(
 def _span_by_span(
     terms: Sequence[Term], i: int, flight: FlightResiduals, noise: NoiseModel, priors: Priors
 ) -> np.ndarray:
-    """(m, 15) trace of the terms with a payload that swings in every span as that span shows it by itself.
+    """(m, 15) predicted residual of the terms with a payload that swings in every span as that span shows it by itself.
 
     A swing that is followed from the start of the flight is wrong wherever the payload was hung on later; where it
     explains a span better, it is right.
@@ -212,7 +212,7 @@ def _span_by_span(
 def onset_log_likelihood(
     flight: FlightResiduals, noise: NoiseModel, target: np.ndarray, own: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(n,) instants of the grid, the last one "not at all", and log likelihoods if `own` begins there."""
+    """Return (n,) times of the grid, the last one "not at all", and log likelihoods if `own` begins there."""
     columns = SwitchedRegressors(flight, noise, target, np.zeros((*target.shape, 0)))
     t, X = columns.t, own[..., None]
     rows = np.arange(1, len(t))

@@ -1,4 +1,4 @@
-"""TODO."""
+"""Predicted residual of a fit on held-out flights."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from np_drake.diagnosis.result import Cause
 
 @dc.dataclass(frozen=True)
 class HeldOut:
-    """Unseen flights under a fit: its terms adapted to each, what is left (m, 15), and rows that count.
+    """Held-out flights under a fit: adapted terms, residual (m, 15), and rows that count, by flight.
 
     settled: the terms with hidden states that fit the whole flight.
     """
@@ -36,7 +36,7 @@ def on_held_out(
     *,
     structured: bool = False,
 ) -> HeldOut:
-    """The fit's terms on flights that it has not seen; `structured` as in `adapt`."""
+    """Return the fit on held-out flights; `structured` as in `adapt`."""
     terms, residual, rows, whole = {}, {}, {}, {}
     for e in flights:
         known = adapt(fit.everything, e, noise, priors, structured=structured)
@@ -48,13 +48,13 @@ def on_held_out(
 
 
 def misfit(held: HeldOut, noise: NoiseModel) -> np.ndarray:
-    """(6,) RMS that is left of unseen flights over the noise, by channel of the wrench [1]."""
+    """Return (6,) the RMS residual of held-out flights over noise, by channel of the wrench [1]."""
     residual = np.concatenate([held.residual[name][rows, ev.WRENCH] for name, rows in held.rows.items()])
     return np.sqrt(np.mean(residual**2, axis=0)) / np.maximum(noise.rms[ev.WRENCH], 1e-12)
 
 
 def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:
-    """RMS over rows and wrench channels, channels divided by their noise [1]."""
+    """Return the RMS over rows and wrench channels, channels divided by their noise [1]."""
     rows = np.concatenate(parts)[:, WRENCH] / np.maximum(noise.rms[WRENCH], 1e-12)
     return float(np.sqrt(np.mean(rows**2)))
 
@@ -62,7 +62,7 @@ def pooled(parts: Sequence[np.ndarray], noise: NoiseModel) -> float:
 def remaining_residual(
     causes: Sequence[Cause], flights: Sequence[FlightResiduals], noise: NoiseModel, held: HeldOut
 ) -> float:
-    """RMS of what these causes leave of held-out flights, in units of the noise [1]."""
+    """Return the RMS residual of these causes on held-out flights, in units of the noise [1]."""
     names = {c.identifier for c in causes}
     parts = []
     for e in flights:

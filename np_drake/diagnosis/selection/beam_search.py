@@ -1,4 +1,4 @@
-"""Which effects: a beam search over sets of candidates by Bayesian evidence, with removals and swaps."""
+"""Beam search over sets of candidates by Bayesian evidence, with removals and swaps."""
 
 from collections.abc import Iterable
 
@@ -8,7 +8,12 @@ from np_drake.diagnosis.regressors import Model, RegressionProblem
 
 
 def search(problem: RegressionProblem, *, most: int | None = None) -> list[Model]:
-    """All models met, best first. Grows a beam by one candidate at a time, then swaps and removes until it rests."""
+    """Return all models met, best first.
+
+    A beam grows by one candidate at a time, then the best is swapped and reduced until it rests.
+
+    most: effects of a model; default: `SearchOptions.most_effects`.
+    """
     options = problem.options.search
     seen: dict[tuple[int, ...], float] = {(): 0.0}
 
@@ -45,7 +50,7 @@ def search(problem: RegressionProblem, *, most: int | None = None) -> list[Model
 
 
 def library_first(problem: RegressionProblem, models: list[Model]) -> list[Model]:
-    """The same models, but a best one whose generic structure hides effects gives way to effects plus structure.
+    """Return the models with library effects preferred to generic structure that hides them.
 
     Where effects of the library alone reach the `library_share` of the best evidence, they are kept and generic
     structure is added to them, not put in their place.

@@ -1,8 +1,8 @@
-"""From shares of evidence to probabilities that hold.
+"""Calibration of shares of evidence to probabilities.
 
 Evidence is that of a model of noise which is never quite right, and of a library that does not have everything: shares
-of it are too sure. Three constants were set on withheld made flights (`np-drake challenge`, other seeds than those of
-the published figures), where it is known what acts.
+of it are too sure. Three constants were set on withheld simulated flights (`np-drake challenge`, other seeds than
+those of the published results), where it is known what acts.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ from np_drake.diagnosis.options import Thresholds
 
 
 def calibrated_probability(share: Mapping[str, float], names: Sequence[str], thresholds: Thresholds) -> float:
-    """Probability that one of these effects acts, which these flights cannot tell apart [1].
+    """Return the probability that one of these indistinguishable effects acts [1].
 
     share: of the evidence, held by the models that have an effect.   Source: own choice.
     """

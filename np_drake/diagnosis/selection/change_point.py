@@ -1,4 +1,4 @@
-"""When an effect begins: the best instant of every flight beside all else that acts, from suffix sums of Grams."""
+"""Change points: the best onset of an effect in every flight, from suffix sums of Gram matrices."""
 
 import copy
 import dataclasses as dc
@@ -23,7 +23,7 @@ WEIGHTS = (("mass_error",), ("thrust_scale",))
 
 
 def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ()) -> list[Candidate]:
-    """For every effect that may begin in flight and gains by it: the candidate from its best onsets on.
+    """Return for every effect that gains by an onset the candidate from its best onsets on.
 
     members: of a model. Every effect is tried alone, and beside those members that are another effect.
     """
@@ -60,7 +60,7 @@ def _that_begin(problem: RegressionProblem) -> dict[tuple[str, ...], list[Candid
 
 
 def late_payloads(problem: RegressionProblem, late: list[Candidate]) -> list[Candidate]:
-    """Payloads that begin where their weight does: as a payload at rest shows it, or mass or thrust in its place.
+    """Return payloads that begin where a weight does, as a payload at rest, a mass or a thrust shows it.
 
     A payload from the start that swings as it likes may explain more than such a weight; which is there is told later.
     """
@@ -94,7 +94,9 @@ def _at_rest(payload: Candidate) -> Candidate:
 
 @dc.dataclass(frozen=True)
 class Onsets:
-    """onset: by flight, where it does not act from the start [s]; infinite: not at all.
+    """Onsets of a candidate by flight [s] (infinite: absent), with prior, gain and log evidence.
+
+    onset: where it does not act from the start.
 
     prior: log prior of all of them; gain: in log evidence over all from the start.
     evidence: log evidence of the candidate, over that of what is beside it alone.
@@ -107,7 +109,7 @@ class Onsets:
 
 
 class OnsetScan:
-    """Evidence of a candidate from any instant on, beside nuisance and members of a model, flights together."""
+    """Log evidence of a candidate from any instant on, beside nuisance and members of a model."""
 
     def __init__(self, problem: RegressionProblem, members: Sequence[int] = ()):
         chosen = [*problem.nuisance, *(problem.candidates[i] for i in members)]
@@ -132,17 +134,17 @@ class OnsetScan:
         self._mean[on] = own @ self._products[on, -1]
 
     def beside(self, members: Sequence[int]) -> "OnsetScan":
-        """The same beside nuisance and some of its members alone, from the same sums."""
+        """Return the scan beside nuisance and some of its members alone, from the same sums."""
         fewer = copy.copy(self)
         fewer._regress(np.flatnonzero(np.isin(self._owner, [-1, *members])))
         return fewer
 
     def sums(self, candidate: Candidate) -> dict[str, SwitchedSums]:
-        """Of its columns, by flight, for `best` and `rough_evidence` of all scans of which this is one."""
+        """Return the sums of a candidate's columns by flight, for `best` and `rough_evidence`."""
         return {name: SwitchedSums(f, candidate.columns[name]) for name, f in self._flights.items()}
 
     def rough_evidence(self, late: Mapping[str, SwitchedSums]) -> float:
-        """Log evidence of a candidate (its `sums`) at its best onsets, as if what they switch on did not jump."""
+        """Return the log evidence of a candidate (its `sums`) at its best onsets, jumps of its columns apart."""
         whole = {name: sums.whole for name, sums in late.items()}
         start = {name: at_rows(sums, [0]) for name, sums in whole.items()}
         at = dict(start)
@@ -156,7 +158,7 @@ class OnsetScan:
         return float(self._evidence(first, rest)[0])
 
     def best(self, candidate: Candidate, sums: Mapping[str, SwitchedSums] | None = None) -> "Onsets":
-        """Where it begins in flight.
+        """Return the onsets at which the candidate explains the flights best.
 
         The prior is that of an instant as wide as the evidence leaves it: an onset that is known to a row has one in
         all rows, one that is known to half a flight has one half.
@@ -171,7 +173,7 @@ class OnsetScan:
         return max(found, key=lambda f: f.evidence + f.prior)
 
     def _settle_alone(self, scan: TriedOnsets) -> None:
-        """Where the effect would begin with figures of that flight's own, no prior asked: to climb from there.
+        """Where the effect would begin with parameters of that flight's own, no prior asked: to climb from there.
 
         Flights that start from its beginning in all others may never leave it: a drift from the start stands for a
         step in each.

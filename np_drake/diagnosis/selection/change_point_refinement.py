@@ -1,4 +1,4 @@
-"""Onsets to a row of the logs: the grid on which they are sought may be coarser.
+"""Refinement of change points to a row of the logs.
 
 A strong effect that begins a row late or early leaves a step of one row, which a lag or a clock would explain.
 """
@@ -14,7 +14,7 @@ from np_drake.diagnosis.selection.payload_search import PAYLOAD
 
 
 def refined_change_points(problem: RegressionProblem, model: Model) -> list[Candidate]:
-    """The model's effects that begin in flight, from the rows on from which they say most: alone, and beside the rest.
+    """Return the model's effects with refined onsets, sought alone and beside the rest.
 
     Not a payload, whose swing begins anew with its onset: `PayloadSearch.when` is as sharp.   Source: log evidence at
     every row [s] within a step of the grid; own choice: flight by flight, once, and only those that differ are given.

@@ -1,4 +1,4 @@
-"""Models between which the fitted flights hardly decide: those that no fit has seen are asked as well."""
+"""Held-out evidence of models between which the training flights hardly decide."""
 
 import dataclasses as dc
 import math
@@ -43,7 +43,7 @@ def _names(fit: Fit) -> set[str]:
 
 
 def _log_evidence(fit: Fit, e: FlightResiduals, ranking: Ranking, drift: Drift) -> float:
-    """Of an unseen flight, but for a constant, whatever its own sensors are off by; tempered as that of the others."""
+    """Of a held-out flight, but for a constant, whatever its own sensors are off by; tempered as that of the others."""
     noise, options = ranking.noise, ranking.options
     held = on_held_out(fit, [e], noise, options.priors)
     loss = loss_on(e, held.residual[e.name], noise, held.rows[e.name], drift)

@@ -1,4 +1,4 @@
-"""What a search begins with: flights without shocks, candidates, and the noise that is left if all of them help."""
+"""Start of a search: flights without shocks, candidates, and the noise if all candidates help."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ from np_drake.diagnosis.selection.payload_search import PayloadSearch
 
 @dc.dataclass(frozen=True)
 class Ready:
-    """flights with their shocks known; raw: their channels without; nuisance: columns of every model; noise."""
+    """Flights with their shocks known, raw channels without them, nuisance columns, candidates and noise."""
 
     flights: list[FlightResiduals]
     raw: list[np.ndarray]
@@ -33,7 +33,7 @@ class Ready:
 
 
 def prepare(flights: Sequence[FlightResiduals], options: Options) -> Ready:
-    """Shocks, payloads and noise as they show when every effect helps."""
+    """Return shocks, payloads and noise as they show when every effect helps."""
     tolerance, error = options.tolerance, options.search.linear_error
     drifting = sensor_drift(flights, tolerance)
     nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]

@@ -1,4 +1,4 @@
-"""The model that explains flights best: search and fit, once more with the noise that the fit leaves."""
+"""Search for the MAP model: search and fit, repeated with the noise that the fit leaves."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from np_drake.diagnosis.selection.initial_noise import Ready, noise_of, prepare
 
 @dc.dataclass(frozen=True)
 class SearchResult:
-    """All models met, best first, the best of them fitted, and the noise that it leaves; no rival is fitted yet.
+    """All models met, best first, the best of them fitted, and its noise; no rival is fitted yet.
 
     raw: (m, 15) channels of each flight without shocks.
     """
@@ -35,7 +35,11 @@ class SearchResult:
 def find_map_model(
     flights: Sequence[FlightResiduals], options: Options | None = None, *, hanging: bool = True
 ) -> SearchResult:
-    """The best model of these (training) flights.   hanging: are payloads sought that are hung on in flight?"""
+    """Return the best model of these training flights.
+
+    options: default: real where attitudes are noisy or rotor speed is measured.   hanging: whether payloads that
+    begin in flight are sought.
+    """
     options = options or Options.for_sensors(tolerance_of(flights).real)
     ready = prepare(flights, options)
     problem, models, best = _search_twice(ready, options, hanging)
@@ -47,7 +51,7 @@ def _search_twice(
 ) -> tuple[RegressionProblem, list[Model], Fit]:
     """Search and fit, once more with the noise that the fit leaves.
 
-    hanging: are payloads sought that are hung on in flight?
+    hanging: whether payloads that begin in flight are sought.
     """
     best: Fit | None = None
     noise, candidates, acting = ready.noise, list(ready.candidates), list[Candidate]()

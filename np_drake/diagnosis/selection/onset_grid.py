@@ -1,4 +1,4 @@
-"""The instants at which an effect may begin in one flight: those tried, the likeliest, and where it is settled."""
+"""Grid of the instants at which an effect may begin in one flight."""
 
 import math
 
@@ -12,7 +12,7 @@ COARSE = 5  # rows between instants that are tried at first
 
 
 class TriedOnsets:
-    """The sums of a candidate at the instants of one flight that have been tried, in order."""
+    """Sums of a candidate at the tried instants of one flight, in order."""
 
     def __init__(self, late: SwitchedSums, options: SearchOptions, *, goes_on: bool):
         self._late, self._span = late, options.onset_span
@@ -25,14 +25,14 @@ class TriedOnsets:
         self.sums = late.begun(self.rows)
 
     def finer(self, profile: np.ndarray) -> np.ndarray:
-        """Rows about the best of the profile (n,) that have not been tried."""
+        """Return untried rows about the best of the profile (n,)."""
         if not len(profile):
             return self.rows
         about = self._inside[np.abs(self._inside - self.rows[np.argmax(profile)]) < 2 * COARSE]
         return np.setdiff1d(about, self.rows)
 
     def add(self, rows: np.ndarray) -> None:
-        """Tries these as well."""
+        """Add the sums at these rows."""
         order = np.argsort(np.concatenate([self.rows, rows]))
         new = self._late.begun(rows)
         self.rows = np.concatenate([self.rows, rows])[order]
@@ -40,7 +40,7 @@ class TriedOnsets:
         self.sums = (XX, XB, Xy)
 
     def log_width(self, profile: np.ndarray) -> float:
-        """Of the peak, in shares of the flight."""
+        """Return the log width of the profile's peak, in shares of the flight."""
         if not len(profile):
             return -np.inf
         width = np.gradient(self.rows.astype(float)) if len(self.rows) > 1 else np.ones(1)
@@ -64,15 +64,15 @@ class TriedOnsets:
 
     @property
     def begins(self) -> bool:
-        """Is it settled on an instant of the flight?"""
+        """Whether it is settled on an instant of the flight."""
         return self.onset is not None and self.onset != NEVER
 
     def leave_out(self) -> None:
-        """Absent from now on."""
+        """Settle on absence."""
         self.now, self.onset = self.never, NEVER
 
     def settle(self, row: int | None) -> None:
-        """Begins at this row from now on; None: from the start."""
+        """Settle on this row; None: from the start."""
         if row is None:
             self.now, self.onset = self.start, None
         else:
@@ -83,11 +83,11 @@ class TriedOnsets:
 
 
 def at_rows(sums: Sums, rows) -> Sums:
-    """The sums of these rows alone."""
+    """Return the sums of these rows alone."""
     XX, XB, Xy = sums
     return XX[rows], XB[rows], Xy[rows]
 
 
 def possible_onsets(t: np.ndarray, options: SearchOptions) -> np.ndarray:
-    """Rows, of whitened ones at t (m,) [s], that may be onsets."""
+    """Return rows, of whitened ones at t (m,) [s], that may be onsets."""
     return np.flatnonzero((t > t[0] + options.onset_edge) & (t < t[-1] - options.onset_edge))

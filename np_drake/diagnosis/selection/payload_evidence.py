@@ -1,4 +1,4 @@
-"""What a payload adds to others, over a part of the flights: log evidence and coefficients in milliseconds."""
+"""Log evidence and coefficients that a payload adds to other candidates."""
 
 import dataclasses as dc
 import math
@@ -54,11 +54,11 @@ class Beside:
 
     @property
     def size(self) -> int:
-        """Columns of the others."""
+        """Number of columns of the others."""
         return self._white[0][0].shape[1]
 
     def heads(self, horizon: float) -> list[FlightResiduals]:
-        """The flights as far as the horizon asks for."""
+        """Return the flights up to the horizon [s]."""
         if horizon not in self._heads:
             ends = [int(np.searchsorted(e.t, self._begin(e) + horizon)) for e in self._flights]
             self._heads[horizon] = [e.head(end) for e, end in zip(self._flights, ends, strict=True)]
@@ -90,25 +90,25 @@ class Beside:
         return total, total.log_evidence(np.arange(len(total.Xy)))
 
     def white(self, payload: PayloadColumns) -> White:
-        """Its columns, whitened; of the flights or of `heads`."""
+        """Return the payload's columns whitened, of the flights or of `heads`."""
         own = [self._flat(e, payload.own[e.name]) for e in self._flights]
         at = [payload.at(e.name) for e in self._flights]
         return White(own, at, payload.size, payload.log_prior)
 
     def gain(self, candidate: White, horizon: float) -> tuple[float, np.ndarray]:
-        """Log evidence that the candidate adds to the others, priors included, and its coefficients (physical ones)."""
+        """Return the log evidence that the candidate adds, priors included, and its physical coefficients."""
         (both,), n = self.joints(candidate, [horizon]), self.size
         mean, covariance = both.posterior(np.arange(len(both.Xy)))
         mean, log_probability = heavy_enough(mean[n:], covariance[n:, n:])
         return self.gain_of(both, candidate, horizon) + log_probability, mean
 
     def gain_of(self, both: Gram, candidate: White, horizon: float) -> float:
-        """The log evidence alone, of one of its `joints`."""
+        """Return the log evidence alone, of one of the candidate's `joints`."""
         evidence = both.log_evidence(np.arange(len(both.Xy))) - self._base[horizon][1]
         return evidence + candidate.log_prior
 
     def swing_alone(self, candidate: White, horizon: float, mass: float) -> np.ndarray:
-        """(k,) coefficients of a `longer` one with the mass given, hook and length at the guess."""
+        """Return (k,) coefficients of a `longer` payload with the mass given, hook and length at the guess."""
         (both,), n = self.joints(candidate, [horizon]), self.size
         free = np.r_[:n, n + AT_REST + 1 : len(both.Xy)]
         residual = Gram(both.XX, both.Xy - both.XX[:, n] * mass, 0.0, 0)
@@ -116,7 +116,7 @@ class Beside:
         return np.concatenate([fixed, residual.posterior(free)[0][n:]])
 
     def joints(self, candidate: White, horizons: Sequence[float]) -> list[Gram]:
-        """Gram matrices of the others and the candidate up to these horizons, from one pass over the rows."""
+        """Return Gram matrices of others and candidate up to these horizons [s], from one pass over the rows."""
         n, k = self.size, candidate.size
         PX, PP, Py = np.zeros((k, n)), np.zeros((k, k)), np.zeros(k)
         done = dict.fromkeys((e.name for e in self._flights), 0)

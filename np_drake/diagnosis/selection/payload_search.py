@@ -1,4 +1,4 @@
-"""Which payloads deserve a place in the search: lengths by a fine profile, then each followed to where it fits best.
+"""Payload candidates: a profile over lengths, then each followed to where it fits best.
 
 A swing drifts out of step with a tether of another length within a few periods, so that lengths must lie within 3 %
 of one another. And a wide swing is slower than a narrow one: columns that are linear about rest lose its phase within
@@ -40,7 +40,7 @@ class PayloadSearch:
     def best(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
     ) -> list[Candidate]:
-        """The `payloads_kept` best payloads, of different lengths; none where `others` leave nothing for any length.
+        """Return the `payloads_kept` best payloads of different lengths; none where `others` explain as much.
 
         They are followed beside the others, as there may be more than a payload; and beside `nuisance` alone, as
         effects that are not there take from a payload what a guess does not yet explain, and it loses its way.
@@ -50,7 +50,7 @@ class PayloadSearch:
     def followed(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
     ) -> list[tuple[Guess, Candidate]]:
-        """As `best`, with the guesses."""
+        """Return the best payloads with their guesses."""
         if PAYLOAD not in LIBRARY:
             return []
         rich = Beside(self._flights, noise, [*nuisance, *others], self._onset)
@@ -74,7 +74,7 @@ class PayloadSearch:
     def from_guesses(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], guesses: Sequence[Guess]
     ) -> list[tuple[Guess, Candidate]]:
-        """Followed from guesses whose swing is not known."""
+        """Return payloads followed from guesses whose swing is not known."""
         alone = Beside(self._flights, noise, nuisance, self._onset)
         found = [self._follow(alone, dc.replace(g, swing={}), HORIZONS[0]) for g in guesses]
         return self._distinct([(alone.gain(alone.white(p), math.inf)[0], p) for p in found if p is not None])
@@ -92,7 +92,7 @@ class PayloadSearch:
         return kept
 
     def profile(self, noise: NoiseModel, others: Sequence[Candidate]) -> np.ndarray:
-        """(lengths,) log evidence that a payload adds to the others."""
+        """Return (lengths,) the log evidence that a payload adds to the others."""
         beside = Beside(self._flights, noise, others, self._onset)
         return self._profiles(beside, beside)[len(ENDS) - 1]
 
@@ -113,7 +113,7 @@ class PayloadSearch:
         return list(np.transpose(gains))
 
     def when(self, noise: NoiseModel, nuisance: Sequence[Candidate], guess: Guess) -> Onset:
-        """The onsets, sharpened: where a payload like the guess, its swing free, explains the seconds about them."""
+        """Return sharpened onsets [s] of a payload like the guess, its swing free."""
         found = dict(self._onset or {})
         for e in self._flights:
             near = found.get(e.name)

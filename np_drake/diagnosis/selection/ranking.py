@@ -1,4 +1,4 @@
-"""Step 3: which effects. The best model (`best_model`) among its rivals, all parameters of each refined."""
+"""Ranking of the best model among its rivals, all parameters of each refined."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -17,9 +17,9 @@ from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
 
 @dc.dataclass(frozen=True)
 class Ranking:
-    """Models refined, best first, with the probability of every effect and the noise they were judged with.
+    """Refined models, best first, with the probability of every effect and the noise.
 
-    named: the effects of the best model without the generic structure beside them, which would share their figures.
+    named: the effects of the best model without the generic structure beside them, which would share their parameters.
     """
 
     fits: tuple[Fit, ...]
@@ -34,12 +34,12 @@ class Ranking:
 
 
 def rank(flights: Sequence[FlightResiduals], *, options: Options | None = None) -> Ranking:
-    """The models of these (training) flights, best first."""
+    """Return the ranking of models of these training flights."""
     return ranked(find_map_model(flights, options))
 
 
 def ranked(found: SearchResult) -> Ranking:
-    """The best model among its rivals, each refined."""
+    """Return the best model ranked among its rivals, each refined."""
     problem, best, options, noise = found.problem, found.best, found.options, found.noise
     refined = _refined(problem, found.models, best, noise)
     models = [*found.models, *(m for m in refined if m not in found.models)]
@@ -64,7 +64,7 @@ def ranked(found: SearchResult) -> Ranking:
 
 
 def of_fits(ranking: Ranking, fits: Sequence[Fit]) -> Ranking:
-    """The ranking of its own fits as they are scored now; for rankings without generic structure in the best."""
+    """Return the ranking by the present scores of its fits; for rankings without generic structure in the best."""
     fits = sorted(fits, key=lambda f: precedence(f, ranking.options))
     probability = probabilities(ranking.problem, ranking.models, fits)
     named = with_isotropic_prior(fits[0], ranking.options.priors)
@@ -136,13 +136,13 @@ def _structured_noise(
 
 
 def bare(problem: RegressionProblem, model: Model) -> Model:
-    """The model without generic structure: that may stand for what linear columns of its effects get wrong."""
+    """Return the model without generic structure."""
     members = tuple(i for i in model.members if not problem.candidates[i].generic)
     return model if members == model.members else Model(members, problem.score(members))
 
 
 def simpler(problem: RegressionProblem, model: Model, fit: Fit) -> list[Model]:
-    """The model without its faint effects, all and each: columns that are only linear may have asked for them.
+    """Return the model without its faint effects, all and each.
 
     Faint is an effect whose whitened predicted residual is less than the share `faint` of that of all: what linear
     columns get wrong. And one that shifts commands against states beside another that shifts them more: these are tried
@@ -169,7 +169,7 @@ def simpler(problem: RegressionProblem, model: Model, fit: Fit) -> list[Model]:
 
 
 def _vague(fit: Fit, names: tuple[str, ...], level: float) -> bool:
-    """Are there no figures of these effects that the fit tells from none?"""
+    """Return whether no parameter of these effects is significant."""
     own = [i for i, t in enumerate(fit.terms) if t.effect.identifier in names]
     return bool(own) and not any(fit.is_significant(i, level) for i in own)
 
@@ -191,12 +191,12 @@ def _trace(fit: Fit, names: tuple[str, ...] | None, problem: RegressionProblem) 
 
 
 def precedence(fit: Fit, options: Options) -> float:
-    """The least goes first: the best score, but generic structure gives way to effects that are nearly as good."""
+    """Return the order of a fit, least first: by score, with generic structure handicapped."""
     return -score_of(fit, options.priors) + (options.search.generic_margin if fit.generic else 0.0)
 
 
 def score_of(fit: Fit, priors: Priors) -> float:
-    """Log evidence with the priors of its effects and onsets, and what unseen flights said, where they were asked."""
+    """Return the log evidence with priors of effects and onsets, and held-out evidence where it was asked."""
     prior = prior_of(names_of_fit(fit), priors) + sum(g.candidate.log_prior for g in fit.generic)
     return fit.log_evidence + prior + fit.onset_prior + fit.held_out_evidence
 
@@ -210,12 +210,12 @@ def _distinct(problem: RegressionProblem, models: Sequence[Model]) -> list[Model
 
 
 def names_of(problem: RegressionProblem, model: Model) -> tuple[str, ...]:
-    """Identifiers of a model, sorted."""
+    """Return the identifiers of a model, sorted."""
     return tuple(sorted(name for i in model.members for name in problem.candidates[i].identifiers))
 
 
 def names_of_fit(fit: Fit) -> tuple[str, ...]:
-    """Identifiers of a fit, generic ones too, sorted."""
+    """Return the identifiers of a fit, generic ones too, sorted."""
     generic = [name for g in fit.generic for name in g.candidate.identifiers]
     return tuple(sorted([*(t.effect.identifier for t in fit.terms), *generic]))
 
@@ -223,7 +223,7 @@ def names_of_fit(fit: Fit) -> tuple[str, ...]:
 def probabilities(
     problem: RegressionProblem, models: Sequence[Model], fits: Sequence[Fit]
 ) -> dict[str, float]:
-    """Of every effect: the share of the models that hold it, each with its (refined, where it is) evidence."""
+    """Return for every effect the share of evidence of the models that hold it [1]."""
     scored = {id(f): score_of(f, problem.options.priors) for f in fits}
     refined = {names_of_fit(f): scored[id(f)] for f in sorted(fits, key=lambda f: scored[id(f)])}
     linear = {names_of(problem, m): m.score for m in _distinct(problem, models)[:200]}

@@ -1,4 +1,4 @@
-"""What is left of a flight as level forces over bins of a tenth of a second, and the covariance of gusts in them."""
+"""Residual forces averaged over bins of 0.1 s, and the covariance of gusts in them."""
 
 import numpy as np
 from scipy import linalg
@@ -13,48 +13,48 @@ SPAN = 20.0  # what lies farther apart counts as independent [s]
 
 
 def forces(e: FlightResiduals, residual: np.ndarray) -> np.ndarray:
-    """(k, 3) force in W of what is left (m, 15), averaged over bins [N]."""
+    """Return (k, 3) the residual force in W averaged over bins [N], from a residual (m, 15)."""
     return binned(e, attitude.rotate(e.q, residual[:, FORCE]))
 
 
 def drags(e: FlightResiduals) -> np.ndarray:
-    """(k, 3, 3) force in W of a unit drag along each axis of the body (the last), averaged over bins [m/s]."""
+    """Return (k, 3, 3) the force in W of a unit drag along each body axis (the last), averaged over bins [m/s]."""
     units = [Term(LinearDrag(*axis)) for axis in np.eye(3).tolist()]
     return np.stack([forces(e, predicted_residual(e, [unit])) for unit in units], axis=-1)
 
 
 def binned(e: FlightResiduals, values: np.ndarray) -> np.ndarray:
-    """(k, a) means over bins of values (m, a) on the grid."""
+    """Return (k, a) the means over bins of values (m, a) on the grid."""
     size = _size(e)
     return values[: len(values) // size * size].reshape(-1, size, values.shape[1]).mean(axis=1)
 
 
 def width(e: FlightResiduals) -> float:
-    """Of a bin [s]."""
+    """Return the width of a bin [s]."""
     return _size(e) * e.grid.step
 
 
 def instants(e: FlightResiduals) -> np.ndarray:
-    """(k,) at which bins begin [s]."""
+    """Return (k,) the times at which bins begin [s]."""
     return e.t[0] + width(e) * np.arange(len(e.t) // _size(e))
 
 
 def spans(e: FlightResiduals, values: np.ndarray, begin: float | None) -> list[np.ndarray]:
-    """Bins (k, a) of a flight from `begin` on [s] (None: from the start), in pieces of at most `SPAN`."""
+    """Return bins (k, a) of a flight from `begin` on [s] (None: from the start), in pieces of at most `SPAN`."""
     later = values[0 if begin is None else np.searchsorted(instants(e), begin) :]
     most = round(SPAN / width(e))
     return [later[i : i + most] for i in range(0, len(later), most) if len(later) - i > 1]
 
 
 def blows(e: FlightResiduals, begin: float | None) -> bool:
-    """Are there bins from `begin` on [s] (None: from the start) to read a wind from?"""
+    """Return whether there are bins from `begin` on [s] (None: from the start) to estimate a wind from."""
     return bool(spans(e, instants(e)[:, None], begin))
 
 
 def factor(
     n: int, width: float, deviation: float, time: float, white: float, common: float = 0.0
 ) -> np.ndarray:
-    """(n, n) lower Cholesky factor of the covariance of n bins, in each of which a Gauss-Markov process is averaged.
+    """Return (n, n) the lower Cholesky factor of the covariance of n bins of an averaged Gauss-Markov process.
 
     width [s]: of a bin.   deviation [N], time [s]: of the process.   white [N]: deviation of a bin's noise.
     common [N]: of what all bins share.   Source: own derivation: the double integral of exp(-|t| / time) over bins.

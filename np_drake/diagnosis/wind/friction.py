@@ -1,4 +1,4 @@
-"""Does a force that is taken for gusts know which way the vehicle goes? A line that rubs does; gusts do not."""
+"""Test of a slow force for dry friction against the way over ground, which gusts do not have."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -17,7 +17,7 @@ FRICTION = 3  # its column, after three drags and before a mean force along each
 def dry_friction(
     flights: Sequence[FlightResiduals], felt: Mapping[str, np.ndarray], begins: Begins, gusts: WindForce
 ) -> float:
-    """A force of one size against the way over ground beside drag and gusts, in its deviations; above 0: there is one.
+    """Return the dry friction beside drag and gusts, in its standard deviations [1]; above 0: there is one.
 
     The lesser of two: gusts bias the estimate without instruments away from friction, and the other not at all.
     0 where nothing moves.

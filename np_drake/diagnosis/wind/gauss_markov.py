@@ -1,4 +1,4 @@
-"""How strong and how long gusts are: the likelihood of a Gauss-Markov force under white noise, its mean unknown."""
+"""Estimate of the strength and correlation time of gusts as a Gauss-Markov force under white noise."""
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
@@ -39,7 +39,7 @@ class WindForce:
 def wind_force(
     flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins
 ) -> WindForce:
-    """Of what is left (m, 15) of the flights, from when the wind begins on [s].
+    """Return the wind force that a residual (m, 15) by flight shows from the begin of the wind on.
 
     Source: restricted maximum likelihood, the mean of each axis taken out; the intervals by its curvature in the
     logarithms. Deviation and correlation time are those of the two level axes together.

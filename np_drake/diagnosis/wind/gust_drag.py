@@ -1,4 +1,4 @@
-"""The drag that feels gusts: a vehicle yields to a gust, which least squares would take for less drag."""
+"""Estimate of the drag that feels gusts, free of the bias of a vehicle that yields to them."""
 
 import dataclasses as dc
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,11 +28,11 @@ def drag_in_gusts(
     begins: Begins,
     priors: Priors,
 ) -> Cause | None:
-    """The drag with figures and intervals under the gusts' own covariance; None where no wind acts through it.
+    """Return the drag with parameters and intervals under the covariance of gusts; None where it feels no wind.
 
-    As it is, where it has no such figures. Where the drag that was found would feel no wind, least squares having lost
-    it to the gusts, one is sought from its usual size. Where the drag acts before the wind begins, what is felt until
-    then counts with white noise alone.
+    The drag stays as it is where it has no such parameters. Where the drag that was found would feel no wind, least
+    squares having lost it to the gusts, one is sought from its usual size. Where the drag acts before the wind begins,
+    what is felt until then counts with white noise alone.
 
     Args:
         felt: by flight, (m, 15) what drag and wind together leave in it.
@@ -60,19 +60,19 @@ def drag_in_gusts(
 
 
 def drag_trace(e: FlightResiduals, drag: LinearDrag, begins: Begins) -> np.ndarray:
-    """(m, 15) of a drag alone, from its begin in this flight on."""
+    """Return (m, 15) the predicted residual of a drag alone, from its begin in this flight on."""
     return predicted_residual(e, [Term(drag, {e.name: begins.get(e.name)})])
 
 
 def _feels(d: np.ndarray) -> bool:
-    """Is it a drag, within what is physical, that a wind acts through?"""
+    """Return whether a wind acts through this drag: physical, and not negligible."""
     inside = all(p.lower <= value <= p.upper for p, value in zip(FIGURES, d, strict=True))
     return inside and float(np.mean(d[:2])) > WEAKEST
 
 
 @dc.dataclass(frozen=True)
 class _Piece:
-    """Bins in a row: force (k, 3) in W [N]; columns (k, 3, 3) of a unit drag [m/s]; blown: does the wind?"""
+    """Bins in a row: force (k, 3) in W [N]; columns (k, 3, 3) of a unit drag [m/s]; blown: whether the wind blows."""
 
     force: np.ndarray
     columns: np.ndarray

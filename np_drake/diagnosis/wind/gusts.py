@@ -1,6 +1,6 @@
-"""Slow forces that no effect explains: gusts, felt through the drag that was found.
+"""Gusts as a cause: slow forces that no effect explains, felt through the drag that was found.
 
-Gusts have no shape that an unseen flight would repeat; what tells them is that sensors alone do not make such a force
+Gusts have no shape that a held-out flight would repeat; what tells them is that sensors alone do not make such a force
 (`slow_force`). What is tied to a place, the command or the motion is asked about first (`unknown`).
 """
 
@@ -32,11 +32,11 @@ def as_gusts(
     options: Options,
     held_out: Sequence[FlightResiduals] = (),
 ) -> list[Cause]:
-    """The causes with gusts among them, where a drag was found through which they can act; else as they are.
+    """Return the causes with gusts among them, where a drag was found through which they can act.
 
-    felt: by flight, (m, 15) what drag and wind together leave in it: in those of which the figures are, and in unseen
-    ones, in which the wind may begin as well. A steady wind among the causes becomes the mean of the gusts.
-    Gusts do not repeat: they explain no unseen flight. Stronger than a wind can be they are none, nor where they rub
+    felt: by flight, (m, 15) what drag and wind together leave in it: in those of which the parameters are, and in
+    held-out ones, in which the wind may begin as well. A steady wind among the causes becomes the mean of the gusts.
+    Gusts do not repeat: they explain no held-out flight. Stronger than a wind can be they are none, nor where they rub
     against the way over ground.
     """
     thresholds = options.thresholds
@@ -69,7 +69,7 @@ def as_gusts(
 
 
 def _too_strong(force: WindForce, drag: Cause, strongest: float) -> bool:
-    """Would the wind have to vary by more than one does, however large in its interval the drag that feels it is?"""
+    """Return whether the wind would vary more than winds do even through the largest drag of the interval."""
     most = np.mean([max(map(abs, drag.parameters[name].ci95)) for name in ("d_x", "d_y")])
     return bool(force.deviation[0] > strongest * most)
 
@@ -83,7 +83,7 @@ def _known(causes: Sequence[Cause], drag: Cause) -> dict[str, float | None]:
 def _statistics(
     flights: Sequence[FlightResiduals], force: WindForce, drag: Cause, options: Options
 ) -> dict[str, Estimate]:
-    """Figures of the wind [m/s, s] from those of its force: a drag is known to a share, a rig's axes to an angle."""
+    """Parameters of the wind [m/s, s] from those of its force, as uncertain as the drag and the sensors' axes."""
     d = np.array([drag.parameters[f"d_{axis}"].value for axis in "xyz"])
     d[np.abs(d) < TINY] = TINY
     level = float(np.abs(d[:2]).mean())

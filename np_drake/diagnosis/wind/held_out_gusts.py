@@ -1,4 +1,4 @@
-"""TODO."""
+"""Held-out flights under gusts."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from np_drake.diagnosis.result import Cause
 
 
 def in_gusts(held: HeldOut, causes: Sequence[Cause], flights: Sequence[FlightResiduals]) -> HeldOut:
-    """The same where the wind is one of gusts: all that is foreseen of it, its mean, in the place of a steady wind.
+    """Return the held-out flights with the mean of the gusts in the place of a steady wind.
 
     causes: the gusts and the drag that feels them among them, each from when on it acts.
     """

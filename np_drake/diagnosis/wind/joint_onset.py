@@ -1,4 +1,4 @@
-"""When gusts begin in every flight, and whether the drag that feels them begins with them."""
+"""Onset of gusts in every flight, alone or together with the drag that feels them."""
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from np_drake.effects.linear_drag import LinearDrag
 
 @dc.dataclass(frozen=True)
 class GustOnset:
-    """Gusts that are felt through `drag` in `flights`, of which their figures are, and in `unseen` ones.
+    """Gusts felt through `drag`, with parameters from training flights, in these and in held-out flights.
 
     felt: by flight, (m, 15) what drag and wind together leave in it.
     """
@@ -28,10 +28,10 @@ class GustOnset:
     options: Options
 
     def begins(self, known: Begins) -> tuple[dict[str, float | None], dict[str, float | None]]:
-        """By flight, when the wind begins by its power, taken to be `known` [s], and when the drag does.
+        """Return by flight when the wind begins [s], given the `known` onsets, and when the drag does.
 
         A drag that begins with the wind in one flight does so in all. Flights of the fit say whether it does: what an
-        unseen one seems to show moves nothing in them.
+        held-out one seems to show moves nothing in them.
         """
         priors = self.options.priors
         acts: Begins = self.drag.onset

@@ -1,4 +1,4 @@
-"""Is a slow force tied to a place? Gusts do not know where the vehicle is."""
+"""Test of a slow force for dependence on position, which gusts do not have."""
 
 from collections.abc import Mapping, Sequence
 
@@ -16,12 +16,12 @@ TINY = 1e-9  # [m], for a height that is kept
 def position_p_value(
     flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], begins: Begins
 ) -> float:
-    """Probability that gusts, which do not know where the vehicle is, follow its place as much as this force does [1].
+    """Return the probability that gusts follow the position as much as this force does [1].
 
     Source: likelihood ratio of a level force that is quadratic in the position (a jet pushes in the middle of a
     flight, which nothing linear tells) beside gusts, a mean in each span and a drag (which may be found too weak),
     under the gusts' covariance, as strong in each flight as they are there: half a chi-squared of at most eighteen.
-    left: (m, 15) by flight, what is left of it.   begins: by flight, when the wind begins [s].
+    residual: (m, 15) by flight, what is left of it.   begins: by flight, when the wind begins [s].
     """
     wind = wind_force(flights, residual, begins)
     x = np.concatenate([e.rows.x[:, P] for e in flights])

@@ -1,9 +1,10 @@
-"""Is there a force in the air? By how much slow residuals are likelier with one than by what sensors do alone.
+"""Log evidence of a slow force in the air over sensor errors alone, by Whittle's likelihood.
 
 A force acts on position and accelerometer alike. An attitude that wanders turns the thrust that is taken out of the
 one; an accelerometer that drifts errs in the other, which counts where the attitude that turned it to W is known: it
 reads the force across the thrust whatever the attitude.   Source: Whittle's likelihood, cosine transforms in the place
-of Fourier's (the spectra are steep); priors of the sensors as a rig's tolerances say, those of the force own choice.
+of Fourier's (the spectra are steep); priors of the sensors as the tolerances of real sensors say, those of the force
+own choice.
 """
 
 import dataclasses as dc
@@ -23,7 +24,7 @@ STARTS = (0.2, 1.0)  # of the force's size, over the attitude's
 
 @dc.dataclass(frozen=True)
 class SlowForce:
-    """log_evidence: of a Gauss-Markov force over sensors alone [1].   deviation: its, of each level axis [N]."""
+    """Log evidence of a Gauss-Markov force over sensors alone, and its deviation by level axis [N]."""
 
     log_evidence: float
     deviation: float
@@ -47,7 +48,7 @@ class _Spectra:
 def slow_force(
     flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray], options: Options
 ) -> SlowForce:
-    """In what is left (m, 15) of the flights."""
+    """Return the evidence of a slow force in a residual (m, 15) by flight."""
     spectra = [_spectra(e, residual[e.name]) for e in flights]
     mass, gravity = flights[0].vehicle.mass, flights[0].vehicle.gravity
     centre, spread = _prior(options, gravity, max(len(s.values) for s in spectra))
@@ -72,7 +73,7 @@ def slow_force(
 
 
 def slow_power(flights: Sequence[FlightResiduals], residual: Mapping[str, np.ndarray]) -> float:
-    """Of what is left (m, 15), as position shows it: mean square of a level axis, its mean apart [N²].
+    """Return the mean square of the slow force on a level axis, its mean apart [N²], from a residual (m, 15) by flight.
 
     In the body as in W: an attitude that is read askew turns with a vehicle that yaws.
     """

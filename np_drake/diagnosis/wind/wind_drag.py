@@ -1,4 +1,4 @@
-"""A drag too small to be named by itself, where gusts are there that have to be felt through one."""
+"""Drag too small to be named by itself, added where gusts have to be felt through one."""
 
 import dataclasses as dc
 
@@ -11,7 +11,7 @@ from np_drake.diagnosis.wind.wind_onset import wind_begins
 
 
 def with_drag(ranking: Ranking) -> Ranking:
-    """The same with a linear drag in the model that is named, where flights do not speak against it; else as it is.
+    """Return the ranking with a linear drag in the named model, where flights do not speak against it.
 
     Gusts and a drag are as rare together as something that is not in the library; what is left is what the flights
     themselves say of the drag, its prior apart. Where the slow force begins in flight, so may the drag.

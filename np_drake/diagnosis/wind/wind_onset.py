@@ -1,4 +1,4 @@
-"""When a wind begins: the instant from which gusts are likelier than what sensors alone do."""
+"""Onset of a wind: the instant from which gusts are likelier than sensor errors alone."""
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
@@ -35,7 +35,7 @@ class Asked:
 
 @dc.dataclass(frozen=True)
 class Begin:
-    """at: when the wind begins [s]; None: from the start; infinite: not at all.   loss: -2 log likelihood of it."""
+    """When the wind begins [s] (None: from the start; infinite: not at all), and its -2 log likelihood."""
 
     at: float | None
     loss: float
@@ -50,12 +50,13 @@ def wind_onset(
     priors: Priors,
     asked: Asked | None = None,
 ) -> Begin:
-    """When the wind begins that was taken to begin at `begin` [s] (None: from the start; infinite: not at all).
+    """Return when the wind begins, given a known onset [s] (None: from the start; infinite: not at all).
 
     Gusts show by their power at once, where their mean, by which an onset is found first, may take a second, or miss
     it. What was known stays where a better one gains less than is asked: it was found beside the drag, which is felt
     without gusts as well.   Source: likelihood of a change point; the two sides independent (own choice).
-    left: (m, 15) what is left of the flight while it blows.   before: (k,) `loss_of_calm` of what is left until then.
+    residual: (m, 15) what is left of the flight while it blows.   before: (k,) `loss_of_calm` of what is left until
+    then.
     """
     asked = asked or Asked(priors.wind_onset_gain, priors.wind_onset_gain)
     bins, t = forces(e, residual)[:, :2], instants(e)
@@ -78,7 +79,7 @@ def wind_begins(
     known: Begins,
     options: Options,
 ) -> Begins:
-    """When it begins in each flight by its own power [s], from where it is taken to; left: (m, 15) by flight."""
+    """Return by flight when the wind begins by its own power [s], given known onsets and residuals (m, 15)."""
     begins = known
     for _ in range(ROUNDS):
         wind = wind_force(flights, residual, begins)
@@ -91,10 +92,10 @@ def wind_begins(
 
 
 def loss_of_calm(e: FlightResiduals, residual: np.ndarray, wind: WindForce, options: Options) -> np.ndarray:
-    """(k,) -2 log likelihood of the level forces in the bins before each bin of a flight, without a wind.
+    """Return (k,) the -2 log likelihood of the level forces in the bins before each bin, without a wind.
 
-    left: (m, 15) what is left of it while it is calm.   A laboratory's sensors leave white noise, as the wind has it
-    at least. A rig's attitude errs slowly as well, a Gauss-Markov process about the tolerance in size, whichever fits
+    residual: (m, 15) what is left of it while it is calm.   Ideal sensors leave white noise, as the wind has it
+    at least. A real attitude errs slowly as well, a Gauss-Markov process about the tolerance in size, whichever fits
     best; its white noise is that of the whole flight.   Source: profile likelihood; own choice of the grid.
     """
     bins = forces(e, residual)[:, :2]

@@ -224,10 +224,10 @@ def test_what_the_motion_tells_apart_is_not_named_beside_it(drag):
 
 
 def test_a_mass_that_comes_in_flight_is_no_error_of_the_file():
-    rig = Tolerance()
+    rig = REAL
     assert within_calibration(Term(MassError(0.1)), rig)
     assert not within_calibration(Term(MassError(0.1), {"a": 3.0}), rig)
-    assert not within_calibration(Term(MassError(0.1)), IDEAL_SENSORS)
+    assert not within_calibration(Term(MassError(0.1)), IDEAL)
     assert not within_calibration(Term(LinearDrag()), rig)
 
 

@@ -23,7 +23,7 @@ from np_drake.effects.weak_rotor import WeakRotor
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 PRIORS = REAL.priors
-THRESHOLDS = REAL.thresholds
+LEVEL = REAL.thresholds.significance
 
 SEEDS = 40
 
@@ -183,14 +183,14 @@ def test_figures_that_only_together_differ_from_none_are_told_and_a_figure_that_
 
     against = np.array([[1.0, -0.99, 0.0], [-0.99, 1.0, 0.0], [0.0, 0.0, 1.0]])
     assert fit(0.04 * against, [0.2, 0.2, 0.0]).is_significant(
-        0
-    )  # each is one deviation from none, their sum ten
-    assert not fit(0.04 * np.eye(3), [0.2, 0.2, 0.0]).is_significant(0)
-    assert fit(0.0025 * np.eye(3), [0.2, 0.2, 0.0]).is_significant(0)
+        0, LEVEL
+    )  # each is one deviation off, their sum ten
+    assert not fit(0.04 * np.eye(3), [0.2, 0.2, 0.0]).is_significant(0, LEVEL)
+    assert fit(0.0025 * np.eye(3), [0.2, 0.2, 0.0]).is_significant(0, LEVEL)
     size = len([f for f in free if f.term == 1])
     nothing = fit(1e-4 * np.eye(size), [0.0, 0.6, 0.0, 0.0, 0.0])  # no payload, of a length that is known
-    assert not nothing.is_significant(0, level=THRESHOLDS.significance)
-    assert fit(1e-4 * np.eye(size), [0.1, 0.6, 0.0, 0.0, 0.0]).is_significant(0)
+    assert not nothing.is_significant(0, LEVEL)
+    assert fit(1e-4 * np.eye(size), [0.1, 0.6, 0.0, 0.0, 0.0]).is_significant(0, LEVEL)
 
 
 @pytest.mark.parametrize(
@@ -214,7 +214,7 @@ def test_a_wind_is_told_by_how_it_pushes_however_little_is_known_of_its_drag(pus
         1,
     )
     assert wind[0] < 2.0 * np.sqrt(covariance[3, 3])  # by itself it may as well be none
-    assert dut.is_significant(1, level=THRESHOLDS.significance) is told
+    assert dut.is_significant(1, LEVEL) is told
 
 
 def told_beside_a_drag(drag, wind, deviation):
@@ -222,7 +222,9 @@ def told_beside_a_drag(drag, wind, deviation):
     terms = (Term(LinearDrag(*drag)), Term(wind))
     free = tuple(f for f in free_parameters(terms, [], {}, priors=PRIORS) if not f.flight)
     values = read(terms, free)
-    return Fit(terms, (), free, values, deviation**2 * np.eye(len(values)), 0.0, 0.0, 1).is_significant(1)
+    return Fit(terms, (), free, values, deviation**2 * np.eye(len(values)), 0.0, 0.0, 1).is_significant(
+        1, LEVEL
+    )
 
 
 def test_a_wind_is_told_where_along_one_axis_there_is_neither_wind_nor_drag():

@@ -196,7 +196,7 @@ def test_a_swing_that_one_span_does_not_show_is_followed_from_the_start(seen, no
     flight = seen(name="c", seed=4, noise=1.0)
     thrown = Term(PAYLOAD, hidden={"c": wide})
     flight = dc.replace(flight, y=flight.y + predicted_residual(flight, [thrown]))
-    trace = _span_by_span([thrown], 0, flight, noise)
+    trace = _span_by_span([thrown], 0, flight, noise, REAL.priors)
     inside = flight.t < HIDDEN_SPAN
     residual = [
         np.sum(flight.white(noise, flight.y - y)[inside[20:]] ** 2)

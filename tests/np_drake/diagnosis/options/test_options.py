@@ -1,0 +1,49 @@
+"""Laws of the options: what real and ideal sensors share, and that a diagnosis obeys those it is given."""
+
+import dataclasses as dc
+
+import pytest
+
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.options import Options, Priors
+from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
+from np_drake.effects.mass_error import MassError
+from np_drake.vehicle import Vehicle
+
+REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
+
+
+def test_options_hold_the_tolerance_of_their_sensors_or_ones_own():
+    assert (REAL.tolerance, IDEAL.tolerance) == (Tolerance(), IDEAL_SENSORS)
+    own = Tolerance(mass=0.02)
+    assert Options.for_sensors(True, own) == dc.replace(REAL, tolerance=own)
+
+
+def test_ideal_sensors_show_smaller_effects_and_leave_less_unexplained():
+    assert IDEAL.materiality.effect_force < REAL.materiality.effect_force
+    assert IDEAL.materiality.exactness < REAL.materiality.exactness == 1.0
+    for name in ("split_misfit", "misfit", "slow_torque"):
+        assert getattr(IDEAL.thresholds, name) < getattr(REAL.thresholds, name)
+    assert IDEAL.thresholds.sure > REAL.thresholds.sure
+    assert IDEAL.search == REAL.search
+
+
+def test_generic_structure_and_a_late_clock_are_less_likely_than_an_effect():
+    dut = Priors()
+    assert dut.of_effect("linear_drag") == dut.effect
+    assert dut.of_effect("clock_offset") == dut.effect - dut.clock_offset
+    assert dut.of_effect("unknown:place") == dut.of_effect("unknown") == dut.effect - dut.generic
+
+
+def test_a_mass_that_is_immaterial_by_the_options_is_no_cause(fly):
+    logs = [fly(MassError(0.2), name=n, seed=i, noise=1.0, seconds=8.0) for i, n in enumerate("abc", 1)]
+    blunt = dc.replace(IDEAL, materiality=dc.replace(IDEAL.materiality, least_gap=1.1))
+    how = {"adaptive_split": False}
+    sharp = diagnose(Vehicle(), logs[:2], logs[2:], options=IDEAL, **how)
+    assert sharp.verdict == ("mass_error",)
+    assert diagnose(Vehicle(), logs[:2], logs[2:], options=blunt, **how).verdict == ()
+
+
+def test_tolerance_and_options_together_are_refused():
+    with pytest.raises(ValueError, match="either tolerance or options"):
+        diagnose(Vehicle(), [], [], tolerance=Tolerance(), options=REAL)
