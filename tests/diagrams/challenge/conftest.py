@@ -11,7 +11,7 @@ from diagrams.challenge.simulators.drake import simulator
 SECONDS = 2.5
 
 
-@pytest.fixture(scope="package", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def short_warm_up():
     """The laws hold from any start; a settled one only takes longer."""
     with pytest.MonkeyPatch.context() as patch:
