@@ -4,9 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.adequacy.residual_tests import (
-    material_structure,
-)
+from np_drake.diagnosis.adequacy.residual_tests import material_structure
 from np_drake.diagnosis.fitting import Fit, Generic
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.held_out import HeldOut, adapt

@@ -2,9 +2,7 @@
 
 import dataclasses as dc
 
-from np_drake.diagnosis.adequacy.residual_tests import (
-    UNSEEN,
-)
+from np_drake.diagnosis.adequacy.residual_tests import UNSEEN
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.result import Finding
 

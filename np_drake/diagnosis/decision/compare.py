@@ -83,7 +83,7 @@ def _knows_its_place(
 
 
 def _felt_from(terms: Sequence[Term], flight: str) -> float | None:
-    """When a drag begins in a flight [s]; None: from the start, or there is none."""
+    """Return when a drag begins in a flight [s]; None: from the start, or there is none."""
     return next((t.begins(flight) for t in terms if t.effect.identifier == DRAG), None)
 
 

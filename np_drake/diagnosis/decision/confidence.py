@@ -4,16 +4,12 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.diagnosis.adequacy import (
-    Unexplained,
-)
+from np_drake.diagnosis.adequacy import Unexplained
 from np_drake.diagnosis.held_out import misfit
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import PREFIX
 from np_drake.diagnosis.result import Cause, Finding
-from np_drake.diagnosis.selection import (
-    Ranking,
-)
+from np_drake.diagnosis.selection import Ranking
 
 
 def leaves_more_than_noise(ranking: Ranking, unexplained: Unexplained, *, gusty: bool = False) -> bool:

@@ -2,9 +2,7 @@
 
 import dataclasses as dc
 
-from np_drake.diagnosis.adequacy import (
-    with_fitted_resonances,
-)
+from np_drake.diagnosis.adequacy import with_fitted_resonances
 from np_drake.diagnosis.decision.cause_report import PROBABILITY
 from np_drake.diagnosis.decision.causes import causes_of
 from np_drake.diagnosis.decision.compare import Comparison, has_slow_force

@@ -5,18 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.adequacy import (
-    Unexplained,
-)
+from np_drake.diagnosis.adequacy import Unexplained
 from np_drake.diagnosis.decision.compare import Comparison, residual_beside_named
 from np_drake.diagnosis.decision.confidence import largest_misfit
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.regressors import DRAG, GUSTY
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding
-from np_drake.diagnosis.selection import (
-    Ranking,
-)
+from np_drake.diagnosis.selection import Ranking
 from np_drake.diagnosis.wind import as_gusts, in_gusts
 
 UPRIGHT = Finding(
@@ -52,7 +48,7 @@ def _felt(
     flights: Sequence[FlightResiduals],
     held_out: Sequence[FlightResiduals],
 ) -> dict[str, np.ndarray]:
-    """By flight, (m, 15) what drag and wind leave in it: the rest, and what the fit has of them, a cause or not."""
+    """Return by flight the residual (m, 15) with the predicted residual of drag and wind added back."""
     rest = residual_beside_named(ranking, unexplained, flights, held_out)
     blown = {
         e.name: [

@@ -80,9 +80,10 @@ def judge(
 
 
 def _least_gap(fit: Fit, i: int, brought: float, options: Options) -> float:
-    """Of the gap, for term i to matter [1].   brought: log evidence that it brings to held-out flights.
+    """Return the least share of the gap at which term i is material [1].
 
-    Unlike a payload's swing, so fainter beside it, are sensors, clocks, and dead times that held-out flights bear out.
+    Beside a payload, whose swing is no ideal pendulum, it is larger, except for sensor errors and for dead times that
+    held-out flights confirm.   brought: log Bayes factor of the term on held-out flights.
     """
     effect = fit.terms[i].effect
     timed = isinstance(effect, ActuatorEffect) and effect.dead_time > 0.0

@@ -6,9 +6,7 @@ from np_drake.diagnosis.decision.compare import compare
 from np_drake.diagnosis.decision.decide import Inference, decide
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.selection import (
-    find_map_model,
-)
+from np_drake.diagnosis.selection import find_map_model
 
 
 def infer(

@@ -4,9 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.effects.base import (
-    Effect,
-)
+from np_drake.effects.base import Effect
 
 NEVER = float("inf")  # onset of an effect that is absent from a flight [s]
 

@@ -19,7 +19,7 @@ from np_drake.diagnosis.result import Cause
 class HeldOut:
     """Held-out flights under a fit: adapted terms, residual (m, 15), and rows that count, by flight.
 
-    settled: the terms with hidden states that fit the whole flight.
+    whole_flight_terms: the terms with hidden states that fit the whole flight.
     """
 
     terms: dict[str, list[Term]]
