@@ -1,0 +1,35 @@
+"""Formats of flight logs: one file each, and the list of them all."""
+
+from pathlib import Path
+
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats.format import Format
+
+FORMATS: tuple[Format, ...] = ()
+
+__all__ = ["FORMATS", "Format", "format_named", "format_of"]
+
+
+def format_of(path: str | Path) -> Format:
+    """Return the format of a file, by its first bytes and its name.
+
+    Raises: LogError: if it is of none; OSError: if it cannot be opened.
+    """
+    path = Path(path)
+    start = b"" if path.is_dir() else path.open("rb").read(4096)
+    for known in FORMATS:
+        if known.recognises(path, start):
+            return known
+    titles = ", ".join(f"{f.name} ({f.title})" for f in FORMATS)
+    raise LogError(f"{path}: must be a flight log of a known format: {titles}.")
+
+
+def format_named(name: str) -> Format:
+    """Return the format of a name.
+
+    Raises: ValueError: if there is none.
+    """
+    for known in FORMATS:
+        if known.name == name:
+            return known
+    raise ValueError(f"format must be one of {', '.join(f.name for f in FORMATS)}; got {name!r}.")

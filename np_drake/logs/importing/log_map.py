@@ -1,0 +1,156 @@
+"""Map of a log: which columns of a recording hold which quantity, in which unit and convention."""
+
+import dataclasses as dc
+from collections.abc import Iterator
+from pathlib import Path
+
+from np_drake.yaml_file import load_checked
+
+WORLDS = ("enu", "ned")  # z up (any horizontal axes), z down
+BODIES = ("flu", "frd")  # z along the thrust, z against it
+INPUTS = ("thrust", "torque", "rotor_speed", "throttle")
+TIMINGS = ("held_after", "held_before", "averaged", "sampled", "unknown")
+UNITS: dict[str, dict[str, float]] = {  # by quantity: factor to SI
+    "position": {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048},
+    "velocity": {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001, "km/h": 1 / 3.6},
+    "attitude": {"1": 1.0, "rad": 1.0, "deg": 0.017453292519943295},
+    "rates": {"rad/s": 1.0, "deg/s": 0.017453292519943295, "mrad/s": 0.001},
+    "acceleration": {"m/s2": 1.0, "g": 9.80665, "mg": 9.80665e-3, "mm/s2": 0.001},
+    "angular_acceleration": {"rad/s2": 1.0, "deg/s2": 0.017453292519943295},
+    "thrust": {"N": 1.0, "mN": 0.001, "gf": 9.80665e-3, "weight": 1.0},
+    "torque": {"N.m": 1.0, "mN.m": 0.001},
+    "rotor_speed": {"rad/s": 1.0, "rpm": 0.10471975511965977, "Hz": 6.283185307179586},
+    "throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535},
+    "hover_throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535},
+    "voltage": {"V": 1.0, "mV": 0.001},
+}
+SIZES: dict[str, tuple[int, ...]] = {  # number of columns
+    "position": (3,),
+    "velocity": (3,),
+    "attitude": (4, 3),
+    "rates": (3,),
+    "acceleration": (3,),
+    "angular_acceleration": (3,),
+    "thrust": (1,),
+    "torque": (3,),
+    "rotor_speed": (4,),
+    "throttle": (1, 4),
+    "hover_throttle": (1,),
+    "voltage": (1,),
+}
+
+
+@dc.dataclass
+class Source:
+    """Columns that hold one quantity; none: the log lacks it.
+
+    columns: `stream/column`, or `column` where one stream alone has it.
+    unit: of `UNITS`; empty: SI.   scale: factor on the columns before the unit, -1 turns a sign [1].
+    axes: `world` or `body`, of a velocity, an acceleration or rates; empty: world for velocity and dv/dt, else body.
+    kind: of an acceleration: `specific_force` (what an accelerometer reads) or `acceleration` (dv/dt).
+    order: of a quaternion: `wxyz` or `xyzw`; three columns are roll, pitch, yaw.
+    direction: of an attitude: `body_to_world` or `world_to_body`.
+    late: time by which the stamps are later than the quantity [s].
+    """
+
+    columns: list[str] = dc.field(default_factory=list)
+    unit: str = ""
+    scale: float = 1.0
+    axes: str = ""
+    kind: str = ""
+    order: str = "wxyz"
+    direction: str = "body_to_world"
+    late: float = 0.0
+
+    def __bool__(self) -> bool:
+        return bool(self.columns)
+
+
+@dc.dataclass
+class LogMap:
+    """Columns and conventions of a log (docs/reference/log-map.md).
+
+    format: of the file; empty: as it looks.   world: `enu` (z up) or `ned` (z down).   body: `flu` or `frd`.
+    command: when a row's command acts: `held_after` (from this row to the next), `held_before` (until this row),
+    `averaged` (its mean over the interval after this row), `sampled` (of a command that changes in between, as in a
+    thinned log), or `unknown`.
+    start, stop: the part to import, from the first row of the log [s]; stop 0: to its end.
+    rate: of the rows that are written [Hz]; 0: of the fastest stream that is used, at most 500 Hz.
+    """
+
+    format: str = ""
+    world: str = "enu"
+    body: str = "flu"
+    command: str = "unknown"
+    start: float = 0.0
+    stop: float = 0.0
+    rate: float = 0.0
+    position: Source = dc.field(default_factory=Source)
+    velocity: Source = dc.field(default_factory=Source)
+    attitude: Source = dc.field(default_factory=Source)
+    rates: Source = dc.field(default_factory=Source)
+    acceleration: Source = dc.field(default_factory=Source)
+    angular_acceleration: Source = dc.field(default_factory=Source)
+    thrust: Source = dc.field(default_factory=Source)
+    torque: Source = dc.field(default_factory=Source)
+    rotor_speed: Source = dc.field(default_factory=Source)
+    throttle: Source = dc.field(default_factory=Source)
+    hover_throttle: Source = dc.field(default_factory=Source)
+    voltage: Source = dc.field(default_factory=Source)
+
+    def sources(self) -> Iterator[tuple[str, Source]]:
+        """Yield name and source of every quantity that the log holds."""
+        for name in SIZES:
+            source = getattr(self, name)
+            if source:
+                yield name, source
+
+    def names(self) -> list[str]:
+        """Return the names of all columns that are used."""
+        return [column for _, source in self.sources() for column in source.columns]
+
+    def check(self) -> "LogMap":
+        """Return self after checking all fields.
+
+        Raises: ValueError: one line with field, value and what it may be.
+        """
+        _one_of("world", self.world, WORLDS)
+        _one_of("body", self.body, BODIES)
+        _one_of("command", self.command, TIMINGS)
+        for name in ("start", "stop", "rate"):
+            if not 0 <= getattr(self, name) < 1e9:
+                raise ValueError(
+                    f"LogMap: {name} must be finite and not negative; got {getattr(self, name)}."
+                )
+        for name, source in self.sources():
+            _check_source(name, source)
+        return self
+
+
+def load_map(path: str | Path) -> LogMap:
+    """Read a map of a log (YAML).
+
+    Raises: ValueError: one line with file and field, on bad content.
+    """
+    return load_checked(LogMap, path, "log map")
+
+
+def _check_source(name: str, source: Source) -> None:
+    if len(source.columns) not in SIZES[name]:
+        sizes = " or ".join(map(str, SIZES[name]))
+        raise ValueError(f"LogMap: {name} must name {sizes} columns; got {len(source.columns)}.")
+    _one_of(f"{name}.unit", source.unit, ("", *UNITS[name]))
+    _one_of(f"{name}.axes", source.axes, ("", "world", "body"))
+    _one_of(f"{name}.kind", source.kind, ("", "specific_force", "acceleration"))
+    _one_of(f"{name}.order", source.order, ("wxyz", "xyzw"))
+    _one_of(f"{name}.direction", source.direction, ("body_to_world", "world_to_body"))
+    if source.scale == 0 or not abs(source.scale) < 1e12:
+        raise ValueError(f"LogMap: {name}.scale must be finite and not zero; got {source.scale}.")
+    if not abs(source.late) <= 10:
+        raise ValueError(f"LogMap: {name}.late must be within 10 s; got {source.late}.")
+
+
+def _one_of(field: str, value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        named = ", ".join(repr(k) for k in known if k)
+        raise ValueError(f"LogMap: {field} must be one of {named}; got {value!r}.")
