@@ -99,3 +99,23 @@ def quaternion_from_axes(z_B_W: np.ndarray, yaw: np.ndarray | float) -> np.ndarr
     half = 0.5 * np.broadcast_to(np.asarray(yaw, float), w.shape)
     turn = _vector(np.cos(half), np.zeros_like(w), np.zeros_like(w), np.sin(half))
     return multiply(tilt, turn)
+
+
+def rotation_vector(q: np.ndarray) -> np.ndarray:
+    """Return the rotation vector (..., 3) [rad] of a unit quaternion (..., 4), of at most half a turn."""
+    q = np.where(q[..., :1] < 0, -q, q)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    angle = 2 * np.arctan2(sine, q[..., :1])
+    return q[..., 1:] * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 2.0)
+
+
+def from_rotation_vector(r: np.ndarray) -> np.ndarray:
+    """Return the unit quaternion (..., 4) of a rotation vector (..., 3) [rad]."""
+    angle = np.linalg.norm(r, axis=-1, keepdims=True)
+    scale = 0.5 * np.sinc(angle / (2 * np.pi))
+    return np.concatenate([np.cos(0.5 * angle), scale * r], axis=-1)
+
+
+def conjugate(q: np.ndarray) -> np.ndarray:
+    """Return the conjugate (..., 4) of a unit quaternion, its inverse rotation."""
+    return q * np.array([1.0, -1.0, -1.0, -1.0])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.residuals import FlightResiduals, Instants, Resampler, conjugate, rotation_vector
+from np_drake.diagnosis.residuals import FlightResiduals, Instants, Resampler
 from np_drake.diagnosis.residuals import flight_residuals as channels
 from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.rigid_body import Q, V, W
@@ -48,7 +48,9 @@ def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray
 def _turn_rate(t: np.ndarray, read: Measurement) -> np.ndarray:
     """Return the mean rate of the measured attitude between rows (n-1, 3) in B [rad/s]."""
     q = read.x[:, Q]
-    return rotation_vector(attitude.multiply(conjugate(q[:-1]), q[1:])) / np.diff(t)[:, None]
+    return (
+        attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:])) / np.diff(t)[:, None]
+    )
 
 
 def _specific_force(flight: FlightResiduals, read: Measurement) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Residuals of flight logs against the nominal model, on a uniform grid."""
 
 from np_drake.diagnosis.residuals.accelerations import Instants, low_pass
-from np_drake.diagnosis.residuals.attitude_smoothing import conjugate, rotation_vector, smooth_attitude
+from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
 from np_drake.diagnosis.residuals.flight_residuals import (
     FORCE,
     POSITION,
@@ -33,13 +33,11 @@ __all__ = [
     "Instants",
     "Resampler",
     "bridge",
-    "conjugate",
     "find_shocks",
     "flight_state",
     "low_pass",
     "make_flight_residuals",
     "natural_step",
     "require_flights",
-    "rotation_vector",
     "smooth_attitude",
 ]

@@ -11,26 +11,6 @@ ROUNDS = 3  # iterations that separate the two drifts; own choice
 QUIET = 1e-3  # attitude noise below which readings are used as they are [rad]
 
 
-def rotation_vector(q: np.ndarray) -> np.ndarray:
-    """Return the rotation vector (..., 3) [rad] of a unit quaternion (..., 4), of at most half a turn."""
-    q = np.where(q[..., :1] < 0, -q, q)
-    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
-    angle = 2 * np.arctan2(sine, q[..., :1])
-    return q[..., 1:] * np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 2.0)
-
-
-def from_rotation_vector(r: np.ndarray) -> np.ndarray:
-    """Return the unit quaternion (..., 4) of a rotation vector (..., 3) [rad]."""
-    angle = np.linalg.norm(r, axis=-1, keepdims=True)
-    scale = 0.5 * np.sinc(angle / (2 * np.pi))
-    return np.concatenate([np.cos(0.5 * angle), scale * r], axis=-1)
-
-
-def conjugate(q: np.ndarray) -> np.ndarray:
-    """Return the conjugate (..., 4) of a unit quaternion, its inverse rotation."""
-    return q * np.array([1.0, -1.0, -1.0, -1.0])
-
-
 def gyro_attitude(t: np.ndarray, q0: np.ndarray, w: np.ndarray) -> np.ndarray:
     """Integrate body rates to an attitude by trapezoidal rotation vectors.
 
@@ -40,7 +20,7 @@ def gyro_attitude(t: np.ndarray, q0: np.ndarray, w: np.ndarray) -> np.ndarray:
         w: (n, 3) body rates in B [rad/s].
     Returns: (n, 4) attitude.
     """
-    turns = from_rotation_vector(0.5 * (w[1:] + w[:-1]) * np.diff(t)[:, None])
+    turns = attitude.from_rotation_vector(0.5 * (w[1:] + w[:-1]) * np.diff(t)[:, None])
     out = np.empty((len(t), 4))
     pw, px, py, pz = (float(v) for v in q0)
     out[0] = q0
@@ -58,7 +38,7 @@ def gyro_attitude(t: np.ndarray, q0: np.ndarray, w: np.ndarray) -> np.ndarray:
 def _rate_bias(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> np.ndarray:
     """Return the mean error (3,) of the gyro against the attitude readings [rad/s]."""
     dt = np.diff(t)[:, None]
-    turned = rotation_vector(attitude.multiply(conjugate(q[:-1]), q[1:]))
+    turned = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
     return np.sum(0.5 * (w[1:] + w[:-1]) * dt - turned, axis=0) / (t[-1] - t[0])
 
 
@@ -88,10 +68,12 @@ def _without_drift(carried: np.ndarray, q: np.ndarray, step: float) -> np.ndarra
     """
     reading_error = np.zeros((len(q), 3))
     for _ in range(ROUNDS):
-        was = attitude.multiply(q, from_rotation_vector(-reading_error))
-        drift = _unwound(rotation_vector(attitude.multiply(was, conjugate(carried))))
-        carried = attitude.multiply(from_rotation_vector(_low_pass(drift, step, DRIFT)), carried)
-        reading_error = _low_pass(rotation_vector(attitude.multiply(conjugate(carried), q)), step, DRIFT)
+        was = attitude.multiply(q, attitude.from_rotation_vector(-reading_error))
+        drift = _unwound(attitude.rotation_vector(attitude.multiply(was, attitude.conjugate(carried))))
+        carried = attitude.multiply(attitude.from_rotation_vector(_low_pass(drift, step, DRIFT)), carried)
+        reading_error = _low_pass(
+            attitude.rotation_vector(attitude.multiply(attitude.conjugate(carried), q)), step, DRIFT
+        )
     return carried
 
 
@@ -111,8 +93,8 @@ def smooth_attitude(t: np.ndarray, q: np.ndarray, w: np.ndarray) -> tuple[np.nda
     if 0.5 / step <= 2 * CROSSOVER or len(t) < 30:
         return q, 0.0
     carried = _without_drift(gyro_attitude(t, q[0], w - _rate_bias(t, q, w)), q, step)
-    error = rotation_vector(attitude.multiply(conjugate(carried), q))
+    error = attitude.rotation_vector(attitude.multiply(attitude.conjugate(carried), q))
     noise = float(np.sqrt(np.mean(np.diff(error, n=2, axis=0) ** 2) / 6))  # white alone: biases are smooth
     if noise < QUIET:
         return q, noise
-    return attitude.multiply(carried, from_rotation_vector(_low_pass(error, step, CROSSOVER))), noise
+    return attitude.multiply(carried, attitude.from_rotation_vector(_low_pass(error, step, CROSSOVER))), noise

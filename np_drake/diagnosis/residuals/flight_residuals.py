@@ -18,7 +18,7 @@ import numpy as np
 from np_drake import attitude
 from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.residuals.accelerations import Instants, make_instants
-from np_drake.diagnosis.residuals.attitude_smoothing import conjugate, rotation_vector, smooth_attitude
+from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
 from np_drake.diagnosis.residuals.outliers import bridge
 from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Grid, Resampler, make_grid, to_grid
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
@@ -294,5 +294,5 @@ def _channels(
     al = np.diff(log.w, axis=0) / dt
     torque = al @ vehicle.J.T + np.cross(w, w @ vehicle.J.T) - u_mids[:, 1:]
     e_v = attitude.rotate_back(mids.q, np.diff(log.p, axis=0) / dt - mids.x[:, 7:10])
-    turn = rotation_vector(attitude.multiply(conjugate(log.q[:-1]), log.q[1:])) / dt
+    turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(log.q[:-1]), log.q[1:])) / dt
     return force, np.concatenate([torque, e_v, e_a, turn - w], axis=1)

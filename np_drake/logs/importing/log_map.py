@@ -50,6 +50,7 @@ class Source:
     kind: of an acceleration: `specific_force` (what an accelerometer reads) or `acceleration` (dv/dt).
     order: of a quaternion: `wxyz` or `xyzw`; three columns are roll, pitch, yaw.
     direction: of an attitude: `body_to_world` or `world_to_body`.
+    world, body: frames of this quantity, where they differ from those of the map.
     late: time by which the stamps are later than the quantity [s].
     """
 
@@ -60,6 +61,8 @@ class Source:
     kind: str = ""
     order: str = "wxyz"
     direction: str = "body_to_world"
+    world: str = ""
+    body: str = ""
     late: float = 0.0
 
     def __bool__(self) -> bool:
@@ -143,6 +146,8 @@ def _check_source(name: str, source: Source) -> None:
     _one_of(f"{name}.axes", source.axes, ("", "world", "body"))
     _one_of(f"{name}.kind", source.kind, ("", "specific_force", "acceleration"))
     _one_of(f"{name}.order", source.order, ("wxyz", "xyzw"))
+    _one_of(f"{name}.world", source.world, ("", *WORLDS))
+    _one_of(f"{name}.body", source.body, ("", *BODIES))
     _one_of(f"{name}.direction", source.direction, ("body_to_world", "world_to_body"))
     if source.scale == 0 or not abs(source.scale) < 1e12:
         raise ValueError(f"LogMap: {name}.scale must be finite and not zero; got {source.scale}.")

@@ -6,13 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from np_drake import attitude
-from np_drake.diagnosis.residuals.attitude_smoothing import (
-    conjugate,
-    from_rotation_vector,
-    gyro_attitude,
-    rotation_vector,
-    smooth_attitude,
-)
+from np_drake.attitude import conjugate, from_rotation_vector, rotation_vector
+from np_drake.diagnosis.residuals.attitude_smoothing import gyro_attitude, smooth_attitude
 from np_drake.effects.gyro_bias import GyroBias
 
 

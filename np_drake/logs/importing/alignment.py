@@ -1,0 +1,176 @@
+"""Alignment of signals of different rates and clocks to the rows of one flight log."""
+
+import dataclasses as dc
+from collections.abc import Mapping
+
+import numpy as np
+from scipy import signal as filters
+from scipy.interpolate import CubicHermiteSpline
+
+from np_drake import attitude
+from np_drake.logs.errors import LogError
+from np_drake.logs.importing.convert import convert_quantity
+from np_drake.logs.importing.interpolation import (
+    FASTER,
+    Antiderivative,
+    averaged,
+    held,
+    integrated,
+    linear,
+    turned,
+)
+from np_drake.logs.importing.log_map import LogMap
+from np_drake.logs.importing.signals import STATE, Signal
+
+FASTEST = 500.0  # rate of the rows unless another is asked for [Hz]; own choice
+COMMANDS = ("thrust", "torque", "throttle")
+READINGS = ("rotor_speed", "voltage", "hover_throttle")
+SMOOTH = 0.1  # window in which a position is differentiated where there is no velocity [s]; own choice
+GAP = 2.5  # median intervals of a signal that count as a gap [1]
+
+Signals = Mapping[str, Signal]
+
+
+@dc.dataclass(frozen=True)
+class Aligned:
+    """Quantities as `convert` returns them, at common times t (n,) [s].
+
+    filled: (n,) bool, rows that lie within a gap of a signal.   notes: what was derived, one line each.
+    """
+
+    t: np.ndarray
+    values: dict[str, np.ndarray]
+    filled: np.ndarray
+    notes: tuple[str, ...]
+
+
+def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
+    """Return the signals at common times, in SI units and our frames.
+
+    Where all signals share their times these are kept. Elsewhere rows are evenly spaced. Attitude follows the body
+    rates between its samples, velocity the accelerations, position the velocity; body rates, accelerations and rotor
+    speeds are averaged about a row; commands are averaged over the interval after it.
+
+    Raises: LogError: if position or attitude is missing, or the signals do not overlap.
+    """
+    for name in ("position", "attitude"):
+        if name not in signals:
+            raise LogError(f"{path}: the map must name columns of {name}; a flight log needs it.")
+    notes: list[str] = []
+    t, width = _rows(signals, log_map, path)
+    q_signal = signals["attitude"]
+    q_own = convert_quantity("attitude", q_signal.values, log_map)
+    q_own = attitude.one_hemisphere(q_own, q_own[0])
+    rates = _rates(signals, log_map, q_signal.t, q_own, notes)
+    fine = Antiderivative(rates.t, rates.values) if rates.step * FASTER < q_signal.step else None
+
+    def q_at(at: np.ndarray) -> np.ndarray:
+        return turned(q_signal.t, q_own, fine, at)
+
+    def in_frames(name: str) -> Signal:
+        own = signals[name]
+        return Signal(own.t, convert_quantity(name, own.values, log_map, q_at(own.t)))
+
+    out = {"attitude": q_at(t), "rates": averaged(rates.t, rates.values, t, width)}
+    a = in_frames("acceleration") if "acceleration" in signals else None
+    p = in_frames("position")
+    v = in_frames("velocity") if "velocity" in signals else _differentiated(p, notes)
+    if a is not None and a.step * FASTER < v.step:
+        out["velocity"] = integrated(v.t, v.values, Antiderivative(a.t, a.values), t)
+    else:
+        out["velocity"] = linear(v.t, v.values, t)
+    out["position"] = _position(p, v, t)
+    if a is not None:
+        out["acceleration"] = averaged(a.t, a.values, t, width)
+    if "angular_acceleration" in signals:
+        al = in_frames("angular_acceleration")
+        out["angular_acceleration"] = averaged(al.t, al.values, t, width)
+    for name in (n for n in READINGS if n in signals):
+        out[name] = averaged(signals[name].t, in_frames(name).values, t, width)
+    for name in (n for n in COMMANDS if n in signals):
+        out[name] = _command(in_frames(name), log_map.command, t)
+    return Aligned(t, out, _in_gaps(signals, t), tuple(notes))
+
+
+def common_rows(signals: Signals, rate: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return evenly spaced times (n,) and the nearest sample of every signal (n, k) at each, as logged."""
+    start, stop = _overlap(signals)
+    t = np.arange(start, stop, 1.0 / rate)
+    out = {}
+    for name, own in signals.items():
+        after = np.clip(np.searchsorted(own.t, t), 1, len(own.t) - 1)
+        nearest = np.where(t - own.t[after - 1] < own.t[after] - t, after - 1, after)
+        out[name] = own.values[nearest]
+    return t, out
+
+
+def _overlap(signals: Signals) -> tuple[float, float]:
+    needed = [s for name, s in signals.items() if name not in ("voltage", "hover_throttle")]
+    return max(float(s.t[0]) for s in needed), min(float(s.t[-1]) for s in needed)
+
+
+def _rows(signals: Signals, log_map: LogMap, path: str) -> tuple[np.ndarray, float]:
+    """Return the times of the rows, and the width over which readings are averaged (0: rows are the samples)."""
+    start, stop = _overlap(signals)
+    if not stop > start:
+        spans = ", ".join(f"{n} {s.t[0]:.4g} … {s.t[-1]:.4g} s" for n, s in signals.items())
+        raise LogError(f"{path}: the signals must overlap in time; got {spans}.")
+    own = signals["attitude"].t
+    if log_map.rate == 0 and all(len(s.t) == len(own) and np.array_equal(s.t, own) for s in signals.values()):
+        return own, 0.0
+    fast = [s.step for name, s in signals.items() if name in ("rates", "acceleration", "attitude", *COMMANDS)]
+    rate = log_map.rate or min(FASTEST, 1.0 / min(fast))
+    count = int((stop - start) * rate + 1e-6)
+    return start + np.arange(count + 1) / rate, 1.0 / rate
+
+
+def _rates(signals: Signals, log_map: LogMap, t_q: np.ndarray, q: np.ndarray, notes: list[str]) -> Signal:
+    if "rates" in signals:
+        own = signals["rates"]
+        near = linear(t_q, q, own.t)
+        near /= np.linalg.norm(near, axis=1, keepdims=True)
+        return Signal(own.t, convert_quantity("rates", own.values, log_map, near))
+    notes.append("rates: none in the log; differentiated from attitude")
+    turn = attitude.rotation_vector(attitude.multiply(attitude.conjugate(q[:-1]), q[1:]))
+    return Signal(0.5 * (t_q[1:] + t_q[:-1]), turn / np.diff(t_q)[:, None])
+
+
+def _differentiated(p: Signal, notes: list[str]) -> Signal:
+    """Return the velocity of a position by local parabolas."""
+    notes.append(f"velocity: none in the log; position differentiated over {SMOOTH} s")
+    length = max(5, 2 * round(0.5 * SMOOTH / p.step) + 1)
+    t = np.arange(p.t[0], p.t[-1], p.step)
+    even = linear(p.t, p.values, t)
+    if len(t) <= length:
+        return Signal(p.t, np.gradient(p.values, p.t, axis=0))
+    return Signal(t, filters.savgol_filter(even, length, 2, deriv=1, delta=p.step, axis=0))
+
+
+def _position(p: Signal, v: Signal, t: np.ndarray) -> np.ndarray:
+    """Return the position at t (n,): between samples a cubic that has their velocities."""
+    if np.array_equal(p.t, t):
+        return p.values
+    inside = np.clip(t, p.t[0], p.t[-1])
+    return CubicHermiteSpline(p.t, p.values, linear(v.t, v.values, p.t))(inside)
+
+
+def _command(own: Signal, timing: str, t: np.ndarray) -> np.ndarray:
+    """Return the mean of a command over the interval after each row, by what its rows mean."""
+    values = own.values
+    if timing == "held_before":
+        values = np.concatenate([values[1:], values[-1:]])
+    if timing == "sampled":
+        total = Antiderivative(own.t, values)
+        mean = np.diff(total(t), axis=0) / np.diff(t)[:, None]
+        return np.concatenate([mean, linear(own.t, values, t[-1:])])
+    return held(own.t, values, t)
+
+
+def _in_gaps(signals: Signals, t: np.ndarray) -> np.ndarray:
+    """Return the rows (n,) that lie inside a gap of the state or of the input."""
+    out = np.zeros(len(t), bool)
+    for own in (s for name, s in signals.items() if name in (*STATE, *COMMANDS, "rotor_speed")):
+        interval = np.diff(own.t)
+        for k in np.flatnonzero(interval > GAP * own.step):
+            out[np.searchsorted(t, own.t[k], side="right") : np.searchsorted(t, own.t[k + 1])] = True
+    return out

@@ -1,0 +1,160 @@
+"""Check of a log's conventions: the declared ones must agree with the log, or those that do are named."""
+
+import dataclasses as dc
+import itertools
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from np_drake.logs.importing.consistency import Misfits, misfits
+from np_drake.logs.importing.convert import Values, axes_of, convert, frames_of
+from np_drake.logs.importing.log_map import BODIES, WORLDS, LogMap
+
+AGREES = (
+    0.5  # largest misfit of a law that holds [1]; own choice: wind, drag, noise and late sensors stay below
+)
+FAILS = 0.75  # misfit above which a law does not hold [1]; own choice
+DOUBTED = 0.15  # misfit above which conventions that agree better are looked for [1]; own choice
+BETTER = 3.0  # factor by which these must agree better [1]; own choice
+MOST_CHANGES = 3  # conventions that are changed together in search of agreement [1]
+
+Change = tuple[tuple[str, Any], ...]  # options of the map, dotted, and their values: one other convention
+
+
+@dc.dataclass(frozen=True)
+class Verdict:
+    """Outcome of the check.
+
+    misfits: of the declared conventions, by law.   failed: laws that do not hold.   changes: options of the map, the
+    fewest with which all laws hold; empty where none are needed or none are found.   rivals: other sets of as few.
+    """
+
+    misfits: Misfits
+    failed: tuple[str, ...]
+    changes: Change = ()
+    rivals: tuple[Change, ...] = ()
+
+    @property
+    def holds(self) -> bool:
+        """Whether the declared conventions agree with the log as far as it can tell."""
+        return not self.failed
+
+
+def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
+    """Check the conventions of a log, and search for those that agree where the declared ones do not.
+
+    A law fails where its misfit is large, or where another convention makes it many times smaller.
+
+    Args:
+        t: (n,) evenly spaced times [s].
+        raw: columns (n, k) of the log at these times, by quantity.
+        log_map: with the declared conventions.
+    """
+    own = misfits(t, convert(raw, log_map))
+    failed = tuple(law for law, misfit in own.items() if misfit > FAILS)
+    doubted = [law for law, misfit in own.items() if DOUBTED < misfit <= FAILS]
+    if not failed and not doubted:
+        return Verdict(own, ())
+    singles = list(_alternatives(raw, log_map))
+    for count in range(1, MOST_CHANGES + 1 if failed else 2):
+        found = []
+        for chosen in itertools.combinations(singles, count):
+            change = tuple(itertools.chain(*chosen))
+            if len({option for option, _ in change}) < len(change):
+                continue
+            now = misfits(t, convert(raw, changed(log_map, change)))
+            if _agrees(now, own) if failed else _agrees_better(now, own, doubted):
+                found.append((sum(m**2 for m in now.values()), change))
+        if found:
+            found.sort(key=lambda pair: pair[0])
+            return Verdict(
+                own, failed or tuple(doubted), found[0][1], tuple(change for _, change in found[1:])
+            )
+    return Verdict(own, failed)
+
+
+def changed(log_map: LogMap, change: Change) -> LogMap:
+    """Return the map with options changed; a dotted option is one of a quantity."""
+    for option, value in change:
+        name, _, field = option.partition(".")
+        if field:
+            log_map = dc.replace(log_map, **{name: dc.replace(getattr(log_map, name), **{field: value})})
+        else:
+            log_map = dc.replace(log_map, **{name: value})
+    return log_map
+
+
+def as_text(change: Change) -> str:
+    """Return a change as it stands in a map."""
+    return ", ".join(f"{option}: {value}" for option, value in change)
+
+
+def _agrees(now: Misfits, own: Misfits) -> bool:
+    """Return whether all laws hold that failed, and none is lost that could be tested before."""
+    laws = {law.split()[0] for law in own}
+    return laws <= {law.split()[0] for law in now} and all(misfit < AGREES for misfit in now.values())
+
+
+def _agrees_better(now: Misfits, own: Misfits, doubted: list[str]) -> bool:
+    """Return whether the doubted laws hold many times better, and no other gets as bad as these were."""
+    better = all(law in now and BETTER * now[law] < own[law] for law in doubted)
+    return better and _agrees(now, own) and all(m < max(DOUBTED, own.get(law, 0.0)) for law, m in now.items())
+
+
+def _alternatives(raw: Values, log_map: LogMap) -> Iterator[Change]:
+    """Yield every other convention that a log may need."""
+    yield (("world", _other(WORLDS, log_map.world)),)
+    yield (("body", _other(BODIES, log_map.body)),)
+    if "position" in raw and "velocity" in raw:
+        worlds = {name: frames_of(getattr(log_map, name), log_map)[0] for name in ("position", "velocity")}
+        yield tuple((f"{name}.world", _other(WORLDS, own)) for name, own in worlds.items())
+    for name in raw:
+        if name == "acceleration":
+            yield from _of_acceleration(log_map)
+        for option, value in _of_quantity(name, log_map):
+            yield ((f"{name}.{option}", value),)
+
+
+def _of_acceleration(log_map: LogMap) -> Iterator[Change]:
+    source = log_map.acceleration
+    own = (source.kind or "specific_force", axes_of("acceleration", source))
+    for kind, axes in itertools.product(("specific_force", "acceleration"), ("body", "world")):
+        if (kind, axes) != own:
+            yield (("acceleration.kind", kind), ("acceleration.axes", axes))
+
+
+def _of_quantity(name: str, log_map: LogMap) -> Iterator[tuple[str, Any]]:
+    source = getattr(log_map, name)
+    world, body = frames_of(source, log_map)
+    axes = axes_of(name, source)
+    if name == "attitude":
+        if len(source.columns) != 3:
+            yield "order", _other(("wxyz", "xyzw"), source.order)
+        else:
+            yield "unit", "deg" if source.unit in ("", "1", "rad") else "rad"
+        yield "direction", _other(("body_to_world", "world_to_body"), source.direction)
+    if name == "attitude" or (axes == "world" and name in _VECTORS):
+        yield "world", _other(WORLDS, world)
+    if name == "attitude" or (axes == "body" and name in _VECTORS):
+        yield "body", _other(BODIES, body)
+    if name in ("velocity", "rates"):
+        yield "axes", _other(("world", "body"), axes)
+    for unit in _UNITS.get(name, ()):
+        if unit != (source.unit or _UNITS[name][0]):
+            yield "unit", unit
+    if name in ("acceleration", "thrust", "velocity"):
+        yield "scale", -source.scale
+
+
+_VECTORS = ("position", "velocity", "rates", "acceleration")
+_UNITS: Mapping[str, tuple[str, ...]] = {
+    "position": ("m", "cm", "mm"),
+    "velocity": ("m/s", "cm/s", "mm/s"),
+    "rates": ("rad/s", "deg/s"),
+    "acceleration": ("m/s2", "g"),
+}
+
+
+def _other(pair: tuple[str, ...], own: str) -> str:
+    return pair[1] if own == pair[0] else pair[0]

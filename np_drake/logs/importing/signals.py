@@ -1,0 +1,97 @@
+"""Signals of a recording: the columns of each quantity with their times, cleaned of what is no sample."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake.logs.errors import LogError
+from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.recording import Recording, find_column
+
+REPEATED = (
+    0.3  # share of rows equal to the row before, from which a signal is one of a slower rate [1]; own choice
+)
+LEAST = 20  # samples of a signal; own choice
+STATE = ("position", "velocity", "attitude", "rates", "acceleration", "angular_acceleration")
+
+
+@dc.dataclass(frozen=True)
+class Signal:
+    """One quantity as logged: t (n,) [s], strictly increasing, and values (n, k) in the units of the file."""
+
+    t: np.ndarray
+    values: np.ndarray
+
+    @property
+    def step(self) -> float:
+        """Median sampling interval [s]."""
+        return float(np.median(np.diff(self.t)))
+
+
+def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], list[str]]:
+    """Return the signals of the quantities that the map names, and what was left out, one line each.
+
+    Raises: LogError: if a column is missing, or a quantity has hardly any sample.
+    """
+    signals, notes = {}, []
+    for name, source in log_map.sources():
+        signal = _assembled(recording, source)
+        signal, dropped = _cleaned(signal)
+        if dropped:
+            notes.append(f"{name}: {dropped} rows left out (no number, or time not increasing)")
+        if name in STATE:
+            signal, kept = _without_repeats(signal)
+            if kept < 1:
+                notes.append(
+                    f"{name}: rows repeat; taken as a signal of {1 / signal.step:.4g} Hz ({kept:.0%} of the rows)"
+                )
+        if len(signal.t) < LEAST:
+            raise LogError(
+                f"{recording.path}, {name}: must have at least {LEAST} samples; got {len(signal.t)} in "
+                f"{', '.join(source.columns)}."
+            )
+        signals[name] = signal
+    return signals, notes
+
+
+def _assembled(recording: Recording, source: Source) -> Signal:
+    """Return the columns of a source; those of other streams are interpolated at the times of the first."""
+    places = [find_column(recording.contents, name, recording.path) for name in source.columns]
+    t = recording.streams[places[0][0]].t
+    columns = []
+    for stream, column in places:
+        own = recording.streams[stream]
+        values = np.asarray(own.columns[column], float)
+        if stream != places[0][0]:
+            order = np.argsort(own.t, kind="stable")
+            values = np.interp(t, own.t[order], values[order]) if len(own) else np.full(len(t), np.nan)
+        columns.append(values)
+    return Signal(np.asarray(t, float) - source.late, np.stack(columns, axis=1))
+
+
+def _cleaned(signal: Signal) -> tuple[Signal, int]:
+    """Return the samples that are numbers and later than all before, and how many are left out."""
+    good = np.isfinite(signal.t) & np.all(np.isfinite(signal.values), axis=1)
+    t, values = signal.t[good], signal.values[good]
+    later = t > np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
+    kept = Signal(t[later], values[later])
+    return kept, len(signal.t) - len(kept.t)
+
+
+def _without_repeats(signal: Signal) -> tuple[Signal, float]:
+    """Return a signal of a slower rate by the rows at which it changes, and the share of rows that is kept.
+
+    A signal that rests keeps a row wherever it has not changed for three usual intervals of change.
+    """
+    if len(signal.t) < LEAST:
+        return signal, 1.0
+    new = np.concatenate([[True], np.any(np.diff(signal.values, axis=0) != 0, axis=1)])
+    if new.mean() > 1 - REPEATED:
+        return signal, 1.0
+    rows = np.flatnonzero(new)
+    if len(rows) < LEAST:
+        return signal, 1.0
+    usual = max(1, round(float(np.median(np.diff(rows)))))
+    since = np.arange(len(new)) - np.maximum.accumulate(np.where(new, np.arange(len(new)), 0))
+    keep = new | ((since > 0) & (since % (3 * usual) == 0))
+    return Signal(signal.t[keep], signal.values[keep]), float(keep.mean())
