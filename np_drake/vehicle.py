@@ -12,6 +12,7 @@ from np_drake.yaml_file import load_checked
 SLOWEST_ROTOR = 1.0  # time constant beyond which the file's is in another unit than seconds [s]
 LONGEST_ARM = 5.0  # beyond which rotor positions are in another unit than metres [m]
 POSITIVE = ("mass", "gravity", "thrust_coefficient", "rotor_radius", "max_rotor_thrust")
+INPUTS = ("command", "rotor_speed", "thrust_only", "normalised")
 RIGID = ("mass", "inertia", "rotor_positions", "thrust_coefficient", "torque_coefficient", "max_rotor_thrust")
 
 
@@ -63,7 +64,7 @@ class Vehicle:
     max_rotor_thrust: float = 12.0  # [N]
     rotor_time_constant: float = 0.0  # what the nominal simulator assumes [s]
     logged_point: str = "origin"  # origin | center_of_mass
-    input: str = "command"  # command | rotor_speed
+    input: str = "command"  # command | rotor_speed | thrust_only | normalised
     measurement_noise: MeasurementNoise = dc.field(default_factory=MeasurementNoise)  # of the sensors
 
     def check(self) -> "Vehicle":
@@ -91,7 +92,7 @@ class Vehicle:
         _require(moments[0] > 0, "inertia must be symmetric and positive definite [kg·m²]")
         _require(moments[2] <= moments[0] + moments[1] + 1e-12, "inertia must meet the triangle inequality")
         _require(self.logged_point in ("origin", "center_of_mass"), "logged_point: origin | center_of_mass")
-        _require(self.input in ("command", "rotor_speed"), "input: command | rotor_speed")
+        _require(self.input in INPUTS, f"input: {' | '.join(INPUTS)}")
         self.measurement_noise.check()
         self._check_rotors()
         return self

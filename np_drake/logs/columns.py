@@ -15,9 +15,14 @@ COLUMNS: dict[str, tuple[str, ...]] = {  # field of FlightLog: columns of the fi
     "al": ("alx", "aly", "alz"),
     "u": ("thrust", "tx", "ty", "tz"),
     "rotor": ("rotor1", "rotor2", "rotor3", "rotor4"),
+    "throttles": ("throttle1", "throttle2", "throttle3", "throttle4"),
+    "throttle": ("throttle",),
+    "voltage": ("voltage",),
 }
 STATE = ("t", "p", "q", "v", "w")  # fields that every log has
-OPTIONAL = ("a", "al", "u", "rotor")  # u: only where rotor speed and a vehicle stand in for it
+OPTIONAL = ("a", "al", "rotor", "throttle", "voltage")
+THRUST = ("thrust",)  # of u, where torque is not logged
+FIELDS = COLUMNS | {"thrust": THRUST}
 # All columns, in the order of the format.
 NAMES = tuple(name for group in COLUMNS.values() for name in group)
 
@@ -34,6 +39,8 @@ def present_fields(table: Table) -> list[str]:
         filled = [name for name in names if name in table.columns and not _empty(table.columns[name])]
         if len(filled) == len(names):
             fields.append(field)
+        elif field == "u" and tuple(filled) == THRUST:
+            fields.append("thrust")
         elif filled or field in STATE:
             name = next(name for name in names if name not in filled)
             state = "is empty" if name in table.columns else "is missing"
@@ -46,13 +53,17 @@ def present_fields(table: Table) -> list[str]:
 
 
 def assemble(table: Table, fields: list[str], name: str) -> FlightLog:
-    """Return the log in memory; fields that the file lacks are None, a missing u is NaN."""
-    arrays: dict[str, np.ndarray | None] = {f: table.array(COLUMNS[f]) for f in fields}
+    """Return the log in memory; fields that the file lacks are None, what is missing of u is NaN."""
+    arrays: dict[str, np.ndarray | None] = dict.fromkeys(OPTIONAL)
+    arrays |= {f: table.array(COLUMNS[f]) for f in fields if f not in ("throttles", "thrust")}
     t = table.columns["t"]
-    for field in OPTIONAL:
-        arrays.setdefault(field, None)
-    if arrays["u"] is None:
-        arrays["u"] = np.full((len(t), 4), np.nan)
+    arrays.setdefault("u", np.full((len(t), 4), np.nan))
+    if "thrust" in fields:
+        arrays["u"] = np.column_stack([table.columns["thrust"], np.full((len(t), 3), np.nan)])
+    if "throttles" in fields:
+        arrays["throttle"] = table.array(COLUMNS["throttles"])
+    if arrays["voltage"] is not None:
+        arrays["voltage"] = arrays["voltage"][:, 0]
     q = table.array(COLUMNS["q"])
     arrays |= {"t": t, "q": q / np.linalg.norm(q, axis=1, keepdims=True)}
     log = FlightLog(**arrays, name=name)  # type: ignore[arg-type]
@@ -63,14 +74,28 @@ def assemble(table: Table, fields: list[str], name: str) -> FlightLog:
 
 
 def disassemble(log: FlightLog) -> dict[str, np.ndarray]:
-    """Return columns (n,) in the order of the format; a command that came from rotor speed is left out."""
+    """Return columns (n,) in the order of the format.
+
+    What a reader derives again is left out: a command from rotor speed or throttle, a torque that is not known.
+    """
     out: dict[str, np.ndarray] = {}
     for field, names in COLUMNS.items():
-        value = getattr(log, field)
-        if value is None or (field == "u" and log.input == "rotor_speed"):
+        value = _value(log, field)
+        if value is None:
             continue
+        if field == "u" and log.input == "thrust_only":
+            names, value = THRUST, value[:, 0]
         out |= dict(zip(names, np.reshape(value, (len(log), -1)).T, strict=True))
     return out
+
+
+def _value(log: FlightLog, field: str) -> np.ndarray | None:
+    if field == "u":
+        return None if log.input in ("rotor_speed", "normalised") else log.u
+    if field in ("throttle", "throttles"):
+        size = 1 if field == "throttle" else 4
+        return log.throttle if log.throttle is not None and log.throttle.shape[1] == size else None
+    return getattr(log, field)
 
 
 def _empty(column: np.ndarray) -> bool:

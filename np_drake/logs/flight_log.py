@@ -13,6 +13,11 @@ class FlightLog:
     t: (n,) [s].   p, v: (n, 3) position and velocity of the logged point in W [m, m/s].   q: (n, 4).   w: (n, 3)
     body rates [rad/s].   u: (n, 4) commanded [f_u, tau_m] after saturation [N, N·m].   a: (n, 3) dv/dt in W
     without gravity [m/s²].   al: (n, 3) dw/dt in B [rad/s²].   rotor: (n, 4) measured rotor speed [rad/s].
+    throttle: (n, 1) collective or (n, 4) of the rotors, normalised, of unknown scale [1].   voltage: (n,) of the
+    battery [V].   bridged: (n,) bool, rows that a reader put into gaps; None: none.
+    input: what thrust and torque come from: `command` (thrust and torque), `rotor_speed`, `thrust_only` (torque is
+    NaN), `normalised` (throttle; thrust and torque by an estimated map).
+    timing: standard deviation of the time at which a row's command acts [s]; 0 where it is held from its row.
     """
 
     t: np.ndarray
@@ -24,8 +29,12 @@ class FlightLog:
     a: np.ndarray | None = None
     al: np.ndarray | None = None
     rotor: np.ndarray | None = None
+    throttle: np.ndarray | None = None
+    voltage: np.ndarray | None = None
+    bridged: np.ndarray | None = None
     name: str = "flight"  # for messages and tables
-    input: str = "command"  # command | rotor_speed
+    input: str = "command"  # command | rotor_speed | thrust_only | normalised
+    timing: float = 0.0
     notes: list[str] = dc.field(default_factory=list)  # what a reader derived, differentiated or repaired
 
     def __len__(self) -> int:

@@ -1,28 +1,57 @@
 """Flight logs as files: CSV, .csv.gz and Parquet, one in-memory form."""
 
+import dataclasses as dc
 from pathlib import Path
+
+import numpy as np
 
 from np_drake.logs import columns, csv_file, parquet_file
 from np_drake.logs.checks import check_table
-from np_drake.logs.errors import LogError
+from np_drake.logs.errors import LogError, place
 from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps
+from np_drake.logs.import_sheet import read_sheet
 from np_drake.logs.repair import repair as repair_table
 from np_drake.logs.rotor_input import with_rotor_input
 from np_drake.logs.table import Table
+from np_drake.logs.throttle_input import with_throttle_input
 from np_drake.logs.units import check_units
 from np_drake.vehicle import Vehicle
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet")  # of the formats
+WORDS = {  # of inputs
+    "command": "the command",
+    "rotor_speed": "rotor speed",
+    "thrust_only": "thrust alone",
+    "normalised": "throttle",
+}
 
 
 def read_log(path: str | Path, *, vehicle: Vehicle | None = None, repair: bool = False) -> FlightLog:
-    """Read and check a flight log (docs/reference/flight-log.md).
+    """Read and check a flight log of one piece (docs/reference/flight-log.md).
 
     Args:
         vehicle: where the log has rotor speed and no command (or the vehicle file says `input: rotor_speed`),
             thrust and torque come from rotor speed and this vehicle. Its weight is used in the check of units.
         repair: mend a few bad rows instead of refusing them; the log's notes say what was mended.
-    Raises: LogError: one line with file, column, row and remedy; OSError: if the file cannot be opened.
+    Raises: LogError: one line with file, column, row and remedy, also where a long gap splits the log; OSError: if the
+    file cannot be opened.
+    """
+    logs = read_segments(path, vehicle=vehicle, repair=repair)
+    if len(logs) > 1:
+        raise LogError(
+            f"{place(path, column='t')}: must have no gap longer than {LONGEST:g} s here; it has {len(logs)} parts, "
+            f"from {', '.join(f'{log.t[0]:.4g} s' for log in logs[:4])} on. Cut it, or read the parts as flights."
+        )
+    return logs[0]
+
+
+def read_segments(
+    path: str | Path, *, vehicle: Vehicle | None = None, repair: bool = False
+) -> list[FlightLog]:
+    """Read and check a flight log, split at gaps longer than 0.1 s; shorter ones are bridged.
+
+    Args, Raises: as `read_log`; a long gap is no error.
     """
     table = read_table(path)
     fields = columns.present_fields(table)
@@ -30,22 +59,34 @@ def read_log(path: str | Path, *, vehicle: Vehicle | None = None, repair: bool =
     if repair:
         table, notes = repair_table(table, fields)
     check_table(table, fields)
-    log = columns.assemble(table, fields, log_name(path))
-    log.notes[:0] = notes
-    log = _with_input(log, table, fields, vehicle)
-    check_units(log, path, vehicle)
-    return log
+    parts, split = split_at_gaps(table)
+    sheet = read_sheet(path)
+    logs = []
+    for number, part in enumerate(parts, start=1):
+        part, bridged = bridge_gaps(part, fields)
+        name = log_name(path) if len(parts) == 1 else f"{log_name(path)} part {number}"
+        log = columns.assemble(part, fields, name)
+        if bridged.any():
+            log.bridged = bridged
+            log.notes.append(f"{bridged.sum()} rows put into gaps of up to {LONGEST:g} s; they judge nothing")
+        log.notes[:0] = notes + split
+        log.timing = sheet.timing
+        log = _with_input(log, table, fields, vehicle)
+        check_units(log, path, vehicle)
+        logs.append(log)
+    return logs
 
 
 def write_log(log: FlightLog, path: str | Path) -> None:
     """Write a flight log, whole or not at all; the suffix determines the format.
 
-    A command that came from rotor speed is not written: a reader derives it again with the vehicle file.
+    A command that came from rotor speed or throttle is not written: a reader derives it again with the vehicle file.
     Raises: LogError: if the suffix is unknown, or neither command nor rotor speed can be written; OSError: if writing
     fails.
     """
-    if log.input == "rotor_speed" and log.rotor is None:
-        raise LogError(f"{path}: a log with input rotor_speed must have rotor speed to be written.")
+    for kind, source in (("rotor_speed", log.rotor), ("normalised", log.throttle)):
+        if log.input == kind and source is None:
+            raise LogError(f"{path}: a log with input {kind} must have {WORDS[kind]} to be written.")
     write = {".parquet": parquet_file.write_parquet}.get(suffix(path), csv_file.write_csv)
     write(path, columns.disassemble(log))
 
@@ -73,24 +114,38 @@ def log_name(path: str | Path) -> str:
 
 
 def _with_input(log: FlightLog, table: Table, fields: list[str], vehicle: Vehicle | None) -> FlightLog:
-    """Return the log with its command, or with thrust and torque from rotor speed."""
-    wants_rotor = vehicle is not None and vehicle.input == "rotor_speed" and log.rotor is not None
-    if "u" in fields and not wants_rotor:
-        if vehicle is not None and vehicle.input == "rotor_speed":
-            log.notes.append(
-                f"no rotor speed: thrust and torque from the command, though vehicle {vehicle.name!r} says "
-                "input: rotor_speed"
-            )
+    """Return the log with its command, or with thrust and torque from rotor speed or throttle.
+
+    The best known comes first: the input that the vehicle file names, a whole command, rotor speed, thrust, throttle.
+    """
+    wanted = None if vehicle is None else vehicle.input
+    present = {
+        "command": "u" in fields,
+        "rotor_speed": log.rotor is not None,
+        "thrust_only": "u" in fields or "thrust" in fields,
+        "normalised": log.throttle is not None,
+    }
+    if not any(present.values()):
+        raise table.error(
+            "is missing; a flight log needs thrust, tx, ty, tz, or thrust, or throttle, or rotor1 … rotor4 with a "
+            "vehicle file.",
+            column="thrust",
+        )
+    chosen = wanted if wanted and present[wanted] else next(kind for kind, there in present.items() if there)
+    if wanted is not None and vehicle is not None and wanted not in (chosen, "command"):
+        log.notes.append(
+            f"no {WORDS[wanted]}: thrust and torque from {WORDS[chosen]}, though vehicle {vehicle.name!r} says "
+            f"input: {wanted}"
+        )
+    if chosen == "thrust_only":
+        u = np.column_stack([log.u[:, 0], np.full((len(log), 3), np.nan)])
+        return dc.replace(log, u=u, input=chosen)
+    if chosen == "command":
         return log
-    if log.rotor is None:
-        raise table.error(
-            "is missing; a flight log needs thrust, tx, ty, tz, or rotor1 … rotor4 and a vehicle file.",
-            column="thrust",
-        )
     if vehicle is None:
+        names = "rotor1 … rotor4" if chosen == "rotor_speed" else "throttle"
         raise table.error(
-            "is missing; thrust and torque can come from rotor1 … rotor4, but that needs a vehicle file "
-            "(--vehicle).",
+            f"is missing; thrust and torque can come from {names}, but that needs a vehicle file (--vehicle).",
             column="thrust",
         )
-    return with_rotor_input(log, vehicle)
+    return {"rotor_speed": with_rotor_input, "normalised": with_throttle_input}[chosen](log, vehicle)

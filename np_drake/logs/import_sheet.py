@@ -1,0 +1,67 @@
+"""The sheet beside an imported flight log: what was done, and what a row's command means."""
+
+import dataclasses as dc
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from np_drake.atomic_file import atomic_path
+from np_drake.logs.errors import LogError
+
+SUFFIX = ".import.yaml"
+HEAD = "# Written by np-drake import. `timing` is read with the log; the rest is for people.\n"
+
+
+@dc.dataclass(frozen=True)
+class Sheet:
+    """What was done to a log, and the uncertainty of its commands' time.
+
+    timing: standard deviation of the time at which a row's command acts [s].   content: everything else, for people.
+    """
+
+    timing: float = 0.0
+    content: dict[str, Any] = dc.field(default_factory=dict)
+
+
+def sheet_path(log: str | Path) -> Path:
+    """Return the path of the sheet beside a log."""
+    path = Path(log)
+    stem = path.name
+    for suffix in (".csv", ".csv.gz", ".parquet"):
+        stem = stem.removesuffix(suffix)
+    return path.with_name(stem + SUFFIX)
+
+
+def read_sheet(log: str | Path) -> Sheet:
+    """Return the sheet beside a log; an empty one where there is none.
+
+    Raises: LogError: if it is no sheet.
+    """
+    path = sheet_path(log)
+    if not path.is_file():
+        return Sheet()
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        timing = float(content.pop("timing", 0.0))
+    except (yaml.YAMLError, UnicodeDecodeError, AttributeError, TypeError, ValueError) as error:
+        raise LogError(
+            f"{path}: must be a sheet of np-drake import; write it again, or remove it."
+        ) from error
+    if not 0 <= timing < 1:
+        raise LogError(f"{path}: timing must be 0 to 1 s; got {timing}.")
+    return Sheet(timing, content)
+
+
+def write_sheet(sheet: Sheet, log: str | Path) -> Path:
+    """Write the sheet beside a log, and return its path.
+
+    Raises: OSError: if writing fails.
+    """
+    path = sheet_path(log)
+    text = yaml.safe_dump(
+        {"timing": sheet.timing, **sheet.content}, sort_keys=False, allow_unicode=True, width=110
+    )
+    with atomic_path(path) as temporary:
+        temporary.write_text(HEAD + text, encoding="utf-8")
+    return path

@@ -1,0 +1,83 @@
+"""Laws of gaps: short ones are bridged and judge nothing, long ones split a flight into parts."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from np_drake.logs.columns import present_fields
+from np_drake.logs.csv_file import write_csv
+from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps
+from np_drake.logs.log_file import read_log, read_segments
+from np_drake.logs.table import Table
+
+
+def circling(t: np.ndarray) -> dict[str, np.ndarray]:
+    """A metre of circle, a turn in 6 s, with a hovering command."""
+    o = 0 * t
+    names = {"px": np.cos(t), "py": np.sin(t), "pz": 1 + o, "vx": -np.sin(t), "vy": np.cos(t), "vz": o}
+    q = {"qw": 1 + o, "qx": o, "qy": o, "qz": o, "wx": o, "wy": o, "wz": o}
+    return {"t": t, **names, **q, "thrust": 20.0 + np.arange(len(t)) % 2, "tx": o, "ty": o, "tz": o}
+
+
+def without(t: np.ndarray, start: int, count: int) -> np.ndarray:
+    return np.delete(t, slice(start, start + count))
+
+
+T = 0.01 * np.arange(600)
+
+
+def test_three_lost_rows_are_bridged_marked_and_said_once(tmp_path):
+    write_csv(tmp_path / "a.csv", circling(without(T, 200, 3)))
+    dut = read_log(tmp_path / "a.csv")
+    np.testing.assert_allclose(dut.t, T, atol=1e-12)
+    np.testing.assert_array_equal(np.flatnonzero(dut.bridged), [200, 201, 202])
+    np.testing.assert_allclose(dut.p[200:203, 0], np.cos(T[200:203]), atol=2e-4)
+    assert [note for note in dut.notes if "gaps" in note] == [
+        "3 rows put into gaps of up to 0.1 s; they judge nothing"
+    ]
+
+
+def test_a_command_is_held_across_a_gap(tmp_path):
+    write_csv(tmp_path / "a.csv", circling(without(T, 200, 3)))
+    dut = read_log(tmp_path / "a.csv")
+    assert set(dut.u[200:203, 0]) == {dut.u[199, 0]}
+
+
+def test_a_log_without_gaps_has_none_marked(tmp_path):
+    write_csv(tmp_path / "a.csv", circling(T))
+    assert read_log(tmp_path / "a.csv").bridged is None
+
+
+def test_a_long_gap_splits_the_flight_into_parts_of_one_log(tmp_path):
+    write_csv(tmp_path / "a.csv", circling(without(T, 200, 60)))
+    first, second = read_segments(tmp_path / "a.csv")
+    assert (first.name, second.name) == ("a part 1", "a part 2")
+    assert (len(first), len(second)) == (200, 340)
+    assert "2 parts" in first.notes[0]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.tuples(st.integers(30, 570), st.integers(1, 40)), max_size=5))
+def test_every_row_is_in_one_part_and_no_part_has_a_long_gap(cuts):
+    keep = np.ones(len(T), bool)
+    for start, count in cuts:
+        keep[start : start + count] = False
+    table = Table("made", circling(T[keep]))
+    parts, _ = split_at_gaps(table)
+    times = np.concatenate([part.columns["t"] for part in parts])
+    assert set(times) <= set(T[keep])
+    for part in parts:
+        assert np.diff(part.columns["t"]).max() <= LONGEST + 1e-9
+        whole, bridged = bridge_gaps(part, present_fields(part))
+        assert np.diff(whole.columns["t"]).max() <= 2.5 * 0.01  # one lost row is no gap
+        np.testing.assert_array_equal(whole.columns["t"][~bridged], part.columns["t"])
+
+
+@pytest.mark.parametrize("step", [0.002, 0.01, 0.02])
+def test_a_gap_is_bridged_at_every_rate(tmp_path, step):
+    t = step * np.arange(1200)
+    count = round(0.06 / step)
+    write_csv(tmp_path / "a.csv", circling(without(t, 300, count)))
+    dut = read_log(tmp_path / "a.csv")
+    assert dut.bridged.sum() == count
