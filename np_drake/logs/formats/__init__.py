@@ -3,9 +3,10 @@
 from pathlib import Path
 
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats.crazyflie import CRAZYFLIE
 from np_drake.logs.formats.format import Format
 
-FORMATS: tuple[Format, ...] = ()
+FORMATS: tuple[Format, ...] = (CRAZYFLIE,)
 
 __all__ = ["FORMATS", "Format", "format_named", "format_of"]
 
