@@ -5,8 +5,12 @@ from pathlib import Path
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.crazyflie import CRAZYFLIE
 from np_drake.logs.formats.format import Format
+from np_drake.logs.formats.ulog import ULOG
 
-FORMATS: tuple[Format, ...] = (CRAZYFLIE,)
+FORMATS: tuple[Format, ...] = (
+    CRAZYFLIE,
+    ULOG,
+)
 
 __all__ = ["FORMATS", "Format", "format_named", "format_of"]
 
