@@ -1,0 +1,346 @@
+"""Laws of Crazyflie micro-SD logs: what was written is read, and what the real flights obey."""
+
+import contextlib
+import importlib.util
+import struct
+import tracemalloc
+import zlib
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from np_drake import attitude
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats import crazyflie, format_of
+from np_drake.logs.formats.crazyflie import CRAZYFLIE
+from np_drake.logs.recording import Recording, Stream
+
+STATE = [f"stateEstimate.{c}" for c in ("x", "y", "z", "qx", "qy", "qz", "qw", "vx", "vy", "vz")]
+SENSORS = [f"{group}.{axis}" for group in ("gyro", "acc") for axis in "xyz"]
+RPM = [f"rpm.m{i}" for i in (1, 2, 3, 4)]
+
+
+@pytest.fixture(scope="module")
+def writer() -> ModuleType:
+    """Return the module that writes usd-logs."""
+    path = Path(__file__).with_name("crazyflie_writer.py")
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory) -> Path:
+    """Return a place for a log."""
+    return tmp_path_factory.mktemp("usd") / "log00"
+
+
+@pytest.fixture(scope="module")
+def made() -> dict[str, Stream]:
+    """Return two streams of different rates and phases."""
+    rng = np.random.default_rng(1)
+    t = 12.0 + np.arange(400) * 0.002
+    slow = t[::7] + 0.0005
+    return {
+        "fixedFrequency": Stream(t, {c: rng.standard_normal(len(t)) for c in ("stateEstimate.x", "gyro.z")}),
+        "estPose": Stream(slow, {"locSrv.x": rng.standard_normal(len(slow))}),
+        "startup": Stream(t[:1] + 0.001, {}),
+    }
+
+
+def everything(path: Path) -> Recording:
+    wanted = {name: list(columns) for name, columns in CRAZYFLIE.contents(path).items()}
+    return CRAZYFLIE.read(path, wanted, lambda share: None)
+
+
+def same(one: Recording, other: Recording) -> bool:
+    return one.contents == other.contents and all(
+        np.array_equal(a.t, other.streams[n].t)
+        and all(np.array_equal(a.columns[c], other.streams[n].columns[c]) for c in a.columns)
+        for n, a in one.streams.items()
+    )
+
+
+@pytest.mark.parametrize(("version", "resolution"), [(1, 1e-3), (2, 1e-6)])
+def test_what_is_written_is_read(log, writer, made, version, resolution):
+    writer.write(log, made, version=version, kinds={"stateEstimate.x": "d", "gyro.z": "f", "locSrv.x": "d"})
+    dut = everything(log)
+    assert format_of(log) is CRAZYFLIE
+    assert dut.notes == ()
+    for name, stream in made.items():
+        assert dut.streams[name].t == pytest.approx(stream.t, abs=0.51 * resolution)  # [s], rounded
+    x, z = (dut.streams["fixedFrequency"].columns[c] for c in ("stateEstimate.x", "gyro.z"))
+    assert np.array_equal(x, made["fixedFrequency"].columns["stateEstimate.x"])
+    assert z == pytest.approx(made["fixedFrequency"].columns["gyro.z"], rel=1e-7)  # a float32
+    assert np.array_equal(dut.streams["estPose"].columns["locSrv.x"], made["estPose"].columns["locSrv.x"])
+
+
+@pytest.mark.parametrize("letter", "?bBhHiIlLqQefd")
+def test_every_struct_type_keeps_its_value(log, writer, letter):
+    unsigned = letter in "BHILQ"
+    values = np.array([0.0, 1.0, 1.0 if letter == "?" else 100.0, 0.0 if unsigned or letter == "?" else -7.0])
+    writer.write(
+        log, {"a": Stream(np.arange(4.0), {"v": values, "w": values})}, kinds={"v": letter, "w": letter}
+    )
+    assert np.array_equal(everything(log).streams["a"].columns["v"], values)
+    assert np.array_equal(everything(log).streams["a"].columns["w"], values)
+
+
+@pytest.mark.parametrize("chunk", [1, 50, 1000])
+def test_records_across_the_pieces_of_a_file_are_whole(log, writer, made, monkeypatch, chunk):
+    writer.write(log, made)
+    whole = everything(log)
+    monkeypatch.setattr(crazyflie, "CHUNK", chunk)
+    assert same(everything(log), whole)
+    assert everything(log).notes == ()
+
+
+def test_only_what_is_wanted_is_returned_and_progress_reaches_the_end(log, writer, made):
+    writer.write(log, made)
+    shares: list[float] = []
+    dut = CRAZYFLIE.read(log, {"estPose": ["locSrv.x"]}, shares.append)
+    assert dut.contents == {"estPose": ("locSrv.x",)}
+    assert shares[-1] == 1
+    assert len(CRAZYFLIE.read(log, {"fixedFrequency": ["gyro.z"]}, shares.append).streams) == 1
+
+
+def test_a_repeated_or_backward_time_is_kept(log, writer):
+    content = writer.header({"a": Stream(np.zeros(3), {})})
+    content += b"".join(struct.pack("<HQ", writer.FIRST_ID, tick) for tick in (9, 9, 4))
+    log.write_bytes(content + struct.pack("<I", zlib.crc32(content)))
+    assert everything(log).streams["a"].t == pytest.approx([9e-6, 9e-6, 4e-6])
+
+
+def test_the_contents_are_those_of_the_header_alone(log, writer, made):
+    log.write_bytes(writer.header(made))
+    assert CRAZYFLIE.contents(log) == {n: tuple(s.columns) for n, s in made.items()}
+    with pytest.raises(LogError, match="at least one whole record"):
+        everything(log)
+
+
+def test_memory_grows_with_what_is_wanted_and_not_with_the_file(log, writer):
+    rows = 60_000
+    wide = {f"v{i}": np.zeros(rows) for i in range(60)}
+    writer.write(log, {"wide": Stream(np.arange(rows) * 0.002, wide)})
+    assert log.stat().st_size > 14e6
+    CRAZYFLIE.read(log, {"wide": ["v0"]}, lambda share: None)
+    tracemalloc.start()
+    CRAZYFLIE.read(log, {"wide": ["v0"]}, lambda share: None)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 5 * crazyflie.CHUNK + 4 * 8 * 2 * rows  # [bytes]; a piece and its copies, and two columns
+
+
+def test_a_wrong_checksum_is_noted_and_the_values_are_kept(log, writer, made):
+    content = bytearray(writer.encode(made))
+    content[-1] ^= 0xFF
+    log.write_bytes(content)
+    dut = everything(log)
+    assert "checksum" in dut.notes[0]
+    assert len(dut.streams["fixedFrequency"]) == 400
+
+
+def test_of_a_log_that_was_cut_the_whole_records_are_kept(log, writer, made):
+    content = writer.encode(made)
+    begin, record = len(writer.header(made)), struct.calcsize("<HQff")
+    log.write_bytes(content[: begin + record + 10 + record + record // 2])  # 'startup' has no variables
+    dut = everything(log)
+    assert len(dut.streams["fixedFrequency"]) + len(dut.streams["startup"]) + len(dut.streams["estPose"]) in (
+        2,
+        3,
+    )
+    assert "cut" in dut.notes[0]
+    log.write_bytes(content[:-4])
+    assert len(everything(log).streams["fixedFrequency"]) == 400
+    assert "cut" in everything(log).notes[0]
+
+
+def test_what_follows_a_record_of_no_known_type_is_left_out(log, writer, made):
+    content = writer.encode({"fixedFrequency": made["fixedFrequency"]})
+    record = struct.calcsize("<HQff")
+    begin = len(content) - 4 - 400 * record
+    place = begin + 100 * record
+    log.write_bytes(content[:place] + b"\xee\xee" + content[place + 2 :])
+    dut = everything(log)
+    assert len(dut.streams["fixedFrequency"]) == 100
+    assert f"byte {place}" in dut.notes[0]
+
+
+def test_names_that_stand_twice_get_a_number(log, writer):
+    stream = Stream(np.zeros(1), {"a": np.ones(1)})
+    content = writer.header({"e": stream}).replace(b"\x01\x00a(f)\0", b"\x03\x00a(f)\0a.1(f)\0a(f)\0")
+    content += struct.pack("<HQfff", writer.FIRST_ID, 0, 1, 2, 3)
+    log.write_bytes(content + struct.pack("<I", zlib.crc32(content)))
+    dut = everything(log).streams["e"].columns
+    assert {name: float(v[0]) for name, v in dut.items()} == {"a": 1, "a.1": 2, "a.2": 3}
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "must begin with the header"),
+        (b"\xbc", "must begin with the header"),
+        (struct.pack("<BHH", 0xBC, 3, 1), "version 1 or 2; got 3"),
+        (struct.pack("<BHH", 0xBC, 2, 0), "must name an event type"),
+        (struct.pack("<BHH", 0xBC, 2, 0xFFFF), "cut or damaged"),
+        (struct.pack("<BHHH", 0xBC, 2, 1, 0) + b"e\0\xff\xff", "cut or damaged"),
+        (struct.pack("<BHHH", 0xBC, 2, 1, 0) + b"e\0\1\0gyro.x(s)\0", "got 'gyro.x\\(s\\)'"),
+        (struct.pack("<BHHH", 0xBC, 2, 1, 0) + b"e\0\1\0gyro.x\0", "got 'gyro.x'"),
+        (struct.pack("<BHHH", 0xBC, 2, 1, 0) + b"\xff\0\0\0", "cut or damaged"),
+        (struct.pack("<BHHH", 0xBC, 2, 2, 0) + b"e\0\0\0\0\0f\0\0\0", "event type 0 stands twice"),
+    ],
+)
+def test_a_damaged_header_is_refused_in_one_line(log, content, said):
+    log.write_bytes(content)
+    with pytest.raises(LogError, match=said) as refused:
+        CRAZYFLIE.contents(log)
+    assert str(log) in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_variable_that_is_not_there_is_refused(log, writer, made):
+    writer.write(log, made)
+    for wanted in ({"estPose": ["gyro.z"]}, {"nothing": ["gyro.z"]}):
+        with pytest.raises(LogError, match=r"must hold the variable gyro\.z"):
+            CRAZYFLIE.read(log, wanted, lambda share: None)
+
+
+def ends_well(path: Path) -> None:
+    """Read a file that may be refused."""
+    with contextlib.suppress(LogError):
+        everything(path)
+
+
+@settings(max_examples=200, deadline=None)
+@given(
+    content=st.binary(max_size=200), begin=st.sampled_from([b"", b"\xbc", b"\xbc\1\0\1\0\0\0e\0\1\0a(f)\0"])
+)
+def test_arbitrary_bytes_are_read_or_refused(log, content, begin):
+    log.write_bytes(begin + content)
+    CRAZYFLIE.recognises(log, begin + content)
+    ends_well(log)
+
+
+@settings(max_examples=200, deadline=None)
+@given(data=st.data())
+def test_a_truncated_or_damaged_log_is_read_or_refused(log, writer, made, data):
+    content = bytearray(writer.encode(made)[: data.draw(st.integers(0, 600))])
+    for _ in range(data.draw(st.integers(0, 3)) if content else 0):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    log.write_bytes(content)
+    ends_well(log)
+
+
+def test_a_csv_file_is_no_usd_log():
+    assert not CRAZYFLIE.recognises(Path("a.csv"), b"t,px,py\n0,1,2\n")
+    assert not CRAZYFLIE.recognises(Path("a"), b"")
+
+
+def test_the_map_takes_the_firmwares_names():
+    dut = CRAZYFLIE.default_map({"fixedFrequency": (*STATE, *SENSORS, *RPM, "pm.vbatMV", "motor.m1")})
+    assert dut is not None
+    assert dut.check() is dut
+    assert dut.attitude.columns == [f"fixedFrequency/stateEstimate.q{a}" for a in "xyzw"]
+    assert (dut.world, dut.body, dut.attitude.order, dut.command) == ("enu", "flu", "xyzw", "unknown")
+    assert (dut.rates.unit, dut.acceleration.unit, dut.acceleration.kind) == ("deg/s", "g", "specific_force")
+    assert (dut.rotor_speed.unit, dut.voltage.unit) == ("rpm", "mV")
+    assert not dut.throttle
+
+
+def test_the_map_takes_rotor_speed_before_thrust_before_throttle():
+    lee = ("ctrlLee.thrustSi", *(f"ctrlLee.torque{a}" for a in "xyz"))
+    pwm = tuple(f"pwm.m{i}_pwm" for i in (1, 2, 3, 4))
+    motor = tuple(f"motor.m{i}" for i in (1, 2, 3, 4))
+    for inputs, names in [
+        ((*RPM, *lee, *pwm, *motor), ["rotor_speed"]),
+        ((*lee, *pwm, *motor), ["thrust", "torque"]),
+        ((*pwm, *motor), ["throttle"]),
+        (motor, ["throttle"]),
+        ((), []),
+    ]:
+        dut = CRAZYFLIE.default_map({"a": (*STATE, *inputs)})
+        assert dut is not None
+        found = [name for name, _ in dut.sources() if name in ("rotor_speed", "thrust", "torque", "throttle")]
+        assert found == names
+
+
+def test_without_position_or_attitude_only_its_user_knows_the_map():
+    assert CRAZYFLIE.default_map({"a": tuple(STATE[:3])}) is None
+    assert CRAZYFLIE.default_map({"a": tuple(STATE[3:])}) is None
+
+
+FLIGHTS = {"bare": 15, "payload": 25}
+
+
+def flights(folder: Path) -> list[Path]:
+    return [p for kind in FLIGHTS for p in sorted((folder / "imrc" / kind).iterdir())]
+
+
+def test_every_real_log_is_whole(real_flights):
+    found = flights(real_flights)
+    assert len(found) == sum(FLIGHTS.values())
+    for path in found:
+        dut = everything(path)
+        assert format_of(path) is CRAZYFLIE
+        assert dut.notes == ()  # the checksum fits
+        fast, pose = dut.streams["fixedFrequency"], dut.streams["estPose"]
+        assert len(fast.columns) == (25 if path.parent.name == "bare" else 47)
+        assert list(pose.columns) == [f"locSrv.{c}" for c in ("x", "y", "z", "qx", "qy", "qz", "qw")]
+        assert 1 / np.median(np.diff(fast.t)) == pytest.approx(500, rel=0.02)  # [Hz]
+        assert 1 / np.median(np.diff(pose.t)) == pytest.approx(100, rel=0.02)  # [Hz], motion capture
+        assert np.diff(fast.t).min() > 0.0015  # [s]
+        gap = np.diff(fast.t).max()
+        assert 0.015 < gap < 0.3  # [s]; the longest are at the start
+        assert np.diff(fast.t[fast.t > fast.t[0] + 0.5]).max() < 0.055  # [s]
+
+
+def mapped(path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return times and the columns of every quantity by the default map, in SI."""
+    dut = CRAZYFLIE.default_map(CRAZYFLIE.contents(path))
+    assert dut is not None
+    names = [name.removeprefix("fixedFrequency/") for name in dut.check().names()]
+    stream = CRAZYFLIE.read(path, {"fixedFrequency": names}, lambda share: None).streams["fixedFrequency"]
+    factor = {"deg/s": np.pi / 180, "g": 9.80665, "rpm": 2 * np.pi / 60, "mV": 1e-3}
+    return stream.t, {
+        name: np.stack([stream.columns[c.partition("/")[2]] for c in source.columns], axis=1)
+        * factor.get(source.unit, 1)
+        for name, source in dut.sources()
+    }
+
+
+def changes(t: np.ndarray, rate: np.ndarray, value: np.ndarray) -> float:
+    """Return how far the integral of a rate over 50 rows is from the change of the value, as a share of it."""
+    steps = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t)[:, None]
+    total = np.vstack([np.zeros((1, rate.shape[1])), np.cumsum(steps, axis=0)])
+    change = value[50:] - value[:-50]
+    return float(np.sqrt(np.mean((total[50:] - total[:-50] - change) ** 2) / np.mean(change**2)))
+
+
+def test_real_flights_obey_kinematics_and_gravity_by_the_default_map(real_flights):
+    """Velocity is the rate of position, the gyroscope that of attitude, and the accelerometer sees gravity."""
+    for path in flights(real_flights):
+        t, dut = mapped(path)
+        q = dut["attitude"][:, [3, 0, 1, 2]]
+        assert np.linalg.norm(q, axis=1) == pytest.approx(1, abs=1e-5)
+        assert changes(t, dut["velocity"], dut["position"]) < 0.15  # 0.07 to 0.13 seen
+        assert changes(t, attitude.quaternion_rate(q, dut["rates"]), q) < 0.25  # 0.06 to 0.23 seen
+        acceleration = attitude.rotate(q, dut["acceleration"]) - [0, 0, 9.81]
+        assert changes(t, acceleration, dut["velocity"]) < 0.3  # 0.05 to 0.28 seen
+        force = np.median(np.linalg.norm(dut["acceleration"], axis=1)) / 9.81
+        assert force == pytest.approx(1.03, abs=0.04)  # carries itself; more where it flies faster
+        assert 3.4 < dut["voltage"].min() < dut["voltage"].max() < 4.3  # [V], one cell
+
+
+def test_rotor_speed_of_real_flights_carries_the_mass(real_flights):
+    """k omega² over g, of the mean over slow flights, is the mass of vehicle and payload within 4 %."""
+    for name, mass in (("bare/eckart00", 0.0370), ("payload/eckart06", 0.0444)):
+        _, dut = mapped(real_flights / "imrc" / name)
+        lift = 3.704e-8 * np.sum(dut["rotor_speed"] ** 2, axis=1).mean()  # [N]; k measured on bare flights
+        assert lift / 9.81 == pytest.approx(mass, rel=0.04)
