@@ -5,7 +5,7 @@ A new effect is one file and one line here.
 
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
-from np_drake.effects.base import Effect, WrenchEffect
+from np_drake.effects.base import Effect, SensorEffect, WrenchEffect
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.clock_offset import ClockOffset
@@ -44,6 +44,36 @@ def effects_for(log_input: str) -> dict[str, type[Effect]]:
     return LIBRARY | MEASURED_ROTORS if log_input == "rotor_speed" else LIBRARY
 
 
+# Effects that logs of an input cannot tell.
+TIMING = ("motor_lag", "command_delay", "clock_offset")
+TORQUE = ("inertia_error", "center_of_mass_offset", "weak_rotor")  # besides effects without a force
+SCALE = ("mass_error", "thrust_scale")
+_UNOBSERVABLE: dict[str, tuple[tuple[tuple[str, ...], str], ...]] = {
+    "command": (),
+    "rotor_speed": ((TIMING, "the input is measured rotor speed, not a command"),),
+    "thrust_only": (),
+    "normalised": ((SCALE, "thrust is known up to a scale"),),
+}
+
+
+def unobservable(log_input: str, *, accelerations: bool = True, torque: bool = True) -> dict[str, str]:
+    """Return the effects that a kind of log cannot tell, with the reason.
+
+    Args:
+        log_input: as `FlightLog.input`.
+        accelerations: whether the log has an accelerometer's reading.
+        torque: whether a torque is known, also where the input is `normalised`.
+    """
+    rules = list(_UNOBSERVABLE[log_input])
+    if not torque or log_input == "thrust_only":
+        turning = tuple(i for i, effect in effects_for(log_input).items() if _only_turns(effect))
+        rules.append(((*TORQUE, *turning), "the log has no torque"))
+    if not accelerations:
+        reading = tuple(i for i, effect in LIBRARY.items() if _only_in_accelerations(effect))
+        rules.append((reading, "the log has no accelerations"))
+    return {identifier: reason for identifiers, reason in rules for identifier in identifiers}
+
+
 def register(effect: type[Effect]) -> type[Effect]:
     """Add a user's own effect to the library; a class decorator.
 
@@ -74,3 +104,11 @@ def _acts_through_others(effect: type[Effect]) -> bool:
     if effect.needs or not issubclass(effect, WrenchEffect):
         return bool(effect.needs)
     return effect.air_velocity is not WrenchEffect.air_velocity and effect.wrench is WrenchEffect.wrench
+
+
+def _only_turns(effect: type[Effect]) -> bool:
+    return issubclass(effect, WrenchEffect) and effect.turns and not effect.pushes
+
+
+def _only_in_accelerations(effect: type[Effect]) -> bool:
+    return issubclass(effect, SensorEffect) and set(effect.corrupts) == {"ax", "ay", "az"}

@@ -8,12 +8,11 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.effects.base import Effect, SensorEffect
-from np_drake.effects.library import LIBRARY, effects_for
+from np_drake.effects.base import Effect
+from np_drake.effects.library import LIBRARY, effects_for, unobservable
 
 DRAG = "linear_drag"  # the effect through which winds act
 DRAGS = (DRAG, "quadratic_drag")
-ROTOR_SPEED_BLIND = ("motor_lag", "command_delay", "clock_offset")
 SHIFTS = np.geomspace(0.003, 0.06, 10)  # grid of shifts of commands against states [s]
 Onset = dict[str, float | None]
 Swing = Callable[[float, float, FlightResiduals], np.ndarray]
@@ -100,23 +99,15 @@ def library_candidates(flights: Sequence[FlightResiduals], onset: Onset | None =
     """
     found: list[Candidate] = []
     stages = {e.name: StageCache() for e in flights}
-    blind = flights[0].measured_rotors
+    log = flights[0].log
+    hidden = unobservable(log.input, accelerations=log.a is not None, torque=flights[0].knows_torque)
     for identifier, effect in effects_for(flights[0].log.input).items():
         if effect.needs or identifier == "suspended_payload" or (onset and not effect.begins):
             continue
-        if blind and identifier in ROTOR_SPEED_BLIND:
-            continue
-        if not _readable(effect, flights):
+        if identifier in hidden:
             continue
         found += effect_candidates(effect, flights, onset or {}, stages)
     return found
-
-
-def _readable(effect: type[Effect], flights: Sequence[FlightResiduals]) -> bool:
-    """Return whether these logs contain the measurements that a sensor effect corrupts."""
-    if not issubclass(effect, SensorEffect):
-        return True
-    return not (flights[0].log.a is None and set(effect.corrupts) == {"ax", "ay", "az"})
 
 
 def effect_candidates(

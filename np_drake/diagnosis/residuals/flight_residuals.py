@@ -75,6 +75,11 @@ class FlightResiduals:
         return self.log.input == "rotor_speed"
 
     @property
+    def knows_torque(self) -> bool:
+        """Whether the log tells the torque of the rotors; else its channels are empty."""
+        return bool(np.isfinite(self.log.u[:, 1:]).any())
+
+    @property
     def t(self) -> np.ndarray:
         """(m,) times of the grid [s]."""
         return self.grid.t

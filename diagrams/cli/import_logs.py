@@ -1,0 +1,130 @@
+"""`np-drake import`: flight logs of other formats become logs of ours, each with a sheet that says what was done."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Argument, Option
+
+from diagrams.cli.output import make_folder, progress, say
+from diagrams.cli.runner import Report, Run, reports
+
+if TYPE_CHECKING:
+    from np_drake.logs.importing.import_log import Imported
+    from np_drake.logs.importing.log_map import LogMap
+
+SUFFIXES = (".csv", ".csv.gz", ".parquet")
+Out = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the logs and their sheets.")]
+
+
+@reports("import", seed=None, out=Out, folder=Path("out/import"), markdown=False)
+def import_logs(
+    run: Run,
+    logs: Annotated[
+        list[Path],
+        Argument(
+            metavar="LOG...",
+            help="Logs: PX4 ULog, ROS bag or MCAP, Crazyflie micro-SD, ArduPilot DataFlash, Neural-Fly, CSV, Parquet.",
+        ),
+    ],
+    log_map: Annotated[
+        Path | None,
+        Option(
+            "--map",
+            metavar="FILE",
+            help="Map of columns and conventions (YAML); default: by the log's own names.",
+        ),
+    ] = None,
+    rate: Annotated[
+        float, Option(metavar="HZ", min=0, help="Rate of the rows; 0: of the fastest signal that is used.")
+    ] = 0.0,
+    adopt: Annotated[
+        bool, Option("--adopt", help="Where a log fits other conventions than declared, take those.")
+    ] = False,
+    suffix: Annotated[
+        str, Option(metavar="SUFFIX", help=f"Of the files that are written: {', '.join(SUFFIXES)}.")
+    ] = ".csv",
+) -> Report:
+    """Import flight logs of other formats, with a sheet beside each: what was mapped, turned, aligned and left out."""
+    from np_drake.logs.errors import LogError
+    from np_drake.logs.importing.log_map import load_map
+
+    if suffix not in SUFFIXES:
+        raise ValueError(f"--suffix must be one of {', '.join(SUFFIXES)}; got {suffix!r}.")
+    declared = None if log_map is None else load_map(log_map)
+    rows: list[tuple[Any, ...]] = []
+    written: list[str] = []
+    failures: list[str] = []
+    with progress("importing", len(logs)) as advance:
+        for number, path in enumerate(logs):
+            try:
+                found = _imported(path, declared, rate, adopt, lambda share, k=number: advance(k + share, ""))
+                written += _write(found, run.folder, suffix, logs)
+            except (LogError, OSError) as error:
+                failures.append(
+                    str(error) if isinstance(error, LogError) else f"{path}: {error.strerror or error}."
+                )
+                continue
+            rows += [_row(flight, found) for flight in found.flights]
+            advance(number + 1, path.name)
+    failure = None
+    if failures:
+        say(*failures[1:])
+        more = f" ({len(failures)} of {len(logs)} logs failed)" if len(logs) > 1 else ""
+        failure = LogError(failures[0] + more)
+    return Report(
+        [
+            (
+                "imported flights",
+                ["flight", "s", "Hz", "input", "timing [ms]", "rows bridged or left out"],
+                rows,
+            )
+        ]
+        if rows
+        else [],
+        config={
+            "logs": [str(p) for p in logs],
+            "map": None if log_map is None else str(log_map),
+            "rate": rate,
+        },
+        metrics={"files": written, "failures": failures},
+        summary=[f"{len(written)} flights written to {run.folder}, a sheet beside each."] if written else [],
+        failure=failure,
+    )
+
+
+def _imported(path: Path, declared: "LogMap | None", rate: float, adopt: bool, tell: Any) -> "Imported":
+    from np_drake.logs.importing.import_log import import_log
+
+    return import_log(path, declared, rate=rate, adopt=adopt, on_progress=tell)
+
+
+def _write(found: "Imported", folder: Path, suffix: str, inputs: list[Path]) -> list[str]:
+    """Write the flights of one log and their sheets, and return the files.
+
+    Raises: LogError: if a file is there already, or is one of the inputs.
+    """
+    from np_drake.logs.errors import LogError
+    from np_drake.logs.import_sheet import sheet_path, write_sheet
+    from np_drake.logs.log_file import write_log
+
+    make_folder(folder)
+    targets = [folder / f"{flight.name}{suffix}" for flight in found.flights]
+    for path in (p for target in targets for p in (target, sheet_path(target))):
+        if path.exists():
+            raise LogError(f"{path}: must not be there; remove it, or give another --out.")
+    for flight, target in zip(found.flights, targets, strict=True):
+        write_log(flight, target)
+        write_sheet(found.sheet, target)
+    return [str(target) for target in targets]
+
+
+def _row(flight: Any, found: "Imported") -> tuple[Any, ...]:
+    gaps = found.sheet.content["gaps"]
+    return (
+        flight.name,
+        float(flight.t[-1]),
+        1 / flight.step,
+        flight.input,
+        1e3 * found.sheet.timing,
+        "none" if gaps == "none" else gaps.split(";")[0].replace(" inside gaps left out", ""),
+    )

@@ -1,0 +1,273 @@
+"""Import of a foreign flight log: format, map, conventions, alignment, and a sheet that says what was done."""
+
+import dataclasses as dc
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from np_drake.logs.errors import LogError
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.formats import Format, format_named, format_of
+from np_drake.logs.gaps import LONGEST as LONGEST_GAP
+from np_drake.logs.import_sheet import Sheet
+from np_drake.logs.importing.airborne import airborne
+from np_drake.logs.importing.alignment import Aligned, align, common_rows
+from np_drake.logs.importing.answerable import unanswerable
+from np_drake.logs.importing.conventions import Verdict, as_text, changed, check_conventions
+from np_drake.logs.importing.log_map import UNITS, LogMap
+from np_drake.logs.importing.signals import Signal, gather
+from np_drake.logs.recording import Progress, by_stream
+
+CHECK_RATE = 50.0  # of the rows on which conventions are checked [Hz]
+LEAST_ROWS = 20  # of a part that is kept
+UNCERTAIN = {  # deviation of the time at which a row's command acts, over the interval of the command [1]
+    "held_after": 0.0,
+    "held_before": 0.0,
+    "averaged": 0.0,
+    "sampled": 12**-0.5,  # somewhere in the interval
+    "unknown": 0.5,  # an interval early or late
+}
+
+
+@dc.dataclass(frozen=True)
+class Imported:
+    """Flights of one foreign log (one unless long gaps split it), and the sheet that goes beside each."""
+
+    flights: tuple[FlightLog, ...]
+    sheet: Sheet
+
+
+def import_log(
+    path: str | Path,
+    log_map: LogMap | None = None,
+    *,
+    rate: float = 0.0,
+    adopt: bool = False,
+    on_progress: Progress = lambda share: None,
+) -> Imported:
+    """Read a foreign flight log.
+
+    Args:
+        path: of the log, a file or a folder.
+        log_map: columns and conventions; default: those that the format's own names tell.
+        rate: of the rows [Hz]; 0: as the map says.
+        adopt: where the log fits other conventions than declared, take those instead of refusing it.
+        on_progress: called with the share that is read [1].
+    Raises: LogError: one line with file, place and remedy, if it cannot be read, lacks what a flight log needs, or does
+    not agree with its conventions; OSError: if it cannot be opened.
+    """
+    known, contents, log_map = _map_for(Path(path), log_map)
+    log_map = dc.replace(log_map, rate=rate or log_map.rate)
+    recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
+    signals, notes = gather(recording, log_map)
+    signals = _cut(signals, log_map, str(path))
+    log_map, verdict = _agreed(signals, log_map, str(path), adopt=adopt)
+    aligned = align(signals, log_map, str(path))
+    rows = airborne(aligned.t, aligned.values["position"], _lift(aligned.values))
+    flights = _flights(aligned, rows, log_map, _stem(path))
+    if not flights:
+        raise LogError(f"{path}: must hold a flight; no part between gaps has {LEAST_ROWS} rows.")
+    timing = _timing(signals, log_map)
+    for flight in flights:
+        flight.timing = timing
+    notes += [*recording.notes, *aligned.notes, *_ground_notes(aligned.t, rows)]
+    content = {
+        "source": Path(path).name,
+        "format": known.title,
+        **({"facts": dict(recording.facts)} if recording.facts else {}),
+        "frames": f"world {log_map.world}, body {log_map.body}; written as z up and z along the thrust",
+        "columns": {name: _described(name, signals[name], log_map) for name in signals},
+        "conventions": _conventions_text(verdict),
+        "rows": _rows_text(flights),
+        "input": flights[0].input,
+        "command": log_map.command,
+        "gaps": _gaps_text(aligned, rows, flights),
+        "notes": notes,
+        "cannot_be_told": unanswerable(
+            flights[0].input, accelerations=flights[0].a is not None, torque=_knows_torque(flights[0])
+        ),
+    }
+    return Imported(tuple(flights), Sheet(timing, content))
+
+
+def _map_for(path: Path, log_map: LogMap | None) -> tuple[Format, Mapping[str, tuple[str, ...]], LogMap]:
+    known = format_named(log_map.format) if log_map is not None and log_map.format else format_of(path)
+    contents = known.contents(path)
+    found = log_map or known.default_map(contents)
+    if found is None:
+        names = ", ".join(f"{s}/{c}" for s, columns in contents.items() for c in columns[:4])
+        raise LogError(
+            f"{path}: the names of a {known.title} log do not tell what its columns hold; give a map (--map FILE, "
+            f"docs/reference/log-map.md). It has {names[:200]} …"
+        )
+    return known, contents, found.check()
+
+
+def _cut(signals: dict[str, Signal], log_map: LogMap, path: str) -> dict[str, Signal]:
+    """Return the signals between the map's start and stop, counted from the first sample of the attitude."""
+    if not log_map.start and not log_map.stop:
+        return signals
+    if "attitude" not in signals:
+        return signals
+    first = signals["attitude"].t[0]
+    start, stop = first + log_map.start, first + log_map.stop if log_map.stop else np.inf
+    out = {}
+    for name, own in signals.items():
+        inside = (own.t >= start) & (own.t <= stop)
+        if inside.sum() < LEAST_ROWS:
+            raise LogError(
+                f"{path}: start and stop of the map must leave samples; {name} has {inside.sum()} in them."
+            )
+        out[name] = Signal(own.t[inside], own.values[inside])
+    return out
+
+
+def _agreed(signals: dict[str, Signal], log_map: LogMap, path: str, *, adopt: bool) -> tuple[LogMap, Verdict]:
+    """Return the map whose conventions agree with the log, and the verdict on them.
+
+    Raises: LogError: if those declared do not agree, unless others do and are to be adopted.
+    """
+    t, raw = common_rows({n: s for n, s in signals.items() if n != "voltage"}, CHECK_RATE)
+    verdict = check_conventions(t, raw, log_map)
+    if verdict.holds:
+        return log_map, verdict
+    laws = ", ".join(f"{law} {verdict.misfits[law]:.2g}" for law in verdict.failed[:4])
+    if not verdict.changes:
+        raise LogError(
+            f"{path}: its quantities must agree with each other in the conventions declared (misfit {laws}; 0 agrees, "
+            "1 does not), and agree in no other that is known. Check columns, units and frames of the map."
+        )
+    fit = as_text(verdict.changes)
+    if verdict.rivals:
+        fit += "; or " + "; or ".join(as_text(change) for change in verdict.rivals[:2])
+    if not adopt or verdict.rivals:
+        raise LogError(
+            f"{path}: it does not fit the conventions declared (misfit {laws}; 0 agrees, 1 does not), but fits {fit}. "
+            "Write that in the map" + ("." if verdict.rivals else ", or give --adopt.")
+        )
+    log_map = changed(log_map, verdict.changes)
+    return log_map, dc.replace(check_conventions(t, raw, log_map), changes=verdict.changes)
+
+
+def _lift(values: Mapping[str, np.ndarray]) -> np.ndarray | None:
+    """Return what stands for the lift of the rotors (n,), in any unit; None where nothing does."""
+    if "rotor_speed" in values:
+        return np.sum(values["rotor_speed"] ** 2, axis=1)
+    for name in ("thrust", "throttle"):
+        if name in values:
+            return values[name].mean(axis=1)
+    return None
+
+
+def _flights(aligned: Aligned, rows: slice, log_map: LogMap, name: str) -> list[FlightLog]:
+    """Return the flights between take-off and landing, split at long gaps; rows inside gaps are left out."""
+    keep = np.zeros(len(aligned.t), bool)
+    keep[rows] = True
+    keep &= ~aligned.filled
+    chosen = np.flatnonzero(keep)
+    if not len(chosen):
+        return []
+    breaks = np.flatnonzero(np.diff(aligned.t[chosen]) > LONGEST_GAP + 1e-9) + 1
+    parts = [part for part in np.split(chosen, breaks) if len(part) >= LEAST_ROWS]
+    names = [name] if len(parts) == 1 else [f"{name}_part{i}" for i in range(1, len(parts) + 1)]
+    return [_flight(aligned, part, n, log_map) for part, n in zip(parts, names, strict=True)]
+
+
+def _flight(aligned: Aligned, rows: np.ndarray, name: str, log_map: LogMap) -> FlightLog:
+    x = {key: value[rows] for key, value in aligned.values.items()}
+    t = aligned.t[rows]
+    u, throttle, kind = np.full((len(t), 4), np.nan), x.get("throttle"), "normalised"
+    if "thrust" in x and log_map.thrust.unit == "weight":
+        throttle = x["thrust"]
+    elif "thrust" in x:
+        u[:, 0], kind = x["thrust"][:, 0], "thrust_only"
+    if throttle is not None and "hover_throttle" in x:
+        throttle = throttle / np.maximum(x["hover_throttle"], 1e-3)
+    if "torque" in x and kind == "thrust_only":
+        u[:, 1:], kind = x["torque"], "command"
+    elif "rotor_speed" in x:
+        kind = "rotor_speed"
+    return FlightLog(
+        t=t - t[0],
+        p=x["position"],
+        q=x["attitude"],
+        v=x["velocity"],
+        w=x["rates"],
+        u=u,
+        a=x.get("acceleration"),
+        al=x.get("angular_acceleration"),
+        rotor=x.get("rotor_speed"),
+        throttle=throttle,
+        voltage=x["voltage"][:, 0] if "voltage" in x else None,
+        name=name,
+        input=kind,
+    )
+
+
+def _knows_torque(log: FlightLog) -> bool:
+    return log.input != "thrust_only" and (log.throttle is None or log.throttle.shape[1] == 4)
+
+
+def _timing(signals: Mapping[str, Signal], log_map: LogMap) -> float:
+    """Return the deviation of the time at which a row's command acts [s]; 0 without a command."""
+    steps = [signals[name].step for name in ("thrust", "torque", "throttle") if name in signals]
+    return UNCERTAIN[log_map.command] * max(steps, default=0.0)
+
+
+def _stem(path: str | Path) -> str:
+    name = Path(path).name
+    for suffix in (".gz", ".csv", ".parquet", ".ulg", ".bin", ".log", ".mcap", ".db3", ".bag", ".txt"):
+        name = name.removesuffix(suffix).removesuffix(suffix.upper())
+    return name
+
+
+def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
+    source = getattr(log_map, name)
+    unit = source.unit or next(iter(UNITS[name]))
+    options = {
+        "unit": unit,
+        "scale": source.scale,
+        "axes": source.axes,
+        "kind": source.kind,
+        "late": source.late,
+    }
+    if name == "attitude" and len(source.columns) == 4:
+        options |= {"order": source.order, "direction": source.direction}
+    shown = {
+        key: value
+        for key, value in options.items()
+        if value not in ("", 0.0) and (key, value) != ("scale", 1.0)
+    }
+    return {"from": list(source.columns), "rate": f"{1 / signal.step:.4g} Hz", **shown}
+
+
+def _conventions_text(verdict: Verdict) -> str:
+    if not verdict.misfits:
+        return "not checked: the log is too short, or has no two quantities that can be compared"
+    worst = max(verdict.misfits, key=lambda law: verdict.misfits[law])
+    text = f"agree with the log in {len(verdict.misfits)} checks (worst misfit {verdict.misfits[worst]:.2g}, {worst})"
+    return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
+
+
+def _rows_text(flights: list[FlightLog]) -> str:
+    spans = ", ".join(f"{log.name}: {len(log)} rows, {log.t[-1]:.4g} s" for log in flights)
+    return f"{1 / flights[0].step:.4g} Hz; {spans}"
+
+
+def _gaps_text(aligned: Aligned, rows: slice, flights: list[FlightLog]) -> str:
+    filled = int(aligned.filled[rows].sum())
+    inside = [np.diff(log.t).max() for log in flights]
+    text = "none" if not filled and len(flights) == 1 and max(inside) < 2.5 * flights[0].step else ""
+    if not text:
+        text = f"{filled} rows inside gaps left out; longest gap in a part {max(inside):.3g} s"
+        text += f"; split into {len(flights)} parts" if len(flights) > 1 else ""
+    return text
+
+
+def _ground_notes(t: np.ndarray, rows: slice) -> list[str]:
+    before, after = t[rows.start] - t[0], t[-1] - t[rows.stop - 1]
+    if before <= 0 and after <= 0:
+        return []
+    return [f"on the ground: {before:.3g} s before and {after:.3g} s after the flight left out"]
