@@ -1,6 +1,6 @@
 """Where the real flights lie, and what happens when they do not.
 
-A test that takes the `neurobem` fixture is skipped without the data folder. With `--require-real-flights` a
+A test that takes the `neurobem` or `real_flights` fixture is skipped without the data folder. With `--require-real-flights` a
 skipped one is a failure, and so is a run in which none was executed.
 """
 
@@ -28,7 +28,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if "neurobem" in getattr(item, "fixturenames", ()):
+        if not {"neurobem", "real_flights"}.isdisjoint(getattr(item, "fixturenames", ())):
             item.add_marker(MARKER)
 
 
@@ -43,6 +43,22 @@ def neurobem() -> Path:
     folder = neurobem_folder()
     if not ((folder / "csv").is_dir() and (folder / "npy").is_dir()):
         pytest.skip(f"no real flights in {folder}: set NP_DRAKE_NEUROBEM to the folder of csv/ and npy/")
+    return folder
+
+
+def real_flights_folder() -> Path:
+    """NP_DRAKE_REAL, or `shared/real` beside the repository."""
+    return Path(os.environ.get("NP_DRAKE_REAL") or ROOT.parent / "shared" / "real")
+
+
+@pytest.fixture(scope="session")
+def real_flights() -> Path:
+    """The folder of real flights with imrc/, neural_fly/ and ulog/."""
+    folder = real_flights_folder()
+    if not all((folder / part).is_dir() for part in ("imrc", "neural_fly", "ulog")):
+        pytest.skip(
+            f"no real flights in {folder}: set NP_DRAKE_REAL to the folder of imrc/, neural_fly/, ulog/"
+        )
     return folder
 
 

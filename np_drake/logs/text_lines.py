@@ -44,8 +44,13 @@ def read_lines(path: str | Path, progress: Progress = no_progress, errors: str =
 
 def open_text(path: str | Path, raw: IO[bytes], errors: str = "strict") -> io.TextIOWrapper:
     """Return the text of an open file, decompressed where the name ends in .gz."""
-    binary: Any = gzip.GzipFile(fileobj=raw) if str(path).endswith(".gz") else raw
+    binary: Any = gzip.GzipFile(fileobj=raw) if is_gzip(path) else raw
     return io.TextIOWrapper(binary, encoding="utf-8-sig", errors=errors)
+
+
+def is_gzip(path: str | Path) -> bool:
+    """Return whether a file is read as gzip, by its name."""
+    return str(path).lower().endswith(".gz")
 
 
 def bad_gzip(path: str | Path, error: Exception) -> LogError:
