@@ -1,7 +1,7 @@
 """Where the real flights lie, and what happens when they do not.
 
-A test that takes the `neurobem` or `real_flights` fixture is skipped without the data folder. With `--require-real-flights` a
-skipped one is a failure, and so is a run in which none was executed.
+A test that takes the fixture `neurobem` or `real_flights` is skipped without its folder. With
+`--require-real-flights` a skipped one is a failure, and so is a run in which none was executed.
 """
 
 import os

@@ -15,9 +15,10 @@ from np_drake.logs.columns import NAMES
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats import format_of, table_arrow
 from np_drake.logs.formats.table import TABLE
+from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.importing.map_time import with_map_time
 from np_drake.logs.log_file import write_log
-from np_drake.logs.recording import Recording, Stream
+from np_drake.logs.recording import Stream
 
 SUFFIXES = (".csv", ".csv.gz", ".txt", ".tsv", ".parquet")
 WAYS = ("pyarrow", "plain")
@@ -179,8 +180,6 @@ def test_a_known_time_column_is_in_its_unit(tmp_path, name, unit):
 
 
 def test_a_time_column_of_another_name_comes_from_the_map(tmp_path):
-    from np_drake.logs.importing.log_map import LogMap, Source
-
     (tmp_path / "made.csv").write_text("clock,x\n1000,1\n1500,2\n")
     dut = read(tmp_path / "made.csv", "clock", "x")
     assert np.isnan(dut.streams["table"].t).all()
@@ -226,7 +225,7 @@ def test_what_fills_the_memory_is_refused(tmp_path, monkeypatch, way):
     for module in ("table_text", "table_arrow", "table_parquet"):
         monkeypatch.setattr(f"np_drake.logs.formats.{module}.MAX_ROWS", 10)
     (tmp_path / "rows.csv").write_text("t,x\n" + "1,2\n" * 11)
-    with pytest.raises(LogError, match="at most .* rows"):
+    with pytest.raises(LogError, match=r"at most .* rows"):
         read(tmp_path / "rows.csv", "x")
 
 
@@ -273,21 +272,19 @@ def test_any_beginning_of_a_table_ends_in_a_recording_or_one_line(
 
 def assert_recording_or_one_line(path):
     try:
-        recording = read(path)
+        message = f"{path}: {len(read(path).streams)} stream"
     except LogError as error:
-        assert "\n" not in str(error)
-        assert str(path) in str(error)
-    else:
-        assert isinstance(recording, Recording)
+        message = str(error)
+    assert message.startswith(str(path))
+    assert "\n" not in message
 
 
 def test_numbers_of_a_parquet_may_be_of_any_kind(tmp_path):
     pyarrow = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
-    import pyarrow.parquet
-
+    parquet = pytest.importorskip("pyarrow.parquet", reason="Parquet needs pyarrow")
     stamps = pyarrow.array([1_000_000, 1_500_000], pyarrow.timestamp("us"))
     columns = {"time": stamps, "n": [1, None], "b": [True, False], "mode": ["auto", "manual"]}
-    pyarrow.parquet.write_table(pyarrow.table(columns), str(tmp_path / "made.parquet"))
+    parquet.write_table(pyarrow.table(columns), str(tmp_path / "made.parquet"))
     assert TABLE.contents(tmp_path / "made.parquet") == {"table": ("time", "n", "b")}
     dut = read(tmp_path / "made.parquet", "n", "b").streams["table"]
     np.testing.assert_array_equal(dut.t, [1.0, 1.5])
