@@ -13,6 +13,10 @@ class Tolerance:
     attitude: float = 0.008  # from flight to flight [rad]
     rate: float = 0.01  # from flight to flight [rad/s]
     velocity: float = 0.02  # from flight to flight [m/s]
+    # What the input of the logs leaves open; 0 where it is a command in newtons that is held from its row.
+    timing: float = 0.0  # time at which a row's command acts [s]
+    throttle_curve: float = 0.0  # exponent of thrust over throttle [1]
+    throttle_drift: float = 0.0  # rate of thrust over throttle as the battery falls [1/s]
 
     @property
     def name(self) -> str:

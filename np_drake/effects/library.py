@@ -47,12 +47,12 @@ def effects_for(log_input: str) -> dict[str, type[Effect]]:
 # Effects that logs of an input cannot tell.
 TIMING = ("motor_lag", "command_delay", "clock_offset")
 TORQUE = ("inertia_error", "center_of_mass_offset", "weak_rotor")  # besides effects without a force
-SCALE = ("mass_error", "thrust_scale")
+SCALE = ("mass_error", "thrust_scale", "thrust_drift")
 _UNOBSERVABLE: dict[str, tuple[tuple[tuple[str, ...], str], ...]] = {
     "command": (),
     "rotor_speed": ((TIMING, "the input is measured rotor speed, not a command"),),
     "thrust_only": (),
-    "normalised": ((SCALE, "thrust is known up to a scale"),),
+    "normalised": ((SCALE, "thrust over throttle is known up to a scale that falls with the battery"),),
 }
 
 

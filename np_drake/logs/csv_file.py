@@ -1,30 +1,42 @@
 """CSV and .csv.gz as tables of numbers."""
 
 import gzip
-import zlib
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 
 from np_drake.atomic_file import atomic_path
 from np_drake.logs.errors import LogError
+from np_drake.logs.growing_columns import GrowingColumns
 from np_drake.logs.table import Table
+from np_drake.logs.text_lines import MAX_COLUMNS, MAX_ROWS, read_lines, too_long
+
+BLOCK_CELLS = 1 << 18  # that are held as Python numbers at once
+MAX_UNREADABLE = (
+    10**5
+)  # cells that are kept with their text; the first is named in a message, the others are NaN
+SHOWN = 80  # characters that are kept of such a text
 
 
 def read_csv(path: str | Path) -> Table:
     """Read a comma-separated file with one header line, gzip-compressed where the name ends in .gz.
 
+    Memory is that of the numbers: the text is read in blocks.
     Raises: LogError: if the file is no such table; OSError: if it cannot be opened.
     """
-    lines = _read_text(path).splitlines()
-    while lines and not lines[-1].strip():
-        lines.pop()
-    if not lines:
-        raise LogError(f"{path}: must hold a header line and rows; the file is empty.")
-    names = [name.strip() for name in lines[0].split(",")]
-    _check_header(path, names)
-    values, unreadable, ragged = _parse(lines[1:], names)
-    return Table(str(path), dict(zip(names, values.T, strict=True)), unreadable, ragged)
+    with closing(read_lines(path)) as lines:
+        header = next(lines, "")
+        if not header.strip() and not any(line.strip() for line in lines):
+            raise LogError(f"{path}: must hold a header line and rows; the file is empty.")
+        names = [name.strip() for name in header.split(",")]
+        check_header(path, names)
+        rows = _Rows(path, names)
+        for line in lines:
+            rows.add(line)
+        return rows.table()
 
 
 def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
@@ -38,31 +50,26 @@ def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
         temporary.write_bytes(content)
 
 
-def _read_text(path: str | Path) -> str:
-    content = Path(path).read_bytes()
-    try:
-        if str(path).endswith(".gz"):
-            content = gzip.decompress(content)
-        return content.decode("utf-8-sig")
-    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise LogError(f"{path}: must be a whole gzip file; {error}. Copy it again.") from error
-    except UnicodeDecodeError as error:
-        raise LogError(f"{path}: must be a UTF-8 text file with comma-separated columns.") from error
+def check_header(path: str | Path, names: Sequence[str]) -> None:
+    """Check the names of a header line.
 
-
-def _check_header(path: str | Path, names: list[str]) -> None:
-    twice = sorted({name for name in names if names.count(name) > 1})
+    Raises: LogError: if there is one name only, too many, none that is a word, or one twice.
+    """
+    twice = sorted(name for name, count in Counter(names).items() if count > 1)
     if len(names) == 1:
         raise LogError(
             f"{path}, line 1: the header must name comma-separated columns; got {names[0][:60]!r}."
         )
-    if all(_is_number(name) for name in names):
+    if len(names) > MAX_COLUMNS:
+        raise LogError(f"{path}, line 1: must name at most {MAX_COLUMNS} columns; got {len(names)}.")
+    if all(is_number(name) for name in names):
         raise LogError(f"{path}: must start with a header line of column names; line 1 holds numbers.")
     if twice:
         raise LogError(f"{path}, column {twice[0] or '(no name)'}: must stand once in the header.")
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Return whether a cell holds a number, nan and inf among them."""
     try:
         float(text)
     except ValueError:
@@ -70,22 +77,59 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _parse(lines: list[str], names: list[str]) -> tuple[np.ndarray, list[tuple[int, str, str]], list[int]]:
-    """Return (n, columns) values, unreadable cells and ragged rows (float() is as fast as a C parser here)."""
-    values = np.full((len(lines), len(names)), np.nan)
-    unreadable: list[tuple[int, str, str]] = []
-    ragged: list[int] = []
-    for row, line in enumerate(lines):
-        cells = line.split(",")
-        if len(cells) != len(names):
-            ragged.append(row)
-            continue
+class _Rows:
+    """Rows of the table that is being read, the last of them as lists (float() is as fast as a C parser here)."""
+
+    def __init__(self, path: str | Path, names: list[str]) -> None:
+        self._path = path
+        self._names = names
+        self._columns = GrowingColumns(names)
+        self._block: list[list[float]] = []
+        self._block_rows = max(1, BLOCK_CELLS // len(names))
+        self._count = 0  # of rows
+        self._blank = 0  # lines since the last that holds something; at the end of the file they are no rows
+        self._unreadable: list[tuple[int, str, str]] = []
+        self._ragged: list[int] = []
+
+    def add(self, line: str) -> None:
+        """Append the row of a line."""
+        if not line.strip():
+            self._blank += 1
+            return
+        for _ in range(self._blank):
+            self._append([])
+        self._blank = 0
+        self._append(line.split(","))
+
+    def table(self) -> Table:
+        """Return the table of all rows."""
+        self._flush()
+        return Table(str(self._path), self._columns.arrays(), self._unreadable, self._ragged)
+
+    def _append(self, cells: list[str]) -> None:
+        self._block.append(self._numbers(cells))
+        self._count += 1
+        if len(self._block) == self._block_rows:
+            self._flush()
+        if self._count > MAX_ROWS:
+            raise too_long(self._path)
+
+    def _numbers(self, cells: list[str]) -> list[float]:
+        if len(cells) != len(self._names):
+            self._ragged.append(self._count)
+            return [float("nan")] * len(self._names)
         try:
-            values[row] = [float(cell) for cell in cells]
+            return [float(cell) for cell in cells]
         except ValueError:
-            values[row], texts = _parse_slowly(cells)
-            unreadable += [(row, names[column], text) for column, text in texts]
-    return values, unreadable, ragged
+            row, texts = _parse_slowly(cells)
+        if len(self._unreadable) < MAX_UNREADABLE:
+            self._unreadable += [(self._count, self._names[column], text) for column, text in texts]
+        return row
+
+    def _flush(self) -> None:
+        if self._block:
+            self._columns.add(np.array(self._block).T)
+            self._block = []
 
 
 def _parse_slowly(cells: list[str]) -> tuple[list[float], list[tuple[int, str]]]:
@@ -93,10 +137,10 @@ def _parse_slowly(cells: list[str]) -> tuple[list[float], list[tuple[int, str]]]
     row: list[float] = []
     texts: list[tuple[int, str]] = []
     for column, cell in enumerate(cells):
-        if _is_number(cell):
+        if is_number(cell):
             row.append(float(cell))
             continue
         row.append(float("nan"))
         if cell.strip():
-            texts.append((column, cell.strip()))
+            texts.append((column, cell.strip()[:SHOWN]))
     return row, texts

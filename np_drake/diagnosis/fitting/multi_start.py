@@ -62,7 +62,7 @@ def first_fit(problem: RegressionProblem, model: Model, tolerance: Tolerance, it
     if not any(t.swings for t in terms):
         return refit(problem, model, tolerance, None, iterations=iterations)
     same_scale = scale_only(
-        [e.bridged(e.y - predicted_residual(e, terms)) for e in flights], flights[0].grid.step
+        [e.known(e.bridged(e.y - predicted_residual(e, terms))) for e in flights], flights[0].grid.step
     )
     return _descend(problem, model, tolerance, _swung(terms, problem, same_scale), same_scale, iterations)
 

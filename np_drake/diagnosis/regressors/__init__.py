@@ -1,6 +1,7 @@
 """Regressors of the linear model: library effects, generic structure, nuisance parameters, payload."""
 
 from np_drake.diagnosis.regressors.generic import DAMPING, PREFIX, generic_candidates
+from np_drake.diagnosis.regressors.input_tolerance import with_input
 from np_drake.diagnosis.regressors.library import (
     DRAG,
     DRAGS,
@@ -66,4 +67,5 @@ __all__ = [
     "switched",
     "tolerance_of",
     "wind_candidates",
+    "with_input",
 ]

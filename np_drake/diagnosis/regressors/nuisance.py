@@ -15,18 +15,30 @@ from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.base import Effect
+from np_drake.effects.battery_sag import BatterySag
+from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.mass_error import MassError
+from np_drake.effects.throttle_curve import ThrottleCurve
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.vehicle import Vehicle
 
 
 def calibration_terms(vehicle: Vehicle, tolerance: Tolerance) -> list[tuple[Term, float]]:
-    """Return the mass and thrust terms that all flights share, each with the standard deviation of its prior."""
+    """Return the terms that all flights share, each with the standard deviation of its prior.
+
+    Mass and thrust of the vehicle file, and what the input of the logs leaves open.
+    """
+    open_ = [
+        (Term(ThrottleCurve(0.0)), tolerance.throttle_curve),
+        (Term(BatterySag(0.0)), tolerance.throttle_drift),
+        (Term(ClockOffset(0.0)), tolerance.timing),
+    ]
     return [
         (Term(ThrustScale(1.0)), tolerance.thrust),
         (Term(MassError(0.0)), tolerance.mass * vehicle.mass),
+        *(pair for pair in open_ if pair[1] > 0),
     ]
 
 

@@ -20,7 +20,7 @@ from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.residuals.accelerations import Instants, make_instants
 from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
 from np_drake.diagnosis.residuals.outliers import bridge
-from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Grid, Resampler, make_grid, to_grid
+from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Grid, Resampler, in_gaps, make_grid, to_grid
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
@@ -46,6 +46,7 @@ class FlightResiduals:
     shocks (m,): outlier rows of the grid, which are interpolated; none until `find_shocks` has been applied.
     joined (m,): rows of a held-out flight that joined the fit (adaptive split).
     goes_on: the flight continues after these rows, so that an effect absent here may begin later.
+    knows_torque: whether the log tells the rotors' torque; without it the torque channels are empty.
     """
 
     log: FlightLog
@@ -63,6 +64,7 @@ class FlightResiduals:
     shocks: np.ndarray
     joined: np.ndarray
     goes_on: bool = False
+    knows_torque: bool = True
 
     @property
     def name(self) -> str:
@@ -73,11 +75,6 @@ class FlightResiduals:
     def measured_rotors(self) -> bool:
         """Whether the input is measured rotor speed rather than a command."""
         return self.log.input == "rotor_speed"
-
-    @property
-    def knows_torque(self) -> bool:
-        """Whether the log tells the torque of the rotors; else its channels are empty."""
-        return bool(np.isfinite(self.log.u[:, 1:]).any())
 
     @property
     def t(self) -> np.ndarray:
@@ -183,6 +180,14 @@ class FlightResiduals:
         )
         return _by_channel(force, others)[middle - half : middle + half + 1]
 
+    def known(self, values: np.ndarray) -> np.ndarray:
+        """Return channels (m, 15) with zeros in those that the log does not tell."""
+        if self.knows_torque:
+            return values
+        values = values.copy()
+        values[:, TORQUE] = 0.0
+        return values
+
     def bridged(self, values: np.ndarray) -> np.ndarray:
         """Return channels or columns (m, ...) with outlier rows interpolated."""
         return bridge(values, self.shocks)
@@ -215,6 +220,7 @@ def make_flight_residuals(
             f"diagnose: {log.name} must last at least {LEAST_DURATION:g} s; got {log.t[-1] - log.t[0]:.3g} s. "
             "Give a longer flight."
         )
+    log, knows_torque = _with_torque(log)
     smooth, noise = smooth_attitude(log.t, log.q, log.w)
     q, turned = _attitude_for_force(log, smooth, vehicle.gravity)
     rows, mids = make_instants(log, smooth)
@@ -229,9 +235,20 @@ def make_flight_residuals(
     nominal = np.concatenate([np.zeros((len(grid), 2)), from_rows(f), from_mids(u_mids[:, 1:])], axis=1)
     w = from_mids(mids.x[:, 10:13])
     none = np.zeros(len(grid), bool)
+    gaps = none if log.bridged is None else in_gaps(grid, log.t, log.bridged)
+    if not knows_torque:
+        y[:, TORQUE] = 0.0
     return FlightResiduals(
-        log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, none, none
+        *(log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, gaps, none),
+        knows_torque=knows_torque,
     )
+
+
+def _with_torque(log: FlightLog) -> tuple[FlightLog, bool]:
+    """Return the log with zeros for a torque that is not known, and whether it is."""
+    if np.isfinite(log.u[:, 1:]).any() or not np.isfinite(log.u[:, 0]).any():
+        return log, True
+    return dc.replace(log, u=np.nan_to_num(log.u)), False
 
 
 def _settled(log: FlightLog, vehicle: Vehicle, thrust: np.ndarray, torque: np.ndarray) -> float:

@@ -74,6 +74,14 @@ def to_grid(grid: Grid, t: np.ndarray, values: np.ndarray) -> np.ndarray:
     return Resampler(grid, t)(values)
 
 
+def in_gaps(grid: Grid, t: np.ndarray, bridged: np.ndarray) -> np.ndarray:
+    """Return the rows (m,) of the grid within a step of rows (n,) that a reader put into gaps, at t (n,) [s]."""
+    near = t[bridged]
+    after = np.searchsorted(near, grid.t - grid.step)
+    found = near[np.minimum(after, len(near) - 1)] if len(near) else np.full(len(grid), np.inf)
+    return np.abs(found - grid.t) <= grid.step * (1 + 1e-9)
+
+
 def _decimate(fine: np.ndarray, factor: int) -> np.ndarray:
     if factor == 1:
         return fine

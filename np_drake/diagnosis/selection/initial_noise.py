@@ -50,7 +50,9 @@ def prepare(flights: Sequence[FlightResiduals], options: Options) -> Ready:
     residual = _rich_residuals(
         RegressionProblem(flights, white, nuisance, everything, temperature=1.0, options=options)
     )
-    flights = [dc.replace(e, shocks=find_shocks(r, step)) for e, r in zip(flights, residual, strict=True)]
+    flights = [
+        dc.replace(e, shocks=e.shocks | find_shocks(r, step)) for e, r in zip(flights, residual, strict=True)
+    ]
     raw = [e.bridged(e.y) for e in flights]
     white = scale_only(raw, step)
     if any(e.shocks.any() for e in flights):
@@ -92,6 +94,7 @@ def noise_of(
         residuals, raw: (m, 15) by flight, after and before a model.
         inexact: share of what the model explains that it gets wrong [1]; `linear_error` for linear columns.
     """
+    residuals = [e.known(r) for e, r in zip(flights, residuals, strict=True)]
     explained = [y - r for y, r in zip(raw, residuals, strict=True)]
     force = np.sqrt(np.mean(np.sum(np.concatenate(explained)[:, FORCE] ** 2, axis=1)))
     slow = np.zeros(raw[0].shape[1])
@@ -121,6 +124,8 @@ def _rich_residuals(problem: RegressionProblem) -> list[np.ndarray]:
     columns = [*problem.nuisance, *(problem.candidates[i] for i in chosen)]
     parts = np.split(mean, np.cumsum([c.size for c in columns])[:-1])
     return [
-        e.bridged(e.y - sum(c.columns[e.name] @ part for c, part in zip(columns, parts, strict=True)))
+        e.known(
+            e.bridged(e.y - sum(c.columns[e.name] @ part for c, part in zip(columns, parts, strict=True)))
+        )
         for e in problem.flights
     ]

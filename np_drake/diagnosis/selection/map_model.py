@@ -9,7 +9,7 @@ import numpy as np
 from np_drake.diagnosis.fitting import Fit, first_fit, refit
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, tolerance_of
+from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, tolerance_of, with_input
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.beam_search import library_first, search
 from np_drake.diagnosis.selection.change_point import late_payloads, switched_candidates
@@ -41,6 +41,7 @@ def find_map_model(
     begin in flight are sought.
     """
     options = options or Options.for_sensors(tolerance_of(flights).real)
+    options = dc.replace(options, tolerance=with_input(options.tolerance, flights))
     ready = prepare(flights, options)
     problem, models, best = _search_twice(ready, options, hanging)
     return SearchResult(ready.raw, problem, models, best, _noise_left(ready, best, options), options)

@@ -109,7 +109,7 @@ def _without_generic(
     most = options.search.most_effects_measured if measured else options.search.most_effects
     candidates = [c for c in problem.candidates if not c.generic]
     for _ in range(4 if measured else 2):  # until weights rest
-        residual = [e.bridged(e.y - predicted_residual(e, fit.everything)) for e in flights]
+        residual = [e.known(e.bridged(e.y - predicted_residual(e, fit.everything))) for e in flights]
         noise = _structured_noise(residual, raw, flights)
         plain = RegressionProblem(
             flights,

@@ -5,11 +5,15 @@ from pathlib import Path
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.crazyflie import CRAZYFLIE
 from np_drake.logs.formats.format import Format
+from np_drake.logs.formats.neural_fly import NEURAL_FLY
+from np_drake.logs.formats.table import TABLE
 from np_drake.logs.formats.ulog import ULOG
 
-FORMATS: tuple[Format, ...] = (
+FORMATS: tuple[Format, ...] = (  # the first that recognises a file reads it
     CRAZYFLIE,
     ULOG,
+    NEURAL_FLY,
+    TABLE,  # any CSV: last
 )
 
 __all__ = ["FORMATS", "Format", "format_named", "format_of"]

@@ -23,6 +23,7 @@ UNITS: dict[str, dict[str, float]] = {  # by quantity: factor to SI
     "throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535},
     "hover_throttle": {"1": 1.0, "percent": 0.01, "us": 1.0, "pwm16": 1 / 65535},
     "voltage": {"V": 1.0, "mV": 0.001},
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
 }
 SIZES: dict[str, tuple[int, ...]] = {  # number of columns
     "position": (3,),
@@ -38,6 +39,7 @@ SIZES: dict[str, tuple[int, ...]] = {  # number of columns
     "hover_throttle": (1,),
     "voltage": (1,),
 }
+TIME_SIZE = (1,)  # columns of the time, which is no quantity
 
 
 @dc.dataclass
@@ -79,6 +81,8 @@ class LogMap:
     thinned log), or `unknown`.
     start, stop: the part to import, from the first row of the log [s]; stop 0: to its end.
     rate: of the rows that are written [Hz]; 0: of the fastest stream that is used, at most 500 Hz.
+    time: column that holds the times of its stream, of a table whose time column has a name of its own; none: as the
+    format knows it.
     """
 
     format: str = ""
@@ -88,6 +92,7 @@ class LogMap:
     start: float = 0.0
     stop: float = 0.0
     rate: float = 0.0
+    time: Source = dc.field(default_factory=Source)
     position: Source = dc.field(default_factory=Source)
     velocity: Source = dc.field(default_factory=Source)
     attitude: Source = dc.field(default_factory=Source)
@@ -109,8 +114,9 @@ class LogMap:
                 yield name, source
 
     def names(self) -> list[str]:
-        """Return the names of all columns that are used."""
-        return [column for _, source in self.sources() for column in source.columns]
+        """Return the names of all columns that are used, the time among them."""
+        sources = [source for _, source in self.sources()]
+        return [column for source in (self.time, *sources) for column in source.columns]
 
     def check(self) -> "LogMap":
         """Return self after checking all fields.
@@ -125,8 +131,10 @@ class LogMap:
                 raise ValueError(
                     f"LogMap: {name} must be finite and not negative; got {getattr(self, name)}."
                 )
+        if self.time:
+            _check_source("time", self.time, TIME_SIZE)
         for name, source in self.sources():
-            _check_source(name, source)
+            _check_source(name, source, SIZES[name])
         return self
 
 
@@ -138,9 +146,9 @@ def load_map(path: str | Path) -> LogMap:
     return load_checked(LogMap, path, "log map")
 
 
-def _check_source(name: str, source: Source) -> None:
-    if len(source.columns) not in SIZES[name]:
-        sizes = " or ".join(map(str, SIZES[name]))
+def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:
+    if len(source.columns) not in known:
+        sizes = " or ".join(map(str, known))
         raise ValueError(f"LogMap: {name} must name {sizes} columns; got {len(source.columns)}.")
     _one_of(f"{name}.unit", source.unit, ("", *UNITS[name]))
     _one_of(f"{name}.axes", source.axes, ("", "world", "body"))

@@ -1,0 +1,63 @@
+"""What the input of the logs leaves open: the scale and curve of a throttle, and when a row's command acts."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.forward_model import Term, predicted_residual
+from np_drake.diagnosis.numerics import fit_noise
+from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.diagnosis.tolerance import Tolerance
+from np_drake.effects.clock_offset import ClockOffset
+
+THROTTLE_SCALE = 0.2  # of thrust over throttle [1]; source: own choice, hover throttles are known to a fifth
+THROTTLE_CURVE = 0.3  # of its exponent, once it is fitted [1]; source: own choice
+THROTTLE_DRIFT = 0.002  # of thrust over throttle [1/s]; source: own choice, a tenth in a minute
+SURELY = 3.0  # deviations from a command that is held from its row, beyond which it is not [1]
+
+
+def with_input(tolerance: Tolerance, flights: Sequence[FlightResiduals]) -> Tolerance:
+    """Return the tolerance with what the input of these flights leaves open."""
+    open_ = {"timing": max(tolerance.timing, command_timing(flights))}
+    if flights[0].log.input == "normalised":
+        open_ |= {
+            "thrust": max(tolerance.thrust, THROTTLE_SCALE),
+            "throttle_curve": max(tolerance.throttle_curve, THROTTLE_CURVE),
+            "throttle_drift": max(tolerance.throttle_drift, THROTTLE_DRIFT),
+        }
+    return dc.replace(tolerance, **open_)
+
+
+def command_timing(flights: Sequence[FlightResiduals]) -> float:
+    """Return the deviation of the time at which a row's command acts [s].
+
+    It is what the logs state, or half a row where the flights show that the command of a row does not act from it until
+    the next: so a command looks that changed between the rows, as in a log of which rows were left out. Lags and delays
+    look the other way.
+    """
+    if flights[0].measured_rotors:
+        return 0.0
+    stated = max(e.log.timing for e in flights)
+    half = 0.5 * max(e.log.step for e in flights)
+    shift, deviation = _early(flights, 0.5 * half)
+    sampled = shift > SURELY * deviation and shift - 2 * deviation < half
+    return max(stated, half) if sampled else stated
+
+
+def _early(flights: Sequence[FlightResiduals], step: float) -> tuple[float, float]:
+    """Return the time by which motion is ahead of the commands, and its standard deviation [s].
+
+    Generalised least squares on the residual with all else in its noise.   step: of the finite difference [s].
+    """
+    noise = fit_noise([e.y for e in flights], flights[0].grid.step)
+    power = product = 0.0
+    for e in flights:
+        column = predicted_residual(e, [Term(ClockOffset(step))])
+        column[:, 6:] = 0.0  # the commands alone
+        white = noise.whiten(np.stack([column, e.y], axis=-1), e.name)
+        power += float(np.sum(white[..., 0] ** 2))
+        product += float(np.sum(white[..., 0] * white[..., 1]))
+    if power == 0.0:
+        return 0.0, np.inf
+    return step * product / power, step / np.sqrt(power)

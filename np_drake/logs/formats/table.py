@@ -1,0 +1,122 @@
+"""Tables: CSV with any delimiter and Parquet, one stream whose columns only their user's map can tell.
+
+A cell may hold a list of numbers, or a list of lists: its numbers are columns `name[0]`, `name[1]`, … row by row.
+"""
+
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from np_drake.logs.columns import COLUMNS
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats import table_parquet, table_text
+from np_drake.logs.formats.format import Format
+from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.recording import Contents, Progress, Recording, Stream
+from np_drake.logs.text_lines import BAD_GZIP
+
+STREAM = "table"
+TEXTS = (".csv", ".csv.gz", ".txt", ".txt.gz", ".tsv", ".tsv.gz")
+PARQUET = ".parquet"
+# Names of a time column, the first that is found, and what one of its units is worth [s].
+TIMES: dict[str, float] = {
+    **dict.fromkeys(
+        ("t", "time", "timestamp", "Time", "Timestamp", "T", "t_s", "time_s", "timestamp_s"), 1.0
+    ),
+    **dict.fromkeys(("t_ms", "time_ms", "timestamp_ms", "TimeMS"), 1e-3),
+    **dict.fromkeys(("t_us", "time_us", "timestamp_us", "TimeUS"), 1e-6),
+    **dict.fromkeys(("t_ns", "time_ns", "timestamp_ns", "TimeNS"), 1e-9),
+}
+
+
+def recognises(path: Path, start: bytes) -> bool:
+    """Return whether the name is that of a table, and the first line, of a text, has several columns."""
+    if path.name.lower().endswith(PARQUET):
+        return True
+    if not path.name.lower().endswith(TEXTS):
+        return False
+    line = first_line(start)
+    return bool(line) and "\x00" not in line and len(table_text.split_header(line)) > 1
+
+
+def first_line(start: bytes) -> str:
+    """Return the first line of a text from its first bytes, which may be compressed; empty if they are no gzip."""
+    if start[:2] == b"\x1f\x8b":
+        try:
+            start = zlib.decompressobj(wbits=31).decompress(start, 1 << 16)
+        except BAD_GZIP:
+            return ""
+    lines = start.decode("utf-8-sig", errors="replace").splitlines()
+    return lines[0] if lines else ""
+
+
+def contents(path: Path) -> Contents:
+    """Return the columns, from the header and the first row.
+
+    Raises: LogError: if the file is no table; OSError: if it cannot be opened.
+    """
+    names = table_parquet.columns(path) if is_parquet(path) else table_text.read_layout(path).names
+    return {STREAM: tuple(names)}
+
+
+def default_map(contents: Contents) -> LogMap | None:
+    """Return the map of our own columns (docs/reference/flight-log.md) where the state is there; None elsewhere."""
+    names = set(contents.get(STREAM, ()))
+    here = {field: list(group) for field, group in COLUMNS.items() if names.issuperset(group)}
+    if not {"t", "p", "q", "v", "w"} <= here.keys():
+        return None
+    log_map = LogMap(format=STREAM, command="held_after", time=Source(["t"]))
+    log_map.position = Source(here["p"])
+    log_map.velocity = Source(here["v"], axes="world")
+    log_map.attitude = Source(here["q"])
+    log_map.rates = Source(here["w"], axes="body")
+    if "a" in here:
+        log_map.acceleration = Source(here["a"], axes="world", kind="acceleration")
+    if "al" in here:
+        log_map.angular_acceleration = Source(here["al"], axes="body")
+    if "u" in here:
+        log_map.thrust, log_map.torque = Source(here["u"][:1]), Source(here["u"][1:])
+    if "rotor" in here:
+        log_map.rotor_speed = Source(here["rotor"])
+    return log_map.check()
+
+
+def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
+    """Return the wanted columns as one stream, its times from the first of `TIMES` that is there.
+
+    Without such a column all times are NaN: `importing.map_time` takes them from the column that the map names.
+    Raises: LogError: one line with file, row and column, on a damaged file or a wanted cell that is no number.
+    """
+    known = contents(path)[STREAM]
+    names = list(wanted.get(STREAM, ()))
+    lacking = [name for name in names if name not in known]
+    if lacking:
+        raise LogError(f"{path}, column {lacking[0]}: is missing; the header has {', '.join(known[:8])}, ….")
+    time = next((name for name in TIMES if name in known), None)
+    needed = list(dict.fromkeys([*names, *([time] if time else [])])) or list(known[:1])
+    reader = table_parquet.read_columns if is_parquet(path) else table_text.read_columns
+    columns, notes = reader(path, needed, progress)
+    length = len(next(iter(columns.values()), ()))
+    t = columns[time] * TIMES[time] if time else np.full(length, np.nan)
+    unit = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
+    clock = f"column {time} [{unit[TIMES[time]]}]" if time else "none of the known names"
+    stream = Stream(t, {name: columns[name] for name in names})
+    return Recording(str(path), STREAM, {STREAM: stream}, {"clock": clock}, tuple(notes))
+
+
+def is_parquet(path: Path) -> bool:
+    """Return whether the file is read as Parquet, by its name."""
+    return path.name.lower().endswith(PARQUET)
+
+
+TABLE = Format(
+    name=STREAM,
+    title="CSV or Parquet table with a map",
+    extra=None,
+    recognises=recognises,
+    contents=contents,
+    default_map=default_map,
+    read=read,
+)

@@ -1,0 +1,83 @@
+"""Lines of a text file of any size, plain or gzip-compressed, with limits on what may come out of it."""
+
+import gzip
+import io
+import zlib
+from collections.abc import Callable, Generator
+from pathlib import Path
+from typing import IO, Any
+
+from np_drake.logs.errors import LogError
+from np_drake.logs.recording import Progress
+
+# Limits, own choice: beyond them a file is damaged, or made to fill the memory of its reader.
+MAX_BYTES = 64 * 10**9  # after decompression
+MAX_LINE = 10 * 10**6  # characters of a line
+MAX_ROWS = 5 * 10**7  # 27 hours at 500 Hz
+MAX_COLUMNS = 10_000
+LINES_A_REPORT = 4096  # lines between two calls of progress
+BAD_GZIP = (gzip.BadGzipFile, EOFError, zlib.error)  # what a damaged file raises
+
+Lines = Generator[str, None, None]
+
+
+def no_progress(share: float) -> None:
+    """Ignore the share of the file that is read."""
+
+
+def read_lines(path: str | Path, progress: Progress = no_progress, errors: str = "strict") -> Lines:
+    """Yield the lines of a UTF-8 file with their ends, gzip-compressed where the name ends in .gz.
+
+    Args:   errors: what to do with bytes that are no UTF-8, as in `open`.
+    Raises: LogError: if the file is no such text or beyond the limits; OSError: if it cannot be opened.
+    """
+    size = max(Path(path).stat().st_size, 1)
+    with Path(path).open("rb") as raw:
+        try:
+            with open_text(path, raw, errors) as text:
+                yield from _lines(path, text, lambda: progress(min(raw.tell() / size, 1.0)))
+        except BAD_GZIP as error:
+            raise bad_gzip(path, error) from error
+        except UnicodeDecodeError as error:
+            raise LogError(f"{path}: must be a UTF-8 text file with comma-separated columns.") from error
+
+
+def open_text(path: str | Path, raw: IO[bytes], errors: str = "strict") -> io.TextIOWrapper:
+    """Return the text of an open file, decompressed where the name ends in .gz."""
+    binary: Any = gzip.GzipFile(fileobj=raw) if is_gzip(path) else raw
+    return io.TextIOWrapper(binary, encoding="utf-8-sig", errors=errors)
+
+
+def is_gzip(path: str | Path) -> bool:
+    """Return whether a file is read as gzip, by its name."""
+    return str(path).lower().endswith(".gz")
+
+
+def bad_gzip(path: str | Path, error: Exception) -> LogError:
+    """Return the error of a gzip file that is damaged or cut off."""
+    return LogError(f"{path}: must be a whole gzip file; {error}. Copy it again.")
+
+
+def too_large(path: str | Path) -> LogError:
+    """Return the error of a file beyond `MAX_BYTES`."""
+    return LogError(f"{path}: must hold at most {MAX_BYTES // 10**9} GB of text. Cut the log into parts.")
+
+
+def too_long(path: str | Path) -> LogError:
+    """Return the error of a table beyond `MAX_ROWS`."""
+    return LogError(f"{path}: must hold at most {MAX_ROWS} rows. Cut the log into parts.")
+
+
+def _lines(path: str | Path, text: io.TextIOWrapper, report: Callable[[], None]) -> Lines:
+    total = 0
+    number = 0
+    while line := text.readline(MAX_LINE + 1):
+        number += 1
+        total += len(line)
+        if len(line) > MAX_LINE:
+            raise LogError(f"{path}, line {number}: must have at most {MAX_LINE} characters.")
+        if total > MAX_BYTES:
+            raise too_large(path)
+        if number % LINES_A_REPORT == 0:
+            report()
+        yield line

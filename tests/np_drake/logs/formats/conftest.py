@@ -1,0 +1,38 @@
+"""Writers of made files, one a format, and what tests of several formats share."""
+
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from np_drake.logs.recording import Stream
+
+Write = Callable[[Path, dict[str, Stream]], None]
+
+
+def load_writer(name: str) -> ModuleType:
+    """Return the module `<name>_writer.py` beside this file."""
+    spec = importlib.util.spec_from_file_location(
+        f"{name}_writer", Path(__file__).with_name(f"{name}_writer.py")
+    )
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def write_table() -> Write:
+    """Return the function that writes a table."""
+    write: Write = load_writer("table").write
+    return write
+
+
+@pytest.fixture(scope="session")
+def write_neural_fly() -> Write:
+    """Return the function that writes a file of the Neural-Fly data set."""
+    write: Write = load_writer("neural_fly").write
+    return write

@@ -1,0 +1,334 @@
+"""Laws of tables: what was written is read, whatever its delimiter; what is no table is named in one line."""
+
+import gzip
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as stn
+
+from np_drake.logs import text_lines
+from np_drake.logs.columns import NAMES
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats import format_of, table_arrow
+from np_drake.logs.formats.table import TABLE
+from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.importing.map_time import with_map_time
+from np_drake.logs.log_file import write_log
+from np_drake.logs.recording import Stream
+
+SUFFIXES = (".csv", ".csv.gz", ".txt", ".tsv", ".parquet")
+WAYS = ("pyarrow", "plain")
+
+
+def read(path, *names):
+    """Read the named columns, or all."""
+    shares = []
+    recording = TABLE.read(path, {"table": list(names) or list(TABLE.contents(path)["table"])}, shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    return recording
+
+
+@pytest.fixture(params=WAYS)
+def way(request, monkeypatch):
+    """Both ways of reading numbers: with and without pyarrow."""
+    if request.param == "plain":
+        monkeypatch.setattr("np_drake.logs.formats.table_text.read_numbers", lambda *_: None)
+    else:
+        pytest.importorskip("pyarrow", reason="the fast way needs pyarrow")
+    return request.param
+
+
+@pytest.fixture
+def made():
+    draw = np.random.default_rng(0)
+    return Stream(0.01 * np.arange(50), {"x": draw.normal(size=50), "y": draw.normal(size=50)})
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
+def test_what_was_written_is_read_bit_for_bit(made, tmp_path, write_table, suffix, delimiter, way):
+    if suffix == ".parquet":
+        pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
+    path = tmp_path / f"made{suffix}"
+    write_table(path, {"table": made}, delimiter)
+    assert format_of(path) is TABLE
+    dut = read(path, "y", "x").streams["table"]
+    assert list(dut.columns) == ["y", "x"]
+    np.testing.assert_array_equal(dut.t, made.t)
+    np.testing.assert_array_equal(dut.columns["x"], made.columns["x"])
+    np.testing.assert_array_equal(dut.columns["y"], made.columns["y"])
+
+
+@given(stn.arrays(float, st.tuples(st.integers(1, 6), st.just(2)), elements=st.floats()))
+def test_both_ways_read_every_number_bit_for_bit(tmp_path_factory, write_table, values):
+    path = tmp_path_factory.mktemp("table") / "any.csv"
+    write_table(path, {"table": Stream(values[:, 0], {"x": values[:, 1]})})
+    fast = table_arrow.read_numbers(path, ",", 2, {"t": 0, "x": 1}, lambda _: None)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("np_drake.logs.formats.table_text.read_numbers", lambda *_: None)
+        plain = read(path, "x").streams["table"]
+    assert fast is not None
+    for dut in ((plain.t, plain.columns["x"]), (fast["t"], fast["x"])):
+        np.testing.assert_array_equal(np.stack(dut, axis=1), values)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".parquet"])
+def test_lists_in_cells_become_columns_row_by_row(tmp_path, write_table, suffix):
+    if suffix == ".parquet":
+        pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
+    vectors, matrices = np.arange(12.0).reshape(4, 3), np.arange(36.0).reshape(4, 3, 3)
+    path = tmp_path / f"made{suffix}"
+    write_table(path, {"table": Stream(np.arange(4.0), {"p": vectors, "R": matrices})})
+    names = ["t", *(f"p[{i}]" for i in range(3)), *(f"R[{i}]" for i in range(9))]
+    assert TABLE.contents(path) == {"table": tuple(names)}
+    dut = read(path, "p[2]", "R[5]").streams["table"]
+    np.testing.assert_array_equal(dut.columns["p[2]"], vectors[:, 2])
+    np.testing.assert_array_equal(dut.columns["R[5]"], matrices[:, 1, 2])
+
+
+@pytest.mark.parametrize(
+    "first, second",
+    [
+        ('"[1, 2]"', '"[3,4]"'),
+        ("[1 2]", " [ 3.  4. ]"),
+        ('"[[1.]\n [2.]]"', '"[[3.]\n [4.]]"'),
+        ('"(1, 2)"', '"(3, nan)"'),
+        ('"[1, 2]"', ""),
+    ],
+)
+def test_a_list_may_be_written_in_several_ways(tmp_path, first, second):
+    (tmp_path / "made.csv").write_text(f"t,p\n0,{first}\n1,{second}\n")
+    dut = read(tmp_path / "made.csv", "p[0]", "p[1]").streams["table"]
+    last = [np.nan, np.nan] if not second else [3.0, np.nan if "nan" in second else 4.0]
+    np.testing.assert_array_equal(
+        np.stack([dut.columns["p[0]"], dut.columns["p[1]"]], axis=1), [[1, 2], last]
+    )
+
+
+def test_empty_cells_are_nan_and_truth_values_are_one_and_zero(tmp_path, way):
+    (tmp_path / "made.csv").write_text("t,x,y\n0,,true\n1,nan,FALSE\n2,NaN,True\n3,null,false\n\n4, 5 ,1\n\n")
+    dut = read(tmp_path / "made.csv", "x", "y").streams["table"]
+    np.testing.assert_array_equal(dut.columns["x"], [np.nan] * 4 + [5])
+    np.testing.assert_array_equal(dut.columns["y"], [1, 0, 1, 0, 1])
+
+
+def test_headers_with_quotes_blanks_marks_and_no_name_are_read(tmp_path, way):
+    (tmp_path / "made.csv").write_text('\ufeff# t , "x, ahead",  y\n0,1,2\n'.replace(' "', '"'), "utf-8")
+    assert TABLE.contents(tmp_path / "made.csv")["table"] == ("t", "x, ahead", "y")
+    (tmp_path / "other.csv").write_bytes(b",t,yaw [\xb0],\n0,0.5,2,\n1,0.6,3,\n")
+    dut = read(tmp_path / "other.csv").streams["table"]
+    np.testing.assert_array_equal(dut.t, [0.5, 0.6])
+    assert [name.isprintable() for name in dut.columns] == [True, True]
+
+
+FAULTS = {  # content: what the message says when x is wanted
+    "word": ("t,x\n0,1\n1,hello\n", r"made\.csv, column x, row 2 \(line 3\): must be a number; got 'hello'"),
+    "decimal comma": ("t;x\n0;1,5\n", r"column x, row 1 \(line 2\): .*decimal point; got '1,5'"),
+    "list of another length": ('t,x\n0,"[1,2]"\n1,"[1]"\n', r"column x, row 2 \(line 3\): .*list of 2"),
+    "list turned number": ('t,x\n0,"[1,2]"\n1,7\n', r"column x, row 2 .*list of 2"),
+    "number turned list": ('t,x\n0,7\n1,"[1,2]"\n', r"column x, row 2 .*must be a number; got '\[1,2\]'"),
+    "short row": ("t,x\n0,1\n1\n2,3\n", r"row 2 \(line 3\): must have 2 cells as the header does; got 1"),
+    "long row": ("t,x\n0,1\n1,2,3\n", r"row 2 \(line 3\): must have 2 cells .*got 3"),
+    "blank lines are counted": ("t,x\n\n\n0,1\n1,ho\n", r"row 2 \(line 5\)"),
+    "open quote": ('t,x\n0,"1\n' + "1,2\n" * 50000, r"line \d+: must be a row of cells; field larger"),
+    "empty": ("", "its first line is empty"),
+    "one column": ("x\n1\n", "comma-separated"),
+    "no header": ("0,1\n2,3\n", "header line of column names"),
+    "name twice": ("t,x,x\n0,1,2\n", "column x: must stand once"),
+    "list and name": ('t,x[0],x\n0,1,"[1]"\n', r"column x\[0\]: must stand once"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_named_with_its_place_in_one_line(tmp_path, fault, way):
+    text, message = FAULTS[fault]
+    (tmp_path / "made.csv").write_text(text)
+    with pytest.raises(LogError, match=message) as error:
+        read(tmp_path / "made.csv")
+    assert "\n" not in str(error.value)
+
+
+def test_a_column_that_is_not_wanted_may_hold_anything(tmp_path, way):
+    (tmp_path / "made.csv").write_text('t,mode,x,l\n0,manual,1,"[1]"\n1,"auto, 2",2,"[1, 2]"\n')
+    np.testing.assert_array_equal(read(tmp_path / "made.csv", "x").streams["table"].columns["x"], [1, 2])
+    with pytest.raises(LogError, match="column mode, row 1"):
+        read(tmp_path / "made.csv", "mode")
+    with pytest.raises(LogError, match="column z: is missing"):
+        TABLE.read(tmp_path / "made.csv", {"table": ["z"]}, lambda _: None)
+
+
+def test_a_last_row_that_is_cut_off_is_left_out_with_a_note(tmp_path, way):
+    (tmp_path / "made.csv").write_text("t,x,y\n0,1,2\n1,3,4\n2,5")
+    dut = read(tmp_path / "made.csv")
+    assert len(dut.streams["table"]) == 2
+    assert dut.notes == ("line 4, the last, is cut off: it has 2 of 3 cells; left out",)
+
+
+@pytest.mark.parametrize(
+    "name, unit", [("t", 1.0), ("time_ms", 1e-3), ("TimeUS", 1e-6), ("timestamp_ns", 1e-9)]
+)
+def test_a_known_time_column_is_in_its_unit(tmp_path, name, unit):
+    (tmp_path / "made.csv").write_text(f"x,{name}\n1,3\n2,4\n3,2\n")
+    dut = read(tmp_path / "made.csv", "x").streams["table"]
+    np.testing.assert_array_equal(dut.t, np.array([3, 4, 2]) * unit)  # also backward
+    assert list(dut.columns) == ["x"]
+
+
+def test_a_time_column_of_another_name_comes_from_the_map(tmp_path):
+    (tmp_path / "made.csv").write_text("clock,x\n1000,1\n1500,2\n")
+    dut = read(tmp_path / "made.csv", "clock", "x")
+    assert np.isnan(dut.streams["table"].t).all()
+    with pytest.raises(LogError, match="must have a time column; name it as time in the map"):
+        with_map_time(dut, LogMap())
+    timed = with_map_time(dut, LogMap(time=Source(["clock"], unit="ms")))
+    np.testing.assert_array_equal(timed.streams["table"].t, [1.0, 1.5])
+
+
+def test_our_own_columns_need_no_map(flight, tmp_path):
+    write_log(flight, tmp_path / "made.csv")
+    contents = TABLE.contents(tmp_path / "made.csv")
+    log_map = TABLE.default_map(contents)
+    assert contents == {"table": NAMES}
+    assert log_map is not None
+    assert set(log_map.names()) == set(NAMES)
+    assert log_map.command == "held_after"
+    assert TABLE.default_map({"table": ("t", "px", "py", "pz")}) is None
+
+
+@pytest.mark.parametrize("way_of_time", ["fast", "slow"])
+def test_a_damaged_gzip_is_refused(tmp_path, way_of_time):
+    content = gzip.compress(b"t,x\n" + b"0.125,2.5\n" * 40000, mtime=0)
+    head = content[: len(content) // 2] if way_of_time == "fast" else content[:-4]
+    for damaged in (head, content[:200] + bytes(20) + content[220:]):
+        (tmp_path / "made.csv.gz").write_bytes(damaged)
+        with pytest.raises(LogError, match="must be a whole gzip file"):
+            read(tmp_path / "made.csv.gz", "x")
+
+
+def test_what_fills_the_memory_is_refused(tmp_path, monkeypatch, way):
+    for module in (text_lines, table_arrow):
+        monkeypatch.setattr(module, "MAX_BYTES", 50_000)
+    monkeypatch.setattr(text_lines, "MAX_LINE", 5000)
+    (tmp_path / "bomb.csv.gz").write_bytes(gzip.compress(b"t,x\n" + b"1,2\n" * 10**6))
+    with pytest.raises(LogError, match="at most 0 GB of text"):
+        read(tmp_path / "bomb.csv.gz", "x")
+    (tmp_path / "long.csv").write_text("t,x\n1,2\n" + "1" * 6000 + ",2\n")
+    with pytest.raises(LogError, match="line 3: must have at most 5000 characters"):
+        read(tmp_path / "long.csv", "x") if way == "plain" else list(
+            text_lines.read_lines(tmp_path / "long.csv")
+        )
+    for module in ("table_text", "table_arrow", "table_parquet"):
+        monkeypatch.setattr(f"np_drake.logs.formats.{module}.MAX_ROWS", 10)
+    (tmp_path / "rows.csv").write_text("t,x\n" + "1,2\n" * 11)
+    with pytest.raises(LogError, match=r"at most .* rows"):
+        read(tmp_path / "rows.csv", "x")
+
+
+def test_a_header_of_absurd_width_is_refused_at_once(tmp_path):
+    (tmp_path / "made.csv").write_text(",".join(f"c{i}" for i in range(20000)) + "\n")
+    with pytest.raises(LogError, match="at most 10000 columns"):
+        TABLE.contents(tmp_path / "made.csv")
+    (tmp_path / "list.csv").write_text('t,x\n0,"[' + "1 " * 20000 + ']"\n')
+    with pytest.raises(LogError, match="at most 10000 numbers"):
+        TABLE.contents(tmp_path / "list.csv")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".tsv", ".parquet"])
+@given(content=st.binary(max_size=300))
+@settings(max_examples=60, deadline=None)
+def test_any_bytes_end_in_a_recording_or_one_line(tmp_path_factory, suffix, content):
+    path = tmp_path_factory.mktemp("table") / f"any{suffix}"
+    path.write_bytes(content)
+    assert_recording_or_one_line(path)
+
+
+@given(text=st.text(alphabet='tx01.,;\t"[]- \nnae#', max_size=120))
+@settings(max_examples=300, deadline=None)
+def test_any_text_ends_in_a_recording_or_one_line(tmp_path_factory, text):
+    path = tmp_path_factory.mktemp("table") / "any.csv"
+    path.write_text("t,x\n" + text)
+    assert_recording_or_one_line(path)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@given(share=st.floats(0, 1))
+@settings(max_examples=40, deadline=None)
+def test_any_beginning_of_a_table_ends_in_a_recording_or_one_line(
+    tmp_path_factory, write_table, suffix, share
+):
+    if suffix == ".parquet":
+        pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
+    path = tmp_path_factory.mktemp("table") / f"made{suffix}"
+    write_table(path, {"table": Stream(np.arange(20.0), {"x": np.arange(20.0), "p": np.ones((20, 3))})})
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    assert_recording_or_one_line(path)
+
+
+def assert_recording_or_one_line(path):
+    try:
+        message = f"{path}: {len(read(path).streams)} stream"
+    except LogError as error:
+        message = str(error)
+    assert message.startswith(str(path))
+    assert "\n" not in message
+
+
+def test_numbers_of_a_parquet_may_be_of_any_kind(tmp_path):
+    pyarrow = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet", reason="Parquet needs pyarrow")
+    stamps = pyarrow.array([1_000_000, 1_500_000], pyarrow.timestamp("us"))
+    columns = {"time": stamps, "n": [1, None], "b": [True, False], "mode": ["auto", "manual"]}
+    parquet.write_table(pyarrow.table(columns), str(tmp_path / "made.parquet"))
+    assert TABLE.contents(tmp_path / "made.parquet") == {"table": ("time", "n", "b")}
+    dut = read(tmp_path / "made.parquet", "n", "b").streams["table"]
+    np.testing.assert_array_equal(dut.t, [1.0, 1.5])
+    np.testing.assert_array_equal(dut.columns["n"], [1, np.nan])
+    np.testing.assert_array_equal(dut.columns["b"], [1, 0])
+
+
+def test_parquet_without_pyarrow_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    (tmp_path / "made.parquet").write_bytes(b"PAR1")
+    with pytest.raises(LogError, match=r"pip install 'np_drake\[parquet\]'"):
+        read(tmp_path / "made.parquet")
+
+
+MEASURE = """
+import resource, sys
+from pathlib import Path
+if sys.argv[2] == "plain":
+    sys.modules["pyarrow"] = None
+else:
+    import pyarrow.csv
+from np_drake.logs import csv_file
+from np_drake.logs.formats.table import TABLE
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+if sys.argv[2] == "own":
+    csv_file.read_csv(sys.argv[1])
+else:
+    TABLE.read(Path(sys.argv[1]), {"table": ["x1", "x2"]}, lambda share: None)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+
+
+@pytest.mark.parametrize("way, numbers", [("pyarrow", 3), ("plain", 3), ("own", 20)])
+def test_memory_grows_with_the_wanted_numbers_not_with_the_text(tmp_path, way, numbers):
+    if way == "pyarrow":
+        pytest.importorskip("pyarrow", reason="the fast way needs pyarrow")
+    rows = 200_000
+    path = tmp_path / "made.csv"
+    line = ",".join(["{}"] + ["0.1234567890123456"] * 19)
+    with path.open("w") as file:
+        file.write(",".join(["t", *(f"x{i}" for i in range(19))]) + "\n")
+        file.writelines(line.format(i * 0.002) + "\n" for i in range(rows))
+    command = [sys.executable, "-c", MEASURE, str(path), way]
+    grown = 1024 * int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    assert path.stat().st_size > 72e6
+    blocks = 40e6  # of text, of Python's numbers, and of pyarrow's threads [bytes]
+    assert grown < rows * numbers * 8 + blocks
