@@ -16,12 +16,18 @@ from np_drake.logs.importing.airborne import airborne
 from np_drake.logs.importing.alignment import Aligned, align, common_rows
 from np_drake.logs.importing.answerable import unanswerable
 from np_drake.logs.importing.conventions import Verdict, as_text, changed, check_conventions
+from np_drake.logs.importing.convert import convert_quantity
 from np_drake.logs.importing.log_map import UNITS, LogMap
 from np_drake.logs.importing.signals import Signal, gather
 from np_drake.logs.recording import Progress, by_stream
 
 CHECK_RATE = 50.0  # of the rows on which conventions are checked [Hz]
 LEAST_ROWS = 20  # of a part that is kept
+IDLE = {
+    "rotor_speed": 10.0,
+    "thrust": 0.0,
+    "throttle": 0.05,
+}  # below which rotors stand [rad/s, N, 1]; own choice
 UNCERTAIN = {  # deviation of the time at which a row's command acts, over the interval of the command [1]
     "held_after": 0.0,
     "held_before": 0.0,
@@ -63,9 +69,16 @@ def import_log(
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     signals, notes = gather(recording, log_map)
     signals = _cut(signals, log_map, str(path))
-    log_map, verdict = _agreed(signals, log_map, str(path), adopt=adopt)
+    carried = flies(signals, log_map)
+    log_map, verdict = (
+        _agreed(signals, log_map, str(path), adopt=adopt) if carried else (log_map, Verdict({}, ()))
+    )
+    if not carried:
+        notes.append("no flight: position stays, or the rotors stand; nothing can be identified")
     aligned = align(signals, log_map, str(path))
-    rows = airborne(aligned.t, aligned.values["position"], _lift(aligned.values))
+    rows = slice(0, len(aligned.t))
+    if carried:
+        rows = airborne(aligned.t, aligned.values["position"], _lift(aligned.values))
     flights = _flights(aligned, rows, log_map, _stem(path))
     if not flights:
         raise LogError(f"{path}: must hold a flight; no part between gaps has {LEAST_ROWS} rows.")
@@ -149,6 +162,18 @@ def _agreed(signals: dict[str, Signal], log_map: LogMap, path: str, *, adopt: bo
         )
     log_map = changed(log_map, verdict.changes)
     return log_map, dc.replace(check_conventions(t, raw, log_map), changes=verdict.changes)
+
+
+def flies(signals: Mapping[str, Signal], log_map: LogMap) -> bool:
+    """Return whether the vehicle moves sideways at all and the rotors ever turn; True where the log does not tell."""
+    across = np.ptp(signals["position"].values, axis=0) if "position" in signals else np.ones(3)
+    if not np.any(across[:2] > 0):
+        return False
+    for name, least in IDLE.items():
+        if name in signals:
+            values = convert_quantity(name, signals[name].values, log_map)
+            return float(np.percentile(values.mean(axis=1), 90)) > least
+    return True
 
 
 def _lift(values: Mapping[str, np.ndarray]) -> np.ndarray | None:
@@ -245,7 +270,7 @@ def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
 
 def _conventions_text(verdict: Verdict) -> str:
     if not verdict.misfits:
-        return "not checked: the log is too short, or has no two quantities that can be compared"
+        return "not checked: no flight, too short, or no two quantities that can be compared"
     worst = max(verdict.misfits, key=lambda law: verdict.misfits[law])
     text = f"agree with the log in {len(verdict.misfits)} checks (worst misfit {verdict.misfits[worst]:.2g}, {worst})"
     return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
