@@ -1,14 +1,8 @@
 """Mass wrapper: effects that change mass, inertia and centre of mass of the quadrotor's body."""
 
-from collections.abc import Iterable
-
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RotationalInertia, SpatialInertia
-from pydrake.systems.framework import Context
 
-from np_drake.effects.base import MassEffect, MassProperties
-from np_drake.effects.combine import mass_properties
-from np_drake.vehicle import Vehicle
+from np_drake.effects.base import MassProperties
 
 
 def spatial_inertia(properties: MassProperties) -> SpatialInertia:
@@ -28,14 +22,3 @@ def spatial_inertia(properties: MassProperties) -> SpatialInertia:
         return SpatialInertia.MakeFromCentralInertia(properties.mass, properties.p_BoBcm_B, central)
     except RuntimeError as error:
         raise refusal from error
-
-
-def set_mass_properties(
-    plant: MultibodyPlant, context: Context, vehicle: Vehicle, effects: Iterable[MassEffect]
-) -> None:
-    """Set the quadrotor's mass properties to those of the effects, also in flight (between two AdvanceTo).
-
-    Args: context: the plant's own.   effects: all that act from now on; none for the nominal vehicle.
-    """
-    M_BBo_B = spatial_inertia(mass_properties(vehicle, effects))
-    plant.GetBodyByName("quadrotor").SetSpatialInertiaInBodyFrame(context, M_BBo_B)

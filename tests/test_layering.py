@@ -85,7 +85,7 @@ def test_imports_run_downwards(path):
         ("np_drake/x.py", "from pydrake.systems.framework import LeafSystem"),
         ("np_drake/x.py", "from pydrake import multibody"),
         ("np_drake/x.py", "from . import y"),
-        ("systems/x.py", "from diagrams.tracking.circle import run"),
+        ("systems/x.py", "from diagrams.tracking.tracking import run"),
         ("systems/x.py", "from pydrake.all import *"),
         ("diagrams/x.py", "import pydrake.all"),
     ],

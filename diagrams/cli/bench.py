@@ -101,10 +101,12 @@ def _others(
     measure: Any, config: Any, run: Run, walls: dict[str, float], seconds: float
 ) -> tuple[dict[str, Any], list[Table]]:
     """Time predictor and simulator; return these and training, for `--json` and as tables."""
+    from np_drake.residual_models.neural_predictor import NeuralPredictor
+
     span = {"horizon": config.controller.mpc.horizon, "stride": config.controller.stride}
     with progress("predictor, simulator", 1.0):
         update = {
-            name: measure.time_predictor(measure.load_predictor(measure.model_file(run.folder, name)), **span)
+            name: measure.time_predictor(NeuralPredictor.load(measure.model_file(run.folder, name)), **span)
             for name in ("default", "paper")
         }
         factors = measure.real_time_factors(seconds=seconds, seed=run.seed)

@@ -1,6 +1,7 @@
 """`np-drake evaluate`: prediction skill against the horizon, naive rows included."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,15 +11,16 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
 from diagrams.cli.output import say
 from diagrams.cli.runner import Report, Run, counting, reports
-from diagrams.cli.train import LOG_HELP, configure, run_training, train_reaction
+from diagrams.cli.train import LOG_HELP, behind_bar, train_reaction
 
 if TYPE_CHECKING:
-    from diagrams.cli.flights import Flight
     from np_drake.lifting.model.lifted_model import LiftedModel
+    from np_drake.logs.training_segments import Flight
     from np_drake.residual_models.base import ResidualModel
 
 CONFIGURATIONS = ("paper", "default")
 HORIZONS = "1,5,10,20,40"
+MOTIONS = ("held", "known")  # what a forecast knows of the coming zeta
 
 
 @reports("evaluate", seed=0, markdown=False)
@@ -64,7 +66,8 @@ def evaluate(
     tests = open_flights(logs, vehicle, repair=repair)
     training = open_flights(train, vehicle, repair=repair)
     require_one_frame([*training, *tests])
-    from diagrams.cli.scoring import MOTIONS, diverged, score, stability, stability_text, tables
+    from diagrams.cli.scoring import stability_text, tables
+    from np_drake.residual_models.flight_skill import diverged, flight_stability, score_flights
 
     folds = [([other for other in tests if other is not test], [test]) for test in tests]
     rows: list[dict] = []
@@ -78,8 +81,8 @@ def evaluate(
         known = train_baselines(learned, steps, step, also or (), run.seed)
         for zeta in MOTIONS:
             with counting(f"scoring, coming motion {zeta}") as on_model:
-                rows += score(models, held_out, steps, zeta=zeta, on_model=on_model, **known)
-        windows += stability(models, held_out)
+                rows += score_flights(models, held_out, steps, zeta=zeta, on_model=on_model, **known)
+        windows += flight_stability(models, held_out)
     settings = {
         "configurations": list(models),
         "horizons": steps,
@@ -159,7 +162,7 @@ def train_baselines(
 ) -> dict[str, Any]:
     """Train the baselines.
 
-    Returns: `baselines` by name and `mean`, (6,) of chi in training, as `score` takes them; empty without flights.
+    Returns: `baselines` and `mean` as `score_flights` takes them; empty without flights.
     Raises: ValueError: if one of `also` is not gp or knode, or cannot learn from these flights.
     """
     if not flights:
@@ -211,11 +214,13 @@ def train_all(
     names: Sequence[str] = CONFIGURATIONS,
 ) -> dict[str, "LiftedModel"]:
     """Train the configurations of these names on the same flights."""
+    from np_drake.lifting.training.train import make_config, train
+
     segments = [segment for flight in flights for segment in flight.segments(step)]
     models = {}
     for name in names:
-        config = configure(name, frame=flights[0].frame, seed=seed, epochs=epochs)
-        result, wall = run_training(f"training {name}", segments, config)
+        config = make_config(name, frame=flights[0].frame, seed=seed, epochs=epochs)
+        result, wall = behind_bar(f"training {name}", partial(train, segments, config))
         say(f"{name}: {wall:.1f} s, {result.model.summary.get('excitation', '')}")
         models[name] = result.model
     return models

@@ -1,34 +1,14 @@
 """Opens the flights that a verb was given, and prepares them for a predictor."""
 
-import dataclasses as dc
 from pathlib import Path
 
 from diagrams.cli.output import say
-from np_drake.lifting.training.segments import Segment
 from np_drake.logs.accelerations import with_accelerations
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.neurobem import published_vehicle
 from np_drake.logs.open_log import is_neurobem, open_log
-from np_drake.logs.training_segments import training_segments
-from np_drake.logs.wrench_sequence import WrenchSequence
+from np_drake.logs.training_segments import Flight
 from np_drake.vehicle import Vehicle, load_vehicle
-
-
-@dc.dataclass(frozen=True)
-class Flight:
-    """A flight as opened, and the vehicle that its labels are made with."""
-
-    data: FlightLog | WrenchSequence
-    vehicle: Vehicle
-
-    @property
-    def frame(self) -> str:
-        """Axes of force and velocity: world, or body (NeuroBEM arrays)."""
-        return self.data.frame if isinstance(self.data, WrenchSequence) else "world"
-
-    def segments(self, step: float) -> list[Segment]:
-        """Return the training input, a sample every `step` [s] (an array keeps its own step)."""
-        return training_segments(self.data, self.vehicle, step=step)
 
 
 def open_flights(paths: list[Path], vehicle_file: Path | None, *, repair: bool = False) -> list[Flight]:

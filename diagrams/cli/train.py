@@ -2,8 +2,10 @@
 
 import dataclasses as dc
 import time
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from typer import Argument, Option
 
@@ -14,11 +16,10 @@ from diagrams.cli.runner import Report, Run, reports
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from diagrams.cli.flights import Flight
-    from np_drake.lifting.training.segments import Segment
-    from np_drake.lifting.training.train import Config, TrainingResult
+    from np_drake.logs.training_segments import Flight
     from np_drake.residual_models.motion_model import MotionModel
 
+T = TypeVar("T")
 LOG_HELP = "Flight logs (CSV, .csv.gz, Parquet), NeuroBEM CSV, or NeuroBEM arrays (.npy)."
 
 
@@ -46,7 +47,11 @@ def train(
     require_outputs(*places)
     from diagrams.cli.flights import open_flights
     from np_drake.figure_file import save
+    from np_drake.lifting.model.model_file import save_model
+    from np_drake.lifting.model.origin import rotor_lag_of
+    from np_drake.lifting.training.train import make_config
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
+    from np_drake.residual_models.predictor_training import train_on_flights
 
     if configuration in REACTIONS and checkpoint is not None:
         raise ValueError(f"--checkpoint: {configuration} has none; it trains in a minute or less.")
@@ -61,10 +66,17 @@ def train(
         lines, tables = [f"against the labels [N, N·m]: {rmse}"], []
         notes = [f"{summary['samples']} samples, {wall:.1f} s", f"model: {out}"]
     else:
-        config = configure(configuration, frame=flights[0].frame, seed=run.seed, epochs=epochs)
-        result, wall = train_predictor(configuration, flights, config, out, step=step, checkpoint=checkpoint)
+        config = make_config(configuration, frame=flights[0].frame, seed=run.seed, epochs=epochs)
+        learn = partial(train_on_flights, flights, config, step=step, checkpoint=checkpoint)
+        result, wall = behind_bar(f"training {configuration}", learn)
+        save_model(result.model, out)
         loss, summary = result.loss, result.model.summary
         head = {"configuration": configuration, "step": step, **dc.asdict(config)}
+        lag = rotor_lag_of(result.model)
+        if lag > 0:
+            say(
+                f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of this model allow for it."
+            )
         lines, tables = [], [loss_table(summary, wall)]
         notes = [f"model: {out}", f"loss curve: {curve}"]
     if loss or tables:
@@ -78,28 +90,9 @@ def train(
     )
 
 
-def train_predictor(
-    name: str, flights: "list[Flight]", config: "Config", out: Path, *, step: float, checkpoint: Path | None
-) -> tuple["TrainingResult", float]:
-    """Train a predictor and write its model file.
-
-    Returns: the result, and how long the training took [s].
-    """
-    from np_drake.labels import LabelConfig
-    from np_drake.lifting.model.lifted_model import DEFAULT
-    from np_drake.lifting.model.model_file import save_model
-    from np_drake.lifting.model.origin import origin_of, with_origin, with_rotor_lag
-
-    segments = [segment for flight in flights for segment in flight.segments(step)]
-    result, wall = run_training(f"training {name}", segments, config, checkpoint)
-    model = with_origin(result.model, origin_of(flights[0].frame, flights[0].vehicle, LabelConfig()))
-    save_model(with_rotor_lag(model, rotor_lag(flights)) if name == DEFAULT else model, out)
-    return result, wall
-
-
 def train_reaction(
-    name: str, flights: "list[Flight]", *, step: float, settings: dict
-) -> tuple["MotionModel", list[float], float]:
+    name: str, flights: "Sequence[Flight]", *, step: float, settings: dict
+) -> "tuple[MotionModel, list[float], float]":
     """Train gp or knode.
 
     Returns: the model, its loss, and how long the training took [s].
@@ -107,58 +100,21 @@ def train_reaction(
     """
     from np_drake.residual_models.motion_training import train_motion_model
 
-    start, vehicles = time.perf_counter(), [flight.vehicle for flight in flights]
-    if any(vehicle != vehicles[0] for vehicle in vehicles):
+    vehicle = flights[0].vehicle
+    if any(flight.vehicle != vehicle for flight in flights):
         raise ValueError(f"{name}: all flights must be of one vehicle; give them one --vehicle FILE.")
-    with progress(f"training {name}", 1.0) as advance:
-        model, loss = train_motion_model(
-            name, [flight.data for flight in flights], vehicles[0], step=step,
-            on_epoch=lambda epoch, total, loss: advance(epoch / total, f"loss {loss:.4g}"), **settings,
-        )  # fmt: skip
-        advance(1.0)
-    return model, loss, time.perf_counter() - start
+    data = [flight.data for flight in flights]
+    learn = partial(train_motion_model, name, data, vehicle, step=step, **settings)
+    (model, loss), wall = behind_bar(f"training {name}", learn)
+    return model, loss, wall
 
 
-def rotor_lag(flights: "list[Flight]") -> float:
-    """Return the lag of the rotors that the flights show [s], and print it where there is one."""
-    from np_drake.logs.flight_log import FlightLog
-    from np_drake.rotor_lag import learned_rotor_lag
-
-    lag = learned_rotor_lag([(f.data, f.vehicle) for f in flights if isinstance(f.data, FlightLog)])
-    if lag > 0:
-        say(
-            f"rotors: {1e3 * lag:.0f} ms behind the command; in flight the labels of this model allow for it."
-        )
-    return lag
-
-
-def configure(name: str, *, frame: str = "world", seed: int = 0, epochs: int | None = None) -> "Config":
-    """Return the configuration called `name`; one in closed form has no epochs.
-
-    Raises: ValueError: on another name.
-    """
-    from np_drake.lifting.training.train import make_config
-
-    config = make_config(name, frame=frame, seed=seed)
-    names = {field.name for field in dc.fields(config)} & {"epochs", "iterations"}
-    given: dict[str, Any] = dict.fromkeys(names, epochs)
-    return config if epochs is None else dc.replace(config, **given)
-
-
-def run_training(
-    description: str, segments: list["Segment"], config: "Config", checkpoint: Path | None = None
-) -> tuple["TrainingResult", float]:
-    """Train behind a progress bar; return the result and how long it took [s]."""
-    from np_drake.lifting.training.train import train as run
-
+def behind_bar(description: str, learn: Callable[..., T]) -> tuple[T, float]:
+    """Call `learn(on_epoch=…)` behind a progress bar; return its result and how long it took [s]."""
     start = time.perf_counter()
     with progress(description, 1.0) as advance:
-
-        def on_epoch(epoch: int, total: int, loss: float) -> None:
-            advance(epoch / total, f"loss {loss:.4g}")
-
-        result = run(segments, config, checkpoint=checkpoint, on_epoch=on_epoch)
-        advance(1.0, f"loss {result.loss[-1]:.4g}" if result.loss else "")
+        result = learn(on_epoch=lambda epoch, total, loss: advance(epoch / total, f"loss {loss:.4g}"))
+        advance(1.0)
     return result, time.perf_counter() - start
 
 

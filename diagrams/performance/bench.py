@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
-from diagrams.loop.controllers import DEFAULT_MODEL
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig, initialise, make_flight_diagram
 from diagrams.loop.flight_result import fly
@@ -127,8 +126,3 @@ def time_training(folder: Path, *, seed: int) -> dict[str, float]:
 def model_file(folder: Path, configuration: str) -> Path:
     """Return the path of a model of `time_training`."""
     return folder / f"{configuration}.safetensors"
-
-
-def load_predictor(path: Path = DEFAULT_MODEL) -> NeuralPredictor:
-    """Return a model from its file; by default the one that ships with the package."""
-    return NeuralPredictor.load(path)

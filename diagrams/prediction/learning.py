@@ -6,15 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.loop.flight_result import FlightResult
-from np_drake.lifting.model.lifted_model import DEFAULT
 from np_drake.lifting.model.model_file import save_model
-from np_drake.lifting.model.origin import origin_of, with_origin, with_rotor_lag
-from np_drake.lifting.training.train import TrainingResult, make_config, train
+from np_drake.lifting.training.train import TrainingResult, make_config
 from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.training_segments import training_segments
+from np_drake.logs.training_segments import Flight
 from np_drake.residual_models.motion_model import MotionModel
 from np_drake.residual_models.motion_training import train_motion_model
-from np_drake.rotor_lag import learned_rotor_lag
+from np_drake.residual_models.predictor_training import train_on_flights
 
 
 def train_predictor(
@@ -29,20 +27,16 @@ def train_predictor(
 
     Raises: ValueError: on an unknown configuration.
     """
-    log = _scored(flight)
-    segments = training_segments(
-        log,
-        flight.config.vehicle,
-        flight.config.controller.label,
-        step=flight.config.controller.period,
+    controller = flight.config.controller
+    result = train_on_flights(
+        [Flight(_scored(flight), flight.config.vehicle)],
+        make_config(configuration, seed=seed),
+        step=controller.period,
+        label=controller.label,
+        on_epoch=on_epoch,
     )
-    result = train(segments, make_config(configuration, seed=seed), on_epoch=on_epoch)
-    origin = origin_of("world", flight.config.vehicle, flight.config.controller.label)
-    model = with_origin(result.model, origin)
-    if configuration == DEFAULT:
-        model = with_rotor_lag(model, learned_rotor_lag([(log, flight.config.vehicle)]))
-    save_model(model, path)
-    return TrainingResult(model, result.loss)
+    save_model(result.model, path)
+    return result
 
 
 def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0) -> MotionModel:

@@ -1,5 +1,7 @@
 """Training segments of a predictor from opened flights."""
 
+import dataclasses as dc
+
 import numpy as np
 
 from np_drake.labels import LabelConfig
@@ -11,6 +13,23 @@ from np_drake.logs.wrench_sequence import WrenchSequence
 from np_drake.vehicle import Vehicle
 
 SHORTEST = 2  # samples; shorter pieces between NaN rows are left out
+
+
+@dc.dataclass(frozen=True)
+class Flight:
+    """A flight as opened, and the vehicle that its labels are made with."""
+
+    data: FlightLog | WrenchSequence
+    vehicle: Vehicle
+
+    @property
+    def frame(self) -> str:
+        """Axes of force and velocity: world, or body (NeuroBEM arrays)."""
+        return self.data.frame if isinstance(self.data, WrenchSequence) else "world"
+
+    def segments(self, step: float, label: LabelConfig | None = None) -> list[Segment]:
+        """Return the training input, a sample every `step` [s] (an array keeps its own step)."""
+        return training_segments(self.data, self.vehicle, label, step=step)
 
 
 def training_segments(

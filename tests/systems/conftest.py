@@ -37,9 +37,7 @@ def in_flight(seed: int, **effects) -> SimpleNamespace:
     thrust = dut.GetOutputPort("rotor_thrust").Eval(context)
     chi = residual_wrench(VEHICLE, q=x[3:7], w=x[10:13], a=a, al=al, u=u)
     np.testing.assert_allclose(dut.GetOutputPort("x").Eval(context), x, atol=1e-12)
-    return SimpleNamespace(
-        dut=dut, context=context, x=x, a=a, al=al, u=u, command=command, chi=chi, motion=Motion(t, x, thrust)
-    )
+    return SimpleNamespace(x=x, a=a, al=al, u=u, command=command, chi=chi, motion=Motion(t, x, thrust))
 
 
 @pytest.fixture

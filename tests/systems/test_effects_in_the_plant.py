@@ -20,7 +20,6 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle import Vehicle
 from systems.initial_state import set_hover
-from systems.mass_properties import set_mass_properties
 from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
 
 VEHICLE = Vehicle()
@@ -94,20 +93,6 @@ def _follows_newton_and_euler(now, true, chi=np.zeros(6)):  # noqa: B008
     np.testing.assert_allclose(true.mass * (a_cm + [0, 0, VEHICLE.gravity]), F_W, atol=1e-9)
     tau_Bcm = now.u[1:] + chi[3:] - np.cross(c, attitude.rotate_back(q, F_W))
     np.testing.assert_allclose(J @ now.al + np.cross(w, J @ w), tau_Bcm, atol=1e-9)
-
-
-def test_mass_set_in_flight_is_mass_from_the_start(fly):
-    effects = [MassError(0.4), InertiaError(1.3, 1.1, 0.9), CenterOfMassOffset(0.02, -0.03, 0.04)]
-    before, wanted = fly(0), fly(0, mass_effects=effects)
-    np.testing.assert_allclose(before.chi, 0.0, atol=1e-9)
-    plant = before.dut.GetSubsystemByName("plant")
-    context = plant.GetMyMutableContextFromRoot(before.context)
-    set_mass_properties(plant, context, VEHICLE, effects)
-    found = before.dut.GetOutputPort("acceleration").Eval(before.context)
-    np.testing.assert_allclose(found, [*wanted.a, *wanted.al], atol=1e-9)
-    set_mass_properties(plant, context, VEHICLE, [])
-    found = before.dut.GetOutputPort("acceleration").Eval(before.context)
-    np.testing.assert_allclose(found, [*before.a, *before.al], atol=1e-9)
 
 
 def test_with_an_offset_the_hovering_vehicle_tips_towards_the_heavy_side():

@@ -63,13 +63,13 @@ def estimation(run: Run, neurobem: options.Neurobem = None) -> Report:
 @reports("reproduce", seed=1000, out=options.Out)
 def sample_efficiency(run: Run, neurobem: options.Neurobem = None) -> Report:
     """Error against training samples. On race track 1; --out DIR: figure."""
-    from diagrams.cli.train import configure
     from diagrams.prediction import sample_efficiency as measure
     from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
+    from np_drake.lifting.training.train import make_config
 
     training, *tests = arrays("sample-efficiency", neurobem)
     test = next(flight for flight in tests if flight.name == "race track 1")
-    configs = {name: configure(name, frame="body", seed=run.seed) for name in (PAPER, DEFAULT)}
+    configs = {name: make_config(name, frame="body", seed=run.seed) for name in (PAPER, DEFAULT)}
     with counting("models") as on_progress:
         points = measure.sample_efficiency(training, test, configs, on_progress=on_progress)
     step, settings = test.segment.step, {name: dc.asdict(config) for name, config in configs.items()}
@@ -107,13 +107,13 @@ def _range(point: "Point") -> str:
 @reports("reproduce", seed=1000)
 def response(run: Run, neurobem: options.Neurobem = None) -> Report:
     """How late the prediction is. Its lag behind the label where jerk is largest."""
-    from diagrams.cli.train import configure
     from diagrams.prediction import response as measure
     from np_drake.lifting.model.lifted_model import DEFAULT
+    from np_drake.lifting.training.train import make_config
 
     training, *tests = arrays("response", neurobem)
     models, settings = trained(training, run.seed)
-    config = configure(DEFAULT, frame="body", seed=run.seed)
+    config = make_config(DEFAULT, frame="body", seed=run.seed)
     with counting("flights") as on_progress:
         lines = measure.response_lines(models, training, tests, config=config, on_progress=on_progress)
     said = [f"seed {run.seed}", *settings_lines(settings)]

@@ -1,6 +1,7 @@
 """What the tables of real flights share: their folder, and the models that are trained on one of them."""
 
 import dataclasses as dc
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,12 +41,13 @@ def trained(
     Args: epochs: of `paper`; None: its default.
     Returns: the models and their settings, by configuration.
     """
-    from diagrams.cli.train import configure, run_training
+    from diagrams.cli.train import behind_bar
     from np_drake.lifting.model.lifted_model import DEFAULT, PAPER
+    from np_drake.lifting.training.train import make_config, train
 
     models, settings = {}, {}
     for name in (PAPER, DEFAULT):
-        config = configure(name, frame="body", seed=seed, epochs=epochs)
-        models[name] = run_training(f"training {name}", [training.segment], config)[0].model
+        config = make_config(name, frame="body", seed=seed, epochs=epochs)
+        models[name] = behind_bar(f"training {name}", partial(train, [training.segment], config))[0].model
         settings[name] = dc.asdict(config)
     return models, settings

@@ -83,10 +83,11 @@ def train(
     return TrainingResult(dc.replace(model, summary=summary), loss)
 
 
-def make_config(configuration: str, *, frame: str = "world", **settings) -> Config:
+def make_config(configuration: str, *, frame: str = "world", epochs: int | None = None, **settings) -> Config:
     """Return the configuration of that name with the given settings.
 
     Args: frame: world | body; some configurations differ for wrenches in body axes.
+    epochs: of training, or iterations; None: the default. One in closed form has none.
     Raises: ValueError: on an unknown name, frame or setting.
     """
     if frame not in ("world", "body"):
@@ -94,7 +95,10 @@ def make_config(configuration: str, *, frame: str = "world", **settings) -> Conf
     if configuration not in CONFIGURATIONS:
         raise ValueError(f"train: configuration must be {' | '.join(CONFIGURATIONS)}; got {configuration}.")
     config = (IN_BODY_AXES if frame == "body" else {}).get(configuration, CONFIGURATIONS[configuration])
-    unknown = set(settings) - {field.name for field in dc.fields(config)}
+    names = {field.name for field in dc.fields(config)}
+    unknown = set(settings) - names
     if unknown:
         raise ValueError(f"train: {configuration} has no setting {', '.join(sorted(unknown))}.")
+    if epochs is not None:
+        settings |= dict.fromkeys(names & {"epochs", "iterations"}, epochs)
     return dc.replace(config, **settings)

@@ -9,7 +9,6 @@ import pytest
 
 from diagrams.cli.evaluate import parse_horizons
 from diagrams.cli.main import run
-from diagrams.cli.scoring import diverged
 from diagrams.loop.controllers import DEFAULT_MODEL
 from np_drake.lifting.metrics.skill import NAIVE, UNTRAINED
 from np_drake.lifting.model.model_file import load_model
@@ -169,15 +168,6 @@ def test_left_out_in_turn_every_flight_is_scored_by_models_that_have_not_seen_it
 
 def test_horizons_are_sorted_and_counted_once():
     assert parse_horizons("10, 1,10") == [1, 10]
-
-
-def test_a_flight_on_which_a_forecast_diverges_is_named():
-    """Ours only: nothing keeps a baseline from it."""
-    row = {"flight": "one", "model": "default", "force_rmse": 1.0, "torque_rmse": 1.0}
-    row |= {"force_peak": 1.2, "torque_peak": float("nan")}  # no torque in the label, so none to compare with
-    assert diverged([row, {**row, "flight": "two", "model": "DMDc", "force_peak": 1e9}]) == []
-    assert diverged([row, {**row, "flight": "two", "force_peak": 11.0}]) == ["two"]
-    assert diverged([{**row, "torque_rmse": float("inf")}]) == ["one"]
 
 
 def test_an_unstable_model_fails(logs, monkeypatch, capsys):

@@ -1,0 +1,37 @@
+"""Training of a Neural Predictor on opened flights, with the origin and the rotor lag that its file carries."""
+
+import dataclasses as dc
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from np_drake.labels import LabelConfig
+from np_drake.lifting.model.lifted_model import DEFAULT
+from np_drake.lifting.model.origin import origin_of, with_origin, with_rotor_lag
+from np_drake.lifting.training.train import Config, TrainingResult, train
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.training_segments import Flight
+from np_drake.rotor_lag import learned_rotor_lag
+
+
+def train_on_flights(
+    flights: Sequence[Flight],
+    config: Config,
+    *,
+    step: float,
+    label: LabelConfig | None = None,
+    checkpoint: Path | None = None,
+    on_epoch: Callable[[int, int, float], None] = lambda *_: None,
+) -> TrainingResult:
+    """Return the predictor trained on `flights`, and its loss.
+
+    Args: step: time between samples [s].   label: low-pass of the labels, None for the default.
+    checkpoint, on_epoch: as of `train`.
+    Raises: ValueError: if the flights are unusable or the checkpoint is of another run.
+    """
+    segments = [segment for flight in flights for segment in flight.segments(step, label)]
+    result = train(segments, config, checkpoint=checkpoint, on_epoch=on_epoch)
+    model = with_origin(result.model, origin_of(flights[0].frame, flights[0].vehicle, label or LabelConfig()))
+    if model.configuration == DEFAULT:
+        logs = [(f.data, f.vehicle) for f in flights if isinstance(f.data, FlightLog)]
+        model = with_rotor_lag(model, learned_rotor_lag(logs))
+    return dc.replace(result, model=model)
