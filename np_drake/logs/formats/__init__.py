@@ -3,9 +3,10 @@
 from pathlib import Path
 
 from np_drake.logs.errors import LogError
+from np_drake.logs.formats.dataflash import DATAFLASH
 from np_drake.logs.formats.format import Format
 
-FORMATS: tuple[Format, ...] = ()
+FORMATS: tuple[Format, ...] = (DATAFLASH,)
 
 __all__ = ["FORMATS", "Format", "format_named", "format_of"]
 
@@ -16,7 +17,10 @@ def format_of(path: str | Path) -> Format:
     Raises: LogError: if it is of none; OSError: if it cannot be opened.
     """
     path = Path(path)
-    start = b"" if path.is_dir() else path.open("rb").read(4096)
+    start = b""
+    if not path.is_dir():
+        with path.open("rb") as file:
+            start = file.read(4096)
     for known in FORMATS:
         if known.recognises(path, start):
             return known
