@@ -5,8 +5,12 @@ from pathlib import Path
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.dataflash import DATAFLASH
 from np_drake.logs.formats.format import Format
+from np_drake.logs.formats.ros import ROS
 
-FORMATS: tuple[Format, ...] = (DATAFLASH,)
+FORMATS: tuple[Format, ...] = (
+    DATAFLASH,
+    ROS,
+)
 
 __all__ = ["FORMATS", "Format", "format_named", "format_of"]
 
