@@ -21,6 +21,7 @@ import numpy as np
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Format
+from np_drake.logs.formats.ros1_scan import Ros1Scan
 from np_drake.logs.formats.ros_message import Decoder, Types, find_fields, missing_types
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.recording import Contents, Progress, Recording, Stream
@@ -92,10 +93,7 @@ def _open(path: Path) -> Iterator[Bag]:
 
 
 def _remedy(error: Exception) -> str:
-    text = _one_line(error)
-    if "reindex" in text:
-        return f"{text} Mend it with `rosbag reindex`."
-    return f"{text}. Copy it again, or mend it with `ros2 bag reindex` or `mcap recover`."
+    return f"{_one_line(error)}. Copy it again, or mend it with `ros2 bag reindex` or `mcap recover`."
 
 
 def _open_bag(path: Path) -> Bag:
@@ -142,13 +140,14 @@ def _open_file(path: Path, notes: list[str]) -> tuple[Any, bool]:
     with path.open("rb") as file:
         start = file.read(16)
     ros1 = start.startswith(ROS1)
+    reader: Any
     try:
         reader = Reader1(path) if ros1 else Reader2(path)
         reader.open()
     except Exception:
-        if not start.startswith(MCAP):
+        if not (ros1 or start.startswith(MCAP)):
             raise
-        reader = _open_cut_mcap(path)
+        reader = Ros1Scan(path) if ros1 else _open_cut_mcap(path)
         notes.append(f"the end of {path.name} is cut off or damaged; its whole records are read")
     return reader, ros1
 
@@ -157,7 +156,7 @@ def _open_cut_mcap(path: Path) -> Any:
     """Return a reader of an MCAP file without its end, which passes through all whole records."""
     from rosbags.rosbag2.storage_mcap import McapReader
 
-    reader = McapReader(path)
+    reader: Any = McapReader(path)
     reader.bio = path.open("rb")
     try:
         reader.data_start = len(MCAP)

@@ -41,7 +41,7 @@ def write(
 
     storage: of a folder: `mcap` or `sqlite3`.   types: of topics, where the columns do not say.
     unstamped: topics whose stamps are zero.   delay: from stamp to receipt [s].
-    compression: of a folder: `file`, `message` or `storage` (of MCAP).
+    compression: of a folder: `file`, `message` or `storage` (of MCAP); of ROS 1: `BZ2` or `LZ4`.
     """
     if path.suffix in (".mcap", ".db3"):
         with tempfile.TemporaryDirectory() as folder:
@@ -54,7 +54,7 @@ def write(
     ros1 = path.suffix == ".bag"
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
     serialise = store.serialize_ros1 if ros1 else store.serialize_cdr
-    with Writer1(path) if ros1 else _bag2(path, storage, compression) as bag:
+    with _bag1(path, compression) if ros1 else _bag2(path, storage, compression) as bag:
         messages = []
         for topic, stream in streams.items():
             name = (types or {}).get(topic) or next(TYPES[c] for c in TYPES if c in stream.columns)
@@ -68,6 +68,13 @@ def write(
                 messages.append((stamp + round(delay * 1e9), connection, raw))
         for time, connection, raw in sorted(messages, key=lambda m: m[0]):
             bag.write(connection, time, raw)
+
+
+def _bag1(path: Path, compression: str) -> Writer1:
+    bag = Writer1(path)
+    if compression:
+        bag.set_compression(Writer1.CompressionFormat[compression])
+    return bag
 
 
 def _bag2(path: Path, storage: str, compression: str) -> Writer2:

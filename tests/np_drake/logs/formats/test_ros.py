@@ -287,6 +287,21 @@ def test_a_cut_mcap_keeps_its_whole_chunks(tmp_path: Path, ros_writer):
     assert any("cut off" in note for note in recording.notes)
 
 
+@pytest.mark.parametrize("compression", ["", "BZ2", "LZ4"])
+def test_a_cut_ros1_bag_keeps_its_whole_chunks(tmp_path: Path, ros_writer, compression: str):
+    t = np.arange(4000) * 0.01
+    ros_writer.write(tmp_path / "whole.bag", {"/odom": stream(ODOMETRY, t)}, compression=compression)
+    content = (tmp_path / "whole.bag").read_bytes()
+    path = tmp_path / "cut.bag"
+    path.write_bytes(content[: int(0.8 * len(content))])
+    recording = read(path)
+    dut = recording.streams["/odom"]
+    assert 1000 < len(dut) < len(t)
+    np.testing.assert_allclose(dut.t, t[: len(dut)], rtol=0, atol=1e-9)
+    assert dut.columns[ODOMETRY[3]][7] == stream(ODOMETRY, t).columns[ODOMETRY[3]][7]
+    assert any("cut off" in note for note in recording.notes)
+
+
 @pytest.mark.parametrize("storage", STORAGES)
 def test_a_folder_without_metadata_is_read_by_its_files(tmp_path: Path, ros_writer, storage: str):
     ros_writer.write(tmp_path / "bag", flight(), storage=storage)
