@@ -4,14 +4,18 @@ from pathlib import Path
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.crazyflie import CRAZYFLIE
+from np_drake.logs.formats.dataflash import DATAFLASH
 from np_drake.logs.formats.format import Format
 from np_drake.logs.formats.neural_fly import NEURAL_FLY
+from np_drake.logs.formats.ros import ROS
 from np_drake.logs.formats.table import TABLE
 from np_drake.logs.formats.ulog import ULOG
 
 FORMATS: tuple[Format, ...] = (  # the first that recognises a file reads it
     CRAZYFLIE,
     ULOG,
+    DATAFLASH,
+    ROS,
     NEURAL_FLY,
     TABLE,  # any CSV: last
 )

@@ -36,3 +36,15 @@ def write_neural_fly() -> Write:
     """Return the function that writes a file of the Neural-Fly data set."""
     write: Write = load_writer("neural_fly").write
     return write
+
+
+@pytest.fixture(scope="session")
+def dataflash_writer() -> ModuleType:
+    """Return the module that writes ArduPilot logs."""
+    return load_writer("dataflash")
+
+
+@pytest.fixture(scope="session")
+def ros_writer() -> ModuleType:
+    """Return the module that writes ROS bags."""
+    return load_writer("ros")

@@ -1,0 +1,429 @@
+"""ArduPilot DataFlash logs: binary (`.bin`) and as text (`.log`).
+
+A log describes itself: FMT records hold name, length, format characters and columns of every message, FMTU records mark
+the column that numbers the instances of a sensor. Streams are messages by name, with `.<instance>` where they are
+numbered: `ATT`, `IMU.0`, `XKF1.0`, `ESC.3`. Values are in the units of ArduPilot's log message reference: the format
+characters c, C, e, E (hundredths) and L (1e-7 deg) are applied. Strings and arrays are left out. Times are those since
+boot [s], from TimeUS or, in old logs, TimeMS.
+
+Source: ArduPilot's documentation of its logs and log messages; `DFReader` of pymavlink, which the tests compare with.
+"""
+
+import abc
+import dataclasses as dc
+import mmap
+import re
+from array import array
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats.format import Format
+from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.recording import Contents, Progress, Recording, Stream
+
+HEADER = b"\xa3\x95"  # begins every record; the type follows
+FMT = b"\xa3\x95\x80"
+NUMBERS = {  # numpy type of a format character and the divisor of its values
+    "b": ("<i1", 1.0),
+    "B": ("<u1", 1.0),
+    "M": ("<u1", 1.0),
+    "g": ("<f2", 1.0),
+    "h": ("<i2", 1.0),
+    "H": ("<u2", 1.0),
+    "i": ("<i4", 1.0),
+    "I": ("<u4", 1.0),
+    "f": ("<f4", 1.0),
+    "d": ("<f8", 1.0),
+    "q": ("<i8", 1.0),
+    "Q": ("<u8", 1.0),
+    "c": ("<i2", 100.0),
+    "C": ("<u2", 100.0),
+    "e": ("<i4", 100.0),
+    "E": ("<u4", 100.0),
+    "L": ("<i4", 1e7),
+}
+TEXTS = {"n": 4, "N": 16, "Z": 64, "a": 64}  # bytes of the other characters; `a` is an array of 32 int16
+HEADERS = ("FMT", "FMTU", "UNIT", "MULT", "PARM", "MSG", "VER")  # messages about the log: no streams
+TIMES = {"TimeUS": 1e-6, "TimeMS": 1e-3}  # [s]
+PARAMETERS: tuple[str, ...] = (
+    "FRAME_CLASS",
+    "FRAME_TYPE",
+    "MOT_PWM_MIN",
+    "MOT_PWM_MAX",
+    "MOT_SPIN_MIN",
+    "MOT_SPIN_MAX",
+)
+PARAMETERS += ("MOT_THST_EXPO", "MOT_THST_HOVER", "SCHED_LOOP_RATE")
+BLOCK = 1 << 22  # bytes between two calls of progress
+
+
+@dc.dataclass
+class Message:
+    """Definition of a message, and where its records start in the file [bytes]."""
+
+    name: str
+    length: int
+    characters: str
+    columns: tuple[str, ...]
+    instance: str = ""  # column that numbers the instances; empty: there is one
+    starts: "array[int]" = dc.field(default_factory=lambda: array("Q"))
+
+    @property
+    def time(self) -> str:
+        """Name of the column of times; empty: it is no stream (TimeMS of GPS is on another clock)."""
+        if self.name in HEADERS:
+            return ""
+        kinds = dict(zip(self.columns, self.characters, strict=True))
+        clocks = ("TimeUS",) if self.name.startswith("GPS") else tuple(TIMES)
+        return next((c for c in clocks if kinds.get(c) in NUMBERS), "")
+
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Names of the columns of numbers, without time and instance."""
+        pairs = zip(self.columns, self.characters, strict=True)
+        return tuple(c for c, kind in pairs if kind in NUMBERS and c not in (*TIMES, self.instance))
+
+
+class Log(abc.ABC):
+    """Messages of a file by name, and what was odd in it."""
+
+    def __init__(self, path: Path, progress: Progress) -> None:
+        self.path = path
+        self.messages: dict[str, Message] = {}
+        self.notes: list[str] = []
+        self.size = path.stat().st_size
+        if not self.size:
+            raise LogError(f"{path}: must be an ArduPilot log; the file is empty. Copy it again.")
+        with path.open("rb") as file:
+            self.bytes = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        self._scan(progress)
+        self._mark_instances()
+        if not any(m.starts and m.time for m in self.messages.values()):
+            raise LogError(f"{path}: must hold ArduPilot messages with times; there are none. Copy it again.")
+
+    @abc.abstractmethod
+    def _scan(self, progress: Progress) -> None:
+        """Find all messages and where their records start."""
+
+    @abc.abstractmethod
+    def values(self, message: Message, names: list[str]) -> np.ndarray:
+        """Return the columns of numbers (n, names)."""
+
+    @abc.abstractmethod
+    def texts(self, name: str) -> Iterator[dict[str, str]]:
+        """Yield the records of a message as text by column."""
+
+    def instances(self, message: Message) -> list[int]:
+        """Return the numbers of the instances; none: the message is not numbered."""
+        if not message.instance:
+            return []
+        numbers = self.values(message, [message.instance])
+        return np.unique(numbers[np.abs(numbers) < 1 << 32]).astype(int).tolist()
+
+    def _mark_instances(self) -> None:
+        numbers = {row["Type"]: row["Name"] for row in self.texts("FMT") if {"Type", "Name"} <= row.keys()}
+        for row in self.texts("FMTU"):
+            message = self.messages.get(numbers.get(row.get("FmtType", ""), ""))
+            at = row.get("UnitIds", "").find("#")
+            if message and 0 <= at < len(message.columns) and message.characters[at] in "bBhHiI":
+                message.instance = message.columns[at]
+
+    def _define(self, name: str, characters: str, columns: str, length: int) -> Message | None:
+        """Keep and return the message that a FMT record defines; None: it is not readable."""
+        names = tuple(c.strip() for c in columns.split(",")) if columns else ()
+        size = 3 + sum(_size(c) for c in characters)
+        ok = (
+            re.fullmatch(r"\w+", name) and len(set(names)) == len(names) == len(characters) and length == size
+        )
+        if not ok:
+            return None
+        return self.messages.setdefault(name, Message(name, length, characters, names))
+
+
+class BinaryLog(Log):
+    """A binary log."""
+
+    def _scan(self, progress: Progress) -> None:
+        self.known: dict[bytes, tuple[int, Callable[[int], None]]] = {}
+        self._learn(128, Message("FMT", 89, "BBnNZ", ("Type", "Length", "Name", "Format", "Columns")))
+        data, size, known, at = self.bytes, self.size, self.known, 0
+        lost, first = 0, -1  # bytes that are no record, and where the first is
+        for block in range(BLOCK, size + BLOCK, BLOCK):
+            stop = min(block, size)
+            while at < stop:
+                head = data[at : at + 3]
+                length, keep = known.get(head, (0, _forget))
+                if not length:
+                    found = data.find(HEADER, at + 1)
+                    found = size if found < 0 else found
+                    lost, first = lost + found - at, at if first < 0 else first
+                    at = found
+                elif at + length > size:
+                    self.notes.append("the last record is cut off")
+                    at = size
+                else:
+                    keep(at)
+                    if head == FMT:
+                        self._learn_from(data[at : at + length])
+                    at += length
+            progress(at / size)
+        if lost:
+            self.notes.append(f"{lost} bytes are no record, from byte {first} on")
+
+    def _learn(self, number: int, message: Message) -> None:
+        self.messages[message.name] = message
+        self.known[HEADER + bytes([number])] = message.length, message.starts.append
+
+    def _learn_from(self, record: bytes) -> None:
+        number, length = record[3], record[4]
+        name, characters, columns = (_text(record[a:b]) for a, b in ((5, 9), (9, 25), (25, 89)))
+        head = HEADER + bytes([number])
+        if head == FMT:
+            return
+        message = self._define(name, characters, columns, length)
+        if message and (message.length, message.characters) == (length, characters):
+            self.known[head] = length, message.starts.append
+        elif length > 2:
+            self.notes.append(f"message type {number} is left out: its definition is not readable or changes")
+            self.known[head] = length, _forget
+
+    def _field(self, message: Message, name: str) -> np.ndarray:
+        at = message.columns.index(name)
+        offset = 3 + sum(map(_size, message.characters[:at]))
+        kind = NUMBERS.get(message.characters[at], (f"S{_size(message.characters[at])}", 1.0))[0]
+        width = np.dtype(kind).itemsize
+        windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(self.bytes, np.uint8), width)
+        starts = np.frombuffer(message.starts, np.uint64)
+        return windows[starts + np.uint64(offset)].view(kind)[:, 0]
+
+    def values(self, message: Message, names: list[str]) -> np.ndarray:
+        """Return the columns of numbers (n, names)."""
+        out = np.empty((len(message.starts), len(names)))
+        for i, name in enumerate(names if len(out) else ()):
+            divisor = NUMBERS[message.characters[message.columns.index(name)]][1]
+            with np.errstate(invalid="ignore"):  # signalling NaN
+                out[:, i] = self._field(message, name).astype(float) / divisor
+        return out
+
+    def texts(self, name: str) -> Iterator[dict[str, str]]:
+        """Yield the records of a message as text by column."""
+        message = self.messages.get(name)
+        if message and message.starts:
+            fields = [self._field(message, c).tolist() for c in message.columns]
+            for row in zip(*fields, strict=True):
+                texts = (_text(v) if isinstance(v, bytes) else str(v) for v in row)
+                yield dict(zip(message.columns, texts, strict=True))
+
+
+class TextLog(Log):
+    """A log as text: a line a record, `name, value, value`."""
+
+    def _scan(self, progress: Progress) -> None:
+        self.messages["FMT"] = Message("FMT", 89, "BBnNZ", ("Type", "Length", "Name", "Format", "Columns"))
+        unknown = 0
+        report = BLOCK
+        at = 0
+        while line := self.bytes.readline():
+            message = self.messages.get(line.split(b",", 1)[0].strip().decode("ascii", "replace"))
+            if message:
+                message.starts.append(at)
+                if message.name == "FMT":
+                    self._learn_from(line)
+            else:
+                unknown += bool(line.strip())
+            at += len(line)
+            if at > report:
+                progress(at / self.size)
+                report += BLOCK
+        progress(1.0)
+        if self.bytes[-1:] != b"\n":
+            self.notes.append("the last line is cut off")
+            for message in self.messages.values():
+                while message.starts and self.bytes.find(b"\n", message.starts[-1]) < 0:
+                    message.starts.pop()
+        if unknown:
+            self.notes.append(f"{unknown} lines are of no message that the log defines")
+
+    def _learn_from(self, line: bytes) -> None:
+        cells = [c.strip() for c in line.decode("utf-8", "replace").split(",", 5)]
+        if len(cells) == 6 and cells[3] != "FMT":
+            message = self._define(cells[3], cells[4], cells[5], 3 + sum(map(_size, cells[4])))
+            if message is None:
+                self.notes.append(f"message {cells[3][:16]!a} is left out: its definition is not readable")
+
+    def _cells(self, message: Message) -> Iterator[list[str]]:
+        for at in message.starts:
+            self.bytes.seek(at)
+            line = self.bytes.readline().decode("utf-8", "replace")
+            yield [c.strip() for c in line.split(",", len(message.columns))[1:]]
+
+    def values(self, message: Message, names: list[str]) -> np.ndarray:
+        """Return the columns of numbers (n, names); a cell that is none is NaN."""
+        places = [message.columns.index(name) for name in names]
+        out = array("d")
+        for cells in self._cells(message):
+            out.extend(_number(cells[i]) if i < len(cells) else np.nan for i in places)
+        return np.array(out).reshape(-1, len(names))
+
+    def texts(self, name: str) -> Iterator[dict[str, str]]:
+        """Yield the records of a message as text by column."""
+        message = self.messages.get(name)
+        for cells in self._cells(message) if message else ():
+            yield dict(zip(self.messages[name].columns, cells, strict=False))
+
+
+def _open(path: Path, progress: Progress = lambda _: None) -> Log:
+    with path.open("rb") as file:
+        binary = file.read(2) == HEADER
+    return BinaryLog(path, progress) if binary else TextLog(path, progress)
+
+
+def _contents(path: Path) -> Contents:
+    log = _open(path)
+    found: dict[str, tuple[str, ...]] = {}
+    for message in log.messages.values():
+        if message.starts and message.time and message.numbers:
+            for name in [f"{message.name}.{i}" for i in log.instances(message)] or [message.name]:
+                found[name] = message.numbers
+    return found
+
+
+def _read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Recording:
+    log = _open(path, lambda share: progress(0.7 * share))
+    streams = {}
+    for i, (name, columns) in enumerate(wanted.items(), start=1):
+        streams[name] = _stream(log, name, columns)
+        progress(0.7 + 0.3 * i / len(wanted))
+    notes = (f"{path}: times are those since boot", *(f"{path}: {note}" for note in dict.fromkeys(log.notes)))
+    return Recording(str(path), "dataflash", streams, _facts(log), notes)
+
+
+def _stream(log: Log, name: str, columns: list[str]) -> Stream:
+    message = log.messages.get(name.partition(".")[0])
+    if message is None or not message.time or not set(columns) <= set(message.numbers):
+        raise LogError(f"{log.path}, {name}: must hold the columns {', '.join(columns)}; mend the map.")
+    names = [message.time, *columns] + ([message.instance] if message.instance else [])
+    values = log.values(message, names)
+    if message.instance:
+        values = values[values[:, -1] == _number(name.partition(".")[2])]
+    t = values[:, 0] * TIMES[message.time]
+    timed = np.isfinite(t)
+    return Stream(t[timed], {c: values[timed, i] for i, c in enumerate(columns, start=1)})
+
+
+def _facts(log: Log) -> dict[str, str]:
+    """Return firmware, frame and the parameters of the motors."""
+    facts: dict[str, str] = {}
+    for row in log.texts("MSG"):
+        text = row.get("Message", "")
+        if text.startswith("Ardu"):
+            facts.setdefault("firmware", text)
+        if text.startswith("Frame:"):
+            facts.setdefault("frame", text.removeprefix("Frame:").strip())
+    for row in log.texts("PARM"):
+        if row.get("Name") in PARAMETERS:
+            facts[row["Name"]] = row.get("Value", "")
+    return facts
+
+
+def _default_map(contents: Contents) -> LogMap | None:
+    """Return the map of the names that ArduPilot gives; None without attitude, or position and velocity.
+
+    Position, velocity and attitude are those of the first core of the EKF. Body rates and acceleration are those of the
+    first IMU, with its biases. Motors are taken to be on the outputs 1 to 4.
+    """
+    ekf = _first(contents, ("XKF1", "NKF1"), ("PN", "PE", "PD", "VN", "VE", "VD"))
+    attitude = _attitude(contents)
+    if not (ekf and attitude):
+        return None
+    imu = _first(contents, ("IMU",), ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"))
+    outputs = _first(contents, ("RCOU",), ("C1", "C2", "C3", "C4"))
+    battery = _first(contents, ("BAT", "CURR"), ("Volt",))
+    throttle, hover = Source(outputs, "us"), Source()
+    if not outputs:
+        throttle = Source(_first(contents, ("CTUN",), ("ThO",)))
+        hover = Source(_first(contents, ("CTUN",), ("ThH",)))
+    return LogMap(
+        format="dataflash",
+        world="ned",
+        body="frd",
+        command="held_after",
+        position=Source(ekf[:3]),
+        velocity=Source(ekf[3:], axes="world"),
+        attitude=attitude,
+        rates=Source(imu[:3]),
+        acceleration=Source(imu[3:], kind="specific_force", axes="body"),
+        rotor_speed=Source(_escs(contents), "rpm"),
+        throttle=throttle,
+        hover_throttle=hover if throttle else Source(),
+        voltage=Source(battery),
+    )
+
+
+def _attitude(contents: Contents) -> Source | None:
+    quaternion = ("Q1", "Q2", "Q3", "Q4")
+    for names in (("XKQ", "XKQ1", "NKQ", "NKQ1"), ("ATT",), ("AHR2",)):
+        columns = _first(contents, names, quaternion)
+        if columns:
+            return Source(columns, order="wxyz", direction="body_to_world")
+        columns = _first(contents, names, ("Roll", "Pitch", "Yaw"))
+        if columns:
+            return Source(columns, "deg")
+    return None
+
+
+def _escs(contents: Contents) -> list[str]:
+    """Return the rotor speeds of the first four speed controllers; none where fewer report."""
+    for names in ([f"ESC.{i}" for i in range(4)], [f"ESC{i}" for i in range(1, 5)]):
+        if all("RPM" in contents.get(name, ()) for name in names):
+            return [f"{name}/RPM" for name in names]
+    return []
+
+
+def _first(contents: Contents, names: tuple[str, ...], columns: tuple[str, ...]) -> list[str]:
+    """Return `stream/column` of the first message that has all columns; its first instance where it is numbered."""
+    for name in names:
+        for stream in (f"{name}.0", name):
+            if set(columns) <= set(contents.get(stream, ())):
+                return [f"{stream}/{column}" for column in columns]
+    return []
+
+
+def _recognises(path: Path, start: bytes) -> bool:
+    return start.startswith(FMT) or bool(re.match(rb"\s*FMT,\s*\d+,\s*\d+,", start))
+
+
+def _size(character: str) -> int:
+    """Return the bytes of a value; a character that is not known makes the record's length wrong."""
+    if character in NUMBERS:
+        return np.dtype(NUMBERS[character][0]).itemsize
+    return TEXTS.get(character, 1 << 20)
+
+
+def _text(raw: bytes) -> str:
+    return raw.split(b"\0", 1)[0].decode("utf-8", "replace").strip()
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell)
+    except ValueError:
+        return np.nan
+
+
+def _forget(_: int) -> None:
+    """Keep no start of a record that is not readable."""
+
+
+DATAFLASH = Format(
+    name="dataflash",
+    title="ArduPilot DataFlash .bin and .log",
+    extra=None,
+    recognises=_recognises,
+    contents=_contents,
+    default_map=_default_map,
+    read=_read,
+)
