@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from np_drake.diagnosis.doctor.traces import GUSTS, Trace, nearest_usual
+from np_drake.diagnosis.doctor.traces import Trace, nearest_usual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.regressors import Candidate
 from np_drake.diagnosis.residuals import FlightResiduals
@@ -22,7 +22,6 @@ from np_drake.diagnosis.residuals import FlightResiduals
 DEVIATIONS = 3.0  # 99.7 %
 RESEMBLES = 2.0  # factor by which another effect must widen the smallest size to be named [1]; own choice
 MOST_BESIDE = 3  # effects that are named and modelled beside one [1]; own choice
-FAR = 100.0  # usual sizes beyond which a size is called infinite [1]
 SINGULAR = 1e-9  # share of the largest information below which there is none [1]
 
 
@@ -127,9 +126,8 @@ def _crossing(size: np.ndarray, told: np.ndarray) -> float:
     x, y = np.log(size), np.log(np.maximum(told, 1e-9) / DEVIATIONS)
     if len(x) == 1:
         return float(size[0] * math.exp(-y[0]))
-    k = int(np.clip(np.searchsorted(-np.abs(y), -np.abs(y).min()), 0, len(x) - 1)) if len(x) < 2 else 0
     above = np.flatnonzero(y >= 0)
-    k = 1 if len(above) and above[0] == 0 else (int(above[0]) if len(above) else len(x) - 1)
+    k = max(1, int(above[0])) if len(above) else len(x) - 1
     slope = (y[k] - y[k - 1]) / (x[k] - x[k - 1])
     return float(math.exp(x[k] - y[k] / max(slope, 0.3)))
 
@@ -145,5 +143,3 @@ def smallest_gust(noise: NoiseModel, seconds: float, time: float = 1.0) -> float
     information = sum(0.5 * np.sum((gust / own) ** 2) for own in noise.spectrum(frequency)[:2] if own[0] > 0)
     return math.sqrt(DEVIATIONS / math.sqrt(information)) if information > 0 else math.inf
 
-
-__all__ = ["GUSTS", "Information", "Smallest", "smallest_gust", "smallest_sizes"]

@@ -9,14 +9,14 @@ Source: Bayesian linear regression with plug-in noise; pieces, lengths and round
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from np_drake.diagnosis.doctor.log_report import SwingTest
 from np_drake.diagnosis.numerics import Gram, NoiseModel, fit_noise, scale_only
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.regressors import AT_REST, Candidate, payloads_of
+from np_drake.diagnosis.regressors import AT_REST, payloads_of
 from np_drake.diagnosis.residuals import FlightResiduals
 
 LATERAL = slice(0, 2)  # channels: force across body z
@@ -27,15 +27,15 @@ ROUNDS = 3  # of regression and noise in turn
 EVIDENT = math.log(1000.0)  # log Bayes factor from which something swings [nat]: 0.1 % false alarms at even odds
 
 
-def swing_test(flight: FlightResiduals, others: Sequence[Candidate], priors: Priors) -> SwingTest:
+def swing_test(flight: FlightResiduals, others: Sequence[Mapping[str, np.ndarray]], priors: Priors) -> SwingTest:
     """Compare a pendulum with none in one flight.
 
     Args:
         flight: the flight.
-        others: nuisance and effects that both models hold.
+        others: by flight, (m, 15, k) columns of nuisance and effects that both models hold.
         priors: of the payload.
     """
-    X = np.concatenate([c.columns[flight.name][:, LATERAL] for c in others], axis=-1)
+    X = np.concatenate([X[flight.name][:, LATERAL] for X in others], axis=-1)
     X = flight.bridged(X[..., np.abs(X).max(axis=(0, 1)) > 1e-12])
     y = flight.bridged(flight.y[:, LATERAL])
     pieces = _pieces(flight)

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.regressors import Candidate, library_candidates, payloads_of, wind_candidates
+from np_drake.diagnosis.regressors import Candidate, PayloadColumns, library_candidates, payloads_of, wind_candidates
+from np_drake.diagnosis.regressors.library import nonlinear_grid
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.base import Parameter
 from np_drake.effects.library import LIBRARY, effects_for
@@ -26,7 +27,6 @@ class Trace:
     typical: usual size of each.
     sizes: for an effect that is not linear, the size at which its trace is predicted, in the parameter's unit; None:
     it is linear.
-    drag: the columns are forces, of a wind through this drag [N·s/m]; 0: they are not.
     """
 
     identifier: str
@@ -74,7 +74,7 @@ def _of_candidate(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
     free = tuple(p for p in effect.parameters if not p.choices)
     vehicle = flights[0].vehicle
     usual = tuple(usual_size(p, vehicle) for p in free)
-    if c.size == len(free) and (effect.linear or len(free) != len(effect.parameters) or "=" not in c.variant):
+    if effect.linear or len(free) < len(effect.parameters) or not nonlinear_grid(effect, flights[0]):
         scale = np.array([u / p.typical for u, p in zip(usual, free, strict=True)])
         return Trace(identifier, free, usual, {n: X * scale for n, X in c.columns.items()})
     values = next(iter(c.terms(np.array([0.5])))).effect.values
@@ -84,7 +84,7 @@ def _of_candidate(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
 
 
 def _of_wind(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
-    """Return the trace of a steady wind, as that of a force through a usual drag, beside the drag."""
+    """Return the trace of a steady wind through the usual drag of such a vehicle."""
     wind = LIBRARY[WIND].parameters
     vehicle = flights[0].vehicle
     force = LIBRARY[DRAG].parameters[0].typical
@@ -96,18 +96,25 @@ def _of_wind(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
 def _of_payloads(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
     if PAYLOAD not in LIBRARY:
         return []
+    return [_of_payload(payload, flights) for payload in payloads_of(flights, LENGTHS, priors)]
+
+
+def payload_at(flights: Sequence[FlightResiduals], length: float, priors: Priors) -> Trace:
+    """Return the trace of a payload on a tether of this length [m]."""
+    (payload,) = payloads_of(flights, np.array([length]), priors)
+    return _of_payload(payload, flights)
+
+
+def _of_payload(payload: PayloadColumns, flights: Sequence[FlightResiduals]) -> Trace:
     mass = LIBRARY[PAYLOAD].parameters[:1]
     usual = usual_size(mass[0], flights[0].vehicle)
-    found = []
-    for payload in payloads_of(flights, LENGTHS, priors):
-        columns = {}
-        for e in flights:
-            X = np.zeros((*e.y.shape, payload.size))
-            X[:, WRENCH][..., payload.at(e.name)] = payload.own[e.name]
-            X[..., 0] *= usual / payload.unit
-            columns[e.name] = X
-        found.append(Trace(PAYLOAD, mass, (usual,), columns))
-    return found
+    columns = {}
+    for e in flights:
+        X = np.zeros((*e.y.shape, payload.size))
+        X[:, WRENCH][..., payload.at(e.name)] = payload.own[e.name]
+        X[..., 0] *= usual / payload.unit
+        columns[e.name] = X
+    return Trace(PAYLOAD, mass, (usual,), columns)
 
 
 def nearest_usual(found: Sequence[Trace]) -> list[Trace]:
