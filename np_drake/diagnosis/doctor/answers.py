@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from np_drake.diagnosis.doctor.log_report import NEVER, NO, YES, Answer
 from np_drake.diagnosis.doctor.smallest_sizes import Smallest
 from np_drake.diagnosis.doctor.traces import DRAG, GUSTS, WIND, usual_size
-from np_drake.diagnosis.localisation.manoeuvres import manoeuvre
+from np_drake.diagnosis.localisation.manoeuvres import PAIRS, manoeuvre
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.vehicle import Vehicle
 
@@ -66,7 +66,8 @@ def _answers(s: Smallest, effect, vehicle: Vehicle, scale: float, *, told: bool)
             todo = manoeuvre((s.identifier,))
         elif verdict == NO:
             reason = f"it cannot be told from {', '.join(s.resembles)} in these flights"
-            todo = manoeuvre((s.identifier, s.resembles[0]))
+            pair = frozenset((s.identifier, s.resembles[0]))
+            todo = PAIRS.get(pair, manoeuvre((s.identifier,)))
         if s.identifier == WIND:
             reason = reason or ("through the drag of these flights" if told else "through a usual drag: none is told here")
         alone, beside = (float(v) if v <= far else math.inf for v in (alone, beside))

@@ -22,6 +22,7 @@ from np_drake.diagnosis.residuals import FlightResiduals
 DEVIATIONS = 3.0  # 99.7 %
 RESEMBLES = 2.0  # factor by which another effect must widen the smallest size to be named [1]; own choice
 MOST_BESIDE = 3  # effects that are named and modelled beside one [1]; own choice
+NESTED = 1e-3  # share of a trace outside another's, below which it is a case of that [1]; own choice
 SINGULAR = 1e-9  # share of the largest information below which there is none [1]
 
 
@@ -83,6 +84,16 @@ class Information:
         variance = (vectors**2) @ (1 / np.maximum(values, SINGULAR))
         return np.sqrt(variance) / scale
 
+    def inside(self, trace: Trace, other: Trace) -> bool:
+        """Return whether a trace is that of an effect with more parameters, of which it is the simpler case."""
+        if len(other.parameters) <= len(trace.parameters):
+            return False
+        a, b = self._at[id(trace)], self._at[id(other)]
+        own, cross, theirs = (self._matrix[np.ix_(i, j)] for i, j in ((a, a), (a, b), (b, b)))
+        ridge = SINGULAR * np.trace(theirs) * np.eye(len(b))
+        left = np.diag(own - cross @ np.linalg.solve(theirs + ridge, cross.T))
+        return bool(np.all(left < NESTED * np.diag(own)))
+
 
 def smallest_sizes(information: Information) -> list[Smallest]:
     """Return the smallest sizes of all effects; of several variants, those of the variant that shows least."""
@@ -95,6 +106,8 @@ def smallest_sizes(information: Information) -> list[Smallest]:
         alone = _sizes(information, variants, ())
         wider = {}
         for other in others:
+            if information.inside(main, other):
+                continue
             ratio = float(np.max(_sizes(information, [main], [other]) / _sizes(information, [main], ())))
             if ratio > RESEMBLES:
                 wider[other.identifier] = ratio, other
