@@ -62,10 +62,11 @@ class _Scanned(dict[str, tuple[str, ...]]):
 
 @dc.dataclass
 class _Subscription:
-    """One stream of a log: its fields, and whether it has a row."""
+    """One stream of a log: its fields, the size of a row [bytes], and the number of its rows."""
 
     name: str
     columns: tuple[str, ...]
+    size: int
     rows: int = 0
 
 
@@ -111,8 +112,14 @@ class _Guarded:
         return data
 
     def seek(self, offset: int, whence: int = 0) -> int:
-        """Go to a place."""
-        return self._file.seek(offset, whence)
+        """Go to a place.
+
+        Raises: _Circles: if it is before the file.
+        """
+        try:
+            return self._file.seek(offset, whence)
+        except OSError as error:
+            raise _Circles("its messages lead out of it") from error
 
     def tell(self) -> int:
         """Return the place."""
@@ -307,14 +314,14 @@ def _scanner(pyulog: Any, fields: Mapping[str, int], found: list[_Subscription])
             columns = tuple(f.field_name for f in self.field_data if _is_column(f.field_name, f.type_str))
             subscription = next((s for s in found if s.name == name), None)
             if subscription is None:
-                subscription = _Subscription(name, columns)
+                subscription = _Subscription(name, columns, self.dtype.itemsize)
                 found.append(subscription)
             by_id[bytes(data[1:3])] = subscription
 
     class Row(pyulog.ULog._MessageData):  # type: ignore[misc]
         def initialize(self, data: bytes, header: Any, subscriptions: Any, log: Any) -> bool:
             subscription = by_id.get(bytes(data[:2]))
-            if subscription is not None:
+            if subscription is not None and len(data) - 2 >= subscription.size:
                 subscription.rows += 1
             return bool(super().initialize(data, header, subscriptions, log))
 
