@@ -13,7 +13,7 @@ import numpy as np
 from np_drake.logs.recording import Stream
 
 MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
-START = 5_000_000  # of a log, since the vehicle's start [us]
+START = 500_000  # of a log, since the vehicle's start [us]
 INDEXED = re.compile(r"(.+)\[(\d+)\]")
 NESTED = re.compile(r"(.+)\[(\d+)\]\.(.+)")
 
