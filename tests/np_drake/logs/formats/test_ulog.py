@@ -193,20 +193,21 @@ def test_of_a_log_that_was_cut_the_whole_messages_are_kept(log, writer, made):
     assert "cut off" in dut.notes[0]
 
 
-def test_a_damaged_part_is_left_out_and_noted(log, writer, made, capsys):
+def test_a_damaged_part_is_left_out_and_noted(log, writer, made):
     writer.write(log, {"vehicle_attitude": made["vehicle_attitude"]})
     content = log.read_bytes()
     row = 3 + 2 + 8 + 4 * 8
     bad = len(content) - 30 * row
-    log.write_bytes(
-        content[:bad]
-        + struct.pack("<HB", row - 3 - 8, ord("D"))
-        + content[bad + 3 :]
-        + framed("D", b"\x63\0none")
-    )
+    log.write_bytes(content[:bad] + struct.pack("<HB", row - 3 - 8, ord("D")) + content[bad + 3 :])
     dut = everything(log)
     assert 0 < len(dut.streams["vehicle_attitude"]) < 60
     assert any("damaged" in note for note in dut.notes)
+
+
+def test_warnings_of_the_parser_become_notes(log, writer, made, capsys):
+    writer.write(log, made)
+    log.write_bytes(log.read_bytes() + struct.pack("<HB", 9, ord("D")) + b"\x63\0no name")
+    assert "damaged" in everything(log).notes[0]
     assert capsys.readouterr().out == ""
 
 
