@@ -132,9 +132,9 @@ def open_flights(paths: tuple[Path, ...], vehicle: "Vehicle", *, repair: bool) -
 
     logs = []
     for path in paths:
-        log = open_flight(path, vehicle, repair=repair)
-        say(*(f"{log.name}: {note}" for note in log.notes))
-        logs.append(log)
+        parts = open_flight(path, vehicle, repair=repair)
+        say(*(f"{log.name}: {note}" for log in parts for note in log.notes))
+        logs += parts
     return logs
 
 

@@ -15,6 +15,7 @@ from np_drake.logs.columns import COLUMNS
 from np_drake.logs.csv_file import read_csv
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.gaps import bridge_gaps, without_long_gaps
 from np_drake.logs.repair import repair as repair_table
 from np_drake.logs.rotor_input import with_rotor_input
 from np_drake.logs.table import Table
@@ -89,6 +90,7 @@ def read_neurobem(path: str | Path, *, vehicle: Vehicle | None = None, repair: b
     fields = list(SOURCE_COLUMNS)
     table, notes = repair_table(table, fields) if repair else (table, [])
     check_table(table, fields)
+    table, bridged = bridge_gaps(without_long_gaps(table), fields)
     raw = {field: table.array(COLUMNS[field]) for field in fields}
     q = raw["q"] / np.linalg.norm(raw["q"], axis=1, keepdims=True)
     log = FlightLog(
@@ -101,6 +103,7 @@ def read_neurobem(path: str | Path, *, vehicle: Vehicle | None = None, repair: b
         a=attitude.rotate(q, raw["a"]) - [0.0, 0.0, GRAVITY],
         al=raw["al"],
         rotor=raw["rotor"],
+        bridged=bridged if bridged.any() else None,
         name=Path(path).name.removesuffix(".gz").removesuffix(".csv").removeprefix("merged_"),
         notes=notes,
     )
