@@ -69,7 +69,7 @@ def _answers(s: Smallest, effect, vehicle: Vehicle, scale: float, *, told: bool)
             pair = frozenset((s.identifier, s.resembles[0]))
             todo = PAIRS.get(pair, manoeuvre((s.identifier,)))
         if s.identifier == WIND:
-            reason = reason or ("through the drag of these flights" if told else "through a usual drag: none is told here")
+            reason = reason or ("with their drag" if told else "with usual drag: these flights tell none")
         alone, beside = (float(v) if v <= far else math.inf for v in (alone, beside))
         out.append(Answer(s.identifier, name, p.unit, beside, alone, typical, verdict, reason, todo, s.resembles))
     return out
@@ -78,6 +78,6 @@ def _answers(s: Smallest, effect, vehicle: Vehicle, scale: float, *, told: bool)
 def _gust_answer(size: float, guessed: bool) -> Answer:
     p = next(p for p in LIBRARY[GUSTS].parameters if p.name == "deviation")
     verdict = YES if size <= p.typical else NO
-    reason = "through a usual drag: none is told here" if guessed else "through the drag of these flights"
+    reason = "with usual drag: these flights tell none" if guessed else "with their drag"
     todo = "" if verdict == YES else manoeuvre((GUSTS,))
     return Answer(GUSTS, p.name, p.unit, size, size, p.typical, verdict, reason, todo)

@@ -14,7 +14,6 @@ from np_drake.diagnosis.localisation import excitation, excited
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import tolerance_of
 from np_drake.diagnosis.residuals import make_flight_residuals, natural_step
-from np_drake.effects.library import MEASURED_ROTORS
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
@@ -73,8 +72,7 @@ def _judged(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell
     swinging = [test for test in tests if test.swings]
     tell(0.7, "noise")
     beside = [payload_at(flights, swinging[0].length, options.priors)] if swinging else []
-    clean = [t for t in near if t.identifier not in MEASURED_ROTORS]  # whose columns are readings with their own noise
-    explained = explain(flights, nuisance, [*clean, *beside], options)
+    explained = explain(flights, nuisance, [*near, *beside], options)
     tell(0.8, "smallest sizes")
     information = Information(explained.flights, explained.noise, nuisance, every)
     first = logs[0]
