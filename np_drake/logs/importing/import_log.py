@@ -18,6 +18,7 @@ from np_drake.logs.importing.answerable import unanswerable
 from np_drake.logs.importing.conventions import Verdict, as_text, changed, check_conventions
 from np_drake.logs.importing.convert import convert_quantity
 from np_drake.logs.importing.log_map import UNITS, LogMap
+from np_drake.logs.importing.map_time import with_map_time
 from np_drake.logs.importing.signals import Signal, gather
 from np_drake.logs.recording import Progress, by_stream
 
@@ -67,7 +68,7 @@ def import_log(
     known, contents, log_map = _map_for(Path(path), log_map)
     log_map = dc.replace(log_map, rate=rate or log_map.rate)
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
-    signals, notes = gather(recording, log_map)
+    signals, notes = gather(with_map_time(recording, log_map), log_map)
     signals = _cut(signals, log_map, str(path))
     carried = flies(signals, log_map)
     log_map, verdict = (
