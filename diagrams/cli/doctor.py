@@ -46,7 +46,9 @@ def doctor(
         flights, sheets, failures = _opened(logs, nominal, declared, repair, lambda share: advance(0.3 * share))
         if not flights:
             raise failures[0]
-        report = examine(flights, nominal, on_progress=lambda share, text: advance(0.3 + 0.7 * share, text))
+        report = examine(
+            flights, nominal, sheets=sheets, on_progress=lambda share, text: advance(0.3 + 0.7 * share, text)
+        )
         advance(1.0)
     from diagrams.cli.doctor_screen import screen
 
@@ -56,8 +58,8 @@ def doctor(
         [],
         config={name: str(value) if isinstance(value, Path) else value for name, value in config.items()}
         | {"logs": [str(path) for path in logs]},
-        metrics={**report.as_json(), "imports": sheets, "failures": [str(f) for f in failures]},
-        lines=screen(report, sheets),
+        metrics={**report.as_json(), "failures": [str(f) for f in failures]},
+        lines=screen(report),
         failure=failures[0] if failures else None,
     )
 

@@ -2,7 +2,6 @@
 
 import textwrap
 from collections.abc import Mapping
-from typing import Any
 
 from diagrams.cli.output import WIDTH
 from np_drake.diagnosis.doctor.log_report import NEVER, YES, Answer, FlightFacts, LogReport
@@ -15,21 +14,18 @@ MOST_FLIGHTS = 8  # that have a line of their own
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"))
 
 
-def screen(report: LogReport, sheets: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Return the lines of a report.
-
-    Args: sheets: by flight, content of the sheet of its import.
-    """
+def screen(report: LogReport) -> list[str]:
+    """Return the lines of a report."""
     lines = [] if len(report.flights) == 1 else _flights(report)
     first = report.flights[0]
     head = first.name if len(report.flights) == 1 else f"{len(report.flights)} flights"
     verdict = "usable: no" if not report.usable else "usable: with limits" if report.problems else "usable: yes"
-    title = f"{head}{'' if not report.vehicle else f', vehicle {report.vehicle}'}"
+    title = head + (f", vehicle {report.vehicle}, {report.sensors} sensors" if report.sensors else "")
     body = [f"{title}{verdict:>{max(2, WIDTH - len(title))}}"]
     for problem in report.problems:
         body += _labelled("!", problem)
     if len(report.flights) == 1:
-        body += _facts(first, sheets.get(first.name, {}))
+        body += _facts(first)
     body += _labelled("noise", _noise(first))
     body += _labelled("clocks", _clocks(first))
     body += _labelled("motion", _motion(report))
@@ -60,14 +56,15 @@ def _flights(report: LogReport) -> list[str]:
     return lines
 
 
-def _facts(f: FlightFacts, sheet: Mapping[str, Any]) -> list[str]:
+def _facts(f: FlightFacts) -> list[str]:
     lines = _labelled("rows", f"{f.duration:.3g} s, {f.rows} rows at {1 / f.step:.3g} Hz, {_gaps(f)}")
     timing = f", its time known to {1e3 * f.timing:.2g} ms" if f.timing else ""
     lines += _labelled("input", f"{f.input}{timing}" + ("" if f.saturated is None else f"; a rotor at its limit in {f.saturated:.0%} of the rows"))
+    sheet = f.imported
     if sheet:
         slow = [f"{name} {entry['rate']}" for name, entry in sheet["columns"].items()]
         lines += _labelled("import", f"{sheet['format']}: {', '.join(slow)}")
-    return lines + _labelled("conventions", _conventions(f, sheet))
+    return lines + _labelled("conventions", _conventions(f))
 
 
 def _gaps(f: FlightFacts) -> str:
@@ -75,11 +72,11 @@ def _gaps(f: FlightFacts) -> str:
     return gaps + (f", {f.bridged} rows bridged" if f.bridged else "")
 
 
-def _conventions(f: FlightFacts, sheet: Mapping[str, Any]) -> str:
+def _conventions(f: FlightFacts) -> str:
     if not f.misfits:
         return "not checked: too short, or no two quantities can be compared"
     worst = max(f.misfits, key=lambda law: f.misfits[law])
-    own = f"{sheet['frames'].split(';')[0]}; " if sheet else ""
+    own = f"{f.imported['frames'].split(';')[0]}; " if f.imported else ""
     return f"{own}{len(f.misfits)} checks, worst misfit {f.misfits[worst]:.2g} ({worst}; 0 agrees, 1 contradicts)"
 
 
@@ -104,11 +101,14 @@ def _clocks(f: FlightFacts) -> str:
 
 
 def _motion(report: LogReport) -> str:
-    m, f = report.excitation, report.flights[0]
+    every = [f.motion for f in report.flights]
+    m = report.excitation
+    own = every[0] | m
+    fastest = max(motion["fastest [m/s]"] for motion in every)
     text = (
-        f"speed {f.motion['speed [m/s]']:.2g} m/s (at most {max(x.motion['fastest [m/s]'] for x in report.flights):.2g}), "
-        f"rates {f.motion['rate [rad/s]']:.2g} rad/s, tilt {f.motion['tilt [deg]']:.2g} deg, "
-        f"height from {f.motion['lowest [m]']:.2g} m over {f.motion['height span [m]']:.2g} m"
+        f"speed {own['speed [m/s]']:.2g} m/s (at most {fastest:.2g}), rates {own['rate [rad/s]']:.2g} rad/s, "
+        f"tilt {own['tilt [deg]']:.2g} deg, height from {min(x['lowest [m]'] for x in every):.2g} m over "
+        f"{own['height span [m]']:.2g} m"
     )
     return text + (f"; thrust varies by {m['thrust variation [1]']:.1%}" if m else "")
 
@@ -144,7 +144,7 @@ def _effects(report: LogReport) -> list[str]:
     if rest:
         lines.append(_row("cannot be told", "but from this size on", "usual", "why"))
         for name, answers in rest.items():
-            why = "like " + ", ".join(answers[0].beside) if answers[0].reason.startswith("it cannot") else "no clear trace"
+            why = "like " + answers[0].beside[0] if answers[0].reason.startswith("it cannot") else "no clear trace"
             lines.append(_row(f"  {name}", _sizes(answers), f"{answers[0].typical:.2g}", why))
         todo: dict[str, list[str]] = {}
         for name, answers in rest.items():

@@ -11,11 +11,11 @@ from np_drake.effects.library import LIBRARY, effects_for, unobservable
 from np_drake.vehicle import Vehicle
 
 FAR = 100.0  # usual sizes beyond which a smallest size is infinite [1]
-INSTEAD = {  # reason of `unobservable`: what to log instead
-    "the input is measured rotor speed, not a command": "log the commanded thrust and torque as well",
-    "thrust is known up to a scale": "log rotor speed, or measure thrust over throttle on a stand",
-    "the log has no torque": "log the torque command, rotor speed, or the throttle of every motor",
-    "the log has no accelerations": "log the accelerometer",
+INSTEAD = {  # words of a reason of `unobservable`: what to log instead
+    "measured rotor speed": "log the commanded thrust and torque as well",
+    "up to a scale": "log rotor speed, with a thrust coefficient from a stand",
+    "no torque": "log the torque command, rotor speed, or every motor's throttle",
+    "no accelerations": "log the accelerometer",
 }
 
 
@@ -40,7 +40,7 @@ def answers(
         p = next(p for p in effect.parameters if not p.choices)
         if identifier in hidden:
             reason = hidden[identifier]
-            todo = INSTEAD.get(reason, manoeuvre((identifier,)))
+            todo = next((what for words, what in INSTEAD.items() if words in reason), manoeuvre((identifier,)))
             never = (math.inf, math.inf, usual_size(p, vehicle), NEVER, reason, todo)
             out.append(Answer(identifier, p.name, p.unit, *never))
         elif identifier == GUSTS:

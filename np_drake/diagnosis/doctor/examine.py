@@ -1,7 +1,8 @@
 """Examination of flight logs before a diagnosis: is the log usable, what does it excite, which effects can it tell."""
 
 import dataclasses as dc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from np_drake.diagnosis.doctor.answers import answers
 from np_drake.diagnosis.doctor.flight_facts import contradictions, flight_facts
@@ -12,7 +13,7 @@ from np_drake.diagnosis.doctor.swing_test import swing_test
 from np_drake.diagnosis.doctor.traces import PAYLOAD, nearest_usual, payload_at, traces
 from np_drake.diagnosis.localisation import excitation, excited
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import tolerance_of
+from np_drake.diagnosis.regressors import tolerance_of, with_input
 from np_drake.diagnosis.residuals import make_flight_residuals, natural_step
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
@@ -25,21 +26,28 @@ MOST_SATURATED = 0.05  # share of rows with a rotor at a limit from which a log 
 
 
 def examine(
-    logs: Sequence[FlightLog], vehicle: Vehicle | None = None, on_progress: Progress | None = None
+    logs: Sequence[FlightLog],
+    vehicle: Vehicle | None = None,
+    *,
+    sheets: Mapping[str, Mapping[str, Any]] | None = None,
+    on_progress: Progress | None = None,
 ) -> LogReport:
     """Examine flight logs of one kind together.
 
     Args:
         logs: flights, with thrust and torque from the vehicle where their input is rotor speed or throttle.
         vehicle: the nominal vehicle; None: facts, motion and conventions alone, and no effects.
+        sheets: by flight, what its import did; sensors of imported flights are taken as real.
         on_progress: called with the share done [1] and the name of the step.
     Raises: ValueError: if there is no flight, or flights have different inputs.
     """
     _require(logs)
     tell = on_progress or (lambda share, text: None)
     tell(0.0, "signals and clocks")
-    facts = tuple(flight_facts(log, vehicle) for log in logs)
-    wrong = [f"{f.name}: {', '.join(laws)} do not agree: check columns, frames and units" for f in facts if (laws := contradictions(f))]
+    facts = tuple(
+        dc.replace(flight_facts(log, vehicle), imported=dict((sheets or {}).get(log.name, {}))) for log in logs
+    )
+    wrong = [line for f in facts for line in _faults(f)]
     problems = wrong + [line for f in facts for line in _limits(f)]
     long_enough = [log for log in logs if log.t[-1] - log.t[0] >= LEAST_DURATION]
     if not long_enough:
@@ -58,7 +66,9 @@ def _judged(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell
     step = max(natural_step(log.t) for log in logs)
     flights = [make_flight_residuals(log, vehicle, step) for log in logs]
     moving = excitation(flights)
-    options = Options.for_sensors(tolerance_of(flights).real)
+    real = any(f.imported for f in report.flights) or tolerance_of(flights).real
+    options = Options.for_sensors(real)
+    options = dc.replace(options, tolerance=with_input(options.tolerance, flights))
     nuisance = nuisance_of(flights, options.tolerance)
     tell(0.4, "effects")
     every = traces(flights, options.priors)
@@ -97,6 +107,14 @@ def _judged(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell
 def _head(log: FlightLog) -> FlightLog:
     rows = int((log.t <= log.t[0] + MOST_SECONDS).sum())
     return log if rows == len(log) else log.rows(0, rows)
+
+
+def _faults(f: FlightFacts) -> list[str]:
+    """Return what makes a flight useless, one line each; the conventions of an imported one have been checked."""
+    if f.imported:
+        return [f"{f.name}: {note}" for note in f.imported.get("notes", ()) if note.startswith("no flight")]
+    laws = contradictions(f)
+    return [f"{f.name}: {', '.join(laws)} contradict each other; check columns, frames and units"] if laws else []
 
 
 def _limits(f: FlightFacts) -> list[str]:

@@ -46,7 +46,7 @@ class FlightFacts:
     attitude_noise: white noise of the attitude against the integrated gyro [rad].
     misfits: by law, disagreement of quantities with each other: 0 agree, 1 do not [1].
     motion: by quantity, RMS or span, with the unit in the key.   saturated: share of rows with a rotor at a limit [1];
-    None where no limit is known.
+    None where no limit is known.   imported: what its import did; empty for a log of our format.
     """
 
     name: str
@@ -66,6 +66,7 @@ class FlightFacts:
     motion: dict[str, float]
     saturated: float | None = None
     notes: tuple[str, ...] = ()
+    imported: dict[str, Any] = dc.field(default_factory=dict)
 
 
 @dc.dataclass(frozen=True)
