@@ -5,7 +5,6 @@ from collections.abc import Mapping
 
 from diagrams.cli.output import WIDTH
 from np_drake.diagnosis.doctor.log_report import NEVER, YES, Answer, FlightFacts, LogReport
-from np_drake.diagnosis.doctor.swing_test import EVIDENT
 
 NOTED = 3.0  # times its usual noise from which a signal's is noted as high [1]
 SHOWN = 0.5  # share of repeated rows from which a signal's are noted [1]
@@ -123,10 +122,10 @@ def _floor(floor: Mapping[str, float]) -> str:
 def _swings(report: LogReport) -> str:
     best = max(report.swings, key=lambda test: test.log_bayes_factor)
     if not report.something_swings:
-        return f"nothing does (log Bayes factor of a pendulum {best.log_bayes_factor:.0f}; evident from {EVIDENT:.1f})"
+        return f"nothing does (log Bayes factor of a pendulum {best.log_bayes_factor:.0f}; evident from {best.evident:.1f})"
     return (
         f"SOMETHING SWINGS, as {_si(1e3 * best.mass, 'g')} on {best.length:.2g} m "
-        f"(log Bayes factor {best.log_bayes_factor:.0f}; evident from {EVIDENT:.1f})"
+        f"(log Bayes factor {best.log_bayes_factor:.0f}; evident from {best.evident:.1f})"
     )
 
 
@@ -149,7 +148,7 @@ def _effects(report: LogReport) -> list[str]:
         todo: dict[str, list[str]] = {}
         for name, answers in rest.items():
             todo.setdefault(answers[0].todo, []).append(name)
-        lines += [line for what, names in todo.items() for line in _labelled("to fly", f"{what} ({', '.join(names)})")[:1]]
+        lines += [line for what, names in todo.items() for line in _labelled("to fly", f"{what} ({', '.join(names)})")]
     by_reason: dict[tuple[str, str], list[str]] = {}
     for name, answers in never.items():
         by_reason.setdefault((answers[0].reason, answers[0].todo), []).append(name)

@@ -13,6 +13,7 @@ BAND = 10.0  # low-pass on both signals [Hz]; own choice: the same on both moves
 PARTS = 10  # of a flight, each left out once for the deviation [1]; own choice
 LEAST_PART = 0.5  # of a part [s]; own choice
 LEAST_CORRELATION = 0.9  # below which no lag is told [1]; own choice: in a narrow band, other shifts fit as well
+MOST_DEVIATION = 0.02  # above which no lag is told [s]; own choice
 MOST_ROWS = 60_000  # of a flight that are used; own choice: the deviation is then far below a row
 
 
@@ -34,8 +35,6 @@ def lags(log: FlightLog, vehicle: Vehicle | None = None) -> tuple[Lag, ...]:
         pairs.append(("velocity", "acceleration", middle, rate, log.t, log.a))
     up = [0.0, 0.0, 9.81]
     lift = np.sum((rate + up) * attitude.body_z(_between(log.q)), axis=1)[:, None]
-    if log.a is not None:
-        lift = np.sum((log.a[:-1] + log.a[1:] + [0.0, 0.0, 19.62]) * attitude.body_z(_between(log.q)), axis=1)[:, None] / 2
     held = log.t if log.input == "rotor_speed" else log.t + 0.5 * log.step  # a held command acts half a row later
     thrust = _thrust(log)
     if thrust is not None:
@@ -93,7 +92,7 @@ def _lag(late: str, early: str, t_y: np.ndarray, y: np.ndarray, t_x: np.ndarray,
         return None
     spread = np.array(others, float)
     deviation = float(np.sqrt((parts - 1) * np.mean((spread - spread.mean()) ** 2)))
-    return Lag(late, early, best, deviation, correlation)
+    return Lag(late, early, best, deviation, correlation) if deviation < MOST_DEVIATION else None
 
 
 def _at(at: np.ndarray, t: np.ndarray, x: np.ndarray) -> np.ndarray:

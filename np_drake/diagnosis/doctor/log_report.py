@@ -73,11 +73,12 @@ class FlightFacts:
 class SwingTest:
     """Comparison of a pendulum of the best length with none, in one flight.
 
-    log_bayes_factor: for a pendulum of any length [nat].   length [m] and mass [kg]: of the best.
+    log_bayes_factor: for a pendulum of any length [nat]; something swings from `evident` on.   length [m] and mass [kg]: of the best.
     """
 
     flight: str
     log_bayes_factor: float
+    evident: float
     swings: bool
     length: float
     mass: float

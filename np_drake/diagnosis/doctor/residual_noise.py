@@ -79,9 +79,9 @@ def _drag(mean, deviation, nuisance: Sequence[Candidate], traces: Sequence[Trace
     at = sum(c.size for c in nuisance)
     for trace in traces:
         if trace.identifier == DRAG:
-            size = float(np.mean(mean[at : at + 2]))
-            sure = size > LEAST_DRAG * float(np.mean(deviation[at : at + 2]))
-            return size * trace.typical[0] if sure else None
+            weight = deviation[at : at + 2] ** -2.0
+            size = float(weight @ mean[at : at + 2] / weight.sum())
+            return size * trace.typical[0] if size > LEAST_DRAG * weight.sum() ** -0.5 else None
         at += next(iter(trace.columns.values())).shape[-1]
     return None
 

@@ -148,11 +148,11 @@ def _crossing(size: np.ndarray, told: np.ndarray) -> float:
 def smallest_gust(noise: NoiseModel, seconds: float, time: float = 1.0) -> float:
     """Return the least deviation of a lateral gusty force that is told from the noise [N].
 
-    Twice the log likelihood of a spectrum is a sum over independent frequencies; the information on the power of a
-    first-order process is that of Whittle.   Args: seconds: of all flights.   time: its correlation time [s].
+    The log likelihood of a spectrum is a sum over independent frequencies (Whittle), and so is the information on the
+    power of a first-order process.   Args: seconds: of all flights.   time: its correlation time [s].
     """
     frequency = np.arange(1, max(2, int(0.4 / noise.step * seconds))) / seconds
     gust = 4 * time / (1 + (2 * np.pi * frequency * time) ** 2)  # one-sided, of unit variance [1/Hz]
-    information = sum(0.5 * np.sum((gust / own) ** 2) for own in noise.spectrum(frequency)[:2] if own[0] > 0)
+    information = sum(np.sum((gust / own) ** 2) for own in noise.spectrum(frequency)[:2] if own[0] > 0)
     return math.sqrt(DEVIATIONS / math.sqrt(information)) if information > 0 else math.inf
 

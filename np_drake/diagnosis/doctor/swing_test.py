@@ -24,7 +24,7 @@ LENGTHS = np.geomspace(0.15, 2.5, 32)  # of the pendulum [m]: 9 % apart
 PIECE = 10.0  # of a flight, each with a swing of its own [s]: longer, and a linear swing is out of step
 MOST_PIECES = 6  # of a flight that are used
 ROUNDS = 3  # of regression and noise in turn
-EVIDENT = math.log(1000.0)  # log Bayes factor from which something swings [nat]: 0.1 % false alarms at even odds
+ODDS = math.log(1000.0)  # log posterior odds from which something swings [nat]: at most one false alarm in 1000
 
 
 def swing_test(flight: FlightResiduals, others: Sequence[Mapping[str, np.ndarray]], priors: Priors) -> SwingTest:
@@ -50,8 +50,13 @@ def swing_test(flight: FlightResiduals, others: Sequence[Mapping[str, np.ndarray
         masses.append(float(mean[X.shape[-1]]) * payload.unit)
     best = int(np.argmax(gains))
     factor = float(np.log(np.mean(np.exp(np.array(gains) - gains[best]))) + gains[best])
-    heavy = masses[best] > 0
-    return SwingTest(flight.name, factor, bool(heavy and factor > EVIDENT), float(LENGTHS[best]), masses[best])
+    swings = masses[best] > 0 and factor > evident(priors)
+    return SwingTest(flight.name, factor, evident(priors), bool(swings), float(LENGTHS[best]), masses[best])
+
+
+def evident(priors: Priors) -> float:
+    """Return the log Bayes factor from which something swings: that of `ODDS`, with the prior of any effect [nat]."""
+    return ODDS - priors.effect
 
 
 def _pieces(flight: FlightResiduals) -> list[slice]:
