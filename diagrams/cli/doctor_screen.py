@@ -10,6 +10,8 @@ NOTED = 3.0  # times its usual noise from which a signal's is noted as high [1]
 SHOWN = 0.5  # share of repeated rows from which a signal's are noted [1]
 LABEL, NAME, SIZE, USUAL = 14, 24, 38, 8  # widths of columns
 MOST_FLIGHTS = 8  # that have a line of their own
+MOST_TODO = 6  # manoeuvres that are named; --json has all
+MOST_PROBLEMS = 4
 PREFIXES = ((1.0, ""), (1e-3, "m"), (1e-6, "µ"))
 
 
@@ -17,11 +19,11 @@ def screen(report: LogReport) -> list[str]:
     """Return the lines of a report."""
     lines = [] if len(report.flights) == 1 else _flights(report)
     first = report.flights[0]
-    head = first.name if len(report.flights) == 1 else f"{len(report.flights)} flights"
+    head = first.name[:40] if len(report.flights) == 1 else f"{len(report.flights)} flights"
     verdict = "usable: no" if not report.usable else "usable: with limits" if report.problems else "usable: yes"
-    title = head + (f", vehicle {report.vehicle}, {report.sensors} sensors" if report.sensors else "")
+    title = head + (f", vehicle {report.vehicle[:20]}, {report.sensors} sensors" if report.sensors else "")
     body = [f"{title}{verdict:>{max(2, WIDTH - len(title))}}"]
-    for problem in report.problems:
+    for problem in report.problems[:MOST_PROBLEMS]:
         body += _labelled("!", problem)
     if len(report.flights) == 1:
         body += _facts(first)
@@ -148,7 +150,7 @@ def _effects(report: LogReport) -> list[str]:
         todo: dict[str, list[str]] = {}
         for name, answers in rest.items():
             todo.setdefault(answers[0].todo, []).append(name)
-        lines += [line for what, names in todo.items() for line in _labelled("to fly", f"{what} ({', '.join(names)})")]
+        lines += [line for what, names in list(todo.items())[:MOST_TODO] for line in _labelled("to fly", f"{what} ({', '.join(names)})")]
     by_reason: dict[tuple[str, str], list[str]] = {}
     for name, answers in never.items():
         by_reason.setdefault((answers[0].reason, answers[0].todo), []).append(name)

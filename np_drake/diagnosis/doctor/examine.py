@@ -7,13 +7,11 @@ from typing import Any
 from np_drake.diagnosis.doctor.answers import answers
 from np_drake.diagnosis.doctor.flight_facts import contradictions, flight_facts
 from np_drake.diagnosis.doctor.log_report import FlightFacts, LogReport
-from np_drake.diagnosis.doctor.residual_noise import explain, nuisance_of
+from np_drake.diagnosis.doctor.residual_noise import explain, nuisance_of, options_of
 from np_drake.diagnosis.doctor.smallest_sizes import Information, smallest_gust, smallest_sizes
 from np_drake.diagnosis.doctor.swing_test import swing_test
 from np_drake.diagnosis.doctor.traces import PAYLOAD, nearest_usual, payload_at, traces
 from np_drake.diagnosis.localisation import excitation, excited
-from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import tolerance_of, with_input
 from np_drake.diagnosis.residuals import make_flight_residuals, natural_step
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
@@ -66,9 +64,7 @@ def _judged(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell
     step = max(natural_step(log.t) for log in logs)
     flights = [make_flight_residuals(log, vehicle, step) for log in logs]
     moving = excitation(flights)
-    real = any(f.imported for f in report.flights) or tolerance_of(flights).real
-    options = Options.for_sensors(real)
-    options = dc.replace(options, tolerance=with_input(options.tolerance, flights))
+    options = options_of(flights, real=any(f.imported for f in report.flights))
     nuisance = nuisance_of(flights, options.tolerance)
     tell(0.4, "effects")
     every = traces(flights, options.priors)
@@ -78,7 +74,7 @@ def _judged(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell
         tell(0.5, "swing")
         others = nuisance_of([e], options.tolerance)
         own = [dc.replace(t, columns={e.name: t.columns[e.name]}) for t in near]
-        tests.append(swing_test(e, [c.columns for c in others] + [t.columns for t in own], options.priors))
+        tests.append(swing_test(e, [c.columns for c in others] + [t.columns for t in own], options))
     swinging = [test for test in tests if test.swings]
     tell(0.7, "noise")
     beside = [payload_at(flights, swinging[0].length, options.priors)] if swinging else []

@@ -8,7 +8,7 @@ import numpy as np
 from np_drake.diagnosis.doctor.traces import DRAG, Trace
 from np_drake.diagnosis.numerics import Gram, NoiseModel, scale_only
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import Candidate, calibration, sensor_drift
+from np_drake.diagnosis.regressors import Candidate, calibration, sensor_drift, tolerance_of, with_input
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals, find_shocks
 from np_drake.diagnosis.result import CHANNELS
 from np_drake.diagnosis.selection.initial_noise import noise_of
@@ -90,3 +90,12 @@ def nuisance_of(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> lis
     """Return errors of the vehicle file and of the sensors within tolerance, as columns with prior N(0, 1)."""
     drift = sensor_drift(flights, tolerance)
     return [*calibration(flights, tolerance), *([drift] if drift else [])]
+
+
+def options_of(flights: Sequence[FlightResiduals], *, real: bool) -> Options:
+    """Return the options of a diagnosis of these flights, with what their input leaves open.
+
+    Args: real: sensors are real ones; else as the flights look.
+    """
+    options = Options.for_sensors(real or tolerance_of(flights).real)
+    return dc.replace(options, tolerance=with_input(options.tolerance, flights))

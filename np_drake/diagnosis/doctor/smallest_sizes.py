@@ -112,7 +112,7 @@ def smallest_sizes(information: Information) -> list[Smallest]:
             if ratio > RESEMBLES:
                 wider[other.identifier] = ratio, other
         most = sorted(wider.values(), key=lambda pair: -pair[0])[:MOST_BESIDE]
-        beside = _sizes(information, variants, [t for _, t in most])
+        beside = np.maximum(alone, _sizes(information, variants, [t for _, t in most]))
         names = tuple(p.name for p in main.parameters)
         found.append(Smallest(name, names, alone, beside, tuple(t.identifier for _, t in most)))
     return found

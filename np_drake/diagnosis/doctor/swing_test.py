@@ -2,7 +2,8 @@
 
 Both models hold the nuisance parameters and all effects of the library. The pendulum is driven by the measured motion;
 its mass and the swing at the start of each piece are free, and its length is averaged over. Each model has the
-autoregressive noise that fits it best, so that a model cannot gain by the noise of the other. Only the force across
+autoregressive noise that fits it best, so that a model cannot gain by the noise of the other, at the temperature of the
+search: noise is never quite its model. Only the force across
 body z is used: a payload that hangs still pulls along it, as an error of mass or thrust does.
 
 Source: Bayesian linear regression with plug-in noise; pieces, lengths and rounds are own choice.
@@ -15,7 +16,7 @@ import numpy as np
 
 from np_drake.diagnosis.doctor.log_report import SwingTest
 from np_drake.diagnosis.numerics import Gram, NoiseModel, fit_noise, scale_only
-from np_drake.diagnosis.options import Priors
+from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import AT_REST, payloads_of
 from np_drake.diagnosis.residuals import FlightResiduals
 
@@ -27,25 +28,25 @@ ROUNDS = 3  # of regression and noise in turn
 ODDS = math.log(1000.0)  # log posterior odds from which something swings [nat]: at most one false alarm in 1000
 
 
-def swing_test(flight: FlightResiduals, others: Sequence[Mapping[str, np.ndarray]], priors: Priors) -> SwingTest:
+def swing_test(flight: FlightResiduals, others: Sequence[Mapping[str, np.ndarray]], options: Options) -> SwingTest:
     """Compare a pendulum with none in one flight.
 
     Args:
         flight: the flight.
         others: by flight, (m, 15, k) columns of nuisance and effects that both models hold.
-        priors: of the payload.
+        options: priors of the payload, and the temperature of the noise.
     """
     X = np.concatenate([X[flight.name][:, LATERAL] for X in others], axis=-1)
     X = flight.bridged(X[..., np.abs(X).max(axis=(0, 1)) > 1e-12])
     y = flight.bridged(flight.y[:, LATERAL])
     pieces = _pieces(flight)
-    step = flight.grid.step
-    _, without = _fitted(y, X, pieces, step)
+    priors, how = options.priors, (pieces, flight.grid.step, options.search.temperature)
+    _, without = _fitted(y, X, *how)
     gains, masses = [], []
     for payload in payloads_of([flight], LENGTHS, priors):
         own = flight.bridged(payload.own[flight.name][:, LATERAL])
         P = _in_pieces(own[..., :1], own[..., AT_REST:], pieces)
-        mean, evidence = _fitted(y, np.concatenate([X, P], axis=-1), pieces, step)
+        mean, evidence = _fitted(y, np.concatenate([X, P], axis=-1), *how)
         gains.append(evidence - without)
         masses.append(float(mean[X.shape[-1]]) * payload.unit)
     best = int(np.argmax(gains))
@@ -79,24 +80,26 @@ def _in_pieces(mass: np.ndarray, swing: np.ndarray, pieces: Sequence[slice]) -> 
 
 
 def _fitted(
-    y: np.ndarray, X: np.ndarray, pieces: Sequence[slice], step: float
+    y: np.ndarray, X: np.ndarray, pieces: Sequence[slice], step: float, temperature: float
 ) -> tuple[np.ndarray, float]:
     """Return coefficients and log evidence of a regression with the autoregressive noise of its own residual."""
     noise = scale_only([y[rows] for rows in pieces], step)
     for _ in range(ROUNDS):
-        mean, _ = _regression(y, X, pieces, noise)
+        mean, _ = _regression(y, X, pieces, noise, temperature)
         noise = fit_noise([y[rows] - X[rows] @ mean for rows in pieces], step)
-    return _regression(y, X, pieces, noise)
+    return _regression(y, X, pieces, noise, temperature)
 
 
-def _regression(y, X, pieces: Sequence[slice], noise: NoiseModel) -> tuple[np.ndarray, float]:
+def _regression(
+    y, X, pieces: Sequence[slice], noise: NoiseModel, temperature: float
+) -> tuple[np.ndarray, float]:
     total = Gram(np.zeros((X.shape[-1],) * 2), np.zeros(X.shape[-1]), 0.0, 0)
     for rows in pieces:
         products = noise.products([X[rows], y[rows][..., None]])
         total += Gram(products[:-1, :-1], products[:-1, -1], float(products[-1, -1]), rows.stop - rows.start)
     every = np.arange(X.shape[-1])
+    total = total.tempered(temperature)
     mean, _ = total.posterior(every)
-    rows_used = total.samples - len(pieces) * noise.phi.shape[1]
-    active = noise.active
-    spread = float(np.log(np.diag(noise.mixing)[active]).sum())
-    return mean, total.log_evidence(every) - 0.5 * total.yy + rows_used * spread
+    samples = (total.samples - len(pieces) * noise.phi.shape[1]) / temperature
+    spread = float(np.log(np.diag(noise.mixing)[noise.active]).sum())
+    return mean, total.log_evidence(every) - 0.5 * total.yy + samples * spread

@@ -38,7 +38,7 @@ def judged(flight):
     options = Options.for_sensors(tolerance_of([flight]).real)
     near = [t for t in nearest_usual(traces([flight], options.priors)) if t.identifier != "suspended_payload"]
     others = [c.columns for c in nuisance_of([flight], options.tolerance)] + [t.columns for t in near]
-    return swing_test(flight, others, options.priors)
+    return swing_test(flight, others, options)
 
 
 @pytest.mark.parametrize("accelerations", [True, False])
