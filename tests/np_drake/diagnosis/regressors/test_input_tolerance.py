@@ -48,7 +48,9 @@ def test_a_thinned_log_leaves_half_a_row_open(fly, every, seed):
     assert timing == pytest.approx(0.5 * log.step)
 
 
-@pytest.mark.parametrize("effects", [(), (DRAG,), (MotorLag(0.03),), (CommandDelay(0.02),), (ClockOffset(0.02),)])
+@pytest.mark.parametrize(
+    "effects", [(), (DRAG,), (MotorLag(0.03),), (CommandDelay(0.02),), (ClockOffset(0.02),)]
+)
 def test_a_command_that_is_held_from_its_row_leaves_nothing_open(seen, effects):
     assert command_timing([seen(*effects, seed=1, noise=1.0)]) == 0.0
 
