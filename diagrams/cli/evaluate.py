@@ -43,7 +43,7 @@ def evaluate(
     ] = None,
     horizons: Annotated[str, Option(help="Steps ahead, comma-separated.")] = HORIZONS,
     epochs: options.Epochs = None,
-    step: options.Step = 0.02,
+    step: options.Step = None,
     vehicle: options.VehicleFile = None,
     repair: options.Repair = False,
 ) -> Report:
@@ -64,6 +64,9 @@ def evaluate(
     tests = open_flights(logs, vehicle, repair=repair)
     training = open_flights(train, vehicle, repair=repair)
     require_one_frame([*training, *tests])
+    from np_drake.scaling import sampling_period
+
+    step = step or sampling_period(tests[0].vehicle)
     from diagrams.cli.scoring import MOTIONS, diverged, score, stability, stability_text, tables
 
     folds = [([other for other in tests if other is not test], [test]) for test in tests]

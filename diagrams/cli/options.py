@@ -38,7 +38,15 @@ Configuration = Annotated[
         help="Predictor: default | paper | dictionary | dmdc | delay-dmdc | ridge; or gp | knode.",
     ),
 ]
-Step = Annotated[float, Option("--step", min=1e-4, max=1.0, help="Predictor step for flight logs [s].")]
+Step = Annotated[
+    float | None,
+    Option(
+        "--step",
+        min=1e-4,
+        max=1.0,
+        help="Predictor step for flight logs [s]; default: the vehicle's, 0.02 for arms of 9 to 36 cm.",
+    ),
+]
 Neurobem = Annotated[
     OptionalPath,
     Option("--neurobem", metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),

@@ -32,7 +32,7 @@ def train(
     checkpoint: Annotated[
         Path | None, Option(metavar="FILE", help="Save the run here as it goes, and resume it.")
     ] = None,
-    step: options.Step = 0.02,
+    step: options.Step = None,
     vehicle: options.VehicleFile = None,
     repair: options.Repair = False,
 ) -> Report:
@@ -47,10 +47,12 @@ def train(
     from diagrams.cli.flights import open_flights
     from np_drake.figure_file import save
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
+    from np_drake.scaling import sampling_period
 
     if configuration in REACTIONS and checkpoint is not None:
         raise ValueError(f"--checkpoint: {configuration} has none; it trains in a minute or less.")
     flights = open_flights(logs, vehicle, repair=repair)
+    step = step or sampling_period(flights[0].vehicle)
     if configuration in REACTIONS:
         head: dict[str, Any] = {"seed": run.seed}
         head |= {"epochs": epochs} if epochs and configuration == KNODE else {}
@@ -85,14 +87,15 @@ def train_predictor(
 
     Returns: the result, and how long the training took [s].
     """
-    from np_drake.labels import LabelConfig
+    from np_drake.labels import default_labels
     from np_drake.lifting.model.lifted_model import DEFAULT
     from np_drake.lifting.model.model_file import save_model
     from np_drake.lifting.model.origin import origin_of, with_origin, with_rotor_lag
 
     segments = [segment for flight in flights for segment in flight.segments(step)]
+    frame, vehicle = flights[0].frame, flights[0].vehicle
     result, wall = run_training(f"training {name}", segments, config, checkpoint)
-    model = with_origin(result.model, origin_of(flights[0].frame, flights[0].vehicle, LabelConfig()))
+    model = with_origin(result.model, origin_of(frame, vehicle, default_labels(vehicle)))
     save_model(with_rotor_lag(model, rotor_lag(flights)) if name == DEFAULT else model, out)
     return result, wall
 
