@@ -26,7 +26,12 @@ Only = Annotated[
     list[str] | None, Option("--only", help="Only rows of these names (nominal is always flown).")
 ]
 VehicleFile = Annotated[
-    OptionalPath, Option("--vehicle", metavar="FILE", help="Vehicle file (YAML); default: the paper's.")
+    OptionalPath,
+    Option(
+        "--vehicle",
+        metavar="VEHICLE",
+        help="Vehicle file (YAML) or a name of `np-drake vehicle list`; default: the paper's.",
+    ),
 ]
 Repair = Annotated[bool, Option("--repair", help="Mend a few bad rows of a log and say so.")]
 Epochs = Annotated[int | None, Option("--epochs", min=1, help="Passes; default: the configuration's.")]
