@@ -137,7 +137,8 @@ class FlightConfig:
         lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_scale
         if self.carried_mass * self.vehicle.gravity > 0.9 * lift:
             raise ValueError(
-                f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can carry ({lift:.3g} N)."
+                f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can carry ({lift:.3g} N). "
+                "Name a lighter payload, or none, for the default scales with the vehicle."
             )
         self._check_simulator()
         return self
