@@ -20,7 +20,9 @@ def doctor(
     run: Run,
     logs: Annotated[
         list[Path],
-        Argument(metavar="LOG...", help="Flight logs of our format, or of any that `import` reads; of one vehicle."),
+        Argument(
+            metavar="LOG...", help="Flight logs of our format, or of any that `import` reads; of one vehicle."
+        ),
     ],
     vehicle: Annotated[
         Path | None,
@@ -43,7 +45,9 @@ def doctor(
     nominal = _vehicle(vehicle)
     declared = None if log_map is None else load_map(log_map)
     with progress("examining", 1.0) as advance:
-        flights, sheets, failures = _opened(logs, nominal, declared, repair, lambda share: advance(0.3 * share))
+        flights, sheets, failures = _opened(
+            logs, nominal, declared, repair, lambda share: advance(0.3 * share)
+        )
         if not flights:
             raise failures[0]
         report = examine(
@@ -52,7 +56,12 @@ def doctor(
         advance(1.0)
     from diagrams.cli.doctor_screen import screen
 
-    config = {"logs": logs, "vehicle": None if nominal is None else nominal.name, "map": log_map, "repair": repair}
+    config = {
+        "logs": logs,
+        "vehicle": None if nominal is None else nominal.name,
+        "map": log_map,
+        "repair": repair,
+    }
     say(*(f"not usable: {failure}" for failure in failures[1:]))
     return Report(
         [],

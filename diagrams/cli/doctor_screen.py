@@ -20,7 +20,9 @@ def screen(report: LogReport) -> list[str]:
     lines = [] if len(report.flights) == 1 else _flights(report)
     first = report.flights[0]
     head = first.name[:40] if len(report.flights) == 1 else f"{len(report.flights)} flights"
-    verdict = "usable: no" if not report.usable else "usable: with limits" if report.problems else "usable: yes"
+    verdict = (
+        "usable: no" if not report.usable else "usable: with limits" if report.problems else "usable: yes"
+    )
     title = head + (f", vehicle {report.vehicle[:20]}, {report.sensors} sensors" if report.sensors else "")
     body = [f"{title}{verdict:>{max(2, WIDTH - len(title))}}"]
     for problem in report.problems[:MOST_PROBLEMS]:
@@ -50,8 +52,14 @@ def _flights(report: LogReport) -> list[str]:
     lines = []
     for f in report.flights[:MOST_FLIGHTS]:
         test = tests.get(f.name)
-        swings = "" if test is None else f", swings: {'yes' if test.swings else 'no'} ({test.log_bayes_factor:.0f})"
-        lines.append(f"  {f.name[:40]:<41}{f.duration:.3g} s at {1 / f.step:.3g} Hz, {_gaps(f)}{swings}"[:WIDTH])
+        swings = (
+            ""
+            if test is None
+            else f", swings: {'yes' if test.swings else 'no'} ({test.log_bayes_factor:.0f})"
+        )
+        lines.append(
+            f"  {f.name[:40]:<41}{f.duration:.3g} s at {1 / f.step:.3g} Hz, {_gaps(f)}{swings}"[:WIDTH]
+        )
     if len(report.flights) > MOST_FLIGHTS:
         lines.append(f"  … and {len(report.flights) - MOST_FLIGHTS} more (--json has all)")
     return lines
@@ -60,7 +68,11 @@ def _flights(report: LogReport) -> list[str]:
 def _facts(f: FlightFacts) -> list[str]:
     lines = _labelled("rows", f"{f.duration:.3g} s, {f.rows} rows at {1 / f.step:.3g} Hz, {_gaps(f)}")
     timing = f", its time known to {1e3 * f.timing:.2g} ms" if f.timing else ""
-    lines += _labelled("input", f"{f.input}{timing}" + ("" if f.saturated is None else f"; a rotor at its limit in {f.saturated:.0%} of the rows"))
+    lines += _labelled(
+        "input",
+        f"{f.input}{timing}"
+        + ("" if f.saturated is None else f"; a rotor at its limit in {f.saturated:.0%} of the rows"),
+    )
     sheet = f.imported
     if sheet:
         slow = [f"{name} {entry['rate']}" for name, entry in sheet["columns"].items()]
@@ -96,9 +108,13 @@ def _noise(f: FlightFacts) -> str:
 
 
 def _clocks(f: FlightFacts) -> str:
-    return "; ".join(
-        f"{lag.late} {1e3 * lag.seconds:+.1f} ± {1e3 * lag.deviation:.1f} ms after {lag.early}" for lag in f.lags
-    ) or "no two signals move alike enough to tell their lag"
+    return (
+        "; ".join(
+            f"{lag.late} {1e3 * lag.seconds:+.1f} ± {1e3 * lag.deviation:.1f} ms after {lag.early}"
+            for lag in f.lags
+        )
+        or "no two signals move alike enough to tell their lag"
+    )
 
 
 def _motion(report: LogReport) -> str:
@@ -145,12 +161,20 @@ def _effects(report: LogReport) -> list[str]:
     if rest:
         lines.append(_row("cannot be told", "but from this size on", "usual", "why"))
         for name, answers in rest.items():
-            why = "like " + answers[0].beside[0] if answers[0].reason.startswith("it cannot") else "no clear trace"
+            why = (
+                "like " + answers[0].beside[0]
+                if answers[0].reason.startswith("it cannot")
+                else "no clear trace"
+            )
             lines.append(_row(f"  {name}", _sizes(answers), f"{answers[0].typical:.2g}", why))
         todo: dict[str, list[str]] = {}
         for name, answers in rest.items():
             todo.setdefault(answers[0].todo, []).append(name)
-        lines += [line for what, names in list(todo.items())[:MOST_TODO] for line in _labelled("to fly", f"{what} ({', '.join(names)})")]
+        lines += [
+            line
+            for what, names in list(todo.items())[:MOST_TODO]
+            for line in _labelled("to fly", f"{what} ({', '.join(names)})")
+        ]
     by_reason: dict[tuple[str, str], list[str]] = {}
     for name, answers in never.items():
         by_reason.setdefault((answers[0].reason, answers[0].todo), []).append(name)

@@ -41,14 +41,16 @@ def open_any(
         if is_neurobem(path):
             return [read_neurobem(path, vehicle=vehicle, repair=repair)], None
         names = set(table.contents(Path(path))[table.STREAM])
-        if names.issuperset(name for field in STATE for name in COLUMNS[field]) and (vehicle or "thrust" in names):
+        if names.issuperset(name for field in STATE for name in COLUMNS[field]) and (
+            vehicle or "thrust" in names
+        ):
             return read_segments(path, vehicle=vehicle, repair=repair), None
     found = import_log(path, log_map, on_progress=on_progress)
     return [_with_input(flight, vehicle) for flight in found.flights], found.sheet
 
 
 def _with_input(log: FlightLog, vehicle: Vehicle | None) -> FlightLog:
-    """Return the log with thrust and torque from rotor speed or throttle, where these are its input or are asked for."""
+    """Return the log with thrust and torque from rotor speed or throttle, where these are its input or asked for."""
     if vehicle is None:
         return log
     if log.rotor is not None and "rotor_speed" in (log.input, vehicle.input):

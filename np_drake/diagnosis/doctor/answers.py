@@ -20,7 +20,13 @@ INSTEAD = {  # words of a reason of `unobservable`: what to log instead
 
 
 def answers(
-    found: Sequence[Smallest], gust: float, drag: float | None, vehicle: Vehicle, *, log_input: str, **known: bool
+    found: Sequence[Smallest],
+    gust: float,
+    drag: float | None,
+    vehicle: Vehicle,
+    *,
+    log_input: str,
+    **known: bool,
 ) -> tuple[Answer, ...]:
     """Return an answer for each parameter of each effect: told, not told, never told, in the order of the library.
 
@@ -40,7 +46,9 @@ def answers(
         p = next(p for p in effect.parameters if not p.choices)
         if identifier in hidden:
             reason = hidden[identifier]
-            todo = next((what for words, what in INSTEAD.items() if words in reason), manoeuvre((identifier,)))
+            todo = next(
+                (what for words, what in INSTEAD.items() if words in reason), manoeuvre((identifier,))
+            )
             never = (math.inf, math.inf, usual_size(p, vehicle), NEVER, reason, todo)
             out.append(Answer(identifier, p.name, p.unit, *never))
         elif identifier == GUSTS:
@@ -48,7 +56,9 @@ def answers(
             out.append(_gust_answer(size, drag is None))
         elif identifier in sizes:
             scale = usual_drag / drag if identifier == WIND and drag else 1.0
-            out += _answers(sizes[identifier], effect, vehicle, scale, told=identifier != WIND or drag is not None)
+            out += _answers(
+                sizes[identifier], effect, vehicle, scale, told=identifier != WIND or drag is not None
+            )
     return tuple(out)
 
 
@@ -71,7 +81,9 @@ def _answers(s: Smallest, effect, vehicle: Vehicle, scale: float, *, told: bool)
         if s.identifier == WIND:
             reason = reason or ("with their drag" if told else "with usual drag: these flights tell none")
         alone, beside = (float(v) if v <= far else math.inf for v in (alone, beside))
-        out.append(Answer(s.identifier, name, p.unit, beside, alone, typical, verdict, reason, todo, s.resembles))
+        out.append(
+            Answer(s.identifier, name, p.unit, beside, alone, typical, verdict, reason, todo, s.resembles)
+        )
     return out
 
 

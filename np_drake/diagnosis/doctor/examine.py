@@ -43,7 +43,8 @@ def examine(
     tell = on_progress or (lambda share, text: None)
     tell(0.0, "signals and clocks")
     facts = tuple(
-        dc.replace(flight_facts(log, vehicle), imported=dict((sheets or {}).get(log.name, {}))) for log in logs
+        dc.replace(flight_facts(log, vehicle), imported=dict((sheets or {}).get(log.name, {})))
+        for log in logs
     )
     wrong = [line for f in facts for line in _faults(f)]
     problems = wrong + [line for f in facts for line in _limits(f)]
@@ -110,7 +111,11 @@ def _faults(f: FlightFacts) -> list[str]:
     if f.imported:
         return [f"{f.name}: {note}" for note in f.imported.get("notes", ()) if note.startswith("no flight")]
     laws = contradictions(f)
-    return [f"{f.name}: {', '.join(laws)} contradict each other; check columns, frames and units"] if laws else []
+    return (
+        [f"{f.name}: {', '.join(laws)} contradict each other; check columns, frames and units"]
+        if laws
+        else []
+    )
 
 
 def _limits(f: FlightFacts) -> list[str]:
@@ -129,10 +134,12 @@ def _require(logs: Sequence[FlightLog]) -> None:
     inputs = sorted({log.input for log in logs})
     if len(inputs) > 1:
         raise ValueError(
-            f"doctor: all flights must have the same input; got {' and '.join(inputs)}. Examine them one kind at a time."
+            f"doctor: all flights must have the same input; got {' and '.join(inputs)}. Examine each kind alone."
         )
     names = [log.name for log in logs]
     if len(set(names)) < len(names):
         raise ValueError("doctor: flights must have different names. Rename one, or give each flight once.")
     if len({log.a is None for log in logs}) > 1:
-        raise ValueError("doctor: either all flights have accelerations or none. Examine them one kind at a time.")
+        raise ValueError(
+            "doctor: either all flights have accelerations or none. Examine them one kind at a time."
+        )

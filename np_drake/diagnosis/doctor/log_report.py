@@ -73,7 +73,8 @@ class FlightFacts:
 class SwingTest:
     """Comparison of a pendulum of the best length with none, in one flight.
 
-    log_bayes_factor: for a pendulum of any length [nat]; something swings from `evident` on.   length [m] and mass [kg]: of the best.
+    log_bayes_factor: for a pendulum of any length [nat]; something swings from `evident` on.
+    length, mass: of the best pendulum [m, kg].
     """
 
     flight: str

@@ -126,7 +126,9 @@ def _sizes(information: Information, variants: Sequence[Trace], beside: Sequence
         return np.max(each, axis=0)
     sizes = []
     for sign in (1, -1):
-        same = sorted((t for t in variants if sign * float(t.size or 0) > 0), key=lambda t: abs(t.size or 0.0))
+        same = sorted(
+            (t for t in variants if sign * float(t.size or 0) > 0), key=lambda t: abs(t.size or 0.0)
+        )
         if same:
             at = np.array([abs(t.size or 0.0) for t in same])
             told = np.array([1 / max(float(information.deviations(t, beside)[0]), 1e-12) for t in same])
@@ -155,4 +157,3 @@ def smallest_gust(noise: NoiseModel, seconds: float, time: float = 1.0) -> float
     gust = 4 * time / (1 + (2 * np.pi * frequency * time) ** 2)  # one-sided, of unit variance [1/Hz]
     information = sum(np.sum((gust / own) ** 2) for own in noise.spectrum(frequency)[:2] if own[0] > 0)
     return math.sqrt(DEVIATIONS / math.sqrt(information)) if information > 0 else math.inf
-

@@ -25,10 +25,14 @@ LENGTHS = np.geomspace(0.15, 2.5, 32)  # of the pendulum [m]: 9 % apart
 PIECE = 10.0  # of a flight, each with a swing of its own [s]: longer, and a linear swing is out of step
 MOST_PIECES = 6  # of a flight that are used
 ROUNDS = 3  # of regression and noise in turn
-ODDS = math.log(1000.0)  # log posterior odds from which something swings [nat]: at most one false alarm in 1000
+ODDS = math.log(
+    1000.0
+)  # log posterior odds from which something swings [nat]: at most one false alarm in 1000
 
 
-def swing_test(flight: FlightResiduals, others: Sequence[Mapping[str, np.ndarray]], options: Options) -> SwingTest:
+def swing_test(
+    flight: FlightResiduals, others: Sequence[Mapping[str, np.ndarray]], options: Options
+) -> SwingTest:
     """Compare a pendulum with none in one flight.
 
     Args:

@@ -7,7 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.regressors import Candidate, PayloadColumns, library_candidates, payloads_of, wind_candidates
+from np_drake.diagnosis.regressors import (
+    Candidate,
+    PayloadColumns,
+    library_candidates,
+    payloads_of,
+    wind_candidates,
+)
 from np_drake.diagnosis.regressors.library import nonlinear_grid
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.base import Parameter

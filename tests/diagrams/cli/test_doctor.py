@@ -40,7 +40,15 @@ def swaying() -> FlightLog:
     lift = vehicle.mass * np.hypot(a[:, 0], vehicle.gravity)
     noisy = np.random.default_rng(0).normal(size=(len(t), 12))
     u = np.column_stack([lift, torque])
-    return FlightLog(t, p + 1e-3 * noisy[:, :3], q, v + 1e-2 * noisy[:, 3:6], w + 1e-2 * noisy[:, 6:9], u, a=a + 0.1 * noisy[:, 9:])
+    return FlightLog(
+        t,
+        p + 1e-3 * noisy[:, :3],
+        q,
+        v + 1e-2 * noisy[:, 3:6],
+        w + 1e-2 * noisy[:, 6:9],
+        u,
+        a=a + 0.1 * noisy[:, 9:],
+    )
 
 
 @pytest.fixture
@@ -60,13 +68,29 @@ def facts():
 @pytest.fixture
 def report(facts):
     told = Answer("mass_error", "delta_mass", "kg", 0.01, 0.01, 0.2, "yes")
-    part = [Answer("linear_drag", f"d_{a}", "N·s/m", s, s, 0.3, v) for a, s, v in (("x", 0.1, "yes"), ("y", 9.0, "no"))]
-    twin = Answer("inertia_error", "scale_xx", "1", 9.0, 0.1, 0.15, "no", "it cannot be told from a", "roll", ("mixer_gain",))
+    part = [
+        Answer("linear_drag", f"d_{a}", "N·s/m", s, s, 0.3, v)
+        for a, s, v in (("x", 0.1, "yes"), ("y", 9.0, "no"))
+    ]
+    twin = Answer(
+        "inertia_error",
+        "scale_xx",
+        "1",
+        9.0,
+        0.1,
+        0.15,
+        "no",
+        "it cannot be told from a",
+        "roll",
+        ("mixer_gain",),
+    )
     never = Answer("motor_lag", "time_constant", "s", np.inf, np.inf, 0.03, "never", "no command", "log it")
     floor = {f"{kind} {axis}": 0.1 for kind in ("force", "torque") for axis in "xyz"}
     tests = (SwingTest("f", 50.0, 9.9, True, 0.5, 0.0047),)
     moving = {**MOTION, "thrust variation [1]": 0.1}
-    return LogReport((facts,), True, ("a limit " * 40,), "mine", "real", moving, floor, tests, (told, *part, twin, never))
+    return LogReport(
+        (facts,), True, ("a limit " * 40,), "mine", "real", moving, floor, tests, (told, *part, twin, never)
+    )
 
 
 def test_no_line_is_wider_than_the_screen(report, facts):

@@ -288,6 +288,19 @@ def test_a_cut_mcap_keeps_its_whole_chunks(tmp_path: Path, ros_writer):
     assert any("cut off" in note for note in recording.notes)
 
 
+def test_a_damaged_chunk_ends_reading_with_a_note(tmp_path: Path, ros_writer):
+    t = np.arange(6000) * 0.01
+    ros_writer.write(tmp_path / "bag", {"/odom": stream(ODOMETRY, t)}, compression="storage")
+    path = tmp_path / "bag" / "bag.mcap"
+    content = bytearray(path.read_bytes())
+    at = content.rindex(b"\x28\xb5\x2f\xfd")  # zstd
+    content[at : at + 4] = bytes(4)
+    path.write_bytes(content)
+    recording = read(tmp_path / "bag")
+    assert 1000 < len(recording.streams["/odom"]) < len(t)
+    assert any("reading ended before the end of the bag" in note for note in recording.notes)
+
+
 @pytest.mark.parametrize("compression", ["", "BZ2", "LZ4"])
 def test_a_cut_ros1_bag_keeps_its_whole_chunks(tmp_path: Path, ros_writer, compression: str):
     t = np.arange(4000) * 0.01
