@@ -1,5 +1,6 @@
 """`np-drake doctor`: is a flight log usable, and which effects can it tell, to what size."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,8 +29,8 @@ def doctor(
         Path | None,
         Option(
             "--vehicle",
-            metavar="FILE",
-            help="Vehicle file (YAML), or paper | neurobem; without it effects are not judged.",
+            metavar="VEHICLE",
+            help="Vehicle file (YAML) or a name of `np-drake vehicle list`; without it effects are not judged.",
         ),
     ] = None,
     log_map: Annotated[
@@ -74,14 +75,10 @@ def doctor(
 
 
 def _vehicle(path: Path | None) -> "Vehicle | None":
-    from diagrams.cli.diagnose import NAMED_VEHICLES
-    from np_drake.logs.neurobem import published_vehicle
-    from np_drake.vehicle import Vehicle, left_out, load_vehicle
+    from np_drake.vehicle import left_out, load_vehicle
 
     if path is None:
         return None
-    if str(path) in NAMED_VEHICLES:
-        return published_vehicle() if str(path) == "neurobem" else Vehicle()
     vehicle = load_vehicle(path)
     if missing := left_out(path):
         say(f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken.")
@@ -89,7 +86,11 @@ def _vehicle(path: Path | None) -> "Vehicle | None":
 
 
 def _opened(
-    paths: list[Path], vehicle: "Vehicle | None", declared: "LogMap | None", repair: bool, tell: Any
+    paths: list[Path],
+    vehicle: "Vehicle | None",
+    declared: "LogMap | None",
+    repair: bool,
+    tell: Callable[[float], None],
 ) -> "tuple[list[FlightLog], dict[str, Any], list[Exception]]":
     """Return flights, by name the content of the sheets of those that were imported, and what could not be opened."""
     from np_drake.logs.errors import LogError
@@ -105,7 +106,7 @@ def _opened(
                 vehicle,
                 declared,
                 repair=repair,
-                on_progress=lambda share, k=number: tell((k + share) / len(paths)),
+                on_progress=_part(tell, number, len(paths)),
             )
         except (LogError, OSError) as error:
             failures.append(error)
@@ -113,3 +114,8 @@ def _opened(
         flights += found
         sheets |= {log.name: sheet.content for log in found if sheet is not None}
     return flights, sheets, failures
+
+
+def _part(tell: Callable[[float], None], number: int, count: int) -> Callable[[float], None]:
+    """Return the progress of one of several files."""
+    return lambda share: tell((number + share) / count)

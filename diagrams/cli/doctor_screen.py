@@ -139,12 +139,10 @@ def _floor(floor: Mapping[str, float]) -> str:
 
 def _swings(report: LogReport) -> str:
     best = max(report.swings, key=lambda test: test.log_bayes_factor)
+    factor = f"(log Bayes factor of a pendulum {best.log_bayes_factor:.0f}; evident from {best.evident:.1f})"
     if not report.something_swings:
-        return f"nothing does (log Bayes factor of a pendulum {best.log_bayes_factor:.0f}; evident from {best.evident:.1f})"
-    return (
-        f"SOMETHING SWINGS, as {_si(1e3 * best.mass, 'g')} on {best.length:.2g} m "
-        f"(log Bayes factor {best.log_bayes_factor:.0f}; evident from {best.evident:.1f})"
-    )
+        return f"nothing does {factor}"
+    return f"SOMETHING SWINGS, as {_si(1e3 * best.mass, 'g')} on {best.length:.2g} m {factor}"
 
 
 def _effects(report: LogReport) -> list[str]:
