@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.logs.errors import LogError
 from np_drake.logs.importing.consistency import Misfits, misfits
 from np_drake.logs.importing.convert import Values, axes_of, convert, frames_of
-from np_drake.logs.importing.log_map import BODIES, WORLDS, LogMap
+from np_drake.logs.importing.log_map import BODIES, UNITS, WORLDS, LogMap
 
 AGREES = (
     0.5  # largest misfit of a law that holds [1]; own choice: wind, drag, noise and late sensors stay below
@@ -17,9 +18,18 @@ AGREES = (
 FAILS = 0.75  # misfit above which a law does not hold [1]; own choice
 DOUBTED = 0.15  # misfit above which conventions that agree better are looked for [1]; own choice
 BETTER = 3.0  # factor by which these must agree better [1]; own choice
+SHORTEST, LONGEST = 1e-4, 0.2  # interval of a state in a flight log [s]; own choice
 MOST_CHANGES = 3  # conventions that are changed together in search of agreement [1]
 
 Change = tuple[tuple[str, Any], ...]  # options of the map, dotted, and their values: one other convention
+
+
+class WrongConventions(LogError):
+    """A log does not agree with the conventions declared; `verdict` holds those with which it does, if any."""
+
+    def __init__(self, message: str, verdict: "Verdict"):
+        super().__init__(message)
+        self.verdict = verdict
 
 
 @dc.dataclass(frozen=True)
@@ -72,6 +82,21 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
                 own, failed or tuple(doubted), found[0][1], tuple(change for _, change in found[1:])
             )
     return Verdict(own, failed)
+
+
+def fitting_time_unit(step: float, log_map: LogMap) -> Change:
+    """Return the unit of time with which samples `step` [s] apart come at a rate of flight logs; empty: as declared.
+
+    The nearest such unit is taken: logs of 5 Hz to 10 kHz.
+    """
+    if SHORTEST <= step <= LONGEST:
+        return ()
+    declared = UNITS["time"][log_map.time.unit or "s"]
+    units = sorted(UNITS["time"].items(), key=lambda unit: abs(np.log(unit[1] / declared)))
+    for unit, factor in units:
+        if SHORTEST <= step * factor / declared <= LONGEST:
+            return (("time.unit", unit),)
+    return ()
 
 
 def changed(log_map: LogMap, change: Change) -> LogMap:
