@@ -205,7 +205,9 @@ def flies(signals: Mapping[str, Signal], log_map: LogMap) -> bool:
     for name, least in IDLE.items():
         if name in signals:
             values = convert_quantity(name, signals[name].values, log_map)
-            return float(np.percentile(np.abs(values.mean(axis=1)), 90)) > least  # the check asks for the sign
+            return (
+                float(np.percentile(np.abs(values.mean(axis=1)), 90)) > least
+            )  # the check asks for the sign
     return True
 
 
