@@ -13,7 +13,7 @@ from np_drake.logs.formats import Format, format_named, format_of
 from np_drake.logs.gaps import LONGEST as LONGEST_GAP
 from np_drake.logs.import_sheet import Sheet
 from np_drake.logs.importing.airborne import airborne
-from np_drake.logs.importing.alignment import Aligned, align, common_rows
+from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, common_rows
 from np_drake.logs.importing.answerable import unanswerable
 from np_drake.logs.importing.conventions import (
     SHORTEST,
@@ -26,6 +26,7 @@ from np_drake.logs.importing.conventions import (
     fitting_time_unit,
 )
 from np_drake.logs.importing.convert import convert_quantity
+from np_drake.logs.importing.interpolation import FASTER
 from np_drake.logs.importing.log_map import UNITS, LogMap
 from np_drake.logs.importing.map_time import with_map_time
 from np_drake.logs.importing.signals import Signal, gather
@@ -41,7 +42,7 @@ IDLE = {
 UNCERTAIN = {  # deviation of the time at which a row's command acts, over the interval of the command [1]
     "held_after": 0.0,
     "held_before": 0.0,
-    "averaged": 0.0,
+    "averaged": 0.5,  # its middle; 0 where accelerations are averaged over it as well
     "sampled": 12**-0.5,  # somewhere in the interval
     "unknown": 0.5,  # an interval early or late
 }
@@ -272,8 +273,11 @@ def _knows_torque(log: FlightLog) -> bool:
 
 def _timing(signals: Mapping[str, Signal], log_map: LogMap) -> float:
     """Return the deviation of the time at which a row's command acts [s]; 0 without a command."""
-    steps = [signals[name].step for name in ("thrust", "torque", "throttle") if name in signals]
-    return UNCERTAIN[log_map.command] * max(steps, default=0.0)
+    step = max((signals[name].step for name in COMMANDS if name in signals), default=0.0)
+    a = signals.get("acceleration")
+    if log_map.command == "averaged" and (a is None or FASTER * a.step <= step):
+        return 0.0
+    return UNCERTAIN[log_map.command] * step
 
 
 def _stem(path: str | Path) -> str:
