@@ -16,7 +16,6 @@ from np_drake.logs.importing.airborne import airborne
 from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, common_rows
 from np_drake.logs.importing.answerable import unanswerable
 from np_drake.logs.importing.conventions import (
-    SHORTEST,
     Change,
     Verdict,
     WrongConventions,
@@ -80,11 +79,10 @@ def import_log(
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     recording = with_map_time(recording, log_map)
     signals, notes = gather(recording, log_map)
-    carried = flies(signals, log_map)
-    signals, log_map, verdict = (
-        _agreed(signals, log_map, str(path), adopt=adopt) if carried else (signals, log_map, Verdict({}, ()))
-    )
+    signals, clock = _on_a_likely_clock(signals, log_map)
     signals = _cut(signals, log_map, str(path))
+    carried = flies(signals, log_map)
+    log_map, verdict = _agreed(signals, log_map, str(path), clock=clock, carried=carried, adopt=adopt)
     if not carried:
         notes.append("no flight: position stays, or the rotors stand; nothing can be identified")
     aligned = align(signals, log_map, str(path))
@@ -149,23 +147,31 @@ def _cut(signals: dict[str, Signal], log_map: LogMap, path: str) -> dict[str, Si
     return out
 
 
-def _agreed(
-    signals: dict[str, Signal], log_map: LogMap, path: str, *, adopt: bool
-) -> tuple[dict[str, Signal], LogMap, Verdict]:
-    """Return signals and map whose conventions agree with the log, and the verdict on them.
+def _on_a_likely_clock(signals: dict[str, Signal], log_map: LogMap) -> tuple[dict[str, Signal], Change]:
+    """Return the signals with times in a unit that gives a rate of flight logs, and the change that is; empty: none."""
+    change = fitting_time_unit(signals["attitude"].step, log_map) if "attitude" in signals else ()
+    if not change:
+        return signals, ()
+    factor = UNITS["time"][str(change[0][1])] / UNITS["time"][log_map.time.unit or "s"]
+    return {name: Signal(own.t * factor, own.values) for name, own in signals.items()}, change
 
+
+def _agreed(
+    signals: dict[str, Signal], log_map: LogMap, path: str, *, clock: Change, carried: bool, adopt: bool
+) -> tuple[LogMap, Verdict]:
+    """Return the map whose conventions agree with the log, and the verdict on them.
+
+    Args: clock: change of the unit of time, made in the signals.   carried: whether the vehicle flies at all.
     Raises: WrongConventions: if those declared do not agree, unless others do and are to be adopted.
     """
-    own = signals["attitude"].step if "attitude" in signals else SHORTEST
-    clock = fitting_time_unit(own, log_map)
-    if clock:
-        signals = _at_other_times(signals, log_map, clock)
-    t, raw = common_rows({n: s for n, s in signals.items() if n != "voltage"}, CHECK_RATE)
-    verdict = check_conventions(t, raw, log_map)
+    verdict = Verdict({}, ())
+    if carried:
+        t, raw = common_rows({n: s for n, s in signals.items() if n != "voltage"}, CHECK_RATE)
+        verdict = check_conventions(t, raw, log_map)
     if verdict.holds and not clock:
-        return signals, log_map, verdict
+        return log_map, verdict
     laws = [f"misfit of {law} {verdict.misfits[law]:.2g}" for law in verdict.failed[:4]]
-    laws[:0] = [f"rows {own:.4g} s apart"] if clock else []
+    laws[:0] = ["rows of the attitude not 0.1 ms to 0.2 s apart"] if clock else []
     wrong = ", ".join(laws) + "; a misfit of 0 agrees, 1 does not"
     if verdict.failed and not verdict.changes:
         raise WrongConventions(
@@ -189,13 +195,8 @@ def _agreed(
             verdict,
         )
     log_map = changed(log_map, verdict.changes)
-    return signals, log_map, dc.replace(check_conventions(t, raw, log_map), changes=verdict.changes)
-
-
-def _at_other_times(signals: dict[str, Signal], log_map: LogMap, change: Change) -> dict[str, Signal]:
-    """Return the signals with their times in another unit."""
-    factor = UNITS["time"][str(change[0][1])] / UNITS["time"][log_map.time.unit or "s"]
-    return {name: Signal(own.t * factor, own.values) for name, own in signals.items()}
+    now = check_conventions(t, raw, log_map) if carried else verdict
+    return log_map, dc.replace(now, changes=verdict.changes)
 
 
 def flies(signals: Mapping[str, Signal], log_map: LogMap) -> bool:
