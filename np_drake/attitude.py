@@ -21,8 +21,13 @@ def _vector(*components) -> np.ndarray:
 
 def rotation_matrix(q: np.ndarray) -> np.ndarray:
     """Return R_WB (..., 3, 3) of unit quaternions (..., 4)."""
-    w, x, y, z = _components(q)
-    R = _vector(
+    R = _vector(*_entries(*_components(q)))
+    return R.reshape(*R.shape[:-1], 3, 3)
+
+
+def _entries(w, x, y, z) -> tuple:
+    """Return the nine entries of R_WB, row by row."""
+    return (
         1 - 2 * (y * y + z * z),
         2 * (x * y - w * z),
         2 * (x * z + w * y),
@@ -33,7 +38,6 @@ def rotation_matrix(q: np.ndarray) -> np.ndarray:
         2 * (y * z + w * x),
         1 - 2 * (x * x + y * y),
     )
-    return R.reshape(*R.shape[:-1], 3, 3)
 
 
 def body_z(q: np.ndarray) -> np.ndarray:
@@ -78,7 +82,18 @@ def rotate(q: np.ndarray, r_B: np.ndarray) -> np.ndarray:
 
 def rotate_back(q: np.ndarray, r_W: np.ndarray) -> np.ndarray:
     """Return a world vector r_W (..., 3) in B, for quaternions q (..., 4)."""
+    if r_W.ndim == 1 and np.ndim(q) == 1:
+        return _transposed_times(*_entries(*np.asarray(q, float).tolist()), *r_W.tolist())
     return (r_W[..., None, :] @ rotation_matrix(q))[..., 0, :]
+
+
+def transposed_times(R: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """Return R' r (3,) of one matrix (3, 3) and one vector (3,); plain floats are twice as fast."""
+    return _transposed_times(*R.ravel().tolist(), *r.tolist())
+
+
+def _transposed_times(a, b, c, d, e, f, g, h, i, x, y, z) -> np.ndarray:
+    return np.array((x * a + y * d + z * g, x * b + y * e + z * h, x * c + y * f + z * i))
 
 
 def one_hemisphere(q: np.ndarray, q_near: np.ndarray) -> np.ndarray:

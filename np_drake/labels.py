@@ -15,6 +15,7 @@ from np_drake import rigid_body
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.rotor_input import acting_command, rotor_decay, rotor_speed, rotor_wrench
 from np_drake.residual_models.base import Memory
+from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
 
 FORCE, TORQUE = slice(0, 3), slice(3, 6)  # within chi
@@ -59,6 +60,12 @@ class LabelConfig:
         return signal.butter(self.order, bandwidth / nyquist, output="sos")
 
 
+def default_labels(vehicle: Vehicle) -> LabelConfig:
+    """Return the low-pass for `vehicle`: that of the paper's at the pace of its own sampling (`Scales.clock`)."""
+    pace, paper = ratios(vehicle).clock, LabelConfig()
+    return LabelConfig(paper.force_bandwidth / pace, paper.torque_bandwidth / pace, paper.order)
+
+
 class LabelFilter:
     """Streaming form of the labels: one sample at a time, all memory in the caller's dictionary.
 
@@ -73,7 +80,7 @@ class LabelFilter:
         if not 0 < step < np.inf:
             raise ValueError(f"LabelFilter: step must be positive [s]; got {step}.")
         self._vehicle = vehicle
-        self._filters = (config or LabelConfig()).check().filters(step)
+        self._filters = (config or default_labels(vehicle)).check().filters(step)
         self._sections = len(self._filters[0][1])
         self._decay = rotor_decay(vehicle, step) if through_lag else 0.0
 
@@ -145,7 +152,7 @@ def labels(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None = None) 
     chi = np.full_like(raw, np.nan)
     if not good.any():
         return chi
-    for channels, sos in (config or LabelConfig()).check().filters(log.step):
+    for channels, sos in (config or default_labels(vehicle)).check().filters(log.step):
         value = raw[good, channels]
         start = signal.sosfilt_zi(sos)[:, :, None] * value[0]
         chi[good, channels], _ = signal.sosfilt(sos, value, axis=0, zi=start)
@@ -163,7 +170,7 @@ def smooth_labels(log: FlightLog, vehicle: Vehicle, config: LabelConfig | None =
     if not good.any():
         return chi
     bridged = np.stack([np.interp(log.t, log.t[good], column[good]) for column in raw.T], axis=1)
-    for channels, sos in (config or LabelConfig()).check().filters(log.step):
+    for channels, sos in (config or default_labels(vehicle)).check().filters(log.step):
         padding = min(len(bridged) - 1, 3 * (2 * len(sos) + 1))
         smooth = signal.sosfiltfilt(sos, bridged[:, channels], axis=0, padlen=padding)
         chi[good, channels] = smooth[good]

@@ -9,9 +9,10 @@ from scipy.optimize import minimize_scalar
 from np_drake import attitude
 from np_drake.labels import raw_labels
 from np_drake.logs.flight_log import FlightLog
+from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
 
-LONGEST = 0.1  # lag that is looked for [s]
+LONGEST = 0.1  # lag that is looked for, longer at the pace of vehicles that are sampled more slowly [s]
 
 
 def learned_rotor_lag(flights: Sequence[tuple[FlightLog, Vehicle]]) -> float:
@@ -29,7 +30,7 @@ def learned_rotor_lag(flights: Sequence[tuple[FlightLog, Vehicle]]) -> float:
         return 0.0
     best = minimize_scalar(
         lambda lag: _restlessness(sought, lag),
-        bounds=(0.0, LONGEST),
+        bounds=(0.0, LONGEST * max(1.0, *(ratios(v).clock for _, v in sought))),
         method="bounded",
         options={"xatol": 1e-4},
     )

@@ -9,6 +9,7 @@ import yaml
 
 from np_drake.yaml_file import load_checked
 
+PRESETS = Path(__file__).parent / "vehicles"  # vehicle files by name
 SLOWEST_ROTOR = 1.0  # time constant beyond which the file's is in another unit than seconds [s]
 LONGEST_ARM = 5.0  # beyond which rotor positions are in another unit than metres [m]
 POSITIVE = ("mass", "gravity", "thrust_coefficient", "rotor_radius", "max_rotor_thrust")
@@ -148,18 +149,38 @@ class Vehicle:
         return dc.replace(self, mass=mass).check()
 
 
-def load_vehicle(path: str | Path) -> Vehicle:
-    """Read a vehicle file (YAML).
+def preset_names() -> list[str]:
+    """Return the names of the vehicles that come with the package; their files state the sources."""
+    return sorted(file.stem for file in PRESETS.glob("*.yaml"))
+
+
+def vehicle_file(name: str | Path) -> Path:
+    """Return the vehicle file at the path `name`, or that of the preset called `name`.
+
+    Raises: ValueError: where there is neither.
+    """
+    if str(name) in preset_names():
+        return PRESETS / f"{name}.yaml"
+    path = Path(name)
+    if not path.exists() and path.name == str(name) and not path.suffix:
+        raise ValueError(
+            f"{name}: no such vehicle file, and no preset; the presets are {', '.join(preset_names())}."
+        )
+    return path
+
+
+def load_vehicle(name: str | Path) -> Vehicle:
+    """Read a vehicle file (YAML), or the preset of that name.
 
     Raises: ValueError: one line with file and field, on bad content.
     """
-    return load_checked(Vehicle, path, "vehicle file")
+    return load_checked(Vehicle, vehicle_file(name), "vehicle file")
 
 
-def left_out(path: str | Path) -> list[str]:
+def left_out(name: str | Path) -> list[str]:
     """Return the parameters of `RIGID` that a readable vehicle file does not name, for which defaults are used."""
-    named = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    return [name for name in RIGID if name not in named]
+    named = yaml.safe_load(vehicle_file(name).read_text(encoding="utf-8"))
+    return [field for field in RIGID if field not in named]
 
 
 def _require(condition: bool, message: str) -> None:

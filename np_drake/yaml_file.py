@@ -4,6 +4,7 @@ import dataclasses as dc
 import difflib
 import re
 import typing
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,18 +13,28 @@ from pydrake.common.yaml import yaml_load_file, yaml_load_typed
 
 from np_drake.yaml_kinds import fields_of, misfit
 
+Read = Callable[[Any], Any]  # from defaults to what the file makes of them
 
-def load_checked(schema: type, path: str | Path, kind: str) -> Any:
+
+def load_checked(
+    schema: type, path: str | Path, kind: str, complete: Callable[[Read], Any] | None = None
+) -> Any:
     """Return a `schema` read from the YAML file at `path` and checked by its `check()`.
 
     Fields that the file does not name keep their defaults.
+    Args: complete: makes the object of a function that reads the file over given defaults, where defaults depend on
+    other fields; None: read once, over the defaults of `schema`.
     Raises: ValueError: one line with file, field and reason, as "<path>: not a <kind>: …".
     """
     try:
         default = schema()
         _require_once(yaml.compose(Path(path).read_bytes(), Loader=yaml.SafeLoader))
         _require_kinds(schema, yaml_load_file(str(path), private=True), default)
-        return yaml_load_typed(schema=schema, filename=str(path), defaults=default).check()
+
+        def read(defaults: Any) -> Any:
+            return yaml_load_typed(schema=schema, filename=str(path), defaults=defaults)
+
+        return (read(default) if complete is None else complete(read)).check()
     except OSError as error:
         raise ValueError(f"{path}: not a {kind}: {error.strerror or error}.") from error
     # AssertionError, ArithmeticError: raised by Drake's reader and NumPy on unexpected content.

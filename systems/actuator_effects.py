@@ -4,7 +4,8 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, LeafSystem
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, LeafSystem, ValueProducer
 
 from np_drake.effects.base import ActuatorEffect
 from np_drake.vehicle import Vehicle
@@ -48,6 +49,10 @@ class ActuatorEffects(LeafSystem):
         self._command_port = self.DeclareVectorInputPort("command", 4)
         self.DeclareContinuousState(BasicVector(self._resting_state(hover_thrust)))
         prerequisites = {self._command_port.ticket(), self.all_state_ticket(), self.time_ticket()}
+        # Thrust and state rates of one instant read the same pass through the effects.
+        self._chain = self.DeclareCacheEntry(
+            "chain", ValueProducer(allocate=Value[object], calc=self._calc_chain), prerequisites
+        )
         self.DeclareVectorOutputPort("thrust", 4, self._calc_thrust, prerequisites)
         self.DeclareVectorOutputPort("nominal_thrust", 4, self._calc_nominal_thrust, prerequisites)
         self.DeclareVectorOutputPort("rotor_rate", 4, self._calc_rotor_rate, prerequisites)
@@ -63,19 +68,18 @@ class ActuatorEffects(LeafSystem):
         """Set the state at which a constant command `thrust` (4,) [N] rests; `context` is the system's own."""
         context.SetContinuousState(self._resting_state(thrust))
 
-    def _chain(self, context) -> tuple[list[np.ndarray], np.ndarray]:
-        """Return the command of each effect, and the thrust after the last [N]."""
+    def _calc_chain(self, context, value) -> None:
+        """Compute the state, the command of each effect, and the thrust after the last [N]."""
         state = context.get_continuous_state_vector().CopyToVector()
         commands, thrust, t = [], self._command_port.Eval(context), context.get_time()
         for effect, where in zip(self._effects, self._slices, strict=True):
             commands.append(thrust)
             thrust = effect.thrust(self._vehicle, state[where], thrust, t)
-        return commands, thrust
+        value.set_value((state, commands, thrust))
 
     def DoCalcTimeDerivatives(self, context, derivatives) -> None:
         """Compute the effects' state rates, as an override of Drake's virtual."""
-        state = context.get_continuous_state_vector().CopyToVector()
-        commands, _ = self._chain(context)
+        state, commands, _ = self._chain.Eval(context)
         rates = [
             effect.state_rate(self._vehicle, state[where], command)
             for effect, where, command in zip(self._effects, self._slices, commands, strict=True)
@@ -85,7 +89,7 @@ class ActuatorEffects(LeafSystem):
             derivatives.SetFromVector(rates[0] if len(rates) == 1 else np.concatenate(rates))
 
     def _calc_thrust(self, context, output) -> None:
-        output.SetFromVector(self._chain(context)[1])
+        output.SetFromVector(self._chain.Eval(context)[2])
 
     def _calc_nominal_thrust(self, context, output) -> None:
         state = context.get_continuous_state_vector().CopyToVector()
@@ -96,8 +100,7 @@ class ActuatorEffects(LeafSystem):
         output.SetFromVector(thrust)
 
     def _calc_rotor_rate(self, context, output) -> None:
-        state = context.get_continuous_state_vector().CopyToVector()
-        commands, _ = self._chain(context)
+        state, commands, _ = self._chain.Eval(context)
         rate = np.zeros(4)
         for effect, where, command in zip(self._effects, self._slices, commands, strict=True):
             if effect.turns_rotor and effect.state_size == 4:

@@ -8,7 +8,6 @@ from pydrake.systems.framework import LeafSystem
 
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.combine import total_wrench
-from np_drake.rigid_body import to_spatial_force
 from np_drake.vehicle import Vehicle
 
 
@@ -50,16 +49,18 @@ class WrenchEffects(LeafSystem):
         self.DeclareVectorOutputPort("generalized_force", num_velocities, self._calc_force, prerequisites)
         self.DeclareVectorOutputPort("chi", 6, self._calc_chi, prerequisites)
 
-    def _chi(self, context) -> np.ndarray:
+    def _motion(self, context) -> Motion:
         motion = Motion(context.get_time(), self._x_port.Eval(context), self._thrust_port.Eval(context))
         if self._rate_port.HasValue(context):
             motion = dc.replace(motion, rotor_rate=self._rate_port.Eval(context))
-        return total_wrench(self._vehicle, self._effects, motion)
+        return motion
 
     def _calc_force(self, context, output) -> None:
-        chi = self._chi(context)
-        self._force[:6] = to_spatial_force(chi, self._x_port.Eval(context)[3:7])
+        motion = self._motion(context)
+        chi = total_wrench(self._vehicle, self._effects, motion)
+        self._force[:3] = (motion.R_WB @ chi[3:, None])[:, 0]
+        self._force[3:6] = chi[:3]
         output.SetFromVector(self._force)
 
     def _calc_chi(self, context, output) -> None:
-        output.SetFromVector(self._chi(context))
+        output.SetFromVector(total_wrench(self._vehicle, self._effects, self._motion(context)))

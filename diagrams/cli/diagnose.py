@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from np_drake.logs.flight_log import FlightLog
     from np_drake.vehicle import Vehicle
 
-NAMED_VEHICLES = ("paper", "neurobem")
 Out = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for report, figures and JSON.")]
 LOG_HELP = "Flight log (CSV, .csv.gz, Parquet) or NeuroBEM CSV; repeatable."
 
@@ -30,8 +29,9 @@ def diagnose(
         Path | None,
         Option(
             "--vehicle",
-            metavar="FILE",
-            help="Vehicle file (YAML), or paper | neurobem; without it the latter for its flights, else the former.",
+            metavar="VEHICLE",
+            help="Vehicle file (YAML) or a name of `np-drake vehicle list`; default: neurobem for its flights, "
+            "else paper.",
         ),
     ] = None,
     train: Annotated[list[Path] | None, Option(metavar="LOG", help=f"To fit effects to. {LOG_HELP}")] = None,
@@ -105,21 +105,17 @@ def nominal_vehicle(files: "CaseFiles") -> "Vehicle":
 
     Raises: ValueError: on a bad vehicle file; OSError: if a flight cannot be opened.
     """
-    from np_drake.logs.neurobem import published_vehicle
     from np_drake.logs.open_log import is_neurobem
-    from np_drake.vehicle import Vehicle, left_out, load_vehicle
+    from np_drake.vehicle import left_out, load_vehicle
 
-    name = None if files.vehicle is None else str(files.vehicle)
-    if name is None:
-        name = "neurobem" if all(is_neurobem(path) for path in files.train + files.held_out) else "paper"
-    if name not in NAMED_VEHICLES:
-        vehicle = load_vehicle(name)
-        if missing := left_out(name):
-            say(f"{name}: {', '.join(missing)} not named: those of the paper's vehicle are taken.")
-        return vehicle
-    vehicle = published_vehicle() if name == "neurobem" else Vehicle()
     if files.vehicle is None:
-        say(f"vehicle: {name}, {vehicle.mass:g} kg, as no --vehicle was given.")
+        published = all(is_neurobem(path) for path in files.train + files.held_out)
+        vehicle = load_vehicle("neurobem" if published else "paper")
+        say(f"vehicle: {vehicle.name}, {vehicle.mass:g} kg, as no --vehicle was given.")
+        return vehicle
+    vehicle = load_vehicle(files.vehicle)
+    if missing := left_out(files.vehicle):
+        say(f"{files.vehicle}: {', '.join(missing)} not named: those of the paper's vehicle are taken.")
     return vehicle
 
 
@@ -132,9 +128,9 @@ def open_flights(paths: tuple[Path, ...], vehicle: "Vehicle", *, repair: bool) -
 
     logs = []
     for path in paths:
-        log = open_flight(path, vehicle, repair=repair)
-        say(*(f"{log.name}: {note}" for note in log.notes))
-        logs.append(log)
+        parts = open_flight(path, vehicle, repair=repair)
+        say(*(f"{log.name}: {note}" for log in parts for note in log.notes))
+        logs += parts
     return logs
 
 

@@ -45,7 +45,7 @@ def evaluate(
     ] = None,
     horizons: Annotated[str, Option(help="Steps ahead, comma-separated.")] = HORIZONS,
     epochs: options.Epochs = None,
-    step: options.Step = 0.02,
+    step: options.Step = None,
     vehicle: options.VehicleFile = None,
     repair: options.Repair = False,
 ) -> Report:
@@ -68,6 +68,9 @@ def evaluate(
     require_one_frame([*training, *tests])
     from diagrams.cli.scoring import stability_text, tables
     from np_drake.residual_models.flight_skill import diverged, flight_stability, score_flights
+    from np_drake.scaling import sampling_period
+
+    step = step or sampling_period(tests[0].vehicle)
 
     folds = [([other for other in tests if other is not test], [test]) for test in tests]
     rows: list[dict] = []

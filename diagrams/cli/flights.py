@@ -6,8 +6,8 @@ from diagrams.cli.output import say
 from np_drake.logs.accelerations import with_accelerations
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.neurobem import published_vehicle
-from np_drake.logs.open_log import is_neurobem, open_log
-from np_drake.logs.training_segments import Flight
+from np_drake.logs.open_log import is_neurobem, open_segments
+from np_drake.logs.training_segments import Flight, require_torque
 from np_drake.vehicle import Vehicle, load_vehicle
 
 
@@ -21,10 +21,12 @@ def open_flights(paths: list[Path], vehicle_file: Path | None, *, repair: bool =
     vehicle = None if vehicle_file is None else load_vehicle(vehicle_file)
     flights = []
     for path in paths:
-        data = open_log(path, vehicle=vehicle, repair=repair)
-        data = with_accelerations(data) if isinstance(data, FlightLog) else data
-        say(*(f"{data.name}: {note}" for note in data.notes))
-        flights.append(Flight(data, vehicle or (published_vehicle() if is_neurobem(path) else Vehicle())))
+        own = vehicle or (published_vehicle() if is_neurobem(path) else Vehicle())
+        for data in open_segments(path, vehicle=vehicle, repair=repair):
+            if isinstance(data, FlightLog):
+                data = with_accelerations(require_torque(data))
+            say(*(f"{data.name}: {note}" for note in data.notes))
+            flights.append(Flight(data, own))
     if vehicle is None and flights:
         used = sorted({f"{flight.vehicle.name}, {flight.vehicle.mass:g} kg" for flight in flights})
         say(f"vehicle: {'; '.join(used)}, as no --vehicle was given.")

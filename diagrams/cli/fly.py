@@ -45,9 +45,11 @@ def fly(
     from diagrams.loop.flight_result import fly as simulate
     from np_drake.vehicle import load_vehicle
 
-    config = load_experiment(experiment)
-    if controller is not None or experiment in EXPERIMENTS:
-        config.controller.kind = controller or "np"
+    config = load_experiment(experiment, None if vehicle is None else load_vehicle(vehicle))
+    if controller is not None:
+        config.controller.kind = controller
+    elif experiment in EXPERIMENTS:
+        config.controller.kind = default_controller(config, predictor)
     config.controller.solver = solver or named_solver(experiment) or options.DEFAULT_SOLVER
     if predictor is not None:
         config.controller.predictor = str(predictor)
@@ -55,8 +57,6 @@ def fly(
         config.controller.extra_mass = config.reality.payload.mass
     if duration is not None:
         config.duration = duration
-    if vehicle is not None:
-        config.vehicle = load_vehicle(vehicle)
     config.check()
     make_residual_model(
         config.controller, config.controller.believed(config.vehicle)
@@ -69,6 +69,26 @@ def fly(
         metrics=flight.summary(),
         write=lambda folder: write_flight(flight, folder),
     )
+
+
+def default_controller(config: "FlightConfig", predictor: Path | None) -> str:
+    """Return `np` where there is a model for the vehicle, else `hold`, which needs none, and say so.
+
+    The packaged model knows the paper's vehicle.
+    """
+    from diagrams.loop.controllers import make_residual_model
+
+    if predictor is not None:
+        return "np"
+    try:
+        make_residual_model(dc.replace(config.controller, kind="np"), config.vehicle)
+    except ValueError:
+        say(
+            f"controller: hold, as the packaged predictor is for the paper's vehicle and not for "
+            f"{config.vehicle.name}; np-drake train LOG makes one of its own."
+        )
+        return "hold"
+    return "np"
 
 
 def named_solver(experiment: str) -> str | None:

@@ -26,7 +26,12 @@ Only = Annotated[
     list[str] | None, Option("--only", help="Only rows of these names (nominal is always flown).")
 ]
 VehicleFile = Annotated[
-    OptionalPath, Option("--vehicle", metavar="FILE", help="Vehicle file (YAML); default: the paper's.")
+    OptionalPath,
+    Option(
+        "--vehicle",
+        metavar="VEHICLE",
+        help="Vehicle file (YAML) or a name of `np-drake vehicle list`; default: the paper's.",
+    ),
 ]
 Repair = Annotated[bool, Option("--repair", help="Mend a few bad rows of a log and say so.")]
 Epochs = Annotated[int | None, Option("--epochs", min=1, help="Passes; default: the configuration's.")]
@@ -38,7 +43,15 @@ Configuration = Annotated[
         help="Predictor: default | paper | dictionary | dmdc | delay-dmdc | ridge; or gp | knode.",
     ),
 ]
-Step = Annotated[float, Option("--step", min=1e-4, max=1.0, help="Predictor step for flight logs [s].")]
+Step = Annotated[
+    float | None,
+    Option(
+        "--step",
+        min=1e-4,
+        max=1.0,
+        help="Predictor step for flight logs [s]; default: the vehicle's, 0.02 for arms of 9 to 36 cm.",
+    ),
+]
 Neurobem = Annotated[
     OptionalPath,
     Option("--neurobem", metavar="DIR", envvar="NP_DRAKE_NEUROBEM", help="Folder of the real flights."),

@@ -33,7 +33,7 @@ def train(
     checkpoint: Annotated[
         Path | None, Option(metavar="FILE", help="Save the run here as it goes, and resume it.")
     ] = None,
-    step: options.Step = 0.02,
+    step: options.Step = None,
     vehicle: options.VehicleFile = None,
     repair: options.Repair = False,
 ) -> Report:
@@ -52,10 +52,12 @@ def train(
     from np_drake.lifting.training.train import make_config
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
     from np_drake.residual_models.predictor_training import train_on_flights
+    from np_drake.scaling import sampling_period
 
     if configuration in REACTIONS and checkpoint is not None:
         raise ValueError(f"--checkpoint: {configuration} has none; it trains in a minute or less.")
     flights = open_flights(logs, vehicle, repair=repair)
+    step = step or sampling_period(flights[0].vehicle)
     if configuration in REACTIONS:
         head: dict[str, Any] = {"seed": run.seed}
         head |= {"epochs": epochs} if epochs and configuration == KNODE else {}

@@ -18,6 +18,7 @@ from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.motion_model import REACTIONS, MotionModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.residual_models.oracle import TrueModel
+from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
 from systems.neural_predictor import NeuralPredictor
 from systems.np_mpc import NpMpc
@@ -91,7 +92,10 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
         band = config.hold_bandwidth
         return Hold(step=config.period, force_bandwidth=band, torque_bandwidth=band)
     if config.kind == "observer":
-        return DisturbanceObserver(vehicle, step=config.period)
+        pace = ratios(vehicle).clock
+        return DisturbanceObserver(
+            vehicle, step=config.period, force_bandwidth=5.0 / pace, torque_bandwidth=1.0 / pace
+        )
     if config.kind == "np":
         predictor = NeuralPredictorModel.load(config.predictor or DEFAULT_MODEL)
         _require_fit(predictor.model, predictor.step, config, vehicle)

@@ -3,19 +3,21 @@
 from pathlib import Path
 
 from diagrams.loop.flight import FlightConfig, load_flight
+from np_drake.vehicle import Vehicle
 
 FOLDER = Path(__file__).parents[1] / "scenarios"  # of the scenario files
 # Names of the scenario files.
 EXPERIMENTS = ("circle", "lemniscate", "training_circle", "plain_circle", "hover")
 
 
-def load_experiment(name: str) -> FlightConfig:
+def load_experiment(name: str, vehicle: Vehicle | None = None) -> FlightConfig:
     """Return the experiment called `name`, or the scenario file at that path.
 
+    Args: vehicle: flies in place of the scenario's; what the scenario does not name in SI scales with it.
     Raises: ValueError: where there is none.
     """
     if name in EXPERIMENTS:
-        return load_flight(str(FOLDER / f"{name}.yaml"))
+        return load_flight(str(FOLDER / f"{name}.yaml"), vehicle)
     if name.endswith((".yaml", ".yml")):
-        return load_flight(name)
+        return load_flight(name, vehicle)
     raise ValueError(f"experiment: must be one of {', '.join(EXPERIMENTS)} or a YAML file; got {name!r}.")

@@ -11,6 +11,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.loop.controllers import ControllerConfig, add_controller
+from diagrams.loop.scaled import scaled
 from np_drake.effects.base import ActuatorEffect, MeasurementEffect, WrenchEffect
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -21,7 +22,7 @@ from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.references.config import ReferenceConfig, make_reference
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import MeasurementNoise, Vehicle
-from np_drake.yaml_file import load_checked
+from np_drake.yaml_file import Read, load_checked
 from systems.initial_state import set_hover
 from systems.recorder import Recorder, add_recorder
 from systems.sensor_rig import add_sensor_rig
@@ -107,6 +108,7 @@ class FlightConfig:
 
     name: str = "circle"
     duration: float = 50.0  # scored, after the ramp [s]
+    scaled: bool = False  # the file's values are those for the paper's vehicle and scale with this one
     vehicle: Vehicle = dc.field(default_factory=Vehicle)
     reality: RealityConfig = dc.field(default_factory=RealityConfig)
     reference: ReferenceConfig = dc.field(default_factory=ReferenceConfig)
@@ -135,7 +137,8 @@ class FlightConfig:
         lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_scale
         if self.carried_mass * self.vehicle.gravity > 0.9 * lift:
             raise ValueError(
-                f"FlightConfig: {self.carried_mass} kg are more than the rotors can carry ({lift:.0f} N)."
+                f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can carry ({lift:.3g} N). "
+                "Name a lighter payload, or none, for the default scales with the vehicle."
             )
         self._check_simulator()
         return self
@@ -160,10 +163,15 @@ class FlightConfig:
 
     @property
     def largest_step(self) -> float:
-        """Stability limit of a fixed-step runge_kutta3: 1.7 over the fastest rate of cable and motors [s]."""
+        """Stability limit of a fixed-step runge_kutta3: 1.7 over the fastest rate of cable and motors [s].
+
+        The cable moves the payload against the quadrotor, which yields by its mass and, where the cable pulls across
+        the hook's lever, by turning: 1 / reduced = 1 / m_P + 1 / m + |p_BoTo_B|² / J.
+        """
         payload, rates = self.reality.payload, [1e-3]
         if payload.tether == "cable":
-            reduced = payload.mass * self.vehicle.mass / self.carried_mass
+            turning = float(np.sum(np.square(payload.hook)) / np.linalg.eigvalsh(self.vehicle.J)[0])
+            reduced = 1 / (1 / payload.mass + 1 / self.vehicle.mass + turning)
             rates += [np.sqrt(payload.stiffness / reduced), payload.damping / reduced]
         rates += [1 / lag for lag in (self.reality.motor_lag, self.vehicle.rotor_time_constant) if lag > 0]
         return float(1.7 / max(rates))
@@ -181,12 +189,27 @@ class FlightConfig:
         return self.reference.ramp + self.duration
 
 
-def load_flight(filename: str) -> FlightConfig:
+def default_flight(vehicle: Vehicle) -> FlightConfig:
+    """Return the default scenario of `vehicle`: that of the paper's, scaled by size, mass and time."""
+    return scaled(FlightConfig(vehicle=vehicle))
+
+
+def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
     """Read a scenario file (YAML).
 
+    Defaults scale with the vehicle, and what the file names stands in SI, unless it says `scaled: true`.
+    Args: vehicle: flies in place of the file's.
     Raises: ValueError: one line with file and field, on bad content.
     """
-    return load_checked(FlightConfig, filename, "scenario file")
+
+    def complete(read: Read) -> FlightConfig:
+        named = read(FlightConfig())
+        own = vehicle or named.vehicle.check()
+        if named.scaled:
+            return scaled(dc.replace(named, vehicle=own))
+        return dc.replace(read(default_flight(own)), vehicle=own)
+
+    return load_checked(FlightConfig, filename, "scenario file", complete)
 
 
 def make_flight_diagram(config: FlightConfig) -> tuple[Diagram, Recorder]:

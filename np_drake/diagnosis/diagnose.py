@@ -84,8 +84,10 @@ def diagnose(
     # 4. Where the gap lies.
     located = localise(found.held_out, held.residual, noise, held.rows)
 
-    # 5. How far the causes close it.
-    reduction = measure_gap_reduction(found.ranking.named, found.causes, found.held_out, noise, held, replay)
+    # 5. How far the causes close it; a simulator cannot fly a log that does not tell the torque.
+    if not all(e.knows_torque for e in found.held_out):
+        replay = None
+    reduction = measure_gap_reduction(found.causes, found.held_out, noise, held, replay)
 
     halves = tuple(e.name for e in found.held_out if e.joined.any())
     return Diagnosis(

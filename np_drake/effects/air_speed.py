@@ -2,13 +2,17 @@
 
 import numpy as np
 
+from np_drake.attitude import transposed_times
 from np_drake.effects.base import Motion
 from np_drake.rigid_body import V
 
 
 def air_velocity_B(motion: Motion) -> np.ndarray:
     """Return the velocity of Bo relative to the air, in B, (..., 3) [m/s]."""
-    return ((motion.x[..., V] - motion.wind)[..., None, :] @ motion.R_WB)[..., 0, :]
+    air = motion.x[..., V] - motion.wind
+    if air.ndim == 1:
+        return transposed_times(motion.R_WB, air)
+    return (air[..., None, :] @ motion.R_WB)[..., 0, :]
 
 
 def chi_from_body(motion: Motion, f_B: np.ndarray, tau_B: np.ndarray | None = None) -> np.ndarray:

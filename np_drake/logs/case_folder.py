@@ -5,9 +5,10 @@ from pathlib import Path
 
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.log_file import SUFFIXES
-from np_drake.logs.open_log import open_log
+from np_drake.logs.open_log import open_segments
 from np_drake.vehicle import Vehicle, load_vehicle
 
+SHORTEST = 3.0  # part of a flight that can be diagnosed [s]
 VEHICLE, TRAIN, HELD_OUT = "vehicle.yaml", "train_", "heldout"  # file name, and starts of file names
 
 
@@ -48,16 +49,27 @@ def find_case(folder: str | Path, vehicle: Path | None = None) -> CaseFiles:
     return CaseFiles(vehicle or folder / VEHICLE, train, held_out)
 
 
-def open_flight(path: Path, vehicle: Vehicle, *, repair: bool = False) -> FlightLog:
-    """Return a flight to diagnose, named as its file.
+def open_flight(path: Path, vehicle: Vehicle, *, repair: bool = False) -> list[FlightLog]:
+    """Return a flight to diagnose, named as its file, in its parts between long gaps.
+
+    Parts shorter than `SHORTEST` are left out, unless all are, and the notes say so.
 
     Args: repair: mend a few bad rows instead of refusing them.
     Raises: LogError, OSError: one line, if the file is not usable; ValueError: on an array (.npy).
     """
-    log = open_log(path, vehicle=vehicle, repair=repair)
-    if not isinstance(log, FlightLog):
-        raise ValueError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
-    return dc.replace(log, name=path.name)
+    parts = []
+    for log in open_segments(path, vehicle=vehicle, repair=repair):
+        if not isinstance(log, FlightLog):
+            raise ValueError(f"{path}: an array has no commands to diagnose; give the flight's CSV.")
+        parts.append(log)
+    if len(parts) == 1:
+        return [dc.replace(parts[0], name=path.name)]
+    kept = [log for log in parts if log.t[-1] - log.t[0] >= SHORTEST] or parts
+    note = [f"{len(parts) - len(kept)} parts shorter than {SHORTEST:g} s left out"] * (len(kept) < len(parts))
+    return [
+        dc.replace(log, name=f"{path.name} part {i}", notes=[*log.notes, *note] if i == 1 else [])
+        for i, log in enumerate(kept, start=1)
+    ]
 
 
 def open_case(folder: str | Path) -> tuple[Vehicle, list[FlightLog], list[FlightLog]]:
@@ -68,6 +80,7 @@ def open_case(folder: str | Path) -> tuple[Vehicle, list[FlightLog], list[Flight
     files = find_case(folder)
     vehicle = load_vehicle(str(files.vehicle))
     train, held_out = (
-        [open_flight(path, vehicle) for path in paths] for paths in (files.train, files.held_out)
+        [log for path in paths for log in open_flight(path, vehicle)]
+        for paths in (files.train, files.held_out)
     )
     return vehicle, train, held_out

@@ -20,6 +20,8 @@ MAX_UNREADABLE = (
 )  # cells that are kept with their text; the first is named in a message, the others are NaN
 SHOWN = 80  # characters that are kept of such a text
 
+BLOCK = 10_000  # rows that are written at a time
+
 
 def read_csv(path: str | Path) -> Table:
     """Read a comma-separated file with one header line, gzip-compressed where the name ends in .gz.
@@ -41,13 +43,15 @@ def read_csv(path: str | Path) -> Table:
 
 def write_csv(path: str | Path, columns: dict[str, np.ndarray]) -> None:
     """Write columns (n,) atomically; numbers are read back bit for bit, NaN is an empty cell."""
-    rows = np.stack(list(columns.values()), axis=1).tolist()
-    body = "\n".join(",".join(map(repr, row)) for row in rows).replace("nan", "")
-    content = f"{','.join(columns)}\n{body}\n".encode()
-    if str(path).endswith(".gz"):
-        content = gzip.compress(content, mtime=0)
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(content)
+    with atomic_path(path) as temporary, temporary.open("wb") as raw:
+        # No name and no time in a gzip header, so that equal logs are equal files.
+        packed = gzip.GzipFile("", "wb", fileobj=raw, mtime=0) if str(path).endswith(".gz") else raw
+        with packed as stream:
+            stream.write((",".join(columns) + "\n").encode())
+            for start in range(0, len(next(iter(columns.values()))), BLOCK):
+                rows = np.stack([c[start : start + BLOCK] for c in columns.values()], axis=1).tolist()
+                text = "\n".join(",".join(map(repr, row)) for row in rows).replace("nan", "")
+                stream.write((text + "\n").encode())
 
 
 def check_header(path: str | Path, names: Sequence[str]) -> None:

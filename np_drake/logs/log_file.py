@@ -7,9 +7,9 @@ import numpy as np
 
 from np_drake.logs import columns, csv_file, parquet_file
 from np_drake.logs.checks import check_table
-from np_drake.logs.errors import LogError, place
+from np_drake.logs.errors import LogError
 from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps
+from np_drake.logs.gaps import LONGEST, bridge_gaps, split_at_gaps, without_long_gaps
 from np_drake.logs.import_sheet import read_sheet
 from np_drake.logs.repair import repair as repair_table
 from np_drake.logs.rotor_input import with_rotor_input
@@ -37,13 +37,7 @@ def read_log(path: str | Path, *, vehicle: Vehicle | None = None, repair: bool =
     Raises: LogError: one line with file, column, row and remedy, also where a long gap splits the log; OSError: if the
     file cannot be opened.
     """
-    logs = read_segments(path, vehicle=vehicle, repair=repair)
-    if len(logs) > 1:
-        raise LogError(
-            f"{place(path, column='t')}: must have no gap longer than {LONGEST:g} s here; it has {len(logs)} parts, "
-            f"from {', '.join(f'{log.t[0]:.4g} s' for log in logs[:4])} on. Cut it, or read the parts as flights."
-        )
-    return logs[0]
+    return _read(path, vehicle, repair, whole=True)[0]
 
 
 def read_segments(
@@ -53,13 +47,17 @@ def read_segments(
 
     Args, Raises: as `read_log`; a long gap is no error.
     """
+    return _read(path, vehicle, repair, whole=False)
+
+
+def _read(path: str | Path, vehicle: Vehicle | None, repair: bool, *, whole: bool) -> list[FlightLog]:
     table = read_table(path)
     fields = columns.present_fields(table)
     notes: list[str] = []
     if repair:
         table, notes = repair_table(table, fields)
     check_table(table, fields)
-    parts, split = split_at_gaps(table)
+    parts, split = split_at_gaps(without_long_gaps(table) if whole else table)
     sheet = read_sheet(path)
     logs = []
     for number, part in enumerate(parts, start=1):
@@ -104,7 +102,10 @@ def suffix(path: str | Path) -> str:
     for known in SUFFIXES:
         if str(path).endswith(known):
             return known
-    raise LogError(f"{path}: a flight log's name must end in {', '.join(SUFFIXES)}.")
+    raise LogError(
+        f"{path}: a flight log's name must end in {', '.join(SUFFIXES)}. `np-drake import` turns logs of other formats "
+        "into such files."
+    )
 
 
 def log_name(path: str | Path) -> str:

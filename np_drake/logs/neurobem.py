@@ -15,12 +15,13 @@ from np_drake.logs.columns import COLUMNS
 from np_drake.logs.csv_file import read_csv
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.gaps import bridge_gaps, without_long_gaps
 from np_drake.logs.repair import repair as repair_table
 from np_drake.logs.rotor_input import with_rotor_input
 from np_drake.logs.table import Table
 from np_drake.logs.units import check_units
 from np_drake.logs.wrench_sequence import WrenchSequence
-from np_drake.vehicle import Vehicle
+from np_drake.vehicle import Vehicle, load_vehicle
 
 GRAVITY = 9.81  # [m/s²]; the CSV's hover reading of specific force
 NPY_STEP = 0.0025  # of the arrays [s]
@@ -55,28 +56,14 @@ SOURCE_COLUMNS: dict[str, tuple[str, ...]] = {
 
 
 def published_vehicle() -> Vehicle:
-    """Return the quadrotor as published with the data.
+    """Return the quadrotor as published with the data, the preset `neurobem`.
 
     Of its parameters, the flights show only thrust coefficient / mass.
     Rotor order (rear right, front right, rear left, front left) and directions: own identification, the
     signs of J dw/dt + w x J w regressed on squared rotor speed in three agile flights. max_rotor_thrust: own
     choice, above the 6.8 N of the fastest rotor in the data.
     """
-    x, y = 0.075, 0.10
-    return Vehicle(
-        name="neurobem",
-        mass=0.752,
-        inertia=[[0.0025, 0.0, 0.0], [0.0, 0.0021, 0.0], [0.0, 0.0, 0.0043]],
-        gravity=GRAVITY,
-        rotor_positions=[[-x, -y, 0.0], [x, -y, 0.0], [-x, y, 0.0], [x, y, 0.0]],
-        rotor_directions=[1.0, -1.0, -1.0, 1.0],
-        thrust_coefficient=1.56e-6,
-        torque_coefficient=0.022 * 1.56e-6,
-        rotor_radius=0.064,
-        max_rotor_thrust=8.5,
-        logged_point="center_of_mass",
-        input="rotor_speed",
-    ).check()
+    return load_vehicle("neurobem")
 
 
 def read_neurobem(path: str | Path, *, vehicle: Vehicle | None = None, repair: bool = False) -> FlightLog:
@@ -89,6 +76,7 @@ def read_neurobem(path: str | Path, *, vehicle: Vehicle | None = None, repair: b
     fields = list(SOURCE_COLUMNS)
     table, notes = repair_table(table, fields) if repair else (table, [])
     check_table(table, fields)
+    table, bridged = bridge_gaps(without_long_gaps(table), fields)
     raw = {field: table.array(COLUMNS[field]) for field in fields}
     q = raw["q"] / np.linalg.norm(raw["q"], axis=1, keepdims=True)
     log = FlightLog(
@@ -101,6 +89,7 @@ def read_neurobem(path: str | Path, *, vehicle: Vehicle | None = None, repair: b
         a=attitude.rotate(q, raw["a"]) - [0.0, 0.0, GRAVITY],
         al=raw["al"],
         rotor=raw["rotor"],
+        bridged=bridged if bridged.any() else None,
         name=Path(path).name.removesuffix(".gz").removesuffix(".csv").removeprefix("merged_"),
         notes=notes,
     )

@@ -4,7 +4,7 @@ import gzip
 from pathlib import Path
 
 from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.log_file import read_log
+from np_drake.logs.log_file import read_log, read_segments
 from np_drake.logs.neurobem import FIRST_COLUMNS, read_neurobem, read_neurobem_npy
 from np_drake.logs.wrench_sequence import WrenchSequence
 from np_drake.vehicle import Vehicle
@@ -23,6 +23,18 @@ def open_log(
     if is_neurobem(path):
         return read_neurobem(path, vehicle=vehicle, repair=repair)
     return read_log(path, vehicle=vehicle, repair=repair)
+
+
+def open_segments(
+    path: str | Path, *, vehicle: Vehicle | None = None, repair: bool = False
+) -> list[FlightLog | WrenchSequence]:
+    """Return as `open_log` does the parts of one flight between gaps longer than 0.1 s.
+
+    Raises: as `open_log`, but for a long gap in one of our own logs.
+    """
+    if is_neurobem(path):
+        return [open_log(path, vehicle=vehicle, repair=repair)]
+    return list(read_segments(path, vehicle=vehicle, repair=repair))
 
 
 def is_neurobem(path: str | Path) -> bool:

@@ -32,6 +32,19 @@ class Flight:
         return training_segments(self.data, self.vehicle, label, step=step)
 
 
+def require_torque(log: FlightLog) -> FlightLog:
+    """Return the log, where it tells the rotors' torque, which a label needs.
+
+    Raises: ValueError: where it does not.
+    """
+    if len(log) and not np.isfinite(log.u[:, 1:]).any():
+        raise ValueError(
+            f"{log.name}: must tell the torque of the rotors (tx, ty, tz, rotor1 … rotor4, or throttle1 … throttle4 "
+            f"with a vehicle file) to train on; its input is {log.input}."
+        )
+    return log
+
+
 def training_segments(
     flight: FlightLog | WrenchSequence,
     vehicle: Vehicle,
@@ -47,6 +60,8 @@ def training_segments(
     if isinstance(flight, WrenchSequence):
         return _pieces(flight.chi, flight.zeta, flight.chi, flight.step)
     log = with_accelerations(flight)
+    if log.bridged is not None:
+        log = dc.replace(log, u=np.where(log.bridged[:, None], np.nan, log.u))
     causal = wrench_sequence(log, vehicle, config, step=step)
     smooth = wrench_sequence(log, vehicle, config, step=step, zero_phase=True)
     return _pieces(causal.chi, causal.zeta, smooth.chi, step)

@@ -6,9 +6,10 @@ from np_drake.mpc.condensed import Condensed, Trajectory
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.problem import MpcSolution, SolverFailure
 from np_drake.mpc.terminal import hover_solution
+from np_drake.scaling import ratios
 
-_REACH = 0.5  # position error that the feedback sees at most [m]
-_PACE = 2.0  # velocity error that it sees at most [m/s]
+_REACH = 0.5  # position error that the feedback sees at most, of the paper's vehicle [m]
+_PACE = 2.0  # velocity error that it sees at most, of the paper's vehicle [m/s]
 
 
 def initial_trajectory(
@@ -37,8 +38,8 @@ def feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
     """
     vehicle = condensed.vehicle
     gain = hover_solution(vehicle, condensed.config)[1]
-    bound = np.full(13, np.inf)
-    bound[0:3], bound[7:10] = _REACH, _PACE
+    bound, unit = np.full(13, np.inf), ratios(vehicle)
+    bound[0:3], bound[7:10] = _REACH * unit.length, _PACE * unit.speed
     T = np.empty_like(h.u_ref)
     x = h.x0
     for i in range(len(T)):

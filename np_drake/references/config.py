@@ -21,6 +21,9 @@ class ReferenceConfig:
     speed: float = 1.5  # mean speed after the ramp [m/s]
     ramp: float = 5.0  # from rest to full speed [s]
     dither: list[float] = dc.field(default_factory=lambda: [0.0, 0.0, 0.0])  # RMS multisine per axis [m]
+    dither_frequencies: list[float] = dc.field(  # tones of x; those of y and z lie between them [Hz]
+        default_factory=lambda: [0.23, 0.41, 0.67, 0.97]
+    )
     dither_seed: int = 0  # of the multisine's phases [1]
 
     def check(self) -> "ReferenceConfig":
@@ -41,6 +44,10 @@ class ReferenceConfig:
             raise ValueError(f"ReferenceConfig: ramp must not be negative [s]; got {self.ramp}.")
         if np.shape(self.dither) != (3,) or min(self.dither) < 0:
             raise ValueError(f"ReferenceConfig: dither must be three RMS values [m]; got {self.dither}.")
+        if not self.dither_frequencies or not all(0 < f < np.inf for f in self.dither_frequencies):
+            raise ValueError(
+                f"ReferenceConfig: dither_frequencies must be positive and finite [Hz]; got {self.dither_frequencies}."
+            )
         return self
 
 
@@ -57,4 +64,10 @@ def make_reference(config: ReferenceConfig) -> Reference:
         track = Hover(np.array([0.0, 0.0, config.height]))
     if not np.any(config.dither):
         return track
-    return Sum(track, Multisine(config.dither, ramp=max(config.ramp, 1.0), seed=config.dither_seed))
+    dither = Multisine(
+        config.dither,
+        frequencies=tuple(config.dither_frequencies),
+        ramp=max(config.ramp, 1.0),
+        seed=config.dither_seed,
+    )
+    return Sum(track, dither)

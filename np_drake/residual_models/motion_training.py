@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.labels import LabelConfig
+from np_drake.labels import LabelConfig, default_labels
 from np_drake.lifting.model.origin import origin_of, with_origin
 from np_drake.lifting.training.excitation import measure_excitation
 from np_drake.logs.flight_log import FlightLog
@@ -57,7 +57,7 @@ def train_motion_model(
     }
     model = MotionModel(name, reaction, step, summary)
     frame = flights[0].frame if isinstance(flights[0], WrenchSequence) else "world"
-    return with_origin(model, origin_of(frame, vehicle, label or LabelConfig())), loss
+    return with_origin(model, origin_of(frame, vehicle, label or default_labels(vehicle))), loss
 
 
 def _config(name: str, settings: dict[str, Any]) -> GaussianProcessConfig | KnodeConfig:

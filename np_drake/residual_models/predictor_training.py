@@ -4,7 +4,7 @@ import dataclasses as dc
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from np_drake.labels import LabelConfig
+from np_drake.labels import LabelConfig, default_labels
 from np_drake.lifting.model.lifted_model import DEFAULT
 from np_drake.lifting.model.origin import origin_of, with_origin, with_rotor_lag
 from np_drake.lifting.training.train import Config, TrainingResult, train
@@ -24,13 +24,14 @@ def train_on_flights(
 ) -> TrainingResult:
     """Return the predictor trained on `flights`, and its loss.
 
-    Args: step: time between samples [s].   label: low-pass of the labels, None for the default.
+    Args: step: time between samples [s].   label: low-pass of the labels, None for that of the vehicle.
     checkpoint, on_epoch: as of `train`.
     Raises: ValueError: if the flights are unusable or the checkpoint is of another run.
     """
     segments = [segment for flight in flights for segment in flight.segments(step, label)]
     result = train(segments, config, checkpoint=checkpoint, on_epoch=on_epoch)
-    model = with_origin(result.model, origin_of(flights[0].frame, flights[0].vehicle, label or LabelConfig()))
+    vehicle = flights[0].vehicle
+    model = with_origin(result.model, origin_of(flights[0].frame, vehicle, label or default_labels(vehicle)))
     if model.configuration == DEFAULT:
         logs = [(f.data, f.vehicle) for f in flights if isinstance(f.data, FlightLog)]
         model = with_rotor_lag(model, learned_rotor_lag(logs))

@@ -9,6 +9,7 @@ What a fenced block is, its language says:
 Blocks of another language, or of none, are refused.
 """
 
+import importlib.util
 import json
 import re
 import shlex
@@ -92,7 +93,26 @@ def a_model_was_trained() -> None:
     assert Path("mine.safetensors").stat().st_size > 0
 
 
+def drag_is_named_in_both_reports() -> None:
+    for report, drag, tolerance in (("px4_report", 0.3, 0.05), ("crazyflie_report", 0.006, 0.001)):
+        found = json.loads(Path(report, "diagnosis.json").read_text())
+        (cause,) = (c for c in found["causes"] if c["identifier"] == "linear_drag")
+        assert abs(cause["parameters"]["d_x"]["value"] - drag) < tolerance  # [N·s/m]
+
+
+def memory_cards():
+    """The module beside this one that writes what a page reads from memory cards."""
+    spec = importlib.util.spec_from_file_location("memory_cards", Path(__file__).with_name("memory_cards.py"))
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+BEFOREHAND = {"import.md": lambda folder: memory_cards().fill(folder)}
 AFTERWARDS = {
+    "import.md": drag_is_named_in_both_reports,
     "diagnose.md": the_diagnosis_names_what_was_put_in,
     "read-the-report.md": the_report_has_the_sections_that_the_page_lists,
     "train.md": a_model_was_trained,
@@ -102,8 +122,18 @@ AFTERWARDS = {
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_the_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    BEFOREHAND.get(page.name, lambda folder: None)(tmp_path)
     run_page(page)
     AFTERWARDS.get(page.name, no_more_is_said)()
+
+
+def test_the_page_on_memory_cards_runs_on_real_ones(real_flights, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    cards = [real_flights / "imrc" / "payload" / name for name in ("eckart06", "eckart07", "eckart08")]
+    memory_cards().fill(tmp_path, cards)
+    run_page(GUIDE / "import.md")
+    found = json.loads(Path("crazyflie_report/diagnosis.json").read_text())
+    assert "suspended_payload" in found["verdict"]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.fitting import Fit
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.held_out import HeldOut, pooled, remaining_residual, scored_on_fitted_rows
 from np_drake.diagnosis.numerics import NoiseModel
@@ -23,7 +22,6 @@ LEAST_GAP = 0.02  # gap over noise power below which there is none to close [1];
 
 
 def measure_gap_reduction(
-    fit: Fit,
     causes: Sequence[Cause],
     flights: Sequence[FlightResiduals],
     noise: NoiseModel,
@@ -33,7 +31,6 @@ def measure_gap_reduction(
     """Return the held-out gap reduction with a block-bootstrap interval, the ladder, and the replay before and after.
 
     Args:
-        fit: the fitted model.
         causes: the causes that are added.
         flights: the held-out flights.
         noise: noise model of the channels.

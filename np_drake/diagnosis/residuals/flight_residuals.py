@@ -226,6 +226,10 @@ def make_flight_residuals(
     rows, mids = make_instants(log, smooth)
     thrust_rows, thrust_mids = Rotors(log, vehicle).thrust([])
     force, others = _channels(log, vehicle, q, mids, thrust_rows, thrust_mids)
+    if log.bridged is not None:  # before the low-pass of the grid spreads what was made up
+        between = log.bridged[:-1] | log.bridged[1:]
+        on_rows = between if log.a is None else log.bridged
+        force, others = bridge(force, on_rows), bridge(others, between)
     since = _settled(log, vehicle, force[:, 2:], others[:, :3]) if since is None else since
     grid = make_grid(log.t[log.t >= since], step)
     from_rows, from_mids = Resampler(grid, rows.t), Resampler(grid, mids.t)

@@ -313,21 +313,28 @@ def _decode(file: BinaryIO, header: _Header, columns: Mapping[int, _Columns], pr
 def _runs(data: bytes, sizes: Mapping[int, int]) -> Iterator[tuple[int, int, int]]:
     """Yield id, begin and end of runs of whole records of one type; a run of an unknown id ends them."""
     offset, window = 0, 16
-    smallest = min(sizes.values())
-    while len(data) - offset >= smallest:
+    last = len(data) - min(sizes.values())
+    while offset <= last:
         key = data[offset] | data[offset + 1] << 8
         size = sizes.get(key, 0)
         if not size:
             yield key, offset, offset
             return
-        count = min((len(data) - offset) // size, window)
-        if not count:
+        after = offset + size
+        if after > len(data):
             return
-        differ = np.ndarray((count,), "<u2", data, offset, (size,)) != key
-        run = int(differ.argmax()) or count
-        yield key, offset, offset + run * size
-        offset += run * size
-        window = 2 * run + 16
+        if after <= last and data[after] | data[after + 1] << 8 == key:
+            after = _end_of_run(data, offset, size, window)
+            window = 2 * (after - offset) // size + 16
+        yield key, offset, after
+        offset = after
+
+
+def _end_of_run(data: bytes, offset: int, size: int, most: int) -> int:
+    """Return the end of whole records that follow each other with one id, the first of which begins at an offset."""
+    count = min((len(data) - offset) // size, most)
+    ids = np.ndarray((count,), "<u2", data, offset, (size,))
+    return offset + size * (int((ids != ids[0]).argmax()) or count)
 
 
 def _ended(tail: _Tail, rest: bytes, crc: int) -> _Tail:

@@ -78,8 +78,14 @@ def default_map(contents: Contents) -> LogMap | None:
         log_map.angular_acceleration = Source(here["al"], axes="body")
     if "u" in here:
         log_map.thrust, log_map.torque = Source(here["u"][:1]), Source(here["u"][1:])
+    elif "thrust" in names:
+        log_map.thrust = Source(["thrust"])
     if "rotor" in here:
         log_map.rotor_speed = Source(here["rotor"])
+    if throttle := here.get("throttles", here.get("throttle")):
+        log_map.throttle = Source(throttle)
+    if "voltage" in here:
+        log_map.voltage = Source(here["voltage"])
     return log_map.check()
 
 

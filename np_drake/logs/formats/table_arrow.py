@@ -12,7 +12,7 @@ from np_drake.logs.growing_columns import GrowingColumns
 from np_drake.logs.recording import Progress
 from np_drake.logs.text_lines import BAD_GZIP, MAX_BYTES, MAX_ROWS, is_gzip, too_large, too_long
 
-BLOCK_BYTES = 1 << 22
+BLOCK_BYTES = 1 << 20
 NULLS = ["", "nan", "NaN", "NAN", "null", "NULL", "Null", "none", "None", "NA", "N/A", "n/a"]
 
 

@@ -2,21 +2,29 @@
 
 import dataclasses as dc
 import importlib.util
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from np_drake import attitude
+from np_drake.diagnosis.decision.compare import Comparison, compare
+from np_drake.diagnosis.decision.decide import Inference, decide
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
+from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.regressors.nuisance import tolerance_of
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
-from np_drake.diagnosis.selection.ranking import Ranking, rank
+from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
+from np_drake.diagnosis.selection.ranking import Ranking
+from np_drake.diagnosis.selection.ranking import ranked as ranked_from
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY
+from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
@@ -47,12 +55,68 @@ def seen(fly: Fly) -> Callable[..., FlightResiduals]:
     return simulate
 
 
+Search = Callable[..., SearchResult]
+Compare = Callable[..., Comparison]
+
+
+def with_few_lengths(options: Options) -> Options:
+    """Return the options with a quarter of the tether lengths, for flights without a payload."""
+    shortest, longest, number = options.search.payload_lengths
+    few = dc.replace(options.search, payload_lengths=(shortest, longest, number // 4))
+    return dc.replace(options, search=few)
+
+
+def _content(e: FlightResiduals) -> tuple[object, ...]:
+    """Return what a search reads of a flight, hashable."""
+    arrays = (e.t, e.y, e.rows.x, e.nominal, e.shocks, e.joined, e.log.t, e.log.x, e.log.u, e.log.a)
+    content = (None if a is None else a.tobytes() for a in arrays)
+    return (e.name, repr(e.vehicle), e.log.input, e.goes_on, e.turned, e.attitude_noise, *content)
+
+
+@pytest.fixture(scope="module")
+def searched() -> Search:
+    """Return `find_map_model`, which searches the same flights once in a module; by default with few lengths."""
+    known: dict[tuple[object, ...], SearchResult] = {}
+
+    def search(
+        flights: Sequence[FlightResiduals], options: Options | None = None, *, hanging: bool = True
+    ) -> SearchResult:
+        options = options or with_few_lengths(Options.for_sensors(tolerance_of(flights).real))
+        key = (*map(_content, flights), repr(options), hanging, *LIBRARY)
+        if key not in known:
+            known[key] = find_map_model(flights, options, hanging=hanging)
+        return known[key]
+
+    return search
+
+
+@pytest.fixture(scope="module")
+def compared(searched: Search) -> Compare:
+    """Return a function that compares models of flights without a payload on held-out ones; once in a module."""
+    known: dict[tuple[object, ...], Comparison] = {}
+
+    def comparison(flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]) -> Comparison:
+        key = (*map(_content, flights), None, *map(_content, held_out))
+        if key not in known:
+            known[key] = compare(searched(flights), held_out)
+        return known[key]
+
+    return comparison
+
+
+@pytest.fixture(scope="module")
+def inferred(compared: Compare) -> Callable[..., Inference]:
+    """Return `infer`, which compares the models of the same flights once in a module."""
+    return lambda flights, held_out: decide(compared(flights, held_out))
+
+
 @dc.dataclass(frozen=True)
 class Case:
-    """Flights of one vehicle, and the models that explain them, best first."""
+    """Flights of one vehicle, the search for their model, and the models that explain them, best first."""
 
     flights: list[FlightResiduals]
     held_out: list[FlightResiduals]
+    found: SearchResult
     ranking: Ranking
 
     @property
@@ -68,7 +132,11 @@ def ranked(seen) -> Callable[..., Case]:
     def case(*effects: Effect) -> Case:
         how = {"noise": 1.0, "seconds": 10.0}
         flights = [seen(*effects, name=n, seed=i, **how) for i, n in enumerate(("a", "b"), start=1)]
-        return Case(flights, [seen(*effects, name="c", seed=3, **how)], rank(flights))
+        options = Options.for_sensors(False)
+        swings = any(isinstance(e, SuspendedPayload) for e in effects)
+        found = find_map_model(flights, options if swings else with_few_lengths(options))
+        held_out = [seen(*effects, name="c", seed=3, **how)]
+        return Case(flights, held_out, found, ranked_from(found))
 
     return case
 
@@ -90,12 +158,11 @@ def library() -> Iterator[dict[str, type[Effect]]]:
 
 
 def _process(rng: np.random.Generator, t: np.ndarray, time: float) -> np.ndarray:
-    """Return an exact first-order Gauss-Markov process (n, 3) of unit deviation."""
-    decay = np.exp(-np.diff(t) / time)
-    out = [rng.standard_normal(3)]
-    for a in decay:
-        out.append(a * out[-1] + np.sqrt(1 - a**2) * rng.standard_normal(3))
-    return np.array(out)
+    """Return an exact first-order Gauss-Markov process (n, 3) of unit deviation; t: at equal steps."""
+    decay = np.exp(-(t[1] - t[0]) / time)
+    kicks = rng.standard_normal((len(t), 3))
+    kicks[1:] *= np.sqrt(1 - decay**2)
+    return signal.lfilter([1.0], [1.0, -decay], kicks, axis=0)
 
 
 @pytest.fixture(scope="session")

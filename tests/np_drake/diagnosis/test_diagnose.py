@@ -105,11 +105,22 @@ def test_a_hover_without_noise_is_judged_without_a_warning(fly):
     assert np.isfinite(dut.shrink.before)
 
 
-def test_the_same_logs_give_the_same_answer(diagnosed, fly):
-    effect = LinearDrag(0.6, 0.6, 0.6)
-    train = [fly(effect, name=n, seed=i, **SHORT) for i, n in enumerate(("a", "b"), start=1)]
-    again = diagnose(VEHICLE, train, [fly(effect, name="c", seed=3, **SHORT)])
-    first, second = (dc.replace(d, wall=0.0).as_json() for d in (diagnosed(effect), again))
+@pytest.fixture(scope="module")
+def watched(fly):
+    """Return short flights, their diagnosis, and the progress that was told meanwhile."""
+    told = []
+    logs = [
+        fly(LinearDrag(0.6, 0.6, 0.6), name=n, seed=i, noise=1.0, seconds=5.0) for i, n in enumerate("ab")
+    ]
+    dut = diagnose(VEHICLE, logs[:1], logs[1:], on_progress=lambda share, text: told.append((share, text)))
+    return logs, dut, told
+
+
+def test_the_same_logs_give_the_same_answer(watched):
+    logs, dut, _ = watched
+    assert dut.verdict == ("linear_drag",)
+    again = diagnose(VEHICLE, logs[:1], logs[1:])
+    first, second = (dc.replace(d, wall=0.0).as_json() for d in (dut, again))
     assert first == second
 
 
@@ -147,10 +158,8 @@ def test_a_users_own_effect_is_found_once_it_is_registered(fly, library):
     assert found.causes[0].effect == Brake(found.causes[0].parameters["brake"].value)
 
 
-def test_progress_is_told_and_grows(fly):
-    told = []
-    logs = [fly(name=n, seed=i, noise=1.0, seconds=5.0) for i, n in enumerate("ab")]
-    diagnose(VEHICLE, logs[:1], logs[1:], on_progress=lambda share, text: told.append((share, text)))
+def test_progress_is_told_and_grows(watched):
+    *_, told = watched
     shares = [share for share, _ in told]
     assert shares == sorted(shares)
     assert shares[0] == 0.0

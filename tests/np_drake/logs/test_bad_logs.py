@@ -59,7 +59,7 @@ FAULTS = {  # spoil the columns: (how, what the message must say)
     "infinite": (set_cell("thrust", 3, np.inf), r"column thrust, row 4 \(line 5\)"),
     "time stands": (set_cell("t", 10, 0.09), r"column t, row 11 \(line 12\): time must increase"),
     "time jumps back": (set_cell("t", 99, 0.5), r"column t, row 100 .*--repair"),
-    "gap": (leave_out(200, 260), r"column t: .*no gap longer than 0\.1 s.* 2 parts"),
+    "gap": (leave_out(200, 260), r"column t, row 201 .*no gap longer than 0\.1 s.*lasts 0\.61 s"),
     "quaternion norm": (set_cell("qw", 5, 0.5), r"column qw, row 6 .*norm"),
     "quaternion x, y, z, w": (renamed("qx qy qz qw"), r"column qw: .*order x, y, z, w"),
     "quaternion from W to body": (scale("qx qy qz", -1), r"column qw: .*from W to body"),

@@ -1,5 +1,7 @@
+import copy
 import dataclasses as dc
 import gc
+import importlib
 import weakref
 from functools import cache
 
@@ -15,20 +17,23 @@ from np_drake.diagnosis.decision.adaptive_split import (
     split_flights,
 )
 from np_drake.diagnosis.decision.compare import compare
-from np_drake.diagnosis.decision.infer import infer
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.fitting.map_estimate import Generic
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.held_out.adaptation import scored_rows
 from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.diagnosis.result import Diagnosis, Finding
 from np_drake.diagnosis.selection import map_model
-from np_drake.diagnosis.selection.change_point import late_payloads
 from np_drake.diagnosis.selection.map_model import find_map_model
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle import Vehicle
+
+infer_module = importlib.import_module(
+    "np_drake.diagnosis.decision.infer"
+)  # the package has a function so named
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
@@ -36,17 +41,35 @@ DRAG = LinearDrag(0.6, 0.6, 0.0)
 UP_AND_DOWN = (0.0, 0.0, 1.0, 0.0)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def known_searches(searched):
+    """Every search of the same flights is made once."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (adaptive_split, infer_module):
+            patch.setattr(module, "find_map_model", searched)
+        yield
+
+
 @pytest.fixture(scope="module")
-def diagnosed(fly):
-    """Two flights straight up and down to fit, one that moves sideways to judge; each answer is worked out once."""
+def logs(fly):
+    """Two flights straight up and down to fit, one that moves sideways to judge; each is flown once."""
+
+    @cache
+    def flown(*effects):
+        own = {"noise": 1.0, "seconds": 10.0}
+        train = [fly(*effects, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
+        return train, [fly(*effects, name="c", seed=3, **own)]
+
+    return flown
+
+
+@pytest.fixture(scope="module")
+def diagnosed(logs):
+    """The answer of these flights; each is worked out once."""
 
     @cache
     def answer(*effects, adaptive_split: bool = True) -> Diagnosis:
-        own = {"noise": 1.0, "seconds": 10.0}
-        train = [fly(*effects, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
-        return diagnose(
-            Vehicle(), train, [fly(*effects, name="c", seed=3, **own)], adaptive_split=adaptive_split
-        )
+        return diagnose(Vehicle(), *logs(*effects), adaptive_split=adaptive_split)
 
     return answer
 
@@ -75,11 +98,8 @@ def test_where_training_cannot_tell_two_effects_the_held_out_flight_does(diagnos
     assert dut.joined == ()  # it is asked, not fitted to
 
 
-def test_a_force_that_unseen_flights_alone_show_asks_for_a_second_look_however_small_it_is(seen):
-    how = {"noise": 1.0, "seconds": 8.0}
-    first = infer(
-        [seen(name=n, seed=i, **how) for i, n in enumerate("ab", 1)], [seen(name="c", seed=3, **how)]
-    )
+def test_a_force_that_unseen_flights_alone_show_asks_for_a_second_look_however_small_it_is(seen, searched):
+    first = compare(*found(seen, searched, structured=False))
     assert not needs_split(first)
     novel_on_held_out = dc.replace(
         first, unexplained=dc.replace(first.unexplained, findings=(Finding(UNSEEN, "", 1.0),))
@@ -95,26 +115,31 @@ def test_without_a_second_look_nothing_of_the_held_out_flight_is_fitted(diagnose
     assert dut.shrink.fraction < 0.1
 
 
-def test_what_training_gave_no_weight_is_not_sought_as_hung_on_in_flight(fly, monkeypatch):
-    sought = []
+def test_what_training_gave_no_weight_is_not_sought_as_hung_on_in_flight(logs, searched, monkeypatch):
+    hanging, sought = [], []
 
-    def spy(problem, late):
-        sought.append([e.name for e in problem.flights])
-        return late_payloads(problem, late)
+    def spy(flights, options=None, **how):
+        hanging.append(how)
+        return searched(flights, options, **how)
 
-    monkeypatch.setattr(map_model, "late_payloads", spy)
-    own = {"noise": 1.0, "seconds": 10.0}
-    train = [fly(DRAG, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
-    assert diagnose(Vehicle(), train, [fly(DRAG, name="c", seed=3, **own)]).joined == ("c",)
-    assert sought == [["a", "b"]]
+    monkeypatch.setattr(adaptive_split, "find_map_model", spy)
+    assert diagnose(Vehicle(), *logs(DRAG)).joined == ("c",)
+    assert hanging == [{}, {"hanging": False}]
+    monkeypatch.setattr(map_model, "late_payloads", lambda problem, late: sought.append(late) or [])
+    short = [make_flight_residuals(log.rows(0, 400), Vehicle()) for log in logs(DRAG)[0][:1]]
+    find_map_model(short, hanging=False)
+    assert sought == []
+    find_map_model(short)
+    assert len(sought) == 1
 
 
-def found(seen, *effects, seconds: float = 10.0, structured: bool = True, **held):
+def found(seen, searched, *effects, seconds: float = 10.0, structured: bool = True, **held):
     """A best model, with structure that no effect explains in it, and unseen flights."""
     how = {"noise": 1.0, "seconds": seconds}
     flights = [seen(*effects, name=n, seed=i, vigour=UP_AND_DOWN, **how) for i, n in enumerate("ab", 1)]
     unseen = [seen(*effects, name="c", seed=3, **(how | held))]
-    return (with_structure(find_map_model(flights)) if structured else find_map_model(flights)), unseen
+    model = searched(flights)
+    return (with_structure(model) if structured else model), unseen
 
 
 def with_structure(model):
@@ -123,66 +148,64 @@ def with_structure(model):
     return dc.replace(model, best=dc.replace(model.best, generic=(part,)))
 
 
-def test_where_the_best_model_plainly_shows_it_models_are_compared_once(fly, monkeypatch):
+def test_where_the_best_model_plainly_shows_it_models_are_compared_once(logs, searched, monkeypatch):
     compared = []
     monkeypatch.setattr(adaptive_split, "compare", lambda *asked: compared.append(asked) or compare(*asked))
-    own = {"noise": 1.0, "seconds": 10.0}
-    train = [fly(DRAG, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
-    held_out = [fly(DRAG, name="c", seed=3, **own)]
-    assert diagnose(Vehicle(), train, held_out).joined == ("c",)
+    assert diagnose(Vehicle(), *logs(DRAG)).joined == ("c",)
     assert [len(at.problem.flights) for at, _ in compared] == [2, 3]
     sought = []
 
     def structured(*of, **how):
         sought.append(how)
-        return with_structure(find_map_model(*of, **how))
+        return with_structure(searched(*of, **how))
 
     monkeypatch.setattr(adaptive_split, "find_map_model", structured)
     compared.clear()
-    assert diagnose(Vehicle(), train, held_out).joined == ("c",)
+    assert diagnose(Vehicle(), *logs(DRAG)).joined == ("c",)
     ((at, judges),) = compared
     assert [e.name for e in at.problem.flights] == ["a", "b", "first half of c"]
     assert [e.joined.any() for e in judges] == [True]
     assert sought == [{}, {"hanging": False}]
 
 
-def test_what_a_first_look_was_found_from_is_forgotten_when_a_second_begins(fly, monkeypatch):
+def test_what_a_first_look_was_found_from_is_forgotten_when_a_second_begins(logs, searched, monkeypatch):
     first, residual = [], []
 
     def watched(*of, **how):
         gc.collect()
         residual.extend(known() for known in first)
-        found_now = find_map_model(*of, **how)
+        found_now = searched(*of, **how)
+        found_now = dc.replace(found_now, problem=copy.copy(found_now.problem))  # which nobody else keeps
         first.append(weakref.ref(found_now.problem))
         return found_now
 
     monkeypatch.setattr(adaptive_split, "find_map_model", watched)
-    own = {"noise": 1.0, "seconds": 10.0}
-    train = [fly(DRAG, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
-    assert diagnose(Vehicle(), train, [fly(DRAG, name="c", seed=3, **own)]).joined == ("c",)
+    assert diagnose(Vehicle(), *logs(DRAG)).joined == ("c",)
     assert residual == [None]
 
 
-def test_what_the_best_model_leaves_of_unseen_flights_is_plain_where_structure_is_in_it(seen, monkeypatch):
-    assert plainly_needs_split(*found(seen, DRAG))
+def test_what_the_best_model_leaves_of_unseen_flights_is_plain_where_structure_is_in_it(
+    seen, searched, monkeypatch
+):
+    assert plainly_needs_split(*found(seen, searched, DRAG))
     monkeypatch.setattr(
         adaptive_split, "novel_on_held_out", lambda *_, **how: (0.0, Finding(UNSEEN, "", 0.0))
     )
-    assert plainly_needs_split(*found(seen, DRAG))
-    assert not plainly_needs_split(*found(seen, DRAG, structured=False))
-    assert not plainly_needs_split(*found(seen))
-    assert not plainly_needs_split(*found(seen, DRAG, vigour=UP_AND_DOWN))
+    assert plainly_needs_split(*found(seen, searched, DRAG))
+    assert not plainly_needs_split(*found(seen, searched, DRAG, structured=False))
+    assert not plainly_needs_split(*found(seen, searched))
+    assert not plainly_needs_split(*found(seen, searched, DRAG, vigour=UP_AND_DOWN))
 
 
-def test_a_swing_that_may_be_lost_is_not_plain(seen):
-    model, unseen = found(seen, DRAG)
+def test_a_swing_that_may_be_lost_is_not_plain(seen, searched):
+    model, unseen = found(seen, searched, DRAG)
     swings = Term(SuspendedPayload(0.1, 1.0))
     hung = dc.replace(model, best=dc.replace(model.best, terms=(*model.best.terms, swings)))
     assert not plainly_needs_split(hung, unseen)
 
 
-def test_a_force_that_unseen_flights_alone_show_is_plain_however_small_it_is(seen, monkeypatch):
-    model, unseen = found(seen)
+def test_a_force_that_unseen_flights_alone_show_is_plain_however_small_it_is(seen, searched, monkeypatch):
+    model, unseen = found(seen, searched)
     asked = []
     monkeypatch.setattr(
         adaptive_split,
@@ -195,8 +218,8 @@ def test_a_force_that_unseen_flights_alone_show_is_plain_however_small_it_is(see
     assert asked == [False, True]
 
 
-def test_where_no_flight_is_long_enough_for_two_halves_there_is_one_look(seen, monkeypatch):
-    model, unseen = found(seen, DRAG, seconds=2 * REAL.thresholds.split_half - 0.5)
+def test_where_no_flight_is_long_enough_for_two_halves_there_is_one_look(seen, searched, monkeypatch):
+    model, unseen = found(seen, searched, DRAG, seconds=2 * REAL.thresholds.split_half - 0.5)
     assert plainly_needs_split(model, unseen)
     sought = []
     monkeypatch.setattr(adaptive_split, "find_map_model", lambda *of, **how: sought.append(of) or model)

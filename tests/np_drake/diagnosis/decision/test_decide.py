@@ -1,4 +1,4 @@
-"""Laws of one look: how what remains becomes a verdict."""
+"""Laws of one inference: how what remains becomes a verdict."""
 
 import dataclasses as dc
 from functools import cache
@@ -12,12 +12,12 @@ from np_drake.diagnosis.decision import compare, confidence
 from np_drake.diagnosis.decision import decide as dut_module
 from np_drake.diagnosis.decision.cause_report import PROBABILITY
 from np_drake.diagnosis.decision.confidence import is_vague_drift, leaves_more_than_noise
-from np_drake.diagnosis.decision.infer import infer
+from np_drake.diagnosis.decision.decide import decide
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.generic import PREFIX
 from np_drake.diagnosis.result import Cause, Estimate, Finding
-from np_drake.diagnosis.selection.ranking import rank
+from np_drake.diagnosis.selection.ranking import ranked
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -63,28 +63,30 @@ def flown(seen):
     return flights
 
 
-def test_a_slow_force_that_follows_the_place_is_unknown_and_not_gusts(flown):
-    dut = infer(*flown(WALL, WALL, WALL))
+def test_a_slow_force_that_follows_the_place_is_unknown_and_not_gusts(flown, inferred):
+    dut = inferred(*flown(WALL, WALL, WALL))
     assert not dut.gusty
     assert "gusty_wind" not in {c.identifier for c in dut.causes}
     assert dut.unknown
     assert "place" in {f.name for f in dut.unexplained.findings}
 
 
-def test_a_slow_force_that_does_not_is_gusts(flown):
-    dut = infer(*flown(gusts(61), gusts(62), gusts(63)))
+def test_a_slow_force_that_does_not_is_gusts(flown, inferred):
+    dut = inferred(*flown(gusts(61), gusts(62), gusts(63)))
     assert dut.gusty
     assert "gusty_wind" in {c.identifier for c in dut.causes}
     assert not dut.unknown
 
 
-def test_gusts_are_no_surer_than_any_other_name_however_loud_they_are(flown):
-    dut = infer(*flown(gusts(61), gusts(62), gusts(63)))
+def test_gusts_are_no_surer_than_any_other_name_however_loud_they_are(flown, inferred):
+    dut = inferred(*flown(gusts(61), gusts(62), gusts(63)))
     (surest,) = (c.probability for c in dut.causes if c.identifier == "gusty_wind")
     assert 0.95 * REAL.thresholds.trust < surest <= REAL.thresholds.trust
 
 
-def test_the_mean_of_gusts_holds_a_steady_wind_that_the_fit_has_and_that_is_no_cause(flown, monkeypatch):
+def test_the_mean_of_gusts_holds_a_steady_wind_that_the_fit_has_and_that_is_no_cause(
+    flown, inferred, monkeypatch
+):
     blown = flown(*(dc.replace(gusts(seed), mean_x=3.0) for seed in (61, 62, 63)))
     causes_of = dut_module.causes_of
 
@@ -95,34 +97,36 @@ def test_the_mean_of_gusts_holds_a_steady_wind_that_the_fit_has_and_that_is_no_c
     means = []
     for rule in (causes_of, without_wind):
         monkeypatch.setattr(dut_module, "causes_of", rule)
-        dut = infer(*blown)
+        dut = inferred(*blown)
         assert "constant_wind" in {t.effect.identifier for t in dut.ranking.named.terms}
         means.append(next(c for c in dut.causes if c.identifier == "gusty_wind").parameters["mean_x"].value)
     assert means[0] == pytest.approx(3.0, abs=1.0)
     assert means[1] == pytest.approx(means[0])
 
 
-def test_a_drag_that_lost_an_axis_to_gusts_is_not_unknown(flown, monkeypatch):
+def test_a_drag_that_lost_an_axis_to_gusts_is_not_unknown(flown, searched, monkeypatch):
     fitted, held_out = flown(gusts(61), gusts(62), gusts(63))
-    ranking = rank(fitted)
+    found = searched(fitted)
+    ranking = ranked(found)
     assert [t.effect.identifier for t in ranking.named.terms] == ["linear_drag"]
     lost = dc.replace(ranking.named, terms=(Term(dc.replace(DRAG, d_x=-0.2)),))
     monkeypatch.setattr(compare, "ranked", lambda _: dc.replace(ranking, named=lost))
-    dut = infer(fitted, held_out)
+    dut = decide(compare.compare(found, held_out))
     assert not dut.unknown
     assert {c.identifier for c in dut.causes} == {"linear_drag", "gusty_wind"}
 
 
-def test_without_that_rule_the_wall_would_be_gusts(flown, monkeypatch):
+def test_without_that_rule_the_wall_would_be_gusts(flown, searched, monkeypatch):
     monkeypatch.setattr(compare, "position_p_value", lambda *_: 1.0)
-    assert infer(*flown(WALL, WALL, WALL)).gusty
+    fitted, held_out = flown(WALL, WALL, WALL)
+    assert compare.compare(searched(fitted), held_out).gusty
 
 
 @pytest.mark.parametrize("noise, doubted", [(1.0, False), (1.3, True)])
-def test_a_name_is_less_sure_where_unseen_flights_leave_more_than_noise(seen, noise, doubted):
+def test_a_name_is_less_sure_where_unseen_flights_leave_more_than_noise(seen, inferred, noise, doubted):
     how = {"seconds": 10.0}
     fitted = [seen(DRAG, name=str(i), seed=i, noise=1.0, **how) for i in (1, 2)]
-    dut = infer(fitted, [seen(DRAG, name="3", seed=3, noise=noise, **how)])
+    dut = inferred(fitted, [seen(DRAG, name="3", seed=3, noise=noise, **how)])
     assert [c.identifier for c in dut.causes] == ["linear_drag"]
     assert not dut.unknown
     assert (dut.causes[0].probability <= REAL.thresholds.doubted) is doubted
@@ -131,10 +135,12 @@ def test_a_name_is_less_sure_where_unseen_flights_leave_more_than_noise(seen, no
 @pytest.mark.parametrize(
     "ratio, sure, unknown", [(1.3, True, False), (1.7, False, False), (2.3, False, True)]
 )
-def test_what_is_left_of_lift_and_torque_in_gusts_is_none_of_theirs(flown, monkeypatch, ratio, sure, unknown):
+def test_what_is_left_of_lift_and_torque_in_gusts_is_none_of_theirs(
+    flown, inferred, monkeypatch, ratio, sure, unknown
+):
     blown = flown(gusts(61), gusts(62), gusts(63))
     monkeypatch.setattr(confidence, "misfit", lambda *_: np.array([3.0, 3.0, ratio, 1.0, 1.0, 1.0]))
-    dut = infer(*blown)
+    dut = inferred(*blown)
     assert dut.unknown is unknown
     assert ("upright" in {f.name for f in dut.unexplained.findings}) is unknown
     assert (max(c.probability for c in dut.causes) > 0.9) is sure
@@ -146,19 +152,14 @@ def test_what_is_left_of_lift_and_torque_in_gusts_is_none_of_theirs(flown, monke
     ids=["structure is as likely", "it is not", "nothing is near to a cause"],
 )
 def test_where_no_name_is_sure_and_structure_is_as_likely_it_is_unknown(
-    seen, monkeypatch, unsure, share, unknown
+    seen, compared, monkeypatch, unsure, share, unknown
 ):
     doubt = Finding("linear_drag", "", 1.0, {PROBABILITY: 0.6} if unsure else {})
     monkeypatch.setattr(dut_module, "causes_of", lambda *_, **__: ([], [doubt]))
-    ranked = compare.ranked
-
-    def torn(found):
-        ranking = ranked(found)
-        return dc.replace(ranking, probability={**ranking.probability, f"{PREFIX}height": share})
-
-    monkeypatch.setattr(compare, "ranked", torn)
     flights = [seen(DRAG, name=str(i), seed=i, noise=1.0, seconds=10.0) for i in (1, 2, 3)]
-    dut = infer(flights[:2], flights[2:])
+    found = compared(flights[:2], flights[2:])
+    torn = {**found.ranking.probability, f"{PREFIX}height": share}
+    dut = decide(dc.replace(found, ranking=dc.replace(found.ranking, probability=torn)))
     assert dut.unknown is unknown
     assert ("height" in {f.name for f in dut.unexplained.findings}) is unknown
 

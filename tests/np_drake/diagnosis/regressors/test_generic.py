@@ -18,7 +18,7 @@ from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
 from np_drake.diagnosis.regressors.library import library_candidates
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
 from np_drake.diagnosis.selection.beam_search import search
-from np_drake.diagnosis.selection.ranking import rank
+from np_drake.diagnosis.selection.ranking import ranked
 from np_drake.effects.base import WrenchEffect
 from np_drake.rigid_body import P, Q, V, W
 
@@ -104,11 +104,13 @@ def test_what_no_effect_explains_is_found_where_it_lives(seen, noise, effect, na
 
 
 @pytest.mark.parametrize("frequency, damping", [(1.0, 0.05), (2.4, 0.2), (4.0, 0.05)])
-def test_a_torque_that_swings_behind_its_command_is_a_twist_at_that_frequency(seen, frequency, damping):
+def test_a_torque_that_swings_behind_its_command_is_a_twist_at_that_frequency(
+    seen, searched, frequency, damping
+):
     *flights, held_out = [
         swinging(seen(name=str(i), seed=i, noise=1.0), frequency, damping) for i in (1, 2, 3)
     ]
-    ranking = rank(flights)
+    ranking = ranked(searched(flights))
     dut = ranking.fits[0]
     twist = max(dut.generic, key=lambda g: sum(np.sum(g.part(e) ** 2) for e in flights)).candidate
     assert twist.identifiers == (PREFIX + "twist",)

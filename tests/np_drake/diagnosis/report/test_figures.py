@@ -5,10 +5,17 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake import figure_file
 from np_drake.diagnosis.report.write import figures
 from np_drake.figure_file import png
 
 NAMES = ("ladder", "regimes", "timeline", "spectrum", "replay")
+
+
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch):
+    """Pictures are drawn with few pixels."""
+    monkeypatch.setattr(figure_file, "RESOLUTION", 30)
 
 
 @pytest.fixture(scope="module")

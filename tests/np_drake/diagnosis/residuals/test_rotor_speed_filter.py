@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.adequacy.residual_statistics import slow_torque
-from np_drake.diagnosis.decision.infer import infer
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.diagnosis.residuals.rotor_speed_filter import most_likely, read_thrust
@@ -107,11 +106,11 @@ def test_torque_that_was_read_with_noise_is_no_torque_that_comes_and_goes(fly):
 
 
 @pytest.mark.parametrize("effects", [(), (LinearDrag(0.3, 0.3, 0.3),)])
-def test_noisy_readings_of_rotor_speed_are_no_cause_and_hide_none(fly, effects):
+def test_noisy_readings_of_rotor_speed_are_no_cause_and_hide_none(fly, inferred, effects):
     flights = [
         make_flight_residuals(read(fly(*effects, noise=1.0, seed=i, name=str(i)), seed=i), VEHICLE)
         for i in range(3)
     ]
-    found = infer(flights[:2], flights[2:])
+    found = inferred(flights[:2], flights[2:])
     assert [c.identifier for c in found.causes] == [e.identifier for e in effects]
     assert not found.unknown

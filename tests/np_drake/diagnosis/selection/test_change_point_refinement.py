@@ -6,7 +6,7 @@ from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import effect_candidates, switched
 from np_drake.diagnosis.regressors.regression_problem import Model, RegressionProblem
 from np_drake.diagnosis.selection.change_point_refinement import refined_change_points
-from np_drake.diagnosis.selection.ranking import names_of_fit, rank
+from np_drake.diagnosis.selection.ranking import names_of_fit, ranked
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -59,9 +59,9 @@ def test_it_is_sought_beside_what_else_acts_too(seen, noise):
     assert found == pytest.approx([5.31], abs=1e-6)  # alone and beside agree: said once
 
 
-def test_a_strong_effect_that_begins_between_rows_of_the_grid_brings_no_other_name(seen):
+def test_a_strong_effect_that_begins_between_rows_of_the_grid_brings_no_other_name(seen, searched):
     weak = WeakRotor(1, 0.8)
     flights = [seen(weak, name=n, seed=i, noise=1.0, onset={"weak_rotor": 5.31}) for i, n in enumerate("ab")]
-    ranking = rank(flights)
+    ranking = ranked(searched(flights))
     assert names_of_fit(ranking.fits[0]) == ("weak_rotor",)
     assert ranking.fits[0].terms[0].onset == pytest.approx({"a": 5.31, "b": 5.31}, abs=1e-6)

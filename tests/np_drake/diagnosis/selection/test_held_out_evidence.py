@@ -8,7 +8,7 @@ from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.selection import held_out_evidence
 from np_drake.diagnosis.selection.held_out_evidence import _onset_prior, rerank_by_held_out_evidence
-from np_drake.diagnosis.selection.ranking import names_of_fit, rank, score_of
+from np_drake.diagnosis.selection.ranking import names_of_fit, ranked, score_of
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.quadratic_drag import QuadraticDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
@@ -30,9 +30,9 @@ def flight(seen):
 
 
 @pytest.fixture(scope="module")
-def slow(flight):
+def slow(flight, searched):
     """What slow flights say: a drag, and hardly which."""
-    return rank([flight("a", 1, SLOW), flight("b", 2, SLOW)])
+    return ranked(searched([flight("a", 1, SLOW), flight("b", 2, SLOW)]))
 
 
 def test_unseen_flights_decide_between_names_that_fitted_ones_leave_open(flight, slow):
@@ -89,9 +89,9 @@ def test_an_unseen_flight_that_shows_no_more_than_the_fitted_ones_decides_nothin
     assert all(abs(f.held_out_evidence) < SEARCH.held_out_margin for f in dut.fits if f.terms)
 
 
-def test_names_that_are_more_or_less_are_not_asked_for_what_training_does_not_show(flight):
+def test_names_that_are_more_or_less_are_not_asked_for_what_training_does_not_show(flight, searched):
     hidden = LinearDrag(0.03, 0.03, 0.03)
-    ranking = rank([flight("a", 1, 0.3, hidden), flight("b", 2, 0.3, hidden)])
+    ranking = ranked(searched([flight("a", 1, 0.3, hidden), flight("b", 2, 0.3, hidden)]))
     assert names_of_fit(ranking.fits[0]) == ()
     assert rerank_by_held_out_evidence(ranking, [flight("c", 3, 2.0, hidden)]) is ranking
 

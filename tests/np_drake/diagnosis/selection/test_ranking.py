@@ -7,7 +7,8 @@ from np_drake.diagnosis.fitting.map_estimate import Fit, Generic
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.regression_problem import Model
-from np_drake.diagnosis.selection.ranking import bare, names_of, names_of_fit, precedence, rank, simpler
+from np_drake.diagnosis.selection.ranking import bare, names_of, names_of_fit, precedence, simpler
+from np_drake.diagnosis.selection.ranking import ranked as ranked_from
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
@@ -129,8 +130,8 @@ def test_a_bare_model_has_its_effects_and_no_generic_structure(dut):
     assert bare(problem, found) is found
 
 
-def test_what_two_effects_do_to_each_other_is_not_left_to_generic_structure(seen):
+def test_what_two_effects_do_to_each_other_is_not_left_to_generic_structure(seen, searched):
     acting = (BladeFlapping(0.012), AttitudeBias(0.08, 0.02, -0.03))
     how = {"noise": 1.0, "seconds": 10.0, "vigour": (0.15, 0.15, 3.0, 0.5)}
     flights = [seen(*acting, name=str(i), seed=i, **how) for i in (1, 2)]
-    assert names_of_fit(rank(flights).fits[0]) == ("attitude_bias", "blade_flapping")
+    assert names_of_fit(ranked_from(searched(flights)).fits[0]) == ("attitude_bias", "blade_flapping")

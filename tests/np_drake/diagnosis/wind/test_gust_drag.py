@@ -44,36 +44,32 @@ def yielding(
     effort [N]: of the slow forces that move it about on purpose.   stiff: how much less it gives way [1].
     white [N]: noise.   early: does the drag act before the wind begins?
     """
-    t, R = e.t, e.q
+    t, q, R_WB = e.t, e.q, attitude.rotation_matrix(e.q)
     step, x = e.grid.step, np.zeros((len(t), 6))
     force, wind = np.zeros((len(t), 3)), deviation * rng.standard_normal(3)
     phase = rng.uniform(0, 2 * np.pi, (2, 3))
+    push = effort * np.sin(np.array([[1.0], [3.4]]) * t[:, None, None] + phase).sum(axis=1)
+    decay = np.exp(-step / time)
     for k in range(len(t)):
         blown = t[k] >= begin
-        felt = np.matmul(rotation(R[k]).T, x[k, 3:] - (mean + wind) * blown)
-        force[k] = -rotation(R[k]) @ (D * felt) * (blown or early)
-        push = effort * np.sin(np.array([[0.5], [1.7]]) * 2 * t[k] + phase).sum(axis=0)
-        a = (force[k] + push - stiff * (STIFFNESS * x[k, :3] + DAMPING * x[k, 3:])) / MASS
+        felt = R_WB[k].T @ (x[k, 3:] - (mean + wind) * blown)
+        force[k] = -R_WB[k] @ (D * felt) * (blown or early)
+        a = (force[k] + push[k] - stiff * (STIFFNESS * x[k, :3] + DAMPING * x[k, 3:])) / MASS
         if k + 1 < len(t):
             x[k + 1, 3:] = x[k, 3:] + step * a
             x[k + 1, :3] = x[k, :3] + step * 0.5 * (x[k, 3:] + x[k + 1, 3:])
-        decay = np.exp(-step / time)
         wind = decay * wind + deviation * np.sqrt(1 - decay**2) * rng.standard_normal(3)
     rows = e.rows.x.copy()
     for columns, own in ((P, x[:, :3]), (V, x[:, 3:])):
         rows[:, columns] = np.stack([np.interp(e.rows.t, t, axis) for axis in own.T], axis=1)
     residual = np.zeros_like(e.y)
-    residual[:, :3] = attitude.rotate_back(R, force + white * rng.standard_normal(force.shape))
+    residual[:, :3] = attitude.rotate_back(q, force + white * rng.standard_normal(force.shape))
     moved = dc.replace(e.rows, x=rows)
     return dc.replace(e, rows=moved, mids=dc.replace(e.mids, x=between(rows))), residual
 
 
 def between(x):
     return 0.5 * (x[1:] + x[:-1])
-
-
-def rotation(q):
-    return attitude.rotate(np.tile(q, (3, 1)), np.eye(3)).T
 
 
 def cause(*values):

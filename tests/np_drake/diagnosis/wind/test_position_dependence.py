@@ -21,8 +21,8 @@ def field(e, slope, normal):
     return slope * (p @ normal)[:, None] * normal
 
 
-def test_gusts_follow_the_place_as_often_as_chance_has_it(flights, pushed):
-    found = []
+def test_gusts_follow_the_place_as_often_as_chance_has_it(seen, pushed):
+    flights, found = [seen(name=str(i), seed=i, seconds=12.0) for i in (1, 2)], []
     for seed in range(60):
         residual = pushed(flights, np.random.default_rng(seed), 0.6)
         found.append(position_p_value(flights, residual, {}))

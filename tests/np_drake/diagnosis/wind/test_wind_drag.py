@@ -1,12 +1,13 @@
 import pytest
 
-from np_drake.diagnosis.decision.infer import infer
+from np_drake.diagnosis.decision.compare import compare
+from np_drake.diagnosis.decision.decide import decide
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import DRAG
 from np_drake.diagnosis.wind.wind_drag import with_drag
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.mass_error import MassError
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 THRESHOLDS = REAL.thresholds
@@ -23,7 +24,7 @@ def named(ranking) -> list[str]:
 def test_gusts_are_felt_through_a_drag_that_is_too_small_to_be_named_by_itself(ranked):
     case = ranked(WEAK, GUSTS)
     assert DRAG not in named(case.ranking)
-    dut = infer(case.flights, case.held_out)
+    dut = decide(compare(case.found, case.held_out))
     causes = {c.identifier: c for c in dut.causes}
     assert list(causes) == [DRAG, "gusty_wind"]
     assert not dut.unknown
@@ -34,10 +35,10 @@ def test_gusts_are_felt_through_a_drag_that_is_too_small_to_be_named_by_itself(r
     assert low < 0.05 < high
 
 
-def test_a_weak_drag_begins_where_its_gusts_do(seen):
+def test_a_weak_drag_begins_where_its_gusts_do(seen, inferred):
     how = {"noise": 1.0, "seconds": 14.0, "onset": {DRAG: 7.0, "gusty_wind": 7.0}}
     flights = [seen(WEAK, STRONG, name=n, seed=i, **how) for i, n in enumerate(("a", "b"), start=1)]
-    dut = infer(flights, [seen(WEAK, STRONG, name="c", seed=3, noise=1.0, seconds=14.0)])
+    dut = inferred(flights, [seen(WEAK, STRONG, name="c", seed=3, noise=1.0, seconds=14.0)])
     causes = {c.identifier: c for c in dut.causes}
     assert list(causes) == [DRAG, "gusty_wind"]
     assert not dut.unknown
@@ -46,6 +47,6 @@ def test_a_weak_drag_begins_where_its_gusts_do(seen):
 
 
 def test_where_flights_speak_against_a_drag_or_name_it_themselves_nothing_changes(ranked):
-    for effects in ((), (MassError(0.2),), (LinearDrag(0.6, 0.6, 0.6),)):
+    for effects in ((), (CenterOfMassOffset(0.012, 0.007, 0.006),), (LinearDrag(0.6, 0.6, 0.6),)):
         ranking = ranked(*effects).ranking
         assert with_drag(ranking) is ranking

@@ -1,5 +1,7 @@
 """Encoder and B in one fit, on a made-up flight that repeats itself and on one that does not."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from np_drake.residual_models.neural_predictor import NeuralPredictor
 STEP, HORIZONS = 0.02, [5, 10, 20, 38]
 
 
+@cache
 def flight(rate: float, seed: int, n: int = 1500) -> Segment:
     """Force is a level and a drag that lags 0.1 s behind the velocity, which circles with a dither; rate [rad/s]."""
     generator = np.random.default_rng(seed)
@@ -24,9 +27,15 @@ def flight(rate: float, seed: int, n: int = 1500) -> Segment:
     return Segment(chi + [0, 0, -2.5, 0, 0, 0], zeta, STEP)
 
 
+@cache
+def trained(joint: bool = True):
+    """The model of one flight; trained once."""
+    return train([flight(1.5, 0)], make_config("dictionary", joint=joint)).model
+
+
 def error(joint: bool, *, zeta_known: bool) -> np.ndarray:
     """(horizons,) RMSE of the force on a track of other rates than that of the training [N]."""
-    model = train([flight(1.5, 0)], make_config("dictionary", joint=joint)).model
+    model = trained(joint)
     unseen, origins = flight(2.9, 1), np.arange(200, 1400)
     chi = model_predictions(
         NeuralPredictor(model), unseen.chi, unseen.zeta, origins, HORIZONS, zeta_known=zeta_known
@@ -42,7 +51,7 @@ def test_where_the_motion_is_known_another_track_is_predicted_better_than_by_two
 
 
 def test_training_twice_gives_the_same_stable_model_without_trust():
-    first, again = (train([flight(1.5, 0)], make_config("dictionary")).model for _ in range(2))
+    first, again = trained(), train([flight(1.5, 0)], make_config("dictionary")).model
     np.testing.assert_array_equal(first.encoder.E, again.encoder.E)
     np.testing.assert_array_equal(first.system.B, again.system.B)
     assert first.system.spectral_radius <= 1.0
@@ -52,7 +61,7 @@ def test_training_twice_gives_the_same_stable_model_without_trust():
 def test_units_do_not_matter():
     made = flight(1.5, 0)
     milli = Segment(1e3 * made.chi, made.zeta, STEP)
-    model, scaled = (train([s], make_config("dictionary")).model for s in (made, milli))
+    model, scaled = trained(), train([milli], make_config("dictionary")).model
     np.testing.assert_allclose(scaled.system.B[:-6], 1e3 * model.system.B[:-6], rtol=1e-5, atol=1e-6)
 
 
@@ -62,7 +71,7 @@ def test_a_symmetric_fit_turns_with_the_flight():
     made = flight(1.5, 0)
     samples = np.hstack([made.chi, made.zeta]) @ turn.T
     turned = Segment(samples[:, :6], samples[:, 6:], STEP)
-    model = train([made], make_config("dictionary")).model
+    model = trained()
     other = train([turned], make_config("dictionary")).model
     window = np.hstack([made.chi, made.zeta])[300 : 300 + model.window]
     chi = model.system.rollout(model.lift(window), made.zeta[359:380])
@@ -72,7 +81,7 @@ def test_a_symmetric_fit_turns_with_the_flight():
 
 def test_two_flights_alike_teach_what_one_does():
     made = flight(1.5, 0)
-    one, two = (train(n * [made], make_config("dictionary")).model for n in (1, 2))
+    one, two = trained(), train(2 * [made], make_config("dictionary")).model
     np.testing.assert_allclose(two.system.B, one.system.B, rtol=1e-6, atol=1e-9)
     assert two.summary["samples"] == 2 * one.summary["samples"]
 

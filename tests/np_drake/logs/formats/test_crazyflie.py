@@ -82,10 +82,15 @@ def test_what_is_written_is_read(log, writer, made, version, resolution):
     assert np.array_equal(dut.streams["estPose"].columns["locSrv.x"], made["estPose"].columns["locSrv.x"])
 
 
-@pytest.mark.parametrize("letter", "?bBhHiIlLqQefd")
+EXTREMES = {"?": (0, 1), "e": (-2.0, 65504.0), "f": (-2.0, 2.0**127), "d": (-1e300, 1e-300)}
+for letter, bits in zip("bhilq", (8, 16, 32, 32, 64), strict=True):
+    top = 2 ** (min(bits, 53) - 1) - 1  # whole numbers that a float64 holds
+    EXTREMES |= {letter: (-top, top), letter.upper(): (0, 2 * top + 1)}
+
+
+@pytest.mark.parametrize("letter", EXTREMES)
 def test_every_struct_type_keeps_its_value(log, writer, letter):
-    unsigned = letter in "BHILQ"
-    values = np.array([0.0, 1.0, 1.0 if letter == "?" else 100.0, 0.0 if unsigned or letter == "?" else -7.0])
+    values = np.array([0.0, 1.0, *EXTREMES[letter]])
     writer.write(
         log, {"a": Stream(np.arange(4.0), {"v": values, "w": values})}, kinds={"v": letter, "w": letter}
     )
@@ -241,6 +246,7 @@ def test_a_truncated_or_damaged_log_is_read_or_refused(log, writer, made, data):
 def test_a_csv_file_is_no_usd_log():
     assert not CRAZYFLIE.recognises(Path("a.csv"), b"t,px,py\n0,1,2\n")
     assert not CRAZYFLIE.recognises(Path("a"), b"")
+    assert not CRAZYFLIE.recognises(Path("a"), b"\xbc\2\0\1\0\0\0no zero byte ends the name")
 
 
 def test_the_map_takes_the_firmwares_names():

@@ -92,6 +92,14 @@ def test_a_text_log_may_number_its_instances(tmp_path: Path):
     np.testing.assert_array_equal(streams["IMU.0"].t, [1.0, 2.0])
 
 
+def test_times_that_are_no_numbers_make_no_stream(tmp_path: Path):
+    path = tmp_path / "3.log"
+    path.write_text(
+        "FMT, 140, 71, ATT, Zf, TimeUS,Roll\nFMT, 141, 15, POS, Qf, TimeUS,Alt\nATT, a, 1\nPOS, 1, 2\n"
+    )
+    assert DATAFLASH.contents(path) == {"POS": ("Alt",)}
+
+
 def test_values_are_those_of_pymavlink(tmp_path: Path, dataflash_writer):
     reader = pytest.importorskip("pymavlink.DFReader")
     path = tmp_path / "scaled.bin"

@@ -83,6 +83,7 @@ def test_headers_strings_and_covariances_are_no_columns(tmp_path: Path, ros_writ
     ros_writer.write(tmp_path / "bag", flight())
     contents = ROS.contents(tmp_path / "bag")
     assert set(contents["/odom"]) == set(ODOMETRY)
+    assert not [c for c in contents["/imu"] if "covariance" in c]
     assert set(contents["/rpm"]) == {"layout.data_offset", *(f"data[{i}]" for i in range(4))}
 
 
@@ -287,10 +288,24 @@ def test_a_cut_mcap_keeps_its_whole_chunks(tmp_path: Path, ros_writer):
     assert any("cut off" in note for note in recording.notes)
 
 
+def test_a_damaged_chunk_ends_reading_with_a_note(tmp_path: Path, ros_writer):
+    t = np.arange(6000) * 0.01
+    ros_writer.write(tmp_path / "bag", {"/odom": stream(ODOMETRY, t)}, compression="storage")
+    path = tmp_path / "bag" / "bag.mcap"
+    content = bytearray(path.read_bytes())
+    at = content.rindex(b"\x28\xb5\x2f\xfd")  # zstd
+    content[at : at + 4] = bytes(4)
+    path.write_bytes(content)
+    recording = read(tmp_path / "bag")
+    assert 1000 < len(recording.streams["/odom"]) < len(t)
+    assert any("reading ended before the end of the bag" in note for note in recording.notes)
+
+
 @pytest.mark.parametrize("compression", ["", "BZ2", "LZ4"])
 def test_a_cut_ros1_bag_keeps_its_whole_chunks(tmp_path: Path, ros_writer, compression: str):
     t = np.arange(4000) * 0.01
-    ros_writer.write(tmp_path / "whole.bag", {"/odom": stream(ODOMETRY, t)}, compression=compression)
+    streams = {"/odom": stream(ODOMETRY, t), "/rpm": stream(("data[0]",), t)}
+    ros_writer.write(tmp_path / "whole.bag", streams, compression=compression)
     content = (tmp_path / "whole.bag").read_bytes()
     path = tmp_path / "cut.bag"
     path.write_bytes(content[: int(0.8 * len(content))])
@@ -298,7 +313,8 @@ def test_a_cut_ros1_bag_keeps_its_whole_chunks(tmp_path: Path, ros_writer, compr
     dut = recording.streams["/odom"]
     assert 1000 < len(dut) < len(t)
     np.testing.assert_allclose(dut.t, t[: len(dut)], rtol=0, atol=1e-9)
-    assert dut.columns[ODOMETRY[3]][7] == stream(ODOMETRY, t).columns[ODOMETRY[3]][7]
+    assert dut.columns[ODOMETRY[3]][7] == streams["/odom"].columns[ODOMETRY[3]][7]
+    np.testing.assert_allclose(recording.streams["/rpm"].t[:1000], t[:1000], rtol=0, atol=1e-9)
     assert any("cut off" in note for note in recording.notes)
 
 

@@ -193,21 +193,23 @@ def test_our_own_columns_need_no_map(flight, tmp_path):
     write_log(flight, tmp_path / "made.csv")
     contents = TABLE.contents(tmp_path / "made.csv")
     log_map = TABLE.default_map(contents)
-    assert contents == {"table": NAMES}
     assert log_map is not None
-    assert set(log_map.names()) == set(NAMES)
+    assert set(contents["table"]) < set(NAMES)
+    assert set(log_map.names()) == set(contents["table"])
     assert log_map.command == "held_after"
     assert TABLE.default_map({"table": ("t", "px", "py", "pz")}) is None
 
 
-@pytest.mark.parametrize("way_of_time", ["fast", "slow"])
-def test_a_damaged_gzip_is_refused(tmp_path, way_of_time):
+def test_a_damaged_gzip_is_refused(tmp_path, way):
     content = gzip.compress(b"t,x\n" + b"0.125,2.5\n" * 40000, mtime=0)
-    head = content[: len(content) // 2] if way_of_time == "fast" else content[:-4]
-    for damaged in (head, content[:200] + bytes(20) + content[220:]):
+    trailer = content[:-8] + bytes(8)
+    for damaged in (content[: len(content) // 2], content[:-4], trailer):
         (tmp_path / "made.csv.gz").write_bytes(damaged)
         with pytest.raises(LogError, match="must be a whole gzip file"):
             read(tmp_path / "made.csv.gz", "x")
+    (tmp_path / "made.csv.gz").write_bytes(content[:200] + bytes(20) + content[220:])
+    with pytest.raises(LogError):  # what comes out is no row, or no gzip
+        read(tmp_path / "made.csv.gz", "x")
 
 
 def test_what_fills_the_memory_is_refused(tmp_path, monkeypatch, way):

@@ -1,0 +1,154 @@
+"""`np-drake vehicle`: vehicle files from four measures, and the vehicles that come with the package."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from typer import Argument, Option
+
+from diagrams.cli.output import Table, print_table, require_outputs, say
+
+if TYPE_CHECKING:
+    from np_drake.vehicle import Vehicle
+
+vehicle = typer.Typer(help="Vehicle files: new, list, show.", add_completion=False, rich_markup_mode=None)
+Preset = Annotated[str | None, Option(metavar="NAME", help="Begin with this vehicle of `vehicle list`.")]
+
+
+@vehicle.command("new")
+def new(
+    mass: Annotated[float | None, Option(help="Mass with battery, without payload [kg].")] = None,
+    wheelbase: Annotated[
+        float | None, Option(help="Distance from motor to motor, across the centre [m].")
+    ] = None,
+    propeller: Annotated[float | None, Option(help="Propeller diameter [m].")] = None,
+    hover_throttle: Annotated[float | None, Option(help="Throttle in hover, 0 to 1.")] = None,
+    throttle_curve: Annotated[
+        str,
+        Option(metavar="CURVE", help="Thrust over throttle: quadratic (throttle is rotor speed) | linear."),
+    ] = "quadratic",
+    preset: Preset = None,
+    name: Annotated[str | None, Option(help="Name of the vehicle; default: mine, or the preset's.")] = None,
+    out: Annotated[
+        Path | None, Option(metavar="FILE", help="Vehicle file to write; default: print it.")
+    ] = None,
+) -> None:
+    """Write a commented vehicle file from four measures; or a copy of a preset, with --mass of another mass."""
+    require_outputs(out)
+    from np_drake.atomic_file import write_text
+    from np_drake.vehicle_estimate import Measured, commented_file
+
+    measures = {"wheelbase": wheelbase, "propeller": propeller, "hover_throttle": hover_throttle}
+    if preset is not None:
+        if given := [option(key) for key, value in measures.items() if value is not None]:
+            raise ValueError(f"--preset: goes with --mass and --name alone; got {', '.join(given)}.")
+        text = copy_of(preset, mass, name)
+    else:
+        measures["mass"] = mass
+        if missing := [option(key) for key, value in measures.items() if value is None]:
+            raise ValueError(f"give {', '.join(sorted(missing))} as well, or --preset NAME.")
+        measured = Measured(**measures, curve=throttle_curve)  # type: ignore[arg-type]
+        text = commented_file(measured, name or "mine")
+    if out is None:
+        say(text.rstrip("\n"))
+    else:
+        write_text(out, text)
+        say(f"vehicle file: {out}")
+
+
+@vehicle.command("list")
+def presets() -> None:
+    """List the vehicles that come with the package, which --vehicle takes by name."""
+    print_table(*preset_table())
+
+
+@vehicle.command("show")
+def show(
+    name: Annotated[str, Argument(metavar="VEHICLE", help="Name of `vehicle list`, or a vehicle file.")],
+) -> None:
+    """Print a vehicle file with its sources, its scales and the default flight that follows from them."""
+    from np_drake.vehicle import load_vehicle, vehicle_file
+
+    known = load_vehicle(name)
+    say(vehicle_file(name).read_text(encoding="utf-8").rstrip("\n"), "")
+    print_table(*scale_table(known))
+
+
+def option(key: str) -> str:
+    """Return the option of a parameter."""
+    return f"--{key.replace('_', '-')}"
+
+
+def copy_of(preset: str, mass: float | None, name: str | None) -> str:
+    """Return the file of a preset, with another mass and name where they are given; the inertia stays.
+
+    Raises: ValueError: if there is no such preset, or it cannot carry that mass.
+    """
+    import re
+
+    import yaml
+
+    from np_drake.vehicle import load_vehicle, preset_names, vehicle_file
+
+    if preset not in preset_names():
+        raise ValueError(f"--preset: must be one of {', '.join(preset_names())}; got {preset!r}.")
+    text, known = vehicle_file(preset).read_text(encoding="utf-8"), load_vehicle(preset)
+    if name is not None:
+        text = re.sub(r"^name: .*$", f"name: {yaml.safe_dump(name).splitlines()[0]}", text, flags=re.M)
+    if mass is not None:
+        known.with_mass(mass)
+        text = re.sub(
+            r"^mass: .*$", f"mass: {mass:g} # given; the preset's is {known.mass:g} [kg]", text, flags=re.M
+        )
+    return text
+
+
+def preset_table() -> Table:
+    """Return a table with a line for every preset."""
+    from np_drake.scaling import numbers, scales
+    from np_drake.vehicle import load_vehicle, preset_names
+
+    rows = []
+    for name in preset_names():
+        known = load_vehicle(name)
+        rows.append(
+            (name, known.mass, 100 * scales(known).length, numbers(known).thrust_to_weight, source(name))
+        )
+    return "vehicles", ["name", "mass [kg]", "arm [cm]", "thrust/weight [1]", "source"], rows
+
+
+def source(name: str) -> str:
+    """Return the first words of a preset's source."""
+    from np_drake.vehicle import vehicle_file
+
+    lines = vehicle_file(name).read_text(encoding="utf-8").splitlines()
+    line = next(line for line in lines if line.startswith("# Source"))
+    return line.split(": ", 1)[1].split(",")[0].split(" for ")[0].split(";")[0].rstrip(".")
+
+
+def scale_table(known: "Vehicle") -> Table:
+    """Return the scales and dimensionless numbers of a vehicle, and its default flight."""
+    from diagrams.loop.experiments import load_experiment
+    from np_drake.scaling import numbers, scales
+
+    unit, number, circle = scales(known), numbers(known), load_experiment("circle", known)
+    payload, reference = circle.reality.payload, circle.reference
+    rows = [
+        ("length L, mean arm [m]", unit.length),
+        ("time T = sqrt(L/g) [s]", unit.time),
+        ("force m g [N]", unit.force),
+        ("torque m g L [N·m]", unit.torque),
+        ("thrust over weight [1]", number.thrust_to_weight),
+        ("inertia over m L² [1]", ", ".join(f"{value:.3g}" for value in number.inertia)),
+        ("yaw torque over thrust and arm [1]", number.yaw_arm),
+        ("time to turn by 1 rad over T [1]", number.turn_time),
+        ("circle: radius [m]", reference.radius),
+        ("circle: speed [m/s]", reference.speed),
+        ("payload [kg]", payload.mass),
+        ("tether [m]", payload.length),
+        ("cable stiffness [N/m]", payload.stiffness),
+        ("cable damping [N·s/m]", payload.damping),
+        ("control period [s]", circle.controller.period),
+        ("integrator step [s]", circle.simulator.max_step_size),
+    ]
+    return known.name, ["quantity", "value"], rows

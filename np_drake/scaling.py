@@ -1,0 +1,135 @@
+"""Characteristic sizes of a vehicle, and quantities that scale with them by Froude similarity.
+
+Length L is the mean distance of the rotors from Bo, mass m and gravity g are the vehicle's. With time T = sqrt(L / g),
+speed L / T, force m g and torque m g L, eq. (1) of any quadrotor reads the same; what is left of the vehicle are its
+dimensionless numbers: thrust over weight, inertia over m L² and yaw torque over thrust times arm. Two vehicles that
+share them fly the same dimensionless trajectory (W. Froude's similarity, with gravity as the only common scale).
+
+A default that stands in SI in the code is that of the paper's vehicle. For another vehicle it is multiplied by the
+ratio of the two vehicles' units, which is exactly 1 for the paper's.
+"""
+
+import dataclasses as dc
+import math
+
+import numpy as np
+
+from np_drake.vehicle import Vehicle
+
+PERIOD = 0.02  # between solves, of the paper's vehicle [s]
+SPARE_LIFT = (
+    0.25  # largest default payload over the mass that the rotors could carry beyond the vehicle's own [1]
+)
+
+
+@dc.dataclass(frozen=True)
+class Scales:
+    """Units of length, mass and time that a vehicle brings; all others follow."""
+
+    length: float  # L, mean distance of the rotors from Bo [m]
+    mass: float  # m [kg]
+    time: float  # T = sqrt(L / g) [s]
+
+    @property
+    def speed(self) -> float:
+        """L / T [m/s]."""
+        return self.length / self.time
+
+    @property
+    def force(self) -> float:
+        """Weight, m L / T² = m g [N]."""
+        return self.mass * self.length / self.time**2
+
+    @property
+    def torque(self) -> float:
+        """Weight times arm, m g L [N·m]."""
+        return self.force * self.length
+
+    @property
+    def clock(self) -> float:
+        """Power of two nearest to a ratio of times; sampling rates scale with it, so that they stay round [1]."""
+        return 2.0 ** round(math.log2(self.time))
+
+
+def scales(vehicle: Vehicle) -> Scales:
+    """Return the units of length, mass and time of `vehicle`."""
+    length = float(np.mean(np.linalg.norm(np.array(vehicle.rotor_positions, float), axis=1)))
+    return Scales(length, vehicle.mass, math.sqrt(length / vehicle.gravity))
+
+
+def ratios(vehicle: Vehicle) -> Scales:
+    """Return the units of `vehicle` over those of the paper's vehicle; all are exactly 1 for the latter."""
+    own, paper = scales(vehicle), scales(Vehicle())
+    return Scales(own.length / paper.length, own.mass / paper.mass, own.time / paper.time)
+
+
+def sampling_period(vehicle: Vehicle) -> float:
+    """Return the default time between solves of the controller and samples of a predictor [s]."""
+    return PERIOD * ratios(vehicle).clock
+
+
+def payload_ratio(vehicle: Vehicle, paper_mass: float) -> float:
+    """Return the default payload's mass over that of the paper's payload [1].
+
+    It is a fixed share of the vehicle's mass, but no more than `SPARE_LIFT` of what the rotors could carry beyond it.
+    Args: paper_mass: of the payload of the paper's vehicle [kg].
+    """
+    spare = 4 * vehicle.max_rotor_thrust / vehicle.gravity - vehicle.mass
+    return min(vehicle.mass / Vehicle().mass, SPARE_LIFT * spare / paper_mass)
+
+
+@dc.dataclass(frozen=True)
+class Numbers:
+    """Dimensionless numbers of a vehicle, in which two similar vehicles agree."""
+
+    thrust_to_weight: float  # largest thrust of all rotors over weight [1]
+    inertia: tuple[float, float, float]  # moments of inertia about body axes over m L² [1]
+    yaw_arm: float  # reaction torque over thrust, over L [1]
+    turn_time: float  # time to tilt by 1 rad from rest under half the largest torque, over T [1]
+
+
+def numbers(vehicle: Vehicle) -> Numbers:
+    """Return the dimensionless numbers of `vehicle`.
+
+    The roll and pitch authority is taken as half the largest thrust of two rotors on either side of an axis.
+    """
+    unit = scales(vehicle)
+    J = np.diag(vehicle.J)
+    arm = np.abs(np.array(vehicle.rotor_positions, float)[:, :2])
+    torque = 0.5 * vehicle.max_rotor_thrust * arm.sum(axis=0)[::-1]  # about x by the arms along y
+    x, y, z = (J / (unit.mass * unit.length**2)).tolist()
+    return Numbers(
+        thrust_to_weight=4 * vehicle.max_rotor_thrust / (vehicle.mass * vehicle.gravity),
+        inertia=(x, y, z),
+        yaw_arm=vehicle.torque_coefficient / vehicle.thrust_coefficient / unit.length,
+        turn_time=float(np.sqrt(2 * J[:2] / torque).max() / unit.time),
+    )
+
+
+def similar(vehicle: Vehicle, length: float) -> Vehicle:
+    """Return the vehicle `length` times as long that flies alike: mass by its cube, time by its root, gravity kept.
+
+    Thrust then scales as mass. Rotor speed scales as the inverse of time, and tip speed as its root.
+    """
+    mass, time = length**3, math.sqrt(length)
+    return dc.replace(
+        vehicle,
+        name=f"{vehicle.name} times {length:g}",
+        mass=vehicle.mass * mass,
+        inertia=(vehicle.J * (mass * length**2)).tolist(),
+        rotor_positions=_times(vehicle.rotor_positions, length),
+        thrust_coefficient=vehicle.thrust_coefficient * mass * time**2,
+        torque_coefficient=vehicle.torque_coefficient * mass * time**2 * length,
+        rotor_radius=vehicle.rotor_radius * length,
+        max_rotor_thrust=vehicle.max_rotor_thrust * mass,
+        rotor_time_constant=vehicle.rotor_time_constant * time,
+    ).check()
+
+
+def times(value, ratio: float):
+    """Return a number, or every number of a list, multiplied by `ratio`."""
+    return [v * ratio for v in value] if isinstance(value, list | tuple) else value * ratio
+
+
+def _times(rows: list[list[float]], ratio: float) -> list[list[float]]:
+    return [times(row, ratio) for row in rows]

@@ -1,0 +1,127 @@
+"""A vehicle file from what an owner can measure: mass, wheelbase, propeller diameter and hover throttle.
+
+Every other parameter is an estimate with a stated formula, good enough to fly in simulation and to begin a diagnosis
+with; measured values should take its place.
+"""
+
+import dataclasses as dc
+import math
+
+from np_drake.vehicle import Vehicle
+
+AIR = 1.225  # density at sea level, 15 °C [kg/m³]
+GRAVITY = 9.81  # [m/s²]
+AT_ROTORS = 0.5  # share of the mass at the rotors: motors, propellers, outer arms [1]
+# Thrust coefficient T / (rho n² D⁴), n in revolutions a second. Source: own choice; the presets span 0.045 to 0.201.
+THRUST_NUMBER = 0.12
+FIGURE_OF_MERIT = 0.5  # ideal over actual hover power. Source: own choice; the presets span 0.32 to 0.71 [1]
+CURVES = {"quadratic": 2, "linear": 1}  # thrust over throttle: its power
+LIGHTEST, HEAVIEST = 0.005, 1000.0  # [kg]
+
+
+@dc.dataclass(frozen=True)
+class Measured:
+    """What the owner measured."""
+
+    mass: float  # without payload, with battery [kg]
+    wheelbase: float  # from motor to motor across the centre [m]
+    propeller: float  # diameter [m]
+    hover_throttle: float  # 0 to 1 [1]
+    curve: str = "quadratic"  # thrust over throttle: quadratic (throttle is rotor speed) | linear
+
+    def check(self) -> "Measured":
+        """Return self after checking all values.
+
+        Raises: ValueError: where one is impossible or in another unit.
+        """
+        _require(
+            LIGHTEST <= self.mass <= HEAVIEST,
+            f"mass must be {LIGHTEST:g} to {HEAVIEST:g} kg; got {self.mass:g}",
+        )
+        _require(
+            0 < self.wheelbase <= 10, f"wheelbase must be positive and at most 10 m; got {self.wheelbase:g}"
+        )
+        _require(
+            0 < self.propeller <= self.wheelbase,
+            f"propeller must be a diameter up to the wheelbase, {self.wheelbase:g} m; got {self.propeller:g}",
+        )
+        _require(
+            0.05 <= self.hover_throttle <= 0.95,
+            f"hover throttle must be 0.05 to 0.95; got {self.hover_throttle:g}",
+        )
+        _require(self.curve in CURVES, f"throttle curve must be {' or '.join(CURVES)}; got {self.curve!r}")
+        return self
+
+
+def estimate(measured: Measured, name: str = "mine") -> Vehicle:
+    """Return the vehicle of an X frame with these measures.
+
+    Inertia: half of the mass at four rotors, half in a solid cylinder whose radius and height are half an arm, so that
+    J_xx = m_r L²/2 + m_b (3 r² + h²)/12 and J_zz = m_r L² + m_b r²/2 with r = h = L/2.
+    Thrust coefficient: C_T rho D⁴ / (2 pi)². Torque over thrust, from momentum theory: the power Omega Q of a propeller
+    of disc area A that hovers at thrust T is T sqrt(T / (2 rho A)) over its figure of merit, hence
+    Q / T = D sqrt(2 C_T / pi) / (2 pi FM). Largest thrust: a quarter of the weight over throttle to the curve's power.
+    """
+    m = measured.check()
+    L, D = 0.5 * m.wheelbase, m.propeller
+    arm, at_rotors = L / math.sqrt(2), AT_ROTORS * m.mass
+    body, r, h = m.mass - at_rotors, 0.5 * L, 0.5 * L
+    xx = 0.5 * at_rotors * L**2 + body * (3 * r**2 + h**2) / 12
+    zz = at_rotors * L**2 + 0.5 * body * r**2
+    thrust = THRUST_NUMBER * AIR * D**4 / (2 * math.pi) ** 2
+    lever = D * math.sqrt(2 * THRUST_NUMBER / math.pi) / (2 * math.pi * FIGURE_OF_MERIT)
+    values = {
+        "mass": m.mass,
+        "inertia": [[_digits(xx), 0.0, 0.0], [0.0, _digits(xx), 0.0], [0.0, 0.0, _digits(zz)]],
+        "rotor_positions": [[_digits(x * arm), _digits(y * arm), 0.0] for x, y in CORNERS],
+        "thrust_coefficient": _digits(thrust),
+        "torque_coefficient": _digits(lever * thrust),
+        "rotor_radius": _digits(0.5 * D),
+        "max_rotor_thrust": _digits(0.25 * m.mass * GRAVITY / m.hover_throttle ** CURVES[m.curve]),
+    }
+    return Vehicle(name=name, gravity=GRAVITY, **values).check()  # type: ignore[arg-type]
+
+
+CORNERS = ((1, 1), (1, -1), (-1, -1), (-1, 1))  # front left, front right, rear right, rear left
+
+
+def commented_file(measured: Measured, name: str = "mine") -> str:
+    """Return the vehicle file (YAML) of `estimate`, with unit and origin of every value in comments."""
+    v, m = estimate(measured, name), measured
+    power, lever = {1: "", 2: "²"}[CURVES[m.curve]], v.torque_coefficient / v.thrust_coefficient
+    rotors = ", ".join(f"[{x:g}, {y:g}, 0]" for x, y, _ in v.rotor_positions)
+    xx, zz = v.inertia[0][0], v.inertia[2][2]
+    return f"""\
+# Vehicle file of an X quadrotor, estimated from mass, wheelbase, propeller and hover throttle. Replace an estimate
+# by a measured value where there is one; docs/reference/vehicle-file.md lists all fields.
+name: {name}
+mass: {m.mass:g} # given: with battery, without payload [kg]
+# About the centre of mass, body axes [kg·m²]. Estimated: {100 * AT_ROTORS:g} % of the mass at the four rotors,
+# the rest a solid cylinder whose radius and height are half an arm.
+inertia: [[{xx:g}, 0, 0], [0, {xx:g}, 0], [0, 0, {zz:g}]]
+gravity: {GRAVITY:g} # [m/s²]
+# From the wheelbase of {m.wheelbase:g} m, X layout: front left, front right, rear right, rear left, which is the order
+# of the rotor columns of a log; x forward, y left, from the centre of mass, taken as the middle [m].
+rotor_positions: [{rotors}]
+rotor_directions: [1, -1, 1, -1] # assumed: 1 turns clockwise, seen from above, and twists the body the other way
+# C_T = {THRUST_NUMBER:g} of a propeller of {m.propeller:g} m in air of {AIR:g} kg/m³ [N/(rad/s)²].
+thrust_coefficient: {v.thrust_coefficient:g}
+# Figure of merit {FIGURE_OF_MERIT:g}, momentum theory: {lever:.3g} m times the thrust coefficient [N·m/(rad/s)²].
+torque_coefficient: {v.torque_coefficient:g}
+rotor_radius: {v.rotor_radius:g} # half of the propeller diameter [m]
+# Of one rotor at full throttle: a quarter of the weight over {m.hover_throttle:g}{power}, {m.curve} in throttle [N].
+max_rotor_thrust: {v.max_rotor_thrust:g}
+rotor_time_constant: 0 # not estimated; first-order lag of rotor speed [s]
+logged_point: origin # what a log's position refers to: origin (middle of the rotors) | center_of_mass
+input: command # what drives the model: command | rotor_speed
+"""
+
+
+def _digits(value: float) -> float:
+    """Return the value with six digits, as a file holds it."""
+    return float(f"{value:.6g}")
+
+
+def _require(condition: bool, message: str) -> None:
+    if not condition:
+        raise ValueError(f"vehicle: {message}.")

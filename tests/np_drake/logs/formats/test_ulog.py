@@ -1,0 +1,459 @@
+"""Laws of PX4 ULog files: what was written is read, and what the two real logs hold."""
+
+import builtins
+import contextlib
+import importlib.util
+import struct
+from collections.abc import Mapping
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+pytest.importorskip("pyulog", reason="ULog needs pyulog")
+
+from np_drake import attitude
+from np_drake.logs.errors import LogError
+from np_drake.logs.formats import format_of
+from np_drake.logs.formats.ulog import ULOG
+from np_drake.logs.recording import Contents, Recording, Stream, by_stream
+
+Q = [f"q[{i}]" for i in range(4)]
+XYZ = [f"xyz[{i}]" for i in range(3)]
+
+
+@pytest.fixture(scope="module")
+def writer() -> ModuleType:
+    """Return the module that writes ULog files."""
+    path = Path(__file__).with_name("ulog_writer.py")
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory) -> Path:
+    """Return a place for a log."""
+    return tmp_path_factory.mktemp("ulog") / "log.ulg"
+
+
+def stream(columns, rows=60, rate=50.0, seed=1) -> Stream:
+    rng = np.random.default_rng(seed)
+    return Stream(np.arange(rows) / rate, {c: rng.standard_normal(rows) for c in columns})
+
+
+@pytest.fixture(scope="module")
+def made() -> dict[str, Stream]:
+    """Return streams with arrays, instances and messages in messages."""
+    return {
+        "vehicle_local_position": stream(["x", "y", "z", "vx", "vy", "vz"], rate=25.0),
+        "vehicle_attitude": stream(Q, seed=2),
+        "vehicle_imu": stream(["gyro[0]", "gyro[1]"], seed=3),
+        "vehicle_imu.1": stream(["gyro[0]", "gyro[1]"], rows=20, seed=4),
+        "nested": stream(["part[0].a", "part[0].b", "part[1].a", "part[1].b", "c"], seed=5),
+    }
+
+
+def everything(path: Path) -> Recording:
+    wanted = {name: list(columns) for name, columns in ULOG.contents(path).items()}
+    return ULOG.read(path, wanted, lambda share: None)
+
+
+def test_what_is_written_is_read(log, writer, made):
+    writer.write(log, made)
+    dut = everything(log)
+    assert format_of(log) is ULOG
+    assert dut.notes == ()
+    assert dut.contents == {name: tuple(s.columns) for name, s in made.items()}
+    for name, expected in made.items():
+        assert dut.streams[name].t == pytest.approx(expected.t, abs=1e-6)  # [s]
+        for column, values in expected.columns.items():
+            assert np.array_equal(dut.streams[name].columns[column], values)
+
+
+def test_only_what_is_wanted_is_returned_and_progress_reaches_the_end(log, writer, made):
+    writer.write(log, made)
+    shares: list[float] = []
+    dut = ULOG.read(log, {"vehicle_imu.1": ["gyro[1]"]}, shares.append)
+    assert dut.contents == {"vehicle_imu.1": ("gyro[1]",)}
+    assert len(dut.streams["vehicle_imu.1"]) == 20
+    assert shares[-1] == 1
+
+
+def test_a_long_log_says_how_far_it_is_read(log, writer):
+    writer.write(log, {"a": stream(["x"], rows=20_000)})
+    shares: list[float] = []
+    ULOG.read(log, {"a": ["x"]}, shares.append)
+    assert len(shares) > 2
+    assert shares == sorted(shares)
+
+
+def test_a_message_without_rows_is_not_among_the_contents(log, writer, made):
+    writer.write(log, {**made, "vehicle_odometry": stream(["x"], rows=0)})
+    assert "vehicle_odometry" not in ULOG.contents(log)
+    with pytest.raises(LogError, match="must hold rows of vehicle_odometry"):
+        ULOG.read(log, {"vehicle_odometry": ["x"]}, lambda share: None)
+
+
+def test_a_field_that_is_not_there_is_refused(log, writer, made):
+    writer.write(log, made)
+    with pytest.raises(LogError, match="must hold the field z of nested"):
+        ULOG.read(log, {"nested": ["z"]}, lambda share: None)
+
+
+def sampled(writer, name, delay) -> dict[str, Stream]:
+    """Return a stream whose samples are older than its messages by a delay (n,) [s]."""
+    t = 0.1 + np.arange(20) * 0.02
+    us = writer.START + np.round((t - delay) * 1e6)
+    return {
+        name: Stream(t, {"xyz[0]": t, "timestamp_sample": np.where(np.isnan(delay), 0, np.nan_to_num(us))})
+    }
+
+
+def test_times_are_those_of_the_sample_where_it_has_one(log, writer):
+    delay = np.full(20, 0.004)
+    delay[7] = np.nan  # a row that does not say
+    writer.write(log, sampled(writer, "vehicle_angular_velocity", delay))
+    dut = ULOG.read(log, {"vehicle_angular_velocity": ["xyz[0]"]}, lambda share: None)
+    t = 0.1 + np.arange(20) * 0.02
+    assert dut.streams["vehicle_angular_velocity"].t == pytest.approx(t - np.nan_to_num(delay), abs=1e-6)
+    assert "vehicle_angular_velocity (4.0 ms)" in dut.notes[0]
+
+
+@pytest.mark.parametrize("name", ["vehicle_thrust_setpoint", "actuator_motors", "actuator_controls_0"])
+def test_a_command_acts_when_it_is_published(log, writer, name):
+    writer.write(log, sampled(writer, name, np.full(20, 0.004)))
+    dut = ULOG.read(log, {name: ["xyz[0]"]}, lambda share: None)
+    assert dut.streams[name].t == pytest.approx(0.1 + np.arange(20) * 0.02, abs=1e-6)
+    assert "published" in dut.notes[0]
+
+
+def test_a_sample_of_another_clock_is_no_time(log, writer):
+    writer.write(log, sampled(writer, "vehicle_odometry", np.full(20, -5.0)))
+    dut = ULOG.read(log, {"vehicle_odometry": ["xyz[0]"]}, lambda share: None)
+    assert dut.streams["vehicle_odometry"].t == pytest.approx(0.1 + np.arange(20) * 0.02, abs=1e-6)
+    assert dut.notes == ()
+
+
+def test_a_row_without_a_time_is_left_out_and_a_backward_time_is_kept(log, writer):
+    t = np.array([0.5, 0.3, 0.3, -writer.START / 1e6])
+    table = {"a": Stream(t, {"x": np.arange(4.0)})}
+    writer.write(log, table)
+    dut = everything(log)
+    assert sorted(dut.streams["a"].t) == pytest.approx([0.3, 0.3, 0.5])
+    assert 3 not in dut.streams["a"].columns["x"]
+    assert "a: 1 rows without a time" in dut.notes[0]
+
+
+def test_facts_name_the_vehicle_and_the_parameters_of_its_thrust(log, writer, made):
+    parameters = {"MPC_THR_HOVER": 0.35, "CA_ROTOR_COUNT": 4, "CA_ROTOR3_PX": 0.25, "CA_ROTOR4_PX": 9.0}
+    parameters |= {"PWM_MIN": 1000, "PWM_AUX_MIN1": -1, "BAT1_N_CELLS": 6, "EKF2_AID_MASK": 1}
+    writer.write(log, made, facts={"sys_name": "PX4", "ver_hw": "FMU_V6X"}, parameters=parameters)
+    dut = everything(log).facts
+    assert dut["system"] == "PX4"
+    assert dut["hardware"] == "FMU_V6X"
+    assert (dut["MPC_THR_HOVER"], dut["CA_ROTOR3_PX"]) == ("0.35", "0.25")
+    assert (dut["CA_ROTOR_COUNT"], dut["PWM_MIN"], dut["BAT1_N_CELLS"]) == ("4", "1000", "6")
+    assert not {"CA_ROTOR4_PX", "PWM_AUX_MIN1", "EKF2_AID_MASK"} & set(dut)
+
+
+def test_dropouts_are_noted(log, writer, made):
+    writer.write(log, made, dropouts=[20, 150])
+    assert everything(log).notes == ("dropouts of the logger: 2, 0.170 s together, the longest 0.150 s.",)
+
+
+def test_estimates_that_are_not_valid_or_jump_are_noted(log, writer):
+    n = 20
+    position = stream(["x"], rows=n)
+    flags = {"xy_valid": np.arange(n) >= 5, "z_valid": np.ones(n), "xy_reset_counter": (np.arange(n) > 8) * 3}
+    kinds = dict.fromkeys(flags, "uint8_t")
+    writer.write(
+        log, {"vehicle_local_position": Stream(position.t, {**position.columns, **flags})}, kinds=kinds
+    )
+    dut = ULOG.read(log, {"vehicle_local_position": ["x"]}, lambda share: None)
+    assert dut.notes == (
+        "vehicle_local_position: xy_valid is 0 in 25 % of the rows; first valid at 0.10 s.",
+        "vehicle_local_position: the estimate jumps at its resets (xy 1).",
+    )
+
+
+def test_of_a_log_that_was_cut_the_whole_messages_are_kept(log, writer, made):
+    writer.write(log, {"vehicle_attitude": made["vehicle_attitude"]})
+    content = log.read_bytes()
+    row = 3 + 2 + 8 + 4 * 8
+    log.write_bytes(content[: -10 * row - 7])
+    dut = everything(log)
+    assert len(dut.streams["vehicle_attitude"]) == 49
+    assert "cut off" in dut.notes[0]
+
+
+def test_a_damaged_part_is_left_out_and_noted(log, writer, made):
+    writer.write(log, {"vehicle_attitude": made["vehicle_attitude"]})
+    content = log.read_bytes()
+    row = 3 + 2 + 8 + 4 * 8
+    bad = len(content) - 30 * row
+    log.write_bytes(content[:bad] + struct.pack("<HB", row - 3 - 8, ord("D")) + content[bad + 3 :])
+    dut = everything(log)
+    assert 0 < len(dut.streams["vehicle_attitude"]) < 60
+    assert any("damaged" in note for note in dut.notes)
+
+
+def test_warnings_of_the_parser_become_notes(log, writer, made, capsys):
+    writer.write(log, made)
+    log.write_bytes(log.read_bytes() + struct.pack("<HB", 9, ord("D")) + b"\x63\0no name")
+    assert "damaged" in everything(log).notes[0]
+    assert capsys.readouterr().out == ""
+
+
+HEADER = b"\x55\x4c\x6f\x67\x01\x12\x35\x01" + bytes(8)
+
+
+def framed(kind: str, payload: bytes) -> bytes:
+    return struct.pack("<HB", len(payload), ord(kind)) + payload
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "Header too short"),
+        (HEADER[:12], "Header too short"),
+        (b"x" * 16, "Failed to parse header"),
+        (HEADER + framed("B", bytes(8) + b"\2" + bytes(31)), "incompatible flag"),
+        (HEADER + framed("F", b"a:a[2] b;") + framed("A", b"\0\0\0a"), "holds itself"),
+        (
+            HEADER + framed("F", b"a:b[60000] x;") + framed("F", b"b:int8_t[60000] x;"),
+            "larger than a message",
+        ),
+    ],
+)
+def test_what_is_no_ulog_file_is_refused_in_one_line(log, content, said):
+    log.write_bytes(content)
+    for call in (lambda: ULOG.contents(log), lambda: ULOG.read(log, {"a": ["b"]}, lambda share: None)):
+        with pytest.raises(LogError, match=said) as refused:
+            call()
+        assert str(log) in str(refused.value)
+        assert "\n" not in str(refused.value)
+
+
+def test_subscriptions_of_absurd_size_are_left_out(log):
+    adds = b"".join(framed("A", struct.pack("<BH", 0, i) + b"a") for i in range(500))
+    log.write_bytes(HEADER + framed("F", b"a:uint64_t timestamp;int8_t[60000] x;") + adds)
+    assert ULOG.contents(log) == {}
+
+
+def test_a_damaged_file_does_not_lead_in_circles(log):
+    """A message of unknown type at the end, of a size that sends the parser back before it."""
+    log.write_bytes(HEADER + framed("I", b"x") * 6000 + struct.pack("<HB", 20_000, 7) + b"end")
+    with pytest.raises(LogError, match="circles"):
+        ULOG.contents(log)
+
+
+def ends_well(path: Path) -> None:
+    """Read a file that may be refused."""
+    with contextlib.suppress(LogError):
+        everything(path)
+
+
+def test_a_message_without_a_time_is_left_out(log):
+    row = framed("D", b"\0\0" + bytes(12))
+    log.write_bytes(HEADER + framed("F", b"a:float x;uint64_t other;") + framed("A", b"\0\0\0a") + row)
+    assert ULOG.contents(log) == {}
+    with pytest.raises(LogError, match="must hold rows of a"):
+        ULOG.read(log, {"a": ["x"]}, lambda share: None)
+
+
+@settings(max_examples=150, deadline=None)
+@given(content=st.binary(max_size=300), begin=st.sampled_from([b"", HEADER, HEADER + framed("B", bytes(40))]))
+def test_arbitrary_bytes_are_read_or_refused(log, content, begin):
+    log.write_bytes(begin + content)
+    ULOG.recognises(log, begin + content)
+    ends_well(log)
+
+
+@settings(max_examples=150, deadline=None)
+@given(data=st.data())
+def test_a_truncated_or_damaged_log_is_read_or_refused(log, writer, made, data):
+    writer.write(log, made, parameters={"PWM_MIN": 1000}, dropouts=[3])
+    content = bytearray(log.read_bytes())
+    content = content[: data.draw(st.integers(0, 3000))]
+    for _ in range(data.draw(st.integers(0, 4)) if content else 0):
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    log.write_bytes(content)
+    ends_well(log)
+
+
+def test_without_pyulog_the_error_says_how_to_install_it(log, monkeypatch):
+    real_import = builtins.__import__
+
+    def without(name, *args, **kwargs):
+        if name == "pyulog":
+            raise ImportError(name)
+        return real_import(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(LogError, match=r"pip install 'np_drake\[ulog\]'"):
+        ULOG.contents(log)
+
+
+STATE: dict[str, tuple[str, ...]] = {
+    "vehicle_local_position": ("x", "y", "z", "vx", "vy", "vz"),
+    "vehicle_attitude": tuple(Q),
+}
+
+
+def sources(contents: Contents) -> dict[str, list[str]]:
+    dut = ULOG.default_map(contents)
+    assert dut is not None
+    assert dut.check() is dut
+    assert (dut.world, dut.body, dut.command) == ("ned", "frd", "held_after")
+    return {name: source.columns for name, source in dut.sources()}
+
+
+def test_the_map_takes_the_first_message_that_a_log_has():
+    gyro = tuple(f"gyro_rad[{i}]" for i in range(3))
+    accelerometer = tuple(f"accelerometer_m_s2[{i}]" for i in range(3))
+    whole = {**STATE, "sensor_combined": gyro + accelerometer, "vehicle_angular_velocity": tuple(XYZ)}
+    dut = sources(whole)
+    assert dut["rates"] == [f"vehicle_angular_velocity/{c}" for c in XYZ]
+    assert dut["acceleration"] == [f"sensor_combined/{c}" for c in accelerometer]
+    del whole["vehicle_angular_velocity"]
+    assert sources(whole)["rates"] == [f"sensor_combined/{c}" for c in gyro]
+    speeds = ("rollspeed", "pitchspeed", "yawspeed")
+    old = {**STATE, "vehicle_attitude": (*Q, *speeds), "vehicle_acceleration": tuple(XYZ)}
+    assert sources(old)["rates"] == [f"vehicle_attitude/{c}" for c in speeds]
+    assert sources(old)["acceleration"] == [f"vehicle_acceleration/{c}" for c in XYZ]
+
+
+@pytest.mark.parametrize("indexed", [True, False])
+@pytest.mark.parametrize(
+    ("name", "axes"), [("vehicle_odometry", "world"), ("vehicle_visual_odometry", "body")]
+)
+def test_without_a_local_position_odometry_gives_the_state(name, axes, indexed):
+    old = ("x", "y", "z", "vx", "vy", "vz")
+    new = (*(f"position[{i}]" for i in range(3)), *(f"velocity[{i}]" for i in range(3)))
+    columns = new if indexed else old
+    dut = ULOG.default_map({name: (*columns, *Q)})
+    assert dut is not None
+    assert dut.position.columns + dut.velocity.columns == [f"{name}/{c}" for c in columns]
+    assert dut.attitude.columns == [f"{name}/{c}" for c in Q]
+    assert dut.velocity.axes == axes
+
+
+def test_without_position_or_attitude_only_its_user_knows_the_map():
+    assert ULOG.default_map({"vehicle_attitude": tuple(Q)}) is None
+    assert ULOG.default_map({"vehicle_local_position": ("x", "y", "z")}) is None
+    assert ULOG.default_map({}) is None
+
+
+COLLECTIVE = {
+    "vehicle_thrust_setpoint": tuple(XYZ),
+    "actuator_controls_0": tuple(f"control[{i}]" for i in range(8)),
+    "vehicle_attitude_setpoint": ("thrust_body[2]",),
+}
+
+
+def test_collective_thrust_is_positive_along_the_thrust():
+    for left_out, column, scale in [
+        ((), "vehicle_thrust_setpoint/xyz[2]", -1),
+        (("vehicle_thrust_setpoint",), "actuator_controls_0/control[3]", 1),
+        (("vehicle_thrust_setpoint", "actuator_controls_0"), "vehicle_attitude_setpoint/thrust_body[2]", -1),
+    ]:
+        dut = ULOG.default_map({**STATE, **{n: c for n, c in COLLECTIVE.items() if n not in left_out}})
+        assert dut is not None
+        assert dut.throttle.columns == [column]
+        assert dut.throttle.scale == scale
+
+
+def rotors(rows: Mapping[str, int], used: int, rate: float) -> dict[str, Stream]:
+    """Return streams of rotors, of which the first `used` change, and a state."""
+    found = {n: stream(c) for n, c in STATE.items()}
+    found["vehicle_thrust_setpoint"] = stream(XYZ)
+    t = np.arange(80) / rate
+    for name, count in rows.items():
+        pattern = {"esc_status": "esc[{}].esc_rpm", "actuator_outputs": "output[{}]"}.get(name, "control[{}]")
+        idle = np.nan if name == "actuator_motors" else 0.0
+        found[name] = Stream(
+            t, {pattern.format(i): np.sin(t + i) if i < used else np.full(80, idle) for i in range(count)}
+        )
+    return found
+
+
+def test_four_rotors_in_use_are_taken_and_those_that_never_change_are_left_out(log, writer):
+    writer.write(log, rotors({"esc_status": 8, "actuator_motors": 12, "actuator_outputs": 16}, 4, 100.0))
+    contents = ULOG.contents(log)
+    assert contents["actuator_motors"] == tuple(f"control[{i}]" for i in range(4))
+    dut = sources(contents)
+    assert dut["rotor_speed"] == [f"esc_status/esc[{i}].esc_rpm" for i in range(4)]
+    assert dut["throttle"] == [f"actuator_motors/control[{i}]" for i in range(4)]
+    del contents["actuator_motors"]
+    found = ULOG.default_map(contents)
+    assert found is not None
+    assert found.throttle.columns == [f"actuator_outputs/output[{i}]" for i in range(4)]
+    assert found.throttle.unit == "us"
+
+
+@pytest.mark.parametrize(("used", "rate"), [(6, 100.0), (3, 100.0), (4, 10.0)])
+def test_rotors_that_are_not_four_or_are_logged_slowly_leave_collective_thrust(log, writer, used, rate):
+    writer.write(log, rotors({"esc_status": 8, "actuator_motors": 12}, used, rate))
+    dut = sources(ULOG.contents(log))
+    assert dut["throttle"] == ["vehicle_thrust_setpoint/xyz[2]"]
+    assert "rotor_speed" not in dut
+
+
+def test_slow_motors_are_taken_where_there_is_nothing_else(log, writer):
+    streams = rotors({"actuator_motors": 12}, 4, 10.0)
+    del streams["vehicle_thrust_setpoint"]
+    writer.write(log, streams)
+    assert len(sources(ULOG.contents(log))["throttle"]) == 4
+
+
+def mapped(path: Path) -> Recording:
+    """Read what the default map names."""
+    contents = ULOG.contents(path)
+    dut = ULOG.default_map(contents)
+    assert dut is not None
+    return ULOG.read(path, by_stream(contents, dut.check().names(), str(path)), lambda share: None)
+
+
+def stack(stream: Stream, *columns: str) -> np.ndarray:
+    return np.stack([stream.columns[c] for c in columns], axis=1)
+
+
+def test_the_simulated_flight_of_px4_obeys_kinematics_in_ned_and_frd(real_flights):
+    dut = mapped(real_flights / "ulog" / "sample_px4_events.ulg")
+    place = dut.streams["vehicle_local_position"]
+    flown = (place.t > 18) & (place.t < 25.5)  # [s], from before the start until the ground
+    v = stack(place, "vx", "vy", "vz")[flown]
+    p = stack(place, "x", "y", "z")[flown]
+    t = place.t[flown]
+    moved = np.sum(0.5 * (v[1:] + v[:-1]) * np.diff(t)[:, None], axis=0)
+    assert moved == pytest.approx(p[-1] - p[0], abs=0.1)  # [m], of 2.2 m
+    force = dut.streams["sensor_combined"]
+    mean = np.median(stack(force, *(f"accelerometer_m_s2[{i}]" for i in range(3))), axis=0)
+    assert mean == pytest.approx([0, 0, -9.8], abs=0.1)  # [m/s²], an accelerometer at rest, z down
+    throttle = dut.streams["vehicle_thrust_setpoint"].columns["xyz[2]"]
+    assert -0.6 < throttle.min() < throttle.max() <= 0  # against z of the body
+    assert dut.facts["CA_ROTOR_COUNT"] == "4"
+    assert dut.facts["hardware"] == "PX4_SITL"
+    assert any("xy_valid is 0 in 31 %" in note for note in dut.notes)
+
+
+def test_the_old_log_of_a_vtol_is_read_with_its_gaps(real_flights):
+    dut = mapped(real_flights / "ulog" / "sample_log_small.ulg")
+    turn = dut.streams["vehicle_angular_velocity"]
+    assert 1 / np.median(np.diff(turn.t)) == pytest.approx(409, rel=0.01)  # [Hz]
+    assert 0.15 < np.diff(turn.t).max() < 0.17  # [s], at its start
+    assert list(dut.streams["actuator_controls_0"].columns) == ["control[3]"]
+    assert any("dropouts of the logger: 1" in note for note in dut.notes)
+    assert any("xy_valid is 0 in 100 %" in note for note in dut.notes)
+    assert dut.facts["software version"] == "1.11.2"
+    q = stack(dut.streams["vehicle_attitude"], *Q)
+    down = attitude.rotate_back(q, np.tile([0.0, 0.0, -9.81], (len(q), 1))).mean(axis=0)
+    force = stack(dut.streams["sensor_combined"], *(f"accelerometer_m_s2[{i}]" for i in range(3)))
+    assert force.mean(axis=0) == pytest.approx(down, abs=0.25)  # [m/s²]: body to world, FRD to NED

@@ -1,0 +1,110 @@
+"""Laws of the vehicle file from four measures, and of the presets."""
+
+import math
+
+import numpy as np
+import pytest
+
+from np_drake.logs.neurobem import published_vehicle
+from np_drake.scaling import numbers
+from np_drake.vehicle import Vehicle, left_out, load_vehicle, preset_names, vehicle_file
+from np_drake.vehicle_estimate import (
+    AIR,
+    FIGURE_OF_MERIT,
+    THRUST_NUMBER,
+    Measured,
+    commented_file,
+    estimate,
+)
+
+MINE = Measured(mass=1.2, wheelbase=0.4, propeller=0.23, hover_throttle=0.5)
+
+
+def test_four_rotors_at_hover_throttle_carry_the_weight():
+    assert 4 * estimate(MINE).max_rotor_thrust * 0.5**2 == pytest.approx(1.2 * 9.81, rel=1e-5)
+    linear = estimate(Measured(1.2, 0.4, 0.23, 0.5, "linear"))
+    assert 4 * linear.max_rotor_thrust * 0.5 == pytest.approx(1.2 * 9.81, rel=1e-5)
+
+
+def test_opposite_motors_are_a_wheelbase_apart():
+    p = np.array(estimate(MINE).rotor_positions)
+    assert np.linalg.norm(p[0] - p[2]) == pytest.approx(0.4, rel=1e-5)
+    assert np.linalg.norm(p[1] - p[3]) == pytest.approx(0.4, rel=1e-5)
+
+
+def test_the_rotor_spends_the_ideal_power_over_the_figure_of_merit():
+    dut, thrust = estimate(MINE), 3.0
+    omega = math.sqrt(thrust / dut.thrust_coefficient)
+    area = math.pi * dut.rotor_radius**2
+    ideal = thrust * math.sqrt(thrust / (2 * AIR * area))
+    assert dut.torque_coefficient * omega**3 == pytest.approx(ideal / FIGURE_OF_MERIT, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_the_estimate_of_inertia_is_of_the_order_of_published_ones(name):
+    known = np.array(numbers(load_vehicle(name)).inertia)
+    guess = np.array(numbers(estimate(MINE)).inertia)
+    assert np.all((guess / known > 0.5) & (guess / known < 2.0))
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_coefficients_lie_in_the_stated_range_of_the_presets(name):
+    vehicle = load_vehicle(name)
+    D = 2 * vehicle.rotor_radius
+    number = vehicle.thrust_coefficient * (2 * math.pi) ** 2 / (AIR * D**4)
+    lever = vehicle.torque_coefficient / vehicle.thrust_coefficient
+    merit = D * math.sqrt(2 * number / math.pi) / (2 * math.pi * lever)
+    assert 0.045 <= round(number, 3) <= 0.201
+    assert 0.32 <= round(merit, 2) <= 0.71
+    assert 0.045 < THRUST_NUMBER < 0.201
+
+
+def test_the_file_holds_the_estimate_and_names_every_parameter(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text(commented_file(MINE))
+    assert load_vehicle(file) == estimate(MINE)
+    assert left_out(file) == []
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        (1200.0, 0.4, 0.2, 0.5),
+        (1.2, 40.0, 0.2, 0.5),
+        (1.2, 0.4, 9.0, 0.5),
+        (1.2, 0.4, 0.2, 50.0),
+        (0.0, 0.4, 0.2, 0.5),
+    ],
+)
+def test_measures_in_another_unit_are_refused(bad):
+    with pytest.raises(ValueError, match="vehicle: "):
+        estimate(Measured(*bad))
+
+
+def test_the_preset_paper_is_the_default_vehicle():
+    assert load_vehicle("paper") == Vehicle()
+
+
+def test_the_preset_neurobem_is_the_published_vehicle():
+    assert load_vehicle("neurobem") == published_vehicle()
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_every_preset_states_its_source_and_all_parameters(name):
+    assert "Source" in vehicle_file(name).read_text()
+    assert left_out(name) == []
+    assert load_vehicle(name).name == name
+
+
+def test_the_crazyflies_thrust_is_that_of_the_published_polynomials():
+    c = 65535
+    thrust = 2.130295e-11 * c**2 + 1.032633e-6 * c + 5.484560e-4  # [N]
+    speed = 0.04076521 * c + 380.8359  # [rad/s]
+    dut = load_vehicle("crazyflie")
+    assert dut.max_rotor_thrust == pytest.approx(thrust, rel=1e-3)
+    assert dut.thrust_coefficient == pytest.approx(thrust / speed**2, rel=1e-3)
+
+
+def test_an_unknown_name_lists_the_presets():
+    with pytest.raises(ValueError, match="crazyflie, hummingbird"):
+        load_vehicle("crazyfly")
