@@ -29,6 +29,7 @@ DIAGNOSIS = (
         "decision",
         "localisation",
         "gap",
+        "doctor",
         "diagnose",
         "report",
     ),

@@ -14,7 +14,7 @@ import typer
 from typer import Option
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.cli import bench, demo, diagnose, evaluate, fly, import_logs, options, train, vehicle
+from diagrams.cli import bench, demo, diagnose, doctor, evaluate, fly, import_logs, options, train, vehicle
 from diagrams.cli.challenge import app as challenge
 from diagrams.cli.output import console, say
 from diagrams.cli.reproduce import app as reproduce
@@ -37,6 +37,7 @@ app.command("fly")(fly.fly)
 app.command("train")(train.train)
 app.command("evaluate")(evaluate.evaluate)
 app.command("import")(import_logs.import_logs)
+app.command("doctor")(doctor.doctor)
 app.command("diagnose")(diagnose.diagnose)
 app.add_typer(reproduce.reproduce, name="reproduce")
 app.add_typer(vehicle.vehicle, name="vehicle")

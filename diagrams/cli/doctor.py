@@ -1,0 +1,115 @@
+"""`np-drake doctor`: is a flight log usable, and which effects can it tell, to what size."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Argument, Option
+
+from diagrams.cli import options
+from diagrams.cli.output import progress, say
+from diagrams.cli.runner import Report, Run, reports
+
+if TYPE_CHECKING:
+    from np_drake.logs.flight_log import FlightLog
+    from np_drake.logs.importing.log_map import LogMap
+    from np_drake.vehicle import Vehicle
+
+
+@reports("doctor", seed=None, markdown=False)
+def doctor(
+    run: Run,
+    logs: Annotated[
+        list[Path],
+        Argument(
+            metavar="LOG...", help="Flight logs of our format, or of any that `import` reads; of one vehicle."
+        ),
+    ],
+    vehicle: Annotated[
+        Path | None,
+        Option(
+            "--vehicle",
+            metavar="FILE",
+            help="Vehicle file (YAML), or paper | neurobem; without it effects are not judged.",
+        ),
+    ] = None,
+    log_map: Annotated[
+        Path | None,
+        Option("--map", metavar="FILE", help="Map of columns and conventions (YAML), as for `import`."),
+    ] = None,
+    repair: options.Repair = False,
+) -> Report:
+    """Examine flight logs: rates, gaps, noise, clocks, motion, and which effects they can tell, to what size."""
+    from np_drake.diagnosis.doctor import examine
+    from np_drake.logs.importing.log_map import load_map
+
+    nominal = _vehicle(vehicle)
+    declared = None if log_map is None else load_map(log_map)
+    with progress("examining", 1.0) as advance:
+        flights, sheets, failures = _opened(
+            logs, nominal, declared, repair, lambda share: advance(0.3 * share)
+        )
+        if not flights:
+            raise failures[0]
+        report = examine(
+            flights, nominal, sheets=sheets, on_progress=lambda share, text: advance(0.3 + 0.7 * share, text)
+        )
+        advance(1.0)
+    from diagrams.cli.doctor_screen import screen
+
+    config = {
+        "logs": logs,
+        "vehicle": None if nominal is None else nominal.name,
+        "map": log_map,
+        "repair": repair,
+    }
+    say(*(f"not usable: {failure}" for failure in failures[1:]))
+    return Report(
+        [],
+        config={name: str(value) if isinstance(value, Path) else value for name, value in config.items()}
+        | {"logs": [str(path) for path in logs]},
+        metrics={**report.as_json(), "failures": [str(f) for f in failures]},
+        lines=screen(report),
+        failure=failures[0] if failures else None,
+    )
+
+
+def _vehicle(path: Path | None) -> "Vehicle | None":
+    from diagrams.cli.diagnose import NAMED_VEHICLES
+    from np_drake.logs.neurobem import published_vehicle
+    from np_drake.vehicle import Vehicle, left_out, load_vehicle
+
+    if path is None:
+        return None
+    if str(path) in NAMED_VEHICLES:
+        return published_vehicle() if str(path) == "neurobem" else Vehicle()
+    vehicle = load_vehicle(path)
+    if missing := left_out(path):
+        say(f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken.")
+    return vehicle
+
+
+def _opened(
+    paths: list[Path], vehicle: "Vehicle | None", declared: "LogMap | None", repair: bool, tell: Any
+) -> "tuple[list[FlightLog], dict[str, Any], list[Exception]]":
+    """Return flights, by name the content of the sheets of those that were imported, and what could not be opened."""
+    from np_drake.logs.errors import LogError
+    from np_drake.logs.open_any import open_any
+
+    flights: list[FlightLog] = []
+    sheets: dict[str, Any] = {}
+    failures: list[Exception] = []
+    for number, path in enumerate(paths):
+        try:
+            found, sheet = open_any(
+                path,
+                vehicle,
+                declared,
+                repair=repair,
+                on_progress=lambda share, k=number: tell((k + share) / len(paths)),
+            )
+        except (LogError, OSError) as error:
+            failures.append(error)
+            continue
+        flights += found
+        sheets |= {log.name: sheet.content for log in found if sheet is not None}
+    return flights, sheets, failures

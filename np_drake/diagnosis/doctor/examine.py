@@ -1,0 +1,145 @@
+"""Examination of flight logs before a diagnosis: is the log usable, what does it excite, which effects can it tell."""
+
+import dataclasses as dc
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from np_drake.diagnosis.doctor.answers import answers
+from np_drake.diagnosis.doctor.flight_facts import contradictions, flight_facts
+from np_drake.diagnosis.doctor.log_report import FlightFacts, LogReport
+from np_drake.diagnosis.doctor.residual_noise import explain, nuisance_of, options_of
+from np_drake.diagnosis.doctor.smallest_sizes import Information, smallest_gust, smallest_sizes
+from np_drake.diagnosis.doctor.swing_test import swing_test
+from np_drake.diagnosis.doctor.traces import PAYLOAD, nearest_usual, payload_at, traces
+from np_drake.diagnosis.localisation import excitation, excited
+from np_drake.diagnosis.residuals import make_flight_residuals, natural_step
+from np_drake.logs.flight_log import FlightLog
+from np_drake.vehicle import Vehicle
+
+Progress = Callable[[float, str], None]
+LEAST_DURATION = 3.0  # of a flight that can be diagnosed [s]; as of the residuals
+MOST_SECONDS = 120.0  # of a flight from which effects are judged [s]; own choice: memory
+MOST_GAPS = 0.1  # share of rows put into gaps from which a log is limited [1]; own choice
+MOST_SATURATED = 0.05  # share of rows with a rotor at a limit from which a log is limited [1]; own choice
+
+
+def examine(
+    logs: Sequence[FlightLog],
+    vehicle: Vehicle | None = None,
+    *,
+    sheets: Mapping[str, Mapping[str, Any]] | None = None,
+    on_progress: Progress | None = None,
+) -> LogReport:
+    """Examine flight logs of one kind together.
+
+    Args:
+        logs: flights, with thrust and torque from the vehicle where their input is rotor speed or throttle.
+        vehicle: the nominal vehicle; None: facts, motion and conventions alone, and no effects.
+        sheets: by flight, what its import did; sensors of imported flights are taken as real.
+        on_progress: called with the share done [1] and the name of the step.
+    Raises: ValueError: if there is no flight, or flights have different inputs.
+    """
+    _require(logs)
+    tell = on_progress or (lambda share, text: None)
+    tell(0.0, "signals and clocks")
+    facts = tuple(
+        dc.replace(flight_facts(log, vehicle), imported=dict((sheets or {}).get(log.name, {})))
+        for log in logs
+    )
+    wrong = [line for f in facts for line in _faults(f)]
+    problems = wrong + [line for f in facts for line in _limits(f)]
+    long_enough = [log for log in logs if log.t[-1] - log.t[0] >= LEAST_DURATION]
+    if not long_enough:
+        problems.append(f"no flight lasts {LEAST_DURATION:g} s: fly longer")
+    if vehicle is None or not long_enough or wrong:
+        if vehicle is None:
+            problems.append("no vehicle file: effects are not judged (np-drake doctor --vehicle FILE)")
+        return LogReport(facts, bool(long_enough) and not wrong, tuple(problems))
+    return _judged(LogReport(facts, True, tuple(problems), vehicle.name), long_enough, vehicle, tell)
+
+
+def _judged(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell: Progress) -> LogReport:
+    """Return the report with excitation, swings and answers."""
+    tell(0.2, "residuals")
+    logs = [_head(log) for log in logs]
+    step = max(natural_step(log.t) for log in logs)
+    flights = [make_flight_residuals(log, vehicle, step) for log in logs]
+    moving = excitation(flights)
+    options = options_of(flights, real=any(f.imported for f in report.flights))
+    nuisance = nuisance_of(flights, options.tolerance)
+    tell(0.4, "effects")
+    every = traces(flights, options.priors)
+    near = [t for t in nearest_usual(every) if t.identifier != PAYLOAD]
+    tests = []
+    for e in flights:
+        tell(0.5, "swing")
+        others = nuisance_of([e], options.tolerance)
+        own = [dc.replace(t, columns={e.name: t.columns[e.name]}) for t in near]
+        tests.append(swing_test(e, [c.columns for c in others] + [t.columns for t in own], options))
+    swinging = [test for test in tests if test.swings]
+    tell(0.7, "noise")
+    beside = [payload_at(flights, swinging[0].length, options.priors)] if swinging else []
+    explained = explain(flights, nuisance, [*near, *beside], options)
+    tell(0.8, "smallest sizes")
+    information = Information(explained.flights, explained.noise, nuisance, every)
+    first = logs[0]
+    known = {"accelerations": first.a is not None, "torque": flights[0].knows_torque}
+    gust = smallest_gust(explained.noise, moving["duration [s]"])
+    found = answers(
+        smallest_sizes(information), gust, explained.drag, vehicle, log_input=first.input, **known
+    )
+    still = () if excited(moving) else ("the flights excite nothing: move, and turn about every axis",)
+    return dc.replace(
+        report,
+        usable=not still,
+        problems=report.problems + still,
+        sensors="real" if options.tolerance.real else "ideal",
+        excitation=moving,
+        noise_floor=explained.floor,
+        swings=tuple(tests),
+        answers=found,
+    )
+
+
+def _head(log: FlightLog) -> FlightLog:
+    rows = int((log.t <= log.t[0] + MOST_SECONDS).sum())
+    return log if rows == len(log) else log.rows(0, rows)
+
+
+def _faults(f: FlightFacts) -> list[str]:
+    """Return what makes a flight useless, one line each; the conventions of an imported one have been checked."""
+    if f.imported:
+        return [f"{f.name}: {note}" for note in f.imported.get("notes", ()) if note.startswith("no flight")]
+    laws = contradictions(f)
+    return (
+        [f"{f.name}: {', '.join(laws)} contradict each other; check columns, frames and units"]
+        if laws
+        else []
+    )
+
+
+def _limits(f: FlightFacts) -> list[str]:
+    """Return what limits the use of a flight, one line each."""
+    found = []
+    if f.bridged > MOST_GAPS * f.rows:
+        found.append(f"{f.name}: {f.bridged / f.rows:.0%} of the rows were put into gaps")
+    if f.saturated is not None and f.saturated > MOST_SATURATED:
+        found.append(f"{f.name}: a rotor is at its limit in {f.saturated:.0%} of the rows")
+    return found
+
+
+def _require(logs: Sequence[FlightLog]) -> None:
+    if not logs:
+        raise ValueError("doctor: logs must hold at least one flight; got none.")
+    inputs = sorted({log.input for log in logs})
+    if len(inputs) > 1:
+        raise ValueError(
+            f"doctor: all flights must have the same input; got {' and '.join(inputs)}. Examine each kind alone."
+        )
+    names = [log.name for log in logs]
+    if len(set(names)) < len(names):
+        raise ValueError("doctor: flights must have different names. Rename one, or give each flight once.")
+    if len({log.a is None for log in logs}) > 1:
+        raise ValueError(
+            "doctor: either all flights have accelerations or none. Examine them one kind at a time."
+        )

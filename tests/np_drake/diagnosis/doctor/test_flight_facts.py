@@ -1,0 +1,60 @@
+"""Laws of the facts of a flight: noise, rounding, repeats, gaps and motion are those put in."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.doctor.flight_facts import contradictions, flight_facts
+from np_drake.vehicle import MeasurementNoise, Vehicle
+
+
+def signal(facts, name):
+    return next(s for s in facts.signals if s.name == name)
+
+
+def test_white_noise_is_that_of_the_sensors(fly):
+    dut = flight_facts(fly(noise=1.0))
+    usual = MeasurementNoise()
+    # 30 %: the motion itself has second differences
+    assert signal(dut, "position").white == pytest.approx(usual.position, rel=0.3)
+    assert signal(dut, "velocity").white == pytest.approx(usual.velocity, rel=0.3)
+    assert signal(dut, "body rates").white == pytest.approx(usual.rate, rel=0.3)
+    assert signal(dut, "acceleration").white == pytest.approx(usual.acceleration, rel=0.3)
+    assert flight_facts(fly(attitude_noise=0.004)).attitude_noise == pytest.approx(0.004, rel=0.2)
+
+
+def test_rounded_values_and_repeated_rows_are_noticed(fly):
+    log = fly()
+    rounded = dc.replace(log, v=np.round(log.v / 0.05) * 0.05)
+    assert signal(flight_facts(rounded), "velocity").resolution == pytest.approx(0.05)
+    assert signal(flight_facts(log), "velocity").resolution == 0.0
+    held = dc.replace(log, p=log.p[np.arange(len(log)) // 4 * 4])
+    assert signal(flight_facts(held), "position").repeated == pytest.approx(0.75, abs=0.01)
+
+
+def test_a_gap_is_counted(fly):
+    log = fly()
+    keep = np.r_[0:300, 308 : len(log)]
+    cut = dc.replace(log, **{f: getattr(log, f)[keep] for f in ("t", "p", "q", "v", "w", "u", "a")})
+    dut = flight_facts(cut)
+    assert dut.gaps == 1
+    assert dut.longest == pytest.approx(0.09)
+    assert flight_facts(log).gaps == 0
+
+
+def test_conventions_that_contradict_each_other_are_named(fly):
+    log = fly()
+    assert contradictions(flight_facts(log)) == []
+    flipped = dc.replace(log, v=log.v * [1.0, -1.0, 1.0])
+    assert any(law.startswith("position y") for law in contradictions(flight_facts(flipped)))
+    conjugated = dc.replace(log, q=log.q * [1.0, -1.0, -1.0, -1.0])
+    assert contradictions(flight_facts(conjugated))
+
+
+def test_rotors_at_their_limit_are_counted_with_a_vehicle_alone(fly):
+    log = fly()
+    weak = dc.replace(Vehicle(), max_rotor_thrust=4.95)
+    assert flight_facts(log).saturated is None
+    assert flight_facts(log, Vehicle()).saturated == 0.0
+    assert flight_facts(log, weak).saturated > 0.2
