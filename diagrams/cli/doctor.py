@@ -74,18 +74,9 @@ def doctor(
 
 
 def _vehicle(path: Path | None) -> "Vehicle | None":
-    from diagrams.cli.diagnose import NAMED_VEHICLES
-    from np_drake.logs.neurobem import published_vehicle
-    from np_drake.vehicle import Vehicle, left_out, load_vehicle
+    from diagrams.cli.diagnose import vehicle_of
 
-    if path is None:
-        return None
-    if str(path) in NAMED_VEHICLES:
-        return published_vehicle() if str(path) == "neurobem" else Vehicle()
-    vehicle = load_vehicle(path)
-    if missing := left_out(path):
-        say(f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken.")
-    return vehicle
+    return None if path is None else vehicle_of(path)
 
 
 def _opened(
