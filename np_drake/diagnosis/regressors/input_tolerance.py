@@ -7,8 +7,8 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.numerics import fit_noise
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.clock_offset import ClockOffset
 
 THROTTLE_SCALE = 0.2  # of thrust over throttle [1]; source: own choice, hover throttles are known to a fifth
@@ -16,19 +16,18 @@ THROTTLE_CURVE = 0.3  # of its exponent, once it is fitted [1]; source: own choi
 THROTTLE_DRIFT = 0.002  # of thrust over throttle [1/s]; source: own choice, a tenth in a minute
 
 
-def with_input(tolerance: Tolerance, flights: Sequence[FlightResiduals], early: float) -> Tolerance:
-    """Return the tolerance with what the input of these flights leaves open.
-
-    early: as of `command_timing`.
-    """
-    open_ = {"timing": max(tolerance.timing, command_timing(flights, early))}
+def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
+    """Return the options whose tolerance holds what the input of these flights leaves open."""
+    tolerance = options.tolerance
+    timing = command_timing(flights, options.search.early_command)
+    open_ = {"timing": max(tolerance.timing, timing)}
     if flights[0].log.input == "normalised":
         open_ |= {
             "thrust": max(tolerance.thrust, THROTTLE_SCALE),
             "throttle_curve": max(tolerance.throttle_curve, THROTTLE_CURVE),
             "throttle_drift": max(tolerance.throttle_drift, THROTTLE_DRIFT),
         }
-    return dc.replace(tolerance, **open_)
+    return dc.replace(options, tolerance=dc.replace(tolerance, **open_))
 
 
 def command_timing(flights: Sequence[FlightResiduals], early: float) -> float:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.decision.infer import infer
-from np_drake.diagnosis.options import SearchOptions
+from np_drake.diagnosis.options import Options, SearchOptions
 from np_drake.diagnosis.regressors import library_candidates
 from np_drake.diagnosis.regressors.input_tolerance import THROTTLE_SCALE, command_timing, with_input
 from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
+from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.library import SCALE, TIMING, unobservable
@@ -70,12 +70,13 @@ def test_measured_rotor_speed_has_no_command(fly):
 
 
 def test_ideal_commands_leave_the_tolerance_as_it_is(seen):
-    assert with_input(IDEAL_SENSORS, [seen(seed=1, noise=1.0)], EARLY) == IDEAL_SENSORS
+    options = Options.for_sensors(False)
+    assert with_input(options, [seen(seed=1, noise=1.0)]) == options
 
 
 def test_a_throttle_opens_scale_curve_and_drift(fly):
     flight = make_flight_residuals(with_throttle(fly(seed=1, noise=1.0), 1.5), VEHICLE)
-    open_ = with_input(Tolerance(), [flight], EARLY)
+    open_ = with_input(Options.for_sensors(True), [flight]).tolerance
     assert open_.thrust == THROTTLE_SCALE
     assert min(open_.throttle_curve, open_.throttle_drift) > 0
     assert (open_.mass, open_.attitude) == (Tolerance().mass, Tolerance().attitude)
