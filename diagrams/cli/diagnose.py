@@ -106,16 +106,26 @@ def nominal_vehicle(files: "CaseFiles") -> "Vehicle":
     Raises: ValueError: on a bad vehicle file; OSError: if a flight cannot be opened.
     """
     from np_drake.logs.open_log import is_neurobem
-    from np_drake.vehicle import left_out, load_vehicle
+    from np_drake.vehicle import load_vehicle
 
     if files.vehicle is None:
         published = all(is_neurobem(path) for path in files.train + files.held_out)
         vehicle = load_vehicle("neurobem" if published else "paper")
         say(f"vehicle: {vehicle.name}, {vehicle.mass:g} kg, as no --vehicle was given.")
         return vehicle
-    vehicle = load_vehicle(files.vehicle)
-    if missing := left_out(files.vehicle):
-        say(f"{files.vehicle}: {', '.join(missing)} not named: those of the paper's vehicle are taken.")
+    return vehicle_of(files.vehicle)
+
+
+def vehicle_of(path: Path) -> "Vehicle":
+    """Return the vehicle of a file or preset, and print which parameters it does not name.
+
+    Raises: ValueError: on a bad vehicle file.
+    """
+    from np_drake.vehicle import left_out, load_vehicle
+
+    vehicle = load_vehicle(path)
+    if missing := left_out(path):
+        say(f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken.")
     return vehicle
 
 

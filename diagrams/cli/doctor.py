@@ -75,14 +75,9 @@ def doctor(
 
 
 def _vehicle(path: Path | None) -> "Vehicle | None":
-    from np_drake.vehicle import left_out, load_vehicle
+    from diagrams.cli.diagnose import vehicle_of
 
-    if path is None:
-        return None
-    vehicle = load_vehicle(path)
-    if missing := left_out(path):
-        say(f"{path}: {', '.join(missing)} not named: those of the paper's vehicle are taken.")
-    return vehicle
+    return None if path is None else vehicle_of(path)
 
 
 def _opened(

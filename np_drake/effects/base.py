@@ -63,6 +63,10 @@ class Effect:
         """Effect that is predicted for another flight: the effect itself without what is drawn anew each time."""
         return self
 
+    def time_shift(self, vehicle: Vehicle) -> float:
+        """Return the time by which commands act later on the state, beyond what the vehicle file says [s]."""
+        return 0.0
+
     @classmethod
     def neutral(cls) -> "Effect":
         """Return the effect with neutral parameters, at which nothing happens."""

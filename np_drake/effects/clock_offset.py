@@ -4,6 +4,7 @@ import dataclasses as dc
 from typing import ClassVar
 
 from np_drake.effects.base import Parameter, SensorEffect
+from np_drake.vehicle import Vehicle
 
 
 @dc.dataclass(frozen=True)
@@ -23,6 +24,10 @@ class ClockOffset(SensorEffect):
         *("ax", "ay", "az", "alx", "aly", "alz"),
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("offset", "s", 0.0, -0.3, 0.3, 0.02),)
+
+    def time_shift(self, vehicle: Vehicle) -> float:
+        """Return the time by which commands act later on what the state columns show [s]."""
+        return -self.offset
 
     @property
     def clock_shift(self) -> float:

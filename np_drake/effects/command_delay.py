@@ -28,6 +28,10 @@ class CommandDelay(ActuatorEffect):
         """Time by which commands are held back [s]."""
         return self.delay
 
+    def time_shift(self, vehicle: Vehicle) -> float:
+        """Return the time by which commands act later [s]."""
+        return self.delay
+
     def thrust(
         self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray, t: np.ndarray | float = 0.0
     ) -> np.ndarray:

@@ -26,6 +26,10 @@ class MotorLag(ActuatorEffect):
     state_size: ClassVar[int] = 4
     turns_rotor: ClassVar[bool] = True
 
+    def time_shift(self, vehicle: Vehicle) -> float:
+        """Return the time by which commands act later than with the lag of the vehicle file [s]."""
+        return self.time_constant - vehicle.rotor_time_constant
+
     def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
         """Return the rotor speed (4,) [rad/s] that holds `thrust` (4,) [N]."""
         k = vehicle.thrust_coefficient

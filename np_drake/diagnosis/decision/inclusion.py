@@ -12,7 +12,8 @@ from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG, GUSTY, Drift
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection import Ranking
-from np_drake.effects.base import ActuatorEffect, SensorEffect
+from np_drake.effects.base import ActuatorEffect, Effect, SensorEffect
+from np_drake.vehicle import Vehicle
 
 
 @dc.dataclass(frozen=True)
@@ -72,11 +73,17 @@ def judge(
     return Inclusion(
         size=size,
         confirmed=confirmed or (gusty and effect.identifier in GUSTY),
-        material=material or feels_gusts,
+        material=(material and not within_timing(effect, flights[0].vehicle, options)) or feels_gusts,
         sure=probability >= sure or feels_gusts,
         significant=fit.is_significant(i, thresholds.significance) or feels_gusts,
         stands_for=impossible(fit, i, flights[0].vehicle, thresholds, gusty=gusty),
     )
+
+
+def within_timing(effect: Effect, vehicle: Vehicle, options: Options) -> bool:
+    """Return whether an effect shifts commands in time, by no more than it is unknown when they act."""
+    shift = abs(effect.time_shift(vehicle))
+    return 0 < shift < options.materiality.sensor * options.tolerance.timing
 
 
 def _least_gap(fit: Fit, i: int, brought: float, options: Options) -> float:

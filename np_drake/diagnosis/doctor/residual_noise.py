@@ -98,4 +98,4 @@ def options_of(flights: Sequence[FlightResiduals], *, real: bool) -> Options:
     Args: real: sensors are real ones; else as the flights look.
     """
     options = Options.for_sensors(real or tolerance_of(flights).real)
-    return dc.replace(options, tolerance=with_input(options.tolerance, flights))
+    return with_input(options, flights)

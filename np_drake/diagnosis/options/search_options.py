@@ -17,6 +17,9 @@ class SearchOptions:
     )
     linear_error: float = 0.03  # share that linear columns get wrong of what they explain [1]
     force_lever: float = 0.05  # at which a force acts that is known as well as the attitude is [m]
+    early_command: float = (
+        3.0  # deviations ahead of its row, beyond which a command is not held from it; inf: never asked [1]
+    )
     # Beam search.
     beam: int = 6  # sets kept from step to step [1]
     beam_margin: float = 8.0  # below the best at which the beam stops growing

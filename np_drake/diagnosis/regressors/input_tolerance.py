@@ -7,41 +7,47 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.numerics import fit_noise
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.clock_offset import ClockOffset
 
 THROTTLE_SCALE = 0.2  # of thrust over throttle [1]; source: own choice, hover throttles are known to a fifth
 THROTTLE_CURVE = 0.3  # of its exponent, once it is fitted [1]; source: own choice
 THROTTLE_DRIFT = 0.002  # of thrust over throttle [1/s]; source: own choice, a tenth in a minute
-SURELY = 3.0  # deviations from a command that is held from its row, beyond which it is not [1]
 
 
-def with_input(tolerance: Tolerance, flights: Sequence[FlightResiduals]) -> Tolerance:
-    """Return the tolerance with what the input of these flights leaves open."""
-    open_ = {"timing": max(tolerance.timing, command_timing(flights))}
+def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
+    """Return the options whose tolerance holds what the input of these flights leaves open."""
+    tolerance = options.tolerance
+    timing = command_timing(flights, options.search.early_command)
+    open_ = {"timing": max(tolerance.timing, timing)}
     if flights[0].log.input == "normalised":
         open_ |= {
             "thrust": max(tolerance.thrust, THROTTLE_SCALE),
             "throttle_curve": max(tolerance.throttle_curve, THROTTLE_CURVE),
             "throttle_drift": max(tolerance.throttle_drift, THROTTLE_DRIFT),
         }
-    return dc.replace(tolerance, **open_)
+    return dc.replace(options, tolerance=dc.replace(tolerance, **open_))
 
 
-def command_timing(flights: Sequence[FlightResiduals]) -> float:
+def command_timing(flights: Sequence[FlightResiduals], early: float) -> float:
     """Return the deviation of the time at which a row's command acts [s].
 
     It is what the logs state, or half a row where the flights show that the command of a row does not act from it until
     the next: so a command looks that changed between the rows, as in a log of which rows were left out. Lags and delays
     look the other way.
+
+    early: deviations by which the motion is ahead of the commands from which they are not held from their row; inf: the
+    flights are not asked [1].
     """
     if flights[0].measured_rotors:
         return 0.0
     stated = max(e.log.timing for e in flights)
+    if early == np.inf:
+        return stated
     half = 0.5 * max(e.log.step for e in flights)
     shift, deviation = _early(flights, 0.5 * half)
-    sampled = shift > SURELY * deviation and shift - 2 * deviation < half
+    sampled = shift > early * deviation and shift - 2 * deviation < half
     return max(stated, half) if sampled else stated
 
 

@@ -41,7 +41,7 @@ def find_map_model(
     begin in flight are sought.
     """
     options = options or Options.for_sensors(tolerance_of(flights).real)
-    options = dc.replace(options, tolerance=with_input(options.tolerance, flights))
+    options = with_input(options, flights)
     ready = prepare(flights, options)
     problem, models, best = _search_twice(ready, options, hanging)
     return SearchResult(ready.raw, problem, models, best, _noise_left(ready, best, options), options)

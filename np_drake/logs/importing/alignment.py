@@ -9,7 +9,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from np_drake import attitude
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.convert import convert_quantity
+from np_drake.logs.importing.convert import GRAVITY, convert_quantity
 from np_drake.logs.importing.interpolation import (
     FASTER,
     Antiderivative,
@@ -27,6 +27,8 @@ COMMANDS = ("thrust", "torque", "throttle")
 READINGS = ("rotor_speed", "voltage", "hover_throttle")
 SMOOTH = 0.1  # window in which a position is differentiated where there is no velocity [s]; own choice
 GAP = 2.5  # median intervals of a signal that count as a gap [1]
+
+_G = np.array([0.0, 0.0, GRAVITY])
 
 Signals = Mapping[str, Signal]
 
@@ -48,8 +50,9 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     """Return the signals at common times, in SI units and our frames.
 
     Where all signals share their times these are kept. Elsewhere rows are evenly spaced. Attitude follows the body
-    rates between its samples, velocity the accelerations, position the velocity; body rates, accelerations and rotor
-    speeds are averaged about a row; commands are averaged over the interval after it.
+    rates between its samples, velocity the accelerations, position the velocity; body rates and rotor speeds are
+    averaged about a row. Commands, and the accelerations that follow them at once, are averaged over the interval after
+    it: the specific force in body axes, which a command holds while the body turns.
 
     Raises: LogError: if position or attitude is missing, or the signals do not overlap.
     """
@@ -80,11 +83,14 @@ def align(signals: Signals, log_map: LogMap, path: str = "log") -> Aligned:
     else:
         out["velocity"] = linear(v.t, v.values, t)
     out["position"] = _position(p, v, t)
-    if a is not None:
-        out["acceleration"] = averaged(a.t, a.values, t, width)
+    if a is not None and np.array_equal(a.t, t):
+        out["acceleration"] = a.values
+    elif a is not None:
+        specific = attitude.rotate_back(q_at(a.t), a.values + _G)
+        out["acceleration"] = attitude.rotate(out["attitude"], _averaged_after(a.t, specific, t, width)) - _G
     if "angular_acceleration" in signals:
         al = in_frames("angular_acceleration")
-        out["angular_acceleration"] = averaged(al.t, al.values, t, width)
+        out["angular_acceleration"] = _averaged_after(al.t, al.values, t, width)
     for name in (n for n in READINGS if n in signals):
         out[name] = averaged(signals[name].t, in_frames(name).values, t, width)
     for name in (n for n in COMMANDS if n in signals):
@@ -122,6 +128,12 @@ def _rows(signals: Signals, log_map: LogMap, path: str) -> tuple[np.ndarray, flo
     rate = log_map.rate or min(FASTEST, 1.0 / min(fast))
     count = int((stop - start) * rate + 1e-6)
     return start + np.arange(count + 1) / rate, 1.0 / rate
+
+
+def _averaged_after(t: np.ndarray, x: np.ndarray, at: np.ndarray, width: float) -> np.ndarray:
+    """Return the mean of x (n, k) over `width` [s] after each of `at` (m,); linear where the samples are no denser."""
+    dense = width >= FASTER * float(np.median(np.diff(t)))
+    return averaged(t, x, at + 0.5 * width * dense, width)
 
 
 def _rates(signals: Signals, log_map: LogMap, t_q: np.ndarray, q: np.ndarray, notes: list[str]) -> Signal:

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.logs.errors import LogError
 from np_drake.logs.importing.consistency import Misfits, misfits
 from np_drake.logs.importing.convert import Values, axes_of, convert, frames_of
-from np_drake.logs.importing.log_map import BODIES, WORLDS, LogMap
+from np_drake.logs.importing.log_map import BODIES, UNITS, WORLDS, LogMap
 
 AGREES = (
     0.5  # largest misfit of a law that holds [1]; own choice: wind, drag, noise and late sensors stay below
@@ -17,9 +18,20 @@ AGREES = (
 FAILS = 0.75  # misfit above which a law does not hold [1]; own choice
 DOUBTED = 0.15  # misfit above which conventions that agree better are looked for [1]; own choice
 BETTER = 3.0  # factor by which these must agree better [1]; own choice
+SHORTEST, LONGEST = 1e-4, 0.2  # interval of a state in a flight log [s]; own choice
+OPPOSED = 1.5  # misfit of a lift from which it is turned round, whatever other forces act [1]; own choice
+SEARCHED = 2000  # rows on which other conventions are tried; own choice
 MOST_CHANGES = 3  # conventions that are changed together in search of agreement [1]
 
 Change = tuple[tuple[str, Any], ...]  # options of the map, dotted, and their values: one other convention
+
+
+class WrongConventions(LogError):
+    """A log does not agree with the conventions declared; `verdict` holds those with which it does, if any."""
+
+    def __init__(self, message: str, verdict: "Verdict"):
+        super().__init__(message)
+        self.verdict = verdict
 
 
 @dc.dataclass(frozen=True)
@@ -44,7 +56,8 @@ class Verdict:
 def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     """Check the conventions of a log, and search for those that agree where the declared ones do not.
 
-    A law fails where its misfit is large, or where another convention makes it many times smaller.
+    A law fails where its misfit is large, or where another convention makes it many times smaller. The lift is no law
+    of kinematics: where it alone fails and no other convention makes it hold, another force acts, as of a payload.
 
     Args:
         t: (n,) evenly spaced times [s].
@@ -57,13 +70,19 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     if not failed and not doubted:
         return Verdict(own, ())
     singles = list(_alternatives(raw, log_map))
+    part = _liveliest(raw, len(t))
+    few = {name: values[part] for name, values in raw.items()}
     for count in range(1, MOST_CHANGES + 1 if failed else 2):
         found = []
         for chosen in itertools.combinations(singles, count):
             change = tuple(itertools.chain(*chosen))
             if len({option for option, _ in change}) < len(change):
                 continue
-            now = misfits(t, convert(raw, changed(log_map, change)))
+            now = misfits(t[part], convert(few, changed(log_map, change)))
+            if not all(misfit < AGREES for misfit in now.values()):
+                continue
+            if len(t[part]) < len(t):
+                now = misfits(t, convert(raw, changed(log_map, change)))
             if _agrees(now, own) if failed else _agrees_better(now, own, doubted):
                 found.append((sum(m**2 for m in now.values()), change))
         if found:
@@ -71,7 +90,33 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
             return Verdict(
                 own, failed or tuple(doubted), found[0][1], tuple(change for _, change in found[1:])
             )
-    return Verdict(own, failed)
+    disturbed = all(law.startswith("lift") and own[law] < OPPOSED for law in failed)
+    return Verdict(own, () if disturbed else failed)
+
+
+def _liveliest(raw: Values, rows: int) -> slice:
+    """Return the part of at most `SEARCHED` rows in which the attitude, or else the position, varies most."""
+    if rows <= SEARCHED:
+        return slice(0, rows)
+    value = raw["attitude" if "attitude" in raw else "position"]
+    starts = range(0, rows - SEARCHED + 1, SEARCHED // 2)
+    first = max(starts, key=lambda k: float(np.sum(np.var(value[k : k + SEARCHED], axis=0))))
+    return slice(first, first + SEARCHED)
+
+
+def fitting_time_unit(step: float, log_map: LogMap) -> Change:
+    """Return the unit of time with which samples `step` [s] apart come at a rate of flight logs; empty: as declared.
+
+    The nearest such unit is taken: logs of 5 Hz to 10 kHz.
+    """
+    if SHORTEST <= step <= LONGEST:
+        return ()
+    declared = UNITS["time"][log_map.time.unit or "s"]
+    units = sorted(UNITS["time"].items(), key=lambda unit: abs(np.log(unit[1] / declared)))
+    for unit, factor in units:
+        if SHORTEST <= step * factor / declared <= LONGEST:
+            return (("time.unit", unit),)
+    return ()
 
 
 def changed(log_map: LogMap, change: Change) -> LogMap:

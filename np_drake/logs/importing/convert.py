@@ -10,8 +10,8 @@ from np_drake.logs.importing.log_map import UNITS, LogMap, Source
 GRAVITY = 9.81  # [m/s²]
 NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 FRD_TO_FLU = np.array([1.0, -1.0, -1.0])
-_Q_WORLD = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])  # of NED_TO_ENU
-_Q_BODY = np.array([0.0, 1.0, 0.0, 0.0])  # of FRD_TO_FLU
+Q_WORLD = np.array([0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0])  # of NED_TO_ENU
+Q_BODY = np.array([0.0, 1.0, 0.0, 0.0])  # of FRD_TO_FLU
 Values = Mapping[str, np.ndarray]
 
 
@@ -77,9 +77,9 @@ def _attitude(values: np.ndarray, source: Source, log_map: LogMap) -> np.ndarray
         q = q * [1.0, -1.0, -1.0, -1.0]
     world, body = frames_of(source, log_map)
     if world == "ned":
-        q = attitude.multiply(np.broadcast_to(_Q_WORLD, q.shape), q)
+        q = attitude.multiply(np.broadcast_to(Q_WORLD, q.shape), q)
     if body == "frd":
-        q = attitude.multiply(q, np.broadcast_to(_Q_BODY, q.shape))
+        q = attitude.multiply(q, np.broadcast_to(Q_BODY, q.shape))
     return q
 
 

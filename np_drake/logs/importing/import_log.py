@@ -13,10 +13,19 @@ from np_drake.logs.formats import Format, format_named, format_of
 from np_drake.logs.gaps import LONGEST as LONGEST_GAP
 from np_drake.logs.import_sheet import Sheet
 from np_drake.logs.importing.airborne import airborne
-from np_drake.logs.importing.alignment import Aligned, align, common_rows
+from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, common_rows
 from np_drake.logs.importing.answerable import unanswerable
-from np_drake.logs.importing.conventions import Verdict, as_text, changed, check_conventions
+from np_drake.logs.importing.conventions import (
+    Change,
+    Verdict,
+    WrongConventions,
+    as_text,
+    changed,
+    check_conventions,
+    fitting_time_unit,
+)
 from np_drake.logs.importing.convert import convert_quantity
+from np_drake.logs.importing.interpolation import FASTER
 from np_drake.logs.importing.log_map import UNITS, LogMap
 from np_drake.logs.importing.map_time import with_map_time
 from np_drake.logs.importing.signals import Signal, gather
@@ -32,7 +41,7 @@ IDLE = {
 UNCERTAIN = {  # deviation of the time at which a row's command acts, over the interval of the command [1]
     "held_after": 0.0,
     "held_before": 0.0,
-    "averaged": 0.0,
+    "averaged": 0.5,  # its middle; 0 where accelerations are averaged over it as well
     "sampled": 12**-0.5,  # somewhere in the interval
     "unknown": 0.5,  # an interval early or late
 }
@@ -62,18 +71,17 @@ def import_log(
         rate: of the rows [Hz]; 0: as the map says.
         adopt: where the log fits other conventions than declared, take those instead of refusing it.
         on_progress: called with the share that is read [1].
-    Raises: LogError: one line with file, place and remedy, if it cannot be read, lacks what a flight log needs, or does
-    not agree with its conventions; OSError: if it cannot be opened.
+    Raises: LogError: one line with file, place and remedy, if it cannot be read or lacks what a flight log needs;
+    WrongConventions, one of these, if it does not agree with its conventions; OSError: if it cannot be opened.
     """
     known, contents, log_map = _map_for(Path(path), log_map)
     log_map = dc.replace(log_map, rate=rate or log_map.rate)
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     signals, notes = gather(with_map_time(recording, log_map), log_map)
+    signals, clock = _on_a_likely_clock(signals, log_map)
     signals = _cut(signals, log_map, str(path))
     carried = flies(signals, log_map)
-    log_map, verdict = (
-        _agreed(signals, log_map, str(path), adopt=adopt) if carried else (log_map, Verdict({}, ()))
-    )
+    log_map, verdict = _agreed(signals, log_map, str(path), clock=clock, carried=carried, adopt=adopt)
     if not carried:
         notes.append("no flight: position stays, or the rotors stand; nothing can be identified")
     aligned = align(signals, log_map, str(path))
@@ -138,31 +146,56 @@ def _cut(signals: dict[str, Signal], log_map: LogMap, path: str) -> dict[str, Si
     return out
 
 
-def _agreed(signals: dict[str, Signal], log_map: LogMap, path: str, *, adopt: bool) -> tuple[LogMap, Verdict]:
+def _on_a_likely_clock(signals: dict[str, Signal], log_map: LogMap) -> tuple[dict[str, Signal], Change]:
+    """Return the signals with times in a unit that gives a rate of flight logs, and the change that is; empty: none."""
+    change = fitting_time_unit(signals["attitude"].step, log_map) if "attitude" in signals else ()
+    if not change:
+        return signals, ()
+    factor = UNITS["time"][str(change[0][1])] / UNITS["time"][log_map.time.unit or "s"]
+    return {name: Signal(own.t * factor, own.values) for name, own in signals.items()}, change
+
+
+def _agreed(
+    signals: dict[str, Signal], log_map: LogMap, path: str, *, clock: Change, carried: bool, adopt: bool
+) -> tuple[LogMap, Verdict]:
     """Return the map whose conventions agree with the log, and the verdict on them.
 
-    Raises: LogError: if those declared do not agree, unless others do and are to be adopted.
+    Args: clock: change of the unit of time, made in the signals.   carried: whether the vehicle flies at all.
+    Raises: WrongConventions: if those declared do not agree, unless others do and are to be adopted.
     """
-    t, raw = common_rows({n: s for n, s in signals.items() if n != "voltage"}, CHECK_RATE)
-    verdict = check_conventions(t, raw, log_map)
-    if verdict.holds:
+    verdict = Verdict({}, ())
+    if carried:
+        t, raw = common_rows({n: s for n, s in signals.items() if n != "voltage"}, CHECK_RATE)
+        verdict = check_conventions(t, raw, log_map)
+    if verdict.holds and not clock:
         return log_map, verdict
-    laws = ", ".join(f"{law} {verdict.misfits[law]:.2g}" for law in verdict.failed[:4])
-    if not verdict.changes:
-        raise LogError(
-            f"{path}: its quantities must agree with each other in the conventions declared (misfit {laws}; 0 agrees, "
-            "1 does not), and agree in no other that is known. Check columns, units and frames of the map."
+    laws = [f"misfit of {law} {verdict.misfits[law]:.2g}" for law in verdict.failed[:4]]
+    laws[:0] = ["rows of the attitude not 0.1 ms to 0.2 s apart"] if clock else []
+    wrong = ", ".join(laws) + "; a misfit of 0 agrees, 1 does not"
+    if verdict.failed and not verdict.changes:
+        raise WrongConventions(
+            f"{path}: its quantities must agree with each other in the conventions declared ({wrong}), and agree in no "
+            "other that is known. Check columns, units and frames of the map.",
+            verdict,
         )
+    verdict = dc.replace(
+        verdict,
+        failed=("interval",) * bool(clock) + verdict.failed,
+        changes=clock + verdict.changes,
+        rivals=tuple(clock + rival for rival in verdict.rivals),
+    )
     fit = as_text(verdict.changes)
     if verdict.rivals:
         fit += "; or " + "; or ".join(as_text(change) for change in verdict.rivals[:2])
     if not adopt or verdict.rivals:
-        raise LogError(
-            f"{path}: it does not fit the conventions declared (misfit {laws}; 0 agrees, 1 does not), but fits {fit}. "
-            "Write that in the map" + ("." if verdict.rivals else ", or give --adopt.")
+        raise WrongConventions(
+            f"{path}: it does not fit the conventions declared ({wrong}), but fits {fit}. "
+            "Write that in the map" + ("." if verdict.rivals else ", or give --adopt."),
+            verdict,
         )
     log_map = changed(log_map, verdict.changes)
-    return log_map, dc.replace(check_conventions(t, raw, log_map), changes=verdict.changes)
+    now = check_conventions(t, raw, log_map) if carried else verdict
+    return log_map, dc.replace(now, changes=verdict.changes)
 
 
 def flies(signals: Mapping[str, Signal], log_map: LogMap) -> bool:
@@ -173,7 +206,9 @@ def flies(signals: Mapping[str, Signal], log_map: LogMap) -> bool:
     for name, least in IDLE.items():
         if name in signals:
             values = convert_quantity(name, signals[name].values, log_map)
-            return float(np.percentile(values.mean(axis=1), 90)) > least
+            return (
+                float(np.percentile(np.abs(values.mean(axis=1)), 90)) > least
+            )  # the check asks for the sign
     return True
 
 
@@ -238,8 +273,11 @@ def _knows_torque(log: FlightLog) -> bool:
 
 def _timing(signals: Mapping[str, Signal], log_map: LogMap) -> float:
     """Return the deviation of the time at which a row's command acts [s]; 0 without a command."""
-    steps = [signals[name].step for name in ("thrust", "torque", "throttle") if name in signals]
-    return UNCERTAIN[log_map.command] * max(steps, default=0.0)
+    step = max((signals[name].step for name in COMMANDS if name in signals), default=0.0)
+    a = signals.get("acceleration")
+    if log_map.command == "averaged" and (a is None or FASTER * a.step <= step):
+        return 0.0
+    return UNCERTAIN[log_map.command] * step
 
 
 def _stem(path: str | Path) -> str:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.decision.infer import infer
+from np_drake.diagnosis.options import Options, SearchOptions
 from np_drake.diagnosis.regressors import library_candidates
 from np_drake.diagnosis.regressors.input_tolerance import THROTTLE_SCALE, command_timing, with_input
 from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
-from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
+from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.library import SCALE, TIMING, unobservable
@@ -19,6 +20,7 @@ from np_drake.logs.throttle_input import with_throttle_input
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()
+EARLY = SearchOptions().early_command
 DRAG = LinearDrag(0.3, 0.3, 0.3)
 COLUMNS = ("t", "p", "q", "v", "w", "u", "a")
 
@@ -44,7 +46,7 @@ def with_throttle(log, exponent: float, hover: float = 0.4):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_thinned_log_leaves_half_a_row_open(fly, every, seed):
     log = thinned(fly(DRAG, seed=seed, noise=1.0), every)
-    timing = command_timing([make_flight_residuals(log, VEHICLE)])
+    timing = command_timing([make_flight_residuals(log, VEHICLE)], EARLY)
     assert timing == pytest.approx(0.5 * log.step)
 
 
@@ -52,28 +54,29 @@ def test_a_thinned_log_leaves_half_a_row_open(fly, every, seed):
     "effects", [(), (DRAG,), (MotorLag(0.03),), (CommandDelay(0.02),), (ClockOffset(0.02),)]
 )
 def test_a_command_that_is_held_from_its_row_leaves_nothing_open(seen, effects):
-    assert command_timing([seen(*effects, seed=1, noise=1.0)]) == 0.0
+    assert command_timing([seen(*effects, seed=1, noise=1.0)], EARLY) == 0.0
 
 
 def test_what_a_log_states_is_not_doubted(fly):
     log = dc.replace(fly(seed=1, noise=1.0), timing=0.004)
-    assert command_timing([make_flight_residuals(log, VEHICLE)]) == 0.004
+    assert command_timing([make_flight_residuals(log, VEHICLE)], EARLY) == 0.004
 
 
 def test_measured_rotor_speed_has_no_command(fly):
     log = fly(seed=1, noise=1.0)
     speed = np.sqrt(np.maximum(log.u @ VEHICLE.unmixer.T, 0) / VEHICLE.thrust_coefficient)
     measured = dc.replace(log, rotor=speed, input="rotor_speed", timing=0.1)
-    assert command_timing([make_flight_residuals(measured, VEHICLE)]) == 0.0
+    assert command_timing([make_flight_residuals(measured, VEHICLE)], EARLY) == 0.0
 
 
 def test_ideal_commands_leave_the_tolerance_as_it_is(seen):
-    assert with_input(IDEAL_SENSORS, [seen(seed=1, noise=1.0)]) == IDEAL_SENSORS
+    options = Options.for_sensors(False)
+    assert with_input(options, [seen(seed=1, noise=1.0)]) == options
 
 
 def test_a_throttle_opens_scale_curve_and_drift(fly):
     flight = make_flight_residuals(with_throttle(fly(seed=1, noise=1.0), 1.5), VEHICLE)
-    open_ = with_input(Tolerance(), [flight])
+    open_ = with_input(Options.for_sensors(True), [flight]).tolerance
     assert open_.thrust == THROTTLE_SCALE
     assert min(open_.throttle_curve, open_.throttle_drift) > 0
     assert (open_.mass, open_.attitude) == (Tolerance().mass, Tolerance().attitude)

@@ -1,0 +1,223 @@
+"""Flights with a known effect, written in other conventions and rates: their diagnosis must be that of the original."""
+
+import dataclasses as dc
+import itertools
+import tempfile
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from diagrams.batch.processes import in_order
+from diagrams.challenge.generate.sensor_quality import SensorQuality, rows_of, with_sensor_noise
+from diagrams.challenge.generate.trajectories import draw_plan
+from diagrams.challenge.generate.vehicles import draw_vehicle, vehicle_file
+from diagrams.challenge.imported.written import columns_in, default_map, quantities_of, write_table
+from diagrams.challenge.simulators.drake.simulator import fly
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.result import Diagnosis
+from np_drake.effects.base import Effect
+from np_drake.effects.library import LIBRARY
+from np_drake.logs.case_folder import VEHICLE, open_case
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.import_sheet import write_sheet
+from np_drake.logs.importing.import_log import import_log
+from np_drake.logs.importing.log_map import LogMap, Source, load_map
+from np_drake.logs.log_file import write_log
+from np_drake.vehicle import Vehicle
+
+FILES = {
+    "train_1": "aggressive_multisine",
+    "train_2": "waypoints",
+    "heldout_1": "lemniscate",
+}  # and their plans
+SECONDS = 12.0  # of every flight [s]
+FRAMES = {"ENU/FLU": ("enu", "flu"), "NED/FRD": ("ned", "frd")}
+RATES = (50, 100, 250, 500)  # of the rows [Hz]
+SEMANTICS = ("held_after", "held_before", "averaged", "sampled")
+INPUTS = ("thrust_only", "rotor_speed", "throttle")  # besides thrust and torque
+FINER = 2  # commands in an interval of rows, where a row does not hold one command [1]
+THROTTLE = 0.6  # exponent of the throttle over thrust [1]
+EFFECTS: dict[str, Callable[[Vehicle], dict[str, float]]] = {  # well visible; own choice
+    "linear_drag": lambda v: {"d_x": 0.25 * v.mass, "d_y": 0.2 * v.mass, "d_z": 0.15 * v.mass},
+    "thrust_scale": lambda v: {"scale": 0.9},
+    "motor_lag": lambda v: {"time_constant": v.rotor_time_constant + 0.04},
+    "suspended_payload": lambda v: {
+        **{"mass": 0.15 * v.mass, "length": 0.7, "hook_x": 0.0, "hook_y": 0.0, "hook_z": -0.03}
+    },
+}
+Progress = Callable[[int, int], None]
+Task = tuple[int, str, int, str, str]  # number, effect, rate, semantics, input
+
+
+@dc.dataclass(frozen=True)
+class RoundTrip:
+    """One combination: what was diagnosed of the original and of the imported log.
+
+    names: whether they name the same.   inside: whether every parameter lies within the original's interval.
+    """
+
+    effect: str
+    input: str
+    frames: str
+    rate: int
+    semantics: str
+    original: tuple[str, ...]
+    imported: tuple[str, ...]
+    names: bool
+    inside: bool
+    outside: dict[str, tuple[float, float, float]]  # parameter: imported value, original interval
+
+    def row(self) -> dict[str, Any]:
+        """Return the combination as JSON."""
+        return dc.asdict(self)
+
+
+def tasks(*, full: bool) -> list[Task]:
+    """Return what is flown: by default rates with semantics, and inputs, each under one effect; full: under all."""
+    names = tuple(EFFECTS)
+    if full:
+        product = itertools.product(names, RATES, SEMANTICS)
+        found = [(effect, rate, semantics, "command") for effect, rate, semantics in product]
+        found += [(effect, 100, "held_after", kind) for effect, kind in itertools.product(names, INPUTS)]
+    else:
+        found = [
+            (names[(a + b) % len(names)], rate, semantics, "command")
+            for (a, rate), (b, semantics) in itertools.product(enumerate(RATES), enumerate(SEMANTICS))
+        ]
+        found += [(names[i], 100, "held_after", kind) for i, kind in enumerate(INPUTS)]
+    return [(number, *task) for number, task in enumerate(found)]
+
+
+def answer_round_trips(
+    *, seed: int, full: bool = False, jobs: int = 1, on_progress: Progress = lambda done, total: None
+) -> list[RoundTrip]:
+    """Fly, write, import and diagnose the combinations.
+
+    Raises: FailedRun: where a flight cannot be flown; LogError: where a log is refused.
+    """
+    found = in_order(partial(_answer, seed=seed), tasks(full=full), jobs=jobs, on_progress=on_progress)
+    return [trip for trips in found for trip in trips]
+
+
+def _answer(task: Task, *, seed: int) -> list[RoundTrip]:
+    number, effect, rate, semantics, kind = task
+    rng = np.random.default_rng([seed, 2, number])
+    vehicle = draw_vehicle(rng, SensorQuality().stated_noise())
+    acting = LIBRARY[effect].of(EFFECTS[effect](vehicle))
+    finer = 1 if semantics.startswith("held") else FINER
+    logs = {name: _flown(vehicle, acting, plan, rate * finer, rng) for name, plan in FILES.items()}
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "original"
+        folder.mkdir()
+        for name, log in logs.items():
+            write_log(_with_input(log, vehicle, kind), folder / f"{name}.csv")
+        original = _diagnosed(folder, vehicle)
+        trips = []
+        for frames in FRAMES:
+            folder = Path(scratch) / frames.replace("/", "_")
+            folder.mkdir()
+            for name, log in logs.items():
+                thin = _as_logged(_with_input(log, vehicle, kind), semantics, finer)
+                _import(thin, frames, semantics, folder, name)
+            trips.append(
+                _compared(original, _diagnosed(folder, vehicle), effect, kind, frames, rate, semantics)
+            )
+    return trips
+
+
+def _flown(vehicle: Vehicle, effect: Effect, plan: str, rate: int, rng: np.random.Generator) -> FlightLog:
+    """Return one flight with ideal sensors, without rotor speed and angular acceleration."""
+    drawn = draw_plan(rng, vehicle, SECONDS, plan)
+    exact = fly(vehicle, drawn, [effect], t=np.arange(round(SECONDS * rate)) / rate)
+    noisy = with_sensor_noise(exact, vehicle, SensorQuality(), rng)
+    return dc.replace(noisy, al=None)
+
+
+def _with_input(log: FlightLog, vehicle: Vehicle, kind: str) -> FlightLog:
+    """Return the log with one kind of input."""
+    if kind == "rotor_speed":
+        return dc.replace(log, input="rotor_speed")
+    log = dc.replace(log, rotor=None)
+    if kind == "thrust_only":
+        return dc.replace(log, u=np.column_stack([log.u[:, 0], np.full((len(log), 3), np.nan)]), input=kind)
+    if kind == "throttle":
+        share = np.maximum(log.u @ vehicle.unmixer.T, 0.0) / vehicle.max_rotor_thrust
+        return dc.replace(log, throttle=share**THROTTLE, input="normalised")
+    return log
+
+
+def _as_logged(log: FlightLog, semantics: str, finer: int) -> FlightLog:
+    """Return every `finer`-th row, with a command as these semantics log it."""
+    u, rows = log.u, np.arange(0, len(log), finer)
+    if semantics == "held_before":
+        u = np.concatenate([u[:1], u[:-1]])
+    if semantics == "averaged":
+        u = np.stack([np.roll(u, -i, axis=0) for i in range(finer)]).mean(axis=0)
+    return rows_of(dc.replace(log, u=u), rows)
+
+
+def _import(log: FlightLog, frames: str, semantics: str, folder: Path, name: str) -> None:
+    """Write a log in these conventions, import it through a map in YAML, and write what comes of it."""
+    columns = quantities_of(log)
+    world, body = FRAMES[frames]
+    names = [n for n in columns if n not in ("thrust", "torque")]
+    names += {"command": ["thrust", "torque"], "thrust_only": ["thrust"]}.get(log.input, [])
+    log_map = default_map(names, world=world, body=body, command=semantics)
+    if log.throttle is not None:
+        columns["throttle"] = log.throttle
+        log_map.throttle = Source([f"throttle_{i}" for i in range(4)])
+    with tempfile.TemporaryDirectory() as scratch:
+        table, text = Path(scratch) / f"{name}.csv", Path(scratch) / "map.yaml"
+        write_table(table, log.t, columns_in(columns, log_map), log_map)
+        text.write_text(yaml.safe_dump(_short(log_map)), encoding="utf-8")
+        found = import_log(table, load_map(text))
+    (flight,) = found.flights
+    write_log(flight, folder / f"{name}.csv")
+    write_sheet(found.sheet, folder / f"{name}.csv")
+
+
+def _short(log_map: LogMap) -> dict[str, Any]:
+    """Return the fields of a map that are not the defaults."""
+    out = {n: getattr(log_map, n) for n in ("world", "body", "command")}
+    out["time"] = {"columns": log_map.time.columns}
+    return out | {name: {"columns": source.columns} for name, source in log_map.sources()}
+
+
+def _diagnosed(folder: Path, vehicle: Vehicle) -> Diagnosis:
+    (folder / VEHICLE).write_text(vehicle_file(vehicle), encoding="utf-8")
+    return diagnose(*open_case(folder))
+
+
+def _compared(
+    original: Diagnosis, imported: Diagnosis, effect: str, kind: str, frames: str, rate: int, semantics: str
+) -> RoundTrip:
+    outside = {}
+    now = {cause.identifier: cause for cause in imported.causes}
+    for cause in original.causes:
+        if cause.identifier not in now:
+            continue
+        for name, estimate in cause.parameters.items():
+            value = now[cause.identifier].parameters[name].value
+            if not estimate.ci95[0] <= value <= estimate.ci95[1]:
+                outside[f"{cause.identifier}.{name}"] = (value, *estimate.ci95)
+    return RoundTrip(
+        effect,
+        kind,
+        frames,
+        rate,
+        semantics,
+        original.verdict,
+        imported.verdict,
+        names=set(original.verdict) == set(imported.verdict),
+        inside=not outside,
+        outside=outside,
+    )
+
+
+def count(trips: Sequence[RoundTrip]) -> tuple[int, int]:
+    """Return how many combinations give the same names, and how many the same parameters besides."""
+    return sum(t.names for t in trips), sum(t.names and t.inside for t in trips)

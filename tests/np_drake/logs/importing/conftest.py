@@ -1,0 +1,102 @@
+"""Simulated flights, and their columns in the conventions of a map, written with rotation matrices of SciPy."""
+
+import dataclasses as dc
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.importing.log_map import SIZES, UNITS, LogMap, Source
+
+ENU_OF_NED = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]], float)  # x east from y, y north from x, z up
+FLU_OF_FRD = np.diag([1.0, -1.0, -1.0])
+GRAVITY = np.array([0.0, 0.0, 9.81])
+Quantities = dict[str, np.ndarray]
+
+
+def load(name: str, path: Path):
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def fly() -> Callable[..., FlightLog]:
+    """Return `fly(*effects, seed, seconds, noise, vigour)`: the log of a simulated flight."""
+    folder = Path(__file__).parents[2] / "diagnosis"
+    return load("simulated_flights", folder / "simulated_flights.py").fly
+
+
+@pytest.fixture(scope="session")
+def excited(fly) -> FlightLog:
+    """Return an excited flight that turns about every axis, with usual sensor noise."""
+    return fly(seed=3, seconds=12.0, noise=1.0, vigour=(1.6, 1.6, 1.6, 2.0), attitude_noise=0.005)
+
+
+def quantities_of(log: FlightLog) -> Quantities:
+    out = {"position": log.p, "velocity": log.v, "attitude": log.q, "rates": log.w}
+    out |= {"thrust": log.u[:, :1], "torque": log.u[:, 1:]}
+    return out if log.a is None else out | {"acceleration": log.a}
+
+
+def plain_map(**fields) -> LogMap:
+    """Return a map of all quantities of `quantities_of`, in the default conventions."""
+    names = ("position", "velocity", "attitude", "rates", "acceleration", "thrust", "torque")
+    sources = {name: Source([f"{name}{i}" for i in range(SIZES[name][0])]) for name in names}
+    return dc.replace(LogMap(time=Source(["t"]), **sources), **fields)
+
+
+def columns_in(log_map: LogMap, x: Quantities) -> Quantities:
+    """Return the columns that a logger with the conventions of this map would have written."""
+    R_WB = Rotation.from_quat(np.roll(x["attitude"], -1, axis=1)).as_matrix()  # of ours
+    out = {}
+    for name, value in x.items():
+        source = getattr(log_map, name)
+        W = ENU_OF_NED if (source.world or log_map.world) == "ned" else np.eye(3)  # ours from theirs
+        B = FLU_OF_FRD if (source.body or log_map.body) == "frd" else np.eye(3)
+        if name == "attitude":
+            R = W.T @ R_WB @ B
+            R = np.swapaxes(R, 1, 2) if source.direction == "world_to_body" else R
+            if len(source.columns) == 3:
+                value = Rotation.from_matrix(R).as_euler("ZYX")[:, ::-1]
+            else:
+                value = Rotation.from_matrix(R).as_quat()
+                value = value if source.order == "xyzw" else np.roll(value, 1, axis=1)
+        elif SIZES[name] == (3,):
+            value, axes = _in_axes(name, value, source, R_WB)
+            value = value @ (W if axes == "world" else B)
+        out[name] = value / (source.scale * UNITS[name].get(source.unit, 1.0))
+    return out
+
+
+def _in_axes(name: str, value: np.ndarray, source: Source, R_WB: np.ndarray) -> tuple[np.ndarray, str]:
+    if name == "acceleration":
+        kind = source.kind or "specific_force"
+        axes = source.axes or ("body" if kind == "specific_force" else "world")
+        value = value + GRAVITY * (kind == "specific_force")
+        own = "world"
+    else:
+        own = "world" if name in ("position", "velocity") else "body"
+        axes = source.axes or own
+    if axes == own:
+        return value, axes
+    return np.einsum("nij,nj->ni" if axes == "world" else "nji,nj->ni", R_WB, value), axes
+
+
+@pytest.fixture(scope="session")
+def conventions():
+    """Return the functions of this file: `quantities_of`, `plain_map`, `columns_in`."""
+
+    class Functions:
+        quantities_of = staticmethod(quantities_of)
+        plain_map = staticmethod(plain_map)
+        columns_in = staticmethod(columns_in)
+
+    return Functions

@@ -1,0 +1,162 @@
+"""Laws of the check of conventions: every error, and every pair, is named; what real flights do is not refused."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from np_drake.effects.accelerometer_bias import AccelerometerBias
+from np_drake.effects.attitude_bias import AttitudeBias
+from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
+from np_drake.effects.clock_offset import ClockOffset
+from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects.velocity_bias import VelocityBias
+from np_drake.logs.importing.conventions import as_text, changed, check_conventions, fitting_time_unit
+from np_drake.logs.importing.convert import convert
+from np_drake.logs.importing.log_map import LogMap, Source
+
+ERRORS = {
+    "ned": (("world", "ned"),),
+    "frd": (("body", "frd"),),
+    "ned_frd": (("world", "ned"), ("body", "frd")),
+    "xyzw": (("attitude.order", "xyzw"),),
+    "world_to_body": (("attitude.direction", "world_to_body"),),
+    "degrees": (("rates.unit", "deg/s"),),
+    "rates_frd": (("rates.body", "frd"),),
+    "g": (("acceleration.unit", "g"),),
+    "no_gravity": (("acceleration.kind", "acceleration"), ("acceleration.axes", "body")),
+    "negative_acceleration": (("acceleration.scale", -1.0),),
+    "negative_thrust": (("thrust.scale", -1.0),),
+    "body_velocity": (("velocity.axes", "body"),),
+    "millimetres": (("position.unit", "mm"),),
+    "position_ned": (("position.world", "ned"), ("velocity.world", "ned")),
+}
+FRAMES = {"ned": "w", "frd": "b", "ned_frd": "wb", "rates_frd": "b", "position_ned": "w"}
+PAIRS = [
+    pair
+    for pair in itertools.combinations(ERRORS, 2)
+    if not set(FRAMES.get(pair[0], "")) & set(FRAMES.get(pair[1], ""))
+]
+
+
+@pytest.fixture(scope="module")
+def sampled(excited, conventions):
+    """Return times and quantities of the excited flight at 50 Hz."""
+    x = conventions.quantities_of(excited)
+    return excited.t[::2], {name: value[::2] for name, value in x.items()}
+
+
+def checked(sampled, conventions, change):
+    """Return the verdict on a log in other conventions than its map, and whether what it names is right."""
+    t, x = sampled
+    declared = conventions.plain_map()
+    own = changed(declared, change)
+    columns = conventions.columns_in(own, x)
+    verdict = check_conventions(t, columns, declared)
+    named = [same(convert(columns, changed(declared, fit)), x) for fit in (verdict.changes, *verdict.rivals)]
+    return verdict, named
+
+
+def same(found, x):
+    q = found["attitude"] * np.sign(np.sum(found["attitude"] * x["attitude"], axis=1, keepdims=True))
+    found = found | {"attitude": q}
+    return all(np.allclose(found[name], value, atol=1e-6) for name, value in x.items())
+
+
+def test_the_right_conventions_hold(sampled, conventions):
+    verdict, _ = checked(sampled, conventions, ())
+    assert verdict.holds
+    laws = {law.split()[0] for law in verdict.misfits}
+    assert laws == {"position", "velocity", "attitude", "lift", "gravity", "upright", "thrust"}
+
+
+@pytest.mark.parametrize("error", ERRORS)
+def test_every_error_by_itself_is_named(sampled, conventions, error):
+    verdict, named = checked(sampled, conventions, ERRORS[error])
+    assert not verdict.holds
+    assert named[0], f"{as_text(verdict.changes)} for {error}"
+
+
+@pytest.mark.parametrize("pair", PAIRS[:: max(1, len(PAIRS) // 12)], ids="+".join)
+def test_pairs_of_errors_are_never_accepted_and_the_right_ones_are_among_those_named(
+    sampled, conventions, pair
+):
+    verdict, named = checked(sampled, conventions, ERRORS[pair[0]] + ERRORS[pair[1]])
+    assert not verdict.holds
+    assert any(named) or not verdict.changes, as_text(verdict.changes)
+
+
+FLIGHTS = {
+    "plain": (),
+    "wind": (LinearDrag(0.5, 0.5, 0.3), ConstantWind(4.0, -2.0, 0.3)),
+    "heavy drag": (LinearDrag(0.8, 0.8, 0.4),),
+    "payload": (SuspendedPayload(mass=0.4, length=0.8),),
+    "biases": (
+        AccelerometerBias(0.3, -0.3, 0.4),
+        AttitudeBias(0.05, -0.04, 0.06),
+        VelocityBias(0.2, -0.2, 0.1),
+    ),
+    "late": (MotorLag(0.08), ClockOffset(0.05)),
+    "off centre": (CenterOfMassOffset(0.02, 0.02, 0.0), MassError(0.4)),
+}
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+@pytest.mark.parametrize("vigour", [0.0, 0.3, 1.5])
+def test_a_gap_to_the_model_is_no_wrong_convention(fly, conventions, name, vigour):
+    log = fly(*FLIGHTS[name], seed=5, seconds=10.0, noise=1.0, vigour=vigour, attitude_noise=0.01)
+    x = conventions.quantities_of(log)
+    columns = conventions.columns_in(conventions.plain_map(), {n: value[::2] for n, value in x.items()})
+    verdict = check_conventions(log.t[::2], columns, conventions.plain_map())
+    assert verdict.holds, (verdict.failed, verdict.misfits)
+
+
+def test_a_lift_that_is_turned_round_is_refused_also_where_nothing_else_fits(sampled, conventions):
+    t, x = sampled
+    x = {name: x[name] for name in ("position", "velocity", "attitude")}
+    x["velocity"], x["position"] = -x["velocity"] * [1, 1, -1], -x["position"] * [1, 1, -1]
+    verdict = check_conventions(t, x, conventions.plain_map())
+    assert {law.split()[0] for law in verdict.failed} == {"lift"}
+
+
+def test_a_long_log_is_searched_where_it_moves(sampled, conventions):
+    t, x = sampled
+    rest = {n: np.repeat(value[:1], 6000, axis=0) for n, value in x.items()}
+    rest["velocity"] = 0 * rest["velocity"]
+    rest["rates"] = 0 * rest["rates"]
+    rest["acceleration"] = 0 * rest["acceleration"]
+    long = {n: np.concatenate([rest[n], value]) for n, value in x.items()}
+    verdict, named = checked((0.02 * np.arange(len(t) + 6000), long), conventions, ERRORS["degrees"])
+    assert not verdict.holds
+    assert named == [True]
+
+
+def test_a_log_without_accelerometer_in_ned_is_named_by_its_lift(sampled, conventions):
+    t, x = sampled
+    x = {name: value for name, value in x.items() if name != "acceleration"}
+    declared = conventions.plain_map(acceleration=Source())
+    columns = conventions.columns_in(changed(declared, ERRORS["ned_frd"]), x)
+    verdict = check_conventions(t, columns, declared)
+    assert not verdict.holds
+    fits = (verdict.changes, *verdict.rivals)
+    assert any(same(convert(columns, changed(declared, fit)), x) for fit in fits)
+
+
+@pytest.mark.parametrize(
+    "step, declared, unit",
+    [
+        (10.0, "s", "ms"),
+        (1e4, "s", "us"),
+        (1e7, "s", "ns"),
+        (1e-5, "ms", "s"),
+        (0.01, "s", ""),
+        (0.2, "", ""),
+    ],
+)
+def test_rows_that_come_too_fast_or_slowly_name_their_unit_of_time(step, declared, unit):
+    fit = fitting_time_unit(step, LogMap(time=Source(["t"], unit=declared)))
+    assert fit == ((("time.unit", unit),) if unit else ())

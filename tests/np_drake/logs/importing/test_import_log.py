@@ -1,0 +1,155 @@
+"""Laws of an import: our own flight comes back to the bit, and wrong conventions are refused with their name."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+import yaml
+
+from np_drake.logs.errors import LogError
+from np_drake.logs.importing.conventions import WrongConventions, changed
+from np_drake.logs.importing.import_log import import_log
+from np_drake.logs.importing.log_map import Source, load_map
+from np_drake.logs.log_file import write_log
+
+
+@pytest.fixture
+def written(excited, conventions, tmp_path):
+    """Return a function that writes the excited flight in conventions, and imports it with a map."""
+
+    def go(own=(), declared=(), *, t=None, log=excited, **options):
+        log_map = changed(conventions.plain_map(command="held_after"), own)
+        columns = conventions.columns_in(log_map, conventions.quantities_of(log))
+        table = {"t": log.t if t is None else t}
+        for name, source in log_map.sources():
+            table |= dict(zip(source.columns, columns[name].T, strict=True))
+        lines = [",".join(table)] + [
+            ",".join(map(repr, map(float, row))) for row in zip(*table.values(), strict=True)
+        ]
+        path = tmp_path / "flight.csv"
+        path.write_text("\n".join(lines) + "\n")
+        return import_log(path, changed(conventions.plain_map(command="held_after"), declared), **options)
+
+    return go
+
+
+def same(flight, log):
+    q = flight.q * np.sign(np.sum(flight.q * log.q, axis=1, keepdims=True))
+    for ours, theirs in (
+        (flight.p, log.p),
+        (flight.v, log.v),
+        (q, log.q),
+        (flight.w, log.w),
+        (flight.u, log.u),
+    ):
+        assert np.allclose(ours, theirs, rtol=0, atol=1e-9)
+
+
+def test_a_log_of_ours_comes_back_without_a_map(excited, tmp_path):
+    write_log(excited, tmp_path / "own.csv")
+    (flight,) = import_log(tmp_path / "own.csv").flights
+    same(flight, excited)
+    assert np.allclose(flight.a, excited.a, rtol=0, atol=1e-9)
+    assert flight.timing == 0.0
+
+
+NED_FRD = (("world", "ned"), ("body", "frd"))
+
+
+@pytest.mark.parametrize(
+    "own",
+    [
+        NED_FRD,
+        (("attitude.order", "xyzw"),),
+        (("rates.unit", "deg/s"), ("thrust.scale", -1.0)),
+        (("time.unit", "ms"),),
+    ],
+    ids=["NED/FRD", "xyzw", "deg/s and -f", "ms"],
+)
+def test_a_log_in_its_own_conventions_is_the_flight_and_in_others_is_refused(written, excited, own):
+    t = excited.t * (1000.0 if own[0][0] == "time.unit" else 1.0)
+    (flight,) = written(own, own, t=t).flights
+    same(flight, excited)
+    with pytest.raises(WrongConventions, match="does not fit the conventions declared") as caught:
+        written(own, (), t=t)
+    assert set(own) == set(caught.value.verdict.changes)
+    assert all(f"{option}: {value}" in str(caught.value) for option, value in own)
+
+
+def test_what_fits_is_adopted_where_the_user_asks(written, excited):
+    found = written((("rates.unit", "deg/s"),), (), adopt=True)
+    same(found.flights[0], excited)
+    assert "adopted: rates.unit: deg/s" in found.sheet.content["conventions"]
+
+
+def test_a_unit_of_time_is_adopted_with_its_times(written, excited):
+    found = written((), (), t=1000.0 * excited.t, adopt=True)
+    same(found.flights[0], excited)
+    assert found.flights[0].step == pytest.approx(excited.step)
+
+
+def test_the_time_column_of_the_map_is_read(written, excited):
+    (flight,) = written((), (("time.unit", "ms"),), t=1000.0 * excited.t).flights
+    assert flight.t == pytest.approx(excited.t - excited.t[0])
+
+
+def test_a_flight_whose_thrust_is_negative_is_not_taken_for_one_on_the_ground(written):
+    with pytest.raises(WrongConventions, match=r"thrust.scale: -1.0"):
+        written((("thrust.scale", -1.0),), ())
+
+
+@pytest.mark.parametrize(
+    "command, timing",
+    [("held_after", 0), ("held_before", 0), ("averaged", 0.5), ("sampled", 12**-0.5), ("unknown", 0.5)],
+)
+def test_what_a_row_means_is_carried_as_uncertainty_of_time(written, command, timing):
+    dut = written((), (("command", command),))
+    assert dut.flights[0].timing == dut.sheet.timing == pytest.approx(timing * 0.01, abs=1e-12)
+
+
+def test_averaged_commands_beside_fast_accelerations_are_certain(conventions):
+    from np_drake.logs.importing.import_log import _timing
+    from np_drake.logs.importing.signals import Signal
+
+    slow, fast = 0.01 * np.arange(100), 0.001 * np.arange(1000)
+    signals = {"thrust": Signal(slow, slow[:, None]), "acceleration": Signal(fast, fast[:, None])}
+    assert _timing(signals, conventions.plain_map(command="averaged")) == 0.0
+    assert _timing(signals, conventions.plain_map(command="sampled")) > 0.0
+
+
+def test_a_log_that_rests_is_imported_and_says_so(written, excited):
+    still = dc.replace(
+        excited,
+        p=0 * excited.p,
+        v=0 * excited.v,
+        w=0 * excited.w,
+        a=0 * excited.a,
+        u=0 * excited.u,
+        q=np.tile([1.0, 0, 0, 0], (len(excited), 1)),
+    )
+    assert any(note.startswith("no flight") for note in written(log=still).sheet.content["notes"])
+
+
+def test_start_and_stop_cut_the_log_in_its_own_seconds(written):
+    (flight,) = written((), (("start", 2.0), ("stop", 7.0))).flights
+    assert flight.t[-1] == pytest.approx(5.0, abs=0.011)
+
+
+def test_rows_come_at_the_rate_that_is_asked_for(written):
+    (flight,) = written((), (), rate=50.0).flights
+    assert flight.step == pytest.approx(0.02)
+
+
+def test_a_map_is_read_from_yaml_and_its_faults_are_named(tmp_path):
+    path = tmp_path / "map.yaml"
+    path.write_text(yaml.safe_dump({"world": "ned", "attitude": {"columns": list("abcd"), "order": "xyzw"}}))
+    dut = load_map(path)
+    assert dut.attitude == Source(list("abcd"), order="xyzw")
+    path.write_text("world: nwu\n")
+    with pytest.raises(ValueError, match="world must be one of 'enu', 'ned'; got 'nwu'"):
+        load_map(path)
+
+
+def test_a_column_that_is_missing_is_named(written):
+    with pytest.raises(LogError, match="column nothing: no stream"):
+        written((), (("thrust.columns", ["nothing"]),))

@@ -1,0 +1,85 @@
+"""Laws of signals: what is no sample is left out, and rows that repeat are a slower signal."""
+
+import numpy as np
+import pytest
+
+from np_drake.logs.errors import LogError
+from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.importing.signals import gather
+from np_drake.logs.recording import Recording, Stream
+
+MAP = LogMap(position=Source(["x", "y", "z"]))
+
+
+def recording(t, **columns):
+    return Recording("made", "table", {"table": Stream(t, columns)})
+
+
+def moving(t):
+    return {"x": np.sin(t), "y": np.cos(t), "z": 1 + 0.1 * t}
+
+
+def test_a_clean_signal_is_kept_to_the_bit():
+    t = 0.01 * np.arange(100)
+    signals, notes = gather(recording(t, **moving(t)), MAP)
+    assert np.array_equal(signals["position"].t, t)
+    assert np.array_equal(signals["position"].values[:, 0], np.sin(t))
+    assert notes == []
+
+
+def test_rows_without_number_and_rows_that_run_back_are_left_out_and_counted():
+    t = 0.01 * np.arange(100)
+    x = moving(t)
+    x["y"][7] = np.nan
+    t = t.copy()
+    t[20] = t[19]
+    t[30] = 0.0
+    signals, notes = gather(recording(t, **x), MAP)
+    assert len(signals["position"].t) == 97
+    assert np.all(np.diff(signals["position"].t) > 0)
+    assert notes == ["position: 3 rows left out (no number, or time not increasing)"]
+
+
+@pytest.mark.parametrize("slower", [2, 5, 10])
+def test_repeated_rows_are_a_signal_of_a_slower_rate(slower):
+    t = 0.01 * np.arange(400)
+    x = {name: np.repeat(value[::slower], slower)[:400] for name, value in moving(t).items()}
+    signals, notes = gather(recording(t, **x), MAP)
+    assert signals["position"].step == pytest.approx(0.01 * slower)
+    assert "rows repeat" in notes[0]
+
+
+def test_a_vehicle_at_rest_keeps_rows():
+    t = 0.01 * np.arange(400)
+    x = {name: np.repeat(value[::5], 5) for name, value in moving(t).items()}
+    for value in x.values():
+        value[100:300] = value[100]
+    signals, _ = gather(recording(t, **x), MAP)
+    assert np.diff(signals["position"].t).max() < 0.3  # [s], of 2 s at rest
+
+
+def test_commands_that_repeat_are_kept():
+    t = 0.01 * np.arange(100)
+    log_map = LogMap(thrust=Source(["f"]))
+    signals, _ = gather(recording(t, f=np.repeat([9.0, 10.0], 50)), log_map)
+    assert len(signals["thrust"].t) == 100
+
+
+def test_a_late_sensor_is_moved_to_when_it_saw():
+    t = 0.01 * np.arange(100)
+    log_map = LogMap(position=Source(["x", "y", "z"], late=0.03))
+    signals, _ = gather(recording(t, **moving(t)), log_map)
+    assert np.allclose(signals["position"].t, t - 0.03)
+
+
+def test_columns_of_another_stream_are_read_at_the_times_of_the_first():
+    t, other = 0.01 * np.arange(100), 0.004 * np.arange(250)
+    streams = {"a": Stream(t, {"x": t}), "b": Stream(other, {"y": 2 * other, "z": 3 * other})}
+    signals, _ = gather(Recording("made", "ros", streams), MAP)
+    assert np.allclose(signals["position"].values, t[:, None] * [1, 2, 3])
+
+
+def test_a_signal_of_a_few_samples_is_refused():
+    t = 0.01 * np.arange(10)
+    with pytest.raises(LogError, match="position: must have at least 20 samples; got 10"):
+        gather(recording(t, **moving(t)), MAP)
