@@ -14,6 +14,7 @@ from np_drake.vehicle import MeasurementNoise, Vehicle
 
 GAP = 2.5  # median intervals of a longer one, a gap [1]; as in the import
 NEAR_LIMIT = 0.99  # share of a rotor's largest thrust from which it is saturated [1]; own choice
+MOST_ROWS = 60_000  # of a flight in which noise of its attitude, and agreement, are looked for; own choice
 SIGNALS = (  # field of the log, name, unit, field of `MeasurementNoise`
     ("p", "position", "m", "position"),
     ("v", "velocity", "m/s", "velocity"),
@@ -32,7 +33,8 @@ def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
     sensors are taken.
     """
     interval = np.diff(log.t)
-    _, attitude_noise = smooth_attitude(log.t, log.q, log.w)
+    head = log.rows(0, MOST_ROWS)
+    _, attitude_noise = smooth_attitude(head.t, head.q, head.w)
     usual = MeasurementNoise() if vehicle is None else vehicle.measurement_noise
     return FlightFacts(
         name=log.name,
@@ -47,7 +49,7 @@ def flight_facts(log: FlightLog, vehicle: Vehicle | None = None) -> FlightFacts:
         timing=log.timing,
         signals=tuple(_signals(log, usual)),
         attitude_noise=attitude_noise,
-        misfits=_misfits(log),
+        misfits=_misfits(head),
         lags=lags(log, vehicle),
         motion=_motion(log),
         saturated=_saturated(log, vehicle),

@@ -46,3 +46,9 @@ def test_a_late_signal_is_found_late(fly, field, pair, sign, seconds):
 
 def test_hover_tells_no_lag_of_the_attitude(fly):
     assert ("attitude", "body rates") not in of(fly(vigour=0.0, noise=1.0, attitude_noise=0.002))
+
+
+def test_signals_that_have_nothing_to_do_with_each_other_tell_no_lag(fly):
+    log = fly(seed=1, noise=0.3)
+    assert ("attitude", "body rates") in of(log)
+    assert ("attitude", "body rates") not in of(dc.replace(log, w=fly(seed=9, noise=0.3).w))
