@@ -54,10 +54,13 @@ RUNNERS: dict[str, Callable[[str, Path], None]] = {
 }
 
 
-def run_page(page: Path) -> None:
-    """Every block of the page in order, in the current folder."""
+def run_page(page: Path, section: str = "") -> None:
+    """Every block of the page, or of one section, in order, in the current folder."""
+    text = page.read_text()
+    if section:
+        text = text.split(f"## {section}\n")[1].split("\n## ")[0]
     with mock.patch.dict(LIBRARY):  # an example may register an effect of its own
-        for language, block in BLOCK.findall(page.read_text()):
+        for language, block in BLOCK.findall(text):
             RUNNERS[language](block, page)
 
 
@@ -96,7 +99,7 @@ def a_model_was_trained() -> None:
 def drag_is_named_in_both_reports() -> None:
     for report, drag, tolerance in (("px4_report", 0.3, 0.05), ("crazyflie_report", 0.006, 0.001)):
         found = json.loads(Path(report, "diagnosis.json").read_text())
-        (cause,) = (c for c in found["causes"] if c["identifier"] == "linear_drag")
+        (cause,) = (c for c in found["causes"] if c["effect"] == "linear_drag")
         assert abs(cause["parameters"]["d_x"]["value"] - drag) < tolerance  # [N·s/m]
 
 
@@ -131,7 +134,7 @@ def test_the_page_on_memory_cards_runs_on_real_ones(real_flights, tmp_path, monk
     monkeypatch.chdir(tmp_path)
     cards = [real_flights / "imrc" / "payload" / name for name in ("eckart06", "eckart07", "eckart08")]
     memory_cards().fill(tmp_path, cards)
-    run_page(GUIDE / "import.md")
+    run_page(GUIDE / "import.md", "Crazyflie")
     found = json.loads(Path("crazyflie_report/diagnosis.json").read_text())
     assert "suspended_payload" in found["verdict"]
 
