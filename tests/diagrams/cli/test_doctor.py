@@ -84,12 +84,23 @@ def report(facts):
         "roll",
         ("mixer_gain",),
     )
+    wide = dc.replace(
+        twin, identifier="an_effect_with_a_very_long_name", beside=("another_with_a_long_name",) * 3
+    )
     never = Answer("motor_lag", "time_constant", "s", np.inf, np.inf, 0.03, "never", "no command", "log it")
     floor = {f"{kind} {axis}": 0.1 for kind in ("force", "torque") for axis in "xyz"}
     tests = (SwingTest("f", 50.0, 9.9, True, 0.5, 0.0047),)
     moving = {**MOTION, "thrust variation [1]": 0.1}
     return LogReport(
-        (facts,), True, ("a limit " * 40,), "mine", "real", moving, floor, tests, (told, *part, twin, never)
+        (facts,),
+        True,
+        ("a limit " * 40,),
+        "mine",
+        "real",
+        moving,
+        floor,
+        tests,
+        (told, *part, twin, wide, never),
     )
 
 

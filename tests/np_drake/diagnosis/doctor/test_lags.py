@@ -48,7 +48,8 @@ def test_hover_tells_no_lag_of_the_attitude(fly):
     assert ("attitude", "body rates") not in of(fly(vigour=0.0, noise=1.0, attitude_noise=0.002))
 
 
-def test_signals_that_have_nothing_to_do_with_each_other_tell_no_lag(fly):
-    log = fly(seed=1, noise=0.3)
+def test_signals_that_hardly_correlate_tell_no_lag(fly):
+    log = fly(seed=1)
     assert ("attitude", "body rates") in of(log)
-    assert ("attitude", "body rates") not in of(dc.replace(log, w=fly(seed=9, noise=0.3).w))
+    noisy = log.w + np.random.default_rng(0).normal(size=log.w.shape)  # rad/s
+    assert ("attitude", "body rates") not in of(dc.replace(log, w=noisy))
