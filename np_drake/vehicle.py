@@ -13,6 +13,7 @@ PRESETS = Path(__file__).parent / "vehicles"  # vehicle files by name
 SLOWEST_ROTOR = 1.0  # time constant beyond which the file's is in another unit than seconds [s]
 LONGEST_ARM = 5.0  # beyond which rotor positions are in another unit than metres [m]
 POSITIVE = ("mass", "gravity", "thrust_coefficient", "rotor_radius", "max_rotor_thrust")
+ALIASES = {"thrust_torque": "command"}
 INPUTS = ("command", "rotor_speed", "thrust_only", "normalised")
 RIGID = ("mass", "inertia", "rotor_positions", "thrust_coefficient", "torque_coefficient", "max_rotor_thrust")
 
@@ -73,6 +74,7 @@ class Vehicle:
 
         Raises: ValueError: where one is impossible.
         """
+        self.input = ALIASES.get(self.input, self.input)
         for name, value in dc.asdict(self).items():
             if not isinstance(value, (str, dict)):
                 _require(bool(np.all(np.isfinite(value))), f"{name} must be finite; got {value}")

@@ -92,3 +92,7 @@ def test_an_impossible_figure_is_refused_in_one_line_with_field_and_unit(tmp_pat
 def test_a_vehicle_that_just_hovers_and_the_largest_there_are_stay():
     Vehicle(max_rotor_thrust=2.0 * 9.81 / 4).check()
     Vehicle(rotor_time_constant=1.0, rotor_positions=[[3, 3, 0], [3, -3, 0], [-3, -3, 0], [-3, 3, 0]]).check()
+
+
+def test_thrust_torque_is_another_name_of_command():
+    assert Vehicle(input="thrust_torque").check().input == "command"
