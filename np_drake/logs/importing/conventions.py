@@ -89,7 +89,7 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
             if not all(misfit < AGREES for misfit in now.values()):
                 continue
             if len(t[part]) < len(t):
-                now = misfits(t, convert(raw, changed(log_map, change)))
+                now = misfits(t, convert(raw, changed(log_map, change)), everything=True)
             if _agrees(now, own) if failed else _agrees_better(now, own, doubted):
                 found.append((sum(m**2 for m in now.values()), change))
         if found:
@@ -110,7 +110,7 @@ class Trial:
         self._misfits: dict[Any, Misfits] = {}
 
     def misfits(self, log_map: LogMap) -> Misfits:
-        """Return what `consistency.misfits` does of the log, converted by this map."""
+        """Return what `consistency.misfits` does of everything in the log, converted by this map."""
         out: Misfits = {}
         for needed, law in LAWS:
             if not self._rows or not all(name in self._raw for name in needed):
@@ -118,7 +118,7 @@ class Trial:
             keys = tuple(self._key(name, log_map) for name in needed)
             if keys not in self._misfits:
                 x = (self._quantity(name, log_map) for name in needed)
-                self._misfits[keys] = law(self._t, self._rows, *x)
+                self._misfits[keys] = law(self._t, self._rows, True, *x)
             out |= self._misfits[keys]
         return out
 

@@ -170,4 +170,11 @@ def test_a_trial_gives_the_misfits_of_a_whole_conversion(sampled, conventions):
     dut = Trial(t, columns)
     for names in [("ned",), ("frd", "body_velocity"), ("xyzw", "no_gravity"), ("degrees", "ned_frd"), ()]:
         own = changed(declared, tuple(itertools.chain(*(ERRORS[name] for name in names))))
-        assert dut.misfits(own) == misfits(t, convert(columns, own))
+        assert dut.misfits(own) == misfits(t, convert(columns, own), everything=True)
+
+
+def test_rates_in_degrees_are_named_also_where_the_vehicle_hardly_turns(fly, conventions):
+    log = fly(seed=5, seconds=10.0, noise=1.0, vigour=(0.4, 0.4, 0.4, 0.0))
+    x = {name: value[::2] for name, value in conventions.quantities_of(log).items()}
+    verdict, named = checked((log.t[::2], x), conventions, ERRORS["degrees"])
+    assert named[0], as_text(verdict.changes)
