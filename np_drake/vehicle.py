@@ -67,6 +67,7 @@ class Vehicle:
     rotor_time_constant: float = 0.0  # what the nominal simulator assumes [s]
     logged_point: str = "origin"  # origin | center_of_mass
     input: str = "command"  # command | rotor_speed | thrust_only | normalised
+    command_timing: str = "unknown"  # held: from its row until the next | unknown: as the log looks
     measurement_noise: MeasurementNoise = dc.field(default_factory=MeasurementNoise)  # of the sensors
 
     def check(self) -> "Vehicle":
@@ -95,6 +96,7 @@ class Vehicle:
         _require(moments[0] > 0, "inertia must be symmetric and positive definite [kg·m²]")
         _require(moments[2] <= moments[0] + moments[1] + 1e-12, "inertia must meet the triangle inequality")
         _require(self.logged_point in ("origin", "center_of_mass"), "logged_point: origin | center_of_mass")
+        _require(self.command_timing in ("held", "unknown"), "command_timing: held | unknown")
         _require(self.input in INPUTS, f"input: {' | '.join(INPUTS)}")
         self.measurement_noise.check()
         self._check_rotors()

@@ -12,6 +12,7 @@ from pydrake.systems.analysis import SimulatorConfig
 from diagrams.loop.flight import FlightConfig
 from np_drake.effects.library import LIBRARY, effects_for
 from np_drake.logs.columns import NAMES
+from np_drake.logs.importing.log_map import UNITS, LogMap, Source, load_map
 from np_drake.vehicle import Vehicle
 from np_drake.yaml_kinds import fields_of
 
@@ -103,3 +104,40 @@ def test_the_page_of_the_effects_names_every_effect_with_its_parameters():
         for p in kind.parameters
     }
     assert f"The library holds {len(LIBRARY)} effects." in text
+
+
+LOG_MAP = [("log-map.md", "Top level", LogMap()), ("log-map.md", "A quantity", Source())]
+
+
+@pytest.mark.parametrize("page, name, config", LOG_MAP, ids=["map", "source"])
+def test_the_page_of_the_log_map_names_every_field_and_default(page, name, config):
+    stated = rows(sections(REFERENCE / page)[name])
+    assert set(stated) == {field.name for field in dc.fields(config)}
+    for field in dc.fields(config):
+        value, text = getattr(config, field.name), stated[field.name].strip("`")
+        if isinstance(value, Source):
+            assert text == "none", field.name
+        elif isinstance(value, float):
+            assert float(text) == value, field.name
+        else:
+            assert text == str(value or ([] if isinstance(value, list) else "empty")), field.name
+
+
+def test_the_page_of_the_log_map_names_every_unit():
+    text = sections(REFERENCE / "log-map.md")["A quantity"]
+    table = dict(re.findall(r"^\| (`\w+`(?:, `\w+`)*) \| ([^|]*) \|$", text, re.M))
+    stated = {
+        name: re.findall(r"`([^`]+)`", units)
+        for names, units in table.items()
+        for name in re.findall(r"`(\w+)`", names)
+    }
+    assert {name: list(units) for name, units in UNITS.items()} == stated
+
+
+def test_the_examples_of_the_log_map_are_maps_of_at_most_20_lines(tmp_path):
+    examples = re.findall(r"```yaml\n(.*?)```", (REFERENCE / "log-map.md").read_text(encoding="utf-8"), re.S)
+    assert len(examples) == 2
+    for example in examples:
+        assert len(example.splitlines()) <= 20
+        (tmp_path / "map.yaml").write_text(example)
+        load_map(tmp_path / "map.yaml")

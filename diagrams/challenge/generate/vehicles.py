@@ -65,10 +65,10 @@ VEHICLES: tuple[Vehicle, ...] = (
 
 
 def draw_vehicle(rng: np.random.Generator, noise: MeasurementNoise) -> Vehicle:
-    """Draw one of them, with the white noise that its file states."""
+    """Draw one of them, with the white noise that its file states; its logs hold commands from their row."""
     kind = VEHICLES[rng.integers(len(VEHICLES))]
     parts = {name: getattr(kind, name) for name in Vehicle.__dataclass_fields__}
-    return Vehicle(**{**parts, "measurement_noise": noise}).check()
+    return Vehicle(**{**parts, "measurement_noise": noise, "command_timing": "held"}).check()
 
 
 def vehicle_file(vehicle: Vehicle) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.processes import in_order
 from diagrams.challenge.generate.magnitudes import COMPANION_DRAG, MAGNITUDES
 from diagrams.challenge.generate.sensor_quality import SensorQuality, draw_sensor_quality, with_sensor_noise
@@ -43,6 +44,7 @@ ERRORS: dict[str, Change] = {  # by name: how the log is written, where its map 
     "time in ms": (("time.unit", "ms"),),
 }
 KINDS = ("aggressive_multisine", "lemniscate", "circle", "waypoints", "sprints")
+FLIGHTS, ATTEMPTS = 10, 6  # flights that the logs are of, and draws of one until its vehicle is not lost
 SECONDS, RATE = 15.0, 100.0  # of a flight [s], of its rows [Hz]
 SAME = 1e-4  # of the size of a quantity, by which it may differ where the conventions are the right ones [1]
 OUTCOMES = ("named rightly", "named among others", "named otherwise", "refused without a name", "accepted")
@@ -92,13 +94,26 @@ def answer_conventions(
 
     Raises: FailedRun: where a flight cannot be flown.
     """
-    tasks = list(enumerate(errors_of(logs, seed)))
-    return in_order(partial(_answer, seed=seed), tasks, jobs=jobs, on_progress=on_progress)
+    errors = errors_of(logs, seed)
+    tasks = [(index, errors[index::FLIGHTS]) for index in range(min(FLIGHTS, logs))]
+    found = in_order(partial(_answer, seed=seed), tasks, jobs=jobs, on_progress=on_progress)
+    return sorted((log for logs_ in found for log in logs_), key=lambda log: errors.index(log.errors))
 
 
 def flight(index: int, seed: int) -> tuple[str, FlightLog]:
-    """Return the kind and the log of a moving flight with drag, wind and an off-centre mass of usual size."""
-    rng = np.random.default_rng([seed, 1, index])
+    """Return the kind and the log of a moving flight with drag, wind and an off-centre mass of usual size.
+
+    Raises: FailedRun: if the vehicle is lost in every draw.
+    """
+    for attempt in range(ATTEMPTS - 1):
+        try:
+            return _draw_flight(index, np.random.default_rng([seed, 1, index, attempt]))
+        except FailedRun:
+            continue
+    return _draw_flight(index, np.random.default_rng([seed, 1, index, ATTEMPTS - 1]))
+
+
+def _draw_flight(index: int, rng: np.random.Generator) -> tuple[str, FlightLog]:
     quality = "real" if index % 2 else "clean"
     vehicle = draw_vehicle(rng, SensorQuality(quality).stated_noise())
     kind = KINDS[index % len(KINDS)]
@@ -121,9 +136,13 @@ def flight(index: int, seed: int) -> tuple[str, FlightLog]:
     return kind, with_sensor_noise(log, vehicle, sensors, rng)
 
 
-def _answer(task: tuple[int, tuple[str, ...]], *, seed: int) -> WrongLog:
-    index, errors = task
+def _answer(task: tuple[int, list[tuple[str, ...]]], *, seed: int) -> list[WrongLog]:
+    index, all_errors = task
     kind, log = flight(index, seed)
+    return [_answer_one(errors, kind, log) for errors in all_errors]
+
+
+def _answer_one(errors: tuple[str, ...], kind: str, log: FlightLog) -> WrongLog:
     truth = {name: x for name, x in quantities_of(log).items() if name != "rotor_speed"}
     declared = default_map(list(truth), command="held_after")
     own = changed(declared, tuple(itertools.chain(*(ERRORS[name] for name in errors))))

@@ -106,7 +106,8 @@ def answer_round_trips(
 def _answer(task: Task, *, seed: int) -> list[RoundTrip]:
     number, effect, rate, semantics, kind = task
     rng = np.random.default_rng([seed, 2, number])
-    vehicle = draw_vehicle(rng, SensorQuality().stated_noise())
+    drawn = draw_vehicle(rng, SensorQuality().stated_noise())
+    vehicle = dc.replace(drawn, command_timing="unknown")
     acting = LIBRARY[effect].of(EFFECTS[effect](vehicle))
     finer = 1 if semantics.startswith("held") else FINER
     logs = {name: _flown(vehicle, acting, plan, rate * finer, rng) for name, plan in FILES.items()}

@@ -62,7 +62,8 @@ def _answer(index: int, *, seed: int, seconds: float) -> ThinnedCase:
     _, noisy = fly_case(case, simulator)
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        (folder / VEHICLE).write_text(vehicle_file(case.vehicle), encoding="utf-8")
+        unstated = dc.replace(case.vehicle, command_timing="unknown")
+        (folder / VEHICLE).write_text(vehicle_file(unstated), encoding="utf-8")
         for file, log in noisy.items():
             write_log(rows_of(log, np.arange(0, len(log), kept)), folder / file)
         vehicle, train, held_out = open_case(folder)

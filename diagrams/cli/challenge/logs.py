@@ -58,7 +58,7 @@ def _thinned(seed: int, *, flights: int, jobs: int, **_: Any) -> tuple[Any, Any]
 def _conventions(seed: int, *, wrong: int, jobs: int, **_: Any) -> tuple[Any, Any]:
     from diagrams.challenge.imported import conventions
 
-    with counting("wrong conventions", "logs") as tell:
+    with counting("wrong conventions", "flights") as tell:
         found = conventions.answer_conventions(wrong, seed=seed, jobs=jobs, on_progress=tell)
     rows = []
     for text, few in (("one", 1), ("two", 2)):

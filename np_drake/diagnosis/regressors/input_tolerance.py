@@ -35,7 +35,7 @@ def command_timing(flights: Sequence[FlightResiduals], early: float) -> float:
 
     It is what the logs state, or half a row where the flights show that the command of a row does not act from it until
     the next: so a command looks that changed between the rows, as in a log of which rows were left out. Lags and delays
-    look the other way.
+    look the other way. A vehicle file can state that commands are held (`command_timing: held`).
 
     early: deviations by which the motion is ahead of the commands from which they are not held from their row; inf: the
     flights are not asked [1].
@@ -43,7 +43,7 @@ def command_timing(flights: Sequence[FlightResiduals], early: float) -> float:
     if flights[0].measured_rotors:
         return 0.0
     stated = max(e.log.timing for e in flights)
-    if early == np.inf:
+    if early == np.inf or flights[0].vehicle.command_timing == "held":
         return stated
     half = 0.5 * max(e.log.step for e in flights)
     shift, deviation = _early(flights, 0.5 * half)

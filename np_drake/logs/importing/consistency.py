@@ -5,7 +5,7 @@ specific force of a multirotor lies along its thrust axis. Each law is tested ax
 moves enough.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -23,7 +23,7 @@ AXES = "xyz"
 Misfits = dict[str, float]
 
 
-def misfits(t: np.ndarray, x: Mapping[str, np.ndarray]) -> Misfits:
+def misfits(t: np.ndarray, x: Mapping[str, np.ndarray], *, everything: bool = False) -> Misfits:
     """Return the misfit of every law that the log can test, by its name: 0 is agreement, 1 none, 2 the opposite.
 
     It is the RMS of the disagreement over that of the larger side, means removed; for gravity the mean disagreement
@@ -32,27 +32,41 @@ def misfits(t: np.ndarray, x: Mapping[str, np.ndarray]) -> Misfits:
     Args:
         t: (n,) evenly spaced times [s].
         x: quantities as `convert` returns them, at these times.
+        everything: also of axes that move too little to test the law, relative to what would be enough.
     """
-    m = max(1, round(WINDOW / float(np.median(np.diff(t)))))
-    if len(t) <= 2 * m:
-        return {}
+    m = window_rows(t)
     out: Misfits = {}
-    if "velocity" in x and "position" in x:
-        out |= _compared("position", _change(x["position"], m), _integral(x["velocity"], t, m))
-    if "attitude" in x and "rates" in x:
-        out |= _compared("attitude", _turn(x["attitude"], m), _integral(x["rates"], t, m))
-    if "velocity" in x and "acceleration" in x:
-        dv, sum_ = _change(x["velocity"], m), _integral(x["acceleration"], t, m)
-        out |= _compared("velocity", dv, sum_)
-        out["gravity"] = float(np.linalg.norm(np.mean(sum_ - dv, axis=0)) / (t[m] - t[0]) / GRAVITY)
-    if "velocity" in x and "attitude" in x:
-        out |= _lift(x["velocity"], x["attitude"], t, m)
-    if "thrust" in x:
-        out["thrust"] = 2.0 * float(np.median(x["thrust"]) < 0)
+    for needed, law in LAWS:
+        if m and all(name in x for name in needed):
+            out |= law(t, m, everything, *(x[name] for name in needed))
     return out
 
 
-def _lift(v: np.ndarray, q: np.ndarray, t: np.ndarray, m: int) -> Misfits:
+def window_rows(t: np.ndarray) -> int:
+    """Return the number of intervals of a window; 0 where the log holds no two."""
+    m = max(1, round(WINDOW / float(np.median(np.diff(t)))))
+    return m if len(t) > 2 * m else 0
+
+
+def _position(t: np.ndarray, m: int, everything: bool, p: np.ndarray, v: np.ndarray) -> Misfits:
+    return _compared("position", _change(p, m), _integral(v, t, m), everything)
+
+
+def _attitude(t: np.ndarray, m: int, everything: bool, q: np.ndarray, w: np.ndarray) -> Misfits:
+    return _compared("attitude", _turn(q, m), _integral(w, t, m), everything)
+
+
+def _velocity(t: np.ndarray, m: int, everything: bool, v: np.ndarray, a: np.ndarray) -> Misfits:
+    dv, sum_ = _change(v, m), _integral(a, t, m)
+    gravity = float(np.linalg.norm(np.mean(sum_ - dv, axis=0)) / (t[m] - t[0]) / GRAVITY)
+    return _compared("velocity", dv, sum_, everything) | {"gravity": gravity}
+
+
+def _thrust(t: np.ndarray, m: int, everything: bool, thrust: np.ndarray) -> Misfits:
+    return {"thrust": 2.0 * float(np.median(thrust) < 0)}
+
+
+def _lift(t: np.ndarray, m: int, everything: bool, v: np.ndarray, q: np.ndarray) -> Misfits:
     """Return the misfit of horizontal accelerations with a force along body z that carries the vertical one."""
     span = t[m:] - t[:-m]
     a = _change(v, m) / span[:, None]
@@ -62,16 +76,16 @@ def _lift(v: np.ndarray, q: np.ndarray, t: np.ndarray, m: int) -> Misfits:
     if out["upright"]:
         return out
     model = ((a[:, 2] + GRAVITY) / np.maximum(up, 0.2))[:, None] * z[:, :2]
-    return out | _compared("lift", a[:, :2], model)
+    return out | _compared("lift", a[:, :2], model, everything)
 
 
-def _compared(law: str, left: np.ndarray, right: np.ndarray) -> Misfits:
+def _compared(law: str, left: np.ndarray, right: np.ndarray, everything: bool) -> Misfits:
     out = {}
     for i in range(left.shape[1]):
         a, b = left[:, i] - left[:, i].mean(), right[:, i] - right[:, i].mean()
         size = max(_rms(a), _rms(b))
-        if size > LEAST[law]:
-            out[f"{law} {AXES[i]}"] = _rms(a - b) / size
+        if size > LEAST[law] or everything:
+            out[f"{law} {AXES[i]}"] = _rms(a - b) / max(size, LEAST[law])
     return out
 
 
@@ -94,3 +108,13 @@ def _turn(q: np.ndarray, m: int) -> np.ndarray:
     turn = attitude.multiply(q[:-1] * [1.0, -1.0, -1.0, -1.0], q[1:])
     small = 2 * turn[:, 1:] * np.sign(turn[:, :1])
     return _change(np.concatenate([np.zeros((1, 3)), np.cumsum(small, axis=0)]), m)
+
+
+Law = Callable[..., Misfits]  # of times, rows of a window, everything, and the quantities that it needs
+LAWS: tuple[tuple[tuple[str, ...], Law], ...] = (
+    (("position", "velocity"), _position),
+    (("attitude", "rates"), _attitude),
+    (("velocity", "acceleration"), _velocity),
+    (("velocity", "attitude"), _lift),
+    (("thrust",), _thrust),
+)

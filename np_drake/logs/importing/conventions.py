@@ -8,8 +8,15 @@ from typing import Any
 import numpy as np
 
 from np_drake.logs.errors import LogError
-from np_drake.logs.importing.consistency import Misfits, misfits
-from np_drake.logs.importing.convert import Values, axes_of, convert, frames_of
+from np_drake.logs.importing.consistency import LAWS, Misfits, misfits, window_rows
+from np_drake.logs.importing.convert import (
+    Values,
+    axes_of,
+    convert,
+    convert_quantity,
+    frames_of,
+    is_turned,
+)
 from np_drake.logs.importing.log_map import BODIES, UNITS, WORLDS, LogMap
 
 AGREES = (
@@ -71,18 +78,18 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
         return Verdict(own, ())
     singles = list(_alternatives(raw, log_map))
     part = _liveliest(raw, len(t))
-    few = {name: values[part] for name, values in raw.items()}
+    trial = Trial(t[part], {name: values[part] for name, values in raw.items()})
     for count in range(1, MOST_CHANGES + 1 if failed else 2):
         found = []
         for chosen in itertools.combinations(singles, count):
             change = tuple(itertools.chain(*chosen))
             if len({option for option, _ in change}) < len(change):
                 continue
-            now = misfits(t[part], convert(few, changed(log_map, change)))
+            now = trial.misfits(changed(log_map, change))
             if not all(misfit < AGREES for misfit in now.values()):
                 continue
             if len(t[part]) < len(t):
-                now = misfits(t, convert(raw, changed(log_map, change)))
+                now = misfits(t, convert(raw, changed(log_map, change)), everything=True)
             if _agrees(now, own) if failed else _agrees_better(now, own, doubted):
                 found.append((sum(m**2 for m in now.values()), change))
         if found:
@@ -92,6 +99,43 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
             )
     disturbed = all(law.startswith("lift") and own[law] < OPPOSED for law in failed)
     return Verdict(own, () if disturbed else failed)
+
+
+class Trial:
+    """Misfits of one log under many maps: what two of them share is computed once."""
+
+    def __init__(self, t: np.ndarray, raw: Values):
+        self._t, self._raw, self._rows = t, raw, window_rows(t)
+        self._converted: dict[Any, np.ndarray] = {}
+        self._misfits: dict[Any, Misfits] = {}
+
+    def misfits(self, log_map: LogMap) -> Misfits:
+        """Return what `consistency.misfits` does of everything in the log, converted by this map."""
+        out: Misfits = {}
+        for needed, law in LAWS:
+            if not self._rows or not all(name in self._raw for name in needed):
+                continue
+            keys = tuple(self._key(name, log_map) for name in needed)
+            if keys not in self._misfits:
+                x = (self._quantity(name, log_map) for name in needed)
+                self._misfits[keys] = law(self._t, self._rows, True, *x)
+            out |= self._misfits[keys]
+        return out
+
+    def _quantity(self, name: str, log_map: LogMap) -> np.ndarray:
+        key = self._key(name, log_map)
+        if key not in self._converted:
+            turned = name != "attitude" and "attitude" in self._raw
+            q = self._quantity("attitude", log_map) if turned else None
+            self._converted[key] = convert_quantity(name, self._raw[name], log_map, q)
+        return self._converted[key]
+
+    def _key(self, name: str, log_map: LogMap) -> tuple[Any, ...]:
+        """Return what a quantity depends on: its own conventions, and those of the attitude that may turn it."""
+        source = getattr(log_map, name)
+        own = (source.unit, source.scale, source.axes, source.kind, source.order, source.direction)
+        turned = name in VECTORS and "attitude" in self._raw and is_turned(name, source)
+        return (name, *own, *frames_of(source, log_map), *(self._key("attitude", log_map) if turned else ()))
 
 
 def _liveliest(raw: Values, rows: int) -> slice:
@@ -179,9 +223,9 @@ def _of_quantity(name: str, log_map: LogMap) -> Iterator[tuple[str, Any]]:
         else:
             yield "unit", "deg" if source.unit in ("", "1", "rad") else "rad"
         yield "direction", _other(("body_to_world", "world_to_body"), source.direction)
-    if name == "attitude" or (axes == "world" and name in _VECTORS):
+    if name == "attitude" or (axes == "world" and name in VECTORS):
         yield "world", _other(WORLDS, world)
-    if name == "attitude" or (axes == "body" and name in _VECTORS):
+    if name == "attitude" or (axes == "body" and name in VECTORS):
         yield "body", _other(BODIES, body)
     if name in ("velocity", "rates"):
         yield "axes", _other(("world", "body"), axes)
@@ -192,7 +236,7 @@ def _of_quantity(name: str, log_map: LogMap) -> Iterator[tuple[str, Any]]:
         yield "scale", -source.scale
 
 
-_VECTORS = ("position", "velocity", "rates", "acceleration")
+VECTORS = ("position", "velocity", "rates", "acceleration")
 _UNITS: Mapping[str, tuple[str, ...]] = {
     "position": ("m", "cm", "mm"),
     "velocity": ("m/s", "cm/s", "mm/s"),

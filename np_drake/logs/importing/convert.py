@@ -54,6 +54,12 @@ def axes_of(name: str, source: Source) -> str:
     return "world" if name in ("position", "velocity") else "body"
 
 
+def is_turned(name: str, source: Source) -> bool:
+    """Return whether a vector is turned by the attitude: its axes are not those of `convert`."""
+    wanted = "world" if name in ("position", "velocity", "acceleration") else "body"
+    return axes_of(name, source) != wanted
+
+
 def frames_of(source: Source, log_map: LogMap) -> tuple[str, str]:
     """Return the frames W and B of a quantity."""
     return source.world or log_map.world, source.body or log_map.body
@@ -92,9 +98,8 @@ def _turned(name: str, values: np.ndarray, q: np.ndarray | None, log_map: LogMap
         values = values @ NED_TO_ENU.T
     if axes == "body" and body == "frd":
         values = values * FRD_TO_FLU
-    wanted = "world" if name in ("position", "velocity", "acceleration") else "body"
-    if axes != wanted and q is not None:
-        values = attitude.rotate(q, values) if wanted == "world" else attitude.rotate_back(q, values)
+    if is_turned(name, source) and q is not None:
+        values = attitude.rotate(q, values) if axes == "body" else attitude.rotate_back(q, values)
     if name == "acceleration" and source.kind != "acceleration":
         values = values - [0.0, 0.0, GRAVITY]
     return values

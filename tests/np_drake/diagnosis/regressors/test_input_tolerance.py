@@ -57,6 +57,12 @@ def test_a_command_that_is_held_from_its_row_leaves_nothing_open(seen, effects):
     assert command_timing([seen(*effects, seed=1, noise=1.0)], EARLY) == 0.0
 
 
+def test_a_vehicle_file_can_state_that_commands_are_held(fly):
+    log = thinned(fly(DRAG, seed=1, noise=1.0), 2)
+    held = dc.replace(VEHICLE, command_timing="held")
+    assert command_timing([make_flight_residuals(log, held)], EARLY) == 0.0
+
+
 def test_what_a_log_states_is_not_doubted(fly):
     log = dc.replace(fly(seed=1, noise=1.0), timing=0.004)
     assert command_timing([make_flight_residuals(log, VEHICLE)], EARLY) == 0.004

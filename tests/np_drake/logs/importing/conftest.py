@@ -100,3 +100,10 @@ def conventions():
         columns_in = staticmethod(columns_in)
 
     return Functions
+
+
+@pytest.fixture(scope="session")
+def writer():
+    """Return `writer(name)`: the module that writes made files of a format."""
+    folder = Path(__file__).parents[1] / "formats"
+    return lambda name: load(f"{name}_writer", folder / f"{name}_writer.py")

@@ -15,7 +15,8 @@ from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.velocity_bias import VelocityBias
-from np_drake.logs.importing.conventions import as_text, changed, check_conventions, fitting_time_unit
+from np_drake.logs.importing.consistency import misfits
+from np_drake.logs.importing.conventions import Trial, as_text, changed, check_conventions, fitting_time_unit
 from np_drake.logs.importing.convert import convert
 from np_drake.logs.importing.log_map import LogMap, Source
 
@@ -160,3 +161,20 @@ def test_a_log_without_accelerometer_in_ned_is_named_by_its_lift(sampled, conven
 def test_rows_that_come_too_fast_or_slowly_name_their_unit_of_time(step, declared, unit):
     fit = fitting_time_unit(step, LogMap(time=Source(["t"], unit=declared)))
     assert fit == ((("time.unit", unit),) if unit else ())
+
+
+def test_a_trial_gives_the_misfits_of_a_whole_conversion(sampled, conventions):
+    t, x = sampled
+    declared = conventions.plain_map()
+    columns = conventions.columns_in(declared, x)
+    dut = Trial(t, columns)
+    for names in [("ned",), ("frd", "body_velocity"), ("xyzw", "no_gravity"), ("degrees", "ned_frd"), ()]:
+        own = changed(declared, tuple(itertools.chain(*(ERRORS[name] for name in names))))
+        assert dut.misfits(own) == misfits(t, convert(columns, own), everything=True)
+
+
+def test_rates_in_degrees_are_named_also_where_the_vehicle_hardly_turns(fly, conventions):
+    log = fly(seed=5, seconds=10.0, noise=1.0, vigour=(0.4, 0.4, 0.4, 0.0))
+    x = {name: value[::2] for name, value in conventions.quantities_of(log).items()}
+    verdict, named = checked((log.t[::2], x), conventions, ERRORS["degrees"])
+    assert named[0], as_text(verdict.changes)

@@ -51,7 +51,7 @@ def test_a_state_under_constant_acceleration_is_a_parabola_between_its_samples()
 
 def test_the_mean_of_a_line_is_its_middle_and_that_of_a_wave_is_less():
     t = np.linspace(0.0, 4.0, 4001)
-    at = np.linspace(0.5, 3.5, 31)
+    at = np.linspace(0.53, 3.53, 31)  # [s], not at zeros of the wave
     assert np.allclose(averaged(t, 2 * t[:, None], at, 0.1)[:, 0], 2 * at, atol=EXACT)
     width = 0.1
     share = np.sin(np.pi * 5 * width) / (np.pi * 5 * width)  # of a 5 Hz wave, by a window
@@ -95,3 +95,8 @@ def test_holding_loses_no_impulse(steps, seed):
 def test_ends_are_held():
     t, x = np.array([0.0, 1.0]), np.array([[1.0], [3.0]])
     assert linear(t, x, np.array([-1.0, 0.5, 2.0]))[:, 0] == pytest.approx([1.0, 2.0, 3.0])
+
+
+def test_the_ends_of_a_rate_go_on_beyond_them():
+    dut = Antiderivative(np.array([0.0, 1.0]), np.array([[2.0], [4.0]]))
+    assert dut(np.array([-1.0, 0.0, 1.0, 3.0]))[:, 0] == pytest.approx([-2.0, 0.0, 3.0, 11.0])
