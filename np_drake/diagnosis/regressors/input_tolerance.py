@@ -7,6 +7,7 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import Term, predicted_residual
 from np_drake.diagnosis.numerics import fit_noise
+from np_drake.diagnosis.options import SearchOptions
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.clock_offset import ClockOffset
@@ -14,9 +15,10 @@ from np_drake.effects.clock_offset import ClockOffset
 THROTTLE_SCALE = 0.2  # of thrust over throttle [1]; source: own choice, hover throttles are known to a fifth
 THROTTLE_CURVE = 0.3  # of its exponent, once it is fitted [1]; source: own choice
 THROTTLE_DRIFT = 0.002  # of thrust over throttle [1/s]; source: own choice, a tenth in a minute
+EARLY = SearchOptions.early_command  # [1]
 
 
-def with_input(tolerance: Tolerance, flights: Sequence[FlightResiduals], early: float) -> Tolerance:
+def with_input(tolerance: Tolerance, flights: Sequence[FlightResiduals], early: float = EARLY) -> Tolerance:
     """Return the tolerance with what the input of these flights leaves open.
 
     early: as of `command_timing`.
@@ -31,7 +33,7 @@ def with_input(tolerance: Tolerance, flights: Sequence[FlightResiduals], early: 
     return dc.replace(tolerance, **open_)
 
 
-def command_timing(flights: Sequence[FlightResiduals], early: float) -> float:
+def command_timing(flights: Sequence[FlightResiduals], early: float = EARLY) -> float:
     """Return the deviation of the time at which a row's command acts [s].
 
     It is what the logs state, or half a row where the flights show that the command of a row does not act from it until
