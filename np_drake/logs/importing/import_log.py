@@ -1,4 +1,4 @@
-"""Import of a flight log of another format: format, map, conventions, alignment, and a sheet that says what was done."""
+"""Import of a flight log of another format: format, map, conventions, alignment, and the sheet beside it."""
 
 import dataclasses as dc
 from collections.abc import Mapping
