@@ -1,5 +1,6 @@
 """`np-drake challenge logs`: logs of other origin: rows left out, wrong conventions, round trips through files."""
 
+from collections.abc import Callable
 from typing import Annotated, Any
 
 from typer import Option
@@ -28,12 +29,15 @@ def logs(
     for part in parts:
         if part not in PARTS:
             raise ValueError(f"--only must be of {', '.join(PARTS)}; got {part!r}.")
+    bodies: dict[str, Callable[..., tuple[Any, Any]]] = {
+        "thinned": _thinned,
+        "conventions": _conventions,
+        "round-trip": _round_trip,
+    }
     tables: list[Any] = []
     metrics: dict[str, Any] = {}
     for part in parts:
-        table, values = {"thinned": _thinned, "conventions": _conventions, "round-trip": _round_trip}[part](
-            run.seed, flights=flights, wrong=wrong, full=full, jobs=jobs
-        )
+        table, values = bodies[part](run.seed, flights=flights, wrong=wrong, full=full, jobs=jobs)
         tables.append(table)
         metrics[part] = values
     config = {"flights": flights, "wrong": wrong, "full": full, "only": list(parts)}
@@ -77,7 +81,7 @@ def _round_trip(seed: int, *, full: bool, jobs: int, **_: Any) -> tuple[Any, Any
     with counting("round trips", "flights") as tell:
         trips = round_trip.answer_round_trips(seed=seed, full=full, jobs=jobs, on_progress=tell)
     same, all_same = round_trip.count(trips)
-    rows = [
+    rows: list[tuple[Any, ...]] = [
         (
             *(trip.effect, trip.input, trip.frames, trip.rate, trip.semantics),
             "yes" if trip.names else " + ".join(trip.imported) or "none",

@@ -350,7 +350,7 @@ def _default_map(contents: Contents) -> LogMap | None:
         format="dataflash",
         world="ned",
         body="frd",
-        command="held_after",
+        command="unknown",  # setpoints are logged at less than their own rate
         position=Source(ekf[:3]),
         velocity=Source(ekf[3:], axes="world"),
         attitude=attitude,

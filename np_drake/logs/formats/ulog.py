@@ -197,7 +197,7 @@ def default_map(contents: Contents) -> LogMap | None:
         format="ulog",
         world="ned",
         body="frd",
-        command="held_after",
+        command="unknown",  # setpoints are logged at less than their own rate
         position=position,
         velocity=velocity,
         attitude=first(

@@ -1,1 +1,1 @@
-"""Import of foreign logs: map of columns, conventions, alignment of streams, and the sheet that says what was done."""
+"""Import of logs of other formats: map of columns, conventions, alignment of streams, and the sheet beside each log."""

@@ -77,7 +77,7 @@ def check_conventions(t: np.ndarray, raw: Values, log_map: LogMap) -> Verdict:
     if not failed and not doubted:
         return Verdict(own, ())
     singles = list(_alternatives(raw, log_map))
-    part = _liveliest(raw, len(t))
+    part = liveliest(raw, len(t))
     trial = Trial(t[part], {name: values[part] for name, values in raw.items()})
     for count in range(1, MOST_CHANGES + 1 if failed else 2):
         found = []
@@ -138,12 +138,12 @@ class Trial:
         return (name, *own, *frames_of(source, log_map), *(self._key("attitude", log_map) if turned else ()))
 
 
-def _liveliest(raw: Values, rows: int) -> slice:
+def liveliest(raw: Values, rows: int) -> slice:
     """Return the part of at most `SEARCHED` rows in which the attitude, or else the position, varies most."""
     if rows <= SEARCHED:
         return slice(0, rows)
     value = raw["attitude" if "attitude" in raw else "position"]
-    starts = range(0, rows - SEARCHED + 1, SEARCHED // 2)
+    starts = [*range(0, rows - SEARCHED, SEARCHED // 2), rows - SEARCHED]
     first = max(starts, key=lambda k: float(np.sum(np.var(value[k : k + SEARCHED], axis=0))))
     return slice(first, first + SEARCHED)
 

@@ -1,4 +1,4 @@
-"""Import of a foreign flight log: format, map, conventions, alignment, and a sheet that says what was done."""
+"""Import of a flight log of another format: format, map, conventions, alignment, and the sheet beside it."""
 
 import dataclasses as dc
 from collections.abc import Mapping
@@ -49,7 +49,7 @@ UNCERTAIN = {  # deviation of the time at which a row's command acts, over the i
 
 @dc.dataclass(frozen=True)
 class Imported:
-    """Flights of one foreign log (one unless long gaps split it), and the sheet that goes beside each."""
+    """Flights of one log (one unless long gaps split it), and the sheet that goes beside each."""
 
     flights: tuple[FlightLog, ...]
     sheet: Sheet
@@ -63,7 +63,7 @@ def import_log(
     adopt: bool = False,
     on_progress: Progress = lambda share: None,
 ) -> Imported:
-    """Read a foreign flight log.
+    """Read a flight log of another format.
 
     Args:
         path: of the log, a file or a folder.

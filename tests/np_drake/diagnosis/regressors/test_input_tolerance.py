@@ -50,6 +50,11 @@ def test_a_thinned_log_leaves_half_a_row_open(fly, every, seed):
     assert timing == pytest.approx(0.5 * log.step)
 
 
+def test_logs_are_not_asked_where_the_user_does_not_want_it(fly):
+    log = thinned(fly(DRAG, seed=1, noise=1.0), 3)
+    assert command_timing([make_flight_residuals(log, VEHICLE)], np.inf) == 0.0
+
+
 @pytest.mark.parametrize(
     "effects", [(), (DRAG,), (MotorLag(0.03),), (CommandDelay(0.02),), (ClockOffset(0.02),)]
 )

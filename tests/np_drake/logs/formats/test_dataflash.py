@@ -133,7 +133,7 @@ def test_the_names_of_ardupilot_make_the_map(log: Path):
     dut = DATAFLASH.default_map(contents)
     assert dut is not None
     dut.check()
-    assert (dut.world, dut.body, dut.command) == ("ned", "frd", "held_after")
+    assert (dut.world, dut.body, dut.command) == ("ned", "frd", "unknown")
     assert dut.position.columns == ["XKF1.0/PN", "XKF1.0/PE", "XKF1.0/PD"]
     assert dut.velocity.columns == ["XKF1.0/VN", "XKF1.0/VE", "XKF1.0/VD"]
     assert (dut.attitude.columns, dut.attitude.unit) == (["ATT/Roll", "ATT/Pitch", "ATT/Yaw"], "deg")

@@ -311,7 +311,7 @@ def sources(contents: Contents) -> dict[str, list[str]]:
     dut = ULOG.default_map(contents)
     assert dut is not None
     assert dut.check() is dut
-    assert (dut.world, dut.body, dut.command) == ("ned", "frd", "held_after")
+    assert (dut.world, dut.body, dut.command) == ("ned", "frd", "unknown")
     return {name: source.columns for name, source in dut.sources()}
 
 

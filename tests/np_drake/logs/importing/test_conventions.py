@@ -16,7 +16,14 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.logs.importing.consistency import misfits
-from np_drake.logs.importing.conventions import Trial, as_text, changed, check_conventions, fitting_time_unit
+from np_drake.logs.importing.conventions import (
+    Trial,
+    as_text,
+    changed,
+    check_conventions,
+    fitting_time_unit,
+    liveliest,
+)
 from np_drake.logs.importing.convert import convert
 from np_drake.logs.importing.log_map import LogMap, Source
 
@@ -119,7 +126,7 @@ def test_a_gap_to_the_model_is_no_wrong_convention(fly, conventions, name, vigou
 def test_a_lift_that_is_turned_round_is_refused_also_where_nothing_else_fits(sampled, conventions):
     t, x = sampled
     x = {name: x[name] for name in ("position", "velocity", "attitude")}
-    x["velocity"], x["position"] = -x["velocity"] * [1, 1, -1], -x["position"] * [1, 1, -1]
+    x["velocity"], x["position"] = x["velocity"] * [-1, 1, 1], x["position"] * [-1, 1, 1]  # left-handed
     verdict = check_conventions(t, x, conventions.plain_map())
     assert {law.split()[0] for law in verdict.failed} == {"lift"}
 
@@ -134,6 +141,7 @@ def test_a_long_log_is_searched_where_it_moves(sampled, conventions):
     verdict, named = checked((0.02 * np.arange(len(t) + 6000), long), conventions, ERRORS["degrees"])
     assert not verdict.holds
     assert named == [True]
+    assert liveliest(long, len(t) + 6000).stop > 6000
 
 
 def test_a_log_without_accelerometer_in_ned_is_named_by_its_lift(sampled, conventions):
