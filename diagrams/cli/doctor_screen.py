@@ -1,7 +1,6 @@
 """The one screen of `np-drake doctor`: lines of at most `WIDTH` columns from a report."""
 
 import textwrap
-from collections.abc import Mapping
 
 from diagrams.cli.output import WIDTH
 from np_drake.diagnosis.doctor.log_report import NEVER, YES, Answer, FlightFacts, LogReport
@@ -33,7 +32,7 @@ def screen(report: LogReport) -> list[str]:
     body += _labelled("clocks", _clocks(first))
     body += _labelled("motion", _motion(report))
     if report.noise_floor:
-        body += _labelled("unexplained", _floor(report.noise_floor))
+        body += _labelled("residual", _residual(report))
     if report.swings:
         body += _labelled("swings", _swings(report))
     return [*body[:1], *lines, *body[1:], *_effects(report)]
@@ -130,11 +129,15 @@ def _motion(report: LogReport) -> str:
     return text + (f"; thrust varies by {m['thrust variation [1]']:.1%}" if m else "")
 
 
-def _floor(floor: Mapping[str, float]) -> str:
+def _residual(report: LogReport) -> str:
+    floor, shares = report.noise_floor, [100 * value for value in report.residual_force.values()]
     force = max(floor[f"force {axis}"] for axis in "xyz")
     torques = [floor[f"torque {axis}"] for axis in "xyz"]
     turning = f", torque up to {_si(max(torques), 'N·m')}" if max(torques) > 0 else ", torque not known"
-    return f"force up to {_si(force, 'N')}{turning} (RMS) is left when every effect helps"
+    before = ", ".join(f"{share:.1f}" for share in shares)
+    return (
+        f"force x, y, z {before} % of weight (RMS); when every effect helps up to {_si(force, 'N')}{turning}"
+    )
 
 
 def _swings(report: LogReport) -> str:

@@ -4,6 +4,8 @@ import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from np_drake.diagnosis.doctor.answers import answers
 from np_drake.diagnosis.doctor.flight_facts import contradictions, flight_facts
 from np_drake.diagnosis.doctor.log_report import FlightFacts, LogReport
@@ -12,7 +14,7 @@ from np_drake.diagnosis.doctor.smallest_sizes import Information, smallest_gust,
 from np_drake.diagnosis.doctor.swing_test import swing_test
 from np_drake.diagnosis.doctor.traces import PAYLOAD, nearest_usual, payload_at, traces
 from np_drake.diagnosis.localisation import excitation, excited
-from np_drake.diagnosis.residuals import make_flight_residuals, natural_step
+from np_drake.diagnosis.residuals import FORCE, FlightResiduals, make_flight_residuals, natural_step
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
@@ -95,10 +97,18 @@ def _judged(report: LogReport, logs: Sequence[FlightLog], vehicle: Vehicle, tell
         problems=report.problems + still,
         sensors="real" if options.tolerance.real else "ideal",
         excitation=moving,
+        residual_force=_residual_force(flights),
         noise_floor=explained.floor,
         swings=tuple(tests),
         answers=found,
     )
+
+
+def _residual_force(flights: Sequence[FlightResiduals]) -> dict[str, float]:
+    """Return by axis of B the RMS of the residual force over weight [1]."""
+    y = np.concatenate([e.y[~e.shocks, FORCE] for e in flights])
+    weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
+    return dict(zip("xyz", (np.sqrt(np.mean(y**2, axis=0)) / weight).tolist(), strict=True))
 
 
 def _head(log: FlightLog) -> FlightLog:

@@ -114,6 +114,7 @@ class LogReport:
 
     usable: whether anything can be diagnosed; problems: what stands against it, or limits it, one line each.
     excitation: RMS values and spans over all flights; with the vehicle's where one is given.
+    residual_force: by axis of B, RMS of the residual force over weight, nothing fitted [1]; empty without a vehicle.
     noise_floor: by channel, RMS of what no effect explains [N, N·m]; empty without a vehicle.
     """
 
@@ -123,6 +124,7 @@ class LogReport:
     vehicle: str = ""
     sensors: str = ""
     excitation: dict[str, float] = dc.field(default_factory=dict)
+    residual_force: dict[str, float] = dc.field(default_factory=dict)
     noise_floor: dict[str, float] = dc.field(default_factory=dict)
     swings: tuple[SwingTest, ...] = ()
     answers: tuple[Answer, ...] = ()
