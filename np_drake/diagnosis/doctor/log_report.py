@@ -124,10 +124,10 @@ class LogReport:
     vehicle: str = ""
     sensors: str = ""
     excitation: dict[str, float] = dc.field(default_factory=dict)
-    residual_force: dict[str, float] = dc.field(default_factory=dict)
     noise_floor: dict[str, float] = dc.field(default_factory=dict)
     swings: tuple[SwingTest, ...] = ()
     answers: tuple[Answer, ...] = ()
+    residual_force: dict[str, float] = dc.field(default_factory=dict)
 
     @property
     def something_swings(self) -> bool:

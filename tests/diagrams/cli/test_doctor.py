@@ -101,6 +101,7 @@ def report(facts):
         floor,
         tests,
         (told, *part, twin, wide, never),
+        {"x": 0.0191, "y": 0.02, "z": 0.01},
     )
 
 
@@ -113,6 +114,7 @@ def test_no_line_is_wider_than_the_screen(report, facts):
 def test_the_screen_says_what_is_told_what_not_and_why(report):
     text = "\n".join(screen(report))
     assert "SOMETHING SWINGS, as 4.7 g on 0.5 m" in text
+    assert "force x, y, z 1.9, 2.0, 1.0 % of weight" in text
     assert "usual 0.1 mm" in text
     assert "60% of the rows repeat" in text
     assert "x 0.1, (y 9) N·s/m" in text
