@@ -4,6 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
+from np_drake.logs.checks import LARGEST
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.recording import Recording, find_column
@@ -12,6 +13,7 @@ REPEATED = (
     0.3  # share of rows equal to the row before, from which a signal is one of a slower rate [1]; own choice
 )
 LEAST = 20  # samples of a signal; own choice
+LEAST_NORM = 1e-3  # of a quaternion that is one, of whatever length [1]; own choice
 STATE = ("position", "velocity", "attitude", "rates", "acceleration", "angular_acceleration")
 
 
@@ -36,9 +38,9 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], li
     signals, notes = {}, []
     for name, source in log_map.sources():
         signal = _assembled(recording, source)
-        signal, dropped = _cleaned(signal)
-        if dropped:
-            notes.append(f"{name}: {dropped} rows left out (no number, or time not increasing)")
+        signal, reasons = _cleaned(signal, quaternion=name == "attitude" and len(source.columns) == 4)
+        if reasons:
+            notes.append(f"{name}: rows left out: {reasons}")
         if name in STATE:
             signal, kept = _without_repeats(signal)
             if kept < 1:
@@ -46,9 +48,10 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], li
                     f"{name}: rows repeat; taken as a signal of {1 / signal.step:.4g} Hz ({kept:.0%} of the rows)"
                 )
         if len(signal.t) < LEAST:
+            left = f" ({reasons}; are its times precise and in order?)" if reasons else ""
             raise LogError(
                 f"{recording.path}, {name}: must have at least {LEAST} samples; got {len(signal.t)} in "
-                f"{', '.join(source.columns)}."
+                f"{', '.join(source.columns)}{left}."
             )
         signals[name] = signal
     return signals, notes
@@ -69,13 +72,24 @@ def _assembled(recording: Recording, source: Source) -> Signal:
     return Signal(np.asarray(t, float) - source.late, np.stack(columns, axis=1))
 
 
-def _cleaned(signal: Signal) -> tuple[Signal, int]:
-    """Return the samples that are numbers and later than all before, and how many are left out."""
-    good = np.isfinite(signal.t) & np.all(np.isfinite(signal.values), axis=1)
-    t, values = signal.t[good], signal.values[good]
+def _cleaned(signal: Signal, *, quaternion: bool) -> tuple[Signal, str]:
+    """Return the samples that are numbers and later than all before, and what is left out; empty: nothing.
+
+    A quaternion of zeros is none: estimators write it before they have started.
+    """
+    good = np.isfinite(signal.t) & np.all(np.abs(signal.values) <= LARGEST, axis=1)
+    zero = good & (np.linalg.norm(np.where(good[:, None], signal.values, 0.0), axis=1) < LEAST_NORM)
+    zero &= quaternion
+    kept = good & ~zero
+    t, values = signal.t[kept], signal.values[kept]
     later = t > np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
-    kept = Signal(t[later], values[later])
-    return kept, len(signal.t) - len(kept.t)
+    counts = {
+        "no number": np.sum(~good),
+        "a quaternion of zeros": np.sum(zero),
+        "time not increasing": np.sum(~later),
+    }
+    reasons = ", ".join(f"{count} with {reason}" for reason, count in counts.items() if count)
+    return Signal(t[later], values[later]), reasons
 
 
 def _without_repeats(signal: Signal) -> tuple[Signal, float]:

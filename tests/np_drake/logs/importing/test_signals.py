@@ -37,7 +37,25 @@ def test_rows_without_number_and_rows_that_run_back_are_left_out_and_counted():
     signals, notes = gather(recording(t, **x), MAP)
     assert len(signals["position"].t) == 97
     assert np.all(np.diff(signals["position"].t) > 0)
-    assert notes == ["position: 3 rows left out (no number, or time not increasing)"]
+    assert notes == ["position: rows left out: 1 with no number, 2 with time not increasing"]
+
+
+def test_a_number_too_large_to_be_squared_is_none():
+    t = 0.01 * np.arange(100)
+    x = moving(t)
+    x["y"][7] = 1e300
+    signals, notes = gather(recording(t, **x), MAP)
+    assert len(signals["position"].t) == 99
+    assert notes == ["position: rows left out: 1 with no number"]
+
+
+def test_a_quaternion_of_zeros_is_no_attitude():
+    t = 0.01 * np.arange(100)
+    q = {"w": np.cos(t), "i": np.sin(t), "j": 0 * t, "k": 0 * t}
+    q["w"][:30], q["i"][:30] = 0.0, 0.0  # an estimator that has not started
+    signals, notes = gather(recording(t, **q), LogMap(attitude=Source(["w", "i", "j", "k"])))
+    assert signals["attitude"].t[0] == t[30]
+    assert notes == ["attitude: rows left out: 30 with a quaternion of zeros"]
 
 
 @pytest.mark.parametrize("slower", [2, 5, 10])
@@ -83,3 +101,9 @@ def test_a_signal_of_a_few_samples_is_refused():
     t = 0.01 * np.arange(10)
     with pytest.raises(LogError, match="position: must have at least 20 samples; got 10"):
         gather(recording(t, **moving(t)), MAP)
+
+
+def test_times_that_do_not_increase_are_named_where_no_samples_are_left():
+    t = np.full(100, 1.7e9)  # printed with six digits
+    with pytest.raises(LogError, match=r"got 1 in x, y, z .99 with time not increasing"):
+        gather(recording(t, **moving(0.01 * np.arange(100))), MAP)
