@@ -39,6 +39,7 @@ SIZES: dict[str, tuple[int, ...]] = {  # number of columns
     "hover_throttle": (1,),
     "voltage": (1,),
 }
+RATES = (4.0, 20000.0)  # of the rows of a flight log [Hz]: those that are read again
 TIME_SIZE = (1,)  # columns of the time, which is no quantity
 
 
@@ -126,11 +127,13 @@ class LogMap:
         _one_of("world", self.world, WORLDS)
         _one_of("body", self.body, BODIES)
         _one_of("command", self.command, TIMINGS)
-        for name in ("start", "stop", "rate"):
+        for name in ("start", "stop"):
             if not 0 <= getattr(self, name) < 1e9:
                 raise ValueError(
                     f"LogMap: {name} must be finite and not negative; got {getattr(self, name)}."
                 )
+        if self.rate != 0 and not RATES[0] <= self.rate <= RATES[1]:
+            raise ValueError(f"LogMap: rate must be 0, or {RATES[0]:g} … {RATES[1]:g} Hz; got {self.rate:g}.")
         if self.time:
             _check_source("time", self.time, TIME_SIZE)
         for name, source in self.sources():

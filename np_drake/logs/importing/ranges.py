@@ -1,0 +1,36 @@
+"""Ranges of an input: values that no rotor can have are in another unit."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from np_drake.logs.errors import LogError
+from np_drake.logs.importing.log_map import UNITS, LogMap
+from np_drake.logs.units import FASTEST_ROTOR
+
+RANGES = {  # of nearly all values in flight
+    "throttle": (-0.05, 1.5),  # [1]; own choice: trimmed and overdriven motors stay inside
+    "hover_throttle": (0.02, 1.5),  # [1]; own choice
+    "rotor_speed": (-np.inf, FASTEST_ROTOR),  # [rad/s]
+}
+
+
+def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str) -> None:
+    """Check an input of a log in SI units.
+
+    Raises: LogError: if its values cannot be in the unit that the map declares.
+    """
+    for name, (least, most) in RANGES.items():
+        if name not in values:
+            continue
+        middle, high = np.median(values[name]), np.percentile(values[name], 99.9)
+        if least <= middle and high <= most:
+            continue
+        source = getattr(log_map, name)
+        unit = source.unit or next(iter(UNITS[name]))
+        wrong = f"above {most:g}" if high > most else f"below {least:g}"
+        shown = high if high > most else middle
+        raise LogError(
+            f"{path}, {name} ({', '.join(source.columns)}): no rotor is {wrong} in flight; got {shown:.4g} with unit: "
+            f"{unit}. Give its unit ({', '.join(UNITS[name])}) or scale in the map."
+        )
