@@ -403,12 +403,8 @@ def _gaps_text(aligned: Aligned, rows: slice, flights: list[FlightLog]) -> str:
 
 
 def _ground_notes(t: np.ndarray, rows: slice, ground: np.ndarray) -> list[str]:
-    before, after = t[rows.start] - t[0], t[-1] - t[rows.stop - 1]
-    between = float(ground[rows].sum() * np.median(np.diff(t)))
-    spans = {"before": before, "after": after, "between flights": between}
-    if not any(span > 0 for span in spans.values()):
-        return []
-    told = ", ".join(
-        f"{span:.3g} s {when}" for when, span in spans.items() if span > 0 or when != "between flights"
-    )
-    return [f"on the ground: {told} left out"]
+    air = np.flatnonzero(~ground[rows]) + rows.start
+    between = float(ground[air[0] : air[-1]].sum() * np.median(np.diff(t)))
+    spans = {"before": t[air[0]] - t[0], "after": t[-1] - t[air[-1]], "between flights": between}
+    told = [f"{span:.3g} s {when}" for when, span in spans.items() if span > 0]
+    return [f"on the ground: {', '.join(told)} left out"] if told else []

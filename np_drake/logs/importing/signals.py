@@ -13,6 +13,7 @@ REPEATED = (
     0.3  # share of rows equal to the row before, from which a signal is one of a slower rate [1]; own choice
 )
 LEAST = 20  # samples of a signal; own choice
+BACK = 0.1  # share of samples earlier than one before them from which these are another log [1]; own choice
 LEAST_NORM = 1e-3  # of a quaternion that is one, of whatever length [1]; own choice
 STATE = ("position", "velocity", "attitude", "rates", "acceleration", "angular_acceleration")
 
@@ -38,6 +39,7 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], li
     signals, notes = {}, []
     for name, source in log_map.sources():
         signal = _assembled(recording, source)
+        _require_one_log(signal, f"{recording.path}, {name}")
         signal, reasons = _cleaned(signal, quaternion=name == "attitude" and len(source.columns) == 4)
         if reasons:
             notes.append(f"{name}: rows left out: {reasons}")
@@ -70,6 +72,22 @@ def _assembled(recording: Recording, source: Source) -> Signal:
             values = np.interp(t, own.t[order], values[order]) if len(own) else np.full(len(t), np.nan)
         columns.append(values)
     return Signal(np.asarray(t, float) - source.late, np.stack(columns, axis=1))
+
+
+def _require_one_log(signal: Signal, place: str) -> None:
+    """Check that time runs forward, but for a few samples.
+
+    Raises: LogError: if it does not, as in two logs in one file.
+    """
+    t = signal.t[np.isfinite(signal.t)]
+    latest = np.maximum.accumulate(t)
+    back = np.flatnonzero(t < latest)
+    if len(back) > BACK * len(t):
+        row = back[0]
+        raise LogError(
+            f"{place}: time must increase; {len(back)} of {len(t)} samples run back, the first from {latest[row]:.9g} "
+            f"to {t[row]:.9g} s. Split the file there if it holds two logs, or sort its rows."
+        )
 
 
 def _cleaned(signal: Signal, *, quaternion: bool) -> tuple[Signal, str]:

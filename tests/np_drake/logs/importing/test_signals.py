@@ -107,3 +107,11 @@ def test_times_that_do_not_increase_are_named_where_no_samples_are_left():
     t = np.full(100, 1.7e9)  # printed with six digits
     with pytest.raises(LogError, match=r"got 1 in x, y, z .99 with time not increasing"):
         gather(recording(t, **moving(0.01 * np.arange(100))), MAP)
+
+
+def test_two_logs_in_one_file_are_refused_where_the_clock_starts_again():
+    t = np.concatenate([0.01 * np.arange(100), 0.01 * np.arange(30)])
+    with pytest.raises(
+        LogError, match=r"30 of 130 samples run back, the first from 0.99 to 0 s. Split the file"
+    ):
+        gather(recording(t, **moving(0.01 * np.arange(130))), MAP)
