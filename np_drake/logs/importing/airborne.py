@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from np_drake.logs.importing.convert import GRAVITY
+
 MOVED = 0.05  # from where it rests before and after the flight [m]; own choice
 STANDS = 1.0  # time at rest between two flights from which they are apart [s]; own choice
 RUNNING = 0.5  # share of the usual lift below which the rotors do not carry [1]; own choice
@@ -35,8 +37,8 @@ def airborne(t: np.ndarray, p: np.ndarray, lift: np.ndarray | None) -> slice:
 def standing(t: np.ndarray, p: np.ndarray, lift: np.ndarray | None) -> np.ndarray:
     """Return the rows (n,) at which the vehicle stands on the ground, as between a landing and the next take-off.
 
-    For `STANDS` or longer the rotors give less than `RUNNING` of their usual lift, and yet the position stays within
-    `MOVED`: something else carries. The rows about these, as long as the position stays, are among them.
+    For `STANDS` or longer the rotors give less than `RUNNING` of their usual lift, and yet it does not fall: something
+    else carries, however the estimate of position drifts. Rows within `MOVED` of the ends of these are among them.
 
     Args: as `airborne`; without a lift no row is known to stand.
     """
@@ -47,11 +49,14 @@ def standing(t: np.ndarray, p: np.ndarray, lift: np.ndarray | None) -> np.ndarra
     idle = lift < RUNNING * float(np.median(lift[lift >= RUNNING * high]))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], idle, [False]]).astype(int)))
     for start, stop in edges.reshape(-1, 2):
-        place = np.median(p[start:stop], axis=0)
-        near = np.linalg.norm(p - place, axis=1) <= MOVED
-        if t[stop - 1] - t[start] < STANDS or not near[start:stop].all():
+        if t[stop - 1] - t[start] < STANDS or _falls(t[start:stop], p[start:stop, 2]):
             continue
-        away = np.flatnonzero(~near)
-        before, after = away[away < start], away[away >= stop]
-        out[(before[-1] + 1 if before.size else 0) : (after[0] if after.size else len(t))] = True
+        before = np.flatnonzero(np.linalg.norm(p[:start] - p[start], axis=1) > MOVED)
+        after = np.flatnonzero(np.linalg.norm(p[stop:] - p[stop - 1], axis=1) > MOVED)
+        out[(before[-1] + 1 if before.size else 0) : (stop + after[0] if after.size else len(t))] = True
     return out
+
+
+def _falls(t: np.ndarray, z: np.ndarray) -> bool:
+    """Return whether heights z (n,) are those of a fall that nothing but the rotors, idle, delays."""
+    return bool(2 * np.polyfit(t - t[0], z, 2)[0] < -(1 - RUNNING) * GRAVITY)

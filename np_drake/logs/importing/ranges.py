@@ -1,4 +1,4 @@
-"""Ranges of an input: values that no rotor can have are in another unit."""
+"""Ranges of inputs: values that no rotor or battery can have are in another unit."""
 
 from collections.abc import Mapping
 
@@ -12,11 +12,12 @@ RANGES = {  # of nearly all values in flight
     "throttle": (-0.05, 1.5),  # [1]; own choice: trimmed and overdriven motors stay inside
     "hover_throttle": (0.02, 1.5),  # [1]; own choice
     "rotor_speed": (-np.inf, FASTEST_ROTOR),  # [rad/s]
+    "voltage": (0.5, 1000.0),  # [V]; own choice: from one cell to what no vehicle has
 }
 
 
 def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str) -> None:
-    """Check an input of a log in SI units.
+    """Check the inputs and the voltage of a log in SI units.
 
     Raises: LogError: if its values cannot be in the unit that the map declares.
     """
@@ -31,6 +32,6 @@ def require_ranges(values: Mapping[str, np.ndarray], log_map: LogMap, path: str)
         wrong = f"above {most:g}" if high > most else f"below {least:g}"
         shown = high if high > most else middle
         raise LogError(
-            f"{path}, {name} ({', '.join(source.columns)}): no rotor is {wrong} in flight; got {shown:.4g} with unit: "
-            f"{unit}. Give its unit ({', '.join(UNITS[name])}) or scale in the map."
+            f"{path}, {name} ({', '.join(source.columns)}): must not be {wrong} in flight; got {shown:.4g} with "
+            f"unit: {unit}. Give its unit ({', '.join(UNITS[name])}) or scale in the map."
         )

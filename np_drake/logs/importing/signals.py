@@ -15,6 +15,7 @@ REPEATED = (
 LEAST = 20  # samples of a signal; own choice
 BACK = 0.1  # share of samples earlier than one before them from which these are another log [1]; own choice
 LEAST_NORM = 1e-3  # of a quaternion that is one, of whatever length [1]; own choice
+OPTIONAL = ("voltage", "hover_throttle")  # of which a few samples are as good as none
 STATE = ("position", "velocity", "attitude", "rates", "acceleration", "angular_acceleration")
 
 
@@ -50,7 +51,11 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], li
                     f"{name}: rows repeat; taken as a signal of {1 / signal.step:.4g} Hz ({kept:.0%} of the rows)"
                 )
         if len(signal.t) < LEAST:
-            left = f" ({reasons}; are its times precise and in order?)" if reasons else ""
+            if name in OPTIONAL:
+                notes.append(f"{name}: only {len(signal.t)} samples; left out")
+                continue
+            left = f" ({reasons})" if reasons else ""
+            left += "; are its times printed with all digits?" if "time" in reasons else ""
             raise LogError(
                 f"{recording.path}, {name}: must have at least {LEAST} samples; got {len(signal.t)} in "
                 f"{', '.join(source.columns)}{left}."
@@ -113,7 +118,8 @@ def _cleaned(signal: Signal, *, quaternion: bool) -> tuple[Signal, str]:
 def _without_repeats(signal: Signal) -> tuple[Signal, float]:
     """Return a signal of a slower rate by the rows at which it changes, and the share of rows that is kept.
 
-    A signal that rests keeps a row wherever it has not changed for three usual intervals of change.
+    A signal that rests keeps a row wherever it has not changed for two usual intervals of change, so that its rest is
+    no gap.
     """
     if len(signal.t) < LEAST:
         return signal, 1.0
@@ -125,5 +131,5 @@ def _without_repeats(signal: Signal) -> tuple[Signal, float]:
         return signal, 1.0
     usual = max(1, round(float(np.median(np.diff(rows)))))
     since = np.arange(len(new)) - np.maximum.accumulate(np.where(new, np.arange(len(new)), 0))
-    keep = new | ((since > 0) & (since % (3 * usual) == 0))
+    keep = new | ((since > 0) & (since % (2 * usual) == 0))
     return Signal(signal.t[keep], signal.values[keep]), float(keep.mean())

@@ -27,6 +27,13 @@ def test_a_vehicle_stands_between_landing_and_the_next_take_off(idle):
     assert not dut[np.linalg.norm(p, axis=1) > 0.06].any()  # [m], the margin of the law and a little
 
 
+def test_a_vehicle_stands_though_its_estimate_drifts():
+    p, lift = flights_with_a_pause(0.0)
+    p[:, 2] += 0.1 * np.clip(T - 10, 0, 10)  # [m]
+    dut = standing(T, p, lift)
+    assert dut[(T >= 10) & (T < 20)].all()
+
+
 def test_a_short_cut_of_thrust_and_a_fall_are_flight():
     p, _ = flights_with_a_pause(0.0)
     assert not standing(T, p, np.where((T > 10) & (T < 10.9), 0.0, 1.0)).any()

@@ -18,13 +18,14 @@ HOVER = np.linspace(0.3, 0.8, 100)[:, None]
         ("throttle", -1.0, "below -0.05 in flight.*scale"),
         ("hover_throttle", 0.0, "below 0.02 in flight"),
         ("hover_throttle", 100.0, "above 1.5 in flight"),
+        ("voltage", 1e4, "above 1000 in flight.*mV"),
         ("rotor_speed", 2e4, "above 5000 in flight.*rpm"),
     ],
 )
 def test_an_input_in_another_unit_is_refused(name, factor, message):
     log_map = LogMap(**{name: Source(["c"])})
-    require_ranges({name: HOVER * (1000.0 if name == "rotor_speed" else 1.0)}, log_map, "flight.csv")
-    with pytest.raises(LogError, match=rf"flight.csv, {name} \(c\): no rotor is {message}"):
+    require_ranges({name: HOVER * {"rotor_speed": 1e3, "voltage": 16}.get(name, 1)}, log_map, "flight.csv")
+    with pytest.raises(LogError, match=rf"flight.csv, {name} \(c\): must not be {message}"):
         require_ranges({name: HOVER * factor}, log_map, "flight.csv")
 
 

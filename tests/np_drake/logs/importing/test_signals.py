@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.logs.errors import LogError
+from np_drake.logs.importing.alignment import GAP
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.importing.signals import gather
 from np_drake.logs.recording import Recording, Stream
@@ -115,3 +116,21 @@ def test_two_logs_in_one_file_are_refused_where_the_clock_starts_again():
         LogError, match=r"30 of 130 samples run back, the first from 0.99 to 0 s. Split the file"
     ):
         gather(recording(t, **moving(0.01 * np.arange(130))), MAP)
+
+
+@pytest.mark.parametrize("digits", [2, 3])
+def test_a_rest_of_rounded_readings_is_no_gap(digits):
+    t = 0.01 * np.arange(2000)
+    noise = np.random.default_rng(0).normal(0, 0.003, (3, 2000))
+    signals, _ = gather(recording(t, **dict(zip("xyz", noise.round(digits), strict=True))), MAP)
+    position = signals["position"]
+    assert np.diff(position.t).max() < GAP * position.step
+
+
+def test_a_voltage_of_a_few_samples_is_left_out_and_said():
+    t = 0.01 * np.arange(100)
+    volts = np.where(np.arange(100) % 10 == 0, 16.0, np.nan)
+    log_map = LogMap(position=Source(["x", "y", "z"]), voltage=Source(["u"]))
+    signals, notes = gather(recording(t, **moving(t), u=volts), log_map)
+    assert list(signals) == ["position"]
+    assert notes[-1] == "voltage: only 10 samples; left out"
