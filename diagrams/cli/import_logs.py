@@ -54,6 +54,7 @@ def import_logs(
     rows: list[tuple[Any, ...]] = []
     written: list[str] = []
     failures: list[str] = []
+    left: list[str] = []
     with progress("importing", len(logs)) as advance:
         for number, path in enumerate(logs):
             try:
@@ -64,6 +65,7 @@ def import_logs(
                     str(error) if isinstance(error, LogError) else f"{path}: {error.strerror or error}."
                 )
                 continue
+            left += [f"{path.name}: {note}" for note in found.sheet.content["notes"] if "left out" in note]
             rows += [_row(flight, found) for flight in found.flights]
             advance(number + 1, path.name)
     failure = None
@@ -87,7 +89,9 @@ def import_logs(
             "rate": rate,
         },
         metrics={"files": written, "failures": failures},
-        summary=[f"{len(written)} flights written to {run.folder}, a sheet beside each."] if written else [],
+        summary=[*left, f"{len(written)} flights written to {run.folder}, a sheet beside each."]
+        if written
+        else [],
         failure=failure,
     )
 

@@ -81,7 +81,7 @@ class LogMap:
     `averaged` (its mean over the interval after this row), `sampled` (of a command that changes in between, as in a
     thinned log), or `unknown`.
     start, stop: the part to import, from the first row of the log [s]; stop 0: to its end.
-    rate: of the rows that are written [Hz]; 0: of the fastest stream that is used, at most 500 Hz.
+    rate: of the rows that are written [Hz], within `RATES`; 0: of the fastest stream that is used, at most 500 Hz.
     time: column that holds the times of its stream, of a table whose time column has a name of its own; none: as the
     format knows it.
     """

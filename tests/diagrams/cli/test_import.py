@@ -106,6 +106,7 @@ def test_a_landing_and_another_take_off_make_two_flights(tmp_path, monkeypatch, 
     table["y"][1100:] += flight["y"][-1] - flight["y"][0]
     write_table(tmp_path / "flight.csv", table | {"stamp": 10.0 * np.arange(1900)})
     assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine"]) == 0
+    assert "flight.csv: on the ground: 3." in capsys.readouterr().out
     logs = [read_log(path, vehicle=Vehicle()) for path in sorted((tmp_path / "mine").glob("*.csv"))]
     assert [len(log) for log in logs] == pytest.approx(
         [800, 800], abs=40
