@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.logs.checks import STEP_RANGE
 from np_drake.logs.errors import LogError
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.formats import Format, format_named, format_of
@@ -29,7 +28,7 @@ from np_drake.logs.importing.convert import convert_quantity
 from np_drake.logs.importing.interpolation import FASTER
 from np_drake.logs.importing.log_map import UNITS, LogMap
 from np_drake.logs.importing.map_time import with_map_time
-from np_drake.logs.importing.ranges import require_ranges
+from np_drake.logs.importing.ranges import require_a_flight, require_a_step, require_ranges
 from np_drake.logs.importing.signals import Signal, gather
 from np_drake.logs.recording import Progress, by_stream
 
@@ -79,7 +78,7 @@ def import_log(
     """
     known, contents, log_map = _map_for(Path(path), log_map)
     log_map = _with_rate(log_map, rate, str(path))
-    _require_a_flight(log_map, str(path))
+    require_a_flight(log_map, str(path))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     signals, notes = gather(with_map_time(recording, log_map), log_map)
     signals, clock = _on_a_likely_clock(signals, log_map, str(path))
@@ -89,7 +88,7 @@ def import_log(
     if not carried:
         notes.append("no flight: position stays, or the rotors stand; nothing can be identified")
     aligned = align(signals, log_map, str(path))
-    _require_a_step(aligned.t, str(path))
+    require_a_step(aligned.t, str(path))
     rows, ground = slice(0, len(aligned.t)), np.zeros(len(aligned.t), bool)
     if carried:
         require_ranges(aligned.values, log_map, str(path))
@@ -148,29 +147,6 @@ def _with_rate(log_map: LogMap, rate: float, path: str) -> LogMap:
         return dc.replace(log_map, rate=rate or log_map.rate).check()
     except ValueError as error:
         raise LogError(f"{path}: {error}") from None
-
-
-def _require_a_flight(log_map: LogMap, path: str) -> None:
-    """Check that the map names what a flight log needs, before anything is read.
-
-    Raises: LogError: if it does not.
-    """
-    for name in ("position", "attitude"):
-        if not getattr(log_map, name):
-            raise LogError(f"{path}: the map must name columns of {name}; a flight log needs it.")
-    if not (log_map.thrust or log_map.rotor_speed or log_map.throttle):
-        raise LogError(
-            f"{path}: the map must name columns of thrust, rotor_speed or throttle; a flight log needs one of them."
-        )
-
-
-def _require_a_step(t: np.ndarray, path: str) -> None:
-    step = float(np.median(np.diff(t))) if len(t) > 1 else np.inf
-    if not STEP_RANGE[0] <= step <= STEP_RANGE[1]:
-        raise LogError(
-            f"{path}: rows must be {STEP_RANGE[0]:g} … {STEP_RANGE[1]:g} s apart; got {step:.4g}. Log at a higher "
-            "rate, or give another --rate."
-        )
 
 
 def _cut(signals: dict[str, Signal], log_map: LogMap, path: str) -> dict[str, Signal]:
