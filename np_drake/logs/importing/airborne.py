@@ -5,6 +5,7 @@ import numpy as np
 from np_drake.logs.importing.convert import GRAVITY
 
 MOVED = 0.05  # from where it rests before and after the flight [m]; own choice
+STOPPED = 0.2  # share of the usual lift below which they carry no vehicle, even one that lost its load [1]; own choice
 STANDS = 1.0  # time at rest between two flights from which they are apart [s]; own choice
 RUNNING = 0.5  # share of the usual lift below which the rotors do not carry [1]; own choice
 
@@ -38,7 +39,8 @@ def standing(t: np.ndarray, p: np.ndarray, lift: np.ndarray | None) -> np.ndarra
     """Return the rows (n,) at which the vehicle stands on the ground, as between a landing and the next take-off.
 
     For `STANDS` or longer the rotors give less than `RUNNING` of their usual lift, and yet it does not fall: something
-    else carries, however the estimate of position drifts. Rows within `MOVED` of the ends of these are among them.
+    else carries. The estimate of position may drift where they give less than `STOPPED`.
+    Rows within `MOVED` of the ends of these are among them.
 
     Args: as `airborne`; without a lift no row is known to stand.
     """
@@ -46,10 +48,14 @@ def standing(t: np.ndarray, p: np.ndarray, lift: np.ndarray | None) -> np.ndarra
     if lift is None:
         return out
     high = float(np.percentile(lift, 95))
-    idle = lift < RUNNING * float(np.median(lift[lift >= RUNNING * high]))
+    share = lift / max(float(np.median(lift[lift >= RUNNING * high])), 1e-12)
+    idle = share < RUNNING
     edges = np.flatnonzero(np.diff(np.concatenate([[False], idle, [False]]).astype(int)))
     for start, stop in edges.reshape(-1, 2):
         if t[stop - 1] - t[start] < STANDS or _falls(t[start:stop], p[start:stop, 2]):
+            continue
+        drifts = np.linalg.norm(p[start:stop] - p[start], axis=1).max() > MOVED
+        if drifts and np.median(share[start:stop]) > STOPPED:
             continue
         before = np.flatnonzero(np.linalg.norm(p[:start] - p[start], axis=1) > MOVED)
         after = np.flatnonzero(np.linalg.norm(p[stop:] - p[stop - 1], axis=1) > MOVED)

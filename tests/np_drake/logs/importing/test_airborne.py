@@ -34,6 +34,10 @@ def test_a_vehicle_stands_though_its_estimate_drifts():
     assert dut[(T >= 10) & (T < 20)].all()
 
 
+def test_a_vehicle_that_dropped_a_load_of_more_than_its_weight_flies_on():
+    assert not standing(T, hop(T), np.where(T > 12, 0.45, 1.0)).any()
+
+
 def test_a_short_cut_of_thrust_and_a_fall_are_flight():
     p, _ = flights_with_a_pause(0.0)
     assert not standing(T, p, np.where((T > 10) & (T < 10.9), 0.0, 1.0)).any()
