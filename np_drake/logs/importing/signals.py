@@ -13,6 +13,7 @@ REPEATED = (
     0.3  # share of rows equal to the row before, from which a signal is one of a slower rate [1]; own choice
 )
 LEAST = 20  # samples of a signal; own choice
+JUMP = 1e7  # longest gap, in median intervals: a day at 100 Hz [1]; own choice
 BACK = 0.1  # share of samples earlier than one before them from which these are another log [1]; own choice
 LEAST_NORM = 1e-3  # of a quaternion that is one, of whatever length [1]; own choice
 OPTIONAL = ("voltage", "hover_throttle")  # of which a few samples are as good as none
@@ -55,7 +56,7 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], li
                 notes.append(f"{name}: only {len(signal.t)} samples; left out")
                 continue
             left = f" ({reasons})" if reasons else ""
-            left += "; are its times printed with all digits?" if "time" in reasons else ""
+            left += "; print its times with all digits" if "time" in reasons else ""
             raise LogError(
                 f"{recording.path}, {name}: must have at least {LEAST} samples; got {len(signal.t)} in "
                 f"{', '.join(source.columns)}{left}."
@@ -86,6 +87,14 @@ def _require_one_log(signal: Signal, place: str) -> None:
     """
     t = signal.t[np.isfinite(signal.t)]
     latest = np.maximum.accumulate(t)
+    ahead = np.diff(latest, prepend=latest[:1])
+    later = ahead[ahead > 0]
+    if later.size and later.max() > JUMP * float(np.median(later)):
+        row = int(np.argmax(ahead))
+        raise LogError(
+            f"{place}: time must not jump; it goes from {latest[row - 1]:.9g} to {t[row]:.9g}. If the clock was "
+            "set there, split the file."
+        )
     back = np.flatnonzero(t < latest)
     if len(back) > BACK * len(t):
         row = back[0]

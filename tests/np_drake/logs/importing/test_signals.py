@@ -134,3 +134,16 @@ def test_a_voltage_of_a_few_samples_is_left_out_and_said():
     signals, notes = gather(recording(t, **moving(t), u=volts), log_map)
     assert list(signals) == ["position"]
     assert notes[-1] == "voltage: only 10 samples; left out"
+
+
+def test_rows_that_stand_twice_are_one_log():
+    t = np.repeat(0.01 * np.arange(100), 3)
+    signals, _ = gather(recording(t, **moving(t)), MAP)
+    assert np.array_equal(signals["position"].t, 0.01 * np.arange(100))
+
+
+def test_a_clock_that_is_set_in_flight_is_refused():
+    t = 0.01 * np.arange(100)
+    t[60:] += 1.7e9  # [s], of GPS
+    with pytest.raises(LogError, match=r"time must not jump; it goes from 0.59 to 1.7e\+09.* split the file"):
+        gather(recording(t, **moving(0.01 * np.arange(100))), MAP)
