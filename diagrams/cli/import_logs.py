@@ -54,16 +54,18 @@ def import_logs(
     rows: list[tuple[Any, ...]] = []
     written: list[str] = []
     failures: list[str] = []
+    left: list[str] = []
     with progress("importing", len(logs)) as advance:
         for number, path in enumerate(logs):
             try:
                 found = _imported(path, declared, rate, adopt, lambda share, k=number: advance(k + share, ""))
-                written += _write(found, run.folder, suffix, logs)
+                written += _write(found, run.folder, suffix, written)
             except (LogError, OSError) as error:
                 failures.append(
                     str(error) if isinstance(error, LogError) else f"{path}: {error.strerror or error}."
                 )
                 continue
+            left += [f"{path.name}: {note}" for note in found.sheet.content["notes"] if "left out" in note]
             rows += [_row(flight, found) for flight in found.flights]
             advance(number + 1, path.name)
     failure = None
@@ -87,7 +89,9 @@ def import_logs(
             "rate": rate,
         },
         metrics={"files": written, "failures": failures},
-        summary=[f"{len(written)} flights written to {run.folder}, a sheet beside each."] if written else [],
+        summary=[*left, f"{len(written)} flights written to {run.folder}, a sheet beside each."]
+        if written
+        else [],
         failure=failure,
     )
 
@@ -98,10 +102,11 @@ def _imported(path: Path, declared: "LogMap | None", rate: float, adopt: bool, t
     return import_log(path, declared, rate=rate, adopt=adopt, on_progress=tell)
 
 
-def _write(found: "Imported", folder: Path, suffix: str, inputs: list[Path]) -> list[str]:
+def _write(found: "Imported", folder: Path, suffix: str, before: list[str]) -> list[str]:
     """Write the flights of one log and their sheets, and return the files.
 
-    Raises: LogError: if a file is there already, or is one of the inputs.
+    Args: before: files that this command has written of other logs.
+    Raises: LogError: if a file is there already.
     """
     from np_drake.logs.errors import LogError
     from np_drake.logs.import_sheet import sheet_path, write_sheet
@@ -110,6 +115,11 @@ def _write(found: "Imported", folder: Path, suffix: str, inputs: list[Path]) -> 
     make_folder(folder)
     targets = [folder / f"{flight.name}{suffix}" for flight in found.flights]
     for path in (p for target in targets for p in (target, sheet_path(target))):
+        if path.exists() and str(path) in before:
+            raise LogError(
+                f"{path}: must not be there; another log of this command has the same name. Import it by itself, with "
+                "another --out."
+            )
         if path.exists():
             raise LogError(f"{path}: must not be there; remove it, or give another --out.")
     for flight, target in zip(found.flights, targets, strict=True):

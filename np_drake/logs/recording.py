@@ -61,10 +61,16 @@ def find_column(contents: Contents, name: str, path: str = "log") -> tuple[str, 
         wanted = ", ".join(f"{s}/{name}" for s in holders)
         raise LogError(f"{path}, column {name}: several streams have it; name one of {wanted} in the map.")
     near = difflib.get_close_matches(name, list(full_names(contents)), n=3, cutoff=0.5)
-    known = (
-        f"did you mean {', '.join(near)}?" if near else f"the streams are {', '.join(contents) or 'none'}."
-    )
+    known = f"did you mean {', '.join(near)}?" if near else _known(contents)
     raise LogError(f"{path}, column {name}: no stream of the log has it; {known}")
+
+
+def _known(contents: Contents) -> str:
+    """Return what a log has: its streams, or the columns of its only one."""
+    if len(contents) != 1:
+        return f"the streams are {', '.join(contents) or 'none'}."
+    (columns,) = contents.values()
+    return f"it has {', '.join(columns[:20])}" + (", …." if len(columns) > 20 else ".")
 
 
 def full_names(contents: Contents) -> Iterator[str]:

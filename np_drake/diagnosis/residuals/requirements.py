@@ -22,8 +22,13 @@ def require_flights(train: Sequence[FlightLog], held_out: Sequence[FlightLog]) -
             f"diagnose: flights must have different names; got {sorted(twice)[0]!r} twice. "
             "Rename one, or give each flight once."
         )
-    if len({log.input for log in [*train, *held_out]}) > 1:
-        raise ValueError("diagnose: all flights must have the same input; got command and rotor_speed.")
+    inputs = {log.input: log.name for log in reversed([*train, *held_out])}
+    if len(inputs) > 1:
+        got = " and ".join(f"{kind} ({name})" for kind, name in sorted(inputs.items()))
+        raise ValueError(
+            f"diagnose: all flights must have the same input; got {got}. Diagnose each kind by itself, or name an "
+            "input that all have in the vehicle file (input: …)."
+        )
     present = {log.name: log.a is not None for log in [*train, *held_out]}
     if len(set(present.values())) > 1:
         without = next(n for n, there in present.items() if not there)

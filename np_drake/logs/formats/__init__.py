@@ -1,5 +1,6 @@
 """Formats of flight logs: one file each, and the list of them all."""
 
+import codecs
 from pathlib import Path
 
 from np_drake.logs.errors import LogError
@@ -33,11 +34,28 @@ def format_of(path: str | Path) -> Format:
     if not path.is_dir():
         with path.open("rb") as file:
             start = file.read(4096)
+        if not start:
+            raise LogError(f"{path}: must hold a flight log; it is empty. Copy it again from the vehicle.")
     for known in FORMATS:
         if known.recognises(path, start):
             return known
     titles = ", ".join(f"{f.name} ({f.title})" for f in FORMATS)
-    raise LogError(f"{path}: must be a flight log of a known format: {titles}.")
+    raise LogError(f"{path}: must be a flight log of a known format: {titles}.{_remedy(path, start)}")
+
+
+def _remedy(path: Path, start: bytes) -> str:
+    """Return how a text or a folder becomes a log, from its first bytes; empty for other files."""
+    if path.is_dir():
+        return " Of a folder name its files."
+    if start[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        return " Save the text as UTF-8."
+    try:
+        start[: start.rfind(b"\n") + 1].decode()
+    except UnicodeDecodeError:
+        return ""
+    if b"\x00" in start:
+        return ""
+    return " A table must be named .csv, .tsv or .txt, its columns apart by comma, semicolon or tab."
 
 
 def format_named(name: str) -> Format:

@@ -2,7 +2,11 @@
 
 import numpy as np
 
+from np_drake.logs.importing.convert import GRAVITY
+
 MOVED = 0.05  # from where it rests before and after the flight [m]; own choice
+STOPPED = 0.2  # share of the usual lift below which they carry no vehicle, even one that lost its load [1]; own choice
+STANDS = 1.0  # time at rest between two flights from which they are apart [s]; own choice
 RUNNING = 0.5  # share of the usual lift below which the rotors do not carry [1]; own choice
 
 
@@ -16,9 +20,11 @@ def airborne(t: np.ndarray, p: np.ndarray, lift: np.ndarray | None) -> slice:
     """
     moved_first = np.linalg.norm(p - p[0], axis=1) > MOVED
     moved_last = np.linalg.norm(p - p[-1], axis=1) > MOVED
-    if not moved_first.any():
+    if not (moved_first.any() and moved_last.any()):
         return slice(0, len(t))
     start, stop = int(np.argmax(moved_first)), len(t) - int(np.argmax(moved_last[::-1]))
+    if start >= stop:
+        return slice(0, len(t))  # it drifts about one place
     usual = None if lift is None else float(np.median(lift[start:stop]))
     begins_still = (
         usual is None or lift is None or float(np.median(lift[: max(start // 2, 1)])) < RUNNING * usual
@@ -27,3 +33,36 @@ def airborne(t: np.ndarray, p: np.ndarray, lift: np.ndarray | None) -> slice:
         usual is None or lift is None or float(np.median(lift[(stop + len(t)) // 2 :])) < RUNNING * usual
     )
     return slice(start if begins_still else 0, stop if ends_still else len(t))
+
+
+def standing(t: np.ndarray, p: np.ndarray, lift: np.ndarray | None) -> np.ndarray:
+    """Return the rows (n,) at which the vehicle stands on the ground, as between a landing and the next take-off.
+
+    For `STANDS` or longer the rotors give less than `RUNNING` of their usual lift, and yet it does not fall: something
+    else carries. The estimate of position may drift where they give less than `STOPPED`.
+    Rows within `MOVED` of the ends of these are among them.
+
+    Args: as `airborne`; without a lift no row is known to stand.
+    """
+    out = np.zeros(len(t), bool)
+    if lift is None:
+        return out
+    high = float(np.percentile(lift, 95))
+    share = lift / max(float(np.median(lift[lift >= RUNNING * high])), 1e-12)
+    idle = share < RUNNING
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], idle, [False]]).astype(int)))
+    for start, stop in edges.reshape(-1, 2):
+        if t[stop - 1] - t[start] < STANDS or _falls(t[start:stop], p[start:stop, 2]):
+            continue
+        drifts = np.linalg.norm(p[start:stop] - p[start], axis=1).max() > MOVED
+        if drifts and np.median(share[start:stop]) > STOPPED:
+            continue
+        before = np.flatnonzero(np.linalg.norm(p[:start] - p[start], axis=1) > MOVED)
+        after = np.flatnonzero(np.linalg.norm(p[stop:] - p[stop - 1], axis=1) > MOVED)
+        out[(before[-1] + 1 if before.size else 0) : (stop + after[0] if after.size else len(t))] = True
+    return out
+
+
+def _falls(t: np.ndarray, z: np.ndarray) -> bool:
+    """Return whether heights z (n,) are those of a fall that nothing but the rotors, idle, delays."""
+    return bool(2 * np.polyfit(t - t[0], z, 2)[0] < -(1 - RUNNING) * GRAVITY)

@@ -12,7 +12,7 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.formats import Format, format_named, format_of
 from np_drake.logs.gaps import LONGEST as LONGEST_GAP
 from np_drake.logs.import_sheet import Sheet
-from np_drake.logs.importing.airborne import airborne
+from np_drake.logs.importing.airborne import airborne, standing
 from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, common_rows
 from np_drake.logs.importing.answerable import unanswerable
 from np_drake.logs.importing.conventions import (
@@ -28,11 +28,13 @@ from np_drake.logs.importing.convert import convert_quantity
 from np_drake.logs.importing.interpolation import FASTER
 from np_drake.logs.importing.log_map import UNITS, LogMap
 from np_drake.logs.importing.map_time import with_map_time
+from np_drake.logs.importing.ranges import require_a_flight, require_a_step, require_ranges
 from np_drake.logs.importing.signals import Signal, gather
 from np_drake.logs.recording import Progress, by_stream
 
 CHECK_RATE = 50.0  # of the rows on which conventions are checked [Hz]
 LEAST_ROWS = 20  # of a part that is kept
+SHORTEST = 1.0  # log whose unit of time is found by its rate alone [s]; own choice
 IDLE = {
     "rotor_speed": 10.0,
     "thrust": 0.0,
@@ -75,26 +77,30 @@ def import_log(
     WrongConventions, one of these, if it does not agree with its conventions; OSError: if it cannot be opened.
     """
     known, contents, log_map = _map_for(Path(path), log_map)
-    log_map = dc.replace(log_map, rate=rate or log_map.rate)
+    log_map = _with_rate(log_map, rate, str(path))
+    require_a_flight(log_map, str(path))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     signals, notes = gather(with_map_time(recording, log_map), log_map)
-    signals, clock = _on_a_likely_clock(signals, log_map)
+    signals, clock = _on_a_likely_clock(signals, log_map, str(path))
     signals = _cut(signals, log_map, str(path))
     carried = flies(signals, log_map)
     log_map, verdict = _agreed(signals, log_map, str(path), clock=clock, carried=carried, adopt=adopt)
     if not carried:
         notes.append("no flight: position stays, or the rotors stand; nothing can be identified")
     aligned = align(signals, log_map, str(path))
-    rows = slice(0, len(aligned.t))
+    require_a_step(aligned.t, str(path))
+    rows, ground = slice(0, len(aligned.t)), np.zeros(len(aligned.t), bool)
     if carried:
-        rows = airborne(aligned.t, aligned.values["position"], _lift(aligned.values))
-    flights = _flights(aligned, rows, log_map, _stem(path))
+        require_ranges(aligned.values, log_map, str(path))
+        where = aligned.t, aligned.values["position"], _lift(aligned.values)
+        rows, ground = airborne(*where), standing(*where)
+    flights = _flights(aligned, rows, ground, log_map, _stem(path))
     if not flights:
         raise LogError(f"{path}: must hold a flight; no part between gaps has {LEAST_ROWS} rows.")
     timing = _timing(signals, log_map)
     for flight in flights:
         flight.timing = timing
-    notes += [*recording.notes, *aligned.notes, *_ground_notes(aligned.t, rows)]
+    notes += [*recording.notes, *aligned.notes, *_ground_notes(aligned.t, rows, ground)]
     content = {
         "source": Path(path).name,
         "format": known.title,
@@ -115,16 +121,32 @@ def import_log(
 
 
 def _map_for(path: Path, log_map: LogMap | None) -> tuple[Format, Mapping[str, tuple[str, ...]], LogMap]:
-    known = format_named(log_map.format) if log_map is not None and log_map.format else format_of(path)
+    known = _format(path, log_map)
     contents = known.contents(path)
     found = log_map or known.default_map(contents)
     if found is None:
         names = ", ".join(f"{s}/{c}" for s, columns in contents.items() for c in columns[:4])
         raise LogError(
-            f"{path}: the names of a {known.title} log do not tell what its columns hold; give a map (--map FILE, "
+            f"{path}: the names of this log ({known.title}) do not tell what its columns hold; give a map (--map FILE, "
             f"docs/reference/log-map.md). It has {names[:200]} …"
         )
     return known, contents, found.check()
+
+
+def _format(path: Path, log_map: LogMap | None) -> Format:
+    if log_map is None or not log_map.format:
+        return format_of(path)
+    try:
+        return format_named(log_map.format)
+    except ValueError as error:
+        raise LogError(f"{path}: the map's {error}") from None
+
+
+def _with_rate(log_map: LogMap, rate: float, path: str) -> LogMap:
+    try:
+        return dc.replace(log_map, rate=rate or log_map.rate).check()
+    except ValueError as error:
+        raise LogError(f"{path}: {error}") from None
 
 
 def _cut(signals: dict[str, Signal], log_map: LogMap, path: str) -> dict[str, Signal]:
@@ -146,12 +168,23 @@ def _cut(signals: dict[str, Signal], log_map: LogMap, path: str) -> dict[str, Si
     return out
 
 
-def _on_a_likely_clock(signals: dict[str, Signal], log_map: LogMap) -> tuple[dict[str, Signal], Change]:
-    """Return the signals with times in a unit that gives a rate of flight logs, and the change that is; empty: none."""
+def _on_a_likely_clock(
+    signals: dict[str, Signal], log_map: LogMap, path: str
+) -> tuple[dict[str, Signal], Change]:
+    """Return the signals with times in a unit that gives a rate of flight logs, and the change that is; empty: none.
+
+    Raises: LogError: if the log would be too short in that unit to be a flight: its rows are slow, not its clock.
+    """
     change = fitting_time_unit(signals["attitude"].step, log_map) if "attitude" in signals else ()
     if not change:
         return signals, ()
     factor = UNITS["time"][str(change[0][1])] / UNITS["time"][log_map.time.unit or "s"]
+    t, step = signals["attitude"].t, signals["attitude"].step * UNITS["time"][log_map.time.unit or "s"]
+    if factor * (t[-1] - t[0]) < SHORTEST:
+        raise LogError(
+            f"{path}: rows of the attitude must be 0.1 ms to 0.2 s apart; got {step:.4g} s. Log at a higher rate, "
+            "or export the times with all their digits."
+        )
     return {name: Signal(own.t * factor, own.values) for name, own in signals.items()}, change
 
 
@@ -175,7 +208,8 @@ def _agreed(
     if verdict.failed and not verdict.changes:
         raise WrongConventions(
             f"{path}: its quantities must agree with each other in the conventions declared ({wrong}), and agree in no "
-            "other that is known. Check columns, units and frames of the map.",
+            "other that is known. Check columns, units and frames of the map, and leave a crash or damaged rows out "
+            "with its start and stop.",
             verdict,
         )
     verdict = dc.replace(
@@ -222,11 +256,13 @@ def _lift(values: Mapping[str, np.ndarray]) -> np.ndarray | None:
     return None
 
 
-def _flights(aligned: Aligned, rows: slice, log_map: LogMap, name: str) -> list[FlightLog]:
-    """Return the flights between take-off and landing, split at long gaps; rows inside gaps are left out."""
+def _flights(
+    aligned: Aligned, rows: slice, ground: np.ndarray, log_map: LogMap, name: str
+) -> list[FlightLog]:
+    """Return the flights between take-off and landing, split at long gaps; rows in gaps, on `ground`, are left out."""
     keep = np.zeros(len(aligned.t), bool)
     keep[rows] = True
-    keep &= ~aligned.filled
+    keep &= ~aligned.filled & ~ground
     chosen = np.flatnonzero(keep)
     if not len(chosen):
         return []
@@ -282,7 +318,19 @@ def _timing(signals: Mapping[str, Signal], log_map: LogMap) -> float:
 
 def _stem(path: str | Path) -> str:
     name = Path(path).name
-    for suffix in (".gz", ".csv", ".parquet", ".ulg", ".bin", ".log", ".mcap", ".db3", ".bag", ".txt"):
+    for suffix in (
+        ".gz",
+        ".csv",
+        ".tsv",
+        ".parquet",
+        ".ulg",
+        ".bin",
+        ".log",
+        ".mcap",
+        ".db3",
+        ".bag",
+        ".txt",
+    ):
         name = name.removesuffix(suffix).removesuffix(suffix.upper())
     return name
 
@@ -330,8 +378,9 @@ def _gaps_text(aligned: Aligned, rows: slice, flights: list[FlightLog]) -> str:
     return text
 
 
-def _ground_notes(t: np.ndarray, rows: slice) -> list[str]:
-    before, after = t[rows.start] - t[0], t[-1] - t[rows.stop - 1]
-    if before <= 0 and after <= 0:
-        return []
-    return [f"on the ground: {before:.3g} s before and {after:.3g} s after the flight left out"]
+def _ground_notes(t: np.ndarray, rows: slice, ground: np.ndarray) -> list[str]:
+    air = np.flatnonzero(~ground[rows]) + rows.start
+    between = float(ground[air[0] : air[-1]].sum() * np.median(np.diff(t)))
+    spans = {"before": t[air[0]] - t[0], "after": t[-1] - t[air[-1]], "between flights": between}
+    told = [f"{span:.3g} s {when}" for when, span in spans.items() if span > 0]
+    return [f"on the ground: {', '.join(told)} left out"] if told else []

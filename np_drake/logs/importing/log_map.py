@@ -39,6 +39,7 @@ SIZES: dict[str, tuple[int, ...]] = {  # number of columns
     "hover_throttle": (1,),
     "voltage": (1,),
 }
+RATES = (4.0, 20000.0)  # of the rows of a flight log [Hz]: those that are read again
 TIME_SIZE = (1,)  # columns of the time, which is no quantity
 
 
@@ -80,7 +81,7 @@ class LogMap:
     `averaged` (its mean over the interval after this row), `sampled` (of a command that changes in between, as in a
     thinned log), or `unknown`.
     start, stop: the part to import, from the first row of the log [s]; stop 0: to its end.
-    rate: of the rows that are written [Hz]; 0: of the fastest stream that is used, at most 500 Hz.
+    rate: of the rows that are written [Hz], within `RATES`; 0: of the fastest stream that is used, at most 500 Hz.
     time: column that holds the times of its stream, of a table whose time column has a name of its own; none: as the
     format knows it.
     """
@@ -126,11 +127,13 @@ class LogMap:
         _one_of("world", self.world, WORLDS)
         _one_of("body", self.body, BODIES)
         _one_of("command", self.command, TIMINGS)
-        for name in ("start", "stop", "rate"):
+        for name in ("start", "stop"):
             if not 0 <= getattr(self, name) < 1e9:
                 raise ValueError(
                     f"LogMap: {name} must be finite and not negative; got {getattr(self, name)}."
                 )
+        if self.rate != 0 and not RATES[0] <= self.rate <= RATES[1]:
+            raise ValueError(f"LogMap: rate must be 0, or {RATES[0]:g} … {RATES[1]:g} Hz; got {self.rate:g}.")
         if self.time:
             _check_source("time", self.time, TIME_SIZE)
         for name, source in self.sources():

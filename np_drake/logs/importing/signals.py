@@ -4,6 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
+from np_drake.logs.checks import LARGEST
 from np_drake.logs.errors import LogError
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.recording import Recording, find_column
@@ -12,6 +13,10 @@ REPEATED = (
     0.3  # share of rows equal to the row before, from which a signal is one of a slower rate [1]; own choice
 )
 LEAST = 20  # samples of a signal; own choice
+JUMP = 1e7  # longest gap, in median intervals: a day at 100 Hz [1]; own choice
+BACK = 0.1  # share of samples earlier than one before them from which these are another log [1]; own choice
+LEAST_NORM = 1e-3  # of a quaternion that is one, of whatever length [1]; own choice
+OPTIONAL = ("voltage", "hover_throttle")  # of which a few samples are as good as none
 STATE = ("position", "velocity", "attitude", "rates", "acceleration", "angular_acceleration")
 
 
@@ -36,9 +41,10 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], li
     signals, notes = {}, []
     for name, source in log_map.sources():
         signal = _assembled(recording, source)
-        signal, dropped = _cleaned(signal)
-        if dropped:
-            notes.append(f"{name}: {dropped} rows left out (no number, or time not increasing)")
+        _require_one_log(signal, f"{recording.path}, {name}")
+        signal, reasons = _cleaned(signal, quaternion=name == "attitude" and len(source.columns) == 4)
+        if reasons:
+            notes.append(f"{name}: rows left out: {reasons}")
         if name in STATE:
             signal, kept = _without_repeats(signal)
             if kept < 1:
@@ -46,9 +52,14 @@ def gather(recording: Recording, log_map: LogMap) -> tuple[dict[str, Signal], li
                     f"{name}: rows repeat; taken as a signal of {1 / signal.step:.4g} Hz ({kept:.0%} of the rows)"
                 )
         if len(signal.t) < LEAST:
+            if name in OPTIONAL:
+                notes.append(f"{name}: only {len(signal.t)} samples; left out")
+                continue
+            left = f" ({reasons})" if reasons else ""
+            left += "; print its times with all digits" if "time" in reasons else ""
             raise LogError(
                 f"{recording.path}, {name}: must have at least {LEAST} samples; got {len(signal.t)} in "
-                f"{', '.join(source.columns)}."
+                f"{', '.join(source.columns)}{left}."
             )
         signals[name] = signal
     return signals, notes
@@ -69,19 +80,55 @@ def _assembled(recording: Recording, source: Source) -> Signal:
     return Signal(np.asarray(t, float) - source.late, np.stack(columns, axis=1))
 
 
-def _cleaned(signal: Signal) -> tuple[Signal, int]:
-    """Return the samples that are numbers and later than all before, and how many are left out."""
-    good = np.isfinite(signal.t) & np.all(np.isfinite(signal.values), axis=1)
-    t, values = signal.t[good], signal.values[good]
+def _require_one_log(signal: Signal, place: str) -> None:
+    """Check that time runs forward, but for a few samples.
+
+    Raises: LogError: if it does not, as in two logs in one file.
+    """
+    t = signal.t[np.isfinite(signal.t)]
+    latest = np.maximum.accumulate(t)
+    ahead = np.diff(latest, prepend=latest[:1])
+    later = ahead[ahead > 0]
+    if later.size and later.max() > JUMP * float(np.median(later)):
+        row = int(np.argmax(ahead))
+        raise LogError(
+            f"{place}: time must not jump; it goes from {latest[row - 1]:.9g} to {t[row]:.9g}. If the clock was "
+            "set there, split the file."
+        )
+    back = np.flatnonzero(t < latest)
+    if len(back) > BACK * len(t):
+        row = back[0]
+        raise LogError(
+            f"{place}: time must increase; {len(back)} of {len(t)} samples run back, the first from {latest[row]:.9g} "
+            f"to {t[row]:.9g} s. Split the file there if it holds two logs, or sort its rows."
+        )
+
+
+def _cleaned(signal: Signal, *, quaternion: bool) -> tuple[Signal, str]:
+    """Return the samples that are numbers and later than all before, and what is left out; empty: nothing.
+
+    A quaternion of zeros is none: estimators write it before they have started.
+    """
+    good = np.isfinite(signal.t) & np.all(np.abs(signal.values) <= LARGEST, axis=1)
+    zero = good & (np.linalg.norm(np.where(good[:, None], signal.values, 0.0), axis=1) < LEAST_NORM)
+    zero &= quaternion
+    kept = good & ~zero
+    t, values = signal.t[kept], signal.values[kept]
     later = t > np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
-    kept = Signal(t[later], values[later])
-    return kept, len(signal.t) - len(kept.t)
+    counts = {
+        "no number": np.sum(~good),
+        "a quaternion of zeros": np.sum(zero),
+        "time not increasing": np.sum(~later),
+    }
+    reasons = ", ".join(f"{count} with {reason}" for reason, count in counts.items() if count)
+    return Signal(t[later], values[later]), reasons
 
 
 def _without_repeats(signal: Signal) -> tuple[Signal, float]:
     """Return a signal of a slower rate by the rows at which it changes, and the share of rows that is kept.
 
-    A signal that rests keeps a row wherever it has not changed for three usual intervals of change.
+    A signal that rests keeps a row wherever it has not changed for two usual intervals of change, so that its rest is
+    no gap.
     """
     if len(signal.t) < LEAST:
         return signal, 1.0
@@ -93,5 +140,5 @@ def _without_repeats(signal: Signal) -> tuple[Signal, float]:
         return signal, 1.0
     usual = max(1, round(float(np.median(np.diff(rows)))))
     since = np.arange(len(new)) - np.maximum.accumulate(np.where(new, np.arange(len(new)), 0))
-    keep = new | ((since > 0) & (since % (3 * usual) == 0))
+    keep = new | ((since > 0) & (since % (2 * usual) == 0))
     return Signal(signal.t[keep], signal.values[keep]), float(keep.mean())

@@ -96,6 +96,51 @@ def test_a_long_gap_splits_a_log_into_flights(tmp_path, monkeypatch, capsys):
     ]
 
 
+def test_a_landing_and_another_take_off_make_two_flights(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "map.yaml").write_text(MAP)
+    flight = swaying(T)
+    ground = {name: np.full(300, column[-1]) for name, column in flight.items()}
+    ground |= {name: np.zeros(300) for name in ("vx", "vy", "vz", "qx", "p", "lift")} | {"qw": np.ones(300)}
+    table = {name: np.concatenate([flight[name], ground[name], flight[name]]) for name in flight}
+    table["y"][1100:] += flight["y"][-1] - flight["y"][0]
+    write_table(tmp_path / "flight.csv", table | {"stamp": 10.0 * np.arange(1900)})
+    assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine"]) == 0
+    assert "flight.csv: on the ground: 3." in capsys.readouterr().out
+    logs = [read_log(path, vehicle=Vehicle()) for path in sorted((tmp_path / "mine").glob("*.csv"))]
+    assert [len(log) for log in logs] == pytest.approx(
+        [800, 800], abs=40
+    )  # rows near the ground are left out
+    assert all(log.u[:, 0].min() > 19 for log in logs)  # [N], of a weight of 19.62 N
+    assert "between flights" in (tmp_path / "mine" / "flight_part1.import.yaml").read_text()
+
+
+def test_two_logs_of_one_name_are_told_apart_from_a_file_that_was_there(table, tmp_path, capsys):
+    (tmp_path / "other").mkdir()
+    write_table(tmp_path / "other" / "flight.csv", swaying(T))
+    assert run(["import", "flight.csv", "other/flight.csv", "--map", "map.yaml", "--out", "mine"]) == 2
+    assert "another log of this command has the same name" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("flight.csv", b"", "flight.csv: must hold a flight log; it is empty"),
+        ("flight.dat", b"t,x\n0,1\n", "A table must be named .csv, .tsv or .txt"),
+        ("flight.csv", b"t x\n0 1\n", "its columns apart by comma, semicolon or tab"),
+        ("flight.csv", "t,x\n0,1\n".encode("utf-16"), "Save the text as UTF-8"),
+    ],
+)
+def test_a_file_that_is_no_table_says_how_it_becomes_one(
+    tmp_path, monkeypatch, capsys, name, content, message
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "map.yaml").write_text(MAP)
+    (tmp_path / name).write_bytes(content)
+    assert run(["import", name, "--map", "map.yaml", "--out", "mine"]) == 2
+    assert message in capsys.readouterr().err
+
+
 def test_what_a_command_leaves_open_is_read_with_the_log(table, tmp_path, capsys):
     (tmp_path / "map.yaml").write_text(MAP + "command: sampled\n")
     assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "mine"]) == 0

@@ -189,6 +189,14 @@ def test_bad_inputs_are_refused_in_one_line_that_says_what_is_wrong(fly):
         assert str(error.value).startswith("diagnose: ")
 
 
+def test_flights_of_different_inputs_are_named_with_a_remedy(fly):
+    a, b = fly(name="a", seconds=5.0), dc.replace(fly(name="b", seed=1, seconds=5.0), input="thrust_only")
+    with pytest.raises(
+        ValueError, match=r"got command \(a\) and thrust_only \(b\)\. Diagnose each kind by itself"
+    ):
+        require_flights([a], [b])
+
+
 def test_flights_that_share_a_beginning_or_stand_still_may_judge(fly):
     a, b = fly(name="a", seconds=5.0), fly(name="b", seed=1, seconds=5.0)
     shared = np.arange(len(a))[:, None] < 0.4 * len(a)

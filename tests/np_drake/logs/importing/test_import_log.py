@@ -153,3 +153,30 @@ def test_a_map_is_read_from_yaml_and_its_faults_are_named(tmp_path):
 def test_a_column_that_is_missing_is_named(written):
     with pytest.raises(LogError, match="column nothing: no stream"):
         written((), (("thrust.columns", ["nothing"]),))
+
+
+@pytest.mark.parametrize("name", ["position", "attitude"])
+def test_a_map_without_the_state_is_refused_before_the_log_is_read(written, name):
+    with pytest.raises(LogError, match=f"the map must name columns of {name}"):
+        written((), ((f"{name}.columns", []),))
+
+
+def test_a_map_without_an_input_is_refused(written):
+    with pytest.raises(LogError, match="the map must name columns of thrust, rotor_speed or throttle"):
+        written((), (("thrust.columns", []), ("torque.columns", [])))
+
+
+def test_times_of_whole_seconds_are_not_taken_for_milliseconds(written, excited):
+    with pytest.raises(LogError, match=r"got 1 s\. Log at a higher rate, or export the times with all"):
+        written((), t=100.0 + np.arange(40), adopt=True, log=excited.rows(0, 40))
+
+
+@pytest.mark.parametrize("rate", [0.5, 1e9])
+def test_a_rate_that_no_log_is_read_with_is_refused(written, rate):
+    with pytest.raises(LogError, match=r"flight.csv: LogMap: rate must be 0, or 4 … 20000 Hz"):
+        written(rate=rate)
+
+
+def test_a_format_that_is_none_is_named_with_the_log(written):
+    with pytest.raises(LogError, match=r"flight.csv: the map's format must be one of .*; got 'csv'"):
+        written((), (("format", "csv"),))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from np_drake.logs.errors import LogError
+from np_drake.logs.importing.alignment import GAP
 from np_drake.logs.importing.log_map import LogMap, Source
 from np_drake.logs.importing.signals import gather
 from np_drake.logs.recording import Recording, Stream
@@ -37,7 +38,25 @@ def test_rows_without_number_and_rows_that_run_back_are_left_out_and_counted():
     signals, notes = gather(recording(t, **x), MAP)
     assert len(signals["position"].t) == 97
     assert np.all(np.diff(signals["position"].t) > 0)
-    assert notes == ["position: 3 rows left out (no number, or time not increasing)"]
+    assert notes == ["position: rows left out: 1 with no number, 2 with time not increasing"]
+
+
+def test_a_number_too_large_to_be_squared_is_none():
+    t = 0.01 * np.arange(100)
+    x = moving(t)
+    x["y"][7] = 1e300
+    signals, notes = gather(recording(t, **x), MAP)
+    assert len(signals["position"].t) == 99
+    assert notes == ["position: rows left out: 1 with no number"]
+
+
+def test_a_quaternion_of_zeros_is_no_attitude():
+    t = 0.01 * np.arange(100)
+    q = {"w": np.cos(t), "i": np.sin(t), "j": 0 * t, "k": 0 * t}
+    q["w"][:30], q["i"][:30] = 0.0, 0.0  # an estimator that has not started
+    signals, notes = gather(recording(t, **q), LogMap(attitude=Source(["w", "i", "j", "k"])))
+    assert signals["attitude"].t[0] == t[30]
+    assert notes == ["attitude: rows left out: 30 with a quaternion of zeros"]
 
 
 @pytest.mark.parametrize("slower", [2, 5, 10])
@@ -83,3 +102,48 @@ def test_a_signal_of_a_few_samples_is_refused():
     t = 0.01 * np.arange(10)
     with pytest.raises(LogError, match="position: must have at least 20 samples; got 10"):
         gather(recording(t, **moving(t)), MAP)
+
+
+def test_times_that_do_not_increase_are_named_where_no_samples_are_left():
+    t = np.full(100, 1.7e9)  # printed with six digits
+    with pytest.raises(LogError, match=r"got 1 in x, y, z .99 with time not increasing"):
+        gather(recording(t, **moving(0.01 * np.arange(100))), MAP)
+
+
+def test_two_logs_in_one_file_are_refused_where_the_clock_starts_again():
+    t = np.concatenate([0.01 * np.arange(100), 0.01 * np.arange(30)])
+    with pytest.raises(
+        LogError, match=r"30 of 130 samples run back, the first from 0.99 to 0 s. Split the file"
+    ):
+        gather(recording(t, **moving(0.01 * np.arange(130))), MAP)
+
+
+@pytest.mark.parametrize("digits", [2, 3])
+def test_a_rest_of_rounded_readings_is_no_gap(digits):
+    t = 0.01 * np.arange(2000)
+    noise = np.random.default_rng(0).normal(0, 0.003, (3, 2000))
+    signals, _ = gather(recording(t, **dict(zip("xyz", noise.round(digits), strict=True))), MAP)
+    position = signals["position"]
+    assert np.diff(position.t).max() < GAP * position.step
+
+
+def test_a_voltage_of_a_few_samples_is_left_out_and_said():
+    t = 0.01 * np.arange(100)
+    volts = np.where(np.arange(100) % 10 == 0, 16.0, np.nan)
+    log_map = LogMap(position=Source(["x", "y", "z"]), voltage=Source(["u"]))
+    signals, notes = gather(recording(t, **moving(t), u=volts), log_map)
+    assert list(signals) == ["position"]
+    assert notes[-1] == "voltage: only 10 samples; left out"
+
+
+def test_rows_that_stand_twice_are_one_log():
+    t = np.repeat(0.01 * np.arange(100), 3)
+    signals, _ = gather(recording(t, **moving(t)), MAP)
+    assert np.array_equal(signals["position"].t, 0.01 * np.arange(100))
+
+
+def test_a_clock_that_is_set_in_flight_is_refused():
+    t = 0.01 * np.arange(100)
+    t[60:] += 1.7e9  # [s], of GPS
+    with pytest.raises(LogError, match=r"time must not jump; it goes from 0.59 to 1.7e\+09.* split the file"):
+        gather(recording(t, **moving(0.01 * np.arange(100))), MAP)

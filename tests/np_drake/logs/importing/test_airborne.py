@@ -1,0 +1,61 @@
+"""Laws of the part of a log that flies: what rests on the ground is none, what drifts in the air is."""
+
+import numpy as np
+import pytest
+
+from np_drake.logs.importing.airborne import airborne, standing
+
+T = 0.01 * np.arange(3000)
+
+
+def hop(t: np.ndarray) -> np.ndarray:
+    """A flight from the ground and back within 10 s, (n, 3)."""
+    return np.stack([np.sin(np.pi * t / 10) ** 2, 0 * t, np.sin(np.pi * t / 10) ** 2], axis=1)
+
+
+def flights_with_a_pause(idle: float) -> tuple[np.ndarray, np.ndarray]:
+    """Two flights of 10 s with 10 s on the ground between them."""
+    stands = (T >= 10) & (T < 20)
+    return np.where(stands[:, None], 0.0, hop(T)), np.where(stands, idle, 1.0)
+
+
+@pytest.mark.parametrize("idle", [0.0, 0.2])
+def test_a_vehicle_stands_between_landing_and_the_next_take_off(idle):
+    p, lift = flights_with_a_pause(idle)
+    dut = standing(T, p, lift)
+    assert dut[(T >= 10) & (T < 20)].all()
+    assert not dut[np.linalg.norm(p, axis=1) > 0.06].any()  # [m], the margin of the law and a little
+
+
+def test_a_vehicle_stands_though_its_estimate_drifts():
+    p, lift = flights_with_a_pause(0.0)
+    p[:, 2] += 0.1 * np.clip(T - 10, 0, 10)  # [m]
+    dut = standing(T, p, lift)
+    assert dut[(T >= 10) & (T < 20)].all()
+
+
+def test_a_vehicle_that_dropped_a_load_of_more_than_its_weight_flies_on():
+    assert not standing(T, hop(T), np.where(T > 12, 0.45, 1.0)).any()
+
+
+def test_a_short_cut_of_thrust_and_a_fall_are_flight():
+    p, _ = flights_with_a_pause(0.0)
+    assert not standing(T, p, np.where((T > 10) & (T < 10.9), 0.0, 1.0)).any()
+    fall = np.where(T > 10, -0.5 * 9.81 * (T - 10) ** 2, 0.0)
+    assert not standing(T, np.stack([0 * T, 0 * T, fall], axis=1), np.where(T > 10, 0.0, 1.0)).any()
+
+
+def test_a_hover_is_flight_however_it_drifts():
+    for seed in range(20):
+        noise = np.cumsum(np.random.default_rng(seed).normal(0, 1e-3, (3000, 3)), axis=0)
+        for p in (noise, 0.03 * np.tanh(noise / 0.03)):
+            assert airborne(T, p, np.ones(3000)) == slice(0, 3000)
+            assert not standing(T, p, np.ones(3000)).any()
+
+
+def test_a_log_whose_end_is_near_every_place_has_no_ground():
+    p = np.zeros((3000, 3))
+    p[:, 0] = np.linspace(-0.04, 0.02, 3000)
+    p[-1, 0] = -0.005  # all within 0.05 m of the end, not of the beginning
+    p[1500, 0] = 0.04
+    assert airborne(T, p, np.ones(3000)) == slice(0, 3000)
