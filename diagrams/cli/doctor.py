@@ -12,7 +12,7 @@ from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
     from np_drake.logs.flight_log import FlightLog
-    from np_drake.logs.importing.log_map import LogMap
+    from np_drake.logs.importing.log_map import MapFile
     from np_drake.vehicle import Vehicle
 
 
@@ -41,10 +41,10 @@ def doctor(
 ) -> Report:
     """Examine flight logs: rates, gaps, noise, clocks, motion, and which effects they can tell, to what size."""
     from np_drake.diagnosis.doctor import examine
-    from np_drake.logs.importing.log_map import load_map
+    from np_drake.logs.importing.log_map import load_map_file
 
     nominal = _vehicle(vehicle)
-    declared = None if log_map is None else load_map(log_map)
+    declared = None if log_map is None else load_map_file(log_map)
     with progress("examining", 1.0) as advance:
         flights, sheets, failures = _opened(
             logs, nominal, declared, repair, lambda share: advance(0.3 * share)
@@ -83,7 +83,7 @@ def _vehicle(path: Path | None) -> "Vehicle | None":
 def _opened(
     paths: list[Path],
     vehicle: "Vehicle | None",
-    declared: "LogMap | None",
+    declared: "MapFile | None",
     repair: bool,
     tell: Callable[[float], None],
 ) -> "tuple[list[FlightLog], dict[str, Any], list[Exception]]":

@@ -10,7 +10,7 @@ from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
     from np_drake.logs.importing.import_log import Imported
-    from np_drake.logs.importing.log_map import LogMap
+    from np_drake.logs.importing.log_map import MapFile
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet")
 Out = Annotated[Path | None, Option("--out", metavar="DIR", help="Folder for the logs and their sheets.")]
@@ -46,11 +46,11 @@ def import_logs(
 ) -> Report:
     """Import flight logs of other formats, with a sheet beside each: what was mapped, turned, aligned and left out."""
     from np_drake.logs.errors import LogError
-    from np_drake.logs.importing.log_map import load_map
+    from np_drake.logs.importing.log_map import load_map_file
 
     if suffix not in SUFFIXES:
         raise ValueError(f"--suffix must be one of {', '.join(SUFFIXES)}; got {suffix!r}.")
-    declared = None if log_map is None else load_map(log_map)
+    declared = None if log_map is None else load_map_file(log_map)
     rows: list[tuple[Any, ...]] = []
     written: list[str] = []
     failures: list[str] = []
@@ -96,7 +96,7 @@ def import_logs(
     )
 
 
-def _imported(path: Path, declared: "LogMap | None", rate: float, adopt: bool, tell: Any) -> "Imported":
+def _imported(path: Path, declared: "MapFile | None", rate: float, adopt: bool, tell: Any) -> "Imported":
     from np_drake.logs.importing.import_log import import_log
 
     return import_log(path, declared, rate=rate, adopt=adopt, on_progress=tell)

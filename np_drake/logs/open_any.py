@@ -8,7 +8,7 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.formats import table
 from np_drake.logs.import_sheet import Sheet
 from np_drake.logs.importing.import_log import import_log
-from np_drake.logs.importing.log_map import LogMap
+from np_drake.logs.importing.log_map import LogMap, MapFile
 from np_drake.logs.log_file import SUFFIXES, read_segments
 from np_drake.logs.neurobem import read_neurobem
 from np_drake.logs.open_log import is_neurobem
@@ -20,7 +20,7 @@ from np_drake.vehicle import Vehicle
 def open_any(
     path: str | Path,
     vehicle: Vehicle | None = None,
-    log_map: LogMap | None = None,
+    log_map: LogMap | MapFile | None = None,
     *,
     repair: bool = False,
     on_progress: Callable[[float], None] = lambda share: None,

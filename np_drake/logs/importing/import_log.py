@@ -26,7 +26,7 @@ from np_drake.logs.importing.conventions import (
 )
 from np_drake.logs.importing.convert import convert_quantity
 from np_drake.logs.importing.interpolation import FASTER
-from np_drake.logs.importing.log_map import UNITS, LogMap
+from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
 from np_drake.logs.importing.map_time import with_map_time
 from np_drake.logs.importing.ranges import require_a_flight, require_a_step, require_ranges
 from np_drake.logs.importing.signals import Signal, gather
@@ -59,7 +59,7 @@ class Imported:
 
 def import_log(
     path: str | Path,
-    log_map: LogMap | None = None,
+    log_map: LogMap | MapFile | None = None,
     *,
     rate: float = 0.0,
     adopt: bool = False,
@@ -69,15 +69,16 @@ def import_log(
 
     Args:
         path: of the log, a file or a folder.
-        log_map: columns and conventions; default: those that the format's own names tell.
+        log_map: columns and conventions; default: those that the format's own names tell. A file that names no position
+            amends these.
         rate: of the rows [Hz]; 0: as the map says.
         adopt: where the log fits other conventions than declared, take those instead of refusing it.
         on_progress: called with the share that is read [1].
     Raises: LogError: one line with file, place and remedy, if it cannot be read or lacks what a flight log needs;
     WrongConventions, one of these, if it does not agree with its conventions; OSError: if it cannot be opened.
     """
-    known, contents, log_map = _map_for(Path(path), log_map)
-    log_map = _with_rate(log_map, rate, str(path))
+    known, contents, found = _map_for(Path(path), log_map)
+    log_map = _with_rate(found, rate, str(path))
     require_a_flight(log_map, str(path))
     recording = known.read(Path(path), by_stream(contents, log_map.names(), str(path)), on_progress)
     signals, notes = gather(with_map_time(recording, log_map), log_map)
@@ -120,10 +121,15 @@ def import_log(
     return Imported(tuple(flights), Sheet(timing, content))
 
 
-def _map_for(path: Path, log_map: LogMap | None) -> tuple[Format, Mapping[str, tuple[str, ...]], LogMap]:
-    known = _format(path, log_map)
+def _map_for(
+    path: Path, log_map: LogMap | MapFile | None
+) -> tuple[Format, Mapping[str, tuple[str, ...]], LogMap]:
+    known = _format(path, log_map.values if isinstance(log_map, MapFile) else log_map)
     contents = known.contents(path)
-    found = log_map or known.default_map(contents)
+    if isinstance(log_map, MapFile):
+        found: LogMap | None = log_map.over(known.default_map(contents))
+    else:
+        found = log_map or known.default_map(contents)
     if found is None:
         names = ", ".join(f"{s}/{c}" for s, columns in contents.items() for c in columns[:4])
         raise LogError(

@@ -1,8 +1,10 @@
 """Map of a log: which columns of a recording hold which quantity, in which unit and convention."""
 
 import dataclasses as dc
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+
+import yaml
 
 from np_drake.yaml_file import load_checked
 
@@ -141,12 +143,43 @@ class LogMap:
         return self
 
 
-def load_map(path: str | Path) -> LogMap:
-    """Read a map of a log (YAML).
+@dc.dataclass(frozen=True)
+class MapFile:
+    """A map as its file names it: values, and the fields that the file names, with the options of each quantity."""
+
+    values: LogMap
+    named: Mapping[str, tuple[str, ...]]
+
+    def over(self, own: LogMap | None) -> LogMap:
+        """Return the map of a log: a file without a position amends what the format's own names tell (`own`)."""
+        if own is None or "position" in self.named:
+            return self.values
+        for name, options in self.named.items():
+            value = getattr(self.values, name)
+            if options and not value.columns:  # options of columns that the format names
+                value = dc.replace(
+                    getattr(own, name), **{option: getattr(value, option) for option in options}
+                )
+            own = dc.replace(own, **{name: value})
+        return own
+
+
+def load_map_file(path: str | Path) -> MapFile:
+    """Read a map of a log (YAML), and which fields it names.
 
     Raises: ValueError: one line with file and field, on bad content.
     """
-    return load_checked(LogMap, path, "log map")
+    values = load_checked(LogMap, path, "log map")
+    content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    return MapFile(values, {k: tuple(v) if isinstance(v, dict) else () for k, v in content.items()})
+
+
+def load_map(path: str | Path) -> LogMap:
+    """Read a whole map of a log (YAML).
+
+    Raises: ValueError: one line with file and field, on bad content.
+    """
+    return load_map_file(path).values
 
 
 def _check_source(name: str, source: Source, known: tuple[int, ...]) -> None:

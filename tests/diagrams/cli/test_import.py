@@ -160,3 +160,27 @@ def test_every_real_log_is_imported_without_a_map(real_flights, tmp_path, capsys
     vehicle = Vehicle(name="any", mass=1.0, max_rotor_thrust=100.0)
     for path in (p for p in tmp_path.glob("*.csv") if not p.name.startswith(("eckart", "sample_log"))):
         assert read_segments(path, vehicle=vehicle)[0].input == "normalised"
+
+
+def test_a_map_without_a_position_amends_what_the_names_tell(table, tmp_path, capsys):
+    assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "ours"]) == 0
+    (tmp_path / "sampled.yaml").write_text("command: sampled\n")
+    assert run(["import", "ours/flight.csv", "--map", "sampled.yaml", "--out", "again"]) == 0
+    first, second = (
+        read_log(tmp_path / name / "flight.csv", vehicle=Vehicle()) for name in ("ours", "again")
+    )
+    np.testing.assert_allclose(second.x, first.x, atol=1e-12)
+    assert first.timing != second.timing == pytest.approx(0.01 / np.sqrt(12), rel=1e-3)
+
+
+def test_options_of_a_quantity_amend_the_columns_that_the_names_tell(table, tmp_path, capsys):
+    assert run(["import", "flight.csv", "--map", "map.yaml", "--out", "ours"]) == 0
+    content = (tmp_path / "ours" / "flight.csv").read_text().splitlines()
+    header = content[0].split(",")
+    rows = np.array([[float(c) for c in line.split(",")] for line in content[1:]])
+    rows[:, [header.index(f"w{axis}") for axis in "xyz"]] *= 180 / np.pi
+    write_table(tmp_path / "degrees.csv", dict(zip(header, rows.T, strict=True)))
+    assert run(["import", "degrees.csv", "--out", "again"]) == 2
+    assert "rates.unit: deg/s" in capsys.readouterr().err
+    (tmp_path / "units.yaml").write_text("rates: {unit: deg/s}\n")
+    assert run(["import", "degrees.csv", "--map", "units.yaml", "--out", "again"]) == 0
