@@ -10,7 +10,7 @@ import numpy as np
 from pydrake.systems.analysis import SimulatorConfig
 
 from diagrams.loop.controllers import ControllerConfig
-from diagrams.loop.flight import ARENA, RealityConfig
+from diagrams.loop.flight import ARENA, RealityConfig, hook_mobility
 from np_drake.references.formation import payload_drop, polygon
 from np_drake.residual_models.failing import FAULTS
 from np_drake.vehicle import Vehicle
@@ -121,11 +121,13 @@ class CooperativeConfig:
     def largest_step(self) -> float:
         """Stability limit of a fixed-step runge_kutta3: 1.7 over the fastest rate of cables and motors [s].
 
-        Cables along unit vectors d_i: the payload feels k sum(d_i d_i^T) / m, each vehicle k / M.
+        Cables along unit vectors d_i: the payload feels k sum(d_i d_i^T) / m, each hook k times its mobility.
         """
         payload = self.reality.payload
         d = (self.corners - [0.0, 0.0, self.drop]) / np.hypot(self.radius, self.drop)
-        mobility = 1 / self.vehicle.mass + float(np.linalg.eigvalsh(d.T @ d)[-1]) / payload.mass
+        mobility = (
+            hook_mobility(self.vehicle, payload.hook) + float(np.linalg.eigvalsh(d.T @ d)[-1]) / payload.mass
+        )
         rates = [np.sqrt(payload.stiffness * mobility), payload.damping * mobility]
         rates += [1 / lag for lag in (self.reality.motor_lag, self.vehicle.rotor_time_constant) if lag > 0]
         return float(1.7 / max(rates))

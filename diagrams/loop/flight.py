@@ -170,8 +170,7 @@ class FlightConfig:
         """
         payload, rates = self.reality.payload, [1e-3]
         if payload.tether == "cable":
-            turning = float(np.sum(np.square(payload.hook)) / np.linalg.eigvalsh(self.vehicle.J)[0])
-            reduced = 1 / (1 / payload.mass + 1 / self.vehicle.mass + turning)
+            reduced = 1 / (1 / payload.mass + hook_mobility(self.vehicle, payload.hook))
             rates += [np.sqrt(payload.stiffness / reduced), payload.damping / reduced]
         rates += [1 / lag for lag in (self.reality.motor_lag, self.vehicle.rotor_time_constant) if lag > 0]
         return float(1.7 / max(rates))
@@ -187,6 +186,11 @@ class FlightConfig:
     def end(self) -> float:
         """End of the flight [s]."""
         return self.reference.ramp + self.duration
+
+
+def hook_mobility(vehicle: Vehicle, hook: Sequence[float]) -> float:
+    """Return the acceleration of the hook over a pull across its lever, 1 / m + |p_BoTo_B|² / J [1/kg]."""
+    return float(1 / vehicle.mass + np.sum(np.square(hook)) / np.linalg.eigvalsh(vehicle.J)[0])
 
 
 def default_flight(vehicle: Vehicle) -> FlightConfig:

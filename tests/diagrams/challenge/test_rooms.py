@@ -16,7 +16,7 @@ FLOORS = (  # from the ground up
     ("generate",),
     ("score",),
     ("solve",),
-    ("cost", "golden"),
+    ("cost", "golden", "imported"),
 )
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 FILES = sorted(
