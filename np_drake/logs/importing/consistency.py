@@ -67,7 +67,10 @@ def _thrust(t: np.ndarray, m: int, everything: bool, thrust: np.ndarray) -> Misf
 
 
 def _lift(t: np.ndarray, m: int, everything: bool, v: np.ndarray, q: np.ndarray) -> Misfits:
-    """Return the misfit of horizontal accelerations with a force along body z that carries the vertical one."""
+    """Return the misfit of horizontal accelerations with a drag and a force along body z that carries the vertical one.
+
+    The drag over mass is the one, not negative, with which they fit best; a steady wind falls out with the means.
+    """
     span = t[m:] - t[:-m]
     a = _change(v, m) / span[:, None]
     z = _integral(attitude.body_z(q), t, m) / span[:, None]
@@ -76,7 +79,10 @@ def _lift(t: np.ndarray, m: int, everything: bool, v: np.ndarray, q: np.ndarray)
     if out["upright"]:
         return out
     model = ((a[:, 2] + GRAVITY) / np.maximum(up, 0.2))[:, None] * z[:, :2]
-    return out | _compared("lift", a[:, :2], model, everything)
+    speed = _integral(v, t, m)[:, :2] / span[:, None]
+    rest, moving = a[:, :2] - model, speed - speed.mean(axis=0)
+    drag = max(0.0, -float(np.sum(rest * moving)) / max(float(np.sum(moving**2)), 1e-12))
+    return out | _compared("lift", a[:, :2], model - drag * speed, everything)
 
 
 def _compared(law: str, left: np.ndarray, right: np.ndarray, everything: bool) -> Misfits:

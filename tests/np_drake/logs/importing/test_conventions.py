@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
+from np_drake import attitude
 from np_drake.effects.accelerometer_bias import AccelerometerBias
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
@@ -25,7 +26,7 @@ from np_drake.logs.importing.conventions import (
     liveliest,
 )
 from np_drake.logs.importing.convert import convert
-from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.importing.log_map import SIZES, LogMap, Source
 
 ERRORS = {
     "ned": (("world", "ned"),),
@@ -186,3 +187,28 @@ def test_rates_in_degrees_are_named_also_where_the_vehicle_hardly_turns(fly, con
     x = {name: value[::2] for name, value in conventions.quantities_of(log).items()}
     verdict, named = checked((log.t[::2], x), conventions, ERRORS["degrees"])
     assert named[0], as_text(verdict.changes)
+
+
+def test_a_reversed_attitude_is_named_where_the_vehicle_faces_backward_in_wind(fly):
+    """Turned nearly half round, a tilt and its reverse are nearly the same attitude; drag acts in both."""
+    log = fly(LinearDrag(0.6, 0.6, 0.3), ConstantWind(3.0, -2.0, 0.0), seed=2, noise=1.0, vigour=(1, 1, 1, 0))
+    half = np.radians(170) / 2
+    turn = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
+    q = attitude.multiply(np.tile(turn, (len(log), 1)), log.q)
+    R = attitude.rotation_matrix(turn)
+    turned = {
+        "position": log.p @ R.T,
+        "velocity": log.v @ R.T,
+        "attitude": attitude.conjugate(q),
+        "rates": log.w,
+    }
+    declared = LogMap(**{name: Source([f"{name}{i}" for i in range(SIZES[name][0])]) for name in turned})
+    raw = {name: value[::2] for name, value in turned.items()}
+    verdict = check_conventions(log.t[::2], raw, declared)
+    assert verdict.changes == (("attitude.direction", "world_to_body"),), verdict
+
+
+def test_a_drag_is_no_misfit_of_the_lift(fly):
+    log = fly(LinearDrag(0.6, 0.6, 0.3), ConstantWind(3.0, -2.0, 0.0), seed=2, noise=1.0)
+    found = misfits(log.t, {"velocity": log.v, "attitude": log.q})
+    assert max(found["lift x"], found["lift y"]) < 0.1
