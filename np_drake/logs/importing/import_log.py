@@ -3,7 +3,6 @@
 import dataclasses as dc
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,6 @@ from np_drake.logs.gaps import LONGEST as LONGEST_GAP
 from np_drake.logs.import_sheet import Sheet
 from np_drake.logs.importing.airborne import airborne, standing
 from np_drake.logs.importing.alignment import COMMANDS, Aligned, align, common_rows
-from np_drake.logs.importing.answerable import unanswerable
 from np_drake.logs.importing.conventions import (
     Change,
     Verdict,
@@ -29,6 +27,7 @@ from np_drake.logs.importing.interpolation import FASTER
 from np_drake.logs.importing.log_map import UNITS, LogMap, MapFile
 from np_drake.logs.importing.map_time import with_map_time
 from np_drake.logs.importing.ranges import require_a_flight, require_a_step, require_ranges
+from np_drake.logs.importing.sheet_content import ground_notes, sheet_content
 from np_drake.logs.importing.signals import Signal, gather
 from np_drake.logs.recording import Progress, by_stream
 
@@ -101,23 +100,10 @@ def import_log(
     timing = _timing(signals, log_map)
     for flight in flights:
         flight.timing = timing
-    notes += [*recording.notes, *aligned.notes, *_ground_notes(aligned.t, rows, ground)]
-    content = {
-        "source": Path(path).name,
-        "format": known.title,
-        **({"facts": dict(recording.facts)} if recording.facts else {}),
-        "frames": f"world {log_map.world}, body {log_map.body}; written as z up and z along the thrust",
-        "columns": {name: _described(name, signals[name], log_map) for name in signals},
-        "conventions": _conventions_text(verdict),
-        "rows": _rows_text(flights),
-        "input": flights[0].input,
-        "command": log_map.command,
-        "gaps": _gaps_text(aligned, rows, flights),
-        "notes": notes,
-        "cannot_be_told": unanswerable(
-            flights[0].input, accelerations=flights[0].a is not None, torque=_knows_torque(flights[0])
-        ),
-    }
+    notes += [*recording.notes, *aligned.notes, *ground_notes(aligned.t, rows, ground)]
+    content = sheet_content(
+        path, known.title, recording.facts, log_map, signals, verdict, aligned, rows, flights, notes
+    )
     return Imported(tuple(flights), Sheet(timing, content))
 
 
@@ -159,8 +145,6 @@ def _cut(signals: dict[str, Signal], log_map: LogMap, path: str) -> dict[str, Si
     """Return the signals between the map's start and stop, counted from the first sample of the attitude."""
     if not log_map.start and not log_map.stop:
         return signals
-    if "attitude" not in signals:
-        return signals
     first = signals["attitude"].t[0]
     start, stop = first + log_map.start, first + log_map.stop if log_map.stop else np.inf
     out = {}
@@ -181,7 +165,7 @@ def _on_a_likely_clock(
 
     Raises: LogError: if the log would be too short in that unit to be a flight: its rows are slow, not its clock.
     """
-    change = fitting_time_unit(signals["attitude"].step, log_map) if "attitude" in signals else ()
+    change = fitting_time_unit(signals["attitude"].step, log_map)
     if not change:
         return signals, ()
     factor = UNITS["time"][str(change[0][1])] / UNITS["time"][log_map.time.unit or "s"]
@@ -240,7 +224,7 @@ def _agreed(
 
 def flies(signals: Mapping[str, Signal], log_map: LogMap) -> bool:
     """Return whether the vehicle moves sideways at all and the rotors ever turn; True where the log does not tell."""
-    across = np.ptp(signals["position"].values, axis=0) if "position" in signals else np.ones(3)
+    across = np.ptp(signals["position"].values, axis=0)
     if not np.any(across[:2] > 0):
         return False
     for name, least in IDLE.items():
@@ -309,10 +293,6 @@ def _flight(aligned: Aligned, rows: np.ndarray, name: str, log_map: LogMap) -> F
     )
 
 
-def _knows_torque(log: FlightLog) -> bool:
-    return log.input != "thrust_only" and (log.throttle is None or log.throttle.shape[1] == 4)
-
-
 def _timing(signals: Mapping[str, Signal], log_map: LogMap) -> float:
     """Return the deviation of the time at which a row's command acts [s]; 0 without a command."""
     step = max((signals[name].step for name in COMMANDS if name in signals), default=0.0)
@@ -339,54 +319,3 @@ def _stem(path: str | Path) -> str:
     ):
         name = name.removesuffix(suffix).removesuffix(suffix.upper())
     return name
-
-
-def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
-    source = getattr(log_map, name)
-    unit = source.unit or next(iter(UNITS[name]))
-    options = {
-        "unit": unit,
-        "scale": source.scale,
-        "axes": source.axes,
-        "kind": source.kind,
-        "late": source.late,
-    }
-    if name == "attitude" and len(source.columns) == 4:
-        options |= {"order": source.order, "direction": source.direction}
-    shown = {
-        key: value
-        for key, value in options.items()
-        if value not in ("", 0.0) and (key, value) != ("scale", 1.0)
-    }
-    return {"from": list(source.columns), "rate": f"{1 / signal.step:.4g} Hz", **shown}
-
-
-def _conventions_text(verdict: Verdict) -> str:
-    if not verdict.misfits:
-        return "not checked: no flight, too short, or no two quantities that can be compared"
-    worst = max(verdict.misfits, key=lambda law: verdict.misfits[law])
-    text = f"agree with the log in {len(verdict.misfits)} checks (worst misfit {verdict.misfits[worst]:.2g}, {worst})"
-    return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
-
-
-def _rows_text(flights: list[FlightLog]) -> str:
-    spans = ", ".join(f"{log.name}: {len(log)} rows, {log.t[-1]:.4g} s" for log in flights)
-    return f"{1 / flights[0].step:.4g} Hz; {spans}"
-
-
-def _gaps_text(aligned: Aligned, rows: slice, flights: list[FlightLog]) -> str:
-    filled = int(aligned.filled[rows].sum())
-    inside = [np.diff(log.t).max() for log in flights]
-    text = "none" if not filled and len(flights) == 1 and max(inside) < 2.5 * flights[0].step else ""
-    if not text:
-        text = f"{filled} rows inside gaps left out; longest gap in a part {max(inside):.3g} s"
-        text += f"; split into {len(flights)} parts" if len(flights) > 1 else ""
-    return text
-
-
-def _ground_notes(t: np.ndarray, rows: slice, ground: np.ndarray) -> list[str]:
-    air = np.flatnonzero(~ground[rows]) + rows.start
-    between = float(ground[air[0] : air[-1]].sum() * np.median(np.diff(t)))
-    spans = {"before": t[air[0]] - t[0], "after": t[-1] - t[air[-1]], "between flights": between}
-    told = [f"{span:.3g} s {when}" for when, span in spans.items() if span > 0]
-    return [f"on the ground: {', '.join(told)} left out"] if told else []

@@ -1,0 +1,120 @@
+"""Content of the sheet beside an imported log: what was mapped, turned, aligned and left out, in words for people."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from np_drake.effects.library import unobservable
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.importing.alignment import Aligned
+from np_drake.logs.importing.conventions import Verdict, as_text
+from np_drake.logs.importing.log_map import UNITS, LogMap
+from np_drake.logs.importing.signals import Signal
+
+
+def sheet_content(
+    path: str | Path,
+    title: str,
+    facts: Mapping[str, str],
+    log_map: LogMap,
+    signals: Mapping[str, Signal],
+    verdict: Verdict,
+    aligned: Aligned,
+    rows: slice,
+    flights: Sequence[FlightLog],
+    notes: Sequence[str],
+) -> dict[str, Any]:
+    """Return the content of the sheet of one log.
+
+    Args:
+        path: of the log.
+        title: of its format.
+        facts: of its header.
+        log_map: its map, with the conventions that hold.
+        signals: as logged, by quantity.
+        verdict: on its conventions.
+        aligned: all rows, of which `rows` lie between take-off and landing.
+        flights: that are written.
+        notes: what was derived, mended or left out, one line each.
+    """
+    return {
+        "source": Path(path).name,
+        "format": title,
+        **({"facts": dict(facts)} if facts else {}),
+        "frames": f"world {log_map.world}, body {log_map.body}; written as z up and z along the thrust",
+        "columns": {name: _described(name, signals[name], log_map) for name in signals},
+        "conventions": _conventions_text(verdict),
+        "rows": _rows_text(flights),
+        "input": flights[0].input,
+        "command": log_map.command,
+        "gaps": _gaps_text(aligned, rows, flights),
+        "notes": list(notes),
+        "cannot_be_told": unanswerable(flights[0]),
+    }
+
+
+def unanswerable(log: FlightLog) -> dict[str, list[str]]:
+    """Return the effects that this kind of log cannot tell, by reason."""
+    each_rotor = log.throttle is not None and log.throttle.shape[1] == 4
+    torque = log.input in ("command", "rotor_speed") or (log.input == "normalised" and each_rotor)
+    found: dict[str, list[str]] = {}
+    for identifier, reason in unobservable(log.input, accelerations=log.a is not None, torque=torque).items():
+        found.setdefault(reason, []).append(identifier)
+    return found
+
+
+def _described(name: str, signal: Signal, log_map: LogMap) -> dict[str, Any]:
+    source = getattr(log_map, name)
+    unit = source.unit or next(iter(UNITS[name]))
+    options = {
+        "unit": unit,
+        "scale": source.scale,
+        "axes": source.axes,
+        "kind": source.kind,
+        "late": source.late,
+    }
+    if name == "attitude" and len(source.columns) == 4:
+        options |= {"order": source.order, "direction": source.direction}
+    shown = {
+        key: value
+        for key, value in options.items()
+        if value not in ("", 0.0) and (key, value) != ("scale", 1.0)
+    }
+    return {"from": list(source.columns), "rate": f"{1 / signal.step:.4g} Hz", **shown}
+
+
+def _conventions_text(verdict: Verdict) -> str:
+    if not verdict.misfits:
+        return "not checked: no flight, too short, or no two quantities that can be compared"
+    worst = max(verdict.misfits, key=lambda law: verdict.misfits[law])
+    text = f"agree with the log in {len(verdict.misfits)} checks (worst misfit {verdict.misfits[worst]:.2g}, {worst})"
+    return text + (f"; adopted: {as_text(verdict.changes)}" if verdict.changes else "")
+
+
+def _rows_text(flights: Sequence[FlightLog]) -> str:
+    spans = ", ".join(f"{log.name}: {len(log)} rows, {log.t[-1]:.4g} s" for log in flights)
+    return f"{1 / flights[0].step:.4g} Hz; {spans}"
+
+
+def _gaps_text(aligned: Aligned, rows: slice, flights: Sequence[FlightLog]) -> str:
+    filled = int(aligned.filled[rows].sum())
+    inside = [np.diff(log.t).max() for log in flights]
+    text = "none" if not filled and len(flights) == 1 and max(inside) < 2.5 * flights[0].step else ""
+    if not text:
+        text = f"{filled} rows inside gaps left out; longest gap in a part {max(inside):.3g} s"
+        text += f"; split into {len(flights)} parts" if len(flights) > 1 else ""
+    return text
+
+
+def ground_notes(t: np.ndarray, rows: slice, ground: np.ndarray) -> list[str]:
+    """Return one line on the time on the ground that is left out, or none.
+
+    Args: t: (n,) [s].   rows: between the first take-off and the last landing.   ground: (n,) bool, on the ground.
+    """
+    air = np.flatnonzero(~ground[rows]) + rows.start
+    between = float(ground[air[0] : air[-1]].sum() * np.median(np.diff(t)))
+    spans = {"before": t[air[0]] - t[0], "after": t[-1] - t[air[-1]], "between flights": between}
+    told = [f"{span:.3g} s {when}" for when, span in spans.items() if span > 0]
+    return [f"on the ground: {', '.join(told)} left out"] if told else []
