@@ -16,7 +16,7 @@ import numpy as np
 
 from np_drake.logs.errors import LogError
 from np_drake.logs.formats.format import Format
-from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.formats.ulog_map import ROTOR_COLUMN, default_map
 from np_drake.logs.recording import Contents, Progress, Recording, Stream
 
 MAGIC = b"\x55\x4c\x6f\x67\x01\x12\x35"
@@ -26,9 +26,7 @@ MOST_FIELDS = 200_000  # of all subscriptions together
 LONGEST_DELAY = (
     1_000_000  # between a quantity and its message; beyond, timestamp_sample means something else [us]
 )
-SLOWEST_ROTORS = 20.0  # of a stream of four rotors that is preferred to collective thrust [Hz], own choice
 PROBED = ("esc_status", "actuator_motors", "actuator_outputs")  # their unused columns are left out
-ROTOR_COLUMN = re.compile(r"(esc\[\d+\]\.esc_rpm|control\[\d+\]|output\[\d+\])")
 COMMANDS = re.compile(
     r"actuator_.*|.*_setpoint"
 )  # act when they are published, whatever they were computed from
@@ -178,102 +176,6 @@ def read(path: Path, wanted: Mapping[str, list[str]], progress: Progress) -> Rec
         *(note for s in said for note in s.notes),
     ]
     return Recording(str(path), ULOG.name, streams, _facts(log), tuple(notes))
-
-
-def default_map(contents: Contents) -> LogMap | None:
-    """Return the map of PX4's own messages (NED, FRD); None without position and attitude.
-
-    Rotor speed is measured, by the ESCs. Throttle is that of four motors where it is logged at 20 Hz or more, else
-    collective. Torque setpoints are normalised and have no unit: they are left out. The velocity of an external
-    vision is taken to be in body axes, as MAVLink's ODOMETRY has it.
-    """
-
-    def first(*choices: tuple[Sequence[str], Mapping[str, Any]]) -> Source:
-        return _first(contents, choices)
-
-    rates = getattr(contents, "rates", {})
-    position, velocity, odometry = _position(contents)
-    found = LogMap(
-        format="ulog",
-        world="ned",
-        body="frd",
-        command="unknown",  # setpoints are logged at less than their own rate
-        position=position,
-        velocity=velocity,
-        attitude=first(
-            *((_indexed(f"{s}/q", 4), _QUATERNION) for s in ("vehicle_attitude", odometry) if s),
-        ),
-        rates=first(
-            (_indexed("vehicle_angular_velocity/xyz", 3), _RATES),
-            (_indexed("sensor_combined/gyro_rad", 3), _RATES),
-            ([f"vehicle_attitude/{axis}speed" for axis in ("roll", "pitch", "yaw")], _RATES),
-            (_indexed("vehicle_odometry/angular_velocity", 3), _RATES),
-        ),
-        acceleration=first(
-            (_indexed("sensor_combined/accelerometer_m_s2", 3), _SPECIFIC_FORCE),
-            (_indexed("vehicle_acceleration/xyz", 3), _SPECIFIC_FORCE),
-        ),
-        rotor_speed=_rotors(contents, rates, "esc_status", "rpm", SLOWEST_ROTORS),
-        throttle=_throttle(contents, rates),
-        hover_throttle=first((["hover_thrust_estimate/hover_thrust"], {"unit": "1"})),
-        voltage=first((["battery_status/voltage_v"], {"unit": "V"})),
-    )
-    return found if found.position and found.attitude else None
-
-
-_QUATERNION: dict[str, Any] = {"order": "wxyz", "direction": "body_to_world"}
-_RATES: dict[str, Any] = {"unit": "rad/s", "axes": "body"}
-_SPECIFIC_FORCE: dict[str, Any] = {"unit": "m/s2", "axes": "body", "kind": "specific_force"}
-
-
-def _indexed(name: str, count: int) -> list[str]:
-    return [f"{name}[{i}]" for i in range(count)]
-
-
-def _first(contents: Contents, choices: Sequence[tuple[Sequence[str], Mapping[str, Any]]]) -> Source:
-    """Return the first choice whose columns are all there; an empty source if there is none."""
-    for names, how in choices:
-        if all(name.partition("/")[2] in contents.get(name.partition("/")[0], ()) for name in names):
-            return Source(columns=list(names), **how)
-    return Source()
-
-
-def _position(contents: Contents) -> tuple[Source, Source, str]:
-    """Return position and velocity of one stream, and the odometry that may give the attitude."""
-    odometry = next((s for s in ("vehicle_odometry", "vehicle_visual_odometry") if s in contents), "")
-    for stream in ("vehicle_local_position", odometry):
-        axes = "body" if stream == "vehicle_visual_odometry" else "world"
-        places = [[f"{stream}/{axis}" for axis in "xyz"], _indexed(f"{stream}/position", 3)]
-        speeds = [[f"{stream}/v{axis}" for axis in "xyz"], _indexed(f"{stream}/velocity", 3)]
-        position = _first(contents, [(names, {"unit": "m"}) for names in places])
-        if position:
-            velocity = _first(contents, [(names, {"unit": "m/s", "axes": axes}) for names in speeds])
-            return position, velocity, odometry
-    return Source(), Source(), odometry
-
-
-def _rotors(contents: Contents, rates: Mapping[str, float], stream: str, unit: str, slowest: float) -> Source:
-    """Return the columns of four rotors that are in use, if there are just four and they are logged fast enough."""
-    columns = [c for c in contents.get(stream, ()) if ROTOR_COLUMN.fullmatch(c)]
-    if len(columns) != 4 or rates.get(stream, np.inf) < slowest:
-        return Source()
-    return Source(columns=[f"{stream}/{c}" for c in columns], unit=unit)
-
-
-def _throttle(contents: Contents, rates: Mapping[str, float]) -> Source:
-    """Return throttle of four motors, else collective, else that of four motors however slow."""
-
-    def motors(slowest: float) -> Source:
-        return _rotors(contents, rates, "actuator_motors", "1", slowest) or _rotors(
-            contents, rates, "actuator_outputs", "us", slowest
-        )
-
-    collective: list[tuple[list[str], dict[str, Any]]] = [
-        (["vehicle_thrust_setpoint/xyz[2]"], {"unit": "1", "scale": -1.0}),
-        (["actuator_controls_0/control[3]"], {"unit": "1"}),
-        (["vehicle_attitude_setpoint/thrust_body[2]"], {"unit": "1", "scale": -1.0}),
-    ]
-    return motors(SLOWEST_ROTORS) or _first(contents, collective) or motors(0.0)
 
 
 def _parse(path: Path, names: Sequence[str], progress: Progress) -> tuple[Any, list[_Subscription], _Guarded]:

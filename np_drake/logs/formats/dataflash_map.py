@@ -1,0 +1,67 @@
+"""Map of the messages that ArduPilot writes, in NED and FRD.   Source: ArduPilot's log message reference."""
+
+from np_drake.logs.importing.log_map import LogMap, Source
+from np_drake.logs.recording import Contents
+
+
+def default_map(contents: Contents) -> LogMap | None:
+    """Return the map of the names that ArduPilot gives; None without attitude, or position and velocity.
+
+    Position, velocity and attitude are those of the first core of the EKF. Body rates and acceleration are those of the
+    first IMU, with its biases. Motors are taken to be on the outputs 1 to 4.
+    """
+    ekf = _first(contents, ("XKF1", "NKF1"), ("PN", "PE", "PD", "VN", "VE", "VD"))
+    attitude = _attitude(contents)
+    if not (ekf and attitude):
+        return None
+    imu = _first(contents, ("IMU",), ("GyrX", "GyrY", "GyrZ", "AccX", "AccY", "AccZ"))
+    outputs = _first(contents, ("RCOU",), ("C1", "C2", "C3", "C4"))
+    battery = _first(contents, ("BAT", "CURR"), ("Volt",))
+    throttle, hover = Source(outputs, "us"), Source()
+    if not outputs:
+        throttle = Source(_first(contents, ("CTUN",), ("ThO",)))
+        hover = Source(_first(contents, ("CTUN",), ("ThH",)))
+    return LogMap(
+        format="dataflash",
+        world="ned",
+        body="frd",
+        command="unknown",  # setpoints are logged at less than their own rate
+        position=Source(ekf[:3]),
+        velocity=Source(ekf[3:], axes="world"),
+        attitude=attitude,
+        rates=Source(imu[:3]),
+        acceleration=Source(imu[3:], kind="specific_force", axes="body"),
+        rotor_speed=Source(_escs(contents), "rpm"),
+        throttle=throttle,
+        hover_throttle=hover if throttle else Source(),
+        voltage=Source(battery),
+    )
+
+
+def _attitude(contents: Contents) -> Source | None:
+    quaternion = ("Q1", "Q2", "Q3", "Q4")
+    for names in (("XKQ", "XKQ1", "NKQ", "NKQ1"), ("ATT",), ("AHR2",)):
+        columns = _first(contents, names, quaternion)
+        if columns:
+            return Source(columns, order="wxyz", direction="body_to_world")
+        columns = _first(contents, names, ("Roll", "Pitch", "Yaw"))
+        if columns:
+            return Source(columns, "deg")
+    return None
+
+
+def _escs(contents: Contents) -> list[str]:
+    """Return the rotor speeds of the first four speed controllers; none where fewer report."""
+    for names in ([f"ESC.{i}" for i in range(4)], [f"ESC{i}" for i in range(1, 5)]):
+        if all("RPM" in contents.get(name, ()) for name in names):
+            return [f"{name}/RPM" for name in names]
+    return []
+
+
+def _first(contents: Contents, names: tuple[str, ...], columns: tuple[str, ...]) -> list[str]:
+    """Return `stream/column` of the first message that has all columns; its first instance where it is numbered."""
+    for name in names:
+        for stream in (f"{name}.0", name):
+            if set(columns) <= set(contents.get(stream, ())):
+                return [f"{stream}/{column}" for column in columns]
+    return []
