@@ -21,6 +21,7 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 Progress = Callable[[float, str], None]
+NO_REPLAY = "no replay: the held-out logs do not tell the torque of the rotors, and a simulator needs it."
 
 
 def diagnose(
@@ -85,8 +86,9 @@ def diagnose(
     located = localise(found.held_out, held.residual, noise, held.rows)
 
     # 5. How far the causes close it; a simulator cannot fly a log that does not tell the torque.
-    if not all(e.knows_torque for e in found.held_out):
-        replay = None
+    flyable = all(e.knows_torque for e in found.held_out)
+    told = () if flyable or replay is None else (NO_REPLAY,)
+    replay = replay if flyable else None
     reduction = measure_gap_reduction(found.causes, found.held_out, noise, held, replay)
 
     halves = tuple(e.name for e in found.held_out if e.joined.any())
@@ -102,7 +104,7 @@ def diagnose(
         minor=tuple(found.minor),
         remains=found.unexplained.findings,
         unknown_probability=found.unknown_probability,
-        warnings=(*(f"{name}: {JOINED}" for name in halves), *checked.warnings, *reduction.warnings),
+        warnings=(*(f"{name}: {JOINED}" for name in halves), *checked.warnings, *reduction.warnings, *told),
         wall=time.perf_counter() - start,
     )
 

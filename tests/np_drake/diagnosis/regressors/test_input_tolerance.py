@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.decision.infer import infer
+from np_drake.diagnosis.diagnose import NO_REPLAY, diagnose
 from np_drake.diagnosis.options import Options, SearchOptions
 from np_drake.diagnosis.regressors import library_candidates
 from np_drake.diagnosis.regressors.input_tolerance import THROTTLE_SCALE, command_timing, with_input
@@ -113,6 +114,16 @@ def test_a_drag_is_found_from_thrust_alone_as_from_the_whole_command(fly):
         assert not dut.unknown
         values.append(dut.causes[0].parameters["d_x"])
     assert values[1].value == pytest.approx(values[0].value, abs=3 * values[0].value * 0.02)
+
+
+def test_a_log_without_torque_is_not_replayed_and_the_warnings_say_so(fly):
+    def replay(flights, causes):
+        raise AssertionError("a simulator was asked to fly without torque")
+
+    logs = [without_torque(fly(name=str(i), seed=i, seconds=6.0, noise=1.0)) for i in (1, 2)]
+    dut = diagnose(VEHICLE, logs[:1], logs[1:], replay)
+    assert dut.shrink is None or dut.shrink.replay_before is None
+    assert NO_REPLAY in dut.warnings
 
 
 @pytest.mark.parametrize("exponent", [1.0, 2.0])
