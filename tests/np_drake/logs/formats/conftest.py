@@ -48,3 +48,15 @@ def dataflash_writer() -> ModuleType:
 def ros_writer() -> ModuleType:
     """Return the module that writes ROS bags."""
     return load_writer("ros")
+
+
+@pytest.fixture(scope="session")
+def crazyflie_writer() -> ModuleType:
+    """Return the module that writes Crazyflie micro-SD logs."""
+    return load_writer("crazyflie")
+
+
+@pytest.fixture(scope="session")
+def ulog_writer() -> ModuleType:
+    """Return the module that writes ULog files."""
+    return load_writer("ulog")

@@ -1,7 +1,6 @@
 """Laws of Crazyflie micro-SD logs: what was written is read, and what the real flights obey."""
 
 import contextlib
-import importlib.util
 import struct
 import tracemalloc
 import zlib
@@ -25,15 +24,9 @@ RPM = [f"rpm.m{i}" for i in (1, 2, 3, 4)]
 
 
 @pytest.fixture(scope="module")
-def writer() -> ModuleType:
-    """Return the module that writes usd-logs."""
-    path = Path(__file__).with_name("crazyflie_writer.py")
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def writer(crazyflie_writer) -> ModuleType:
+    """Return the module that writes such logs."""
+    return crazyflie_writer
 
 
 @pytest.fixture(scope="module")

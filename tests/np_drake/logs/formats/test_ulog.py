@@ -2,7 +2,6 @@
 
 import builtins
 import contextlib
-import importlib.util
 import struct
 from collections.abc import Mapping
 from pathlib import Path
@@ -26,15 +25,9 @@ XYZ = [f"xyz[{i}]" for i in range(3)]
 
 
 @pytest.fixture(scope="module")
-def writer() -> ModuleType:
-    """Return the module that writes ULog files."""
-    path = Path(__file__).with_name("ulog_writer.py")
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def writer(ulog_writer) -> ModuleType:
+    """Return the module that writes such logs."""
+    return ulog_writer
 
 
 @pytest.fixture(scope="module")
