@@ -1,10 +1,11 @@
-"""Diagnosis in five steps: residuals, causes, identifiability, localisation, gap reduction."""
+"""Diagnosis: residuals, causes, identifiability, localisation, gap reduction."""
 
+import dataclasses as dc
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from np_drake.diagnosis.decision import JOINED, infer, infer_adaptively, without_onsets_in
+from np_drake.diagnosis.decision import Inference, infer, novelty, second_answer, without_onsets_in
 from np_drake.diagnosis.gap import measure_gap_reduction
 from np_drake.diagnosis.localisation import (
     assess_identifiability,
@@ -43,8 +44,8 @@ def diagnose(
         held_out: flights that judge the fit.
         replay: the simulator as a callable (`diagrams.gap.drake_replay.DrakeReplay`); without it, replay errors are
             left out.
-        adaptive_split: where held-out flights show what the training flights do not excite, let their first halves join
-            the fit and only their second halves judge; `Diagnosis.joined` names them.
+        adaptive_split: where held-out flights show what the training flights do not, give a second answer beside
+            (`Diagnosis.refit`): their first halves join its fit, and their second halves judge it.
         tolerance: errors of vehicle file and sensors that are not a cause: `Tolerance()` for real sensors,
             `IDEAL_SENSORS`, or one's own; default: real where attitudes are noisy or rotor speed is measured.
         options: all that steers the answer; default: `Options.for_sensors` of that tolerance.
@@ -66,46 +67,51 @@ def diagnose(
     judging = [make_flight_residuals(log, vehicle, step) for log in held_out]
     names: dict[str, Any] = {"vehicle": vehicle.name, "train": _names(fitted), "held_out": _names(judging)}
     if not excited(excitation(fitted)):
-        answer = unexcited_diagnosis(fitted, judging)
-        return Diagnosis(**names, **answer, cannot_tell=True, wall=time.perf_counter() - start)
+        nothing = unexcited_diagnosis(fitted, judging)
+        return Diagnosis(**names, **nothing, cannot_tell=True, wall=time.perf_counter() - start)
 
     # 2. Effects fitted, compared and decided.
     tell(0.1, "effects")
-    found, joined = (
-        infer_adaptively(fitted, judging, options, tell)
-        if adaptive_split
-        else (infer(fitted, judging, options), [])
-    )
-    held, noise = found.unexplained.held, found.ranking.noise
+    first = infer(fitted, judging, options)
+    novel = novelty(first)
+    tell(0.6, "how far")
+    answer = dc.replace(_answer(first, names, replay), novel=novel, wall=time.perf_counter() - start)
+    if not (novel and adaptive_split):
+        return answer
 
-    # 3. Effects that these logs cannot tell apart.
-    tell(0.7, "how far")
+    # 3. Where held-out flights show more, the same again with their first halves: a second answer.
+    tell(0.7, "what held-out flights show")
+    again = second_answer(first)
+    if again is None:
+        return answer
+    second, joined = again
+    refit = _answer(second, names, replay)
+    causes = tuple(without_onsets_in(joined, cause) for cause in refit.causes)
+    halves = tuple(e.name for e in second.held_out if e.joined.any())
+    wall = time.perf_counter() - start
+    return dc.replace(answer, refit=dc.replace(refit, causes=causes, joined=halves, wall=wall), wall=wall)
+
+
+def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> Diagnosis:
+    """Return the diagnosis of an inference: its causes, what these logs cannot tell, where the gap lies, how far."""
+    noise, held = found.ranking.noise, found.held
     checked = assess_identifiability(found.flights, found.held_out, found.ranking.problem.candidates, noise)
-
-    # 4. Where the gap lies.
     located = localise(found.held_out, held.residual, noise, held.rows)
-
-    # 5. How far the causes close it; a simulator cannot fly a log that does not tell the torque.
     flyable = all(e.knows_torque for e in found.held_out)
     told = () if flyable or replay is None else (NO_REPLAY,)
-    replay = replay if flyable else None
-    reduction = measure_gap_reduction(found.causes, found.held_out, noise, held, replay)
-
-    halves = tuple(e.name for e in found.held_out if e.joined.any())
+    reduction = measure_gap_reduction(found.causes, found.held_out, noise, held, replay if flyable else None)
     return Diagnosis(
         **names,
-        joined=halves,
         judged_as=found.options.tolerance.name,
         verdict=tuple(c.identifier for c in found.causes) + ((UNKNOWN,) if found.unknown else ()),
-        causes=tuple(without_onsets_in(joined, cause) for cause in found.causes),
+        causes=tuple(found.causes),
         check=checked,
         where=located,
         shrink=reduction,
         minor=tuple(found.minor),
         remains=found.unexplained.findings,
         unknown_probability=found.unknown_probability,
-        warnings=(*(f"{name}: {JOINED}" for name in halves), *checked.warnings, *reduction.warnings, *told),
-        wall=time.perf_counter() - start,
+        warnings=(*checked.warnings, *reduction.warnings, *told),
     )
 
 

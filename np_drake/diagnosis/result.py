@@ -187,6 +187,8 @@ class Diagnosis:
     joined: held-out flights whose first half joined the fit, so that only their second half judges (adaptive split).
     cannot_tell: the logs excite nothing, and there is no verdict.
     unknown_probability: probability that a material residual remains that no effect of the library explains [1].
+    refit: second answer, with the first halves of held-out flights in its fit, where these show more than the others.
+    novel: what held-out flights show that the training flights do not.
     judged_as: tolerance used: `rig` (real sensors) or `laboratory` (ideal sensors); empty: neither.
     """
 
@@ -206,6 +208,8 @@ class Diagnosis:
     wall: float = float("nan")  # [s]
     joined: tuple[str, ...] = ()
     judged_as: str = ""
+    refit: "Diagnosis | None" = None
+    novel: tuple[Finding, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Return the content of `diagnosis.json` in plain types."""

@@ -16,6 +16,8 @@ class Tolerance:
     # What the input of the logs leaves open; 0 where it is a command in newtons that is held from its row.
     timing: float = 0.0  # time at which a row's command acts [s]
     throttle_curve: float = 0.0  # exponent of thrust over throttle [1]
+    mounting: float = 0.0  # axes of an autopilot against those of the rotors [rad]
+    latency: float = 0.0  # of an estimator's attitude against its velocity [s]
     throttle_drift: float = 0.0  # rate of thrust over throttle as the battery falls [1/s]
 
     @property

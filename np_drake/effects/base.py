@@ -52,6 +52,10 @@ class Effect:
     begins: ClassVar[bool] = True  # may begin in mid-flight
     needs: ClassVar[tuple[str, ...]] = ()  # it acts through one of these (wind through a drag)
     isotropic: ClassVar[bool] = False  # its parameters are one vector without a preferred axis
+    prior_correlation: ClassVar[
+        tuple[tuple[float, ...], ...]
+    ] = ()  # of its continuous parameters; (): none [1]
+    widens: ClassVar[bool] = False  # its prior widens to the size of its estimate: usual sizes are not known
 
     @property
     def values(self) -> dict[str, float]:
@@ -107,6 +111,7 @@ class WrenchEffect(Effect):
     """
 
     place = "wrench"
+    widens: ClassVar[bool] = True
     pushes: ClassVar[bool] = True
     turns: ClassVar[bool] = True
     feels_rotor_rate: ClassVar[bool] = True

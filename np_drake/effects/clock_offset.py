@@ -23,7 +23,7 @@ class ClockOffset(SensorEffect):
         *("px", "py", "pz", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz"),
         *("ax", "ay", "az", "alx", "aly", "alz"),
     )
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("offset", "s", 0.0, -0.3, 0.3, 0.02),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("offset", "s", 0.0, 0.0, 0.3, 0.02),)
 
     def time_shift(self, vehicle: Vehicle) -> float:
         """Return the time by which commands act later on what the state columns show [s]."""

@@ -26,7 +26,7 @@ class ConstantWind(WrenchEffect):
     needs: ClassVar[tuple[str, ...]] = ("linear_drag", "quadratic_drag")
     linear: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
-        Parameter(axis, "m/s", 0.0, -15.0, 15.0, 2.0) for axis in "xyz"
+        Parameter(axis, "m/s", 0.0, -15.0, 15.0, 0.5 if axis == "z" else 2.0) for axis in "xyz"
     )
 
     def air_velocity(self, t: np.ndarray | float) -> np.ndarray:

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from np_drake.effects.air_speed import air_velocity_B, chi_from_body
+from np_drake.effects.air_speed import ALIKE, air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
 from np_drake.vehicle import Vehicle
 
@@ -25,6 +25,7 @@ class LinearDrag(WrenchEffect):
     identifier: ClassVar[str] = "linear_drag"
     feels_rotor_rate: ClassVar[bool] = False
     turns: ClassVar[bool] = False
+    prior_correlation: ClassVar[tuple[tuple[float, ...], ...]] = ALIKE
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(name, "N·s/m", 0.0, -0.2, 3.0, 0.3) for name in ("d_x", "d_y", "d_z")
     )

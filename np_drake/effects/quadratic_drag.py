@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from np_drake.effects.air_speed import air_velocity_B, chi_from_body
+from np_drake.effects.air_speed import ALIKE, air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
 from np_drake.vehicle import Vehicle
 
@@ -24,6 +24,7 @@ class QuadraticDrag(WrenchEffect):
     identifier: ClassVar[str] = "quadratic_drag"
     feels_rotor_rate: ClassVar[bool] = False
     turns: ClassVar[bool] = False
+    prior_correlation: ClassVar[tuple[tuple[float, ...], ...]] = ALIKE
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(name, "N·s²/m²", 0.0, -0.1, 2.0, 0.08) for name in ("c_x", "c_y", "c_z")
     )

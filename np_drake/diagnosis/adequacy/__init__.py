@@ -2,7 +2,6 @@
 
 from np_drake.diagnosis.adequacy.gust_evidence import gust_probability, swing_free_residual
 from np_drake.diagnosis.adequacy.residual_tests import novel_on_held_out
-from np_drake.diagnosis.adequacy.resonances import with_fitted_resonances
 from np_drake.diagnosis.adequacy.unexplained import find_unexplained
 from np_drake.diagnosis.adequacy.unexplained_result import Unexplained
 
@@ -12,5 +11,4 @@ __all__ = [
     "gust_probability",
     "novel_on_held_out",
     "swing_free_residual",
-    "with_fitted_resonances",
 ]

@@ -11,14 +11,12 @@ from np_drake.diagnosis.adequacy.residual_statistics import (
     strongest_burst,
     strongest_line,
 )
-from np_drake.diagnosis.fitting import Fit, impossible
 from np_drake.diagnosis.materiality import Materiality
 from np_drake.diagnosis.options import Options, Thresholds
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.residuals import flight_residuals as ev
 from np_drake.diagnosis.result import CHANNELS, Finding
 from np_drake.diagnosis.wind import slow_power
-from np_drake.vehicle import Vehicle
 
 UNSEEN = "unseen flights"  # name of what they alone show
 
@@ -121,19 +119,6 @@ def slow_torque_test(
     again = slow_torque(held_out, residual)[0] > thresholds.held_out_share * limit
     probability = _above(ratio, limit, thresholds) if large and again else 0.0
     return probability, Finding("slow torque", "a torque that comes and goes", ratio, {"ratio": ratio})
-
-
-def beyond_bounds(named: Fit, vehicle: Vehicle, thresholds: Thresholds, *, gusty: bool) -> list[Indication]:
-    """Return the effects that need a parameter beyond its bounds."""
-    why = [impossible(named, i, vehicle, thresholds, gusty=gusty) for i in range(len(named.terms))]
-    return [
-        (
-            thresholds.beyond_bounds,
-            Finding("beyond bounds", f"{e.identifier} stands for it: {w}", 1.0, e.values),
-        )
-        for e, w in zip((t.effect for t in named.terms), why, strict=True)
-        if w
-    ]
 
 
 def _above(ratio: float, threshold: float, thresholds: Thresholds) -> float:

@@ -1,11 +1,12 @@
 """Which effects are reported as causes, and with which probability."""
 
-from np_drake.diagnosis.decision.adaptive_split import JOINED, infer_adaptively, without_onsets_in
-from np_drake.diagnosis.decision.infer import infer
+from np_drake.diagnosis.decision.infer import Inference, infer
+from np_drake.diagnosis.decision.second_answer import novelty, second_answer, without_onsets_in
 
 __all__ = [
-    "JOINED",
+    "Inference",
     "infer",
-    "infer_adaptively",
+    "novelty",
+    "second_answer",
     "without_onsets_in",
 ]

@@ -1,12 +1,51 @@
-"""Inference from one set of training flights and one set of held-out flights."""
+"""Inference from one set of training flights: causes, and what they leave on all flights."""
 
+import dataclasses as dc
 from collections.abc import Sequence
 
-from np_drake.diagnosis.decision.compare import compare
-from np_drake.diagnosis.decision.decide import Inference, decide
+import numpy as np
+
+from np_drake.diagnosis.adequacy import Unexplained, find_unexplained, swing_free_residual
+from np_drake.diagnosis.decision.causes import causes_of
+from np_drake.diagnosis.disturbance.linear_model import LinearModel
+from np_drake.diagnosis.forward_model import predicted_residual
+from np_drake.diagnosis.held_out import HeldOut, on_held_out, without_shocks
 from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.regressors import GUSTY
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.selection import find_map_model
+from np_drake.diagnosis.result import Cause, Finding
+from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, ranked
+from np_drake.diagnosis.wind import as_gusts, in_gusts, position_p_value, with_drag
+
+PLACE = Finding("place", "a slow force tied to a place", 1.0, {})
+
+
+@dc.dataclass(frozen=True)
+class Inference:
+    """Causes and what they leave.
+
+    flights, held_out: with their shocks marked.   held: the causes on held-out flights.
+    unknown_probability: that something material remains that no effect of the library explains [1].
+    """
+
+    flights: Sequence[FlightResiduals]
+    held_out: Sequence[FlightResiduals]
+    ranking: Ranking
+    held: HeldOut
+    unexplained: Unexplained
+    causes: list[Cause]
+    minor: list[Finding]
+    unknown_probability: float
+
+    @property
+    def options(self) -> Options:
+        """Options of the ranking."""
+        return self.ranking.options
+
+    @property
+    def unknown(self) -> bool:
+        """Whether something material remains that no effect explains."""
+        return self.unknown_probability >= 0.5
 
 
 def infer(
@@ -14,5 +53,60 @@ def infer(
     held_out: Sequence[FlightResiduals],
     options: Options | None = None,
 ) -> Inference:
-    """Rank the effects by training flights, and decide by held-out flights which of them are causes."""
-    return decide(compare(find_map_model(flights, options), held_out))
+    """Rank the effects by training flights, and return the causes that they show; held-out flights judge them."""
+    return concluded(find_map_model(flights, options), held_out)
+
+
+def concluded(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Inference:
+    """Return the inference of a search."""
+    ranking = ranked(found)
+    flights, priors, noise = ranking.problem.flights, ranking.options.priors, ranking.noise
+    held_out = [without_shocks(ranking.best.everything, e, noise, priors) for e in held_out]
+    linear = LinearModel(ranking)
+    _, structure = linear.described()
+    held = on_held_out(ranking.best, held_out, noise, priors)
+    unexplained = find_unexplained(ranking, linear, structure, held_out, held)
+    gusty = unexplained.slow_probability > 0.5 and not _knows_its_place(ranking, held_out, held)
+    if gusty and (felt := with_drag(ranking)) is not ranking:
+        ranking, linear = felt, LinearModel(felt)
+        held = on_held_out(ranking.best, held_out, noise, priors)
+    causes, minor = causes_of(ranking, linear, structure, held_out, held, gusty=gusty)
+    probability = max(unexplained.probability, unexplained.slow_probability)
+    if gusty:
+        causes = _with_gusts(ranking, held_out, held, causes, unexplained)
+        if any(c.identifier == "gusty_wind" for c in causes):
+            held, probability = in_gusts(held, causes, held_out), unexplained.probability
+    elif unexplained.slow_probability > 0.5:
+        unexplained = dc.replace(unexplained, findings=(PLACE, *unexplained.findings))
+    return Inference(flights, held_out, ranking, held, unexplained, causes, minor, probability)
+
+
+def _with_gusts(
+    ranking: Ranking,
+    held_out: Sequence[FlightResiduals],
+    held: HeldOut,
+    causes: list[Cause],
+    unexplained: Unexplained,
+) -> list[Cause]:
+    """Return the causes with gusts among them, where a drag was found that would feel them."""
+    flights = ranking.problem.flights
+    rest = residuals(ranking, held_out, held)
+    felt = {}
+    for e in (*flights, *held_out):
+        terms = [t for t in held.terms.get(e.name, ranking.best.terms) if t.effect.identifier in GUSTY]
+        felt[e.name] = rest[e.name] + predicted_residual(e, terms)
+    return as_gusts(flights, felt, causes, unexplained.slow_probability, ranking.options, held_out)
+
+
+def residuals(ranking: Ranking, held_out: Sequence[FlightResiduals], held: HeldOut) -> dict[str, np.ndarray]:
+    """Return by flight the residual (m, 15) of the best model [N, N·m, …]."""
+    rest = {e.name: ranking.best.residual(e) for e in ranking.problem.flights}
+    return rest | {e.name: swing_free_residual(held, e) for e in held_out}
+
+
+def _knows_its_place(ranking: Ranking, held_out: Sequence[FlightResiduals], held: HeldOut) -> bool:
+    """Return whether the slow force depends on position alike in all flights, as gusts would not."""
+    every = [*ranking.problem.flights, *(e for e in held_out if not e.joined.any())]
+    rest = residuals(ranking, held_out, held)
+    p_value = position_p_value(every, rest, {e.name: None for e in every})
+    return p_value < ranking.options.thresholds.place

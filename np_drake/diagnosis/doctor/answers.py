@@ -5,9 +5,10 @@ from collections.abc import Sequence
 
 from np_drake.diagnosis.doctor.log_report import NEVER, NO, YES, Answer
 from np_drake.diagnosis.doctor.smallest_sizes import Smallest
-from np_drake.diagnosis.doctor.traces import DRAG, GUSTS, WIND, usual_size
+from np_drake.diagnosis.doctor.traces import DRAG, GUSTS, WIND
 from np_drake.diagnosis.localisation.manoeuvres import PAIRS, manoeuvre
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
+from np_drake.effects.usual_size import usual_size
 from np_drake.vehicle import Vehicle
 
 FAR = 100.0  # usual sizes beyond which a smallest size is infinite [1]

@@ -18,11 +18,10 @@ from np_drake.diagnosis.regressors.library import nonlinear_grid
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.base import Parameter
 from np_drake.effects.library import LIBRARY, effects_for
-from np_drake.vehicle import Vehicle
+from np_drake.effects.usual_size import correlation_root, usual_size
 
 PAYLOAD, WIND, GUSTS, DRAG = "suspended_payload", "constant_wind", "gusty_wind", "linear_drag"
 LENGTHS = np.geomspace(0.3, 1.5, 5)  # of the tethers at which a payload is asked for [m]; own choice
-USUAL = Vehicle()  # of which the library's usual sizes are
 
 
 @dc.dataclass(frozen=True)
@@ -40,26 +39,6 @@ class Trace:
     typical: tuple[float, ...]
     columns: dict[str, np.ndarray]
     size: float | None = None
-
-
-def usual_size(parameter: Parameter, vehicle: Vehicle) -> float:
-    """Return the usual size of a parameter for a vehicle of this mass and arm; the library's is for the paper's."""
-    mass = vehicle.mass / USUAL.mass
-    arm = _arm(vehicle) / _arm(USUAL)
-    scale = {
-        "kg": mass,
-        "N": mass,
-        "N·s/m": mass,
-        "N·s²/m²": mass,
-        "N·m·s/m": mass * arm,
-        "kg·m²": mass * arm**2,
-    }
-    longer = {"m": arm} if parameter.name != "length" else {}
-    return parameter.typical * (scale | longer).get(parameter.unit, 1.0)
-
-
-def _arm(vehicle: Vehicle) -> float:
-    return float(np.linalg.norm(np.array(vehicle.rotor_positions)[:, :2], axis=1).mean())
 
 
 def traces(flights: Sequence[FlightResiduals], priors: Priors) -> list[Trace]:
@@ -81,8 +60,8 @@ def _of_candidate(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
     vehicle = flights[0].vehicle
     usual = tuple(usual_size(p, vehicle) for p in free)
     if effect.linear or len(free) < len(effect.parameters) or not nonlinear_grid(effect, flights[0]):
-        scale = np.array([u / p.typical for u, p in zip(usual, free, strict=True)])
-        return Trace(identifier, free, usual, {n: X * scale for n, X in c.columns.items()})
+        alone = np.linalg.inv(correlation_root(effect))  # each parameter by itself
+        return Trace(identifier, free, usual, {n: X @ alone for n, X in c.columns.items()})
     values = next(iter(c.terms(np.array([0.5])))).effect.values
     size = values[free[0].name] - free[0].neutral
     half = {n: 0.5 * X for n, X in c.columns.items()}  # at that size; a coefficient of one half stands for it
@@ -92,10 +71,7 @@ def _of_candidate(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
 def _of_wind(c: Candidate, flights: Sequence[FlightResiduals]) -> Trace:
     """Return the trace of a steady wind through the usual drag of such a vehicle."""
     wind = LIBRARY[WIND].parameters
-    vehicle = flights[0].vehicle
-    force = LIBRARY[DRAG].parameters[0].typical
-    scale = usual_size(LIBRARY[DRAG].parameters[0], vehicle) / force
-    columns = {n: X[..., 3:] * scale for n, X in c.columns.items()}
+    columns = {n: X[..., 3:] for n, X in c.columns.items()}
     return Trace(WIND, wind, tuple(p.typical for p in wind), columns)
 
 

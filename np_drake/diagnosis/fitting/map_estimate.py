@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from scipy import stats
 
-from np_drake.diagnosis.fitting.parameters import Free, free_parameters, read, write
+from np_drake.diagnosis.fitting.parameters import Free, free_parameters, prior_whitening, read, write
 from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual, swing_wrenches
 from np_drake.diagnosis.numerics import NoiseModel, minimise
 from np_drake.diagnosis.options import Priors
@@ -19,30 +19,15 @@ BLOCK = 1.0  # length of blocks within which residuals may correlate, for the ro
 
 
 @dc.dataclass(frozen=True)
-class Generic:
-    """Generic structure as fitted: its part of the channels is columns @ coefficients on any flight."""
-
-    candidate: Candidate
-    coefficients: np.ndarray
-
-    def part(self, e: FlightResiduals) -> np.ndarray:
-        """Return the part of the channels (m, 15) of a flight."""
-        assert self.candidate.generic is not None
-        return self.candidate.generic(e) @ self.coefficients
-
-
-@dc.dataclass(frozen=True)
 class Fit:
-    """Fitted model of effects, calibration and generic structure.
+    """Fitted model of effects and calibration.
 
     terms, calibration: fitted terms.
     free, values: free parameters and their values (k,) in physical units; covariance (k, k): of these.
     log_evidence: log evidence of the model on the flights of the fit [nat].
     loss: whitened sum of squares on these flights; samples: number of their rows.
-    sensor_drift: by flight, (m, 15) contribution of sensor errors and generic structure.
-    generic: fitted generic structure.
+    sensor_drift: by flight, (m, 15) contribution of sensor errors.
     onset_prior: log prior of the onsets.
-    held_out_evidence: log evidence that held-out flights add [nat].
     """
 
     terms: tuple[Term, ...]
@@ -54,14 +39,12 @@ class Fit:
     loss: float
     samples: int
     sensor_drift: dict[str, np.ndarray] = dc.field(default_factory=dict)
-    generic: tuple[Generic, ...] = ()
     onset_prior: float = 0.0
-    held_out_evidence: float = 0.0
 
     def residual(self, e: FlightResiduals) -> np.ndarray:
         """Return the residual (m, 15) of the model on a flight, with outlier rows interpolated.
 
-        On a flight of the fit, sensor errors and generic structure are removed as well.
+        On a flight of the fit, sensor errors are removed as well.
         """
         residual = e.y - predicted_residual(e, self.everything)
         return e.bridged(residual - self.sensor_drift[e.name] if e.name in self.sensor_drift else residual)
@@ -147,6 +130,8 @@ def refine(
     # One buffer serves all steps: only the first n columns of its rows change, and each step uses only its own.
     J = np.zeros((rows + n + k, n + k))
     J[rows:] = np.eye(n + k)
+    W = prior_whitening(everything, free)
+    J[rows : rows + n, :n] = W
     for c, at in zip(linear, pairwise(np.cumsum([n, *sizes_of]).tolist()), strict=True):
         for e, own in zip(flights, spans, strict=True):
             columns = e.white(noise, c.columns[e.name]) if white is None else white(e, c)
@@ -154,7 +139,7 @@ def refine(
 
     def residual(z: np.ndarray) -> np.ndarray:
         now = write(everything, free, z[:n] * scale)
-        r = np.concatenate([np.empty(rows), z[:n] - neutral / scale, z[n:]])
+        r = np.concatenate([np.empty(rows), W @ (z[:n] - neutral / scale), z[n:]])
         for e, own in zip(flights, spans, strict=True):
             np.multiply(e.white(noise, e.y - predicted_residual(e, now)).ravel(), root, out=r[own])
         if k:
@@ -164,7 +149,8 @@ def refine(
     def jacobian(z: np.ndarray) -> np.ndarray:
         now = write(everything, free, z[:n] * scale)
         for e, own in zip(flights, spans, strict=True):
-            np.multiply(_jacobian(now, free, e, noise, z[:n], scale), -root, out=J[own, :n])
+            columns = e.white(noise, scaled_jacobian(now, free, e))
+            np.multiply(columns.reshape(-1, n), -root, out=J[own, :n])
         return J
 
     lower = np.array([f.lower for f in free]) / scale
@@ -194,21 +180,20 @@ def refine(
         tuple(free),
         best.z[:n] * scale,
         covariance * np.outer(scale, scale),
-        float(-best.cost - 0.5 * logdet),
+        float(-best.cost - 0.5 * logdet + np.linalg.slogdet(W)[1]),
         float(np.sum(best.residual[: -(n + k)] ** 2)),
         sum(len(e.t) for e in flights),
         drifted,
-        tuple(Generic(c, own) for c, own in parts if c.generic),
     )
 
 
-def _jacobian(
-    now, free, flight: FlightResiduals, noise: NoiseModel, z: np.ndarray, scale: np.ndarray
-) -> np.ndarray:
-    """Return the whitened derivative of the predicted residual by finite differences.
+def scaled_jacobian(now: Sequence[Term], free: Sequence[Free], flight: FlightResiduals) -> np.ndarray:
+    """Return the derivative (m, 15, k) of the predicted residual by the free parameters over their scales.
 
-    Only terms that interact with the changed one are evaluated again.
+    By finite differences; only terms that interact with the changed one are evaluated again.
     """
+    values = read(now, free)
+    scale = np.array([f.scale for f in free])
     columns = np.zeros((*flight.y.shape, len(free)))
     base: dict[tuple[int, ...], np.ndarray] = {}
     stages = StageCache()
@@ -217,9 +202,9 @@ def _jacobian(
         if f.flight and f.flight != flight.name:
             continue
         step = max(0.01 * scale[k], _least_step(now[f.term], flight))
-        if z[k] * scale[k] + step > f.upper:
+        if values[k] + step > f.upper:
             step = -step
-        moved = write(now, [f], np.array([z[k] * scale[k] + step]))
+        moved = write(now, [f], np.array([values[k] + step]))
         group = _group(now, f.term)
         if now[f.term].swings and len(group) == 1:
             swinging.setdefault(f.term, []).append((k, step, moved[f.term]))
@@ -233,8 +218,7 @@ def _jacobian(
         wrench = swing_wrenches(flight, [now[term], *(m for _, _, m in moves)])
         for i, (k, step, _) in enumerate(moves, start=1):
             columns[:, WRENCH, k] = (wrench[:, i] - wrench[:, 0]) / step * scale[k]
-    white = flight.white(noise, columns)
-    return white.reshape(-1, len(free))
+    return columns
 
 
 def _least_step(term: Term, flight: FlightResiduals) -> float:

@@ -101,7 +101,7 @@ def _descend(
         problem.flights,
         noise,
         temperature=problem.temperature,
-        linear=[*drifting, *(problem.candidates[i] for i in model.members if problem.candidates[i].generic)],
+        linear=drifting,
         white=partial(problem.white, noise),
         evaluations=iterations,
         wide=problem.wide,

@@ -8,6 +8,8 @@ import numpy as np
 from np_drake.diagnosis.forward_model import NEVER, STATE, Term, hidden_size, padded
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.residuals import FlightResiduals
+from np_drake.effects.usual_size import correlation_root, usual_size
+from np_drake.vehicle import Vehicle
 
 
 @dc.dataclass(frozen=True)
@@ -42,10 +44,11 @@ def free_parameters(
     """
     found = []
     for i, term in enumerate(terms):
-        width = _width(term) if wide else 1.0
+        vehicle = flights[0].vehicle
+        width = _width(term, vehicle) if wide and term.effect.widens else 1.0
         for p in term.effect.parameters:
             if not p.choices:
-                scale = scales.get(i, width * p.typical)
+                scale = scales.get(i, width * usual_size(p, vehicle))
                 found.append(Free(i, p.name, scale, p.neutral, p.lower, p.upper))
         if not term.swings:
             continue
@@ -56,13 +59,23 @@ def free_parameters(
     return found
 
 
-def _width(term: Term) -> float:
+def prior_whitening(terms: Sequence[Term], free: Sequence[Free]) -> np.ndarray:
+    """Return the matrix (k, k) that maps deviations from neutral over scale to independent standard ones [1]."""
+    W = np.eye(len(free))
+    for i, term in enumerate(terms):
+        own = [k for k, f in enumerate(free) if f.term == i and not f.flight]
+        if term.effect.prior_correlation and own:
+            W[np.ix_(own, own)] = np.linalg.inv(correlation_root(type(term.effect)))
+    return W
+
+
+def _width(term: Term, vehicle: Vehicle) -> float:
     """Return the width of the prior over the typical one: the size of the effect, at least 1.
 
     `Gram.evidence_of_sets` uses the same rule.
     """
     free = [p for p in term.effect.parameters if not p.choices]
-    sizes = [(float(getattr(term.effect, p.name)) - p.neutral) / p.typical for p in free]
+    sizes = [(float(getattr(term.effect, p.name)) - p.neutral) / usual_size(p, vehicle) for p in free]
     return max(1.0, float(np.sqrt(np.mean(np.square(sizes)))))
 
 

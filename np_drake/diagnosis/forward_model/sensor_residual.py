@@ -6,15 +6,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake import attitude
-from np_drake.diagnosis.residuals import FlightResiduals, Instants, Resampler
+from np_drake.diagnosis.residuals import FlightResiduals, Instants, Resampler, low_pass
 from np_drake.diagnosis.residuals import flight_residuals as channels
 from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.rigid_body import Q, V, W
 from np_drake.vehicle import Vehicle
 
+DIFFERENTIATED_BAND = (
+    2.0  # low-pass on accelerations from velocities where an attitude error turns them [Hz]; own choice
+)
+
 
 def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
-    """Return the channels as measured less the true ones (m, 15), exact to second order in the sensor error."""
+    """Return the channels as measured less the true ones (m, 15), exact to third order in the sensor error."""
     log, y = flight.log, np.zeros_like(flight.y)
     if not effect.corrupts or effect.clock_shift:
         return y
@@ -33,8 +37,10 @@ def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray
         else:
             y[:, channels.VELOCITY] = rate
     if moved[:, W].any():
-        dw = onto(moved[:, W])
+        dw = flight.from_mids(0.5 * (moved[1:, W] + moved[:-1, W]))
         y[:, channels.TORQUE], y[:, channels.ATTITUDE] = _gyroscopic(flight, dw), -dw
+        rate = np.diff(moved[:, W], axis=0) / np.diff(log.t)[:, None]
+        y[:, channels.TORQUE] += flight.from_mids(rate) @ flight.vehicle.J.T
     turned, biased = bool(moved[:, Q].any()), log.a is not None and bool(np.any(read.a != truth.a))
     if turned:
         y[:, channels.ATTITUDE] += flight.from_mids(_turn_rate(log.t, read) - _turn_rate(log.t, truth))
@@ -57,7 +63,10 @@ def _specific_force(flight: FlightResiduals, read: Measurement) -> np.ndarray:
     """Return the measured specific force (n, 3) in B [m/s²]; from smoothed accelerations where none are logged."""
     a = read.a
     if flight.log.a is None:
-        a = np.concatenate([flight.rows.a, flight.rows.a[-1:]])
+        # A noisy regressor would pull its coefficient towards zero: differentiated velocities are mostly noise above.
+        a = low_pass(
+            np.concatenate([flight.rows.a, flight.rows.a[-1:]]), flight.log.step, DIFFERENTIATED_BAND
+        )
     return attitude.rotate_back(read.x[:, Q], a + np.array([0.0, 0.0, flight.vehicle.gravity]))
 
 
@@ -68,7 +77,7 @@ def _gyroscopic(flight: FlightResiduals, dw: np.ndarray) -> np.ndarray:
 
 
 def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> FlightResiduals:
-    """Return the flight with its instants and rates corrected for the sensor errors, to first order.
+    """Return the flight with its instants and rates corrected for the sensor errors.
 
     Other effects act on the true motion. Channels and log stay as measured.
     """
@@ -88,13 +97,16 @@ def _instants_before(flight: FlightResiduals, read: Instants, effects: Sequence[
 
 
 def _before(vehicle: Vehicle, read: Measurement, effects: Sequence[SensorEffect]) -> Measurement:
-    """Return the true quantities to first order: the measured ones less what measuring them again adds."""
-    twice = read
-    for effect in effects:
-        twice = effect.measure(vehicle, twice, np.zeros((len(read.x), 0)))
-    x = 2 * read.x - twice.x
-    x[:, Q] /= np.linalg.norm(x[:, Q], axis=1, keepdims=True)
-    return dc.replace(read, x=x, a=2 * read.a - twice.a)
+    """Return the true quantities to third order, by fixed-point iteration on what measuring them would read."""
+    truth = read
+    for _ in range(3):
+        again = truth
+        for effect in effects:
+            again = effect.measure(vehicle, again, np.zeros((len(read.x), 0)))
+        x = truth.x + read.x - again.x
+        x[:, Q] /= np.linalg.norm(x[:, Q], axis=1, keepdims=True)
+        truth = dc.replace(read, x=x, a=truth.a + read.a - again.a)
+    return truth
 
 
 def states_at_rows(flight: FlightResiduals) -> np.ndarray:

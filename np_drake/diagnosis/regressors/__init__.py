@@ -29,6 +29,7 @@ from np_drake.diagnosis.regressors.regression_problem import (
     Model,
     RegressionProblem,
     prior_of,
+    sum_grams,
 )
 from np_drake.diagnosis.regressors.switched_regressors import Sums, SwitchedRegressors, SwitchedSums
 
@@ -64,6 +65,7 @@ __all__ = [
     "payloads_of",
     "prior_of",
     "sensor_drift",
+    "sum_grams",
     "switched",
     "tolerance_of",
     "wind_candidates",

@@ -12,8 +12,13 @@ from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.clock_offset import ClockOffset
 
 THROTTLE_SCALE = 0.2  # of thrust over throttle [1]; source: own choice, hover throttles are known to a fifth
+ROTOR_SPEED_SCALE = (
+    0.02  # of thrust over rotor speed squared [1]; source: density of air, 2 % for 6 K or 20 hPa
+)
 THROTTLE_CURVE = 0.3  # of its exponent, once it is fitted [1]; source: own choice
 THROTTLE_DRIFT = 0.002  # of thrust over throttle [1/s]; source: own choice, a tenth in a minute
+MOUNTING = 0.02  # of an autopilot's axes [rad]; source: own choice, one degree
+LATENCY = 0.01  # of an estimator's attitude [s]; source: own choice, a few samples of its filters
 
 
 def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
@@ -21,11 +26,15 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
     tolerance = options.tolerance
     timing = command_timing(flights, options.search.early_command)
     open_ = {"timing": max(tolerance.timing, timing)}
+    if flights[0].measured_rotors:
+        open_["thrust"] = max(tolerance.thrust, ROTOR_SPEED_SCALE)
     if flights[0].log.input == "normalised":
         open_ |= {
             "thrust": max(tolerance.thrust, THROTTLE_SCALE),
             "throttle_curve": max(tolerance.throttle_curve, THROTTLE_CURVE),
             "throttle_drift": max(tolerance.throttle_drift, THROTTLE_DRIFT),
+            "mounting": max(tolerance.mounting, MOUNTING),
+            "latency": max(tolerance.latency, LATENCY),
         }
     return dc.replace(options, tolerance=dc.replace(tolerance, **open_))
 

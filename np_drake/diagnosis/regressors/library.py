@@ -10,6 +10,7 @@ from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residua
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.effects.base import Effect
 from np_drake.effects.library import LIBRARY, effects_for, unobservable
+from np_drake.effects.usual_size import prior_root, usual_size
 
 DRAG = "linear_drag"  # the effect through which winds act
 DRAGS = (DRAG, "quadratic_drag")
@@ -50,6 +51,11 @@ class Candidate:
         return next(iter(self.columns.values())).shape[-1]
 
     @property
+    def widens(self) -> bool:
+        """Whether its prior widens to the size of the estimate."""
+        return bool(self.identifiers) and all(i in LIBRARY and LIBRARY[i].widens for i in self.identifiers)
+
+    @property
     def bounded(self) -> bool:
         """Whether some coefficients are not physical."""
         return self.possible is not None or self.mended is not None
@@ -75,7 +81,7 @@ def nonlinear_grid(effect: type[Effect], flight: FlightResiduals) -> list[dict[s
             for v in np.geomspace(0.006, 0.12, 9)
         ],
         "command_delay": [{"delay": float(v)} for v in SHIFTS],
-        "clock_offset": [{"offset": sign * float(v)} for v in SHIFTS for sign in (-1, 1)],
+        "clock_offset": [{"offset": float(v)} for v in SHIFTS],  # the other way it is a delay of the commands
         "ground_effect": [
             {"effective_radius": v * flight.vehicle.rotor_radius} for v in (1.0, 1.6, 2.4, 3.5, 5.0)
         ],
@@ -138,6 +144,7 @@ def effect_candidates(
 def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stages) -> Candidate:
     free = [p for p in effect.parameters if not p.choices]
     neutral = {p.name: p.neutral for p in free} | fixed
+    root = prior_root(effect, flights[0].vehicle)
 
     def one(evidence: FlightResiduals) -> np.ndarray:
         columns = []
@@ -145,13 +152,13 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
             step = _step_of(effect, p)
             values = {**neutral, p.name: p.neutral + step}
             residual = predicted_residual(evidence, [Term(effect.of(values), onset)], stages[evidence.name])
-            columns.append(residual * (p.typical / step))
-        return np.stack(columns, axis=-1)
+            columns.append(residual / step)
+        return np.stack(columns, axis=-1) @ root
 
     def terms(c: np.ndarray) -> list[Term]:
         values = {
-            p.name: float(np.clip(p.neutral + v * p.typical, p.lower, p.upper))
-            for p, v in zip(free, c, strict=True)
+            p.name: float(np.clip(p.neutral + v, p.lower, p.upper))
+            for p, v in zip(free, root @ c, strict=True)
         }
         return [Term(effect.of({**fixed, **values}), onset)]
 
@@ -206,7 +213,9 @@ def wind_candidates(
         return []
     wind_class, drag_class = LIBRARY["constant_wind"], LIBRARY[DRAG]
     onset = onset or {}
-    typical = drag_class.parameters[0].typical
+    vehicle = flights[0].vehicle
+    typical = usual_size(drag_class.parameters[0], vehicle)
+    speeds = np.array([usual_size(p, vehicle) for p in wind_class.parameters])
     out = []
     for drag in (c for c in plain if c.identifiers == (DRAG,)):
         columns = {}
@@ -216,13 +225,13 @@ def wind_candidates(
             still = predicted_residual(e, [unit], stages)
             winds = [wind_class.of({"x": 0.0, "y": 0.0, "z": 0.0, axis: 1.0}) for axis in "xyz"]
             blown = [predicted_residual(e, [unit, Term(wind, onset)], stages) for wind in winds]
-            extra = np.stack([2.0 * (b - still) for b in blown], axis=-1)
+            extra = np.stack([b - still for b in blown], axis=-1) * speeds
             columns[e.name] = np.concatenate([drag.columns[e.name], extra], axis=-1)
 
         def terms(c: np.ndarray, drag: Candidate = drag) -> list[Term]:
             (felt,) = drag.terms(c[:3])
             d = {name: max(value, 0.2 * typical) for name, value in felt.effect.values.items()}
-            wind = 2.0 * c[3:] * typical / np.array(list(d.values()))
+            wind = speeds * c[3:] * typical / np.array(list(d.values()))
             values = dict(zip("xyz", np.clip(wind, -14.0, 14.0).tolist(), strict=True))
             return [dc.replace(felt, effect=drag_class.of(d)), Term(wind_class.of(values), onset)]
 

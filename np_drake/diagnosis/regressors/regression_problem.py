@@ -121,7 +121,7 @@ class RegressionProblem:
     def scores(self, sets: Sequence[Sequence[int]]) -> list[float]:
         """Return `score` of many sets, solved together."""
         priors = np.array([self._log_prior(members) for members in sets]) + self._log_probability(sets)
-        wide = [[self.wide and not self.candidates[i].generic for i in members] for members in sets]
+        wide = [[self.wide and self.candidates[i].widens for i in members] for members in sets]
         some = np.flatnonzero(np.isfinite(priors)).tolist()
         evidence = np.zeros(len(sets))
         evidence[some] = self._rest.evidence_of_sets(

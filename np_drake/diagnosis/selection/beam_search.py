@@ -49,34 +49,6 @@ def search(problem: RegressionProblem, *, most: int | None = None) -> list[Model
     return [Model(m, s) for m, s in sorted(seen.items(), key=lambda item: -item[1]) if s > -np.inf]
 
 
-def library_first(problem: RegressionProblem, models: list[Model]) -> list[Model]:
-    """Return the models with library effects preferred to generic structure that hides them.
-
-    Where effects of the library alone reach the `library_share` of the best evidence, they are kept and generic
-    structure is added to them, not put in their place.
-    """
-    best = models[0]
-    if not any(problem.candidates[i].generic for i in best.members) or best.score <= 0:
-        return models
-    plain = next(m for m in models if not any(problem.candidates[i].generic for i in m.members))
-    if plain.score < problem.options.search.library_share * best.score:
-        return models
-    now = plain
-    while True:
-        sets = [
-            (*now.members, i)
-            for i, c in enumerate(problem.candidates)
-            if c.generic and i not in now.members and problem.fits_together((*now.members, i))
-        ]
-        grown = [Model(m, s) for m, s in zip(sets, problem.scores(sets), strict=True)]
-        better = max(grown, key=lambda m: m.score, default=now)
-        if better.score <= now.score:
-            break
-        now = better
-    now = Model(tuple(sorted(now.members)), max(now.score, best.score))
-    return [now, *(m for m in models if m.members != now.members)]
-
-
 def _diverse(problem: RegressionProblem, ranked: list[tuple[int, ...]], beam: int) -> list[tuple[int, ...]]:
     """The best of each set of effects: variants of one effect must not fill the beam."""
     kept: dict[tuple[str, ...], tuple[int, ...]] = {}

@@ -53,7 +53,7 @@ def _that_begin(problem: RegressionProblem) -> dict[tuple[str, ...], list[Candid
     library = effects_for(problem.flights[0].log.input)
     found: dict[tuple[str, ...], list[Candidate]] = {}
     for c in problem.candidates:
-        scanned = c.size <= problem.options.search.onset_columns and not c.onset and not c.generic
+        scanned = c.size <= problem.options.search.onset_columns and not c.onset
         if scanned and all(library[name].begins for name in c.identifiers):
             found.setdefault(c.identifiers, []).append(c)
     return found

@@ -11,7 +11,6 @@ from np_drake.diagnosis.regressors import (
     Candidate,
     RegressionProblem,
     calibration,
-    generic_candidates,
     library_candidates,
     sensor_drift,
     wind_candidates,
@@ -38,7 +37,7 @@ def prepare(flights: Sequence[FlightResiduals], options: Options) -> Ready:
     drifting = sensor_drift(flights, tolerance)
     nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]
     plain = library_candidates(flights)
-    candidates = [*plain, *wind_candidates(flights, plain), *generic_candidates(flights, options.priors)]
+    candidates = [*plain, *wind_candidates(flights, plain)]
     step = flights[0].grid.step
     white = scale_only([e.y for e in flights], step)
     late = switched_candidates(

@@ -11,7 +11,7 @@ from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, tolerance_of, with_input
 from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.selection.beam_search import library_first, search
+from np_drake.diagnosis.selection.beam_search import search
 from np_drake.diagnosis.selection.change_point import late_payloads, switched_candidates
 from np_drake.diagnosis.selection.change_point_refinement import refined_change_points
 from np_drake.diagnosis.selection.initial_noise import Ready, noise_of, prepare
@@ -74,7 +74,7 @@ def _search_twice(
         candidates = [*candidates, *hung]
         if late or hung:
             problem = problem.beside([*hung, *late])
-        models = library_first(problem, search(problem))
+        models = search(problem)
         acting = [problem.candidates[i] for i in models[0].members]
         candidates = [*candidates, *(refined_change_points(problem, models[0]) if first else [])]
         fit = first_fit if best is None else partial(refit, known=best)

@@ -4,7 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.diagnosis.fitting import refit, with_isotropic_prior
+from np_drake.diagnosis.fitting import refit
 from np_drake.diagnosis.regressors import DRAG, Model, Onset, switched
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
 from np_drake.diagnosis.wind.wind_onset import wind_begins
@@ -17,11 +17,10 @@ def with_drag(ranking: Ranking) -> Ranking:
     themselves say of the drag, its prior apart. Where the slow force begins in flight, so may the drag.
     """
     options, priors = ranking.options, ranking.options.priors
-    problem, key = ranking.named_problem, names_of_fit(ranking.named)
-    known = next((m for m in ranking.named_models if names_of(problem, m) == key), None)
+    problem, key = ranking.problem, names_of_fit(ranking.best)
+    known = next((m for m in ranking.models if names_of(problem, m) == key), None)
     if known is None or DRAG in key:
         return ranking
-    own = ranking.noise if problem is ranking.problem else None
     drags = [i for i, c in enumerate(problem.candidates) if c.identifiers == (DRAG,) and not c.onset]
     onset = _begins(ranking)
     if onset:
@@ -35,16 +34,15 @@ def with_drag(ranking: Ranking) -> Ranking:
     odds = best.score - problem.score(known.members) - priors.of_effect(DRAG) + priors.wind_over_unknown
     if odds < 0:
         return ranking
-    named = with_isotropic_prior(refit(problem, best, options.tolerance, None, own), priors)
+    named = refit(problem, best, options.tolerance, None, ranking.noise)
     probability = ranking.probability | {DRAG: float(1 / (1 + np.exp(-odds)))}
-    models = (best, *ranking.named_models)
-    return dc.replace(
-        ranking, named=named, named_problem=problem, named_models=models, probability=probability
-    )
+    models = (best, *ranking.models)
+    fits = (named, *ranking.fits)
+    return dc.replace(ranking, fits=fits, problem=problem, models=models, probability=probability)
 
 
 def _begins(ranking: Ranking) -> Onset:
     """Flights in which the slow force that is left begins in flight, and when [s]: its own power pays for instants."""
-    flights = ranking.named_problem.flights
-    begins = wind_begins(flights, {e.name: ranking.named.residual(e) for e in flights}, {}, ranking.options)
+    flights = ranking.problem.flights
+    begins = wind_begins(flights, {e.name: ranking.best.residual(e) for e in flights}, {}, ranking.options)
     return {name: begin for name, begin in begins.items() if begin is not None}

@@ -7,7 +7,7 @@ import pytest
 
 from np_drake.diagnosis.doctor.residual_noise import explain, nuisance_of
 from np_drake.diagnosis.doctor.smallest_sizes import Information, smallest_gust, smallest_sizes
-from np_drake.diagnosis.doctor.traces import nearest_usual, traces, usual_size
+from np_drake.diagnosis.doctor.traces import nearest_usual, traces
 from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import tolerance_of
@@ -16,6 +16,7 @@ from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
+from np_drake.effects.usual_size import usual_size
 from np_drake.vehicle import Vehicle
 
 OPTIONS = Options.for_sensors(False)

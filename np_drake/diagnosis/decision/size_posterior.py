@@ -1,0 +1,48 @@
+"""Posterior of an effect's size, and the probability that it lies outside the region of practical equivalence."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.fitting import Fit, scaled_jacobian
+from np_drake.diagnosis.materiality import Materiality, Size
+from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
+
+DRAWS = 400  # of the posterior
+SEED = 1
+
+
+def relative_sizes(fit: Fit, i: int, flights: Sequence[FlightResiduals]) -> np.ndarray:
+    """Return draws (`DRAWS`,) of the size of term i from its posterior, over its size at the fit [1].
+
+    The size is the RMS of what the term's parameters predict, linear in their distance from none.
+    Source: Laplace approximation.
+    """
+    names = {p.name for p in fit.terms[i].effect.parameters if p.vanishes}
+    own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight and f.name in names]
+    away = np.array([fit.values[k] - fit.free[k].neutral for k in own])
+    free = [fit.free[k] for k in own]
+    scale = np.array([f.scale for f in free])
+    columns = [scaled_jacobian(fit.everything, free, e)[:, WRENCH].reshape(-1, len(own)) for e in flights]
+    power = sum(J.T @ J for J in columns) / np.outer(scale, scale)
+    if not power.any():  # a sensor error that no wrench shows
+        power = np.diag(scale**-2.0)
+    draws = np.random.default_rng(SEED).multivariate_normal(away, fit.covariance[np.ix_(own, own)], DRAWS)
+    at_fit = float(away @ power @ away)
+    squares = np.einsum("ni,ij,nj->n", draws, power, draws)
+    return np.sqrt(np.maximum(squares, 0.0) / max(at_fit, 1e-300))
+
+
+def material_share(
+    size: Size, relative: np.ndarray, materiality: Materiality, *, calibration: bool, sensor: bool
+) -> float:
+    """Return the posterior probability that an effect is larger than what is practically none [1].
+
+    Args:
+        size: at the fit.
+        relative: draws (n,) of the size over that at the fit [1].
+        calibration, sensor: as in `Size.material`.
+    """
+    sizes = (Size(size.force * r, size.torque * r, size.gap * r**2, size.sensor * r) for r in relative)
+    found = [s.material(materiality, calibration=calibration, sensor=sensor) for s in sizes]
+    return float(np.mean(found))

@@ -1,0 +1,36 @@
+"""Effect `attitude_latency`: an attitude that is older than the velocity beside it."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.effects.base import Measurement, Parameter, SensorEffect
+from np_drake.rigid_body import Q, W
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class AttitudeLatency(SensorEffect):
+    """Time by which the attitude in a row is older than position and velocity; to first order in the body rates.
+
+    A nuisance of logs of an estimator, whose filters delay its states by different times: never a cause.
+    Source: own choice.
+    """
+
+    latency: float = 0.01  # [s]
+
+    identifier: ClassVar[str] = "attitude_latency"
+    linear: ClassVar[bool] = False
+    corrupts: ClassVar[tuple[str, ...]] = ("qw", "qx", "qy", "qz")
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("latency", "s", 0.0, -0.1, 0.1, 0.01),)
+
+    def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
+        """Return the reading with the attitude of `latency` before."""
+        x = np.array(truth.x, float)
+        turn = attitude.from_rotation_vector(-self.latency * x[..., W].reshape(-1, 3)).reshape(
+            x[..., Q].shape
+        )
+        x[..., Q] = attitude.multiply(x[..., Q], turn)
+        return dc.replace(truth, x=x)
