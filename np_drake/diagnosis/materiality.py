@@ -19,14 +19,10 @@ class Materiality:
     calibration_force: float = (
         0.02  # of weight: mass and thrust below it are what vehicle files are off by [1]
     )
+    still_air: float = 0.25  # mean level wind [m/s]; source: draught in rooms, ISO 7730
     gap: float = 0.10  # share of the gap above the noise [1]
-    least_gap: float = 1e-5  # share of the gap that the other causes get wrong [1]: 0.3 % in size
-    least_gap_beside_payload: float = 1e-3  # the same beside a payload, a pendulum to no better than 3 % [1]
     sensor: float = 1.5  # size of a sensor error over the tolerance of that sensor [1]
     structure_share: float = 0.03  # of the gap, and of a channel's power, for structure that is no effect [1]
-    time_shift_share: float = (
-        0.03  # of the largest time shift, for another one; as `SearchOptions.linear_error` [1]
-    )
 
 
 @dc.dataclass(frozen=True)
@@ -43,17 +39,12 @@ class Size:
     gap: float
     sensor: float
 
-    def material(
-        self, materiality: Materiality, *, calibration: bool, sensor: bool, least_gap: float | None = None
-    ) -> bool:
+    def material(self, materiality: Materiality, *, calibration: bool, sensor: bool) -> bool:
         """Return whether the size is material.
 
         Args:
             calibration: whether the term is what a vehicle file may be off by.   sensor: whether it is a sensor error.
-            least_gap: share of the gap [1]; default: that of the materiality.
         """
-        if self.gap < (materiality.least_gap if least_gap is None else least_gap):
-            return False
         if calibration:
             return self.force >= materiality.calibration_force
         if sensor:

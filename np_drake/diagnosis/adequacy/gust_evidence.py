@@ -38,7 +38,7 @@ def gust_probability(
     thresholds, materiality = options.thresholds, options.materiality
     least = materiality.structure_force * materiality.exactness
     even = thresholds.slow_force_evidence(felt=felt)
-    matters = felt or both.deviation > least * vehicle.mass * vehicle.gravity
+    matters = both.deviation > least * vehicle.mass * vehicle.gravity
     shown = seen.log_evidence > thresholds.held_out_share * even
     lost = any(t.swings for t in named.terms) and slow_power(
         flights, residual

@@ -8,7 +8,7 @@ from scipy import special
 
 from np_drake.diagnosis.decision.effect_size import size_of, within_calibration
 from np_drake.diagnosis.decision.equivalence import indistinguishable
-from np_drake.diagnosis.decision.size_posterior import material_share, relative_sizes
+from np_drake.diagnosis.decision.size_posterior import material_share, relative_sizes, wind_share
 from np_drake.diagnosis.disturbance.linear_model import LinearModel
 from np_drake.diagnosis.fitting import Fit, impossible, interval
 from np_drake.diagnosis.forward_model import pendulum_error
@@ -114,6 +114,7 @@ def judge(
         calibration=within_calibration(fit.terms[i], options),
         sensor=tolerance.of(effect.identifier) > 0,
     )
+    material *= wind_share(fit, i, options.materiality.still_air)
     shift = abs(effect.time_shift(flights[0].vehicle))
     if 0 < shift < options.materiality.sensor * tolerance.timing:
         material = 0.0

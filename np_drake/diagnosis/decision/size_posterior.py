@@ -33,6 +33,20 @@ def relative_sizes(fit: Fit, i: int, flights: Sequence[FlightResiduals]) -> np.n
     return np.sqrt(np.maximum(squares, 0.0) / max(at_fit, 1e-300))
 
 
+def wind_share(fit: Fit, i: int, still_air: float) -> float:
+    """Return the posterior probability that the mean level wind of term i is no draught; 1 where it is no wind.
+
+    still_air: largest speed of a draught [m/s].
+    """
+    own = {f.name: k for k, f in enumerate(fit.free) if f.term == i and not f.flight}
+    if not fit.terms[i].effect.needs or not {"x", "y"} <= set(own):
+        return 1.0
+    level = [own["x"], own["y"]]
+    covariance = fit.covariance[np.ix_(level, level)]
+    draws = np.random.default_rng(SEED).multivariate_normal(fit.values[level], covariance, DRAWS)
+    return float(np.mean(np.linalg.norm(draws, axis=1) > still_air))
+
+
 def material_share(
     size: Size, relative: np.ndarray, materiality: Materiality, *, calibration: bool, sensor: bool
 ) -> float:

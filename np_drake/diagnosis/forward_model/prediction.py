@@ -62,7 +62,7 @@ def predicted_residual(
     for sensor in sensors:
         y += stages.once("sensor", (sensor,), partial(sensor_residual, flight, sensor))
     if len(sensors) == len(terms) and not any(s.clock_shift for s in sensors):
-        return y  # sensor effects alone change no wrench
+        return flight.known(y)  # sensor effects alone change no wrench
     flight = stages.once("before", sensors, partial(without_errors, flight, sensors))
     key = (turning, sum(s.clock_shift for s in sensors))
     thrust = stages.once("thrust", key, partial(_thrust, flight, terms))
@@ -85,7 +85,7 @@ def predicted_residual(
         turned.ahead,
         lambda now: stages.once("body", (sensors, now), partial(ModifiedInertia, flight, now)),
     )
-    return y
+    return flight.known(y)
 
 
 def gate(t: np.ndarray, onset: float | None) -> np.ndarray:

@@ -34,5 +34,5 @@ class Options:
             Materiality(effect_force=0.003, exactness=0.3),
             Priors(pendulum_mass=0.006, pendulum_length=0.003, pendulum_hook=0.0003),
             SearchOptions(),
-            Thresholds(sure=0.75, split_misfit=1.25, misfit=1.11, slow_torque=9.0, gust_interval=1.0),
+            Thresholds(sure=0.75, split_misfit=1.25, slow_torque=9.0, gust_interval=1.0),
         )

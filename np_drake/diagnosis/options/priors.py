@@ -21,9 +21,6 @@ class Priors:
         0.04  # deviation of its force over weight, and of its torque over weight times arm [1]
     )
     twist: float = 0.3  # deviation of a twist's torque over the commanded one [1]
-    isotropic_deviations: float = (
-        2.0  # from neutral at which a parameter is known by itself [standard deviations]
-    )
     # Onsets.
     first_onset: float = math.log(1 / 6)  # log prior of an onset in a flight
     another_onset: float = math.log(1 / 2)  # log prior of an onset in one more flight

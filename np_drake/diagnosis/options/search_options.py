@@ -12,9 +12,6 @@ class SearchOptions:
 
     # Noise.
     temperature: float = 2.0  # factor on the variance of the noise, which is never quite its model [1]
-    structured_temperature: float = (
-        25.0  # rows over which errors are correlated beside structure: half a second [1]
-    )
     linear_error: float = 0.03  # share that linear columns get wrong of what they explain [1]
     force_lever: float = 0.05  # at which a force acts that is known as well as the attitude is [m]
     early_command: float = (
@@ -23,15 +20,11 @@ class SearchOptions:
     # Beam search.
     beam: int = 6  # sets kept from step to step [1]
     beam_margin: float = 8.0  # below the best at which the beam stops growing
-    most_effects: int = 5  # in a model [1]
-    most_effects_measured: int = 8  # where rotor speed is measured: real rotors have many [1]
-    library_share: float = 0.8  # of the best evidence that effects reach to go before generic structure [1]
+    most_effects: int = 8  # in a model [1]
     # Ranking.
     refined: int = 3  # models refined, with what is simpler than these [1]
     refined_margin: float = 12.0  # below the best at which a model is not refined
     faint: float = 0.1  # whitened size over that of all, below which a model is tried without an effect [1]
-    generic_margin: float = 4.0  # by which generic structure must beat the library's effects
-    held_out_margin: float = 5.0  # within which held-out flights are asked too
     # Change points.
     onset_gain: float = 1.0  # prior included, from which an onset is tried
     payload_onset_gain: float = 8.0  # from which a payload that begins in flight is looked for

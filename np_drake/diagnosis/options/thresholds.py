@@ -11,16 +11,10 @@ class Thresholds:
     """
 
     # Calibration of probabilities; source: simulated flights that no published result uses.
-    temper: float = 0.4  # exponent of the odds that shares of evidence give
     trust: float = 0.97  # probability that what explains the flights best is an effect of the library
     doubted: float = 0.8  # most probability of a cause where held-out flights leave more than noise
-    beside_unknown: float = 0.2  # most probability of a cause beside something unknown
     # Inclusion of an effect as a cause.
     sure: float = 0.5  # least probability; ideal sensors: 0.75
-    sure_seen_again: float = 0.5  # least probability where held-out flights bring `seen_again`
-    seen_again: float = 20.0  # log evidence on held-out flights
-    hurt: float = 2.0  # log evidence that an effect may cost on held-out flights
-    hurt_share: float = 0.01  # the same over what it brings to the flights of its fit
     significance: float = 0.95  # confidence level of the Wald test that parameters are not none
     pushing_drag: float = 3.0  # standard deviations below none at which a drag pushes
     same: float = 3.5  # difference of log evidence below which two effects are indistinguishable
@@ -32,12 +26,6 @@ class Thresholds:
     )
     split_half: float = 4.0  # least length of either half [s]
     # Confidence.
-    misfit: float = 1.4  # held-out residual over noise above which names are doubted; ideal sensors: 1.11
-    misfit_in_gusts: float = 1.5  # the same in gusts, which a tilted vehicle feels along its thrust
-    misfit_deviations: float = 3.5  # of the RMS of white noise in a short flight, which are chance
-    vague_rate: float = (
-        0.375  # half width of the interval of a thrust drift over its rate; source: simulated flights
-    )
     # Tests of what is left.
     line: float = 20.0  # power of a spectral line over its neighbourhood
     slow_torque: float = 12.0  # over that of gyro noise; ideal sensors: 9
@@ -48,16 +36,11 @@ class Thresholds:
     held_out_power: float = 0.3  # share of slow power left of held-out flights that no good model leaves
     swing_power: float = 0.25  # the same beside a payload: what a swing leaves that is lost at a snap
     novel: float = 2.0  # times a threshold at which held-out flights suffice
-    beyond_bounds: float = (
-        0.9  # probability of something unknown where an effect needs a parameter beyond its bounds
-    )
     steepness: float = 6.0  # slope of the probability's logit in the logarithm of a ratio
-    structure_harm: float = -1.0  # log likelihood on held-out flights below which a structure does not repeat
     # Gusts.
     slow_force_felt: float = 4.0  # log evidence of even odds, where a drag feels the force
     slow_force: float = 7.0  # the same where no drag does
     place: float = 1e-3  # probability below which a slow force does not follow the place by chance
-    upright: float = 2.0  # held-out residual over noise above which gusts do not explain it
     strongest_wind: float = 8.0  # deviation of gusts [m/s]; as `GustyWind`
     friction: float = 2.0  # standard deviations of a dry friction that gusts do not have
     faint_friction: float = 1.3  # the same that gusts hardly have

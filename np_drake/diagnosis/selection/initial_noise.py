@@ -72,9 +72,11 @@ def prepare(flights: Sequence[FlightResiduals], options: Options) -> Ready:
     payloads = next(
         filter(None, (PayloadSearch(flights, options).best(n, nuisance, others) for n in weights)), []
     )
+    # A swing that is not fitted yet is a resonance of the noise, which would hide it: white weights do not.
+    first = weights[1] if payloads else noise
     residual = _rich_residuals(
         RegressionProblem(
-            flights, noise, nuisance, [*everything, *payloads], temperature=1.0, options=options
+            flights, first, nuisance, [*everything, *payloads], temperature=1.0, options=options
         )
     )
     noise = noise_of(flights, residual, raw, options, error)

@@ -57,6 +57,9 @@ def as_gusts(
     friction = dry_friction(flights, felt, onset, force)
     if _too_strong(force, drag, thresholds.strongest_wind) or friction > thresholds.friction:
         return causes
+    weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
+    if force.deviation[0] < options.materiality.effect_force * weight:
+        return causes
     parameters = _statistics(flights, force, drag, options)
     # Only a drag at the end of its interval makes a wind of what is so strong.
     if parameters["deviation"].value > thresholds.strongest_wind or friction > thresholds.faint_friction:
