@@ -12,8 +12,7 @@ import pytest
 from scipy import signal
 
 from np_drake import attitude
-from np_drake.diagnosis.decision.compare import Comparison, compare
-from np_drake.diagnosis.decision.decide import Inference, decide
+from np_drake.diagnosis.decision.infer import Inference, concluded
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
 from np_drake.diagnosis.options import Options
@@ -56,7 +55,6 @@ def seen(fly: Fly) -> Callable[..., FlightResiduals]:
 
 
 Search = Callable[..., SearchResult]
-Compare = Callable[..., Comparison]
 
 
 def with_few_lengths(options: Options) -> Options:
@@ -91,23 +89,17 @@ def searched() -> Search:
 
 
 @pytest.fixture(scope="module")
-def compared(searched: Search) -> Compare:
-    """Return a function that compares models of flights without a payload on held-out ones; once in a module."""
-    known: dict[tuple[object, ...], Comparison] = {}
+def inferred(searched: Search) -> Callable[..., Inference]:
+    """Return `infer`, which searches the same flights once in a module, and concludes once."""
+    known: dict[tuple[object, ...], Inference] = {}
 
-    def comparison(flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]) -> Comparison:
+    def inference(flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]) -> Inference:
         key = (*map(_content, flights), None, *map(_content, held_out))
         if key not in known:
-            known[key] = compare(searched(flights), held_out)
+            known[key] = concluded(searched(flights), held_out)
         return known[key]
 
-    return comparison
-
-
-@pytest.fixture(scope="module")
-def inferred(compared: Compare) -> Callable[..., Inference]:
-    """Return `infer`, which compares the models of the same flights once in a module."""
-    return lambda flights, held_out: decide(compared(flights, held_out))
+    return inference
 
 
 @dc.dataclass(frozen=True)
