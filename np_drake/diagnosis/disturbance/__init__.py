@@ -1,0 +1,1 @@
+"""What no effect describes: generic structure that competes with the best model for the same evidence."""
