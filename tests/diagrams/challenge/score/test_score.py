@@ -109,6 +109,26 @@ def test_an_out_of_library_effect_must_be_called_unknown_and_nothing_else_surely
     assert kind["named"] == {"gusty_wind": 2}
 
 
+def test_two_out_of_library_effects_at_once_have_a_row_of_their_own(cases, by_hand):
+    other = {"effect": "side_lift", "parameters": {"c": 0.1}}
+    truth = by_hand.make_truth(by_hand.OUT_OF_LIBRARY, other, kind="foreign")
+    found = score([*cases, by_hand.named(truth, unknown=True), by_hand.named(truth)])["rates"]["foreign"]
+    assert (found["unknown"]["count"], found["unknown"]["n"]) == (2, 3)
+    assert (found["unknown_two"]["count"], found["unknown_two"]["n"]) == (1, 2)
+    assert [(row["kind"], row["unknown"]["n"]) for row in found["kinds"]] == [
+        ("fan_jet", 1),
+        ("fan_jet + side_lift", 2),
+    ]
+
+
+def test_unknown_added_to_what_the_library_has_is_counted(cases, by_hand):
+    truth = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, kind="pair", visibility=1.1)
+    added = by_hand.named(truth, "thrust_scale", "linear_drag", unknown=True)
+    found = score([*cases, added])["rates"]
+    assert (found["several"]["unknown"]["count"], found["several"]["unknown"]["n"]) == (1, 3)
+    assert (found["triple"]["unknown"]["count"], found["triple"]["unknown"]["n"]) == (0, 1)
+
+
 def test_names_of_pairs_are_pooled(cases, by_hand):
     truth = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, kind="pair")
     half = by_hand.named(truth, "thrust_scale", "weak_rotor", "motor_lag")
