@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from diagrams.challenge.score.answered_case import COMPANION, WINDS, AnsweredCase
 from diagrams.challenge.score.binomial_intervals import binned, binomial_interval, precision_and_recall
 from np_drake.diagnosis.result import UNKNOWN
-from np_drake.effects.library import LIBRARY
+from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
 
 WIDEST = 3  # names that a class may hold, a cause's own included: more tell nothing
 
@@ -186,7 +186,8 @@ def confusion(cases: Sequence[AnsweredCase], least: float) -> dict[str, Any]:
     shown += [c for c in cases if c.kind == "clean"]
     acting = {c.main for c in shown}
     rows = [name for name in (*LIBRARY, "foreign", "clean") if name in acting]
-    columns = [*LIBRARY, UNKNOWN, SEVERAL, NONE]
+    said = {verdict_in_a_word(c) for c in shown}
+    columns = [*LIBRARY, *(name for name in MEASURED_ROTORS if name in said), UNKNOWN, SEVERAL, NONE]
     counts = np.zeros((len(rows), len(columns)), int)
     for case in shown:
         counts[rows.index(case.main), columns.index(verdict_in_a_word(case))] += 1
@@ -201,7 +202,7 @@ def verdict_in_a_word(case: AnsweredCase) -> str:
     if len(names) > 1:
         return SEVERAL
     word = next(iter(names), NONE)
-    return word if word in LIBRARY or word in (NONE, UNKNOWN) else SEVERAL
+    return word if word in LIBRARY | MEASURED_ROTORS or word in (NONE, UNKNOWN) else SEVERAL
 
 
 def reliability(cases: Iterable[AnsweredCase]) -> dict[str, Any]:

@@ -3,6 +3,7 @@ import json
 
 import pytest
 
+from diagrams.challenge.score.answered_case import fault_of_truth
 from diagrams.challenge.score.score import score
 from diagrams.challenge.score.tables import tables
 from np_drake.atomic_file import plain
@@ -127,6 +128,17 @@ def test_unknown_added_to_what_the_library_has_is_counted(cases, by_hand):
     found = score([*cases, added])["rates"]
     assert (found["several"]["unknown"]["count"], found["several"]["unknown"]["n"]) == (1, 3)
     assert (found["triple"]["unknown"]["count"], found["triple"]["unknown"]["n"]) == (0, 1)
+
+
+def test_an_effect_that_only_measured_rotors_tell_is_a_name_as_others_are(cases, by_hand):
+    named = by_hand.named(cases[0].truth, "mixer_gain")
+    dut = score([*cases, named])
+    (effect,) = [row for row in dut["effects"] if row["effect"] == "mixer_gain"]
+    assert effect["named_wrongly"] == 1
+    column = dut["confusion"]["named"].index("mixer_gain")
+    assert sum(row[column] for row in dut["confusion"]["counts"]) == 1
+    assert "mixer_gain" not in score(cases)["confusion"]["named"]
+    assert fault_of_truth({**cases[0].truth, "class": [["thrust_scale", "mixer_gain"]]}) is None
 
 
 def test_names_of_pairs_are_pooled(cases, by_hand):
