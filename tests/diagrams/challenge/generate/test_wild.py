@@ -163,19 +163,27 @@ def test_a_file_is_read_with_the_input_that_was_drawn(kind, vehicle, plan, t, tm
     assert read_log(tmp_path / "flight.csv", vehicle=vehicle).input == kind
 
 
-@pytest.mark.parametrize(
-    "logged", [LoggedInput("thrust_only", "held_before"), LoggedInput("rotor_speed", "averaged")]
-)
-def test_the_truth_knows_when_commands_act(logged):
+def flown(logged):
+    """A clean wild case at 100 Hz with that input: its noisy log, noise floor and visibility in one flight."""
     case = draw_case(CaseDraw(0, "clean"), quality="wild", seed=3, seconds=5.0)
     quality = dc.replace(case.quality, rate=100.0, rotor=abs(case.quality.rotor))
     case = dc.replace(case, quality=quality, input=logged)
-    exact, noisy = fly_case(case, "drake")
-    pair = flight_pair(case, FILES[0], exact[FILES[0]], noisy[FILES[0]])
-    noise, visibility = residual_and_visibility(case, pair)
+    exact, noisy = (logs[FILES[0]] for logs in fly_case(case, "drake"))
+    return noisy, *residual_and_visibility(case, flight_pair(case, FILES[0], exact, noisy))
+
+
+@pytest.mark.parametrize("kind, semantics", [("thrust_only", "sampled"), ("rotor_speed", "averaged")])
+def test_what_a_file_does_not_tell_is_no_gap(kind, semantics):
+    noisy, noise, visibility = flown(LoggedInput(kind, semantics))
+    assert noisy.input == kind
     assert visibility == pytest.approx(1.0, abs=0.05)  # nothing acts: no gap but noise
-    assert (noise[3:6] == 0).all() == (logged.kind == "thrust_only")
-    assert noisy[FILES[0]].input == logged.kind
+    assert (noise[3:6] == 0).all() == (kind == "thrust_only")
+
+
+def test_the_truth_knows_when_commands_act():
+    (held, floor, _), (late, same, _) = (flown(LoggedInput("command", s)) for s in SEMANTICS[:2])
+    assert np.array_equal(held.u[:-1][np.diff(held.t) < 0.015], late.u[1:][np.diff(held.t) < 0.015])
+    np.testing.assert_allclose(same, floor, rtol=1e-12)
 
 
 def test_the_same_seed_writes_the_same_files_and_they_can_be_read(tmp_path):
