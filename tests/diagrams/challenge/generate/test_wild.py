@@ -32,6 +32,7 @@ from diagrams.challenge.generate.sensor_quality import (
 from diagrams.challenge.simulators.drake.simulator import fly
 from np_drake.effects.library import LIBRARY, unobservable
 from np_drake.logs.case_folder import open_case
+from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.gaps import LONGEST
 from np_drake.logs.log_file import read_log, write_log
 from np_drake.vehicle import INPUTS
@@ -145,13 +146,12 @@ def test_a_late_sample_is_the_second_command_of_its_row():
     fine = dut.instants(t)
     np.testing.assert_allclose(fine[::FINER], t)
     np.testing.assert_allclose(np.diff(fine), 0.01)
-    log = read_like(fine)
+    log = counted(fine)
     assert np.array_equal(as_logged(log, dut.semantics, dut.finer, dut.late).u[:, 0], fine[1::FINER])
 
 
-def read_like(t):
-    from np_drake.logs.flight_log import FlightLog
-
+def counted(t):
+    """A log at rest whose commands are their own times."""
     three, four = np.zeros((len(t), 3)), np.tile(t[:, None], (1, 4))
     return FlightLog(t, three, four, three, three, four)
 
