@@ -21,15 +21,13 @@ from np_drake.logs.neurobem import AGILE
 
 GROUPS = ("payload", "payload-command", "bare", "wind", "still", "new-wind", "neurobem")
 RULE = (
-    "A block is a run of consecutive flight numbers, of which single ones may lack (one manoeuvre).",
-    "payload, bare: for every ordered pair of blocks A, B: fit the first two flights of A, judge the first of B; "
-    "and for every block C: fit the last flights of the two blocks after C (in a circle), judge the last of C.",
-    "payload, bare: thrust and torque from measured rotor speed. "
-    "payload-command: the second half of that rule, with the commanded thrust and torque.",
-    "wind, still: for every path and wind: hold out each controller, fit the two after it (by name, in a circle).",
-    "new-wind: for every path, wind and controller: judge its flight in wind, fit the still flights of the two "
-    "controllers after it.",
-    "neurobem: each agile flight held out in turn, the others fitted.",
+    "A block is a run of consecutive flight numbers, of which single ones may lack: one manoeuvre.",
+    "payload, bare: for every ordered pair of blocks A, B: fit the first two of A, judge the first of B;",
+    "and for every block C: fit the last of each of the two blocks after C, judge the last of C.",
+    "They take thrust and torque from rotor speed; payload-command those commanded, the second half.",
+    "wind, still: for every path and wind: judge each controller, fit the two after it.",
+    "new-wind: for every flight in wind: judge it, fit the still flights of the two controllers after.",
+    "neurobem: judge each agile flight, fit the others. After the last comes the first again.",
     "No flight judges what was fitted to it (no adaptive split).",
 )
 

@@ -121,6 +121,7 @@ def scored(answer: Mapping[str, Any], truth: Truth, train: Sequence[FlightLog] =
         "cut": held_out_cut(answer["gap"]),
         "new_condition": says_new_condition(answer, fitted),
         "seconds": answer["seconds"],
+        "processor": answer.get("processor_seconds"),
     }
 
 

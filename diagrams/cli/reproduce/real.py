@@ -82,8 +82,7 @@ def real(
             "calibration": {n: bins(p) for n, p in series.items()},
             "failures": failures,
         },
-        lines=list(RULE),
-        summary=[f"{len(records)} cases. Rule:", *RULE],
+        summary=[f"{len(records)} cases, by this rule:", *RULE],
         figures={"calibration.png": lambda: calibration_figure(series)} if any(series.values()) else {},
         failure=failure,
     )
