@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from diagrams.challenge.generate.case import FILES, Case
+from diagrams.challenge.generate.logged_input import best_known
 from np_drake.diagnosis.forward_model.prediction import gate, predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.localisation.collinearity import collinear_effects, effects_of_trace
@@ -31,8 +32,8 @@ def best_onset(
         terms: the true effects with the true onset [s].   noise: model of `errors`.
     """
     t, name = exact.t, exact.name
-    begun = predicted_residual(exact, terms)
-    always = predicted_residual(exact, [dc.replace(term, onset={**term.onset, name: None}) for term in terms])
+    begun = _left(exact, terms)
+    always = _left(exact, [dc.replace(term, onset={**term.onset, name: None}) for term in terms])
     tried = np.flatnonzero(np.abs(t - onset) <= AROUND)
     cost = [
         float(np.sum(noise.whiten(errors + begun - _from(t, k, onset, begun, always)) ** 2)) for k in t[tried]
@@ -42,6 +43,11 @@ def best_onset(
     first = int(np.argmax(np.convolve(likely, np.ones(width), "valid")))
     within = np.cumsum(likely[first : first + width])
     return float(t[tried[first + np.searchsorted(within, 0.5 * within[-1])]])
+
+
+def _left(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:
+    """Return what the terms leave (m, 15), in the channels that the log tells."""
+    return flight.known(predicted_residual(flight, terms))
 
 
 def _from(t: np.ndarray, k: float, onset: float, begun: np.ndarray, always: np.ndarray) -> np.ndarray:
@@ -102,16 +108,23 @@ def truth(case: Case, simulator: str, flights: dict[str, FlightPair]) -> dict:
         "attempt": case.draw.attempt,
         "vehicle_off": {"mass": case.quality.mass_off, "thrust": case.quality.thrust_off},
         "plans": {file: plan.kind for file, plan in case.plans.items()},
+        **({"sensors": sensors(case)} if case.quality.name == "wild" else {}),
     }
 
 
+def sensors(case: Case) -> dict[str, Any]:
+    """Return rate, input and noise of a case, by which the results of a `wild` set can be taken apart."""
+    return {"input": case.input.kind, "semantics": case.input.semantics, **dc.asdict(case.quality)}
+
+
 def flight_pair(case: Case, file: str, exact: FlightLog, noisy: FlightLog) -> FlightPair:
-    """Return the pair of one flight; both begin where the measured one counts."""
-    measured = make_flight_residuals(dc.replace(noisy, name=file), case.vehicle)
-    since = float(measured.t[0])
-    return FlightPair(
-        measured, make_flight_residuals(dc.replace(exact, name=file), case.vehicle, since=since)
-    )
+    """Return the pair of one flight; both begin where the measured one counts, and know when commands act."""
+    known = [
+        best_known(dc.replace(log, name=file), exact.u, case.vehicle, case.input.kind)
+        for log in (noisy, exact)
+    ]
+    measured = make_flight_residuals(known[0], case.vehicle)
+    return FlightPair(measured, make_flight_residuals(known[1], case.vehicle, since=float(measured.t[0])))
 
 
 def equivalent_library_effects(case: Case, flights: dict[str, FlightPair]) -> list[str]:
@@ -122,7 +135,7 @@ def equivalent_library_effects(case: Case, flights: dict[str, FlightPair]) -> li
     """
     off = [Term(effect) for effect in case.quality.background(case.vehicle)]
     measured = [pair.measured for pair in flights.values()]
-    trace = {pair.true.name: pair.true.y - predicted_residual(pair.true, off) for pair in flights.values()}
+    trace = {pair.true.name: pair.true.y - _left(pair.true, off) for pair in flights.values()}
     noise = fit_noise([pair.errors for pair in flights.values()], measured[0].grid.step)
     rows = sum(len(y) for y in trace.values())
     return effects_of_trace(
@@ -159,7 +172,7 @@ def residual_and_visibility(case: Case, flight: FlightPair) -> tuple[np.ndarray,
     """
     noise = np.sqrt(np.mean(flight.errors**2, axis=0))
     off = [Term(effect) for effect in case.quality.background(case.vehicle)]
-    total = np.sqrt(np.mean((flight.measured.y - predicted_residual(flight.true, off)) ** 2, axis=0))
+    total = np.sqrt(np.mean((flight.measured.y - _left(flight.true, off)) ** 2, axis=0))
     return noise, float(np.max(total / np.maximum(noise, 1e-12)))
 
 
@@ -168,9 +181,7 @@ def residual_of_true_parameters(case: Case, flight: FlightPair, noise: np.ndarra
     if case.draw.kind == "foreign" or all(effect.foreseen is effect for effect in case.effects):
         return noise
     known = [*case.quality.background(case.vehicle), *(e.foreseen for e in case.effects)]
-    left = flight.true.y - predicted_residual(
-        flight.true, [Term(effect, dict(case.onset)) for effect in known]
-    )
+    left = flight.true.y - _left(flight.true, [Term(effect, dict(case.onset)) for effect in known])
     return np.sqrt(noise**2 + np.mean(left**2, axis=0))
 
 
@@ -193,6 +204,6 @@ def visibility_of_each(case: Case, flight: FlightPair, noise: np.ndarray) -> lis
     terms = [Term(effect, dict(case.onset)) for effect in effects]
     out = []
     for i in range(len(terms)):
-        trace = predicted_residual(evidence, terms) - predicted_residual(evidence, terms[:i] + terms[i + 1 :])
+        trace = _left(evidence, terms) - _left(evidence, terms[:i] + terms[i + 1 :])
         out.append(float(np.max(np.sqrt(1 + np.mean(trace**2, axis=0) / np.maximum(noise, 1e-12) ** 2))))
     return out

@@ -8,7 +8,7 @@ from typing import Any
 
 from diagrams.challenge.score.schema import SchemaValidator, list_of, object_of, or_null, record, violation
 from np_drake.diagnosis.result import UNKNOWN
-from np_drake.effects.library import LIBRARY
+from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
 
 OUT_OF_LIBRARY, CLEAN = "foreign", "clean"
 KINDS = ("single", "pair", "triple", "onset", CLEAN, OUT_OF_LIBRARY)
@@ -102,7 +102,7 @@ def _disagreements(truth: dict[str, Any]) -> Iterator[str]:
             if wrong is not None:
                 yield wrong
         for name in names:
-            if name not in LIBRARY and name != own:
+            if name not in LIBRARY | MEASURED_ROTORS and name != own:
                 yield f"class[{i}] must hold effects of the library; got {name!r}."
 
 

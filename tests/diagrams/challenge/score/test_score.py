@@ -3,6 +3,7 @@ import json
 
 import pytest
 
+from diagrams.challenge.score.answered_case import fault_of_truth
 from diagrams.challenge.score.score import score
 from diagrams.challenge.score.tables import tables
 from np_drake.atomic_file import plain
@@ -107,6 +108,37 @@ def test_an_out_of_library_effect_must_be_called_unknown_and_nothing_else_surely
     assert [kind[how]["count"] for how in ("unknown", "alone", "wrong_and_sure")] == [2, 1, 1]
     assert kind["unknown"]["n"] == 3
     assert kind["named"] == {"gusty_wind": 2}
+
+
+def test_two_out_of_library_effects_at_once_have_a_row_of_their_own(cases, by_hand):
+    other = {"effect": "side_lift", "parameters": {"c": 0.1}}
+    truth = by_hand.make_truth(by_hand.OUT_OF_LIBRARY, other, kind="foreign")
+    found = score([*cases, by_hand.named(truth, unknown=True), by_hand.named(truth)])["rates"]["foreign"]
+    assert (found["unknown"]["count"], found["unknown"]["n"]) == (2, 3)
+    assert (found["unknown_two"]["count"], found["unknown_two"]["n"]) == (1, 2)
+    assert [(row["kind"], row["unknown"]["n"]) for row in found["kinds"]] == [
+        ("fan_jet", 1),
+        ("fan_jet + side_lift", 2),
+    ]
+
+
+def test_unknown_added_to_what_the_library_has_is_counted(cases, by_hand):
+    truth = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, kind="pair", visibility=1.1)
+    added = by_hand.named(truth, "thrust_scale", "linear_drag", unknown=True)
+    found = score([*cases, added])["rates"]
+    assert (found["several"]["unknown"]["count"], found["several"]["unknown"]["n"]) == (1, 3)
+    assert (found["triple"]["unknown"]["count"], found["triple"]["unknown"]["n"]) == (0, 1)
+
+
+def test_an_effect_that_only_measured_rotors_tell_is_a_name_as_others_are(cases, by_hand):
+    named = by_hand.named(cases[0].truth, "mixer_gain")
+    dut = score([*cases, named])
+    (effect,) = [row for row in dut["effects"] if row["effect"] == "mixer_gain"]
+    assert effect["named_wrongly"] == 1
+    column = dut["confusion"]["named"].index("mixer_gain")
+    assert sum(row[column] for row in dut["confusion"]["counts"]) == 1
+    assert "mixer_gain" not in score(cases)["confusion"]["named"]
+    assert fault_of_truth({**cases[0].truth, "class": [["thrust_scale", "mixer_gain"]]}) is None
 
 
 def test_names_of_pairs_are_pooled(cases, by_hand):
