@@ -17,8 +17,8 @@ THROTTLE_DRIFT = 0.002  # of thrust over throttle [1/s]; source: own choice, a t
 
 
 def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
-    """Return the options whose tolerance holds what the input of these flights leaves open."""
-    tolerance = options.tolerance
+    """Return the options whose tolerance holds what vehicle file and input of these flights leave open."""
+    tolerance = options.tolerance.with_vehicle(flights[0].vehicle)
     timing = command_timing(flights, options.search.early_command)
     open_ = {"timing": max(tolerance.timing, timing)}
     if flights[0].log.input == "normalised":
