@@ -72,8 +72,9 @@ def stream(seed: int, draw: CaseDraw, which: int, flight: int = 0) -> np.random.
 
 def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Case:
     """Return the case that `draw` names; equal arguments give equal cases."""
-    sensors = stream(seed, draw, _SENSORS)
-    vehicle = draw_vehicle(stream(seed, draw, _VEHICLE), SensorQuality(quality).stated_noise())
+    sensors, known = stream(seed, draw, _SENSORS), SensorQuality(quality)
+    vehicle = draw_vehicle(stream(seed, draw, _VEHICLE), known.stated_noise())
+    vehicle = dc.replace(vehicle, **known.stated_uncertainty())  # type: ignore[arg-type]
     logged = LoggedInput() if quality != "wild" else draw_logged_input(stream(seed, draw, _INPUT), draw.names)
     if not logged.held:
         vehicle = dc.replace(vehicle, command_timing="unknown")

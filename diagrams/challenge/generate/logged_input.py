@@ -8,12 +8,17 @@ import numpy as np
 from diagrams.challenge.generate.sensor_quality import rows_of
 from np_drake.effects.library import unobservable
 from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.import_sheet import Sheet
 from np_drake.logs.rotor_input import with_rotor_input
 from np_drake.vehicle import INPUTS, Vehicle
 
 SEMANTICS = ("held_after", "held_before", "averaged", "sampled")  # of a row's command
 FINER = 2  # commands in an interval of rows, where a row does not hold one command [1]
 THROTTLE = 0.6  # exponent of the throttle over thrust [1]
+# What the log states of the time at which a row's command acts: its deviation over the interval of rows [1]. Source: as
+# np_drake.logs.importing, but that a mean over the interval acts somewhere in it; that the command acted before its row
+# is not known, for who knows it shifts the commands.
+TIMING = {"held_after": 0.0, "held_before": 0.5, "averaged": 12**-0.5, "sampled": 12**-0.5}
 # Effects that are a shift of the commands' time, which only a log of held commands tells.
 COMMAND_TIME = ("command_delay", "clock_offset")
 # Out-of-library effects that the map of an input absorbs: the exponent of a throttle is fitted to the flight.
@@ -43,6 +48,19 @@ class LoggedInput:
     def held(self) -> bool:
         """Return whether the log holds commands that act from their row to the next."""
         return self.semantics == "held_after" and self.kind != "rotor_speed"
+
+    def timing(self, step: float) -> float:
+        """Return the deviation of the time at which a row's command acts, as the log states it [s].
+
+        step: interval of the rows [s].   Zero where a row's command is held, and where the input is no command.
+        """
+        return 0.0 if self.kind == "rotor_speed" else round(TIMING[self.semantics] * step, 6)
+
+    def sheet(self, step: float) -> Sheet | None:
+        """Return what lies beside a log with such rows: the uncertainty of its commands' time; None: nothing."""
+        timing = self.timing(step)
+        meaning = "unknown" if self.semantics == "held_before" else self.semantics
+        return Sheet(timing, {"command": meaning}) if timing > 0 else None
 
     def instants(self, t: np.ndarray) -> np.ndarray:
         """Return the times (n * finer,) at which a command is given, of rows at t (n,) [s]."""

@@ -25,6 +25,7 @@ from diagrams.challenge.generate.vehicles import vehicle_file
 from diagrams.challenge.simulators.rotorpy import optional_import
 from np_drake.atomic_file import write_json, write_text
 from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.import_sheet import write_sheet
 from np_drake.logs.log_file import write_log
 
 ATTEMPTS = 12  # draws of one case before the set fails
@@ -145,6 +146,8 @@ def write_case(
         write_text(folder / "vehicle.yaml", vehicle_file(case.vehicle))
         for file in FILES:
             write_log(noisy[file], folder / file)
+            if (sheet := case.input.sheet(noisy[file].step)) is not None:
+                write_sheet(sheet, folder / file)
 
 
 @contextmanager

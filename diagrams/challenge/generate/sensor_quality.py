@@ -38,6 +38,7 @@ RANGES = {
 }
 ROTOR = 0.01  # of the speed in hover [1]
 OFF = 0.01  # of mass and thrust, to either side [1]
+DIGITS = 4  # of an uncertainty in a vehicle file
 
 
 @dc.dataclass(frozen=True)
@@ -82,6 +83,16 @@ class SensorQuality:
     def stated_noise(self) -> MeasurementNoise:
         """Return the white noise that the vehicle file states."""
         return MeasurementNoise(attitude=0.005) if self.real else MeasurementNoise()
+
+    def stated_uncertainty(self) -> dict[str, float]:
+        """Return what the vehicle file states of how well mass and thrust are known, by field [1].
+
+        `wild`: the standard deviation of the uniform error that is drawn; others state nothing.
+        """
+        if self.name != "wild":
+            return {}
+        deviation = round(WIDER * OFF / np.sqrt(3.0), DIGITS)
+        return {"mass_uncertainty": deviation, "thrust_uncertainty": deviation}
 
     def instants(self, rng: np.random.Generator, seconds: float) -> np.ndarray:
         """Return the times (n,) of the rows [s]."""

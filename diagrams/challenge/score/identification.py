@@ -43,22 +43,29 @@ def matches(case: AnsweredCase) -> dict[int, str]:
 
 
 def exact(case: AnsweredCase) -> bool:
-    """Return whether the verdict names all true effects and nothing else."""
-    return set(case.verdict) == set(case.true_names)
+    """Return whether the verdict names all true effects that can be told, and nothing that does not act."""
+    return _needed(case) <= set(case.verdict) <= set(case.true_names)
 
 
 def exact_lenient(case: AnsweredCase) -> bool:
     """Return whether the verdict is exact but for a wind's drag, which may be missing."""
     spare = {COMPANION} if set(WINDS) & set(case.true_names) else set()
-    return set(case.verdict) - spare == set(case.true_names) - spare
+    return _needed(case) - spare <= set(case.verdict) - spare <= set(case.true_names) - spare
+
+
+def _needed(case: AnsweredCase) -> set[str]:
+    return {case.true_names[i] for i in case.must_be_named}
 
 
 def right_class(case: AnsweredCase, *, unknown_allowed: bool = False) -> bool:
-    """Return whether causes and true effects match one to one; `unknown` is an excess name unless allowed."""
+    """Return whether causes and true effects match one to one; `unknown` is an excess name unless allowed.
+
+    An effect within what the files may be off by may be named or not.
+    """
     if UNKNOWN in case.verdict and not unknown_allowed:
         return False
     found = matches(case)
-    return len(found) == len(case.true_names) == len(case.named)
+    return len(found) == len(case.named) and set(case.must_be_named) <= set(found)
 
 
 def detected(case: AnsweredCase) -> bool:
@@ -76,8 +83,9 @@ def identifiable_in_training(case: AnsweredCase) -> bool:
 
 def name_counts(case: AnsweredCase) -> tuple[int, int, int]:
     """Return how many names are right, too many (`unknown` among them) and missing, by class."""
-    right = len(matches(case))
-    return right, len(case.verdict) - right, len(case.true_names) - right
+    found = matches(case)
+    missing = set(case.must_be_named) - set(found)
+    return len(found), len(case.verdict) - len(found), len(missing)
 
 
 def is_true(case: AnsweredCase, name: str) -> bool:

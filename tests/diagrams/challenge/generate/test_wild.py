@@ -8,11 +8,19 @@ import pytest
 
 from diagrams.challenge.generate.case import FILES, CaseDraw, draw_case
 from diagrams.challenge.generate.composition import TWO_AT_ONCE, compose
-from diagrams.challenge.generate.ground_truth import flight_pair, residual_and_visibility
+from diagrams.challenge.generate.ground_truth import (
+    collinear_class,
+    flight_pair,
+    flight_pairs,
+    residual_and_visibility,
+    stated_tolerance,
+    within_tolerance,
+)
 from diagrams.challenge.generate.logged_input import (
     COMMAND_TIME,
     FINER,
     SEMANTICS,
+    TIMING,
     LoggedInput,
     as_logged,
     draw_logged_input,
@@ -29,11 +37,18 @@ from diagrams.challenge.generate.sensor_quality import (
     draw_sensor_quality,
     kept_rows,
 )
+from diagrams.challenge.generate.vehicles import vehicle_file
+from diagrams.challenge.score.identification import WIDEST
 from diagrams.challenge.simulators.drake.simulator import fly
+from np_drake.diagnosis.regressors import tolerance_of
+from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.library import LIBRARY, unobservable
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.logs.case_folder import open_case
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.gaps import LONGEST
+from np_drake.logs.import_sheet import SUFFIX, read_sheet, write_sheet
 from np_drake.logs.log_file import read_log, write_log
 from np_drake.vehicle import INPUTS
 
@@ -68,6 +83,8 @@ def test_the_vehicle_file_is_off_by_three_times_as_much_and_white_noise_is_not_w
         off = np.array([getattr(sensors, name) for sensors in drawn])
         assert 2.9 * OFF < np.abs(off).max() <= 3 * OFF
         assert np.mean(off > 0) == pytest.approx(0.5, abs=0.1)
+        known = SensorQuality("wild").stated_uncertainty()[name.replace("off", "uncertainty")]
+        assert off.std() == pytest.approx(known, rel=0.05)
     stated = SensorQuality("wild").stated_noise()
     assert stated == SensorQuality("real").stated_noise()
     for name in ("position", "velocity", "rate", "acceleration"):
@@ -131,6 +148,72 @@ def test_a_vehicle_file_says_held_where_commands_are_held_and_only_there():
     assert real.input == LoggedInput()
 
 
+def test_only_the_vehicle_file_of_wild_states_how_well_it_is_known():
+    for quality, stated in [("clean", None), ("real", None), ("wild", 0.0173)]:
+        case = draw_case(CaseDraw(0, "clean"), quality=quality, seed=4, seconds=5.0)
+        text = vehicle_file(case.vehicle)
+        assert ("uncertainty" in text) == (stated is not None)
+        assert (case.vehicle.mass_uncertainty, case.vehicle.thrust_uncertainty) == (stated, stated)
+
+
+@pytest.mark.parametrize("kind", INPUTS)
+@pytest.mark.parametrize("semantics", SEMANTICS)
+def test_a_log_states_when_its_commands_act_where_they_are_not_held(kind, semantics, tmp_path):
+    dut = LoggedInput(kind, semantics).sheet(0.02)
+    assert (dut is None) == (semantics == "held_after" or kind == "rotor_speed")
+    if dut is not None:
+        write_sheet(dut, tmp_path / "flight.csv")
+        assert read_sheet(tmp_path / "flight.csv").timing == pytest.approx(TIMING[semantics] * 0.02, abs=1e-6)
+        assert (semantics in (tmp_path / "flight.import.yaml").read_text()) == (semantics != "held_before")
+    assert LoggedInput().sheet(0.02) is None  # of clean and real
+
+
+def in_tolerance(effect, logged):
+    """A wild case at 100 Hz with this effect and input: whether it is within what its files may be off by."""
+    case = draw_case(CaseDraw(0, "single", (effect.identifier,)), quality="wild", seed=3, seconds=5.0)
+    quality = dc.replace(case.quality, rate=100.0, rotor=abs(case.quality.rotor))
+    case = dc.replace(case, quality=quality, input=logged, effects=(effect,))
+    flights = flight_pairs(case, *fly_case(case, "drake"))
+    (flag,), classes = within_tolerance(case, flights), collinear_class(case, list(flights.values())[:2])
+    assert classes[0][0] == effect.identifier
+    return flag, classes[0]
+
+
+@pytest.mark.parametrize(
+    "effect, logged, expected",
+    [
+        (ThrustScale(0.96), LoggedInput(), True),  # 2.3 standard deviations of the file
+        (ThrustScale(0.88), LoggedInput(), False),
+        (ThrustScale(0.88), LoggedInput("normalised"), True),  # a throttle's scale is known to a fifth
+        (CommandDelay(0.002), LoggedInput("command", "sampled"), True),  # the interval is 10 ms
+        (CommandDelay(0.002), LoggedInput(), False),
+        (LinearDrag(0.6, 0.6, 0.6), LoggedInput("command", "sampled"), False),
+    ],
+)
+def test_what_the_files_may_be_off_by_must_not_be_named(effect, logged, expected):
+    flag, names = in_tolerance(effect, logged)
+    assert flag is expected
+    assert (len(names) > WIDEST) is expected  # it is the same as anything
+
+
+def test_the_truth_tolerates_what_a_diagnosis_of_the_files_does():
+    case = draw_case(CaseDraw(0, "clean"), quality="wild", seed=3, seconds=5.0)
+    for logged in (LoggedInput("normalised", "sampled"), LoggedInput("command", "averaged")):
+        quality = dc.replace(case.quality, rate=100.0)
+        one = dc.replace(case, quality=quality, input=logged)
+        exact, noisy = fly_case(one, "drake")
+        flights = [pair.measured for pair in flight_pairs(one, exact, noisy).values()]
+        dut = stated_tolerance(one, flights)
+        assert (dut.mass, dut.thrust >= 0.0173) == (0.0173, True)
+        assert dut.timing == pytest.approx(0.01 / np.sqrt(12), rel=0.05)
+        assert (dut.thrust, dut.throttle_curve > 0) == (
+            (0.2, True) if logged.kind == "normalised" else (0.0173, False)
+        )
+        assert stated_tolerance(dc.replace(one, quality=SensorQuality("real")), flights) == tolerance_of(
+            flights
+        )
+
+
 def test_a_third_of_the_out_of_library_cases_have_two_at_once():
     dut, before = compose(200, 30, 0, two=TWO_AT_ONCE), compose(200, 30, 0)
     foreign = [draw.names for draw in dut if draw.kind == "foreign"]
@@ -191,7 +274,8 @@ def test_the_same_seed_writes_the_same_files_and_they_can_be_read(tmp_path):
     for name in ("one", "other"):
         make(tmp_path / name / "cases", tmp_path / name / "truth", **options)
     files = sorted(path for path in (tmp_path / "one").rglob("*.*") if path.is_file())
-    assert len(files) == 2 * (len(FILES) + 2)
+    sheets = [path for path in files if path.name.endswith(SUFFIX)]
+    assert len(files) - len(sheets) == 2 * (len(FILES) + 2)
     for path in files:
         assert path.read_bytes() == (tmp_path / "other" / path.relative_to(tmp_path / "one")).read_bytes()
     for folder in (tmp_path / "one" / "cases").iterdir():
@@ -199,4 +283,9 @@ def test_the_same_seed_writes_the_same_files_and_they_can_be_read(tmp_path):
         truth = json.loads((tmp_path / "one" / "truth" / folder.name / "truth.json").read_text())
         assert {log.input for log in [*train, *held_out]} == {truth["sensors"]["input"]}
         assert truth["quality"] == "wild"
+        assert len(truth["within_tolerance"]) == len(truth["effects"])
+        stated = {log.timing for log in [*train, *held_out]}
+        held = truth["sensors"]["semantics"] == "held_after" or truth["sensors"]["input"] == "rotor_speed"
+        assert (stated == {0.0}) == held
+        assert max(stated) <= 0.5 / truth["sensors"]["rate"] + 1e-4
         assert RATES[0] <= truth["sensors"]["rate"] <= RATES[1]

@@ -4,6 +4,7 @@ import json
 import pytest
 
 from diagrams.challenge.score.answered_case import fault_of_truth
+from diagrams.challenge.score.identification import exact, is_true, name_counts, right_class
 from diagrams.challenge.score.score import score
 from diagrams.challenge.score.tables import tables
 from np_drake.atomic_file import plain
@@ -72,6 +73,38 @@ def test_singles_that_are_the_same_as_anything_have_no_place_among_those_that_ca
     rates = score([lost, *cases[1:]])["rates"]
     assert (rates["single"]["class"]["count"], rates["single"]["class"]["n"]) == (12, 13)
     assert (rates["single_tellable"]["class"]["count"], rates["single_tellable"]["class"]["n"]) == (12, 12)
+
+
+def within(case, *flags):
+    """The case whose effects are within what vehicle file and input may be off by where the flag is set."""
+    return dc.replace(case, truth={**case.truth, "within_tolerance": list(flags)})
+
+
+def test_a_single_within_what_the_files_may_be_off_by_is_no_miss(cases, by_hand):
+    for answered in (without_answer(cases[0]), by_hand.named(cases[0].truth, "thrust_scale")):
+        dut = score([within(answered, True), *cases[1:]])
+        assert (dut["rates"]["single"]["class"]["count"], dut["rates"]["single"]["class"]["n"]) == (12, 12)
+        assert not dut["cases"][0]["missed"]
+    told = score([within(without_answer(cases[0]), False), *cases[1:]])["rates"]["single"]["class"]
+    assert (told["count"], told["n"]) == (12, 13)
+
+
+def test_of_a_pair_the_effect_within_what_the_files_may_be_off_by_may_be_named_or_not(by_hand):
+    truth = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, kind="pair", within_tolerance=[True, False])
+    for names, found in [
+        (("linear_drag",), (1, 0, 0)),
+        (("linear_drag", "thrust_scale"), (2, 0, 0)),
+        (("thrust_scale",), (1, 0, 1)),
+        (("linear_drag", "weak_rotor"), (1, 1, 0)),
+    ]:
+        dut = by_hand.named(truth, *names)
+        assert name_counts(dut) == found
+        assert right_class(dut) == exact(dut) == (found[1:] == (0, 0))
+
+
+def test_a_name_within_what_the_files_may_be_off_by_is_true_all_the_same(by_hand):
+    truth = by_hand.make_truth(by_hand.SCALE, within_tolerance=[True])
+    assert is_true(by_hand.named(truth, "thrust_scale"), "thrust_scale")
 
 
 def test_an_invisible_single_is_no_miss(cases):
