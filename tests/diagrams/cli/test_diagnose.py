@@ -59,23 +59,25 @@ def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
     assert run(["diagnose", str(case), "--out", str(out), "--json", str(metrics), "--seed", "5"]) == 0
     printed = capsys.readouterr().out
     expected = (
-        "Missing: a mass error",
+        "A mass error of 100 g, 97 %",
+        "Explains > 99.9 % of the lift gap on the held-out flight.",
         "delta_mass",
-        "0.10 kg",
-        "0.08 … 0.12",
-        "3.00 s",
-        "97 %",
-        "noise floor",
+        "80 to 120",
+        "3.0 s",
+        "thrust_scale",
+        "what to do next",
+        "over noise",
     )
     for text in (
         *expected,
         "position [m]",
-        "roll sharply",
+        "weigh the vehicle",
         "minor: gyro_bias",
         "warning: a warning.",
         "report.html",
     ):
         assert text in printed
+    assert max(len(line) for line in printed.splitlines() if line[:1] in ("┃", "│")) <= 100
     content = json.loads(metrics.read_text())
     assert content == json.loads((out / "diagnosis.json").read_text())
     assert (content["schema"], content["seed"]) == ("np_drake.diagnosis/1", 5)
