@@ -10,15 +10,13 @@ from np_drake.diagnosis.report.words import capital, listed, measure, name_of, p
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import Cause
 
-LEAST = (
-    1 / 3
-)  # of what it is in training, below which nothing is tested [1]; own choice: a tenth of the power
+LEAST = 1 / 3  # of what it is in training, below which nothing is tested [1]; own choice
 UPPER = 0.95  # quantile of a quantity that a flight is said to reach [1]
 GROWS_WITH = {  # effect: the quantity without which it leaves no trace
     **dict.fromkeys(("linear_drag", "quadratic_drag", "blade_flapping", "translational_lift"), "speed"),
     **dict.fromkeys(("constant_wind", "gusty_wind"), "speed"),
     **dict.fromkeys(("inertia_error", "mixer_gain", "motor_lag", "command_delay", "clock_offset"), "torque"),
-    "rotor_gyroscopic": "rate",
+    **dict.fromkeys(("rotor_gyroscopic", "attitude_latency"), "rate"),
     "thrust_drift": "duration",
 }
 ALSO = {"speed": "grows with speed", "rate": "grows with body rates"}  # said of a quantity without a cause
@@ -53,20 +51,21 @@ def coverage(
     for name in untested:
         if GROWS_WITH.get(name) not in low:
             out.append(_faint(name, traces[name], len(held_out)))
-    return tuple(out) or (_all_tested(len(causes), len(held_out)),)
+    return tuple(out) or (_all_tested(traces, len(held_out)),)
 
 
 def reach(flights: Sequence[FlightResiduals]) -> Reach:
-    """Return the speed, tilt, body rate and torque that flights reach, and the duration of the longest."""
+    """Return the speed, body rate and torque that flights reach, and the duration of the longest."""
     upper: dict[str, tuple[float, str]] = {}
     seen = [(quantities(e), ~e.joined) for e in flights]
-    for name in ("speed", "tilt", "rate"):
+    for name in ("speed", "rate"):
         values = np.concatenate([of[name][0][rows] for of, rows in seen])
         upper[name] = float(np.quantile(values, UPPER)), seen[0][0][name][1]
-    torque = [
-        np.linalg.norm(e.nominal[~e.joined, 3:] - e.nominal[:, 3:].mean(axis=0), axis=1) for e in flights
-    ]
-    upper["torque"] = float(np.quantile(np.concatenate(torque), UPPER)), "N·m"
+    told = [e.nominal[:, 3:] - e.nominal[:, 3:].mean(axis=0) for e in flights if e.knows_torque]
+    torque = (
+        np.concatenate(told)[np.concatenate([rows for _, rows in seen])] if len(told) == len(seen) else 0.0
+    )
+    upper["torque"] = float(np.quantile(np.linalg.norm(np.atleast_2d(torque), axis=1), UPPER)), "N·m"
     upper["duration"] = max(float(np.ptp(e.t[~e.joined])) for e in flights), "s"
     return upper
 
@@ -102,8 +101,8 @@ def _less(here: Mapping, there: Mapping, quantity: str, flights: int) -> str:
     subject = "The held-out flight reaches" if flights == 1 else "The held-out flights reach"
     if quantity == "duration":
         subject = "The held-out flight lasts" if flights == 1 else "The held-out flights last"
-    named = {"torque": " of commanded torque", "tilt": " of tilt"}.get(quantity, "")
-    return f"{subject} {measure(*here[quantity])}{named}, training {measure(*there[quantity])}"
+    what = " of commanded torque" if quantity == "torque" else ""
+    return f"{subject} {measure(*here[quantity])}{what}, training {measure(*there[quantity])}"
 
 
 def _not_tested(what: str, count: int) -> str:
@@ -119,10 +118,11 @@ def _faint(name: str, ratio: float, flights: int) -> str:
     )
 
 
-def _all_tested(causes: int, flights: int) -> str:
-    subject = "The held-out flight moves" if flights == 1 else "The held-out flights move"
-    if not causes:
-        return f"{subject} as much as training: what acted there would show."
-    verb = "excites" if flights == 1 else "excite"
-    named = "the cause" if causes == 1 else "every cause"
-    return f"The held-out flight{'s' * (flights > 1)} {verb} {named} as training does."
+def _all_tested(traces: Mapping[str, float], flights: int) -> str:
+    subject, end = ("The held-out flight", "s") if flights == 1 else ("The held-out flights", "")
+    known = {name: ratio for name, ratio in traces.items() if np.isfinite(ratio)}
+    if not known:
+        return f"{subject} move{end} like training: what acts there would show."
+    weakest = min(known, key=known.__getitem__)
+    who = name_of(weakest) if len(known) == 1 else f"the weakest, {name_of(weakest)},"
+    return f"{subject} test{end} every cause: {who} has {percent(known[weakest])} of its training trace."
