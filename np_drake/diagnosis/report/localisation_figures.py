@@ -121,10 +121,11 @@ def _trace(ax, localisation: Localisation, flight: str, channels: slice, unit: s
 
 
 def _marks(ax, localisation: Localisation, flight: str, onsets: list[tuple[str, float]]) -> None:
-    """Draw change points as dotted lines and onsets as solid ones."""
+    """Draw onsets as solid lines, and change points, where no onset is, as dotted ones."""
     segments = [segment for segment in localisation.segments if segment.flight == flight]
-    for segment in segments[1:]:
-        ax.axvline(segment.start, color=NOISE, linestyle=":", linewidth=1.0, label="change point")
+    for start in (segment.start for segment in segments[1:]):
+        if all(abs(start - time) > _WINDOW for _, time in onsets):
+            ax.axvline(start, color=NOISE, linestyle=":", linewidth=1.0, label="change point")
     for _, time in onsets:
         ax.axvline(time, color=PALETTE[2], linewidth=1.6, label="a cause begins")
 
