@@ -4,48 +4,18 @@ import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import special
 
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
-from np_drake.diagnosis.decision.effect_size import size_of, within_calibration
 from np_drake.diagnosis.decision.equivalence import indistinguishable
-from np_drake.diagnosis.decision.size_posterior import material_share, relative_sizes, wind_share
-from np_drake.diagnosis.fitting import Fit, impossible, interval
+from np_drake.diagnosis.decision.judge import Judged, judge
+from np_drake.diagnosis.fitting import Fit, interval
 from np_drake.diagnosis.forward_model import pendulum_error
 from np_drake.diagnosis.held_out import HeldOut
-from np_drake.diagnosis.materiality import Size
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate, Finding
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
-
-
-@dc.dataclass(frozen=True)
-class Judged:
-    """What is known of a term of the best model.
-
-    in_model: probability that it acts, against other effects and generic structure in its place [1].
-    material: probability that it is larger than what is practically none, given that it acts [1].
-    size: at the fit.   stands_for: why its parameters are not physical; empty where they are.
-    """
-
-    in_model: float
-    material: float
-    size: Size
-    stands_for: str
-
-    @property
-    def probability(self) -> float:
-        """Probability of a cause [1]."""
-        return 0.0 if self.stands_for else self.in_model * self.material
-
-    @property
-    def reason(self) -> str:
-        """Why it is a minor finding."""
-        if self.stands_for:
-            return self.stands_for
-        return "immaterial" if self.material < self.in_model else f"not sure, {self.in_model:.2g}"
 
 
 def causes_of(
@@ -90,35 +60,6 @@ def causes_of(
         else:
             minor.append(_minor(cause, judged))
     return without_missing_drag(causes, minor)
-
-
-def judge(
-    ranking: Ranking,
-    linear: LinearModel,
-    structure: Sequence[int],
-    i: int,
-    same: Sequence[str],
-    held_out: Sequence[FlightResiduals],
-    held: HeldOut,
-) -> Judged:
-    """Judge term i of the best model; `same`: effects that cannot be told from it, whose probability is added."""
-    fit, flights, options = ranking.best, ranking.problem.flights, ranking.options
-    effect, tolerance = fit.terms[i].effect, options.tolerance
-    named = min(1.0, sum(ranking.probability.get(name, 0.0) for name in (effect.identifier, *same)))
-    in_model = named * float(special.expit(linear.margin(i, structure)))
-    size = size_of(fit, i, flights, ranking.noise, tolerance, [(e, held.terms[e.name]) for e in held_out])
-    material = material_share(
-        size,
-        relative_sizes(fit, i, flights),
-        options.materiality,
-        calibration=within_calibration(fit.terms[i], options),
-        sensor=tolerance.of(effect.identifier) > 0,
-    )
-    material *= wind_share(fit, i, options.materiality.still_air)
-    shift = abs(effect.time_shift(flights[0].vehicle))
-    if 0 < shift < options.materiality.sensor * tolerance.timing:
-        material = 0.0
-    return Judged(in_model, material, size, impossible(fit, i, flights[0].vehicle, options.thresholds))
 
 
 def _same(ranking: Ranking) -> Mapping[str, tuple[str, ...]]:
