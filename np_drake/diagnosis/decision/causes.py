@@ -1,18 +1,16 @@
 """Causes and minor findings: the effects of the best model, each with its probability and size."""
 
-import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision.equivalence import indistinguishable
-from np_drake.diagnosis.decision.judge import Judged, judge
+from np_drake.diagnosis.decision.judgement import Judged, judge
+from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.fitting import Fit, interval
 from np_drake.diagnosis.forward_model import pendulum_error
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.options import Priors
-from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate, Finding
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
@@ -40,9 +38,7 @@ def causes_of(
     causes, minor = [], []
     for i, term in enumerate(fit.terms):
         identifier = term.effect.identifier
-        judged = judge(ranking, linear, structure, i, same.get(identifier, ()), held_out, held)
-        if gusty and identifier == DRAG:
-            judged = dc.replace(judged, material=1.0, stands_for="")
+        judged = judge(ranking, linear, structure, i, same.get(identifier, ()), held_out, held, gusty=gusty)
         begins = {
             e.name: held.terms.get(e.name, fit.everything)[i].begins(e.name) for e in [*flights, *held_out]
         }

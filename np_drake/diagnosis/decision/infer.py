@@ -3,19 +3,16 @@
 import dataclasses as dc
 from collections.abc import Sequence
 
-import numpy as np
-
-from np_drake.diagnosis.adequacy import Unexplained, find_unexplained, swing_free_residual
-from np_drake.diagnosis.adequacy.linear_model import LinearModel
+from np_drake.diagnosis.adequacy import Unexplained, find_unexplained
 from np_drake.diagnosis.decision.causes import causes_of
-from np_drake.diagnosis.forward_model import predicted_residual
+from np_drake.diagnosis.decision.gust_causes import residuals, with_gusts
+from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.held_out import HeldOut, on_held_out, without_shocks
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import GUSTY
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding
 from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, ranked
-from np_drake.diagnosis.wind import as_gusts, in_gusts, position_p_value, with_drag
+from np_drake.diagnosis.wind import in_gusts, position_p_value, with_drag
 
 PLACE = Finding("place", "a slow force tied to a place", 1.0, {})
 
@@ -73,35 +70,12 @@ def concluded(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infer
     causes, minor = causes_of(ranking, linear, structure, held_out, held, gusty=gusty)
     probability = max(unexplained.probability, unexplained.slow_probability)
     if gusty:
-        causes = _with_gusts(ranking, held_out, held, causes, unexplained)
+        causes = with_gusts(ranking, held_out, held, causes, unexplained)
         if any(c.identifier == "gusty_wind" for c in causes):
             held, probability = in_gusts(held, causes, held_out), unexplained.probability
     elif unexplained.slow_probability > 0.5:
         unexplained = dc.replace(unexplained, findings=(PLACE, *unexplained.findings))
     return Inference(flights, held_out, ranking, held, unexplained, causes, minor, probability)
-
-
-def _with_gusts(
-    ranking: Ranking,
-    held_out: Sequence[FlightResiduals],
-    held: HeldOut,
-    causes: list[Cause],
-    unexplained: Unexplained,
-) -> list[Cause]:
-    """Return the causes with gusts among them, where a drag was found that would feel them."""
-    flights = ranking.problem.flights
-    rest = residuals(ranking, held_out, held)
-    felt = {}
-    for e in (*flights, *held_out):
-        terms = [t for t in held.terms.get(e.name, ranking.best.terms) if t.effect.identifier in GUSTY]
-        felt[e.name] = rest[e.name] + predicted_residual(e, terms)
-    return as_gusts(flights, felt, causes, unexplained.slow_probability, ranking.options, held_out)
-
-
-def residuals(ranking: Ranking, held_out: Sequence[FlightResiduals], held: HeldOut) -> dict[str, np.ndarray]:
-    """Return by flight the residual (m, 15) of the best model [N, N·m, …]."""
-    rest = {e.name: ranking.best.residual(e) for e in ranking.problem.flights}
-    return rest | {e.name: swing_free_residual(held, e) for e in held_out}
 
 
 def _knows_its_place(ranking: Ranking, held_out: Sequence[FlightResiduals], held: HeldOut) -> bool:

@@ -44,7 +44,9 @@ def cases(tmp_path):
 
 
 class Answered:
-    """Stands for a diagnosis."""
+    """Stands for a diagnosis with one answer."""
+
+    refit = None
 
     def __init__(self, vehicle, train, held_out, replay):
         self.content = {"train": [log.name for log in train], "replay": replay is not None}
@@ -72,6 +74,19 @@ def test_a_case_that_fails_loses_only_itself(cases, tmp_path):
         "replay": False,
     }
     assert not (answers / "b2").exists()
+
+
+def test_the_second_answer_is_written_where_there_is_one(cases, tmp_path, monkeypatch):
+    def twice(*given):
+        first, second = Answered(*given), Answered(*given)
+        second.content["joined"] = ["heldout_1.csv"]
+        first.refit = second
+        return first
+
+    monkeypatch.setattr(module, "diagnose", twice)
+    solve_case(cases / "a1", tmp_path, replay=False)
+    dut = json.loads((tmp_path / "a1" / "diagnosis.json").read_text())
+    assert dut == {"train": ["train_1.csv"], "replay": False, "joined": ["heldout_1.csv"]}
 
 
 @pytest.mark.usefixtures("quick")

@@ -10,7 +10,9 @@ from diagrams.cli.main import run
 
 
 class Answered:
-    """Stands for a diagnosis."""
+    """Stands for a diagnosis with one answer."""
+
+    refit = None
 
     def __init__(self, *_):
         pass

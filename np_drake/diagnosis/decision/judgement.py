@@ -1,16 +1,17 @@
-"""What speaks for a term of the best model: the probability that it acts, and that it is more than practically none."""
+"""Judgement of one term of the best model: how probable it is, and how probably material."""
 
 import dataclasses as dc
 from collections.abc import Sequence
 
 from scipy import special
 
-from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision.effect_size import size_of, within_calibration
 from np_drake.diagnosis.decision.size_posterior import material_share, relative_sizes, wind_share
+from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.fitting import impossible
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.materiality import Size
+from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection import Ranking
 
@@ -50,8 +51,16 @@ def judge(
     same: Sequence[str],
     held_out: Sequence[FlightResiduals],
     held: HeldOut,
+    *,
+    gusty: bool = False,
 ) -> Judged:
-    """Judge term i of the best model; `same`: effects that cannot be told from it, whose probability is added."""
+    """Judge term i of the best model.
+
+    Args:
+        ranking, linear, structure, held_out, held: as in `causes_of`.
+        same: effects that cannot be told from term i, whose probability is added.
+        gusty: gusts blow. The drag that feels them is material and stands for nothing else.
+    """
     fit, flights, options = ranking.best, ranking.problem.flights, ranking.options
     effect, tolerance = fit.terms[i].effect, options.tolerance
     named = min(1.0, sum(ranking.probability.get(name, 0.0) for name in (effect.identifier, *same)))
@@ -68,4 +77,6 @@ def judge(
     shift = abs(effect.time_shift(flights[0].vehicle))
     if 0 < shift < options.materiality.sensor * tolerance.timing:
         material = 0.0
+    if gusty and effect.identifier == DRAG:
+        return Judged(in_model, 1.0, size, "")
     return Judged(in_model, material, size, impossible(fit, i, flights[0].vehicle, options.thresholds))
