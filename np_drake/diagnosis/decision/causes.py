@@ -70,8 +70,10 @@ def causes_of(
     causes, minor = [], []
     for i, term in enumerate(fit.terms):
         identifier = term.effect.identifier
-        judged = judge(ranking, linear, structure, i, same.get(identifier, ()), held_out, held)
-        if gusty and identifier == DRAG:
+        known = same.get(identifier, ())
+        blown = gusty and identifier == DRAG
+        judged = judge(ranking, linear, structure, i, known, held_out, held, blown=blown)
+        if blown:
             judged = dc.replace(judged, material=1.0, stands_for="")
         begins = {
             e.name: held.terms.get(e.name, fit.everything)[i].begins(e.name) for e in [*flights, *held_out]
@@ -100,12 +102,23 @@ def judge(
     same: Sequence[str],
     held_out: Sequence[FlightResiduals],
     held: HeldOut,
+    *,
+    blown: bool = False,
 ) -> Judged:
-    """Judge term i of the best model; `same`: effects that cannot be told from it, whose probability is added."""
+    """Judge term i of the best model.
+
+    Args:
+        ranking, linear, structure, held_out, held: as in `causes_of`.
+        i: position of the term.
+        same: effects that cannot be told from it, whose probability is added.
+        blown: gusts blow and bring this drag, so that its prior is that of gusts against what the library lacks.
+    """
     fit, flights, options = ranking.best, ranking.problem.flights, ranking.options
     effect, tolerance = fit.terms[i].effect, options.tolerance
     named = min(1.0, sum(ranking.probability.get(name, 0.0) for name in (effect.identifier, *same)))
-    in_model = named * float(special.expit(linear.margin(i, structure)))
+    priors = options.priors
+    brought = priors.wind_over_unknown - priors.of_effect(DRAG) if blown else 0.0
+    in_model = named * float(special.expit(linear.margin(i, structure) + brought))
     size = size_of(fit, i, flights, ranking.noise, tolerance, [(e, held.terms[e.name]) for e in held_out])
     material = material_share(
         size,

@@ -120,6 +120,23 @@ def test_an_effect_too_small_to_matter_is_minor_except_where_gusts_blow_through_
     assert [c.identifier for c in causes_of(*given, gusty=True)[0]] == ["linear_drag"]
 
 
+def test_a_drag_that_gusts_bring_has_the_prior_of_gusts_against_what_the_library_lacks(
+    judged_with, monkeypatch
+):
+    given = judged_with()
+    ranking, linear, *_ = given
+    margin = -4.0  # with the prior of a drag by itself
+    monkeypatch.setattr(linear, "margin", lambda i, structure: margin)
+    alone, blown = (judge(ranking, linear, (), 0, (), *given[3:], blown=b) for b in (False, True))
+    priors = ranking.options.priors
+    own = ranking.probability["linear_drag"]
+    assert alone.in_model == pytest.approx(own * special.expit(margin))
+    odds = margin - priors.effect + priors.wind_over_unknown
+    assert blown.in_model == pytest.approx(own * special.expit(odds))
+    assert causes_of(*given)[0] == []
+    assert [c.identifier for c in causes_of(*given, gusty=True)[0]] == ["linear_drag"]
+
+
 def test_an_effect_at_its_bound_is_minor_and_says_so(drag, judged_with):
     stuck = dc.replace(drag.fit, terms=(dc.replace(drag.fit.terms[0], effect=LinearDrag(0.6, 0.6, -0.2)),))
     causes, minor = causes_of(*judged_with(fit=stuck))

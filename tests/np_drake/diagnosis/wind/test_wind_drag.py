@@ -10,6 +10,7 @@ from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
 WEAK = LinearDrag(0.05, 0.05, 0.05)
+FAINT = LinearDrag(0.03, 0.03, 0.03)
 STRONG = GustyWind(0.0, 0.0, 0.0, 6.0, 0.8, seed=5)
 GUSTS = GustyWind(0.0, 0.0, 0.0, 3.0, 0.8, seed=4)
 
@@ -18,16 +19,16 @@ def named(ranking) -> list[str]:
     return [t.effect.identifier for t in ranking.best.terms]
 
 
-def test_gusts_are_felt_through_a_drag_that_is_too_small_to_be_named_by_itself(ranked):
-    case = ranked(WEAK, GUSTS)
+def test_gusts_are_felt_through_a_drag_that_is_too_small_to_be_found_by_itself(ranked):
+    case = ranked(FAINT, GUSTS)
     assert DRAG not in named(case.ranking)
     dut = concluded(case.found, case.held_out)
     causes = {c.identifier: c for c in dut.causes}
     assert list(causes) == [DRAG, "gusty_wind"]
     assert not dut.unknown
-    assert causes["gusty_wind"].probability > 0.9
+    assert min(c.probability for c in causes.values()) > 0.9
     low, high = causes[DRAG].parameters["d_x"].ci95
-    assert low < 0.05 < high
+    assert low < FAINT.d_x < high
 
 
 def test_a_weak_drag_begins_where_its_gusts_do(seen, inferred):
