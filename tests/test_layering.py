@@ -30,8 +30,8 @@ DIAGNOSIS = (
         "localisation",
         "gap",
         "doctor",
-        "diagnose",
         "report",
+        "diagnose",
     ),
 )
 EXPERIMENTS = (

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import special
 
+from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision.effect_size import size_of, within_calibration
 from np_drake.diagnosis.decision.equivalence import indistinguishable
 from np_drake.diagnosis.decision.size_posterior import material_share, relative_sizes, wind_share
-from np_drake.diagnosis.disturbance.linear_model import LinearModel
 from np_drake.diagnosis.fitting import Fit, impossible, interval
 from np_drake.diagnosis.forward_model import pendulum_error
 from np_drake.diagnosis.held_out import HeldOut

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.adequacy import Unexplained, find_unexplained, swing_free_residual
+from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision.causes import causes_of
-from np_drake.diagnosis.disturbance.linear_model import LinearModel
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.held_out import HeldOut, on_held_out, without_shocks
 from np_drake.diagnosis.options import Options

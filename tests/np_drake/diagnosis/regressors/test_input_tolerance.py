@@ -15,7 +15,9 @@ from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.library import SCALE, TIMING, unobservable
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.logs.throttle_input import with_throttle_input
 from np_drake.vehicle import Vehicle
 
@@ -83,6 +85,38 @@ def test_measured_rotor_speed_has_no_command(fly):
 def test_ideal_commands_leave_the_tolerance_as_it_is(seen):
     options = Options.for_sensors(False)
     assert with_input(options, [seen(seed=1, noise=1.0)]) == options
+
+
+def vague(mass: float | None = None, thrust: float | None = None):
+    return dc.replace(VEHICLE, mass_uncertainty=mass, thrust_uncertainty=thrust)
+
+
+@pytest.mark.parametrize("options", [Options.for_sensors(real) for real in (True, False)])
+def test_the_larger_of_the_tolerance_and_what_the_vehicle_file_states_counts(fly, options):
+    log, own = fly(seed=1, noise=1.0), options.tolerance
+    for stated, counts in [((None, None), own), ((1e-4, 1e-4), own)]:
+        assert with_input(options, [make_flight_residuals(log, vague(*stated))]).tolerance == counts
+    open_ = with_input(options, [make_flight_residuals(log, vague(0.02, 0.03))]).tolerance
+    assert open_ == dc.replace(own, mass=0.02, thrust=0.03)
+    assert open_.real is own.real  # how well a vehicle is known tells nothing about sensors
+
+
+def test_what_a_vehicle_file_states_of_thrust_does_not_narrow_the_scale_of_a_throttle(fly):
+    flight = make_flight_residuals(with_throttle(fly(seed=1, noise=1.0), 1.5), vague(thrust=0.02))
+    assert with_input(Options.for_sensors(True), [flight]).tolerance.thrust == THROTTLE_SCALE
+
+
+@pytest.mark.parametrize(
+    "effect, stated",
+    [(MassError(0.06 * VEHICLE.mass), {"mass": 0.04}), (ThrustScale(0.94), {"thrust": 0.04})],
+)
+def test_an_error_within_what_the_vehicle_file_states_is_no_cause(fly, effect, stated):
+    logs = [fly(effect, name=str(i), seed=i, seconds=10.0, noise=1.0) for i in (1, 2, 3)]
+    for vehicle, names in [(VEHICLE, [effect.identifier]), (vague(**stated), [])]:
+        *train, held_out = [make_flight_residuals(log, vehicle) for log in logs]
+        dut = infer(train, [held_out], options=Options.for_sensors(True))
+        assert [c.identifier for c in dut.causes] == names
+        assert not dut.unknown
 
 
 def test_a_throttle_opens_scale_curve_and_drift(fly):
