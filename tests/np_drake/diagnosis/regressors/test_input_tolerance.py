@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision.infer import infer
+from np_drake.diagnosis.decision import infer
 from np_drake.diagnosis.diagnose import NO_REPLAY, diagnose
 from np_drake.diagnosis.options import Options, SearchOptions
 from np_drake.diagnosis.regressors import library_candidates
@@ -138,12 +138,12 @@ def test_without_torque_its_channels_are_empty_and_so_are_effects_of_torque(fly)
     assert names.isdisjoint(unobservable("thrust_only"))
 
 
-def test_a_drag_is_found_from_thrust_alone_as_from_the_whole_command(fly):
+def test_a_drag_is_found_from_thrust_alone_as_from_the_whole_command(fly, inferred):
     logs = [fly(DRAG, name=str(i), seed=i, seconds=10.0, noise=1.0) for i in (1, 2, 3)]
     values = []
     for change in (lambda log: log, without_torque):
         *train, held_out = [make_flight_residuals(change(log), VEHICLE) for log in logs]
-        dut = infer(train, [held_out])
+        dut = inferred(train, [held_out])
         assert [c.identifier for c in dut.causes] == ["linear_drag"]
         assert not dut.unknown
         values.append(dut.causes[0].parameters["d_x"])
@@ -161,10 +161,10 @@ def test_a_log_without_torque_is_not_replayed_and_the_warnings_say_so(fly):
 
 
 @pytest.mark.parametrize("exponent", [1.0, 2.0])
-def test_a_drag_is_found_from_throttle_of_unknown_scale_and_curve(fly, exponent):
+def test_a_drag_is_found_from_throttle_of_unknown_scale_and_curve(fly, inferred, exponent):
     logs = [fly(DRAG, name=str(i), seed=i, seconds=10.0, noise=1.0) for i in (1, 2, 3)]
     *train, held_out = [make_flight_residuals(with_throttle(log, exponent), VEHICLE) for log in logs]
-    dut = infer(train, [held_out])
+    dut = inferred(train, [held_out])
     assert [c.identifier for c in dut.causes] == ["linear_drag"]
     assert dut.causes[0].parameters["d_x"].value == pytest.approx(0.3, abs=0.02)
 
