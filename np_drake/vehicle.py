@@ -11,6 +11,7 @@ from np_drake.yaml_file import load_checked
 
 PRESETS = Path(__file__).parent / "vehicles"  # vehicle files by name
 SLOWEST_ROTOR = 1.0  # time constant beyond which the file's is in another unit than seconds [s]
+VAGUEST = 0.5  # standard deviation over the value at which a figure is no figure [1]; source: own choice
 LONGEST_ARM = 5.0  # beyond which rotor positions are in another unit than metres [m]
 POSITIVE = ("mass", "gravity", "thrust_coefficient", "rotor_radius", "max_rotor_thrust")
 ALIASES = {"thrust_torque": "command"}
@@ -69,6 +70,9 @@ class Vehicle:
     input: str = "command"  # command | rotor_speed | thrust_only | normalised
     command_timing: str = "unknown"  # held: from its row until the next | unknown: as the log looks
     measurement_noise: MeasurementNoise = dc.field(default_factory=MeasurementNoise)  # of the sensors
+    # Standard deviation over the value [1]; None: the file does not say.
+    mass_uncertainty: float | None = None
+    thrust_uncertainty: float | None = None  # of thrust from command, rotor speed or throttle
 
     def check(self) -> "Vehicle":
         """Return self after checking all parameters.
@@ -77,7 +81,7 @@ class Vehicle:
         """
         self.input = ALIASES.get(self.input, self.input)
         for name, value in dc.asdict(self).items():
-            if not isinstance(value, (str, dict)):
+            if not isinstance(value, (str, dict, type(None))):
                 _require(bool(np.all(np.isfinite(value))), f"{name} must be finite; got {value}")
         for name in POSITIVE:
             _require(getattr(self, name) > 0, f"{name} must be positive; got {getattr(self, name)}")
@@ -100,7 +104,16 @@ class Vehicle:
         _require(self.input in INPUTS, f"input: {' | '.join(INPUTS)}")
         self.measurement_noise.check()
         self._check_rotors()
+        self._check_uncertainty()
         return self
+
+    def _check_uncertainty(self) -> None:
+        for name in ("mass_uncertainty", "thrust_uncertainty"):
+            value = getattr(self, name)
+            _require(
+                value is None or 0 <= value < VAGUEST,
+                f"{name} must be a standard deviation over the value, 0 to below {VAGUEST:g}; got {value}",
+            )
 
     def _check_rotors(self) -> None:
         longest = float(np.linalg.norm(self.rotor_positions, axis=1).max())

@@ -15,6 +15,9 @@ AT_ROTORS = 0.5  # share of the mass at the rotors: motors, propellers, outer ar
 # Thrust coefficient T / (rho n² D⁴), n in revolutions a second. Source: own choice; the presets span 0.045 to 0.201.
 THRUST_NUMBER = 0.12
 FIGURE_OF_MERIT = 0.5  # ideal over actual hover power. Source: own choice; the presets span 0.32 to 0.71 [1]
+# Standard deviations over the value [1].
+MASS_SPREAD = 0.01  # source: own choice, a kitchen scale, and batteries that are changed
+THRUST_SPREAD = 0.4  # source: C_T of the presets, whose standard deviation is 0.39 of their mean
 CURVES = {"quadratic": 2, "linear": 1}  # thrust over throttle: its power
 LIGHTEST, HEAVIEST = 0.005, 1000.0  # [kg]
 
@@ -28,6 +31,9 @@ class Measured:
     propeller: float  # diameter [m]
     hover_throttle: float  # 0 to 1 [1]
     curve: str = "quadratic"  # thrust over throttle: quadratic (throttle is rotor speed) | linear
+    # Standard deviation over the value [1].
+    mass_uncertainty: float = MASS_SPREAD
+    thrust_uncertainty: float = THRUST_SPREAD
 
     def check(self) -> "Measured":
         """Return self after checking all values.
@@ -78,6 +84,8 @@ def estimate(measured: Measured, name: str = "mine") -> Vehicle:
         "torque_coefficient": _digits(lever * thrust),
         "rotor_radius": _digits(0.5 * D),
         "max_rotor_thrust": _digits(0.25 * m.mass * GRAVITY / m.hover_throttle ** CURVES[m.curve]),
+        "mass_uncertainty": m.mass_uncertainty,
+        "thrust_uncertainty": m.thrust_uncertainty,
     }
     return Vehicle(name=name, gravity=GRAVITY, **values).check()  # type: ignore[arg-type]
 
@@ -89,6 +97,7 @@ def commented_file(measured: Measured, name: str = "mine") -> str:
     """Return the vehicle file (YAML) of `estimate`, with unit and origin of every value in comments."""
     v, m = estimate(measured, name), measured
     power, lever = {1: "", 2: "²"}[CURVES[m.curve]], v.torque_coefficient / v.thrust_coefficient
+    known = uncertainty_lines(m)
     rotors = ", ".join(f"[{x:g}, {y:g}, 0]" for x, y, _ in v.rotor_positions)
     xx, zz = v.inertia[0][0], v.inertia[2][2]
     return f"""\
@@ -96,6 +105,7 @@ def commented_file(measured: Measured, name: str = "mine") -> str:
 # by a measured value where there is one; docs/reference/vehicle-file.md lists all fields.
 name: {name}
 mass: {m.mass:g} # given: with battery, without payload [kg]
+{known[0]}
 # About the centre of mass, body axes [kg·m²]. Estimated: {100 * AT_ROTORS:g} % of the mass at the four rotors,
 # the rest a solid cylinder whose radius and height are half an arm.
 inertia: [[{xx:g}, 0, 0], [0, {xx:g}, 0], [0, 0, {zz:g}]]
@@ -111,10 +121,27 @@ torque_coefficient: {v.torque_coefficient:g}
 rotor_radius: {v.rotor_radius:g} # half of the propeller diameter [m]
 # Of one rotor at full throttle: a quarter of the weight over {m.hover_throttle:g}{power}, {m.curve} in throttle [N].
 max_rotor_thrust: {v.max_rotor_thrust:g}
+{known[1]}
 rotor_time_constant: 0 # not estimated; first-order lag of rotor speed [s]
 logged_point: origin # what a log's position refers to: origin (middle of the rotors) | center_of_mass
 input: command # what drives the model: command | rotor_speed
 """
+
+
+def uncertainty_lines(measured: Measured) -> tuple[str, str]:
+    """Return the lines of the vehicle file with the uncertainty of mass and thrust, and where they come from."""
+    m = measured
+    scale = "given" if m.mass_uncertainty != MASS_SPREAD else "assumed: a kitchen scale, and another battery"
+    thrust = (
+        "# Of thrust from command, rotor speed or throttle: given; standard deviation over the value [1]."
+        if m.thrust_uncertainty != THRUST_SPREAD
+        else "# Of thrust, standard deviation over the value [1]. Assumed: as C_T of the presets differs; thrust from\n"
+        "# rotor speed is off by as much. Thrust that is logged in newtons is known better: state its own."
+    )
+    return (
+        f"mass_uncertainty: {m.mass_uncertainty:g} # {scale}; standard deviation over the value [1]",
+        f"{thrust}\nthrust_uncertainty: {m.thrust_uncertainty:g}",
+    )
 
 
 def _digits(value: float) -> float:

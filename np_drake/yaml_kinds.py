@@ -24,6 +24,10 @@ def misfit(kind: Any, value: Any, name: str, default: Any = None) -> str | None:
 
     Args: value: as YAML reads it.   name: of the field, empty for the whole file.   default: a value that suits.
     """
+    if type(None) in typing.get_args(kind):  # may be nothing
+        if value is None:
+            return None
+        kind = next(part for part in typing.get_args(kind) if part is not type(None))
     fields, item = fields_of(kind), _item(kind)
     if fields and isinstance(value, dict):
         for strange in [field for field in value if not isinstance(field, str)]:

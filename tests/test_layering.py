@@ -31,8 +31,8 @@ DIAGNOSIS = (
         "localisation",
         "gap",
         "doctor",
-        "diagnose",
         "report",
+        "diagnose",
     ),
 )
 EXPERIMENTS = (

@@ -66,6 +66,8 @@ def test_a_table_states_every_default(page, name, config):
             assert text == str(value).lower(), field
         elif isinstance(value, str):
             assert text == (value or "empty"), field
+        elif value is None:
+            assert text == "none", field
         elif isinstance(value, list):
             assert np.array_equal(eval(text), value), field
         else:

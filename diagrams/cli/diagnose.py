@@ -64,7 +64,7 @@ def diagnose(
 
         say(f"report: {write_report(found, folder, seed=run.seed, config=config)}")
 
-    from diagrams.cli.diagnosis_tables import judgement, tables, warning_lines
+    from diagrams.cli.diagnosis_tables import judgement, notes, tables
 
     content = found.as_json()
     del content["schema"]  # the head says it
@@ -73,7 +73,7 @@ def diagnose(
         config=config,
         metrics=content,
         lines=judgement(found),
-        notes=warning_lines(found),
+        notes=notes(found),
         write=write,
     )
 

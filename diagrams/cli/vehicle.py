@@ -1,6 +1,8 @@
 """`np-drake vehicle`: vehicle files from four measures, and the vehicles that come with the package."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,6 +15,14 @@ if TYPE_CHECKING:
 
 vehicle = typer.Typer(help="Vehicle files: new, list, show.", add_completion=False, rich_markup_mode=None)
 Preset = Annotated[str | None, Option(metavar="NAME", help="Begin with this vehicle of `vehicle list`.")]
+MassUncertainty = Annotated[
+    float | None,
+    Option(help="Standard deviation of the mass over the mass; default: 0.01, or the preset's [1]."),
+]
+ThrustUncertainty = Annotated[
+    float | None,
+    Option(help="Standard deviation of thrust over thrust; default: 0.4, or the preset's [1]."),
+]
 
 
 @vehicle.command("new")
@@ -27,27 +37,36 @@ def new(
         str,
         Option(metavar="CURVE", help="Thrust over throttle: quadratic (throttle is rotor speed) | linear."),
     ] = "quadratic",
+    mass_uncertainty: MassUncertainty = None,
+    thrust_uncertainty: ThrustUncertainty = None,
     preset: Preset = None,
     name: Annotated[str | None, Option(help="Name of the vehicle; default: mine, or the preset's.")] = None,
     out: Annotated[
         Path | None, Option(metavar="FILE", help="Vehicle file to write; default: print it.")
     ] = None,
 ) -> None:
-    """Write a commented vehicle file from four measures; or a copy of a preset, with --mass of another mass."""
+    """Write a commented vehicle file from four measures; or a copy of a preset, with --mass of another mass.
+
+    The file states how well mass and thrust are known, which a diagnosis takes into account.
+    """
     require_outputs(out)
     from np_drake.atomic_file import write_text
     from np_drake.vehicle_estimate import Measured, commented_file
 
+    given_or_none = {"mass_uncertainty": mass_uncertainty, "thrust_uncertainty": thrust_uncertainty}
+    stated = {key: value for key, value in given_or_none.items() if value is not None}
     measures = {"wheelbase": wheelbase, "propeller": propeller, "hover_throttle": hover_throttle}
     if preset is not None:
         if given := [option(key) for key, value in measures.items() if value is not None]:
-            raise ValueError(f"--preset: goes with --mass and --name alone; got {', '.join(given)}.")
-        text = copy_of(preset, mass, name)
+            raise ValueError(
+                f"--preset: goes with --mass, --name and uncertainties alone; got {', '.join(given)}."
+            )
+        text = copy_of(preset, mass, name, stated)
     else:
         measures["mass"] = mass
         if missing := [option(key) for key, value in measures.items() if value is None]:
             raise ValueError(f"give {', '.join(sorted(missing))} as well, or --preset NAME.")
-        measured = Measured(**measures, curve=throttle_curve)  # type: ignore[arg-type]
+        measured = Measured(**measures, **stated, curve=throttle_curve)  # type: ignore[arg-type]
         text = commented_file(measured, name or "mine")
     if out is None:
         say(text.rstrip("\n"))
@@ -79,11 +98,15 @@ def option(key: str) -> str:
     return f"--{key.replace('_', '-')}"
 
 
-def copy_of(preset: str, mass: float | None, name: str | None) -> str:
+def copy_of(
+    preset: str, mass: float | None, name: str | None, stated: Mapping[str, float] = MappingProxyType({})
+) -> str:
     """Return the file of a preset, with another mass and name where they are given; the inertia stays.
 
-    Raises: ValueError: if there is no such preset, or it cannot carry that mass.
+    Args: stated: uncertainties of mass and thrust by field [1], put at the end.
+    Raises: ValueError: if there is no such preset, it cannot carry that mass, or an uncertainty is impossible.
     """
+    import dataclasses as dc
     import re
 
     import yaml
@@ -100,7 +123,12 @@ def copy_of(preset: str, mass: float | None, name: str | None) -> str:
         text = re.sub(
             r"^mass: .*$", f"mass: {mass:g} # given; the preset's is {known.mass:g} [kg]", text, flags=re.M
         )
-    return text
+    dc.replace(known, **stated).check()  # type: ignore[arg-type]
+    lines = [
+        f"{field}: {value:g} # given: standard deviation over the value [1]"
+        for field, value in stated.items()
+    ]
+    return "\n".join([text.rstrip("\n"), *lines, ""]) if lines else text
 
 
 def preset_table() -> Table:
@@ -126,6 +154,11 @@ def source(name: str) -> str:
     return line.split(": ", 1)[1].split(",")[0].split(" for ")[0].split(";")[0].rstrip(".")
 
 
+def stated_uncertainty(value: float | None) -> str:
+    """Return what a vehicle file states of how well a figure is known."""
+    return "not stated: the diagnosis' own" if value is None else f"{100 * value:.3g} % of the value"
+
+
 def scale_table(known: "Vehicle") -> Table:
     """Return the scales and dimensionless numbers of a vehicle, and its default flight."""
     from diagrams.loop.experiments import load_experiment
@@ -142,6 +175,8 @@ def scale_table(known: "Vehicle") -> Table:
         ("inertia over m L² [1]", ", ".join(f"{value:.3g}" for value in number.inertia)),
         ("yaw torque over thrust and arm [1]", number.yaw_arm),
         ("time to turn by 1 rad over T [1]", number.turn_time),
+        ("mass, standard deviation", stated_uncertainty(known.mass_uncertainty)),
+        ("thrust, standard deviation", stated_uncertainty(known.thrust_uncertainty)),
         ("circle: radius [m]", reference.radius),
         ("circle: speed [m/s]", reference.speed),
         ("payload [kg]", payload.mass),

@@ -15,6 +15,7 @@ from np_drake.diagnosis.localisation import (
     unexcited_diagnosis,
 )
 from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.report.coverage import coverage
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals, natural_step, require_flights
 from np_drake.diagnosis.result import UNKNOWN, Diagnosis, Replay
 from np_drake.diagnosis.tolerance import Tolerance
@@ -108,6 +109,7 @@ def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> D
         check=checked,
         where=located,
         shrink=reduction,
+        coverage=coverage(tuple(found.causes), found.flights, found.held_out),
         minor=tuple(found.minor),
         remains=found.unexplained.findings,
         unknown_probability=found.unknown_probability,

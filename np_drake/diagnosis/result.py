@@ -190,6 +190,7 @@ class Diagnosis:
     refit: second answer, with the first halves of held-out flights in its fit, where these show more than the others.
     novel: what held-out flights show that the training flights do not.
     judged_as: tolerance used: `rig` (real sensors) or `laboratory` (ideal sensors); empty: neither.
+    coverage: sentences on what the held-out flights test; empty: not computed.
     """
 
     vehicle: str
@@ -210,6 +211,7 @@ class Diagnosis:
     judged_as: str = ""
     refit: "Diagnosis | None" = None
     novel: tuple[Finding, ...] = ()
+    coverage: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Return the content of `diagnosis.json` in plain types."""
@@ -251,11 +253,18 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "not_identifiable": _dictionaries(check.not_identifiable),
         "minor": _dictionaries(diagnosis.minor),
         "remains": _dictionaries(diagnosis.remains),
+        "novel": _dictionaries(diagnosis.novel),
+        "coverage": diagnosis.coverage,
         "check": {name: getattr(check, name) for name in ("usable", "excitation", "noise_floor", "warnings")},
         "warnings": diagnosis.warnings,
         "wall": diagnosis.wall,
+        "refit": None if diagnosis.refit is None else _without_schema(as_json(diagnosis.refit)),
     }
     return plain(content)
+
+
+def _without_schema(content: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in content.items() if key != "schema"}
 
 
 def _cause(cause: Cause) -> dict[str, Any]:

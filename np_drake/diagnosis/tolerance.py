@@ -2,6 +2,10 @@
 
 import dataclasses as dc
 
+from np_drake.vehicle import Vehicle
+
+REAL = 0.002  # tolerance of the attitude above which sensors are real ones [rad]
+
 
 @dc.dataclass(frozen=True)
 class Tolerance:
@@ -28,7 +32,7 @@ class Tolerance:
     @property
     def real(self) -> bool:
         """Whether the sensors are real ones."""
-        return self.mass > 0.003
+        return self.attitude > REAL
 
     def of(self, identifier: str) -> float:
         """Return the tolerance of the sensor that an effect is about; 0 for others."""
@@ -39,6 +43,14 @@ class Tolerance:
             "velocity_bias": self.velocity,
         }
         return names.get(identifier, 0.0)
+
+    def with_vehicle(self, vehicle: Vehicle) -> "Tolerance":
+        """Return the tolerance whose mass and thrust are at least what the vehicle file states for its own."""
+        return dc.replace(
+            self,
+            mass=max(self.mass, vehicle.mass_uncertainty or 0.0),
+            thrust=max(self.thrust, vehicle.thrust_uncertainty or 0.0),
+        )
 
 
 IDEAL_SENSORS = Tolerance(0.0005, 0.0005, 0.003, 0.0004, 0.0001, 0.0001)

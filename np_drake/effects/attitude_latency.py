@@ -23,6 +23,7 @@ class AttitudeLatency(SensorEffect):
 
     identifier: ClassVar[str] = "attitude_latency"
     linear: ClassVar[bool] = False
+    small: ClassVar[bool] = True
     corrupts: ClassVar[tuple[str, ...]] = ("qw", "qx", "qy", "qz")
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("latency", "s", 0.0, -0.1, 0.1, 0.01),)
 

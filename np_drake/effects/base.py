@@ -237,6 +237,9 @@ class SensorEffect(Effect):
 
     place = "measurement"
     begins = False
+    small: ClassVar[bool] = (
+        False  # so small that it adds up, and other effects act at the motion as it was read
+    )
     white_size: ClassVar[int] = 0
     corrupts: ClassVar[tuple[str, ...]] = ()
 

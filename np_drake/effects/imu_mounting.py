@@ -25,6 +25,7 @@ class ImuMounting(SensorEffect):
 
     identifier: ClassVar[str] = "imu_mounting"
     linear: ClassVar[bool] = False
+    small: ClassVar[bool] = True
     corrupts: ClassVar[tuple[str, ...]] = ("qw", "qx", "qy", "qz", "wx", "wy", "wz")
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(name, "rad", 0.0, -0.2, 0.2, 0.02) for name in ("roll", "pitch", "yaw")

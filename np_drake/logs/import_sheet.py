@@ -10,7 +10,7 @@ from np_drake.atomic_file import atomic_path
 from np_drake.logs.errors import LogError
 
 SUFFIX = ".import.yaml"
-HEAD = "# Written by np-drake import. `timing` is read with the log; the rest is for people.\n"
+HEAD = "# Sheet beside a flight log, as of np-drake import. `timing` is read with the log; the rest is for people.\n"
 
 
 @dc.dataclass(frozen=True)

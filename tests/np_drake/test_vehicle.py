@@ -2,6 +2,7 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
+from pydrake.common.yaml import yaml_dump_typed
 
 from np_drake.vehicle import Vehicle, load_vehicle
 
@@ -77,6 +78,16 @@ FAR = "rotor_positions: [[127, 127, 0], [127, -127, 0], [-127, -127, 0], [-127, 
         (FAR, "rotor_positions must be within 5 m of the origin; got 179.605. Are they in metres?"),
         ("torque_coefficient: -1.6e-7", "torque_coefficient must not be negative"),
         ("torque_coefficient: 0.0", "the rotors must span thrust and three torques."),
+        (
+            "mass_uncertainty: -0.01",
+            "mass_uncertainty must be a standard deviation over the value, 0 to below 0.5",
+        ),
+        (
+            "thrust_uncertainty: 3",
+            "thrust_uncertainty must be a standard deviation over the value, 0 to below 0.5",
+        ),
+        ("thrust_uncertainty: .nan", "thrust_uncertainty must be finite; got nan."),
+        ("mass_uncertainty: little", "mass_uncertainty must be a number; got 'little'."),
         ("inertia: [.02, .02, .03]", "inertia must be a matrix, 3 rows of 3 numbers, as [[0.02, 0.0, 0.0], "),
     ],
 )
@@ -87,6 +98,16 @@ def test_an_impossible_figure_is_refused_in_one_line_with_field_and_unit(tmp_pat
         load_vehicle(file)
     assert reason in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_states_no_uncertainty_has_none_and_writes_none(tmp_path):
+    assert "uncertainty" not in yaml_dump_typed(Vehicle(), schema=Vehicle)
+    file = tmp_path / "vehicle.yaml"
+    file.write_text("mass_uncertainty: null\nthrust_uncertainty: 0.02\n")
+    dut = load_vehicle(file)
+    assert (dut.mass_uncertainty, dut.thrust_uncertainty) == (None, 0.02)
+    file.write_text(yaml_dump_typed(dut, schema=Vehicle))
+    assert load_vehicle(file) == dut
 
 
 def test_a_vehicle_that_just_hovers_and_the_largest_there_are_stay():

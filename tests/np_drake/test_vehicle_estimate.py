@@ -1,5 +1,6 @@
 """Laws of the vehicle file from four measures, and of the presets."""
 
+import dataclasses as dc
 import math
 
 import numpy as np
@@ -11,7 +12,9 @@ from np_drake.vehicle import Vehicle, left_out, load_vehicle, preset_names, vehi
 from np_drake.vehicle_estimate import (
     AIR,
     FIGURE_OF_MERIT,
+    MASS_SPREAD,
     THRUST_NUMBER,
+    THRUST_SPREAD,
     Measured,
     commented_file,
     estimate,
@@ -57,6 +60,24 @@ def test_coefficients_lie_in_the_stated_range_of_the_presets(name):
     assert 0.045 <= round(number, 3) <= 0.201
     assert 0.32 <= round(merit, 2) <= 0.71
     assert 0.045 < THRUST_NUMBER < 0.201
+
+
+def test_the_spread_of_thrust_is_that_of_the_presets():
+    vehicles = [load_vehicle(name) for name in preset_names()]
+    number = [v.thrust_coefficient / v.rotor_radius**4 for v in vehicles]
+    assert np.std(number) / np.mean(number) == pytest.approx(THRUST_SPREAD, abs=0.01)
+
+
+def test_the_file_states_the_uncertainty_that_is_given_and_else_where_it_comes_from():
+    assert (estimate(MINE).mass_uncertainty, estimate(MINE).thrust_uncertainty) == (
+        MASS_SPREAD,
+        THRUST_SPREAD,
+    )
+    assert "# assumed: a kitchen scale" in commented_file(MINE)
+    known = dc.replace(MINE, mass_uncertainty=0.003, thrust_uncertainty=0.02)
+    assert (estimate(known).mass_uncertainty, estimate(known).thrust_uncertainty) == (0.003, 0.02)
+    assert "mass_uncertainty: 0.003 # given" in commented_file(known)
+    assert "presets" not in commented_file(known)
 
 
 def test_the_file_holds_the_estimate_and_names_every_parameter(tmp_path):

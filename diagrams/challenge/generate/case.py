@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from diagrams.challenge.generate.logged_input import LoggedInput, draw_logged_input
 from diagrams.challenge.generate.magnitudes import draw_effect
 from diagrams.challenge.generate.sensor_quality import SensorQuality, draw_sensor_quality
 from diagrams.challenge.generate.trajectories import draw_plans
@@ -17,9 +18,8 @@ from np_drake.effects.base import Effect
 from np_drake.vehicle import Vehicle
 
 FILES = ("train_1.csv", "train_2.csv", "heldout_1.csv")
-RATE = 100.0  # rows a second [Hz]
 # Streams of random numbers that do not touch each other: the effect decides about nothing else.
-_VEHICLE, _PLANS, _SENSORS, _EFFECT, _ONSET, NOISE = range(6)
+_VEHICLE, _PLANS, _SENSORS, _EFFECT, _ONSET, NOISE, _INPUT = range(7)
 
 
 @dc.dataclass(frozen=True)
@@ -48,6 +48,7 @@ class Case:
     plans: dict[str, Plan]
     effects: tuple[Effect, ...]
     onset: dict[str, float | None]
+    input: LoggedInput = dc.field(default_factory=LoggedInput)
 
     def stream(self, which: int, flight: int = 0) -> np.random.Generator:
         """Return the random numbers of one purpose."""
@@ -56,7 +57,7 @@ class Case:
     def instants(self, file: str) -> np.ndarray:
         """Return the times (n,) of the rows of a flight, before any is dropped [s]."""
         flight = FILES.index(file)
-        return self.quality.instants(self.stream(_SENSORS, flight + 1), self.seconds, RATE)
+        return self.quality.instants(self.stream(_SENSORS, flight + 1), self.seconds)
 
     def effects_of(self, file: str) -> list[Effect]:
         """Return the effects as they act in one flight: what is random (a gust) differs from flight to flight."""
@@ -71,20 +72,28 @@ def stream(seed: int, draw: CaseDraw, which: int, flight: int = 0) -> np.random.
 
 def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Case:
     """Return the case that `draw` names; equal arguments give equal cases."""
-    sensors = stream(seed, draw, _SENSORS)
-    vehicle = draw_vehicle(stream(seed, draw, _VEHICLE), SensorQuality(quality).stated_noise())
+    sensors, known = stream(seed, draw, _SENSORS), SensorQuality(quality)
+    vehicle = draw_vehicle(stream(seed, draw, _VEHICLE), known.stated_noise())
+    vehicle = dc.replace(vehicle, **known.stated_uncertainty())  # type: ignore[arg-type]
+    logged = LoggedInput() if quality != "wild" else draw_logged_input(stream(seed, draw, _INPUT), draw.names)
+    if not logged.held:
+        vehicle = dc.replace(vehicle, command_timing="unknown")
     spin = math.sqrt(vehicle.mass * vehicle.gravity / 4 / vehicle.thrust_coefficient)
     plans = draw_plans(stream(seed, draw, _PLANS), vehicle, seconds, len(FILES))
+    drawn = draw_sensor_quality(quality, sensors, spin)
+    if logged.kind == "rotor_speed":
+        drawn = dc.replace(drawn, rotor=abs(drawn.rotor))
     return Case(
         name=case_name(seed, draw.index),
         draw=draw,
         seed=seed,
         seconds=seconds,
         vehicle=vehicle,
-        quality=draw_sensor_quality(quality, sensors, spin),
+        quality=drawn,
         plans=dict(zip(FILES, plans, strict=True)),
         effects=tuple(draw_effects(draw, stream(seed, draw, _EFFECT), vehicle, seconds)),
         onset=draw_onset(draw, stream(seed, draw, _ONSET), seconds),
+        input=logged,
     )
 
 
@@ -98,7 +107,7 @@ def draw_effects(
 ) -> Sequence[Effect]:
     """Return the effects of a case, each name once (a wind's drag may be there already)."""
     if draw.kind == "foreign":
-        return [draw_out_of_library(draw.names[0], rng, vehicle)]
+        return [draw_out_of_library(name, rng, vehicle) for name in draw.names]
     effects: dict[str, Effect] = {}
     for name in draw.names:
         for effect in draw_effect(name, rng, vehicle, seconds):

@@ -7,13 +7,21 @@ from typing import Any
 import numpy as np
 
 from diagrams.challenge.generate.case import FILES, Case
+from diagrams.challenge.generate.logged_input import best_known
 from np_drake.diagnosis.forward_model.prediction import gate, predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.localisation.collinearity import collinear_effects, effects_of_trace
+from np_drake.diagnosis.localisation.collinearity import (
+    collinear_effects,
+    effects_of_trace,
+    is_calibration,
+    is_calibration_trace,
+)
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
-from np_drake.diagnosis.options import Priors
+from np_drake.diagnosis.options import Options, Priors
+from np_drake.diagnosis.regressors import with_input
 from np_drake.diagnosis.regressors.nuisance import tolerance_of
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
+from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.effects.base import Effect
 from np_drake.logs.flight_log import FlightLog
 
@@ -31,8 +39,8 @@ def best_onset(
         terms: the true effects with the true onset [s].   noise: model of `errors`.
     """
     t, name = exact.t, exact.name
-    begun = predicted_residual(exact, terms)
-    always = predicted_residual(exact, [dc.replace(term, onset={**term.onset, name: None}) for term in terms])
+    begun = _left(exact, terms)
+    always = _left(exact, [dc.replace(term, onset={**term.onset, name: None}) for term in terms])
     tried = np.flatnonzero(np.abs(t - onset) <= AROUND)
     cost = [
         float(np.sum(noise.whiten(errors + begun - _from(t, k, onset, begun, always)) ** 2)) for k in t[tried]
@@ -42,6 +50,11 @@ def best_onset(
     first = int(np.argmax(np.convolve(likely, np.ones(width), "valid")))
     within = np.cumsum(likely[first : first + width])
     return float(t[tried[first + np.searchsorted(within, 0.5 * within[-1])]])
+
+
+def _left(flight: FlightResiduals, terms: Sequence[Term]) -> np.ndarray:
+    """Return what the terms leave (m, 15), in the channels that the log tells."""
+    return flight.known(predicted_residual(flight, terms))
 
 
 def _from(t: np.ndarray, k: float, onset: float, begun: np.ndarray, always: np.ndarray) -> np.ndarray:
@@ -102,16 +115,28 @@ def truth(case: Case, simulator: str, flights: dict[str, FlightPair]) -> dict:
         "attempt": case.draw.attempt,
         "vehicle_off": {"mass": case.quality.mass_off, "thrust": case.quality.thrust_off},
         "plans": {file: plan.kind for file, plan in case.plans.items()},
+        **(of_wild(case, flights) if case.quality.name == "wild" else {}),
     }
 
 
+def of_wild(case: Case, flights: dict[str, FlightPair]) -> dict[str, Any]:
+    """Return what the truth of a `wild` case holds besides."""
+    return {"within_tolerance": within_tolerance(case, flights), "sensors": sensors(case)}
+
+
+def sensors(case: Case) -> dict[str, Any]:
+    """Return rate, input and noise of a case, by which the results of a `wild` set can be taken apart."""
+    return {"input": case.input.kind, "semantics": case.input.semantics, **dc.asdict(case.quality)}
+
+
 def flight_pair(case: Case, file: str, exact: FlightLog, noisy: FlightLog) -> FlightPair:
-    """Return the pair of one flight; both begin where the measured one counts."""
-    measured = make_flight_residuals(dc.replace(noisy, name=file), case.vehicle)
-    since = float(measured.t[0])
-    return FlightPair(
-        measured, make_flight_residuals(dc.replace(exact, name=file), case.vehicle, since=since)
-    )
+    """Return the pair of one flight; both begin where the measured one counts, and know when commands act."""
+    known = [
+        best_known(dc.replace(log, name=file), exact.u, case.vehicle, case.input.kind)
+        for log in (noisy, exact)
+    ]
+    measured = make_flight_residuals(known[0], case.vehicle)
+    return FlightPair(measured, make_flight_residuals(known[1], case.vehicle, since=float(measured.t[0])))
 
 
 def equivalent_library_effects(case: Case, flights: dict[str, FlightPair]) -> list[str]:
@@ -120,14 +145,19 @@ def equivalent_library_effects(case: Case, flights: dict[str, FlightPair]) -> li
     A ceiling effect, for example, is a mass error to a vehicle that stays where its lift is even. The remainder must be
     of a visibility below `NO_GAP`, were all of it in one channel.
     """
+    measured, trace, noise, within = _left_by_all(case, flights)
+    return effects_of_trace(measured, trace, noise, stated_tolerance(case, measured), Priors(), within)
+
+
+def _left_by_all(
+    case: Case, flights: dict[str, FlightPair]
+) -> tuple[list[FlightResiduals], dict[str, np.ndarray], NoiseModel, float]:
+    """Return the flights, what all effects leave there (m, 15), its noise, and the squared distance of no gap."""
     off = [Term(effect) for effect in case.quality.background(case.vehicle)]
     measured = [pair.measured for pair in flights.values()]
-    trace = {pair.true.name: pair.true.y - predicted_residual(pair.true, off) for pair in flights.values()}
+    trace = {pair.true.name: pair.true.y - _left(pair.true, off) for pair in flights.values()}
     noise = fit_noise([pair.errors for pair in flights.values()], measured[0].grid.step)
-    rows = sum(len(y) for y in trace.values())
-    return effects_of_trace(
-        measured, trace, noise, tolerance_of(measured), Priors(), (NO_GAP**2 - 1.0) * rows
-    )
+    return measured, trace, noise, (NO_GAP**2 - 1.0) * sum(len(y) for y in trace.values())
 
 
 def parameters(effect: Effect) -> dict[str, Any]:
@@ -142,14 +172,53 @@ def collinear_class(case: Case, training: list[FlightPair]) -> list[list[str]]:
     """
     if not case.effects or case.draw.kind == "foreign":
         return [[effect.identifier] for effect in case.effects]
-    flights = [pair.measured for pair in training]
-    noise = fit_noise([pair.errors for pair in training], flights[0].grid.step)
-    terms = [Term(effect, dict(case.onset)) for effect in case.effects]
-    tolerance, priors = tolerance_of(flights), Priors()
+    flights, terms, noise = _as_fitted(case, training)
+    tolerance, priors = stated_tolerance(case, flights), Priors()
     return [
         [effect.identifier, *collinear_effects(flights, terms, i, noise, tolerance, priors)]
         for i, effect in enumerate(case.effects)
     ]
+
+
+def within_tolerance(case: Case, flights: dict[str, FlightPair]) -> list[bool]:
+    """Return per effect whether it is the same, in all flights, as what vehicle file and input may be off by.
+
+    Out-of-library effects are taken together.
+    """
+    if case.draw.kind == "foreign":
+        measured, trace, noise, within = _left_by_all(case, flights)
+        same = is_calibration_trace(measured, trace, noise, stated_tolerance(case, measured), within)
+        return [same] * len(case.effects)
+    measured, terms, noise = _as_fitted(case, list(flights.values()))
+    tolerance = stated_tolerance(case, measured)
+    return [is_calibration(measured, terms, i, noise, tolerance) for i in range(len(terms))]
+
+
+def _as_fitted(
+    case: Case, flights: Sequence[FlightPair]
+) -> tuple[list[FlightResiduals], list[Term], NoiseModel]:
+    """Return the flights as measured, the true terms, and the noise that the true model leaves."""
+    measured = [pair.measured for pair in flights]
+    noise = fit_noise([pair.errors for pair in flights], measured[0].grid.step)
+    return measured, [Term(effect, dict(case.onset)) for effect in case.effects], noise
+
+
+def stated_tolerance(case: Case, flights: Sequence[FlightResiduals]) -> Tolerance:
+    """Return what vehicle file, input and sensors may be off by, as the files of a case state it.
+
+    Of `wild` alone it holds what the vehicle file states, a throttle's scale and curve, and when commands act: the
+    flights know all of these, but nobody else does.
+    """
+    tolerance = tolerance_of(flights)
+    if case.quality.name != "wild":
+        return tolerance
+    told = [
+        dc.replace(e, log=dc.replace(e.log, input=case.input.kind, timing=case.input.timing(e.log.step)))
+        for e in flights
+    ]
+    options = Options.for_sensors(tolerance.real, tolerance)
+    never_asked = dc.replace(options.search, early_command=np.inf)
+    return with_input(dc.replace(options, search=never_asked), told).tolerance
 
 
 def residual_and_visibility(case: Case, flight: FlightPair) -> tuple[np.ndarray, float]:
@@ -159,7 +228,7 @@ def residual_and_visibility(case: Case, flight: FlightPair) -> tuple[np.ndarray,
     """
     noise = np.sqrt(np.mean(flight.errors**2, axis=0))
     off = [Term(effect) for effect in case.quality.background(case.vehicle)]
-    total = np.sqrt(np.mean((flight.measured.y - predicted_residual(flight.true, off)) ** 2, axis=0))
+    total = np.sqrt(np.mean((flight.measured.y - _left(flight.true, off)) ** 2, axis=0))
     return noise, float(np.max(total / np.maximum(noise, 1e-12)))
 
 
@@ -168,9 +237,7 @@ def residual_of_true_parameters(case: Case, flight: FlightPair, noise: np.ndarra
     if case.draw.kind == "foreign" or all(effect.foreseen is effect for effect in case.effects):
         return noise
     known = [*case.quality.background(case.vehicle), *(e.foreseen for e in case.effects)]
-    left = flight.true.y - predicted_residual(
-        flight.true, [Term(effect, dict(case.onset)) for effect in known]
-    )
+    left = flight.true.y - _left(flight.true, [Term(effect, dict(case.onset)) for effect in known])
     return np.sqrt(noise**2 + np.mean(left**2, axis=0))
 
 
@@ -193,6 +260,6 @@ def visibility_of_each(case: Case, flight: FlightPair, noise: np.ndarray) -> lis
     terms = [Term(effect, dict(case.onset)) for effect in effects]
     out = []
     for i in range(len(terms)):
-        trace = predicted_residual(evidence, terms) - predicted_residual(evidence, terms[:i] + terms[i + 1 :])
+        trace = _left(evidence, terms) - _left(evidence, terms[:i] + terms[i + 1 :])
         out.append(float(np.max(np.sqrt(1 + np.mean(trace**2, axis=0) / np.maximum(noise, 1e-12) ** 2))))
     return out

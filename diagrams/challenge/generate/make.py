@@ -12,22 +12,24 @@ from joblib import Parallel, delayed
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.challenge.generate.case import FILES, NOISE, Case, CaseDraw, case_name, draw_case
-from diagrams.challenge.generate.composition import compose
+from diagrams.challenge.generate.composition import TWO_AT_ONCE, compose
 from diagrams.challenge.generate.ground_truth import (
     FlightPair,
     equivalent_library_effects,
     flight_pairs,
     truth,
 )
+from diagrams.challenge.generate.logged_input import as_logged, per_row, with_input
 from diagrams.challenge.generate.sensor_quality import kept_rows, rows_of, with_sensor_noise
 from diagrams.challenge.generate.vehicles import vehicle_file
 from diagrams.challenge.simulators.rotorpy import optional_import
 from np_drake.atomic_file import write_json, write_text
 from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.import_sheet import write_sheet
 from np_drake.logs.log_file import write_log
 
 ATTEMPTS = 12  # draws of one case before the set fails
-QUALITIES = ("clean", "real")
+QUALITIES = ("clean", "real", "wild")
 
 
 def simulators() -> dict[str, Callable]:
@@ -61,7 +63,8 @@ def make(
     require_no_other_set(out, truth, seed=seed, cases=cases + clean)
     for folder in (out, truth):
         folder.mkdir(parents=True, exist_ok=True)
-    draws = compose(cases, clean, seed, unseen=unseen)
+    two = TWO_AT_ONCE if quality == "wild" else 0.0
+    draws = compose(cases, clean, seed, unseen=unseen, two=two)
     options = {"simulator": simulator, "quality": quality, "seconds": seconds, "seed": seed}
     work = (delayed(make_case)(draw, out, truth, **options) for draw in draws)
     lost: dict[str, int] = {}
@@ -99,30 +102,33 @@ def make_case(
 
 
 def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str, FlightLog]]:
-    """Return the exact and the noisy logs of a case by file, with the same rows."""
+    """Return the exact and the noisy logs of a case by file, with the same rows; the noisy hold the case's input."""
     fly, exact, noisy = simulators()[simulator], {}, {}
     background = case.quality.background(case.vehicle)
     for flight, (file, plan) in enumerate(case.plans.items()):
-        log = fly(
+        every = fly(
             case.vehicle,
             plan,
             case.effects_of(file),
-            t=case.instants(file),
+            t=case.input.instants(case.instants(file)),
             onset=case.onset[file],
             background=background,
         )
         rng = case.stream(NOISE, flight)
-        log.name = file.removesuffix(".csv")
+        every.name = file.removesuffix(".csv")
+        log = per_row(every, case.input.finer)
         rows = kept_rows(rng, case.quality, len(log))
-        noisy[file] = rows_of(with_sensor_noise(log, case.vehicle, case.quality, rng), rows)
-        exact[file] = rows_of(log, rows)
+        sensed = with_sensor_noise(log, case.vehicle, case.quality, rng)
+        u = as_logged(every, case.input.semantics, case.input.finer, case.input.late).u
+        logged = with_input(dc.replace(sensed, u=u), case.vehicle, case.input.kind)
+        noisy[file], exact[file] = rows_of(logged, rows), rows_of(log, rows)
     return exact, noisy
 
 
 def require_no_library_equivalent(case: Case, flights: dict[str, FlightPair]) -> None:
     """Raise FailedRun where a library effect explains what an out-of-library effect leaves in the flights."""
     if case.draw.kind == "foreign" and (names := equivalent_library_effects(case, flights)):
-        raise FailedRun(f"make: {case.draw.names[0]} must be no {names[0]} where it is flown.")
+        raise FailedRun(f"make: {' with '.join(case.draw.names)} must be no {names[0]} where it is flown.")
 
 
 def write_case(
@@ -140,6 +146,8 @@ def write_case(
         write_text(folder / "vehicle.yaml", vehicle_file(case.vehicle))
         for file in FILES:
             write_log(noisy[file], folder / file)
+            if (sheet := case.input.sheet(noisy[file].step)) is not None:
+                write_sheet(sheet, folder / file)
 
 
 @contextmanager

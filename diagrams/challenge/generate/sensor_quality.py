@@ -1,9 +1,15 @@
-"""Sensor quality: from an exact log to what ideal (`clean`) or real sensors would have logged."""
+"""Sensor quality: from an exact log to what ideal (`clean`), real or ill-known (`wild`) sensors would have logged.
+
+Every figure of `wild` is drawn from three times the range of `real`: log-uniform from a third of the lower bound to
+three times the upper one, signed figures within three times their bounds. A constant of `real` counts as a range
+without width.
+"""
 
 import dataclasses as dc
 
 import numpy as np
 
+from diagrams.challenge.random_magnitudes import log_uniform
 from diagrams.challenge.simulators.coloured_noise import flicker, gauss_markov
 from np_drake import attitude
 from np_drake.effects.base import Effect
@@ -13,17 +19,39 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import MeasurementNoise, Vehicle
 
 JITTER = 0.05  # of the instants, of the interval [1]
+RATE = 100.0  # rows a second [Hz]
+WIDER = 3.0  # the range of `wild` over that of `real`, to either side [1]
+RATES = (50.0, 500.0)  # of `wild` [Hz]
+LONGEST_DROP = 3  # rows of `wild` that are lost in succession; one in `real`
+WANDER = (0.35, 0.65)  # of `real` [deg]
+# Ranges of `real`, in the units of `SensorQuality`.
+RANGES = {
+    "attitude": (0.005, 0.010),
+    "wander": (np.deg2rad(WANDER[0]), np.deg2rad(WANDER[1])),
+    "wander_time": (5.0, 20.0),
+    "velocity_wander": (0.02, 0.04),
+    "velocity_time": (0.5, 2.0),
+    "rate_flicker": (0.006, 0.015),
+    "acceleration_flicker": (0.05, 0.12),
+    "drops": (0.005, 0.01),
+    "jitter": (JITTER, JITTER),
+}
+ROTOR = 0.01  # of the speed in hover [1]
+OFF = 0.01  # of mass and thrust, to either side [1]
+DIGITS = 4  # of an uncertainty in a vehicle file
 
 
 @dc.dataclass(frozen=True)
 class SensorQuality:
     """The sensors of one case; `clean` has white noise as the vehicle file states and a constant rate.
 
+    `wild` has other white noise than the vehicle file states, which is that of `real`.
+
     Deviations of white noise, RMS of the coloured part, correlation times [s]. Source: own choice, the size of
     motion capture, MEMS sensors and a Kalman filter's velocity.
     """
 
-    name: str = "clean"  # clean | real
+    name: str = "clean"  # clean | real | wild
     attitude: float = 0.0  # white [rad]
     wander: float = 0.0  # RMS [rad]
     wander_time: float = 10.0
@@ -36,11 +64,15 @@ class SensorQuality:
     turned: bool = False  # `a` was turned to W with the measured attitude
     mass_off: float = 0.0  # of the vehicle file [1]
     thrust_off: float = 0.0
+    jitter: float = JITTER  # of the instants, of the interval; of real sensors [1]
+    rate: float = RATE  # [Hz]
+    longest_drop: int = 1  # rows that are lost in succession
+    white: MeasurementNoise | None = None  # besides the attitude's; None: as the vehicle file states
 
     @property
     def real(self) -> bool:
-        """Return whether the sensors are real ones."""
-        return self.name == "real"
+        """Return whether the sensors are no ideal ones."""
+        return self.name != "clean"
 
     def background(self, vehicle: Vehicle) -> list[Effect]:
         """Return what the vehicle file is off by; it acts throughout and is no cause."""
@@ -52,41 +84,78 @@ class SensorQuality:
         """Return the white noise that the vehicle file states."""
         return MeasurementNoise(attitude=0.005) if self.real else MeasurementNoise()
 
-    def instants(self, rng: np.random.Generator, seconds: float, rate: float) -> np.ndarray:
+    def stated_uncertainty(self) -> dict[str, float]:
+        """Return what the vehicle file states of how well mass and thrust are known, by field [1].
+
+        `wild`: the standard deviation of the uniform error that is drawn; others state nothing.
+        """
+        if self.name != "wild":
+            return {}
+        deviation = round(WIDER * OFF / np.sqrt(3.0), DIGITS)
+        return {"mass_uncertainty": deviation, "thrust_uncertainty": deviation}
+
+    def instants(self, rng: np.random.Generator, seconds: float) -> np.ndarray:
         """Return the times (n,) of the rows [s]."""
-        t = np.arange(round(seconds * rate)) / rate
-        return t + (JITTER / rate * rng.uniform(-1, 1, len(t)) if self.real else 0.0)
+        t = np.arange(round(seconds * self.rate)) / self.rate
+        return t + (self.jitter / self.rate * rng.uniform(-1, 1, len(t)) if self.real else 0.0)
 
 
 def draw_sensor_quality(name: str, rng: np.random.Generator, spin: float) -> SensorQuality:
     """Draw sensors of that quality. spin: rotor speed in hover [rad/s]."""
     if name == "clean":
         return SensorQuality()
+    if name == "wild":
+        return _draw_wild(rng, spin)
     return SensorQuality(
         name="real",
-        attitude=rng.uniform(0.005, 0.010),
-        wander=np.deg2rad(rng.uniform(0.35, 0.65)),
-        wander_time=rng.uniform(5.0, 20.0),
-        velocity_wander=rng.uniform(0.02, 0.04),
-        velocity_time=rng.uniform(0.5, 2.0),
-        rate_flicker=rng.uniform(0.006, 0.015),
-        acceleration_flicker=rng.uniform(0.05, 0.12),
-        rotor=float(rng.choice([0.01 * spin, -1.0])),
-        drops=rng.uniform(0.005, 0.01),
+        attitude=rng.uniform(*RANGES["attitude"]),
+        wander=np.deg2rad(rng.uniform(*WANDER)),
+        wander_time=rng.uniform(*RANGES["wander_time"]),
+        velocity_wander=rng.uniform(*RANGES["velocity_wander"]),
+        velocity_time=rng.uniform(*RANGES["velocity_time"]),
+        rate_flicker=rng.uniform(*RANGES["rate_flicker"]),
+        acceleration_flicker=rng.uniform(*RANGES["acceleration_flicker"]),
+        rotor=float(rng.choice([ROTOR * spin, -1.0])),
+        drops=rng.uniform(*RANGES["drops"]),
         turned=bool(rng.integers(2)),
-        mass_off=rng.uniform(-0.01, 0.01),
-        thrust_off=rng.uniform(-0.01, 0.01),
+        mass_off=rng.uniform(-OFF, OFF),
+        thrust_off=rng.uniform(-OFF, OFF),
     )
 
 
+def _draw_wild(rng: np.random.Generator, spin: float) -> SensorQuality:
+    """Draw every figure from three times the range of `real`; rotor columns are there in half of the cases."""
+    stated = dc.asdict(SensorQuality("real").stated_noise())
+    white = {name: _wider(rng, value, value) for name, value in stated.items() if name != "attitude"}
+    return SensorQuality(
+        name="wild",
+        **{name: _wider(rng, *bounds) for name, bounds in RANGES.items()},
+        rotor=_wider(rng, ROTOR * spin, ROTOR * spin) * float(rng.choice([1.0, -1.0])),
+        turned=bool(rng.integers(2)),
+        mass_off=rng.uniform(-WIDER * OFF, WIDER * OFF),
+        thrust_off=rng.uniform(-WIDER * OFF, WIDER * OFF),
+        rate=log_uniform(rng, *RATES),
+        longest_drop=LONGEST_DROP,
+        white=MeasurementNoise(**white),
+    )
+
+
+def _wider(rng: np.random.Generator, low: float, high: float) -> float:
+    return log_uniform(rng, low / WIDER, WIDER * high)
+
+
 def kept_rows(rng: np.random.Generator, quality: SensorQuality, n: int) -> np.ndarray:
-    """Return the rows (m,) of n that are not dropped; never two dropped in succession, never the first or last."""
-    count = round(quality.drops * n)
+    """Return the rows (m,) of n that are not dropped, never the first or last.
+
+    Up to `longest_drop` are dropped in succession, two kept at least between one loss and the next.
+    """
+    count, longest = round(quality.drops * n), quality.longest_drop
     dropped: set[int] = set()
     while len(dropped) < count:
-        row = int(rng.integers(2, n - 2))
-        if not {row - 2, row - 1, row, row + 1, row + 2} & dropped:
-            dropped.add(row)
+        row = int(rng.integers(2, n - 1 - longest))
+        lost = min(int(rng.integers(1, longest + 1)), count - len(dropped)) if longest > 1 else 1
+        if not set(range(row - 2, row + lost + 2)) & dropped:
+            dropped |= set(range(row, row + lost))
     return np.setdiff1d(np.arange(n), sorted(dropped))
 
 
@@ -100,7 +169,7 @@ def with_sensor_noise(
     """
     if log.a is None or log.al is None or log.rotor is None:
         raise ValueError("measured: the exact log must have accelerations and rotor speed.")
-    white, n = vehicle.measurement_noise, len(log)
+    white, n = quality.white or vehicle.measurement_noise, len(log)
     parts = rng.spawn(7)
     draw = [part.normal(size=(n, 3)) for part in parts[:6]]
     turn = quality.attitude * draw[0]

@@ -12,7 +12,8 @@ import numpy as np
 import yaml
 
 from diagrams.batch.processes import in_order
-from diagrams.challenge.generate.sensor_quality import SensorQuality, rows_of, with_sensor_noise
+from diagrams.challenge.generate.logged_input import FINER, SEMANTICS, as_logged, with_input
+from diagrams.challenge.generate.sensor_quality import SensorQuality, with_sensor_noise
 from diagrams.challenge.generate.trajectories import draw_plan
 from diagrams.challenge.generate.vehicles import draw_vehicle, vehicle_file
 from diagrams.challenge.imported.written import columns_in, default_map, quantities_of, write_table
@@ -37,10 +38,7 @@ FILES = {
 SECONDS = 12.0  # of every flight [s]
 FRAMES = {"ENU/FLU": ("enu", "flu"), "NED/FRD": ("ned", "frd")}
 RATES = (50, 100, 250, 500)  # of the rows [Hz]
-SEMANTICS = ("held_after", "held_before", "averaged", "sampled")
 INPUTS = ("thrust_only", "rotor_speed", "throttle")  # besides thrust and torque
-FINER = 2  # commands in an interval of rows, where a row does not hold one command [1]
-THROTTLE = 0.6  # exponent of the throttle over thrust [1]
 EFFECTS: dict[str, Callable[[Vehicle], dict[str, float]]] = {  # well visible; own choice
     "linear_drag": lambda v: {"d_x": 0.25 * v.mass, "d_y": 0.2 * v.mass, "d_z": 0.15 * v.mass},
     "thrust_scale": lambda v: {"scale": 0.9},
@@ -115,14 +113,14 @@ def _answer(task: Task, *, seed: int) -> list[RoundTrip]:
         folder = Path(scratch) / "original"
         folder.mkdir()
         for name, log in logs.items():
-            write_log(_with_input(log, vehicle, kind), folder / f"{name}.csv")
+            write_log(_input(log, vehicle, kind), folder / f"{name}.csv")
         original = _diagnosed(folder, vehicle)
         trips = []
         for frames in FRAMES:
             folder = Path(scratch) / frames.replace("/", "_")
             folder.mkdir()
             for name, log in logs.items():
-                thin = _as_logged(_with_input(log, vehicle, kind), semantics, finer)
+                thin = as_logged(_input(log, vehicle, kind), semantics, finer)
                 _import(thin, frames, semantics, folder, name)
             trips.append(
                 _compared(original, _diagnosed(folder, vehicle), effect, kind, frames, rate, semantics)
@@ -138,27 +136,11 @@ def _flown(vehicle: Vehicle, effect: Effect, plan: str, rate: int, rng: np.rando
     return dc.replace(noisy, al=None)
 
 
-def _with_input(log: FlightLog, vehicle: Vehicle, kind: str) -> FlightLog:
-    """Return the log with one kind of input."""
-    if kind == "rotor_speed":
-        return dc.replace(log, input="rotor_speed")
-    log = dc.replace(log, rotor=None)
-    if kind == "thrust_only":
-        return dc.replace(log, u=np.column_stack([log.u[:, 0], np.full((len(log), 3), np.nan)]), input=kind)
-    if kind == "throttle":
-        share = np.maximum(log.u @ vehicle.unmixer.T, 0.0) / vehicle.max_rotor_thrust
-        return dc.replace(log, throttle=share**THROTTLE, input="normalised")
-    return log
-
-
-def _as_logged(log: FlightLog, semantics: str, finer: int) -> FlightLog:
-    """Return every `finer`-th row, with a command as these semantics log it."""
-    u, rows = log.u, np.arange(0, len(log), finer)
-    if semantics == "held_before":
-        u = np.concatenate([u[:1], u[:-1]])
-    if semantics == "averaged":
-        u = np.stack([np.roll(u, -i, axis=0) for i in range(finer)]).mean(axis=0)
-    return rows_of(dc.replace(log, u=u), rows)
+def _input(log: FlightLog, vehicle: Vehicle, kind: str) -> FlightLog:
+    """Return the log with one kind of input; rotor speed is there where it is the input alone."""
+    if kind == "command":
+        return dc.replace(log, rotor=None)
+    return with_input(log, vehicle, "normalised" if kind == "throttle" else kind)
 
 
 def _import(log: FlightLog, frames: str, semantics: str, folder: Path, name: str) -> None:

@@ -8,13 +8,14 @@ from typing import Any
 
 from diagrams.challenge.score.schema import SchemaValidator, list_of, object_of, or_null, record, violation
 from np_drake.diagnosis.result import UNKNOWN
-from np_drake.effects.library import LIBRARY
+from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
 
 OUT_OF_LIBRARY, CLEAN = "foreign", "clean"
 KINDS = ("single", "pair", "triple", "onset", CLEAN, OUT_OF_LIBRARY)
 ANYTHING = {"description": "of any kind"}
 TEXT = {"description": "text", "type": "string"}
 KIND = {"description": f"one of {', '.join(KINDS)}", "enum": list(KINDS)}
+FLAG = {"description": "true or false", "type": "boolean"}
 WHOLE = {"description": "a whole number", "type": "integer"}
 NUMBER = {"description": "a finite number", "type": "number"}
 SIZE = {"description": "a finite number, at least 0", "type": "number", "minimum": 0}
@@ -44,6 +45,7 @@ TRUTH = SchemaValidator(
             "parameters_residual": or_null(RESIDUAL),
             "best_onset": object_of(NUMBER),
             "visibility_in_training": object_of(SIZE),
+            "within_tolerance": list_of(FLAG),
         },
     )
 )
@@ -93,6 +95,9 @@ def _disagreements(truth: dict[str, Any]) -> Iterator[str]:
         yield f"effects must {must} in a case of kind {kind}; got {len(effects)}."
     if len(classes) != len(effects):
         yield f"class must hold a list for each of {len(effects)} effects; got {len(classes)}."
+    lost = truth.get("within_tolerance", effects)
+    if len(lost) != len(effects):
+        yield f"within_tolerance must hold a flag for each of {len(effects)} effects; got {len(lost)}."
     for i, (effect, names) in enumerate(zip(effects, classes, strict=False)):
         own = effect["effect"]
         if kind != OUT_OF_LIBRARY:
@@ -102,7 +107,7 @@ def _disagreements(truth: dict[str, Any]) -> Iterator[str]:
             if wrong is not None:
                 yield wrong
         for name in names:
-            if name not in LIBRARY and name != own:
+            if name not in LIBRARY | MEASURED_ROTORS and name != own:
                 yield f"class[{i}] must hold effects of the library; got {name!r}."
 
 
@@ -139,8 +144,19 @@ class AnsweredCase:
 
     @property
     def visibility(self) -> float:
-        """Return the largest ratio of a channel's RMS to its noise [1]."""
+        """Return the largest ratio of a channel's RMS to its noise [1].
+
+        1 where all that acts is within what vehicle file, input and sensors may be off by: nobody can tell.
+        """
+        if self.true_names and not self.must_be_named:
+            return 1.0
         return float(self.truth["visibility"])
+
+    @property
+    def must_be_named(self) -> tuple[int, ...]:
+        """Return the numbers of the true effects that are not within what the files may be off by."""
+        lost = self.truth.get("within_tolerance") or [False] * len(self.true_names)
+        return tuple(i for i, within in enumerate(lost) if not within)
 
     @property
     def visibility_in_training(self) -> float:

@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from diagrams.challenge.score.answered_case import COMPANION, WINDS, AnsweredCase
 from diagrams.challenge.score.binomial_intervals import binned, binomial_interval, precision_and_recall
 from np_drake.diagnosis.result import UNKNOWN
-from np_drake.effects.library import LIBRARY
+from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
 
 WIDEST = 3  # names that a class may hold, a cause's own included: more tell nothing
 
@@ -43,22 +43,29 @@ def matches(case: AnsweredCase) -> dict[int, str]:
 
 
 def exact(case: AnsweredCase) -> bool:
-    """Return whether the verdict names all true effects and nothing else."""
-    return set(case.verdict) == set(case.true_names)
+    """Return whether the verdict names all true effects that can be told, and nothing that does not act."""
+    return _needed(case) <= set(case.verdict) <= set(case.true_names)
 
 
 def exact_lenient(case: AnsweredCase) -> bool:
     """Return whether the verdict is exact but for a wind's drag, which may be missing."""
     spare = {COMPANION} if set(WINDS) & set(case.true_names) else set()
-    return set(case.verdict) - spare == set(case.true_names) - spare
+    return _needed(case) - spare <= set(case.verdict) - spare <= set(case.true_names) - spare
+
+
+def _needed(case: AnsweredCase) -> set[str]:
+    return {case.true_names[i] for i in case.must_be_named}
 
 
 def right_class(case: AnsweredCase, *, unknown_allowed: bool = False) -> bool:
-    """Return whether causes and true effects match one to one; `unknown` is an excess name unless allowed."""
+    """Return whether causes and true effects match one to one; `unknown` is an excess name unless allowed.
+
+    An effect within what the files may be off by may be named or not.
+    """
     if UNKNOWN in case.verdict and not unknown_allowed:
         return False
     found = matches(case)
-    return len(found) == len(case.true_names) == len(case.named)
+    return len(found) == len(case.named) and set(case.must_be_named) <= set(found)
 
 
 def detected(case: AnsweredCase) -> bool:
@@ -76,8 +83,9 @@ def identifiable_in_training(case: AnsweredCase) -> bool:
 
 def name_counts(case: AnsweredCase) -> tuple[int, int, int]:
     """Return how many names are right, too many (`unknown` among them) and missing, by class."""
-    right = len(matches(case))
-    return right, len(case.verdict) - right, len(case.true_names) - right
+    found = matches(case)
+    missing = set(case.must_be_named) - set(found)
+    return len(found), len(case.verdict) - len(found), len(missing)
 
 
 def is_true(case: AnsweredCase, name: str) -> bool:
@@ -105,11 +113,15 @@ def singles(cases: Sequence[AnsweredCase]) -> dict[str, Any]:
 
 
 def several(cases: Sequence[AnsweredCase], least: float) -> dict[str, Any]:
-    """Return precision, recall and F1 of names in pairs and triples, all and visible, and whole cases right."""
+    """Return precision, recall and F1 of names in pairs and triples, all and visible, and whole cases right.
+
+    unknown: share to which `unknown` is added, though the library has all that acts.
+    """
     return {
         "all": precision_and_recall([name_counts(c) for c in cases]),
         "visible": precision_and_recall([name_counts(c) for c in cases if c.visibility >= least]),
         "class": binomial_interval(right_class(c) for c in cases if c.visibility >= least),
+        "unknown": binomial_interval(UNKNOWN in c.verdict for c in cases),
     }
 
 
@@ -126,19 +138,21 @@ def out_of_library(cases: Sequence[AnsweredCase], least: float) -> dict[str, Any
     visible = [c for c in cases if c.visibility >= least]
     return {
         "unknown": binomial_interval(UNKNOWN in c.verdict for c in visible),
+        "unknown_two": binomial_interval(UNKNOWN in c.verdict for c in visible if len(c.true_names) > 1),
         "unknown_all": binomial_interval(UNKNOWN in c.verdict for c in cases),
         "wrong_and_sure": binomial_interval(bool(wrong_and_sure(c)) for c in visible),
         "wrong_and_sure_all": binomial_interval(bool(wrong_and_sure(c)) for c in cases),
         "alone": binomial_interval(c.verdict == (UNKNOWN,) for c in visible),
         "kinds": [
-            out_of_library_effect(kind, visible) for kind in sorted({c.true_names[0] for c in visible})
+            out_of_library_effect(kind, visible)
+            for kind in sorted({" + ".join(c.true_names) for c in visible})
         ],
     }
 
 
 def out_of_library_effect(kind: str, cases: Sequence[AnsweredCase]) -> dict[str, Any]:
-    """Return how often one out-of-library effect is called unknown or given a wrong name, and which names."""
-    mine = [c for c in cases if c.true_names[0] == kind]
+    """Return how often one out-of-library effect, or two at once, is called unknown or misnamed, and as what."""
+    mine = [c for c in cases if " + ".join(c.true_names) == kind]
     said = Counter(name for c in mine for name in c.named)
     return {
         "kind": kind,
@@ -180,7 +194,8 @@ def confusion(cases: Sequence[AnsweredCase], least: float) -> dict[str, Any]:
     shown += [c for c in cases if c.kind == "clean"]
     acting = {c.main for c in shown}
     rows = [name for name in (*LIBRARY, "foreign", "clean") if name in acting]
-    columns = [*LIBRARY, UNKNOWN, SEVERAL, NONE]
+    said = {verdict_in_a_word(c) for c in shown}
+    columns = [*LIBRARY, *(name for name in MEASURED_ROTORS if name in said), UNKNOWN, SEVERAL, NONE]
     counts = np.zeros((len(rows), len(columns)), int)
     for case in shown:
         counts[rows.index(case.main), columns.index(verdict_in_a_word(case))] += 1
@@ -195,7 +210,7 @@ def verdict_in_a_word(case: AnsweredCase) -> str:
     if len(names) > 1:
         return SEVERAL
     word = next(iter(names), NONE)
-    return word if word in LIBRARY or word in (NONE, UNKNOWN) else SEVERAL
+    return word if word in LIBRARY | MEASURED_ROTORS or word in (NONE, UNKNOWN) else SEVERAL
 
 
 def reliability(cases: Iterable[AnsweredCase]) -> dict[str, Any]:

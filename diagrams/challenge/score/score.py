@@ -36,7 +36,7 @@ from diagrams.challenge.score.identification import (
     wrong_and_sure,
 )
 from np_drake.diagnosis.result import UNKNOWN
-from np_drake.effects.library import LIBRARY
+from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
 
 VISIBLE = 1.5  # least visibility of cases that count as visible [1]
 SEED = 0  # of the bootstrap
@@ -143,7 +143,7 @@ def effect_rows(
     """Return a row an effect of the library that acts or is named in the set."""
     seen = {name for c in cases for name in (*c.true_names, *c.verdict)}
     rows = []
-    for name in (n for n in LIBRARY if n in seen):
+    for name in (n for n in LIBRARY | MEASURED_ROTORS if n in seen):
         found = parameter_summary(e for e in errors if e.effect == name)
         estimated = {key: found[key] for key in ("median_error", "coverage")}
         rows.append({"effect": name, **effect_counts(name, cases, least), **estimated})

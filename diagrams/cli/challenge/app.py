@@ -26,7 +26,7 @@ def make(
     out: Annotated[Path, Option(metavar="DIR", help="Folder for the case folders.")],
     truth: Annotated[Path, Option(metavar="DIR", help="Folder for their truth; not inside --out.")],
     simulator: Annotated[str, Option(metavar="NAME", help="Who flies: drake | rotorpy.")] = "drake",
-    quality: Annotated[str, Option(metavar="NAME", help="Sensors: clean (ideal) | real.")] = "clean",
+    quality: Annotated[str, Option(metavar="NAME", help="Sensors: clean (ideal) | real | wild.")] = "clean",
     cases: Annotated[int, Option(min=0, help="Cases with effects.")] = 44,
     clean: Annotated[int, Option(min=0, help="Clean controls: cases without.")] = 20,
     seconds: Annotated[float, Option(help="Length of every flight [s].")] = 20.0,

@@ -22,7 +22,9 @@ def compare(
     from diagrams.challenge.score.draws import QUALITIES, read_draws, table
 
     draws = read_draws(scores)
-    tables = [(quality, *table(draws, quality)) for quality in QUALITIES]
+    tables = [
+        (quality, *table(draws, quality)) for quality in QUALITIES if any(quality in draw for draw in draws)
+    ]
     return Report(
         [(f"draws, {name} quality", header, list(map(tuple, rows))) for name, header, rows in tables],
         config={},

@@ -30,12 +30,17 @@ def score(
         if not folder.is_dir():
             raise ValueError(f"{folder}: must be a folder.")
     from diagrams.challenge.score.answered_case import read_answered_cases
+    from diagrams.challenge.score.draws import asked_table
     from diagrams.challenge.score.figures import write_figures
     from diagrams.challenge.score.score import score as score_cases
     from diagrams.challenge.score.tables import miss_table, set_lines, tables
 
     result = score_cases(read_answered_cases(answers, truth), least=visible, seed=run.seed)
-    shown = [*tables(result, visible), *([miss_table(result)] if misses else [])]
+    shown = [
+        *asked_table(result, "wild"),
+        *tables(result, visible),
+        *([miss_table(result)] if misses else []),
+    ]
 
     def draw(folder: Path) -> None:
         with progress("figures", 1.0) as advance:

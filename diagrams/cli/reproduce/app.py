@@ -10,13 +10,14 @@ from diagrams.cli.reproduce.cost import cost
 from diagrams.cli.reproduce.estimation import estimation, response, sample_efficiency
 from diagrams.cli.reproduce.experiments import hover, timing
 from diagrams.cli.reproduce.flights import gap, mhe, theorem
+from diagrams.cli.reproduce.real import real
 from diagrams.cli.reproduce.robustness import robustness
 from diagrams.cli.reproduce.tracking import tracking
 from diagrams.cli.reproduce.weights import pendulum, weights
 
 TABLES = (
     tracking, configurations, weights, gap, mhe, theorem, pendulum, estimation, sample_efficiency, response, hover,
-    attach, timing, cooperative, robustness, cost,
+    attach, timing, cooperative, robustness, cost, real,
 )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from scipy import special
 
 from np_drake.diagnosis.adequacy.gust_evidence import gust_probability, swing_free_residual
+from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.adequacy.residual_statistics import slow_torque, strongest_line
 from np_drake.diagnosis.adequacy.residual_tests import (
     Indication,
@@ -16,7 +17,6 @@ from np_drake.diagnosis.adequacy.residual_tests import (
     slow_torque_test,
 )
 from np_drake.diagnosis.adequacy.unexplained_result import Unexplained
-from np_drake.diagnosis.disturbance.linear_model import LinearModel
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.regressors import PREFIX
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision.equivalence import indistinguishable
 from np_drake.diagnosis.decision.judgement import Judged, judge
-from np_drake.diagnosis.disturbance.linear_model import LinearModel
 from np_drake.diagnosis.fitting import Fit, interval
 from np_drake.diagnosis.forward_model import pendulum_error
 from np_drake.diagnosis.held_out import HeldOut

@@ -4,9 +4,9 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 from np_drake.diagnosis.adequacy import Unexplained, find_unexplained
+from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision.causes import causes_of
 from np_drake.diagnosis.decision.gust_causes import residuals, with_gusts
-from np_drake.diagnosis.disturbance.linear_model import LinearModel
 from np_drake.diagnosis.held_out import HeldOut, on_held_out, without_shocks
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 from scipy import special
 
+from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision.effect_size import size_of, within_calibration
 from np_drake.diagnosis.decision.size_posterior import material_share, relative_sizes, wind_share
-from np_drake.diagnosis.disturbance.linear_model import LinearModel
 from np_drake.diagnosis.fitting import impossible
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.materiality import Size
@@ -59,12 +59,15 @@ def judge(
     Args:
         ranking, linear, structure, held_out, held: as in `causes_of`.
         same: effects that cannot be told from term i, whose probability is added.
-        gusty: gusts blow. The drag that feels them is material and stands for nothing else.
+        gusty: gusts blow. The drag that feels them is material and stands for nothing else; its prior is that of gusts
+            against what the library lacks.
     """
     fit, flights, options = ranking.best, ranking.problem.flights, ranking.options
     effect, tolerance = fit.terms[i].effect, options.tolerance
     named = min(1.0, sum(ranking.probability.get(name, 0.0) for name in (effect.identifier, *same)))
-    in_model = named * float(special.expit(linear.margin(i, structure)))
+    blown, priors = gusty and effect.identifier == DRAG, options.priors
+    brought = priors.wind_over_unknown - priors.of_effect(DRAG) if blown else 0.0
+    in_model = named * float(special.expit(linear.margin(i, structure) + brought))
     size = size_of(fit, i, flights, ranking.noise, tolerance, [(e, held.terms[e.name]) for e in held_out])
     material = material_share(
         size,
@@ -77,6 +80,6 @@ def judge(
     shift = abs(effect.time_shift(flights[0].vehicle))
     if 0 < shift < options.materiality.sensor * tolerance.timing:
         material = 0.0
-    if gusty and effect.identifier == DRAG:
+    if blown:
         return Judged(in_model, 1.0, size, "")
     return Judged(in_model, material, size, impossible(fit, i, flights[0].vehicle, options.thresholds))

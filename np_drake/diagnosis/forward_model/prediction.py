@@ -63,6 +63,7 @@ def predicted_residual(
         y += stages.once("sensor", (sensor,), partial(sensor_residual, flight, sensor))
     if len(sensors) == len(terms) and not any(s.clock_shift for s in sensors):
         return flight.known(y)  # sensor effects alone change no wrench
+    sensors = tuple(s for s in sensors if not s.small)
     flight = stages.once("before", sensors, partial(without_errors, flight, sensors))
     key = (turning, sum(s.clock_shift for s in sensors))
     thrust = stages.once("thrust", key, partial(_thrust, flight, terms))

@@ -18,7 +18,24 @@ DIFFERENTIATED_BAND = (
 
 
 def sensor_residual(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
-    """Return the channels as measured less the true ones (m, 15), exact to third order in the sensor error."""
+    """Return the channels as measured less the true ones (m, 15), exact to third order in the sensor error.
+
+    Of a small error to first order.
+    """
+    return _small(flight, effect) if effect.small else _exact(flight, effect)
+
+
+def _small(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
+    known, kind = flight.small_errors, type(effect)
+    if kind not in known:
+        units = [{p.name: p.typical} for p in kind.parameters]
+        none = kind.neutral().values
+        columns = [_exact(flight, kind.of({**none, **u})) / sum(u.values()) for u in units]  # type: ignore[arg-type]
+        known[kind] = np.stack(columns, axis=-1)
+    return known[kind] @ np.array(list(effect.values.values()))
+
+
+def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
     log, y = flight.log, np.zeros_like(flight.y)
     if not effect.corrupts or effect.clock_shift:
         return y
@@ -81,7 +98,7 @@ def without_errors(flight: FlightResiduals, effects: Sequence[SensorEffect]) -> 
 
     Other effects act on the true motion. Channels and log stay as measured.
     """
-    acting = [effect for effect in effects if effect.corrupts and not effect.clock_shift]
+    acting = [effect for effect in effects if effect.corrupts and not effect.clock_shift and not effect.small]
     if not acting:
         return flight
     rows = _instants_before(flight, flight.rows, acting)

@@ -48,13 +48,39 @@ def collinear_effects(
         noise: noise model that whitens.
         tolerance: tolerance of mass, thrust and sensors.
     """
-    rest = [t for j, t in enumerate(terms) if j != i]
-    trace = {e.name: predicted_residual(e, terms) - predicted_residual(e, rest) for e in flights}
+    trace = _contribution(flights, terms, i)
     onset: Onset = {n: t for n, t in terms[i].onset.items() if t is not None and t != NEVER}
     options = [*_options(flights, priors, onset), *_mirror_images(flights, terms[i], onset)]
     known = {t.effect.identifier for t in terms}
     options = [option for option in options if option.identifiers[-1] not in known]
     return _same(flights, trace, options, noise, tolerance)
+
+
+def is_calibration(
+    flights: Sequence[FlightResiduals],
+    terms: Sequence[Term],
+    i: int,
+    noise: NoiseModel,
+    tolerance: Tolerance,
+) -> bool:
+    """Return whether what vehicle file and input may be off by is the same as terms[i] in these flights.
+
+    Args: as `collinear_effects`.
+    Returns: False where noise alone hides the term.
+    """
+    return is_calibration_trace(flights, _contribution(flights, terms, i), noise, tolerance)
+
+
+def is_calibration_trace(
+    flights: Sequence[FlightResiduals],
+    trace: Mapping[str, np.ndarray],
+    noise: NoiseModel,
+    tolerance: Tolerance,
+    within: float = DISTANCE,
+) -> bool:
+    """Return `is_calibration` of a residual. Args: as `effects_of_trace`."""
+    distance = _Distance(flights, trace, noise, tolerance, sensors=False)
+    return distance.to([]) < within <= distance.power
 
 
 def effects_of_trace(
@@ -78,6 +104,12 @@ def effects_of_trace(
     if _Distance(flights, trace, noise, tolerance).to([]) < within:
         return []
     return _same(flights, trace, _options(flights, priors, {}), noise, tolerance, within)
+
+
+def _contribution(flights: Sequence[FlightResiduals], terms: Sequence[Term], i: int) -> dict[str, np.ndarray]:
+    """Return by flight what the predicted residual with terms[i] has over that without it, (m, 15)."""
+    rest = [t for j, t in enumerate(terms) if j != i]
+    return {e.name: predicted_residual(e, terms) - predicted_residual(e, rest) for e in flights}
 
 
 def _same(
@@ -131,17 +163,25 @@ class _Distance:
         trace: Mapping[str, np.ndarray],
         noise: NoiseModel,
         tolerance: Tolerance,
+        *,
+        sensors: bool = True,
     ) -> None:
+        """Whiten all. sensors: whether their errors are tolerated too."""
         self._flights, self._noise = flights, noise
         self._target = np.concatenate([noise.whiten(trace[e.name]).ravel() for e in flights])
-        drifting = sensor_drift(flights, tolerance)
+        drifting = sensor_drift(flights, tolerance) if sensors else None
         self._fixed = self._columns([*calibration(flights, tolerance), *([drifting] if drifting else [])])
+
+    @property
+    def power(self) -> float:
+        """Return the squared whitened size of the residual [1]."""
+        return float(self._target @ self._target)
 
     def to(self, candidates: Sequence[Candidate]) -> float:
         """Return min |target - X c|² + |c|² over c, the prior's penalty included."""
         X = np.hstack([self._fixed, self._columns(candidates)]) if candidates else self._fixed
         b = X.T @ self._target
-        return float(self._target @ self._target - b @ np.linalg.solve(X.T @ X + np.eye(X.shape[1]), b))
+        return float(self.power - b @ np.linalg.solve(X.T @ X + np.eye(X.shape[1]), b))
 
     def _columns(self, candidates: Sequence[Candidate]) -> np.ndarray:
         parts = []

@@ -13,7 +13,8 @@ from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.diagnosis.result import CHANNELS, Band, ChannelGap, Localisation, Regime, Segment
 
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
-BINS = 4  # regimes of each quantity
+BINS = 4  # about as many regimes of each quantity
+RARE = 0.02  # share of the rows at either end that widens the outer regimes, and makes none of its own [1]
 COARSE = 0.2  # time resolution of change points [s]
 PENALTY = 35.0  # penalty of a change point, in noise variance times channels; own choice
 LEAST_SPAN = 1e-3  # span of a quantity below which it has no regimes [its unit]
@@ -123,7 +124,7 @@ def quantities(flight: FlightResiduals) -> dict[str, tuple[np.ndarray, str]]:
 def regimes(
     flights: Sequence[FlightResiduals], after: dict[str, np.ndarray], noise: NoiseModel
 ) -> tuple[Regime, ...]:
-    """Return the RMS residual before and after in quarters of each quantity, with equally many rows each.
+    """Return the RMS residual before and after in ranges of each quantity with round bounds.
 
     Args:
         flights: the flights.
@@ -136,17 +137,28 @@ def regimes(
     out = []
     for name in all_of[0]:
         value = np.concatenate([q[name][0] for q in all_of])
-        edges = np.quantile(value, np.linspace(0, 1, BINS + 1))
-        if edges[-1] - edges[0] < LEAST_SPAN:
+        if np.ptp(value) < LEAST_SPAN:
             continue
-        for i in range(BINS):
-            inside = (value >= edges[i]) & ((value < edges[i + 1]) | (i == BINS - 1))
+        edges = round_bounds(value)
+        for i in range(len(edges) - 1):
+            inside = (value >= edges[i]) & ((value < edges[i + 1]) | (i == len(edges) - 2))
             if not inside.any():
                 continue
             rms = [tuple(np.sqrt(np.mean(part[inside] ** 2, axis=0)).tolist()) for part in (before, residual)]
             unit = all_of[0][name][1]
             out.append(Regime(name, unit, float(edges[i]), float(edges[i + 1]), int(inside.sum()), *rms))
     return tuple(out)
+
+
+def round_bounds(value: np.ndarray) -> np.ndarray:
+    """Return increasing multiples of 1, 2 or 5 times a power of ten that hold all values, some `BINS` ranges."""
+    low, high = np.quantile(value, (RARE, 1 - RARE))
+    raw = max(high - low, LEAST_SPAN) / BINS
+    power = 10.0 ** np.floor(np.log10(raw))
+    step = power * min((1.0, 2.0, 5.0, 10.0), key=lambda digit: abs(np.log(digit * power / raw)))
+    inner = np.arange(np.floor(low / step) + 1, np.ceil(high / step))
+    outer = np.floor(value.min() / step), max(np.ceil(value.max() / step), np.floor(value.min() / step) + 1)
+    return step * np.unique([outer[0], *inner, outer[1]])
 
 
 def bands(

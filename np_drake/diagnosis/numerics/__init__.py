@@ -4,8 +4,8 @@ from np_drake.diagnosis.numerics.autoregressive_noise import (
     NoiseModel,
     fit_noise,
     no_worse,
-    no_worse_anywhere,
     scale_only,
+    with_loudness,
 )
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram, loss_beside
 from np_drake.diagnosis.numerics.fir_filter import banded, filtered
@@ -23,7 +23,7 @@ __all__ = [
     "loss_beside",
     "minimise",
     "no_worse",
-    "no_worse_anywhere",
     "plain",
     "scale_only",
+    "with_loudness",
 ]

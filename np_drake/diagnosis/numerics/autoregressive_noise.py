@@ -183,9 +183,24 @@ def _loudness(residual: np.ndarray, rms: np.ndarray) -> np.ndarray:
     return np.where(rms > 0, np.maximum(own / np.maximum(rms, 1e-12), QUIETEST), 1.0)
 
 
-def no_worse_anywhere(residuals: list[np.ndarray], before: list[np.ndarray]) -> list[np.ndarray]:
-    """Apply `no_worse` to each flight separately."""
-    return [no_worse([r], [b])[0] for r, b in zip(residuals, before, strict=True)]
+def with_loudness(noise: NoiseModel, residuals: list[np.ndarray], flights: Sequence[str]) -> NoiseModel:
+    """Return the noise with an error level of each flight's own, so that the loudest does not decide for all.
+
+    Args:
+        noise: of all flights together.
+        residuals: (m, c) residuals of each flight, without their means.
+        flights: names of the flights.
+    Source: feasible generalised least squares with one variance for each group.
+    """
+    usual = np.sqrt(np.maximum(noise.innovation, 1e-300))
+    driven = [np.sqrt(np.mean(_innovations(noise, r) ** 2, axis=0)) for r in residuals]
+    own = [np.where(noise.active, np.maximum(d / usual, QUIETEST), 1.0) for d in driven]
+    return dc.replace(noise, loudness=dict(zip(flights, own, strict=True)))
+
+
+def _innovations(noise: NoiseModel, residual: np.ndarray) -> np.ndarray:
+    """Return the innovations (m - p, c) of a residual (m, c)."""
+    return np.stack([noise.driven_in(c, residual[:, c]) for c in range(residual.shape[1])], axis=1)
 
 
 def no_worse(residuals: list[np.ndarray], before: list[np.ndarray]) -> list[np.ndarray]:

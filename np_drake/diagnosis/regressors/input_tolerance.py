@@ -22,8 +22,8 @@ LATENCY = 0.01  # of an estimator's attitude [s]; source: own choice, a few samp
 
 
 def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
-    """Return the options whose tolerance holds what the input of these flights leaves open."""
-    tolerance = options.tolerance
+    """Return the options whose tolerance holds what vehicle file and input of these flights leave open."""
+    tolerance = options.tolerance.with_vehicle(flights[0].vehicle)
     timing = command_timing(flights, options.search.early_command)
     open_ = {"timing": max(tolerance.timing, timing)}
     if flights[0].measured_rotors:

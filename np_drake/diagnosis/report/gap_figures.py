@@ -4,48 +4,47 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from np_drake.diagnosis.report.words import number, title_of
+from np_drake.diagnosis.report.words import bare_name, number
 from np_drake.diagnosis.result import GapReduction, ReplayGap
 from np_drake.figure_file import PALETTE, new_figure
 
 BEFORE, AFTER, NOISE = PALETTE[1], PALETTE[0], "0.25"
+NOMINAL, WITH = "nominal simulator", "with the causes"  # in every legend
 
 
 def ladder_figure(reduction: GapReduction) -> Figure:
-    """Return the ladder as bars of held-out residual in noise units, with the noise floor as a line."""
-    rungs = reduction.ladder
-    figure, grid = new_figure(1, 1, width=7.2, height=0.95 + 0.42 * len(rungs))
+    """Return the ladder as bars of held-out residual over noise, with the noise as a line."""
+    rungs = [rung for rung in reduction.ladder if rung.name == "nominal" or rung.name.startswith("+")]
+    figure, grid = new_figure(1, 1, width=7.2, height=1.1 + 0.42 * len(rungs))
     ax = grid[0, 0]
     for place, rung in enumerate(rungs):
-        ax.barh(place, rung.residual, height=0.62, color=_rung_colour(rung.name, place))
-        ax.annotate(
-            number(rung.residual, 3),
-            (rung.residual, place),
-            (4, 0),
-            textcoords="offset points",
-            va="center",
-            bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.85},
-            zorder=4,
-        )
-    ax.axvline(reduction.floor, color=NOISE, linestyle="--", linewidth=1.2, zorder=3, label="noise alone")
-    ax.set_yticks(range(len(rungs)), [_rung_name(rung.name) for rung in rungs])
+        colour, label = (AFTER, WITH) if rung.name.startswith("+") else (BEFORE, NOMINAL)
+        bar = ax.barh(place, rung.residual, height=0.62, color=colour, label=label)
+        ax.bar_label(bar, [number(rung.residual, 2)], padding=4)
+    ax.axvline(reduction.floor, color=NOISE, linestyle="--", linewidth=1.2, zorder=3, label="noise")
+    names = [rung.name.removeprefix("+ ") for rung in rungs]
+    ax.set_yticks(
+        range(len(rungs)),
+        [f"+ {bare_name(n)}" if n != r.name else n for n, r in zip(names, rungs, strict=True)],
+    )
     ax.invert_yaxis()
-    ax.set_xlabel("held-out residual [noise units]")
+    ax.set_xlabel("held-out residual over noise [1]")
     ax.set_xlim(0, 1.12 * max([rung.residual for rung in rungs] + [reduction.floor]))
     _tidy(ax, "x")
-    figure.legend(*ax.get_legend_handles_labels(), loc="outside upper right", frameon=False)
+    legend(figure)
     return figure
 
 
-def _rung_name(name: str) -> str:
-    title = title_of(name.removeprefix("+ "))
-    return f"+ {title[:1].lower()}{title[1:]}" if name.startswith("+") else title
-
-
-def _rung_colour(name: str, place: int) -> str:
-    if place == 0:
-        return BEFORE
-    return AFTER if name.startswith("+") else "0.6"
+def legend(figure: Figure) -> None:
+    """Add one legend above all panels, with every label once."""
+    shown = {
+        label: handle
+        for ax in figure.get_axes()
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(
+        list(shown.values()), list(shown), loc="outside upper center", ncols=max(len(shown), 1), frameon=False
+    )
 
 
 def replay_figure(before: ReplayGap | None, after: ReplayGap | None) -> Figure:
@@ -55,22 +54,21 @@ def replay_figure(before: ReplayGap | None, after: ReplayGap | None) -> Figure:
     """
     figure, grid = new_figure(1, 3, width=9.0, height=3.1)
     panels = (("position", "position [m]"), ("velocity", "velocity [m/s]"), ("attitude", "attitude [deg]"))
-    curves = ((before, "before", BEFORE, "o", "--"), (after, "after", AFTER, "s", "-"))
-    for ax, (name, label) in zip(grid[0], panels, strict=True):
-        ax.set(xscale="log", yscale="log", xlabel="horizon [s]", ylabel=f"error of {label}")
-        for gap, legend, colour, marker, dash in curves:
+    curves = ((before, NOMINAL, BEFORE, "o", "--"), (after, WITH, AFTER, "s", "-"))
+    for ax, (name, axis) in zip(grid[0], panels, strict=True):
+        ax.set(xscale="log", yscale="log", xlabel="horizon [s]", ylabel=f"error of {axis}")
+        for gap, label, colour, marker, dash in curves:
             if gap is None:
                 continue
             values = np.asarray(getattr(gap, name), float)
             values = np.where(np.isfinite(values) & (values > 0), values, np.nan)
             ax.fill_between(gap.horizon, values[:, 1], values[:, 2], color=colour, alpha=0.22, linewidth=0)
-            ax.plot(gap.horizon, values[:, 0], color=colour, marker=marker, linestyle=dash, label=legend)
+            ax.plot(gap.horizon, values[:, 0], color=colour, marker=marker, linestyle=dash, label=label)
             ax.set_xticks(gap.horizon, [f"{h:g}" for h in gap.horizon])
             ax.set_xticks([], minor=True)
         ax.yaxis.set_major_formatter(plain_ticks())
         _tidy(ax, "both")
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=2, frameon=False)
+    legend(figure)
     return figure
 
 

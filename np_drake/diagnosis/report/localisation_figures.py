@@ -7,14 +7,15 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
-from np_drake.diagnosis.report.gap_figures import AFTER, BEFORE, NOISE, plain_ticks
-from np_drake.diagnosis.report.words import number, plain_name
+from np_drake.diagnosis.report.gap_figures import AFTER, BEFORE, NOISE, NOMINAL, WITH, legend, plain_ticks
+from np_drake.diagnosis.report.words import fixed, number, plain_name, suited
 from np_drake.diagnosis.result import CHANNELS, Band, Localisation, Regime
 from np_drake.figure_file import PALETTE, new_figure
 
 FLIGHTS = 4  # largest number of flights in the timeline
 _WINDOW = 0.25  # window of the running RMS in the timeline [s]
 _KINDS = (("force", "N", slice(0, 3)), ("torque", "N·m", slice(3, 6)))
+_OCTAVES = 4  # ranges of frequency in an octave, over which a spectrum is averaged
 Onsets = dict[str, list[tuple[str, float]]]  # flight: (effect, time)
 
 
@@ -22,10 +23,13 @@ def regime_figure(regimes: Sequence[Regime]) -> Figure:
     """Return a heat map of RMS residual in noise units, channel against regime, before and, where known, after."""
     quantities = list(dict.fromkeys(regime.quantity for regime in regimes))
     groups = [[regime for regime in regimes if regime.quantity == quantity] for quantity in quantities]
-    rows = [("before", [r.rms for r in regimes])]
+    known = [
+        c for c in range(len(CHANNELS)) if any(r.rms[c] != 0 for r in regimes)
+    ]  # no log tells every torque
+    rows = [(NOMINAL, "rms")]
     if all(regime.rms_after for regime in regimes):
-        rows.append(("after", [r.rms_after for r in regimes]))
-    values = np.concatenate([np.ravel(figures) for _, figures in rows])
+        rows.append((WITH, "rms_after"))
+    values = np.concatenate([[getattr(r, name)[c] for c in known] for _, name in rows for r in regimes])
     scale = LogNorm(1.0, max([3.0, *values[np.isfinite(values)]]), clip=True)
     widths = {"width_ratios": [len(group) for group in groups]}
     columns = sum(map(len, groups))
@@ -33,31 +37,30 @@ def regime_figure(regimes: Sequence[Regime]) -> Figure:
         len(rows),
         len(groups),
         width=1.6 + 0.46 * max(columns, 12),
-        height=0.9 + 2.0 * len(rows),
+        height=1.1 + 0.32 * len(rows) * len(known),
         gridspec_kw=widths,
         sharey=True,
     )
-    for axes, (when, _) in zip(grid, rows, strict=True):
+    for axes, (when, name) in zip(grid, rows, strict=True):
         for ax, group in zip(axes, groups, strict=True):
-            shown = _heat(ax, group, when, scale)
-        axes[0].set_yticks(range(6), CHANNELS)
-        axes[0].set_ylabel(f"{when} [channel]", fontweight="bold")
+            shown = _heat(ax, np.array([getattr(r, name) for r in group], float).T[known], scale)
+        axes[0].set_yticks(range(len(known)), [CHANNELS[c] for c in known])
+        axes[0].set_ylabel(when)
     for ax, group in zip(grid[-1], groups, strict=True):
         ax.set_xticks(range(len(group)), _ranges(group), rotation=60, ha="right", fontsize=7.5)
         ax.tick_params(axis="x", pad=1)
         ax.set_xlabel(f"{group[0].quantity} [{group[0].unit}]")
     figure.align_xlabels(grid[-1])
     bar = figure.colorbar(shown, ax=grid, pad=0.01, aspect=30)
-    bar.set_label("RMS residual [noise units]")
+    bar.set_label("RMS residual over noise [1]")
     bar.ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     bar.ax.yaxis.set_major_formatter(plain_ticks())
     bar.ax.yaxis.set_minor_locator(NullLocator())
     return figure
 
 
-def _heat(ax, group: Sequence[Regime], when: str, scale: LogNorm):
-    """Draw one panel with its numbers, and return its image."""
-    values = np.array([r.rms if when == "before" else r.rms_after for r in group], float).T
+def _heat(ax, values: np.ndarray, scale: LogNorm):
+    """Draw one panel of values (channel, regime) with its numbers, and return its image."""
     shown = ax.imshow(np.maximum(values, 1.0), cmap="Blues", norm=scale, aspect="auto")
     for (row, column), value in np.ndenumerate(values):
         colour = "white" if np.isfinite(value) and scale(max(value, 1.0)) > 0.6 else "black"
@@ -68,58 +71,63 @@ def _heat(ax, group: Sequence[Regime], when: str, scale: LogNorm):
 
 
 def _ranges(group: Sequence[Regime]) -> list[str]:
-    """Return 'lower … upper' of regimes of one quantity, with enough decimals to tell them apart."""
-    span = max(regime.upper for regime in group) - min(regime.lower for regime in group)
-    decimals = int(np.clip(-np.floor(np.log10(max(span, 1e-6) / 30)), 0, 6))
-    return [f"{r.lower:.{decimals}f} … {r.upper:.{decimals}f}".replace("-", "−") for r in group]
+    """Return 'lower to upper' of regimes of one quantity, with as few decimals as tell the bounds apart."""
+    width = min(regime.upper - regime.lower for regime in group)
+    decimals = int(np.clip(-np.floor(np.log10(max(width, 1e-6)) + 1e-9), 0, 6))
+    return [f"{fixed(r.lower, decimals)} to {fixed(r.upper, decimals)}" for r in group]
 
 
 def timeline_figure(localisation: Localisation, onsets: Onsets) -> Figure:
-    """Return the running RMS of force and torque residual of each flight, with change points and onsets."""
+    """Return the running RMS of force and torque residual of each flight, with noise, change points and onsets."""
     flights = list(localisation.times)[:FLIGHTS]
+    kinds = [kind for kind in _KINDS if any(np.any(localisation.before[f][:, kind[2]]) for f in flights)]
     figure, grid = new_figure(
-        len(flights), 2, width=9.0, height=0.9 + 1.75 * len(flights), sharex="row", sharey="col"
+        len(flights),
+        max(len(kinds), 1),
+        width=9.0,
+        height=0.9 + 1.75 * len(flights),
+        sharex="row",
+        sharey="col",
     )
     for axes, flight in zip(grid, flights, strict=True):
-        for ax, (kind, unit, channels) in zip(axes, _KINDS, strict=True):
-            _trace(ax, localisation, flight, channels)
+        for ax, (kind, unit, channels) in zip(axes, kinds, strict=False):
+            factor, shown = _trace(ax, localisation, flight, channels, unit)
             _marks(ax, localisation, flight, onsets.get(flight, []))
-            ax.set_ylabel(f"{kind} [{unit}]")
+            if floor := factor * np.linalg.norm([c.noise_floor for c in localisation.channels[channels]]):
+                ax.axhline(floor, color=NOISE, linestyle="--", linewidth=1.0, label="noise")
+            ax.set_ylabel(f"{kind} [{shown}]")
             ax.set_title(plain_name(flight), fontsize=8, loc="left", parse_math=False)
     for ax in grid[-1]:
         ax.set_xlabel("time [s]")
-    handles = {
-        label: handle
-        for ax in grid.flat
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
-    }
-    figure.legend(handles.values(), handles.keys(), loc="outside upper right", ncols=4, frameon=False)
+    legend(figure)
     return figure
 
 
-def _trace(ax, localisation: Localisation, flight: str, channels: slice) -> None:
+def _trace(ax, localisation: Localisation, flight: str, channels: slice, unit: str) -> tuple[float, str]:
+    """Draw the running RMS before and after, and return the factor and the unit in which it is drawn."""
+    curves = ((localisation.before, NOMINAL, BEFORE, "--"), (localisation.after, WITH, AFTER, "-"))
+    every = np.concatenate([values[:, channels].ravel() for values in localisation.before.values()])
+    factor, shown = suited(float(np.nanmax(np.abs(every))), unit)
     t = localisation.times[flight]
-    curves = ((localisation.before, "before", BEFORE, 0.9), (localisation.after, "after", AFTER, 0.9))
-    for traces, label, colour, width in curves:
+    for traces, label, colour, dash in curves:
         if flight in traces:
-            size = np.linalg.norm(traces[flight][:, channels], axis=1)
-            ax.plot(t, _running_rms(size, t), color=colour, linewidth=width, label=label)
+            size = factor * np.linalg.norm(traces[flight][:, channels], axis=1)
+            ax.plot(t, _running_rms(size, t), color=colour, linestyle=dash, linewidth=1.1, label=label)
     ax.margins(x=0)
     ax.xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 5, 10]))
     ax.set_ylim(bottom=0)
     ax.grid(alpha=0.3, linewidth=0.6)
+    return factor, shown
 
 
 def _marks(ax, localisation: Localisation, flight: str, onsets: list[tuple[str, float]]) -> None:
-    """Draw change points as dotted lines and onsets as solid ones, and shade every second segment."""
+    """Draw onsets as solid lines, and change points, where no onset is, as dotted ones."""
     segments = [segment for segment in localisation.segments if segment.flight == flight]
-    for place, segment in enumerate(segments):
-        if place % 2:
-            ax.axvspan(segment.start, segment.end, color="0.93", zorder=0, linewidth=0)
-        if place:
-            ax.axvline(segment.start, color=NOISE, linestyle=":", linewidth=1.0, label="change point")
+    for start in (segment.start for segment in segments[1:]):
+        if all(abs(start - time) > _WINDOW for _, time in onsets):
+            ax.axvline(start, color=NOISE, linestyle=":", linewidth=1.0, label="change point")
     for _, time in onsets:
-        ax.axvline(time, color=PALETTE[2], linewidth=1.6, label="onset of a cause")
+        ax.axvline(time, color=PALETTE[2], linewidth=1.6, label="a cause begins")
 
 
 def _running_rms(size: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -134,24 +142,20 @@ def _running_rms(size: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 def spectrum_figure(bands: Sequence[Band]) -> Figure:
     """Return the spectral density of the residual before and after, with that of the noise model."""
-    bands = bands[:6]
-    rows = -(-len(bands) // 3)
-    figure, grid = new_figure(rows, min(3, len(bands)), width=9.0, height=0.7 + 2.2 * rows, sharex=True)
+    bands = [band for band in bands[:6] if np.any(band.before > 0)]
+    rows = max(-(-len(bands) // 3), 1)
+    figure, grid = new_figure(
+        rows, min(3, max(len(bands), 1)), width=9.0, height=0.8 + 2.1 * rows, sharex=True
+    )
     for ax, band in zip(grid.flat, bands, strict=False):
-        inside = band.frequency > 0
         curves = (
-            (band.before, "before", BEFORE, "-"),
-            (band.after, "after", AFTER, "-"),
-            (band.noise, "noise model", NOISE, "--"),
+            (band.before, NOMINAL, BEFORE, "--"),
+            (band.after, WITH, AFTER, "-"),
+            (band.noise, "noise", NOISE, ":"),
         )
         for density, label, colour, dash in curves:
             ax.loglog(
-                band.frequency[inside],
-                density[inside],
-                color=colour,
-                linestyle=dash,
-                linewidth=1.2,
-                label=label,
+                *smoothed(band.frequency, density), color=colour, linestyle=dash, linewidth=1.4, label=label
             )
         unit = "N²/Hz" if band.channel.startswith("force") else "(N·m)²/Hz"
         ax.set_ylabel(f"{band.channel} [{unit}]")
@@ -163,5 +167,15 @@ def spectrum_figure(bands: Sequence[Band]) -> Figure:
         ax.set_visible(False)
     for ax in grid[-1]:
         ax.set_xlabel("frequency [Hz]")
-    figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=3, frameon=False)
+    legend(figure)
     return figure
+
+
+def smoothed(frequency: np.ndarray, density: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequency and density averaged over `_OCTAVES` ranges in an octave, without frequency zero."""
+    frequency, density = frequency[frequency > 0], density[frequency > 0]
+    place = np.round(_OCTAVES * np.log2(frequency / frequency[0])).astype(int)
+    count = np.bincount(place)
+    kept = count > 0
+    f, mean = (np.bincount(place, values)[kept] / count[kept] for values in (frequency, density))
+    return f, mean

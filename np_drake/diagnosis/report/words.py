@@ -1,8 +1,9 @@
-"""Numbers, names and file names as text for people."""
+"""Names, numbers and units as text for people."""
 
 import math
+from collections.abc import Sequence
 
-from np_drake.diagnosis.result import Estimate
+from np_drake.diagnosis.result import Cause, Estimate, Finding
 
 NAMES = {  # identifier: name of the effect within a sentence
     "mass_error": "a mass error",
@@ -11,7 +12,10 @@ NAMES = {  # identifier: name of the effect within a sentence
     "suspended_payload": "a suspended payload",
     "thrust_scale": "a thrust scale",
     "thrust_drift": "a drift of thrust",
+    "battery_sag": "battery sag",
+    "throttle_curve": "the throttle curve",
     "weak_rotor": "a weak rotor",
+    "mixer_gain": "a gain of the mixer",
     "motor_lag": "motor lag",
     "command_delay": "a command delay",
     "linear_drag": "linear drag",
@@ -26,12 +30,40 @@ NAMES = {  # identifier: name of the effect within a sentence
     "gyro_bias": "a gyroscope bias",
     "velocity_bias": "a velocity bias",
     "attitude_bias": "an attitude bias",
+    "attitude_latency": "a latency of the attitude",
+    "imu_mounting": "a tilted IMU",
     "clock_offset": "a clock offset",
     "unknown": "something unknown",
 }
+PHRASES = {  # identifier: the effect with its size in few words
+    "suspended_payload": "a {mass} payload on {length}",
+    "thrust_scale": "thrust at {scale} of nominal",
+    "weak_rotor": "rotor {rotor} at {efficiency} of nominal",
+    "thrust_drift": "a drift of thrust of {rate}",
+    "gusty_wind": "a gusty wind of {deviation} deviation",
+}
+FACTORS = (
+    "thrust_scale",
+    "weak_rotor",
+    "inertia_error",
+    "mixer_gain",
+)  # whose dimensionless parameters are shares
 NOTHING = "–"
 NBSP = "\u00a0"  # a number and its unit stay on one line
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_THOUSANDTHS = {"N", "N·m", "N·s/m", "N·m·s/m", "N·s²/m²", "s", "rad/s"}  # units with the prefixes m and µ
+UNITS = {  # SI unit: (from this size on [SI], factor, unit shown), the largest first
+    "kg": ((1.0, 1.0, "kg"), (0.0, 1e3, "g")),
+    "m": ((0.1, 1.0, "m"), (0.0, 1e2, "cm")),
+    "rad": ((0.02, math.degrees(1.0), "°"), (0.0, 1e3, "mrad")),
+    "m/s": ((0.1, 1.0, "m/s"), (0.0, 1e2, "cm/s")),
+    "kg·m²": ((0.1, 1.0, "kg·m²"), (0.0, 1e7, "g·cm²")),
+    "1/s": ((0.0, 1e2, "%/s"),),
+    "deg": ((0.0, 1.0, "°"),),
+    "1": ((0.0, 1.0, ""),),
+    "share": ((0.0, 1e2, "%"),),
+    **{u: ((0.1, 1.0, u), (1e-4, 1e3, f"m{u}"), (0.0, 1e6, f"µ{u}")) for u in _THOUSANDTHS},
+}
 
 
 def name_of(identifier: str) -> str:
@@ -39,15 +71,24 @@ def name_of(identifier: str) -> str:
     return NAMES.get(identifier, identifier.replace("_", " "))
 
 
-def title_of(identifier: str) -> str:
-    """Return the name of an effect as a heading."""
-    name = name_of(identifier).removeprefix("a ").removeprefix("an ").removeprefix("the ")
-    return name[:1].upper() + name[1:]
+def bare_name(identifier: str) -> str:
+    """Return the name of an effect without its article."""
+    return name_of(identifier).removeprefix("a ").removeprefix("an ").removeprefix("the ")
 
 
-def listed(names: list[str], last: str = "and") -> str:
+def capital(text: str) -> str:
+    """Return the text with a capital at its beginning."""
+    return text[:1].upper() + text[1:]
+
+
+def listed(names: Sequence[str], last: str = "and") -> str:
     """Join names as in 'x', 'x and y', 'x, y and z'."""
     return f" {last} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def flights(count: int) -> str:
+    """Return 'the held-out flight' or 'the held-out flights'."""
+    return f"the held-out flight{'s' * (count != 1)}"
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -56,11 +97,35 @@ def number(value: float | None, digits: int = 3) -> str:
         return NOTHING
     if value == 0:
         return "0"
-    power = math.floor(math.log10(abs(value)))
+    power = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))  # of the rounded value
     if -4 <= power < 5:
-        return f"{value:.{max(digits - 1 - power, 0)}f}".replace("-", "−")
-    mantissa = f"{value / 10.0**power:.{digits - 1}f}".replace("-", "−")
-    return f"{mantissa} × 10{str(power).translate(_RAISED)}"
+        return fixed(value, max(digits - 1 - power, 0))
+    return f"{fixed(value / 10.0**power, digits - 1)} × 10{str(power).translate(_RAISED)}"
+
+
+def fixed(value: float, decimals: int) -> str:
+    """Return a number with these decimals, a true minus, and no minus before zero."""
+    text = f"{value:.{decimals}f}"
+    return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
+
+
+def measure(value: float | None, unit: str, digits: int = 2) -> str:
+    """Return a size [SI unit] in the unit that suits it, as in '35 g', '48 cm', '2.1 m/s'."""
+    if value is None or not math.isfinite(value):
+        return NOTHING
+    factor, shown = suited(abs(value), unit)
+    return with_unit(number(factor * value, digits), shown)
+
+
+def suited(size: float, unit: str) -> tuple[float, str]:
+    """Return the factor and the name of the unit in which a size [SI unit] is read best."""
+    every = UNITS.get(unit, ((0.0, 1.0, unit),))
+    return next((factor, shown) for least, factor, shown in every if size >= least)
+
+
+def with_unit(text: str, unit: str) -> str:
+    """Return a number with its unit behind it."""
+    return f"{text}{'' if unit in ('', '°') else NBSP}{unit}"
 
 
 def percent(share: float | None) -> str:
@@ -74,34 +139,8 @@ def percent(share: float | None) -> str:
         return f"> 99.9{NBSP}%"
     if 0 < share < 0.001:
         return f"< 0.1{NBSP}%"
-    share = 0.0 if abs(share) < 0.005 and share < 0 else share
     near = 0 < share < 0.0095 or 0.985 < share < 1
-    return f"{100 * share:.{1 if near else 0}f}{NBSP}%".replace("-", "−")
-
-
-def unit_of(unit: str) -> str:
-    """Return the unit to write after a number; "" for a dimensionless one."""
-    return "" if unit in ("", "1") else unit
-
-
-def estimate(parameter: Estimate) -> tuple[str, str]:
-    """Return value and interval of a parameter as text, with the digits that the interval supports."""
-    lower, upper = parameter.ci95
-    half = 0.5 * (upper - lower)
-    if half == 0 and not parameter.unit and parameter.value == round(parameter.value):
-        return str(round(parameter.value)), NOTHING  # a choice, such as the number of a rotor
-    if not (math.isfinite(half) and half > 0):
-        return number(parameter.value), NOTHING
-    decimals = -math.floor(math.log10(0.5 * half))
-    if not 0 <= decimals <= 6:
-        return number(parameter.value), f"{number(lower)} … {number(upper)}"
-    value, low, high = (f"{v:.{decimals}f}".replace("-", "−") for v in (parameter.value, lower, upper))
-    return value, f"{low} … {high}"
-
-
-def onset(time: float, flight: str) -> str:
-    """Return when an effect begins in a flight, at `time` [s]; infinite: absent."""
-    return f"at {number(time)}{NBSP}s in {flight}" if math.isfinite(time) else f"not in {flight}"
+    return f"{fixed(100 * share, 1 if near else 0)}{NBSP}%"
 
 
 def probability(value: float) -> str:
@@ -110,9 +149,74 @@ def probability(value: float) -> str:
 
 
 def percent_interval(bounds: tuple[float, float]) -> str:
-    """Return an interval of a share such as '91 … 97 %', limited to 100 %."""
+    """Return an interval of a share such as '91 to 97 %', limited to 100 %."""
     lower, upper = (percent(min(bound, 1.0)) for bound in bounds)
-    return f"{lower.removesuffix(NBSP + '%')} … {upper}"
+    return f"{lower.removesuffix(NBSP + '%')} to {upper}"
+
+
+def unit_of(cause: Cause, parameter: Estimate) -> str:
+    """Return the unit of a parameter: shares for factors, '1' where it has none."""
+    return "share" if parameter.unit == "1" and cause.identifier in FACTORS else parameter.unit or "1"
+
+
+def estimate(parameter: Estimate, unit: str, *, brief: bool = False) -> tuple[str, str]:
+    """Return value and 95 % interval as text, in a unit that suits them and with the digits that the interval tells.
+
+    Args: unit: of the parameter, as `unit_of` gives it.   brief: whether three digits are enough.
+    """
+    lower, upper = parameter.ci95
+    half = 0.5 * (upper - lower)
+    if half == 0 and parameter.unit in ("", "1") and parameter.value == round(parameter.value):
+        return str(round(parameter.value)), NOTHING  # a choice, such as the number of a rotor
+    if not (math.isfinite(half) and half > 0):
+        return measure(parameter.value, unit), NOTHING
+    largest = max(abs(parameter.value), abs(lower), abs(upper))
+    factor, shown = suited(largest, unit)
+    told = -math.floor(math.log10(0.5 * factor * half))
+    if told > 6:
+        return measure(parameter.value, unit, 3), f"{number(factor * lower)} to {number(factor * upper)}"
+    three = 2 - math.floor(math.log10(factor * largest))
+    decimals = max(min(told, three) if brief or 10.0**-three <= factor * half else told, 0)
+    value, low, high = (fixed(factor * v, decimals) for v in (parameter.value, lower, upper))
+    return with_unit(value, shown), f"{low} to {high}"
+
+
+def phrase(cause: Cause) -> str:
+    """Return a cause with its size in few words, as in 'a 4.8 g payload on 0.52 m'."""
+    name, parameters = name_of(cause.identifier), cause.parameters
+    values = {n: estimate(p, unit_of(cause, p), brief=True)[0] for n, p in parameters.items()}
+    (unit, *others) = {p.unit for p in parameters.values()} or {""}
+    if cause.identifier in PHRASES and values:
+        return PHRASES[cause.identifier].format(**values)
+    if len(values) == 1:
+        return f"{name} of {next(iter(values.values()))}"
+    if others or unit in ("", "1"):
+        return name
+    sizes = [p.value for p in parameters.values()]
+    if set(parameters) == set("xyz") or "roll" in parameters:
+        return f"{name} of {measure(math.hypot(*sizes), unit)}"
+    return f"{name} of up to {measure(max(sizes, key=abs), unit)}"
+
+
+def described(finding: Finding) -> str:
+    """Return what a finding says, with the figures that its text leaves out."""
+    text, figures, more = finding.text.rstrip("."), finding.figures, []
+    if "frequency" in figures and "Hz" not in text:
+        more.append(f"near {measure(figures['frequency'], 'Hz')}")
+    if "time" in figures and " s" not in text:
+        more.append(f"at {figures['time']:.1f}{NBSP}s")
+    if "share" in figures:
+        more.append(f"{percent(figures['share'])} of weight")
+    elif figures.get("force") and " N" not in text:
+        more.append(f"{measure(figures['force'], 'N')} RMS")
+    elif figures.get("torque"):
+        more.append(f"{measure(figures['torque'], 'N·m')} RMS")
+    return ", ".join([text, *more])
+
+
+def onset(time: float, flight: str) -> str:
+    """Return when an effect begins in a flight, at `time` [s]; infinite: absent."""
+    return f"{flight}: {time:.1f}{NBSP}s" if math.isfinite(time) else f"{flight}: not at all"
 
 
 def plain_name(name: str, longest: int = 36) -> str:

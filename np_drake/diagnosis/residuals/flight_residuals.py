@@ -106,6 +106,11 @@ class FlightResiduals:
         return np.concatenate([[0.0, 0.0], f_tau, np.zeros(SIZE - 6)])
 
     @cached_property
+    def small_errors(self) -> dict[type, np.ndarray]:
+        """Cache of what small sensor errors leave: by effect, (m, 15, k) for a unit of each parameter."""
+        return {}
+
+    @cached_property
     def q(self) -> np.ndarray:
         """(m, 4) attitude on the grid."""
         near = attitude.one_hemisphere(self.rows.q, self.rows.q[0])

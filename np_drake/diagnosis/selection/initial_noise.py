@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.numerics import NoiseModel, fit_noise, no_worse, scale_only
+from np_drake.diagnosis.numerics import NoiseModel, fit_noise, no_worse, scale_only, with_loudness
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import (
     Candidate,
@@ -103,9 +103,11 @@ def noise_of(
     slow[TORQUE] = options.tolerance.attitude * force * options.search.force_lever
     white = np.sqrt(np.mean([e.rotor_noise**2 for e in flights], axis=0))
     step = flights[0].grid.step
-    return fit_noise(
-        no_worse(residuals, raw), step, explained=explained, inexact=inexact, slow=slow, white=white
-    )
+    left = no_worse(residuals, raw)
+    noise = fit_noise(left, step, explained=explained, inexact=inexact, slow=slow, white=white)
+    if not flights[0].measured_rotors:
+        return noise
+    return with_loudness(noise, [r - r.mean(axis=0) for r in left], [e.name for e in flights])
 
 
 def _best_variants(problem: RegressionProblem) -> list[int]:

@@ -1,5 +1,6 @@
 """Laws of `np-drake diagnose`. The five steps have tests of their own; here a stand-in answers."""
 
+import dataclasses as dc
 import importlib
 import json
 
@@ -59,23 +60,25 @@ def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
     assert run(["diagnose", str(case), "--out", str(out), "--json", str(metrics), "--seed", "5"]) == 0
     printed = capsys.readouterr().out
     expected = (
-        "Missing: a mass error",
+        "A mass error of 100 g, 97 %",
+        "Explains > 99.9 % of the lift gap on the held-out flight.",
         "delta_mass",
-        "0.10 kg",
-        "0.08 … 0.12",
-        "3.00 s",
-        "97 %",
-        "noise floor",
+        "80 to 120",
+        "3.0 s",
+        "thrust_scale",
+        "what to do next",
+        "over noise",
     )
     for text in (
         *expected,
         "position [m]",
-        "roll sharply",
+        "weigh the vehicle",
         "minor: gyro_bias",
         "warning: a warning.",
         "report.html",
     ):
         assert text in printed
+    assert max(len(line) for line in printed.splitlines() if line[:1] in ("┃", "│")) <= 100
     content = json.loads(metrics.read_text())
     assert content == json.loads((out / "diagnosis.json").read_text())
     assert (content["schema"], content["seed"]) == ("np_drake.diagnosis/1", 5)
@@ -95,6 +98,31 @@ def test_logs_can_be_named_one_by_one_and_the_replay_left_out(case, tmp_path, ca
     assert content["vehicle"] == "paper"
     assert content["shrink"]["replay"] is None
     assert "position [m]" not in capsys.readouterr().out
+
+
+def test_a_second_answer_is_printed_beside_the_first(case, logs, monkeypatch, capsys):
+    def twice(*arguments, **how):
+        found = answer(*arguments, **how)
+        novel = (an.Finding("wind", "a slow force along x, 3 N", 3.0),)
+        alone = dc.replace(found, verdict=(), causes=(), novel=novel, coverage=("Drag was not tested.",))
+        return dc.replace(alone, refit=dc.replace(found, joined=found.held_out))
+
+    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "diagnose", twice)
+    assert run(["diagnose", str(case), "--no-replay"]) == 0
+    printed = capsys.readouterr().out
+    places = [
+        printed.index(text)
+        for text in (
+            "No cause is told",
+            "new on the held-out flight: a slow force along x, 3 N.",
+            "Second answer, with the first halves of the held-out flight in the fit: A mass error of 100 g, 97 %",
+            "on the second half of the held-out flight.",
+            "second answer: causes",
+            "Drag was not tested.",
+            "second answer: how far",
+        )
+    ]
+    assert places == sorted(places)
 
 
 @pytest.mark.parametrize("name, sensors", [("rig", "real"), ("laboratory", "ideal")])

@@ -1,5 +1,7 @@
 """Laws of `np-drake vehicle` and of --vehicle with a name."""
 
+import dataclasses as dc
+
 import pytest
 
 from diagrams.cli.main import run
@@ -29,6 +31,7 @@ def test_new_without_out_prints_the_file(capsys, tmp_path):
         (["--preset", "nobody"], "crazyflie, hummingbird"),
         (["--preset", "crazyflie", "--mass", "1"], "max_rotor_thrust"),
         (["--preset", "crazyflie", "--propeller", "0.1"], "--propeller"),
+        (["--preset", "crazyflie", "--mass-uncertainty", "0.9"], "mass_uncertainty"),
         (
             ["--mass", "1", "--wheelbase", "0.4", "--propeller", "0.2", "--hover-throttle", "50"],
             "0.05 to 0.95",
@@ -40,6 +43,19 @@ def test_bad_measures_are_one_line(arguments, text, capsys):
     error = capsys.readouterr().err.strip()
     assert text in error
     assert "\n" not in error
+
+
+def test_a_preset_takes_an_uncertainty_and_show_prints_it(capsys, tmp_path):
+    out = tmp_path / "mine.yaml"
+    stated = ["--mass-uncertainty", "0.02", "--thrust-uncertainty", "0.03"]
+    assert run(["vehicle", "new", "--preset", "crazyflie", *stated, "--out", str(out)]) == 0
+    dut = load_vehicle(out)
+    assert (dut.mass_uncertainty, dut.thrust_uncertainty) == (0.02, 0.03)
+    assert dc.replace(dut, mass_uncertainty=None, thrust_uncertainty=None) == load_vehicle("crazyflie")
+    assert run(["vehicle", "show", str(out)]) == 0
+    assert "2 % of the value" in capsys.readouterr().out
+    assert run(["vehicle", "show", "crazyflie"]) == 0
+    assert "not stated" in capsys.readouterr().out
 
 
 def test_list_names_every_preset(capsys):

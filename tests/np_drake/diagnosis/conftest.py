@@ -14,8 +14,10 @@ from scipy import signal
 from np_drake import attitude
 from np_drake.diagnosis.decision.infer import Inference, concluded
 from np_drake.diagnosis.fitting.map_estimate import Fit
+from np_drake.diagnosis.fitting.parameters import free_parameters, read
+from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
-from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors.nuisance import tolerance_of
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
 from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
@@ -138,6 +140,23 @@ def noise(seen) -> NoiseModel:
     """Return the noise model of nominal flights."""
     nominal = [seen(name=str(i), seed=i, noise=1.0) for i in (8, 9)]
     return fit_noise([e.y for e in nominal], nominal[0].grid.step)
+
+
+@pytest.fixture(scope="session")
+def fit_at(seen) -> Callable[..., Fit]:
+    """Return a function that makes a fit at given effects, whose parameters, swings apart, have this covariance."""
+    flights = [seen(name="a", seconds=4.0)]
+
+    def fit(*effects: Effect, covariance: np.ndarray | float, priors: Priors | None = None) -> Fit:
+        """covariance: (k, k), or an equal deviation of all parameters."""
+        terms = tuple(Term(effect) for effect in effects)
+        every = free_parameters(terms, flights, {}, priors=priors or Priors())
+        free = tuple(f for f in every if not f.flight)
+        if np.isscalar(covariance):
+            covariance = float(covariance) ** 2 * np.eye(len(free))
+        return Fit(terms, (), free, read(terms, free), np.asarray(covariance), 0.0, 0.0, 1)
+
+    return fit
 
 
 @pytest.fixture

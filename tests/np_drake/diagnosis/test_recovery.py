@@ -26,7 +26,8 @@ DRAG = LinearDrag(0.4, 0.4, 0.4)
 def strong(name: str, share: float) -> Effect:
     """Return that share of a typical effect."""
     values = {}
-    for p, sign in zip(LIBRARY[name].parameters, SIGNS * 2, strict=False):
+    signs = np.abs(SIGNS) if LIBRARY[name].prior_correlation else SIGNS  # axes that are alike have one sign
+    for p, sign in zip(LIBRARY[name].parameters, [*signs] * 2, strict=False):
         if p.choices:
             values[p.name] = p.choices[1]
         else:

@@ -99,7 +99,7 @@ def test_flicker_has_equal_power_in_every_decade():
 def test_dropped_rows_leave_no_gap_that_a_reader_refuses():
     sensors = SensorQuality("real", drops=0.01)
     rng = np.random.default_rng(0)
-    t, rows = sensors.instants(rng, 20.0, 100.0), kept_rows(rng, sensors, 2000)
+    t, rows = sensors.instants(rng, 20.0), kept_rows(rng, sensors, 2000)
     assert len(rows) == 1980
     assert np.diff(t[rows]).max() < 2.5 * np.median(np.diff(t[rows]))
     assert np.diff(t).std() == pytest.approx(0.01 * 0.05 * np.sqrt(2 / 3), rel=0.1)  # uniform, two instants
@@ -107,5 +107,5 @@ def test_dropped_rows_leave_no_gap_that_a_reader_refuses():
 
 def test_clean_rows_are_all_there_at_a_constant_rate():
     sensors, rng = SensorQuality(), np.random.default_rng(0)
-    np.testing.assert_allclose(np.diff(sensors.instants(rng, 5.0, 100.0)), 0.01, atol=1e-12)
+    np.testing.assert_allclose(np.diff(sensors.instants(rng, 5.0)), 0.01, atol=1e-12)
     assert len(rows_of(still(), kept_rows(rng, sensors, N))) == N

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
+from diagrams.challenge.generate.logged_input import as_logged
 from diagrams.challenge.imported import conventions, round_trip, thinned
 from diagrams.challenge.imported.written import columns_in, default_map, quantities_of, write_table
 from np_drake.logs.flight_log import FlightLog
@@ -84,7 +85,7 @@ def test_round_trips_cover_every_rate_with_every_meaning_and_every_input():
 
 def test_a_row_holds_the_command_that_its_meaning_says():
     log = made(8)
-    assert np.array_equal(round_trip._as_logged(log, "held_after", 1).u, log.u)
-    assert np.array_equal(round_trip._as_logged(log, "held_before", 1).u[1:], log.u[:-1])
-    assert np.allclose(round_trip._as_logged(log, "averaged", 2).u, 0.5 * (log.u[::2] + log.u[1::2]))
-    assert np.array_equal(round_trip._as_logged(log, "sampled", 2).u, log.u[::2])
+    assert np.array_equal(as_logged(log, "held_after", 1).u, log.u)
+    assert np.array_equal(as_logged(log, "held_before", 1).u[1:], log.u[:-1])
+    assert np.allclose(as_logged(log, "averaged", 2).u, 0.5 * (log.u[::2] + log.u[1::2]))
+    assert np.array_equal(as_logged(log, "sampled", 2).u, log.u[::2])

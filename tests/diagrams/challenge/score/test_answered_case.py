@@ -111,6 +111,8 @@ TRUTHS = [
     ),
     (["parameters_residual"], [1], "parameters_residual must be an object with force_x, .*, or null; got"),
     (["visibility"], float("nan"), "visibility must be a finite number, at least 0; got nan"),
+    (["within_tolerance"], [1], r"within_tolerance\[0\] must be true or false; got 1"),
+    (["within_tolerance"], [], "within_tolerance must hold a flag for each of 1 effects; got 0"),
     (["visibility"], -1, "visibility must be a finite number, at least 0; got -1"),
     (["visibility"], True, "visibility must be a finite number, at least 0; got True"),
     (["visibility"], 10**400, "visibility must be a finite number, at least 0; got 1000"),

@@ -9,6 +9,7 @@ import pytest
 from diagrams.challenge.score.draws import (
     METRICS,
     Metric,
+    asked_table,
     draw_of,
     name_of,
     number,
@@ -32,7 +33,7 @@ SCORED = json.dumps(
         "qualities": {},
         "rates": {
             "single": {"class": {"count": "$", "n": 1}, "exact": {"count": 1, "n": 1}},
-            "several": {"all": {"f1": 1.0}},
+            "several": {"all": {"f1": 1.0}, "unknown": {"count": 0, "n": 1}},
             "clean": {"false_alarm": {"count": 0, "n": 1}},
             "foreign": {"unknown": {"count": 1, "n": 1}, "wrong_and_sure": {"count": 0, "n": 1}},
         },
@@ -41,6 +42,7 @@ SCORED = json.dumps(
         "shrink_relative": {"mean": 1.0},
         "shrink_relative_parameters": {"mean": 1.0},
         "detection": {"half": 1.0},
+        "reliability": {"ece": 0.01},
         "replay": {"median_reduction": 0.9},
     }
 ).replace('"$"', "$")
@@ -109,6 +111,27 @@ def test_one_simulator_in_two_qualities_has_figures_of_each(by_hand):
     kept = draw_of(plain(score(cases)))
     both = draw_of(plain(score([*cases, *[dc.replace(c, name=f"again {c.name}") for c in noisy]])))
     assert both["clean"] == both["real"] == kept["clean"]
+
+
+def test_what_is_asked_of_wild_sets_is_shown_beside_what_they_have(by_hand):
+    cases = [dc.replace(c, truth={**c.truth, "quality": "wild"}) for c in by_hand.perfect_set()]
+    pair = next(c.truth for c in cases if c.kind == "pair")
+    cases += [by_hand.named(pair, "thrust_scale", "linear_drag", unknown=True)]
+    cases += [by_hand.named({**cases[0].truth, "kind": "clean", "effects": [], "class": []}, "mass_error")]
+    ((_, header, rows),) = asked_table(score(cases), "wild")
+    assert header == ["figure", "asked", "wild"]
+    assert {row[0]: row[1:] for row in rows} == {
+        "single: right class": ["≥ 0.85", "13/13"],
+        "`unknown` added to them": ["≤ 0.1", "**1/3**"],
+        "clean controls: false alarm": ["≤ 0.02", "**1/2**"],
+        "foreign: `unknown`": ["≥ 0.85", "1/1"],
+        "in the 95 % interval": ["0.9 … 0.98", "**32/32**"],
+        "calibration error": ["≤ 0.05", "0.0435"],
+    }
+
+
+def test_nothing_is_asked_of_wild_sets_where_there_are_none(whole):
+    assert asked_table(whole, "wild") == []
 
 
 BAD = {

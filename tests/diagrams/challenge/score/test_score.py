@@ -3,6 +3,8 @@ import json
 
 import pytest
 
+from diagrams.challenge.score.answered_case import fault_of_truth
+from diagrams.challenge.score.identification import exact, is_true, name_counts, right_class
 from diagrams.challenge.score.score import score
 from diagrams.challenge.score.tables import tables
 from np_drake.atomic_file import plain
@@ -73,6 +75,38 @@ def test_singles_that_are_the_same_as_anything_have_no_place_among_those_that_ca
     assert (rates["single_tellable"]["class"]["count"], rates["single_tellable"]["class"]["n"]) == (12, 12)
 
 
+def within(case, *flags):
+    """The case whose effects are within what vehicle file and input may be off by where the flag is set."""
+    return dc.replace(case, truth={**case.truth, "within_tolerance": list(flags)})
+
+
+def test_a_single_within_what_the_files_may_be_off_by_is_no_miss(cases, by_hand):
+    for answered in (without_answer(cases[0]), by_hand.named(cases[0].truth, "thrust_scale")):
+        dut = score([within(answered, True), *cases[1:]])
+        assert (dut["rates"]["single"]["class"]["count"], dut["rates"]["single"]["class"]["n"]) == (12, 12)
+        assert not dut["cases"][0]["missed"]
+    told = score([within(without_answer(cases[0]), False), *cases[1:]])["rates"]["single"]["class"]
+    assert (told["count"], told["n"]) == (12, 13)
+
+
+def test_of_a_pair_the_effect_within_what_the_files_may_be_off_by_may_be_named_or_not(by_hand):
+    truth = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, kind="pair", within_tolerance=[True, False])
+    for names, found in [
+        (("linear_drag",), (1, 0, 0)),
+        (("linear_drag", "thrust_scale"), (2, 0, 0)),
+        (("thrust_scale",), (1, 0, 1)),
+        (("linear_drag", "weak_rotor"), (1, 1, 0)),
+    ]:
+        dut = by_hand.named(truth, *names)
+        assert name_counts(dut) == found
+        assert right_class(dut) == exact(dut) == (found[1:] == (0, 0))
+
+
+def test_a_name_within_what_the_files_may_be_off_by_is_true_all_the_same(by_hand):
+    truth = by_hand.make_truth(by_hand.SCALE, within_tolerance=[True])
+    assert is_true(by_hand.named(truth, "thrust_scale"), "thrust_scale")
+
+
 def test_an_invisible_single_is_no_miss(cases):
     faint = dc.replace(cases[0], truth={**cases[0].truth, "visibility": 1.4}, answer=None)
     dut = score([faint, *cases[1:]])
@@ -107,6 +141,37 @@ def test_an_out_of_library_effect_must_be_called_unknown_and_nothing_else_surely
     assert [kind[how]["count"] for how in ("unknown", "alone", "wrong_and_sure")] == [2, 1, 1]
     assert kind["unknown"]["n"] == 3
     assert kind["named"] == {"gusty_wind": 2}
+
+
+def test_two_out_of_library_effects_at_once_have_a_row_of_their_own(cases, by_hand):
+    other = {"effect": "side_lift", "parameters": {"c": 0.1}}
+    truth = by_hand.make_truth(by_hand.OUT_OF_LIBRARY, other, kind="foreign")
+    found = score([*cases, by_hand.named(truth, unknown=True), by_hand.named(truth)])["rates"]["foreign"]
+    assert (found["unknown"]["count"], found["unknown"]["n"]) == (2, 3)
+    assert (found["unknown_two"]["count"], found["unknown_two"]["n"]) == (1, 2)
+    assert [(row["kind"], row["unknown"]["n"]) for row in found["kinds"]] == [
+        ("fan_jet", 1),
+        ("fan_jet + side_lift", 2),
+    ]
+
+
+def test_unknown_added_to_what_the_library_has_is_counted(cases, by_hand):
+    truth = by_hand.make_truth(by_hand.SCALE, by_hand.DRAG, kind="pair", visibility=1.1)
+    added = by_hand.named(truth, "thrust_scale", "linear_drag", unknown=True)
+    found = score([*cases, added])["rates"]
+    assert (found["several"]["unknown"]["count"], found["several"]["unknown"]["n"]) == (1, 3)
+    assert (found["triple"]["unknown"]["count"], found["triple"]["unknown"]["n"]) == (0, 1)
+
+
+def test_an_effect_that_only_measured_rotors_tell_is_a_name_as_others_are(cases, by_hand):
+    named = by_hand.named(cases[0].truth, "mixer_gain")
+    dut = score([*cases, named])
+    (effect,) = [row for row in dut["effects"] if row["effect"] == "mixer_gain"]
+    assert effect["named_wrongly"] == 1
+    column = dut["confusion"]["named"].index("mixer_gain")
+    assert sum(row[column] for row in dut["confusion"]["counts"]) == 1
+    assert "mixer_gain" not in score(cases)["confusion"]["named"]
+    assert fault_of_truth({**cases[0].truth, "class": [["thrust_scale", "mixer_gain"]]}) is None
 
 
 def test_names_of_pairs_are_pooled(cases, by_hand):

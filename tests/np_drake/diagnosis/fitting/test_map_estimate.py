@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.fitting.map_estimate import Fit, refine
+from np_drake.diagnosis.fitting.map_estimate import refine
 from np_drake.diagnosis.fitting.parameters import free_parameters, read, write
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.options import Options
@@ -171,68 +171,43 @@ def test_a_delay_is_told_by_forces_alone_wherever_between_two_rows_it_falls(seen
     assert deviation(dut)[0] < 0.1 * dut.free[0].scale
 
 
-def test_figures_that_only_together_differ_from_none_are_told_and_a_figure_that_only_shapes_tells_nothing():
-    drag, payload = Term(LinearDrag(0.2, 0.2, 0.0)), Term(SuspendedPayload(0.0, 0.6))
-    free = [f for f in free_parameters([drag, payload], [], {}, priors=PRIORS) if not f.flight]
-
-    def fit(covariance, values):
-        free_of = [f for f in free if f.term == (0 if len(values) == 3 else 1)]
-        terms = (drag,) if len(values) == 3 else (payload,)
-        free_of = tuple(dc.replace(f, term=0) for f in free_of)
-        return Fit(terms, (), free_of, np.array(values), np.array(covariance), 0.0, 0.0, 1)
-
+def test_parameters_that_only_together_differ_from_none_are_told(fit_at):
+    drag = LinearDrag(0.2, 0.2, 0.0)
     against = np.array([[1.0, -0.99, 0.0], [-0.99, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    assert fit(0.04 * against, [0.2, 0.2, 0.0]).is_significant(
-        0, LEVEL
-    )  # each is one deviation off, their sum ten
-    assert not fit(0.04 * np.eye(3), [0.2, 0.2, 0.0]).is_significant(0, LEVEL)
-    assert fit(0.0025 * np.eye(3), [0.2, 0.2, 0.0]).is_significant(0, LEVEL)
-    size = len([f for f in free if f.term == 1])
-    nothing = fit(1e-4 * np.eye(size), [0.0, 0.6, 0.0, 0.0, 0.0])  # no payload, of a length that is known
-    assert not nothing.is_significant(0, LEVEL)
-    assert fit(1e-4 * np.eye(size), [0.1, 0.6, 0.0, 0.0, 0.0]).is_significant(0, LEVEL)
+    # each is one deviation off, their sum ten
+    assert fit_at(drag, covariance=0.04 * against).is_significant(0, LEVEL)
+    assert not fit_at(drag, covariance=0.2).is_significant(0, LEVEL)
+    assert fit_at(drag, covariance=0.05).is_significant(0, LEVEL)
+
+
+def test_a_parameter_that_only_shapes_tells_nothing(fit_at):
+    nothing = SuspendedPayload(0.0, 0.6)  # no payload, of a length that is known
+    assert not fit_at(nothing, covariance=0.01).is_significant(0, LEVEL)
+    assert fit_at(dc.replace(nothing, mass=0.1), covariance=0.01).is_significant(0, LEVEL)
 
 
 @pytest.mark.parametrize(
     "push, told", [([0.5, 0.0, 0.0], True), ([0.0, 0.0, 0.0], False)], ids=["blows", "calm"]
 )
-def test_a_wind_is_told_by_how_it_pushes_however_little_is_known_of_its_drag(push, told):
+def test_a_wind_is_told_by_how_it_pushes_however_little_is_known_of_its_drag(fit_at, push, told):
     drag, wind = np.full(3, 0.25), np.array(push) / 0.25
-    terms = (Term(LinearDrag(*drag)), Term(ConstantWind(*wind)))
-    figures_of = np.linalg.inv(
+    parameters_of = np.linalg.inv(
         np.block([[np.eye(3), np.zeros((3, 3))], [np.diag(wind), np.diag(drag)]])
     )  # of drag and push
-    covariance = figures_of @ np.diag([0.13**2] * 3 + [0.1**2] * 3) @ figures_of.T
-    dut = Fit(
-        terms,
-        (),
-        tuple(free_parameters(terms, [], {}, priors=PRIORS)),
-        np.r_[drag, wind],
-        covariance,
-        0.0,
-        0.0,
-        1,
-    )
+    covariance = parameters_of @ np.diag([0.13**2] * 3 + [0.1**2] * 3) @ parameters_of.T
+    dut = fit_at(LinearDrag(*drag), ConstantWind(*wind), covariance=covariance)
     assert wind[0] < 2.0 * np.sqrt(covariance[3, 3])  # by itself it may as well be none
     assert dut.is_significant(1, LEVEL) is told
 
 
-def told_beside_a_drag(drag, wind, deviation):
-    """Return whether the wind is significant beside its drag, where every parameter has this deviation."""
-    terms = (Term(LinearDrag(*drag)), Term(wind))
-    free = tuple(f for f in free_parameters(terms, [], {}, priors=PRIORS) if not f.flight)
-    values = read(terms, free)
-    return Fit(terms, (), free, values, deviation**2 * np.eye(len(values)), 0.0, 0.0, 1).is_significant(
-        1, LEVEL
-    )
+def test_a_wind_is_told_where_along_one_axis_there_is_neither_wind_nor_drag(fit_at):
+    acting = LinearDrag(0.25, 0.25, 0.0), ConstantWind(2.0, 0.0, 0.0)
+    assert fit_at(*acting, covariance=0.02).is_significant(1, LEVEL)
+    assert not fit_at(*acting, covariance=1.0).is_significant(1, LEVEL)
 
 
-def test_a_wind_is_told_where_along_one_axis_there_is_neither_wind_nor_drag():
-    assert told_beside_a_drag([0.25, 0.25, 0.0], ConstantWind(2.0, 0.0, 0.0), 0.02)
-    assert not told_beside_a_drag([0.25, 0.25, 0.0], ConstantWind(2.0, 0.0, 0.0), 1.0)
-
-
-def test_gusts_which_have_not_as_many_figures_as_a_drag_are_told_by_their_own():
-    unknown_drag = [0.01, 0.01, 0.01]
-    assert told_beside_a_drag(unknown_drag, GustyWind(0.0, 0.0, 0.0, 1.0, 1.0), 0.1)
-    assert not told_beside_a_drag(unknown_drag, GustyWind(0.0, 0.0, 0.0, 0.1, 1.0), 0.1)
+def test_gusts_which_have_not_as_many_parameters_as_a_drag_are_told_by_their_own(fit_at):
+    unknown_drag = LinearDrag(0.01, 0.01, 0.01)
+    strong, weak = (GustyWind(0.0, 0.0, 0.0, size, 1.0) for size in (1.0, 0.1))
+    assert fit_at(unknown_drag, strong, covariance=0.1).is_significant(1, LEVEL)
+    assert not fit_at(unknown_drag, weak, covariance=0.1).is_significant(1, LEVEL)

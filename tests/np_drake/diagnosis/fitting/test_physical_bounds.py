@@ -1,12 +1,8 @@
 """Laws of physical bounds on fitted parameters."""
 
-import numpy as np
 import pytest
 
-from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.fitting.parameters import free_parameters, read
 from np_drake.diagnosis.fitting.physical_bounds import at_its_bound, impossible, interval
-from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.options import Options
 from np_drake.effects.base import Effect
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
@@ -21,13 +17,6 @@ from np_drake.vehicle import Vehicle
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 FLAT = Vehicle(inertia=[[0.02, 0, 0], [0, 0.02, 0], [0, 0, 0.035]])  # at most twice 0.02 [kg·m²]
-
-
-def fit_of(*effects: Effect, deviation: float) -> Fit:
-    terms = tuple(Term(effect) for effect in effects)
-    free = free_parameters(terms, [], {}, priors=REAL.priors)
-    values = read(terms, free)
-    return Fit(terms, (), tuple(free), values, deviation**2 * np.eye(len(free)), 0.0, 0.0, 1)
 
 
 @pytest.mark.parametrize(
@@ -59,16 +48,16 @@ def test_a_figure_at_its_bound_is_none_unless_it_is_neutral(effect: Effect, at_e
     ],
     ids=str,
 )
-def test_an_inertia_that_no_rigid_body_has_stands_for_something_else(effect, deviation, possible):
+def test_an_inertia_that_no_rigid_body_has_stands_for_something_else(fit_at, effect, deviation, possible):
     why = impossible(
-        fit_of(WeakRotor(2, 0.9), effect, deviation=deviation), 1, FLAT, thresholds=REAL.thresholds
+        fit_at(WeakRotor(2, 0.9), effect, covariance=deviation), 1, FLAT, thresholds=REAL.thresholds
     )
     assert why == ("" if possible else "no rigid body has such figures")
 
 
-def test_a_figure_at_its_bound_stands_for_something_else():
+def test_a_figure_at_its_bound_stands_for_something_else(fit_at):
     assert "bound" in impossible(
-        fit_of(LinearDrag(0.3, -0.2, 0.3), deviation=0.1), 0, FLAT, thresholds=REAL.thresholds
+        fit_at(LinearDrag(0.3, -0.2, 0.3), covariance=0.1), 0, FLAT, thresholds=REAL.thresholds
     )
 
 
@@ -83,8 +72,8 @@ def test_a_figure_at_its_bound_stands_for_something_else():
     ],
     ids=str,
 )
-def test_a_drag_that_pushes_stands_for_something_else(effect, deviation, pushes):
-    fit = fit_of(WeakRotor(2, 0.9), effect, deviation=deviation)
+def test_a_drag_that_pushes_stands_for_something_else(fit_at, effect, deviation, pushes):
+    fit = fit_at(WeakRotor(2, 0.9), effect, covariance=deviation)
     assert impossible(fit, 1, FLAT, thresholds=REAL.thresholds) == ("no drag pushes" if pushes else "")
     felt = pushes and effect.identifier != "linear_drag"
     assert (
@@ -97,13 +86,13 @@ def test_a_drag_that_pushes_stands_for_something_else(effect, deviation, pushes)
     [(LinearDrag(0.3, -0.2, 0.3), False), (ConstantWind(1.0, -15.0, 0.0), True)],
     ids=lambda v: getattr(v, "identifier", str(v)),
 )
-def test_where_gusts_blow_a_drag_at_its_bound_stands_for_nothing_else(effect, stands):
-    fit = fit_of(effect, deviation=0.1)
+def test_where_gusts_blow_a_drag_at_its_bound_stands_for_nothing_else(fit_at, effect, stands):
+    fit = fit_at(effect, covariance=0.1)
     assert bool(impossible(fit, 0, FLAT, gusty=True, thresholds=REAL.thresholds)) is stands
     assert "bound" in impossible(fit, 0, FLAT, thresholds=REAL.thresholds)
 
 
-def test_an_interval_is_that_of_the_figure_of_its_own_term():
-    fit = fit_of(LinearDrag(0.1, 0.2, 0.3), InertiaError(1.0, 1.1, 1.2), deviation=0.1)
+def test_an_interval_is_that_of_the_figure_of_its_own_term(fit_at):
+    fit = fit_at(LinearDrag(0.1, 0.2, 0.3), InertiaError(1.0, 1.1, 1.2), covariance=0.1)
     assert interval(fit, 1, "scale_yy") == pytest.approx((1.1 - 0.196, 1.1 + 0.196))
-    assert interval(fit_of(WeakRotor(4, 0.9), deviation=0.1), 0, "rotor") == (4.0, 4.0)
+    assert interval(fit_at(WeakRotor(4, 0.9), covariance=0.1), 0, "rotor") == (4.0, 4.0)

@@ -7,20 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision.causes import causes_of
-from np_drake.diagnosis.decision.consistency import without_superfluous
-from np_drake.diagnosis.forward_model.term import NEVER, Term
+from np_drake.diagnosis.forward_model.term import NEVER
 from np_drake.diagnosis.gap import gap_reduction as dut
 from np_drake.diagnosis.held_out.prediction import on_held_out
 from np_drake.diagnosis.numerics.autoregressive_noise import scale_only
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.diagnosis.result import ReplayGap
-from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
-from np_drake.effects.thrust_scale import ThrustScale
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
@@ -90,7 +88,7 @@ def test_the_bootstrap_is_the_same_each_time():
 def solved(ranked):
     case = ranked(MassError(0.2), LinearDrag(0.6, 0.6, 0.6))
     held = on_held_out(case.fit, case.held_out, case.ranking.noise, priors=REAL.priors)
-    causes, _ = causes_of(case.ranking, case.fit, case.flights, case.held_out, held)
+    causes, _ = causes_of(case.ranking, LinearModel(case.ranking), (), case.held_out, held)
     return case, held, causes
 
 
@@ -226,28 +224,3 @@ def test_a_simulator_that_refuses_the_effects_costs_the_replay_alone():
     assert dut._with_effects(refuse, [], [("effect", {})], warnings) is None
     assert warnings == ["no replay with the effects: no rigid body."]
     assert dut._with_effects(refuse, [], [], warnings) is None
-
-
-def test_beside_what_is_unknown_a_cause_that_takes_nothing_off_is_none(solved):
-    case, held, causes = solved
-    wrong = Term(ThrustScale(1.1))
-    idle = dc.replace(causes[0], identifier=wrong.effect.identifier, effect=wrong.effect)
-    held = dc.replace(held, terms={n: [*terms, wrong] for n, terms in held.terms.items()})
-    kept, minor = without_superfluous([*causes, idle], case.held_out, case.ranking.noise, held)
-    assert kept == causes
-    assert [f.name for f in minor] == ["thrust_scale"]
-    assert without_superfluous(causes, case.held_out, case.ranking.noise, held) == (causes, [])
-
-
-def test_a_drag_stays_with_the_wind_that_acts_through_it(solved):
-    case, held, causes = solved
-    drag = next(c for c in causes if c.identifier == "linear_drag")
-    none = {n: [Term(LinearDrag(0.0, 0.0, 0.0))] for n in held.terms}
-    wind = dc.replace(drag, identifier="constant_wind", effect=ConstantWind(1.0))
-    flights, noise = case.held_out, case.ranking.noise
-    kept, idle = without_superfluous([drag, wind], flights, noise, dc.replace(held, terms=none))
-    assert kept == []
-    assert [f.name for f in idle] == [
-        "constant_wind",
-        "linear_drag",
-    ]  # the wind first, though both do nothing

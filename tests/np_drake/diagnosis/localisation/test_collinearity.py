@@ -1,10 +1,12 @@
 """Laws of collinear predicted residuals."""
 
+import dataclasses as dc
+
 import pytest
 
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.localisation.collinearity import collinear_effects, effects_of_trace
+from np_drake.diagnosis.localisation.collinearity import collinear_effects, effects_of_trace, is_calibration
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 from np_drake.effects.clock_offset import ClockOffset
@@ -68,3 +70,18 @@ def test_of_what_is_lost_in_noise_no_effect_is_found(seen, noise):
     flight = seen(name="a", seed=1, noise=1.0, seconds=8.0)
     faint = {"a": predicted_residual(flight, [Term(LinearDrag(1e-6, 1e-6, 1e-6))])}
     assert effects_of_trace([flight], faint, noise, IDEAL_SENSORS, priors=REAL.priors) == []
+
+
+@pytest.mark.parametrize(
+    "effect, thrust, same",
+    [
+        (ThrustScale(0.97), 0.02, True),
+        (ThrustScale(0.97), 0.005, False),  # six standard deviations
+        (GyroBias(0.01, 0.0, 0.0), 0.02, False),  # within the tolerance of a sensor, not of the vehicle file
+        (ThrustScale(1 - 1e-7), 0.02, False),  # noise alone hides it
+    ],
+)
+def test_only_what_the_vehicle_file_may_be_off_by_is_calibration(seen, noise, effect, thrust, same):
+    flights = [seen(effect, name="a", seed=1, noise=1.0, seconds=8.0)]
+    tolerance = dc.replace(Tolerance(), thrust=thrust)
+    assert is_calibration(flights, [Term(effect)], 0, noise, tolerance) is same

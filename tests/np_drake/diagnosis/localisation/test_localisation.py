@@ -86,8 +86,19 @@ def test_regimes_hold_every_row_once(seen, noise):
     for name in {r.quantity for r in found}:
         own = [r for r in found if r.quantity == name]
         assert sum(r.rows for r in own) == total
-        assert max(r.rows for r in own) - min(r.rows for r in own) <= 4
+        assert 2 <= len(own) <= 8
         assert all(a.upper == b.lower for a, b in pairwise(own))
+
+
+@given(st.floats(0.01, 300.0), st.floats(-50.0, 50.0), st.integers(0, 99))
+@settings(max_examples=50, deadline=None)
+def test_bounds_of_regimes_are_round_and_hold_every_value(spread, middle, seed):
+    value = middle + spread * np.random.default_rng(seed).normal(size=500)
+    bounds = dut.round_bounds(value)
+    step = np.diff(bounds).min()
+    assert bounds[0] <= value.min() < value.max() <= bounds[-1]
+    assert float(f"{step:.6e}"[:8]) in (1.0, 2.0, 5.0)
+    np.testing.assert_allclose(bounds / step, np.round(bounds / step), atol=1e-6)
 
 
 def test_a_residual_that_grows_with_speed_does_so_across_the_regimes_of_speed(seen, noise):

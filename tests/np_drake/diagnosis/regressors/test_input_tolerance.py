@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision.infer import infer
+from np_drake.diagnosis.decision import infer
 from np_drake.diagnosis.diagnose import NO_REPLAY, diagnose
 from np_drake.diagnosis.options import Options, SearchOptions
 from np_drake.diagnosis.regressors import library_candidates
@@ -16,7 +16,9 @@ from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.library import SCALE, TIMING, unobservable
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.logs.throttle_input import with_throttle_input
 from np_drake.vehicle import Vehicle
 
@@ -86,6 +88,38 @@ def test_ideal_commands_leave_the_tolerance_as_it_is(seen):
     assert with_input(options, [seen(seed=1, noise=1.0)]) == options
 
 
+def vague(mass: float | None = None, thrust: float | None = None):
+    return dc.replace(VEHICLE, mass_uncertainty=mass, thrust_uncertainty=thrust)
+
+
+@pytest.mark.parametrize("options", [Options.for_sensors(real) for real in (True, False)])
+def test_the_larger_of_the_tolerance_and_what_the_vehicle_file_states_counts(fly, options):
+    log, own = fly(seed=1, noise=1.0), options.tolerance
+    for stated, counts in [((None, None), own), ((1e-4, 1e-4), own)]:
+        assert with_input(options, [make_flight_residuals(log, vague(*stated))]).tolerance == counts
+    open_ = with_input(options, [make_flight_residuals(log, vague(0.02, 0.03))]).tolerance
+    assert open_ == dc.replace(own, mass=0.02, thrust=0.03)
+    assert open_.real is own.real  # how well a vehicle is known tells nothing about sensors
+
+
+def test_what_a_vehicle_file_states_of_thrust_does_not_narrow_the_scale_of_a_throttle(fly):
+    flight = make_flight_residuals(with_throttle(fly(seed=1, noise=1.0), 1.5), vague(thrust=0.02))
+    assert with_input(Options.for_sensors(True), [flight]).tolerance.thrust == THROTTLE_SCALE
+
+
+@pytest.mark.parametrize(
+    "effect, stated",
+    [(MassError(0.06 * VEHICLE.mass), {"mass": 0.04}), (ThrustScale(0.94), {"thrust": 0.04})],
+)
+def test_an_error_within_what_the_vehicle_file_states_is_no_cause(fly, effect, stated):
+    logs = [fly(effect, name=str(i), seed=i, seconds=10.0, noise=1.0) for i in (1, 2, 3)]
+    for vehicle, names in [(VEHICLE, [effect.identifier]), (vague(**stated), [])]:
+        *train, held_out = [make_flight_residuals(log, vehicle) for log in logs]
+        dut = infer(train, [held_out], options=Options.for_sensors(True))
+        assert [c.identifier for c in dut.causes] == names
+        assert not dut.unknown
+
+
 def test_a_throttle_opens_scale_curve_and_drift(fly):
     flight = make_flight_residuals(with_throttle(fly(seed=1, noise=1.0), 1.5), VEHICLE)
     open_ = with_input(Options.for_sensors(True), [flight]).tolerance
@@ -104,12 +138,12 @@ def test_without_torque_its_channels_are_empty_and_so_are_effects_of_torque(fly)
     assert names.isdisjoint(unobservable("thrust_only"))
 
 
-def test_a_drag_is_found_from_thrust_alone_as_from_the_whole_command(fly):
+def test_a_drag_is_found_from_thrust_alone_as_from_the_whole_command(fly, inferred):
     logs = [fly(DRAG, name=str(i), seed=i, seconds=10.0, noise=1.0) for i in (1, 2, 3)]
     values = []
     for change in (lambda log: log, without_torque):
         *train, held_out = [make_flight_residuals(change(log), VEHICLE) for log in logs]
-        dut = infer(train, [held_out])
+        dut = inferred(train, [held_out])
         assert [c.identifier for c in dut.causes] == ["linear_drag"]
         assert not dut.unknown
         values.append(dut.causes[0].parameters["d_x"])
@@ -127,10 +161,10 @@ def test_a_log_without_torque_is_not_replayed_and_the_warnings_say_so(fly):
 
 
 @pytest.mark.parametrize("exponent", [1.0, 2.0])
-def test_a_drag_is_found_from_throttle_of_unknown_scale_and_curve(fly, exponent):
+def test_a_drag_is_found_from_throttle_of_unknown_scale_and_curve(fly, inferred, exponent):
     logs = [fly(DRAG, name=str(i), seed=i, seconds=10.0, noise=1.0) for i in (1, 2, 3)]
     *train, held_out = [make_flight_residuals(with_throttle(log, exponent), VEHICLE) for log in logs]
-    dut = infer(train, [held_out])
+    dut = inferred(train, [held_out])
     assert [c.identifier for c in dut.causes] == ["linear_drag"]
     assert dut.causes[0].parameters["d_x"].value == pytest.approx(0.3, abs=0.02)
 

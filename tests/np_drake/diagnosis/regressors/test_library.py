@@ -25,6 +25,7 @@ from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects.usual_size import correlation_root
 from np_drake.vehicle import Vehicle
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
@@ -109,9 +110,8 @@ def test_coefficients_beyond_the_bounds_mean_an_effect_at_its_bounds(candidates)
 def test_wind_is_felt_through_the_drag_that_comes_with_it(flights, candidates, drag, wind):
     (dut,) = wind_candidates(flights, candidates)
     assert dut.identifiers == ("linear_drag", "constant_wind")
-    c = np.array(
-        [drag, drag, drag, *wind]
-    )  # drag times wind is linear while the drag is the same along all axes
+    # drag times wind is linear while the drag is the same along all axes
+    c = np.r_[np.linalg.solve(correlation_root(LinearDrag), np.full(3, drag)), wind]
     for e in flights:
         assert gap(dut.columns[e.name] @ c, trace(dut, c, e)) < 1e-6
 
@@ -119,7 +119,7 @@ def test_wind_is_felt_through_the_drag_that_comes_with_it(flights, candidates, d
 @pytest.mark.parametrize("drag", [-0.3, 0.0, 0.1])
 def test_a_wind_pushes_as_much_whatever_the_sign_of_a_drag_too_weak_to_be_known(flights, candidates, drag):
     (dut,) = wind_candidates(flights, candidates)
-    c = np.array([drag, drag, drag, 0.5, -0.4, 0.3])
+    c = np.r_[np.linalg.solve(correlation_root(LinearDrag), np.full(3, drag)), 0.5, -0.4, 0.3]
     felt, wind = dut.terms(c)
     for e in flights:
         pushed = predicted_residual(e, [felt, wind]) - predicted_residual(e, [felt])

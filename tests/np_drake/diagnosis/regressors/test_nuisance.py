@@ -1,10 +1,14 @@
 """Laws of nuisance parameters: calibration and sensor errors within tolerance."""
 
+import dataclasses as dc
+
 import numpy as np
 import pytest
 
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
 from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.regressors.input_tolerance import LATENCY, MOUNTING, with_input
 from np_drake.diagnosis.regressors.nuisance import calibration, calibration_terms, sensor_drift, tolerance_of
 from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 from np_drake.effects.gyro_bias import GyroBias
@@ -17,12 +21,33 @@ def flights(seen):
     return [seen(name=n, seed=i, seconds=4.0) for i, n in enumerate("ab")]
 
 
-def test_noise_of_the_attitude_tells_a_rig_from_a_laboratory(seen, flights):
+def test_logs_like_a_simulators_are_those_of_ideal_sensors(flights):
     assert tolerance_of(flights) == IDEAL_SENSORS
     assert not IDEAL_SENSORS.real
-    rig = tolerance_of([*flights, seen(attitude_noise=0.01, seconds=4.0)])
-    assert rig == Tolerance()
-    assert rig.real
+    assert Tolerance().real
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda e: dc.replace(e, attitude_noise=0.01),
+        lambda e: dc.replace(e, log=dc.replace(e.log, input="normalised")),
+        lambda e: dc.replace(e, log=dc.replace(e.log, input="rotor_speed")),
+        lambda e: dc.replace(e, log=dc.replace(e.log, timing=0.004)),
+        lambda e: dc.replace(e, knows_torque=False),
+    ],
+    ids=["attitude noise", "a throttle", "rotor speed", "unknown command times", "no torque"],
+)
+def test_logs_that_miss_one_of_a_simulators_marks_are_of_real_sensors(flights, change):
+    assert tolerance_of([flights[0], change(flights[1])]) == Tolerance()
+
+
+def test_a_throttle_opens_the_mounting_and_the_latency_of_its_autopilot(flights):
+    flying = [dc.replace(e, log=dc.replace(e.log, input="normalised")) for e in flights]
+    open_ = with_input(Options.for_sensors(True), flying).tolerance
+    found = {t.effect.identifier: d for t, d in calibration_terms(Vehicle(), open_)}
+    assert (found["imu_mounting"], found["attitude_latency"]) == (MOUNTING, LATENCY)
+    assert [c.size for c in calibration(flights, open_)].count(3) == 1  # three axes of the mounting
 
 
 def test_a_tolerance_is_of_a_sensor_and_of_nothing_else():

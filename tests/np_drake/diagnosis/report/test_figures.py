@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake import figure_file
+from np_drake.diagnosis.report.localisation_figures import smoothed
 from np_drake.diagnosis.report.write import figures
 from np_drake.figure_file import png
 
@@ -50,3 +51,39 @@ def test_a_replay_that_got_lost_and_rows_without_numbers_are_drawn(diagnosis):
     )
     for figure in figures(dut).values():
         assert png(figure)
+
+
+def labels(figure):
+    return [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+
+
+def test_legends_name_what_is_drawn_and_nothing_else(diagnosis, drawn):
+    curves = ["nominal simulator", "with the causes"]
+    assert labels(drawn["timeline"]) == [*curves, "noise", "a cause begins"]
+    assert labels(drawn["spectrum"]) == [*curves, "noise"]
+    assert labels(drawn["replay"]) == curves
+    assert set(labels(drawn["ladder"])) == {*curves, "noise"}
+    always = tuple(dc.replace(cause, onset={}) for cause in diagnosis.causes)
+    assert "change point" in labels(figures(dc.replace(diagnosis, causes=always))["timeline"])
+
+
+def test_channels_that_the_log_does_not_tell_are_not_drawn(diagnosis):
+    where = diagnosis.where
+    silent = {name: np.where(np.arange(6) < 3, y, 0.0) for name, y in where.before.items()}
+    regimes = tuple(dc.replace(r, rms=(*r.rms[:3], 0.0, 0.0, 0.0)) for r in where.regimes)
+    bands = tuple(
+        b if b.channel.startswith("force") else dc.replace(b, before=0 * b.before) for b in where.bands
+    )
+    dut = figures(dc.replace(diagnosis, where=dc.replace(where, before=silent, regimes=regimes, bands=bands)))
+    assert not [ax for ax in dut["timeline"].get_axes() if "torque" in ax.get_ylabel()]
+    assert not [ax for ax in dut["spectrum"].get_axes() if "torque" in ax.get_ylabel()]
+    shown = [text.get_text() for text in dut["regimes"].get_axes()[0].get_yticklabels()]
+    assert shown == ["force x", "force y", "force z"]
+
+
+def test_a_spectrum_is_averaged_over_parts_of_an_octave():
+    f = np.linspace(0.0, 25.0, 129)
+    centre, mean = smoothed(f, np.ones_like(f))
+    assert len(centre) < 30
+    assert np.all(np.diff(centre) > 0)
+    np.testing.assert_allclose(mean, 1.0)

@@ -8,6 +8,7 @@ from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import Candidate, library_candidates
 from np_drake.diagnosis.regressors.regression_problem import RegressionProblem, prior_of
 from np_drake.diagnosis.selection.beam_search import search
+from np_drake.effects.clock_offset import ClockOffset
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -78,12 +79,19 @@ def test_no_model_names_an_effect_twice(searched):
         assert len(named) == len(set(named))
 
 
-def test_no_model_has_both_a_delay_and_a_late_clock(searched):
+def test_a_delay_and_a_clock_never_come_together_and_the_clock_is_of_the_other_sign(searched):
     problem, models = searched
     sets = [set(names(problem, m.members)) for m in models]
     assert any("command_delay" in s for s in sets)
-    assert any("clock_offset" in s for s in sets)
-    assert not any({"command_delay", "clock_offset"} <= s for s in sets)
+    assert not any("clock_offset" in s for s in sets)  # commands that come late are not early
+    one = {c.identifiers[0]: i for i, c in enumerate(problem.candidates)}
+    assert not problem.fits_together((one["command_delay"], one["clock_offset"]))
+    assert problem.score((one["clock_offset"],)) == -math.inf
+
+
+def test_commands_that_act_before_their_row_are_those_of_a_clock(seen, noise):
+    problem = problem_of(seen, noise, ClockOffset(0.03))
+    assert names(problem, search(problem)[0].members) == ["clock_offset"]
 
 
 def test_models_come_best_first_and_none_is_next_to_a_better_one(searched):

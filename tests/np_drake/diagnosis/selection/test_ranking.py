@@ -3,11 +3,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.fitting.map_estimate import Fit, Generic
+from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.forward_model.term import Term
-from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.regression_problem import Model
-from np_drake.diagnosis.selection.ranking import bare, names_of, names_of_fit, precedence, simpler
+from np_drake.diagnosis.selection.ranking import names_of, names_of_fit, score_of, simpler
 from np_drake.diagnosis.selection.ranking import ranked as ranked_from
 from np_drake.effects.attitude_bias import AttitudeBias
 from np_drake.effects.blade_flapping import BladeFlapping
@@ -17,9 +16,6 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.thrust_scale import ThrustScale
-
-REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
-SEARCH = REAL.search
 
 BOTH = (MassError(0.2), LinearDrag(0.6, 0.6, 0.6))
 
@@ -51,24 +47,22 @@ def test_the_fit_leaves_white_noise_of_unit_variance(dut):
     np.testing.assert_allclose(np.mean(white**2, axis=0), 1.0, atol=0.1)
 
 
+def test_effects_alone_are_searched(dut):
+    assert not any(c.generic for c in dut.ranking.problem.candidates)
+    assert not any(name.startswith("unknown") for name in dut.ranking.probability)
+
+
+def test_the_best_fit_is_the_first(dut):
+    scores = [score_of(f, dut.ranking.options.priors) for f in dut.ranking.fits]
+    assert scores == sorted(scores, reverse=True)
+    assert dut.ranking.best is dut.ranking.fits[0]
+
+
 def test_every_fit_is_one_of_the_models_that_were_met(dut):
     met = {names_of(dut.ranking.problem, m) for m in dut.ranking.models}
     fitted = [names_of_fit(f) for f in dut.ranking.fits]
     assert set(fitted) <= met
     assert len(fitted) == len(set(fitted))
-
-
-@pytest.mark.parametrize(
-    ("ahead", "goes_first"),
-    [(0.5 * SEARCH.generic_margin, False), (2.0 * SEARCH.generic_margin, True)],
-)
-def test_structure_that_is_no_effect_goes_first_only_where_it_explains_much_more(dut, ahead, goes_first):
-    plain = dut.fit
-    columns = dc.replace(dut.ranking.problem.candidates[0], identifiers=("unknown:place",), log_prior=0.0)
-    generic = dc.replace(plain, terms=(), generic=(Generic(columns, np.zeros(columns.size)),))
-    behind = precedence(generic, options=REAL) - precedence(plain, options=REAL) - SEARCH.generic_margin
-    generic = dc.replace(generic, log_evidence=generic.log_evidence + behind + ahead)
-    assert (min(plain, generic, key=lambda fit: precedence(fit, REAL)) is generic) is goes_first
 
 
 def test_a_large_offset_of_the_mass_is_not_helped_by_a_mass_that_is_its_second_order(ranked):
@@ -121,16 +115,7 @@ def test_a_delay_between_those_that_are_tried_is_not_helped_by_a_lag(ranked, del
     assert names_of_fit(ranked(CommandDelay(delay)).fit) == ("command_delay",)
 
 
-def test_a_bare_model_has_its_effects_and_no_generic_structure(dut):
-    problem = dut.ranking.problem
-    generic = next(i for i, c in enumerate(problem.candidates) if c.generic)
-    mass = next(i for i, c in enumerate(problem.candidates) if c.identifiers == ("mass_error",))
-    found = bare(problem, Model((mass, generic), 0.0))
-    assert found == Model((mass,), problem.score((mass,)))
-    assert bare(problem, found) is found
-
-
-def test_what_two_effects_do_to_each_other_is_not_left_to_generic_structure(seen, searched):
+def test_two_effects_that_act_through_each_other_are_both_found(seen, searched):
     acting = (BladeFlapping(0.012), AttitudeBias(0.08, 0.02, -0.03))
     how = {"noise": 1.0, "seconds": 10.0, "vigour": (0.15, 0.15, 3.0, 0.5)}
     flights = [seen(*acting, name=str(i), seed=i, **how) for i in (1, 2)]

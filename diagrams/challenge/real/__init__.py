@@ -1,0 +1,1 @@
+"""Diagnosis of real flights whose cause is known: cases, truth, opponents and score."""

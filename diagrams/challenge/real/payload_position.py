@@ -1,0 +1,162 @@
+"""Position of a payload on a held-out flight, from its diagnosed tether and the vehicle's measured motion."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from diagrams.challenge.real.pendulum_path import DAMPING, advance, hanging, path
+from np_drake import attitude
+from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
+from np_drake.effects.base import Motion, WrenchEffect
+from np_drake.effects.combine import total_wrench
+from np_drake.effects.pendulum import Payload
+from np_drake.logs.flight_log import FlightLog
+from np_drake.vehicle import Vehicle
+
+START = 2.0  # of the flight, to which the start state is fitted [s]
+BEGINNINGS = (0.0, 0.3, -0.3)  # offsets over length from which the start state is searched [1]
+REFINED = 2  # of these, the nearest
+SWING_NOISE = 0.5  # of the payload's acceleration in the filter [m/s² per root Hz]
+OFFSET_NOISE = 0.05  # drift of the force offset over the payload's weight [1 per root s]
+FORCE_NOISE = 0.3  # of the residual force over the payload's weight [1]
+FORCE_MEMORY = 0.1  # over which its errors go together [s]
+
+
+@dc.dataclass(frozen=True)
+class Drive:
+    """What drives and corrects a pendulum, on a grid t (m,) [s] of one step.
+
+    a_hook: (m - 1, 3) acceleration of the hook in W, mean over each step [m/s²].   p_hook: (m, 3) in W [m].
+    force: (m, 2) force to the side that the nominal model and the other effects leave unexplained, in W [N].
+    """
+
+    t: np.ndarray
+    a_hook: np.ndarray
+    p_hook: np.ndarray
+    force: np.ndarray
+
+    @property
+    def step(self) -> float:
+        """Step of the grid [s]."""
+        return float(np.median(np.diff(self.t)))
+
+
+def make_drive(
+    log: FlightLog, vehicle: Vehicle, payload: Payload, others: Sequence[WrenchEffect] = ()
+) -> Drive:
+    """Return what drives a payload under the vehicle of a log.
+
+    The acceleration of the hook is that of velocity and position: over a step it is the difference of the velocity,
+    which has no offset that grows. The residual force is that of the diagnosis; effects named beside the payload are
+    subtracted from it.
+
+    Args: others: wrench effects beside the payload.
+    """
+    e = make_flight_residuals(log, vehicle)
+    t = e.t
+    v_hook = _on(t, log.t, log.v + attitude.rotate(log.q, np.cross(log.w, np.array(payload.hook))))
+    p_hook = _on(t, log.t, log.p + attitude.rotate(log.q, np.broadcast_to(payload.hook, log.p.shape)))
+    a_hook = np.diff(v_hook, axis=0) / np.diff(t)[:, None]
+    force = (e.R_WB @ e.y[:, :3, None])[..., 0]
+    force -= wrench_of(log, vehicle, others, t)[:, :3]
+    return Drive(t, a_hook, p_hook, force[:, :2])
+
+
+def wrench_of(log: FlightLog, vehicle: Vehicle, effects: Sequence[WrenchEffect], t: np.ndarray) -> np.ndarray:
+    """Return chi of wrench effects at the times t (m,) of a flight, (m, 6) [N, N·m]; rotors share the thrust."""
+    if not effects:
+        return np.zeros((len(t), 6))
+    x = _on(t, log.t, log.x)
+    x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
+    thrust = np.repeat(0.25 * _on(t, log.t, log.u[:, :1]), 4, axis=1)
+    return total_wrench(vehicle, effects, Motion(t, x, thrust))
+
+
+def open_loop(drive: Drive, payload: Payload, gravity: float, damping: float = DAMPING) -> np.ndarray:
+    """Return p_WPo of the payload (m, 3) [m], its start state fitted to the residual force of the first seconds.
+
+    Nothing after `START` corrects the swing. A constant force to the side is fitted beside the state: a tilt of the
+    attitude makes one.
+    """
+    count = min(len(drive.t) - 1, int(START / drive.step))
+    how = {"length": payload.length, "gravity": gravity, "damping": damping}
+    measured = 0.5 * (drive.force[1 : count + 1] + drive.force[:count])
+    scale = payload.length * np.array([1.0, 1.0, *[np.sqrt(gravity / payload.length)] * 2])
+    natural = payload.mass * gravity
+
+    def pulls(states: np.ndarray) -> np.ndarray:
+        r, r_rate = hanging(scale[:2] * states[:, :2], scale[2:] * states[:, 2:], payload.length)
+        return payload.mass * path(r, r_rate, drive.a_hook[:count], drive.step, **how)[1][..., :2]
+
+    def misfit(state: np.ndarray) -> np.ndarray:
+        left = measured - pulls(state[None])[:, 0]
+        return np.ravel(left - left.mean(axis=0)) / natural
+
+    def slope(state: np.ndarray) -> np.ndarray:
+        moved = np.concatenate([state[None], state + 1e-4 * np.eye(4)])
+        own = pulls(moved)
+        change = -(own[:, 1:] - own[:, :1]) / 1e-4
+        change -= change.mean(axis=0)
+        return change.transpose(0, 2, 1).reshape(-1, 4) / natural
+
+    starts = np.array([[x, y, 0.0, 0.0] for x in BEGINNINGS for y in BEGINNINGS])
+    left = measured[:, None] - pulls(starts)
+    near = starts[np.argsort(np.var(left, axis=0).sum(axis=-1))[:REFINED]]
+    fits = [least_squares(misfit, s, jac=slope, bounds=(-0.95, 0.95), max_nfev=40) for s in near]  # type: ignore[call-overload]
+    best = min(fits, key=lambda fit: float(fit.cost)).x
+    r, r_rate = hanging(scale[:2] * best[None, :2], scale[2:] * best[None, 2:], payload.length)
+    return drive.p_hook + path(r, r_rate, drive.a_hook, drive.step, **how)[0][:, 0]
+
+
+def observed(drive: Drive, payload: Payload, gravity: float, damping: float = DAMPING) -> np.ndarray:
+    """Return p_WPo of the payload (m, 3) [m] from an extended Kalman filter that the residual force corrects.
+
+    State: offset and rate of the payload to the side [m, m/s], and a force offset to the side [N]. Causal: the position
+    at an instant uses nothing after it.   Source: Kalman filter; the noises are own choices, in units of the payload's
+    weight.
+    """
+    weight, rate = payload.mass * gravity, np.sqrt(gravity / payload.length)
+    how = {"length": payload.length, "gravity": gravity, "damping": damping}
+    s = np.zeros(6)
+    P = np.diag([0.3 * payload.length] * 2 + [0.3 * payload.length * rate] * 2 + [0.1 * weight] * 2) ** 2
+    Q = np.diag(
+        [0.0] * 2 + [SWING_NOISE**2 * drive.step] * 2 + [(OFFSET_NOISE * weight) ** 2 * drive.step] * 2
+    )
+    R = (FORCE_NOISE * weight) ** 2 * np.eye(2) * max(1.0, FORCE_MEMORY / drive.step)
+    small = 1e-5 * np.eye(6)
+    at = [s[:2]]
+    for k, a in enumerate(drive.a_hook):
+        moved = np.concatenate([s[None], s + small])
+        r, r_rate = hanging(moved[:, :2], moved[:, 2:4], payload.length)
+        r, r_rate, pull = advance(r, r_rate, a, drive.step, **how)
+        ahead = np.concatenate([r[:, :2], r_rate[:, :2], moved[:, 4:]], axis=1)
+        said = payload.mass * pull[:, :2] + moved[:, 4:]
+        F, H = (ahead[1:] - ahead[0]).T / 1e-5, (said[1:] - said[0]).T / 1e-5
+        # The pull is that of the step, whose state at its begin is corrected before it moves on.
+        K = np.linalg.solve(H @ P @ H.T + R, H @ P).T
+        s_now = s + K @ (0.5 * (drive.force[k] + drive.force[k + 1]) - said[0])
+        P = (np.eye(6) - K @ H) @ P
+        s = ahead[0] + F @ (s_now - s)
+        P = F @ P @ F.T + Q
+        reach = np.linalg.norm(s[:2]) / (0.98 * payload.length)
+        s[:2] /= max(reach, 1.0)
+        at.append(s[:2].copy())
+    offset = np.array(at)
+    r, _ = hanging(offset, np.zeros_like(offset), payload.length)
+    return drive.p_hook + r
+
+
+def error(
+    p: np.ndarray, t: np.ndarray, p_logged: np.ndarray, t_logged: np.ndarray, *, since: float = 0.0
+) -> float:
+    """Return the RMSE of a position (m, 3) at t (m,) against a logged one (n, 3) at t_logged (n,) [m]."""
+    inside = (t >= max(since, t_logged[0])) & (t <= t_logged[-1])
+    off = p[inside] - _on(t[inside], t_logged, p_logged)
+    return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
+
+
+def _on(t: np.ndarray, t_given: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return values (n, k) interpolated linearly to t (m,), (m, k)."""
+    return np.stack([np.interp(t, t_given, column) for column in values.T], axis=1)

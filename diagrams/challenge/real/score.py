@@ -1,0 +1,231 @@
+"""Score of one case: every method's names against the truth, its parameters, and what its model predicts."""
+
+import dataclasses as dc
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diagrams.challenge.real.answers import HERE, answers
+from diagrams.challenge.real.cases import Case
+from diagrams.challenge.real.flights import open_case
+from diagrams.challenge.real.least_squares import (
+    LENGTHS,
+    library_columns,
+    payload_columns,
+    residuals_of,
+    select_by_bic,
+    told_payload,
+    told_wind,
+    wind_columns,
+)
+from diagrams.challenge.real.logged_payload import logged_payload
+from diagrams.challenge.real.payload_position import error, make_drive, observed, open_loop
+from diagrams.challenge.real.truth import DIRECTION, TRUTHS, WINDS, Truth, right, wrong
+from diagrams.challenge.real.wind_force import (
+    measured_wind_force,
+    steady_wind,
+    told_wind_force,
+    wrench_effects,
+)
+from np_drake.atomic_file import write_json
+from np_drake.effects.pendulum import Payload
+from np_drake.logs.flight_log import FlightLog
+from np_drake.vehicle import Vehicle
+
+THIS, BESIDE, BIC, TOLD = "this", "beside", "BIC", "told"
+METHODS = (THIS, BESIDE, BIC, TOLD)
+GROUPS = {
+    "lateral": ("x", "y"),
+    "vertical": ("z",),
+    "torque": ("x", "y", "z"),
+}  # axes of the held-out residual
+NEW = re.compile(
+    r"held.?out.*\b(wind|not in (the )?training|absent from|never (seen|flown)|new condition)", re.I
+)
+Causes = Mapping[str, float]  # probability by name
+
+
+@dc.dataclass(frozen=True)
+class Settings:
+    """What is done with every case.
+
+    beside: another checkout, whose diagnosis answers too.   kept: folder for the answers; None: they are not kept.
+    resume: take the answers that are there.   opponents: whether least squares answers too.
+    """
+
+    beside: Path | None = None
+    kept: Path | None = None
+    resume: bool = False
+    opponents: bool = True
+
+
+def score_case(case: Case, settings: Settings) -> dict[str, Any]:
+    """Return a case with the score of every method: names, right, wrong, parameters, held-out figures and seconds.
+
+    Raises: LogError, OSError: if a flight cannot be used; FailedRun: if a diagnosis fails.
+    """
+    found = _answers(case, settings)
+    vehicle, train, held_out = open_case(case)
+    truth = TRUTHS[case.group]
+    methods = {name: scored(answer, truth, train) for name, answer in found.items()}
+    if settings.opponents:
+        methods |= _opponents(case, vehicle, train, truth)
+    for method in methods.values():
+        if "payload" in case.group and "suspended_payload" in method["parameters"]:
+            method["position"] = position_errors(case, vehicle, held_out, method)
+    record: dict[str, Any] = {"group": case.group, "case": case.name, "methods": methods}
+    if case.group == "wind":
+        force = measured_wind_force(case.train, case.still, vehicle)
+        record |= {"wind": case.speed, "force": force.tolist()}
+        for method in methods.values():
+            method["wind"] = wind_figures(method["parameters"], train, vehicle, force, case.speed)
+    return record
+
+
+def _answers(case: Case, settings: Settings) -> dict[str, dict[str, Any]]:
+    """Return the answer of every checkout, those that are kept where they are to be taken."""
+    checkouts = {THIS: HERE} | ({BESIDE: settings.beside} if settings.beside else {})
+    file = None if settings.kept is None else settings.kept / f"{slug(case)}.json"
+    there: dict[str, Any] = {}
+    if file is not None and settings.resume and file.is_file():
+        there = json.loads(file.read_text(encoding="utf-8"))
+    left = {name: path for name, path in checkouts.items() if name not in there}
+    there |= dict(zip(left, answers(case, list(left.values())), strict=True)) if left else {}
+    if file is not None and left:
+        write_json(file, there)
+    return {name: there[name] for name in checkouts}
+
+
+def slug(case: Case) -> str:
+    """Return a file name of a case."""
+    return re.sub(r"[^\w.]+", "_", f"{case.group} {case.name}")
+
+
+def scored(answer: Mapping[str, Any], truth: Truth, train: Sequence[FlightLog] = ()) -> dict[str, Any]:
+    """Return what the content of a `diagnosis.json` says, against the truth.
+
+    A cause that is absent from all flights of the fit is said of the held-out flight, and is not judged as theirs.
+    """
+    fitted = {log.name for log in train}
+    own = [c for c in answer["causes"] if not fitted or not fitted <= set(c.get("absent_from") or ())]
+    causes = {c["effect"]: float(c["probability"]) for c in own}
+    return {
+        **verdict(causes, truth),
+        "parameters": {c["effect"]: c["parameters"] for c in own},
+        "unknown": answer.get("unknown_probability", 0.0),
+        "cut": held_out_cut(answer["gap"]),
+        "new_condition": says_new_condition(answer, fitted),
+        "seconds": answer["seconds"],
+        "processor": answer.get("processor_seconds"),
+    }
+
+
+def verdict(causes: Causes, truth: Truth) -> dict[str, Any]:
+    """Return the probabilities, whether all that is named is right, and the names that are wrong."""
+    return {"causes": dict(causes), "right": right(truth, causes), "wrong": wrong(truth, causes)}
+
+
+def held_out_cut(gap: Mapping[str, Any]) -> dict[str, float | None]:
+    """Return by how much the causes reduce the RMS of the held-out residual, by group of channels [1]."""
+    cut: dict[str, float | None] = {}
+    for group, axes in GROUPS.items():
+        kind = gap.get("torque" if group == "torque" else "force") or {}
+        before, after = (
+            math.sqrt(sum((kind.get(axis, {}).get(key) or 0.0) ** 2 for axis in axes))
+            for key in ("rms", "after")
+        )
+        cut[group] = 1 - after / before if before > 0 else None
+    return cut
+
+
+def says_new_condition(answer: Mapping[str, Any], fitted: set[str]) -> str:
+    """Return the words in which an answer says that the held-out flight has what the fitted ones lack; else empty.
+
+    These are: a wind that begins in no flight of the fit, or a warning or finding on held-out flights that says so.
+    """
+    for cause in answer["causes"]:
+        if fitted and fitted <= set(cause.get("absent_from") or ()):
+            return f"{cause['effect']}, absent from the fit"
+    texts = [*answer.get("warnings", ()), *(f"{f['name']}: {f['text']}" for f in answer.get("remains", ()))]
+    return next((text for text in texts if NEW.search(text)), "")
+
+
+def position_errors(
+    case: Case, vehicle: Vehicle, held_out: Sequence[FlightLog], method: Mapping[str, Any]
+) -> dict[str, float]:
+    """Return the RMSE of the payload's position on the held-out flight, open loop and observed [m]."""
+    values = values_of(method["parameters"])
+    own = values["suspended_payload"]
+    hook = tuple(own.get(f"hook_{axis}", 0.0) for axis in "xyz")
+    payload = Payload(own["mass"], own["length"], hook)  # type: ignore[arg-type]
+    if payload.mass <= 0:
+        return {}
+    found: dict[str, list[float]] = {"open": [], "observed": []}
+    for log in held_out:
+        t, p = logged_payload(case.held_out, log)
+        drive = make_drive(log, vehicle, payload, wrench_effects(values))
+        for name, predict in (("open", open_loop), ("observed", observed)):
+            found[name].append(error(predict(drive, payload, vehicle.gravity), drive.t, p, t))
+    return {name: float(np.sqrt(np.mean(np.square(errors)))) for name, errors in found.items()}
+
+
+def wind_figures(
+    parameters: Mapping[str, Mapping[str, Any]],
+    train: Sequence[FlightLog],
+    vehicle: Vehicle,
+    force: np.ndarray,
+    speed: float,
+) -> dict[str, float]:
+    """Return direction error [deg], mean force over that measured [1] and speed over that of the fans [1] of a wind.
+
+    Empty where no wind is named.
+    """
+    values = values_of(parameters)
+    wind = steady_wind(values)
+    if wind is None:
+        return {}
+    told = parameters.get("wind force")
+    along = np.array(told["xyz"]["value"]) if told else told_wind_force(values, train, vehicle)
+    return {
+        "angle": angle(wind[:2], np.array(DIRECTION)),
+        "force": float(along[:2] @ DIRECTION / (force[:2] @ DIRECTION)),
+        "speed": float(np.linalg.norm(wind[:2]) / speed),
+        "up": float(wind[2]),
+    }
+
+
+def angle(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the angle between two vectors [deg]."""
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return math.degrees(math.acos(np.clip(float(a @ b) / size, -1, 1))) if size > 0 else math.nan
+
+
+def values_of(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float]]:
+    """Return the values of parameters by effect, without units and intervals."""
+    return {
+        effect: {name: e["value"] for name, e in own.items() if isinstance(e["value"], float | int)}
+        for effect, own in parameters.items()
+    }
+
+
+def _opponents(
+    case: Case, vehicle: Vehicle, train: Sequence[FlightLog], truth: Truth
+) -> dict[str, dict[str, Any]]:
+    """Return the scores of least squares, that chooses by BIC and that is told the effect."""
+    flights = residuals_of(train, vehicle)
+    columns = [
+        *library_columns(flights),
+        *payload_columns(flights, vehicle, LENGTHS),
+        wind_columns(flights, vehicle),
+    ]
+    found = {BIC: {**verdict(select_by_bic(flights, columns), truth), "parameters": {}}}
+    if "suspended_payload" in truth.present:
+        found[TOLD] = {"causes": {}, "parameters": {"suspended_payload": told_payload(flights, vehicle)}}
+    if set(WINDS) & set(truth.present):
+        found[TOLD] = {"causes": {}, "parameters": told_wind(flights, vehicle)}
+    return found

@@ -1,1 +1,0 @@
-"""What no effect describes: generic structure that competes with the best model for the same evidence."""

@@ -1,0 +1,199 @@
+"""Summary of a diagnosis: headline, table of causes, and the gap by kind; for page and terminal alike."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from np_drake.diagnosis.report.words import (
+    NOTHING,
+    bare_name,
+    capital,
+    described,
+    estimate,
+    flights,
+    listed,
+    number,
+    onset,
+    percent,
+    percent_interval,
+    phrase,
+    plain_name,
+    probability,
+    suited,
+    unit_of,
+)
+from np_drake.diagnosis.result import UNKNOWN, Cause, Diagnosis, Finding, GapReduction, Localisation
+
+PLAIN_GAP = 1.4  # residual over noise above which a simulator does not agree with the logs [1]; own choice
+LEAST_GAP = 1.05  # residual over noise below which a share of the gap has no meaning [1]; own choice
+KINDS = {
+    "lateral force": ("force x", "force y"),
+    "lift": ("force z",),
+    "torque": ("torque x", "torque y", "torque z"),
+}
+
+
+@dc.dataclass(frozen=True)
+class GapPart:
+    """Held-out residual of one kind, RMS of its vector: before and after the causes, and of noise [unit].
+
+    explained: share of the square above the noise that the causes take away [1]; NaN where there is hardly a gap.
+    """
+
+    kind: str
+    unit: str
+    before: float
+    after: float
+    noise: float
+    explained: float
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """Return the answer in one line: the causes with size and probability, or that there is none."""
+    if diagnosis.cannot_tell:
+        return "These logs cannot tell"
+    named = [f"{phrase(c)}, {probability(c.probability)}" for c in named_causes(diagnosis)]
+    if UNKNOWN in diagnosis.verdict and not named:
+        named = [f"something that no effect explains, {probability(diagnosis.unknown_probability)}"]
+    if named:
+        return capital("; ".join(named))
+    return "No cause is told" if _unexplained(diagnosis.shrink) else "Nothing material is missing"
+
+
+def lead(diagnosis: Diagnosis) -> str:
+    """Return the sentence below the headline: how much the causes explain, and what remains."""
+    reduction, said = diagnosis.shrink, []
+    if diagnosis.cannot_tell:
+        return "The training flights excite too little to tell one effect from another."
+    judges = f"{'the second half of ' if diagnosis.joined else ''}{flights(len(diagnosis.held_out))}"
+    residual = f"{number(reduction.before, 2)} times the noise"
+    if named_causes(diagnosis):
+        said.append(_explains(diagnosis, judges))
+    elif UNKNOWN not in diagnosis.verdict and _unexplained(reduction):
+        said.append(f"the residual is {residual} on {judges}, and nothing in training shows its cause")
+    elif UNKNOWN not in diagnosis.verdict:
+        said.append(f"on {judges} the simulator agrees with the logs: the residual is {residual}")
+    if UNKNOWN in diagnosis.verdict:
+        said.append(_what_remains(diagnosis, residual))
+    if diagnosis.novel:
+        said.append(f"new on {judges}: {diagnosis.novel[0].text.rstrip('.')}")
+    return capital("; ".join(said)) + "."
+
+
+def _explains(diagnosis: Diagnosis, judges: str) -> str:
+    """Return the share of the largest part of the gap that the causes take away on held-out flights."""
+    reduction, one = diagnosis.shrink, len(named_causes(diagnosis)) == 1
+    if not has_gap(reduction):
+        return f"there is no gap above the noise to explain on {judges}"
+    parts = [part for part in gap_parts(diagnosis.where) if np.isfinite(part.explained)]
+    largest = max(parts, key=lambda part: part.before / part.noise, default=None)
+    kind, share = (largest.kind, largest.explained) if largest else ("whole", reduction.fraction)
+    if min(share, reduction.fraction) < 0:
+        return f"{'does' if one else 'together they do'} not help on {judges}: the {kind} gap grows"
+    return (
+        f"{'explains' if one else 'together they explain'} {probability(share)} of the {kind} gap on {judges}"
+    )
+
+
+def _what_remains(diagnosis: Diagnosis, residual: str) -> str:
+    named = bool(named_causes(diagnosis))
+    if diagnosis.remains:
+        trace = described(main_remainder(diagnosis.remains))
+        return f"{'what remains' if named else 'its clearest trace'}: {trace}"
+    if named:
+        return f"something that no effect explains remains, {probability(diagnosis.unknown_probability)}"
+    return f"the residual is {residual}"
+
+
+def main_remainder(remains: Sequence[Finding]) -> Finding:
+    """Return the finding with the largest share of weight, else with the largest force, else the first."""
+    return max(remains, key=lambda f: (f.figures.get("share", 0.0), f.figures.get("force", 0.0)))
+
+
+def named_causes(diagnosis: Diagnosis) -> list[Cause]:
+    """Return the causes of the verdict, the one with the largest share of the gap first."""
+    named = [cause for cause in diagnosis.causes if cause.identifier in diagnosis.verdict]
+    return sorted(named, key=lambda cause: -np.nan_to_num(cause.share))
+
+
+def has_gap(reduction: GapReduction) -> bool:
+    """Return whether the held-out residual exceeds the noise enough for a closed fraction to have meaning."""
+    return reduction.before > LEAST_GAP * reduction.floor
+
+
+def _unexplained(reduction: GapReduction) -> bool:
+    """Return whether the held-out residual is too large for the simulator to agree with the logs."""
+    return reduction.before > PLAIN_GAP * reduction.floor
+
+
+def gap_parts(where: Localisation) -> list[GapPart]:
+    """Return the held-out gap in lateral force, lift and torque, each pooled over its body axes."""
+    out = []
+    for kind, names in KINDS.items():
+        channels = [c for c in where.channels if c.channel in names]
+        sizes = [[c.rms, c.after, c.noise_floor] for c in channels]
+        before, after, noise = np.sqrt(np.sum(np.square(sizes), axis=0)) if channels else (0.0, 0.0, 0.0)
+        if noise > 0 and before > 0:
+            share = (
+                1 - (after**2 - noise**2) / (before**2 - noise**2) if before > LEAST_GAP * noise else np.nan
+            )
+            explained = float(np.clip(share, -1.0, 1.0))
+            out.append(GapPart(kind, channels[0].unit, float(before), float(after), float(noise), explained))
+    return out
+
+
+GAP_HEADER = ["held-out residual, RMS", "nominal", "with causes", "noise", "explained"]
+
+
+def gap_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """Return (kind, before, after, noise, explained) of each kind of gap, and of all channels in noise units."""
+    rows = []
+    for part in gap_parts(diagnosis.where):
+        factor, unit = suited(part.before, part.unit)
+        sizes = [number(factor * value, 2) for value in (part.before, part.after, part.noise)]
+        rows.append((f"{part.kind} [{unit}]", *sizes, percent(part.explained)))
+    total = diagnosis.shrink
+    sizes = [number(value, 2) for value in (total.before, total.after, total.floor)]
+    share = f"{percent(total.fraction)} ({percent_interval(total.ci95)})" if has_gap(total) else NOTHING
+    return [*rows, ("all, over noise [1]", *sizes, share)]
+
+
+def cause_table(diagnosis: Diagnosis, longest: int = 36) -> tuple[list[str], list[tuple[str, ...]]]:
+    """Return header and rows of the causes, a row for every parameter; name and probability stand on the first.
+
+    When an effect begins, and what it cannot be told from, are columns only where there is such a thing to say.
+
+    Args: longest: characters of a flight's name.
+    """
+    header = ["cause", "probability", "parameter", "value", "95 % interval", "begins", "or else"]
+    rows: list[tuple[str, ...]] = []
+    for cause in named_causes(diagnosis):
+        begins = [onset(t, plain_name(n, longest)) for n, t in cause.onset.items() if t is not None]
+        first = (cause.identifier, probability(cause.probability))
+        last = ("\n".join(begins), "\n".join(cause.indistinguishable_from))
+        for name, parameter in cause.parameters.items() or [("", None)]:
+            shown = estimate(parameter, unit_of(cause, parameter)) if parameter else ("", "")
+            rows.append((*first, name, *shown, *last))
+            first, last = ("", ""), ("", "")
+    if UNKNOWN in diagnosis.verdict:
+        rows.append((UNKNOWN, probability(diagnosis.unknown_probability), *[""] * 5))
+    keep = [k for k in range(len(header)) if k < 5 or any(row[k] for row in rows)]
+    return [header[k] for k in keep], [tuple(row[k] for k in keep) for row in rows]
+
+
+def unseen(diagnosis: Diagnosis) -> str:
+    """Return which effects would leave no trace in the training flights at their usual size; empty: none."""
+    alone = [item.effects[0] for item in diagnosis.check.not_identifiable if len(item.effects) == 1]
+    names = listed([bare_name(name) for name in alone])
+    return f"At its usual size the training flights would not show: {names}." if alone else ""
+
+
+def warnings(diagnosis: Diagnosis) -> list[str]:
+    """Return every warning once; what holds of several flights names them in one line."""
+    flights_of: dict[str, list[str]] = {}
+    for warning in dict.fromkeys((*diagnosis.check.warnings, *diagnosis.warnings)):
+        name, _, text = warning.partition(": ")
+        known = name in diagnosis.train + diagnosis.held_out
+        flights_of.setdefault(text if known else warning, []).extend([name] if known else [])
+    return [f"{', '.join(names)}: {text}" if names else text for text, names in flights_of.items()]

@@ -1,0 +1,82 @@
+"""Laws of the opponents: a planted effect is found and measured, and BIC is sure of it."""
+
+import numpy as np
+import pytest
+
+from diagrams.challenge.real.least_squares import (
+    LENGTHS,
+    Columns,
+    drag_columns,
+    fit,
+    library_columns,
+    payload_columns,
+    probability,
+    residuals_of,
+    select_by_bic,
+    stacked,
+    told_payload,
+    told_wind,
+    wind_columns,
+)
+from diagrams.challenge.real.pendulum_path import hanging, path
+from np_drake.vehicle import Vehicle
+
+DRAG = 0.4  # N s/m
+WIND = np.array([-3.0, 1.0, 0.0])  # m/s
+
+
+@pytest.fixture(scope="module")
+def dragged(make_flight):
+    return residuals_of([make_flight(1, lambda t, p, v, a: -DRAG * v)], Vehicle())
+
+
+def test_a_better_bic_is_a_probability_above_one_half():
+    assert probability(0.0) == 0.5
+    assert probability(2 * np.log(9)) == pytest.approx(0.9)
+    assert probability(-1e9) == pytest.approx(0.0)
+
+
+def test_a_planted_drag_is_found_first_and_for_sure(dragged):
+    found = select_by_bic(dragged, [*library_columns(dragged), wind_columns(dragged, Vehicle())])
+    assert next(iter(found)) in ("linear_drag", "quadratic_drag")
+    assert found.get("linear_drag", 0.0) > 0.99
+
+
+def test_columns_of_noise_are_not_chosen():
+    draw = np.random.default_rng(0)
+
+    class Made:
+        y = draw.normal(size=(2000, 6))
+
+    noise = [Columns(f"noise_{i}", draw.normal(size=(2000, 6, 2))) for i in range(5)]
+    assert select_by_bic([Made()], noise) == {}
+    planted = Columns("planted", Made.y[..., None] + draw.normal(size=(2000, 6, 1)))
+    assert list(select_by_bic([Made()], [*noise, planted])) == ["planted"]
+
+
+def test_the_columns_of_drag_are_in_units_of_its_coefficient(dragged):
+    own = fit(stacked(dragged), [drag_columns(dragged, Vehicle())])
+    assert own.c == pytest.approx(np.full(3, DRAG), rel=0.05)  # rotor speed enters the drag
+
+
+def test_told_drag_and_wind_gives_their_force_and_speed(make_flight):
+    flights = residuals_of([make_flight(2, lambda t, p, v, a: -DRAG * (v - WIND))], Vehicle())
+    found = told_wind(flights, Vehicle())
+    assert found["wind force"]["xyz"]["value"][:2] == pytest.approx(DRAG * WIND[:2], abs=0.05)  # N
+    assert found["constant_wind"]["x"]["value"] == pytest.approx(WIND[0], rel=0.1)
+
+
+def test_told_a_payload_gives_its_mass_and_length(make_flight):
+    mass, length = 0.15, 0.7
+
+    def pull(t, p, v, a):
+        start = hanging(np.array([[0.1, -0.05]]), np.zeros((1, 2)), length)
+        pulls = path(*start, 0.5 * (a[1:] + a[:-1]), t[1] - t[0], length=length, gravity=9.81)[1][:, 0]
+        return mass * np.concatenate([pulls[:1], 0.5 * (pulls[1:] + pulls[:-1]), pulls[-1:]])
+
+    flights = residuals_of([make_flight(4, pull)], Vehicle())
+    found = told_payload(flights, Vehicle())
+    assert found["mass"]["value"] == pytest.approx(mass, rel=0.02)
+    assert found["length"]["value"] == pytest.approx(length, rel=0.02)
+    names = select_by_bic(flights, [*library_columns(flights), *payload_columns(flights, Vehicle(), LENGTHS)])
+    assert names.get("suspended_payload", 0.0) > 0.99

@@ -1,0 +1,133 @@
+"""Laws of the score: an answer is read as it was given, held-out figures and hints are those of the file."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from diagrams.challenge.real import worker
+from diagrams.challenge.real.answers import HERE, answers, require_checkout
+from diagrams.challenge.real.cases import make_cases
+from diagrams.challenge.real.score import (
+    Settings,
+    angle,
+    held_out_cut,
+    says_new_condition,
+    score_case,
+    scored,
+    wind_figures,
+)
+from diagrams.challenge.real.truth import TRUTHS
+from np_drake.vehicle import Vehicle
+
+FORCE = {"x": {"rms": 3.0, "after": 0.3}, "y": {"rms": 4.0, "after": 0.4}, "z": {"rms": 2.0, "after": 1.0}}
+NO_TORQUE = {axis: {"rms": 0.0, "after": 0.0} for axis in "xyz"}
+
+
+def cause(effect: str, probability: float, absent_from: tuple[str, ...] = (), **values: float) -> dict:
+    parameters = {k: {"value": v, "unit": "", "ci95": [0.9 * v, 1.1 * v]} for k, v in values.items()}
+    return {
+        "effect": effect,
+        "probability": probability,
+        "parameters": parameters,
+        "absent_from": list(absent_from),
+    }
+
+
+def answer(*causes: dict, **more) -> dict:
+    return {"causes": list(causes), "gap": {"force": FORCE, "torque": NO_TORQUE}, "seconds": 3.0, **more}
+
+
+def test_the_held_out_figures_are_those_of_the_norm_and_an_unknown_torque_has_none():
+    cut = held_out_cut({"force": FORCE, "torque": NO_TORQUE})
+    assert cut == {"lateral": pytest.approx(0.9), "vertical": pytest.approx(0.5), "torque": None}
+    assert held_out_cut({}) == {"lateral": None, "vertical": None, "torque": None}
+
+
+def test_names_are_judged_against_the_truth_of_their_flights():
+    dut = scored(
+        answer(cause("suspended_payload", 0.95, mass=0.0047), cause("constant_wind", 0.6)), TRUTHS["payload"]
+    )
+    assert dut["wrong"] == ["constant_wind"]
+    assert not dut["right"]
+    assert dut["parameters"]["suspended_payload"]["mass"]["value"] == 0.0047
+
+
+def test_a_wind_that_the_fit_does_not_have_is_said_of_the_held_out_flight_and_is_not_wrong():
+    @dc.dataclass
+    class Log:
+        name: str
+
+    said = answer(cause("constant_wind", 0.9, absent_from=("a", "b")))
+    dut = scored(said, TRUTHS["new-wind"], [Log("a"), Log("b")])  # type: ignore[list-item]
+    assert dut["new_condition"]
+    assert dut["right"]
+    assert not scored(said, TRUTHS["new-wind"], [Log("a"), Log("c")])["right"]  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize(
+    "text, says",
+    [
+        ("held-out flight: a wind that no training flight has", True),
+        ("no command: thrust from rotor speed", False),
+    ],
+)
+def test_a_warning_on_the_held_out_flight_counts_as_said(text, says):
+    assert bool(says_new_condition(answer(warnings=[text]), {"a"})) == says
+    assert bool(says_new_condition(answer(remains=[{"name": "x", "text": text}]), {"a"})) == says
+
+
+def test_angles_are_between_directions():
+    assert angle(np.array([-2.0, 0.0]), np.array([-1.0, 0.0])) == pytest.approx(0.0)
+    assert angle(np.array([0.0, 1.0]), np.array([-1.0, 0.0])) == pytest.approx(90.0)
+
+
+def test_the_mean_force_of_a_told_wind_is_that_of_its_drag(make_flight):
+    vehicle = Vehicle()
+    log = make_flight(5, lambda t, p, v, a: 0 * v)
+    log = dc.replace(
+        log, v=log.v + [3.0, 0.0, 0.0]
+    )  # drag in still air has a mean of its own, which is no wind's
+    drag = {k: {"value": 0.5} for k in ("d_x", "d_y", "d_z")}
+    wind = {"x": {"value": -4.0}, "y": {"value": 0.0}, "z": {"value": 0.0}}
+    measured = np.array([-2.0, 0.0, 0.0])
+    dut = wind_figures({"linear_drag": drag, "constant_wind": wind}, [log], vehicle, measured, 4.0)
+    assert dut["force"] == pytest.approx(1.0, rel=0.05)  # rotor speed enters the drag
+    assert (dut["angle"], dut["speed"]) == (pytest.approx(0.0), pytest.approx(1.0))
+    assert wind_figures({"constant_wind": wind}, [log], vehicle, measured, 4.0)["force"] == 0.0
+    assert wind_figures({"linear_drag": drag}, [log], vehicle, measured, 4.0) == {}
+
+
+def test_flights_reach_another_process_unchanged(make_flight, tmp_path):
+    logs = [make_flight(seed, lambda t, p, v, a: 0 * v, 4.0) for seed in (1, 2, 3)]
+    logs[0].notes.append("a note")
+    vehicle = dc.replace(Vehicle(), mass=1.7)
+    worker.pack(tmp_path / "flights.npz", vehicle, logs[:2], logs[2:])
+    same, train, held_out = worker.unpack(tmp_path / "flights.npz")
+    assert same == vehicle
+    assert [log.name for log in train + held_out] == [log.name for log in logs]
+    for a, b in zip(train + held_out, logs, strict=True):
+        for field in dc.fields(a):
+            assert np.array_equal(getattr(a, field.name), getattr(b, field.name)), field.name
+
+
+def test_a_folder_without_the_package_is_no_checkout(tmp_path):
+    assert require_checkout(HERE) == HERE
+    with pytest.raises(ValueError, match="must be a checkout"):
+        require_checkout(tmp_path)
+
+
+def test_a_real_bare_flight_is_scored_and_a_kept_answer_is_taken_again(real_flights, tmp_path):
+    case = next(case for case in make_cases(real_flights, only=["bare"]) if case.name.startswith("22-26 ->"))
+    (direct,) = answers(case, [HERE])
+    (tmp_path / "answers").mkdir()
+    settings = Settings(kept=tmp_path / "answers", resume=True, opponents=False)
+    (file,) = [tmp_path / "answers" / f"{name}.json" for name in ["bare_22_26_00_04"]]
+    first = score_case(case, settings)
+    assert file.is_file()
+    again = score_case(case, settings)
+    assert again == first
+    dut = first["methods"]["this"]
+    assert dut["causes"] == {c["effect"]: c["probability"] for c in direct["causes"]}
+    assert dut["cut"]["lateral"] > 0
+    assert dut["seconds"] > 0

@@ -1,0 +1,176 @@
+"""Laws of the linear model about the best fit, with generic structure beside it."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.adequacy.linear_model import LinearModel
+from np_drake.diagnosis.fitting.map_estimate import refine, scaled_jacobian
+from np_drake.diagnosis.fitting.parameters import prior_whitening
+from np_drake.diagnosis.forward_model.prediction import predicted_residual
+from np_drake.diagnosis.forward_model.term import NEVER, Term
+from np_drake.diagnosis.numerics import NoiseModel
+from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.regressors.generic import PREFIX
+from np_drake.diagnosis.regressors.nuisance import sensor_drift
+from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
+from np_drake.diagnosis.residuals import TORQUE
+from np_drake.diagnosis.selection.ranking import Ranking
+from np_drake.diagnosis.tolerance import Tolerance
+from np_drake.effects.base import Effect, WrenchEffect
+from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
+from np_drake.rigid_body import W
+
+REAL = Options.for_sensors(True)
+PRIOR = REAL.priors.effect
+DRAG = LinearDrag(0.3, 0.3, 0.3)
+
+
+@dc.dataclass(frozen=True)
+class Damper(WrenchEffect):
+    """A torque against the body rate, which the library does not have."""
+
+    identifier: ClassVar[str] = "damper"
+
+    def wrench(self, vehicle, motion):
+        return np.concatenate([np.zeros_like(motion.x[..., W]), -0.02 * motion.x[..., W]], axis=-1)
+
+
+@pytest.fixture(scope="module")
+def model(seen, noise):
+    """Return a function that makes the linear model of a fit of `terms` to two flights under `acting`."""
+
+    def made(
+        acting: tuple[Effect, ...], terms: list[Term], *, drifts: bool = False, onset_prior: float = 0.0
+    ):
+        how = {"noise": 1.0, "seconds": 6.0}
+        flights = [seen(*acting, name=n, seed=i, **how) for i, n in enumerate("ab", start=1)]
+        return linear_model(flights, noise, terms, drifts=drifts, onset_prior=onset_prior)
+
+    return made
+
+
+def linear_model(
+    flights, noise: NoiseModel, terms: list[Term], *, drifts: bool = False, onset_prior: float = 0.0
+) -> tuple[LinearModel, Ranking]:
+    drift = sensor_drift(flights, Tolerance()) if drifts else None
+    nuisance = [drift] if drift else []
+    temperature = REAL.search.temperature
+    problem = RegressionProblem(flights, noise, nuisance, [], temperature=temperature, options=REAL)
+    fit = refine(
+        terms, [], flights, noise, temperature=temperature, linear=nuisance, wide=False, priors=REAL.priors
+    )
+    fit = dc.replace(fit, onset_prior=onset_prior)
+    ranking = Ranking((fit,), {}, noise, problem, (), REAL)
+    return LinearModel(ranking), ranking
+
+
+@pytest.fixture(scope="module")
+def drag(model):
+    return model((DRAG,), [Term(DRAG)])
+
+
+@pytest.fixture(scope="module")
+def absent(model):
+    """Drag, and two effects that are not there: one leaves no trace at all."""
+    terms = [Term(DRAG), Term(RotorGyroscopic()), Term(MassError(0.1), {"a": NEVER, "b": NEVER})]
+    return model((DRAG,), terms)
+
+
+def dense_evidence(ranking: Ranking, structure) -> float:
+    """Return the log evidence of the fit's parameters, sensor errors and structure by a dense least squares."""
+    fit, noise, root = ranking.best, ranking.noise, ranking.problem.temperature**-0.5
+    W = np.linalg.inv(prior_whitening(fit.everything, fit.free))
+    away = (fit.values - [f.neutral for f in fit.free]) / [f.scale for f in fit.free]
+    rows, target = [], []
+    for e in ranking.problem.flights:
+        J = scaled_jacobian(fit.everything, fit.free, e)
+        columns = [J @ W, *(c.columns[e.name] for c in (*ranking.problem.nuisance, *structure))]
+        white = e.white(noise, np.concatenate(columns, axis=-1))
+        rows.append(root * white.reshape(-1, white.shape[-1]))
+        y = e.y - predicted_residual(e, fit.everything) + J @ away
+        target.append(root * e.white(noise, y).ravel())
+    X, y = np.concatenate(rows), np.concatenate(target)
+    k = X.shape[1]
+    A, b = np.vstack([X, np.eye(k)]), np.concatenate([y, np.zeros(k)])
+    c = np.linalg.lstsq(A, b, rcond=None)[0]
+    logdet = 2 * np.sum(np.log(np.abs(np.diag(np.linalg.qr(A, mode="r")))))
+    return float(0.5 * (y @ y - np.sum((b - A @ c) ** 2)) - 0.5 * logdet)
+
+
+@pytest.mark.parametrize("drifts", [False, True], ids=["ideal", "with sensor errors"])
+def test_the_evidence_of_a_structure_is_that_of_a_direct_linear_regression(model, drifts):
+    dut, ranking = model((DRAG,), [Term(DRAG)], drifts=drifts)
+    for chosen in ((), (0,), (3, 7)):
+        some = [dut.structure[g] for g in chosen]
+        priors = sum(REAL.priors.of_effect(c.identifiers[0]) + c.log_prior for c in some)
+        assert dut.evidence((), chosen) - priors == pytest.approx(dense_evidence(ranking, some), rel=1e-6)
+
+
+def test_the_evidence_without_a_term_is_that_of_the_model_that_never_had_it(model):
+    both, _ = model((DRAG,), [Term(DRAG), Term(RotorGyroscopic())])
+    alone, _ = model((DRAG,), [Term(DRAG)])
+    # about a slightly different drag, in which the columns are linear
+    assert both.evidence({1}) == pytest.approx(alone.evidence(), abs=1e-2)
+
+
+def test_about_the_fit_the_evidence_of_all_terms_is_that_of_the_fit(drag):
+    dut, ranking = drag
+    y = [e.white(ranking.noise, e.y) for e in ranking.problem.flights]
+    nothing = -0.5 * sum(float(np.sum(part**2)) for part in y) / ranking.problem.temperature
+    assert dut.evidence() + nothing == pytest.approx(ranking.best.log_evidence, abs=1e-2)
+
+
+def test_dropping_a_term_without_a_trace_gains_its_prior(absent):
+    dut, _ = absent
+    assert dut.margin(2, ()) == pytest.approx(PRIOR)
+
+
+def test_the_margin_of_a_planted_effect_is_large_and_of_an_absent_one_negative(absent):
+    dut, _ = absent
+    assert dut.margin(0, ()) > 100.0
+    assert dut.margin(1, ()) < PRIOR + 2.0  # what noise may bring
+
+
+def test_an_onset_costs_the_term_that_begins_its_prior(model):
+    terms = [Term(DRAG), Term(MassError(0.1), {"a": NEVER, "b": NEVER})]
+    dut, _ = model((DRAG,), terms, onset_prior=-4.0)
+    assert dut.margin(1, ()) == pytest.approx(PRIOR - 4.0)
+
+
+def test_a_drag_takes_the_wind_that_acts_through_it_along(model):
+    wind = ConstantWind(2.0, -1.0, 0.0)
+    dut, _ = model((DRAG, wind), [Term(DRAG), Term(wind)])
+    both = dut.evidence() - dut.described({0, 1})[0] + PRIOR  # the wind brings its drag
+    assert dut.margin(0, ()) == pytest.approx(both)
+    assert dut.margin(1, ()) > 20.0
+
+
+def test_beside_the_true_model_no_structure_describes_the_noise(drag):
+    dut, _ = drag
+    assert dut.described() == (dut.evidence(), ())
+
+
+def test_a_torque_that_no_effect_has_is_described_by_its_structure_and_shows_its_part(model):
+    dut, ranking = model((DRAG, Damper()), [Term(DRAG)])
+    evidence, structure = dut.described()
+    assert evidence > dut.evidence() + 100.0
+    first = structure[0]
+    assert dut.structure[first].identifiers == (PREFIX + "rates",)
+    for e in ranking.problem.flights:
+        expected = 0.02 * e.w  # what the command does against it
+        left = dut.part(structure, first, e)[:, TORQUE] + expected
+        assert np.sum(left[25:-25] ** 2) < 0.1 * np.sum(expected[25:-25] ** 2)
+
+
+def test_structure_takes_nothing_from_the_margin_of_an_effect_that_it_cannot_stand_for(model, drag):
+    dut, _ = model((DRAG, Damper()), [Term(DRAG)])
+    clean, _ = drag
+    beside = dut.margin(0, dut.described()[1])
+    assert beside > 100.0
+    assert beside == pytest.approx(clean.margin(0, ()), rel=0.2)  # other motion, other noise

@@ -1,0 +1,120 @@
+"""Laws of one inference: how causes and what they leave become a verdict."""
+
+import dataclasses as dc
+import importlib
+from functools import cache
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.decision import infer as infer_function
+from np_drake.diagnosis.decision.infer import concluded
+from np_drake.effects.base import Motion, WrenchEffect
+from np_drake.effects.gusty_wind import GustyWind
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.rigid_body import P
+from np_drake.vehicle import Vehicle
+
+module = importlib.import_module("np_drake.diagnosis.decision.infer")  # the package has a function so named
+
+
+@dc.dataclass(frozen=True)
+class Wall(WrenchEffect):
+    """f_x = pull exp(-d / reach) at a distance d from a wall: no effect of the library."""
+
+    pull: float = 0.7  # [N]
+    reach: float = 0.3  # [m]
+    x: float = 1.3  # where the wall is [m]
+
+    identifier: ClassVar[str] = "wall"
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        chi = super().wrench(vehicle, motion)
+        chi[..., 0] = self.pull * np.exp(-np.maximum(self.x - motion.x[..., P][..., 0], 0.0) / self.reach)
+        return chi
+
+
+DRAG, WALL = LinearDrag(0.3, 0.3, 0.3), Wall()
+
+
+def gusts(seed: int) -> GustyWind:
+    return GustyWind(0.0, 0.0, 0.0, 1.0, 0.8, seed)
+
+
+BLOWN = (gusts(61), gusts(62), gusts(63))
+WALLED = (WALL, WALL, WALL)
+
+
+@pytest.fixture(scope="module")
+def flown(seen):
+    """Return a function that flies two training flights and a third under drag and a slow force each; cached."""
+
+    @cache
+    def flights(*slow: WrenchEffect | None, drag: LinearDrag | None = DRAG):
+        how = {"noise": 1.0, "seconds": 10.0}
+        acting = [[e for e in (drag, s) if e is not None] for s in slow]
+        *fitted, held_out = [seen(*a, name=str(i), seed=i, **how) for i, a in enumerate(acting, start=1)]
+        return fitted, [held_out]
+
+    return flights
+
+
+@pytest.fixture(scope="module")
+def of(flown, inferred):
+    """Return the inference of these flights, each searched and concluded once."""
+    return lambda *slow, **how: inferred(*flown(*slow, **how))
+
+
+def test_a_clean_flight_has_no_cause_and_nothing_unknown(of):
+    dut = of(None, None, None, drag=None)
+    assert dut.causes == []
+    assert not dut.unknown
+    assert dut.unknown_probability < 0.2
+    assert dut.unexplained.findings == ()
+
+
+def test_of_a_planted_drag_nothing_is_left(of):
+    dut = of(None, None, None)
+    assert [c.identifier for c in dut.causes] == ["linear_drag"]
+    assert dut.causes[0].probability > 0.95
+    assert not dut.unknown
+
+
+def test_a_force_that_follows_the_place_is_unknown_and_not_gusts(of):
+    dut = of(*WALLED)
+    assert dut.unknown
+    assert dut.unknown_probability > 0.9
+    assert "gusty_wind" not in {c.identifier for c in dut.causes}
+    assert "place" in {f.name for f in dut.unexplained.findings}
+
+
+def test_beside_unknown_structure_the_probability_of_a_planted_drag_stays_the_same(of):
+    alone, beside = (
+        next(c for c in of(*slow).causes if c.identifier == "linear_drag")
+        for slow in ((None, None, None), WALLED)
+    )
+    assert beside.probability == pytest.approx(alone.probability, abs=0.05)
+    for name, estimate in beside.parameters.items():
+        low, high = estimate.ci95
+        assert low < getattr(DRAG, name) < high
+
+
+def test_a_slow_force_that_follows_no_place_is_gusts(of):
+    dut = of(*BLOWN)
+    assert {c.identifier for c in dut.causes} == {"linear_drag", "gusty_wind"}
+    assert not dut.unknown
+
+
+def test_without_the_test_of_the_place_the_force_would_be_gusts(flown, searched, monkeypatch):
+    monkeypatch.setattr(module, "position_p_value", lambda *_: 1.0)
+    fitted, held_out = flown(*WALLED)
+    assert "gusty_wind" in {c.identifier for c in concluded(searched(fitted), held_out).causes}
+
+
+def test_inference_is_a_search_and_its_conclusion(flown, searched, of, monkeypatch):
+    monkeypatch.setattr(module, "find_map_model", lambda flights, options: searched(flights, options))
+    dut = infer_function(*flown(None, None, None))
+    assert [(c.identifier, c.probability) for c in dut.causes] == [
+        (c.identifier, c.probability) for c in of(None, None, None).causes
+    ]

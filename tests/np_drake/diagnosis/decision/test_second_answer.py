@@ -1,0 +1,161 @@
+"""Laws of the second answer, in whose fit the first halves of held-out flights are."""
+
+import dataclasses as dc
+import importlib
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.decision.second_answer import (
+    novelty,
+    second_answer,
+    split_flights,
+    without_onsets_in,
+)
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.held_out.adaptation import scored_rows
+from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.result import Cause, Diagnosis
+from np_drake.effects.gusty_wind import GustyWind
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.vehicle import Vehicle
+
+infer_module = importlib.import_module("np_drake.diagnosis.decision.infer")
+second_module = importlib.import_module("np_drake.diagnosis.decision.second_answer")
+
+LEAST = Options.for_sensors(True).thresholds.split_half
+DRAG = LinearDrag(0.6, 0.6, 0.0)
+UP_AND_DOWN = (0.0, 0.0, 1.0, 0.0)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def known_searches(searched):
+    """Every search of the same flights is made once."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (second_module, infer_module):
+            patch.setattr(module, "find_map_model", searched)
+        yield
+
+
+@pytest.fixture(scope="module")
+def logs(fly):
+    """Return a function that flies two flights straight up and down and one that moves sideways; cached."""
+
+    @cache
+    def flown(*effects):
+        own = {"noise": 1.0, "seconds": 10.0}
+        train = [fly(*effects, name=n, seed=i, vigour=UP_AND_DOWN, **own) for i, n in enumerate("ab", 1)]
+        return train, [fly(*effects, name="c", seed=3, **own)]
+
+    return flown
+
+
+@pytest.fixture(scope="module")
+def diagnosed(logs):
+    """Return the diagnosis of these flights; each is worked out once."""
+    return cache(lambda *effects: diagnose(Vehicle(), *logs(*effects)))
+
+
+def test_what_training_does_not_excite_is_novel_and_the_second_answer_names_it(diagnosed):
+    dut: Diagnosis = diagnosed(DRAG)
+    assert dut.novel
+    assert "linear_drag" not in dut.verdict
+    assert dut.refit is not None
+    assert dut.refit.verdict == ("linear_drag",)
+    for axis in "xy":
+        low, high = dut.refit.causes[0].parameters[f"d_{axis}"].ci95
+        assert low < 0.6 < high
+
+
+def test_the_second_answer_is_judged_by_second_halves_and_the_first_by_whole_flights(diagnosed):
+    dut = diagnosed(DRAG)
+    assert (dut.joined, dut.refit.joined) == ((), ("c",))
+    assert dut.shrink.fraction < 0.1 < 0.9 < dut.refit.shrink.fraction
+    assert dut.refit.refit is None
+
+
+def test_the_half_that_joins_is_no_flight_of_the_answer(diagnosed):
+    dut = diagnosed(DRAG).refit
+    assert (dut.train, dut.held_out) == (("a", "b"), ("c",))
+    assert set(dut.causes[0].onset) == {"a", "b", "c"}
+
+
+def test_a_held_out_flight_like_training_shows_nothing_novel(diagnosed):
+    dut = diagnosed()
+    assert dut.novel == ()
+    assert dut.refit is None
+    assert dut.verdict == ()
+
+
+def test_without_a_second_answer_what_is_novel_is_told_all_the_same(logs):
+    dut = diagnose(Vehicle(), *logs(DRAG), adaptive_split=False)
+    assert dut.novel
+    assert dut.refit is None
+
+
+@pytest.fixture(scope="module")
+def first(seen, inferred):
+    """Return an inference that leaves much of its held-out flight."""
+    how = {"noise": 1.0, "seconds": 10.0}
+    flights = [seen(DRAG, name=n, seed=i, vigour=UP_AND_DOWN, **how) for i, n in enumerate("ab", 1)]
+    return inferred(flights, [seen(DRAG, name="c", seed=3, **how)])
+
+
+def test_gusts_which_repeat_nowhere_and_a_swing_that_may_be_lost_are_not_novel(first):
+    assert novelty(first)
+    gusts = Cause("gusty_wind", 0.9, {}, {}, effect=GustyWind())
+    assert novelty(dc.replace(first, causes=[gusts])) == ()
+    best = first.ranking.best
+    swings = dc.replace(best.everything[0], effect=SuspendedPayload(0.1, 1.0))
+    hung = dc.replace(first.ranking, fits=(dc.replace(best, terms=(*best.terms, swings)),))
+    assert novelty(dc.replace(first, ranking=hung)) == ()
+
+
+def test_where_no_flight_is_long_enough_for_two_halves_there_is_no_second_answer(first, monkeypatch):
+    monkeypatch.setattr(second_module, "find_map_model", None)  # which is never asked
+    short = [dc.replace(e, log=e.log.rows(0, 780)) for e in first.held_out]
+    assert second_answer(dc.replace(first, held_out=short)) is None
+
+
+@pytest.mark.parametrize("probability, hanging", [(0.0, False), (0.02, True)])
+def test_a_payload_that_hangs_on_in_flight_is_sought_again_where_training_gave_one_weight(
+    first, monkeypatch, probability, hanging
+):
+    asked = []
+    monkeypatch.setattr(second_module, "concluded", lambda found, judges: None)
+    monkeypatch.setattr(
+        second_module, "find_map_model", lambda flights, options, **how: asked.append((flights, how))
+    )
+    weighed = dc.replace(first.ranking, probability={"suspended_payload": probability})
+    second_answer(dc.replace(first, ranking=weighed))
+    ((flights, how),) = asked
+    assert [e.name for e in flights] == ["a", "b", "first half of c"]
+    assert how == {"hanging": hanging}
+
+
+def test_a_half_is_the_flight_up_to_its_middle_and_its_rows_do_not_count(seen):
+    flight = seen(name="c", seconds=10.0)
+    (half,), (judge,) = split_flights([flight], least=LEAST)
+    assert half.name == "first half of c"
+    assert (half.goes_on, judge.goes_on, flight.goes_on) == (True, False, False)
+    assert half.log.t[-1] < 5.0 <= half.log.t[-1] + 2 * flight.log.step
+    assert half.grid.step == pytest.approx(flight.grid.step)
+    np.testing.assert_array_equal(scored_rows([], judge), judge.t > 5.0)
+    np.testing.assert_array_equal(judge.y, flight.y)
+
+
+def test_a_flight_too_short_for_two_halves_judges_whole(seen):
+    flight = seen(name="c", seconds=2 * LEAST - 0.5)
+    halves, (judge,) = split_flights([flight], least=LEAST)
+    assert halves == []
+    assert scored_rows([], judge).all()
+
+
+def test_a_cause_begins_in_flights_and_not_in_their_halves():
+    begun = Cause("mass_error", 0.9, {}, {"a": 2.0, "c": None, "first half of c": 3.0})
+    half = SimpleNamespace(name="first half of c")
+    assert without_onsets_in([half], begun) == dc.replace(begun, onset={"a": 2.0, "c": None})
+    assert without_onsets_in([], begun) == begun

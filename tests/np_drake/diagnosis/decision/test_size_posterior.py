@@ -1,0 +1,92 @@
+"""Laws of the posterior of an effect's size."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from np_drake.diagnosis.decision.size_posterior import DRAWS, material_share, relative_sizes, wind_share
+from np_drake.diagnosis.fitting.map_estimate import scaled_jacobian
+from np_drake.diagnosis.materiality import Size
+from np_drake.diagnosis.options import Options
+from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.gusty_wind import GustyWind
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+
+REAL = Options.for_sensors(True)
+MATERIALITY = REAL.materiality
+PLAIN = {"calibration": False, "sensor": False}
+DRAG = LinearDrag(0.3, 0.2, 0.4)
+CHANCE = 4.0  # standard errors that draws may be off
+UNIT = Size(MATERIALITY.effect_force, 0.0, 0.0, 0.0)  # a force that is just material
+
+
+@pytest.fixture(scope="module")
+def flights(seen):
+    return [seen(name="a", seconds=4.0)]
+
+
+@pytest.mark.parametrize("share", [0.02, 0.5])
+def test_the_size_of_one_parameter_is_drawn_from_its_gaussian(fit_at, flights, share):
+    drawn = relative_sizes(fit_at(MassError(0.2), covariance=0.2 * share), 0, flights)
+    assert drawn.shape == (DRAWS,)
+    test = stats.kstest(drawn, stats.foldnorm(1 / share, scale=share).cdf)  # of |1 + share n|
+    assert test.pvalue > 1e-3
+
+
+def test_the_size_of_several_parameters_is_the_power_of_what_they_predict(fit_at, flights):
+    spread = 0.1 * np.array([[1.0, 0.5, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 2.0]])
+    fit = fit_at(DRAG, covariance=spread**2)
+    drawn = relative_sizes(fit, 0, flights)
+    J = scaled_jacobian(fit.everything, fit.free, flights[0])[:, :6].reshape(-1, 3)
+    power = J.T @ J
+    expected = 1 + np.trace(power @ spread**2) / (fit.values @ power @ fit.values)  # scales are alike
+    error = np.std(drawn**2) / np.sqrt(DRAWS)
+    assert np.mean(drawn**2) == pytest.approx(expected, abs=CHANCE * error)
+
+
+def test_where_parameters_are_known_exactly_so_is_the_size(fit_at, flights):
+    np.testing.assert_allclose(relative_sizes(fit_at(DRAG, covariance=1e-9), 0, flights), 1.0, rtol=1e-6)
+
+
+@pytest.mark.parametrize("times, share", [(2.0, 1.0), (0.5, 0.0)], ids=["twice the bound", "half of it"])
+def test_in_the_limit_of_a_known_size_an_effect_is_material_or_it_is_not(times, share):
+    size = dc.replace(UNIT, force=times * UNIT.force)
+    assert material_share(size, np.ones(10), MATERIALITY, **PLAIN) == share
+
+
+@pytest.mark.parametrize("times", [0.8, 1.0, 1.1])
+def test_between_the_limits_it_is_the_gaussian_above_the_bound(times):
+    deviation = 0.2
+    drawn = 1 + deviation * stats.norm.ppf((np.arange(1000) + 0.5) / 1000)
+    size = dc.replace(UNIT, force=times * UNIT.force)
+    expected = stats.norm.sf((1 / times - 1) / deviation)
+    assert material_share(size, drawn, MATERIALITY, **PLAIN) == pytest.approx(expected, abs=2e-3)
+
+
+def test_the_gap_goes_with_the_square_of_the_size():
+    size = Size(0.0, 0.0, 0.5 * MATERIALITY.gap, 0.0)
+    assert material_share(size, np.full(4, 1.42), MATERIALITY, **PLAIN) == 1.0
+    assert material_share(size, np.full(4, 1.41), MATERIALITY, **PLAIN) == 0.0
+
+
+@pytest.mark.parametrize("speed, share", [(0.2, 0.0), (0.3, 1.0), (-3.0, 1.0)])
+def test_a_mean_wind_below_a_quarter_of_a_metre_per_second_is_a_draught(fit_at, speed, share):
+    fit = fit_at(DRAG, ConstantWind(0.0, speed, 0.0), covariance=1e-3)
+    assert wind_share(fit, 1, MATERIALITY.still_air) == share
+
+
+def test_a_wind_of_which_nothing_is_known_is_no_draught_with_the_probability_of_its_prior(fit_at):
+    deviation = 0.2  # [m/s]
+    found = wind_share(fit_at(DRAG, ConstantWind(0.0, 0.0, 0.0), covariance=deviation), 1, 0.25)
+    expected = np.exp(-0.5 * (0.25 / deviation) ** 2)  # Rayleigh
+    assert found == pytest.approx(expected, abs=CHANCE * np.sqrt(expected * (1 - expected) / DRAWS))
+
+
+def test_a_wind_straight_up_alone_is_a_draught_and_what_is_no_wind_never(fit_at):
+    up = fit_at(DRAG, ConstantWind(0.0, 0.0, 5.0), covariance=1e-3)
+    assert wind_share(up, 1, 0.25) == 0.0
+    assert wind_share(up, 0, 0.25) == 1.0
+    assert wind_share(fit_at(DRAG, GustyWind(), covariance=1e-3), 1, 0.25) == 1.0

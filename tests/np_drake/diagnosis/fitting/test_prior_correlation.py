@@ -1,0 +1,78 @@
+"""Laws of the correlated prior of drag coefficients."""
+
+import numpy as np
+import pytest
+
+from np_drake.diagnosis.fitting.map_estimate import refine
+from np_drake.diagnosis.fitting.parameters import free_parameters, prior_whitening
+from np_drake.diagnosis.forward_model.term import Term
+from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.regressors.library import library_candidates
+from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
+from np_drake.effects.gyro_bias import GyroBias
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.quadratic_drag import QuadraticDrag
+from np_drake.effects.usual_size import prior_root
+
+OPTIONS = Options.for_sensors(True)
+PRIORS = OPTIONS.priors
+DRAG = LinearDrag(0.4, 0.4, 0.2)
+ALONG_X = (1.0, 0.0, 0.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def flight(seen):
+    return seen(DRAG, name="a", seed=1, noise=1.0, seconds=8.0, vigour=ALONG_X)
+
+
+@pytest.fixture(scope="module")
+def fit(flight, noise):
+    return refine([Term(DRAG)], [], [flight], noise, temperature=1.0, wide=False, priors=PRIORS)
+
+
+@pytest.mark.parametrize("effect", [LinearDrag, QuadraticDrag, GyroBias])
+def test_whitened_deviations_of_the_prior_are_independent(flight, effect):
+    terms = [Term(GyroBias()), Term(effect())]
+    free = free_parameters(terms, [flight], {}, PRIORS, wide=False)
+    W, root = prior_whitening(terms, free), prior_root(effect, flight.vehicle)
+    scaled = root / np.array([f.scale for f in free if f.term == 1])[:, None]
+    np.testing.assert_allclose(W[3:, 3:] @ scaled, np.eye(3), atol=1e-12)
+    np.testing.assert_array_equal(W[:3], np.eye(6)[:3])
+
+
+def test_a_coefficient_that_no_motion_excites_follows_those_that_one_does(fit):
+    d_x, d_y, d_z = fit.values
+    prior = np.array(LinearDrag.prior_correlation)
+    expected = prior[1, [0, 2]] @ np.linalg.solve(prior[np.ix_([0, 2], [0, 2])], [d_x, d_z])
+    assert d_x == pytest.approx(0.4, abs=0.02)
+    assert d_y == pytest.approx(expected, abs=0.02)  # the noise of the velocity tells a little
+    deviation = np.sqrt(np.diag(fit.covariance))
+    assert deviation[0] < 0.02 < deviation[1] < 0.3 * fit.free[1].scale  # known from the other axis
+
+
+def marginal(flight, noise, X: np.ndarray, prior: np.ndarray) -> float:
+    """Return log N(y; 0, 1 + X S X') of the whitened flight, less its constant, for a prior covariance S."""
+    y = flight.white(noise, flight.y).ravel()
+    X = X.reshape(len(y), -1)
+    b, A = X.T @ y, X.T @ X
+    explained = b @ np.linalg.solve(np.linalg.inv(prior) + A, b)
+    return float(-0.5 * (y @ y - explained) - 0.5 * np.linalg.slogdet(np.eye(len(A)) + prior @ A)[1])
+
+
+def test_the_evidence_of_a_fit_is_that_of_the_linear_problem_with_this_prior(flight, noise, fit):
+    (drag,) = (c for c in library_candidates([flight]) if c.identifiers == ("linear_drag",))
+    root = prior_root(LinearDrag, flight.vehicle)
+    columns = drag.columns["a"] @ np.linalg.inv(root)  # by physical coefficients
+    X, prior = flight.white(noise, columns), root @ root.T
+    expected = marginal(flight, noise, X, prior)
+    assert fit.log_evidence == pytest.approx(expected, abs=1e-3)
+    independent = marginal(flight, noise, X, np.diag(np.diag(prior)))
+    assert abs(expected - independent) > 0.3  # the correlation matters here
+
+
+def test_the_search_scores_the_drag_by_the_same_prior(flight, noise, fit):
+    (drag,) = (c for c in library_candidates([flight]) if c.identifiers == ("linear_drag",))
+    problem = RegressionProblem([flight], noise, [], [drag], temperature=1.0, options=OPTIONS, wide=False)
+    y = flight.white(noise, flight.y)
+    score = problem.score((0,)) - PRIORS.of_effect("linear_drag") - 0.5 * float(np.sum(y**2))
+    assert score == pytest.approx(fit.log_evidence, abs=1e-3)

@@ -1,0 +1,40 @@
+"""Laws of what is practically none."""
+
+import dataclasses as dc
+
+import pytest
+
+from np_drake.diagnosis.materiality import Size
+from np_drake.diagnosis.options import Options
+
+REAL, IDEAL = Options.for_sensors(True).materiality, Options.for_sensors(False).materiality
+PLAIN = {"calibration": False, "sensor": False}
+
+
+@pytest.mark.parametrize(
+    "size, matters",
+    [
+        (Size(1.01 * REAL.effect_force, 0.0, 0.0, 0.0), True),
+        (Size(0.0, 1.01 * REAL.torque, 0.0, 0.0), True),
+        (Size(0.0, 0.0, 1.01 * REAL.gap, 0.0), True),
+        (Size(0.99 * REAL.effect_force, 0.99 * REAL.torque, 0.99 * REAL.gap, 9.0), False),
+    ],
+    ids=["force", "torque", "gap", "none"],
+)
+def test_an_effect_matters_by_force_torque_or_share(size, matters):
+    assert size.material(REAL, **PLAIN) is matters
+
+
+def test_of_ideal_sensors_less_matters():
+    faint = Size(1.01 * IDEAL.effect_force, 0.0, 0.0, 0.0)
+    assert not faint.material(REAL, **PLAIN)
+    assert faint.material(IDEAL, **PLAIN)
+    assert not dc.replace(faint, force=0.99 * IDEAL.effect_force).material(IDEAL, **PLAIN)
+
+
+def test_calibration_matters_by_force_alone_and_a_sensor_by_its_tolerance():
+    wide = Size(0.0, 1.0, 1.0, 1.0)
+    assert not wide.material(REAL, calibration=True, sensor=False)
+    assert dc.replace(wide, force=0.03).material(REAL, calibration=True, sensor=False)
+    assert not wide.material(REAL, calibration=False, sensor=True)
+    assert dc.replace(wide, sensor=2.0).material(REAL, calibration=False, sensor=True)
