@@ -92,13 +92,18 @@ def searched() -> Search:
 
 @pytest.fixture(scope="module")
 def inferred(searched: Search) -> Callable[..., Inference]:
-    """Return `infer`, which searches the same flights once in a module, and concludes once."""
+    """Return `infer` with few lengths, which searches the same flights once in a module, and concludes once."""
     known: dict[tuple[object, ...], Inference] = {}
 
-    def inference(flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]) -> Inference:
-        key = (*map(_content, flights), None, *map(_content, held_out))
+    def inference(
+        flights: Sequence[FlightResiduals],
+        held_out: Sequence[FlightResiduals],
+        options: Options | None = None,
+    ) -> Inference:
+        key = (*map(_content, flights), None, *map(_content, held_out), repr(options))
         if key not in known:
-            known[key] = concluded(searched(flights), held_out)
+            few = None if options is None else with_few_lengths(options)
+            known[key] = concluded(searched(flights, few), held_out)
         return known[key]
 
     return inference

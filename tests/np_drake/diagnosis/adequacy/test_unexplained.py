@@ -9,10 +9,10 @@ import pytest
 
 from np_drake.diagnosis.adequacy import residual_tests
 from np_drake.diagnosis.adequacy import unexplained as module
+from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.adequacy.residual_statistics import strongest_line
 from np_drake.diagnosis.adequacy.unexplained import find_unexplained, indication
 from np_drake.diagnosis.adequacy.unexplained_result import Unexplained
-from np_drake.diagnosis.disturbance.linear_model import LinearModel
 from np_drake.diagnosis.held_out.prediction import on_held_out
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.result import CHANNELS

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy import special
 
+from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision import causes as module
 from np_drake.diagnosis.decision.causes import Judged, causes_of, judge, without_missing_drag
 from np_drake.diagnosis.decision.equivalence import indistinguishable
-from np_drake.diagnosis.disturbance.linear_model import LinearModel
 from np_drake.diagnosis.forward_model import pendulum_error
 from np_drake.diagnosis.held_out.prediction import on_held_out
 from np_drake.diagnosis.materiality import Size

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision.causes import causes_of
-from np_drake.diagnosis.disturbance.linear_model import LinearModel
 from np_drake.diagnosis.forward_model.term import NEVER
 from np_drake.diagnosis.gap import gap_reduction as dut
 from np_drake.diagnosis.held_out.prediction import on_held_out

@@ -110,11 +110,11 @@ def test_what_a_vehicle_file_states_of_thrust_does_not_narrow_the_scale_of_a_thr
     "effect, stated",
     [(MassError(0.06 * VEHICLE.mass), {"mass": 0.04}), (ThrustScale(0.94), {"thrust": 0.04})],
 )
-def test_an_error_within_what_the_vehicle_file_states_is_no_cause(fly, effect, stated):
+def test_an_error_within_what_the_vehicle_file_states_is_no_cause(fly, inferred, effect, stated):
     logs = [fly(effect, name=str(i), seed=i, seconds=10.0, noise=1.0) for i in (1, 2, 3)]
     for vehicle, names in [(VEHICLE, [effect.identifier]), (vague(**stated), [])]:
         *train, held_out = [make_flight_residuals(log, vehicle) for log in logs]
-        dut = infer(train, [held_out], options=Options.for_sensors(True))
+        dut = inferred(train, [held_out], Options.for_sensors(True))
         assert [c.identifier for c in dut.causes] == names
         assert not dut.unknown
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.disturbance.linear_model import LinearModel
+from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.fitting.map_estimate import refine, scaled_jacobian
 from np_drake.diagnosis.fitting.parameters import prior_whitening
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
