@@ -1,6 +1,7 @@
 """Fixtures: simulated flights (`simulated_flights.py`), their residuals, and the models that explain them."""
 
 import dataclasses as dc
+import importlib
 import importlib.util
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
@@ -107,6 +108,24 @@ def inferred(searched: Search) -> Callable[..., Inference]:
         return known[key]
 
     return inference
+
+
+@pytest.fixture(scope="module")
+def quick_searches(searched: Search) -> Iterator[None]:
+    """Let a diagnosis search with few lengths, and the same flights once in a module."""
+
+    def search(
+        flights: Sequence[FlightResiduals], options: Options | None = None, *, hanging: bool = True
+    ) -> SearchResult:
+        few = None if options is None else with_few_lengths(options)
+        return searched(flights, few, hanging=hanging)
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("infer", "second_answer"):  # by path: the package has functions so named
+            patch.setattr(
+                importlib.import_module(f"np_drake.diagnosis.decision.{name}"), "find_map_model", search
+            )
+        yield
 
 
 @dc.dataclass(frozen=True)
