@@ -58,7 +58,7 @@ def confusables(
     """Return the effects that cannot be seen at their usual size, and pairs that are the same when just visible.
 
     An effect scaled to whitened size `BARELY` is the same as another if its squared distance to the other's columns is
-    below `SAME`.
+    below `SAME`. Effects of one sign alone, as a delay and a clock that is ahead, are the same where signs agree.
 
     Args:
         flights: the flights.
@@ -66,12 +66,15 @@ def confusables(
         noise: noise model that whitens.
     """
     blocks: dict[str, np.ndarray] = {}
+    one_sided: set[str] = set()
     for c in candidates:
         name = c.identifiers[-1]
         if name in blocks or len(c.identifiers) > 1 or c.generic:
             continue
         parts = [noise.whiten(c.columns[e.name]).reshape(-1, c.size) for e in flights]
         blocks[name] = np.concatenate(parts)
+        if c.size == 1 and c.possible is not None:
+            one_sided.add(name)
     sizes = {n: float(np.sqrt(np.max(np.sum(X**2, axis=0)))) for n, X in blocks.items()}
     invisible = tuple(n for n, s in sizes.items() if s < 3.0)
     out = [
@@ -90,6 +93,9 @@ def confusables(
         direction = X[:, np.argmax(np.sum(X**2, axis=0))]
         direction = BARELY * direction / np.linalg.norm(direction)
         for b, Q in bases.items():
+            # No positive size of one is what a positive size of the other is.
+            if {a, b} <= one_sided and float(direction @ blocks[b][:, 0]) < 0:
+                continue
             if a != b and float(np.sum((direction - Q @ (Q.T @ direction)) ** 2)) < SAME:
                 found.add((a, b) if a < b else (b, a))
     out += [

@@ -1,6 +1,7 @@
 """Fixtures: simulated flights (`simulated_flights.py`), their residuals, and the models that explain them."""
 
 import dataclasses as dc
+import importlib
 import importlib.util
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
@@ -92,16 +93,39 @@ def searched() -> Search:
 
 @pytest.fixture(scope="module")
 def inferred(searched: Search) -> Callable[..., Inference]:
-    """Return `infer`, which searches the same flights once in a module, and concludes once."""
+    """Return `infer` with few lengths, which searches the same flights once in a module, and concludes once."""
     known: dict[tuple[object, ...], Inference] = {}
 
-    def inference(flights: Sequence[FlightResiduals], held_out: Sequence[FlightResiduals]) -> Inference:
-        key = (*map(_content, flights), None, *map(_content, held_out))
+    def inference(
+        flights: Sequence[FlightResiduals],
+        held_out: Sequence[FlightResiduals],
+        options: Options | None = None,
+    ) -> Inference:
+        key = (*map(_content, flights), None, *map(_content, held_out), repr(options))
         if key not in known:
-            known[key] = concluded(searched(flights), held_out)
+            few = None if options is None else with_few_lengths(options)
+            known[key] = concluded(searched(flights, few), held_out)
         return known[key]
 
     return inference
+
+
+@pytest.fixture(scope="module")
+def quick_searches(searched: Search) -> Iterator[None]:
+    """Let a diagnosis search with few lengths, and the same flights once in a module."""
+
+    def search(
+        flights: Sequence[FlightResiduals], options: Options | None = None, *, hanging: bool = True
+    ) -> SearchResult:
+        few = None if options is None else with_few_lengths(options)
+        return searched(flights, few, hanging=hanging)
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("infer", "second_answer"):  # by path: the package has functions so named
+            patch.setattr(
+                importlib.import_module(f"np_drake.diagnosis.decision.{name}"), "find_map_model", search
+            )
+        yield
 
 
 @dc.dataclass(frozen=True)

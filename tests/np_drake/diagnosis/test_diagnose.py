@@ -20,11 +20,11 @@ from np_drake.rigid_body import W
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()
-SHORT = {"noise": 1.0, "seconds": 10.0}
+SHORT = {"noise": 1.0, "seconds": 8.0}
 
 
 @pytest.fixture(scope="module")
-def diagnosed(fly):
+def diagnosed(fly, quick_searches):
     """Return a function that diagnoses two training flights and a held-out one under some effects; cached."""
 
     @cache
@@ -66,20 +66,20 @@ def test_what_a_rigs_file_may_be_off_by_is_a_cause_in_a_laboratory(diagnosed, fl
     assert (dut.judged_as, dut.verdict) == ("rig", ())
 
 
-def test_a_dead_time_is_found_and_a_late_clock_named_beside_it(diagnosed):
+def test_a_dead_time_is_found_and_a_clock_of_the_other_sign_is_not_named_beside_it(diagnosed):
     dut = diagnosed(CommandDelay(0.03))
     assert dut.verdict == ("command_delay",)
     assert dut.causes[0].parameters["delay"].value == pytest.approx(0.03, abs=0.002)
-    assert "clock_offset" in dut.causes[0].indistinguishable_from
+    assert "clock_offset" not in dut.causes[0].indistinguishable_from
 
 
 def test_two_effects_are_found_each_with_its_onset(diagnosed):
-    dut = diagnosed(MassError(0.3), LinearDrag(0.6, 0.6, 0.6), onset=(("mass_error", 6.0),))
+    dut = diagnosed(MassError(0.3), LinearDrag(0.6, 0.6, 0.6), onset=(("mass_error", 5.0),))
     assert sorted(dut.verdict) == ["linear_drag", "mass_error"]
     cause = {c.identifier: c for c in dut.causes}
     assert cause["linear_drag"].onset == {"a": None, "b": None, "c": None}
     for name in "abc":
-        assert cause["mass_error"].onset[name] == pytest.approx(6.0, abs=0.2)
+        assert cause["mass_error"].onset[name] == pytest.approx(5.0, abs=0.2)
     assert cause["mass_error"].parameters["delta_mass"].value == pytest.approx(0.3, rel=0.05)
 
 

@@ -23,21 +23,16 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
-infer_module = importlib.import_module("np_drake.diagnosis.decision.infer")
-second_module = importlib.import_module("np_drake.diagnosis.decision.second_answer")
+module = importlib.import_module(
+    "np_drake.diagnosis.decision.second_answer"
+)  # the package has a function so named
 
 LEAST = Options.for_sensors(True).thresholds.split_half
 DRAG = LinearDrag(0.6, 0.6, 0.0)
 UP_AND_DOWN = (0.0, 0.0, 1.0, 0.0)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def known_searches(searched):
-    """Every search of the same flights is made once."""
-    with pytest.MonkeyPatch.context() as patch:
-        for module in (second_module, infer_module):
-            patch.setattr(module, "find_map_model", searched)
-        yield
+pytestmark = pytest.mark.usefixtures("quick_searches")
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +110,7 @@ def test_gusts_which_repeat_nowhere_and_a_swing_that_may_be_lost_are_not_novel(f
 
 
 def test_where_no_flight_is_long_enough_for_two_halves_there_is_no_second_answer(first, monkeypatch):
-    monkeypatch.setattr(second_module, "find_map_model", None)  # which is never asked
+    monkeypatch.setattr(module, "find_map_model", None)  # which is never asked
     short = [dc.replace(e, log=e.log.rows(0, 780)) for e in first.held_out]
     assert second_answer(dc.replace(first, held_out=short)) is None
 
@@ -125,9 +120,9 @@ def test_a_payload_that_hangs_on_in_flight_is_sought_again_where_training_gave_o
     first, monkeypatch, probability, hanging
 ):
     asked = []
-    monkeypatch.setattr(second_module, "concluded", lambda found, judges: None)
+    monkeypatch.setattr(module, "concluded", lambda found, judges: None)
     monkeypatch.setattr(
-        second_module, "find_map_model", lambda flights, options, **how: asked.append((flights, how))
+        module, "find_map_model", lambda flights, options, **how: asked.append((flights, how))
     )
     weighed = dc.replace(first.ranking, probability={"suspended_payload": probability})
     second_answer(dc.replace(first, ranking=weighed))

@@ -13,11 +13,8 @@ from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import tolerance_of
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.inertia_error import InertiaError
-from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
-from np_drake.effects.usual_size import usual_size
-from np_drake.vehicle import Vehicle
 
 OPTIONS = Options.for_sensors(False)
 LINEAR = ("linear_drag", "inertia_error", "weak_rotor", "center_of_mass_offset")
@@ -113,15 +110,6 @@ def test_gusts_are_told_from_less_in_less_noise_and_in_longer_flights():
         0.5 * dut, rel=0.02
     )  # the power as one over root T; the lowest frequencies
     assert 0.0 < dut < 0.1
-
-
-def test_usual_sizes_are_the_librarys_for_the_papers_vehicle_and_scale_with_mass_and_arm():
-    vehicle = Vehicle()
-    small = dc.replace(vehicle, mass=0.02, rotor_positions=(0.1 * np.array(vehicle.rotor_positions)).tolist())
-    for identifier, factor in (("mass_error", 0.01), ("center_of_mass_offset", 0.1), ("gyro_bias", 1.0)):
-        p = LIBRARY[identifier].parameters[0]
-        assert usual_size(p, vehicle) == pytest.approx(p.typical)
-        assert usual_size(p, small) == pytest.approx(factor * p.typical)
 
 
 @dc.dataclass(frozen=True)

@@ -67,7 +67,7 @@ def test_95_percent_intervals_hold_the_truth_about_95_times_in_100(seen, noise):
     true = LinearDrag(0.3, 0.2, 0.25)
     inside = []
     for seed in range(SEEDS):
-        flight = seen(true, seed=seed, noise=1.0, seconds=6.0)
+        flight = seen(true, seed=seed, noise=1.0, seconds=5.0)
         fit = refine([Term(true)], [], [flight], noise, temperature=1.0, evaluations=2, priors=PRIORS)
         inside.append(np.abs(fit.values - [0.3, 0.2, 0.25]) < 1.96 * deviation(fit))
     assert 0.88 < np.mean(inside) < 1.0  # of 120: 0.95 less 3.5 sigma; some must miss

@@ -41,7 +41,7 @@ def test_generic_structure_and_a_late_clock_are_less_likely_than_an_effect():
 
 
 def test_a_mass_that_is_immaterial_by_the_options_is_no_cause(fly, searched, monkeypatch):
-    logs = [fly(MassError(0.2), name=n, seed=i, noise=1.0, seconds=8.0) for i, n in enumerate("abc", 1)]
+    logs = [fly(MassError(0.2), name=n, seed=i, noise=1.0, seconds=6.0) for i, n in enumerate("abc", 1)]
     blunt = dc.replace(
         IDEAL, materiality=dc.replace(IDEAL.materiality, effect_force=1.0, torque=100.0, gap=1.1)
     )

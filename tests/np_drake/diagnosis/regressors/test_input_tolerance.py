@@ -5,7 +5,6 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.decision import infer
 from np_drake.diagnosis.diagnose import NO_REPLAY, diagnose
 from np_drake.diagnosis.options import Options, SearchOptions
 from np_drake.diagnosis.regressors import library_candidates
@@ -111,11 +110,11 @@ def test_what_a_vehicle_file_states_of_thrust_does_not_narrow_the_scale_of_a_thr
     "effect, stated",
     [(MassError(0.06 * VEHICLE.mass), {"mass": 0.04}), (ThrustScale(0.94), {"thrust": 0.04})],
 )
-def test_an_error_within_what_the_vehicle_file_states_is_no_cause(fly, effect, stated):
-    logs = [fly(effect, name=str(i), seed=i, seconds=10.0, noise=1.0) for i in (1, 2, 3)]
+def test_an_error_within_what_the_vehicle_file_states_is_no_cause(fly, inferred, effect, stated):
+    logs = [fly(effect, name=str(i), seed=i, seconds=7.0, noise=1.0) for i in (1, 2, 3)]
     for vehicle, names in [(VEHICLE, [effect.identifier]), (vague(**stated), [])]:
         *train, held_out = [make_flight_residuals(log, vehicle) for log in logs]
-        dut = infer(train, [held_out], options=Options.for_sensors(True))
+        dut = inferred(train, [held_out], Options.for_sensors(True))
         assert [c.identifier for c in dut.causes] == names
         assert not dut.unknown
 
@@ -139,7 +138,7 @@ def test_without_torque_its_channels_are_empty_and_so_are_effects_of_torque(fly)
 
 
 def test_a_drag_is_found_from_thrust_alone_as_from_the_whole_command(fly, inferred):
-    logs = [fly(DRAG, name=str(i), seed=i, seconds=10.0, noise=1.0) for i in (1, 2, 3)]
+    logs = [fly(DRAG, name=str(i), seed=i, seconds=7.0, noise=1.0) for i in (1, 2, 3)]
     values = []
     for change in (lambda log: log, without_torque):
         *train, held_out = [make_flight_residuals(change(log), VEHICLE) for log in logs]
@@ -162,7 +161,7 @@ def test_a_log_without_torque_is_not_replayed_and_the_warnings_say_so(fly):
 
 @pytest.mark.parametrize("exponent", [1.0, 2.0])
 def test_a_drag_is_found_from_throttle_of_unknown_scale_and_curve(fly, inferred, exponent):
-    logs = [fly(DRAG, name=str(i), seed=i, seconds=10.0, noise=1.0) for i in (1, 2, 3)]
+    logs = [fly(DRAG, name=str(i), seed=i, seconds=7.0, noise=1.0) for i in (1, 2, 3)]
     *train, held_out = [make_flight_residuals(with_throttle(log, exponent), VEHICLE) for log in logs]
     dut = inferred(train, [held_out])
     assert [c.identifier for c in dut.causes] == ["linear_drag"]

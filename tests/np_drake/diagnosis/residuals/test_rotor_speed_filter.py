@@ -108,7 +108,9 @@ def test_torque_that_was_read_with_noise_is_no_torque_that_comes_and_goes(fly):
 @pytest.mark.parametrize("effects", [(), (LinearDrag(0.3, 0.3, 0.3),)])
 def test_noisy_readings_of_rotor_speed_are_no_cause_and_hide_none(fly, inferred, effects):
     flights = [
-        make_flight_residuals(read(fly(*effects, noise=1.0, seed=i, name=str(i)), seed=i), VEHICLE)
+        make_flight_residuals(
+            read(fly(*effects, noise=1.0, seed=i, name=str(i), seconds=8.0), seed=i), VEHICLE
+        )
         for i in range(3)
     ]
     found = inferred(flights[:2], flights[2:])
