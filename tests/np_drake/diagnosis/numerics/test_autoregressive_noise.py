@@ -11,8 +11,8 @@ from np_drake.diagnosis.numerics.autoregressive_noise import (
     NoiseModel,
     fit_noise,
     no_worse,
-    no_worse_anywhere,
     scale_only,
+    with_loudness,
 )
 
 STEP = 0.02
@@ -144,12 +144,18 @@ def test_each_flight_is_weighted_by_its_own_errors_but_none_without_limit():
     np.testing.assert_array_equal(dut.whiten(loud, "unseen"), pooled.whiten(loud, "loud"))
 
 
-def test_no_worse_anywhere_judges_each_flight_by_itself():
-    before = [processes(0), processes(1)]
-    after = [0.1 * before[0], 2.0 * before[1]]
-    found = no_worse_anywhere(after, before)
-    np.testing.assert_array_equal(found[0], after[0])
-    np.testing.assert_array_equal(found[1], before[1])
+def test_a_flight_with_three_times_the_error_is_whitened_to_the_same_size():
+    errors = [processes(0), 3.0 * processes(1)]
+    dut = with_loudness(fit_noise(errors, STEP), errors, ["quiet", "loud"])
+    np.testing.assert_allclose(dut.loudness["loud"] / dut.loudness["quiet"], 3.0, rtol=0.05)
+    for error, flight in zip(errors, ("quiet", "loud"), strict=True):
+        np.testing.assert_allclose(np.mean(dut.whiten(error, flight) ** 2, axis=0), 1.0, rtol=0.1)
+
+
+def test_a_flight_at_rest_does_not_get_all_the_weight():
+    errors = [processes(0), 1e-6 * processes(1)]
+    dut = with_loudness(fit_noise(errors, STEP), errors, ["a", "rest"])
+    assert dut.loudness["rest"] == pytest.approx(QUIETEST)
 
 
 @settings(max_examples=20, deadline=None)
