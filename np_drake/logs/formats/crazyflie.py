@@ -87,8 +87,9 @@ class _Columns:
         """Append whole records."""
         rows = np.frombuffer(content, self._record)
         self._t.append(rows["time"] * self._unit)
-        for name, place in self._places.items():
-            self._pieces[name].append(rows[place].astype(float))
+        with np.errstate(invalid="ignore"):  # the bits of a damaged float may be a signalling NaN
+            for name, place in self._places.items():
+                self._pieces[name].append(rows[place].astype(float))
 
     def stream(self) -> Stream:
         """Return all that was added."""

@@ -226,6 +226,14 @@ def test_arbitrary_bytes_are_read_or_refused(log, content, begin):
     ends_well(log)
 
 
+def test_a_float_whose_bits_are_a_signalling_nan_is_read_as_nan(log):
+    signalling = b"\x01\x00\xa0\x7f"
+    log.write_bytes(b"\xbc\1\0\1\0\0\0e\0\1\0a(f)\0" + b"\0\0" + (1).to_bytes(4, "little") + signalling)
+    (stream,) = everything(log).streams.values()
+    assert np.isnan(stream.columns["a"]).all()
+    assert len(stream.columns["a"]) == 1
+
+
 @settings(max_examples=200, deadline=None)
 @given(data=st.data())
 def test_a_truncated_or_damaged_log_is_read_or_refused(log, writer, made, data):
