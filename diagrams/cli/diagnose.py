@@ -40,7 +40,7 @@ def diagnose(
         bool, Option("--no-replay", help="Leave out the open-loop replay in the simulator.")
     ] = False,
     no_second_look: Annotated[
-        bool, Option("--no-second-look", help="No adaptive split: fit nothing to held-out flights.")
+        bool, Option("--no-second-look", help="No second answer with halves of the held-out flights.")
     ] = False,
     rig: Annotated[
         bool | None,

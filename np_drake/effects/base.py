@@ -51,7 +51,6 @@ class Effect:
     linear: ClassVar[bool] = True  # in all parameters
     begins: ClassVar[bool] = True  # may begin in mid-flight
     needs: ClassVar[tuple[str, ...]] = ()  # it acts through one of these (wind through a drag)
-    isotropic: ClassVar[bool] = False  # its parameters are one vector without a preferred axis
     prior_correlation: ClassVar[
         tuple[tuple[float, ...], ...]
     ] = ()  # of its continuous parameters; (): none [1]

@@ -23,7 +23,6 @@ class CenterOfMassOffset(MassEffect):
 
     identifier: ClassVar[str] = "center_of_mass_offset"
     linear: ClassVar[bool] = False
-    isotropic: ClassVar[bool] = True
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
         Parameter(axis, "m", 0.0, -0.15, 0.15, 0.01) for axis in "xyz"
     )

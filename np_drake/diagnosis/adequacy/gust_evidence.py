@@ -28,8 +28,8 @@ def gust_probability(
 ) -> float:
     """Return the probability of a slow force in the air; 0 where training flights show none.
 
-    A drag that was found would feel it however small it is; where none was, it is a matter if it is as large as an
-    effect has to be.
+    It must be as large as structure has to be that is no effect; where a drag was found that would feel it, less
+    evidence is enough.
     """
     seen = slow_force(flights, residual, options)
     both = slow_force([*flights, *held_out], residual | swung, options)

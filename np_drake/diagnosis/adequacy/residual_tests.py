@@ -52,13 +52,11 @@ def novel_on_held_out(
     residual: dict[str, np.ndarray],
     options: Options,
     usual: float,
-    *,
-    gusty: bool,
 ) -> Indication:
     """Return what held-out flights show that training flights do not excite, with its probability.
 
-    A slow force or torque on them is several times what sensors have, and the causes leave much of it. Gusts, which do
-    not repeat, are no such force.   usual: slow power that is left of the flights of the fit [N²].
+    A slow force or torque on them is several times what sensors have, and the causes leave much of it.
+    usual: slow power that is left of the flights of the fit [N²].
     """
     thresholds = options.thresholds
     torque, share, _ = slow_torque(held_out, residual)
@@ -67,11 +65,7 @@ def novel_on_held_out(
     probability = _above(torque, limit, thresholds) if share > much else 0.0
     before, after = slow_power(held_out, {e.name: e.y for e in held_out}), slow_power(held_out, residual)
     weight = held_out[0].vehicle.mass * held_out[0].vehicle.gravity
-    if (
-        not gusty
-        and after >= much * before
-        and after >= (0.5 * options.materiality.structure_force * weight) ** 2
-    ):
+    if after >= much * before and after >= (0.5 * options.materiality.structure_force * weight) ** 2:
         ratio = np.sqrt(after / max(usual, (weight * options.tolerance.attitude) ** 2))
         probability = max(probability, _above(float(ratio), thresholds.novel, thresholds))
     text = "what unseen flights show is not in these"

@@ -14,6 +14,7 @@ from np_drake.diagnosis.result import Cause, Finding
 from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, ranked
 from np_drake.diagnosis.wind import in_gusts, position_p_value, with_drag
 
+SLOW = Finding("slow force", "a level force that comes and goes, of which no wind can be made", 1.0, {})
 PLACE = Finding("place", "a slow force tied to a place", 1.0, {})
 
 
@@ -63,19 +64,33 @@ def concluded(found: SearchResult, held_out: Sequence[FlightResiduals]) -> Infer
     _, structure = linear.described()
     held = on_held_out(ranking.best, held_out, noise, priors)
     unexplained = find_unexplained(ranking, linear, structure, held_out, held)
-    gusty = unexplained.slow_probability > 0.5 and not _knows_its_place(ranking, held_out, held)
-    if gusty and (felt := with_drag(ranking)) is not ranking:
-        ranking, linear = felt, LinearModel(felt)
-        held = on_held_out(ranking.best, held_out, noise, priors)
-    causes, minor = causes_of(ranking, linear, structure, held_out, held, gusty=gusty)
     probability = max(unexplained.probability, unexplained.slow_probability)
-    if gusty:
-        causes = with_gusts(ranking, held_out, held, causes, unexplained)
-        if any(c.identifier == "gusty_wind" for c in causes):
-            held, probability = in_gusts(held, causes, held_out), unexplained.probability
-    elif unexplained.slow_probability > 0.5:
-        unexplained = dc.replace(unexplained, findings=(PLACE, *unexplained.findings))
+    if unexplained.slow_probability > 0.5:
+        tied = _knows_its_place(ranking, held_out, held)
+        blown = None if tied else _in_gusts(ranking, linear, structure, held_out, unexplained)
+        if blown is not None:
+            return Inference(flights, held_out, *blown, unexplained.probability)
+        unexplained = dc.replace(unexplained, findings=(PLACE if tied else SLOW, *unexplained.findings))
+    causes, minor = causes_of(ranking, linear, structure, held_out, held)
     return Inference(flights, held_out, ranking, held, unexplained, causes, minor, probability)
+
+
+def _in_gusts(
+    ranking: Ranking,
+    linear: LinearModel,
+    structure: Sequence[int],
+    held_out: Sequence[FlightResiduals],
+    unexplained: Unexplained,
+) -> tuple[Ranking, HeldOut, Unexplained, list[Cause], list[Finding]] | None:
+    """Return the parts of an inference in which gusts are the slow force; None where no wind can be made of it."""
+    if (felt := with_drag(ranking)) is not ranking:
+        ranking, linear = felt, LinearModel(felt)
+    held = on_held_out(ranking.best, held_out, ranking.noise, ranking.options.priors)
+    causes, minor = causes_of(ranking, linear, structure, held_out, held, gusty=True)
+    causes = with_gusts(ranking, held_out, held, causes, unexplained)
+    if not any(c.identifier == "gusty_wind" for c in causes):
+        return None
+    return ranking, in_gusts(held, causes, held_out), unexplained, causes, minor
 
 
 def _knows_its_place(ranking: Ranking, held_out: Sequence[FlightResiduals], held: HeldOut) -> bool:

@@ -36,7 +36,7 @@ def novelty(first: Inference) -> tuple[Finding, ...]:
     residual = {e.name: ranking.best.residual(e) for e in first.flights}
     swung = {e.name: swing_free_residual(first.held, e) for e in first.held_out}
     usual = slow_power(first.flights, residual)
-    probability, finding = novel_on_held_out(first.held_out, swung, options, usual, gusty=False)
+    probability, finding = novel_on_held_out(first.held_out, swung, options, usual)
     return (*found, finding) if probability > 0.5 else tuple(found)
 
 

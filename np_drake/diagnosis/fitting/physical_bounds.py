@@ -7,7 +7,7 @@ import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.options import Thresholds
-from np_drake.diagnosis.regressors import DRAG, DRAGS
+from np_drake.diagnosis.regressors import DRAGS
 from np_drake.effects.base import Effect, MassEffect, MassProperties
 from np_drake.vehicle import Vehicle
 
@@ -48,7 +48,7 @@ def _pushes(fit: Fit, i: int, deviations: float) -> bool:
     return any(fit.values[k] < -deviations * np.sqrt(fit.covariance[k, k]) for k in own)
 
 
-def impossible(fit: Fit, i: int, vehicle: Vehicle, thresholds: Thresholds, *, gusty: bool = False) -> str:
+def impossible(fit: Fit, i: int, vehicle: Vehicle, thresholds: Thresholds) -> str:
     """Return why the effect of term i must stand in for another, or "" where it need not.
 
     A parameter is at its bound, a drag is negative, or no rigid body has such parameters within their 95 % intervals.
@@ -57,14 +57,13 @@ def impossible(fit: Fit, i: int, vehicle: Vehicle, thresholds: Thresholds, *, gu
         fit: the fitted model.
         i: position of the term.
         vehicle: the nominal vehicle.
-        gusty: whether gusts blow. A linear drag at its bound or negative then stands for the gusts, and is accepted.
+        thresholds: how far below none a drag is no drag.
     """
     effect = fit.terms[i].effect
-    if not (gusty and effect.identifier == DRAG):
-        if at_its_bound(effect):
-            return "a figure at its bound is none"
-        if _pushes(fit, i, thresholds.pushing_drag):
-            return "no drag pushes"
+    if at_its_bound(effect):
+        return "a figure at its bound is none"
+    if _pushes(fit, i, thresholds.pushing_drag):
+        return "no drag pushes"
     if not isinstance(effect, MassEffect):
         return ""
     tried = [np.linspace(*interval(fit, i, p.name), STEPS).tolist() for p in effect.parameters]

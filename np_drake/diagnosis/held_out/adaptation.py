@@ -16,20 +16,8 @@ HIDDEN_SPAN = 2.0  # over which a hidden start is fitted; these rows are not sco
 JUMP_SPAN = 1.5  # after a shock, over which a swing is fitted anew; not scored either [s]
 
 
-def adapt(
-    terms: Sequence[Term],
-    flight: FlightResiduals,
-    noise: NoiseModel,
-    priors: Priors,
-    *,
-    structured: bool = False,
-) -> list[Term]:
-    """Return the terms with onset and initial swing adapted to a held-out flight, parameters kept.
-
-    structured: whether structure is left that no effect explains, which a late onset would follow by chance: what acted
-    from the start in all flights of the fit does so here, and nothing of it is fitted to the held-out flight.
-    """
-    late = [type(t.effect).begins and not (structured and set(t.onset.values()) <= {None}) for t in terms]
+def adapt(terms: Sequence[Term], flight: FlightResiduals, noise: NoiseModel, priors: Priors) -> list[Term]:
+    """Return the terms with onset and initial swing adapted to a held-out flight, parameters kept."""
     known = [any(begin is not None for begin in t.onset.values()) for t in terms]
     fitted = list(terms)
     terms = [dc.replace(t, onset={}, hidden={}) for t in terms]
@@ -39,7 +27,7 @@ def adapt(
         j = felt_by[i]
         if j is not None:
             terms[i] = dc.replace(terms[i], onset=terms[j].onset)
-        elif late[i]:
+        elif type(terms[i].effect).begins:
             terms[i] = _with_onset(terms, i, flight, noise, priors, known=known[i])
     return terms
 

@@ -28,18 +28,11 @@ class HeldOut:
     whole_flight_terms: dict[str, list[Term]]
 
 
-def on_held_out(
-    fit: Fit,
-    flights: Sequence[FlightResiduals],
-    noise: NoiseModel,
-    priors: Priors,
-    *,
-    structured: bool = False,
-) -> HeldOut:
-    """Return the fit on held-out flights; `structured` as in `adapt`."""
+def on_held_out(fit: Fit, flights: Sequence[FlightResiduals], noise: NoiseModel, priors: Priors) -> HeldOut:
+    """Return the fit on held-out flights."""
     terms, residual, rows, whole = {}, {}, {}, {}
     for e in flights:
-        known = adapt(fit.everything, e, noise, priors, structured=structured)
+        known = adapt(fit.everything, e, noise, priors)
         terms[e.name] = predictive_terms(known, e, noise, priors)
         residual[e.name] = e.y - predicted_residual(e, terms[e.name])
         rows[e.name] = scored_rows(terms[e.name], e)

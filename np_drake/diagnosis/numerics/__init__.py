@@ -7,7 +7,7 @@ from np_drake.diagnosis.numerics.autoregressive_noise import (
     scale_only,
     with_loudness,
 )
-from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram, loss_beside
+from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 from np_drake.diagnosis.numerics.fir_filter import banded, filtered
 from np_drake.diagnosis.numerics.gauss_newton import minimise
 from np_drake.diagnosis.numerics.instrumental_variables import Block, instrumented, plain
@@ -20,7 +20,6 @@ __all__ = [
     "filtered",
     "fit_noise",
     "instrumented",
-    "loss_beside",
     "minimise",
     "no_worse",
     "plain",

@@ -120,17 +120,3 @@ def _solved(XX: np.ndarray, Xy: np.ndarray) -> tuple[np.ndarray, float]:
         raise np.linalg.LinAlgError("the Gram matrix of a set of columns is not positive definite")
     mean, _ = lapack.dpotrs(factor, Xy, lower=1)
     return mean, float(0.5 * Xy @ mean - np.log(factor.diagonal()).sum())
-
-
-def loss_beside(residual: np.ndarray, columns: np.ndarray) -> float:
-    """Return the sum of squares of a residual after regression on columns with prior N(0, 1) for each coefficient.
-
-    Minus half of it is the log likelihood, marginalised over the coefficients, up to terms that do not depend on
-    `residual`.
-
-    Args:
-        residual: (n,) whitened residual.
-        columns: (n, k) whitened columns.
-    """
-    factor = np.linalg.cholesky(columns.T @ columns + np.eye(columns.shape[1]))
-    return float(residual @ residual) - float(np.sum(np.linalg.solve(factor, columns.T @ residual) ** 2))

@@ -10,22 +10,18 @@ class Thresholds:
     Source: own choice, where a field names none. Probabilities and ratios are pure numbers.
     """
 
-    # Calibration of probabilities; source: simulated flights that no published result uses.
-    trust: float = 0.97  # probability that what explains the flights best is an effect of the library
-    doubted: float = 0.8  # most probability of a cause where held-out flights leave more than noise
-    # Inclusion of an effect as a cause.
+    # A cause.
     sure: float = 0.5  # least probability; ideal sensors: 0.75
     significance: float = 0.95  # confidence level of the Wald test that parameters are not none
     pushing_drag: float = 3.0  # standard deviations below none at which a drag pushes
     same: float = 3.5  # difference of log evidence below which two effects are indistinguishable
     most_same: int = 2  # effects named as indistinguishable from a cause
-    # Adaptive split.
+    # Second answer.
     split_misfit: float = 1.6  # held-out residual over noise from which a split is made; ideal sensors: 1.25
     split_payload: float = (
         0.01  # probability of a payload from which one that begins in flight is sought again
     )
     split_half: float = 4.0  # least length of either half [s]
-    # Confidence.
     # Tests of what is left.
     line: float = 20.0  # power of a spectral line over its neighbourhood
     slow_torque: float = 12.0  # over that of gyro noise; ideal sensors: 9
@@ -38,6 +34,7 @@ class Thresholds:
     novel: float = 2.0  # times a threshold at which held-out flights suffice
     steepness: float = 6.0  # slope of the probability's logit in the logarithm of a ratio
     # Gusts.
+    doubted: float = 0.8  # most probability of gusts, and of their drag, that are hardly possible
     slow_force_felt: float = 4.0  # log evidence of even odds, where a drag feels the force
     slow_force: float = 7.0  # the same where no drag does
     place: float = 1e-3  # probability below which a slow force does not follow the place by chance

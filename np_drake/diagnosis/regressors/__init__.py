@@ -1,6 +1,6 @@
 """Regressors of the linear model: library effects, generic structure, nuisance parameters, payload."""
 
-from np_drake.diagnosis.regressors.generic import DAMPING, PREFIX, generic_candidates
+from np_drake.diagnosis.regressors.generic import PREFIX, generic_candidates
 from np_drake.diagnosis.regressors.input_tolerance import with_input
 from np_drake.diagnosis.regressors.library import (
     DRAG,
@@ -14,11 +14,8 @@ from np_drake.diagnosis.regressors.library import (
     wind_candidates,
 )
 from np_drake.diagnosis.regressors.nuisance import (
-    Drift,
     calibration,
     calibration_terms,
-    drift_of,
-    loss_on,
     sensor_drift,
     tolerance_of,
 )
@@ -35,7 +32,6 @@ from np_drake.diagnosis.regressors.switched_regressors import Sums, SwitchedRegr
 
 __all__ = [
     "AT_REST",
-    "DAMPING",
     "DRAG",
     "DRAGS",
     "GUSTY",
@@ -43,7 +39,6 @@ __all__ = [
     "SHIFTING",
     "WIDEST",
     "Candidate",
-    "Drift",
     "Guess",
     "Model",
     "Onset",
@@ -55,11 +50,9 @@ __all__ = [
     "at_value",
     "calibration",
     "calibration_terms",
-    "drift_of",
     "generic_candidates",
     "heavy_enough",
     "library_candidates",
-    "loss_on",
     "payload_about",
     "payload_candidates",
     "payloads_of",

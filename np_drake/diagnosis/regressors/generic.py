@@ -42,21 +42,20 @@ def generic_candidates(flights: Sequence[FlightResiduals], priors: Priors) -> li
             ("place", "a force tied to a place", _place(states)),
         )
     ]
-    twist, one_twist = partial(_twist, priors=priors), partial(_one_twist, priors=priors)
-    for name, driven, frequencies, pushes, modes in (
-        ("resonance", "the motion", RESONANCES, _resonance, _resonance),
-        ("twist", "the commanded torque", TWISTS, twist, one_twist),
+    for name, driven, frequencies, pushes in (
+        ("resonance", "the motion", RESONANCES, _resonance),
+        ("twist", "the commanded torque", TWISTS, partial(_twist, priors=priors)),
     ):
         prior = -math.log(len(frequencies))
         for f in frequencies:
             text = f"an answer to {driven} with a resonance near {f:.3g} Hz"
             figures = {"frequency": f}
-            found.append(_candidate(flights, states, priors, name, text, pushes(f), prior, figures, modes))
+            found.append(_candidate(flights, states, priors, name, text, pushes(f), prior, figures))
     return found
 
 
 def _candidate(
-    flights, states, priors: Priors, name, text, pushes: Pushes, log_prior=0.0, figures=None, modes=None
+    flights, states, priors: Priors, name, text, pushes: Pushes, log_prior=0.0, figures=None
 ) -> Candidate:
     def columns(e: FlightResiduals, pushes: Pushes = pushes) -> np.ndarray:
         state = states.get(e.name) or flight_state(e)
@@ -75,7 +74,6 @@ def _candidate(
         lambda c: [],
         log_prior,
         generic=columns,
-        swing=modes and (lambda frequency, damping, e: columns(e, modes(frequency, damping))),
         figures=figures or {},
     )
 
@@ -190,12 +188,6 @@ def _resonance(frequency: float, damping: float = DAMPING) -> Pushes:
         return _joined(*parts)
 
     return pushes
-
-
-def _one_twist(frequency: float, damping: float, *, priors: Priors) -> Pushes:
-    """Return the columns G and D G / w of `_twist` alone, for a single resonance of torque."""
-    both = _twist(frequency, damping, priors=priors)
-    return lambda s: both(s)[..., [0, 1, 4, 5, 8, 9]]
 
 
 def _twist(frequency: float, damping: float = DAMPING, *, priors: Priors) -> Pushes:

@@ -17,7 +17,7 @@ ROTOR_SPEED_SCALE = (
 )
 THROTTLE_CURVE = 0.3  # of its exponent, once it is fitted [1]; source: own choice
 THROTTLE_DRIFT = 0.002  # of thrust over throttle [1/s]; source: own choice, a tenth in a minute
-MOUNTING = 0.03  # of an autopilot's axes [rad]; source: own choice, a board that is levelled by eye
+MOUNTING = 0.02  # of an autopilot's axes [rad]; source: own choice, one degree
 LATENCY = 0.01  # of an estimator's attitude [s]; source: own choice, a few samples of its filters
 
 

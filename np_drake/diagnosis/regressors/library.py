@@ -16,7 +16,6 @@ DRAG = "linear_drag"  # the effect through which winds act
 DRAGS = (DRAG, "quadratic_drag")
 SHIFTS = np.geomspace(0.003, 0.06, 10)  # grid of shifts of commands against states [s]
 Onset = dict[str, float | None]
-Swing = Callable[[float, float, FlightResiduals], np.ndarray]
 Mended = tuple[np.ndarray, float]  # physical coefficients and their log probability
 
 
@@ -41,7 +40,6 @@ class Candidate:
     generic: Callable[[FlightResiduals], np.ndarray] | None = (
         None  # columns on any flight; None for effects of the library
     )
-    swing: Swing | None = None  # columns at a frequency [Hz] and damping [1]
     figures: dict[str, float] = dc.field(default_factory=dict)
     onset_prior: float = 0.0
 

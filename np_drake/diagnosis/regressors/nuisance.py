@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from np_drake.diagnosis.forward_model import Term, predicted_residual
-from np_drake.diagnosis.numerics import NoiseModel, loss_beside
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
@@ -79,33 +78,6 @@ def sensor_drift(flights: Sequence[FlightResiduals], tolerance: Tolerance) -> Ca
             X[..., i * len(units) + j] = predicted_residual(e, [Term(sensor.of(values))])
         columns[e.name] = X
     return Candidate((), "wander", columns, lambda c: [])
-
-
-Drift = dict[str, np.ndarray]  # by flight, (m - p, 15, k) whitened columns of its sensor errors
-
-
-def drift_of(flights: Sequence[FlightResiduals], noise: NoiseModel, tolerance: Tolerance) -> Drift:
-    """Return the whitened columns of every flight's own sensor errors within tolerance, each with prior N(0, 1)."""
-    found = {e.name: sensor_drift([e], tolerance) for e in flights}
-    return {e.name: e.white(noise, w.columns[e.name]) for e in flights if (w := found[e.name])}
-
-
-def loss_on(
-    e: FlightResiduals, residual: np.ndarray, noise: NoiseModel, rows: np.ndarray, drift: Drift
-) -> float:
-    """Return the whitened sum of squares of a residual, less what the flight's own sensor errors explain.
-
-    Args:
-        e: the flight.
-        residual: (m, 15) residual of a model.
-        noise: noise model that whitens.
-        rows: (m,) bool, the rows that count.
-        drift: columns of sensor errors by flight (`drift_of`).
-    """
-    counted = rows[noise.phi.shape[1] :]
-    white = e.white(noise, residual)[counted].ravel()
-    D = drift[e.name][counted].reshape(len(white), -1) if e.name in drift else np.zeros((len(white), 0))
-    return loss_beside(white, D)
 
 
 REAL = 1e-3  # attitude noise above which sensors are taken as real [rad]

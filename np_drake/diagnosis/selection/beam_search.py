@@ -7,12 +7,10 @@ import numpy as np
 from np_drake.diagnosis.regressors import Model, RegressionProblem
 
 
-def search(problem: RegressionProblem, *, most: int | None = None) -> list[Model]:
+def search(problem: RegressionProblem) -> list[Model]:
     """Return all models met, best first.
 
     A beam grows by one candidate at a time, then the best is swapped and reduced until it rests.
-
-    most: effects of a model; default: `SearchOptions.most_effects`.
     """
     options = problem.options.search
     seen: dict[tuple[int, ...], float] = {(): 0.0}
@@ -23,7 +21,7 @@ def search(problem: RegressionProblem, *, most: int | None = None) -> list[Model
 
     everyone = range(len(problem.candidates))
     layer: list[tuple[int, ...]] = [()]
-    for _ in range(options.most_effects if most is None else most):
+    for _ in range(options.most_effects):
         grown = {
             tuple(sorted((*m, i)))
             for m in layer

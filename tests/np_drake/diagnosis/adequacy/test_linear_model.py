@@ -1,7 +1,6 @@
 """Laws of the linear model about the best fit, with generic structure beside it."""
 
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -19,26 +18,15 @@ from np_drake.diagnosis.regressors.regression_problem import RegressionProblem
 from np_drake.diagnosis.residuals import TORQUE
 from np_drake.diagnosis.selection.ranking import Ranking
 from np_drake.diagnosis.tolerance import Tolerance
-from np_drake.effects.base import Effect, WrenchEffect
+from np_drake.effects.base import Effect
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
-from np_drake.rigid_body import W
 
 REAL = Options.for_sensors(True)
 PRIOR = REAL.priors.effect
 DRAG = LinearDrag(0.3, 0.3, 0.3)
-
-
-@dc.dataclass(frozen=True)
-class Damper(WrenchEffect):
-    """A torque against the body rate, which the library does not have."""
-
-    identifier: ClassVar[str] = "damper"
-
-    def wrench(self, vehicle, motion):
-        return np.concatenate([np.zeros_like(motion.x[..., W]), -0.02 * motion.x[..., W]], axis=-1)
 
 
 @pytest.fixture(scope="module")
@@ -156,8 +144,8 @@ def test_beside_the_true_model_no_structure_describes_the_noise(drag):
     assert dut.described() == (dut.evidence(), ())
 
 
-def test_a_torque_that_no_effect_has_is_described_by_its_structure_and_shows_its_part(model):
-    dut, ranking = model((DRAG, Damper()), [Term(DRAG)])
+def test_a_torque_that_no_effect_has_is_described_by_its_structure_and_shows_its_part(model, damper):
+    dut, ranking = model((DRAG, damper), [Term(DRAG)])
     evidence, structure = dut.described()
     assert evidence > dut.evidence() + 100.0
     first = structure[0]
@@ -168,8 +156,8 @@ def test_a_torque_that_no_effect_has_is_described_by_its_structure_and_shows_its
         assert np.sum(left[25:-25] ** 2) < 0.1 * np.sum(expected[25:-25] ** 2)
 
 
-def test_structure_takes_nothing_from_the_margin_of_an_effect_that_it_cannot_stand_for(model, drag):
-    dut, _ = model((DRAG, Damper()), [Term(DRAG)])
+def test_structure_takes_nothing_from_the_margin_of_an_effect_that_it_cannot_stand_for(model, drag, damper):
+    dut, _ = model((DRAG, damper), [Term(DRAG)])
     clean, _ = drag
     beside = dut.margin(0, dut.described()[1])
     assert beside > 100.0

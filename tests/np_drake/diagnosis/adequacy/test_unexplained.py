@@ -2,7 +2,6 @@
 
 import copy
 import dataclasses as dc
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -16,27 +15,15 @@ from np_drake.diagnosis.adequacy.unexplained_result import Unexplained
 from np_drake.diagnosis.held_out.prediction import on_held_out
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.result import CHANNELS
-from np_drake.effects.base import WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.motor_lag import MotorLag
-from np_drake.rigid_body import W
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 CLEAR = 10.0  # prominence of a line in these short flights that noise does not have [1]
 SENSITIVE = dc.replace(REAL, thresholds=dc.replace(REAL.thresholds, line=CLEAR))
 SURE = 0.5  # least probability of what is unknown
-
-
-@dc.dataclass(frozen=True)
-class Damper(WrenchEffect):
-    """A torque against the body rate, which the library does not have."""
-
-    identifier: ClassVar[str] = "damper"
-
-    def wrench(self, vehicle, motion):
-        return np.concatenate([np.zeros_like(motion.x[..., W]), -0.02 * motion.x[..., W]], axis=-1)
 
 
 @pytest.fixture(scope="module")
@@ -75,16 +62,16 @@ def test_of_a_nominal_flight_nothing_remains(ranked, left):
     assert dut.findings == ()
 
 
-def test_a_torque_that_no_effect_explains_remains_and_says_where_it_lives(ranked, left):
-    dut = left(ranked(Damper()))
+def test_a_torque_that_no_effect_explains_remains_and_says_where_it_lives(ranked, left, damper):
+    dut = left(ranked(damper))
     assert dut.probability > 0.9
     assert dut.findings[0].name == "rates"
     # times the rates' RMS [N·m]
     assert dut.findings[0].figures["torque"] == pytest.approx(0.02 * 0.9, rel=0.4)
 
 
-def test_structure_is_there_by_its_evidence_and_counts_where_it_is_material(ranked, linear):
-    case = ranked(Damper())
+def test_structure_is_there_by_its_evidence_and_counts_where_it_is_material(ranked, linear, damper):
+    case = ranked(damper)
     model, structure = linear(case)
     probability, finding = indication(model, structure, structure[0], REAL.materiality)
     assert probability > 0.99
@@ -111,7 +98,7 @@ def test_what_held_out_flights_alone_show_is_not_what_the_training_flights_leave
     for e in held_out:
         e.y[:, channel] += size * np.sin(2 * np.pi * 0.5 * e.t) * np.sin(2 * np.pi * 0.13 * e.t)
     swung = {e.name: e.bridged(e.y) for e in held_out}
-    probability, _ = residual_tests.novel_on_held_out(held_out, swung, case.ranking.options, 0.0, gusty=False)
+    probability, _ = residual_tests.novel_on_held_out(held_out, swung, case.ranking.options, 0.0)
     assert probability > SURE
     assert {f.name for f in left(case, held_out=held_out).findings} <= {"burst"}
 

@@ -106,6 +106,15 @@ def test_a_slow_force_that_follows_no_place_is_gusts(of):
     assert not dut.unknown
 
 
+def test_a_slow_force_of_which_no_wind_can_be_made_is_unknown_and_says_so(flown, searched, monkeypatch):
+    fitted, held_out = flown(*BLOWN)
+    monkeypatch.setattr(module, "with_gusts", lambda ranking, held_out, held, causes, unexplained: causes)
+    dut = concluded(searched(fitted), held_out)
+    assert dut.unknown
+    assert "slow force" in {f.name for f in dut.unexplained.findings}
+    assert "gusty_wind" not in {c.identifier for c in dut.causes}
+
+
 def test_without_the_test_of_the_place_the_force_would_be_gusts(flown, searched, monkeypatch):
     monkeypatch.setattr(module, "position_p_value", lambda *_: 1.0)
     fitted, held_out = flown(*WALLED)

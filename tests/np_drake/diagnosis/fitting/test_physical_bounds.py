@@ -75,21 +75,6 @@ def test_a_figure_at_its_bound_stands_for_something_else(fit_at):
 def test_a_drag_that_pushes_stands_for_something_else(fit_at, effect, deviation, pushes):
     fit = fit_at(WeakRotor(2, 0.9), effect, covariance=deviation)
     assert impossible(fit, 1, FLAT, thresholds=REAL.thresholds) == ("no drag pushes" if pushes else "")
-    felt = pushes and effect.identifier != "linear_drag"
-    assert (
-        bool(impossible(fit, 1, FLAT, gusty=True, thresholds=REAL.thresholds)) is felt
-    )  # what gusts take from it
-
-
-@pytest.mark.parametrize(
-    "effect, stands",
-    [(LinearDrag(0.3, -0.2, 0.3), False), (ConstantWind(1.0, -15.0, 0.0), True)],
-    ids=lambda v: getattr(v, "identifier", str(v)),
-)
-def test_where_gusts_blow_a_drag_at_its_bound_stands_for_nothing_else(fit_at, effect, stands):
-    fit = fit_at(effect, covariance=0.1)
-    assert bool(impossible(fit, 0, FLAT, gusty=True, thresholds=REAL.thresholds)) is stands
-    assert "bound" in impossible(fit, 0, FLAT, thresholds=REAL.thresholds)
 
 
 def test_an_interval_is_that_of_the_figure_of_its_own_term(fit_at):

@@ -78,14 +78,6 @@ def test_what_acts_throughout_the_fit_is_not_excused_where_it_is_absent(seen, no
     assert dut.begins("c") is None
 
 
-def test_beside_structure_only_what_began_late_in_the_fit_may_begin_late(seen, noise):
-    flight = seen(HEAVY, name="c", seed=3, noise=1.0, onset={"mass_error": 6.0})
-    (late,) = adapt([Term(HEAVY, {"a": 4.0, "b": None})], flight, noise, structured=True, priors=REAL.priors)
-    (steady,) = adapt([Term(HEAVY, {"a": None})], flight, noise, structured=True, priors=REAL.priors)
-    assert late.begins("c") == pytest.approx(6.0, abs=0.2)
-    assert steady.begins("c") is None
-
-
 def test_a_sensor_has_no_onset(seen, noise):
     (dut,) = adapt([Term(GyroBias(0.2))], seen(name="c", seed=3, noise=1.0), noise, priors=REAL.priors)
     assert dut.begins("c") is None

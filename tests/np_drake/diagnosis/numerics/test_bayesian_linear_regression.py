@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from np_drake.diagnosis.numerics import bayesian_linear_regression
-from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram, loss_beside
+from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 
 
 def problem(seed: int, rows: int = 12, channels: int = 2, k: int = 4) -> tuple[np.ndarray, np.ndarray]:
@@ -137,11 +137,3 @@ def test_a_column_that_explains_nothing_costs_evidence():
     useless = np.random.default_rng(9).normal(size=(200, 2, 1))
     dut = gram(np.concatenate([X, useless], axis=-1), y)
     assert dut.log_evidence(np.arange(5)) < dut.log_evidence(np.arange(4))
-
-
-@given(st.integers(0, 2**31), st.integers(0, 4))
-def test_what_columns_take_of_a_loss_is_that_of_noise_they_add_to(seed, size):
-    rng = np.random.default_rng(seed)
-    residual, columns = rng.normal(size=7), rng.normal(size=(7, size))
-    expected = residual @ np.linalg.solve(np.eye(7) + columns @ columns.T, residual)
-    assert loss_beside(residual, columns) == pytest.approx(expected)
