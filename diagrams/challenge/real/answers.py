@@ -45,7 +45,7 @@ def _answer(case: Case, checkout: Path, flights: Path) -> dict[str, Any]:
     out = flights.with_name("answer.json")
     out.unlink(missing_ok=True)
     done = subprocess.run(
-        [sys.executable, "-P", worker.__file__, str(flights), str(out)],
+        [sys.executable, "-P", worker.__file__, str(flights), str(out), *(["second"] * case.second)],
         env={**os.environ, **ONE_THREAD, "PYTHONPATH": str(checkout)},
         capture_output=True,
         text=True,

@@ -28,7 +28,7 @@ RULE = (
     "wind, still: for every path and wind: judge each controller, fit the two after it.",
     "new-wind: for every flight in wind: judge it, fit the still flights of the two controllers after.",
     "neurobem: judge each agile flight, fit the others. After the last comes the first again.",
-    "No flight judges what was fitted to it (no adaptive split).",
+    "No flight judges what was fitted to it; new-wind alone asks for the second answer.",
 )
 
 
@@ -46,6 +46,11 @@ class Case:
     held_out: Path
     still: tuple[Path, ...] = ()
     speed: float = 0.0
+
+    @property
+    def second(self) -> bool:
+        """Whether the second answer is asked for: what the held-out flight shows that the others do not."""
+        return self.group == "new-wind"
 
 
 def make_cases(folder: Path, neurobem: Path | None = None, only: Collection[str] = ()) -> list[Case]:

@@ -44,9 +44,6 @@ GROUPS = {
     "vertical": ("z",),
     "torque": ("x", "y", "z"),
 }  # axes of the held-out residual
-NEW = re.compile(
-    r"held.?out.*\b(wind|not in (the )?training|absent from|never (seen|flown)|new condition)", re.I
-)
 Causes = Mapping[str, float]  # probability by name
 
 
@@ -144,15 +141,13 @@ def held_out_cut(gap: Mapping[str, Any]) -> dict[str, float | None]:
 
 
 def says_new_condition(answer: Mapping[str, Any], fitted: set[str]) -> str:
-    """Return the words in which an answer says that the held-out flight has what the fitted ones lack; else empty.
+    """Return the wind that an answer, or its second answer, finds in held-out flights alone; empty where there is none.
 
-    These are: a wind that begins in no flight of the fit, or a warning or finding on held-out flights that says so.
+    Args: fitted: names of the flights of the fit.
     """
-    for cause in answer["causes"]:
-        if fitted and fitted <= set(cause.get("absent_from") or ()):
-            return f"{cause['effect']}, absent from the fit"
-    texts = [*answer.get("warnings", ()), *(f"{f['name']}: {f['text']}" for f in answer.get("remains", ()))]
-    return next((text for text in texts if NEW.search(text)), "")
+    causes = [*answer["causes"], *(answer.get("refit") or {}).get("causes", ())]
+    new = (c["effect"] for c in causes if fitted and fitted <= set(c.get("absent_from") or ()))
+    return next((name for name in new if name in WINDS), "")
 
 
 def position_errors(

@@ -1,10 +1,10 @@
 """Diagnosis of one case in a process of its own, by the np_drake that stands first on the path.
 
-    python worker.py FLIGHTS ANSWER
+    python worker.py FLIGHTS ANSWER [second]
 
 Only `np_drake` is imported, so that other versions of the package answer on the same flights. FLIGHTS (.npz) holds the
 vehicle (JSON) and the arrays of the flights; ANSWER (.json) gets the content of `diagnosis.json`, and the seconds that
-the diagnosis took.
+the diagnosis took. `second`: halves of the held-out flights may join a second answer.
 """
 
 import dataclasses as dc
@@ -58,11 +58,11 @@ def _known(kind: Any, values: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if name in names}
 
 
-def main(flights: Path, answer: Path) -> None:
-    """Diagnose without adaptive split and write the answer."""
+def main(flights: Path, answer: Path, *, second: bool = False) -> None:
+    """Diagnose and write the answer; `second`: halves of the held-out flights may join a second answer."""
     vehicle, train, held_out = unpack(flights)
     start, processor = time.perf_counter(), time.process_time()
-    found = diagnose(vehicle, train, held_out, adaptive_split=False).as_json()
+    found = diagnose(vehicle, train, held_out, adaptive_split=second).as_json()
     found["seconds"] = time.perf_counter() - start
     found["processor_seconds"] = time.process_time() - processor
     found["np_drake"] = str(Path(sys.modules["np_drake"].__file__ or "").parents[1])
@@ -70,4 +70,4 @@ def main(flights: Path, answer: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    main(Path(sys.argv[1]), Path(sys.argv[2]), second="second" in sys.argv[3:])

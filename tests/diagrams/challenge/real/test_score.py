@@ -65,16 +65,13 @@ def test_a_wind_that_the_fit_does_not_have_is_said_of_the_held_out_flight_and_is
     assert not scored(said, TRUTHS["new-wind"], [Log("a"), Log("c")])["right"]  # type: ignore[list-item]
 
 
-@pytest.mark.parametrize(
-    "text, says",
-    [
-        ("held-out flight: a wind that no training flight has", True),
-        ("no command: thrust from rotor speed", False),
-    ],
-)
-def test_a_warning_on_the_held_out_flight_counts_as_said(text, says):
-    assert bool(says_new_condition(answer(warnings=[text]), {"a"})) == says
-    assert bool(says_new_condition(answer(remains=[{"name": "x", "text": text}]), {"a"})) == says
+def test_a_wind_of_the_second_answer_alone_counts_as_said_where_the_fit_lacks_it():
+    first = answer()
+    second = answer(cause("constant_wind", 0.9, absent_from=("a", "b")))
+    assert says_new_condition({**first, "refit": second}, {"a", "b"}) == "constant_wind"
+    assert says_new_condition({**first, "refit": second}, {"a", "c"}) == ""
+    assert says_new_condition({**first, "refit": None}, {"a", "b"}) == ""
+    assert says_new_condition(answer(cause("linear_drag", 0.9, absent_from=("a", "b"))), {"a", "b"}) == ""
 
 
 def test_angles_are_between_directions():
