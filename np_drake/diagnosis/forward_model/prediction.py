@@ -16,6 +16,7 @@ from np_drake.diagnosis.residuals import flight_residuals as channels
 from np_drake.effects.base import (
     ActuatorEffect,
     MassEffect,
+    MassProperties,
     Motion,
     SensorEffect,
     WrenchEffect,
@@ -69,8 +70,8 @@ def predicted_residual(
     thrust = stages.once("thrust", key, partial(_thrust, flight, terms))
     turned = stages.once("turned", key, partial(_turned, flight, thrust))
     added = turned.wrench
-    if flight.log.a is not None and any(key):
-        y[:, 11] += turned.after
+    if flight.log.a is not None:
+        y[:, 11] += _after_rows(flight, terms, turned.after)
     if pushing:
         moving = (key, sensors, blowing)
         motions = stages.once("motions", moving, partial(_motions, flight, thrust, blowing))
@@ -152,6 +153,22 @@ def _turned(flight: FlightResiduals, thrust: Thrust) -> Turned:
     at_mids = flight.from_mids(np.column_stack([du_mids, after]))
     wrench[:, 2], wrench[:, 3:] = at_rows[:, 0], at_mids[:, 1:4]
     return Turned(wrench, at_mids[:, 4], flight.ahead + at_rows - at_mids[:, :4])
+
+
+def _after_rows(flight: FlightResiduals, terms: Sequence[Term], excess: np.ndarray) -> np.ndarray:
+    """Return the part (m,) of dv/dt - a along the thrust that is not nominal [m/s²].
+
+    excess (m,): `Turned.after`, which counts with the mass of the vehicle file.
+    """
+    acting = [(t.effect, t.begins(flight.name) or -NEVER) for t in terms if isinstance(t.effect, MassEffect)]
+    share = np.ones(len(flight.t))
+    for onset in sorted({begin for _, begin in acting} - {NEVER}):
+        real = MassProperties.of(flight.vehicle)
+        for effect in (effect for effect, begin in acting if begin <= onset):
+            real = effect.properties(real)
+        begun = 1.0 if onset == -NEVER else flight.begun(onset)[:, 11]
+        share += begun * (flight.vehicle.mass / real.mass - share)
+    return share * excess + (share - 1.0) * flight.after
 
 
 def _motions(flight: FlightResiduals, thrust: Thrust, blowing: Sequence[Begun]) -> tuple[Motion, Motion]:

@@ -135,6 +135,12 @@ class FlightResiduals:
         return self.from_rows(self.thrust_rows @ mixer.T) - self.from_mids(self.thrust_mids @ mixer.T)
 
     @cached_property
+    def after(self) -> np.ndarray:
+        """(m,) mean thrust of nominal rotors until the next row, less that at the row, over the mass [m/s²]."""
+        u_rows, u_mids = self.thrust_rows @ self.vehicle.mixer.T, self.thrust_mids @ self.vehicle.mixer.T
+        return self.from_mids(after_rows(u_rows[:, 0], u_mids[:, 0])) / self.vehicle.mass
+
+    @cached_property
     def gyroscopic(self) -> np.ndarray:
         """(m, 3) w x J w with the inertia of the vehicle file, in B [N·m]."""
         return np.cross(self.w, self.w @ self.vehicle.J.T)

@@ -28,7 +28,9 @@ from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.effects.velocity_bias import VelocityBias
+from np_drake.vehicle import Vehicle
 
+LAGGED = dc.replace(Vehicle(), rotor_time_constant=0.05)
 INSIDE = slice(25, -25)  # of the grid: the ends are held
 EVERY = pytest.mark.parametrize("effect", LIBRARY.values(), ids=LIBRARY.keys())
 # Of the trace: what a step between instants, a smoothed regressor or the second order may cost [1].
@@ -259,3 +261,16 @@ def test_parts_that_are_kept_change_no_signature(seen):
             np.testing.assert_array_equal(
                 predicted_residual(flight, now, stages), predicted_residual(flight, now)
             )
+
+
+@pytest.mark.parametrize("onset", [None, 2.0])
+def test_mass_and_thrust_off_by_one_factor_leave_the_motion_as_it_was(seen, onset):
+    dut = seen(vehicle=LAGGED, accelerations=True)
+    begins = {dut.name: onset}
+    factor = 0.5
+    lighter = Term(MassError((factor - 1) * LAGGED.mass), begins)
+    after = predicted_residual(dut, [lighter, Term(ThrustScale(factor), begins)])
+    alone = predicted_residual(dut, [lighter])
+    assert size(alone[:, ev.VELOCITY]) > 0.01
+    assert size(after[:, ev.VELOCITY]) < 0.05 * size(alone[:, ev.VELOCITY])
+    assert size(after[:, ev.FORCE]) < 0.05 * size(alone[:, ev.FORCE])
