@@ -2,6 +2,8 @@
 
 import dataclasses as dc
 
+import numpy as np
+
 from np_drake.vehicle import Vehicle
 
 REAL = 0.002  # tolerance of the attitude above which sensors are real ones [rad]
@@ -28,6 +30,11 @@ class Tolerance:
     def name(self) -> str:
         """Return `rig` for real sensors, `laboratory` for ideal ones."""
         return "rig" if self.real else "laboratory"
+
+    @property
+    def lean(self) -> float:
+        """Attitude error against the rotors' axes, all together [rad]."""
+        return float(np.hypot(self.attitude, self.mounting))
 
     @property
     def real(self) -> bool:

@@ -76,9 +76,10 @@ def judge(
         calibration=within_calibration(fit.terms[i], options),
         sensor=tolerance.of(effect.identifier) > 0,
     )
-    material *= wind_share(fit, i, options.materiality.still_air)
+    materiality = options.materiality
+    material *= wind_share(fit, i, flights, materiality.still_air, materiality.sensor * tolerance.lean)
     shift = abs(effect.time_shift(flights[0].vehicle))
-    if 0 < shift < options.materiality.sensor * tolerance.timing:
+    if 0 < shift < materiality.sensor * tolerance.timing:
         material = 0.0
     if blown:
         return Judged(in_model, 1.0, size, "")

@@ -4,9 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from np_drake import attitude
 from np_drake.diagnosis.fitting import Fit, scaled_jacobian
+from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.materiality import Materiality, Size
-from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
+from np_drake.diagnosis.residuals import FORCE, WRENCH, FlightResiduals
 
 DRAWS = 400  # of the posterior
 SEED = 1
@@ -33,10 +35,15 @@ def relative_sizes(fit: Fit, i: int, flights: Sequence[FlightResiduals]) -> np.n
     return np.sqrt(np.maximum(squares, 0.0) / max(at_fit, 1e-300))
 
 
-def wind_share(fit: Fit, i: int, still_air: float) -> float:
-    """Return the posterior probability that the mean level wind of term i is no draught; 1 where it is no wind.
+def wind_share(fit: Fit, i: int, flights: Sequence[FlightResiduals], still_air: float, lean: float) -> float:
+    """Return the posterior probability that the mean level wind of term i is none of still air; 1 where it is no wind.
 
-    still_air: largest speed of a draught [m/s].
+    It is faster than a draught, and pushes harder than an attitude error that the sensors may have.
+
+    Args:
+        fit, i, flights: term i of a fit to these flights.
+        still_air: largest speed of a draught [m/s].
+        lean: attitude error that the sensors may have, under which thrust pushes as a wind does [rad].
     """
     own = {f.name: k for k, f in enumerate(fit.free) if f.term == i and not f.flight}
     if not fit.terms[i].effect.needs or not {"x", "y"} <= set(own):
@@ -44,7 +51,18 @@ def wind_share(fit: Fit, i: int, still_air: float) -> float:
     level = [own["x"], own["y"]]
     covariance = fit.covariance[np.ix_(level, level)]
     draws = np.random.default_rng(SEED).multivariate_normal(fit.values[level], covariance, DRAWS)
-    return float(np.mean(np.linalg.norm(draws, axis=1) > still_air))
+    speed, at_fit = np.linalg.norm(draws, axis=1), float(np.linalg.norm(fit.values[level]))
+    weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
+    least = lean * weight * at_fit / max(_mean_level_force(fit, i, flights), 1e-12)
+    return float(np.mean(speed > max(still_air, least)))
+
+
+def _mean_level_force(fit: Fit, i: int, flights: Sequence[FlightResiduals]) -> float:
+    """Return the size of the mean level force of term i in W, over all flights [N]."""
+    rest = [t for j, t in enumerate(fit.everything) if j != i]
+    parts = [predicted_residual(e, fit.everything) - predicted_residual(e, rest) for e in flights]
+    forces = [attitude.rotate(e.q, part[:, FORCE]) for e, part in zip(flights, parts, strict=True)]
+    return float(np.linalg.norm(np.concatenate(forces).mean(axis=0)[:2]))
 
 
 def material_share(

@@ -176,12 +176,13 @@ def _motions(flight: FlightResiduals, thrust: Thrust, blowing: Sequence[Begun]) 
     rows, mids, rate_rows, rate_mids = thrust
     at_force = (mids, rate_mids) if flight.log.a is None else (rows, rate_rows)
 
-    def at(instants: Instants, f: np.ndarray, rate: np.ndarray) -> Motion:
+    def at(instants: Instants, x: np.ndarray, f: np.ndarray, rate: np.ndarray) -> Motion:
         t, still = instants.t, np.zeros((len(instants.t), 3))
         wind = sum((effect.air_velocity(t) * gate(t, begin) for effect, begin in blowing), start=still)
-        return Motion(t, instants.x, f, wind, rate)
+        return Motion(t, x, f, wind, rate)
 
-    return at(flight.rows, *at_force), at(flight.mids, mids, rate_mids)
+    x_rows, x_mids = flight.states_felt
+    return at(flight.rows, x_rows, *at_force), at(flight.mids, x_mids, mids, rate_mids)
 
 
 def _wrench(

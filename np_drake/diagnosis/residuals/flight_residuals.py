@@ -22,7 +22,9 @@ from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
 from np_drake.diagnosis.residuals.outliers import bridge
 from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Grid, Resampler, in_gaps, make_grid, to_grid
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
+from np_drake.diagnosis.residuals.velocity_before import velocity_before
 from np_drake.logs.flight_log import FlightLog
+from np_drake.rigid_body import Q, V
 from np_drake.vehicle import Vehicle
 
 FORCE, TORQUE, WRENCH = slice(0, 3), slice(3, 6), slice(0, 6)
@@ -95,6 +97,20 @@ class FlightResiduals:
     def rotors(self) -> Rotors:
         """Rotor model that turns the commands of the log into thrust."""
         return Rotors(self.log, self.vehicle)
+
+    @cached_property
+    def states_felt(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n, 13) states at `rows` and `mids` on which wrench effects depend, with velocities known before.
+
+        Where accelerations are logged they are the states themselves: force is measured at once, before the velocity
+        changes.
+        """
+        if self.log.a is not None:
+            return self.rows.x, self.mids.x
+        x, thrust = self.mids.x.copy(), self.thrust_mids @ self.vehicle.mixer[0]
+        dt = np.diff(self.log.t)
+        x[:, V] = velocity_before(self.mids.t, dt, x[:, V], x[:, Q], thrust, self.vehicle, self.grid.step)
+        return x, x
 
     @cached_property
     def rotor_noise(self) -> np.ndarray:

@@ -72,21 +72,34 @@ def test_the_gap_goes_with_the_square_of_the_size():
     assert material_share(size, np.full(4, 1.41), MATERIALITY, **PLAIN) == 0.0
 
 
+def wind_at(fit_at, flights, wind, still_air=MATERIALITY.still_air, lean=0.0, covariance=1e-3) -> float:
+    return wind_share(fit_at(DRAG, wind, covariance=covariance), 1, flights, still_air, lean)
+
+
 @pytest.mark.parametrize("speed, share", [(0.2, 0.0), (0.3, 1.0), (-3.0, 1.0)])
-def test_a_mean_wind_below_a_quarter_of_a_metre_per_second_is_a_draught(fit_at, speed, share):
-    fit = fit_at(DRAG, ConstantWind(0.0, speed, 0.0), covariance=1e-3)
-    assert wind_share(fit, 1, MATERIALITY.still_air) == share
+def test_a_mean_wind_below_a_quarter_of_a_metre_per_second_is_a_draught(fit_at, flights, speed, share):
+    assert wind_at(fit_at, flights, ConstantWind(0.0, speed, 0.0)) == share
 
 
-def test_a_wind_of_which_nothing_is_known_is_no_draught_with_the_probability_of_its_prior(fit_at):
+@pytest.mark.parametrize("times, share", [(0.9, 0.0), (1.1, 1.0)])
+def test_a_wind_pushes_harder_than_thrust_under_an_attitude_error_of_the_sensors(
+    fit_at, flights, times, share
+):
+    (e,) = flights
+    lean = 0.03
+    speed = times * lean * e.vehicle.mass * e.vehicle.gravity / DRAG.d_x  # a drag at hover, nearly level
+    assert wind_at(fit_at, flights, ConstantWind(speed, 0.0, 0.0), 0.0, lean) == share
+
+
+def test_a_wind_of_which_nothing_is_known_is_no_draught_with_the_probability_of_its_prior(fit_at, flights):
     deviation = 0.2  # [m/s]
-    found = wind_share(fit_at(DRAG, ConstantWind(0.0, 0.0, 0.0), covariance=deviation), 1, 0.25)
+    found = wind_at(fit_at, flights, ConstantWind(0.0, 0.0, 0.0), 0.25, covariance=deviation)
     expected = np.exp(-0.5 * (0.25 / deviation) ** 2)  # Rayleigh
     assert found == pytest.approx(expected, abs=CHANCE * np.sqrt(expected * (1 - expected) / DRAWS))
 
 
-def test_a_wind_straight_up_alone_is_a_draught_and_what_is_no_wind_never(fit_at):
+def test_a_wind_straight_up_alone_is_a_draught_and_what_is_no_wind_never(fit_at, flights):
     up = fit_at(DRAG, ConstantWind(0.0, 0.0, 5.0), covariance=1e-3)
-    assert wind_share(up, 1, 0.25) == 0.0
-    assert wind_share(up, 0, 0.25) == 1.0
-    assert wind_share(fit_at(DRAG, GustyWind(), covariance=1e-3), 1, 0.25) == 1.0
+    assert wind_share(up, 1, flights, 0.25, 0.0) == 0.0
+    assert wind_share(up, 0, flights, 0.25, 0.0) == 1.0
+    assert wind_share(fit_at(DRAG, GustyWind(), covariance=1e-3), 1, flights, 0.25, 0.0) == 1.0
