@@ -17,6 +17,7 @@ from np_drake.diagnosis.regressors import (
 )
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals, find_shocks
 from np_drake.diagnosis.selection.change_point import switched_candidates
+from np_drake.diagnosis.selection.new_conditions import new_conditions
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
 
 
@@ -40,12 +41,10 @@ def prepare(flights: Sequence[FlightResiduals], options: Options) -> Ready:
     candidates = [*plain, *wind_candidates(flights, plain)]
     step = flights[0].grid.step
     white = scale_only([e.y for e in flights], step)
-    late = switched_candidates(
-        RegressionProblem(
-            flights, white, nuisance, candidates, temperature=options.search.temperature, options=options
-        )
+    problem = RegressionProblem(
+        flights, white, nuisance, candidates, temperature=options.search.temperature, options=options
     )
-    everything = [*candidates, *late]
+    everything = [*candidates, *switched_candidates(problem), *new_conditions(problem)]
     residual = _rich_residuals(
         RegressionProblem(flights, white, nuisance, everything, temperature=1.0, options=options)
     )

@@ -15,6 +15,7 @@ from np_drake.diagnosis.selection.beam_search import search
 from np_drake.diagnosis.selection.change_point import late_payloads, switched_candidates
 from np_drake.diagnosis.selection.change_point_refinement import refined_change_points
 from np_drake.diagnosis.selection.initial_noise import Ready, noise_of, prepare
+from np_drake.diagnosis.selection.new_conditions import new_conditions
 
 
 @dc.dataclass(frozen=True)
@@ -72,8 +73,8 @@ def _search_twice(
         )
         hung = late_payloads(problem, late) if first and hanging else []
         candidates = [*candidates, *hung]
-        if late or hung:
-            problem = problem.beside([*hung, *late])
+        if more := [*hung, *late, *new_conditions(problem)]:
+            problem = problem.beside(more)
         models = search(problem)
         acting = [problem.candidates[i] for i in models[0].members]
         candidates = [*candidates, *(refined_change_points(problem, models[0]) if first else [])]

@@ -1,0 +1,63 @@
+"""Laws of conditions that the training flights did not have."""
+
+import dataclasses as dc
+
+import pytest
+
+from np_drake.diagnosis.forward_model.term import NEVER
+from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.selection.map_model import find_map_model
+from np_drake.diagnosis.selection.new_conditions import new_conditions
+from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+
+PRIORS = Options.for_sensors(True).priors
+DRAG = LinearDrag(0.3, 0.3, 0.3)
+
+
+@pytest.fixture(scope="module")
+def windy(seen):
+    """Two training flights in still air, and the half of a windy one that has joined."""
+    flights = [seen(DRAG, name=n, seed=i, noise=1.0, seconds=8.0) for i, n in enumerate("ab")]
+    half = seen(DRAG, ConstantWind(3.0, 1.0, 0.0), name="half", seed=2, noise=1.0, seconds=8.0)
+    return [*flights, dc.replace(half, goes_on=True)]
+
+
+def test_there_are_none_where_no_half_has_joined_or_nothing_else_flew(windy):
+    still, half = windy[:2], windy[2:]
+    assert new_conditions(find_map_model(still).problem) == []
+    assert new_conditions(find_map_model(half).problem) == []
+
+
+def test_they_are_absent_from_every_training_flight_at_the_price_of_as_many_absences(windy):
+    problem = find_map_model(windy).problem
+    found = new_conditions(problem)
+    assert found
+    for candidate in found:
+        assert candidate.onset == {"a": NEVER, "b": NEVER}
+        assert candidate.onset_prior == pytest.approx(2 * PRIORS.absence)
+        effects = {name for name in candidate.identifiers if name != "linear_drag"}
+        for name in "ab":
+            acting = (
+                candidate.columns[name][..., 3:] if "constant_wind" in effects else candidate.columns[name]
+            )
+            assert not acting.any()
+        assert candidate.columns["half"].any()
+
+
+def test_a_wind_that_training_flights_did_not_have_is_found_beside_a_drag_of_all(windy):
+    best = find_map_model(windy).best
+    terms = {t.effect.identifier: t for t in best.terms}
+    assert terms["constant_wind"].onset == {"a": NEVER, "b": NEVER}
+    assert terms["constant_wind"].effect.x == pytest.approx(3.0, abs=0.3)
+    assert all(terms["linear_drag"].begins(e.name) is None for e in windy)
+
+
+def test_a_mass_that_training_flights_did_not_have_is_found(seen):
+    flights = [seen(name=n, seed=i, noise=1.0, seconds=8.0) for i, n in enumerate("ab")]
+    half = dc.replace(seen(MassError(0.2), name="half", seed=2, noise=1.0, seconds=8.0), goes_on=True)
+    best = find_map_model([*flights, half]).best
+    (term,) = (t for t in best.terms if t.effect.identifier == "mass_error")
+    assert term.onset == {"a": NEVER, "b": NEVER}
+    assert term.effect.delta_mass == pytest.approx(0.2, abs=0.02)
