@@ -1,4 +1,4 @@
-"""Effects that act in the joined halves of held-out flights alone: conditions that the training flights did not have."""
+"""Effects that act in the joined halves of held-out flights alone, which training flights did not have."""
 
 import dataclasses as dc
 
