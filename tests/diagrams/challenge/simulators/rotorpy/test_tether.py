@@ -70,6 +70,15 @@ def test_in_the_air_its_energy_decays_with_the_damping():
     )
 
 
+def test_a_payload_that_is_lifted_through_the_air_steadily_is_not_accelerated():
+    climb, wall = np.array([0.0, 0.0, 2.0]), (1e12, np.eye(3) * 1e-12, np.zeros(3))
+    own = np.concatenate([[0.0, 0.0, -0.7], climb])
+    now = dc.replace(hung_up(), v=climb)
+    pulled, rate = Tether(VALUES | {"damping": 0.5}).pull(now, own, np.zeros(6), wall, GRAVITY)
+    np.testing.assert_allclose(rate, [*climb, 0.0, 0.0, 0.0], atol=1e-9)
+    assert pulled[2] * 1e12 == pytest.approx(-0.3 * (GRAVITY + 0.5 * 2.0))  # [N]
+
+
 def test_a_slack_payload_falls_freely_and_is_caught_at_the_tethers_end(dut):
     states = swing(dut, np.array([0.3, 0.0, 0.2, 0.5, 0.0, 0.0]), 2.0)
     t = 0.002 * np.arange(len(states))
