@@ -31,6 +31,7 @@ class Priors:
     payload_mass: float = 0.1  # deviation of the mass over the vehicle's [1]
     hook: float = 0.1  # deviation of each coordinate of the hook [m]
     length: float = 0.05  # deviation of the length about a guess, relative [1]
+    damping: float = 0.15  # deviation of the damping [1/s]; source: `SuspendedPayload`
     swing: float = 0.15  # deviation of an initial swing [rad]
     # Model error of a pendulum; source: simulated flights. Ideal sensors: 0.006, 0.003, 0.0003, 0.003.
     pendulum_mass: float = 0.02  # relative [1]
