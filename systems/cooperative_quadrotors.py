@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from pydrake.multibody.plant import ExternallyAppliedSpatialForceMultiplexer, MultibodyPlant
-from pydrake.multibody.tree import SpatialInertia, UnitInertia
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Adder, MatrixGain
 
@@ -12,6 +11,7 @@ from np_drake.effects.base import ActuatorEffect, WrenchEffect
 from np_drake.effects.combine import mass_properties
 from np_drake.vehicle import Vehicle
 from systems.cable import Cable
+from systems.free_body import add_free_body, sphere
 from systems.mass_properties import spatial_inertia
 from systems.payload_config import PayloadConfig
 from systems.plant_readings import BodyAcceleration, VehicleState
@@ -27,9 +27,8 @@ def make_cooperative_plant(vehicle: Vehicle, payload: PayloadConfig, count: int)
     plant.set_name("plant")
     plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -vehicle.gravity])
     for i in range(count):
-        plant.AddRigidBody(f"quadrotor_{i}", spatial_inertia(mass_properties(vehicle, ())))
-    sphere = UnitInertia.SolidSphere(payload.radius)
-    plant.AddRigidBody("payload", SpatialInertia(payload.mass, np.zeros(3), sphere))
+        add_free_body(plant, f"quadrotor_{i}", spatial_inertia(mass_properties(vehicle, ())))
+    add_free_body(plant, "payload", sphere(payload), drag=payload.air_damping * payload.mass)
     plant.Finalize()
     return plant
 
@@ -155,7 +154,7 @@ def pair_state(plant: MultibodyPlant, body: str) -> np.ndarray:
     """
     rows = np.zeros((14, plant.num_multibody_states()))
     for k, name in enumerate((body, "payload")):
-        start = plant.GetBodyByName(name).floating_positions_start()
+        start = plant.GetJointByName(name).position_start()
         rows[7 * k : 7 * k + 7, start : start + 7] = np.eye(7)
     velocities = np.hstack([np.zeros((12, plant.num_positions())), _pair_velocities(plant, body)])
     return np.vstack([rows, velocities])
@@ -165,6 +164,6 @@ def _pair_velocities(plant: MultibodyPlant, body: str) -> np.ndarray:
     """Return the matrix that selects [V_WB, V_WP], (12, nv); its transpose maps the pair's generalized forces back."""
     rows = np.zeros((12, plant.num_velocities()))
     for k, name in enumerate((body, "payload")):
-        start = plant.GetBodyByName(name).floating_velocities_start_in_v()
+        start = plant.GetJointByName(name).velocity_start()
         rows[6 * k : 6 * k + 6, start : start + 6] = np.eye(6)
     return rows

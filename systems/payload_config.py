@@ -18,6 +18,7 @@ class PayloadConfig:
     radius: float = 0.03  # of the solid sphere that the payload is [m]
     stiffness: float = 2.0e4  # of the cable [N/m]
     damping: float = 40.0  # of the cable [N·s/m]
+    air_damping: float = 0.0  # drag of the payload in still air over its mass [1/s]
 
     def check(self) -> "PayloadConfig":
         """Return self after checking tether and sizes.
@@ -33,6 +34,14 @@ class PayloadConfig:
                 )
         if not self.damping >= 0 or np.shape(self.hook) != (3,):
             raise ValueError("PayloadConfig: damping must not be negative and hook must be (3,) [m].")
+        if not 0 <= self.air_damping < np.inf:
+            raise ValueError(
+                f"PayloadConfig: air_damping must be finite and not negative [1/s]; got {self.air_damping}."
+            )
+        if self.tether == "rod" and self.air_damping:
+            raise ValueError(
+                f"PayloadConfig: air_damping must be 0 on a rod [1/s]; got {self.air_damping}. Use a cable."
+            )
         return self
 
 
@@ -41,4 +50,4 @@ def payload_config(effect: SuspendedPayload | None, *, tether: str = "cable") ->
     if effect is None or effect.mass == 0.0:
         return PayloadConfig(tether="none")
     hook = [effect.hook_x, effect.hook_y, effect.hook_z]
-    return PayloadConfig(tether, effect.mass, effect.length, hook).check()
+    return PayloadConfig(tether, effect.mass, effect.length, hook, air_damping=effect.damping).check()

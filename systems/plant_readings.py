@@ -32,16 +32,13 @@ class VehicleState(LeafSystem):
     | plant_state | nq + nv | Drake's order: quaternion, position, w_WB, v_WB (both in W) |
     | x | 13 | [p_WB, q_WB, v_WB, w_WB_B] |
 
-    Args: body: which floating body B is.
+    Args: body: which floating body B is; its joint has the same name.
     """
 
     def __init__(self, plant: MultibodyPlant, body: str = "quadrotor"):
         super().__init__()
-        B = plant.GetBodyByName(body)
-        self._starts = (
-            B.floating_positions_start(),
-            plant.num_positions() + B.floating_velocities_start_in_v(),
-        )
+        joint = plant.GetJointByName(body)
+        self._starts = joint.position_start(), plant.num_positions() + joint.velocity_start()
         self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
         self.DeclareVectorOutputPort("x", 13, self._calc_x, {self._state_port.ticket()})
 

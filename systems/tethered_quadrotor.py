@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import FixedOffsetFrame, SpatialInertia, UnitInertia, UniversalJoint
+from pydrake.multibody.tree import FixedOffsetFrame, UniversalJoint
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Adder
 
@@ -14,6 +14,7 @@ from np_drake.effects.combine import mass_properties
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 from systems.cable import Cable
+from systems.free_body import add_free_body, sphere
 from systems.mass_properties import spatial_inertia
 from systems.payload_config import PayloadConfig
 from systems.plant_readings import BodyAcceleration, RodWrench, VehicleState
@@ -24,20 +25,23 @@ from systems.wrench_effects import WrenchEffects
 def make_plant(
     vehicle: Vehicle, payload: PayloadConfig, mass_effects: Sequence[MassEffect] = ()
 ) -> MultibodyPlant:
-    """Return a continuous MultibodyPlant with the bodies `quadrotor` and, unless there is no tether, `payload`."""
+    """Return a continuous MultibodyPlant with the bodies `quadrotor` and, unless there is no tether, `payload`.
+
+    The air brakes a payload on a cable by the damping of its floating joint.
+    """
     plant = MultibodyPlant(time_step=0.0)
     plant.set_name("plant")
     plant.mutable_gravity_field().set_gravity_vector([0.0, 0.0, -vehicle.gravity])
     inertia = spatial_inertia(mass_properties(vehicle, mass_effects))
-    B = plant.AddRigidBody("quadrotor", inertia)
-    if payload.tether != "none":
-        sphere = UnitInertia.SolidSphere(payload.radius)
-        P = plant.AddRigidBody("payload", SpatialInertia(payload.mass, np.zeros(3), sphere))
-        if payload.tether == "rod":
-            T = plant.AddFrame(FixedOffsetFrame("hook", B.body_frame(), RigidTransform(payload.hook)))
-            offset = RigidTransform([0.0, 0.0, payload.length])
-            F = plant.AddFrame(FixedOffsetFrame("rod_top", P.body_frame(), offset))
-            plant.AddJoint(UniversalJoint("rod", T, F))
+    B = add_free_body(plant, "quadrotor", inertia)
+    if payload.tether == "cable":
+        add_free_body(plant, "payload", sphere(payload), drag=payload.air_damping * payload.mass)
+    elif payload.tether == "rod":
+        P = plant.AddRigidBody("payload", sphere(payload))
+        T = plant.AddFrame(FixedOffsetFrame("hook", B.body_frame(), RigidTransform(payload.hook)))
+        offset = RigidTransform([0.0, 0.0, payload.length])
+        F = plant.AddFrame(FixedOffsetFrame("rod_top", P.body_frame(), offset))
+        plant.AddJoint(UniversalJoint("rod", T, F))
     plant.Finalize()
     return plant
 

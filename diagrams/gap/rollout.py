@@ -127,7 +127,7 @@ class Rollout:
         if self._payload is not None and swing is not None:
             hook = attitude.rotate(x[Q], np.array(self._payload.hook))
             rate = np.cross(velocities[0], hook)
-            pull = tether_force(self._payload, *swing, self._vehicle.gravity)
+            pull = tether_force(self._payload, *swing, self._vehicle.gravity, x[V] + rate)
             stretch = 1.0 + np.linalg.norm(pull) / (self._stiffness * self._payload.length)
             positions += [np.array([1.0, 0.0, 0.0, 0.0]), x[P] + hook + stretch * swing.r]
             velocities += [np.zeros(3), x[V] + rate + swing.r_rate]

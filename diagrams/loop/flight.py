@@ -178,7 +178,8 @@ class FlightConfig:
     def true_model(self) -> TrueModel:
         """Return the model of the real vehicle for the oracle."""
         payload, believed = self.reality.payload, self.controller.believed(self.vehicle)
-        bob = Payload(payload.mass, payload.length, (payload.hook[0], payload.hook[1], payload.hook[2]))
+        hook = (payload.hook[0], payload.hook[1], payload.hook[2])
+        bob = Payload(payload.mass, payload.length, hook, payload.air_damping)
         hung = None if payload.tether == "none" else bob
         return TrueModel(believed, hung, self.reality.wrench_effects(), self.reality.actuator_effects())
 

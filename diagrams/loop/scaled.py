@@ -24,6 +24,7 @@ PAYLOAD = {
     "mass": (0, 1, 0),
     "stiffness": (0, 1, -2),
     "damping": (0, 1, -1),
+    "air_damping": (0, 0, -1),
 }
 MPC = {  # a cost has no unit: a weight is the inverse square of what it weighs
     "weight_position": (-2, 0, 0),

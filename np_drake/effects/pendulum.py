@@ -2,34 +2,44 @@
 
 import dataclasses as dc
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from np_drake import attitude
-from np_drake.rigid_body import Q, W
+from np_drake.rigid_body import Q, V, W
+
+_NOWHERE = np.empty((0, 3, 0))  # for positions that are not asked for
 
 
 @dc.dataclass(frozen=True)
 class Payload:
-    """Point mass on a massless, inextensible tether."""
+    """Point mass on a massless, inextensible tether in still air."""
 
     mass: float = 0.26  # [kg]
     length: float = 0.8  # [m]
     hook: tuple[float, float, float] = (0.0, 0.0, -0.025)  # p_BoTo_B [m]
+    damping: float = 0.0  # drag over mass and velocity in W [1/s]
 
 
 def tether_force(
-    payload: Payload, r: np.ndarray, r_rate: np.ndarray, a_hook: np.ndarray, gravity: float
+    payload: Payload,
+    r: np.ndarray,
+    r_rate: np.ndarray,
+    a_hook: np.ndarray,
+    gravity: float,
+    v_hook: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return the force on the hook in W, (..., 3) [N]; zero where the tether would have to push.
 
-    With r = p_ToPo_W, |r| = L, the constraint r · r'' = -|r'|² gives T/m = |r'|²/L - (r/L) · (g z + a_hook).
+    With r = p_ToPo_W, |r| = L, the constraint r · r'' = -|r'|² gives T/m = |r'|²/L - (r/L) · (g z + a_hook + c v_hook).
     Args: r, r_rate: (..., 3) payload from hook and its rate [m, m/s]; a_hook: (..., 3) of the hook [m/s²]; gravity:
-    [m/s²].
+    [m/s²]; v_hook: (..., 3) of the hook [m/s]; default: at rest.
     """
     n = r / np.linalg.norm(r, axis=-1, keepdims=True)
-    specific = np.sum(r_rate**2, axis=-1) / payload.length - np.sum(n * a_hook, axis=-1)
+    pushed = a_hook if v_hook is None else a_hook + payload.damping * v_hook
+    specific = np.sum(r_rate**2, axis=-1) / payload.length - np.sum(n * pushed, axis=-1)
     specific = specific - gravity * n[..., 2]
     return payload.mass * np.maximum(specific, 0.0)[..., None] * n
 
@@ -42,31 +52,92 @@ def swing_many(
     step: float,
     gravity: float,
     jumps: Mapping[int, np.ndarray] | None = None,
+    *,
+    damping: float | np.ndarray = 0.0,
+    v_hook: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return the force on the hook per mass of the payload, (n, m, 3) [m/s²], in the middle of n steps, of m pendulums.
 
+    With c the damping:  r'' = -g z - a_hook - c (r' + v_hook) - (T/m) r/|r|.
     Leapfrog: positions in the middle of steps, velocities between; the tether's pull along r is the least that keeps
     the next position within |r| <= L, so a slack payload flies freely and a tether that snaps taut takes the outward
-    speed. Second order in the step; no drift of energy.   Source: SHAKE, its quadratic solved in closed form.
+    speed. Second order in the step; without damping no drift of energy.   Source: SHAKE, its quadratic solved in closed
+    form; the drag of a step is that of the mean of its two velocities (implicit midpoint).
 
     Args:
         lengths: (m,) [m].   r, r_rate: (m, 3) p_ToPo_W and its rate at the start [m, m/s].
         a_hook: (n, 3) of the one hook, or (n, m, 3), held over each step [m/s²].   step: [s].   gravity: [m/s²].
         jumps: before these steps the swing jumps by (m, 4) angles [rad] and rates [rad/s] about the axes of `across`.
+        damping: of all or of each, (m,) [1/s].
+        v_hook: (n, 3) or (n, m, 3) velocity of the hook in W in the middle of each step [m/s]; default: at rest.
     """
-    limit = np.square(lengths)
     now, move = _start(lengths, np.transpose(r), np.transpose(r_rate), step)
-    kicks = (-(step**2) * (a_hook + np.array([0.0, 0.0, gravity]))).reshape(len(a_hook), -1, 3)
-    kicks = np.ascontiguousarray(kicks.transpose(0, 2, 1))
-    pulls = np.empty((len(a_hook), *now.shape))
+    swings = _Swings(lengths, a_hook, step, gravity, damping, v_hook)
     begin = 0
     for k in sorted(jumps or {}):
-        _leapfrog(limit, now, move, kicks[begin:k], pulls[begin:k])
+        swings.run(now, move, slice(begin, k))
         _jump(now, move, jumps[k], step)  # type: ignore[index]
         begin = k
-    _leapfrog(limit, now, move, kicks[begin:], pulls[begin:])
-    pulls /= step**2
-    return pulls.transpose(0, 2, 1)
+    swings.run(now, move, slice(begin, None))
+    return swings.pulls.transpose(0, 2, 1) / step**2
+
+
+class Path(NamedTuple):
+    """Motion of m pendulums over n steps, from the hook in W.
+
+    r: (n + 1, m, 3) at the ends of the steps [m].   r_rate: (m, 3) at the end of the last [m/s].   pull: (n, m, 3) on
+    the hook per mass of the payload, in the middle of the steps [m/s²].
+    """
+
+    r: np.ndarray
+    r_rate: np.ndarray
+    pull: np.ndarray
+
+
+def path_many(
+    lengths: np.ndarray,
+    r: np.ndarray,
+    r_rate: np.ndarray,
+    a_hook: np.ndarray,
+    step: float,
+    gravity: float,
+    *,
+    damping: float | np.ndarray = 0.0,
+    v_hook: np.ndarray | None = None,
+) -> Path:
+    """Return positions and pulls of m pendulums; arguments and integration are those of `swing_many`.
+
+    The position at the end of a step is the mean of those in the middle of the steps around it: second order too.
+    """
+    now, move = _start(lengths, np.transpose(r), np.transpose(r_rate), step)
+    swings = _Swings(lengths, a_hook, step, gravity, damping, v_hook)
+    middle = np.empty_like(swings.pulls)
+    swings.run(now, move, slice(None), middle)
+    middle = np.concatenate([middle, now[None]]).transpose(0, 2, 1)
+    ends = np.concatenate([np.broadcast_to(r, middle[:1].shape), 0.5 * (middle[1:] + middle[:-1])])
+    return Path(ends, move.T / step, swings.pulls.transpose(0, 2, 1) / step**2)
+
+
+class _Swings:
+    """What drives m pendulums over n steps, in the form that `_leapfrog` takes, and `pulls` (n, 3, m) [m]."""
+
+    def __init__(self, lengths, a_hook, step, gravity, damping, v_hook):
+        self._limit = np.square(lengths)
+        self._half = 0.5 * step * np.broadcast_to(np.asarray(damping, float), self._limit.shape)
+        self._kicks = _by_axis(-(step**2) * (a_hook + np.array([0.0, 0.0, gravity])))
+        self._drift = _by_axis(step * (np.zeros((len(a_hook), 3)) if v_hook is None else v_hook))
+        self.pulls = np.empty((len(a_hook), 3, len(self._limit)))
+
+    def run(self, now: np.ndarray, move: np.ndarray, some: slice, at: np.ndarray = _NOWHERE) -> None:
+        """Take some of the steps; changes now and move (3, m) [m], fills their pulls and `at` (n, 3, m), if any."""
+        _leapfrog(
+            self._limit, self._half, now, move, self._kicks[some], self._drift[some], self.pulls[some], at
+        )
+
+
+def _by_axis(values: np.ndarray) -> np.ndarray:
+    """Return values (n, 3) or (n, m, 3) as (n, 3, 1) or (n, 3, m)."""
+    return np.ascontiguousarray(values.reshape(len(values), -1, 3).transpose(0, 2, 1))
 
 
 def _start(lengths, r, r_rate, step) -> tuple[np.ndarray, np.ndarray]:
@@ -109,26 +180,33 @@ def _compiled(function: Callable) -> Callable:
 
 
 @_compiled
-def _leapfrog(limit, now, move, kicks, pulls):
-    """Write pull = mu now (n, 3, m) [m], the least mu >= 0 with |now + move + kick - mu now|² <= limit = L².
+def _leapfrog(limit, half, now, move, kicks, drift, pulls, at):
+    """Write pull = (1 + d) mu now (n, 3, m) [m], the least mu >= 0 with |b - mu now|² <= limit = L².
 
-    With b = now + move + kick:  mu = (b² - L²) / (now·b + sqrt((now·b)² - now² (b² - L²))).  Changes now and move.
+    With d = half = c step / 2 and b = now + ((1 - d) move + kick - 2 d drift) / (1 + d):
+    mu = (b² - L²) / (now·b + sqrt((now·b)² - now² (b² - L²))).  Changes now and move; writes now into `at`, if any.
     Compiled: a payload takes a thousand short steps, each of which needs the one before it.
     """
     for i in range(now.shape[1]):
         x, y, z = now[0, i], now[1, i], now[2, i]
         u, v, w = move[0, i], move[1, i], move[2, i]
-        own = min(i, kicks.shape[2] - 1)
+        own, blown = min(i, kicks.shape[2] - 1), min(i, drift.shape[2] - 1)
+        both, kept, more, share = 2 * half[i], 1 - half[i], 1 + half[i], 1 / (1 + half[i])
         square = x * x + y * y + z * z
         for k in range(len(kicks)):
-            u, v, w = u + kicks[k, 0, own], v + kicks[k, 1, own], w + kicks[k, 2, own]
+            if len(at):
+                at[k, 0, i], at[k, 1, i], at[k, 2, i] = x, y, z
+            u = share * (kept * u + kicks[k, 0, own] - both * drift[k, 0, blown])
+            v = share * (kept * v + kicks[k, 1, own] - both * drift[k, 1, blown])
+            w = share * (kept * w + kicks[k, 2, own] - both * drift[k, 2, blown])
             a, b, c = x + u, y + v, z + w
             along, far = x * a + y * b + z * c, a * a + b * b + c * c
             mu = 0.0
             if far > limit[i]:
                 excess = far - limit[i]
                 mu = max(0.0, excess / (along + np.sqrt(max(0.0, along * along - square * excess))))
-            pulls[k, 0, i], pulls[k, 1, i], pulls[k, 2, i] = mu * x, mu * y, mu * z
+            pull = more * mu
+            pulls[k, 0, i], pulls[k, 1, i], pulls[k, 2, i] = pull * x, pull * y, pull * z
             u, v, w = u - mu * x, v - mu * y, w - mu * z
             x, y, z = x + u, y + v, z + w
             square = min(far, limit[i])
@@ -136,16 +214,42 @@ def _leapfrog(limit, now, move, kicks, pulls):
         move[0, i], move[1, i], move[2, i] = u, v, w
 
 
+def hanging(
+    offset: np.ndarray, rate: np.ndarray, length: float | np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return p_ToPo_W and its rate (m, 3) of taut tethers, from offset and rate to the side (m, 2) [m, m/s]."""
+    length = np.broadcast_to(length, offset.shape[:1])[:, None]
+    far = np.linalg.norm(offset, axis=-1, keepdims=True)
+    offset = offset * np.minimum(1.0, 0.99 * length / np.maximum(far, 1e-12))
+    down = -np.sqrt(length**2 - np.sum(offset**2, axis=-1, keepdims=True))
+    sinking = -np.sum(offset * rate, axis=-1, keepdims=True) / down
+    return np.concatenate([offset, down], axis=-1), np.concatenate([rate, sinking], axis=-1)
+
+
 def swing(
-    payload: Payload, r: np.ndarray, r_rate: np.ndarray, a_hook: np.ndarray, step: float, gravity: float
+    payload: Payload,
+    r: np.ndarray,
+    r_rate: np.ndarray,
+    a_hook: np.ndarray,
+    step: float,
+    gravity: float,
+    v_hook: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the force on the hook (n, 3) [N] in the middle of n steps with hook acceleration `a_hook` (n, 3) [m/s²].
+    """Return the force on the hook (n, 3) [N] in the middle of n steps.
 
     This is `swing_many` of one pendulum.
-    Args: r, r_rate: (3,) at the start [m, m/s].   step: [s].   gravity: [m/s²].
+    Args: r, r_rate: (3,) at the start [m, m/s].   a_hook: (n, 3) [m/s²].   step: [s].   gravity: [m/s²].
+    v_hook: (n, 3) in W [m/s]; default: at rest.
     """
     length = np.array([payload.length])
-    return payload.mass * swing_many(length, r[None], r_rate[None], a_hook, step, gravity)[:, 0]
+    start, damping = (r[None], r_rate[None]), payload.damping
+    pull = swing_many(length, *start, a_hook, step, gravity, damping=damping, v_hook=v_hook)
+    return payload.mass * pull[:, 0]
+
+
+def hook_velocity(hook, x: np.ndarray) -> np.ndarray:
+    """Return the velocity of the hook p_BoTo_B (3,) in W, (..., 3) [m/s].   x: (..., 13)."""
+    return x[..., V] + attitude.rotate(x[..., Q], np.cross(x[..., W], np.asarray(hook, float)))
 
 
 def hook_acceleration(hook, x: np.ndarray, a: np.ndarray, al: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
-from np_drake.effects.pendulum import Payload, hook_acceleration, hook_wrench, swing
+from np_drake.effects.pendulum import Payload, hook_acceleration, hook_velocity, hook_wrench, swing
 from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
 
@@ -15,8 +15,16 @@ from np_drake.vehicle import Vehicle
 class SuspendedPayload(WrenchEffect):
     """Point mass on a massless, inextensible tether that may go slack; the hook is p_BoTo_B.
 
-    With r = p_ToPo_W, |r| = L, and z up:  T/m = |r'|²/L - (r/L) · (g z + a_hook); the force on the hook is T r/L, and
-    the tether is taut only where T > 0: else there is no force, and the payload falls freely.
+    With r = p_ToPo_W, |r| = L, z up, and c the damping:  r'' = -g z - a_hook - c (r' + v_hook) - (T/m) r/L,
+    T/m = |r'|²/L - (r/L) · (g z + a_hook + c v_hook); the force on the hook is T r/L, and the tether is taut only where
+    T > 0: else there is no force, and the payload falls through the air.
+
+    The drag -m c v_WP is that in still air, linear in the payload's velocity: it damps a swing (energy as exp(-c t)),
+    and the payload hangs back by atan(c v/g) in steady flight at v. Drag grows with the square of speed; c stands for
+    the slope in a downwash w: rho Cd A w / m along it, half of that across.
+    Prior: a smooth sphere (Cd 0.47, rho 1.2 kg/m³) of 5 g and 2 to 3 cm under 3 to 4 m/s has c = 0.05 to 0.16 1/s
+    across and twice that along the flow; one of 260 g and 6 cm under 5 m/s 0.015 to 0.03. Hence a deviation of 0.15.
+    Neglected: the steady push of the downwash (it counts as weight), wind, drag of the tether, added mass.
 
     The effect has a hidden state, (r, r') of the payload from the hook in W, and so no momentary wrench. Over a log the
     measured motion of the hook drives it (`wrench_along`). In a diagram it is a body.   Source: Newton on the payload.
@@ -27,6 +35,7 @@ class SuspendedPayload(WrenchEffect):
     hook_x: float = 0.0  # [m], body axes
     hook_y: float = 0.0  # [m]
     hook_z: float = -0.025  # [m]
+    damping: float = 0.0  # drag over mass and velocity [1/s]
 
     identifier: ClassVar[str] = "suspended_payload"
     linear: ClassVar[bool] = False
@@ -34,12 +43,13 @@ class SuspendedPayload(WrenchEffect):
         Parameter("mass", "kg", 0.0, 0.0, 2.0, 0.2),
         Parameter("length", "m", 0.8, 0.1, 4.0, 0.5, vanishes=False),
         *(Parameter(f"hook_{axis}", "m", 0.0, -0.3, 0.3, 0.03) for axis in "xyz"),
+        Parameter("damping", "1/s", 0.0, 0.0, 1.0, 0.15, vanishes=False),
     )
 
     @property
     def payload(self) -> Payload:
         """Payload in the form that the functions of `pendulum` take."""
-        return Payload(self.mass, self.length, (self.hook_x, self.hook_y, self.hook_z))
+        return Payload(self.mass, self.length, (self.hook_x, self.hook_y, self.hook_z), self.damping)
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Not available, because the wrench depends on the payload's own motion.
@@ -66,4 +76,5 @@ class SuspendedPayload(WrenchEffect):
         """
         payload = self.payload
         a_hook = hook_acceleration(payload.hook, x, a, al)
-        return hook_wrench(payload, x[:, Q], swing(payload, r, r_rate, a_hook, step, vehicle.gravity))
+        v_hook = hook_velocity(payload.hook, x)
+        return hook_wrench(payload, x[:, Q], swing(payload, r, r_rate, a_hook, step, vehicle.gravity, v_hook))

@@ -7,8 +7,8 @@ import numpy as np
 from np_drake import attitude
 from np_drake.effects.base import ActuatorEffect, Motion, WrenchEffect
 from np_drake.effects.combine import total_wrench
-from np_drake.effects.pendulum import Payload, hook_wrench, swing
-from np_drake.rigid_body import Q, V, W
+from np_drake.effects.pendulum import Payload, hook_velocity, hook_wrench, swing
+from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
 
 _SUBSTEPS = 4  # of the actuators in one step of the plan [1]
@@ -52,16 +52,11 @@ class TrueModel:
         motion = Motion(starts + 0.5 * step, middle, thrust)
         chi += total_wrench(self.believed, self.wrench_effects, motion)
         if self.payload is not None and swing_state is not None:
-            force = swing(
-                self.payload, *swing_state, self._hook_acceleration(x, step), step, self.believed.gravity
-            )
+            v_hook = hook_velocity(self.payload.hook, x)
+            a_hook, between = np.diff(v_hook, axis=0) / step, 0.5 * (v_hook[1:] + v_hook[:-1])
+            force = swing(self.payload, *swing_state, a_hook, step, self.believed.gravity, between)
             chi += hook_wrench(self.payload, middle[:, Q], force)
         return chi
-
-    def _hook_acceleration(self, x: np.ndarray, step: float) -> np.ndarray:
-        assert self.payload is not None
-        lever = np.cross(x[:, W], np.array(self.payload.hook))
-        return np.diff(x[:, V] + attitude.rotate(x[:, Q], lever), axis=0) / step
 
     def _thrusts(
         self, u: np.ndarray, starts: np.ndarray, step: float, now: np.ndarray

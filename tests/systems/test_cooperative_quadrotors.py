@@ -58,20 +58,17 @@ def test_a_symmetric_formation_feels_symmetric_wrenches(count):
 
 def stir(plant, context, seed, payload_from):
     """Every body at random attitude and velocity; the payload 2 mm farther from that hook than the cable is long."""
-    rng, names = (
-        np.random.default_rng(seed),
-        [plant.get_body(i).name() for i in plant.GetFloatingBaseBodies()],
-    )
+    rng, names = np.random.default_rng(seed), [plant.get_joint(i).name() for i in plant.GetJointIndices()]
     state, nq = plant.GetPositionsAndVelocities(context), plant.num_positions()
     for name in sorted(names):
-        body = plant.GetBodyByName(name)
-        q, v = body.floating_positions_start(), nq + body.floating_velocities_start_in_v()
+        joint = plant.GetJointByName(name)
+        q, v = joint.position_start(), nq + joint.velocity_start()
         quaternion = np.array([1.0, *rng.normal(scale=0.1, size=3)])
         state[q : q + 4] = quaternion / np.linalg.norm(quaternion)
         state[v : v + 6] = rng.normal(scale=0.3, size=6)
     plant.SetPositionsAndVelocities(context, state)
     X_WB = plant.EvalBodyPoseInWorld(context, plant.GetBodyByName(payload_from))
-    start = plant.GetBodyByName("payload").floating_positions_start() + 4
+    start = plant.GetJointByName("payload").position_start() + 4
     state[start : start + 3] = X_WB @ np.array(PAYLOAD.hook) - [0, 0, PAYLOAD.length + 2e-3]
     plant.SetPositionsAndVelocities(context, state)
 

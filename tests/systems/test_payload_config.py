@@ -1,3 +1,5 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
@@ -13,8 +15,9 @@ VEHICLE, STEP = Vehicle(), 0.004
 
 
 def test_the_effect_becomes_a_body_with_its_figures():
-    found = payload_config(SuspendedPayload(0.3, 1.1, 0.01, 0.02, -0.03))
-    assert found == PayloadConfig(tether="cable", mass=0.3, length=1.1, hook=[0.01, 0.02, -0.03])
+    found = payload_config(SuspendedPayload(0.3, 1.1, 0.01, 0.02, -0.03, 0.2))
+    same = {"mass": 0.3, "length": 1.1, "hook": [0.01, 0.02, -0.03], "air_damping": 0.2}
+    assert found == PayloadConfig(tether="cable", **same)
     assert payload_config(None).tether == payload_config(SuspendedPayload(mass=0.0)).tether == "none"
 
 
@@ -23,8 +26,15 @@ def test_a_payload_among_the_wrench_effects_is_refused_with_the_remedy():
         make_tethered_quadrotor(VEHICLE, PayloadConfig(tether="none"), wrench_effects=[SuspendedPayload()])
 
 
-def test_a_log_of_the_hook_brings_back_the_wrench_of_drakes_cable():
-    effect = SuspendedPayload(0.3, 0.7, 0.02, -0.01, -0.04)
+@pytest.mark.parametrize("bad", [{"air_damping": -0.1}, {"tether": "rod", "air_damping": 0.1}])
+def test_air_that_drives_and_a_rod_in_the_air_are_refused(bad):
+    with pytest.raises(ValueError, match="air_damping must"):
+        PayloadConfig(**bad).check()
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.8])
+def test_a_log_of_the_hook_brings_back_the_wrench_of_drakes_cable(damping):
+    effect = SuspendedPayload(0.3, 0.7, 0.02, -0.01, -0.04, damping)
     payload = payload_config(effect)
     dut = make_tethered_quadrotor(VEHICLE, payload)
     simulator = Simulator(dut)
@@ -50,3 +60,8 @@ def test_a_log_of_the_hook_brings_back_the_wrench_of_drakes_cable():
     # The cable's own vibration at 45 Hz and its stretch are not in the model.
     np.testing.assert_allclose(found[25:, :3], np.array(wrench)[25:, :3], atol=0.03)  # [N]
     np.testing.assert_allclose(found[25:, 3:], np.array(wrench)[25:, 3:], atol=2e-3)  # [N·m]
+    assert np.linalg.norm(x[-1][7:9]) > 0.1  # [m/s]: the hook moves through the air
+    if damping:
+        vacuum = dc.replace(effect, damping=0.0)
+        other = vacuum.wrench_along(VEHICLE, x=np.array(x), a=a, al=al, step=STEP, r=r, r_rate=r_rate)
+        assert np.abs(other[25:, :2] - found[25:, :2]).max() > 0.15  # [N]

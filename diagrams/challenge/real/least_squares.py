@@ -7,16 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.real.pendulum_path import hanging, path
 from np_drake.diagnosis.regressors import library_candidates
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
 from np_drake.effects.base import Motion
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.pendulum import hanging, swing_many
 from np_drake.logs.flight_log import FlightLog
+from np_drake.rigid_body import V
 from np_drake.vehicle import Vehicle
 
 WRENCH = 6  # channels: force and torque in B
 LENGTHS = np.geomspace(0.2, 2.0, 24)  # of payloads [m]
+DAMPING = 0.1  # of payloads by the air [1/s]; as in flights of five grams
 SMALL = 0.05  # displacement of a start state over length and natural rate [1]
 SHARE = 0.1  # of the vehicle's mass, in units of which start states of payloads are fitted [1]
 ROUNDS = 3  # of closing in on a length
@@ -197,13 +199,14 @@ def pulls(e: FlightResiduals, vehicle: Vehicle, lengths: np.ndarray, states: np.
 
     The hook is at Bo.   Args: lengths: (m,) [m].   states: (m, 4) at the start, over length and natural rate [1].
     """
-    on_grid = np.stack([np.interp(e.t, e.rows.t, column) for column in e.rows.a.T], axis=1)
+    motion = np.concatenate([e.rows.a, e.rows.x[:, V]], axis=1)
+    on_grid = np.stack([np.interp(e.t, e.rows.t, column) for column in motion.T], axis=1)
     rate = np.sqrt(vehicle.gravity / lengths)
     scale = np.stack([lengths, lengths, lengths * rate, lengths * rate], axis=1)
     r, r_rate = hanging((scale * states)[:, :2], (scale * states)[:, 2:], lengths)
     between = 0.5 * (on_grid[1:] + on_grid[:-1])
-    step = float(np.median(np.diff(e.t)))
-    steps = path(r, r_rate, between, step, length=lengths, gravity=vehicle.gravity)[1]
+    a, v = between[:, :3], between[:, 3:]
+    steps = swing_many(lengths, r, r_rate, a, e.grid.step, vehicle.gravity, damping=DAMPING, v_hook=v)
     return np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])
 
 

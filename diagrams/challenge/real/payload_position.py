@@ -6,12 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import least_squares
 
-from diagrams.challenge.real.pendulum_path import DAMPING, advance, hanging, path
 from np_drake import attitude
 from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.combine import total_wrench
-from np_drake.effects.pendulum import Payload
+from np_drake.effects.pendulum import Path, Payload, hanging, hook_velocity, path_many
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
@@ -22,18 +21,20 @@ SWING_NOISE = 0.5  # of the payload's acceleration in the filter [m/s² per root
 OFFSET_NOISE = 0.05  # drift of the force offset over the payload's weight [1 per root s]
 FORCE_NOISE = 0.3  # of the residual force over the payload's weight [1]
 FORCE_MEMORY = 0.1  # over which its errors go together [s]
+EVERY = slice(None)  # of the steps
 
 
 @dc.dataclass(frozen=True)
 class Drive:
     """What drives and corrects a pendulum, on a grid t (m,) [s] of one step.
 
-    a_hook: (m - 1, 3) acceleration of the hook in W, mean over each step [m/s²].   p_hook: (m, 3) in W [m].
+    a_hook, v_hook: (m - 1, 3) of the hook in W, mean over each step [m/s², m/s].   p_hook: (m, 3) in W [m].
     force: (m, 2) force to the side that the nominal model and the other effects leave unexplained, in W [N].
     """
 
     t: np.ndarray
     a_hook: np.ndarray
+    v_hook: np.ndarray
     p_hook: np.ndarray
     force: np.ndarray
 
@@ -56,12 +57,12 @@ def make_drive(
     """
     e = make_flight_residuals(log, vehicle)
     t = e.t
-    v_hook = _on(t, log.t, log.v + attitude.rotate(log.q, np.cross(log.w, np.array(payload.hook))))
+    v_hook = _on(t, log.t, hook_velocity(payload.hook, log.x))
     p_hook = _on(t, log.t, log.p + attitude.rotate(log.q, np.broadcast_to(payload.hook, log.p.shape)))
     a_hook = np.diff(v_hook, axis=0) / np.diff(t)[:, None]
     force = (e.R_WB @ e.y[:, :3, None])[..., 0]
     force -= wrench_of(log, vehicle, others, t)[:, :3]
-    return Drive(t, a_hook, p_hook, force[:, :2])
+    return Drive(t, a_hook, 0.5 * (v_hook[1:] + v_hook[:-1]), p_hook, force[:, :2])
 
 
 def wrench_of(log: FlightLog, vehicle: Vehicle, effects: Sequence[WrenchEffect], t: np.ndarray) -> np.ndarray:
@@ -74,21 +75,28 @@ def wrench_of(log: FlightLog, vehicle: Vehicle, effects: Sequence[WrenchEffect],
     return total_wrench(vehicle, effects, Motion(t, x, thrust))
 
 
-def open_loop(drive: Drive, payload: Payload, gravity: float, damping: float = DAMPING) -> np.ndarray:
+def swung(
+    drive: Drive, payload: Payload, gravity: float, r: np.ndarray, r_rate: np.ndarray, some: slice = EVERY
+) -> Path:
+    """Return the motion over some of the steps from starts r, r_rate (m, 3) [m, m/s]."""
+    lengths, a, v = np.full(len(r), payload.length), drive.a_hook[some], drive.v_hook[some]
+    return path_many(lengths, r, r_rate, a, drive.step, gravity, damping=payload.damping, v_hook=v)
+
+
+def open_loop(drive: Drive, payload: Payload, gravity: float) -> np.ndarray:
     """Return p_WPo of the payload (m, 3) [m], its start state fitted to the residual force of the first seconds.
 
     Nothing after `START` corrects the swing. A constant force to the side is fitted beside the state: a tilt of the
     attitude makes one.
     """
     count = min(len(drive.t) - 1, int(START / drive.step))
-    how = {"length": payload.length, "gravity": gravity, "damping": damping}
     measured = 0.5 * (drive.force[1 : count + 1] + drive.force[:count])
     scale = payload.length * np.array([1.0, 1.0, *[np.sqrt(gravity / payload.length)] * 2])
     natural = payload.mass * gravity
 
     def pulls(states: np.ndarray) -> np.ndarray:
         r, r_rate = hanging(scale[:2] * states[:, :2], scale[2:] * states[:, 2:], payload.length)
-        return payload.mass * path(r, r_rate, drive.a_hook[:count], drive.step, **how)[1][..., :2]
+        return payload.mass * swung(drive, payload, gravity, r, r_rate, slice(count)).pull[..., :2]
 
     def misfit(state: np.ndarray) -> np.ndarray:
         left = measured - pulls(state[None])[:, 0]
@@ -107,10 +115,10 @@ def open_loop(drive: Drive, payload: Payload, gravity: float, damping: float = D
     fits = [least_squares(misfit, s, jac=slope, bounds=(-0.95, 0.95), max_nfev=40) for s in near]  # type: ignore[call-overload]
     best = min(fits, key=lambda fit: float(fit.cost)).x
     r, r_rate = hanging(scale[:2] * best[None, :2], scale[2:] * best[None, 2:], payload.length)
-    return drive.p_hook + path(r, r_rate, drive.a_hook, drive.step, **how)[0][:, 0]
+    return drive.p_hook + swung(drive, payload, gravity, r, r_rate).r[:, 0]
 
 
-def observed(drive: Drive, payload: Payload, gravity: float, damping: float = DAMPING) -> np.ndarray:
+def observed(drive: Drive, payload: Payload, gravity: float) -> np.ndarray:
     """Return p_WPo of the payload (m, 3) [m] from an extended Kalman filter that the residual force corrects.
 
     State: offset and rate of the payload to the side [m, m/s], and a force offset to the side [N]. Causal: the position
@@ -118,7 +126,6 @@ def observed(drive: Drive, payload: Payload, gravity: float, damping: float = DA
     weight.
     """
     weight, rate = payload.mass * gravity, np.sqrt(gravity / payload.length)
-    how = {"length": payload.length, "gravity": gravity, "damping": damping}
     s = np.zeros(6)
     P = np.diag([0.3 * payload.length] * 2 + [0.3 * payload.length * rate] * 2 + [0.1 * weight] * 2) ** 2
     Q = np.diag(
@@ -127,12 +134,12 @@ def observed(drive: Drive, payload: Payload, gravity: float, damping: float = DA
     R = (FORCE_NOISE * weight) ** 2 * np.eye(2) * max(1.0, FORCE_MEMORY / drive.step)
     small = 1e-5 * np.eye(6)
     at = [s[:2]]
-    for k, a in enumerate(drive.a_hook):
+    for k in range(len(drive.a_hook)):
         moved = np.concatenate([s[None], s + small])
         r, r_rate = hanging(moved[:, :2], moved[:, 2:4], payload.length)
-        r, r_rate, pull = advance(r, r_rate, a, drive.step, **how)
-        ahead = np.concatenate([r[:, :2], r_rate[:, :2], moved[:, 4:]], axis=1)
-        said = payload.mass * pull[:, :2] + moved[:, 4:]
+        after = swung(drive, payload, gravity, r, r_rate, slice(k, k + 1))
+        ahead = np.concatenate([after.r[1, :, :2], after.r_rate[:, :2], moved[:, 4:]], axis=1)
+        said = payload.mass * after.pull[0, :, :2] + moved[:, 4:]
         F, H = (ahead[1:] - ahead[0]).T / 1e-5, (said[1:] - said[0]).T / 1e-5
         # The pull is that of the step, whose state at its begin is corrected before it moves on.
         K = np.linalg.solve(H @ P @ H.T + R, H @ P).T

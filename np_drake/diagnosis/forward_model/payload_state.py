@@ -26,14 +26,15 @@ def pendulum_error(name: str, value: float, priors: Priors) -> float:
     The motion that drives the pendulum is measured with noise, and a tether that goes slack is no pendulum.
 
     Args:
-        name: name of the parameter, beginning with mass, length or hook.
+        name: name of the parameter, beginning with mass, length, hook or damping.
         value: its value.
         priors: hold the errors.
     Source: own choice, from errors in simulated flights.
     """
     kind = name.split("_")[0]
-    errors = {"mass": priors.pendulum_mass, "length": priors.pendulum_length, "hook": priors.pendulum_hook}
-    return errors[kind] * (1.0 if kind == "hook" else abs(value))
+    if kind in ("hook", "damping"):
+        return priors.pendulum_hook if kind == "hook" else priors.pendulum_damping
+    return abs(value) * (priors.pendulum_mass if kind == "mass" else priors.pendulum_length)
 
 
 def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:
@@ -77,9 +78,18 @@ def hook_acceleration(flight: FlightResiduals, hooks: np.ndarray) -> np.ndarray:
         hooks: (m, 3) positions p_BoTo_B [m].
     Returns: (n-1, m, 3), or (n-1, 1, 3) where all hooks are the same.
     """
+    return _at_hooks(flight.driving, hooks)
+
+
+def hook_velocity(flight: FlightResiduals, hooks: np.ndarray) -> np.ndarray:
+    """Return the velocity of hooks in W at the middles of the grid's steps [m/s]; shapes as `hook_acceleration`."""
+    return _at_hooks(flight.moving, hooks)
+
+
+def _at_hooks(motion: np.ndarray, hooks: np.ndarray) -> np.ndarray:
+    """Return the motion (n-1, 3, 4) of Bo and of its levers at hooks (m, 3), (n-1, m, 3) or (n-1, 1, 3)."""
     own = hooks[:1] if np.all(hooks == hooks[0]) else hooks
-    a, lever = flight.driving[..., 0], flight.driving[..., 1:]
-    return a[:, None] + np.swapaxes(lever @ own.T, 1, 2)
+    return motion[:, None, :, 0] + np.swapaxes(motion[..., 1:] @ own.T, 1, 2)
 
 
 def start_of_swing(lengths: np.ndarray, swing: np.ndarray, pull: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -101,7 +111,12 @@ def start_of_swing(lengths: np.ndarray, swing: np.ndarray, pull: np.ndarray) -> 
 
 
 def specific_pull(
-    flight: FlightResiduals, lengths: np.ndarray, swing: np.ndarray, hooks: np.ndarray, onset: float | None
+    flight: FlightResiduals,
+    lengths: np.ndarray,
+    swing: np.ndarray,
+    hooks: np.ndarray,
+    onset: float | None,
+    damping: float | np.ndarray = 0.0,
 ) -> np.ndarray:
     """Return the force (n, m, 3) of payloads on their hooks in B per payload mass, on the grid [m/s²].
 
@@ -113,6 +128,7 @@ def specific_pull(
         swing: (m, k) initial swing (`start_of_swing`), then jumps; k at most `hidden_size`.
         hooks: (m, 3) or (1, 3) positions p_BoTo_B [m].
         onset: time at which the payload is attached [s]; None: from the start.
+        damping: of all or of each, (m,) [1/s].
     """
     a = hook_acceleration(flight, hooks)
     first = 0 if onset is None else int(np.clip(np.searchsorted(flight.t, onset), 0, len(a) - 2))
@@ -122,7 +138,12 @@ def specific_pull(
     at = zip(jumps(flight, onset) - first, range(STATE, swing.shape[1], STATE), strict=False)
     jumped = {int(k): swing[:, j : j + STATE] for k, j in at}
     driving = a[first:, 0] if a.shape[1] == 1 else a[first:]
-    middle = swing_many(lengths, r, r_rate, driving, flight.grid.step, flight.vehicle.gravity, jumped)
+    v_hook = hook_velocity(flight, hooks)[first:] if np.any(damping) else None
+    middle = swing_many(
+        *(lengths, r, r_rate, driving, flight.grid.step, flight.vehicle.gravity, jumped),
+        damping=damping,
+        v_hook=v_hook,
+    )
     at_grid = np.concatenate([middle[:1], 0.5 * (middle[1:] + middle[:-1]), middle[-1:]])
     if onset is None:
         return at_grid @ flight.R_WB
@@ -143,7 +164,8 @@ def swing_wrenches(flight: FlightResiduals, terms: "Sequence[Term]") -> np.ndarr
     hooks = np.array([p.hook for p in payloads])
     size = hidden_size(flight, onset)
     swing = np.array([padded(t.hidden.get(flight.name), size) for t in terms])
-    pull = specific_pull(flight, np.array([p.length for p in payloads]), swing, hooks, onset)
+    lengths, damping = (np.array([getattr(p, name) for p in payloads]) for name in ("length", "damping"))
+    pull = specific_pull(flight, lengths, swing, hooks, onset, damping)
     force = np.array([p.mass for p in payloads])[:, None] * pull
     return np.concatenate([force, np.cross(hooks, force)], axis=2)
 

@@ -32,7 +32,7 @@ class Options:
         return cls(
             tolerance or IDEAL_SENSORS,
             Materiality(effect_force=0.003, exactness=0.3),
-            Priors(pendulum_mass=0.006, pendulum_length=0.003, pendulum_hook=0.0003),
+            Priors(pendulum_mass=0.006, pendulum_length=0.003, pendulum_hook=0.0003, pendulum_damping=0.003),
             SearchOptions(),
             Thresholds(sure=0.75, split_misfit=1.25, slow_torque=9.0, gust_interval=1.0),
         )

@@ -31,11 +31,13 @@ class Priors:
     payload_mass: float = 0.1  # deviation of the mass over the vehicle's [1]
     hook: float = 0.1  # deviation of each coordinate of the hook [m]
     length: float = 0.05  # deviation of the length about a guess, relative [1]
+    damping: float = 0.15  # deviation of the damping [1/s]; source: `SuspendedPayload`
     swing: float = 0.15  # deviation of an initial swing [rad]
-    # Model error of a pendulum; source: simulated flights. Ideal sensors: 0.006, 0.003, 0.0003.
+    # Model error of a pendulum; source: simulated flights. Ideal sensors: 0.006, 0.003, 0.0003, 0.003.
     pendulum_mass: float = 0.02  # relative [1]
     pendulum_length: float = 0.008  # relative [1]
     pendulum_hook: float = 0.001  # [m]
+    pendulum_damping: float = 0.01  # [1/s]
     # Slow forces: what sensors do alone, and gusts.
     attitude_wander: tuple[float, float] = (10.0, 0.45)  # correlation time [s] and its deviation [e-folds]
     attitude_spread: float = (

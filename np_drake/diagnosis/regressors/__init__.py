@@ -19,7 +19,7 @@ from np_drake.diagnosis.regressors.nuisance import (
     sensor_drift,
     tolerance_of,
 )
-from np_drake.diagnosis.regressors.payload import AT_REST, WIDEST, Guess, PayloadColumns, heavy_enough
+from np_drake.diagnosis.regressors.payload import AT_REST, SHAPE, WIDEST, Guess, PayloadColumns, heavy_enough
 from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of
 from np_drake.diagnosis.regressors.regression_problem import (
     SHIFTING,
@@ -36,6 +36,7 @@ __all__ = [
     "DRAGS",
     "GUSTY",
     "PREFIX",
+    "SHAPE",
     "SHIFTING",
     "WIDEST",
     "Candidate",

@@ -1,4 +1,4 @@
-"""Payload columns of the regression, linear about a guess of tether length, hook and swing."""
+"""Payload columns of the regression, linear about a guess of tether length, hook, damping and swing."""
 
 import dataclasses as dc
 import itertools
@@ -14,17 +14,19 @@ from np_drake.diagnosis.regressors.library import Candidate, Mended, Onset
 from np_drake.diagnosis.residuals import WRENCH, FlightResiduals
 from np_drake.effects.library import LIBRARY
 
-SMALL = 0.02  # difference quotients: of a swing [rad], of a length, relative [1]
+SMALL = 0.02  # difference quotients: of a swing [rad], of a length, relative [1], of a damping [1/s]
 WIDEST = 1.2  # swing [rad], and with the natural rate its rate, that a guess may have
 LONGEST, SHORTEST = 3.0, 0.1  # tether [m]
+MOST_DAMPING = 1.0  # that a guess may have [1/s]
 SURELY = 2.0  # least mass over its posterior deviation [1]; own choice
 LIGHTEST = 0.02  # least mass, as a share of `unit`, by which products with the mass are divided [1]
 AT_REST = 4  # number of columns for mass and hook, which come first
+SHAPE = 2  # number of columns for length and damping, which come next where they are free
 
 
 @dc.dataclass(frozen=True)
 class Guess:
-    """Guess of a payload: tether length [m], hook p_BoTo_B (3,) [m] and hidden state by flight.
+    """Guess of a payload: tether length [m], hook p_BoTo_B (3,) [m], hidden state by flight and damping [1/s].
 
     The hidden state holds angles [rad] and rates [rad/s] at the start and at jumps (`jumps`); missing entries are zero.
     """
@@ -32,6 +34,7 @@ class Guess:
     length: float
     hook: np.ndarray = dc.field(default_factory=lambda: np.zeros(3))
     swing: dict[str, np.ndarray] = dc.field(default_factory=dict)
+    damping: float = 0.0
 
     def at(self, flight: str, size: int) -> np.ndarray:
         """Return the hidden state (size,) in a flight."""
@@ -42,15 +45,16 @@ class Guess:
 class PayloadColumns:
     """Payload columns with prior N(0, 1), by flight, without those that are zero there (the swings of other flights).
 
-    The order over all flights is mass, hook (3), length (if `longer`), and the swings of one flight after the other.
+    The order over all flights is mass, hook (3), length and damping (if `shaped`), and the swings of one flight after
+    the other.
 
     Args:
         guess: the point of linearisation.
-        own: by flight, (m, 6, k') force and torque: at rest, length, and the swing there.
+        own: by flight, (m, 6, k') force and torque: at rest, length, damping, and the swing there.
         onset: onsets by flight [s].
         unit: mass of a coefficient of one [kg].
         rate: natural rate [1/s].
-        longer: whether the length is free.
+        shaped: whether length and damping are free.
     """
 
     guess: Guess
@@ -59,12 +63,12 @@ class PayloadColumns:
     unit: float
     rate: float
     priors: Priors
-    longer: bool = False
+    shaped: bool = False
 
     @property
     def first(self) -> int:
         """Number of columns before those of swings."""
-        return AT_REST + int(self.longer)
+        return AT_REST + SHAPE * self.shaped
 
     @property
     def swings(self) -> dict[str, slice]:
@@ -83,35 +87,38 @@ class PayloadColumns:
 
     @property
     def log_prior(self) -> float:
-        """Log prior of the swings of the guess; deviations from the guess have their own prior."""
+        """Log prior of swings and damping of the guess; deviations from the guess have their own prior."""
         spans = {name: span.stop - span.start for name, span in self.swings.items()}
         relative = [
             self.guess.at(name, n) / (self.priors.swing * swing_units(n, self.rate))
             for name, n in spans.items()
         ]
-        return -0.5 * float(np.sum(np.concatenate(relative) ** 2))
+        damping = self.guess.damping / self.priors.damping
+        return -0.5 * float(np.sum(np.concatenate(relative) ** 2) + damping**2)
 
     def moved(self, c: np.ndarray) -> Guess:
         """Return the guess to which coefficients (k,) point.
 
-        The coefficients of length, hook and swing are products with the mass.
+        The coefficients of length, hook, damping and swing are products with the mass.
         """
         share = max(c[0], LIGHTEST)
         hook = np.clip(self.guess.hook + c[1:AT_REST] / share * self.priors.hook, -0.5, 0.5)
-        stretch = np.clip(c[AT_REST] / share * self.priors.length, -0.2, 0.2) if self.longer else 0.0
+        stretch, brake = c[AT_REST : self.first] / share if self.shaped else np.zeros(SHAPE)
+        stretch = np.clip(stretch * self.priors.length, -0.2, 0.2)
         length = float(np.clip(self.guess.length * (1 + stretch), SHORTEST, LONGEST))
+        damping = float(np.clip(self.guess.damping + brake * self.priors.damping, 0.0, MOST_DAMPING))
         swing = {}
         for name, span in self.swings.items():
             units = swing_units(span.stop - span.start, self.rate)
             move = np.clip(c[span] / share, -4.0, 4.0) * self.priors.swing
             known = self.guess.at(name, len(units))
             swing[name] = np.clip(known + move * units, -WIDEST * units, WIDEST * units)
-        return Guess(length, hook, swing)
+        return Guess(length, hook, swing, damping)
 
     def terms(self, c: np.ndarray) -> list[Term]:
         """Return the payload term that coefficients (k,) stand for."""
         guess = self.moved(c)
-        values = {"mass": max(c[0], LIGHTEST) * self.unit, "length": guess.length}
+        values = {"mass": max(c[0], LIGHTEST) * self.unit, "length": guess.length, "damping": guess.damping}
         values |= dict(zip(("hook_x", "hook_y", "hook_z"), guess.hook.tolist(), strict=True))
         return [Term(LIBRARY["suspended_payload"].of(values), self.onset, guess.swing)]
 

@@ -9,7 +9,7 @@ from np_drake import attitude
 from np_drake.diagnosis.forward_model import NEVER, STATE, hidden_size, specific_pull, swing_units
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.regressors.library import Candidate, Onset
-from np_drake.diagnosis.regressors.payload import AT_REST, SMALL, Guess, PayloadColumns
+from np_drake.diagnosis.regressors.payload import AT_REST, SHAPE, SMALL, Guess, PayloadColumns
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.effects.library import LIBRARY
 
@@ -36,8 +36,8 @@ def payloads_of(
 ) -> list[PayloadColumns]:
     """Return payload columns at each fixed tether length.
 
-    Mass, hook (through torque) and the initial swing of every flight are free. All lengths together cost little more
-    than one.
+    Mass, hook (through torque) and the initial swing of every flight are free; there is no damping. All lengths
+    together cost little more than one.
 
     Args:
         flights: the flights.
@@ -63,16 +63,18 @@ def payloads_of(
 def payload_about(
     flights: Sequence[FlightResiduals], guess: Guess, priors: Priors, onset: Onset | None = None
 ) -> PayloadColumns:
-    """Return payload columns linearised about a guess, with its length free as well."""
+    """Return payload columns linearised about a guess, with its length and damping free as well."""
     rate = math.sqrt(flights[0].vehicle.gravity / guess.length)
     pulls = {}
     for e in flights:
         size = hidden_size(e, (onset or {}).get(e.name))
         moves = SMALL * np.diag(swing_units(size, rate))
-        swing = guess.at(e.name, size) + np.concatenate([np.zeros((2, size)), moves])
-        lengths = guess.length * np.array([1.0, 1.0 + SMALL] + [1.0] * size)
-        pulls[e.name] = _pulls(e, lengths, swing, guess.hook, onset)
-    return _columns(flights, guess, pulls, priors, onset or {}, longer=True)
+        swing = guess.at(e.name, size) + np.concatenate([np.zeros((1 + SHAPE, size)), moves])
+        lengths, damping = np.full(len(swing), guess.length), np.full(len(swing), guess.damping)
+        lengths[1] *= 1 + SMALL
+        damping[2] += SMALL
+        pulls[e.name] = _pulls(e, lengths, swing, guess.hook, onset, damping)
+    return _columns(flights, guess, pulls, priors, onset or {}, shaped=True)
 
 
 def _columns(
@@ -82,31 +84,39 @@ def _columns(
     priors: Priors,
     onset: Onset,
     *,
-    longer: bool = False,
+    shaped: bool = False,
 ) -> PayloadColumns:
-    """Return the columns from the pulls at the guess, at a longer tether (if `longer`), and at each displaced swing."""
+    """Return the columns from the pulls at the guess, of other shape (if `shaped`), and at each displaced swing.
+
+    shaped: at a longer tether, and with more damping.
+    """
     mass = priors.payload_mass * flights[0].vehicle.mass
     rate = math.sqrt(flights[0].vehicle.gravity / guess.length)
     hooks = [guess.hook, *(priors.hook * np.eye(3))]
     own = {}
     for name, pull in pulls.items():
         force = np.swapaxes(mass * pull, 1, 2)  # (m, 3, k)
-        widths = [priors.length / SMALL, priors.swing / SMALL]
-        more = np.repeat(widths, [int(longer), pull.shape[1] - 1 - int(longer)])
+        widths = np.array([priors.length, priors.damping, priors.swing]) / SMALL
+        more = np.repeat(widths, [int(shaped), int(shaped), pull.shape[1] - 1 - SHAPE * shaped])
         moved = (force[..., 1:] - force[..., :1]) * more
         X = np.zeros((len(force), 6, AT_REST + len(more)))
         X[:, FORCE, 0], X[:, FORCE, AT_REST:] = force[..., 0], moved
         X[:, TORQUE, :AT_REST] = np.stack([force[..., 0] @ attitude.skew(h).T for h in hooks], axis=-1)
         X[:, TORQUE, AT_REST:] = attitude.skew(guess.hook) @ moved
         own[name] = X
-    return PayloadColumns(guess, own, onset, mass, rate, priors, longer)
+    return PayloadColumns(guess, own, onset, mass, rate, priors, shaped)
 
 
 def _pulls(
-    flight: FlightResiduals, lengths: np.ndarray, swing: np.ndarray, hook: np.ndarray, onset: Onset | None
+    flight: FlightResiduals,
+    lengths: np.ndarray,
+    swing: np.ndarray,
+    hook: np.ndarray,
+    onset: Onset | None,
+    damping: float | np.ndarray = 0.0,
 ) -> np.ndarray:
     """Return the specific pulls (m, k, 3) of k payloads (`specific_pull`); zero where the flight has no payload."""
     begin = (onset or {}).get(flight.name)
     if begin == NEVER:
         return np.zeros((len(flight.t), len(lengths), 3))
-    return specific_pull(flight, lengths, swing, np.asarray(hook)[None], begin)
+    return specific_pull(flight, lengths, swing, np.asarray(hook)[None], begin, damping)

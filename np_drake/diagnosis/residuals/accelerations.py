@@ -37,6 +37,11 @@ class Instants:
         return attitude.rotation_matrix(self.q)
 
     @cached_property
+    def sweep(self) -> np.ndarray:
+        """(n, 3, 3) matrix that maps p_BoP_B [m] to the velocity of P relative to Bo, in W [1/s]."""
+        return self.R_WB @ attitude.skew(self.x[:, W])
+
+    @cached_property
     def lever(self) -> np.ndarray:
         """(n, 3, 3) matrix that maps p_BoP_B [m] to the acceleration of P relative to Bo, in W [1/s²]."""
         turning = attitude.skew(self.x[:, W])

@@ -164,7 +164,16 @@ class FlightResiduals:
     @cached_property
     def driving(self) -> np.ndarray:
         """(m-1, 3, 4) `a` [m/s²] and `lever` [1/s²], in W, at the middles of the grid's steps."""
-        values = np.concatenate([self.rows.a[..., None], self.rows.lever], axis=-1)
+        return self._between(self.rows.a, self.rows.lever)
+
+    @cached_property
+    def moving(self) -> np.ndarray:
+        """(m-1, 3, 4) velocity [m/s] and `sweep` [1/s], in W, at the middles of the grid's steps."""
+        return self._between(self.rows.x[:, V], self.rows.sweep)
+
+    def _between(self, vector: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+        """Return (m-1, 3, 4) vector (n, 3) and matrix (n, 3, 3) at the rows, at the middles of the grid's steps."""
+        values = np.concatenate([vector[..., None], matrix], axis=-1)
         middle = 0.5 * (self.t[1:] + self.t[:-1])
         columns = [np.interp(middle, self.rows.t, column) for column in values.reshape(-1, 12).T]
         return np.stack(columns, axis=1).reshape(-1, 3, 4)

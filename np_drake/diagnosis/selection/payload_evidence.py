@@ -8,7 +8,7 @@ import numpy as np
 
 from np_drake.diagnosis.forward_model import jumps
 from np_drake.diagnosis.numerics import Gram, NoiseModel
-from np_drake.diagnosis.regressors import AT_REST, Candidate, Onset, PayloadColumns, heavy_enough
+from np_drake.diagnosis.regressors import AT_REST, SHAPE, Candidate, Onset, PayloadColumns, heavy_enough
 from np_drake.diagnosis.residuals import FlightResiduals, bridge
 
 CHANNELS = 6  # force and torque alone see a payload
@@ -108,11 +108,12 @@ class Beside:
         return evidence + candidate.log_prior
 
     def swing_alone(self, candidate: White, horizon: float, mass: float) -> np.ndarray:
-        """Return (k,) coefficients of a `longer` payload with the mass given, hook and length at the guess."""
+        """Return (k,) coefficients of a `shaped` payload with the mass given; hook, length and damping stay."""
         (both,), n = self.joints(candidate, [horizon]), self.size
-        free = np.r_[:n, n + AT_REST + 1 : len(both.Xy)]
+        first = AT_REST + SHAPE
+        free = np.r_[:n, n + first : len(both.Xy)]
         residual = Gram(both.XX, both.Xy - both.XX[:, n] * mass, 0.0, 0)
-        fixed = np.concatenate([[mass], np.zeros(AT_REST)])
+        fixed = np.concatenate([[mass], np.zeros(first - 1)])
         return np.concatenate([fixed, residual.posterior(free)[0][n:]])
 
     def joints(self, candidate: White, horizons: Sequence[float]) -> list[Gram]:

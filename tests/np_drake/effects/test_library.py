@@ -11,7 +11,7 @@ EFFECTS = pytest.mark.parametrize("effect", LIBRARY.values(), ids=LIBRARY.keys()
 
 TABLE = """
 mass_error delta_mass | inertia_error scale_xx scale_yy scale_zz | center_of_mass_offset x y z
-suspended_payload mass length hook_x hook_y hook_z | thrust_scale scale | thrust_drift start rate
+suspended_payload mass length hook_x hook_y hook_z damping | thrust_scale scale | thrust_drift start rate
 weak_rotor rotor efficiency | motor_lag time_constant | command_delay delay | linear_drag d_x d_y d_z
 quadratic_drag c_x c_y c_z | blade_flapping moment | translational_lift lift | constant_wind x y z
 gusty_wind mean_x mean_y mean_z deviation correlation_time | ground_effect effective_radius

@@ -6,7 +6,16 @@ from numba import njit
 from scipy.integrate import solve_ivp
 
 from np_drake.effects import pendulum
-from np_drake.effects.pendulum import Payload, hook_acceleration, swing, swing_many
+from np_drake.effects.pendulum import (
+    Payload,
+    hanging,
+    hook_acceleration,
+    hook_velocity,
+    path_many,
+    swing,
+    swing_many,
+    tether_force,
+)
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 
@@ -14,15 +23,18 @@ GRAVITY = 9.81
 WEIGHT = np.array([0, 0, GRAVITY])
 
 
-def spherical(length, r, r_rate, hook, t):
-    """Reference: (len(t), 3) specific pull of a taut pendulum under the hook acceleration hook(t)."""
+def spherical(length, r, r_rate, hook, t, damping=0.0):
+    """Reference: (len(t), 3) specific pull of a taut pendulum under the hook acceleration hook(t), at hook_speed(t)."""
+
+    def pushed(t):
+        return WEIGHT + hook(t) + damping * hook_speed(t)
 
     def pull(t, s):
         r, v = s[:3], s[3:]
-        return r / length**2 * (v @ v - r @ (WEIGHT + hook(t)))
+        return r / length**2 * (v @ v - r @ pushed(t))
 
     def rate(t, s):
-        return np.concatenate([s[3:], -pull(t, s) - hook(t) - WEIGHT])
+        return np.concatenate([s[3:], -pull(t, s) - pushed(t) - damping * s[3:]])
 
     s = solve_ivp(rate, (0, t[-1]), np.concatenate([r, r_rate]), t_eval=t, rtol=1e-11, atol=1e-12).y.T
     return np.stack([pull(ti, si) for ti, si in zip(t, s, strict=True)])
@@ -32,14 +44,21 @@ def hook(t):
     return np.array([2 * np.sin(3 * t), 1.5 * np.cos(2 * t), np.sin(5 * t)])
 
 
-def test_under_a_moving_hook_the_error_falls_with_the_square_of_the_step():
+def hook_speed(t):
+    """Return the velocity of `hook` (3,), 0.5 m/s along x at first."""
+    return np.array([0.5 + 2 / 3 * (1 - np.cos(3 * t)), 0.75 * np.sin(2 * t), 0.2 * (1 - np.cos(5 * t))])
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.8])
+def test_under_a_moving_hook_the_error_falls_with_the_square_of_the_step(damping):
     length, r, r_rate = 0.7, 0.7 * np.array([0.6, 0, -0.8]), np.array([0.4, 1.0, 0.3])
     errors = []
     for step in (0.01, 0.005, 0.0025):
         t = step * (np.arange(round(2 / step)) + 0.5)
         a = np.stack([hook(ti) for ti in t])
-        found = swing_many(np.array([length]), r[None], r_rate[None], a, step, GRAVITY)[:, 0]
-        errors.append(np.abs(found - spherical(length, r, r_rate, hook, t)).max())
+        how = {"damping": damping, "v_hook": np.stack([hook_speed(ti) for ti in t])}
+        found = swing_many(np.array([length]), r[None], r_rate[None], a, step, GRAVITY, **how)[:, 0]
+        errors.append(np.abs(found - spherical(length, r, r_rate, hook, t, damping)).max())
     assert errors[0] < 0.03  # [m/s²]
     np.testing.assert_allclose(np.array(errors[:-1]) / errors[1:], 4.0, rtol=0.2)
 
@@ -58,9 +77,116 @@ def test_many_pendulums_swing_as_each_does_alone(seed):
     found = swing_many(lengths, r, r_rate, a, 0.004, GRAVITY)
     own_hooks = swing_many(lengths, r, r_rate, np.repeat(a[:, None], 5, axis=1), 0.004, GRAVITY)
     np.testing.assert_array_equal(own_hooks, found)
+    damping, v = np.linspace(0, 0.5, 5), np.cumsum(0.004 * a, axis=0)
+    found = swing_many(lengths, r, r_rate, a, 0.004, GRAVITY, damping=damping, v_hook=v)
     for i in range(5):
-        alone = swing(Payload(2.0, lengths[i]), r[i], r_rate[i], a, 0.004, GRAVITY)
+        payload = Payload(2.0, lengths[i], damping=damping[i])
+        alone = swing(payload, r[i], r_rate[i], a, 0.004, GRAVITY, v)
         np.testing.assert_allclose(alone, 2.0 * found[:, i], rtol=1e-9, atol=1e-9)
+
+
+def undamped(lengths, r, r_rate, a_hook, step):
+    """Reference: the leapfrog of a pendulum in a vacuum, (n, m, 3) [m/s²]."""
+    pulls = np.empty((len(a_hook), *r.shape))
+    now, move = (s.T for s in pendulum._start(lengths, r.T, r_rate.T, step))
+    for i, limit in enumerate(np.square(lengths)):
+        x, u = now[i], move[i]
+        square = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
+        for k, kick in enumerate(-(step**2) * (a_hook + WEIGHT)):
+            u = u + kick
+            b = x + u
+            along, far = x[0] * b[0] + x[1] * b[1] + x[2] * b[2], b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
+            mu, excess = 0.0, far - limit
+            if excess > 0:
+                mu = max(0.0, excess / (along + np.sqrt(max(0.0, along * along - square * excess))))
+            pulls[k, i], u = mu * x, u - mu * x
+            x, square = x + u, min(far, limit)
+    return pulls / step**2
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_without_damping_not_a_bit_is_other_than_in_a_vacuum(seed):
+    lengths, r, r_rate, a = some_pendulums(seed)
+    found = swing_many(lengths, r, r_rate, a, 0.004, GRAVITY, damping=0.0, v_hook=a)
+    np.testing.assert_array_equal(found, undamped(lengths, r, r_rate, a, 0.004))
+    assert 0.2 < (found[..., 2] != 0).mean() < 1.0  # taut and slack
+
+
+def test_a_small_damped_swing_is_that_of_the_closed_form():
+    length, damping, step, angle = 0.5, 0.4, 0.004, 0.02
+    r = length * np.array([[np.sin(angle), 0.0, -np.cos(angle)]])
+    found = path_many(
+        np.array([length]), r, np.zeros((1, 3)), np.zeros((2500, 3)), step, GRAVITY, damping=damping
+    )
+    t, rate = step * np.arange(2501), np.sqrt(GRAVITY / length - 0.25 * damping**2)
+    decay = np.exp(-0.5 * damping * t) * (np.cos(rate * t) + 0.5 * damping / rate * np.sin(rate * t))
+    # [m], of 0.01: the period is longer by angle²/16 and, by the step, shorter by (rate step)²/24
+    np.testing.assert_allclose(found.r[:, 0, 0], r[0, 0] * decay, atol=5e-5)
+    slope = -r[0, 0] * GRAVITY / length / rate * np.exp(-0.5 * damping * t[-1]) * np.sin(rate * t[-1])
+    np.testing.assert_allclose(found.r_rate[0, 0], slope, atol=2e-4)  # [m/s]
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10**6), st.floats(0.0, 1.0))
+def test_the_energy_of_a_payload_under_a_hook_at_rest_never_grows(seed, damping):
+    lengths, r, r_rate, _ = some_pendulums(seed)
+    step = 0.002
+    ends, _, _ = path_many(lengths, r, r_rate, np.zeros((1500, 3)), step, GRAVITY, damping=damping)
+    middle, v = 0.5 * (ends[1:] + ends[:-1]), np.diff(ends, axis=0) / step
+    energy = 0.5 * np.sum(v**2, axis=2) + GRAVITY * middle[..., 2]
+    # [m²/s²]: the integrator's own ripple, of second order in the step
+    assert (energy - np.minimum.accumulate(energy, axis=0)).max() < 0.01
+
+
+def test_in_steady_flight_the_payload_hangs_back_by_its_drag_over_its_weight():
+    payload, v = Payload(0.1, 0.6, damping=0.5), np.array([3.0, 0.0, 0.0])
+    lag = np.arctan(payload.damping * v[0] / GRAVITY)
+    start = (0.6 * np.array([-np.sin(lag), 0.0, -np.cos(lag)]), np.zeros(3))
+    steady = {
+        "a_hook": np.zeros((2000, 3)),
+        "step": 0.005,
+        "gravity": GRAVITY,
+        "v_hook": np.tile(v, (2000, 1)),
+    }
+    expected = payload.mass * np.array([-payload.damping * v[0], 0.0, -GRAVITY])  # drag and weight
+    np.testing.assert_allclose(swing(payload, *start, **steady), np.tile(expected, (2000, 1)), atol=1e-9)
+    np.testing.assert_allclose(tether_force(payload, *start, np.zeros(3), GRAVITY, v), expected, atol=1e-12)
+
+
+def test_a_slack_payload_falls_to_its_final_speed():
+    still, damping = np.zeros((4000, 3)), 2.0
+    fallen = path_many(
+        np.full(1, 1e3), np.zeros((1, 3)), np.zeros((1, 3)), still, 0.002, GRAVITY, damping=damping
+    )
+    assert fallen.r_rate[0, 2] == pytest.approx(-GRAVITY / damping, rel=1e-6)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10**6))
+def test_a_path_is_that_of_the_pulls_in_parts_as_at_once(seed):
+    lengths, r, r_rate, a = some_pendulums(seed)
+    r, r_rate = hanging(r[:, :2], r_rate[:, :2], lengths)
+    a = 0.5 * a  # taut: a snap within a step is felt in one of the two
+    how = {"damping": 0.3, "v_hook": np.cumsum(0.004 * a, axis=0)}
+    ends, rate, pull = path_many(lengths, r, r_rate, a, 0.004, GRAVITY, **how)
+    np.testing.assert_array_equal(pull, swing_many(lengths, r, r_rate, a, 0.004, GRAVITY, **how))
+    np.testing.assert_array_equal(ends[0], r)
+    assert (np.linalg.norm(ends, axis=2) <= lengths * (1 + 1e-9)).all()
+    v = how["v_hook"]
+    half = path_many(lengths, r, r_rate, a[:100], 0.004, GRAVITY, damping=0.3, v_hook=v[:100])
+    np.testing.assert_array_equal(half.r[:-1], ends[:100])
+    assert rate.shape == (5, 3)
+
+
+def test_the_hook_of_a_turning_body_moves_across_its_arm():
+    x = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0.5, 0, 0, 0, 0, 2.0])
+    np.testing.assert_allclose(hook_velocity((0.1, 0, 0), x), [0.5, 0.2, 0.0], atol=1e-12)
+
+
+def test_a_hanging_tether_is_taut_and_moves_along_its_sphere():
+    r, rate = hanging(np.array([[0.2, 0.1], [5.0, 0.0]]), np.array([[0.3, -0.5], [0.0, 1.0]]), 0.5)
+    np.testing.assert_allclose(np.linalg.norm(r, axis=1), 0.5)
+    np.testing.assert_allclose(np.sum(r * rate, axis=1), 0.0, atol=1e-12)
 
 
 @settings(max_examples=30, deadline=None)
@@ -114,7 +240,7 @@ def test_the_hook_of_a_turning_body_accelerates_towards_the_axis_and_along_the_t
 
 
 def test_a_payload_at_rest_pulls_with_its_weight_at_its_hook():
-    dut = SuspendedPayload(0.5, 1.0, 0.1, 0.0, -0.05)
+    dut = SuspendedPayload(0.5, 1.0, 0.1, 0.0, -0.05, 0.3)
     x = np.tile([0, 0, 1.0, 1.0, *np.zeros(9)], (20, 1))
     still = {"a": np.zeros((20, 3)), "al": np.zeros((20, 3)), "r_rate": np.zeros(3)}
     chi = dut.wrench_along(Vehicle(), x=x, step=0.01, r=np.array([0, 0, -1.0]), **still)

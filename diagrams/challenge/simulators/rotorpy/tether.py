@@ -13,7 +13,7 @@ BAND = 1e-3  # of its length by which a taut tether may be too short [1]
 
 
 class Tether:
-    """A point mass on a tether that pulls only. State: position and velocity of the payload in W [m, m/s].
+    """A point mass on a tether that pulls only, in still air. State: its position and velocity in W [m, m/s].
 
     The tension is that with which d²|r|/dt² = -2 RATE d|r|/dt - RATE² (|r| - L), r from hook to payload, given the
     accelerations that vehicle and payload have without it.   Source: Newton and Euler for both bodies; index reduction
@@ -25,6 +25,7 @@ class Tether:
     def __init__(self, values: Values):
         self.mass, self.length = values["mass"], values["length"]
         self.hook = np.array([values["hook_x"], values["hook_y"], values["hook_z"]])
+        self.damping = values.get("damping", 0.0)  # drag over mass and velocity [1/s]
 
     def hang(self, now: Instant) -> np.ndarray:
         """Return the payload's state (6,) straight below the hook, and moving with it."""
@@ -44,7 +45,7 @@ class Tether:
         arm, (x, y, z) = self.hook - center, now.w.tolist()
         way = own[:3] - now.p - now.R @ self.hook
         span = math.sqrt(float(way @ way))
-        fall = np.array([0.0, 0.0, -gravity])
+        fall = np.array([0.0, 0.0, -gravity]) - self.damping * own[3:]
         if span < (1 - BAND) * self.length:
             return np.zeros(6), np.concatenate([own[3:], fall])
         n, rate = way / span, own[3:] - now.v - now.R @ cross(now.w, self.hook)
@@ -54,7 +55,7 @@ class Tether:
         hook = float(
             n @ motion[:3] + lever @ motion[3:] + n_B @ inward
         )  # its acceleration away along the tether
-        wanted = -gravity * float(n[2]) - hook + (float(rate @ rate) - along * along) / span
+        wanted = float(n @ fall) - hook + (float(rate @ rate) - along * along) / span
         wanted += 2 * RATE * along + RATE**2 * (span - self.length)
         turn = J_inverse @ lever
         tension = max(wanted / (1 / self.mass + 1 / mass + float(lever @ turn)), 0.0)

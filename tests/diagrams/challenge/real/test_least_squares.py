@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from diagrams.challenge.real.least_squares import (
+    DAMPING,
     LENGTHS,
     Columns,
     drag_columns,
@@ -18,7 +19,7 @@ from diagrams.challenge.real.least_squares import (
     told_wind,
     wind_columns,
 )
-from diagrams.challenge.real.pendulum_path import hanging, path
+from np_drake.effects.pendulum import hanging, swing_many
 from np_drake.vehicle import Vehicle
 
 DRAG = 0.4  # N s/m
@@ -71,7 +72,9 @@ def test_told_a_payload_gives_its_mass_and_length(make_flight):
 
     def pull(t, p, v, a):
         start = hanging(np.array([[0.1, -0.05]]), np.zeros((1, 2)), length)
-        pulls = path(*start, 0.5 * (a[1:] + a[:-1]), t[1] - t[0], length=length, gravity=9.81)[1][:, 0]
+        a, v = 0.5 * (a[1:] + a[:-1]), 0.5 * (v[1:] + v[:-1])
+        how = {"damping": DAMPING, "v_hook": v}
+        pulls = swing_many(np.array([length]), *start, a, t[1] - t[0], 9.81, **how)[:, 0]
         return mass * np.concatenate([pulls[:1], 0.5 * (pulls[1:] + pulls[:-1]), pulls[-1:]])
 
     flights = residuals_of([make_flight(4, pull)], Vehicle())

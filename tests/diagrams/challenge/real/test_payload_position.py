@@ -1,14 +1,15 @@
 """Laws of the payload's position: on a simulated pendulum it is found from the vehicle's motion and force alone."""
 
+import dataclasses as dc
+
 import numpy as np
 import pytest
 
 from diagrams.challenge.real.payload_position import error, make_drive, observed, open_loop
-from diagrams.challenge.real.pendulum_path import hanging, path
-from np_drake.effects.pendulum import Payload
+from np_drake.effects.pendulum import Payload, hanging, path_many
 from np_drake.vehicle import Vehicle
 
-TRUE = Payload(0.2, 0.6, (0.0, 0.0, 0.0))
+TRUE = Payload(0.2, 0.6, (0.0, 0.0, 0.0), 0.15)
 GRAVITY = 9.81
 
 
@@ -19,8 +20,8 @@ def swung(make_flight):
 
     def pull(t, p, v, a):
         start = hanging(np.array([[0.15, -0.1]]), np.array([[0.2, 0.3]]), TRUE.length)
-        between = 0.5 * (a[1:] + a[:-1])
-        r, pulls = path(*start, between, t[1] - t[0], length=TRUE.length, gravity=GRAVITY)
+        a, how = 0.5 * (a[1:] + a[:-1]), {"damping": TRUE.damping, "v_hook": 0.5 * (v[1:] + v[:-1])}
+        r, _, pulls = path_many(np.array([TRUE.length]), *start, a, t[1] - t[0], GRAVITY, **how)
         seen["p"] = p + r[:, 0]
         rows = np.concatenate([pulls[:1], 0.5 * (pulls[1:] + pulls[:-1]), pulls[-1:]])
         return TRUE.mass * rows[:, 0]
@@ -40,7 +41,7 @@ def test_the_true_pendulum_is_where_the_payload_is(swung, predict, most):
 
 def test_a_wrong_length_is_worse_open_loop_than_observed(swung):
     log, p = swung
-    wrong = Payload(TRUE.mass, 0.66, TRUE.hook)
+    wrong = dc.replace(TRUE, length=0.66)
     drive = make_drive(log, Vehicle(), wrong)
     off = {f: error(f(drive, wrong, GRAVITY), drive.t, p, log.t) for f in (open_loop, observed)}
     assert off[observed] < 0.6 * off[open_loop]
@@ -50,5 +51,6 @@ def test_what_comes_later_does_not_change_the_observed_position(swung):
     log, _ = swung
     drive = make_drive(log, Vehicle(), TRUE)
     cut = len(drive.t) // 2
-    first = type(drive)(drive.t[:cut], drive.a_hook[: cut - 1], drive.p_hook[:cut], drive.force[:cut])
+    steps = drive.a_hook[: cut - 1], drive.v_hook[: cut - 1]
+    first = type(drive)(drive.t[:cut], *steps, drive.p_hook[:cut], drive.force[:cut])
     assert np.allclose(observed(first, TRUE, GRAVITY), observed(drive, TRUE, GRAVITY)[:cut])

@@ -52,14 +52,16 @@ def test_parameters_are_recovered_within_their_intervals(seen, noise, true, star
     np.testing.assert_array_equal(read(dut.terms, dut.free), dut.values)
 
 
-def test_a_payload_is_recovered_with_its_swing(seen, noise):
-    true = SuspendedPayload(0.2, 0.5, 0.0, 0.0, -0.05)
+@pytest.mark.parametrize("damping", [0.0, 0.25])
+def test_a_payload_is_recovered_with_its_swing(seen, noise, damping):
+    true = SuspendedPayload(0.2, 0.5, 0.0, 0.0, -0.05, damping)
     flight = seen(true, noise=1.0, seconds=7.0)
     dut = refine([Term(SuspendedPayload(0.15, 0.46))], [], [flight], noise, temperature=1.0, priors=PRIORS)
     found = dut.terms[0].effect
     assert found.mass == pytest.approx(0.2, rel=0.05)
     assert found.length == pytest.approx(0.5, rel=0.03)
     assert found.hook_z == pytest.approx(-0.05, abs=0.02)
+    assert found.damping == pytest.approx(damping, abs=0.05)  # [1/s]
     assert np.abs(dut.terms[0].hidden["a"]).max() < 0.2  # it begins at rest [rad, rad/s]
 
 

@@ -13,6 +13,7 @@ from np_drake.diagnosis.forward_model.payload_state import (
     STATE,
     hidden_size,
     hook_acceleration,
+    hook_velocity,
     jumps,
     specific_pull,
     start_of_swing,
@@ -20,6 +21,7 @@ from np_drake.diagnosis.forward_model.payload_state import (
 )
 from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.residuals.resampling import TAPS
+from np_drake.effects import pendulum
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 SMALL = st.floats(-0.8, 0.8)
@@ -57,6 +59,29 @@ def test_the_hook_of_a_hovering_vehicle_rests(seen):
     np.testing.assert_allclose(pull[:, 0], np.tile([0, 0, -9.81], (len(dut.t), 1)), atol=1e-6)
 
 
+def test_a_hook_moves_as_a_point_of_the_body_many_as_each_alone(seen):
+    dut = seen()
+    hooks = np.array([[0.1, 0.0, 0.0], [0.03, -0.2, 0.05]])
+    together, rows = hook_velocity(dut, hooks), dut.rows
+    middle = 0.5 * (dut.t[1:] + dut.t[:-1])
+    for i, hook in enumerate(hooks):
+        v = pendulum.hook_velocity(hook, rows.x)
+        expected = [np.interp(middle, rows.t, column) for column in v.T]
+        np.testing.assert_allclose(together[:, i], np.transpose(expected), atol=1e-12)
+        np.testing.assert_allclose(together[:, i], hook_velocity(dut, hooks[i : i + 1])[:, 0], atol=1e-12)
+
+
+def test_the_air_brakes_a_swing_under_a_hovering_vehicle(seen):
+    dut = seen(vigour=0.0)
+    how = {"lengths": np.full(2, 0.5), "swing": np.array([[0.1, 0, 0, 0]] * 2), "hooks": np.zeros((1, 3))}
+    pull = specific_pull(dut, **how, onset=None, damping=np.array([0.0, 0.5]))
+    np.testing.assert_array_equal(pull[:, :1], specific_pull(dut, **how, onset=None)[:, :1])
+    late = np.flatnonzero(dut.t > dut.t[-1] - 1.42)  # a period [s]
+    vacuum, air = np.abs(pull[late, :, 0]).T
+    decay = np.exp(-0.25 * dut.t[late[np.argmax(air)]])
+    assert air.max() / vacuum.max() == pytest.approx(decay, rel=0.02)
+
+
 def test_a_hook_accelerates_as_a_point_of_the_body_many_as_each_alone(seen):
     dut = seen()
     hooks = np.array([[0.1, 0.0, 0.0], [0.03, -0.2, 0.05], [0.1, 0.0, 0.0]])
@@ -74,7 +99,7 @@ def test_many_payloads_pull_as_each_does_alone(seen):
     dut = seen(seconds=5.0)
     terms = [
         Term(
-            SuspendedPayload(0.1 * (i + 1), 0.4 + 0.3 * i, 0.02, 0.0, -0.05),
+            SuspendedPayload(0.1 * (i + 1), 0.4 + 0.3 * i, 0.02, 0.0, -0.05, 0.2 * i),
             {"a": 1.0},
             {"a": np.full(4, 0.1 * i)},
         )

@@ -1,3 +1,5 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from diagrams.challenge.simulators.rotorpy.library_effects import Instant
 from diagrams.challenge.simulators.rotorpy.simulator import fly
 from diagrams.challenge.simulators.rotorpy.tether import Tether
 from np_drake.effects.library import LIBRARY
-from np_drake.effects.pendulum import hook_acceleration
+from np_drake.effects.pendulum import hook_acceleration, hook_velocity
 from np_drake.labels import raw_labels
 
 EFFECT = LIBRARY["suspended_payload"](0.3, 0.7, 0.01, -0.01, -0.03)
@@ -41,9 +43,12 @@ def swing(tether, own, seconds, step=0.002):
     return np.array(states)
 
 
+VALUES = {"mass": 0.3, "length": 0.7, "hook_x": 0.0, "hook_y": 0.0, "hook_z": 0.0}
+
+
 @pytest.fixture
 def dut():
-    return Tether({"mass": 0.3, "length": 0.7, "hook_x": 0.0, "hook_y": 0.0, "hook_z": 0.0})
+    return Tether(VALUES)
 
 
 def test_a_small_swing_has_the_pendulums_period_and_keeps_its_energy(dut):
@@ -53,6 +58,25 @@ def test_a_small_swing_has_the_pendulums_period_and_keeps_its_energy(dut):
     period = 2 * np.pi * np.sqrt(0.7 / GRAVITY)
     assert np.diff(crossings).mean() * 0.002 == pytest.approx(period, rel=2e-3)
     assert states[-2000:, 0].max() == pytest.approx(way[0], rel=2e-2)
+
+
+def test_in_the_air_its_energy_decays_with_the_damping():
+    way = 0.7 * np.array([np.sin(0.05), 0.0, -np.cos(0.05)])
+    states = swing(Tether(VALUES | {"damping": 0.3}), np.append(way, np.zeros(3)), 10.0)
+    energy = 0.5 * np.sum(states[:, 3:] ** 2, axis=1) + GRAVITY * (0.7 + states[:, 2])
+    period = round(2 * np.pi * np.sqrt(0.7 / GRAVITY) / 0.002)
+    assert energy[-period:].mean() / energy[:period].mean() == pytest.approx(
+        np.exp(-0.3 * (len(states) - period) * 0.002), rel=0.03
+    )
+
+
+def test_a_payload_that_is_lifted_through_the_air_steadily_is_not_accelerated():
+    climb, wall = np.array([0.0, 0.0, 2.0]), (1e12, np.eye(3) * 1e-12, np.zeros(3))
+    own = np.concatenate([[0.0, 0.0, -0.7], climb])
+    now = dc.replace(hung_up(), v=climb)
+    pulled, rate = Tether(VALUES | {"damping": 0.5}).pull(now, own, np.zeros(6), wall, GRAVITY)
+    np.testing.assert_allclose(rate, [*climb, 0.0, 0.0, 0.0], atol=1e-9)
+    assert pulled[2] * 1e12 == pytest.approx(-0.3 * (GRAVITY + 0.5 * 2.0))  # [N]
 
 
 def test_a_slack_payload_falls_freely_and_is_caught_at_the_tethers_end(dut):
@@ -82,15 +106,20 @@ def test_a_tether_keeps_its_length_and_never_pushes(vehicle, monkeypatch):
     np.testing.assert_allclose(spans, 0.7, rtol=1e-3)
 
 
-def test_a_payload_that_attaches_swings_as_the_effects_own(vehicle):
-    plan = draw_plan(np.random.default_rng(3), vehicle, 4.0, "aggressive_multisine")
-    log = fly(vehicle, plan, [EFFECT], t=np.arange(400) / 100, onset=0.5)
+@pytest.mark.parametrize("damping", [0.0, 0.5])
+def test_a_payload_that_attaches_swings_as_the_effects_own(vehicle, damping):
+    plan, effect = (
+        draw_plan(np.random.default_rng(3), vehicle, 4.0, "aggressive_multisine"),
+        dc.replace(EFFECT, damping=damping),
+    )
+    log = fly(vehicle, plan, [effect], t=np.arange(400) / 100, onset=0.5)
     chi, part = raw_labels(log, vehicle), slice(50, 400)
     np.testing.assert_allclose(chi[:50], 0.0, atol=1e-9)
     motion = {"x": log.x[part], "a": log.a[part], "al": log.al[part]}
-    hook = hook_acceleration(EFFECT.payload.hook, **motion)[0]
-    # It begins at rest below the hook: the pull is that of its weight and of the hook's climb.
+    hook = hook_acceleration(effect.payload.hook, **motion)[0]
+    hook += damping * hook_velocity(effect.payload.hook, log.x[50])
+    # It begins at rest below the hook: the pull is that of its weight, of the hook's climb and of the air.
     np.testing.assert_allclose(chi[50, :3], [0, 0, -0.3 * (GRAVITY + hook[2])], atol=1e-2)  # [N]
-    own = EFFECT.wrench_along(vehicle, **motion, step=0.01, r=np.array([0.0, 0.0, -0.7]), r_rate=np.zeros(3))
+    own = effect.wrench_along(vehicle, **motion, step=0.01, r=np.array([0.0, 0.0, -0.7]), r_rate=np.zeros(3))
     left = np.sqrt(np.mean((chi[part] - own) ** 2, axis=0))
     assert np.all(left < 0.01 * own.std(axis=0) + 1e-5)
