@@ -33,11 +33,11 @@ class Priors:
     length: float = 0.05  # deviation of the length about a guess, relative [1]
     damping: float = 0.15  # deviation of the damping [1/s]; source: `SuspendedPayload`
     swing: float = 0.15  # deviation of an initial swing [rad]
-    # Model error of a pendulum; source: simulated flights. Ideal sensors: 0.006, 0.003, 0.0003, 0.003.
+    # Model error of a pendulum; source: simulated flights. Ideal sensors: 0.006, 0.003, 0.0003.
     pendulum_mass: float = 0.02  # relative [1]
     pendulum_length: float = 0.008  # relative [1]
     pendulum_hook: float = 0.001  # [m]
-    pendulum_damping: float = 0.01  # [1/s]
+    pendulum_damping: float = 0.01  # [1/s]; own choice, as is 0.003 for ideal sensors
     # Slow forces: what sensors do alone, and gusts.
     attitude_wander: tuple[float, float] = (10.0, 0.45)  # correlation time [s] and its deviation [e-folds]
     attitude_spread: float = (

@@ -116,6 +116,23 @@ def test_a_head_of_the_flights_tells_up_to_its_horizon_what_all_of_them_do(seen,
         np.testing.assert_allclose(moved.swing[e.name], far.swing[e.name][: len(moved.swing[e.name])])
 
 
+def test_a_payload_that_the_air_brakes_is_followed_to_its_damping(seen, noise):
+    true = SuspendedPayload(0.15, 0.5, damping=0.3)
+    flights = [seen(true, name=str(i), seed=i, noise=1.0, seconds=10.0) for i in (1, 2)]
+    (guess, _), *_ = PayloadSearch(flights, REAL).followed(noise, [], others(flights))
+    assert guess.damping == pytest.approx(0.3, abs=0.1)  # [1/s]
+    assert guess.length == pytest.approx(0.5, rel=0.01)
+
+
+def test_a_damping_costs_a_guess_its_prior_and_is_never_negative(seen):
+    flights = [seen(name="1", seed=1, seconds=5.0)]
+    still, braked = (payload_about(flights, Guess(0.6, damping=c), priors=PRIORS) for c in (0.0, 0.3))
+    assert still.log_prior - braked.log_prior == pytest.approx(0.5 * (0.3 / PRIORS.damping) ** 2)
+    c = np.where(np.arange(still.size) == 5, -3.0, 0.0)
+    c[0] = 1.0
+    assert still.moved(c).damping == 0.0
+
+
 def test_a_guess_that_is_lost_is_given_up(seen, noise):
     flights = [seen(SuspendedPayload(0.15, 0.5), name="1", seed=1, noise=1.0, seconds=6.0)]
     dut = PayloadSearch(flights, options=REAL)
@@ -128,12 +145,13 @@ def test_a_guess_that_is_lost_is_given_up(seen, noise):
 
 def test_columns_of_a_payload_mean_what_its_guess_moves_to(seen):
     flights = [seen(name=str(i), seed=i, seconds=5.0) for i in (1, 2)]
-    dut = payload_about(flights, Guess(0.6, np.array([0.01, 0.0, -0.1])), priors=PRIORS)
+    dut = payload_about(flights, Guess(0.6, np.array([0.01, 0.0, -0.1]), damping=0.3), priors=PRIORS)
     c = 0.1 * np.random.default_rng(1).normal(size=dut.size)
     c[:4] = 0.7, 0.0, 0.0, 0.0  # what a hook adds to the force is of second order
     guess, (term,) = dut.moved(c), dut.terms(c)
     payload = term.effect.payload
     assert (payload.mass, payload.length) == pytest.approx((0.7 * dut.unit, guess.length))
+    assert payload.damping == guess.damping == pytest.approx(0.3 + c[5] / 0.7 * PRIORS.damping)
     np.testing.assert_allclose(payload.hook, guess.hook)
     for name, swing in guess.swing.items():
         np.testing.assert_array_equal(term.hidden[name], swing)
