@@ -21,6 +21,7 @@ from np_drake.effects.mixer_gain import MixerGain
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.quadratic_drag import QuadraticDrag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
+from np_drake.effects.rotor_inflow import RotorInflow
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.effects.thrust_scale import ThrustScale
@@ -31,7 +32,16 @@ from np_drake.effects.weak_rotor import WeakRotor
 _OURS: tuple[type[Effect], ...] = (
     *(MassError, InertiaError, CenterOfMassOffset, SuspendedPayload),
     *(ThrustScale, ThrustDrift, WeakRotor, MotorLag, CommandDelay),
-    *(LinearDrag, QuadraticDrag, BladeFlapping, TranslationalLift, ConstantWind, GustyWind, GroundEffect),
+    *(
+        LinearDrag,
+        QuadraticDrag,
+        BladeFlapping,
+        TranslationalLift,
+        RotorInflow,
+        ConstantWind,
+        GustyWind,
+        GroundEffect,
+    ),
     *(RotorGyroscopic, AccelerometerBias, GyroBias, VelocityBias, AttitudeBias, ClockOffset),
 )
 LIBRARY: dict[str, type[Effect]] = {effect.identifier: effect for effect in _OURS}

@@ -27,7 +27,7 @@ class LinearDrag(WrenchEffect):
     turns: ClassVar[bool] = False
     prior_correlation: ClassVar[tuple[tuple[float, ...], ...]] = ALIKE
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
-        Parameter(name, "N·s/m", 0.0, -0.2, 3.0, 0.3) for name in ("d_x", "d_y", "d_z")
+        Parameter(name, "N·s/m", 0.0, 0.0, 3.0, 0.3) for name in ("d_x", "d_y", "d_z")
     )
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:

@@ -26,7 +26,7 @@ class QuadraticDrag(WrenchEffect):
     turns: ClassVar[bool] = False
     prior_correlation: ClassVar[tuple[tuple[float, ...], ...]] = ALIKE
     parameters: ClassVar[tuple[Parameter, ...]] = tuple(
-        Parameter(name, "N·s²/m²", 0.0, -0.1, 2.0, 0.08) for name in ("c_x", "c_y", "c_z")
+        Parameter(name, "N·s²/m²", 0.0, 0.0, 2.0, 0.08) for name in ("c_x", "c_y", "c_z")
     )
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:

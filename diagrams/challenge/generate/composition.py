@@ -12,9 +12,9 @@ SHARES = {"pair": 0.15, "triple": 0.08, "onset": 0.12, "foreign": 0.15}  # the r
 TWO_AT_ONCE = 1 / 3  # of the out-of-library cases of `wild`: two out-of-library effects act [1]
 # Physically the same, or nearly so: never in one case together.
 EQUIVALENT = (
-    {"mass_error", "thrust_scale", "thrust_drift", "translational_lift", "ground_effect"},
+    {"mass_error", "thrust_scale", "thrust_drift", "translational_lift", "rotor_inflow", "ground_effect"},
     {"motor_lag", "command_delay", "clock_offset"},
-    {"linear_drag", "quadratic_drag", "constant_wind", "gusty_wind"},
+    {"linear_drag", "quadratic_drag", "rotor_inflow", "constant_wind", "gusty_wind"},
     {"center_of_mass_offset", "weak_rotor", "suspended_payload"},
     {"mass_error", "suspended_payload"},
 )

@@ -98,6 +98,7 @@ MAGNITUDES: dict[str, Draw] = {
     "quadratic_drag": _drag(0.003, 0.08, ("c_x", "c_y", "c_z")),
     "blade_flapping": _one("moment", lambda rng, v: log_uniform(rng, 3e-4, 2e-2) * v.mass * 9.81 * arm(v)),
     "translational_lift": _one("lift", lambda rng, v: log_uniform(rng, 3e-4, 2e-2) * v.mass * 9.81),
+    "rotor_inflow": _one("slope", lambda rng, v: log_uniform(rng, 0.05, 1.5)),
     "constant_wind": _vector(0.5, 7.0, rise=0.1),
     "gusty_wind": _gusts,
     "ground_effect": _one("effective_radius", lambda rng, v: v.rotor_radius * log_uniform(rng, 1.0, 6.0)),

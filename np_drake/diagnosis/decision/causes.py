@@ -14,6 +14,8 @@ from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate, Finding
 from np_drake.diagnosis.selection import Ranking, names_of, names_of_fit
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.vehicle import Vehicle
 
 
 def causes_of(
@@ -45,7 +47,7 @@ def causes_of(
         cause = Cause(
             identifier,
             judged.probability,
-            _estimates(fit, i, options.priors),
+            _estimates(fit, i, flights[0].vehicle, options.priors),
             begins,
             same.get(identifier, ()),
             judged.size.gap,
@@ -64,15 +66,15 @@ def _same(ranking: Ranking) -> Mapping[str, tuple[str, ...]]:
     return indistinguishable(ranking.problem, members[key]) if key in members else {}
 
 
-def _estimates(fit: Fit, i: int, priors: Priors) -> dict[str, Estimate]:
+def _estimates(fit: Fit, i: int, vehicle: Vehicle, priors: Priors) -> dict[str, Estimate]:
     """Return the parameters of term i with 95 % intervals; payloads, which are no ideal pendulums, with their error."""
     term = fit.terms[i]
     out = {}
     for p in term.effect.parameters:
         value, (lower, upper) = float(getattr(term.effect, p.name)), interval(fit, i, p.name)
         half = 0.5 * (upper - lower)
-        if term.swings:
-            half = float(np.hypot(half, 1.96 * pendulum_error(p.name, value, priors)))
+        if isinstance(term.effect, SuspendedPayload):
+            half = float(np.hypot(half, 1.96 * pendulum_error(p.name, term.effect, vehicle, priors)))
         out[p.name] = Estimate(value, p.unit, (value - half, value + half))
     return out
 

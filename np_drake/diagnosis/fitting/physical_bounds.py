@@ -6,8 +6,6 @@ from itertools import product
 import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.options import Thresholds
-from np_drake.diagnosis.regressors import DRAGS
 from np_drake.effects.base import Effect, MassEffect, MassProperties
 from np_drake.vehicle import Vehicle
 
@@ -36,34 +34,19 @@ def at_its_bound(effect: Effect) -> bool:
     return False
 
 
-def _pushes(fit: Fit, i: int, deviations: float) -> bool:
-    """Return whether the effect is a drag that is negative along an axis by so many standard deviations.
-
-    Of two drags, one may compensate the other.
-    """
-    effect = fit.terms[i].effect
-    if effect.identifier not in DRAGS:
-        return False
-    own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight]
-    return any(fit.values[k] < -deviations * np.sqrt(fit.covariance[k, k]) for k in own)
-
-
-def impossible(fit: Fit, i: int, vehicle: Vehicle, thresholds: Thresholds) -> str:
+def impossible(fit: Fit, i: int, vehicle: Vehicle) -> str:
     """Return why the effect of term i must stand in for another, or "" where it need not.
 
-    A parameter is at its bound, a drag is negative, or no rigid body has such parameters within their 95 % intervals.
+    A parameter is at its bound, or no rigid body has such parameters within their 95 % intervals.
 
     Args:
         fit: the fitted model.
         i: position of the term.
         vehicle: the nominal vehicle.
-        thresholds: how far below none a drag is no drag.
     """
     effect = fit.terms[i].effect
     if at_its_bound(effect):
         return "a figure at its bound is none"
-    if _pushes(fit, i, thresholds.pushing_drag):
-        return "no drag pushes"
     if not isinstance(effect, MassEffect):
         return ""
     tried = [np.linspace(*interval(fit, i, p.name), STEPS).tolist() for p in effect.parameters]

@@ -9,6 +9,9 @@ import numpy as np
 from np_drake.diagnosis.options import Priors
 from np_drake.diagnosis.residuals import FORCE, FlightResiduals
 from np_drake.effects.pendulum import across, swing_many
+from np_drake.effects.rotor_inflow import hover_induced_velocity
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from np_drake.diagnosis.forward_model.term import Term
@@ -20,21 +23,26 @@ MOST_JUMPS = (
 APART = 0.3  # least time between jumps [s]
 
 
-def pendulum_error(name: str, value: float, priors: Priors) -> float:
-    """Return the standard deviation of a payload parameter that its fit does not account for, in the unit of `value`.
+def pendulum_error(name: str, payload: SuspendedPayload, vehicle: Vehicle, priors: Priors) -> float:
+    """Return the standard deviation of a payload parameter that its fit does not account for, in the parameter's unit.
 
-    The motion that drives the pendulum is measured with noise, and a tether that goes slack is no pendulum.
+    The motion that drives the pendulum is measured with noise, and a tether that goes slack is no pendulum. The air
+    that damps a payload is the downwash, which pushes it down as well: c w / g more weight makes the mass too large and
+    the tether too short by that share. The downwash w is between none and twice the induced velocity of hover.
 
     Args:
         name: name of the parameter, beginning with mass, length, hook or damping.
-        value: its value.
-        priors: hold the errors.
-    Source: own choice, from errors in simulated flights.
+        payload: as fitted, with the damping c.
+        vehicle: of whose rotors the downwash is.
+        priors: hold the other errors.
+    Source: own choice, from errors in simulated flights; downwash: `SuspendedPayload`, w from momentum theory.
     """
-    kind = name.split("_")[0]
+    kind, value = name.split("_")[0], float(getattr(payload, name))
     if kind in ("hook", "damping"):
         return priors.pendulum_hook if kind == "hook" else priors.pendulum_damping
-    return abs(value) * (priors.pendulum_mass if kind == "mass" else priors.pendulum_length)
+    pushed = payload.damping * hover_induced_velocity(vehicle) / vehicle.gravity
+    own = priors.pendulum_mass if kind == "mass" else priors.pendulum_length
+    return abs(value) * float(np.hypot(own, pushed))
 
 
 def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:

@@ -14,6 +14,7 @@ SHOWS = {
     "quadratic_drag": "sprints at 1, 3 and 6 m/s: the square shows at speed",
     "blade_flapping": "level sprints with sudden reversals",
     "translational_lift": "sprints at constant height, then hover",
+    "rotor_inflow": "fast climbs and descents with level attitude, then sprints at constant height",
     "constant_wind": "the same sprint in opposite directions, and with two headings",
     "gusty_wind": "hover for a minute, then fly the same place again",
     "ground_effect": "a descent to below two rotor radii",

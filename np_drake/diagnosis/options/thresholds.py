@@ -13,7 +13,6 @@ class Thresholds:
     # A cause.
     sure: float = 0.5  # least probability; ideal sensors: 0.75
     significance: float = 0.95  # confidence level of the Wald test that parameters are not none
-    pushing_drag: float = 3.0  # standard deviations below none at which a drag pushes
     same: float = 3.5  # difference of log evidence below which two effects are indistinguishable
     most_same: int = 2  # effects named as indistinguishable from a cause
     # Second answer.

@@ -3,8 +3,10 @@
 import dataclasses as dc
 import math
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
+from scipy import special
 
 from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual
 from np_drake.diagnosis.residuals import FlightResiduals
@@ -162,7 +164,24 @@ def _linear(effect, flights, onset, fixed: dict[str, float], variants: int, stag
 
     label = ",".join(f"{k}={v:g}" for k, v in fixed.items())
     columns = {e.name: one(e) for e in flights}
-    return Candidate((effect.identifier,), label, columns, terms, -math.log(variants), onset)
+    one_sided = np.array([p.lower == p.neutral for p in free])
+    mended = partial(not_negative, root, one_sided) if one_sided.any() else None
+    prior = -math.log(variants)
+    return Candidate((effect.identifier,), label, columns, terms, prior, onset, mended=mended)
+
+
+def not_negative(root: np.ndarray, one_sided: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> Mended:
+    """Return coefficients (k,) whose one-sided parameters are not negative, and the log probability of that.
+
+    Args:
+        root: (k, k) matrix that maps coefficients to distances of the parameters from neutral.
+        one_sided: (k,) whether a parameter cannot be below its neutral value, as a drag that takes power.
+        mean, covariance: (k,), (k, k) posterior of the coefficients.
+    Source: own choice: each axis by itself.
+    """
+    away, spread = root @ mean, np.sqrt(np.diag(root @ covariance @ root.T))
+    log_probability = special.log_ndtr(away / spread)[one_sided].sum()
+    return np.linalg.solve(root, np.where(one_sided, np.maximum(away, 0.0), away)), float(log_probability)
 
 
 def _step_of(effect: type[Effect], p) -> float:

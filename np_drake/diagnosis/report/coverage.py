@@ -13,7 +13,9 @@ from np_drake.diagnosis.result import Cause
 LEAST = 1 / 3  # of what it is in training, below which nothing is tested [1]; own choice
 UPPER = 0.95  # quantile of a quantity that a flight is said to reach [1]
 GROWS_WITH = {  # effect: the quantity without which it leaves no trace
-    **dict.fromkeys(("linear_drag", "quadratic_drag", "blade_flapping", "translational_lift"), "speed"),
+    **dict.fromkeys(
+        ("linear_drag", "quadratic_drag", "blade_flapping", "translational_lift", "rotor_inflow"), "speed"
+    ),
     **dict.fromkeys(("constant_wind", "gusty_wind"), "speed"),
     **dict.fromkeys(("inertia_error", "mixer_gain", "motor_lag", "command_delay", "clock_offset"), "torque"),
     **dict.fromkeys(("rotor_gyroscopic", "attitude_latency"), "rate"),

@@ -22,6 +22,7 @@ NAMES = {  # identifier: name of the effect within a sentence
     "quadratic_drag": "quadratic drag",
     "blade_flapping": "blade flapping",
     "translational_lift": "translational lift",
+    "rotor_inflow": "inflow of the rotors",
     "constant_wind": "a constant wind",
     "gusty_wind": "a gusty wind",
     "ground_effect": "ground effect",

@@ -13,8 +13,8 @@ TABLE = """
 mass_error delta_mass | inertia_error scale_xx scale_yy scale_zz | center_of_mass_offset x y z
 suspended_payload mass length hook_x hook_y hook_z damping | thrust_scale scale | thrust_drift start rate
 weak_rotor rotor efficiency | motor_lag time_constant | command_delay delay | linear_drag d_x d_y d_z
-quadratic_drag c_x c_y c_z | blade_flapping moment | translational_lift lift | constant_wind x y z
-gusty_wind mean_x mean_y mean_z deviation correlation_time | ground_effect effective_radius
+quadratic_drag c_x c_y c_z | blade_flapping moment | translational_lift lift | rotor_inflow slope
+constant_wind x y z | gusty_wind mean_x mean_y mean_z deviation correlation_time | ground_effect effective_radius
 rotor_gyroscopic rotor_inertia | accelerometer_bias x y z | gyro_bias x y z | velocity_bias x y z
 attitude_bias roll pitch yaw | clock_offset offset
 """

@@ -92,6 +92,26 @@ def translational_lift(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
     return at_center(0.0, 0.0, c["lift"] * (x * x + y * y))
 
 
+def rotor_inflow(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
+    """Return the thrust of discs in a flow: blade elements see less incidence by what goes through the disc.
+
+    The induced velocity w solves Glauert's w |V + w e_z| = T / (2 rho A), here by bisection of the upper branch.
+    """
+    density, disc = 1.2, math.pi * vehicle.rotor_radius**2
+    gain = c["slope"] * density * disc * vehicle.rotor_radius / 4
+    x, y, z = now.air.tolist()
+    side, more = math.hypot(x, y), 0.0
+    for thrust in (max(f, 0.0) for f in now.thrust.tolist()):
+        rest = math.sqrt(thrust / (2 * density * disc))
+        low, high = max(0.0, -z) if -z * side < rest**2 else 0.0, rest + abs(z)
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            short = middle * math.hypot(side, z + middle) < rest**2
+            low, high = (middle, high) if short else (low, middle)
+        more += gain * math.sqrt(thrust / vehicle.thrust_coefficient) * (rest - high - z)
+    return at_center(0.0, 0.0, more)
+
+
 def rotor_gyroscopic(vehicle: Vehicle, c: Values, now: Instant) -> np.ndarray:
     """Return the torque -w x h - h' of the rotors' angular momentum h along body z, against their torque."""
     signs = np.array(vehicle.rotor_directions)
@@ -123,6 +143,7 @@ LAWS: dict[str, Law] = {
     "quadratic_drag": quadratic_drag,
     "blade_flapping": blade_flapping,
     "translational_lift": translational_lift,
+    "rotor_inflow": rotor_inflow,
     "rotor_gyroscopic": rotor_gyroscopic,
 }
 GAINS: dict[str, Gain] = {

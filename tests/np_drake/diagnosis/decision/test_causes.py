@@ -21,10 +21,13 @@ from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.rotor_inflow import hover_induced_velocity
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.vehicle import Vehicle
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 DRAG = LinearDrag(0.6, 0.6, 0.6)
+PAPER = Vehicle()
 
 
 @pytest.fixture(scope="module")
@@ -197,12 +200,23 @@ def test_what_the_motion_tells_apart_is_not_named_beside_it(drag):
 
 def test_parameters_of_a_payload_are_known_no_better_than_a_pendulum_is_its_model(fit_at):
     payload = SuspendedPayload(0.2, 0.6, 0.0, 0.0, -0.05)
-    exact, rough = (module._estimates(fit_at(payload, covariance=s), 0, IDEAL.priors) for s in (1e-9, 0.01))
+    exact, rough = (
+        module._estimates(fit_at(payload, covariance=s), 0, PAPER, IDEAL.priors) for s in (1e-9, 0.01)
+    )
     for name, estimate in exact.items():
         half = 0.5 * np.diff(estimate.ci95)[0]
-        error = 1.96 * pendulum_error(name, estimate.value, IDEAL.priors)
+        error = 1.96 * pendulum_error(name, payload, PAPER, IDEAL.priors)
         assert half == pytest.approx(error)
         assert 0.5 * np.diff(rough[name].ci95)[0] == pytest.approx(np.hypot(error, 1.96 * 0.01))
+
+
+def test_a_damped_payload_may_weigh_more_by_what_the_downwash_pushes():
+    still, damped = (SuspendedPayload(0.2, 0.6, 0.0, 0.0, -0.05, c) for c in (0.0, 0.1))
+    share = 0.1 * hover_induced_velocity(PAPER) / PAPER.gravity
+    for name, value in (("mass", 0.2), ("length", 0.6)):
+        without, with_push = (pendulum_error(name, p, PAPER, IDEAL.priors) for p in (still, damped))
+        assert with_push**2 - without**2 == pytest.approx((share * value) ** 2)
+    assert pendulum_error("hook_z", damped, PAPER, IDEAL.priors) == IDEAL.priors.pendulum_hook
 
 
 def test_a_reason_is_the_one_that_weighs_most():

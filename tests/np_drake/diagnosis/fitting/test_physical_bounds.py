@@ -3,18 +3,15 @@
 import pytest
 
 from np_drake.diagnosis.fitting.physical_bounds import at_its_bound, impossible, interval
-from np_drake.diagnosis.options import Options
 from np_drake.effects.base import Effect
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
-from np_drake.effects.quadratic_drag import QuadraticDrag
+from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
-
-REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 FLAT = Vehicle(inertia=[[0.02, 0, 0], [0, 0.02, 0], [0, 0, 0.035]])  # at most twice 0.02 [kg·m²]
 
@@ -23,9 +20,10 @@ FLAT = Vehicle(inertia=[[0.02, 0, 0], [0, 0.02, 0], [0, 0, 0.035]])  # at most t
     "effect, at_end",
     [
         (ConstantWind(1.0, -15.0, 0.0), True),
-        (LinearDrag(0.3, -0.2, 0.3), True),
+        (TranslationalLift(-0.3), True),
         (ConstantWind(1.0, -14.0, 0.0), False),
         (MotorLag(0.0), False),  # neutral
+        (LinearDrag(0.3, 0.0, 0.3), False),
         (WeakRotor(4, 0.9), False),  # a choice
     ],
     ids=str,
@@ -49,32 +47,12 @@ def test_a_figure_at_its_bound_is_none_unless_it_is_neutral(effect: Effect, at_e
     ids=str,
 )
 def test_an_inertia_that_no_rigid_body_has_stands_for_something_else(fit_at, effect, deviation, possible):
-    why = impossible(
-        fit_at(WeakRotor(2, 0.9), effect, covariance=deviation), 1, FLAT, thresholds=REAL.thresholds
-    )
+    why = impossible(fit_at(WeakRotor(2, 0.9), effect, covariance=deviation), 1, FLAT)
     assert why == ("" if possible else "no rigid body has such figures")
 
 
 def test_a_figure_at_its_bound_stands_for_something_else(fit_at):
-    assert "bound" in impossible(
-        fit_at(LinearDrag(0.3, -0.2, 0.3), covariance=0.1), 0, FLAT, thresholds=REAL.thresholds
-    )
-
-
-@pytest.mark.parametrize(
-    "effect, deviation, pushes",
-    [
-        (LinearDrag(0.3, -0.05, 0.3), 0.01, True),
-        (LinearDrag(0.3, -0.05, 0.3), 0.03, False),  # for all that is known
-        (QuadraticDrag(0.1, 0.1, -0.05), 0.01, True),
-        (ConstantWind(1.0, -5.0, 0.0), 0.01, False),
-        (CenterOfMassOffset(-0.05, 0.0, 0.0), 0.01, False),
-    ],
-    ids=str,
-)
-def test_a_drag_that_pushes_stands_for_something_else(fit_at, effect, deviation, pushes):
-    fit = fit_at(WeakRotor(2, 0.9), effect, covariance=deviation)
-    assert impossible(fit, 1, FLAT, thresholds=REAL.thresholds) == ("no drag pushes" if pushes else "")
+    assert "bound" in impossible(fit_at(TranslationalLift(-0.3), covariance=0.1), 0, FLAT)
 
 
 def test_an_interval_is_that_of_the_figure_of_its_own_term(fit_at):

@@ -14,6 +14,7 @@ from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import (
     effect_candidates,
     library_candidates,
+    not_negative,
     switched,
     wind_candidates,
 )
@@ -226,3 +227,24 @@ def test_a_library_without_wind_or_payload_has_no_such_candidates(flights, libra
     assert wind_candidates(flights, library_candidates(flights)) == []
     assert payload_candidates(flights, np.array([0.6]), priors=REAL.priors) == []
     assert SuspendedPayload.identifier not in library
+
+
+@given(st.integers(0, 2**31))
+def test_a_drag_takes_power_whatever_the_regression_says(seed):
+    rng = np.random.default_rng(seed)
+    root, A = np.tril(rng.normal(size=(3, 3))) + 3 * np.eye(3), rng.normal(size=(3, 3))
+    mean, covariance = rng.normal(size=3), A @ A.T + 0.1 * np.eye(3)
+    one_sided = np.array([True, True, False])
+    c, log_probability = not_negative(root, one_sided, mean, covariance)
+    away = root @ c
+    assert np.all(away[:2] >= -1e-9)
+    kept = (root @ mean >= 0) | ~one_sided
+    np.testing.assert_allclose(away[kept], (root @ mean)[kept], atol=1e-9)
+    assert log_probability <= 0
+
+
+def test_a_drag_of_negative_estimate_is_half_as_probable_at_none_and_not_at_all_far_below():
+    root, one_sided, I = np.eye(2), np.array([True, False]), np.eye(2)
+    assert not_negative(root, one_sided, np.array([0.0, -9.0]), I)[1] == pytest.approx(np.log(0.5))
+    assert not_negative(root, one_sided, np.array([-8.0, 0.0]), I)[1] < -30
+    assert not_negative(root, one_sided, np.array([8.0, -9.0]), I)[1] == pytest.approx(0.0, abs=1e-9)

@@ -1,0 +1,73 @@
+"""Effect `rotor_inflow`: thrust of rotors that the flow through their discs changes."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+
+from np_drake.effects.air_speed import air_velocity_B, chi_from_body
+from np_drake.effects.base import Motion, Parameter, WrenchEffect
+from np_drake.vehicle import Vehicle
+
+AIR_DENSITY = 1.2  # at 20 °C near sea level [kg/m³]
+_NEWTON_STEPS = 8  # from above, where Glauert's equation is convex; 5 reach 1e-9 within its range
+
+
+@dc.dataclass(frozen=True)
+class RotorInflow(WrenchEffect):
+    """Change of thrust df_i = k omega_i (v_h - v_i - v_z) of every rotor, k = slope rho A R / 4.
+
+    v_h: induced velocity of the rotor at rest, of thrust f_i = 2 rho A v_h². v_i: that in the flow
+    v = R^T (v_WB - wind), with Glauert's v_i sqrt(v_x² + v_y² + (v_z + v_i)²) = v_h². Climbing lowers thrust, flying
+    ahead raises it. `slope` is the slope of the blades' lift times the solidity of the rotor.
+    Own choices: v_h is that of the thrust at rest; all rotors are in the flow at Bo, without torque (on the NeuroBEM
+    flights body rates are damped by less than a fifth of what the flow at each rotor would give). Descent faster than
+    v_h is outside of the theory.
+
+    Source: blade element and momentum theory, Leishman, Principles of Helicopter Aerodynamics, ch. 2 and 3; blades of
+    ideal twist. Prior: a slope of 4 to 6 and a solidity of 0.08 to 0.2.
+    """
+
+    slope: float = 0.6  # [1]
+
+    identifier: ClassVar[str] = "rotor_inflow"
+    feels_rotor_rate: ClassVar[bool] = False
+    turns: ClassVar[bool] = False
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("slope", "1", 0.0, 0.0, 3.0, 0.6),)
+
+    def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
+        """Return chi of the change of thrust, (..., 6) [N, N·m]."""
+        area = np.pi * vehicle.rotor_radius**2
+        f = np.maximum(motion.rotor_thrust, 0.0)
+        speed = np.sqrt(f / vehicle.thrust_coefficient)
+        at_rest = np.sqrt(f / (2 * AIR_DENSITY * area))
+        v_B = air_velocity_B(motion)
+        axial, lateral = v_B[..., 2:], np.linalg.norm(v_B[..., :2], axis=-1, keepdims=True)
+        k = self.slope * AIR_DENSITY * area * vehicle.rotor_radius / 4
+        df = k * speed * (at_rest - induced_velocity(at_rest, lateral, axial) - axial)
+        f_B = np.zeros_like(v_B)
+        f_B[..., 2] = np.sum(df, axis=-1)
+        return chi_from_body(motion, f_B)
+
+
+def hover_induced_velocity(vehicle: Vehicle) -> float:
+    """Return the induced velocity of the rotors of a vehicle in hover [m/s].   Source: momentum theory."""
+    discs = 4 * np.pi * vehicle.rotor_radius**2
+    return float(np.sqrt(vehicle.mass * vehicle.gravity / (2 * AIR_DENSITY * discs)))
+
+
+def induced_velocity(at_rest: np.ndarray, lateral: np.ndarray, axial: np.ndarray) -> np.ndarray:
+    """Return the induced velocity of rotors in a flow, by Glauert's equation [m/s].
+
+    Of several solutions, in fast descent, it is the largest.
+
+    Args:
+        at_rest: (...) induced velocity of the same thrust without flow [m/s].
+        lateral, axial: (...) flow in the disc, and along its axis; positive in climb [m/s].
+    """
+    v = at_rest + np.maximum(-axial, 0.0)
+    for _ in range(_NEWTON_STEPS):
+        through = np.maximum(np.hypot(lateral, v + axial), 1e-9)
+        slope = np.maximum(through + v * (v + axial) / through, 1e-9)
+        v = np.maximum(v - (v * through - at_rest**2) / slope, 0.0)
+    return v

@@ -1,0 +1,80 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from diagrams.challenge.simulators.rotorpy.library_effects import Instant, rotor_inflow
+from np_drake import attitude
+from np_drake.effects.base import Motion
+from np_drake.effects.rotor_inflow import AIR_DENSITY, RotorInflow, induced_velocity
+from np_drake.vehicle import Vehicle
+
+VEHICLE = Vehicle()
+F = VEHICLE.mass * VEHICLE.gravity / 4
+V_HOVER = np.sqrt(F / (2 * AIR_DENSITY * np.pi * VEHICLE.rotor_radius**2))
+GAIN = 0.6 * AIR_DENSITY * np.pi * VEHICLE.rotor_radius**3 / 4  # [N·s²/(m·rad)]
+SPEED = np.sqrt(F / VEHICLE.thrust_coefficient)
+
+
+def flying(v=(0.0, 0.0, 0.0)):
+    return Motion(0.0, np.array([0, 0, 1.0, 1.0, 0, 0, 0, *v, 0, 0, 0]), np.full(4, F))
+
+
+def test_nothing_changes_in_hover():
+    np.testing.assert_allclose(RotorInflow().wrench(VEHICLE, flying()), np.zeros(6), atol=1e-12)
+
+
+@given(st.floats(-0.9, 3.0))
+def test_the_induced_velocity_in_axial_flow_is_the_root_of_a_quadratic(ratio):
+    climb = ratio * V_HOVER
+    closed = -climb / 2 + np.sqrt(climb**2 / 4 + V_HOVER**2)
+    assert induced_velocity(np.array(V_HOVER), np.array(0.0), np.array(climb)) == pytest.approx(
+        closed, rel=1e-9
+    )
+
+
+@given(st.floats(0.0, 15.0), st.floats(-4.0, 10.0), st.floats(0.5, 8.0))
+def test_the_induced_velocity_solves_glauerts_equation(lateral, axial, at_rest):
+    v = induced_velocity(np.array(at_rest), np.array(lateral), np.array(max(axial, -at_rest)))
+    assert v * np.hypot(lateral, v + max(axial, -at_rest)) == pytest.approx(at_rest**2, rel=1e-6)
+
+
+def test_a_slow_climb_loses_half_of_what_a_fixed_inflow_would():
+    climb = 1e-4
+    force = RotorInflow().wrench(VEHICLE, flying((0, 0, climb)))[2]
+    assert force == pytest.approx(-4 * GAIN * SPEED * climb / 2, rel=1e-3)
+
+
+def test_fast_flight_leaves_no_induced_velocity():
+    force = RotorInflow().wrench(VEHICLE, flying((300.0, 0, 0)))[2]
+    assert force == pytest.approx(4 * GAIN * SPEED * V_HOVER, rel=0.05)
+
+
+@given(st.integers(0, 2**31))
+def test_it_is_linear_in_its_slope_and_feels_the_velocity_through_the_air_alone(seed):
+    rng = np.random.default_rng(seed)
+    x = rng.normal(scale=2.0, size=13)
+    x[3:7] /= np.linalg.norm(x[3:7])
+    motion = Motion(0.0, x, rng.uniform(0, 12, 4), wind=rng.normal(size=3))
+    chi = RotorInflow(0.4).wrench(VEHICLE, motion)
+    np.testing.assert_allclose(RotorInflow(1.2).wrench(VEHICLE, motion), 3 * chi, rtol=1e-9, atol=1e-12)
+    boosted = x.copy()
+    boosted[7:10] += [1.0, -2.0, 0.5]
+    moved = dc.replace(motion, x=boosted, wind=motion.wind + [1.0, -2.0, 0.5])
+    np.testing.assert_allclose(RotorInflow(0.4).wrench(VEHICLE, moved), chi, rtol=1e-7, atol=1e-9)
+
+
+@given(st.integers(0, 2**31))
+def test_both_simulators_apply_the_same_law(seed):
+    rng = np.random.default_rng(seed)
+    x = np.concatenate([rng.normal(size=3), rng.normal(size=4), rng.normal(scale=[4, 4, 1.5, 2, 2, 2])])
+    x[3:7] = attitude.multiply([1.0, 0, 0, 0], x[3:7] / np.linalg.norm(x[3:7]))
+    motion = Motion(0.0, x, rng.uniform(2, 12, 4))
+    R = motion.R_WB
+    v_B = R.T @ x[7:10]
+    now = Instant(0.0, x[:3], R, v_B, v_B, x[10:], motion.rotor_thrust, SPEED * np.ones(4), np.zeros(4))
+    other = rotor_inflow(VEHICLE, {"slope": 0.7}, now)
+    chi = RotorInflow(0.7).wrench(VEHICLE, motion)
+    np.testing.assert_allclose([*(R.T @ chi[:3]), *chi[3:]], other, rtol=1e-5, atol=1e-6)
