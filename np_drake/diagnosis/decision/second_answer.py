@@ -41,12 +41,16 @@ def novelty(first: Inference) -> tuple[Finding, ...]:
 
 
 def second_answer(first: Inference) -> tuple[Inference, list[FlightResiduals]] | None:
-    """Return the inference with halves of the held-out flights, and these halves; None where all are too short."""
+    """Return the inference with halves of the held-out flights, and these halves; None where all are too short.
+
+    A wind is a condition of a flight: where the first answer names none, one can act in the halves alone.
+    """
     joined, judges = split_flights(first.held_out, first.options.thresholds.split_half)
     if not joined:
         return None
     hanging = first.ranking.probability.get(PAYLOAD, 0.0) > first.options.thresholds.split_payload
-    found = find_map_model([*first.flights, *joined], first.options, hanging=hanging)
+    calm = not any(c.effect and c.effect.needs for c in first.causes)
+    found = find_map_model([*first.flights, *joined], first.options, hanging=hanging, calm=calm)
     return concluded(found, judges), joined
 
 

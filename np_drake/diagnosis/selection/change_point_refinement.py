@@ -34,8 +34,10 @@ def refined_change_points(problem: RegressionProblem, model: Model) -> list[Cand
 
 
 def _sharp(problem: RegressionProblem, late: Candidate, beside: Sequence[Candidate]) -> Candidate:
-    """Flight by flight, the onsets in the others as they are."""
-    whole = next(c for c in problem.candidates if _from_the_start(c, late))
+    """Flight by flight, the onsets in the others as they are; as it is where the effect is not tried from the start."""
+    whole = next((c for c in problem.candidates if _from_the_start(c, late)), None)
+    if whole is None:
+        return late
     for e in problem.flights:
         begin = late.onset.get(e.name)
         if begin is None or not np.isfinite(begin):

@@ -32,13 +32,16 @@ class Ready:
     noise: NoiseModel
 
 
-def prepare(flights: Sequence[FlightResiduals], options: Options) -> Ready:
-    """Return shocks, payloads and noise as they show when every effect helps."""
+def prepare(flights: Sequence[FlightResiduals], options: Options, *, calm: bool = False) -> Ready:
+    """Return shocks, payloads and noise as they show when every effect helps.
+
+    calm: whether no wind acts in all flights; one that begins, or that some lack, is tried all the same.
+    """
     tolerance, error = options.tolerance, options.search.linear_error
     drifting = sensor_drift(flights, tolerance)
     nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]
     plain = library_candidates(flights)
-    candidates = [*plain, *wind_candidates(flights, plain)]
+    candidates = [*plain, *([] if calm else wind_candidates(flights, plain))]
     step = flights[0].grid.step
     white = scale_only([e.y for e in flights], step)
     problem = RegressionProblem(

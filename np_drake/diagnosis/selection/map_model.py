@@ -34,16 +34,20 @@ class SearchResult:
 
 
 def find_map_model(
-    flights: Sequence[FlightResiduals], options: Options | None = None, *, hanging: bool = True
+    flights: Sequence[FlightResiduals],
+    options: Options | None = None,
+    *,
+    hanging: bool = True,
+    calm: bool = False,
 ) -> SearchResult:
     """Return the best model of these training flights.
 
     options: default: real where attitudes are noisy or rotor speed is measured.   hanging: whether payloads that
-    begin in flight are sought.
+    begin in flight are sought.   calm: whether no wind acts in all flights.
     """
     options = options or Options.for_sensors(tolerance_of(flights).real)
     options = with_input(options, flights)
-    ready = prepare(flights, options)
+    ready = prepare(flights, options, calm=calm)
     problem, models, best = _search_twice(ready, options, hanging)
     return SearchResult(ready.raw, problem, models, best, _noise_left(ready, best, options), options)
 

@@ -61,3 +61,15 @@ def test_a_mass_that_training_flights_did_not_have_is_found(seen):
     (term,) = (t for t in best.terms if t.effect.identifier == "mass_error")
     assert term.onset == {"a": NEVER, "b": NEVER}
     assert term.effect.delta_mass == pytest.approx(0.2, abs=0.02)
+
+
+def test_where_training_flights_are_known_to_be_calm_no_wind_acts_in_them(seen):
+    flights = [
+        seen(DRAG, ConstantWind(2.0, 0.0, 0.0), name=n, seed=i, noise=1.0, seconds=8.0)
+        for i, n in enumerate("ab")
+    ]
+    flights[1] = dc.replace(flights[1], goes_on=True)
+    found = find_map_model(flights, calm=True)
+    assert all(c.onset for c in found.problem.candidates if "constant_wind" in c.identifiers)
+    winds = [t for t in found.best.terms if t.effect.identifier == "constant_wind"]
+    assert all(t.begins("a") is not None for t in winds)
