@@ -22,7 +22,7 @@ class TranslationalLift(WrenchEffect):
     identifier: ClassVar[str] = "translational_lift"
     feels_rotor_rate: ClassVar[bool] = False
     turns: ClassVar[bool] = False
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("lift", "N·s²/m²", 0.0, -0.3, 1.0, 0.05),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("lift", "N·s²/m²", 0.0, 0.0, 1.0, 0.05),)
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the thrust, (..., 6) [N, N·m]."""

@@ -4,12 +4,12 @@ import pytest
 
 from np_drake.diagnosis.fitting.physical_bounds import at_its_bound, impossible, interval
 from np_drake.effects.base import Effect
+from np_drake.effects.blade_flapping import BladeFlapping
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.inertia_error import InertiaError
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
-from np_drake.effects.translational_lift import TranslationalLift
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
 
@@ -20,7 +20,7 @@ FLAT = Vehicle(inertia=[[0.02, 0, 0], [0, 0.02, 0], [0, 0, 0.035]])  # at most t
     "effect, at_end",
     [
         (ConstantWind(1.0, -15.0, 0.0), True),
-        (TranslationalLift(-0.3), True),
+        (BladeFlapping(-0.2), True),
         (ConstantWind(1.0, -14.0, 0.0), False),
         (MotorLag(0.0), False),  # neutral
         (LinearDrag(0.3, 0.0, 0.3), False),
@@ -52,7 +52,7 @@ def test_an_inertia_that_no_rigid_body_has_stands_for_something_else(fit_at, eff
 
 
 def test_a_figure_at_its_bound_stands_for_something_else(fit_at):
-    assert "bound" in impossible(fit_at(TranslationalLift(-0.3), covariance=0.1), 0, FLAT)
+    assert "bound" in impossible(fit_at(BladeFlapping(-0.2), covariance=0.1), 0, FLAT)
 
 
 def test_an_interval_is_that_of_the_figure_of_its_own_term(fit_at):
