@@ -58,10 +58,14 @@ def wind_share(fit: Fit, i: int, flights: Sequence[FlightResiduals], still_air: 
 
 
 def _mean_level_force(fit: Fit, i: int, flights: Sequence[FlightResiduals]) -> float:
-    """Return the size of the mean level force of term i in W, over all flights [N]."""
+    """Return the size of the mean level force of term i in W while it acts, over all flights [N]."""
     rest = [t for j, t in enumerate(fit.everything) if j != i]
-    parts = [predicted_residual(e, fit.everything) - predicted_residual(e, rest) for e in flights]
-    forces = [attitude.rotate(e.q, part[:, FORCE]) for e, part in zip(flights, parts, strict=True)]
+    forces = []
+    for e in flights:
+        part = predicted_residual(e, fit.everything) - predicted_residual(e, rest)
+        begin = fit.terms[i].begins(e.name)
+        acts = e.t >= (-np.inf if begin is None else begin)
+        forces.append(attitude.rotate(e.q, part[:, FORCE])[acts])
     return float(np.linalg.norm(np.concatenate(forces).mean(axis=0)[:2]))
 
 

@@ -8,6 +8,7 @@ from scipy import stats
 
 from np_drake.diagnosis.decision.size_posterior import DRAWS, material_share, relative_sizes, wind_share
 from np_drake.diagnosis.fitting.map_estimate import scaled_jacobian
+from np_drake.diagnosis.forward_model import NEVER
 from np_drake.diagnosis.materiality import Size
 from np_drake.diagnosis.options import Options
 from np_drake.effects.constant_wind import ConstantWind
@@ -89,6 +90,16 @@ def test_a_wind_pushes_harder_than_thrust_under_an_attitude_error_of_the_sensors
     lean = 0.03
     speed = times * lean * e.vehicle.mass * e.vehicle.gravity / DRAG.d_x  # a drag at hover, nearly level
     assert wind_at(fit_at, flights, ConstantWind(speed, 0.0, 0.0), 0.0, lean) == share
+
+
+def test_a_wind_counts_by_what_it_pushes_while_it_acts(fit_at, flights):
+    (e,) = flights
+    lean = 0.03
+    speed = 1.2 * lean * e.vehicle.mass * e.vehicle.gravity / DRAG.d_x
+    fit = fit_at(DRAG, ConstantWind(speed, 0.0, 0.0), covariance=1e-3)
+    absent = dc.replace(e, log=dc.replace(e.log, name="b"))
+    new = dc.replace(fit, terms=(fit.terms[0], dc.replace(fit.terms[1], onset={"b": NEVER})))
+    assert wind_share(new, 1, [e, absent, absent], 0.0, lean) == 1.0
 
 
 def test_a_wind_of_which_nothing_is_known_is_no_draught_with_the_probability_of_its_prior(fit_at, flights):
