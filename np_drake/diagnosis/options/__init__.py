@@ -2,12 +2,10 @@
 
 from np_drake.diagnosis.options.options import Options
 from np_drake.diagnosis.options.priors import Priors
-from np_drake.diagnosis.options.search_options import SearchOptions
 from np_drake.diagnosis.options.thresholds import Thresholds
 
 __all__ = [
     "Options",
     "Priors",
-    "SearchOptions",
     "Thresholds",
 ]

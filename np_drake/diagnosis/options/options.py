@@ -4,7 +4,6 @@ import dataclasses as dc
 
 from np_drake.diagnosis.materiality import Materiality
 from np_drake.diagnosis.options.priors import Priors
-from np_drake.diagnosis.options.search_options import SearchOptions
 from np_drake.diagnosis.options.thresholds import Thresholds
 from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 
@@ -16,7 +15,6 @@ class Options:
     tolerance: Tolerance  # what vehicle file and sensors may be off by
     materiality: Materiality  # sizes below which effects are immaterial
     priors: Priors  # of models and parameters
-    search: SearchOptions  # widths and margins of the search
     thresholds: Thresholds  # of the decision
 
     @classmethod
@@ -28,11 +26,10 @@ class Options:
             tolerance: of vehicle file and sensors; default: `Tolerance()` where real, else `IDEAL_SENSORS`.
         """
         if real:
-            return cls(tolerance or Tolerance(), Materiality(), Priors(), SearchOptions(), Thresholds())
+            return cls(tolerance or Tolerance(), Materiality(), Priors(), Thresholds())
         return cls(
             tolerance or IDEAL_SENSORS,
             Materiality(effect_force=0.003, exactness=0.3),
             Priors(pendulum_mass=0.006, pendulum_length=0.003, pendulum_hook=0.0003, pendulum_damping=0.003),
-            SearchOptions(),
             Thresholds(sure=0.75, split_misfit=1.25, slow_torque=9.0, gust_interval=1.0),
         )

@@ -11,6 +11,9 @@ class Priors:
     Source: own choice, where a field names none.
     """
 
+    # Noise.
+    temperature: float = 2.0  # factor on its variance, as it is never quite its model [1]
+    linear_error: float = 0.03  # share that linear columns get wrong of what they explain [1]
     # Effects and structure.
     effect: float = -3.0  # log prior of every effect named: about one in twenty
     clock_offset: float = (

@@ -20,6 +20,8 @@ from np_drake.diagnosis.selection.change_point import switched_candidates
 from np_drake.diagnosis.selection.new_conditions import new_conditions
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
 
+FORCE_LEVER = 0.05  # at which a force acts that is known as well as the attitude is [m]
+
 
 @dc.dataclass(frozen=True)
 class Ready:
@@ -34,7 +36,7 @@ class Ready:
 
 def prepare(flights: Sequence[FlightResiduals], options: Options) -> Ready:
     """Return shocks, payloads and noise as they show when every effect helps."""
-    tolerance, error = options.tolerance, options.search.linear_error
+    tolerance, error = options.tolerance, options.priors.linear_error
     drifting = sensor_drift(flights, tolerance)
     nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]
     plain = library_candidates(flights)
@@ -42,7 +44,7 @@ def prepare(flights: Sequence[FlightResiduals], options: Options) -> Ready:
     step = flights[0].grid.step
     white = scale_only([e.y for e in flights], step)
     problem = RegressionProblem(
-        flights, white, nuisance, candidates, temperature=options.search.temperature, options=options
+        flights, white, nuisance, candidates, temperature=options.priors.temperature, options=options
     )
     everything = [*candidates, *switched_candidates(problem), *new_conditions(problem)]
     residual = _rich_residuals(
@@ -87,7 +89,7 @@ def noise_of(
 ) -> NoiseModel:
     """Return the noise that residuals show, with what errors of the regressors add to it.
 
-    A force is known in body axes as well as the attitude is, and so is its torque, at a lever of `force_lever`: slow,
+    A force is known in body axes as well as the attitude is, and so is its torque, at a lever of `FORCE_LEVER`: slow,
     as real sensors drift. Thrust from rotor speed is known as well as that is read.
 
     Args:
@@ -99,7 +101,7 @@ def noise_of(
     force = np.sqrt(np.mean(np.sum(np.concatenate(explained)[:, FORCE] ** 2, axis=1)))
     slow = np.zeros(raw[0].shape[1])
     slow[FORCE] = options.tolerance.attitude * force
-    slow[TORQUE] = options.tolerance.attitude * force * options.search.force_lever
+    slow[TORQUE] = options.tolerance.attitude * force * FORCE_LEVER
     white = np.sqrt(np.mean([e.rotor_noise**2 for e in flights], axis=0))
     step = flights[0].grid.step
     left = no_worse(residuals, raw)

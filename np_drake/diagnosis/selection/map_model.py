@@ -65,7 +65,7 @@ def _search_twice(
             noise,
             ready.nuisance,
             candidates,
-            temperature=options.search.temperature,
+            temperature=options.priors.temperature,
             options=options,
         )
         late = switched_candidates(
@@ -80,7 +80,7 @@ def _search_twice(
         candidates = [*candidates, *(refined_change_points(problem, models[0]) if first else [])]
         fit = first_fit if best is None else partial(refit, known=best)
         best = fit(problem, models[0], options.tolerance, iterations=3)
-        noise = _noise_left(ready, best, options, options.search.linear_error)
+        noise = _noise_left(ready, best, options, options.priors.linear_error)
     assert best is not None
     return problem, models, best
 

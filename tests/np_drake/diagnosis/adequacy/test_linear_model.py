@@ -48,7 +48,7 @@ def linear_model(
 ) -> tuple[LinearModel, Ranking]:
     drift = sensor_drift(flights, Tolerance()) if drifts else None
     nuisance = [drift] if drift else []
-    temperature = REAL.search.temperature
+    temperature = REAL.priors.temperature
     problem = RegressionProblem(flights, noise, nuisance, [], temperature=temperature, options=REAL)
     fit = refine(
         terms, [], flights, noise, temperature=temperature, linear=nuisance, wide=False, priors=REAL.priors
