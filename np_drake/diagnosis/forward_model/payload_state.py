@@ -18,6 +18,12 @@ MOST_JUMPS = (
     4  # largest number of jumps in a flight; sampled motion does not show how a snap changes the swing
 )
 APART = 0.3  # least time between jumps [s]
+PENDULUM = {
+    "mass": 1.0,
+    "length": 0.4,
+    "hook": 0.05,
+    "damping": 0.5,
+}  # errors over that of the mass [1, 1, m, 1/s]
 
 
 def pendulum_error(name: str, value: float, priors: Priors) -> float:
@@ -32,9 +38,8 @@ def pendulum_error(name: str, value: float, priors: Priors) -> float:
     Source: own choice, from errors in simulated flights.
     """
     kind = name.split("_")[0]
-    if kind in ("hook", "damping"):
-        return priors.pendulum_hook if kind == "hook" else priors.pendulum_damping
-    return abs(value) * (priors.pendulum_mass if kind == "mass" else priors.pendulum_length)
+    size = abs(value) if kind in ("mass", "length") else 1.0
+    return priors.pendulum * PENDULUM[kind] * size
 
 
 def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:

@@ -33,28 +33,20 @@ class SearchResult:
     options: Options
 
 
-def find_map_model(
-    flights: Sequence[FlightResiduals], options: Options | None = None, *, hanging: bool = True
-) -> SearchResult:
+def find_map_model(flights: Sequence[FlightResiduals], options: Options | None = None) -> SearchResult:
     """Return the best model of these training flights.
 
-    options: default: real where attitudes are noisy or rotor speed is measured.   hanging: whether payloads that
-    begin in flight are sought.
+    options: default: real where attitudes are noisy or rotor speed is measured.
     """
     options = options or Options.for_sensors(tolerance_of(flights).real)
     options = with_input(options, flights)
     ready = prepare(flights, options)
-    problem, models, best = _search_twice(ready, options, hanging)
+    problem, models, best = _search_twice(ready, options)
     return SearchResult(ready.raw, problem, models, best, _noise_left(ready, best, options), options)
 
 
-def _search_twice(
-    ready: Ready, options: Options, hanging: bool
-) -> tuple[RegressionProblem, list[Model], Fit]:
-    """Search and fit, once more with the noise that the fit leaves.
-
-    hanging: whether payloads that begin in flight are sought.
-    """
+def _search_twice(ready: Ready, options: Options) -> tuple[RegressionProblem, list[Model], Fit]:
+    """Search and fit, once more with the noise that the fit leaves."""
     best: Fit | None = None
     noise, candidates, acting = ready.noise, list(ready.candidates), list[Candidate]()
     for first in (True, False):
@@ -71,7 +63,7 @@ def _search_twice(
         late = switched_candidates(
             problem, [i for i, c in enumerate(candidates) if any(c is a for a in acting)]
         )
-        hung = late_payloads(problem, late) if first and hanging else []
+        hung = late_payloads(problem, late) if first else []
         candidates = [*candidates, *hung]
         if more := [*hung, *late, *new_conditions(problem)]:
             problem = problem.beside(more)

@@ -61,13 +61,13 @@ Search = Callable[..., SearchResult]
 
 
 def search_with_few_lengths(
-    flights: Sequence[FlightResiduals], options: Options | None = None, *, hanging: bool = True
+    flights: Sequence[FlightResiduals], options: Options | None = None
 ) -> SearchResult:
     """Return `find_map_model` with a quarter of the tether lengths, for flights without a payload."""
     shortest, longest, number = payload_search.LENGTHS
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(payload_search, "LENGTHS", (shortest, longest, number // 4))
-        return find_map_model(flights, options, hanging=hanging)
+        return find_map_model(flights, options)
 
 
 def _content(e: FlightResiduals) -> tuple[object, ...]:
@@ -82,12 +82,10 @@ def searched() -> Search:
     """Return `find_map_model`, which searches the same flights once in a module, with few lengths."""
     known: dict[tuple[object, ...], SearchResult] = {}
 
-    def search(
-        flights: Sequence[FlightResiduals], options: Options | None = None, *, hanging: bool = True
-    ) -> SearchResult:
-        key = (*map(_content, flights), repr(options), hanging, *LIBRARY)
+    def search(flights: Sequence[FlightResiduals], options: Options | None = None) -> SearchResult:
+        key = (*map(_content, flights), repr(options), *LIBRARY)
         if key not in known:
-            known[key] = search_with_few_lengths(flights, options, hanging=hanging)
+            known[key] = search_with_few_lengths(flights, options)
         return known[key]
 
     return search

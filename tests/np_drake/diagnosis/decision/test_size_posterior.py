@@ -20,7 +20,7 @@ MATERIALITY = REAL.materiality
 PLAIN = {"calibration": False, "sensor": False}
 DRAG = LinearDrag(0.3, 0.2, 0.4)
 CHANCE = 4.0  # standard errors that draws may be off
-UNIT = Size(MATERIALITY.effect_force, 0.0, 0.0, 0.0)  # a force that is just material
+UNIT = Size(MATERIALITY.force, 0.0, 0.0, 0.0)  # a force that is just material
 
 
 @pytest.fixture(scope="module")
