@@ -99,7 +99,7 @@ def test_the_constants_of_the_decision_in_the_docs_are_those_of_the_code():
         f"even odds at {t.slow_force:g}",
         f"leave {t.misfit:g} ({fine.misfit:g}) times the noise",
         f"gain {p.onset_gain:g} in log likelihood, or {p.new_onset_gain:g}",
-        f"an effect, log | −{-p.effect:g}; `clock_offset` −{-p.of_effect('clock_offset'):g}",
+        f"an effect, log | −{-p.effect:g};",
         f"generic structure, log | −{-p.of_effect('unknown:rates'):g}; {100 * p.generic_size:g} % of weight",
         f"{t.slow_torque:g} ({fine.slow_torque:g}) times what gyro noise implies",
     ):

@@ -19,14 +19,13 @@ class Priors:
     linear_error: float = 0.03  # share that linear columns get wrong of what they explain [1]
     # Effects and structure.
     effect: float = -3.0  # log prior of every effect named: about one in twenty
-    clock_offset: float = 0.7  # less in log prior: half as likely as a delay, which looks the same
     generic: float = 3.0  # less in log prior, for structure that is no effect
     generic_size: float = 0.04  # deviation of its force over weight, of its torque over weight times arm [1]
     twist: float = 0.3  # deviation of a twist's torque over the commanded one [1]
     # Onsets.
-    first_onset: float = math.log(1 / 6)  # log prior of an onset in a flight
-    another_onset: float = math.log(1 / 2)  # log prior of an onset in one more flight
-    absence: float = math.log(1 / 4)  # log prior of an effect that has not begun at the end of a flight
+    onset: float = math.log(
+        1 / 4
+    )  # log prior of an onset in a flight, or of absence where others have an onset
     onset_gain: float = 8.0  # log likelihood that a known onset must bring on a held-out flight
     new_onset_gain: float = 30.0  # the same where no training flight has an onset
     # Payloads.
@@ -46,8 +45,7 @@ class Priors:
 
     def of_effect(self, identifier: str) -> float:
         """Return the log prior of one effect or generic structure (`unknown:…`)."""
-        less = {"clock_offset": self.clock_offset, "unknown": self.generic}
-        return self.effect - less.get(identifier.split(":")[0], 0.0)
+        return self.effect - (self.generic if identifier.startswith("unknown") else 0.0)
 
 
 @dc.dataclass(frozen=True)

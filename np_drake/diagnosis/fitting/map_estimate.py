@@ -99,7 +99,6 @@ def refine(
     linear: Sequence[Candidate] = (),
     white: Callable[[FlightResiduals, Candidate], np.ndarray] | None = None,
     evaluations: int = 8,
-    wide: bool = True,
     priors: Priors,
 ) -> Fit:
     """Fit terms and calibration to the flights by bounded Gauss-Newton, starting from the terms' values.
@@ -113,11 +112,10 @@ def refine(
         linear: candidates that act as well, with free coefficients.
         white: gives the whitened columns (m - p, 15, k) of one of these in a flight; default: by `noise`.
         evaluations: largest number of iterations.
-        wide: whether priors widen to the size of the effects.
     """
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
-    free = free_parameters(everything, flights, scales, priors, wide=wide)
+    free = free_parameters(everything, flights, scales, priors)
     scale = np.array([f.scale for f in free])
     neutral = np.array([f.neutral for f in free])
     root = 1.0 / np.sqrt(temperature)

@@ -198,8 +198,8 @@ class OnsetScan:
                 others = any(s.begins for n, s in scans.items() if n != name)
                 may_lack = others and scan.goes_on
                 best, widths[name] = float(profile.max(initial=-np.inf)), scan.log_width(profile)
-                best += (priors.another_onset if others else priors.first_onset) + widths[name]
-                never += priors.absence if may_lack else 0.0
+                best += priors.onset + widths[name]
+                never += priors.onset if may_lack else 0.0
                 if best - max(start, never) > LEAST_GAIN:
                     scan.settle(scan.most_likely(profile))
                 elif may_lack and never - start > LEAST_GAIN:
@@ -210,8 +210,7 @@ class OnsetScan:
                 break
         onset = _onsets(scans)
         begin = [widths[name] for name in onset if scans[name].begins]
-        prior = sum(begin) + priors.absence * (len(onset) - len(begin))
-        prior += priors.first_onset + priors.another_onset * (len(begin) - 1) if begin else 0.0
+        prior = sum(begin) + priors.onset * len(onset)
         all_of = ([getattr(scan, at) for scan in scans.values()] for at in ("now", "start"))
         now, start = (float(self._evidence(first, rest)[0]) for first, *rest in all_of)
         return Onsets(onset, prior, now - start, now)

@@ -15,12 +15,9 @@ from np_drake.diagnosis.regressors import (
     sensor_drift,
     wind_candidates,
 )
-from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals, find_shocks
+from np_drake.diagnosis.residuals import FORCE, FlightResiduals, find_shocks
 from np_drake.diagnosis.selection.change_point import switched_candidates
-from np_drake.diagnosis.selection.new_conditions import new_conditions
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
-
-FORCE_LEVER = 0.05  # at which a force acts that is known as well as the attitude is [m]
 
 
 @dc.dataclass(frozen=True)
@@ -46,7 +43,7 @@ def prepare(flights: Sequence[FlightResiduals], options: Options) -> Ready:
     problem = RegressionProblem(
         flights, white, nuisance, candidates, temperature=options.priors.temperature, options=options
     )
-    everything = [*candidates, *switched_candidates(problem), *new_conditions(problem)]
+    everything = [*candidates, *switched_candidates(problem)]
     residual = _rich_residuals(
         RegressionProblem(flights, white, nuisance, everything, temperature=1.0, options=options)
     )
@@ -89,8 +86,8 @@ def noise_of(
 ) -> NoiseModel:
     """Return the noise that residuals show, with what errors of the regressors add to it.
 
-    A force is known in body axes as well as the attitude is, and so is its torque, at a lever of `FORCE_LEVER`: slow,
-    as real sensors drift. Thrust from rotor speed is known as well as that is read.
+    A force is known in body axes as well as the attitude is: slow, as real sensors drift.
+    Thrust from rotor speed is known as well as that is read.
 
     Args:
         residuals, raw: (m, 15) by flight, after and before a model.
@@ -101,7 +98,6 @@ def noise_of(
     force = np.sqrt(np.mean(np.sum(np.concatenate(explained)[:, FORCE] ** 2, axis=1)))
     slow = np.zeros(raw[0].shape[1])
     slow[FORCE] = options.tolerance.attitude * force
-    slow[TORQUE] = options.tolerance.attitude * force * FORCE_LEVER
     white = np.sqrt(np.mean([e.rotor_noise**2 for e in flights], axis=0))
     step = flights[0].grid.step
     left = no_worse(residuals, raw)

@@ -13,9 +13,7 @@ from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, t
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.beam_search import search
 from np_drake.diagnosis.selection.change_point import late_payloads, switched_candidates
-from np_drake.diagnosis.selection.change_point_refinement import refined_change_points
 from np_drake.diagnosis.selection.initial_noise import Ready, noise_of, prepare
-from np_drake.diagnosis.selection.new_conditions import new_conditions
 
 
 @dc.dataclass(frozen=True)
@@ -65,11 +63,10 @@ def _search_twice(ready: Ready, options: Options) -> tuple[RegressionProblem, li
         )
         hung = late_payloads(problem, late) if first else []
         candidates = [*candidates, *hung]
-        if more := [*hung, *late, *new_conditions(problem)]:
+        if more := [*hung, *late]:
             problem = problem.beside(more)
         models = search(problem)
         acting = [problem.candidates[i] for i in models[0].members]
-        candidates = [*candidates, *(refined_change_points(problem, models[0]) if first else [])]
         fit = first_fit if best is None else partial(refit, known=best)
         best = fit(problem, models[0], options.tolerance, iterations=3)
         noise = _noise_left(ready, best, options, options.priors.linear_error)

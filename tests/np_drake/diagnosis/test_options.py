@@ -32,10 +32,9 @@ def test_ideal_sensors_show_smaller_effects_and_leave_less_unexplained():
     assert IDEAL.thresholds.sure > REAL.thresholds.sure
 
 
-def test_generic_structure_and_a_late_clock_are_less_likely_than_an_effect():
+def test_generic_structure_is_less_likely_than_an_effect():
     dut = Priors()
     assert dut.of_effect("linear_drag") == dut.effect
-    assert dut.of_effect("clock_offset") == dut.effect - dut.clock_offset
     assert dut.of_effect("unknown:place") == dut.of_effect("unknown") == dut.effect - dut.generic
 
 
