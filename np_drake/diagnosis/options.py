@@ -23,9 +23,7 @@ class Priors:
     generic_size: float = 0.04  # deviation of its force over weight, of its torque over weight times arm [1]
     twist: float = 0.3  # deviation of a twist's torque over the commanded one [1]
     # Onsets.
-    onset: float = math.log(
-        1 / 4
-    )  # log prior of an onset in a flight, or of absence where others have an onset
+    onset: float = math.log(1 / 4)  # log prior of an onset in a flight, and of absence beside an onset
     onset_gain: float = 8.0  # log likelihood that a known onset must bring on a held-out flight
     new_onset_gain: float = 30.0  # the same where no training flight has an onset
     # Payloads.
@@ -34,9 +32,8 @@ class Priors:
     length: float = 0.05  # deviation of the length about a guess, relative [1]
     damping: float = 0.15  # deviation of the damping [1/s]; source: `SuspendedPayload`
     swing: float = 0.15  # deviation of an initial swing [rad]
-    pendulum: float = (
-        0.02  # relative model error of a pendulum's mass [1]; simulated flights; ideal sensors: 0.006
-    )
+    # Relative model error of a pendulum's mass [1]; ideal sensors: 0.006. Source: simulated flights.
+    pendulum: float = 0.02
     # Slow forces: what sensors do alone, and gusts.
     attitude_wander: tuple[float, float] = (10.0, 0.45)  # correlation time [s] and its deviation [e-folds]
     attitude_spread: float = 0.25  # deviation of an attitude error's size about the tolerance [e-folds]
@@ -57,7 +54,6 @@ class Thresholds:
 
     # A cause.
     sure: float = 0.5  # least probability; ideal sensors: 0.75
-    significance: float = 0.95  # confidence level of the Wald test that parameters are not none
     pushing_drag: float = 3.0  # standard deviations below none at which a drag pushes
     same: float = 3.5  # difference of log evidence below which two effects are indistinguishable
     # Second answer.

@@ -65,30 +65,16 @@ def simpler(problem: RegressionProblem, model: Model, fit: Fit) -> list[Model]:
     Faint is an effect whose whitened predicted residual is less than the share `FAINT` of that of all: what linear
     columns get wrong. And one that shifts commands against states beside another that shifts them more: these are tried
     a third apart, and all of them, as a lag that is shorter than the vehicle file's and a delay may stand for that lag.
-    And one of two or more whose parameters may all be none: each may say what another does, or they take from each
-    other.
     """
     own = {i: _trace(fit, problem.candidates[i].identifiers, problem) for i in model.members}
     whole = _trace(fit, None, problem)
     shifting = [i for i in model.members if problem.candidates[i].identifiers[0] in SHIFTING]
     lesser = sorted(shifting, key=lambda i: own[i])[:-1]
     faint = [i for i in model.members if own[i] < FAINT * whole or i in lesser]
-    vague = [
-        i
-        for i in model.members
-        if _vague(fit, problem.candidates[i].identifiers, problem.options.thresholds.significance)
-    ]
-    doubted = dict.fromkeys([*faint, *(vague if len(vague) > 1 else [])])
-    dropped = dict.fromkeys([tuple(faint), tuple(shifting if lesser else []), *((i,) for i in doubted)])
+    dropped = dict.fromkeys([tuple(faint), tuple(shifting if lesser else []), *((i,) for i in faint)])
     kept = [tuple(i for i in model.members if i not in some) for some in dropped if some]
     kept = [members for members in kept if members]
     return [Model(members, problem.score(members)) for members in kept]
-
-
-def _vague(fit: Fit, names: tuple[str, ...], level: float) -> bool:
-    """Return whether no parameter of these effects is significant."""
-    own = [i for i, t in enumerate(fit.terms) if t.effect.identifier in names]
-    return bool(own) and not any(fit.is_significant(i, level) for i in own)
 
 
 def _only(problem: RegressionProblem, model: Model, fit: Fit) -> Fit:
