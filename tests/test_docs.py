@@ -90,7 +90,6 @@ def test_the_constants_of_the_decision_in_the_docs_are_those_of_the_code():
     for text in (
         f"force below {100 * m.force:g} % of weight ({100 * small.force:g} %)",
         f"torque below {100 * m.torque:g} % of RMS commanded torque ({100 * small.torque:g} %)",
-        f"less than {100 * m.gap:g} % of the gap",
         f"force below {100 * m.calibration_force:g} % of weight",
         f"below {m.sensor:g} tolerances",
         f"below {m.still_air:g} m/s (draught, ISO 7730)",

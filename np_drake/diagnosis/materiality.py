@@ -16,7 +16,6 @@ class Materiality:
         0.02  # of weight: mass and thrust below it are what vehicle files are off by [1]
     )
     still_air: float = 0.25  # mean level wind [m/s]; source: draught in rooms, ISO 7730
-    gap: float = 0.10  # share of the gap above the noise [1]
     sensor: float = 1.5  # size of a sensor error over the tolerance of that sensor [1]
     structure_share: float = 0.03  # of a channel's power, for a spectral line [1]
 
@@ -45,5 +44,4 @@ class Size:
             return self.force >= materiality.calibration_force
         if sensor:
             return self.sensor >= materiality.sensor
-        strong = self.force >= materiality.force or self.torque >= materiality.torque
-        return strong or self.gap >= materiality.gap
+        return self.force >= materiality.force or self.torque >= materiality.torque

@@ -54,7 +54,6 @@ class Thresholds:
 
     # A cause.
     sure: float = 0.5  # least probability; ideal sensors: 0.75
-    pushing_drag: float = 3.0  # standard deviations below none at which a drag pushes
     same: float = 3.5  # difference of log evidence below which two effects are indistinguishable
     # Second answer.
     misfit: float = 1.6  # held-out residual over noise, for a second answer; ideal sensors: 1.25

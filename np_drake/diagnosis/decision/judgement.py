@@ -83,4 +83,4 @@ def judge(
         material = 0.0
     if blown:
         return Judged(in_model, 1.0, size, "")
-    return Judged(in_model, material, size, impossible(fit, i, flights[0].vehicle, options.thresholds))
+    return Judged(in_model, material, size, impossible(fit, i, flights[0].vehicle))

@@ -6,12 +6,14 @@ from itertools import product
 import numpy as np
 
 from np_drake.diagnosis.fitting.map_estimate import Fit
-from np_drake.diagnosis.options import Thresholds
 from np_drake.diagnosis.regressors import DRAGS
 from np_drake.effects.base import Effect, MassEffect, MassProperties
 from np_drake.vehicle import Vehicle
 
 EDGE = 1e-3  # share of a parameter's range within which it is at its bound [1]; own choice
+PUSHING = (
+    3.0  # standard deviations below none at which a drag pushes; half and twice it give the same verdicts
+)
 STEPS = 3  # points of an interval that are tried; own choice
 
 
@@ -36,8 +38,8 @@ def at_its_bound(effect: Effect) -> bool:
     return False
 
 
-def _pushes(fit: Fit, i: int, deviations: float) -> bool:
-    """Return whether the effect is a drag that is negative along an axis by so many standard deviations.
+def _pushes(fit: Fit, i: int) -> bool:
+    """Return whether the effect is a drag that is negative along an axis.
 
     Of two drags, one may compensate the other.
     """
@@ -45,10 +47,10 @@ def _pushes(fit: Fit, i: int, deviations: float) -> bool:
     if effect.identifier not in DRAGS:
         return False
     own = [k for k, f in enumerate(fit.free) if f.term == i and not f.flight]
-    return any(fit.values[k] < -deviations * np.sqrt(fit.covariance[k, k]) for k in own)
+    return any(fit.values[k] < -PUSHING * np.sqrt(fit.covariance[k, k]) for k in own)
 
 
-def impossible(fit: Fit, i: int, vehicle: Vehicle, thresholds: Thresholds) -> str:
+def impossible(fit: Fit, i: int, vehicle: Vehicle) -> str:
     """Return why the effect of term i must stand in for another, or "" where it need not.
 
     A parameter is at its bound, a drag is negative, or no rigid body has such parameters within their 95 % intervals.
@@ -57,12 +59,11 @@ def impossible(fit: Fit, i: int, vehicle: Vehicle, thresholds: Thresholds) -> st
         fit: the fitted model.
         i: position of the term.
         vehicle: the nominal vehicle.
-        thresholds: how far below none a drag is no drag.
     """
     effect = fit.terms[i].effect
     if at_its_bound(effect):
         return "a figure at its bound is none"
-    if _pushes(fit, i, thresholds.pushing_drag):
+    if _pushes(fit, i):
         return "no drag pushes"
     if not isinstance(effect, MassEffect):
         return ""

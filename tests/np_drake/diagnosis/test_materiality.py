@@ -16,12 +16,11 @@ PLAIN = {"calibration": False, "sensor": False}
     [
         (Size(1.01 * REAL.force, 0.0, 0.0, 0.0), True),
         (Size(0.0, 1.01 * REAL.torque, 0.0, 0.0), True),
-        (Size(0.0, 0.0, 1.01 * REAL.gap, 0.0), True),
-        (Size(0.99 * REAL.force, 0.99 * REAL.torque, 0.99 * REAL.gap, 9.0), False),
+        (Size(0.99 * REAL.force, 0.99 * REAL.torque, 0.9, 9.0), False),
     ],
-    ids=["force", "torque", "gap", "none"],
+    ids=["force", "torque", "none"],
 )
-def test_an_effect_matters_by_force_torque_or_share(size, matters):
+def test_an_effect_matters_by_force_or_torque(size, matters):
     assert size.material(REAL, **PLAIN) is matters
 
 

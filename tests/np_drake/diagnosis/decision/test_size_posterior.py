@@ -66,12 +66,6 @@ def test_between_the_limits_it_is_the_gaussian_above_the_bound(times):
     assert material_share(size, drawn, MATERIALITY, **PLAIN) == pytest.approx(expected, abs=2e-3)
 
 
-def test_the_gap_goes_with_the_square_of_the_size():
-    size = Size(0.0, 0.0, 0.5 * MATERIALITY.gap, 0.0)
-    assert material_share(size, np.full(4, 1.42), MATERIALITY, **PLAIN) == 1.0
-    assert material_share(size, np.full(4, 1.41), MATERIALITY, **PLAIN) == 0.0
-
-
 def wind_at(fit_at, flights, wind, still_air=MATERIALITY.still_air, lean=0.0, covariance=1e-3) -> float:
     return wind_share(fit_at(DRAG, wind, covariance=covariance), 1, flights, still_air, lean)
 

@@ -3,7 +3,6 @@
 import pytest
 
 from np_drake.diagnosis.fitting.physical_bounds import at_its_bound, impossible, interval
-from np_drake.diagnosis.options import Options
 from np_drake.effects.base import Effect
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset
 from np_drake.effects.constant_wind import ConstantWind
@@ -13,8 +12,6 @@ from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.quadratic_drag import QuadraticDrag
 from np_drake.effects.weak_rotor import WeakRotor
 from np_drake.vehicle import Vehicle
-
-REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 
 FLAT = Vehicle(inertia=[[0.02, 0, 0], [0, 0.02, 0], [0, 0, 0.035]])  # at most twice 0.02 [kg·m²]
 
@@ -49,16 +46,12 @@ def test_a_figure_at_its_bound_is_none_unless_it_is_neutral(effect: Effect, at_e
     ids=str,
 )
 def test_an_inertia_that_no_rigid_body_has_stands_for_something_else(fit_at, effect, deviation, possible):
-    why = impossible(
-        fit_at(WeakRotor(2, 0.9), effect, covariance=deviation), 1, FLAT, thresholds=REAL.thresholds
-    )
+    why = impossible(fit_at(WeakRotor(2, 0.9), effect, covariance=deviation), 1, FLAT)
     assert why == ("" if possible else "no rigid body has such figures")
 
 
 def test_a_figure_at_its_bound_stands_for_something_else(fit_at):
-    assert "bound" in impossible(
-        fit_at(LinearDrag(0.3, -0.2, 0.3), covariance=0.1), 0, FLAT, thresholds=REAL.thresholds
-    )
+    assert "bound" in impossible(fit_at(LinearDrag(0.3, -0.2, 0.3), covariance=0.1), 0, FLAT)
 
 
 @pytest.mark.parametrize(
@@ -74,7 +67,7 @@ def test_a_figure_at_its_bound_stands_for_something_else(fit_at):
 )
 def test_a_drag_that_pushes_stands_for_something_else(fit_at, effect, deviation, pushes):
     fit = fit_at(WeakRotor(2, 0.9), effect, covariance=deviation)
-    assert impossible(fit, 1, FLAT, thresholds=REAL.thresholds) == ("no drag pushes" if pushes else "")
+    assert impossible(fit, 1, FLAT) == ("no drag pushes" if pushes else "")
 
 
 def test_an_interval_is_that_of_the_figure_of_its_own_term(fit_at):
