@@ -2,7 +2,7 @@
 
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.materiality import Materiality
-from np_drake.diagnosis.options import Options, Priors, SearchOptions, Thresholds
+from np_drake.diagnosis.options import Options, Priors, Thresholds
 from np_drake.diagnosis.result import Diagnosis
 from np_drake.diagnosis.tolerance import IDEAL_SENSORS, Tolerance
 
@@ -12,7 +12,6 @@ __all__ = [
     "Materiality",
     "Options",
     "Priors",
-    "SearchOptions",
     "Thresholds",
     "Tolerance",
     "diagnose",

@@ -10,19 +10,14 @@ class Materiality:
     Source: own choice, where a field names none.
     """
 
-    effect_force: float = (
-        0.006  # RMS force of an effect over weight, in all flights [1]; ideal sensors: 0.003
-    )
-    structure_force: float = 0.01  # RMS force of a structure that is no effect over weight [1]
-    torque: float = 0.01  # RMS torque over RMS commanded torque [1]
-    exactness: float = 1.0  # factor on `structure_force` and `torque` [1]; ideal sensors: 0.3
+    force: float = 0.006  # RMS force over weight, in all flights [1]; ideal sensors: 0.003
+    torque: float = 0.01  # RMS torque over RMS commanded torque [1]; ideal sensors: 0.003
     calibration_force: float = (
         0.02  # of weight: mass and thrust below it are what vehicle files are off by [1]
     )
     still_air: float = 0.25  # mean level wind [m/s]; source: draught in rooms, ISO 7730
-    gap: float = 0.10  # share of the gap above the noise [1]
     sensor: float = 1.5  # size of a sensor error over the tolerance of that sensor [1]
-    structure_share: float = 0.03  # of the gap, and of a channel's power, for structure that is no effect [1]
+    structure_share: float = 0.03  # of a channel's power, for a spectral line [1]
 
 
 @dc.dataclass(frozen=True)
@@ -49,6 +44,4 @@ class Size:
             return self.force >= materiality.calibration_force
         if sensor:
             return self.sensor >= materiality.sensor
-        torque = materiality.torque * materiality.exactness
-        strong = self.force >= materiality.effect_force or self.torque >= torque
-        return strong or self.gap >= materiality.gap
+        return self.force >= materiality.force or self.torque >= materiality.torque

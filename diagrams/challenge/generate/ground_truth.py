@@ -213,12 +213,14 @@ def stated_tolerance(case: Case, flights: Sequence[FlightResiduals]) -> Toleranc
     if case.quality.name != "wild":
         return tolerance
     told = [
-        dc.replace(e, log=dc.replace(e.log, input=case.input.kind, timing=case.input.timing(e.log.step)))
+        dc.replace(
+            e,
+            log=dc.replace(e.log, input=case.input.kind, timing=case.input.timing(e.log.step)),
+            vehicle=dc.replace(e.vehicle, command_timing="held"),
+        )
         for e in flights
     ]
-    options = Options.for_sensors(tolerance.real, tolerance)
-    never_asked = dc.replace(options.search, early_command=np.inf)
-    return with_input(dc.replace(options, search=never_asked), told).tolerance
+    return with_input(Options.for_sensors(tolerance.real, tolerance), told).tolerance
 
 
 def residual_and_visibility(case: Case, flight: FlightPair) -> tuple[np.ndarray, float]:

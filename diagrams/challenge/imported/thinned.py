@@ -15,7 +15,6 @@ from diagrams.challenge.generate.make import fly_case
 from diagrams.challenge.generate.sensor_quality import rows_of
 from diagrams.challenge.generate.vehicles import vehicle_file
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.diagnosis.options import Options
 from np_drake.logs.case_folder import VEHICLE, open_case
 from np_drake.logs.log_file import write_log
 
@@ -68,9 +67,7 @@ def _answer(index: int, *, seed: int, seconds: float) -> ThinnedCase:
             write_log(rows_of(log, np.arange(0, len(log), kept)), folder / file)
         vehicle, train, held_out = open_case(folder)
     found = diagnose(vehicle, train, held_out)
-    options = Options.for_sensors(found.judged_as == "rig")
-    blind = dc.replace(options, search=dc.replace(options.search, early_command=np.inf))
-    naive = diagnose(vehicle, train, held_out, options=blind)
+    naive = diagnose(dc.replace(vehicle, command_timing="held"), train, held_out)
     return ThinnedCase(index, simulator, quality, kept, found.verdict, naive.verdict)
 
 

@@ -8,7 +8,6 @@ from np_drake.diagnosis.fitting import Fit
 from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.options import Options
-from np_drake.diagnosis.regressors import DRAG
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.wind import slow_force, slow_power
 
@@ -28,19 +27,14 @@ def gust_probability(
 ) -> float:
     """Return the probability of a slow force in the air; 0 where training flights show none.
 
-    It must be as large as structure has to be that is no effect; where a drag was found that would feel it, less
-    evidence is enough.
+    It must be as large as structure has to be that is no effect.
     """
     seen = slow_force(flights, residual, options)
     both = slow_force([*flights, *held_out], residual | swung, options)
-    felt = any(t.effect.identifier == DRAG for t in named.terms)
-    vehicle = flights[0].vehicle
-    thresholds, materiality = options.thresholds, options.materiality
-    least = materiality.structure_force * materiality.exactness
-    even = thresholds.slow_force_evidence(felt=felt)
-    matters = both.deviation > least * vehicle.mass * vehicle.gravity
-    shown = seen.log_evidence > thresholds.held_out_share * even
+    vehicle, thresholds = flights[0].vehicle, options.thresholds
+    matters = both.deviation > options.materiality.force * vehicle.mass * vehicle.gravity
+    shown = seen.log_evidence > thresholds.held_out_share * thresholds.slow_force
     lost = any(t.swings for t in named.terms) and slow_power(
         flights, residual
-    ) < thresholds.swing_power * slow_power(flights, {e.name: e.y for e in flights})
-    return both.probability(even) if matters and shown and not lost else 0.0
+    ) < thresholds.held_out_share * slow_power(flights, {e.name: e.y for e in flights})
+    return both.probability(thresholds.slow_force) if matters and shown and not lost else 0.0

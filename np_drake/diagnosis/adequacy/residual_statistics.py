@@ -1,4 +1,4 @@
-"""Statistics of the residual: spectral lines, slow torques, bursts, and lift that differs between flights.
+"""Statistics of the residual: spectral lines, slow torques and bursts.
 
 What has no shape that a held-out flight would repeat (a vibration, a stuck axis now and then) is not found by
 regression; it is found by where its power lies, or by when.
@@ -67,11 +67,6 @@ def _slow_force(e: FlightResiduals, residual: np.ndarray) -> np.ndarray:
     """(n, 3) low-passed force of what is left (m, 15) of a flight, without its edges [N]."""
     edge = min(round(EDGE / e.grid.step), (len(residual) - 1) // 2)
     return low_pass(residual[:, FORCE], e.grid.step, BRIEF)[edge : len(residual) - edge]
-
-
-def lift_apart(flights: Sequence[FlightResiduals], residual: dict[str, np.ndarray]) -> float:
-    """Return the largest mean force along body z of a flight [N]; across z, an attitude error does as much."""
-    return max(abs(float(np.mean(residual[e.name][:, FORCE][:, 2]))) for e in flights)
 
 
 def strongest_line(

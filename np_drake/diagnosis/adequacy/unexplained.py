@@ -1,5 +1,6 @@
 """What the causes leave: noise, or something the library does not have."""
 
+import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
@@ -10,18 +11,30 @@ from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.adequacy.residual_statistics import slow_torque, strongest_line
 from np_drake.diagnosis.adequacy.residual_tests import (
     Indication,
-    irregularities,
+    burst_test,
     least_lines,
+    least_structure,
     line_test,
-    material_structure,
     slow_torque_test,
 )
-from np_drake.diagnosis.adequacy.unexplained_result import Unexplained
 from np_drake.diagnosis.held_out import HeldOut
 from np_drake.diagnosis.regressors import PREFIX
 from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals
 from np_drake.diagnosis.result import Finding
 from np_drake.diagnosis.selection import Ranking
+
+
+@dc.dataclass(frozen=True)
+class Unexplained:
+    """What the effects of the best model leave.
+
+    probability: that something material is left, a slow level force apart [1].   findings: where it lives.
+    slow_probability: of a slow level force [1].
+    """
+
+    probability: float
+    findings: tuple[Finding, ...]
+    slow_probability: float
 
 
 def find_unexplained(
@@ -39,7 +52,7 @@ def find_unexplained(
     slowly = gust_probability(best, options, flights, residual, held_out, swung)
     said: list[Indication] = [indication(linear, structure, g, options.materiality) for g in structure]
     if not (hidden or slowly > 0.5):
-        said += irregularities([*flights, *held_out], residual | swung, options)
+        said.append(burst_test([*flights, *held_out], residual | swung, options))
     line = strongest_line(flights, residual, least_lines(flights, options.materiality))
     said.append(line_test(line, flights, held_out, swung, options))
     torque = slow_torque(flights, residual)
@@ -55,7 +68,7 @@ def indication(linear: LinearModel, structure: Sequence[int], g: int, materialit
     there = float(special.expit(linear.evidence((), structure) - linear.evidence((), rest)))
     part = np.concatenate([linear.part(structure, g, e) for e in flights])
     force, torque = (float(np.sqrt(np.mean(np.sum(part[:, c] ** 2, axis=1)))) for c in (FORCE, TORQUE))
-    least_force, least_torque = material_structure(flights, materiality)
+    least_force, least_torque = least_structure(flights, materiality)
     figures = {"force": force, "torque": torque, **candidate.figures}
     name = candidate.identifiers[0].removeprefix(PREFIX)
     weight = flights[0].vehicle.mass * flights[0].vehicle.gravity

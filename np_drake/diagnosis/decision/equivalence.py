@@ -4,6 +4,8 @@ import numpy as np
 
 from np_drake.diagnosis.regressors import Model, RegressionProblem
 
+MOST = 2  # effects named as indistinguishable from a cause
+
 
 def indistinguishable(problem: RegressionProblem, model: Model) -> dict[str, tuple[str, ...]]:
     """Return by effect of the model the effects that explain the logs as well in its place."""
@@ -23,7 +25,7 @@ def indistinguishable(problem: RegressionProblem, model: Model) -> dict[str, tup
             if loss < thresholds.same:
                 name = other.identifiers[-1]
                 found[name] = min(loss, found.get(name, np.inf))
-        names = sorted(found, key=lambda n: found[n])[: thresholds.most_same]
+        names = sorted(found, key=lambda n: found[n])[:MOST]
         for name in own:
             out[name] = tuple(names)
     return out

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from np_drake.diagnosis.adequacy import Unexplained, find_unexplained
 from np_drake.diagnosis.adequacy.linear_model import LinearModel
 from np_drake.diagnosis.decision.causes import causes_of
-from np_drake.diagnosis.decision.gust_causes import residuals, with_gusts
+from np_drake.diagnosis.decision.gust_causes import in_gusts, residuals, with_gusts
 from np_drake.diagnosis.held_out import HeldOut, on_held_out, without_shocks
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Finding
 from np_drake.diagnosis.selection import Ranking, SearchResult, find_map_model, ranked
-from np_drake.diagnosis.wind import in_gusts, position_p_value, with_drag
+from np_drake.diagnosis.wind import position_p_value, with_drag
 
 SLOW = Finding("slow force", "a level force that comes and goes, of which no wind can be made", 1.0, {})
 PLACE = Finding("place", "a slow force tied to a place", 1.0, {})

@@ -60,13 +60,13 @@ def judge(
         ranking, linear, structure, held_out, held: as in `causes_of`.
         same: effects that cannot be told from term i, whose probability is added.
         gusty: gusts blow. The drag that feels them is material and stands for nothing else; its prior is that of gusts
-            against what the library lacks.
+            against structure that is no effect.
     """
     fit, flights, options = ranking.best, ranking.problem.flights, ranking.options
     effect, tolerance = fit.terms[i].effect, options.tolerance
     named = min(1.0, sum(ranking.probability.get(name, 0.0) for name in (effect.identifier, *same)))
     blown, priors = gusty and effect.identifier == DRAG, options.priors
-    brought = priors.wind_over_unknown - priors.of_effect(DRAG) if blown else 0.0
+    brought = priors.generic - priors.of_effect(DRAG) if blown else 0.0
     in_model = named * float(special.expit(linear.margin(i, structure) + brought))
     size = size_of(fit, i, flights, ranking.noise, tolerance, [(e, held.terms[e.name]) for e in held_out])
     material = material_share(

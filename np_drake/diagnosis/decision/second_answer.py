@@ -8,36 +8,30 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from np_drake.diagnosis.adequacy import novel_on_held_out, swing_free_residual
 from np_drake.diagnosis.decision.infer import Inference, concluded
 from np_drake.diagnosis.held_out import misfit
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals
 from np_drake.diagnosis.result import CHANNELS, Cause, Finding
-from np_drake.diagnosis.selection import PAYLOAD, find_map_model
-from np_drake.diagnosis.wind import slow_power
+from np_drake.diagnosis.selection import find_map_model
 
 NAME = "first half of {}"
+LEAST_HALF = 4.0  # duration of either half of a flight, below which it stays whole [s]; own choice
 
 
 def novelty(first: Inference) -> tuple[Finding, ...]:
-    """Return what held-out flights show that training flights do not, a sentence each.
+    """Return whether held-out flights show what training flights do not, as a sentence or none.
 
     Gusts, which repeat nowhere, and a payload, whose swing may be lost, do not count.
     """
-    ranking, options = first.ranking, first.options
+    ranking = first.ranking
     if any(c.identifier == "gusty_wind" for c in first.causes) or any(t.swings for t in ranking.best.terms):
         return ()
-    found = []
     ratio = misfit(first.held, ranking.noise)
     channel = int(np.argmax(ratio))
-    if ratio[channel] > options.thresholds.split_misfit:
-        text = f"{CHANNELS[channel]} is {ratio[channel]:.2g} times what the training flights leave"
-        found.append(Finding("misfit", text, float(ratio[channel]), {}))
-    residual = {e.name: ranking.best.residual(e) for e in first.flights}
-    swung = {e.name: swing_free_residual(first.held, e) for e in first.held_out}
-    usual = slow_power(first.flights, residual)
-    probability, finding = novel_on_held_out(first.held_out, swung, options, usual)
-    return (*found, finding) if probability > 0.5 else tuple(found)
+    if ratio[channel] <= first.options.thresholds.misfit:
+        return ()
+    text = f"{CHANNELS[channel]} is {ratio[channel]:.2g} times what the training flights leave"
+    return (Finding("misfit", text, float(ratio[channel]), {}),)
 
 
 def second_answer(first: Inference) -> tuple[Inference, list[FlightResiduals]] | None:
@@ -45,31 +39,22 @@ def second_answer(first: Inference) -> tuple[Inference, list[FlightResiduals]] |
 
     A wind is a condition of a flight: where the first answer names none, one can act in the halves alone.
     """
-    joined, judges = split_flights(first.held_out, first.options.thresholds.split_half)
+    joined, judges = split_flights(first.held_out)
     if not joined:
         return None
-    hanging = first.ranking.probability.get(PAYLOAD, 0.0) > first.options.thresholds.split_payload
     calm = not any(c.effect and c.effect.needs for c in first.causes)
-    found = find_map_model([*first.flights, *joined], first.options, hanging=hanging, calm=calm)
-    return concluded(found, judges), joined
-
-
-def _middle(e: FlightResiduals) -> float:
-    return 0.5 * (e.log.t[0] + e.log.t[-1])
+    return concluded(find_map_model([*first.flights, *joined], first.options, calm=calm), judges), joined
 
 
 def split_flights(
-    flights: Sequence[FlightResiduals], least: float
+    flights: Sequence[FlightResiduals],
 ) -> tuple[list[FlightResiduals], list[FlightResiduals]]:
-    """Return the first halves of flights as flights of their own, and all flights with these rows marked as joined.
-
-    least: duration of either half; shorter flights stay whole [s].
-    """
+    """Return the first halves of flights as flights of their own, and all flights with these rows marked as joined."""
     halves, judges = [], []
     for e in flights:
         log = e.log
-        middle = _middle(e)
-        if middle - log.t[0] < least:
+        middle = 0.5 * (log.t[0] + log.t[-1])
+        if middle - log.t[0] < LEAST_HALF:
             judges.append(e)
             continue
         half = dc.replace(log.rows(0, int(np.searchsorted(log.t, middle))), name=NAME.format(e.name))

@@ -53,9 +53,9 @@ def explain(
     flights = [dc.replace(e, shocks=find_shocks(r, step)) for e, r in zip(flights, residual, strict=True)]
     raw = [e.bridged(e.y) for e in flights]
     _, _, residual = _fitted(flights, blocks, scale_only(raw, step))
-    noise = noise_of(flights, residual, raw, options, options.search.linear_error)
+    noise = noise_of(flights, residual, raw, options, options.priors.linear_error)
     mean, deviation, residual = _fitted(flights, blocks, noise)
-    noise = noise_of(flights, residual, raw, options, options.search.linear_error)
+    noise = noise_of(flights, residual, raw, options, options.priors.linear_error)
     floor = {name: float(noise.rms[WRENCH][c]) for c, name in enumerate(CHANNELS)}
     return Explained(list(flights), noise, floor, _drag(mean, deviation, nuisance, traces))
 

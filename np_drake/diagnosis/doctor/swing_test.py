@@ -44,7 +44,7 @@ def swing_test(
     X = flight.bridged(X[..., np.abs(X).max(axis=(0, 1)) > 1e-12])
     y = flight.bridged(flight.y[:, LATERAL])
     pieces = _pieces(flight)
-    priors, how = options.priors, (pieces, flight.grid.step, options.search.temperature)
+    priors, how = options.priors, (pieces, flight.grid.step, options.priors.temperature)
     _, without = _fitted(y, X, *how)
     gains, masses = [], []
     for payload in payloads_of([flight], LENGTHS, priors):

@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy import stats
 
 from np_drake.diagnosis.fitting.parameters import Free, free_parameters, prior_whitening, read, write
 from np_drake.diagnosis.forward_model import StageCache, Term, predicted_residual, swing_wrenches
@@ -49,40 +48,6 @@ class Fit:
         residual = e.y - predicted_residual(e, self.everything)
         return e.bridged(residual - self.sensor_drift[e.name] if e.name in self.sensor_drift else residual)
 
-    def is_significant(self, i: int, level: float) -> bool:
-        """Return whether the parameters of `terms[i]` differ from those of a vanishing effect at this level [1].
-
-        An effect that improves the fit without being significant makes up for errors of the others. An effect that acts
-        through another is tested by the products of the two sets of parameters. Where a drag is poorly known so is the
-        wind, but not the force of the wind. Products are taken axis by axis; where the two have different numbers of
-        parameters, its own are tested.
-
-        Source: Wald test of all parameters together; products to first order.
-        """
-        own = self._vanishing(i)
-        if not own:
-            return True
-        away = self.values[own] - np.array([self.free[k].neutral for k in own])
-        slope = np.eye(len(self.values))[own]
-        through = self._felt_through(i)
-        if len(through) == len(own):
-            slope = slope * self.values[through][:, None]
-            slope[range(len(own)), through] = away
-            away = away * self.values[through]
-        spread = slope @ self.covariance @ slope.T
-        return bool(away @ np.linalg.pinv(spread) @ away > stats.chi2.ppf(level, len(own)))
-
-    def _vanishing(self, i: int) -> list[int]:
-        """Return the positions in `free` of the parameters of term i at whose neutral values its effect vanishes."""
-        names = {p.name for p in self.terms[i].effect.parameters if p.vanishes}
-        return [k for k, f in enumerate(self.free) if f.term == i and not f.flight and f.name in names]
-
-    def _felt_through(self, i: int) -> list[int]:
-        """Return these positions for the term through which term i acts; none where it needs no other."""
-        needs = type(self.terms[i].effect).needs
-        felt = (j for j, t in enumerate(self.terms) if t.effect.identifier in needs)
-        return next(map(self._vanishing, felt), [])
-
     @property
     def everything(self) -> list[Term]:
         """Terms and calibration, which together predict the channels."""
@@ -99,7 +64,6 @@ def refine(
     linear: Sequence[Candidate] = (),
     white: Callable[[FlightResiduals, Candidate], np.ndarray] | None = None,
     evaluations: int = 8,
-    wide: bool = True,
     priors: Priors,
 ) -> Fit:
     """Fit terms and calibration to the flights by bounded Gauss-Newton, starting from the terms' values.
@@ -113,11 +77,10 @@ def refine(
         linear: candidates that act as well, with free coefficients.
         white: gives the whitened columns (m - p, 15, k) of one of these in a flight; default: by `noise`.
         evaluations: largest number of iterations.
-        wide: whether priors widen to the size of the effects.
     """
     everything = [*terms, *(t for t, _ in calibration)]
     scales = {len(terms) + i: s for i, (_, s) in enumerate(calibration)}
-    free = free_parameters(everything, flights, scales, priors, wide=wide)
+    free = free_parameters(everything, flights, scales, priors)
     scale = np.array([f.scale for f in free])
     neutral = np.array([f.neutral for f in free])
     root = 1.0 / np.sqrt(temperature)

@@ -104,7 +104,6 @@ def _descend(
         linear=drifting,
         white=partial(problem.white, noise),
         evaluations=iterations,
-        wide=problem.wide,
         priors=problem.options.priors,
     )
     return dc.replace(fit, onset_prior=sum(problem.candidates[i].onset_prior for i in model.members))

@@ -31,8 +31,6 @@ def free_parameters(
     flights: Sequence[FlightResiduals],
     scales: dict[int, float],
     priors: Priors,
-    *,
-    wide: bool = True,
 ) -> list[Free]:
     """Return the free parameters of the terms.
 
@@ -40,12 +38,11 @@ def free_parameters(
         terms: the terms.
         flights: the flights, each with its own hidden states.
         scales: by position, the prior standard deviation of calibration terms, in place of the typical one.
-        wide: whether priors widen to the size of the effects.
     """
     found = []
     for i, term in enumerate(terms):
         vehicle = flights[0].vehicle
-        width = _width(term, vehicle) if wide and term.effect.widens else 1.0
+        width = _width(term, vehicle) if term.effect.widens else 1.0
         for p in term.effect.parameters:
             if not p.choices:
                 scale = scales.get(i, width * usual_size(p, vehicle))

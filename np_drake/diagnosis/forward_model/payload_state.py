@@ -21,6 +21,12 @@ MOST_JUMPS = (
     4  # largest number of jumps in a flight; sampled motion does not show how a snap changes the swing
 )
 APART = 0.3  # least time between jumps [s]
+PENDULUM = {
+    "mass": 1.0,
+    "length": 0.4,
+    "hook": 0.05,
+    "damping": 0.5,
+}  # errors over that of the mass [1, 1, m, 1/s]
 
 
 def pendulum_error(name: str, payload: SuspendedPayload, vehicle: Vehicle, priors: Priors) -> float:
@@ -38,11 +44,12 @@ def pendulum_error(name: str, payload: SuspendedPayload, vehicle: Vehicle, prior
     Source: own choice, from errors in simulated flights; downwash: `SuspendedPayload`, w from momentum theory.
     """
     kind, value = name.split("_")[0], float(getattr(payload, name))
+    own = priors.pendulum * PENDULUM[kind]
     if kind in ("hook", "damping"):
-        return priors.pendulum_hook if kind == "hook" else priors.pendulum_damping
-    pushed = payload.damping * hover_induced_velocity(vehicle) / vehicle.gravity
-    own = priors.pendulum_mass if kind == "mass" else priors.pendulum_length
-    return abs(value) * float(np.hypot(own, pushed))
+        return own
+    return abs(value) * float(
+        np.hypot(own, payload.damping * hover_induced_velocity(vehicle) / vehicle.gravity)
+    )
 
 
 def jumps(flight: FlightResiduals, onset: float | None) -> np.ndarray:

@@ -10,19 +10,15 @@ from np_drake.diagnosis.numerics.autoregressive_noise import (
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 from np_drake.diagnosis.numerics.fir_filter import banded, filtered
 from np_drake.diagnosis.numerics.gauss_newton import minimise
-from np_drake.diagnosis.numerics.instrumental_variables import Block, instrumented, plain
 
 __all__ = [
-    "Block",
     "Gram",
     "NoiseModel",
     "banded",
     "filtered",
     "fit_noise",
-    "instrumented",
     "minimise",
     "no_worse",
-    "plain",
     "scale_only",
     "with_loudness",
 ]

@@ -156,7 +156,7 @@ def _columns(values: np.ndarray, some: np.ndarray) -> np.ndarray:
     return values if some.all() else values[:, some]
 
 
-def scale_only(residuals: list[np.ndarray], step: float, flights: Sequence[str] = ()) -> NoiseModel:
+def scale_only(residuals: list[np.ndarray], step: float) -> NoiseModel:
     """Return white noise with the RMS of the residuals.
 
     With it, generalised least squares becomes ordinary least squares on scaled channels.
@@ -164,23 +164,11 @@ def scale_only(residuals: list[np.ndarray], step: float, flights: Sequence[str] 
     Args:
         residuals: (m, c) residuals of each flight.
         step: sample interval [s].
-        flights: names of the flights. Where given, each flight has its own error level, so that one flight with large
-            errors does not dominate the fit.
-    Source: feasible generalised least squares with one variance for each group.
     """
     rms = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
     rms[rms**2 < ACTIVE] = 0.0
     mixing = np.diag(np.where(rms > 0, 1.0 / np.maximum(rms, 1e-12), 0.0))
-    loudness = (
-        {name: _loudness(r, rms) for name, r in zip(flights, residuals, strict=True)} if flights else {}
-    )
-    return NoiseModel(np.zeros((len(rms), 1)), mixing, rms, rms**2, step, loudness)
-
-
-def _loudness(residual: np.ndarray, rms: np.ndarray) -> np.ndarray:
-    """Return the (c,) RMS of one flight over that of all flights, at least `QUIETEST` [1]."""
-    own = np.sqrt(np.mean(residual**2, axis=0))
-    return np.where(rms > 0, np.maximum(own / np.maximum(rms, 1e-12), QUIETEST), 1.0)
+    return NoiseModel(np.zeros((len(rms), 1)), mixing, rms, rms**2, step)
 
 
 def with_loudness(noise: NoiseModel, residuals: list[np.ndarray], flights: Sequence[str]) -> NoiseModel:

@@ -18,13 +18,16 @@ ROTOR_SPEED_SCALE = (
 THROTTLE_CURVE = 0.3  # of its exponent, once it is fitted [1]; source: own choice
 THROTTLE_DRIFT = 0.002  # of thrust over throttle [1/s]; source: own choice, a tenth in a minute
 MOUNTING = 0.02  # of an autopilot's axes [rad]; source: own choice, one degree
+EARLY = (
+    3.0  # deviations by which motion is ahead of commands, from which these are not held from their row [1]
+)
 LATENCY = 0.01  # of an estimator's attitude [s]; source: own choice, a few samples of its filters
 
 
 def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
     """Return the options whose tolerance holds what vehicle file and input of these flights leave open."""
     tolerance = options.tolerance.with_vehicle(flights[0].vehicle)
-    timing = command_timing(flights, options.search.early_command)
+    timing = command_timing(flights)
     open_ = {"timing": max(tolerance.timing, timing)}
     if flights[0].measured_rotors:
         open_["thrust"] = max(tolerance.thrust, ROTOR_SPEED_SCALE)
@@ -39,24 +42,21 @@ def with_input(options: Options, flights: Sequence[FlightResiduals]) -> Options:
     return dc.replace(options, tolerance=dc.replace(tolerance, **open_))
 
 
-def command_timing(flights: Sequence[FlightResiduals], early: float) -> float:
+def command_timing(flights: Sequence[FlightResiduals]) -> float:
     """Return the deviation of the time at which a row's command acts [s].
 
     It is what the logs state, or half a row where the flights show that the command of a row does not act from it until
     the next: so a command looks that changed between the rows, as in a log of which rows were left out. Lags and delays
     look the other way. A vehicle file can state that commands are held (`command_timing: held`).
-
-    early: deviations by which the motion is ahead of the commands from which they are not held from their row; inf: the
-    flights are not asked [1].
     """
     if flights[0].measured_rotors:
         return 0.0
     stated = max(e.log.timing for e in flights)
-    if early == np.inf or flights[0].vehicle.command_timing == "held":
+    if flights[0].vehicle.command_timing == "held":
         return stated
     half = 0.5 * max(e.log.step for e in flights)
     shift, deviation = _early(flights, 0.5 * half)
-    sampled = shift > early * deviation and shift - 2 * deviation < half
+    sampled = shift > EARLY * deviation and shift - 2 * deviation < half
     return max(stated, half) if sampled else stated
 
 

@@ -47,7 +47,6 @@ class RegressionProblem:
         nuisance: candidates that every model has (calibration within its tolerance).
         candidates: candidates among which to select.
         temperature: factor on the noise variance [1].
-        wide: whether priors widen to the size of strong library effects.
     """
 
     def __init__(
@@ -59,9 +58,8 @@ class RegressionProblem:
         *,
         temperature: float,
         options: Options,
-        wide: bool = True,
     ):
-        self.flights, self.noise, self.temperature, self.wide = list(flights), noise, temperature, wide
+        self.flights, self.noise, self.temperature = list(flights), noise, temperature
         self.nuisance, self.candidates, self.options = nuisance, candidates, options
         ends = np.cumsum([0] + [c.size for c in (*nuisance, *candidates)])
         self._index = [np.arange(a, b) for a, b in pairwise(ends)]
@@ -102,7 +100,6 @@ class RegressionProblem:
             [*self.candidates, *more],
             temperature=self.temperature,
             options=self.options,
-            wide=self.wide,
         )
 
     def columns_of(self, member: int) -> np.ndarray:
@@ -121,7 +118,7 @@ class RegressionProblem:
     def scores(self, sets: Sequence[Sequence[int]]) -> list[float]:
         """Return `score` of many sets, solved together."""
         priors = np.array([self._log_prior(members) for members in sets]) + self._log_probability(sets)
-        wide = [[self.wide and self.candidates[i].widens for i in members] for members in sets]
+        wide = [[self.candidates[i].widens for i in members] for members in sets]
         some = np.flatnonzero(np.isfinite(priors)).tolist()
         evidence = np.zeros(len(sets))
         evidence[some] = self._rest.evidence_of_sets(

@@ -6,13 +6,16 @@ import numpy as np
 
 from np_drake.diagnosis.regressors import Model, RegressionProblem
 
+BEAM = 6  # sets kept from step to step
+MARGIN = 8.0  # log evidence below the best at which the beam stops growing
+MOST_EFFECTS = 8  # in a model
+
 
 def search(problem: RegressionProblem) -> list[Model]:
     """Return all models met, best first.
 
     A beam grows by one candidate at a time, then the best is swapped and reduced until it rests.
     """
-    options = problem.options.search
     seen: dict[tuple[int, ...], float] = {(): 0.0}
 
     def score_all(sets: Iterable[tuple[int, ...]]) -> None:
@@ -21,7 +24,7 @@ def search(problem: RegressionProblem) -> list[Model]:
 
     everyone = range(len(problem.candidates))
     layer: list[tuple[int, ...]] = [()]
-    for _ in range(options.most_effects):
+    for _ in range(MOST_EFFECTS):
         grown = {
             tuple(sorted((*m, i)))
             for m in layer
@@ -33,8 +36,8 @@ def search(problem: RegressionProblem) -> list[Model]:
         score_all(grown)
         ranked = sorted(grown, key=lambda m: (-seen[m], m))
         best = max(seen.values())
-        layer = _diverse(problem, ranked, options.beam)
-        if seen[layer[0]] < best - options.beam_margin:
+        layer = _diverse(problem, ranked, BEAM)
+        if seen[layer[0]] < best - MARGIN:
             break
     current = max(seen, key=lambda m: seen[m])
     while True:

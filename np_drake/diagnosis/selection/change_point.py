@@ -20,6 +20,9 @@ from np_drake.diagnosis.selection.payload_search import PAYLOAD, PayloadSearch
 from np_drake.effects.library import effects_for
 
 WEIGHTS = (("mass_error",), ("thrust_scale",))
+LEAST_GAIN = 1.0  # log evidence, prior included, from which an onset is tried
+MOST_COLUMNS = 8  # of a candidate that is scanned
+VARIANTS = 2  # of an effect that are scanned
 
 
 def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ()) -> list[Candidate]:
@@ -28,13 +31,12 @@ def switched_candidates(problem: RegressionProblem, members: Sequence[int] = ())
     members: of a model. Every effect is tried alone, and beside those members that are another effect.
     """
     found: list[Candidate] = []
-    kept = problem.options.search.onset_variants
     whole = OnsetScan(problem, members)
     for own, variants in _that_begin(problem).items():
         others = tuple(i for i in members if not set(own) & set(problem.candidates[i].identifiers))
         tried = [(c, whole.sums(c)) for c in variants]
         for scan in map(whole.beside, dict.fromkeys([(), others])):
-            for candidate, sums in sorted(tried, key=lambda pair: scan.rough_evidence(pair[1]))[-kept:]:
+            for candidate, sums in sorted(tried, key=lambda pair: scan.rough_evidence(pair[1]))[-VARIANTS:]:
                 found_at = scan.best(candidate, sums)
                 late = dc.replace(
                     switched(candidate, problem.flights, found_at.onset), onset_prior=found_at.prior
@@ -53,7 +55,7 @@ def _that_begin(problem: RegressionProblem) -> dict[tuple[str, ...], list[Candid
     library = effects_for(problem.flights[0].log.input)
     found: dict[tuple[str, ...], list[Candidate]] = {}
     for c in problem.candidates:
-        scanned = c.size <= problem.options.search.onset_columns and not c.onset
+        scanned = c.size <= MOST_COLUMNS and not c.onset
         if scanned and all(library[name].begins for name in c.identifiers):
             found.setdefault(c.identifiers, []).append(c)
     return found
@@ -68,9 +70,7 @@ def late_payloads(problem: RegressionProblem, late: list[Candidate]) -> list[Can
     scan, options = OnsetScan(problem), problem.options
     weights = [_at_rest(c) for c in at_start[:1]]
     weights += [c for c in problem.candidates if c.identifiers in WEIGHTS and not c.onset]
-    heavy = [
-        f for f in map(scan.best, weights) if f.onset and f.gain + f.prior > options.search.payload_onset_gain
-    ]
+    heavy = [f for f in map(scan.best, weights) if f.onset and f.gain + f.prior > options.priors.onset_gain]
     if not heavy:
         return []
     found = max(heavy, key=lambda f: f.evidence + f.prior)
@@ -149,7 +149,7 @@ class OnsetScan:
         start = {name: at_rows(sums, [0]) for name, sums in whole.items()}
         at = dict(start)
         for name, f in self._flights.items():
-            rows = possible_onsets(f.t, self._options.search)
+            rows = possible_onsets(f.t)
             profile = self._evidence(at_rows(whole[name], rows), [at[n] for n in at if n != name])
             now = self._evidence(start[name], [at[n] for n in at if n != name])[0]
             if len(rows) and profile.max() > now:
@@ -164,7 +164,7 @@ class OnsetScan:
         all rows, one that is known to half a flight has one half.
         """
         late = sums or self.sums(candidate)
-        scans = {n: TriedOnsets(of, self._options.search, goes_on=n in self._go_on) for n, of in late.items()}
+        scans = {n: TriedOnsets(of, goes_on=n in self._go_on) for n, of in late.items()}
         found = [self._climbed(scans)]
         for scan in scans.values():
             self._settle_alone(scan)
@@ -185,7 +185,7 @@ class OnsetScan:
     def _climbed(self, scans: dict[str, TriedOnsets]) -> "Onsets":
         """From where they are settled, flight by flight, the others as they are."""
         widths = dict[str, float]()
-        priors, least = self._options.priors, self._options.search.onset_gain
+        priors = self._options.priors
         for _ in range(2):
             for name, scan in scans.items():
                 rest = [s.now for n, s in scans.items() if n != name]
@@ -198,11 +198,11 @@ class OnsetScan:
                 others = any(s.begins for n, s in scans.items() if n != name)
                 may_lack = others and scan.goes_on
                 best, widths[name] = float(profile.max(initial=-np.inf)), scan.log_width(profile)
-                best += (priors.another_onset if others else priors.first_onset) + widths[name]
-                never += priors.absence if may_lack else 0.0
-                if best - max(start, never) > least:
+                best += priors.onset + widths[name]
+                never += priors.onset if may_lack else 0.0
+                if best - max(start, never) > LEAST_GAIN:
                     scan.settle(scan.most_likely(profile))
-                elif may_lack and never - start > least:
+                elif may_lack and never - start > LEAST_GAIN:
                     scan.leave_out()
                 else:
                     scan.settle(None)
@@ -210,8 +210,7 @@ class OnsetScan:
                 break
         onset = _onsets(scans)
         begin = [widths[name] for name in onset if scans[name].begins]
-        prior = sum(begin) + priors.absence * (len(onset) - len(begin))
-        prior += priors.first_onset + priors.another_onset * (len(begin) - 1) if begin else 0.0
+        prior = sum(begin) + priors.onset * len(onset)
         all_of = ([getattr(scan, at) for scan in scans.values()] for at in ("now", "start"))
         now, start = (float(self._evidence(first, rest)[0]) for first, *rest in all_of)
         return Onsets(onset, prior, now - start, now)

@@ -15,7 +15,7 @@ from np_drake.diagnosis.regressors import (
     sensor_drift,
     wind_candidates,
 )
-from np_drake.diagnosis.residuals import FORCE, TORQUE, FlightResiduals, find_shocks
+from np_drake.diagnosis.residuals import FORCE, FlightResiduals, find_shocks
 from np_drake.diagnosis.selection.change_point import switched_candidates
 from np_drake.diagnosis.selection.new_conditions import new_conditions
 from np_drake.diagnosis.selection.payload_search import PayloadSearch
@@ -37,7 +37,7 @@ def prepare(flights: Sequence[FlightResiduals], options: Options, *, calm: bool 
 
     calm: whether no wind acts in all flights; one that begins, or that some lack, is tried all the same.
     """
-    tolerance, error = options.tolerance, options.search.linear_error
+    tolerance, error = options.tolerance, options.priors.linear_error
     drifting = sensor_drift(flights, tolerance)
     nuisance = [*calibration(flights, tolerance), *([drifting] if drifting else [])]
     plain = library_candidates(flights)
@@ -45,7 +45,7 @@ def prepare(flights: Sequence[FlightResiduals], options: Options, *, calm: bool 
     step = flights[0].grid.step
     white = scale_only([e.y for e in flights], step)
     problem = RegressionProblem(
-        flights, white, nuisance, candidates, temperature=options.search.temperature, options=options
+        flights, white, nuisance, candidates, temperature=options.priors.temperature, options=options
     )
     everything = [*candidates, *switched_candidates(problem), *new_conditions(problem)]
     residual = _rich_residuals(
@@ -90,8 +90,8 @@ def noise_of(
 ) -> NoiseModel:
     """Return the noise that residuals show, with what errors of the regressors add to it.
 
-    A force is known in body axes as well as the attitude is, and so is its torque, at a lever of `force_lever`: slow,
-    as real sensors drift. Thrust from rotor speed is known as well as that is read.
+    A force is known in body axes as well as the attitude is: slow, as real sensors drift.
+    Thrust from rotor speed is known as well as that is read.
 
     Args:
         residuals, raw: (m, 15) by flight, after and before a model.
@@ -102,7 +102,6 @@ def noise_of(
     force = np.sqrt(np.mean(np.sum(np.concatenate(explained)[:, FORCE] ** 2, axis=1)))
     slow = np.zeros(raw[0].shape[1])
     slow[FORCE] = options.tolerance.attitude * force
-    slow[TORQUE] = options.tolerance.attitude * force * options.search.force_lever
     white = np.sqrt(np.mean([e.rotor_noise**2 for e in flights], axis=0))
     step = flights[0].grid.step
     left = no_worse(residuals, raw)

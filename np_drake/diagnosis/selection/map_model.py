@@ -13,7 +13,6 @@ from np_drake.diagnosis.regressors import Candidate, Model, RegressionProblem, t
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.selection.beam_search import search
 from np_drake.diagnosis.selection.change_point import late_payloads, switched_candidates
-from np_drake.diagnosis.selection.change_point_refinement import refined_change_points
 from np_drake.diagnosis.selection.initial_noise import Ready, noise_of, prepare
 from np_drake.diagnosis.selection.new_conditions import new_conditions
 
@@ -34,31 +33,22 @@ class SearchResult:
 
 
 def find_map_model(
-    flights: Sequence[FlightResiduals],
-    options: Options | None = None,
-    *,
-    hanging: bool = True,
-    calm: bool = False,
+    flights: Sequence[FlightResiduals], options: Options | None = None, *, calm: bool = False
 ) -> SearchResult:
     """Return the best model of these training flights.
 
-    options: default: real where attitudes are noisy or rotor speed is measured.   hanging: whether payloads that
-    begin in flight are sought.   calm: whether no wind acts in all flights.
+    options: default: real where attitudes are noisy or rotor speed is measured.   calm: whether no wind acts in all
+    flights.
     """
     options = options or Options.for_sensors(tolerance_of(flights).real)
     options = with_input(options, flights)
     ready = prepare(flights, options, calm=calm)
-    problem, models, best = _search_twice(ready, options, hanging)
+    problem, models, best = _search_twice(ready, options)
     return SearchResult(ready.raw, problem, models, best, _noise_left(ready, best, options), options)
 
 
-def _search_twice(
-    ready: Ready, options: Options, hanging: bool
-) -> tuple[RegressionProblem, list[Model], Fit]:
-    """Search and fit, once more with the noise that the fit leaves.
-
-    hanging: whether payloads that begin in flight are sought.
-    """
+def _search_twice(ready: Ready, options: Options) -> tuple[RegressionProblem, list[Model], Fit]:
+    """Search and fit, once more with the noise that the fit leaves."""
     best: Fit | None = None
     noise, candidates, acting = ready.noise, list(ready.candidates), list[Candidate]()
     for first in (True, False):
@@ -69,22 +59,21 @@ def _search_twice(
             noise,
             ready.nuisance,
             candidates,
-            temperature=options.search.temperature,
+            temperature=options.priors.temperature,
             options=options,
         )
         late = switched_candidates(
             problem, [i for i, c in enumerate(candidates) if any(c is a for a in acting)]
         )
-        hung = late_payloads(problem, late) if first and hanging else []
+        hung = late_payloads(problem, late) if first else []
         candidates = [*candidates, *hung]
         if more := [*hung, *late, *new_conditions(problem)]:
             problem = problem.beside(more)
         models = search(problem)
         acting = [problem.candidates[i] for i in models[0].members]
-        candidates = [*candidates, *(refined_change_points(problem, models[0]) if first else [])]
         fit = first_fit if best is None else partial(refit, known=best)
         best = fit(problem, models[0], options.tolerance, iterations=3)
-        noise = _noise_left(ready, best, options, options.search.linear_error)
+        noise = _noise_left(ready, best, options, options.priors.linear_error)
     assert best is not None
     return problem, models, best
 

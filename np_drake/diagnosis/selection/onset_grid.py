@@ -5,22 +5,23 @@ import math
 import numpy as np
 
 from np_drake.diagnosis.forward_model import NEVER
-from np_drake.diagnosis.options import SearchOptions
 from np_drake.diagnosis.regressors import Sums, SwitchedSums
 
 COARSE = 5  # rows between instants that are tried at first
+EDGE = 0.7  # from either end of a flight, without onsets [s]
+SPAN = 0.4  # that holds an onset as likely as possible [s]
 
 
 class TriedOnsets:
     """Sums of a candidate at the tried instants of one flight, in order."""
 
-    def __init__(self, late: SwitchedSums, options: SearchOptions, *, goes_on: bool):
-        self._late, self._span = late, options.onset_span
+    def __init__(self, late: SwitchedSums, *, goes_on: bool):
+        self._late = late
         self.ends = at_rows(late.whole, [0, -1])  # from the start, and never
         self.start, self.never = at_rows(self.ends, [0]), at_rows(self.ends, [1])
         self.now = self.start
         self.onset: float | None = None
-        self._inside, self.goes_on = possible_onsets(late.t, options), goes_on
+        self._inside, self.goes_on = possible_onsets(late.t), goes_on
         self.rows = self._inside[::COARSE]
         self.sums = late.begun(self.rows)
 
@@ -47,14 +48,14 @@ class TriedOnsets:
         return math.log(float(np.exp(profile - profile.max()) @ width) / len(self._inside))
 
     def most_likely(self, profile: np.ndarray) -> int:
-        """Return the row in the middle of the span of `onset_span` that most likely holds the onset.
+        """Return the row in the middle of the span of `SPAN` that most likely holds the onset.
 
         Source: own choice.
         """
         dense = np.interp(self._inside, self.rows, profile)
         weight = np.exp(dense - dense.max())
         step = self._late.t[1] - self._late.t[0]
-        width = max(1, round(self._span / step))
+        width = max(1, round(SPAN / step))
         mass = (
             np.convolve(weight, np.ones(width), "valid") if width < len(weight) else np.array([weight.sum()])
         )
@@ -88,6 +89,6 @@ def at_rows(sums: Sums, rows) -> Sums:
     return XX[rows], XB[rows], Xy[rows]
 
 
-def possible_onsets(t: np.ndarray, options: SearchOptions) -> np.ndarray:
+def possible_onsets(t: np.ndarray) -> np.ndarray:
     """Return rows, of whitened ones at t (m,) [s], that may be onsets."""
-    return np.flatnonzero((t > t[0] + options.onset_edge) & (t < t[-1] - options.onset_edge))
+    return np.flatnonzero((t > t[0] + EDGE) & (t < t[-1] - EDGE))

@@ -21,6 +21,12 @@ from np_drake.diagnosis.selection.payload_evidence import HORIZONS, Beside
 from np_drake.effects.library import LIBRARY
 
 PAYLOAD = "suspended_payload"
+LENGTHS = (0.15, 2.5, 96)  # shortest, longest [m], number: 3 % apart
+KEPT = 3  # candidates of the search
+FOLLOWED = 2  # lengths followed from each profile
+LOST = -400.0  # log evidence below which a guess that is followed is given up
+DISTINCT = 12  # number of lengths that can be told apart, for the prior of one
+NEAR = 0.06  # relative difference below which lengths are the same [1]
 CHUNK = 12  # lengths whose columns are held at a time
 ENDS = (HORIZONS[0], HORIZONS[-1])
 SHARPENED = ((0.4, 0.05), (0.04, 0.01))  # about an onset: span to either side and step, in turn [s]
@@ -34,13 +40,13 @@ class PayloadSearch:
 
     def __init__(self, flights: Sequence[FlightResiduals], options: Options, onset: Onset | None = None):
         self._flights, self._onset = list(flights), onset
-        self._options, self._priors = options.search, options.priors
-        self.lengths = np.geomspace(*options.search.payload_lengths)
+        self._priors = options.priors
+        self.lengths = np.geomspace(*LENGTHS)
 
     def best(
         self, noise: NoiseModel, nuisance: Sequence[Candidate], others: Sequence[Candidate]
     ) -> list[Candidate]:
-        """Return the `payloads_kept` best payloads of different lengths; none where `others` explain as much.
+        """Return the `KEPT` best payloads of different lengths; none where `others` explain as much.
 
         They are followed beside the others, as there may be more than a payload; and beside `nuisance` alone, as
         effects that are not there take from a payload what a guess does not yet explain, and it loses its way.
@@ -57,11 +63,11 @@ class PayloadSearch:
         alone = Beside(self._flights, noise, nuisance, self._onset)
         asked = [(b, h) for b in (rich, alone) for h in ENDS]
         gains = self._profiles(rich, alone)
-        if max(g.max() for g in gains[: len(ENDS)]) < self._options.payload_gain:
+        if max(g.max() for g in gains[: len(ENDS)]) < self._priors.onset_gain:
             return []
         starts: dict[tuple[Beside, int, float], None] = {}
         for (beside, horizon), profile in zip(asked, gains, strict=True):
-            best, *others_of_it = _peaks(profile)[: self._options.payloads_followed]
+            best, *others_of_it = _peaks(profile)[:FOLLOWED]
             starts |= dict.fromkeys((beside, best, first) for first in (ENDS[0], horizon))
             starts |= dict.fromkeys((beside, i, horizon) for i in others_of_it)
         found = []
@@ -84,10 +90,10 @@ class PayloadSearch:
         kept: list[tuple[Guess, Candidate]] = []
         for _, payload in sorted(found, key=lambda f: -f[0]):
             guess = payload.guess
-            new = all(abs(math.log(guess.length / g.length)) > self._options.payload_near for g, _ in kept)
-            if new and len(kept) < self._options.payloads_kept:
+            new = all(abs(math.log(guess.length / g.length)) > NEAR for g, _ in kept)
+            if new and len(kept) < KEPT:
                 candidate = payload.candidate(self._flights)
-                prior = -math.log(len(self.lengths) / self._options.payload_distinct)
+                prior = -math.log(len(self.lengths) / DISTINCT)
                 kept.append((guess, dc.replace(candidate, log_prior=candidate.log_prior + prior)))
         return kept
 
@@ -170,7 +176,7 @@ class PayloadSearch:
                 payload, white, gain, mean = new, new_white, new_gain, new_mean
                 if done:
                     break
-            if gain < self._options.payload_lost:
+            if gain < LOST:
                 return None
             guess = payload.guess
         return payload

@@ -10,8 +10,11 @@ from np_drake.diagnosis.forward_model import predicted_residual
 from np_drake.diagnosis.numerics import NoiseModel
 from np_drake.diagnosis.options import Options, Priors
 from np_drake.diagnosis.regressors import SHIFTING, Model, RegressionProblem, prior_of
-from np_drake.diagnosis.residuals import FlightResiduals
-from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
+from np_drake.diagnosis.selection.map_model import SearchResult
+
+REFINED = 3  # models refined, with what is simpler than these
+MARGIN = 12.0  # log evidence below the best at which a model is not refined
+FAINT = 0.1  # whitened size over that of all, below which a model is tried without an effect [1]
 
 
 @dc.dataclass(frozen=True)
@@ -31,11 +34,6 @@ class Ranking:
         return self.fits[0]
 
 
-def rank(flights: Sequence[FlightResiduals], *, options: Options | None = None) -> Ranking:
-    """Return the ranking of models of these training flights."""
-    return ranked(find_map_model(flights, options))
-
-
 def ranked(found: SearchResult) -> Ranking:
     """Return the best model ranked among its rivals, each refined."""
     problem = found.problem
@@ -51,10 +49,8 @@ def _refined(
 ) -> dict[Model, Fit]:
     """The models that come close to the best, each with its fit, and the best without its faint effects."""
     options, tolerance = problem.options, problem.options.tolerance
-    close = [
-        m for m in _distinct(problem, models) if m.score > models[0].score - options.search.refined_margin
-    ]
-    fits = {m: refit(problem, m, tolerance, best, noise) for m in close[: options.search.refined]}
+    close = [m for m in _distinct(problem, models) if m.score > models[0].score - MARGIN]
+    fits = {m: refit(problem, m, tolerance, best, noise) for m in close[:REFINED]}
     first = max(fits, key=lambda m: score_of(fits[m], options.priors))
     fits[first] = restarted(problem, first, tolerance, fits[first], noise)
     for m in simpler(problem, first, fits[first]):
@@ -66,33 +62,19 @@ def _refined(
 def simpler(problem: RegressionProblem, model: Model, fit: Fit) -> list[Model]:
     """Return the model without its faint effects, all and each.
 
-    Faint is an effect whose whitened predicted residual is less than the share `faint` of that of all: what linear
+    Faint is an effect whose whitened predicted residual is less than the share `FAINT` of that of all: what linear
     columns get wrong. And one that shifts commands against states beside another that shifts them more: these are tried
     a third apart, and all of them, as a lag that is shorter than the vehicle file's and a delay may stand for that lag.
-    And one of two or more whose parameters may all be none: each may say what another does, or they take from each
-    other.
     """
     own = {i: _trace(fit, problem.candidates[i].identifiers, problem) for i in model.members}
     whole = _trace(fit, None, problem)
     shifting = [i for i in model.members if problem.candidates[i].identifiers[0] in SHIFTING]
     lesser = sorted(shifting, key=lambda i: own[i])[:-1]
-    faint = [i for i in model.members if own[i] < problem.options.search.faint * whole or i in lesser]
-    vague = [
-        i
-        for i in model.members
-        if _vague(fit, problem.candidates[i].identifiers, problem.options.thresholds.significance)
-    ]
-    doubted = dict.fromkeys([*faint, *(vague if len(vague) > 1 else [])])
-    dropped = dict.fromkeys([tuple(faint), tuple(shifting if lesser else []), *((i,) for i in doubted)])
+    faint = [i for i in model.members if own[i] < FAINT * whole or i in lesser]
+    dropped = dict.fromkeys([tuple(faint), tuple(shifting if lesser else []), *((i,) for i in faint)])
     kept = [tuple(i for i in model.members if i not in some) for some in dropped if some]
     kept = [members for members in kept if members]
     return [Model(members, problem.score(members)) for members in kept]
-
-
-def _vague(fit: Fit, names: tuple[str, ...], level: float) -> bool:
-    """Return whether no parameter of these effects is significant."""
-    own = [i for i, t in enumerate(fit.terms) if t.effect.identifier in names]
-    return bool(own) and not any(fit.is_significant(i, level) for i in own)
 
 
 def _only(problem: RegressionProblem, model: Model, fit: Fit) -> Fit:

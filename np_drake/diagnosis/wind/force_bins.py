@@ -1,5 +1,7 @@
 """Residual forces averaged over bins of 0.1 s, and the covariance of gusts in them."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from scipy import linalg
 
@@ -21,6 +23,11 @@ def drags(e: FlightResiduals) -> np.ndarray:
     """Return (k, 3, 3) the force in W of a unit drag along each body axis (the last), averaged over bins [m/s]."""
     units = [Term(LinearDrag(*axis)) for axis in np.eye(3).tolist()]
     return np.stack([forces(e, predicted_residual(e, [unit])) for unit in units], axis=-1)
+
+
+def drag_trace(e: FlightResiduals, drag: LinearDrag, begins: Mapping[str, float | None]) -> np.ndarray:
+    """Return (m, 15) the predicted residual of a drag alone, from its begin in this flight on."""
+    return predicted_residual(e, [Term(drag, {e.name: begins.get(e.name)})])
 
 
 def binned(e: FlightResiduals, values: np.ndarray) -> np.ndarray:

@@ -13,15 +13,16 @@ from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import DRAG, GUSTY
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause, Estimate
-from np_drake.diagnosis.wind.force_bins import blows
-from np_drake.diagnosis.wind.friction import dry_friction
+from np_drake.diagnosis.wind.force_bins import blows, drag_trace
 from np_drake.diagnosis.wind.gauss_markov import WindForce, Z, wind_force
-from np_drake.diagnosis.wind.gust_drag import drag_in_gusts, drag_trace
 from np_drake.diagnosis.wind.joint_onset import GustOnset
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 
 TINY = 1e-6  # drag that is none [N·s/m]
+WEAKEST = 1e-4  # level drag that feels anything [N·s/m]; own choice
+UPWARD = 0.5  # deviation of a mean wind upward: the ground is near [m/s]; own choice
+STRONGEST = next(p.upper for p in GustyWind.parameters if p.name == "deviation")  # of gusts [m/s]
 
 
 def as_gusts(
@@ -36,10 +37,8 @@ def as_gusts(
 
     felt: by flight, (m, 15) what drag and wind together leave in it: in those of which the parameters are, and in
     held-out ones, in which the wind may begin as well. A steady wind among the causes becomes the mean of the gusts.
-    Gusts do not repeat: they explain no held-out flight. Stronger than a wind can be they are none, nor where they rub
-    against the way over ground.
+    Gusts do not repeat: they explain no held-out flight. Stronger than a wind can be they are none.
     """
-    thresholds = options.thresholds
     drag = next((c for c in causes if c.identifier == DRAG), None)
     if drag is None:
         return causes
@@ -47,34 +46,33 @@ def as_gusts(
     if not any(blows(e, known.get(e.name)) for e in flights):
         return causes
     onset, begun = GustOnset(flights, held_out, felt, drag, options).begins(known)
-    felt_by = drag_in_gusts(dc.replace(drag, onset=begun), flights, felt, onset, options.priors)
-    if felt_by is None:
+    drag = dc.replace(drag, onset=begun)
+    if not isinstance(drag.effect, LinearDrag) or not _feels(drag.effect):
         return causes
-    drag = felt_by
-    assert isinstance(drag.effect, LinearDrag)
     residual = {e.name: felt[e.name] - drag_trace(e, drag.effect, begun) for e in flights}
     force = wind_force(flights, residual, onset)
-    friction = dry_friction(flights, felt, onset, force)
-    if _too_strong(force, drag, thresholds.strongest_wind) or friction > thresholds.friction:
+    if _too_strong(force, drag):
         return causes
     weight = flights[0].vehicle.mass * flights[0].vehicle.gravity
-    if force.deviation[0] < options.materiality.effect_force * weight:
+    if force.deviation[0] < options.materiality.force * weight:
         return causes
     parameters = _statistics(flights, force, drag, options)
-    # Only a drag at the end of its interval makes a wind of what is so strong.
-    if parameters["deviation"].value > thresholds.strongest_wind or friction > thresholds.faint_friction:
-        probability = min(probability, thresholds.doubted)
-        drag = dc.replace(drag, probability=min(drag.probability, thresholds.doubted))
     effect = GustyWind.of({name: e.value for name, e in parameters.items()})
     gusts = Cause("gusty_wind", probability, parameters, onset, (), effect=effect)
     others = [c for c in causes if c.identifier not in GUSTY[1:]]
     return [*(drag if c.identifier == DRAG else c for c in others), gusts]
 
 
-def _too_strong(force: WindForce, drag: Cause, strongest: float) -> bool:
+def _feels(drag: LinearDrag) -> bool:
+    """Return whether a wind acts through this drag: physical, and not negligible."""
+    inside = all(p.lower <= drag.values[p.name] <= p.upper for p in LinearDrag.parameters)
+    return inside and 0.5 * (drag.d_x + drag.d_y) > WEAKEST
+
+
+def _too_strong(force: WindForce, drag: Cause) -> bool:
     """Return whether the wind would vary more than winds do even through the largest drag of the interval."""
     most = np.mean([max(map(abs, drag.parameters[name].ci95)) for name in ("d_x", "d_y")])
-    return bool(force.deviation[0] > strongest * most)
+    return bool(force.deviation[0] > STRONGEST * most)
 
 
 def _known(causes: Sequence[Cause], drag: Cause) -> dict[str, float | None]:
@@ -98,18 +96,16 @@ def _statistics(
     out = {}
     for i, p in enumerate(GustyWind.parameters[:3]):
         half = float(np.hypot(force.mean[i, 1], off[i])) / abs(d[i])
-        usual = options.priors.upward_wind if p.name == "mean_z" else p.typical
+        usual = UPWARD if p.name == "mean_z" else p.typical
         told = usual**2 / (usual**2 + (half / Z) ** 2)
         value = told * force.mean[i, 0] / d[i]
         half = float(np.hypot(np.sqrt(told) * half, known * value))
         out[p.name] = Estimate(float(value), "m/s", (float(value) - half, float(value) + half))
-    rough = options.thresholds.gust_interval
     value, lower, upper = force.deviation
-    wider = [float(np.exp(rough * np.hypot(np.log(end / value), known))) for end in (lower, upper)]
+    wider = [float(np.exp(np.hypot(np.log(end / value), known))) for end in (lower, upper)]
     out["deviation"] = Estimate(value / level, "m/s", (value / level / wider[0], value / level * wider[1]))
     time, lower, upper = force.correlation_time
-    ends = (float(time * (lower / time) ** rough), float(time * (upper / time) ** rough))
-    out["correlation_time"] = Estimate(time, "s", ends)
+    out["correlation_time"] = Estimate(time, "s", (lower, upper))
     return out
 
 

@@ -8,9 +8,9 @@ import numpy as np
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.result import Cause
+from np_drake.diagnosis.wind.force_bins import drag_trace
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force
-from np_drake.diagnosis.wind.gust_drag import drag_trace
-from np_drake.diagnosis.wind.wind_onset import ROUNDS, Asked, Begin, loss_of_calm, wind_onset
+from np_drake.diagnosis.wind.wind_onset import ROUNDS, Begin, loss_of_calm, wind_onset
 from np_drake.effects.linear_drag import LinearDrag
 
 
@@ -36,13 +36,11 @@ class GustOnset:
         priors = self.options.priors
         acts: Begins = self.drag.onset
         blown = {e.name: self._left(e, {}) for e in self._every}
-        at_once = (
-            2 * priors.wind_onset_gain * any(self.drag.onset.get(e.name) is not None for e in self.flights)
-        )
+        at_once = 2 * priors.onset_gain * any(self.drag.onset.get(e.name) is not None for e in self.flights)
         for _ in range(ROUNDS):
             wind = wind_force(self.flights, {e.name: self._left(e, acts) for e in self.flights}, known)
-            apart = self._sought(blown, blown, known, wind, priors.wind_onset_gain)
-            together = self._sought(blown, self.felt, known, wind, priors.joint_onset_move)
+            apart = self._sought(blown, blown, known, wind)
+            together = self._sought(blown, self.felt, known, wind)
             late = [e for e in self.flights if any(b[e.name].at is not None for b in (apart, together))]
             gain = sum(apart[e.name].loss - together[e.name].loss for e in late or self.held_out)
             both = gain + at_once > 0
@@ -65,21 +63,17 @@ class GustOnset:
         calm: Mapping[str, np.ndarray],
         known: Begins,
         wind: WindForce,
-        moves: float,
     ) -> dict[str, Begin]:
         """In every flight.   blown, calm: (m, 15) by flight, what is left of it with a wind and before."""
         before = {e.name: loss_of_calm(e, calm[e.name], wind, self.options) for e in self._every}
         priors = self.options.priors
-        asked = Asked(priors.wind_onset_gain, moves)
-        unexpected = Asked(priors.new_onset_gain, priors.wind_onset_gain)
         found = {
-            e.name: wind_onset(e, blown[e.name], known.get(e.name), wind, before[e.name], priors, asked)
+            e.name: wind_onset(e, blown[e.name], known.get(e.name), wind, before[e.name], priors.onset_gain)
             for e in self.flights
         }
         late = any(begin.at is not None for begin in found.values())
         for e in self.held_out:  # what acts throughout the others hardly begins late here
             begin = known.get(e.name) if late else None
-            found[e.name] = wind_onset(
-                e, blown[e.name], begin, wind, before[e.name], priors, asked if late else unexpected
-            )
+            gain = priors.onset_gain if late else priors.new_onset_gain
+            found[e.name] = wind_onset(e, blown[e.name], begin, wind, before[e.name], gain)
         return found

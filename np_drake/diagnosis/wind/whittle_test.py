@@ -19,6 +19,7 @@ from np_drake.diagnosis.residuals import FORCE, POSITION, VELOCITY, FlightResidu
 
 TOP = 1.0  # of what counts as slow [Hz]
 REACH = 3.0  # spreads to either side
+WHITE = 3.0  # deviation of the white noise of attitude and accelerometer [e-folds]: as good as free
 STARTS = (0.2, 1.0)  # of the force's size, over the attitude's
 
 
@@ -106,11 +107,11 @@ def _prior(options: Options, gravity: float, channels: int) -> tuple[np.ndarray,
     """Centre and spread of the logarithms of what sensors do: attitude (RMS [m/s²], time [s], white), accelerometer."""
     tolerance, priors = options.tolerance, options.priors
     turned = gravity * tolerance.attitude
-    found = [(turned, priors.attitude_spread), priors.attitude_wander, (0.02 * turned, priors.white_spread)]
+    found = [(turned, priors.attitude_spread), priors.attitude_wander, (0.02 * turned, WHITE)]
     if channels == 2:
         size, spread = priors.accelerometer_flicker
         found += [(size * tolerance.acceleration, spread)]
-        found += [(0.2 * tolerance.acceleration, priors.white_spread)]
+        found += [(0.2 * tolerance.acceleration, WHITE)]
     return np.log([centre for centre, _ in found]), np.array([wide for _, wide in found])
 
 

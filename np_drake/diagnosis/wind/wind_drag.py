@@ -31,7 +31,7 @@ def with_drag(ranking: Ranking) -> Ranking:
     best = max((Model(m, problem.score(m)) for m in sets), key=lambda m: m.score, default=None)
     if best is None:
         return ranking
-    odds = best.score - problem.score(known.members) - priors.of_effect(DRAG) + priors.wind_over_unknown
+    odds = best.score - problem.score(known.members) - priors.of_effect(DRAG) + priors.generic
     if odds < 0:
         return ranking
     named = refit(problem, best, options.tolerance, None, ranking.noise)

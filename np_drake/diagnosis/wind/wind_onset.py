@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy import linalg
 
-from np_drake.diagnosis.options import Options, Priors
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.residuals import FlightResiduals
 from np_drake.diagnosis.wind.force_bins import SPAN, factor, forces, instants, width
 from np_drake.diagnosis.wind.gauss_markov import Begins, WindForce, wind_force
@@ -23,17 +23,6 @@ WHITES = (
 
 
 @dc.dataclass(frozen=True)
-class Asked:
-    """Gain in log likelihood that a begin must bring over the one that was known.
-
-    begins: in flight, over the start, or the start over it.   moves: at another instant of the flight.
-    """
-
-    begins: float
-    moves: float
-
-
-@dc.dataclass(frozen=True)
 class Begin:
     """When the wind begins [s] (None: from the start; infinite: not at all), and its -2 log likelihood."""
 
@@ -47,28 +36,27 @@ def wind_onset(
     begin: float | None,
     wind: WindForce,
     before: np.ndarray,
-    priors: Priors,
-    asked: Asked | None = None,
+    gain: float,
 ) -> Begin:
     """Return when the wind begins, given a known onset [s] (None: from the start; infinite: not at all).
 
     Gusts show by their power at once, where their mean, by which an onset is found first, may take a second, or miss
-    it. What was known stays where a better one gains less than is asked: it was found beside the drag, which is felt
-    without gusts as well.   Source: likelihood of a change point; the two sides independent (own choice).
+    it. What was known stays where a better one brings less than `gain` in log likelihood: it was found beside the
+    drag, which is felt without gusts as well.
+    Source: likelihood of a change point; the two sides independent (own choice).
     residual: (m, 15) what is left of the flight while it blows.   before: (k,) `loss_of_calm` of what is left until
     then.
     """
-    asked = asked or Asked(priors.wind_onset_gain, priors.wind_onset_gain)
     bins, t = forces(e, residual)[:, :2], instants(e)
     k = np.arange(len(t))
     here = 0 if begin is None else int(np.argmin(np.abs(t - min(begin, t[-1]))))
-    root = factor(len(t), width(e), *wind.figures, priors.flight_mean * wind.deviation[0])
+    root = factor(len(t), width(e), *wind.figures, wind.deviation[0])
     # A stationary process is the same backwards: one solution has those from every bin to the last.
     loss = before + np.cumsum(_loss_of_bins((bins - wind.mean[:2, 0])[::-1], root))[::-1]
     near = (t > t[0] + (CALM if begin is None else FIRST)) & (t < t[-1] - LAST)
     tried = np.union1d(k[near], [0, here])
     best = int(tried[np.argmin(loss[tried])])
-    if loss[here] - loss[best] <= 2 * (asked.moves if here and best else asked.begins):
+    if loss[here] - loss[best] <= 2 * gain:
         return Begin(begin, float(loss[here]))
     return Begin(float(t[best]) if best else None, float(loss[best]))
 
@@ -85,7 +73,9 @@ def wind_begins(
         wind = wind_force(flights, residual, begins)
         calm = {e.name: loss_of_calm(e, residual[e.name], wind, options) for e in flights}
         begins = {
-            e.name: wind_onset(e, residual[e.name], begins.get(e.name), wind, calm[e.name], options.priors).at
+            e.name: wind_onset(
+                e, residual[e.name], begins.get(e.name), wind, calm[e.name], options.priors.onset_gain
+            ).at
             for e in flights
         }
     return begins
@@ -105,7 +95,7 @@ def loss_of_calm(e: FlightResiduals, residual: np.ndarray, wind: WindForce, opti
         noise = np.maximum(wind.white**2, power / np.maximum(count, 1))
         return power / noise + count * np.log(noise)
     size = e.vehicle.mass * e.vehicle.gravity * options.tolerance.attitude
-    wander, spread = options.priors.calm_wander_time, options.priors.calm_wander_spread
+    (wander, _), spread = options.priors.attitude_wander, options.priors.attitude_spread
     rough = np.sqrt(np.mean(np.diff(bins, 2, axis=0) ** 2) / 6)
     n = min(len(bins), round(SPAN / width(e)))
     losses = [

@@ -19,8 +19,8 @@ from np_drake.diagnosis.fitting.parameters import free_parameters, read
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.numerics.autoregressive_noise import NoiseModel, fit_noise
 from np_drake.diagnosis.options import Options, Priors
-from np_drake.diagnosis.regressors.nuisance import tolerance_of
 from np_drake.diagnosis.residuals.flight_residuals import FlightResiduals, make_flight_residuals
+from np_drake.diagnosis.selection import payload_search
 from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
 from np_drake.diagnosis.selection.ranking import Ranking
 from np_drake.diagnosis.selection.ranking import ranked as ranked_from
@@ -60,11 +60,14 @@ def seen(fly: Fly) -> Callable[..., FlightResiduals]:
 Search = Callable[..., SearchResult]
 
 
-def with_few_lengths(options: Options) -> Options:
-    """Return the options with a quarter of the tether lengths, for flights without a payload."""
-    shortest, longest, number = options.search.payload_lengths
-    few = dc.replace(options.search, payload_lengths=(shortest, longest, number // 4))
-    return dc.replace(options, search=few)
+def search_with_few_lengths(
+    flights: Sequence[FlightResiduals], options: Options | None = None
+) -> SearchResult:
+    """Return `find_map_model` with a quarter of the tether lengths, for flights without a payload."""
+    shortest, longest, number = payload_search.LENGTHS
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(payload_search, "LENGTHS", (shortest, longest, number // 4))
+        return find_map_model(flights, options)
 
 
 def _content(e: FlightResiduals) -> tuple[object, ...]:
@@ -76,16 +79,13 @@ def _content(e: FlightResiduals) -> tuple[object, ...]:
 
 @pytest.fixture(scope="module")
 def searched() -> Search:
-    """Return `find_map_model`, which searches the same flights once in a module; by default with few lengths."""
+    """Return `find_map_model`, which searches the same flights once in a module, with few lengths."""
     known: dict[tuple[object, ...], SearchResult] = {}
 
-    def search(
-        flights: Sequence[FlightResiduals], options: Options | None = None, *, hanging: bool = True
-    ) -> SearchResult:
-        options = options or with_few_lengths(Options.for_sensors(tolerance_of(flights).real))
-        key = (*map(_content, flights), repr(options), hanging, *LIBRARY)
+    def search(flights: Sequence[FlightResiduals], options: Options | None = None) -> SearchResult:
+        key = (*map(_content, flights), repr(options), *LIBRARY)
         if key not in known:
-            known[key] = find_map_model(flights, options, hanging=hanging)
+            known[key] = search_with_few_lengths(flights, options)
         return known[key]
 
     return search
@@ -103,8 +103,7 @@ def inferred(searched: Search) -> Callable[..., Inference]:
     ) -> Inference:
         key = (*map(_content, flights), None, *map(_content, held_out), repr(options))
         if key not in known:
-            few = None if options is None else with_few_lengths(options)
-            known[key] = concluded(searched(flights, few), held_out)
+            known[key] = concluded(searched(flights, options), held_out)
         return known[key]
 
     return inference
@@ -113,17 +112,10 @@ def inferred(searched: Search) -> Callable[..., Inference]:
 @pytest.fixture(scope="module")
 def quick_searches(searched: Search) -> Iterator[None]:
     """Let a diagnosis search with few lengths, and the same flights once in a module."""
-
-    def search(
-        flights: Sequence[FlightResiduals], options: Options | None = None, *, hanging: bool = True
-    ) -> SearchResult:
-        few = None if options is None else with_few_lengths(options)
-        return searched(flights, few, hanging=hanging)
-
     with pytest.MonkeyPatch.context() as patch:
         for name in ("infer", "second_answer"):  # by path: the package has functions so named
             patch.setattr(
-                importlib.import_module(f"np_drake.diagnosis.decision.{name}"), "find_map_model", search
+                importlib.import_module(f"np_drake.diagnosis.decision.{name}"), "find_map_model", searched
             )
         yield
 
@@ -152,7 +144,7 @@ def ranked(seen) -> Callable[..., Case]:
         flights = [seen(*effects, name=n, seed=i, **how) for i, n in enumerate(("a", "b"), start=1)]
         options = Options.for_sensors(False)
         swings = any(isinstance(e, SuspendedPayload) for e in effects)
-        found = find_map_model(flights, options if swings else with_few_lengths(options))
+        found = (find_map_model if swings else search_with_few_lengths)(flights, options)
         held_out = [seen(*effects, name="c", seed=3, **how)]
         return Case(flights, held_out, found, ranked_from(found))
 

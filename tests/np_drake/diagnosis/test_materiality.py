@@ -14,22 +14,21 @@ PLAIN = {"calibration": False, "sensor": False}
 @pytest.mark.parametrize(
     "size, matters",
     [
-        (Size(1.01 * REAL.effect_force, 0.0, 0.0, 0.0), True),
+        (Size(1.01 * REAL.force, 0.0, 0.0, 0.0), True),
         (Size(0.0, 1.01 * REAL.torque, 0.0, 0.0), True),
-        (Size(0.0, 0.0, 1.01 * REAL.gap, 0.0), True),
-        (Size(0.99 * REAL.effect_force, 0.99 * REAL.torque, 0.99 * REAL.gap, 9.0), False),
+        (Size(0.99 * REAL.force, 0.99 * REAL.torque, 0.9, 9.0), False),
     ],
-    ids=["force", "torque", "gap", "none"],
+    ids=["force", "torque", "none"],
 )
-def test_an_effect_matters_by_force_torque_or_share(size, matters):
+def test_an_effect_matters_by_force_or_torque(size, matters):
     assert size.material(REAL, **PLAIN) is matters
 
 
 def test_of_ideal_sensors_less_matters():
-    faint = Size(1.01 * IDEAL.effect_force, 0.0, 0.0, 0.0)
+    faint = Size(1.01 * IDEAL.force, 0.0, 0.0, 0.0)
     assert not faint.material(REAL, **PLAIN)
     assert faint.material(IDEAL, **PLAIN)
-    assert not dc.replace(faint, force=0.99 * IDEAL.effect_force).material(IDEAL, **PLAIN)
+    assert not dc.replace(faint, force=0.99 * IDEAL.force).material(IDEAL, **PLAIN)
 
 
 def test_calibration_matters_by_force_alone_and_a_sensor_by_its_tolerance():

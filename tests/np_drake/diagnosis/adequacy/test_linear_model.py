@@ -48,11 +48,9 @@ def linear_model(
 ) -> tuple[LinearModel, Ranking]:
     drift = sensor_drift(flights, Tolerance()) if drifts else None
     nuisance = [drift] if drift else []
-    temperature = REAL.search.temperature
+    temperature = REAL.priors.temperature
     problem = RegressionProblem(flights, noise, nuisance, [], temperature=temperature, options=REAL)
-    fit = refine(
-        terms, [], flights, noise, temperature=temperature, linear=nuisance, wide=False, priors=REAL.priors
-    )
+    fit = refine(terms, [], flights, noise, temperature=temperature, linear=nuisance, priors=REAL.priors)
     fit = dc.replace(fit, onset_prior=onset_prior)
     ranking = Ranking((fit,), {}, noise, problem, (), REAL)
     return LinearModel(ranking), ranking

@@ -3,7 +3,6 @@ import pytest
 from scipy import signal
 
 from np_drake.diagnosis.adequacy.residual_statistics import (
-    lift_apart,
     slow_torque,
     strongest_burst,
     strongest_line,
@@ -114,9 +113,3 @@ def test_more_noise_is_no_more_of_a_burst(flights):
 def test_without_any_force_nothing_bursts(flights):
     dut = strongest_burst(flights, {e.name: np.zeros_like(e.y) for e in flights})
     assert dut.prominence == dut.size == 0
-
-
-def test_the_lift_of_the_flight_that_errs_most_counts_whatever_its_sign(flights):
-    residual = {e.name: np.zeros_like(e.y) for e in flights}
-    residual["0"][:, 2], residual["2"][:, 2], residual["1"][:, :2] = 0.3, -0.5, 9.0
-    assert lift_apart(flights, residual) == pytest.approx(0.5)

@@ -135,7 +135,7 @@ def test_a_drag_that_gusts_bring_has_the_prior_of_gusts_against_what_the_library
     priors = ranking.options.priors
     own = ranking.probability["linear_drag"]
     assert alone.in_model == pytest.approx(own * special.expit(margin))
-    odds = margin - priors.effect + priors.wind_over_unknown
+    odds = margin - priors.effect + priors.generic
     assert blown.in_model == pytest.approx(own * special.expit(odds))
     assert causes_of(*given)[0] == []
     assert [c.identifier for c in causes_of(*given, gusty=True)[0]] == ["linear_drag"]
@@ -186,7 +186,7 @@ def test_without_torque_mass_and_thrust_are_named_beside_each_other(seen, search
         seen(MassError(0.2), name=n, seed=i, noise=1.0, seconds=8.0, vigour=vertical)
         for i, n in enumerate("ab")
     ]
-    found = searched(flights, hanging=False)
+    found = searched(flights)
     named = [found.problem.candidates[i].identifiers[0] for i in found.models[0].members]
     pair = {"mass_error", "thrust_scale"}
     (first,) = pair & set(named)

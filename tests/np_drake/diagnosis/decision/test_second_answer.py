@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.decision.second_answer import (
+    LEAST_HALF,
     novelty,
     second_answer,
     split_flights,
@@ -16,7 +17,6 @@ from np_drake.diagnosis.decision.second_answer import (
 )
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.held_out.adaptation import scored_rows
-from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.result import Cause, Diagnosis
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
@@ -27,7 +27,6 @@ module = importlib.import_module(
     "np_drake.diagnosis.decision.second_answer"
 )  # the package has a function so named
 
-LEAST = Options.for_sensors(True).thresholds.split_half
 DRAG = LinearDrag(0.6, 0.6, 0.0)
 UP_AND_DOWN = (0.0, 0.0, 1.0, 0.0)
 
@@ -115,25 +114,9 @@ def test_where_no_flight_is_long_enough_for_two_halves_there_is_no_second_answer
     assert second_answer(dc.replace(first, held_out=short)) is None
 
 
-@pytest.mark.parametrize("probability, hanging", [(0.0, False), (0.02, True)])
-def test_a_payload_that_hangs_on_in_flight_is_sought_again_where_training_gave_one_weight(
-    first, monkeypatch, probability, hanging
-):
-    asked = []
-    monkeypatch.setattr(module, "concluded", lambda found, judges: None)
-    monkeypatch.setattr(
-        module, "find_map_model", lambda flights, options, **how: asked.append((flights, how))
-    )
-    weighed = dc.replace(first.ranking, probability={"suspended_payload": probability})
-    second_answer(dc.replace(first, ranking=weighed))
-    ((flights, how),) = asked
-    assert [e.name for e in flights] == ["a", "b", "first half of c"]
-    assert how == {"hanging": hanging}
-
-
 def test_a_half_is_the_flight_up_to_its_middle_and_its_rows_do_not_count(seen):
     flight = seen(name="c", seconds=10.0)
-    (half,), (judge,) = split_flights([flight], least=LEAST)
+    (half,), (judge,) = split_flights([flight])
     assert half.name == "first half of c"
     assert (half.goes_on, judge.goes_on, flight.goes_on) == (True, False, False)
     assert half.log.t[-1] < 5.0 <= half.log.t[-1] + 2 * flight.log.step
@@ -143,8 +126,8 @@ def test_a_half_is_the_flight_up_to_its_middle_and_its_rows_do_not_count(seen):
 
 
 def test_a_flight_too_short_for_two_halves_judges_whole(seen):
-    flight = seen(name="c", seconds=2 * LEAST - 0.5)
-    halves, (judge,) = split_flights([flight], least=LEAST)
+    flight = seen(name="c", seconds=2 * LEAST_HALF - 0.5)
+    halves, (judge,) = split_flights([flight])
     assert halves == []
     assert scored_rows([], judge).all()
 

@@ -21,7 +21,7 @@ MATERIALITY = REAL.materiality
 PLAIN = {"calibration": False, "sensor": False}
 DRAG = LinearDrag(0.3, 0.2, 0.4)
 CHANCE = 4.0  # standard errors that draws may be off
-UNIT = Size(MATERIALITY.effect_force, 0.0, 0.0, 0.0)  # a force that is just material
+UNIT = Size(MATERIALITY.force, 0.0, 0.0, 0.0)  # a force that is just material
 
 
 @pytest.fixture(scope="module")
@@ -65,12 +65,6 @@ def test_between_the_limits_it_is_the_gaussian_above_the_bound(times):
     size = dc.replace(UNIT, force=times * UNIT.force)
     expected = stats.norm.sf((1 / times - 1) / deviation)
     assert material_share(size, drawn, MATERIALITY, **PLAIN) == pytest.approx(expected, abs=2e-3)
-
-
-def test_the_gap_goes_with_the_square_of_the_size():
-    size = Size(0.0, 0.0, 0.5 * MATERIALITY.gap, 0.0)
-    assert material_share(size, np.full(4, 1.42), MATERIALITY, **PLAIN) == 1.0
-    assert material_share(size, np.full(4, 1.41), MATERIALITY, **PLAIN) == 0.0
 
 
 def wind_at(fit_at, flights, wind, still_air=MATERIALITY.still_air, lean=0.0, covariance=1e-3) -> float:

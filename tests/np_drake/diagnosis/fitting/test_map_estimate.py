@@ -11,8 +11,6 @@ from np_drake.diagnosis.forward_model.term import NEVER, Term
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors.library import Candidate
 from np_drake.effects.command_delay import CommandDelay
-from np_drake.effects.constant_wind import ConstantWind
-from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.gyro_bias import GyroBias
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
@@ -23,7 +21,6 @@ from np_drake.effects.weak_rotor import WeakRotor
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 PRIORS = REAL.priors
-LEVEL = REAL.thresholds.significance
 
 SEEDS = 40
 
@@ -171,45 +168,3 @@ def test_a_delay_is_told_by_forces_alone_wherever_between_two_rows_it_falls(seen
         priors=PRIORS,
     )
     assert deviation(dut)[0] < 0.1 * dut.free[0].scale
-
-
-def test_parameters_that_only_together_differ_from_none_are_told(fit_at):
-    drag = LinearDrag(0.2, 0.2, 0.0)
-    against = np.array([[1.0, -0.99, 0.0], [-0.99, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    # each is one deviation off, their sum ten
-    assert fit_at(drag, covariance=0.04 * against).is_significant(0, LEVEL)
-    assert not fit_at(drag, covariance=0.2).is_significant(0, LEVEL)
-    assert fit_at(drag, covariance=0.05).is_significant(0, LEVEL)
-
-
-def test_a_parameter_that_only_shapes_tells_nothing(fit_at):
-    nothing = SuspendedPayload(0.0, 0.6)  # no payload, of a length that is known
-    assert not fit_at(nothing, covariance=0.01).is_significant(0, LEVEL)
-    assert fit_at(dc.replace(nothing, mass=0.1), covariance=0.01).is_significant(0, LEVEL)
-
-
-@pytest.mark.parametrize(
-    "push, told", [([0.5, 0.0, 0.0], True), ([0.0, 0.0, 0.0], False)], ids=["blows", "calm"]
-)
-def test_a_wind_is_told_by_how_it_pushes_however_little_is_known_of_its_drag(fit_at, push, told):
-    drag, wind = np.full(3, 0.25), np.array(push) / 0.25
-    parameters_of = np.linalg.inv(
-        np.block([[np.eye(3), np.zeros((3, 3))], [np.diag(wind), np.diag(drag)]])
-    )  # of drag and push
-    covariance = parameters_of @ np.diag([0.13**2] * 3 + [0.1**2] * 3) @ parameters_of.T
-    dut = fit_at(LinearDrag(*drag), ConstantWind(*wind), covariance=covariance)
-    assert wind[0] < 2.0 * np.sqrt(covariance[3, 3])  # by itself it may as well be none
-    assert dut.is_significant(1, LEVEL) is told
-
-
-def test_a_wind_is_told_where_along_one_axis_there_is_neither_wind_nor_drag(fit_at):
-    acting = LinearDrag(0.25, 0.25, 0.0), ConstantWind(2.0, 0.0, 0.0)
-    assert fit_at(*acting, covariance=0.02).is_significant(1, LEVEL)
-    assert not fit_at(*acting, covariance=1.0).is_significant(1, LEVEL)
-
-
-def test_gusts_which_have_not_as_many_parameters_as_a_drag_are_told_by_their_own(fit_at):
-    unknown_drag = LinearDrag(0.01, 0.01, 0.01)
-    strong, weak = (GustyWind(0.0, 0.0, 0.0, size, 1.0) for size in (1.0, 0.1))
-    assert fit_at(unknown_drag, strong, covariance=0.1).is_significant(1, LEVEL)
-    assert not fit_at(unknown_drag, weak, covariance=0.1).is_significant(1, LEVEL)

@@ -20,6 +20,15 @@ DRAG = LinearDrag(0.4, 0.4, 0.2)
 ALONG_X = (1.0, 0.0, 0.0, 0.0)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def fixed_widths():
+    """Keep priors as wide as they are typical."""
+    with pytest.MonkeyPatch.context() as patch:
+        for effect in (LinearDrag, QuadraticDrag):
+            patch.setattr(effect, "widens", False)
+        yield
+
+
 @pytest.fixture(scope="module")
 def flight(seen):
     return seen(DRAG, name="a", seed=1, noise=1.0, seconds=8.0, vigour=ALONG_X)
@@ -27,13 +36,13 @@ def flight(seen):
 
 @pytest.fixture(scope="module")
 def fit(flight, noise):
-    return refine([Term(DRAG)], [], [flight], noise, temperature=1.0, wide=False, priors=PRIORS)
+    return refine([Term(DRAG)], [], [flight], noise, temperature=1.0, priors=PRIORS)
 
 
 @pytest.mark.parametrize("effect", [LinearDrag, QuadraticDrag, GyroBias])
 def test_whitened_deviations_of_the_prior_are_independent(flight, effect):
     terms = [Term(GyroBias()), Term(effect())]
-    free = free_parameters(terms, [flight], {}, PRIORS, wide=False)
+    free = free_parameters(terms, [flight], {}, PRIORS)
     W, root = prior_whitening(terms, free), prior_root(effect, flight.vehicle)
     scaled = root / np.array([f.scale for f in free if f.term == 1])[:, None]
     np.testing.assert_allclose(W[3:, 3:] @ scaled, np.eye(3), atol=1e-12)
@@ -73,7 +82,7 @@ def test_the_evidence_of_a_fit_is_that_of_the_linear_problem_with_this_prior(fli
 
 def test_the_search_scores_the_drag_by_the_same_prior(flight, noise, fit):
     (drag,) = (c for c in library_candidates([flight]) if c.identifiers == ("linear_drag",))
-    problem = RegressionProblem([flight], noise, [], [drag], temperature=1.0, options=OPTIONS, wide=False)
+    problem = RegressionProblem([flight], noise, [], [drag], temperature=1.0, options=OPTIONS)
     y = flight.white(noise, flight.y)
     score = problem.score((0,)) - PRIORS.of_effect("linear_drag") - 0.5 * float(np.sum(y**2))
     assert score == pytest.approx(fit.log_evidence, abs=1e-3)

@@ -134,16 +134,6 @@ def test_a_fit_that_made_a_channel_worse_does_not_raise_its_noise():
     np.testing.assert_array_equal(found[:, 2], after[0][:, 2])
 
 
-def test_each_flight_is_weighted_by_its_own_errors_but_none_without_limit():
-    loud, soft, still = 3.0 * processes(0), 0.5 * processes(1), 1e-6 * processes(2)
-    dut = scale_only([loud, soft, still], STEP, ["loud", "soft", "still"])
-    for name, errors in (("loud", loud), ("soft", soft)):
-        np.testing.assert_allclose(np.sqrt(np.mean(dut.whiten(errors, name)[:, 0] ** 2)), 1.0, rtol=1e-3)
-    np.testing.assert_allclose(dut.loudness["still"], QUIETEST)
-    pooled = scale_only([loud, soft, still], STEP)
-    np.testing.assert_array_equal(dut.whiten(loud, "unseen"), pooled.whiten(loud, "loud"))
-
-
 def test_a_flight_with_three_times_the_error_is_whitened_to_the_same_size():
     errors = [processes(0), 3.0 * processes(1)]
     dut = with_loudness(fit_noise(errors, STEP), errors, ["quiet", "loud"])
@@ -163,7 +153,8 @@ def test_a_flight_at_rest_does_not_get_all_the_weight():
 def test_inner_products_are_those_of_the_white_columns_whatever_is_zero(there, loud, slow):
     mixing = np.array([[1.0, 0, 0], [0.8, 0.6, 0], [-0.5, 0.5, 0.7]])
     errors = [processes(0, 400, mixing), 3.0 * processes(1, 400, mixing)]
-    dut = fit_noise(errors, STEP) if slow else scale_only(errors, STEP, ["a", "b"] if loud else [])
+    dut = fit_noise(errors, STEP) if slow else scale_only(errors, STEP)
+    dut = with_loudness(dut, errors, ["a", "b"]) if loud else dut
     X = np.random.default_rng(3).normal(size=(60, 3, 4)) * np.reshape(there, (3, 4))
     white = dut.whiten(X, "b").reshape(-1, 4)
     np.testing.assert_allclose(dut.products([X[..., :3], X[..., 3:]], "b"), white.T @ white, atol=1e-9)

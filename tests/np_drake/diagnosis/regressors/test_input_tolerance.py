@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake.diagnosis.diagnose import NO_REPLAY, diagnose
-from np_drake.diagnosis.options import Options, SearchOptions
+from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.regressors import library_candidates
 from np_drake.diagnosis.regressors.input_tolerance import THROTTLE_SCALE, command_timing, with_input
 from np_drake.diagnosis.residuals import TORQUE, make_flight_residuals
@@ -22,7 +22,6 @@ from np_drake.logs.throttle_input import with_throttle_input
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()
-EARLY = SearchOptions().early_command
 DRAG = LinearDrag(0.3, 0.3, 0.3)
 COLUMNS = ("t", "p", "q", "v", "w", "u", "a")
 
@@ -48,38 +47,33 @@ def with_throttle(log, exponent: float, hover: float = 0.4):
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_thinned_log_leaves_half_a_row_open(fly, every, seed):
     log = thinned(fly(DRAG, seed=seed, noise=1.0), every)
-    timing = command_timing([make_flight_residuals(log, VEHICLE)], EARLY)
+    timing = command_timing([make_flight_residuals(log, VEHICLE)])
     assert timing == pytest.approx(0.5 * log.step)
-
-
-def test_logs_are_not_asked_where_the_user_does_not_want_it(fly):
-    log = thinned(fly(DRAG, seed=1, noise=1.0), 3)
-    assert command_timing([make_flight_residuals(log, VEHICLE)], np.inf) == 0.0
 
 
 @pytest.mark.parametrize(
     "effects", [(), (DRAG,), (MotorLag(0.03),), (CommandDelay(0.02),), (ClockOffset(0.02),)]
 )
 def test_a_command_that_is_held_from_its_row_leaves_nothing_open(seen, effects):
-    assert command_timing([seen(*effects, seed=1, noise=1.0)], EARLY) == 0.0
+    assert command_timing([seen(*effects, seed=1, noise=1.0)]) == 0.0
 
 
 def test_a_vehicle_file_can_state_that_commands_are_held(fly):
     log = thinned(fly(DRAG, seed=1, noise=1.0), 2)
     held = dc.replace(VEHICLE, command_timing="held")
-    assert command_timing([make_flight_residuals(log, held)], EARLY) == 0.0
+    assert command_timing([make_flight_residuals(log, held)]) == 0.0
 
 
 def test_what_a_log_states_is_not_doubted(fly):
     log = dc.replace(fly(seed=1, noise=1.0), timing=0.004)
-    assert command_timing([make_flight_residuals(log, VEHICLE)], EARLY) == 0.004
+    assert command_timing([make_flight_residuals(log, VEHICLE)]) == 0.004
 
 
 def test_measured_rotor_speed_has_no_command(fly):
     log = fly(seed=1, noise=1.0)
     speed = np.sqrt(np.maximum(log.u @ VEHICLE.unmixer.T, 0) / VEHICLE.thrust_coefficient)
     measured = dc.replace(log, rotor=speed, input="rotor_speed", timing=0.1)
-    assert command_timing([make_flight_residuals(measured, VEHICLE)], EARLY) == 0.0
+    assert command_timing([make_flight_residuals(measured, VEHICLE)]) == 0.0
 
 
 def test_ideal_commands_leave_the_tolerance_as_it_is(seen):

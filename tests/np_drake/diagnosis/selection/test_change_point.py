@@ -80,11 +80,7 @@ def test_each_flight_has_its_own_onset(seen, noise):
     assert late.onset == dut.onset
     assert late.log_prior == problem.candidates[0].log_prior
     rows = round((12.0 - 2 * 0.7) / 0.02)
-    assert (
-        PRIORS.first_onset + PRIORS.another_onset - 2 * np.log(rows)
-        <= late.onset_prior
-        < PRIORS.first_onset + PRIORS.another_onset - np.log(rows)
-    )
+    assert 2 * PRIORS.onset - 2 * np.log(rows) <= late.onset_prior < 2 * PRIORS.onset - np.log(rows)
 
 
 def test_a_step_in_every_flight_is_no_drift_from_the_start(seen, noise):
@@ -108,11 +104,7 @@ def test_what_has_not_begun_at_the_end_of_a_half_is_absent_from_it(seen, noise):
         assert dut.onset["late"] == pytest.approx(8.0, abs=0.03)
         assert dut.onset.get("without") == (NEVER if half.goes_on else None)
         if half.goes_on:
-            assert (
-                PRIORS.first_onset + PRIORS.absence - np.log(12.0 / 0.02)
-                < dut.prior
-                < PRIORS.first_onset + PRIORS.absence
-            )
+            assert 2 * PRIORS.onset - np.log(12.0 / 0.02) < dut.prior < 2 * PRIORS.onset
 
 
 def test_what_begins_nowhere_is_absent_from_none():

@@ -36,7 +36,7 @@ def test_they_are_absent_from_every_training_flight_at_the_price_of_as_many_abse
     assert found
     for candidate in found:
         assert candidate.onset == {"a": NEVER, "b": NEVER}
-        assert candidate.onset_prior == pytest.approx(2 * PRIORS.absence)
+        assert candidate.onset_prior == pytest.approx(2 * PRIORS.onset)
         effects = {name for name in candidate.identifiers if name != "linear_drag"}
         for name in "ab":
             acting = (

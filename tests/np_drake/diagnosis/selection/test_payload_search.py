@@ -10,14 +10,14 @@ from np_drake.diagnosis.regressors.payload import Guess
 from np_drake.diagnosis.regressors.payload_grid import payload_about, payload_candidates, payloads_of
 from np_drake.diagnosis.residuals.flight_residuals import FORCE
 from np_drake.diagnosis.residuals.resampling import TAPS
+from np_drake.diagnosis.selection import payload_search
 from np_drake.diagnosis.selection.payload_evidence import Beside
-from np_drake.diagnosis.selection.payload_search import ENDS, PayloadSearch
+from np_drake.diagnosis.selection.payload_search import ENDS, KEPT, LENGTHS, NEAR, PayloadSearch
 from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 
 REAL, IDEAL = Options.for_sensors(True), Options.for_sensors(False)
 PRIORS = REAL.priors
-SEARCH = REAL.search
 
 
 def others(flights):
@@ -40,8 +40,8 @@ def test_the_best_lengths_are_not_next_to_each_other(seen, noise):
     flights = [seen(SuspendedPayload(0.15, 0.5), name="1", seed=1, noise=1.0, seconds=6.0)]
     best = PayloadSearch(flights, options=REAL).best(noise, [], others(flights))
     found = np.sort([float(c.variant.removeprefix("length=")) for c in best])
-    assert 1 <= len(found) <= SEARCH.payloads_kept
-    assert np.all(np.diff(np.log(found)) > SEARCH.payload_near)
+    assert 1 <= len(found) <= KEPT
+    assert np.all(np.diff(np.log(found)) > NEAR)
 
 
 def test_without_a_payload_no_length_has_evidence(seen, noise):
@@ -57,7 +57,7 @@ def test_what_more_mass_explains_is_no_evidence_for_a_payload(seen, noise):
 def test_before_its_onset_a_payload_hangs_on_nothing(seen):
     flights = [seen(name="1", seed=1, seconds=6.0)]
     for candidate in payload_candidates(
-        flights, np.geomspace(*SEARCH.payload_lengths)[::24], onset={"1": 3.0}, priors=PRIORS
+        flights, np.geomspace(*LENGTHS)[::24], onset={"1": 3.0}, priors=PRIORS
     ):
         X = candidate.columns["1"]
         smear = TAPS * flights[0].grid.step
@@ -133,12 +133,11 @@ def test_a_damping_costs_a_guess_its_prior_and_is_never_negative(seen):
     assert still.moved(c).damping == 0.0
 
 
-def test_a_guess_that_is_lost_is_given_up(seen, noise):
+def test_a_guess_that_is_lost_is_given_up(seen, noise, monkeypatch):
     flights = [seen(SuspendedPayload(0.15, 0.5), name="1", seed=1, noise=1.0, seconds=6.0)]
     dut = PayloadSearch(flights, options=REAL)
     assert dut.best(noise, [], others(flights))
-    options = dc.replace(REAL, search=dc.replace(SEARCH, payload_lost=np.inf))
-    dut = PayloadSearch(flights, options=options)
+    monkeypatch.setattr(payload_search, "LOST", np.inf)
     assert dut.best(noise, [], others(flights)) == []
     assert dut.from_guesses(noise, [], [Guess(0.5)]) == []
 

@@ -3,7 +3,6 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.diagnosis.fitting.map_estimate import Fit
 from np_drake.diagnosis.forward_model.term import Term
 from np_drake.diagnosis.regressors.regression_problem import Model
 from np_drake.diagnosis.selection.ranking import names_of, names_of_fit, score_of, simpler
@@ -82,20 +81,6 @@ def test_the_model_is_tried_without_its_faint_effects_all_and_each(dut):
     for scale, tried_without in ((0.995, True), (0.99, False)):
         strong = dc.replace(dut.fit, terms=(*dut.fit.terms, Term(ThrustScale(scale))))
         assert bool(simpler(problem, Model(members, 0.0), strong)) is tried_without
-
-
-@pytest.mark.parametrize(
-    "vague, tried_without", [((), 0), ((0,), 0), ((0, 1), 2)], ids=["none", "one", "both"]
-)
-def test_of_effects_whose_figures_may_all_be_none_the_model_is_tried_without_each(
-    dut, monkeypatch, vague, tried_without
-):
-    problem = dut.ranking.problem
-    at = {c.identifiers[0]: i for i, c in enumerate(problem.candidates) if len(c.identifiers) == 1}
-    members = tuple(at[t.effect.identifier] for t in dut.fit.terms)
-    monkeypatch.setattr(Fit, "is_significant", lambda _, i, level: i not in vague)
-    tried = {m.members for m in simpler(problem, Model(members, 0.0), dut.fit)}
-    assert tried == ({(members[0],), (members[1],)} if tried_without else set())
 
 
 def test_of_effects_that_shift_commands_the_model_is_tried_with_the_one_that_shifts_most_and_with_none(dut):

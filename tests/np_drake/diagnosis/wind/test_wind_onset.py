@@ -19,13 +19,13 @@ def flights(seen):
 
 def begin_of(e, residual, taken_for, wind, options=IDEAL):
     calm = loss_of_calm(e, residual, wind, options)
-    return wind_onset(e, residual, taken_for, wind, calm, options.priors).at
+    return wind_onset(e, residual, taken_for, wind, calm, options.priors.onset_gain).at
 
 
 def wandering(e, rng, size=1.0):
     """(m, 15) of an attitude that errs as a rig's may, in tolerances, and of white noise."""
     step, scale = e.grid.step, size * e.vehicle.mass * e.vehicle.gravity * RIG.tolerance.attitude
-    decay = np.exp(-step / REAL.priors.calm_wander_time)
+    decay = np.exp(-step / REAL.priors.attitude_wander[0])
     force = [scale * rng.standard_normal(3)]
     for kick in rng.standard_normal((len(e.t) - 1, 3)):
         force.append(decay * force[-1] + scale * np.sqrt(1 - decay**2) * kick)
