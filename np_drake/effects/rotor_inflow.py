@@ -31,6 +31,7 @@ class RotorInflow(WrenchEffect):
     slope: float = 0.6  # [1]
 
     identifier: ClassVar[str] = "rotor_inflow"
+    begins: ClassVar[bool] = False
     feels_rotor_rate: ClassVar[bool] = False
     turns: ClassVar[bool] = False
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("slope", "1", 0.0, 0.0, 3.0, 0.6),)
