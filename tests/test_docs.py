@@ -45,7 +45,7 @@ def test_the_readmes_diagnosis_is_ten_lines_and_finds_what_it_says(tmp_path, mon
     example: dict = {"__name__": "example"}
     exec(compile(block, "README.md", "exec"), example)
     assert example["found"].verdict == ("suspended_payload",)
-    assert round(1000 * example["found"].causes[0].parameters["mass"].value) == 27  # [g]
+    assert round(1000 * example["found"].causes[0].parameters["mass"].value) == 118  # [g]
 
 
 def test_the_experiment_of_the_docs_flies_well(tmp_path):

@@ -61,13 +61,13 @@ Search = Callable[..., SearchResult]
 
 
 def search_with_few_lengths(
-    flights: Sequence[FlightResiduals], options: Options | None = None
+    flights: Sequence[FlightResiduals], options: Options | None = None, *, calm: bool = False
 ) -> SearchResult:
     """Return `find_map_model` with a quarter of the tether lengths, for flights without a payload."""
     shortest, longest, number = payload_search.LENGTHS
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(payload_search, "LENGTHS", (shortest, longest, number // 4))
-        return find_map_model(flights, options)
+        return find_map_model(flights, options, calm=calm)
 
 
 def _content(e: FlightResiduals) -> tuple[object, ...]:
@@ -82,10 +82,12 @@ def searched() -> Search:
     """Return `find_map_model`, which searches the same flights once in a module, with few lengths."""
     known: dict[tuple[object, ...], SearchResult] = {}
 
-    def search(flights: Sequence[FlightResiduals], options: Options | None = None) -> SearchResult:
-        key = (*map(_content, flights), repr(options), *LIBRARY)
+    def search(
+        flights: Sequence[FlightResiduals], options: Options | None = None, *, calm: bool = False
+    ) -> SearchResult:
+        key = (*map(_content, flights), repr(options), calm, *LIBRARY)
         if key not in known:
-            known[key] = search_with_few_lengths(flights, options)
+            known[key] = search_with_few_lengths(flights, options, calm=calm)
         return known[key]
 
     return search
