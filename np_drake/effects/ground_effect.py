@@ -16,7 +16,7 @@ _LARGEST_SHARE = 1 / 3  # of (R / 4h)²: thrust at most 1.5 times; the formula d
 class GroundEffect(WrenchEffect):
     """Thrust and reaction torque of every rotor times 1 / (1 - (R / 4h)²), R = effective_radius, h = p_z.
 
-    Prior: about two rotor radii, and no wider, as the size of the vehicle is known (Danjun et al. 2015: 2.9).
+    Prior: about two rotor radii, and no wider, as the size of the vehicle is known (own choice).
     The ground is z = 0; all rotors are at the height of Bo (own choice: no levelling torque of a tilted vehicle).
     Source: method of images (Cheeseman and Bennett 1955); ratio held at 1.5 from h = 0.43 R downwards.
     """

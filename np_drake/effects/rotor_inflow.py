@@ -10,7 +10,7 @@ from np_drake.effects.base import Motion, Parameter, WrenchEffect
 from np_drake.vehicle import Vehicle
 
 AIR_DENSITY = 1.2  # at 20 °C near sea level [kg/m³]
-_NEWTON_STEPS = 8  # from above, where Glauert's equation is convex; 5 reach 1e-9 within its range
+_NEWTON_STEPS = 8  # from above, where Glauert's equation is convex; five reach 1e-11 down to a descent at v_h
 
 
 @dc.dataclass(frozen=True)
@@ -20,9 +20,8 @@ class RotorInflow(WrenchEffect):
     v_h: induced velocity of the rotor at rest, of thrust f_i = 2 rho A v_h². v_i: that in the flow
     v = R^T (v_WB - wind), with Glauert's v_i sqrt(v_x² + v_y² + (v_z + v_i)²) = v_h². Climbing lowers thrust, flying
     ahead raises it. `slope` is the slope of the blades' lift times the solidity of the rotor.
-    Own choices: v_h is that of the thrust at rest; all rotors are in the flow at Bo, without torque (on the NeuroBEM
-    flights body rates are damped by less than a fifth of what the flow at each rotor would give). Descent faster than
-    v_h is outside of the theory.
+    Own choices: v_h is that of the thrust at rest; all rotors are in the flow at Bo, so that there is no torque.
+    Descent faster than v_h is outside of the theory.
 
     Source: blade element and momentum theory, Leishman, Principles of Helicopter Aerodynamics, ch. 2 and 3; blades of
     ideal twist. Prior: a slope of 4 to 6 and a solidity of 0.08 to 0.2.
@@ -41,7 +40,7 @@ class RotorInflow(WrenchEffect):
         area = np.pi * vehicle.rotor_radius**2
         f = np.maximum(motion.rotor_thrust, 0.0)
         speed = np.sqrt(f / vehicle.thrust_coefficient)
-        at_rest = np.sqrt(f / (2 * AIR_DENSITY * area))
+        at_rest = velocity_at_rest(vehicle, f)
         v_B = air_velocity_B(motion)
         axial, lateral = v_B[..., 2:], np.linalg.norm(v_B[..., :2], axis=-1, keepdims=True)
         k = self.slope * AIR_DENSITY * area * vehicle.rotor_radius / 4
@@ -51,10 +50,17 @@ class RotorInflow(WrenchEffect):
         return chi_from_body(motion, f_B)
 
 
+def velocity_at_rest(vehicle: Vehicle, thrust: np.ndarray | float) -> np.ndarray:
+    """Return the induced velocity (...) of rotors at rest with this thrust (...) each [m/s, N].
+
+    Source: momentum theory, f = 2 rho A v².
+    """
+    return np.sqrt(np.asarray(thrust) / (2 * AIR_DENSITY * np.pi * vehicle.rotor_radius**2))
+
+
 def hover_induced_velocity(vehicle: Vehicle) -> float:
-    """Return the induced velocity of the rotors of a vehicle in hover [m/s].   Source: momentum theory."""
-    discs = 4 * np.pi * vehicle.rotor_radius**2
-    return float(np.sqrt(vehicle.mass * vehicle.gravity / (2 * AIR_DENSITY * discs)))
+    """Return the induced velocity of the rotors of a vehicle in hover [m/s]."""
+    return float(velocity_at_rest(vehicle, vehicle.mass * vehicle.gravity / 4))
 
 
 def induced_velocity(at_rest: np.ndarray, lateral: np.ndarray, axial: np.ndarray) -> np.ndarray:
