@@ -29,8 +29,8 @@ class LabelConfig:
     their bandwidth is lower.
     """
 
-    force_bandwidth: float = 4.0  # [Hz], -3 dB
-    torque_bandwidth: float = 1.0  # [Hz], -3 dB
+    force_bandwidth: float = 4.0  # -3 dB; inf for labels as they are [Hz]
+    torque_bandwidth: float = 1.0  # -3 dB; inf for labels as they are [Hz]
     order: int = 1  # Butterworth; 1 is the first-order lag
 
     def check(self) -> "LabelConfig":
@@ -39,7 +39,7 @@ class LabelConfig:
         Raises: ValueError: where one is impossible.
         """
         for name in ("force_bandwidth", "torque_bandwidth"):
-            if not 0 < getattr(self, name) < np.inf:
+            if not getattr(self, name) > 0:
                 raise ValueError(f"LabelConfig: {name} must be positive [Hz]; got {getattr(self, name)}.")
         if self.order not in (1, 2, 3, 4):
             raise ValueError(f"LabelConfig: order must be 1 … 4; got {self.order}.")
@@ -51,6 +51,8 @@ class LabelConfig:
         return [(channels, self._sections(bandwidth, step)) for channels, bandwidth in bands]
 
     def _sections(self, bandwidth: float, step: float) -> np.ndarray:
+        if np.isinf(bandwidth):
+            return np.tile([1.0, 0.0, 0.0, 1.0, 0.0, 0.0], ((self.order + 1) // 2, 1))
         nyquist = 0.5 / step
         if bandwidth >= nyquist:
             raise ValueError(

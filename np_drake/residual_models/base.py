@@ -5,10 +5,13 @@ benchmark's loop), takes one sample every `step` seconds, and answers with a `Wr
 """
 
 import dataclasses as dc
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 from scipy.linalg import blas
+
+if TYPE_CHECKING:
+    from np_drake.labels import LabelConfig
 
 Memory = dict[str, np.ndarray]
 
@@ -24,6 +27,17 @@ class Sample:
     x: np.ndarray
     u: np.ndarray
     chi: np.ndarray
+
+
+@dc.dataclass(frozen=True)
+class Plan:
+    """Motion that is intended from now on, at the step of the forecast.
+
+    x: (N+1, 13) states.   u: (N, 4) commands [N, N·m].
+    """
+
+    x: np.ndarray
+    u: np.ndarray
 
 
 class Reaction(Protocol):
@@ -147,6 +161,22 @@ class KnowsRotorLag(Protocol):
     """A residual model whose labels need the command filtered by the rotor lag of its training."""
 
     rotor_lag: float  # [s]
+
+
+@runtime_checkable
+class ReadsLabels(Protocol):
+    """A residual model that needs labels of its own low-pass."""
+
+    label: "LabelConfig"
+
+
+@runtime_checkable
+class ReadsPlan(Protocol):
+    """A residual model that forecasts the wrench along an intended motion."""
+
+    def forecast_along(self, memory: Memory, plan: Plan, *, horizon: int, stride: int) -> WrenchForecast:
+        """Return the forecast over `horizon` steps of `stride * self.step` seconds, at best where `plan` is flown."""
+        ...
 
 
 class ResidualModel(Protocol):

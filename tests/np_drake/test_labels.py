@@ -58,6 +58,17 @@ def test_the_streaming_form_equals_the_batch_form(lag, order):
     assert np.isnan(batch).any(axis=1).sum() == 12
 
 
+@pytest.mark.parametrize("order", [1, 3])
+def test_labels_of_infinite_bandwidth_are_the_raw_ones(order):
+    vehicle, log, _ = flight()
+    log.a += np.random.default_rng(1).normal(size=log.a.shape)
+    config = lb.LabelConfig(force_bandwidth=np.inf, torque_bandwidth=np.inf, order=order)
+    raw = lb.raw_labels(log, vehicle)
+    np.testing.assert_allclose(lb.labels(log, vehicle, config), raw, atol=1e-12)  # round-off [N, N·m]
+    dut = lb.LabelFilter(vehicle, config, step=log.step)
+    np.testing.assert_allclose(stream(dut, log, log.u), raw, atol=1e-12)  # round-off [N, N·m]
+
+
 def test_a_first_order_label_answers_a_step_with_its_time_constant():
     vehicle, log, _ = flight(chi=np.zeros(6))
     log.a[200:, 0] += 1.0 / vehicle.mass
