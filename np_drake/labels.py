@@ -7,6 +7,7 @@ continues from it.
 """
 
 import dataclasses as dc
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from scipy import signal
@@ -60,6 +61,13 @@ class LabelConfig:
                 f"got {bandwidth:.3g} Hz."
             )
         return signal.butter(self.order, bandwidth / nyquist, output="sos")
+
+
+@runtime_checkable
+class ReadsLabels(Protocol):
+    """A residual model that needs labels of its own low-pass."""
+
+    label: LabelConfig
 
 
 def default_labels(vehicle: Vehicle) -> LabelConfig:

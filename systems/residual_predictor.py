@@ -4,8 +4,9 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector
 
-from np_drake.residual_models.base import ResidualModel, Sample
+from np_drake.residual_models.base import Memory, ReadsPlan, ResidualModel, Sample, WrenchForecast
 from systems.memory import MemorySystem
+from systems.plan_ports import PlanPorts
 
 
 class ResidualPredictor(MemorySystem):
@@ -18,6 +19,8 @@ class ResidualPredictor(MemorySystem):
         - x
         - u
         - label
+        - plan_u
+        - plan_x
         output_ports:
         - forecast
         - chi_hat
@@ -27,6 +30,7 @@ class ResidualPredictor(MemorySystem):
     | x | 13 | measured state | |
     | u | 4 | command that acted up to now | N, N·m |
     | label | 6 | wrench label now; NaN where there is none | N, N·m |
+    | plan_u, plan_x | 4 N, 13 (N+1) | the MPC's last plan, one period old; where the model is a `ReadsPlan` | |
     | forecast | WrenchForecast | with the sample at hand taken in; feeds through | |
     | chi_hat | 6 | the forecast's first wrench, as of the last event | N, N·m |
 
@@ -43,6 +47,9 @@ class ResidualPredictor(MemorySystem):
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._u_port = self.DeclareVectorInputPort("u", 4)
         self._label_port = self.DeclareVectorInputPort("label", 6)
+        self._plan = None
+        if isinstance(model, ReadsPlan):
+            self._plan = PlanPorts(self, horizon=horizon, step=stride * model.step, age=model.step)
         initial = model.initial_memory()
         self._declare_memory(initial)
         first = model.forecast(initial, **self._span).first
@@ -57,7 +64,12 @@ class ResidualPredictor(MemorySystem):
             self._x_port.Eval(context), self._u_port.Eval(context), self._label_port.Eval(context)
         )
         memory = self._model.update(self.memory(context), sample)
-        return memory, self._model.forecast(memory, **self._span)
+        return memory, self._forecast(context, memory)
+
+    def _forecast(self, context, memory: Memory) -> WrenchForecast:
+        if self._plan is None or not isinstance(self._model, ReadsPlan):
+            return self._model.forecast(memory, **self._span)
+        return self._model.forecast_along(memory, self._plan.read(context), **self._span)
 
     def _calc_forecast(self, context, output) -> None:
         output.set_value(self._step.Eval(context)[1])

@@ -5,10 +5,10 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import LeafSystem
 
 from np_drake import attitude
-from np_drake.mpc.plan import shift
-from np_drake.mpc.problem import MpcConfig, MpcSolution, MpcStatus
+from np_drake.mpc.problem import MpcConfig
 from np_drake.residual_models.base import constant_forecast
 from np_drake.residual_models.oracle import TrueModel
+from systems.plan_ports import PlanPorts
 
 
 class WrenchOracle(LeafSystem):
@@ -37,13 +37,11 @@ class WrenchOracle(LeafSystem):
 
     def __init__(self, model: TrueModel, config: MpcConfig, *, period: float):
         super().__init__()
-        self._model, self._config, self._period = model, config, period
-        N = config.horizon
+        self._model, self._config = model, config
         size = 13 if model.payload is None else 26
         self._state_port = self.DeclareVectorInputPort("plant_state", size)
         self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
-        self._u_port = self.DeclareVectorInputPort("plan_u", 4 * N)
-        self._x_port = self.DeclareVectorInputPort("plan_x", 13 * (N + 1))
+        self._plan = PlanPorts(self, horizon=config.horizon, step=config.step, age=period)
         self.DeclareAbstractOutputPort(
             "forecast",
             Value[object],
@@ -52,20 +50,16 @@ class WrenchOracle(LeafSystem):
         )
 
     def _calc_forecast(self, context, output) -> None:
-        N, step = self._config.horizon, self._config.step
-        u = self._u_port.Eval(context).reshape(N, 4)
-        x = self._x_port.Eval(context).reshape(N + 1, 13)
-        plan = MpcSolution(u, x, np.zeros((N, 6)), MpcStatus.OPTIMAL, 0.0, 0.0, 0.0, 0)
-        plan = shift(plan, elapsed=self._period, step=step)
+        plan = self._plan.read(context)
         chi = self._model.wrench_along(
             plan.x,
             plan.u,
-            step,
+            self._config.step,
             t=context.get_time(),
             rotor_thrust=self._thrust_port.Eval(context),
             swing_state=self._swing_state(self._state_port.Eval(context)),
         )
-        output.set_value(constant_forecast(chi, N))
+        output.set_value(constant_forecast(chi, self._config.horizon))
 
     def _swing_state(self, s: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Return (p_ToPo_W, its rate) from Drake's state of two free bodies."""

@@ -40,7 +40,7 @@ Configuration = Annotated[
     Option(
         "--configuration",
         metavar="NAME",
-        help="Predictor: default | paper | dictionary | dmdc | delay-dmdc | ridge; or gp | knode.",
+        help="Predictor: default | pendulum | paper | dictionary | dmdc | delay-dmdc | ridge; or gp | knode.",
     ),
 ]
 Step = Annotated[

@@ -51,13 +51,16 @@ def train(
     from np_drake.lifting.model.origin import rotor_lag_of
     from np_drake.lifting.training.train import make_config
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
+    from np_drake.residual_models.pendulum_model import PENDULUM
     from np_drake.residual_models.predictor_training import train_on_flights
     from np_drake.scaling import sampling_period
 
-    if configuration in REACTIONS and checkpoint is not None:
+    if configuration in (PENDULUM, *REACTIONS) and checkpoint is not None:
         raise ValueError(f"--checkpoint: {configuration} has none; it trains in a minute or less.")
     flights = open_flights(logs, vehicle, repair=repair)
     step = step or sampling_period(flights[0].vehicle)
+    if configuration == PENDULUM:
+        return pendulum_report(flights, out, step=step)
     if configuration in REACTIONS:
         head: dict[str, Any] = {"seed": run.seed}
         head |= {"epochs": epochs} if epochs and configuration == KNODE else {}
@@ -89,6 +92,41 @@ def train(
         metrics={"loss": loss, "wall": wall, "summary": summary},
         lines=[f"excitation: {summary['excitation']}", *lines],
         notes=notes,
+    )
+
+
+def pendulum_report(flights: "Sequence[Flight]", out: Path, *, step: float) -> Report:
+    """Train a pendulum predictor, write its file, and return what it found of the vehicle.
+
+    Raises: ValueError: if `flights` do not serve.
+    """
+    from np_drake.logs.flight_log import FlightLog
+    from np_drake.residual_models.pendulum_training import train_pendulum
+
+    logs = [(flight.data, flight.vehicle) for flight in flights if isinstance(flight.data, FlightLog)]
+    if len(logs) < len(flights):
+        raise ValueError(
+            "pendulum: must have flight logs, with attitude and command; got arrays of wrenches."
+        )
+    start = time.perf_counter()
+    with progress("training pendulum", 1.0) as advance:
+        model = train_pendulum(
+            logs, step=step, on_pass=lambda done, total: advance(done / total, f"pass {done} of {total}")
+        )
+    wall = time.perf_counter() - start
+    model.save(out)
+    hook = ", ".join(f"{1e3 * value:.1f}" for value in model.hook)
+    rows: list[tuple] = [
+        ("thrust error [%]", f"{100 * model.thrust_error:.2f} ± {100 * model.thrust_error_deviation:.2f}"),
+        ("drag [N·s/m]", f"{model.mass * model.drag:.3f} ± {model.mass * model.drag_deviation:.3f}"),
+        ("hook x, y, z [mm]", hook),
+        ("rotor lag [ms]", f"{1e3 * model.rotor_lag:.1f}"),
+    ]
+    return Report(
+        [(f"{model.summary['samples']} samples, {wall:.1f} s", ["vehicle", "found"], rows)],
+        config={"configuration": "pendulum", "step": step},
+        metrics={"wall": wall, "summary": model.summary},
+        notes=[f"model: {out}"],
     )
 
 

@@ -6,18 +6,21 @@ from pathlib import Path
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
-from np_drake.labels import LabelConfig
+from np_drake.labels import LabelConfig, ReadsLabels
+from np_drake.lifting.model.model_file import schema_of
 from np_drake.lifting.model.origin import Trained, origin_of, require_origin
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.solvers import make_solver, require_solver
 from np_drake.references.base import Reference
-from np_drake.residual_models.base import KnowsRotorLag, ResidualModel
+from np_drake.residual_models.base import KnowsRotorLag, ReadsPlan, ResidualModel
 from np_drake.residual_models.disturbance_observer import DisturbanceObserver
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.motion_model import REACTIONS, MotionModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
 from np_drake.residual_models.oracle import TrueModel
+from np_drake.residual_models.pendulum_model import SCHEMA as PENDULUM_SCHEMA
+from np_drake.residual_models.pendulum_predictor import PendulumPredictor
 from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
 from systems.neural_predictor import NeuralPredictor
@@ -96,6 +99,10 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
         return DisturbanceObserver(
             vehicle, step=config.period, force_bandwidth=5.0 / pace, torque_bandwidth=1.0 / pace
         )
+    if config.kind == "np" and config.predictor and schema_of(config.predictor) == PENDULUM_SCHEMA:
+        pendulum = PendulumPredictor.load(config.predictor)
+        _require_fit(pendulum.model, pendulum.step, config, vehicle, pendulum.label)
+        return pendulum
     if config.kind == "np":
         predictor = NeuralPredictorModel.load(config.predictor or DEFAULT_MODEL)
         _require_fit(predictor.model, predictor.step, config, vehicle)
@@ -116,13 +123,15 @@ def labelled(vehicle: Vehicle, model: ResidualModel | None) -> Vehicle:
     return dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)
 
 
-def _require_fit(model: Trained, step: float, config: ControllerConfig, vehicle: Vehicle) -> None:
-    """Check that the model was trained for these axes, labels and steps.
+def _require_fit(
+    model: Trained, step: float, config: ControllerConfig, vehicle: Vehicle, label: LabelConfig | None = None
+) -> None:
+    """Check that the model was trained for these axes, labels (default: those of config) and steps.
 
     Raises: ValueError: if it was not.
     """
     _require_world_axes(model)
-    require_origin(model, origin_of("world", vehicle, config.label))
+    require_origin(model, origin_of("world", vehicle, label or config.label))
     if abs(step - config.period) > 1e-9:
         raise ValueError(
             f"controller: the predictor's step must equal the period; got {step}, {config.period} [s]. "
@@ -168,8 +177,9 @@ def add_controller(
     N, period = config.mpc.horizon, config.period
     model = model or make_residual_model(config, believed)
     source = builder.AddNamedSystem("reference", ReferenceSource(reference, horizon=N, step=config.mpc.step))
+    label = model.label if isinstance(model, ReadsLabels) else config.label
     estimator = builder.AddNamedSystem(
-        "wrench_estimator", WrenchEstimator(labelled(believed, model), config.label, step=period)
+        "wrench_estimator", WrenchEstimator(labelled(believed, model), label, step=period)
     )
     solver = make_solver(config.solver, believed, config.mpc, time_limit=SOLVER_SHARE * config.deadline)
     mpc = builder.AddNamedSystem(
@@ -207,6 +217,8 @@ def _add_predictor(
     builder.Connect(rig.GetOutputPort("x"), predictor.GetInputPort("x"))
     builder.Connect(mpc.GetOutputPort("u"), predictor.GetInputPort("u"))
     builder.Connect(estimator.GetOutputPort("label"), predictor.GetInputPort("label"))
+    if isinstance(model, ReadsPlan):
+        _connect_plan(builder, mpc, predictor)
     builder.Connect(predictor.GetOutputPort("forecast"), mpc.GetInputPort("forecast"))
     return predictor.GetOutputPort("chi_hat")
 
@@ -214,7 +226,12 @@ def _add_predictor(
 def _add_oracle(builder, model: TrueModel, config: ControllerConfig, truth: Diagram, mpc) -> None:
     """Add the oracle between the real vehicle and the MPC."""
     oracle = builder.AddNamedSystem("oracle", WrenchOracle(model, config.mpc, period=config.period))
-    for source, names in ((truth, ("plant_state", "rotor_thrust")), (mpc, ("plan_u", "plan_x"))):
-        for name in names:
-            builder.Connect(source.GetOutputPort(name), oracle.GetInputPort(name))
+    for name in ("plant_state", "rotor_thrust"):
+        builder.Connect(truth.GetOutputPort(name), oracle.GetInputPort(name))
+    _connect_plan(builder, mpc, oracle)
     builder.Connect(oracle.GetOutputPort("forecast"), mpc.GetInputPort("forecast"))
+
+
+def _connect_plan(builder, mpc, system) -> None:
+    for name in ("plan_u", "plan_x"):
+        builder.Connect(mpc.GetOutputPort(name), system.GetInputPort(name))

@@ -12,6 +12,8 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.training_segments import Flight
 from np_drake.residual_models.motion_model import MotionModel
 from np_drake.residual_models.motion_training import train_motion_model
+from np_drake.residual_models.pendulum_model import PendulumModel
+from np_drake.residual_models.pendulum_training import train_pendulum
 from np_drake.residual_models.predictor_training import train_on_flights
 
 
@@ -53,6 +55,14 @@ def train_reaction(flight: FlightResult, path: Path, *, name: str, seed: int = 0
         label=controller.label,
         seed=seed,
     )
+    model.save(path)
+    return model
+
+
+def train_pendulum_model(flight: FlightResult, path: Path) -> PendulumModel:
+    """Train a pendulum predictor on the flight's log after the ramp and write the model file."""
+    config = flight.config
+    model = train_pendulum([(_scored(flight), config.vehicle)], step=config.controller.period)
     model.save(path)
     return model
 

@@ -30,7 +30,7 @@ GUSTS = 0.25  # standard deviation of each axis of the wind, over its mean speed
 LOST = 1.0
 LAST = 1.0  # time before the loss in which the rotors are looked at [s]
 # Rows of the tracking comparison that are flown.
-SHOWN = ("nominal", "hold", "hold + total mass", "gp", "knode", "np", "oracle")
+SHOWN = ("nominal", "hold", "hold + total mass", "gp", "knode", "np", "np: pendulum", "oracle")
 ROWS = tuple(next(row for row in TRACKING_ROWS if row.name == name) for name in SHOWN)
 Progress = Callable[[int, int], None]
 

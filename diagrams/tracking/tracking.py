@@ -12,8 +12,9 @@ from diagrams.loop.controllers import LEARNED
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
-from diagrams.prediction.learning import train_predictor, train_reaction
+from diagrams.prediction.learning import train_pendulum_model, train_predictor, train_reaction
 from np_drake.residual_models.motion_model import GP, KNODE, REACTIONS
+from np_drake.residual_models.pendulum_model import PENDULUM
 from np_drake.swing_metrics import half_width
 
 TRACKS = ("circle", "lemniscate")  # experiments that are flown
@@ -65,6 +66,7 @@ ROWS = (
     Row("np: default, plain circle", "np", training=PLAIN, configuration="default"),
     Row("np: paper, dithered circle", "np", training=DITHERED, configuration="paper"),
     Row("np", "np", training=DITHERED, configuration="default"),
+    Row("np: pendulum", "np", training=DITHERED, configuration=PENDULUM),
     Row("oracle", "oracle"),
 )
 
@@ -103,6 +105,8 @@ def train_models(
         path = folder / f"{row.configuration}_{row.training}.safetensors"
         if row.configuration in REACTIONS:
             train_reaction(flights[row.training], path, name=row.configuration, seed=seed)
+        elif row.configuration == PENDULUM:
+            train_pendulum_model(flights[row.training], path)
         else:
             train_predictor(flights[row.training], path, configuration=row.configuration, seed=seed)
         files[key] = str(path)

@@ -171,7 +171,7 @@ def _jump(now, move, jump, step) -> None:
     move += step * span * (a_rate * e_x + b_rate * e_y)
 
 
-def _compiled(function: Callable) -> Callable:
+def compiled(function: Callable) -> Callable:
     """Return the function compiled, once for all processes; where no cache can be written, once for each."""
     try:
         return njit(cache=True, error_model="numpy")(function)
@@ -179,7 +179,7 @@ def _compiled(function: Callable) -> Callable:
         return njit(error_model="numpy")(function)
 
 
-@_compiled
+@compiled
 def _leapfrog(limit, half, now, move, kicks, drift, pulls, at):
     """Write pull = (1 + d) mu now (n, 3, m) [m], the least mu >= 0 with |b - mu now|² <= limit = L².
 

@@ -5,13 +5,10 @@ benchmark's loop), takes one sample every `step` seconds, and answers with a `Wr
 """
 
 import dataclasses as dc
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from scipy.linalg import blas
-
-if TYPE_CHECKING:
-    from np_drake.labels import LabelConfig
 
 Memory = dict[str, np.ndarray]
 
@@ -161,13 +158,6 @@ class KnowsRotorLag(Protocol):
     """A residual model whose labels need the command filtered by the rotor lag of its training."""
 
     rotor_lag: float  # [s]
-
-
-@runtime_checkable
-class ReadsLabels(Protocol):
-    """A residual model that needs labels of its own low-pass."""
-
-    label: "LabelConfig"
 
 
 @runtime_checkable

@@ -49,6 +49,15 @@ def write_tensors(tensors: dict[str, np.ndarray], metadata: dict[str, str], path
         save_file({name: np.ascontiguousarray(value) for name, value in tensors.items()}, temporary, metadata)
 
 
+def schema_of(path: str | Path) -> str:
+    """Return the schema named in a safetensors file; empty where it names none or is no such file."""
+    try:
+        with safe_open(str(path), framework="numpy") as file:
+            return str((file.metadata() or {}).get("schema", ""))
+    except (SafetensorError, OSError, ValueError, TypeError):
+        return ""
+
+
 def read_tensors(path: str | Path, schema: str) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Return (tensors, metadata) of a safetensors file of the given schema.
 
@@ -62,7 +71,9 @@ def read_tensors(path: str | Path, schema: str) -> tuple[dict[str, np.ndarray], 
         raise ValueError(f"{path}: not a model file: {_reason(path, error)}") from error
     if metadata.get("schema") != schema:
         found = metadata.get("schema", "none")
-        raise ValueError(f"{path}: schema must be {schema}; got {found}. Train again with this version.")
+        raise ValueError(
+            f"{path}: schema must be {schema}; got {found}. Train again: another version or configuration made it."
+        )
     for name, value in tensors.items():
         if value.dtype.kind != "f" or not np.all(np.isfinite(value)):
             raise ValueError(f"{path}: tensor {name} must hold finite floating-point numbers.")

@@ -259,4 +259,4 @@ def test_it_is_compiled_where_no_folder_takes_what_was_compiled(monkeypatch):
         return njit(**how)
 
     monkeypatch.setattr(pendulum, "njit", read_only)
-    assert pendulum._compiled(lambda x: 2 * x)(21) == 42
+    assert pendulum.compiled(lambda x: 2 * x)(21) == 42

@@ -1,0 +1,156 @@
+"""Bank of pendulums of different lengths under a vehicle: priors, one filter step, and their weights.
+
+Each member tracks a tether that it takes to be of its own length, in still or in gusty air (`pendulum_kernel`). The
+weights are those of Bayes with a small chance that the true member changes. Where no member explains a sample, the
+payload was attached, lost or snapped taut: what is known of it is then forgotten.
+"""
+
+import dataclasses as dc
+from functools import cached_property
+
+import numpy as np
+
+from np_drake.residual_models import pendulum_kernel as kernel
+from np_drake.residual_models.base import Memory
+
+CALM, GUSTY = 0, 1  # kinds of air
+
+
+@dc.dataclass(frozen=True)
+class Prior:
+    """Mean and standard deviation of a quantity before any flight."""
+
+    mean: float
+    deviation: float
+
+
+@dc.dataclass(frozen=True)
+class BankOptions:
+    """What is believed of payload and air before any sample; per mass of the vehicle, so that it holds for any size.
+
+    Source: stated priors. Lengths cover 0.3 to 2.4 m by steps of the root of two, which half a step's deviation joins;
+    a vehicle carries up to half its own weight; a quadrotor's drag is below its weight at 20 m/s.
+    """
+
+    lengths: tuple[float, ...] = (0.3, 0.42, 0.6, 0.85, 1.2, 1.7, 2.4)  # of the members [m]
+    log_length: float = 0.17  # deviation of a member's logarithm of length [1]
+    mass: Prior = Prior(0.1, 0.15)  # of the payload, share of the vehicle's [1]
+    damping: Prior = Prior(0.05, 0.1)  # drag of the payload over its mass [1/s]
+    thrust_error: Prior = Prior(0.0, 0.1)  # [1]
+    drag: Prior = Prior(0.1, 0.2)  # of the vehicle [1/s]
+    push: tuple[float, float] = (0.05, 1.0)  # deviation of the slow force in still and in gusty air [m/s²]
+    push_time: tuple[float, float] = (20.0, 10.0)  # over which it decays, in still and in gusty air [s]
+    memory: float = 20.0  # over which parameters return to their prior [s]
+    tilt: float = 0.1  # deviation of the tether from the vertical at the start [rad]
+    lost_tilt: float = 0.5  # deviation after a jump [rad]
+    swing_noise: float = 2e-3  # power of the payload's own acceleration [m²/s³]
+    change: float = 0.02  # rate at which the true member changes [1/s]
+    jump: float = (
+        24.3  # squared innovation that no member exceeds: 1e-5 of the chi-square with three degrees [1]
+    )
+    least_noise: float = 0.02  # of a label [m/s²]
+
+
+class PendulumBank:
+    """Filter of all members; arrays of `memory` are the caller's.
+
+    Args: step: between samples [s].   gravity: [m/s²].
+    """
+
+    def __init__(self, options: BankOptions, *, step: float, gravity: float):
+        self.options, self.step, self.gravity = options, step, gravity
+        self.lengths = np.tile(np.array(options.lengths, float), 2)
+        self.air = np.repeat([CALM, GUSTY], len(options.lengths))
+        self._reach = np.sqrt(gravity / self.lengths)  # rate of a swing over its angle [1/s]
+
+    def __len__(self) -> int:
+        return len(self.lengths)
+
+    @cached_property
+    def _deviation(self) -> np.ndarray:
+        """Prior standard deviation of the parameters, (k, 8)."""
+        o = self.options
+        found = np.empty((len(self), 8))
+        found[:, [0, 1, 2]] = o.mass.deviation, o.log_length, o.damping.deviation
+        found[:, 3:6] = np.array(o.push)[self.air][:, None]
+        found[:, [6, 7]] = o.thrust_error.deviation, o.drag.deviation
+        return found
+
+    @cached_property
+    def _prior(self) -> np.ndarray:
+        """Prior mean of the parameters, (k, 8)."""
+        o = self.options
+        found = np.zeros((len(self), 8))
+        found[:, 0], found[:, 1], found[:, 2] = o.mass.mean, np.log(self.lengths), o.damping.mean
+        found[:, 6], found[:, 7] = o.thrust_error.mean, o.drag.mean
+        return found
+
+    @cached_property
+    def _keep(self) -> np.ndarray:
+        """Share of the distance to the prior that a parameter keeps in a step, (k, 8)."""
+        found = np.full((len(self), 8), np.exp(-self.step / self.options.memory))
+        found[:, 3:6] = np.exp(-self.step / np.array(self.options.push_time)[self.air])[:, None]
+        return found
+
+    @cached_property
+    def _noise(self) -> np.ndarray:
+        """Variance that a step adds, (k, SIZE): with it the parameters keep their prior deviation."""
+        found = np.zeros((len(self), kernel.SIZE))
+        found[:, 2:4] = (self.options.swing_noise * self.step / self.lengths**2)[:, None]
+        found[:, 4:] = (1 - self._keep**2) * self._deviation**2
+        return found
+
+    def initial_memory(self) -> Memory:
+        """Return a tether that hangs still, with all parameters at their prior.
+
+        mean: (k, POINT).   covariance: (k, SIZE, SIZE).   weight: (k,) [1].
+        """
+        mean = np.zeros((len(self), kernel.POINT))
+        mean[:, 2], mean[:, 3] = -1.0, 1.0
+        mean[:, kernel.PARAMETERS] = self._prior
+        covariance = np.zeros((len(self), kernel.SIZE, kernel.SIZE))
+        diagonal = np.arange(kernel.SIZE)
+        covariance[:, diagonal[:2], diagonal[:2]] = self.options.tilt**2
+        covariance[:, diagonal[2:4], diagonal[2:4]] = (self.options.tilt * self._reach[:, None]) ** 2
+        covariance[:, diagonal[4:], diagonal[4:]] = self._deviation**2
+        weight = np.full(len(self), 1.0 / len(self))
+        return {"mean": mean, "covariance": covariance, "weight": weight}
+
+    def step_on(
+        self, memory: Memory, drive: np.ndarray, now: np.ndarray, label: np.ndarray, variance: np.ndarray
+    ) -> Memory:
+        """Return the memory after one step and one label.
+
+        Args: drive, now: (9,) as of `pendulum_kernel.filter_bank`.   label: (3,) force per mass, NaN where there is
+        none [m/s²].   variance: (3,) of its noise [m²/s⁴].
+        """
+        predicted, spread = np.empty_like(memory["mean"]), np.empty_like(memory["covariance"])
+        updated, narrowed = np.empty_like(predicted), np.empty_like(spread)
+        likelihood, distance = kernel.filter_bank(
+            memory["mean"], memory["covariance"], drive, now, self.step, self._prior, self._keep, self._noise,
+            label, variance, predicted, spread, updated, narrowed,
+        )  # fmt: skip
+        if not np.all(np.isfinite(label)):
+            return {"mean": predicted, "covariance": spread, "weight": memory["weight"]}
+        weight = memory["weight"]
+        if not distance.min() < self.options.jump:
+            weight = np.full(len(self), 1.0 / len(self))
+            self._forget(predicted, spread)
+            likelihood, _ = kernel.update_bank(predicted, spread, now, label, variance, updated, narrowed)
+        weight = weight * np.exp(likelihood - likelihood.max())
+        stay = np.exp(-self.step * self.options.change)
+        weight = stay * weight / weight.sum() + (1 - stay) / len(self)
+        return {"mean": updated, "covariance": narrowed, "weight": weight}
+
+    def _forget(self, mean: np.ndarray, covariance: np.ndarray) -> None:
+        """Forget payload and swing in place; what belongs to the vehicle stays."""
+        payload = slice(0, 7)
+        covariance[:, payload, :] = 0.0
+        covariance[:, :, payload] = 0.0
+        deviation = np.empty((len(self), 7))
+        deviation[:, :2] = self.options.lost_tilt
+        deviation[:, 2:4] = (self.options.lost_tilt * self._reach)[:, None]
+        deviation[:, 4:] = self._deviation[:, :3]
+        rows = np.arange(7)
+        covariance[:, rows, rows] = deviation**2
+        mean[:, kernel.MASS : kernel.DAMPING + 1] = self._prior[:, :3]

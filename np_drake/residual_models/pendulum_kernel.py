@@ -1,0 +1,331 @@
+"""Compiled filter step of a bank of pendulums: predict, then take in a measured force.
+
+All quantities are per mass of the vehicle, so that force is [m/s²], drag is [1/s] and mass is a share [1]. A pendulum
+is a point of `POINT` numbers; its error, to which the covariance belongs, has `SIZE`:
+
+| point | error | meaning |
+|---|---|---|
+| `TETHER`, `ACROSS` | 0, 1 | unit vector along the tether, and one across it, in W; the error turns it [rad] |
+| `RATE` | 2, 3 | rate of the tether along `ACROSS` and tether x `ACROSS` [rad/s] |
+| `MASS` | 4 | of the payload, as a share of the vehicle's [1] |
+| `LOG_LENGTH` | 5 | logarithm of the length in metres [1] |
+| `DAMPING` | 6 | drag of the payload over its mass [1/s] |
+| `PUSH` | 7-9 | slow external force on the vehicle, in W [m/s²] |
+| `THRUST_ERROR` | 10 | actual over commanded thrust, less one [1] |
+| `DRAG` | 11 | drag of the vehicle [1/s] |
+
+The tether is taut. The vehicle is accelerated by its thrust, its drag, the slow force and the pull, so that the pull
+that both feel follows from the command and needs no measured acceleration, whose noise would be in regressor and
+measurement alike. Moments are propagated by second-order divided differences.
+Source: Nørgaard, Poulsen, Ravn 2000 (filter DD2).
+"""
+
+import math
+
+import numpy as np
+
+from np_drake.effects.pendulum import compiled
+
+POINT, SIZE, FIRST = 16, 12, 8  # numbers of a point and of its error; first number that is no direction
+TETHER, ACROSS, RATE, PARAMETERS = slice(0, 3), slice(3, 6), slice(6, 8), slice(8, 16)
+MASS, LOG_LENGTH, DAMPING, PUSH, THRUST_ERROR, DRAG = 8, 9, 10, 11, 14, 15
+SPREAD = 3.0  # squared interval of the differences: the kurtosis of a normal distribution [1]
+LEAST_MASS = (
+    -0.5
+)  # a share below zero is an estimate of zero with noise; without it zero would be biased upward [1]
+TINY = 1e-12  # least pivot of a covariance [units of the error, squared]
+
+
+@compiled
+def filter_bank(
+    mean,
+    covariance,
+    drive,
+    now,
+    step,
+    prior,
+    keep,
+    noise,
+    label,
+    label_variance,
+    predicted,
+    predicted_covariance,
+    updated,
+    updated_covariance,
+):
+    """Predict k pendulums over a step and take in one label.
+
+    Args:
+        mean: (k, POINT).   covariance: (k, SIZE, SIZE).
+        drive, now: (9,) lift along body z over the last step (mean) and at its end, velocity of the hook, and its
+            acceleration by turning, in W [m/s², m/s, m/s²].
+        prior, keep: (k, 8) to which the parameters return and the share that they keep in a step.
+        noise: (k, SIZE) variance added in a step.   label: (3,) measured force [m/s²].   label_variance: (3,).
+        predicted, …: (k, POINT), (k, SIZE, SIZE) are written; updated: with the label.
+    Returns: log likelihood of the label (k,) and its squared normalised innovation (k,).
+    """
+    members = len(mean)
+    likelihood, distance = np.zeros(members), np.zeros(members)
+    for i in range(members):
+        _predict(
+            mean[i],
+            covariance[i],
+            drive,
+            step,
+            prior[i],
+            keep[i],
+            noise[i],
+            predicted[i],
+            predicted_covariance[i],
+        )
+        likelihood[i], distance[i] = _update(
+            predicted[i],
+            predicted_covariance[i],
+            now,
+            label,
+            label_variance,
+            updated[i],
+            updated_covariance[i],
+        )
+    return likelihood, distance
+
+
+@compiled
+def update_bank(mean, covariance, now, label, label_variance, updated, updated_covariance):
+    """Take in one label without a step; arguments and result as of `filter_bank`."""
+    members = len(mean)
+    likelihood, distance = np.zeros(members), np.zeros(members)
+    for i in range(members):
+        likelihood[i], distance[i] = _update(
+            mean[i], covariance[i], now, label, label_variance, updated[i], updated_covariance[i]
+        )
+    return likelihood, distance
+
+
+@compiled
+def pulls(mean, now):
+    """Return the pull of each tether on the vehicle (k, 3) [m/s²]; mean: (k, POINT), now: (9,) as of `filter_bank`."""
+    found, force = np.zeros((len(mean), 3)), np.zeros(3)
+    for i in range(len(mean)):
+        _pull(mean[i], now, force)
+        found[i] = force
+    return found
+
+
+@compiled
+def _predict(mean, covariance, drive, step, prior, keep, noise, out, out_covariance):
+    root = np.zeros((SIZE, SIZE))
+    _cholesky(covariance, root)
+    out[:] = mean
+    _advance(out, drive, step, prior, keep)
+    plus, minus, point = np.zeros((SIZE, SIZE)), np.zeros((SIZE, SIZE)), np.zeros(POINT)
+    width = math.sqrt(SPREAD)
+    error = np.zeros(SIZE)
+    for j in range(SIZE):
+        for sign in (1.0, -1.0):
+            for k in range(SIZE):
+                error[k] = sign * width * root[k, j]
+            _displace(mean, error, point)
+            _advance(point, drive, step, prior, keep)
+            _difference(out, point, plus[j] if sign > 0 else minus[j])
+    _moments(plus, minus, error, out_covariance)
+    for k in range(SIZE):
+        out_covariance[k, k] += noise[k]
+    _displace(out, error, point)
+    out[:] = point
+
+
+@compiled
+def _update(mean, covariance, now, label, label_variance, out, out_covariance):
+    root = np.zeros((SIZE, SIZE))
+    _cholesky(covariance, root)
+    centre, force = np.zeros(3), np.zeros(3)
+    _measure(mean, now, centre)
+    plus, minus, point, error = np.zeros((SIZE, 3)), np.zeros((SIZE, 3)), np.zeros(POINT), np.zeros(SIZE)
+    width = math.sqrt(SPREAD)
+    for j in range(SIZE):
+        for sign in (1.0, -1.0):
+            for k in range(SIZE):
+                error[k] = sign * width * root[k, j]
+            _displace(mean, error, point)
+            _measure(point, now, force)
+            for k in range(3):
+                if sign > 0:
+                    plus[j, k] = force[k] - centre[k]
+                else:
+                    minus[j, k] = force[k] - centre[k]
+    shift, spread = np.zeros(3), np.zeros((3, 3))
+    _moments(plus, minus, shift, spread)
+    innovation = np.zeros(3)
+    for k in range(3):
+        spread[k, k] += label_variance[k]
+        innovation[k] = label[k] - centre[k] - shift[k]
+    cross = np.zeros((SIZE, 3))
+    for j in range(SIZE):
+        for k in range(3):
+            slope = (plus[j, k] - minus[j, k]) / (2.0 * width)
+            for row in range(j, SIZE):
+                cross[row, k] += root[row, j] * slope
+    inverse = np.linalg.inv(spread)
+    gain = cross @ inverse
+    error[:] = gain @ innovation
+    _displace(mean, error, out)
+    out[MASS] = max(out[MASS], LEAST_MASS)
+    out[DAMPING] = max(out[DAMPING], 0.0)
+    lost = gain @ cross.T
+    for k in range(SIZE):
+        for row in range(SIZE):
+            out_covariance[k, row] = covariance[k, row] - 0.5 * (lost[k, row] + lost[row, k])
+    distance = innovation @ (inverse @ innovation)
+    return -0.5 * (distance + math.log(np.linalg.det(spread))), distance
+
+
+@compiled
+def _moments(plus, minus, mean, covariance):
+    """Write the mean (s,) and the covariance (s, s) of values whose differences from the centre are (SIZE, s) each."""
+    first, second = 1.0 / (4.0 * SPREAD), (SPREAD - 1.0) / (4.0 * SPREAD**2)
+    size = plus.shape[1]
+    for a in range(size):
+        total = 0.0
+        for j in range(SIZE):
+            total += plus[j, a] + minus[j, a]
+        mean[a] = total / (2.0 * SPREAD)
+        for b in range(a + 1):
+            total = 0.0
+            for j in range(SIZE):
+                total += first * (plus[j, a] - minus[j, a]) * (plus[j, b] - minus[j, b])
+                total += second * (plus[j, a] + minus[j, a]) * (plus[j, b] + minus[j, b])
+            covariance[a, b] = total
+            covariance[b, a] = total
+
+
+@compiled
+def _cholesky(A, out):
+    """Write the lower root of a covariance; a pivot that round-off made negative counts as `TINY`."""
+    for j in range(SIZE):
+        for i in range(j, SIZE):
+            total = A[i, j]
+            for k in range(j):
+                total -= out[i, k] * out[j, k]
+            if i == j:
+                out[j, j] = math.sqrt(max(total, TINY))
+            else:
+                out[i, j] = total / out[j, j]
+
+
+@compiled
+def _displace(point, error, out):
+    """Write the point with an error added: the tether turns along a great circle, all else adds."""
+    n, e = point[0:3], point[3:6]
+    f0, f1, f2 = n[1] * e[2] - n[2] * e[1], n[2] * e[0] - n[0] * e[2], n[0] * e[1] - n[1] * e[0]
+    a, b = error[0], error[1]
+    angle = math.sqrt(a * a + b * b)
+    near, along = math.cos(angle), (math.sin(angle) / angle if angle > 1e-9 else 1.0)
+    out[0] = near * n[0] + along * (a * e[0] + b * f0)
+    out[1] = near * n[1] + along * (a * e[1] + b * f1)
+    out[2] = near * n[2] + along * (a * e[2] + b * f2)
+    _across(out, e)
+    for k in range(2, SIZE):
+        out[k + 4] = point[k + 4] + error[k]
+
+
+@compiled
+def _across(out, e):
+    """Write the vector across the tether of `out` that is nearest to e (3,); both become unit vectors."""
+    size = math.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)
+    for k in range(3):
+        out[k] /= size
+    along = out[0] * e[0] + out[1] * e[1] + out[2] * e[2]
+    a, b, c = e[0] - along * out[0], e[1] - along * out[1], e[2] - along * out[2]
+    size = math.sqrt(a * a + b * b + c * c)
+    out[3], out[4], out[5] = a / size, b / size, c / size
+
+
+@compiled
+def _difference(origin, point, out):
+    """Write the error (SIZE,) that leads from origin to point; rates are projected onto the plane across origin."""
+    n, e = origin[0:3], origin[3:6]
+    f = np.array([n[1] * e[2] - n[2] * e[1], n[2] * e[0] - n[0] * e[2], n[0] * e[1] - n[1] * e[0]])
+    x = point[0] * e[0] + point[1] * e[1] + point[2] * e[2]
+    y = point[0] * f[0] + point[1] * f[1] + point[2] * f[2]
+    z = point[0] * n[0] + point[1] * n[1] + point[2] * n[2]
+    side = math.sqrt(x * x + y * y)
+    factor = math.atan2(side, z) / side if side > 1e-9 else 1.0
+    out[0], out[1] = factor * x, factor * y
+    w0, w1, w2 = _rate(point)
+    out[2] = w0 * e[0] + w1 * e[1] + w2 * e[2] - origin[6]
+    out[3] = w0 * f[0] + w1 * f[1] + w2 * f[2] - origin[7]
+    for k in range(4, SIZE):
+        out[k] = point[k + 4] - origin[k + 4]
+
+
+@compiled
+def _rate(p):
+    """Return the rate of the tether in W [rad/s]."""
+    a, b = p[6], p[7]
+    f0, f1, f2 = p[1] * p[5] - p[2] * p[4], p[2] * p[3] - p[0] * p[5], p[0] * p[4] - p[1] * p[3]
+    return a * p[3] + b * f0, a * p[4] + b * f1, a * p[5] + b * f2
+
+
+@compiled
+def _felt(p, d, k):
+    """Return component k of the acceleration less gravity of a vehicle that nothing pulls [m/s²]."""
+    return (1.0 + p[THRUST_ERROR]) * d[k] + p[PUSH + k] - p[DRAG] * d[3 + k] + d[6 + k]
+
+
+@compiled
+def _advance(p, drive, step, prior, keep):
+    """Move a point by one step in place: a symplectic step on the sphere, parameters towards their prior."""
+    length, damping = math.exp(p[LOG_LENGTH]), max(p[DAMPING], 0.0)
+    b0 = _felt(p, drive, 0) + damping * drive[3]
+    b1 = _felt(p, drive, 1) + damping * drive[4]
+    b2 = _felt(p, drive, 2) + damping * drive[5]
+    w0, w1, w2 = _rate(p)
+    half = 0.5 * step
+    w0, w1, w2 = _kick(p, w0, w1, w2, b0, b1, b2, length, damping, half)
+    speed = math.sqrt(w0 * w0 + w1 * w1 + w2 * w2)
+    near, sine = math.cos(speed * step), math.sin(speed * step)
+    along = sine / speed if speed > 1e-9 else step
+    n0, n1, n2 = p[0], p[1], p[2]
+    p[0], p[1], p[2] = near * n0 + along * w0, near * n1 + along * w1, near * n2 + along * w2
+    w0, w1, w2 = near * w0 - speed * sine * n0, near * w1 - speed * sine * n1, near * w2 - speed * sine * n2
+    w0, w1, w2 = _kick(p, w0, w1, w2, b0, b1, b2, length, damping, half)
+    _across(p, p[3:6].copy())
+    p[6] = w0 * p[3] + w1 * p[4] + w2 * p[5]
+    f0, f1, f2 = p[1] * p[5] - p[2] * p[4], p[2] * p[3] - p[0] * p[5], p[0] * p[4] - p[1] * p[3]
+    p[7] = w0 * f0 + w1 * f1 + w2 * f2
+    for k in range(FIRST, POINT):
+        p[k] = prior[k - FIRST] + keep[k - FIRST] * (p[k] - prior[k - FIRST])
+
+
+@compiled
+def _kick(p, w0, w1, w2, b0, b1, b2, length, damping, span):
+    """Return the rate of the tether after its acceleration acted for `span` [s]."""
+    along = b0 * p[0] + b1 * p[1] + b2 * p[2]
+    left = 1.0 - span * damping
+    pushed = span / length
+    return (
+        left * w0 - pushed * (b0 - along * p[0]),
+        left * w1 - pushed * (b1 - along * p[1]),
+        left * w2 - pushed * (b2 - along * p[2]),
+    )
+
+
+@compiled
+def _pull(p, now, out):
+    """Write the pull on the vehicle (3,) [m/s²]; none where the tether would have to push."""
+    length, damping, mass = math.exp(p[LOG_LENGTH]), max(p[DAMPING], 0.0), max(p[MASS], LEAST_MASS)
+    along = 0.0
+    for k in range(3):
+        along += p[k] * (_felt(p, now, k) + damping * now[3 + k])
+    tension = max(0.0, length * (p[6] * p[6] + p[7] * p[7]) - along)
+    for k in range(3):
+        out[k] = mass / (1.0 + mass) * tension * p[k]
+
+
+@compiled
+def _measure(p, now, out):
+    """Write the label (3,) that a point predicts [m/s²]."""
+    _pull(p, now, out)
+    for k in range(3):
+        out[k] += p[THRUST_ERROR] * now[k] - p[DRAG] * now[3 + k] + p[PUSH + k]

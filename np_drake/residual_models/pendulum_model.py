@@ -1,0 +1,82 @@
+"""What a pendulum predictor learns of a vehicle from its training flight, and the file that carries it."""
+
+import dataclasses as dc
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from np_drake.lifting.model.model_file import read_tensors, write_tensors
+
+PENDULUM = "pendulum"  # name of the configuration
+SCHEMA = "np_drake.pendulum_model/1"  # format of the file and its version
+NUMBERS = (
+    "step",
+    "mass",
+    "gravity",
+    "rotor_lag",
+    "thrust_error",
+    "thrust_error_deviation",
+    "drag",
+    "drag_deviation",
+)
+
+
+@dc.dataclass(frozen=True)
+class PendulumModel:
+    """Vehicle under which the pendulum hangs, as the training flight shows it.
+
+    step: between samples [s].   mass: that the labels assume [kg].   gravity: [m/s²].
+    rotor_lag: time constant of the rotors behind the command [s].
+    thrust_error: actual over commanded thrust, less one, and its standard deviation [1].
+    drag: of the vehicle over its mass, and its standard deviation [1/s].
+    hook: (3,) p_BoTo_B [m].   summary: key figures and origin of the training.
+    """
+
+    step: float
+    mass: float
+    gravity: float
+    rotor_lag: float
+    thrust_error: float
+    thrust_error_deviation: float
+    drag: float
+    drag_deviation: float
+    hook: np.ndarray
+    summary: dict[str, Any] = dc.field(default_factory=dict)
+
+    def __post_init__(self):
+        for name in ("step", "mass", "gravity", "thrust_error_deviation", "drag_deviation"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise ValueError(f"PendulumModel: {name} must be positive; got {getattr(self, name)}.")
+        if not 0 <= self.rotor_lag < np.inf or not self.thrust_error > -1 or not np.isfinite(self.drag):
+            raise ValueError(
+                "PendulumModel: rotor_lag must not be negative, thrust_error above -1, drag finite."
+            )
+        if np.shape(self.hook) != (3,) or not np.all(np.isfinite(self.hook)):
+            raise ValueError(f"PendulumModel: hook must be three lengths [m]; got {self.hook}.")
+
+    def save(self, path: str | Path) -> None:
+        """Write the model file, whole or not at all.
+
+        Raises: OSError: if it cannot be written.
+        """
+        tensors = {name: np.array([getattr(self, name)], float) for name in NUMBERS}
+        tensors["hook"] = np.asarray(self.hook, float)
+        write_tensors(tensors, {"schema": SCHEMA, "model": json.dumps({"summary": self.summary})}, path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "PendulumModel":
+        """Return the model in a file.
+
+        Raises: ValueError: one line, if the file is missing, truncated, pickled, of another format or inconsistent.
+        """
+        tensors, metadata = read_tensors(path, SCHEMA)
+        try:
+            numbers = {name: tensors[name].item() for name in NUMBERS}
+            return cls(
+                **numbers, hook=tensors["hook"], summary=dict(json.loads(metadata["model"])["summary"])
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            what = f"lacks {error}" if isinstance(error, KeyError) else str(error).splitlines()[0]
+            raise ValueError(f"{path}: not a usable model file: {what}") from error

@@ -1,0 +1,72 @@
+"""Laws of the training of a pendulum predictor."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from np_drake.logs.flight_log import FlightLog
+from np_drake.residual_models.pendulum_training import flight_samples, train_pendulum
+from np_drake.vehicle import Vehicle
+
+STEP = 0.02  # [s]
+
+
+def as_log(flight, vehicle) -> FlightLog:
+    """The made-up flight as a log whose accelerations give its labels."""
+    x, u, chi = flight.x, flight.u, np.array([sample.chi for sample in flight.samples])
+    log = FlightLog(
+        t=STEP * np.arange(len(x)), p=x[:, :3], q=x[:, 3:7], v=x[:, 7:10], w=x[:, 10:13], u=u, name="made"
+    )
+    log.a = (chi[:, :3] + u[:, :1] * body_z(x)) / vehicle.mass - [0.0, 0.0, vehicle.gravity]
+    log.al = (chi[:, 3:] + u[:, 1:]) @ np.linalg.inv(vehicle.J).T
+    return log
+
+
+def body_z(x):
+    w, a, b, c = x[:, 3:7].T
+    return np.column_stack([2 * (a * c + w * b), 2 * (b * c - w * a), w * w - a * a - b * b + c * c])
+
+
+@pytest.fixture(scope="module")
+def vehicle():
+    return Vehicle().check()
+
+
+def test_it_finds_thrust_error_drag_and_hook_of_the_vehicle(flown, vehicle):
+    flight = flown(seconds=30.0, radius=1.0, swing=0.4, thrust_error=-0.04, drag=0.15, noise=0.05)
+    model = train_pendulum([(as_log(flight, vehicle), vehicle)], step=STEP)
+    assert model.thrust_error == pytest.approx(-0.04, abs=0.01)  # three tenths of the payload's weight [1]
+    assert model.drag == pytest.approx(0.15, abs=0.02)  # [1/s]
+    np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)  # noise of the torque label [m]
+    assert model.mass == vehicle.mass
+    assert model.summary["origin"]["mass"] == vehicle.mass
+
+
+def test_it_counts_its_passes(flown, vehicle):
+    passes = []
+    train_pendulum(
+        [(as_log(flown(seconds=4.0), vehicle), vehicle)], step=STEP, on_pass=lambda *done: passes.append(done)
+    )
+    assert passes == [(1, 2), (2, 2)]
+
+
+def test_flights_of_different_vehicles_are_refused(flown, vehicle):
+    log = as_log(flown(seconds=4.0), vehicle)
+    with pytest.raises(ValueError, match="one vehicle"):
+        train_pendulum([(log, vehicle), (log, dc.replace(vehicle, mass=3.0))], step=STEP)
+
+
+def test_a_log_without_torque_is_refused(flown, vehicle):
+    log = as_log(flown(seconds=4.0), vehicle)
+    log.u = np.column_stack([log.u[:, 0], np.full((len(log), 3), np.nan)])
+    with pytest.raises(ValueError, match="torque"):
+        train_pendulum([(log, vehicle)], step=STEP)
+
+
+def test_samples_of_a_flight_pair_a_label_with_the_command_before_it(flown, vehicle):
+    log = as_log(flown(seconds=4.0), vehicle)
+    log.u = log.u + np.arange(len(log))[:, None] * [0.01, 0, 0, 0]
+    samples = flight_samples(log, vehicle, 0.0, STEP)
+    assert len(samples) == len(log)
+    np.testing.assert_allclose([s.u for s in samples[1:]], log.u[:-1])
