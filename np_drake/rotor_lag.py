@@ -13,6 +13,7 @@ from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
 
 LONGEST = 0.1  # lag that is looked for, longer at the pace of vehicles that are sampled more slowly [s]
+AT_BOUND = 0.01  # share of the longest lag within which there is no minimum, and the flights tell no lag [1]
 
 
 def learned_rotor_lag(flights: Sequence[tuple[FlightLog, Vehicle]]) -> float:
@@ -20,21 +21,25 @@ def learned_rotor_lag(flights: Sequence[tuple[FlightLog, Vehicle]]) -> float:
 
     External wrenches change slowly; the error from rotor lag changes with every command. So the
     steps of the raw label, along the thrust and in roll and pitch, are smallest where the command goes through the
-    lag that the rotors have: the sum of the logarithms of their mean squares, so that units do not matter. A lag named
-    in a vehicle file is taken as it is, and measured rotor speed has none.      Source: own choice.
+    lag that the rotors have: the sum of the logarithms of their mean squares, so that units do not matter. Where that
+    falls up to the longest lag, the commands changed too little to tell one. A lag named in a vehicle file is taken as
+    it is, and measured rotor speed has none.      Source: own choice.
 
     Args: flights: logs with accelerations, and the vehicle of each.
     """
     sought = [(log, v) for log, v in flights if log.input == "command" and v.rotor_time_constant == 0]
     if not sought:
         return 0.0
+    longest = LONGEST * max(1.0, *(ratios(v).clock for _, v in sought))
     best = minimize_scalar(
         lambda lag: _restlessness(sought, lag),
-        bounds=(0.0, LONGEST * max(1.0, *(ratios(v).clock for _, v in sought))),
+        bounds=(0.0, longest),
         method="bounded",
         options={"xatol": 1e-4},
     )
-    return float(best.x) if best.fun < _restlessness(sought, 0.0) else 0.0
+    if best.x > (1.0 - AT_BOUND) * longest or best.fun >= _restlessness(sought, 0.0):
+        return 0.0
+    return float(best.x)
 
 
 def _restlessness(flights: Sequence[tuple[FlightLog, Vehicle]], lag: float) -> float:

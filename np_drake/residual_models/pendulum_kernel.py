@@ -30,9 +30,7 @@ POINT, SIZE, FIRST = 16, 12, 8  # numbers of a point and of its error; first num
 TETHER, ACROSS, RATE, PARAMETERS = slice(0, 3), slice(3, 6), slice(6, 8), slice(8, 16)
 MASS, LOG_LENGTH, DAMPING, PUSH, THRUST_ERROR, DRAG = 8, 9, 10, 11, 14, 15
 SPREAD = 3.0  # squared interval of the differences: the kurtosis of a normal distribution [1]
-LEAST_MASS = (
-    -0.5
-)  # a share below zero is an estimate of zero with noise; without it zero would be biased upward [1]
+LEAST_MASS = -0.5  # of a share that the differences try [1]
 TINY = 1e-12  # least pivot of a covariance [units of the error, squared]
 
 
@@ -169,15 +167,30 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
     inverse = np.linalg.inv(spread)
     gain = cross @ inverse
     error[:] = gain @ innovation
-    _displace(mean, error, out)
-    out[MASS] = max(out[MASS], LEAST_MASS)
-    out[DAMPING] = max(out[DAMPING], 0.0)
     lost = gain @ cross.T
     for k in range(SIZE):
         for row in range(SIZE):
             out_covariance[k, row] = covariance[k, row] - 0.5 * (lost[k, row] + lost[row, k])
+    _keep_mass_positive(mean, error, out_covariance)
+    _displace(mean, error, out)
+    out[DAMPING] = max(out[DAMPING], 0.0)
     distance = innovation @ (inverse @ innovation)
     return -0.5 * (distance + math.log(np.linalg.det(spread))), distance
+
+
+@compiled
+def _keep_mass_positive(mean, error, covariance):
+    """Move an error that makes the mass negative to the likeliest one that makes it zero.
+
+    A negative mass on a swing of opposite phase pulls to the side as a payload does. The differences may try one: a
+    bound inside them would bias a mass of zero upwards.   Source: Simon 2010 (Kalman filter with state constraints).
+    """
+    index = MASS - POINT + SIZE
+    short = mean[MASS] + error[index]
+    if short < 0.0:
+        scale = short / max(covariance[index, index], TINY)
+        for k in range(SIZE):
+            error[k] -= covariance[k, index] * scale
 
 
 @compiled

@@ -38,6 +38,19 @@ def test_rotors_without_lag_show_none():
     assert learned_rotor_lag([(flight(0.0), Vehicle())]) < 1e-3  # [s]
 
 
+def test_a_command_whose_lag_would_have_no_end_tells_none():
+    log = flight(0.0)
+    wave = np.sin(6.0 * log.t)
+    log.u = np.column_stack([20.0 + wave, 0.1 * wave, 0.1 * wave, np.zeros(len(log))])
+    still = np.zeros((len(log), 6))
+    late = labels.acting_command(
+        log, Vehicle(rotor_time_constant=0.5)
+    )  # far beyond the longest that is looked for
+    rate = rigid_body.state_derivative(Vehicle(), log.x, late, still)
+    log.a, log.al = rate[:, 7:10], rate[:, 10:13]
+    assert learned_rotor_lag([(log, Vehicle())]) == 0.0
+
+
 def test_a_vehicle_file_that_names_a_lag_and_measured_rotor_speed_are_believed():
     named = Vehicle(rotor_time_constant=0.02)
     measured = dc.replace(flight(0.03), input="rotor_speed")

@@ -41,12 +41,14 @@ def _flown(
     noise=0.05,
     thrust_error=0.0,
     drag=0.125,
+    dither=0.0,
     seed=0,
     torque_noise=0.002,
 ) -> Flown:
     """A circle of `radius` [m] at `speed` [m/s], or hover where it is 0, with the tether at `swing` [rad] at first.
 
     mass: [kg], or (n,) of each sample: 0 while nothing hangs.   noise: of the force label [N].
+    dither: amplitude of a slow shaking along every axis [m].
     """
     n = round(seconds / STEP) + 1
     fine = STEP / FINE * np.arange((n - 1) * FINE + 1)
@@ -54,8 +56,9 @@ def _flown(
     if radius:
         angle = speed / radius * fine
         p = radius * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
-    v = np.gradient(p, fine, axis=0, edge_order=2) if radius else p
-    a = np.gradient(v, fine, axis=0, edge_order=2) if radius else p
+    p = p + dither * np.stack([np.sin(k * fine) for k in (5.0, 3.7, 4.3)], axis=1)
+    v = np.gradient(p, fine, axis=0, edge_order=2)
+    a = np.gradient(v, fine, axis=0, edge_order=2)
     start = length * np.array([[np.sin(swing), 0.0, -np.cos(swing)]])
     middle = 0.5 * (a[1:] + a[:-1])
     path = path_many(np.array([length]), start, np.zeros((1, 3)), middle, STEP / FINE, G)

@@ -34,7 +34,7 @@ def vehicle():
 
 
 def test_it_finds_thrust_error_drag_and_hook_of_the_vehicle(flown, vehicle):
-    flight = flown(seconds=30.0, radius=1.0, swing=0.4, thrust_error=-0.04, drag=0.15, noise=0.05)
+    flight = flown(seconds=30.0, radius=1.0, dither=0.08, thrust_error=-0.04, drag=0.15, noise=0.05)
     model = train_pendulum([(as_log(flight, vehicle), vehicle)], step=STEP)
     assert model.thrust_error == pytest.approx(-0.04, abs=0.01)  # three tenths of the payload's weight [1]
     assert model.drag == pytest.approx(0.15, abs=0.02)  # [1/s]
