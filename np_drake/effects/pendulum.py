@@ -119,7 +119,7 @@ def path_many(
 
 
 class _Swings:
-    """What drives m pendulums over n steps, in the form that `_leapfrog` takes, and `pulls` (n, 3, m) [m]."""
+    """What drives m pendulums over n steps, in the form that `leapfrog` takes, and `pulls` (n, 3, m) [m]."""
 
     def __init__(self, lengths, a_hook, step, gravity, damping, v_hook):
         self._limit = np.square(lengths)
@@ -130,7 +130,7 @@ class _Swings:
 
     def run(self, now: np.ndarray, move: np.ndarray, some: slice, at: np.ndarray = _NOWHERE) -> None:
         """Take some of the steps; changes now and move (3, m) [m], fills their pulls and `at` (n, 3, m), if any."""
-        _leapfrog(
+        leapfrog(
             self._limit, self._half, now, move, self._kicks[some], self._drift[some], self.pulls[some], at
         )
 
@@ -180,7 +180,7 @@ def compiled(function: Callable) -> Callable:
 
 
 @compiled
-def _leapfrog(limit, half, now, move, kicks, drift, pulls, at):
+def leapfrog(limit, half, now, move, kicks, drift, pulls, at):
     """Write pull = (1 + d) mu now (n, 3, m) [m], the least mu >= 0 with |b - mu now|² <= limit = L².
 
     With d = half = c step / 2 and b = now + ((1 - d) move + kick - 2 d drift) / (1 + d):

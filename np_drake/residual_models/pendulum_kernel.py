@@ -265,7 +265,7 @@ def _difference(origin, point, out):
     side = math.sqrt(x * x + y * y)
     factor = math.atan2(side, z) / side if side > 1e-9 else 1.0
     out[0], out[1] = factor * x, factor * y
-    w0, w1, w2 = _rate(point)
+    w0, w1, w2 = tether_rate(point)
     out[2] = w0 * e[0] + w1 * e[1] + w2 * e[2] - origin[6]
     out[3] = w0 * f[0] + w1 * f[1] + w2 * f[2] - origin[7]
     for k in range(4, SIZE):
@@ -273,7 +273,7 @@ def _difference(origin, point, out):
 
 
 @compiled
-def _rate(p):
+def tether_rate(p):
     """Return the rate of the tether in W [rad/s]."""
     a, b = p[6], p[7]
     f0, f1, f2 = p[1] * p[5] - p[2] * p[4], p[2] * p[3] - p[0] * p[5], p[0] * p[4] - p[1] * p[3]
@@ -293,7 +293,7 @@ def _advance(p, drive, step, prior, keep):
     b0 = _felt(p, drive, 0) + damping * drive[3]
     b1 = _felt(p, drive, 1) + damping * drive[4]
     b2 = _felt(p, drive, 2) + damping * drive[5]
-    w0, w1, w2 = _rate(p)
+    w0, w1, w2 = tether_rate(p)
     half = 0.5 * step
     w0, w1, w2 = _kick(p, w0, w1, w2, b0, b1, b2, length, damping, half)
     speed = math.sqrt(w0 * w0 + w1 * w1 + w2 * w2)

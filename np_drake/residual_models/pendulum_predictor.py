@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import attitude
-from np_drake.effects.pendulum import hook_velocity, swing_many
 from np_drake.labels import LabelConfig
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory, Plan, Sample, WrenchForecast
 from np_drake.residual_models.pendulum_bank import BankOptions, PendulumBank, Prior
+from np_drake.residual_models.pendulum_forecast import along_plan, beside_plan, drives
 from np_drake.residual_models.pendulum_model import PENDULUM, PendulumModel
-from np_drake.rigid_body import Q, V, W
+from np_drake.rigid_body import Q, W
 
 RAW = LabelConfig(force_bandwidth=np.inf, torque_bandwidth=np.inf)  # the filter wants white noise
 NOISE_TIME = 2.0  # over which the noise of labels is averaged [s]; own choice
@@ -50,6 +50,7 @@ class PendulumPredictor:
         )
         self.bank = PendulumBank(options, step=model.step, gravity=model.gravity)
         self._hook = np.asarray(model.hook, float)
+        self._cross = skew(self._hook)
         self._blend = 1.0 - np.exp(-2 * np.pi * STEADY_BAND * model.step)
 
     @classmethod
@@ -87,31 +88,21 @@ class PendulumPredictor:
         mean_decay, decay = _lag(self.rotor_lag, self.step)
         before = memory["acting"] - u
         acting, over_step = u + decay * before, u + mean_decay * before
-        drive, now = self._drives(memory["x"], x, float(over_step[0]), float(acting[0]))
+        mass = self.model.mass
+        drive, now = drives(memory["x"], x, self._hook, over_step[0] / mass, acting[0] / mass, self.step)
         chi = np.asarray(sample.chi, float)
         force = chi[:3] / self.model.mass
         bank = self.bank.step_on(memory, drive, now, force, memory["variance"])
         new = {**memory, **bank, "x": x.copy(), "acting": acting, "now": now}
         if np.all(np.isfinite(chi)):
             new |= self._noise(memory, force)
-            other = chi[3:] - np.cross(self._hook, attitude.rotate_back(x[Q], self.pull(new)))
+            other = chi[3:] - self._cross @ (attitude.rotation_matrix(x[Q]).T @ self.pull(new))
             new["steady"] = memory["steady"] + self._blend * (other - memory["steady"])
         return new
 
     def pull(self, memory: Memory) -> np.ndarray:
         """Return the pull of the tether on the vehicle at the last sample, mean of all members, in W (3,) [N]."""
         return self.model.mass * (memory["weight"] @ kernel.pulls(memory["mean"], memory["now"]))
-
-    def _drives(
-        self, before: np.ndarray, x: np.ndarray, over_step: float, now: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return what moves the pendulums over the last step and at its end, (9,) each, see `filter_bank`."""
-        turning = [hook_velocity(self._hook, y) - y[V] for y in (before, x)]
-        z = np.array([attitude.body_z(before[Q]), attitude.body_z(x[Q])])
-        turn = (turning[1] - turning[0]) / self.step
-        v = np.array([before[V] + turning[0], x[V] + turning[1]])
-        drive = np.concatenate([over_step / self.model.mass * 0.5 * (z[0] + z[1]), 0.5 * (v[0] + v[1]), turn])
-        return drive, np.concatenate([now / self.model.mass * z[1], v[1], turn])
 
     def _noise(self, memory: Memory, force: np.ndarray) -> Memory:
         """Return the labels and the variance of their noise: a sixth of that of second differences."""
@@ -138,65 +129,30 @@ class PendulumPredictor:
 
     def forecast_along(self, memory: Memory, plan: Plan, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the forecast over `horizon` steps of `stride * self.step` seconds along a plan at these steps."""
-        weight = np.where(memory["weight"] >= LEAST_WEIGHT, memory["weight"], 0.0)
-        some = np.flatnonzero(weight)
-        weight = weight[some] / weight[some].sum()
-        points = memory["mean"][some]
-        step, mass = stride * self.step, self.model.mass
-        middle = 0.5 * (plan.x[1:, Q] + plan.x[:-1, Q])
-        middle /= np.linalg.norm(middle, axis=1, keepdims=True)
-        mean = weight @ points
-
-        pull = mass * self._pulls(points, weight, plan, step, stride)
-        wrench = np.concatenate([pull, np.cross(self._hook, attitude.rotate_back(middle, pull))], axis=1)
-        lag, _acting = self._acting(memory["acting"], plan.u, step)
-        z = attitude.body_z(middle)
-        error = mean[kernel.THRUST_ERROR]
-        wrench[:, :3] += ((1.0 + error) * lag[:, :1] + error * plan.u[:, :1]) * z
-        wrench[:, :3] += mass * mean[kernel.PUSH : kernel.PUSH + 3]
-        wrench[:, :3] -= 0.5 * mass * mean[kernel.DRAG] * (plan.x[1:, V] + plan.x[:-1, V])
-        wrench[:, 3:] += lag[:, 1:] + memory["steady"]
-        return self._about(wrench, mean, points, weight, plan.x, step)
-
-    def _pulls(self, points, weight, plan: Plan, step: float, stride: int) -> np.ndarray:
-        """Return the mean pull of the tether over each step of the plan, (N, 3) [m/s²]."""
-        length = np.exp(points[:, kernel.LOG_LENGTH])
-        n, e = points[:, kernel.TETHER], points[:, kernel.ACROSS]
-        rate = points[:, 6:7] * e + points[:, 7:8] * np.cross(n, e)
-        v = hook_velocity(self._hook, plan.x)
-        a = np.repeat(np.diff(v, axis=0) / step, stride, axis=0)
-        within = (np.arange(stride) + 0.5) / stride
-        passing = (v[:-1, None] + within[:, None] * (v[1:] - v[:-1])[:, None]).reshape(-1, 3)
-        found = swing_many(
-            length, length[:, None] * n, length[:, None] * rate, a, self.step, self.model.gravity,
-            damping=np.maximum(points[:, kernel.DAMPING], 0.0), v_hook=passing,
+        some = np.flatnonzero(memory["weight"] >= LEAST_WEIGHT)
+        weight = memory["weight"][some] / memory["weight"][some].sum()
+        points, step = memory["mean"][some], stride * self.step
+        wrench = along_plan(
+            points, weight, plan.x, plan.u, memory["acting"], memory["steady"], self._hook, self.model.mass,
+            self.model.gravity, step, stride, *_lag(self.rotor_lag, step),
         )  # fmt: skip
-        shares = weight * points[:, kernel.MASS]
-        return np.einsum("nmk,m->nk", found, shares).reshape(-1, stride, 3).mean(axis=1)
+        return self._beside(wrench, weight @ points, plan.x, step)
 
-    def _acting(self, acting: np.ndarray, u: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the rotors give beyond the planned commands, the mean of each step (N, 4), and after the last."""
-        mean_decay, decay = _lag(self.rotor_lag, step)
-        missing = np.empty_like(u)
-        state = acting
-        for i, command in enumerate(u):
-            missing[i] = state - command
-            state = command + decay * missing[i]
-        return mean_decay * missing, state
-
-    def _about(self, wrench, mean, points, weight, x: np.ndarray, step: float) -> WrenchForecast:
+    def _beside(self, wrench: np.ndarray, mean: np.ndarray, x: np.ndarray, step: float) -> WrenchForecast:
         """Return the forecast of `wrench` (N, 6) along x, with the linear pendulum for what departs from it."""
         mass = max(float(mean[kernel.MASS]), 0.0)
-        stiffness = self.model.gravity / np.exp(mean[kernel.LOG_LENGTH])
+        stiffness = self.model.gravity / float(np.exp(mean[kernel.LOG_LENGTH]))
         A, B, gain = linear_pendulum(stiffness, max(float(mean[kernel.DAMPING]), 0.0), step)
         C = np.zeros((6, 4))
         C[0, 0] = C[1, 1] = self.model.mass * mass * stiffness
-        C[3:] = np.cross(self._hook, attitude.rotate_back(np.tile(x[0, Q], (4, 1)), C[:3].T)).T
-        nominal, z = np.zeros((len(wrench), 4)), np.zeros(4)
-        for i in range(1, len(wrench)):
-            z = A @ z + gain * np.tile(x[i - 1, 7:9], 2)
-            nominal[i] = z
-        return WrenchForecast(A, B, C, np.zeros(4), wrench - nominal @ C.T)
+        C[3:, :2] = C[0, 0] * (self._cross @ attitude.rotation_matrix(x[0, Q]).T)[:, :2]
+        return WrenchForecast(A, B, C, np.zeros(4), beside_plan(A, gain, C, x, wrench))
+
+
+def skew(r: np.ndarray) -> np.ndarray:
+    """Return the matrix (3, 3) of r x."""
+    x, y, z = r
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def linear_pendulum(
@@ -213,8 +169,8 @@ def linear_pendulum(
     a = np.array([[near + half * side, side], [-stiffness * side, near - half * side]])
     settled = np.array([2 * half / stiffness, -1.0])  # M^-1 [-1, 0] of M = [[0, 1], [-stiffness, -2 half]]
     gain = (a - np.eye(2)) @ settled
-    A = np.kron(a, np.eye(2))
-    B = np.zeros((4, 6))
+    A, B = np.zeros((4, 4)), np.zeros((4, 6))
+    A[:2, :2], A[:2, 2:], A[2:, :2], A[2:, 2:] = (entry * np.eye(2) for entry in a.ravel())
     B[0, 0] = B[1, 1] = gain[0]
     B[2, 0] = B[3, 1] = gain[1]
     return A, B, np.repeat(gain, 2)
