@@ -1,7 +1,8 @@
 """Bank of pendulums of different lengths under a vehicle: priors, one filter step, and their weights.
 
-Each member tracks a tether that it takes to be of its own length, in still or in gusty air (`pendulum_kernel`). The
-weights are those of Bayes with a small chance that the true member changes. Where no member explains a sample, the
+Each member tracks a tether that it takes to be of its own length, in one of three conditions: calm, gusty air, or a
+payload that is being pushed (`pendulum_kernel`). Conditions change, so that members of one length interact; lengths do
+not, and their weights are those of Bayes with a small chance of a change. Where no member explains a sample, the
 payload was attached, lost or snapped taut: what is known of it is then forgotten.
 """
 
@@ -13,7 +14,7 @@ import numpy as np
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory
 
-CALM, GUSTY = 0, 1  # kinds of air
+CONDITIONS = ("calm", "gusty", "pushed")
 
 
 @dc.dataclass(frozen=True)
@@ -28,23 +29,28 @@ class Prior:
 class BankOptions:
     """What is believed of payload and air before any sample; per mass of the vehicle, so that it holds for any size.
 
-    Source: stated priors. Lengths cover 0.3 to 2.4 m by steps of the root of two, which half a step's deviation joins;
+    Source: stated priors. Lengths cover 0.3 to 2.4 m by equal steps of the logarithm, of which half is a deviation;
     a vehicle carries up to half its own weight; a quadrotor's drag is below its weight at 20 m/s.
     """
 
-    lengths: tuple[float, ...] = (0.3, 0.42, 0.6, 0.85, 1.2, 1.7, 2.4)  # of the members [m]
-    log_length: float = 0.17  # deviation of a member's logarithm of length [1]
+    lengths: tuple[float, ...] = (0.3, 0.5, 0.85, 1.42, 2.4)  # of the members [m]
+    log_length: float = 0.26  # deviation of a member's logarithm of length [1]
     mass: Prior = Prior(0.1, 0.15)  # of the payload, share of the vehicle's [1]
     damping: Prior = Prior(0.05, 0.1)  # drag of the payload over its mass [1/s]
     thrust_error: Prior = Prior(0.0, 0.1)  # [1]
     drag: Prior = Prior(0.1, 0.2)  # of the vehicle [1/s]
-    push: tuple[float, float] = (0.05, 1.0)  # deviation of the slow force in still and in gusty air [m/s²]
-    push_time: tuple[float, float] = (20.0, 10.0)  # over which it decays, in still and in gusty air [s]
+    push: tuple[float, ...] = (0.05, 1.0, 0.05)  # deviation of the slow force by condition [m/s²]
+    push_time: tuple[float, ...] = (20.0, 10.0, 20.0)  # over which it decays, by condition [s]
     memory: float = 20.0  # over which parameters return to their prior [s]
     tilt: float = 0.1  # deviation of the tether from the vertical at the start [rad]
     lost_tilt: float = 0.5  # deviation after a jump [rad]
-    swing_noise: float = 2e-3  # power of the payload's own acceleration [m²/s³]
-    change: float = 0.02  # rate at which the true member changes [1/s]
+    swing_noise: tuple[float, ...] = (
+        1e-4,
+        0.1,
+        2.0,
+    )  # power of what pushes the payload, by condition [m²/s³]
+    duration: tuple[float, ...] = (20.0, 5.0, 0.5)  # of a condition, after which either other begins [s]
+    change: float = 0.02  # rate at which the length changes [1/s]
     jump: float = (
         24.3  # squared innovation that no member exceeds: 1e-5 of the chi-square with three degrees [1]
     )
@@ -59,8 +65,8 @@ class PendulumBank:
 
     def __init__(self, options: BankOptions, *, step: float, gravity: float):
         self.options, self.step, self.gravity = options, step, gravity
-        self.lengths = np.tile(np.array(options.lengths, float), 2)
-        self.air = np.repeat([CALM, GUSTY], len(options.lengths))
+        self.lengths = np.tile(np.array(options.lengths, float), len(CONDITIONS))
+        self._condition = np.repeat(np.arange(len(CONDITIONS)), len(options.lengths))
         self._reach = np.sqrt(gravity / self.lengths)  # rate of a swing over its angle [1/s]
 
     def __len__(self) -> int:
@@ -72,7 +78,7 @@ class PendulumBank:
         o = self.options
         found = np.empty((len(self), 8))
         found[:, [0, 1, 2]] = o.mass.deviation, o.log_length, o.damping.deviation
-        found[:, 3:6] = np.array(o.push)[self.air][:, None]
+        found[:, 3:6] = np.array(o.push)[self._condition][:, None]
         found[:, [6, 7]] = o.thrust_error.deviation, o.drag.deviation
         return found
 
@@ -89,15 +95,25 @@ class PendulumBank:
     def _keep(self) -> np.ndarray:
         """Share of the distance to the prior that a parameter keeps in a step, (k, 8)."""
         found = np.full((len(self), 8), np.exp(-self.step / self.options.memory))
-        found[:, 3:6] = np.exp(-self.step / np.array(self.options.push_time)[self.air])[:, None]
+        found[:, 3:6] = np.exp(-self.step / np.array(self.options.push_time)[self._condition])[:, None]
         return found
 
     @cached_property
     def _noise(self) -> np.ndarray:
         """Variance that a step adds, (k, SIZE): with it the parameters keep their prior deviation."""
         found = np.zeros((len(self), kernel.SIZE))
-        found[:, 2:4] = (self.options.swing_noise * self.step / self.lengths**2)[:, None]
+        found[:, 2:4] = (np.array(self.options.swing_noise)[self._condition] * self.step / self.lengths**2)[
+            :, None
+        ]
         found[:, 4:] = (1 - self._keep**2) * self._deviation**2
+        return found
+
+    @cached_property
+    def _transition(self) -> np.ndarray:
+        """Probability of a change from one condition to another in a step, (3, 3)."""
+        leave = 1 - np.exp(-self.step / np.array(self.options.duration))
+        found = np.tile(0.5 * leave[:, None], (1, len(CONDITIONS)))
+        np.fill_diagonal(found, 1 - leave)
         return found
 
     def initial_memory(self) -> Memory:
@@ -124,15 +140,18 @@ class PendulumBank:
         Args: drive, now: (9,) as of `pendulum_kernel.filter_bank`.   label: (3,) force per mass, NaN where there is
         none [m/s²].   variance: (3,) of its noise [m²/s⁴].
         """
-        predicted, spread = np.empty_like(memory["mean"]), np.empty_like(memory["covariance"])
-        updated, narrowed = np.empty_like(predicted), np.empty_like(spread)
+        mean, covariance, weight = (np.empty_like(memory[name]) for name in ("mean", "covariance", "weight"))
+        kernel.mix_bank(
+            memory["mean"], memory["covariance"], memory["weight"], self._transition, mean, covariance, weight
+        )
+        predicted, spread = np.empty_like(mean), np.empty_like(covariance)
+        updated, narrowed = np.empty_like(mean), np.empty_like(covariance)
         likelihood, distance = kernel.filter_bank(
-            memory["mean"], memory["covariance"], drive, now, self.step, self._prior, self._keep, self._noise,
+            mean, covariance, drive, now, self.step, self._prior, self._keep, self._noise,
             label, variance, predicted, spread, updated, narrowed,
         )  # fmt: skip
         if not np.all(np.isfinite(label)):
-            return {"mean": predicted, "covariance": spread, "weight": memory["weight"]}
-        weight = memory["weight"]
+            return {"mean": predicted, "covariance": spread, "weight": weight}
         if not distance.min() < self.options.jump:
             weight = np.full(len(self), 1.0 / len(self))
             self._forget(predicted, spread)

@@ -89,6 +89,42 @@ def filter_bank(
 
 
 @compiled
+def mix_bank(mean, covariance, weight, transition, mixed, mixed_covariance, mixed_weight):
+    """Let the conditions of each length interact: what one of them found is where the others go on from.
+
+    Args: mean: (k, POINT), ordered by condition, then by length.   weight: (k,).   transition: (c, c) probability of a
+    change from one condition to another in a step.   mixed, …: the same shapes, are written.
+    Source: Blom, Bar-Shalom 1988 (interacting multiple models).
+    """
+    kinds = len(transition)
+    lengths = len(mean) // kinds
+    shift, errors, shares = np.zeros(SIZE), np.zeros((kinds, SIZE)), np.zeros(kinds)
+    for j in range(kinds):
+        for length in range(lengths):
+            here = j * lengths + length
+            total = 0.0
+            for i in range(kinds):
+                shares[i] = transition[i, j] * weight[i * lengths + length]
+                total += shares[i]
+            mixed_weight[here] = total
+            shift[:] = 0.0
+            for i in range(kinds):
+                shares[i] = shares[i] / total if total > 0.0 else (1.0 if i == j else 0.0)
+                _difference(mean[here], mean[i * lengths + length], errors[i])
+                for a in range(SIZE):
+                    shift[a] += shares[i] * errors[i, a]
+            for a in range(SIZE):
+                for b in range(a + 1):
+                    value = 0.0
+                    for i in range(kinds):
+                        apart = (errors[i, a] - shift[a]) * (errors[i, b] - shift[b])
+                        value += shares[i] * (covariance[i * lengths + length, a, b] + apart)
+                    mixed_covariance[here, a, b] = value
+                    mixed_covariance[here, b, a] = value
+            _displace(mean[here], shift, mixed[here])
+
+
+@compiled
 def update_bank(mean, covariance, now, label, label_variance, updated, updated_covariance):
     """Take in one label without a step; arguments and result as of `filter_bank`."""
     members = len(mean)
