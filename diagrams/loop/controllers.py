@@ -30,7 +30,9 @@ from systems.residual_predictor import ResidualPredictor
 from systems.wrench_estimator import WrenchEstimator
 from systems.wrench_oracle import WrenchOracle
 
-DEFAULT_MODEL = Path(__file__).parents[1] / "models" / "default.safetensors"  # ships with the package
+MODELS = Path(__file__).parents[1] / "models"  # that ship with the package
+DEFAULT_MODEL = MODELS / "default.safetensors"  # lifted linear system of any wrenches
+FLYING_MODEL = MODELS / "pendulum.safetensors"  # that `np` flies with
 SOLVER_SHARE = 0.5  # of the deadline, after which a solver wraps up with what it has [1]
 LEARNED = ("np", *REACTIONS)  # kinds with a model file
 CONTROLLERS = ("nominal", "hold", "observer", "oracle", *LEARNED)  # all kinds
@@ -99,19 +101,25 @@ def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualM
         return DisturbanceObserver(
             vehicle, step=config.period, force_bandwidth=5.0 / pace, torque_bandwidth=1.0 / pace
         )
-    if config.kind == "np" and config.predictor and schema_of(config.predictor) == PENDULUM_SCHEMA:
-        pendulum = PendulumPredictor.load(config.predictor)
-        _require_fit(pendulum.model, pendulum.step, config, vehicle, pendulum.label)
-        return pendulum
     if config.kind == "np":
-        predictor = NeuralPredictorModel.load(config.predictor or DEFAULT_MODEL)
-        _require_fit(predictor.model, predictor.step, config, vehicle)
-        return predictor
+        return _load_predictor(config, vehicle)
     if config.kind in REACTIONS:
         model = MotionModel.load(config.predictor, config.kind)
         _require_fit(model, model.step, config, vehicle)
         return model
     return None
+
+
+def _load_predictor(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel:
+    """Return the predictor of kind np, of the configuration that its file holds."""
+    path = config.predictor or FLYING_MODEL
+    if schema_of(path) == PENDULUM_SCHEMA:
+        pendulum = PendulumPredictor.load(path)
+        _require_fit(pendulum.model, pendulum.step, config, vehicle, pendulum.label)
+        return pendulum
+    predictor = NeuralPredictorModel.load(path)
+    _require_fit(predictor.model, predictor.step, config, vehicle)
+    return predictor
 
 
 def labelled(vehicle: Vehicle, model: ResidualModel | None) -> Vehicle:

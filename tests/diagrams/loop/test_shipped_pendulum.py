@@ -1,0 +1,75 @@
+"""The pendulum model that ships with the package: made anew from its training flight, and flown."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from diagrams.loop.controllers import DEFAULT_MODEL, FLYING_MODEL, ControllerConfig, make_residual_model
+from diagrams.loop.flight_result import fly
+from diagrams.prediction.learning import train_pendulum_model
+from diagrams.tracking.tracking import Row, configure, train_models, training_flight
+from np_drake.residual_models.pendulum_model import NUMBERS, PENDULUM, PendulumModel
+from np_drake.residual_models.pendulum_predictor import PendulumPredictor
+from np_drake.vehicle import Vehicle
+
+TRAINED = Row("np: pendulum", "np", training="training_circle", configuration=PENDULUM)
+
+
+@pytest.fixture(scope="module")
+def retrained(tmp_path_factory):
+    return train_pendulum_model(
+        training_flight("training_circle", seed=0, solver="sqp"),
+        tmp_path_factory.mktemp("m") / "p.safetensors",
+    )
+
+
+def test_training_anew_gives_the_shipped_model(retrained):
+    shipped = PendulumModel.load(FLYING_MODEL)
+    for name in NUMBERS:
+        assert getattr(retrained, name) == pytest.approx(
+            getattr(shipped, name), rel=1e-3
+        )  # another processor
+    np.testing.assert_allclose(retrained.hook, shipped.hook, atol=1e-5)  # [m]
+
+
+def test_training_finds_what_the_real_vehicle_has(retrained):
+    reality = configure("training_circle", Row("nominal", "nominal"), solver="sqp").reality
+    assert 1 + retrained.thrust_error == pytest.approx(reality.thrust_scale, abs=0.01)  # [1]
+    assert retrained.mass * retrained.drag == pytest.approx(reality.rotor_drag, abs=0.03)  # [N·s/m]
+    assert retrained.rotor_lag == pytest.approx(reality.motor_lag, abs=0.005)  # [s]
+    np.testing.assert_allclose(retrained.hook, reality.payload.hook, atol=0.005)  # [m]
+
+
+def test_np_flies_with_it_unless_a_file_is_named():
+    vehicle = Vehicle().check()
+    assert isinstance(make_residual_model(ControllerConfig(kind="np"), vehicle), PendulumPredictor)
+    other = make_residual_model(ControllerConfig(kind="np", predictor=str(DEFAULT_MODEL)), vehicle)
+    assert not isinstance(other, PendulumPredictor)
+    with pytest.raises(ValueError, match="mass"):
+        make_residual_model(ControllerConfig(kind="np"), dc.replace(vehicle, mass=1.0))
+
+
+@pytest.mark.parametrize("payload", [0.0, 0.5])
+def test_on_another_payload_it_is_better_than_the_model_of_one_payload(payload):
+    errors = {}
+    for name, model in (("pendulum", FLYING_MODEL), ("default", DEFAULT_MODEL)):
+        config = configure("circle", Row("np", "np"), solver="sqp", model=str(model))
+        config.duration = 10.0
+        config.reality.payload.mass = payload or 0.26
+        config.reality.payload.tether = "cable" if payload else "none"
+        errors[name] = fly(config.check(), seed=77).metrics()["E_xy"]
+    assert errors["pendulum"] < 0.5 * errors["default"], errors
+
+
+def test_the_tables_train_it_as_any_other_row(tmp_path, monkeypatch):
+    made = []
+    monkeypatch.setattr(
+        "diagrams.tracking.tracking.training_flight", lambda experiment, **_: made.append(experiment)
+    )
+    monkeypatch.setattr(
+        "diagrams.tracking.tracking.train_pendulum_model", lambda flight, path: made.append(path.name)
+    )
+    files = train_models((TRAINED,), tmp_path, seed=0, solver="sqp")
+    assert made == ["training_circle", "pendulum_training_circle.safetensors"]
+    assert list(files) == [("training_circle", PENDULUM)]
