@@ -135,7 +135,7 @@ class PendulumBank:
     def step_on(
         self, memory: Memory, drive: np.ndarray, now: np.ndarray, label: np.ndarray, variance: np.ndarray
     ) -> Memory:
-        """Return the memory after one step and one label.
+        """Return the memory after one step and one label; it starts anew where numbers overflow.
 
         Args: drive, now: (9,) as of `pendulum_kernel.filter_bank`.   label: (3,) force per mass, NaN where there is
         none [m/s²].   variance: (3,) of its noise [m²/s⁴].
@@ -156,6 +156,8 @@ class PendulumBank:
             weight = np.full(len(self), 1.0 / len(self))
             self._forget(predicted, spread)
             likelihood, _ = kernel.update_bank(predicted, spread, now, label, variance, updated, narrowed)
+        if not (np.all(np.isfinite(updated)) and np.all(np.isfinite(narrowed))):
+            return self.initial_memory()
         weight = weight * np.exp(likelihood - likelihood.max())
         stay = np.exp(-self.step * self.options.change)
         weight = stay * weight / weight.sum() + (1 - stay) / len(self)

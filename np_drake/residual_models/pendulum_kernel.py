@@ -200,7 +200,7 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
             slope = (plus[j, k] - minus[j, k]) / (2.0 * width)
             for row in range(j, SIZE):
                 cross[row, k] += root[row, j] * slope
-    inverse = np.linalg.inv(spread)
+    inverse, determinant = _inverse(spread)
     gain = cross @ inverse
     error[:] = gain @ innovation
     lost = gain @ cross.T
@@ -211,7 +211,19 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
     _displace(mean, error, out)
     out[DAMPING] = max(out[DAMPING], 0.0)
     distance = innovation @ (inverse @ innovation)
-    return -0.5 * (distance + math.log(np.linalg.det(spread))), distance
+    return -0.5 * (distance + math.log(determinant)), distance
+
+
+@compiled
+def _inverse(A):
+    """Return the inverse of a matrix (3, 3) and its determinant; entries that are no numbers raise nothing."""
+    out = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            a, b, c, d = (i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3
+            out[j, i] = A[a, c] * A[b, d] - A[a, d] * A[b, c]
+    determinant = A[0, 0] * out[0, 0] + A[0, 1] * out[1, 0] + A[0, 2] * out[2, 0]
+    return out / determinant, determinant
 
 
 @compiled
@@ -351,12 +363,12 @@ def _advance(p, drive, step, prior, keep):
 def _kick(p, w0, w1, w2, b0, b1, b2, length, damping, span):
     """Return the rate of the tether after its acceleration acted for `span` [s]."""
     along = b0 * p[0] + b1 * p[1] + b2 * p[2]
-    left = 1.0 - span * damping
+    left = 1.0 / (1.0 + span * damping)  # implicit, so that no damping is unstable
     pushed = span / length
     return (
-        left * w0 - pushed * (b0 - along * p[0]),
-        left * w1 - pushed * (b1 - along * p[1]),
-        left * w2 - pushed * (b2 - along * p[2]),
+        left * (w0 - pushed * (b0 - along * p[0])),
+        left * (w1 - pushed * (b1 - along * p[1])),
+        left * (w2 - pushed * (b2 - along * p[2])),
     )
 
 

@@ -8,6 +8,7 @@ import pytest
 from diagrams.cli.main import run
 from np_drake.lifting.model.model_file import load_model
 from np_drake.residual_models.motion_model import MotionModel
+from np_drake.residual_models.pendulum_model import PendulumModel
 
 
 def test_training_leaves_a_model_a_curve_and_figures(logs, tmp_path, capsys):
@@ -50,6 +51,16 @@ def test_a_model_of_the_motion_is_trained_by_name(name, logs, tmp_path, capsys):
     assert MotionModel.load(out).name == name
     assert json.loads(metrics.read_text())["summary"]["samples"] > 1000
     assert (tmp_path / "model.png").exists() == (name == "knode")
+
+
+def test_a_pendulum_is_trained_by_name_and_says_what_it_found(logs, tmp_path, capsys):
+    out = tmp_path / "model.safetensors"
+    assert run(["train", str(logs[0]), "--configuration", "pendulum", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    model = PendulumModel.load(out)
+    assert f"{100 * model.thrust_error:.2f}" in said
+    assert f"{1e3 * model.rotor_lag:.1f}" in said
+    assert not (tmp_path / "model.png").exists()
 
 
 def test_the_same_seed_trains_the_same_model(logs, tmp_path):
