@@ -118,7 +118,7 @@ class FlightResiduals:
 
         Zero where the input is a command.
         """
-        f_tau = np.sqrt(self.vehicle.mixer**2 @ self.rotors.noise**2 * self.log.step / self.grid.step)
+        f_tau = self.rotors.noise * np.sqrt(self.log.step / self.grid.step)
         return np.concatenate([[0.0, 0.0], f_tau, np.zeros(SIZE - 6)])
 
     @cached_property
