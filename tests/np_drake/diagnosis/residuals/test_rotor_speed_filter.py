@@ -71,7 +71,9 @@ def test_a_collective_motion_lets_no_noise_into_torque():
     log = as_log(rotors @ VEHICLE.mixer.T)
     found, noise = read_thrust(log, VEHICLE)
     left = (found @ VEHICLE.mixer.T)[:, 1:].var(axis=0) / noise[1:] ** 2
-    assert left.max() < 0.05  # of the noise that was read; the share of the bands with thrust is about a third
+    assert (
+        left.max() < 0.05
+    )  # of the noise that was read; the share of the bands with thrust is about a third
     known = (found @ VEHICLE.mixer.T)[:, 0]
     assert np.std(known - 4 * (4.0 + thrust[:, 0])) < 0.7 * noise[0]
 
