@@ -20,6 +20,7 @@ from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals,
 from np_drake.diagnosis.result import UNKNOWN, Diagnosis, Replay
 from np_drake.diagnosis.tolerance import Tolerance
 from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.throttle_input import with_one_exponent
 from np_drake.vehicle import Vehicle
 
 Progress = Callable[[float, str], None]
@@ -62,6 +63,7 @@ def diagnose(
 
     # 1. Residuals of all flights on one grid.
     require_flights(train, held_out)
+    train, held_out = with_one_exponent(vehicle, train, held_out)
     tell(0.0, "residuals")
     step = max(natural_step(log.t) for log in [*train, *held_out])
     fitted = [make_flight_residuals(log, vehicle, step) for log in train]

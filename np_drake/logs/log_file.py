@@ -66,7 +66,7 @@ def _read(path: str | Path, vehicle: Vehicle | None, repair: bool, *, whole: boo
         log = columns.assemble(part, fields, name)
         if bridged.any():
             log.bridged = bridged
-            log.notes.append(f"{bridged.sum()} rows put into gaps of up to {LONGEST:g} s; they judge nothing")
+            log.notes.append(f"{bridged.sum()} rows put into gaps of up to {LONGEST:g} s; they add nothing")
         log.notes[:0] = notes + split
         log.timing = sheet.timing
         log = _with_input(log, table, fields, vehicle)

@@ -1,8 +1,10 @@
-"""Thrust and torque from a normalised throttle, through a map that is estimated from the flight itself."""
+"""Thrust and torque from a normalised throttle, through a map that is estimated from the flights themselves."""
 
 import dataclasses as dc
+from collections.abc import Sequence
 
 import numpy as np
+from scipy import optimize
 
 from np_drake import attitude
 from np_drake.logs.accelerations import smooth_derivative
@@ -10,30 +12,75 @@ from np_drake.logs.errors import LogError
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
-EXPONENTS = np.linspace(0.5, 2.5, 41)  # of thrust over throttle: from a linearised to a bare motor [1]
+EXPONENTS = (0.5, 2.5)  # of thrust over throttle: from a linearised to a bare motor [1]
 BAND = 4.0  # of the thrust that the map is fitted to [Hz]; own choice: below motor lag
+NOTE = "thrust from throttle"
 LEAST = 0.02  # throttle below which a rotor stands [1]
 
 
-def with_throttle_input(log: FlightLog, vehicle: Vehicle) -> FlightLog:
+def with_throttle_input(log: FlightLog, vehicle: Vehicle, exponent: float | None = None) -> FlightLog:
     """Return the log with u from its throttle: f = m g (throttle / hover)^exponent, for all rotors together or each.
 
     hover and exponent are those with which thrust carries the measured specific force along body z best. They take mass
     and thrust from each other: neither can be told from such a log. A collective throttle says nothing of torque, which
     is then NaN.
 
+    Args: exponent: of the vehicle [1]; default: that which fits this flight.
     Raises: LogError: if the log has no throttle, or never one that carries the vehicle.
     """
-    if log.throttle is None:
-        raise LogError(f"{log.name}: must have a column throttle, or throttle1 … throttle4; got none.")
-    throttle = np.maximum(log.throttle, 0.0)
-    lift = _specific_lift(log, vehicle.gravity) / vehicle.gravity
-    hover, exponent = _fit(throttle, lift, log)
-    f = vehicle.mass * vehicle.gravity * (throttle / hover) ** exponent
+    seen = _lifted(log, vehicle)
+    whose = "exponent of the vehicle" if exponent is not None else "fitted to this flight's lift"
+    exponent = _fitted_exponent([seen]) if exponent is None else exponent
+    hover = _scale(*seen, exponent) ** (-1 / exponent)
+    f = vehicle.mass * vehicle.gravity * (np.maximum(_throttle(log), 0.0) / hover) ** exponent
     unknown = np.full((len(log), 3), np.nan)
     u = np.column_stack([f, unknown]) if f.shape[1] == 1 else 0.25 * f @ vehicle.mixer.T
-    note = f"thrust from throttle: m g (throttle / {hover:.4g})^{exponent:.3g}, fitted to this flight's lift"
-    return dc.replace(log, u=u, input="normalised", notes=[*log.notes, note])
+    note = f"{NOTE}: m g (throttle / {hover:.4g})^{exponent:.3g}, {whose}"
+    others = [other for other in log.notes if not other.startswith(NOTE)]
+    return dc.replace(log, u=u, input="normalised", notes=[*others, note])
+
+
+def with_one_exponent(
+    vehicle: Vehicle, train: Sequence[FlightLog], held_out: Sequence[FlightLog]
+) -> tuple[list[FlightLog], list[FlightLog]]:
+    """Return the flights with thrust from throttle by one exponent, which the training flights share.
+
+    The exponent is a property of the vehicle. The hover throttle is one of the flight: it follows the battery and the
+    air. Flights with another input are as they were.
+
+    Raises: LogError: if a throttle never carries the vehicle.
+    """
+
+    def known(log: FlightLog) -> bool:
+        return log.input == "normalised" and log.throttle is not None
+
+    told = [_lifted(log, vehicle) for log in train if known(log)]
+    if not told:
+        return list(train), list(held_out)
+    exponent = _fitted_exponent(told)
+
+    def mapped(log: FlightLog) -> FlightLog:
+        return with_throttle_input(log, vehicle, exponent) if known(log) else log
+
+    return [mapped(log) for log in train], [mapped(log) for log in held_out]
+
+
+def _throttle(log: FlightLog) -> np.ndarray:
+    if log.throttle is None:
+        raise LogError(f"{log.name}: must have a column throttle, or throttle1 … throttle4; got none.")
+    return log.throttle
+
+
+def _lifted(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """Return throttle (n, k) and the lift over gravity (n,) in the measured rows in which rotors turn [1]."""
+    throttle = np.maximum(_throttle(log), 0.0)
+    flying = throttle.mean(axis=1) > LEAST
+    if flying.sum() < 20:
+        raise LogError(
+            f"{log.name}: throttle must be between 0 and 1 and carry the vehicle; it never exceeds {LEAST}."
+        )
+    lift = _specific_lift(log, vehicle.gravity) / vehicle.gravity
+    return throttle[flying], lift[flying]
 
 
 def _specific_lift(log: FlightLog, gravity: float) -> np.ndarray:
@@ -42,18 +89,24 @@ def _specific_lift(log: FlightLog, gravity: float) -> np.ndarray:
     return np.sum((a + [0.0, 0.0, gravity]) * attitude.body_z(log.q), axis=1)
 
 
-def _fit(throttle: np.ndarray, lift: np.ndarray, log: FlightLog) -> tuple[float, float]:
-    """Return hover throttle and exponent of the map that fits the lift over gravity (n,) best."""
-    flying = throttle.mean(axis=1) > LEAST
-    if flying.sum() < 20:
-        raise LogError(
-            f"{log.name}: throttle must be between 0 and 1 and carry the vehicle; it never exceeds {LEAST}."
+def _fitted_exponent(flights: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
+    """Return the exponent that fits throttle (n, k) to lift over gravity (n,) best in all flights together [1]."""
+
+    def loss(exponent: float) -> float:
+        return sum(
+            float(np.sum((lift - _scale(throttle, lift, exponent) * _shape(throttle, exponent)) ** 2))
+            for throttle, lift in flights
         )
-    best = (np.inf, 1.0, 1.0)
-    for exponent in EXPONENTS:
-        model = np.mean(throttle**exponent, axis=1)[flying]
-        scale = float(model @ lift[flying] / (model @ model))
-        if scale > 0:
-            loss = float(np.sum((lift[flying] - scale * model) ** 2))
-            best = min(best, (loss, scale ** (-1 / exponent), float(exponent)))
-    return best[1], best[2]
+
+    return float(optimize.minimize_scalar(loss, bounds=EXPONENTS, method="bounded").x)
+
+
+def _shape(throttle: np.ndarray, exponent: float) -> np.ndarray:
+    """Return the mean of the rotors' throttle (n, k) to the exponent (n,) [1]."""
+    return np.mean(throttle**exponent, axis=1)
+
+
+def _scale(throttle: np.ndarray, lift: np.ndarray, exponent: float) -> float:
+    """Return the factor of that mean which fits the lift over gravity (n,) best [1]."""
+    model = _shape(throttle, exponent)
+    return max(float(model @ lift / (model @ model)), 1e-6)

@@ -43,7 +43,7 @@ def _exact(flight: FlightResiduals, effect: SensorEffect) -> np.ndarray:
     logged = Measurement(states_at_rows(flight), a, np.zeros((len(log), 3)), np.zeros((len(log), 4)))
     truth = _before(flight.vehicle, logged, [effect])
     read = effect.measure(flight.vehicle, truth, np.zeros((len(log), 0)))
-    onto = Resampler(flight.grid, log.t) if log.a is None else flight.from_rows
+    onto = Resampler.of_instants(flight.grid, log.t) if log.a is None else flight.from_rows
     mass, moved = flight.vehicle.mass, read.x - truth.x
     if moved[:, V].any():
         y[:, channels.POSITION] = -onto(attitude.rotate_back(truth.x[:, Q], moved[:, V]))

@@ -20,7 +20,7 @@ from np_drake.diagnosis.numerics import Gram, NoiseModel
 from np_drake.diagnosis.residuals.accelerations import Instants, make_instants
 from np_drake.diagnosis.residuals.attitude_smoothing import smooth_attitude
 from np_drake.diagnosis.residuals.outliers import bridge
-from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Grid, Resampler, in_gaps, make_grid, to_grid
+from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Grid, Resampler, make_grid, to_grid
 from np_drake.diagnosis.residuals.rotor_thrust import Rotors
 from np_drake.diagnosis.residuals.velocity_before import velocity_before
 from np_drake.logs.flight_log import FlightLog
@@ -86,12 +86,12 @@ class FlightResiduals:
     @cached_property
     def from_rows(self) -> Resampler:
         """Resampler from the instants of force to the grid."""
-        return Resampler(self.grid, self.rows.t)
+        return _from_rows(self.grid, self.log)
 
     @cached_property
     def from_mids(self) -> Resampler:
         """Resampler from the instants of torque to the grid."""
-        return Resampler(self.grid, self.mids.t)
+        return Resampler.of_intervals(self.grid, self.log.t)
 
     @cached_property
     def rotors(self) -> Rotors:
@@ -118,7 +118,7 @@ class FlightResiduals:
 
         Zero where the input is a command.
         """
-        f_tau = np.sqrt(self.vehicle.mixer**2 @ self.rotors.noise**2 * self.log.step / self.grid.step)
+        f_tau = self.rotors.noise * np.sqrt(self.log.step / self.grid.step)
         return np.concatenate([[0.0, 0.0], f_tau, np.zeros(SIZE - 6)])
 
     @cached_property
@@ -262,26 +262,27 @@ def make_flight_residuals(
     rows, mids = make_instants(log, smooth)
     thrust_rows, thrust_mids = Rotors(log, vehicle).thrust([])
     force, others = _channels(log, vehicle, q, mids, thrust_rows, thrust_mids)
-    if log.bridged is not None:  # before the low-pass of the grid spreads what was made up
-        between = log.bridged[:-1] | log.bridged[1:]
-        on_rows = between if log.a is None else log.bridged
-        force, others = bridge(force, on_rows), bridge(others, between)
     since = _settled(log, vehicle, force[:, 2:], others[:, :3]) if since is None else since
     grid = make_grid(log.t[log.t >= since], step)
-    from_rows, from_mids = Resampler(grid, rows.t), Resampler(grid, mids.t)
+    from_rows, from_mids = _from_rows(grid, log), Resampler.of_intervals(grid, log.t)
     y = np.concatenate([from_rows(force), from_mids(others)], axis=1)
     u_rows, u_mids = thrust_rows @ vehicle.mixer.T, thrust_mids @ vehicle.mixer.T
     f = u_mids[:, :1] if log.a is None else u_rows[:, :1]
     nominal = np.concatenate([np.zeros((len(grid), 2)), from_rows(f), from_mids(u_mids[:, 1:])], axis=1)
     w = from_mids(mids.x[:, 10:13])
     none = np.zeros(len(grid), bool)
-    gaps = none if log.bridged is None else in_gaps(grid, log.t, log.bridged)
     if not knows_torque:
         y[:, TORQUE] = 0.0
     return FlightResiduals(
-        *(log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, gaps, none),
+        *(log, vehicle, grid, y, rows, mids, thrust_rows, thrust_mids, nominal, w, noise, turned, none, none),
         knows_torque=knows_torque,
     )
+
+
+def _from_rows(grid: Grid, log: FlightLog) -> Resampler:
+    """Return the map of force to the grid: read at the rows, or as a mean between them without accelerations."""
+    of = Resampler.of_intervals if log.a is None else Resampler.of_instants
+    return of(grid, log.t)
 
 
 def _with_torque(log: FlightLog) -> tuple[FlightLog, bool]:

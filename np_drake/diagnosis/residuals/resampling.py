@@ -1,4 +1,4 @@
-"""Resampling of a flight to a uniform grid: interpolation, then a zero-phase low-pass and decimation."""
+"""Resampling of a flight to a uniform grid: interpolation or means, then a zero-phase low-pass and decimation."""
 
 import dataclasses as dc
 from functools import cache
@@ -53,33 +53,46 @@ def make_grid(t: np.ndarray, step: float | None = None) -> Grid:
 
 
 class Resampler:
-    """Linear map from values at instants t (n,) [s] of a flight to its grid; the weights are computed once."""
+    """Linear map from values of a flight to its grid; the weights (fine rows, n) are computed once."""
 
-    def __init__(self, grid: Grid, t: np.ndarray):
-        self._factor = grid.factor
+    def __init__(self, grid: Grid, weights: sparse.csr_array):
+        self._factor, self._weights = grid.factor, weights
+
+    @classmethod
+    def of_instants(cls, grid: Grid, t: np.ndarray) -> "Resampler":
+        """Return the map of values at instants t (n,) [s]: linear between them, held beyond the ends."""
         after = np.clip(np.searchsorted(t, grid.fine), 1, len(t) - 1)
         share = np.clip((grid.fine - t[after - 1]) / (t[after] - t[after - 1]), 0.0, 1.0)
         entries = np.stack([1.0 - share, share], axis=1), np.stack([after - 1, after], axis=1)
         ends = 2 * np.arange(len(grid.fine) + 1)
-        self._between = sparse.csr_array((*map(np.ravel, entries), ends), (len(grid.fine), len(t)))
+        return cls(grid, sparse.csr_array((*map(np.ravel, entries), ends), (len(grid.fine), len(t))))
+
+    @classmethod
+    def of_intervals(cls, grid: Grid, t: np.ndarray) -> "Resampler":
+        """Return the map of means over the intervals between instants t (n + 1,) [s].
+
+        A row of the fine grid is the mean over a step about it, by overlap. So an integral is kept, whatever the
+        lengths of the intervals: white noise of the integrated readings stays differentiated white noise.
+        """
+        step = grid.step / grid.factor
+        cells = np.append(grid.fine, grid.fine[-1] + step) - 0.5 * step
+        knots = np.union1d(t, cells)
+        middle, length = 0.5 * (knots[1:] + knots[:-1]), np.diff(knots)
+        cell, interval = np.searchsorted(cells, middle) - 1, np.searchsorted(t, middle) - 1
+        both = (cell >= 0) & (cell < len(grid.fine)) & (interval >= 0) & (interval < len(t) - 1)
+        cell, interval, length = cell[both], interval[both], length[both]
+        share = length / np.bincount(cell, length)[cell]
+        return cls(grid, sparse.csr_array((share, (cell, interval)), (len(grid.fine), len(t) - 1)))
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
-        """Return values (n, ...) resampled to the grid (m, ...); the ends are held."""
-        fine = self._between @ values.reshape(len(values), -1)
+        """Return values (n, ...) resampled to the grid (m, ...)."""
+        fine = self._weights @ values.reshape(len(values), -1)
         return _decimate(fine, self._factor).reshape(-1, *values.shape[1:])
 
 
 def to_grid(grid: Grid, t: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return values (n, ...) at times t (n,) [s] resampled to the grid (m, ...); the ends are held."""
-    return Resampler(grid, t)(values)
-
-
-def in_gaps(grid: Grid, t: np.ndarray, bridged: np.ndarray) -> np.ndarray:
-    """Return the rows (m,) of the grid within a step of rows (n,) that a reader put into gaps, at t (n,) [s]."""
-    near = t[bridged]
-    after = np.searchsorted(near, grid.t - grid.step)
-    found = near[np.minimum(after, len(near) - 1)] if len(near) else np.full(len(grid), np.inf)
-    return np.abs(found - grid.t) <= grid.step * (1 + 1e-9)
+    return Resampler.of_instants(grid, t)(values)
 
 
 def _decimate(fine: np.ndarray, factor: int) -> np.ndarray:

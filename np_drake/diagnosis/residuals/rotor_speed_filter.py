@@ -5,37 +5,51 @@ error of a Wiener estimate is independent of the estimate (Berkson), which leave
 nothing else is known, that error is as large as the noise of the readings.
 """
 
+import itertools
+
 import numpy as np
-from scipy import ndimage
 
 from np_drake import attitude
 from np_drake.lifting.training.segments import white_noise
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
-BAND = 1.0  # bandwidth over which spectra are averaged [Hz]; own choice
+BAND = 1.0  # least bandwidth over which spectra are averaged [Hz]; own choice
+THIRD = 2 ** (1 / 6) - 2 ** (-1 / 6)  # relative bandwidth of a one-third octave [1]; source: IEC 61260
 ANSWERED = (
     0.5  # share of fast thrust to which the motion responds, above which it is no noise [1]; own choice
 )
-SURELY = 2.0  # standard deviations of the lower bound [1]
+LEAST_ROWS = 5  # of a piece whose noise shows: a fourth difference
+SURELY = 2.0  # standard deviations of a lower bound, and by which a band of signal exceeds the noise [1]
 
 
 def read_thrust(log: FlightLog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
-    """Return thrust (n, 4) at the rows and the standard deviation (4,) of its measurement noise [N].
+    """Return rotor thrust (n, 4) at the rows [N] and the deviation (4,) of noise in thrust and torques [N, N·m].
 
+    Thrust and torques are filtered, not the rotors: each has a spectrum of its own, and the rotors share theirs.
     Where the measured motion responds to the apparent noise, that is real thrust: the readings are returned unfiltered,
     with zero noise.
     """
-    read = log.u @ vehicle.unmixer.T
-    noise = white_noise([read])
-    likely = most_likely(read, noise, log.step)
-    if _answered(log, vehicle, (read - likely) @ vehicle.mixer.T) > ANSWERED:
-        return read, np.zeros(4)
-    return likely, noise
+    noise = white_noise(_measured_pieces(log))
+    likely = most_likely(log.u, noise, log.step)
+    if _answered(log, vehicle, log.u - likely) > ANSWERED:
+        return log.u @ vehicle.unmixer.T, np.zeros(4)
+    return likely @ vehicle.unmixer.T, noise
+
+
+def _measured_pieces(log: FlightLog) -> list[np.ndarray]:
+    """Return thrust and torques without the rows that a reader put into gaps, which are smooth, in pieces [N, N·m]."""
+    if log.bridged is None:
+        return [log.u]
+    edges = np.concatenate([[-1], np.flatnonzero(log.bridged), [len(log)]])
+    pieces = [log.u[a + 1 : b] for a, b in itertools.pairwise(edges) if b - a > LEAST_ROWS]
+    return pieces or [log.u]
 
 
 def most_likely(values: np.ndarray, noise: np.ndarray, step: float) -> np.ndarray:
     """Return values (n, k) without white noise, by the non-causal Wiener filter.
+
+    A band whose mean power is not significantly above that of the noise holds no signal.
 
     Args:
         values: (n, k) samples.
@@ -45,10 +59,25 @@ def most_likely(values: np.ndarray, noise: np.ndarray, step: float) -> np.ndarra
     mean = values.mean(axis=0)
     mirrored = np.concatenate([values, values[::-1]]) - mean
     spectrum = np.fft.rfft(mirrored, axis=0)
-    bins = max(1, round(BAND * len(mirrored) * step))
-    power = ndimage.uniform_filter1d(np.abs(spectrum) ** 2, bins, axis=0, mode="nearest") / len(mirrored)
-    gain = np.clip(1 - noise**2 / np.maximum(power, 1e-300), 0.0, 1.0)
+    power, count = _band_means(np.abs(spectrum) ** 2 / len(mirrored), 1 / (len(mirrored) * step))
+    # A bin of a mirrored record is one real variate: the mean of `count` has the variance 2 / count of chi-square.
+    signal = power > noise**2 * (1 + SURELY * np.sqrt(2 / count))[:, None]
+    gain = np.where(signal, 1 - noise**2 / np.where(signal, power, 1.0), 0.0)
     return mean + np.fft.irfft(gain * spectrum, len(mirrored), axis=0)[: len(values)]
+
+
+def _band_means(power: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean power (m, k) in the band about each bin, and how many bins (m,) it holds.
+
+    The bin of the mean belongs to no band but its own.   spacing: of the bins [Hz].
+    """
+    index = np.arange(len(power))
+    half = 0.5 * np.maximum(BAND / spacing, THIRD * index)
+    first = np.maximum(np.ceil(index - half).astype(int), 1)
+    stop = np.minimum(np.floor(index + half).astype(int), len(power) - 1) + 1
+    count = np.maximum(stop - first, 1)
+    total = np.concatenate([0 * power[:1], np.cumsum(power, axis=0)])
+    return (total[np.maximum(stop, first)] - total[first]) / count[:, None], count
 
 
 def _answered(log: FlightLog, vehicle: Vehicle, fast: np.ndarray) -> float:

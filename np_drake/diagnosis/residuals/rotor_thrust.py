@@ -76,7 +76,7 @@ class Rotors:
 
     @property
     def noise(self) -> np.ndarray:
-        """(4,) standard deviation of thrust due to noise in rotor speed readings [N]; zero for commands."""
+        """(4,) deviation of thrust and torques due to noise in rotor speed [N, N·m]; zero for commands."""
         return self._read[1] if self._measured else np.zeros(4)
 
     @cached_property

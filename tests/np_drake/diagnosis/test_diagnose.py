@@ -1,6 +1,7 @@
 """Laws of the whole diagnosis on simulated flights."""
 
 import dataclasses as dc
+import importlib
 from functools import cache
 from typing import ClassVar
 
@@ -16,6 +17,7 @@ from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.library import register
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.mass_error import MassError
+from np_drake.logs.throttle_input import with_throttle_input
 from np_drake.rigid_body import W
 from np_drake.vehicle import Vehicle
 
@@ -204,3 +206,28 @@ def test_flights_that_share_a_beginning_or_stand_still_may_judge(fly):
     still = dc.replace(a, **{f: np.zeros_like(getattr(a, f)) for f in "pvw"})
     require_flights([a], [begun])
     require_flights([still], [dc.replace(still, name="b")])
+
+
+def test_all_flights_of_a_diagnosis_have_one_exponent_of_thrust_over_throttle(fly, monkeypatch):
+    def with_throttle(log, exponent):
+        share = np.maximum(log.u[:, :1], 0.0) / (VEHICLE.mass * VEHICLE.gravity)
+        return with_throttle_input(dc.replace(log, throttle=0.4 * share ** (1 / exponent)), VEHICLE)
+
+    class Seen(Exception):
+        pass
+
+    def infer(fitted, judging, options):
+        raise Seen(fitted, judging)
+
+    monkeypatch.setattr(importlib.import_module("np_drake.diagnosis.diagnose"), "infer", infer)
+    logs = [with_throttle(fly(name=str(i), seed=i, **SHORT), 1.5 + 0.1 * i) for i in range(3)]
+    with pytest.raises(Seen) as seen:
+        diagnose(VEHICLE, logs[:2], logs[2:])
+    slopes = [
+        np.polyfit(np.log(e.log.throttle[:, 0]), np.log(e.log.u[:, 0]), 1)[0]
+        for es in seen.value.args
+        for e in es
+    ]
+    assert len(slopes) == 3
+    np.testing.assert_allclose(slopes, slopes[0], rtol=1e-9)
+    assert 1.5 < slopes[0] < 1.6  # of the training flights

@@ -1,4 +1,4 @@
-"""Laws of gaps: short ones are bridged and judge nothing, long ones split a flight into parts."""
+"""Laws of gaps: short ones are bridged and add nothing, long ones split a flight into parts."""
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ def test_three_lost_rows_are_bridged_marked_and_said_once(tmp_path):
     np.testing.assert_array_equal(np.flatnonzero(dut.bridged), [200, 201, 202])
     np.testing.assert_allclose(dut.p[200:203, 0], np.cos(T[200:203]), atol=2e-4)
     assert [note for note in dut.notes if "gaps" in note] == [
-        "3 rows put into gaps of up to 0.1 s; they judge nothing"
+        "3 rows put into gaps of up to 0.1 s; they add nothing"
     ]
 
 

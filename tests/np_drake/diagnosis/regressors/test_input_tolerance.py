@@ -174,18 +174,3 @@ def test_each_input_names_what_it_cannot_tell():
     assert set(SCALE) <= set(unobservable("normalised"))
     assert "accelerometer_bias" in unobservable("command", accelerations=False)
     assert "inertia_error" in unobservable("normalised", torque=False)
-
-
-def test_rows_in_a_gap_judge_nothing(fly):
-    log = fly(DRAG, seed=1, noise=1.0)
-    bridged = np.zeros(len(log), bool)
-    bridged[500:506] = True
-    spoilt = log.u.copy()
-    spoilt[500:506] += [8.0, 0.3, 0.3, 0.1]  # the command that was held across the gap, far from the real one
-    flight = make_flight_residuals(dc.replace(log, u=spoilt, bridged=bridged), VEHICLE)
-    clean = make_flight_residuals(log, VEHICLE)
-    t = log.t[500:506]
-    assert flight.shocks[(flight.t >= t[0]) & (flight.t <= t[-1])].all()
-    assert flight.shocks.mean() < 0.02
-    difference = np.abs(flight.bridged(flight.y) - clean.bridged(clean.y))[:, :3].max()
-    assert difference < 0.05 * 8.0  # the low-pass of the grid spreads little of it to rows that count

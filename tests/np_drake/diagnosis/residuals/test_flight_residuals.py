@@ -1,9 +1,11 @@
 """Laws of the residuals of a flight against the nominal model."""
 
 import dataclasses as dc
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from np_drake import attitude
 from np_drake.diagnosis.forward_model.prediction import predicted_residual
@@ -16,6 +18,7 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.velocity_bias import VelocityBias
 from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.log_file import read_log, write_log
 from np_drake.vehicle import Vehicle
 
 VEHICLE = Vehicle()
@@ -182,6 +185,59 @@ def test_the_head_of_a_flight_is_as_the_whole_is_there(seen, shocked):
     ):
         np.testing.assert_allclose(of(dut)[:150], of(whole)[:150], rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(dut.driving[:149], whole.driving[:149], atol=1e-12)
+
+
+RATE_NOISE = 0.02  # [rad/s]
+
+
+def lossy(seed: int, *, jitter: float = 0.0, loss: float = 0.0, path: Path) -> FlightLog:
+    """Return a hover of 60 s at 100 Hz with gyro noise, as read from a file with jitter and lost rows.
+
+    jitter: of the instants, of the interval [1].   loss: how many of a hundred rows start a gap of four rows.
+    """
+    rng, n = np.random.default_rng(seed), 6000
+    t = 0.01 * (np.arange(n) + jitter * rng.uniform(-1, 1, n))
+    still, q = np.zeros((n, 3)), np.tile([1.0, 0, 0, 0], (n, 1))
+    u = np.tile([VEHICLE.mass * VEHICLE.gravity, 0, 0, 0], (n, 1))
+    log = FlightLog(t=t, p=still, q=q, v=still, w=RATE_NOISE * rng.normal(size=(n, 3)), u=u, a=still)
+    keep = np.ones(n, bool)
+    for row in 10 * rng.choice(np.arange(1, n // 10 - 1), round(loss / 100 * n), replace=False):
+        keep[row : row + 4] = False
+    fields = {f.name: getattr(log, f.name) for f in dc.fields(log)}
+    kept = {name: value[keep] for name, value in fields.items() if isinstance(value, np.ndarray)}
+    write_log(dc.replace(log, **kept), path)
+    return read_log(path)
+
+
+@pytest.mark.parametrize("jitter, loss", [(0.0, 0.0), (0.3, 0.0), (0.0, 1.0), (0.3, 1.0)])
+def test_gyro_noise_gives_torque_a_power_like_frequency_squared_whatever_rows_are_missing(
+    tmp_path, jitter, loss
+):
+    """The integral of torque is the change of rate, gaps included; where it is not, white slow torque shows."""
+    power = 0.0
+    for seed in range(2):
+        log = lossy(seed, jitter=jitter, loss=loss, path=tmp_path / "a.csv")
+        dut = make_flight_residuals(log, VEHICLE)
+        frequency, own = signal.welch(dut.y[:, ev.TORQUE], 1 / dut.grid.step, nperseg=1000, axis=0)
+        power = power + own
+    slow, middle = ((frequency > a) & (frequency < b) for a, b in ((0.05, 1.0), (4.0, 8.0)))
+    ratio = power[slow].sum(axis=0) / power[middle].sum(axis=0) / (1.0**3 / (8.0**3 - 4.0**3))
+    assert (
+        ratio.max() < 1.5
+    )  # of 120 periodogram bins a sixth by chance, and a tenth for the width of the window
+
+
+def test_a_constant_torque_seen_through_gaps_keeps_its_mean(tmp_path):
+    log = lossy(0, jitter=0.3, loss=1.0, path=tmp_path / "a.csv")
+    turning = dc.replace(log, w=0.1 * log.t[:, None] * [1.0, 0.0, 0.0])
+    dut = make_flight_residuals(turning, VEHICLE)
+    np.testing.assert_allclose(dut.y[:, 3], 0.1 * VEHICLE.J[0, 0], rtol=1e-6)  # of a grid of means
+
+
+def test_rows_of_a_gap_are_no_outliers(tmp_path):
+    dut = make_flight_residuals(lossy(0, loss=1.0, path=tmp_path / "a.csv"), VEHICLE)
+    assert dut.log.bridged.any()
+    assert not dut.shocks.any()
 
 
 def test_the_head_of_a_flight_that_is_not_longer_is_the_flight(seen):

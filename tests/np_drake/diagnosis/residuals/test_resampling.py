@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.diagnosis.residuals.resampling import STEP, TAPS, make_grid, natural_step, to_grid
+from np_drake.diagnosis.residuals.resampling import STEP, TAPS, Resampler, make_grid, natural_step, to_grid
 
 INSIDE = slice(TAPS + 1, -TAPS - 1)  # where the low-pass sees no held end
 
@@ -84,3 +84,24 @@ def test_flights_of_different_rates_share_a_step():
     assert grid.step == step
     slope = to_grid(grid, odd, 3.0 * odd[:, None])[TAPS:-TAPS, 0]
     np.testing.assert_allclose(slope, 3.0 * grid.t[TAPS:-TAPS], atol=1e-9)
+
+
+@given(st.integers(0, 1000), st.integers(1, 30))
+def test_means_over_intervals_of_any_length_keep_their_integral(seed, lost):
+    t = jittered(50, 4.0, seed)
+    t = np.delete(t, slice(60, 60 + lost))
+    grid, values = make_grid(t), np.random.default_rng(seed).normal(size=len(t) - 1)
+    assert grid.factor == 1
+    found = Resampler.of_intervals(grid, t)(values)
+    total = np.concatenate([[0.0], np.cumsum(values * np.diff(t))])
+    edges = np.append(grid.t[1:] - 0.5 * grid.step, grid.t[-1] + 0.5 * grid.step)
+    inside = edges < t[-1]
+    passed = np.interp(edges, t, total)
+    np.testing.assert_allclose(np.diff(passed)[inside[1:]], (found[1:] * grid.step)[inside[1:]], atol=1e-12)
+
+
+def test_the_mean_about_a_row_of_even_ones_is_that_of_its_two_intervals():
+    t, values = 0.02 * np.arange(200), np.random.default_rng(0).normal(size=199)
+    found = Resampler.of_intervals(make_grid(t), t)(values)
+    np.testing.assert_allclose(found[1:-1], 0.5 * (values[1:] + values[:-1]), atol=1e-9)
+    np.testing.assert_allclose(found[[0, -1]], values[[0, -1]], atol=1e-9)  # half a step of one

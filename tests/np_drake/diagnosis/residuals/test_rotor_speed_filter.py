@@ -7,6 +7,7 @@ import pytest
 
 from np_drake.diagnosis.adequacy.residual_statistics import slow_torque
 from np_drake.diagnosis.options import Options
+from np_drake.diagnosis.residuals.accelerations import low_pass
 from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
 from np_drake.diagnosis.residuals.rotor_speed_filter import most_likely, read_thrust
 from np_drake.effects.linear_drag import LinearDrag
@@ -33,9 +34,16 @@ def read(log: FlightLog, noise: float = NOISE, seed: int = 0) -> FlightLog:
     return dc.replace(known(log), u=rotor_wrench(VEHICLE, spin))
 
 
-def thrust_noise(log: FlightLog) -> np.ndarray:
-    """Return the mean deviation of thrust (4,) due to the noise of the readings [N]."""
-    return 2 * VEHICLE.thrust_coefficient * NOISE * np.mean(rotor_speed(VEHICLE, log.u), axis=0)
+def wrench_noise(log: FlightLog) -> np.ndarray:
+    """Return the mean deviation of thrust and torques (4,) due to the noise of the readings [N, N·m]."""
+    of_rotors = 2 * VEHICLE.thrust_coefficient * NOISE * np.mean(rotor_speed(VEHICLE, log.u), axis=0)
+    return np.sqrt(VEHICLE.mixer**2 @ of_rotors**2)
+
+
+def as_log(u: np.ndarray) -> FlightLog:
+    """Return a log at rest at 100 Hz whose rotors gave u (n, 4) [N, N·m]."""
+    zeros, q = np.zeros((len(u), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(u), 1))
+    return FlightLog(0.01 * np.arange(len(u)), zeros, q, zeros, zeros, u, input="rotor_speed")
 
 
 def test_noise_alone_goes_and_slow_motion_stays():
@@ -47,6 +55,42 @@ def test_noise_alone_goes_and_slow_motion_stays():
     assert missed[1] < 0.02
 
 
+def test_white_noise_alone_leaves_its_mean_only():
+    """A band passes by chance once in about thirty, and then with the gain of its excess, about a third."""
+    values = 5.0 + np.random.default_rng(0).normal(size=(4000, 12))
+    left = most_likely(values, np.ones(12), 0.01)
+    np.testing.assert_allclose(left.mean(axis=0), values.mean(axis=0), atol=1e-12)
+    assert left.var(axis=0).mean() < 0.012  # of the power that was read: 1 / 30 of the bands, a third of each
+
+
+def test_a_collective_motion_lets_no_noise_into_torque():
+    """All rotors share the spectrum of thrust; filtered one by one, their noise in its bands would pass as torque."""
+    rng, n = np.random.default_rng(0), 4000
+    thrust = 4.0 * low_pass(rng.normal(size=(n, 1)), 0.01, 15.0)
+    rotors = 4.0 + thrust + 0.3 * rng.normal(size=(n, 4))
+    log = as_log(rotors @ VEHICLE.mixer.T)
+    found, noise = read_thrust(log, VEHICLE)
+    left = (found @ VEHICLE.mixer.T)[:, 1:].var(axis=0) / noise[1:] ** 2
+    assert (
+        left.max() < 0.05
+    )  # of the noise that was read; the share of the bands with thrust is about a third
+    known = (found @ VEHICLE.mixer.T)[:, 0]
+    assert np.std(known - 4 * (4.0 + thrust[:, 0])) < 0.7 * noise[0]
+
+
+def test_rows_put_into_gaps_do_not_lower_the_noise():
+    rng, n = np.random.default_rng(0), 4000
+    log = as_log(4.0 + rng.normal(size=(n, 4)))
+    whole = read_thrust(log, VEHICLE)[1]
+    lost = np.zeros(n, bool)
+    for start in range(20, n - 20, 20):
+        lost[start : start + 8] = True
+    rows = np.arange(n)
+    filled = np.stack([np.interp(rows, rows[~lost], c[~lost]) for c in log.u.T], axis=1)
+    noise = read_thrust(dc.replace(log, u=filled, bridged=lost), VEHICLE)[1]
+    np.testing.assert_allclose(noise, whole, rtol=0.1)  # of a median of 1600 differences
+
+
 def test_what_was_read_without_noise_is_as_it_was_read():
     values = np.random.default_rng(0).normal(size=(501, 3))
     np.testing.assert_allclose(most_likely(values, np.zeros(3), 0.01), values, atol=1e-12)
@@ -56,7 +100,7 @@ def test_the_most_likely_thrust_is_nearer_than_what_was_read_and_its_noise_is_kn
     log = fly(noise=1.0, seconds=20.0)
     true, seen = (x.u @ VEHICLE.unmixer.T for x in (known(log), read(log)))
     found, noise = read_thrust(read(log), VEHICLE)
-    np.testing.assert_allclose(noise, thrust_noise(log), rtol=0.1)
+    np.testing.assert_allclose(noise, wrench_noise(log), rtol=0.1)
     assert np.std(found - true) < 0.5 * np.std(seen - true)
 
 
@@ -88,8 +132,7 @@ def test_thrust_that_jitters_is_no_noise_where_the_motion_answers_to_it(fly):
 def test_the_channels_know_how_well_thrust_was_read(fly):
     log = fly(seconds=20.0, vigour=0.0)
     dut = make_flight_residuals(read(log), VEHICLE)
-    raw = np.random.default_rng(1).normal(size=(20000, 4)) * thrust_noise(log) @ VEHICLE.mixer.T
-    per_grid = raw.std(axis=0) * np.sqrt(log.step / dut.grid.step)
+    per_grid = wrench_noise(log) * np.sqrt(log.step / dut.grid.step)
     np.testing.assert_allclose(dut.rotor_noise[2:6], per_grid, rtol=0.1)
     np.testing.assert_array_equal(dut.rotor_noise[[0, 1, *range(6, 15)]], 0.0)
     np.testing.assert_array_equal(make_flight_residuals(log, VEHICLE).rotor_noise, 0.0)
