@@ -17,7 +17,7 @@ def fed(dut, labels):
 def test_linear_extrapolation_is_exact_on_a_line_even_where_a_label_lacks():
     dut = LinearExtrapolation(step=0.02)
     labels = [k * RATE for k in range(6)]
-    labels[3] = np.full(6, np.nan)
+    labels[5] = np.full(6, np.nan)
     chi = dut.forecast(fed(dut, labels), horizon=4, stride=2).rollout(np.zeros((4, 6)))
     np.testing.assert_allclose(chi, np.outer([5, 7, 9, 11], RATE), atol=1e-12)
 
