@@ -21,16 +21,16 @@ def both(row, flight, square):
 
 def test_a_ratio_is_that_of_the_pooled_errors():
     scores = both(PERSISTENCE, "a", 4.0) + both(PERSISTENCE, "b", 12.0)
-    scores += both("mine", "a", 4.0) + both("mine", "b", 0.0)
+    scores += both("mine", "a", 4.0) + both("mine", "b", 5.0)
     (line,) = [
         x
         for x in pooled(scores, [5], 0.02)
         if (x["row"], x["motion"], x["kind"]) == ("mine", "known", "force")
     ]
-    assert line["ratio"] == pytest.approx(np.sqrt(4 / 16))
-    assert line["rmse"] == pytest.approx(np.sqrt(4 / 8))
+    assert line["ratio"] == pytest.approx(np.sqrt(9 / 16))
+    assert line["rmse"] == pytest.approx(np.sqrt(9 / 8))
     assert line["horizon"] == pytest.approx(0.1)
-    np.testing.assert_allclose(line["interval"], [0.0, 1.0])  # only b is drawn, or only a
+    np.testing.assert_allclose(line["interval"], [np.sqrt(5 / 12), 1.0])  # only b is drawn, or only a
 
 
 def test_a_flight_diverges_by_its_longest_forecast():
