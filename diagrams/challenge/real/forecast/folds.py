@@ -1,0 +1,80 @@
+"""Flights of the campaign by manoeuvre, and the payload that their logs hold: truth of the told pendulum alone."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from diagrams.challenge.real.campaigns import PAYLOAD, block_name, files_of, numbered_blocks
+from diagrams.challenge.real.flights import open_flights, vehicle_of
+from diagrams.challenge.real.logged_payload import logged_payload
+from diagrams.challenge.real.truth import TRUTHS
+from np_drake.effects.pendulum import Payload
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.sampled_flight import SampledFlight, sampled_flight
+from np_drake.residual_models.yardsticks.told_pendulum import (
+    Rest,
+    ToldPendulum,
+    remaining_drag,
+    told_pendulum,
+)
+from np_drake.vehicle import Vehicle
+
+DAMPING = 0.13  # of the payload's logged path, driven by the vehicle's motion; middle of 0.09 to 0.17 [1/s]
+DAMPINGS = (0.09, 0.17)  # [1/s]
+
+
+@dc.dataclass(frozen=True)
+class PayloadFlight:
+    """Opened flight, the manoeuvre it belongs to, and the payload's measured path.
+
+    t: (m,) times of the path on the clock of the log [s].   p: (m, 3) p_WPo [m].
+    """
+
+    log: FlightLog
+    vehicle: Vehicle
+    manoeuvre: str
+    t: np.ndarray
+    p: np.ndarray
+
+    def sampled(self, step: float) -> SampledFlight:
+        """Return the flight at a step [s]."""
+        return sampled_flight(self.log, self.vehicle, step=step)
+
+
+def true_payload() -> Payload:
+    """Return the payload of the campaign, hung from the origin of the vehicle."""
+    known = TRUTHS["payload"].parameters
+    return Payload(known["mass"].value, known["length"].value, (0.0, 0.0, 0.0), DAMPING)
+
+
+def open_campaign(folder: Path) -> list[PayloadFlight]:
+    """Return the flights with a payload in a folder as `reproduce real` takes, manoeuvre by manoeuvre.
+
+    Raises: ValueError: if there are not two manoeuvres; LogError: if a log cannot be used.
+    """
+    if not folder.is_dir():
+        raise ValueError(f"{folder}: must be a folder of real flights; it is not there.")
+    blocks = numbered_blocks(files_of(folder / PAYLOAD))
+    if len(blocks) < 2:
+        raise ValueError(
+            f"{folder / PAYLOAD}: must hold flights of two manoeuvres (runs of numbers); got {len(blocks)}."
+        )
+    vehicle, found = vehicle_of("payload"), []
+    for block in blocks:
+        for path in block:
+            for log in open_flights(path, vehicle):
+                found.append(PayloadFlight(log, vehicle, block_name(block), *logged_payload(path, log)))
+    return found
+
+
+def told(flight: PayloadFlight, step: float, rest: Rest | None = None) -> ToldPendulum:
+    """Return the pendulum that is told the payload of a flight, sampled at a step [s]."""
+    path = (flight.t - flight.log.t[0], flight.p)
+    return told_pendulum(flight.sampled(step), flight.vehicle, true_payload(), path, rest)
+
+
+def drag_beside(flights: Sequence[PayloadFlight], step: float) -> Rest:
+    """Return what acts beside the tether on these flights: the drag that told pendulums leave."""
+    return Rest(remaining_drag((flight.sampled(step), told(flight, step)) for flight in flights))

@@ -1,0 +1,76 @@
+"""Tables of the forecasts on payload flights."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from diagrams.challenge.real.forecast.rows import TOLD_ROWS
+from diagrams.challenge.real.forecast.scores import KINDS
+
+Table = tuple[str, list[str], list[tuple]]
+# Ratio of the lateral force that is asked for, by horizon [s].
+ASKED = {0.1: 0.50, 0.2: 0.42, 0.4: 0.45, 0.8: 0.48}
+ASKED_KIND = "lateral force"
+MARK = "*"  # behind rows that are told the truth
+
+
+def ratio_tables(lines: Sequence[Mapping[str, Any]]) -> list[Table]:
+    """Return a table for each coming motion and kind: rows against horizons, ratio and half its 95 % interval."""
+    return [
+        _ratios([line for line in lines if (line["motion"], line["kind"]) == (motion, kind)], motion, kind)
+        for motion in dict.fromkeys(line["motion"] for line in lines)
+        for kind in KINDS
+    ]
+
+
+def _ratios(lines: Sequence[Mapping[str, Any]], motion: str, kind: str) -> Table:
+    horizons = list(dict.fromkeys(line["horizon"] for line in lines))
+    rows: list[tuple] = []
+    for name in dict.fromkeys(line["row"] for line in lines):
+        cells = {line["horizon"]: _cell(line) for line in lines if line["row"] == name}
+        rows.append((marked(name), *(cells[h] for h in horizons)))
+    if kind == ASKED_KIND:
+        wanted = [next((r for at, r in ASKED.items() if abs(at - h) < 1e-6), None) for h in horizons]
+        rows.append(("asked", *("" if r is None else f"{r:.2f}" for r in wanted)))
+    title = f"{kind}: RMSE over that of persistence (± half of the 95 % interval), coming motion {motion}"
+    return title, ["ahead", *(f"{h:.3g} s" for h in horizons)], rows
+
+
+def marked(name: str) -> str:
+    """Return the name of a row, with a mark where it is told the truth."""
+    return name + MARK if name in TOLD_ROWS else name
+
+
+def _cell(line: Mapping[str, Any]) -> str:
+    ratio, half = line["ratio"], 0.5 * (line["interval"][1] - line["interval"][0])
+    if not np.isfinite(ratio):
+        return "diverges"
+    if ratio >= 100:
+        return f"{ratio:.1e}"
+    digits = 2 if ratio < 10 else 1
+    return f"{ratio:.{digits}f}" + (f"±{half:.{digits}f}" if half < 10 else "")
+
+
+def model_table(models: Sequence[Mapping[str, Any]], damping: tuple[float, float], length: float) -> Table:
+    """Return a table of each row's divergent flights, and of its tether beside the truth.
+
+    Args: models: row, diverged (by coming motion, numbers of flights), length and damping (of every fold), flights.
+    damping, length: of the true pendulum [1/s, m].
+    """
+    rows: list[tuple] = []
+    for model in models:
+        lost = model["diverged"]
+        counts = [f"{len(lost[motion])} of {model['flights']}" for motion in lost] or ["", ""]
+        rows.append((marked(model["row"]), *counts, _range(model["length"]), _range(model["damping"])))
+    rows.append(("truth", "", "", f"{length:.3f}", f"{damping[0]:.2f}–{damping[1]:.2f}"))
+    header = ["row", "diverge, known", "held", "tether [m]", "damping [1/s]"]
+    return "divergent flights; tether by the modes: mean (range) of the folds", header, rows
+
+
+def _range(values: Sequence[float]) -> str:
+    if not values:
+        return "–"
+    if np.ptp(values) < 1e-9:
+        return f"{values[0]:.3g}"
+    return f"{np.mean(values):.3g} ({min(values):.3g}–{max(values):.3g})"

@@ -1,0 +1,1 @@
+"""Simple residual models that others are measured by."""

@@ -1,0 +1,52 @@
+import io
+
+import numpy as np
+
+from diagrams.challenge.real.forecast.figure import ratio_figure
+from diagrams.challenge.real.forecast.rows import choose
+from diagrams.challenge.real.forecast.study import HORIZONS
+from diagrams.challenge.real.forecast.tables import model_table, ratio_tables
+from diagrams.cli.output import WIDTH, print_table
+
+LINES = [
+    {"row": row, "motion": motion, "kind": kind, "horizon": h, "rmse": 1.0, "ratio": ratio, "interval": [0.3, 2.9]}
+    for motion in ("known", "held")
+    for kind in ("lateral force", "force", "torque")
+    for row in choose([])
+    for h, ratio in zip(HORIZONS, (12.34, 0.5, 9.99, 1e5, np.inf, 0.123, 1.0), strict=True)
+]  # fmt: skip
+
+
+def test_every_table_fits_the_width_without_a_folded_cell(capsys):
+    swing = {"length": [0.411, 0.444], "damping": [0.123, 2.34]}
+    lost = {"known": ["a"], "held": []}
+    models = [{"row": row, "flights": 25, "diverged": lost, **swing} for row in choose([])]
+    for table in [*ratio_tables(LINES), model_table(models, (0.09, 0.17), 0.497)]:
+        print_table(*table)
+        text = capsys.readouterr().out.splitlines()
+        assert max(map(len, text)) <= WIDTH
+        assert len(text) == len(table[2]) + 5  # title, header between two lines, rows, last line
+
+
+def test_a_cell_tells_what_it_is():
+    title, header, rows = ratio_tables(LINES)[0]
+    assert "known" in title
+    assert header == ["ahead", "0.02 s", "0.1 s", "0.2 s", "0.4 s", "0.6 s", "0.8 s", "1 s"]
+    assert rows[0][1:] == (
+        "12.3±1.3",
+        "0.50±1.30",
+        "9.99±1.30",
+        "1.0e+05",
+        "diverges",
+        "0.12±1.30",
+        "1.00±1.30",
+    )
+    assert rows[-1] == ("asked", "", "0.50", "0.42", "0.45", "", "0.48", "")
+    assert ratio_tables(LINES)[1][2][-1][0] == "told + drag*"
+
+
+def test_the_figure_has_a_line_for_every_row_but_persistence_in_both_panels():
+    figure = ratio_figure([line for line in LINES if np.isfinite(line["ratio"])])
+    assert [len(axis.lines) for axis in figure.axes] == [2 + len(choose([])) - 1] * 2
+    assert len(figure.legends[0].get_texts()) == len(choose([]))
+    figure.savefig(io.BytesIO())
