@@ -38,12 +38,14 @@ def drives(before, x, hook, over_step, now, step):
 
 
 @compiled
-def along_plan(points, weight, x, u, acting, steady, hook, mass, gravity, step, stride, mean_decay, decay):
+def along_plan(
+    points, weight, x, u, acting, steady, rate_torque, hook, mass, gravity, step, stride, mean_decay, decay
+):
     """Return the wrench (N, 6) along a plan, the mean of all members over each of its steps [N, N·m].
 
     Args: points: (k, POINT), weight: (k,) of the members.   x: (N+1, 13), u: (N, 4) of the plan.   acting: (4,) wrench
-    of the rotors now [N, N·m].   steady: (3,) torque [N·m].   hook: (3,) [m].   mass: of the vehicle [kg].
-    gravity: [m/s²].   step: of the plan [s].   stride: steps of the pendulum in one of the plan.
+    of the rotors now [N, N·m].   steady: (3,) torque [N·m].   rate_torque: (3,) [N·m·s].   hook: (3,) [m].
+    mass: of the vehicle [kg].   gravity: [m/s²].   step: of the plan [s].   stride: of the pendulum's steps in it [1].
     mean_decay, decay: share of a difference that the rotors' lag leaves over a step, and at its end [1].
     """
     n, members = len(u), len(points)
@@ -70,7 +72,8 @@ def along_plan(points, weight, x, u, acting, steady, hook, mass, gravity, step, 
             wrench[i, k] = mass * (pull[i, k] + mean[PUSH + k] - drag) + thrust * z[k]
         _hook_torque(q, hook, mass * pull[i], wrench[i])
         for k in range(3):
-            wrench[i, 3 + k] += lag[1 + k] + steady[k]
+            turning = 0.5 * rate_torque[k] * (x[i, 10 + k] + x[i + 1, 10 + k])
+            wrench[i, 3 + k] += lag[1 + k] + steady[k] + turning
     return wrench
 
 

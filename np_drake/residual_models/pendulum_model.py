@@ -21,6 +21,7 @@ NUMBERS = (
     "drag",
     "drag_deviation",
 )
+VECTORS = ("hook", "rate_torque")
 
 
 @dc.dataclass(frozen=True)
@@ -31,7 +32,8 @@ class PendulumModel:
     rotor_lag: time constant of the rotors behind the command [s].
     thrust_error: actual over commanded thrust, less one, and its standard deviation [1].
     drag: of the vehicle over its mass, and its standard deviation [1/s].
-    hook: (3,) p_BoTo_B [m].   summary: key figures and origin of the training.
+    hook: (3,) p_BoTo_B [m].   rate_torque: (3,) torque about the body axes over the body rates [N·m·s].
+    summary: key figures and origin of the training.
     """
 
     step: float
@@ -43,6 +45,7 @@ class PendulumModel:
     drag: float
     drag_deviation: float
     hook: np.ndarray
+    rate_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(3))
     summary: dict[str, Any] = dc.field(default_factory=dict)
 
     def __post_init__(self):
@@ -53,8 +56,10 @@ class PendulumModel:
             raise ValueError(
                 "PendulumModel: rotor_lag must not be negative, thrust_error above -1, drag finite."
             )
-        if np.shape(self.hook) != (3,) or not np.all(np.isfinite(self.hook)):
-            raise ValueError(f"PendulumModel: hook must be three lengths [m]; got {self.hook}.")
+        for name, unit in (("hook", "m"), ("rate_torque", "N·m·s")):
+            value = getattr(self, name)
+            if np.shape(value) != (3,) or not np.all(np.isfinite(value)):
+                raise ValueError(f"PendulumModel: {name} must be three finite numbers [{unit}]; got {value}.")
 
     def save(self, path: str | Path) -> None:
         """Write the model file, whole or not at all.
@@ -62,7 +67,7 @@ class PendulumModel:
         Raises: OSError: if it cannot be written.
         """
         tensors = {name: np.array([getattr(self, name)], float) for name in NUMBERS}
-        tensors["hook"] = np.asarray(self.hook, float)
+        tensors |= {name: np.asarray(getattr(self, name), float) for name in VECTORS}
         write_tensors(tensors, {"schema": SCHEMA, "model": json.dumps({"summary": self.summary})}, path)
 
     @classmethod
@@ -73,10 +78,9 @@ class PendulumModel:
         """
         tensors, metadata = read_tensors(path, SCHEMA)
         try:
-            numbers = {name: tensors[name].item() for name in NUMBERS}
-            return cls(
-                **numbers, hook=tensors["hook"], summary=dict(json.loads(metadata["model"])["summary"])
-            )
+            content: dict[str, Any] = {name: tensors[name].item() for name in NUMBERS}
+            content |= {name: tensors[name] for name in VECTORS}
+            return cls(**content, summary=dict(json.loads(metadata["model"])["summary"]))
         except (KeyError, TypeError, ValueError) as error:
             what = f"lacks {error}" if isinstance(error, KeyError) else str(error).splitlines()[0]
             raise ValueError(f"{path}: not a usable model file: {what}") from error

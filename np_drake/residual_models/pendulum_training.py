@@ -16,7 +16,7 @@ from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory, Sample
 from np_drake.residual_models.pendulum_model import PendulumModel
 from np_drake.residual_models.pendulum_predictor import DEFAULT_BANK, RAW, PendulumPredictor
-from np_drake.rigid_body import Q
+from np_drake.rigid_body import Q, W
 from np_drake.rotor_lag import learned_rotor_lag
 from np_drake.vehicle import Vehicle
 
@@ -87,19 +87,16 @@ def _untrained(vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray
 
 def _refined(model: PendulumModel, flights: Sequence[list[Sample]]) -> PendulumModel:
     """Return the model after its filter ran over the samples of all flights, one after the other."""
-    gram, right = np.zeros((6, 6)), np.zeros(6)
+    gram, right = np.zeros((12, 12)), np.zeros(12)
     for samples in flights:
         predictor = PendulumPredictor(model, dc.replace(DEFAULT_BANK, memory=LASTING))
         memory = predictor.initial_memory()
         for k, sample in enumerate(samples):
             memory = predictor.update(memory, sample)
-            if (
-                k * model.step >= SETTLED
-                and np.all(np.isfinite(sample.chi))
-                and np.all(np.isfinite(sample.x))
-            ):
-                X = _torque_columns(predictor, memory, sample)
-                gram, right = gram + X.T @ X, right + X.T @ sample.chi[3:]
+            if k * model.step >= SETTLED:
+                X = _torque_columns(predictor.pull(memory), samples[k - 1], sample, model.step)
+                if np.all(np.isfinite(X)) and np.all(np.isfinite(sample.chi)):
+                    gram, right = gram + X.T @ X, right + X.T @ sample.chi[3:]
         thrust, thrust_deviation = _posterior(memory, kernel.THRUST_ERROR)
         drag, drag_deviation = _posterior(memory, kernel.DRAG)
         model = dc.replace(
@@ -109,7 +106,8 @@ def _refined(model: PendulumModel, flights: Sequence[list[Sample]]) -> PendulumM
             drag=drag,
             drag_deviation=max(drag_deviation, DRAG_CHANGE),
         )
-    return dc.replace(model, hook=_hook(gram, right, flights))
+    hook, rate_torque = _torque(gram, right, flights)
+    return dc.replace(model, hook=hook, rate_torque=rate_torque)
 
 
 def _posterior(memory: Memory, index: int) -> tuple[float, float]:
@@ -120,21 +118,28 @@ def _posterior(memory: Memory, index: int) -> tuple[float, float]:
     return mean, float(np.sqrt(weight @ (memory["covariance"][:, error, error] + (values - mean) ** 2)))
 
 
-def _torque_columns(predictor: PendulumPredictor, memory: Memory, sample: Sample) -> np.ndarray:
-    """Return the columns (3, 6) of the torque for the place of the hook and for a constant torque."""
-    pull = attitude.rotate_back(sample.x[Q], predictor.pull(memory))
-    x, y, z = pull
-    cross = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # hook x pull
-    return np.hstack([cross, np.eye(3)])
+def _torque_columns(pull: np.ndarray, before: Sample, sample: Sample, step: float) -> np.ndarray:
+    """Return the columns (3, 12) of the torque: hook, constant, body rates and their change about each axis.
+
+    The last stand for a wrong inertia and what is left of the rotors' lag, which the hook must not be taken for.
+    """
+    x, y, z = attitude.rotate_back(sample.x[Q], pull)
+    cross = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # of hook x pull over the hook
+    change = (sample.x[W] - before.x[W]) / step
+    return np.hstack([cross, np.eye(3), np.diag(sample.x[W]), np.diag(change)])
 
 
-def _hook(gram: np.ndarray, right: np.ndarray, flights: Sequence[list[Sample]]) -> np.ndarray:
-    """Return the hook (3,) [m] that explains the torque best, with a prior around Bo."""
-    if gram[3, 3] == 0.0:
-        return np.zeros(3)
+def _torque(
+    gram: np.ndarray, right: np.ndarray, flights: Sequence[list[Sample]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the hook (3,) [m] and the torque over the body rates (3,) [N·m·s] that explain the torque best.
+
+    The hook has a prior around Bo. What the flights do not show is zero.
+    """
     torque = np.concatenate(
         [[s.chi[3:] for s in samples if np.all(np.isfinite(s.chi))] for samples in flights]
     )
     noise = np.mean(np.diff(torque, axis=0) ** 2) / 2
-    prior = np.diag([noise / HOOK**2] * 3 + [1e-12] * 3)
-    return np.linalg.solve(gram + prior, right)[:3]
+    prior = np.diag([noise / HOOK**2] * 3 + [0.0] * 9)
+    found = np.linalg.lstsq(gram + prior, right, rcond=None)[0]
+    return found[:3], found[6:9]

@@ -128,7 +128,7 @@ def test_beside_the_plan_the_forecast_moves_as_a_linear_pendulum(model, flown):
 
 
 @given(
-    st.floats(1.0, 40.0), st.floats(0.0, 2.0), st.floats(0.005, 0.1), st.integers(0, 2**31 - 1)
+    st.floats(1.0, 40.0), st.floats(0.0, 1.9), st.floats(0.005, 0.1), st.integers(0, 2**31 - 1)
 )  # stiffness [1/s²], damping [1/s], step [s]
 @settings(max_examples=60, deadline=None)
 def test_the_linear_pendulum_is_the_matrix_exponential_and_takes_energy_only(stiffness, damping, step, seed):
@@ -260,7 +260,7 @@ def test_a_model_file_gives_back_the_model(tmp_path, model):
     path, before = tmp_path / "m.safetensors", dc.replace(model(), summary={"samples": 3})
     before.save(path)
     after = PendulumModel.load(path)
-    assert {**vars(after), "hook": 0} == {**vars(before), "hook": 0}
+    assert all(np.array_equal(vars(after)[name], value) for name, value in vars(before).items())
     np.testing.assert_array_equal(after.hook, before.hook)
 
 

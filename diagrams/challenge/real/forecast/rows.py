@@ -16,6 +16,9 @@ from np_drake.residual_models.knode_training import Piece, fit_knode
 from np_drake.residual_models.linear_baselines import fit_dmdc
 from np_drake.residual_models.motion_model import GP, KNODE, MotionModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
+from np_drake.residual_models.pendulum_model import PENDULUM
+from np_drake.residual_models.pendulum_predictor import PendulumPredictor
+from np_drake.residual_models.pendulum_training import train_pendulum
 from np_drake.residual_models.yardsticks.force_ridge import RidgeConfig, fit_force_ridge
 from np_drake.residual_models.yardsticks.naive import LinearExtrapolation, TrainingMean
 from np_drake.vehicle import Vehicle
@@ -89,6 +92,7 @@ ROWS: Mapping[str, Trainer] = {
     KNODE: train_knode,
     PAPER: train_paper,
     DEFAULT: train_default,
+    PENDULUM: lambda flights, step: PendulumPredictor(train_pendulum(flights, step=step)),
 }
 TOLD, TOLD_WITH_DRAG = "told pendulum", "told + drag"  # not predictors: they are told the truth
 TOLD_ROWS: Mapping[str, bool] = {TOLD: False, TOLD_WITH_DRAG: True}  # whether anything acts beside the tether
