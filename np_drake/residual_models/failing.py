@@ -2,9 +2,12 @@
 
 import numpy as np
 
+from np_drake.labels import ReadsLabels
 from np_drake.residual_models.base import (
     KnowsRotorLag,
     Memory,
+    Plan,
+    ReadsPlan,
     ResidualModel,
     Sample,
     WrenchForecast,
@@ -32,6 +35,10 @@ class Failing:
         self.name, self.step = f"{model.name}, {fault}", model.step
         self.rotor_lag = model.rotor_lag if isinstance(model, KnowsRotorLag) else 0.0
         self._model, self._fault, self._last = model, fault, round(onset / model.step)
+        if isinstance(model, ReadsLabels):
+            self.label = model.label
+        if isinstance(model, ReadsPlan):
+            self._along, self.forecast_along = model.forecast_along, self._forecast_along
 
     def initial_memory(self) -> Memory:
         """Return the model's memory with a count of samples."""
@@ -49,6 +56,11 @@ class Failing:
         if self._fault == "zero" and self._failed(memory):
             return no_forecast(horizon)
         return self._model.forecast(self._split(memory)[0], horizon=horizon, stride=stride)
+
+    def _forecast_along(self, memory: Memory, plan: Plan, *, horizon: int, stride: int) -> WrenchForecast:
+        if self._fault == "zero" and self._failed(memory):
+            return no_forecast(horizon)
+        return self._along(self._split(memory)[0], plan, horizon=horizon, stride=stride)
 
     def _failed(self, memory: Memory) -> bool:
         return bool(memory["samples"][0] > self._last)
