@@ -80,7 +80,7 @@ class CooperativeConfig:
 
     def _check_physics(self) -> None:
         share = self.vehicle.mass + self.reality.payload.mass / self.vehicles
-        lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_scale
+        lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.end)
         if share * self.vehicle.gravity > 0.9 * lift:
             raise ValueError(
                 f"cooperative: {share} kg a vehicle are more than the rotors can carry ({lift:.0f} N)."

@@ -13,11 +13,13 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.loop.controllers import ControllerConfig, add_controller
 from diagrams.loop.scaled import scaled
 from np_drake.effects.base import ActuatorEffect, MeasurementEffect, WrenchEffect
+from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gusty_wind import GustyWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.effects.pendulum import Payload
 from np_drake.effects.sensor_noise import SensorNoise
+from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.references.config import ReferenceConfig, make_reference
 from np_drake.residual_models.oracle import TrueModel
@@ -56,7 +58,9 @@ class RealityConfig:
     payload: PayloadConfig = dc.field(default_factory=PayloadConfig)
     rotor_drag: float = 0.25  # on each body axis; 0 for none [N·s/m]
     motor_lag: float = 0.03  # time constant of the rotor speed; 0 for none [s]
-    thrust_scale: float = 0.96  # real over nominal thrust [1]
+    command_delay: float = 0.0  # time from a command to its effect on the rotors, beyond their lag [s]
+    thrust_scale: float = 0.96  # real over nominal thrust at the start [1]
+    thrust_loss: float = 0.0  # share of the starting thrust that a falling battery takes each second [1/s]
     noise: MeasurementNoise = dc.field(default_factory=lambda: MeasurementNoise(attitude=0.003))
     wind: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0, 0.0]
@@ -71,7 +75,7 @@ class RealityConfig:
         """
         self.payload.check()
         self.noise.check()
-        for name in ("rotor_drag", "motor_lag", "gust"):
+        for name in ("rotor_drag", "motor_lag", "command_delay", "thrust_loss", "gust"):
             if not 0 <= getattr(self, name) < np.inf:
                 raise ValueError(f"RealityConfig: {name} must not be negative; got {getattr(self, name)}.")
         if not self.thrust_scale > 0:
@@ -98,8 +102,14 @@ class RealityConfig:
 
     def actuator_effects(self) -> list[ActuatorEffect]:
         """Return the effects between command and thrust, in the order of action."""
-        effects: list[ActuatorEffect] = [MotorLag(self.motor_lag)] if self.motor_lag > 0 else []
-        return effects + ([ThrustScale(self.thrust_scale)] if self.thrust_scale != 1.0 else [])
+        effects: list[ActuatorEffect] = [CommandDelay(self.command_delay)] if self.command_delay > 0 else []
+        effects += [MotorLag(self.motor_lag)] if self.motor_lag > 0 else []
+        effects += [ThrustScale(self.thrust_scale)] if self.thrust_scale != 1.0 else []
+        return effects + ([ThrustDrift(1.0, -self.thrust_loss)] if self.thrust_loss > 0 else [])
+
+    def thrust_at(self, t: float) -> float:
+        """Return real over nominal thrust at time t [s] since the start [1]."""
+        return self.thrust_scale * (1.0 - self.thrust_loss * t)
 
 
 @dc.dataclass
@@ -134,7 +144,7 @@ class FlightConfig:
             raise ValueError(f"FlightConfig: duration must be positive and finite [s]; got {self.duration}.")
         if self.controller.kind == "oracle" and self.reality.payload.tether == "rod":
             raise ValueError("FlightConfig: the oracle knows cable and no tether; got a rod.")
-        lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_scale
+        lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.end)
         if self.carried_mass * self.vehicle.gravity > 0.9 * lift:
             raise ValueError(
                 f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can carry ({lift:.3g} N). "
@@ -221,8 +231,8 @@ def make_flight_diagram(config: FlightConfig) -> tuple[Diagram, Recorder]:
     """Return reference, vehicle, sensors, controller and recorder as one Diagram, and the recorder."""
     config.check()
     builder = DiagramBuilder()
-    vehicle = builder.AddSystem(make_real_vehicle(config.vehicle, config.reality))
     period = config.controller.period
+    vehicle = builder.AddSystem(make_real_vehicle(config.vehicle, config.reality, command_period=period))
     noise: list[MeasurementEffect] = [SensorNoise(config.reality.noise)]
     rig = add_sensor_rig(builder, vehicle, config.vehicle, noise, period=period)
     ports = add_controller(
@@ -251,13 +261,17 @@ def make_flight_diagram(config: FlightConfig) -> tuple[Diagram, Recorder]:
     return diagram, recorder
 
 
-def make_real_vehicle(vehicle: Vehicle, reality: RealityConfig) -> Diagram:
-    """Return the plant with the effects that `reality` switches on."""
+def make_real_vehicle(vehicle: Vehicle, reality: RealityConfig, *, command_period: float = 0.001) -> Diagram:
+    """Return the plant with the effects that `reality` switches on.
+
+    Args: command_period: at whose multiples alone the command changes [s].
+    """
     return make_tethered_quadrotor(
         vehicle,
         reality.payload,
         wrench_effects=reality.wrench_effects(),
         actuator_effects=reality.actuator_effects(),
+        command_period=command_period,
     )
 
 
@@ -270,14 +284,15 @@ def initialise(diagram: Diagram, context: Context, config: FlightConfig, seed: i
 
 
 def simulate(
-    config: FlightConfig, *, seed: int, monitor=None, events: Sequence[Event] = ()
+    config: FlightConfig, *, seed: int, monitor=None, events: Sequence[Event] = (), tolerance: float = np.inf
 ) -> dict[str, np.ndarray]:
     """Simulate the experiment and return the recorded signals (see `Recorder.read`).
 
     Args:
         monitor: called with the flight's time [s] about every second, for progress.
         events: changes of the vehicle, each applied at its time, before the controller's own event of that instant.
-    Raises: LostVehicle: if the integrator gives up, or the vehicle leaves the arena or is below ground.
+        tolerance: distance from the reference beyond which the flight ends, looked at about every second [m].
+    Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is below ground.
     """
     diagram, recorder = make_flight_diagram(config)
     simulator = Simulator(diagram)
@@ -286,7 +301,7 @@ def simulate(
     initialise(diagram, context, config, seed)
     # Half a period beyond the end: the recorder passes the last row on at the end itself.
     end = config.end + 0.5 * config.controller.period
-    vehicle = diagram.GetSubsystemByName("tethered_quadrotor")
+    vehicle, reference = diagram.GetSubsystemByName("tethered_quadrotor"), make_reference(config.reference)
     due = {event.time: event for event in events}
     if len(due) < len(events) or any(not 0 < t < config.end for t in due):
         raise ValueError(
@@ -308,6 +323,8 @@ def simulate(
             raise lost(f"{config.controller.kind} lost the vehicle before {t:.1f} s.")
         if p_WB[2] < GROUND:
             raise lost(f"{config.controller.kind} flew into the ground before {t:.1f} s.")
+        if not np.linalg.norm(p_WB - reference.sample(np.array([t]))[0, 0]) < tolerance:
+            raise lost(f"{config.controller.kind} was off its reference at {t:.1f} s.")
         if t in due:
             due[t].apply(vehicle, context)
         if monitor is not None:

@@ -10,7 +10,12 @@ from np_drake.scaling import Scales, payload_ratio, ratios, times
 # Powers of length, mass and time in the unit of each field. Angles, shares, seeds, names and the noise of sensors have
 # none: a sensor does not shrink with the vehicle that carries it.
 FLIGHT = {"duration": (0, 0, 1)}
-REALITY = {"rotor_drag": (0, 1, -1), "motor_lag": (0, 0, 1), "wind": (1, 0, -1), "gust": (1, 0, -1)}
+REALITY = {
+    "rotor_drag": (0, 1, -1),
+    **dict.fromkeys(("motor_lag", "command_delay"), (0, 0, 1)),
+    "thrust_loss": (0, 0, -1),
+    **dict.fromkeys(("wind", "gust"), (1, 0, -1)),
+}
 REFERENCE = {
     **dict.fromkeys(("radius", "length", "width", "height", "dither"), (1, 0, 0)),
     "speed": (1, 0, -1),

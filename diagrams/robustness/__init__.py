@@ -1,1 +1,1 @@
-"""Sweeps over payload, tether, speed, wind, noise and motor lag."""
+"""Sweeps over payload, motion, air, sensors and actuators, their joint grid, and margins of delay and gain."""

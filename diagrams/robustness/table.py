@@ -4,50 +4,30 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagrams.batch.campaign import Record
-from diagrams.robustness.robustness import AXES, BASE, ROWS, Axis
+from diagrams.batch.campaign import Case, Record
+from diagrams.robustness.axes import BASE, FLOWN, Axis
+from diagrams.robustness.cells import ERRORS, Cells, summary
+from diagrams.robustness.robustness import ROWS
 
 NOMINAL = "nominal"  # row that the others are compared with
-ERRORS = ("E_xy", "E_z")  # keys of the errors [m]
 Interval = tuple[float, float]
 
 
-def along(records: Sequence[Record], axis: Axis, row: str) -> list[dict]:
-    """Return one line a value of the axis: means over the seeds, and counts.
-
-    Returns: {"value", "flights", "lost": lost or failed flights, "E_xy", "E_z" [m], "growth" [1]: None where one is
-        lost, "spread": largest relative deviation of a seed's E_xy from the mean [1], "solve_failures",
-        "at_limit" [1]}.
-    """
-    lines = []
-    for value in axis.values:
-        setting = BASE | {axis.name: value}
-        mine = [r for r in records if r["case"]["row"] == row and setting.items() <= r["case"].items()]
-        results = [r["result"] for r in mine if "result" in r]
-        kept = [result for result in results if result["lost_at"] is None]
-        whole = bool(kept) and len(kept) == len(mine)
-        line: dict = {"value": value, "flights": len(mine), "lost": len(mine) - len(kept)}
-        for key in (*ERRORS, "growth"):
-            line[key] = float(np.mean([result[key] for result in kept])) if whole else None
-        line["spread"] = _spread([result["E_xy"] for result in kept]) if whole else None
-        line["solve_failures"] = sum(result["solve_failures"] for result in results)
-        line["at_limit"] = max((result["at_limit"] for result in results), default=0.0)
-        lines.append(line)
-    return lines
+def along(cells: Cells, axis: Axis, row: str) -> list[dict]:
+    """Return one line a value of the axis: {"value", and what `summary` returns}."""
+    return [
+        {"value": value, **summary(cells.flights(row, BASE | {axis.name: value}))} for value in axis.values
+    ]
 
 
-def _spread(values: list[float]) -> float:
-    return float(np.max(np.abs(np.array(values) / np.mean(values) - 1.0)))
-
-
-def robustness_table(records: Sequence[Record], axes: Sequence[Axis] = AXES) -> list[dict]:
+def robustness_table(records: Sequence[Record], axes: Sequence[Axis] = FLOWN) -> list[dict]:
     """Return one line an axis and row that flew: `points` of `along`, and `better`, intervals by error."""
-    flown = [row.name for row in ROWS if any(r["case"]["row"] == row.name for r in records)]
-    lines = []
+    cells, lines = Cells(records), []
+    flown = [row.name for row in ROWS if row.name in cells.rows]
     for axis in axes:
-        base = along(records, axis, NOMINAL)
+        base = along(cells, axis, NOMINAL)
         for row in flown:
-            points = along(records, axis, row)
+            points = along(cells, axis, row)
             better = {key: better_than(points, base, key) for key in ERRORS}
             lines.append({"axis": axis.name, "row": row, "points": points, "better": better})
     return lines
@@ -94,8 +74,7 @@ def lost_lines(records: Sequence[Record]) -> list[str]:
     said = []
     for record in records:
         case, result = record["case"], record.get("result")
-        setting = ", ".join(f"{axis.title} {axis.says(case[axis.name])}" for axis in AXES)
-        head = f"{case['row']}, {setting}, seed {case['seed']}: "
+        head = f"{case['row']}, {_off_base(case)}, seed {case['seed']}: "
         if result is None:
             said.append(f"{head}failed: {record['error']}")
         elif result["lost_at"] is not None:
@@ -106,12 +85,18 @@ def lost_lines(records: Sequence[Record]) -> list[str]:
     return said
 
 
+def _off_base(case: Case) -> str:
+    """Return the quantities of a case that are off their base."""
+    off = [f"{axis.title} {axis.says(case[axis.name])}" for axis in FLOWN if case[axis.name] != axis.base]
+    return ", ".join(off) or "base"
+
+
 def axes_of(lines: Sequence[dict]) -> list[Axis]:
     """Return the axes that occur in the lines of `robustness_table`."""
-    return [axis for axis in AXES if any(line["axis"] == axis.name for line in lines)]
+    return [axis for axis in FLOWN if any(line["axis"] == axis.name for line in lines)]
 
 
-def extremes(records: Sequence[Record], axes: Sequence[Axis] = AXES) -> list[str]:
+def extremes(records: Sequence[Record], axes: Sequence[Axis] = FLOWN) -> list[str]:
     """Return, for each axis, a line on the flight that came nearest to a rotor's limit."""
     said = []
     for axis in axes:

@@ -20,6 +20,9 @@ class TrueModel:
 
     believed: the vehicle that the controller assumes.   payload: None without one.   wrench_effects, actuator_effects:
     effects that act in the simulation.
+
+    Of a delayed command it knows the delay but not the commands that are on their way: until the first planned command
+    arrives it holds the present thrust, so that it is no upper limit there.
     """
 
     believed: Vehicle

@@ -1,82 +1,97 @@
 """`np-drake reproduce robustness`: where each controller stops being better than nominal, and where it is lost."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
-from diagrams.cli.columns import MISSING, Column, tabulate
+from diagrams.cli.columns import MISSING, Column, spread, tabulate
 from diagrams.cli.output import Table, counted, progress
 from diagrams.cli.reproduce.campaign import Campaign, campaign, choose_rows
+from diagrams.cli.reproduce.robustness_grid import grid_figures, grid_printed
+from diagrams.cli.reproduce.sweep import (
+    Duration,
+    OutOfCases,
+    Scheduler,
+    cost,
+    make_sweep,
+    require_result,
+    title_of,
+    trained,
+)
 from diagrams.cli.runner import Report
 
 if TYPE_CHECKING:
     from diagrams.batch.campaign import Record
-    from diagrams.robustness.robustness import Axis
-
-CASES = "cases"  # folder in --out with a file for every case
-OutOfCases = Annotated[
-    Path | None, Option("--out", metavar="DIR", help="Folder for the figure and every case, to resume from.")
-]
+    from diagrams.robustness.axes import Axis, Grid
 
 
-@campaign(seeds=2, out=OutOfCases)
+@campaign(seeds=3, out=OutOfCases)
 def robustness(
     run: Campaign,
-    scheduler: Annotated[
-        str, Option(metavar="ADDRESS", help="Fly on the Dask cluster of this scheduler: tcp://HOST:PORT.")
-    ] = "",
+    scheduler: Scheduler = "",
     only: options.Only = None,
     axis: Annotated[
-        list[str] | None, Option(help="Only these axes: mass | length | speed | wind | noise | lag.")
+        list[str] | None,
+        Option(help="Only these axes: mass | length | speed | wind | gust | noise | lag | delay | loss."),
     ] = None,
-    duration: Annotated[float, Option(min=10.0, help="Of a flight, after the ramp [s].")] = 20.0,
+    grid: Annotated[
+        bool, Option("--grid", help="Also fly every payload mass with every tether length at every speed.")
+    ] = False,
+    grid_values: Annotated[
+        int | None,
+        Option(min=2, max=5, help="Evenly spaced values of each quantity of the grid; default: all."),
+    ] = None,
+    duration: Duration = 20.0,
 ) -> Report:
-    """Payload, tether, speed, wind and noise, one by one. --out DIR: figure, and cases to resume from."""
-    from diagrams.batch.cluster import client
-
-    if scheduler:
-        with client(scheduler):
-            pass  # refused before any work
+    """Payload, tether, speed, wind, noise, motors, delay and battery. --out DIR: figures, and cases to resume from."""
+    sweep = make_sweep(run, scheduler, duration)
     from diagrams.robustness import robustness as experiment
+    from diagrams.robustness.axes import Grid
     from diagrams.robustness.figure import robustness_figure
+    from diagrams.robustness.grid_table import grid_points, grid_table
     from diagrams.robustness.table import robustness_table
-    from np_drake.mpc.solvers import require_solver
 
-    rows, axes = choose_rows(experiment.ROWS, only), _axes(axis or [])
-    require_solver(run.solver)
+    rows, axes, chosen = choose_rows(experiment.ROWS, only), _axes(axis or []), Grid() if grid else None
+    if grid_values is not None:
+        chosen = _thinned(chosen, grid_values)
     with progress("robustness", 1.0) as advance:
         trainings, flights = experiment.run_robustness(
-            run.folder / CASES if run.out else None,
+            sweep,
+            seeds=run.seeds,
             rows=rows,
             axes=axes,
-            duration=duration,
-            jobs=run.jobs,
-            scheduler=scheduler,
-            on_training=lambda done, total: advance(0.0, f"{done} of {total} trainings"),
+            grid=chosen,
+            on_training=trained(advance),
             on_progress=counted(advance, "flights"),
-            **run.settings,
         )
-    if all("error" in record for record in flights):
-        raise FailedRun(f"no flight has a result; the first: {flights[0]['error']}")
-    lines = robustness_table(flights, axes)
+    require_result(flights)
+    lines, title = robustness_table(flights, axes), title_of(run, duration)
+    points = grid_points(flights, chosen) if chosen else []
     config = experiment.campaign_config(run.seed, run.solver, duration) | {"seeds": run.seeds}
-    title = _title(run, duration)
+    tables = [limits_printed(lines, title), *(errors_printed(lines, key, title) for key in ("E_xy", "E_z"))]
+    figures = {"robustness.png": lambda: robustness_figure(lines, f"circle, {title}")}
     return Report(
-        [limits_printed(lines, title), errors_printed(lines, title)],
+        [*tables, *grid_printed(grid_table(points), title)],
         config=config,
-        metrics={"table": lines, "runs": [*trainings, *flights]},
+        metrics={
+            "table": lines,
+            "grid": {"points": points, "table": grid_table(points)},
+            "runs": [*trainings, *flights],
+        },
         notes=[*_notes(trainings, flights, lines), *(f"{name}: {value}" for name, value in config.items())],
-        figures={"robustness.png": lambda: robustness_figure(lines, f"circle, {title}")},
+        figures=figures | grid_figures(points, chosen, f"circle, {title}"),
     )
 
 
-def _title(run: Campaign, duration: float) -> str:
-    first, *_, last = [*run.seeds, run.seeds[-1]]
-    seeds = f"seed {first}" if first == last else f"seeds {first} … {last}"
-    return f"{seeds}, {duration:g} s, trained on seed {run.seed}, {run.solver}"
+def _thinned(grid: "Grid | None", count: int) -> "Grid":
+    """Return the grid of `count` values of each quantity.
+
+    Raises: ValueError: without a grid.
+    """
+    if grid is None:
+        raise ValueError("--grid-values: must come with --grid.")
+    return grid.thinned(count)
 
 
 def _axes(names: list[str]) -> "list[Axis]":
@@ -84,12 +99,12 @@ def _axes(names: list[str]) -> "list[Axis]":
 
     Raises: ValueError: on an unknown one.
     """
-    from diagrams.robustness.robustness import AXES
+    from diagrams.robustness.axes import FLOWN
 
-    known = [axis.name for axis in AXES]
+    known = [axis.name for axis in FLOWN]
     if unknown := set(names) - set(known):
         raise ValueError(f"--axis: must be one of {', '.join(known)}; got {', '.join(sorted(unknown))}.")
-    return [axis for axis in AXES if not names or axis.name in names]
+    return [axis for axis in FLOWN if not names or axis.name in names]
 
 
 def _notes(trainings: "list[Record]", flights: "list[Record]", lines: list[dict]) -> list[str]:
@@ -97,19 +112,17 @@ def _notes(trainings: "list[Record]", flights: "list[Record]", lines: list[dict]
     from diagrams.robustness.table import axes_of, extremes, lost_lines
 
     lost = lost_lines(flights)
-    failed = [f"training of {r['case']['model']}: {r['error']}" for r in trainings if "error" in r]
     points = [point for line in lines for point in line["points"]]
     spread = [p["spread"] for p in points if p["spread"] and p["flights"] > 1]
     said = [f"E_xy of a seed is at most {100 * max(spread):.0f} % off the mean of its cell"] if spread else []
-    minutes = sum(record["seconds"] or 0.0 for record in [*trainings, *flights]) / 60
     return [
         f"{len(flights)} flights, lost or failed: {len(lost)}; failed solves: "
         f"{sum(r['result']['solve_failures'] for r in flights if 'result' in r)}",
-        *failed,
+        *(f"training of {r['case']['model']}: {r['error']}" for r in trainings if "error" in r),
         *lost,
         *extremes(flights, axes_of(lines)),
         *said,
-        f"processor time of all cases: {minutes:.0f} min",
+        cost([*trainings, *flights]),
     ]
 
 
@@ -152,20 +165,22 @@ def _intervals(line: dict, key: str, values: tuple[float, ...]) -> str:
     return ", ".join(f"{a:.3g} … {b:.3g}" if b > a else f"{a:.3g}" for a, b in found) or "nowhere"
 
 
-def errors_printed(lines: list[dict], title: str) -> Table:
-    """Return the table of errors: a block for every axis, whose first row has the values; errors in cm."""
+def errors_printed(lines: list[dict], key: str, title: str) -> Table:
+    """Return the table of the error `key` in cm: a block for every axis, whose first row has the values."""
     from diagrams.robustness.table import axes_of
 
-    axes = axes_of(lines)
-    header = [""] * (1 + max(len(axis.values) for axis in axes))
+    axes, value = axes_of(lines), spread(key)
+    header = [""] * (1 + max((len(axis.values) for axis in axes), default=0))
     rows: list[tuple] = []
+
+    def error(point: dict) -> str:
+        return f"lost {point['lost']} of {point['flights']}" if point["lost"] else value(point)
+
     for axis in axes:
         rows.append((f"{axis.title} [{axis.unit}]", *(f"{value:g}" for value in axis.values)))
-        rows += [(line["row"], *map(_errors, line["points"])) for line in lines if line["axis"] == axis.name]
-    return f"E_xy / E_z [cm]; {title}", header, [(*row, *header[len(row) :]) for row in rows]
-
-
-def _errors(point: dict) -> str:
-    if point["lost"]:
-        return f"lost {point['lost']} of {point['flights']}"
-    return f"{100 * point['E_xy']:.2f} / {100 * point['E_z']:.2f}"
+        rows += [(line["row"], *map(error, line["points"])) for line in lines if line["axis"] == axis.name]
+    return (
+        f"{key} [cm], mean and 95 % interval; {title}",
+        header,
+        [(*row, *header[len(row) :]) for row in rows],
+    )

@@ -198,6 +198,12 @@ def test_a_lost_vehicle_is_a_failed_run_and_no_result(monkeypatch):
         fly(short(), seed=0)
 
 
+def test_a_flight_ends_where_it_is_off_its_reference():
+    with pytest.raises(FailedRun, match=r"nominal was off its reference at 1\.0 s") as caught:
+        flight.simulate(short(), seed=0, tolerance=1e-6)  # [m]
+    assert caught.value.signals["t"][-1] == pytest.approx(1.0, abs=0.03)  # [s]; a period
+
+
 def test_a_predictor_trained_on_other_labels_does_not_fly():
     config = short(kind="np")
     config.controller.extra_mass = 0.26
