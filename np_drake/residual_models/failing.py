@@ -58,8 +58,8 @@ class Failing:
         return self._model.forecast(self._split(memory)[0], horizon=horizon, stride=stride)
 
     def _forecast_along(self, memory: Memory, plan: Plan, *, horizon: int, stride: int) -> WrenchForecast:
-        if self._fault == "zero" and self._failed(memory):
-            return no_forecast(horizon)
+        if self._failed(memory):  # the plan is lost with the samples
+            return self.forecast(memory, horizon=horizon, stride=stride)
         return self._along(self._split(memory)[0], plan, horizon=horizon, stride=stride)
 
     def _failed(self, memory: Memory) -> bool:
