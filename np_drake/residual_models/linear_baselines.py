@@ -26,7 +26,7 @@ DELAYS = 10  # samples that delay DMDc and the ridge see [1]
 NOISE = 1e-3  # of the ridge's samples, in units of their scale [1]
 
 
-class _Windowed:
+class Windowed:
     """Residual model of the last `window` samples; until there are so many, it holds the label."""
 
     def __init__(self, name: str, step: float, window: int):
@@ -43,11 +43,12 @@ class _Windowed:
         window = np.concatenate([memory["window"][1:], row[None]])
         return {"window": window, "count": np.minimum(memory["count"] + 1.0, self.window)}
 
-    def _full(self, memory: Memory) -> bool:
+    def full(self, memory: Memory) -> bool:
+        """Return whether the window holds as many samples as it can."""
         return memory["count"][0] == self.window
 
 
-class LinearBaseline(_Windowed):
+class LinearBaseline(Windowed):
     """Lifted linear system without stabilisation, z = E w;  z+ = A z + B zeta,  chi = C z.
 
     Source: Proctor, Brunton, Kutz 2016 (DMDc), delays as states.
@@ -59,7 +60,7 @@ class LinearBaseline(_Windowed):
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the rolled-out system; the last label held before the window is full."""
-        if not self._full(memory):
+        if not self.full(memory):
             return constant_forecast(memory["window"][-1, :6], horizon)
         s = self.system.resample(stride)
         return WrenchForecast(s.A, s.B, s.C, self._encoder(memory["window"]), np.zeros((horizon, 6)))
@@ -70,7 +71,7 @@ class LinearBaseline(_Windowed):
         return FlightForecasts(self.window - 1, s.A, s.B, s.C, z, np.zeros((len(z), 6)))
 
 
-class RidgeBaseline(_Windowed):
+class RidgeBaseline(Windowed):
     """Separate linear map chi_hat_h = W_h w for every fitted horizon.
 
     It is interpolated linearly between them and held beyond.
@@ -87,7 +88,7 @@ class RidgeBaseline(_Windowed):
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return a forecast that ignores the coming zeta."""
-        if not self._full(memory):
+        if not self.full(memory):
             return constant_forecast(memory["window"][-1, :6], horizon)
         features = np.append(memory["window"].ravel(), 1.0)
         steps = stride * np.arange(horizon)

@@ -25,7 +25,7 @@ LEAST_WEIGHT = 0.01  # of a member in a forecast [1]
 
 
 class PendulumPredictor:
-    """Pendulums of several lengths under the vehicle, in still and in gusty air, weighed by how they foretell labels.
+    """Pendulums of several lengths and conditions under the vehicle, weighed by how well they predict the labels.
 
     The forecast is that of every member along the plan (mean by weight). Where the motion departs from the plan, the
     tether follows as a linear pendulum: z = [r, s] in x and y with r the payload's distance from the hook and s its

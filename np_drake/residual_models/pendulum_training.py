@@ -50,7 +50,6 @@ def train_pendulum(
     summary = {
         "origin": origin_of("world", vehicle, RAW),
         "samples": sum(map(len, samples)),
-        "rotor_lag": lag,
     }
     return dc.replace(model, summary=summary)
 

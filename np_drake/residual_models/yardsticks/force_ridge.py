@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from np_drake import rigid_body
 from np_drake.lifting.training.segments import Segment, check_segments
-from np_drake.residual_models.base import Memory, Sample, WrenchForecast, constant_forecast
+from np_drake.residual_models.base import Memory, WrenchForecast, constant_forecast
+from np_drake.residual_models.linear_baselines import Windowed
 
 
 class Group(NamedTuple):
@@ -36,7 +36,7 @@ class RidgeConfig:
     noise: float = 0.1  # deviation of the features that a weight pays for [their standard deviation]
 
 
-class ForceRidge:
+class ForceRidge(Windowed):
     """Residual model chi_h = W_h [window; 1] for every fitted horizon h, by groups of channels.
 
     It ignores the coming motion.
@@ -44,27 +44,14 @@ class ForceRidge:
     weights: by group (inputs W + 1, H, outputs) of the window, oldest sample first, and of 1.
     """
 
-    name = "ridge"
-
     def __init__(self, step: float, window: int, horizons: np.ndarray, weights: Sequence[np.ndarray]):
-        self.step, self.window = step, window
+        super().__init__("ridge", step, window)
         self._horizons, self._weights = horizons, list(weights)
-
-    def initial_memory(self) -> Memory:
-        """Return the memory before any sample: window (W, 12) of [chi, zeta], oldest first, and the count in it."""
-        return {"window": np.zeros((self.window, 12)), "count": np.zeros(1)}
-
-    def update(self, memory: Memory, sample: Sample) -> Memory:
-        """Return the memory after one more sample; what is NaN repeats the sample before."""
-        row = np.concatenate([sample.chi, rigid_body.zeta(np.asarray(sample.x, float))])
-        row = np.where(np.isfinite(row), row, memory["window"][-1])
-        window = np.concatenate([memory["window"][1:], row[None]])
-        return {"window": window, "count": np.minimum(memory["count"] + 1.0, self.window)}
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the forecast, beyond the last fitted horizon held; the label held until the window is full."""
         window = memory["window"]
-        if memory["count"][0] < self.window:
+        if not self.full(memory):
             return constant_forecast(window[-1, :6], horizon)
         fitted = np.empty((len(self._horizons), 6))
         for group, W in zip(GROUPS, self._weights, strict=True):
