@@ -3,6 +3,7 @@
 from pydrake.common.value import Value
 
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
+from np_drake.vehicle import Vehicle
 from systems.residual_predictor import ResidualPredictor
 
 
@@ -16,6 +17,8 @@ class NeuralPredictor(ResidualPredictor):
         - x
         - u
         - label
+        - sent
+        - delay
         output_ports:
         - forecast
         - chi_hat
@@ -24,6 +27,7 @@ class NeuralPredictor(ResidualPredictor):
     | port | size | meaning | unit |
     |---|---|---|---|
     | x, u, label | 13, 4, 6 | as `ResidualPredictor` | |
+    | sent, delay | 4 KEPT, 1 | as `ResidualPredictor`, where `vehicle` is given | N, N·m, s |
     | forecast | WrenchForecast | A, B, C and z at the MPC's step, with the sample at hand; feeds through | |
     | chi_hat | 6 | the forecast's first wrench, as of the last event | N, N·m |
     | lifted_linear_system | LiftedLinearSystem | A, B, C at the predictor's own step, as of the last event | |
@@ -34,8 +38,10 @@ class NeuralPredictor(ResidualPredictor):
     Event: periodic, every `model.step`. Before the window is full, on NaN and on dropped samples: see the model.
     """
 
-    def __init__(self, model: NeuralPredictorModel, *, horizon: int, stride: int):
-        super().__init__(model, horizon=horizon, stride=stride)
+    def __init__(
+        self, model: NeuralPredictorModel, *, horizon: int, stride: int, vehicle: Vehicle | None = None
+    ):
+        super().__init__(model, horizon=horizon, stride=stride, vehicle=vehicle)
         self._np = model
         self.DeclareAbstractOutputPort(
             "lifted_linear_system", Value[object], self._calc_system, {self.xd_ticket()}

@@ -1,10 +1,15 @@
 """LeafSystem for any residual model."""
 
+import dataclasses as dc
+
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector
 
+from np_drake.command_delay import KEPT
 from np_drake.residual_models.base import Memory, ReadsPlan, ResidualModel, Sample, WrenchForecast
+from np_drake.residual_models.look_ahead import LookAhead
+from np_drake.vehicle import Vehicle
 from systems.memory import MemorySystem
 from systems.plan_ports import PlanPorts
 
@@ -21,6 +26,8 @@ class ResidualPredictor(MemorySystem):
         - label
         - plan_u
         - plan_x
+        - sent
+        - delay
         output_ports:
         - forecast
         - chi_hat
@@ -31,7 +38,9 @@ class ResidualPredictor(MemorySystem):
     | u | 4 | command that acted up to now | N, N·m |
     | label | 6 | wrench label now; NaN where there is none | N, N·m |
     | plan_u, plan_x | 4 N, 13 (N+1) | the MPC's last plan, one period old; where the model is a `ReadsPlan` | |
-    | forecast | WrenchForecast | with the sample at hand taken in; feeds through | |
+    | sent | 4 KEPT | commands, the newest first (`DelayEstimator`); where `vehicle` is given | N, N·m |
+    | delay | 1 | after which the next command acts; where `vehicle` is given, unconnected: 0 | s |
+    | forecast | WrenchForecast | from `delay` on, with the sample at hand taken in; feeds through | |
     | chi_hat | 6 | the forecast's first wrench, as of the last event | N, N·m |
 
     State: one discrete group per array of the model's memory (sorted by name), then chi_hat (6).
@@ -39,9 +48,10 @@ class ResidualPredictor(MemorySystem):
 
     Args:
         horizon: N of the forecast.   stride: model steps in one step of the forecast.
+        vehicle: nominal, predicts the motion until the next command acts; None: commands act at once.
     """
 
-    def __init__(self, model: ResidualModel, *, horizon: int, stride: int):
+    def __init__(self, model: ResidualModel, *, horizon: int, stride: int, vehicle: Vehicle | None = None):
         super().__init__()
         self._model, self._span = model, {"horizon": horizon, "stride": stride}
         self._x_port = self.DeclareVectorInputPort("x", 13)
@@ -50,6 +60,10 @@ class ResidualPredictor(MemorySystem):
         self._plan = None
         if isinstance(model, ReadsPlan):
             self._plan = PlanPorts(self, horizon=horizon, step=stride * model.step, age=model.step)
+        self._look_ahead = None if vehicle is None else LookAhead(model, vehicle)
+        if self._look_ahead is not None:
+            self._sent_port = self.DeclareVectorInputPort("sent", 4 * KEPT)
+            self._delay_port = self.DeclareVectorInputPort("delay", 1)
         initial = model.initial_memory()
         self._declare_memory(initial)
         first = model.forecast(initial, **self._span).first
@@ -64,7 +78,14 @@ class ResidualPredictor(MemorySystem):
             self._x_port.Eval(context), self._u_port.Eval(context), self._label_port.Eval(context)
         )
         memory = self._model.update(self.memory(context), sample)
-        return memory, self._forecast(context, memory)
+        if self._look_ahead is None or not self._delay_port.HasValue(context):
+            return memory, self._forecast(context, memory)
+        delay = self._delay_port.Eval(context)[0]
+        if delay == 0.0 or not np.all(np.isfinite(sample.x)):
+            return memory, self._forecast(context, memory)
+        sent = self._sent_port.Eval(context).reshape(KEPT, 4)
+        later, start = self._look_ahead(memory, sample.x, sent, delay)
+        return memory, dc.replace(self._forecast(context, later), start=start)
 
     def _forecast(self, context, memory: Memory) -> WrenchForecast:
         if self._plan is None or not isinstance(self._model, ReadsPlan):

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
+from np_drake.command_delay import LONGEST, DelayFilter
 from np_drake.labels import LabelConfig, ReadsLabels
 from np_drake.lifting.model.model_file import schema_of
 from np_drake.lifting.model.origin import Trained, origin_of, require_origin
@@ -13,7 +14,7 @@ from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.solvers import make_solver, require_solver
 from np_drake.references.base import Reference
-from np_drake.residual_models.base import KnowsRotorLag, ReadsPlan, ResidualModel
+from np_drake.residual_models.base import KnowsDelay, KnowsRotorLag, ReadsPlan, ResidualModel
 from np_drake.residual_models.disturbance_observer import DisturbanceObserver
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.motion_model import REACTIONS, MotionModel
@@ -23,6 +24,7 @@ from np_drake.residual_models.pendulum_model import SCHEMA as PENDULUM_SCHEMA
 from np_drake.residual_models.pendulum_predictor import PendulumPredictor
 from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
+from systems.delay_estimator import DelayEstimator
 from systems.neural_predictor import NeuralPredictor
 from systems.np_mpc import NpMpc
 from systems.reference_source import ReferenceSource
@@ -47,6 +49,10 @@ class ControllerConfig:
     hold_bandwidth: float = np.inf  # of kind hold: a low-pass on top of the labels' own [Hz]
     predictor: str = ""  # model file of kind np, gp, knode; np: empty for the one that ships with the package
     period: float = 0.02  # between solves, and between samples of the predictor [s]
+    command_delay: float = (
+        0.0  # from a command to its effect on the rotors, beyond their lag; 0: as trained [s]
+    )
+    track_delay: bool = False  # follow the delay in flight; a model that knows its own always does
     solver: str = "ipopt"  # ipopt | sqp | ipopt_multiple_shooting
     deadline: float = np.inf  # a later answer is discarded; solvers wrap up at half of it [s]
     mpc: MpcConfig = dc.field(default_factory=MpcConfig)
@@ -64,6 +70,10 @@ class ControllerConfig:
         require_solver(self.solver)
         if not 0 < self.period < np.inf or not self.deadline > 0 or not self.hold_bandwidth > 0:
             raise ValueError("controller: period, deadline [s] and hold_bandwidth [Hz] must be positive.")
+        if not 0 <= self.command_delay <= LONGEST * self.period:
+            raise ValueError(
+                f"controller: command_delay must be 0 to {LONGEST * self.period:g} s; got {self.command_delay}."
+            )
         if not 0 <= self.extra_mass < np.inf:
             raise ValueError(
                 f"controller: extra_mass must be finite and not negative [kg]; got {self.extra_mass}."
@@ -198,10 +208,14 @@ def add_controller(
     builder.Connect(source.GetOutputPort("flat"), mpc.GetInputPort("flat"))
     builder.Connect(rig.GetOutputPort("x"), estimator.GetInputPort("x"))
     builder.Connect(rig.GetOutputPort("acceleration"), estimator.GetInputPort("acceleration"))
-    builder.Connect(mpc.GetOutputPort("u"), estimator.GetInputPort("u"))
     ports = {"u": mpc.GetOutputPort("u"), "label": estimator.GetOutputPort("last_label")}
+    delay = _add_delay_estimator(builder, config, believed, model, rig, mpc, source)
+    acting = mpc.GetOutputPort("u") if delay is None else delay.GetOutputPort("acting")
+    builder.Connect(acting, estimator.GetInputPort("u"))
     if model is not None:
-        ports["chi_hat"] = _add_predictor(builder, model, config, rig, estimator, mpc)
+        ports["chi_hat"] = _add_predictor(
+            builder, model, config, believed, rig=rig, estimator=estimator, mpc=mpc, delay=delay
+        )
     elif config.kind == "oracle":
         if truth is None or true_model is None:
             raise ValueError("controller: the oracle needs the real vehicle; there is none here.")
@@ -211,19 +225,44 @@ def add_controller(
     return ports
 
 
+def _add_delay_estimator(
+    builder, config: ControllerConfig, vehicle: Vehicle, model: ResidualModel | None, rig, mpc, source
+) -> DelayEstimator | None:
+    """Add what tells which command acts, and return it; None where commands act at once."""
+    learned = model.delay if isinstance(model, KnowsDelay) else 0.0
+    known, track = config.command_delay or learned, config.track_delay or isinstance(model, KnowsDelay)
+    if model is None or (known == 0.0 and not track):
+        return None
+    delay_filter = DelayFilter(labelled(vehicle, model), step=config.period, known=known, track=track)
+    system = builder.AddNamedSystem("delay_estimator", DelayEstimator(delay_filter))
+    builder.Connect(rig.GetOutputPort("x"), system.GetInputPort("x"))
+    builder.Connect(rig.GetOutputPort("acceleration"), system.GetInputPort("acceleration"))
+    builder.Connect(mpc.GetOutputPort("u"), system.GetInputPort("u"))
+    builder.Connect(system.GetOutputPort("delay"), source.GetInputPort("lead"))
+    return system
+
+
 def _add_predictor(
-    builder, model: ResidualModel, config: ControllerConfig, rig, estimator, mpc
+    builder,
+    model: ResidualModel,
+    config: ControllerConfig,
+    vehicle: Vehicle,
+    *,
+    rig,
+    estimator,
+    mpc,
+    delay: DelayEstimator | None,
 ) -> OutputPort:
     """Add the residual model between estimator and MPC, and return its chi_hat."""
-    span = {"horizon": config.mpc.horizon, "stride": config.stride}
-    system: ResidualPredictor
-    if isinstance(model, NeuralPredictorModel):
-        system = NeuralPredictor(model, **span)
-    else:
-        system = ResidualPredictor(model, **span)
+    kind = NeuralPredictor if isinstance(model, NeuralPredictorModel) else ResidualPredictor
+    system = kind(model, horizon=config.mpc.horizon, stride=config.stride, vehicle=delay and vehicle)
     predictor = builder.AddNamedSystem("predictor", system)
     builder.Connect(rig.GetOutputPort("x"), predictor.GetInputPort("x"))
-    builder.Connect(mpc.GetOutputPort("u"), predictor.GetInputPort("u"))
+    acting = mpc.GetOutputPort("u") if delay is None else delay.GetOutputPort("acting")
+    builder.Connect(acting, predictor.GetInputPort("u"))
+    if delay is not None:
+        for name in ("sent", "delay"):
+            builder.Connect(delay.GetOutputPort(name), predictor.GetInputPort(name))
     builder.Connect(estimator.GetOutputPort("label"), predictor.GetInputPort("label"))
     if isinstance(model, ReadsPlan):
         _connect_plan(builder, mpc, predictor)

@@ -61,11 +61,14 @@ class MpcController:
     def problem(self, x: np.ndarray, flat: np.ndarray, forecast: WrenchForecast | None) -> MpcProblem:
         """Return the problem at this instant.
 
-        References follow the wrench that the reference motion itself would meet.
-        Args: x: (13,) measured; flat: (5, N+1, 3) reference motion; forecast: None for the nominal MPC.
+        References follow the wrench that the reference motion itself would meet. Where commands are on their way, the
+        problem begins where the forecast does.
+        Args: x: (13,) measured; flat: (5, N+1, 3) reference motion from the problem's beginning; forecast: None for the
+        nominal MPC.
         """
         N = self.config.horizon
         forecast = forecast or no_forecast(N)
+        x = x if forecast.start is None else forecast.start
         chi = np.zeros((N + 1, 6))
         if self._target_shift:
             w_ref = body_rates(self.vehicle, flat[:, :N])

@@ -60,6 +60,7 @@ class WrenchForecast:
 
     A: (K, K)   B: (K, 6) per [m/s, rad/s]   C: (6, K)   z: (K,) lifted state now   offset: (N, 6) [N, N·m].
     reaction: g, None for zero.   zeta: (6,) measured now; used by g alone [m/s, rad/s].
+    start: (13,) state at t_k where that lies ahead, as commands are on their way until then; None: t_k is now.
     """
 
     A: np.ndarray
@@ -69,6 +70,7 @@ class WrenchForecast:
     offset: np.ndarray
     reaction: Reaction | None = None
     zeta: np.ndarray = dc.field(default_factory=lambda: np.zeros(6))
+    start: np.ndarray | None = None
 
     @property
     def first(self) -> np.ndarray:
@@ -158,6 +160,13 @@ class KnowsRotorLag(Protocol):
     """A residual model whose labels need the command filtered by the rotor lag of its training."""
 
     rotor_lag: float  # [s]
+
+
+@runtime_checkable
+class KnowsDelay(Protocol):
+    """A residual model whose training has shown how long commands are on their way; it is followed in flight."""
+
+    delay: float  # [s]
 
 
 @runtime_checkable
