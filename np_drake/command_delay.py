@@ -117,3 +117,11 @@ def acting_commands(sent: np.ndarray, delay: float) -> np.ndarray:
     whole = int(delay)
     part = delay - whole
     return (1 - part) * sent[whole::-1] + part * sent[whole + 1 : 0 : -1]
+
+
+def commands_under_way(sent: np.ndarray, parts: int) -> np.ndarray:
+    """Return the commands that will act before the next one does, one each `FINE`-th of a period, (parts, 4).
+
+    Args: sent: (KEPT, 4) commands, the newest first [N, N·m].   parts: the delay [periods / FINE].
+    """
+    return sent[(np.arange(parts, 0, -1) - 1) // FINE]

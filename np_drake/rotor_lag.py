@@ -1,4 +1,4 @@
-"""Identification of the rotors' lag behind the command from flight logs."""
+"""Identification of how late commands act from flight logs: their delay, and the rotors' lag behind it."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -7,6 +7,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from np_drake import attitude
+from np_drake.command_delay import CHANGED
 from np_drake.labels import raw_labels
 from np_drake.logs.flight_log import FlightLog
 from np_drake.scaling import ratios
@@ -28,8 +29,43 @@ def learned_rotor_lag(flights: Sequence[tuple[FlightLog, Vehicle]]) -> float:
     Args: flights: logs with accelerations, and the vehicle of each.
     """
     sought = [(log, v) for log, v in flights if log.input == "command" and v.rotor_time_constant == 0]
-    if not sought:
-        return 0.0
+    return _best_lag(sought)[0] if sought else 0.0
+
+
+def learned_timing(
+    flights: Sequence[tuple[FlightLog, Vehicle]], delays: Sequence[float]
+) -> tuple[float, float]:
+    """Return the rotors' time constant and the delay of commands before it with which raw labels change least [s].
+
+    The criterion of `learned_rotor_lag`, as the likelihood of normal steps; a delay other than the first of `delays`
+    has the prior probability `command_delay.CHANGED`.
+    Args: flights: logs with accelerations, and the vehicle of each.   delays: that are tried [s].
+    """
+    told = [(log, v) for log, v in flights if log.input == "command"]
+    if not told:
+        return 0.0, float(delays[0])
+    named = all(v.rotor_time_constant > 0 for _, v in told)
+    found = []
+    for delay in delays:
+        late = [(delayed(log, delay), v) for log, v in told]
+        found.append((0.0, _restlessness(late)) if named else _best_lag(late))
+    rows = sum(len(log) for log, _ in told)
+    change = float(np.log((1 - CHANGED) * max(len(delays) - 1, 1) / CHANGED))
+    loss = [0.5 * rows * score + change * (i > 0) for i, (_, score) in enumerate(found)]
+    best = int(np.argmin(loss))
+    return found[best][0], float(delays[best])
+
+
+def delayed(log: FlightLog, delay: float) -> FlightLog:
+    """Return the log with the command that acts, without lag, where it acts `delay` [s] late; the first acts before."""
+    whole, part = divmod(delay / log.step, 1.0)
+    k = np.arange(len(log)) - int(whole)
+    last, before = (np.clip(i, 0, None) for i in (k, k - 1))
+    return dc.replace(log, u=(1 - part) * log.u[last] + part * log.u[before])
+
+
+def _best_lag(sought: Sequence[tuple[FlightLog, Vehicle]]) -> tuple[float, float]:
+    """Return the time constant of least restlessness, 0 where there is no minimum [s], and that restlessness."""
     longest = LONGEST * max(1.0, *(ratios(v).clock for _, v in sought))
     best = minimize_scalar(
         lambda lag: _restlessness(sought, lag),
@@ -37,16 +73,20 @@ def learned_rotor_lag(flights: Sequence[tuple[FlightLog, Vehicle]]) -> float:
         method="bounded",
         options={"xatol": 1e-4},
     )
-    if best.x > (1.0 - AT_BOUND) * longest or best.fun >= _restlessness(sought, 0.0):
-        return 0.0
-    return float(best.x)
+    without = _restlessness(sought, 0.0)
+    if best.x > (1.0 - AT_BOUND) * longest or best.fun >= without:
+        return 0.0, without
+    return float(best.x), float(best.fun)
 
 
-def _restlessness(flights: Sequence[tuple[FlightLog, Vehicle]], lag: float) -> float:
-    """Return the sum over thrust, roll and pitch of the log mean square of a step of the raw label."""
+def _restlessness(flights: Sequence[tuple[FlightLog, Vehicle]], lag: float = 0.0) -> float:
+    """Return the sum over thrust, roll and pitch of the log mean square of a step of the raw label.
+
+    Args: lag: of vehicles whose file names none [s].
+    """
     steps = []
     for log, vehicle in flights:
-        raw = raw_labels(log, dc.replace(vehicle, rotor_time_constant=lag))
+        raw = raw_labels(log, dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag))
         along = np.sum(raw[:, :3] * attitude.body_z(log.q), axis=1)
         steps.append(np.diff(np.column_stack([along, raw[:, 3:5]]), axis=0))
     moved = np.concatenate(steps)

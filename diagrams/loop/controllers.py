@@ -19,6 +19,7 @@ from np_drake.residual_models.disturbance_observer import DisturbanceObserver
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.motion_model import REACTIONS, MotionModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor as NeuralPredictorModel
+from np_drake.residual_models.no_residual import NoResidual
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.residual_models.pendulum_model import SCHEMA as PENDULUM_SCHEMA
 from np_drake.residual_models.pendulum_predictor import PendulumPredictor
@@ -209,74 +210,96 @@ def add_controller(
     builder.Connect(rig.GetOutputPort("x"), estimator.GetInputPort("x"))
     builder.Connect(rig.GetOutputPort("acceleration"), estimator.GetInputPort("acceleration"))
     ports = {"u": mpc.GetOutputPort("u"), "label": estimator.GetOutputPort("last_label")}
-    delay = _add_delay_estimator(builder, config, believed, model, rig, mpc, source)
+    timing = delay_filter(config, believed, model, true_model)
+    delay = None if timing is None else _add_delay_estimator(builder, timing, rig, mpc, source)
     acting = mpc.GetOutputPort("u") if delay is None else delay.GetOutputPort("acting")
     builder.Connect(acting, estimator.GetInputPort("u"))
-    if model is not None:
-        ports["chi_hat"] = _add_predictor(
-            builder, model, config, believed, rig=rig, estimator=estimator, mpc=mpc, delay=delay
-        )
-    elif config.kind == "oracle":
+    if config.kind == "oracle" and model is None:
         if truth is None or true_model is None:
             raise ValueError("controller: the oracle needs the real vehicle; there is none here.")
-        _add_oracle(builder, true_model, config, truth, mpc)
+        oracle = _add_oracle(builder, true_model, config, truth, mpc)
+        _connect_delay(builder, delay, oracle, rig)
+    elif model is not None or delay is not None:
+        model = model or NoResidual(step=period)
+        system = _make_predictor(model, config, believed if delay else None)
+        predictor = _add_predictor(builder, system, model, acting, rig=rig, estimator=estimator, mpc=mpc)
+        _connect_delay(builder, delay, predictor)
+        ports["chi_hat"] = predictor.GetOutputPort("chi_hat")
     ports |= {name: mpc.GetOutputPort(name) for name in ("status", "solve_time")}
     ports["p_ref"] = source.GetOutputPort("position")
     return ports
 
 
-def _add_delay_estimator(
-    builder, config: ControllerConfig, vehicle: Vehicle, model: ResidualModel | None, rig, mpc, source
-) -> DelayEstimator | None:
-    """Add what tells which command acts, and return it; None where commands act at once."""
-    learned = model.delay if isinstance(model, KnowsDelay) else 0.0
-    known, track = config.command_delay or learned, config.track_delay or isinstance(model, KnowsDelay)
-    if model is None or (known == 0.0 and not track):
+def delay_filter(
+    config: ControllerConfig, vehicle: Vehicle, model: ResidualModel | None, true_model: TrueModel | None
+) -> DelayFilter | None:
+    """Return what tells which command acts; None where all act at once.
+
+    The oracle knows the delay. Others are given it, or have learned it; whoever has learned one follows it.
+    """
+    lagged = labelled(vehicle, model)
+    if config.kind == "oracle" and model is None:
+        known = true_model.delay if true_model is not None else 0.0
+        return DelayFilter(lagged, step=config.period, known=known, track=False) if known > 0 else None
+    learns = isinstance(model, KnowsDelay)
+    known = config.command_delay or (model.delay if isinstance(model, KnowsDelay) else 0.0)
+    if known == 0.0 and not (config.track_delay or learns):
         return None
-    delay_filter = DelayFilter(labelled(vehicle, model), step=config.period, known=known, track=track)
-    system = builder.AddNamedSystem("delay_estimator", DelayEstimator(delay_filter))
-    builder.Connect(rig.GetOutputPort("x"), system.GetInputPort("x"))
-    builder.Connect(rig.GetOutputPort("acceleration"), system.GetInputPort("acceleration"))
+    return DelayFilter(lagged, step=config.period, known=known, track=config.track_delay or learns)
+
+
+def _add_delay_estimator(builder, timing: DelayFilter, rig, mpc, source) -> DelayEstimator:
+    """Add the estimator of the delay between sensors, controller and reference."""
+    system = builder.AddNamedSystem("delay_estimator", DelayEstimator(timing))
+    for name in ("x", "acceleration"):
+        builder.Connect(rig.GetOutputPort(name), system.GetInputPort(name))
     builder.Connect(mpc.GetOutputPort("u"), system.GetInputPort("u"))
     builder.Connect(system.GetOutputPort("delay"), source.GetInputPort("lead"))
     return system
 
 
+def _connect_delay(builder, delay: DelayEstimator | None, system, rig=None) -> None:
+    """Tell `system` which commands are on their way, and the measured state where a rig is given."""
+    if delay is None:
+        return
+    for name in ("sent", "delay"):
+        builder.Connect(delay.GetOutputPort(name), system.GetInputPort(name))
+    if rig is not None:
+        builder.Connect(rig.GetOutputPort("x"), system.GetInputPort("x"))
+
+
+def _make_predictor(
+    model: ResidualModel, config: ControllerConfig, vehicle: Vehicle | None
+) -> ResidualPredictor:
+    """Return the LeafSystem of a model; see it for `vehicle`."""
+    horizon, stride = config.mpc.horizon, config.stride
+    if isinstance(model, NeuralPredictorModel):
+        return NeuralPredictor(model, horizon=horizon, stride=stride, vehicle=vehicle)
+    return ResidualPredictor(model, horizon=horizon, stride=stride, vehicle=vehicle)
+
+
 def _add_predictor(
-    builder,
-    model: ResidualModel,
-    config: ControllerConfig,
-    vehicle: Vehicle,
-    *,
-    rig,
-    estimator,
-    mpc,
-    delay: DelayEstimator | None,
-) -> OutputPort:
-    """Add the residual model between estimator and MPC, and return its chi_hat."""
-    kind = NeuralPredictor if isinstance(model, NeuralPredictorModel) else ResidualPredictor
-    system = kind(model, horizon=config.mpc.horizon, stride=config.stride, vehicle=delay and vehicle)
+    builder, system: ResidualPredictor, model: ResidualModel, acting: OutputPort, *, rig, estimator, mpc
+) -> ResidualPredictor:
+    """Add the residual model between estimator and MPC."""
     predictor = builder.AddNamedSystem("predictor", system)
     builder.Connect(rig.GetOutputPort("x"), predictor.GetInputPort("x"))
-    acting = mpc.GetOutputPort("u") if delay is None else delay.GetOutputPort("acting")
     builder.Connect(acting, predictor.GetInputPort("u"))
-    if delay is not None:
-        for name in ("sent", "delay"):
-            builder.Connect(delay.GetOutputPort(name), predictor.GetInputPort(name))
     builder.Connect(estimator.GetOutputPort("label"), predictor.GetInputPort("label"))
     if isinstance(model, ReadsPlan):
         _connect_plan(builder, mpc, predictor)
     builder.Connect(predictor.GetOutputPort("forecast"), mpc.GetInputPort("forecast"))
-    return predictor.GetOutputPort("chi_hat")
+    return predictor
 
 
-def _add_oracle(builder, model: TrueModel, config: ControllerConfig, truth: Diagram, mpc) -> None:
+def _add_oracle(builder, model: TrueModel, config: ControllerConfig, truth: Diagram, mpc) -> WrenchOracle:
     """Add the oracle between the real vehicle and the MPC."""
     oracle = builder.AddNamedSystem("oracle", WrenchOracle(model, config.mpc, period=config.period))
     for name in ("plant_state", "rotor_thrust"):
         builder.Connect(truth.GetOutputPort(name), oracle.GetInputPort(name))
     _connect_plan(builder, mpc, oracle)
     builder.Connect(oracle.GetOutputPort("forecast"), mpc.GetInputPort("forecast"))
+    return oracle
 
 
 def _connect_plan(builder, mpc, system) -> None:

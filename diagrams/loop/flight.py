@@ -12,6 +12,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from diagrams.batch.failed_run import FailedRun
 from diagrams.loop.controllers import ControllerConfig, add_controller
 from diagrams.loop.scaled import scaled
+from np_drake.command_delay import LONGEST
 from np_drake.effects.base import ActuatorEffect, MeasurementEffect, WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gusty_wind import GustyWind
@@ -144,6 +145,11 @@ class FlightConfig:
             raise ValueError(f"FlightConfig: duration must be positive and finite [s]; got {self.duration}.")
         if self.controller.kind == "oracle" and self.reality.payload.tether == "rod":
             raise ValueError("FlightConfig: the oracle knows cable and no tether; got a rod.")
+        longest = LONGEST * self.controller.period
+        if self.controller.kind == "oracle" and self.reality.command_delay > longest:
+            raise ValueError(
+                f"FlightConfig: the oracle knows delays up to {longest:g} s; got {self.reality.command_delay}."
+            )
         lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.end)
         if self.carried_mass * self.vehicle.gravity > 0.9 * lift:
             raise ValueError(
@@ -191,7 +197,9 @@ class FlightConfig:
         hook = (payload.hook[0], payload.hook[1], payload.hook[2])
         bob = Payload(payload.mass, payload.length, hook, payload.air_damping)
         hung = None if payload.tether == "none" else bob
-        return TrueModel(believed, hung, self.reality.wrench_effects(), self.reality.actuator_effects())
+        actuators = [e for e in self.reality.actuator_effects() if e.dead_time == 0.0]
+        wrenches = self.reality.wrench_effects()
+        return TrueModel(believed, hung, wrenches, actuators, self.reality.command_delay)
 
     @property
     def end(self) -> float:

@@ -67,6 +67,7 @@ def scaled(config: Any) -> Any:
         controller=dc.replace(
             _paced(controller, CLOCK, unit),
             extra_mass=controller.extra_mass * carried.mass,
+            command_delay=controller.command_delay * unit.time,
             mpc=dc.replace(mpc, weight_input=weights, step=mpc.step * unit.clock),
             label=_paced(controller.label, LABEL, unit),
         ),

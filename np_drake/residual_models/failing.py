@@ -4,6 +4,7 @@ import numpy as np
 
 from np_drake.labels import ReadsLabels
 from np_drake.residual_models.base import (
+    KnowsDelay,
     KnowsRotorLag,
     Memory,
     Plan,
@@ -34,6 +35,8 @@ class Failing:
             raise ValueError(f"Failing: onset must not be negative [s]; got {onset}.")
         self.name, self.step = f"{model.name}, {fault}", model.step
         self.rotor_lag = model.rotor_lag if isinstance(model, KnowsRotorLag) else 0.0
+        if isinstance(model, KnowsDelay):
+            self.delay = model.delay
         self._model, self._fault, self._last = model, fault, round(onset / model.step)
         if isinstance(model, ReadsLabels):
             self.label = model.label

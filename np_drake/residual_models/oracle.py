@@ -19,16 +19,14 @@ class TrueModel:
     """Everything that the nominal model leaves out.
 
     believed: the vehicle that the controller assumes.   payload: None without one.   wrench_effects, actuator_effects:
-    effects that act in the simulation.
-
-    Of a delayed command it knows the delay but not the commands that are on their way: until the first planned command
-    arrives it holds the present thrust, so that it is no upper limit there.
+    effects that act in the simulation, without dead time.   delay: dead time of the commands, for the caller [s].
     """
 
     believed: Vehicle
     payload: Payload | None
     wrench_effects: list[WrenchEffect]
     actuator_effects: list[ActuatorEffect]
+    delay: float = 0.0
 
     def wrench_along(
         self,
@@ -78,9 +76,6 @@ class TrueModel:
 
     def _through(self, effect: ActuatorEffect, command, starts, step: float, resting) -> np.ndarray:
         """Return mean thrusts (N, 4) [N] of one effect that rests at `resting` (4,) [N] before the first command."""
-        if effect.dead_time > 0.0:
-            before = np.concatenate([[starts[0] - step], starts])
-            return effect.respond(self.believed, before, np.vstack([resting, command]))[1:]
         state = effect.state_at(self.believed, resting)
         passed = np.zeros_like(command)
         for i, c in enumerate(command):

@@ -16,6 +16,7 @@ NUMBERS = (
     "mass",
     "gravity",
     "rotor_lag",
+    "delay",
     "thrust_error",
     "thrust_error_deviation",
     "drag",
@@ -29,7 +30,7 @@ class PendulumModel:
     """Vehicle under which the pendulum hangs, as the training flight shows it.
 
     step: between samples [s].   mass: that the labels assume [kg].   gravity: [m/s²].
-    rotor_lag: time constant of the rotors behind the command [s].
+    rotor_lag: time constant of the rotors behind the command [s].   delay: of the command before it [s].
     thrust_error: actual over commanded thrust, less one, and its standard deviation [1].
     drag: of the vehicle over its mass, and its standard deviation [1/s].
     hook: (3,) p_BoTo_B [m].   rate_torque: (3,) torque about the body axes over the body rates [N·m·s].
@@ -46,12 +47,15 @@ class PendulumModel:
     drag_deviation: float
     hook: np.ndarray
     rate_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(3))
+    delay: float = 0.0
     summary: dict[str, Any] = dc.field(default_factory=dict)
 
     def __post_init__(self):
         for name in ("step", "mass", "gravity", "thrust_error_deviation", "drag_deviation"):
             if not 0 < getattr(self, name) < np.inf:
                 raise ValueError(f"PendulumModel: {name} must be positive; got {getattr(self, name)}.")
+        if not 0 <= self.delay < np.inf:
+            raise ValueError(f"PendulumModel: delay must not be negative [s]; got {self.delay}.")
         if not 0 <= self.rotor_lag < np.inf or not self.thrust_error > -1 or not np.isfinite(self.drag):
             raise ValueError(
                 "PendulumModel: rotor_lag must not be negative, thrust_error above -1, drag finite."

@@ -42,7 +42,8 @@ class PendulumPredictor:
     label = RAW
 
     def __init__(self, model: PendulumModel, options: BankOptions = DEFAULT_BANK):
-        self.model, self.step, self.rotor_lag = model, model.step, model.rotor_lag
+        self.model, self.step = model, model.step
+        self.rotor_lag, self.delay = model.rotor_lag, model.delay
         options = dc.replace(
             options,
             thrust_error=Prior(model.thrust_error, model.thrust_error_deviation),

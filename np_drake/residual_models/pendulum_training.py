@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from np_drake import attitude
+from np_drake.command_delay import FINE, LONGEST
 from np_drake.labels import labels
 from np_drake.lifting.model.origin import origin_of
 from np_drake.logs.accelerations import with_accelerations
@@ -17,7 +18,7 @@ from np_drake.residual_models.base import Memory, Sample
 from np_drake.residual_models.pendulum_model import PendulumModel
 from np_drake.residual_models.pendulum_predictor import DEFAULT_BANK, RAW, PendulumPredictor
 from np_drake.rigid_body import Q, W
-from np_drake.rotor_lag import learned_rotor_lag
+from np_drake.rotor_lag import delayed, learned_timing
 from np_drake.vehicle import Vehicle
 
 LASTING = 1e6  # memory while training: nothing returns to its prior [s]
@@ -40,8 +41,9 @@ def train_pendulum(
     vehicle = logs[0][1]
     if any(other != vehicle for _, other in logs):
         raise ValueError("pendulum: all flights must be of one vehicle; give them one --vehicle FILE.")
-    lag = learned_rotor_lag(logs)
-    samples = [flight_samples(log, vehicle, lag, step) for log, _ in logs]
+    delays = [step * part / FINE for part in range(LONGEST * FINE + 1)]
+    lag, delay = learned_timing(logs, delays)
+    samples = [flight_samples(log, vehicle, lag, step, delay) for log, _ in logs]
     hook = np.zeros(3)
     for done in (1, 2):
         model = _refined(_untrained(vehicle, lag, step, hook), samples)
@@ -51,14 +53,19 @@ def train_pendulum(
         "origin": origin_of("world", vehicle, RAW),
         "samples": sum(map(len, samples)),
     }
-    return dc.replace(model, summary=summary)
+    return dc.replace(model, delay=delay, summary=summary)
 
 
-def flight_samples(log: FlightLog, vehicle: Vehicle, rotor_lag: float, step: float) -> list[Sample]:
+def flight_samples(
+    log: FlightLog, vehicle: Vehicle, rotor_lag: float, step: float, delay: float = 0.0
+) -> list[Sample]:
     """Return what a predictor would see of a flight, a sample every `step` [s].
+
+    Args: rotor_lag: of a vehicle whose file names none [s].   delay: of commands, before the lag [s].
 
     The label of a row is that of the command that acts at the row, its `u` the mean command since the row before.
     """
+    log = delayed(log, delay) if log.input == "command" else log
     lagged = dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or rotor_lag)
     chi, rows = labels(log, lagged, RAW), rows_at(log, step)
     before = np.concatenate([[max(rows[0] - 1, 0)], rows[:-1]])

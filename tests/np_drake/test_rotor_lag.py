@@ -7,7 +7,7 @@ import pytest
 
 from np_drake import labels, rigid_body
 from np_drake.logs.flight_log import FlightLog
-from np_drake.rotor_lag import learned_rotor_lag
+from np_drake.rotor_lag import delayed, learned_rotor_lag, learned_timing
 from np_drake.vehicle import Vehicle
 
 STEP = 0.02  # [s]
@@ -63,3 +63,37 @@ def test_rows_without_a_reading_do_no_harm():
     assert learned_rotor_lag([(log, Vehicle())]) == pytest.approx(0.03, abs=0.003)  # [s]
     log.a[:] = np.nan
     assert learned_rotor_lag([(log, Vehicle())]) == 0.0
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.02, 0.05])
+@pytest.mark.parametrize("lag", [0.0, 0.03])
+def test_delay_and_lag_are_found_together(lag, delay):
+    log = flight(lag, noise=0.1)
+    log.u = flight(0.0).u
+    late = delayed(log, delay)
+    rate = rigid_body.state_derivative(
+        Vehicle(),
+        log.x,
+        labels.acting_command(late, Vehicle(rotor_time_constant=lag)),
+        np.zeros((len(log), 6)),
+    )
+    log.a, log.al = rate[:, 7:10], rate[:, 10:13]
+    found = learned_timing([(log, Vehicle())], [0.005 * i for i in range(25)])
+    assert found == (pytest.approx(lag, abs=0.003), pytest.approx(delay, abs=0.0051))  # [s]
+
+
+def test_a_named_lag_is_taken_and_the_delay_found_beside_it():
+    named, log = Vehicle(rotor_time_constant=0.03), flight(0.03)
+    late = delayed(log, 0.04)
+    rate = rigid_body.state_derivative(
+        named, log.x, labels.acting_command(late, named), np.zeros((len(log), 6))
+    )
+    log.a, log.al = rate[:, 7:10], rate[:, 10:13]
+    assert learned_timing([(log, named)], [0.0, 0.02, 0.04, 0.06]) == (0.0, 0.04)
+
+
+def test_measured_rotor_speed_is_never_late():
+    assert learned_timing([(dc.replace(flight(0.03), input="rotor_speed"), Vehicle())], [0.0, 0.02]) == (
+        0.0,
+        0.0,
+    )

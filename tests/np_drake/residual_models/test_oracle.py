@@ -1,6 +1,5 @@
 import numpy as np
 
-from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.constant_wind import ConstantWind
 from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.thrust_drift import ThrustDrift
@@ -28,16 +27,3 @@ def test_a_drift_goes_on_along_the_plan():
     chi = along([], [drift], np.tile(HOVER, (N, 1)), rotor_thrust=0.9 * HOVER, t=2.0)
     middle = 2.0 + STEP * (np.arange(N) + 0.375)  # four substeps, each by its start
     np.testing.assert_allclose(chi[:, 2], -0.05 * middle * VEHICLE.hover_input[0], atol=1e-9)
-
-
-def test_a_planned_command_acts_when_its_delay_is_over():
-    thrust = np.vstack([np.tile(HOVER, (2, 1)), np.tile(1.5 * HOVER, (N - 2, 1))])
-    chi = along([], [CommandDelay(0.03)], thrust, rotor_thrust=HOVER)
-    late = -0.5 * VEHICLE.hover_input[0]
-    np.testing.assert_allclose(chi[:, 2], [0, 0, late, 0.5 * late, 0, 0], atol=1e-9)
-
-
-def test_before_the_plan_the_present_thrust_holds():
-    chi = along([], [CommandDelay(0.03)], np.tile(HOVER, (N, 1)), rotor_thrust=0.8 * HOVER)
-    low = -0.2 * VEHICLE.hover_input[0]
-    np.testing.assert_allclose(chi[:, 2], [low, 0.5 * low, 0, 0, 0, 0], atol=1e-9)

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.rotor_input import acting_command
 from np_drake.residual_models.pendulum_training import flight_samples, train_pendulum
+from np_drake.rotor_lag import delayed
 from np_drake.vehicle import Vehicle
 
 STEP = 0.02  # [s]
@@ -70,3 +72,21 @@ def test_samples_of_a_flight_pair_a_label_with_the_command_before_it(flown, vehi
     samples = flight_samples(log, vehicle, 0.0, STEP)
     assert len(samples) == len(log)
     np.testing.assert_allclose([s.u for s in samples[1:]], log.u[:-1])
+
+
+def test_it_finds_the_delay_of_the_commands(flown, vehicle):
+    draw = np.random.default_rng(0)
+    log = as_log(flown(seconds=20.0, radius=1.0, dither=0.08), vehicle)
+    smooth, lagged = log.u, dc.replace(vehicle, rotor_time_constant=0.03)
+    log.u = smooth + draw.normal(size=log.u.shape) * [1.0, 0.1, 0.1, 0.02]
+    late = acting_command(delayed(log, 3 * STEP), lagged) - smooth
+    log.a += late[:, :1] * body_z(log.x) / vehicle.mass
+    log.al += late[:, 1:] @ np.linalg.inv(vehicle.J).T
+    model = train_pendulum([(log, vehicle)], step=STEP)
+    assert model.delay == pytest.approx(3 * STEP)
+    assert model.rotor_lag == pytest.approx(0.03, abs=0.003)
+
+
+def test_commands_that_act_at_once_show_no_delay(flown, vehicle):
+    log = as_log(flown(seconds=20.0, radius=1.0, dither=0.08, noise=0.05), vehicle)
+    assert train_pendulum([(log, vehicle)], step=STEP).delay == 0.0
