@@ -67,8 +67,15 @@ def fly(
         [flights_table([flight])],
         config=as_config(config),
         metrics=flight.summary(),
+        notes=_delay_found(flight),
         write=lambda folder: write_flight(flight, folder),
     )
+
+
+def _delay_found(flight: "FlightResult") -> list[str]:
+    """Return a line about the delay of commands that the controller believed at the end, where there was one."""
+    delay = flight.metrics().get("command_delay", 0.0)
+    return [f"commands act {1e3 * delay:.3g} ms late, by the controller's estimate"] if delay > 0 else []
 
 
 def default_controller(config: "FlightConfig", predictor: Path | None) -> str:

@@ -213,6 +213,8 @@ def add_controller(
     timing = delay_filter(config, believed, model, true_model)
     delay = None if timing is None else _add_delay_estimator(builder, timing, rig, mpc, source)
     acting = mpc.GetOutputPort("u") if delay is None else delay.GetOutputPort("acting")
+    if delay is not None:
+        ports["delay"] = delay.GetOutputPort("delay")
     builder.Connect(acting, estimator.GetInputPort("u"))
     if config.kind == "oracle" and model is None:
         if truth is None or true_model is None:

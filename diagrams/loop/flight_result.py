@@ -92,6 +92,8 @@ class FlightResult:
         }
         if "chi_hat" in s:
             result["wrench_rmse"] = metrics.wrench_rmse(s["chi_hat"][rows], self.chi_true[rows])
+        if "delay" in s:
+            result["command_delay"] = float(s["delay"][-1, 0])
         return result
 
     def summary(self) -> dict:

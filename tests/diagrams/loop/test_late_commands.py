@@ -19,8 +19,11 @@ def late(delay, *, kind="np", speed=1.5, **controller):
 @pytest.mark.parametrize("speed, delay, error", [(1.5, 0.06, 0.012), (1.5, 0.115, 0.02), (2.5, 0.03, 0.012)])
 def test_np_finds_a_delay_in_flight_and_holds_the_circle(speed, delay, error):
     errors = fly(late(delay, speed=speed), seed=0).metrics()
-    assert errors["E_xy"] < error  # a fifth of `nominal` without delay, 2.5 and 6.4 cm, with the first seconds [m]
+    assert (
+        errors["E_xy"] < error
+    )  # a fifth of `nominal` without delay, 2.5 and 6.4 cm, with the first seconds [m]
     assert errors["solve_failures"] == 0
+    assert errors["command_delay"] == pytest.approx(delay, abs=0.0051)  # a quarter period [s]
 
 
 @pytest.mark.parametrize("kind", ["nominal", "hold"])
