@@ -1,7 +1,7 @@
 """Hover while the payload changes: 100 g more, the cable cut, a slack cable that snaps taut."""
 
 import dataclasses as dc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy import signal
@@ -10,10 +10,12 @@ from diagrams.batch.processes import in_order
 from diagrams.loop.events import attach, push, release
 from diagrams.loop.flight import Event, FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
+from diagrams.payload.hover_swing import TRAINING
 from diagrams.tracking.tracking import Row, configure
 from np_drake import attitude
 from np_drake.labels import FORCE
 from np_drake.lifting.model.lifted_model import LiftedModel
+from np_drake.residual_models.pendulum_model import PENDULUM
 from np_drake.swing_metrics import half_width
 from systems.payload_config import PayloadConfig
 
@@ -32,16 +34,22 @@ EVENTS: dict[str, Callable[[PayloadConfig], Event]] = {
 }
 
 
-def attach_config(*, solver: str, model: str) -> FlightConfig:
+ROWS = (
+    Row("np", "np", training=TRAINING, configuration="default"),
+    Row("np: pendulum", "np", training=TRAINING, configuration=PENDULUM),
+)
+
+
+def attach_config(row: Row, *, solver: str, model: str) -> FlightConfig:
     """Return the configuration of a hover at 1.6 m under NP-MPC."""
-    config = configure("hover", Row("np", "np"), solver=solver, model=model)
+    config = configure("hover", row, solver=solver, model=model)
     config.reference.height, config.reference.ramp, config.duration = HEIGHT, RAMP, DURATION
     return config.check()
 
 
-def fly_event(event: str, *, model: str, seed: int, solver: str) -> FlightResult:
+def fly_event(event: str, row: Row, *, model: str, seed: int, solver: str) -> FlightResult:
     """Fly once with one event at `TIME`."""
-    config = attach_config(solver=solver, model=model)
+    config = attach_config(row, solver=solver, model=model)
     return fly(config, seed=seed, events=[EVENTS[event](config.reality.payload)])
 
 
@@ -90,13 +98,13 @@ def slack_time(flight: FlightResult) -> float:
     return float(flight.config.controller.period * (np.argmin(since) if not since.all() else len(since)))
 
 
-def _fly(task: tuple[str, str, int, str]) -> dict:
-    """Return courses of f_z [N] and height [m], and counts, of one flight: event, model file, seed, solver."""
-    event, model, seed, solver = task
-    flight = fly_event(event, model=model, seed=seed, solver=solver)
+def _fly(task: tuple[str, Row, str, int, str]) -> dict:
+    """Return courses of f_z [N] and height [m], and counts, of one flight: event, row, model file, seed, solver."""
+    event, row, model, seed, solver = task
+    flight = fly_event(event, row, model=model, seed=seed, solver=solver)
     s, counts = flight.signals, flight.metrics()
     return {
-        **{"event": event, "seed": seed, "t": s["t"] - TIME, "slack": slack_time(flight)},
+        **{"event": event, "row": row.name, "seed": seed, "t": s["t"] - TIME, "slack": slack_time(flight)},
         **{name: s[name][:, 2] for name in SIGNALS},
         "height": s["x_true"][:, 2] - HEIGHT,
         **{key: counts[key] for key in ("solve_failures", "fallbacks")},
@@ -104,20 +112,22 @@ def _fly(task: tuple[str, str, int, str]) -> dict:
 
 
 def run_attach(
-    model: str,
+    models: dict[str, str],
     *,
     seeds: list[int],
     solver: str = "sqp",
+    rows: Sequence[Row] = ROWS,
     jobs: int = 2,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict]:
     """Fly every event and seed, of release and snap the first `BESIDE`, and return their time histories.
 
-    Time counts from the event.
+    Time counts from the event.   Args: models: file by the configuration of a row.
     """
     tasks = [
-        (event, model, seed, solver)
+        (event, row, models[row.configuration], seed, solver)
         for event in EVENTS
+        for row in rows
         for seed in (seeds if event == "attach" else seeds[:BESIDE])
     ]
     return in_order(_fly, tasks, jobs=jobs, on_progress=on_progress)
@@ -176,13 +186,13 @@ def _crossing(t: np.ndarray, y: np.ndarray, level: float) -> float:
 
 
 def attach_table(runs: list[dict], config: FlightConfig) -> list[dict]:
-    """Return one line an event and signal.
+    """Return one line an event, row and signal.
 
     The snap, which leaves no step, is given by its extremes.
     """
     lines = []
-    for event in dict.fromkeys(run["event"] for run in runs):
-        mine = [run for run in runs if run["event"] == event]
+    for event, row in dict.fromkeys((run["event"], run["row"]) for run in runs):
+        mine = [run for run in runs if (run["event"], run["row"]) == (event, row)]
         t, wanted = mine[0]["t"], expected_step(event, config)
         height = np.array([run["height"] for run in mine])[:, t >= 0]
         shared = {
@@ -192,7 +202,7 @@ def attach_table(runs: list[dict], config: FlightConfig) -> list[dict]:
         }
         for name in SIGNALS:
             courses = np.array([run[name] for run in mine])
-            line: dict = {"event": event, "signal": name, "expected": wanted, **shared}
+            line: dict = {"event": event, "row": row, "signal": name, "expected": wanted, **shared}
             if wanted:
                 step = step_response(t, courses)
                 line |= {**dc.asdict(step), "error": step.size / wanted - 1.0}

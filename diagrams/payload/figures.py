@@ -47,22 +47,27 @@ def payload_distance(runs: list[dict], title: str) -> Figure:
 
 
 def event_responses(runs: list[dict], config: FlightConfig, title: str) -> Figure:
-    """Plot f_z of prediction and label around every event.
+    """Plot f_z that each controller predicts around every event, and the label of the first.
 
     One flight is thin, the mean of all thick, the new level dotted.
     """
     events = list(dict.fromkeys(run["event"] for run in runs))
     figure, axes = new_figure(len(events), 1, width=7.5, height=2.4 * len(events) + 0.6, sharex=True)
-    names = (("label", "label (low-passed)", PALETTE[1]), ("chi_hat", "prediction", PALETTE[0]))
+    rows = list(dict.fromkeys(run["row"] for run in runs))
+    curves = [
+        (rows[0], "label", f"label of {rows[0]} (low-passed)"),
+        *((row, "chi_hat", row) for row in rows),
+    ]
     for ax, event in zip(axes[:, 0], events, strict=True):
-        mine = [run for run in runs if run["event"] == event]
-        t = mine[0]["t"]
-        shown = (t >= _SHOWN[0]) & (t <= _SHOWN[1])
-        for k, (name, text, colour) in enumerate(names):
+        for k, (row, name, text) in enumerate(curves):
+            mine = [run for run in runs if (run["event"], run["row"]) == (event, row)]
+            t = mine[0]["t"]
+            shown = (t >= _SHOWN[0]) & (t <= _SHOWN[1])
             courses = np.array([run[name] for run in mine])[:, shown]
-            ax.plot(t[shown], courses[0], color=colour, linewidth=0.6, alpha=0.6)
-            dash = DASHES[1 - k]
-            ax.plot(t[shown], courses.mean(axis=0), color=colour, linestyle=dash, linewidth=1.8, label=text)
+            ax.plot(t[shown], courses[0], color=PALETTE[k], linewidth=0.6, alpha=0.6)
+            mean = courses.mean(axis=0)
+            ax.plot(t[shown], mean, color=PALETTE[k], linestyle=DASHES[k], linewidth=1.8, label=text)
+        mine = [run for run in runs if (run["event"], run["row"]) == (event, rows[0])]
         step = expected_step(event, config)
         if step:
             before = np.array([run["label"] for run in mine])[:, (t < 0) & (t > -AFTER)].mean()

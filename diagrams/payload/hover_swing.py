@@ -14,6 +14,7 @@ from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.tracking.tracking import Row, configure, train_models
 from np_drake import metrics, swing_metrics
 from np_drake.residual_models.motion_model import GP, KNODE
+from np_drake.residual_models.pendulum_model import PENDULUM
 
 IMPULSE = 0.3  # on the payload, along x [N·s]
 TRAINING = "training_circle"  # experiment that predictors are trained on
@@ -30,7 +31,7 @@ class HoverRow(Row):
     weight_rate: float | None = None  # on body rates; None: the frozen weight [s²/rad²]
 
 
-DAMPED = "np + active damping"  # name of a row
+DAMPED, PENDULUM_DAMPED = "np + active damping", "np: pendulum + active damping"  # names of rows
 ROWS = (
     HoverRow("nominal", "nominal"),
     HoverRow("hold", "hold"),
@@ -41,6 +42,16 @@ ROWS = (
     HoverRow("np", "np", training=TRAINING, configuration="default"),
     # The weight on the body rates keeps tilting as slow as the swing; without it motor lag makes pitch oscillate.
     HoverRow(DAMPED, "np", training=TRAINING, configuration="default", weight_swing=10.0, weight_rate=3.0),
+    HoverRow("np: pendulum", "np", training=TRAINING, configuration=PENDULUM),
+    # Three times the weight: what the vehicle can do against the swing is less than the lifted model makes of it.
+    HoverRow(
+        PENDULUM_DAMPED,
+        "np",
+        training=TRAINING,
+        configuration=PENDULUM,
+        weight_swing=30.0,
+        weight_rate=3.0,
+    ),
     HoverRow("oracle", "oracle"),
 )
 

@@ -18,21 +18,20 @@ def attach(run: Campaign) -> Report:
     from diagrams.payload import attach as experiment
     from diagrams.payload import figures
     from diagrams.payload.hover_swing import TRAINING
-    from diagrams.tracking.tracking import Row, train_models
+    from diagrams.tracking.tracking import train_models
 
-    row = Row("np", "np", training=TRAINING, configuration="default")
+    rows = experiment.ROWS
     with counting("attach", "flights") as on_progress:
-        model = train_models((row,), run.folder, seed=run.seed, solver=run.solver)[
-            row.training, row.configuration
-        ]
-        config = experiment.attach_config(solver=run.solver, model=model)
+        files = train_models(rows, run.folder, seed=run.seed, solver=run.solver)
+        models = {configuration: file for (_, configuration), file in files.items()}
         runs = experiment.run_attach(
-            model, seeds=run.seeds, solver=run.solver, jobs=run.jobs, on_progress=on_progress
+            models, seeds=run.seeds, solver=run.solver, rows=rows, jobs=run.jobs, on_progress=on_progress
         )
+    config = experiment.attach_config(rows[0], solver=run.solver, model=models[rows[0].configuration])
     lines = experiment.attach_table(runs, config)
     notes = _attach_notes(lines, config)
     controller = dc.asdict(config.controller) | {"predictor": f"trained on {TRAINING}, seed {run.seed}"}
-    title = run.title(f"flights (release, snap: {min(run.count, experiment.BESIDE)})", "np ")
+    title = run.title(f"flights a row (release, snap: {min(run.count, experiment.BESIDE)})")
     of_figure = f"seeds from {run.seeds[0]}"
     return Report(
         [attach_printed(lines, title)],
@@ -57,18 +56,20 @@ def _attach_notes(lines: list[dict], config: "FlightConfig") -> list[str]:
     lowest = peak + int(np.argmin(step[peak:]))
     band, scale = config.controller.label.force_bandwidth, config.reality.thrust_scale
     said = [
-        f"expected: {ADDED * config.vehicle.gravity:.3f} N over the thrust scale {scale}; paper: {PAPER['step']} N, "
-        f"standard deviation {PAPER['deviation']} N.",
-        f"filter: low-pass of {band:g} Hz, order {config.controller.label.order}; alone it rises to 90 % in "
-        f"{2.302585 / (6.283185 * band):.3f} s and passes {label_deviation(config):.3f} N of accelerometer noise.",
-        f"encoder alone, a step of the label and nothing else moving: {100 * step[peak]:.0f} % of it after "
+        f"expected: {ADDED * config.vehicle.gravity:.3f} N over the thrust scale {scale}; "
+        f"paper: {PAPER['step']} N, standard deviation {PAPER['deviation']} N.",
+        f"np: filter of the label, low-pass of {band:g} Hz, order {config.controller.label.order}; alone it "
+        f"rises to 90 % in {2.302585 / (6.283185 * band):.3f} s and passes {label_deviation(config):.3f} N of the "
+        "accelerometer's noise.",
+        f"np: encoder alone, a step of the label and nothing else moving: {100 * step[peak]:.0f} % of it after "
         f"{peak * period:.2f} s, {100 * step[lowest]:.0f} % after {lowest * period:.2f} s, {100 * step[-1]:.0f} % when "
         f"its window of {(len(step) - 1) * period:.1f} s is full.",
     ]
     for line in lines:
         if "slack" in line:
             said.append(
-                f"{line['event']}, {line['signal']}: tossed up with {TOSS} N·s, slack for {line['slack']:.2f} s; "
+                f"{line['event']}, {line['row']}, {line['signal']}: tossed up with {TOSS} N·s, "
+                f"slack for {line['slack']:.2f} s; "
                 f"f_z of the mean between {line['lowest']:.2f} and {line['highest']:.2f} N, height within "
                 f"{100 * line['height_error']:.1f} cm, {line['solve_failures']} failed solves."
             )
@@ -79,6 +80,7 @@ def attach_printed(lines: list[dict], title: str) -> Table:
     """Return the table of the steps among the lines that `attach_table` gives; N, s, cm."""
     columns = (
         ("event", "event"),
+        ("controller", "row"),
         ("signal", "signal"),
         ("step [N]", spread("size", 3, factor=1)),
         ("expected", fixed("expected", 3)),

@@ -1,5 +1,7 @@
 """Laws of the payload that changes in flight."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy import signal
@@ -16,7 +18,7 @@ T = 0.02 * np.arange(-200, 200)  # since the event [s]
 
 @pytest.fixture(scope="module")
 def config():
-    return attach.attach_config(solver="sqp", model=str(DEFAULT_MODEL))
+    return attach.attach_config(attach.ROWS[0], solver="sqp", model=str(DEFAULT_MODEL))
 
 
 def lag(tau, size, *, scale=1.0):
@@ -62,7 +64,7 @@ def test_a_payload_tossed_up_is_slack_until_it_has_fallen_back(config, monkeypat
     monkeypatch.setattr(attach, "RAMP", 0.4)
     monkeypatch.setattr(attach, "TIME", 0.6)
     monkeypatch.setattr(attach, "DURATION", 0.8)
-    flight = attach.fly_event("snap", model=str(DEFAULT_MODEL), seed=1, solver="sqp")
+    flight = attach.fly_event("snap", attach.ROWS[0], model=str(DEFAULT_MODEL), seed=1, solver="sqp")
     assert attach.slack_time(flight) == pytest.approx(
         2 * (0.3 / 0.26) / 9.81, abs=0.08
     )  # [s]; the hook sinks
@@ -79,18 +81,19 @@ def test_an_encoder_that_averages_its_window_shows_a_step_in_proportion():
 
 def made_runs():
     rng, runs = np.random.default_rng(0), []
-    for event in attach.EVENTS:
-        for seed in range(3):
-            f = lag(0.05, -1.0) + 0.01 * rng.normal(size=len(T))
-            runs.append({"event": event, "seed": seed, "t": T, "slack": 0.24, "chi_hat": f, "label": f})
-            runs[-1] |= {"height": 0.01 * np.sin(T), "solve_failures": 0, "fallbacks": 0}
+    for event, row, seed in itertools.product(attach.EVENTS, attach.ROWS, range(3)):
+        f = lag(0.05, -1.0) + 0.01 * rng.normal(size=len(T))
+        runs.append(
+            {"event": event, "row": row.name, "seed": seed, "t": T, "slack": 0.24, "chi_hat": f, "label": f}
+        )
+        runs[-1] |= {"height": 0.01 * np.sin(T), "solve_failures": 0, "fallbacks": 0}
     return runs
 
 
-def test_the_table_has_a_line_for_every_event_and_signal(config):
+def test_the_table_has_a_line_for_every_event_controller_and_signal(config):
     lines = attach.attach_table(made_runs(), config)
-    assert [(line["event"], line["signal"]) for line in lines] == [
-        (e, s) for e in attach.EVENTS for s in attach.SIGNALS
+    assert [(line["event"], line["row"], line["signal"]) for line in lines] == [
+        (e, row.name, s) for e in attach.EVENTS for row in attach.ROWS for s in attach.SIGNALS
     ]
     assert lines[0]["error"] == pytest.approx(-1.0 / (-0.981 / 0.96) - 1, abs=5e-3)
     assert "size" not in lines[-1]

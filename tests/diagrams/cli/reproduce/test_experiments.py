@@ -8,7 +8,7 @@ import pytest
 
 from diagrams.cli.main import run
 from diagrams.cli.reproduce.experiments import hover_printed, timing_printed
-from diagrams.loop.controllers import DEFAULT_MODEL
+from diagrams.loop.controllers import DEFAULT_MODEL, FLYING_MODEL
 from diagrams.payload import attach, hover_swing
 from diagrams.performance import timing
 from diagrams.tracking import tracking
@@ -65,15 +65,19 @@ def test_attach_flies_twenty_seeds_unless_told(monkeypatch, capsys):
         f = np.where(t >= 0, -1.0, 0.0)
         shared = {"t": t, "slack": 0.24, "chi_hat": f, "label": f, "height": 0 * t}
         return [
-            {"event": e, "seed": s, **shared, "solve_failures": 0, "fallbacks": 0}
+            {"event": e, "row": row.name, "seed": s, **shared, "solve_failures": 0, "fallbacks": 0}
             for e in attach.EVENTS
+            for row in attach.ROWS
             for s in seeds
         ]
 
     monkeypatch.setattr(attach, "run_attach", runs)
 
     def train(rows, folder, **_):
-        return {("training_circle", "default"): shutil.copy(DEFAULT_MODEL, folder / "np.safetensors")}
+        return {
+            ("training_circle", "default"): shutil.copy(DEFAULT_MODEL, folder / "np.safetensors"),
+            ("training_circle", "pendulum"): shutil.copy(FLYING_MODEL, folder / "pendulum.safetensors"),
+        }
 
     monkeypatch.setattr(tracking, "train_models", train)
     assert run(["reproduce", "attach", "--seed", "7"]) == 0
