@@ -120,6 +120,7 @@ def pendulum_report(flights: "Sequence[Flight]", out: Path, *, step: float) -> R
         ("thrust error [%]", f"{100 * model.thrust_error:.2f} ± {100 * model.thrust_error_deviation:.2f}"),
         ("drag [N·s/m]", f"{model.mass * model.drag:.3f} ± {model.mass * model.drag_deviation:.3f}"),
         ("hook x, y, z [mm]", hook),
+        ("torque over velocity, roll, pitch [mN·s]", ", ".join(f"{1e3 * c:.3g}" for c in model.speed_torque)),
         ("rotor lag [ms]", f"{1e3 * model.rotor_lag:.1f}"),
     ]
     return Report(
