@@ -6,11 +6,10 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from np_drake import attitude
-from np_drake.labels import labels
 from np_drake.lifting.model.origin import origin_of
 from np_drake.logs.accelerations import with_accelerations
-from np_drake.logs.decimate import rows_at
 from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.sampled_flight import picked_flight
 from np_drake.logs.training_segments import require_torque
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory, Sample
@@ -56,17 +55,10 @@ def train_pendulum(
 
 
 def flight_samples(log: FlightLog, vehicle: Vehicle, rotor_lag: float, step: float) -> list[Sample]:
-    """Return what a predictor would see of a flight, a sample every `step` [s].
-
-    The label of a row is that of the command that acts at the row, its `u` the mean command since the row before.
-    """
+    """Return what a predictor would see of a flight, a sample every `step` [s], see `picked_flight`."""
     lagged = dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or rotor_lag)
-    chi, rows = labels(log, lagged, RAW), rows_at(log, step)
-    before = np.concatenate([[max(rows[0] - 1, 0)], rows[:-1]])
-    return [
-        Sample(log.x[row], log.u[start : max(row, start + 1)].mean(axis=0), chi[row])
-        for start, row in zip(before, rows, strict=True)
-    ]
+    flight = picked_flight(log, lagged, step=step, label=RAW)
+    return [flight.sample(k) for k in range(len(flight))]
 
 
 def _untrained(vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray) -> PendulumModel:
