@@ -10,7 +10,7 @@ from np_drake.lifting.model.origin import origin_of
 from np_drake.logs.accelerations import with_accelerations
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.sampled_flight import picked_flight
-from np_drake.logs.training_segments import require_torque
+from np_drake.logs.training_segments import Flight, require_torque
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory, Sample
 from np_drake.residual_models.pendulum_model import PendulumModel
@@ -52,6 +52,19 @@ def train_pendulum(
         "samples": sum(map(len, samples)),
     }
     return dc.replace(model, summary=summary)
+
+
+def opened_logs(flights: Sequence[Flight]) -> Flights:
+    """Return log and vehicle of opened flights.
+
+    Raises: ValueError: if one is an array of wrenches.
+    """
+    logs = [(flight.data, flight.vehicle) for flight in flights if isinstance(flight.data, FlightLog)]
+    if len(logs) < len(flights):
+        raise ValueError(
+            "pendulum: must have flight logs, with attitude and command; got arrays of wrenches."
+        )
+    return logs
 
 
 def flight_samples(log: FlightLog, vehicle: Vehicle, rotor_lag: float, step: float) -> list[Sample]:
