@@ -10,10 +10,10 @@ from np_drake import attitude
 from np_drake.labels import LabelConfig
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory, Plan, Sample, WrenchForecast
+from np_drake.residual_models.hook_shift import initial_shift, next_shift
 from np_drake.residual_models.pendulum_bank import BankOptions, PendulumBank, Prior
 from np_drake.residual_models.pendulum_forecast import along_plan, beside_plan, drives, motion_torque
 from np_drake.residual_models.pendulum_model import PENDULUM, PendulumModel
-from np_drake.residual_models.torque_level import initial_level, next_level
 from np_drake.rigid_body import Q, W
 
 RAW = LabelConfig(force_bandwidth=np.inf, torque_bandwidth=np.inf)  # the filter wants white noise
@@ -33,8 +33,8 @@ class PendulumPredictor:
     takes up energy from the vehicle and never gives back more.
 
     Memory: of the bank; x (13,) and acting (4,) command at the last sample; labels (2, 3) the last two of force and
-    variance (3,) of their noise; steady (3,) torque that nothing here explains, and what `torque_level` needs for it;
-    now (9,) what moves the tether; seen: samples so far.
+    variance (3,) of their noise; steady (3,) torque that nothing here explains, shift (3,) of the hook and what
+    `hook_shift` needs for both; now (9,) what moves the tether; seen: samples so far.
     A sample without label, or with a NaN in it, moves the bank without correction; without a state it waits.
     """
 
@@ -72,7 +72,7 @@ class PendulumPredictor:
             "acting": np.array([self.model.mass * self.model.gravity, 0.0, 0.0, 0.0]),
             "labels": np.full((2, 3), np.nan),
             "variance": np.full(3, FIRST_NOISE**2),
-            **initial_level(self.step),
+            **initial_shift(self.step),
             "now": np.zeros(9),
             "seen": np.zeros(1),
         }
@@ -97,8 +97,9 @@ class PendulumPredictor:
         new = {**memory, **bank, "x": x.copy(), "acting": acting, "now": now}
         if np.all(np.isfinite(chi)):
             new |= self._noise(memory, force)
-            other = chi[3:] - self._cross @ (attitude.rotation_matrix(x[Q]).T @ self.pull(new))
-            new |= next_level(memory, other - self._motion_torque(x), self.step)
+            pull = attitude.rotation_matrix(x[Q]).T @ self.pull(new)
+            rest = chi[3:] - self._cross @ pull - self._motion_torque(x)
+            new |= next_shift(memory, rest, pull, self.step)
         return new
 
     def pull(self, memory: Memory) -> np.ndarray:
@@ -139,19 +140,21 @@ class PendulumPredictor:
         points, step = memory["mean"][some], stride * self.step
         wrench = along_plan(
             points, weight, plan.x, plan.u, memory["acting"], memory["steady"], self._rate_torque,
-            self._speed_torque, self._hook, self.model.mass, self.model.gravity, step, stride,
+            self._speed_torque, self._hook + memory["shift"], self.model.mass, self.model.gravity, step, stride,
             *_lag(self.rotor_lag, step),
         )  # fmt: skip
-        return self._beside(wrench, weight @ points, plan.x, step)
+        return self._beside(wrench, weight @ points, plan.x, step, self._cross + skew(memory["shift"]))
 
-    def _beside(self, wrench: np.ndarray, mean: np.ndarray, x: np.ndarray, step: float) -> WrenchForecast:
+    def _beside(
+        self, wrench: np.ndarray, mean: np.ndarray, x: np.ndarray, step: float, cross: np.ndarray
+    ) -> WrenchForecast:
         """Return the forecast of `wrench` (N, 6) along x, with the linear pendulum for what departs from it."""
         mass = max(float(mean[kernel.MASS]), 0.0)
         stiffness = self.model.gravity / float(np.exp(mean[kernel.LOG_LENGTH]))
         A, B, gain = linear_pendulum(stiffness, max(float(mean[kernel.DAMPING]), 0.0), step)
         C = np.zeros((6, 4))
         C[0, 0] = C[1, 1] = self.model.mass * mass * stiffness
-        C[3:, :2] = C[0, 0] * (self._cross @ attitude.rotation_matrix(x[0, Q]).T)[:, :2]
+        C[3:, :2] = C[0, 0] * (cross @ attitude.rotation_matrix(x[0, Q]).T)[:, :2]
         return WrenchForecast(A, B, C, np.zeros(4), beside_plan(A, gain, C, x, wrench))
 
 

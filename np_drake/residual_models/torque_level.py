@@ -45,8 +45,16 @@ def next_level(memory: Memory, torque: np.ndarray, step: float) -> Memory:
     errors = memory["errors"]
     if seen[0] > 1:  # no filter forecast the first
         errors = errors + max(step / LONGEST_MEAN, 1.0 / (seen[0] - 1)) * (error**2 - errors)
-    effective = min(float(seen[0] - 1), LONGEST_MEAN / step)
+    new = {"levels": levels, "errors": errors, "torques": seen}
+    weight, _ = followed(new, step)
+    return {**new, "steady": np.sum(weight * levels, axis=0)}
+
+
+def followed(memory: Memory, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the weights of the filters (g, 3) [1], and the mean square of their one-step errors (3,) [N²·m²]."""
+    errors = memory["errors"]
+    effective = min(max(float(memory["torques"][0] - 1), 0.0), LONGEST_MEAN / step)
     excess = np.log(np.maximum(errors, 1e-300)) - np.log(np.maximum(errors.min(axis=0), 1e-300))
     weight = np.exp(-0.5 * effective * excess)
-    steady = np.sum(weight * levels, axis=0) / weight.sum(axis=0)
-    return {"steady": steady, "levels": levels, "errors": errors, "torques": seen}
+    weight = weight / weight.sum(axis=0)
+    return weight, np.sum(weight * errors, axis=0)

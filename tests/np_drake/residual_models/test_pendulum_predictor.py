@@ -101,6 +101,20 @@ def test_the_torque_of_the_pull_about_the_hook_is_foretold(model, flown):
     )  # noise of the torque label [N·m]
 
 
+def test_a_hook_elsewhere_than_in_training_is_found_in_flight(model, flown):
+    flight = flown(length=0.8, seconds=12.0, radius=1.0, swing=0.2)
+    predictor, k = PendulumPredictor(model(hook=HOOK + [0.01, 0.0, 0.02])), 500
+    memory = run(predictor, flight.samples[: k + 1])
+    np.testing.assert_allclose(
+        memory["shift"], [-0.01, 0.0, -0.02], atol=0.006
+    )  # three tenths of the prior [m]
+    plan = plan_from(flight, k)
+    tau = predictor.forecast_along(memory, plan, **SPAN).rollout(plan.x[:-1, 7:13])[:, 3:]
+    pull_B = attitude.rotate_back(plan.x[:-1, 3:7], mean_force(flight, k))
+    clean = np.cross(HOOK, pull_B)
+    assert np.abs(tau - clean).max() < 0.35 * np.abs(clean).max()
+
+
 def test_torque_of_rates_and_velocity_follows_the_plan(model, flown):
     """Over a step it is the mean of both ends."""
     plain = model()
