@@ -112,7 +112,7 @@ def test_a_hook_elsewhere_than_in_training_is_found_in_flight(model, flown):
     tau = predictor.forecast_along(memory, plan, **SPAN).rollout(plan.x[:-1, 7:13])[:, 3:]
     pull_B = attitude.rotate_back(plan.x[:-1, 3:7], mean_force(flight, k))
     clean = np.cross(HOOK, pull_B)
-    assert np.abs(tau - clean).max() < 0.35 * np.abs(clean).max()
+    assert np.abs(tau - clean).max() < 0.35 * np.abs(clean).max() + 0.006  # noise of the label [N·m]
 
 
 def test_torque_of_rates_and_velocity_follows_the_plan(model, flown):
