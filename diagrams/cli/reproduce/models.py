@@ -5,7 +5,7 @@ from diagrams.cli.output import progress
 from diagrams.cli.runner import Report, Run, reports
 
 
-@reports("reproduce", seed=None, out=options.Out, markdown=False)
+@reports("reproduce", seed=None, out=options.Out)
 def models(run: Run) -> Report:
     """Make the packaged model files anew, and compare them with those in the package. --out DIR: the files."""
     from diagrams.tracking.packaged import SEED, SOLVER, difference, make_packaged_models
