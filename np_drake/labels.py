@@ -15,7 +15,7 @@ from scipy import signal
 from np_drake import rigid_body
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.rotor_input import acting_command, rotor_decay, rotor_speed, rotor_wrench
-from np_drake.residual_models.base import Memory
+from np_drake.residual_models.base import KnowsRotorLag, Memory
 from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
 
@@ -74,6 +74,15 @@ def default_labels(vehicle: Vehicle) -> LabelConfig:
     """Return the low-pass for `vehicle`: that of the paper's at the pace of its own sampling (`Scales.clock`)."""
     pace, paper = ratios(vehicle).clock, LabelConfig()
     return LabelConfig(paper.force_bandwidth / pace, paper.torque_bandwidth / pace, paper.order)
+
+
+def labelled(vehicle: Vehicle, model: object) -> Vehicle:
+    """Return the vehicle that the labels for `model` assume, with the rotor lag that the model has learned.
+
+    A lag named in the vehicle's file takes precedence.
+    """
+    lag = model.rotor_lag if isinstance(model, KnowsRotorLag) else 0.0
+    return dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)
 
 
 class LabelFilter:

@@ -57,7 +57,12 @@ def learned_timing(
 
 
 def delayed(log: FlightLog, delay: float) -> FlightLog:
-    """Return the log with the command that acts, without lag, where it acts `delay` [s] late; the first acts before."""
+    """Return the log with the command that acts, without lag, where it acts `delay` [s] late; the first acts before.
+
+    Measured rotor speed is never late.
+    """
+    if delay == 0.0 or log.input != "command":
+        return log
     whole, part = divmod(delay / log.step, 1.0)
     k = np.arange(len(log)) - int(whole)
     last, before = (np.clip(i, 0, None) for i in (k, k - 1))

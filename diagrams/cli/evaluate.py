@@ -14,11 +14,12 @@ from diagrams.cli.runner import Report, Run, counting, reports
 from diagrams.cli.train import LOG_HELP, behind_bar, train_reaction
 
 if TYPE_CHECKING:
-    from np_drake.lifting.model.lifted_model import LiftedModel
     from np_drake.logs.training_segments import Flight
     from np_drake.residual_models.base import ResidualModel
+    from np_drake.residual_models.flight_skill import Model
 
-CONFIGURATIONS = ("paper", "default")
+CONFIGURATIONS = ("paper", "default")  # that are trained unless some are named
+PENDULUM = "pendulum"  # trained where it is named
 HORIZONS = "1,5,10,20,40"
 MOTIONS = ("held", "known")  # what a forecast knows of the coming zeta
 
@@ -38,7 +39,7 @@ def evaluate(
         bool, Option("--leave-one-out", help="Score every LOG by models trained on all the others.")
     ] = False,
     only: Annotated[
-        list[str] | None, Option(help="Train only this one: paper | default; repeatable.")
+        list[str] | None, Option(help="Train only this one: paper | default | pendulum; repeatable.")
     ] = None,
     also: Annotated[
         list[str] | None, Option(help="Rows of these as well, trained likewise: gp | knode; repeatable.")
@@ -66,8 +67,13 @@ def evaluate(
     tests = open_flights(logs, vehicle, repair=repair)
     training = open_flights(train, vehicle, repair=repair)
     require_one_frame([*training, *tests])
-    from diagrams.cli.scoring import stability_text, tables
-    from np_drake.residual_models.flight_skill import diverged, flight_stability, score_flights
+    from diagrams.cli.scoring import distance_text, stability_text, tables
+    from np_drake.residual_models.flight_skill import (
+        diverged,
+        flight_stability,
+        label_distances,
+        score_flights,
+    )
     from np_drake.scaling import sampling_period
 
     step = step or sampling_period(tests[0].vehicle)
@@ -75,6 +81,7 @@ def evaluate(
     folds = [([other for other in tests if other is not test], [test]) for test in tests]
     rows: list[dict] = []
     windows: list[dict] = []
+    distances: list[dict] = []
     for learned, held_out in folds if leave_one_out else [(training, tests)]:
         models = (
             load(predictor)
@@ -86,6 +93,7 @@ def evaluate(
             with counting(f"scoring, coming motion {zeta}") as on_model:
                 rows += score_flights(models, held_out, steps, zeta=zeta, on_model=on_model, **known)
         windows += flight_stability(models, held_out)
+        distances += label_distances(models, held_out)
     settings = {
         "configurations": list(models),
         "horizons": steps,
@@ -96,8 +104,8 @@ def evaluate(
     return Report(
         [table for zeta in MOTIONS for table in tables(rows, zeta, mean=leave_one_out)],
         config=settings | {"training": [flight.data.name for flight in training]},
-        metrics={"rows": rows, "stability": windows},
-        notes=stability_text(windows, rows),
+        metrics={"rows": rows, "stability": windows, "label_distances": distances},
+        notes=[*stability_text(windows, rows), *distance_text(distances)],
         failure=FailedRun(f"a forecast diverged on {', '.join(sorted(set(lost)))}.") if lost else None,
     )
 
@@ -141,10 +149,11 @@ def choose_configurations(only: list[str] | None) -> list[str]:
 
     Raises: ValueError: on an unknown name.
     """
-    unknown = set(only or ()) - set(CONFIGURATIONS)
+    known = (*CONFIGURATIONS, PENDULUM)
+    unknown = set(only or ()) - set(known)
     if unknown:
-        raise ValueError(f"--only: must be {' | '.join(CONFIGURATIONS)}; got {', '.join(sorted(unknown))}.")
-    return [name for name in CONFIGURATIONS if not only or name in only]
+        raise ValueError(f"--only: must be {' | '.join(known)}; got {', '.join(sorted(unknown))}.")
+    return [name for name in known if name in (only or CONFIGURATIONS)]
 
 
 def require_reactions(names: Sequence[str], predictor: Path | None) -> None:
@@ -197,13 +206,16 @@ def packaged_model() -> Path:
     return DEFAULT_MODEL
 
 
-def load(path: Path) -> dict[str, "LiftedModel"]:
-    """Load the model of a file; return it by its configuration.
+def load(path: Path) -> dict[str, "Model"]:
+    """Load the model of a file, lifted linear system or pendulum; return it by its configuration.
 
     Raises: ValueError: on a bad file.
     """
-    from np_drake.lifting.model.model_file import load_model
+    from np_drake.lifting.model.model_file import load_model, schema_of
+    from np_drake.residual_models.pendulum_model import PENDULUM, SCHEMA, PendulumModel
 
+    if schema_of(path) == SCHEMA:
+        return {PENDULUM: PendulumModel.load(path)}
     model = load_model(path)
     return {model.configuration: model}
 
@@ -215,13 +227,20 @@ def train_all(
     seed: int,
     epochs: int | None,
     names: Sequence[str] = CONFIGURATIONS,
-) -> dict[str, "LiftedModel"]:
-    """Train the configurations of these names on the same flights."""
+) -> dict[str, "Model"]:
+    """Train the configurations of these names on the same flights.
+
+    Raises: ValueError: if `pendulum` is among them and a flight is an array.
+    """
     from np_drake.lifting.training.train import make_config, train
+    from np_drake.residual_models.pendulum_training import opened_logs, train_pendulum
 
     segments = [segment for flight in flights for segment in flight.segments(step)]
-    models = {}
+    models: dict[str, Model] = {}
     for name in names:
+        if name == PENDULUM:
+            models[name] = train_pendulum(opened_logs(flights), step=step)
+            continue
         config = make_config(name, frame=flights[0].frame, seed=seed, epochs=epochs)
         result, wall = behind_bar(f"training {name}", partial(train, segments, config))
         say(f"{name}: {wall:.1f} s, {result.model.summary.get('excitation', '')}")

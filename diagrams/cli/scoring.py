@@ -69,3 +69,12 @@ def stability_text(lines: list[dict[str, Any]], rows: list[dict[str, Any]]) -> l
             f"longest forecast {peak:.2f} x the longest label",
         ]
     return said
+
+
+def distance_text(lines: list[dict[str, Any]]) -> list[str]:
+    """Return a sentence for every flight on which a model forecasts the wrench without low-pass."""
+    return [
+        f"{line['model']} forecasts without low-pass; such labels of {line['flight']} are {line['force']:.3g} N and "
+        f"{line['torque']:.3g} N·m from the target"
+        for line in lines
+    ]

@@ -100,14 +100,9 @@ def pendulum_report(flights: "Sequence[Flight]", out: Path, *, step: float) -> R
 
     Raises: ValueError: if `flights` do not serve.
     """
-    from np_drake.logs.flight_log import FlightLog
-    from np_drake.residual_models.pendulum_training import train_pendulum
+    from np_drake.residual_models.pendulum_training import opened_logs, train_pendulum
 
-    logs = [(flight.data, flight.vehicle) for flight in flights if isinstance(flight.data, FlightLog)]
-    if len(logs) < len(flights):
-        raise ValueError(
-            "pendulum: must have flight logs, with attitude and command; got arrays of wrenches."
-        )
+    logs = opened_logs(flights)
     start = time.perf_counter()
     with progress("training pendulum", 1.0) as advance:
         model = train_pendulum(
@@ -120,6 +115,7 @@ def pendulum_report(flights: "Sequence[Flight]", out: Path, *, step: float) -> R
         ("thrust error [%]", f"{100 * model.thrust_error:.2f} ± {100 * model.thrust_error_deviation:.2f}"),
         ("drag [N·s/m]", f"{model.mass * model.drag:.3f} ± {model.mass * model.drag_deviation:.3f}"),
         ("hook x, y, z [mm]", hook),
+        ("torque over velocity, roll, pitch [mN·s]", ", ".join(f"{1e3 * c:.3g}" for c in model.speed_torque)),
         ("rotor lag [ms]", f"{1e3 * model.rotor_lag:.1f}"),
     ]
     return Report(

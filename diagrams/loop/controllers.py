@@ -7,14 +7,14 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
 from np_drake.command_delay import LONGEST, DelayFilter
-from np_drake.labels import LabelConfig, ReadsLabels
+from np_drake.labels import LabelConfig, ReadsLabels, labelled
 from np_drake.lifting.model.model_file import schema_of
 from np_drake.lifting.model.origin import Trained, origin_of, require_origin
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.solvers import make_solver, require_solver
 from np_drake.references.base import Reference
-from np_drake.residual_models.base import KnowsDelay, KnowsRotorLag, ReadsPlan, ResidualModel
+from np_drake.residual_models.base import KnowsDelay, ReadsPlan, ResidualModel
 from np_drake.residual_models.disturbance_observer import DisturbanceObserver
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.motion_model import REACTIONS, MotionModel
@@ -131,15 +131,6 @@ def _load_predictor(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel
     predictor = NeuralPredictorModel.load(path)
     _require_fit(predictor.model, predictor.step, config, vehicle)
     return predictor
-
-
-def labelled(vehicle: Vehicle, model: ResidualModel | None) -> Vehicle:
-    """Return the vehicle that the labels for `model` assume, with the rotor lag that the model has learned.
-
-    A lag named in the vehicle's file takes precedence.
-    """
-    lag = model.rotor_lag if isinstance(model, KnowsRotorLag) else 0.0
-    return dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or lag)
 
 
 def _require_fit(

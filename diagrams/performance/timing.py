@@ -9,12 +9,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from diagrams.loop.controllers import LEARNED, labelled, make_residual_model
+from diagrams.loop.controllers import LEARNED, make_residual_model
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.payload.hover_swing import ROWS as HOVER_ROWS
 from diagrams.payload.hover_swing import HoverRow, configure_row
-from np_drake.labels import LabelFilter
+from np_drake.labels import LabelFilter, labelled
 from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcStatus
 from np_drake.mpc.solvers import make_solver

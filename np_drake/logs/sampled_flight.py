@@ -8,6 +8,7 @@ import numpy as np
 from np_drake.labels import LabelConfig, labels, raw_labels
 from np_drake.lifting.training.segments import Segment
 from np_drake.logs.accelerations import with_accelerations
+from np_drake.logs.decimate import rows_at
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.rotor_input import acting_command
 from np_drake.residual_models.base import Sample
@@ -48,6 +49,11 @@ class SampledFlight:
         chi = np.stack([np.interp(k, k[good], column[good]) for column in self.chi.T], axis=1)
         return Segment(chi, self.zeta, self.step)
 
+    def rows(self, start: int, stop: int) -> "SampledFlight":
+        """Return samples `start` to `stop`, without the last."""
+        part = slice(start, stop)
+        return dc.replace(self, x=self.x[part], u=self.u[part], chi=self.chi[part])
+
     def sample(self, k: int) -> Sample:
         """Return sample k."""
         return Sample(self.x[k], self.u[k], self.chi[k])
@@ -79,6 +85,30 @@ def sampled_flight(
     if label is not None:
         chi = np.where(np.isfinite(chi), labels(log, vehicle, label)[last], np.nan)
     return SampledFlight(step, log.x[last], u, chi, log.name)
+
+
+def picked_flight(
+    log: FlightLog, vehicle: Vehicle, *, step: float, label: LabelConfig | None = None
+) -> SampledFlight:
+    """Return the flight with the rows nearest to every step, as a predictor sees them in flight (see `rows_at`).
+
+    The label of a row is that of the command that acts at the row, its `u` the mean command since the row before.
+    Args: log: with accelerations.   step: [s].   label: low-pass, None for that of the vehicle.
+    Raises: ValueError: if the step does not fit the log.
+    """
+    chi, rows = labels(log, vehicle, label), rows_at(log, step)
+    before = np.concatenate([[max(rows[0] - 1, 0)], rows[:-1]])
+    u = np.array(
+        [log.u[start : max(row, start + 1)].mean(axis=0) for start, row in zip(before, rows, strict=True)]
+    )
+    return SampledFlight(step, log.x[rows], u, chi[rows], log.name)
+
+
+def of_wrenches(chi: np.ndarray, zeta: np.ndarray, step: float) -> SampledFlight:
+    """Return a flight of which labels and motion zeta (n, 6) are known alone: level, without a command."""
+    x = np.zeros((len(chi), 13))
+    x[:, 3], x[:, 7:] = 1.0, zeta
+    return SampledFlight(step, x, np.zeros((len(chi), 4)), chi)
 
 
 def _means(values: np.ndarray, bins: np.ndarray, count: int) -> np.ndarray:

@@ -4,12 +4,15 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.labels import LabelConfig
+from np_drake.labels import LabelConfig, ReadsLabels, labelled
 from np_drake.lifting.training.segments import Segment
 from np_drake.logs.accelerations import with_accelerations
 from np_drake.logs.decimate import wrench_sequence
 from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.sampled_flight import SampledFlight, picked_flight
 from np_drake.logs.wrench_sequence import WrenchSequence
+from np_drake.residual_models.base import KnowsDelay
+from np_drake.rotor_lag import delayed
 from np_drake.vehicle import Vehicle
 
 SHORTEST = 2  # samples; shorter pieces between NaN rows are left out
@@ -59,20 +62,49 @@ def training_segments(
     """
     if isinstance(flight, WrenchSequence):
         return _pieces(flight.chi, flight.zeta, flight.chi, flight.step)
-    log = with_accelerations(flight)
-    if log.bridged is not None:
-        log = dc.replace(log, u=np.where(log.bridged[:, None], np.nan, log.u))
+    log = _usable(flight)
     causal = wrench_sequence(log, vehicle, config, step=step)
     smooth = wrench_sequence(log, vehicle, config, step=step, zero_phase=True)
     return _pieces(causal.chi, causal.zeta, smooth.chi, step)
 
 
+def flown_segments(
+    log: FlightLog, vehicle: Vehicle, model: object, *, step: float
+) -> list[tuple[Segment, SampledFlight]]:
+    """Return the segments of a log, each beside the same samples as `model` sees them: state, command, own labels.
+
+    Raises: ValueError: if the step does not fit the log.
+    """
+    log = _usable(log)
+    label = model.label if isinstance(model, ReadsLabels) else None
+    late = model.delay if isinstance(model, KnowsDelay) else 0.0
+    seen = picked_flight(delayed(log, late), labelled(vehicle, model), step=step, label=label)
+    causal = wrench_sequence(log, vehicle, step=step)
+    smooth = wrench_sequence(log, vehicle, step=step, zero_phase=True)
+    pieces = _pieces(causal.chi, causal.zeta, smooth.chi, step)
+    runs = _runs(causal.chi, causal.zeta, smooth.chi)
+    return [(piece, seen.rows(*run)) for piece, run in zip(pieces, runs, strict=True)]
+
+
+def _usable(log: FlightLog) -> FlightLog:
+    """Return the log with accelerations, and without commands in bridged gaps."""
+    log = with_accelerations(log)
+    if log.bridged is not None:
+        log = dc.replace(log, u=np.where(log.bridged[:, None], np.nan, log.u))
+    return log
+
+
 def _pieces(chi: np.ndarray, zeta: np.ndarray, target: np.ndarray, step: float) -> list[Segment]:
     """Return segments between the rows that hold a NaN."""
-    good = np.all(np.isfinite(np.hstack([chi, zeta, target])), axis=1)
-    edge = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
     return [
         Segment(chi[start:stop], zeta[start:stop], step, target[start:stop])
-        for start, stop in zip(edge[::2], edge[1::2], strict=True)
-        if stop - start >= SHORTEST
+        for start, stop in _runs(chi, zeta, target)
     ]
+
+
+def _runs(*arrays: np.ndarray) -> list[tuple[int, int]]:
+    """Return first row and the row behind the last of every run without NaN, of `SHORTEST` and more."""
+    good = np.all(np.isfinite(np.hstack(arrays)), axis=1)
+    edge = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int))).tolist()
+    runs = zip(edge[::2], edge[1::2], strict=True)
+    return [(start, stop) for start, stop in runs if stop - start >= SHORTEST]

@@ -9,22 +9,28 @@ import numpy as np
 
 from np_drake.lifting.metrics.skill import UNTRAINED, skill_table
 from np_drake.lifting.model.lifted_model import DEFAULT, PAPER, LiftedModel
-from np_drake.lifting.model.origin import require_origin
+from np_drake.lifting.model.origin import origin_of, require_origin
 from np_drake.lifting.training.segments import Segment
+from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.neurobem import TESTS
-from np_drake.logs.training_segments import Flight
+from np_drake.logs.sampled_flight import SampledFlight
+from np_drake.logs.training_segments import Flight, flown_segments
 from np_drake.logs.wrench_sequence import WrenchSequence
 from np_drake.residual_models.base import ResidualModel
 from np_drake.residual_models.neural_predictor import NeuralPredictor, PredictorOptions
-from np_drake.residual_models.window_stability import window_stability
+from np_drake.residual_models.pendulum_model import PENDULUM, PendulumModel
+from np_drake.residual_models.pendulum_predictor import PendulumPredictor
+from np_drake.residual_models.window_stability import walked_stability, window_stability
 
-OURS = (PAPER, DEFAULT)
+OURS = (PAPER, DEFAULT, PENDULUM)
+WARM_UP = 40  # samples before the first origin, at least [1]
+Model = LiftedModel | PendulumModel
 DIVERGED = 10.0  # longest forecast over longest label from which a flight counts as diverged [1]
 STEP_TOLERANCE = 0.02  # between a model's step and an array's [1]
 
 
 def score_flights(
-    models: dict[str, LiftedModel],
+    models: Mapping[str, Model],
     flights: Sequence[Flight],
     horizons: list[int],
     *,
@@ -45,18 +51,19 @@ def score_flights(
     for number, flight in enumerate(flights):
         name = flight_name(flight)
         for place, (label, model) in enumerate(models.items()):
-            require_origin(model, {"frame": flight.frame})
-            segment = longest_piece(flight, model.step)
+            predictor = _predictor(model)
+            segment, seen = longest_flown(flight, predictor)
             table = skill_table(
-                {label: _predictor(model), **(baselines if place == 0 else {})},
+                {label: predictor, **(baselines if place == 0 else {})},
                 segment.chi,
                 segment.zeta,
                 horizons=horizons,
                 mean=segment.chi.mean(axis=0) if mean is None else mean,
                 target=segment.goal,
                 zeta_known=zeta == "known",
-                warm_up=max(40, model.window),
+                warm_up=WARM_UP if isinstance(model, PendulumModel) else max(WARM_UP, model.window),
                 flight=name,
+                seen={} if seen is None else {label: seen},
             )
             rows += [
                 {**dc.asdict(row), "horizon": row.horizon * segment.step, "zeta": zeta}
@@ -72,9 +79,50 @@ def flight_name(flight: Flight) -> str:
     return TESTS.get(f"merged_{flight.data.name}", flight.data.name)
 
 
-def _predictor(model: LiftedModel) -> NeuralPredictor:
+def _predictor(model: Model) -> NeuralPredictor | PendulumPredictor:
     """Return the predictor of a model; torque is predicted where it was trained."""
+    if isinstance(model, PendulumModel):
+        return PendulumPredictor(model)
     return NeuralPredictor(model, PredictorOptions(torque="predict" if model.predicts_torque else "hold"))
+
+
+def longest_flown(
+    flight: Flight, predictor: NeuralPredictor | PendulumPredictor
+) -> tuple[Segment, SampledFlight | None]:
+    """Return the longest uninterrupted piece of a flight, and for a model that reads a plan that piece as it sees it.
+
+    Raises: ValueError: if the predictor was trained on other labels, or nothing usable is left.
+    """
+    if not isinstance(predictor, PendulumPredictor):
+        require_origin(predictor.model, {"frame": flight.frame})
+        return longest_piece(flight, predictor.step), None
+    require_origin(predictor.model, origin_of(flight.frame, flight.vehicle, predictor.label))
+    if not isinstance(flight.data, FlightLog):
+        raise ValueError(
+            f"{flight.data.name}: must be a flight log, with attitude and command, for {PENDULUM}; got an array."
+        )
+    pieces = flown_segments(flight.data, flight.vehicle, predictor, step=predictor.step)
+    if not pieces:
+        raise ValueError(f"{flight.data.name}: must hold rows without NaN; got none.")
+    return max(pieces, key=lambda piece: len(piece[0]))
+
+
+def label_distances(models: Mapping[str, Model], flights: Sequence[Flight]) -> list[dict[str, Any]]:
+    """Return how far labels without low-pass lie from the targets, force [N] and torque [N·m], RMS by flight.
+
+    For models that forecast such labels alone: what a low-pass takes from the target counts as their error.
+    """
+    lines = []
+    for flight in flights:
+        for label, model in models.items():
+            if not isinstance(model, PendulumModel):
+                continue
+            unlagged = PendulumPredictor(dc.replace(model, rotor_lag=0.0))
+            segment, seen = longest_flown(flight, unlagged)
+            square = np.nanmean((seen.chi - segment.goal) ** 2, axis=0) if seen else np.zeros(6)
+            force, torque = np.sqrt([square[:3].sum(), square[3:].sum()]).tolist()
+            lines.append({"flight": flight_name(flight), "model": label, "force": force, "torque": torque})
+    return lines
 
 
 def longest_piece(flight: Flight, step: float) -> Segment:
@@ -107,7 +155,7 @@ def _bounded(row: dict[str, Any]) -> bool:
     return bool(finite and not any(peak > DIVERGED for peak in peaks))
 
 
-def flight_stability(models: dict[str, LiftedModel], flights: Sequence[Flight]) -> list[dict[str, Any]]:
+def flight_stability(models: Mapping[str, Model], flights: Sequence[Flight]) -> list[dict[str, Any]]:
     """Return the spectral radius of A in every window of every flight, model by model; see `WindowStability`.
 
     Raises: ValueError: as `score_flights`.
@@ -115,7 +163,11 @@ def flight_stability(models: dict[str, LiftedModel], flights: Sequence[Flight]) 
     lines = []
     for flight in flights:
         for label, model in models.items():
-            segment = longest_piece(flight, model.step)
-            found = window_stability(_predictor(model), segment.chi, segment.zeta)
+            predictor = _predictor(model)
+            segment, seen = longest_flown(flight, predictor)
+            if isinstance(predictor, NeuralPredictor):
+                found = window_stability(predictor, segment.chi, segment.zeta)
+            elif seen is not None:
+                found = walked_stability(predictor, seen)
             lines.append({"flight": flight_name(flight), "model": label, **dc.asdict(found)})
     return lines

@@ -39,14 +39,16 @@ def drives(before, x, hook, over_step, now, step):
 
 @compiled
 def along_plan(
-    points, weight, x, u, acting, steady, rate_torque, hook, mass, gravity, step, stride, mean_decay, decay
-):
+    points, weight, x, u, acting, steady, rate_torque, speed_torque, hook, mass, gravity, step, stride,
+    mean_decay, decay,
+):  # fmt: skip
     """Return the wrench (N, 6) along a plan, the mean of all members over each of its steps [N, N·m].
 
     Args: points: (k, POINT), weight: (k,) of the members.   x: (N+1, 13), u: (N, 4) of the plan.   acting: (4,) wrench
-    of the rotors now [N, N·m].   steady: (3,) torque [N·m].   rate_torque: (3,) [N·m·s].   hook: (3,) [m].
-    mass: of the vehicle [kg].   gravity: [m/s²].   step: of the plan [s].   stride: of the pendulum's steps in it [1].
-    mean_decay, decay: share of a difference that the rotors' lag leaves over a step, and at its end [1].
+    of the rotors now [N, N·m].   steady: (3,) torque [N·m].   rate_torque: (3,) [N·m·s].   speed_torque: (2,) [N·s].
+    hook: (3,) [m].   mass: of the vehicle [kg].   gravity: [m/s²].   step: of the plan [s].   stride: of the pendulum's
+    steps in it [1].   mean_decay, decay: share of a difference that the rotors' lag leaves over a step, and at its end
+    [1].
     """
     n, members = len(u), len(points)
     mean = np.zeros(points.shape[1])
@@ -71,10 +73,24 @@ def along_plan(
             drag = 0.5 * mean[DRAG] * (x[i, 7 + k] + x[i + 1, 7 + k])
             wrench[i, k] = mass * (pull[i, k] + mean[PUSH + k] - drag) + thrust * z[k]
         _hook_torque(q, hook, mass * pull[i], wrench[i])
+        start = motion_torque(x[i], rate_torque, speed_torque)
+        end = motion_torque(x[i + 1], rate_torque, speed_torque)
         for k in range(3):
-            turning = 0.5 * rate_torque[k] * (x[i, 10 + k] + x[i + 1, 10 + k])
-            wrench[i, 3 + k] += lag[1 + k] + steady[k] + turning
+            wrench[i, 3 + k] += lag[1 + k] + steady[k] + 0.5 * (start[k] + end[k])
     return wrench
+
+
+@compiled
+def motion_torque(state, rate_torque, speed_torque):
+    """Return the torque of body rates and velocity in a state (13,), (3,) in B [N·m]."""
+    v = np.zeros(3)
+    _rotate(state[3], -state[4], -state[5], -state[6], state[7], state[8], state[9], v)
+    out = np.empty(3)
+    for k in range(3):
+        out[k] = rate_torque[k] * state[10 + k]
+    out[0] += speed_torque[0] * v[1]
+    out[1] += speed_torque[1] * v[0]
+    return out
 
 
 @compiled

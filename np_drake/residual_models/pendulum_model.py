@@ -22,7 +22,7 @@ NUMBERS = (
     "drag",
     "drag_deviation",
 )
-VECTORS = ("hook", "rate_torque")
+VECTORS = {"hook": (3, "m"), "rate_torque": (3, "N·m·s"), "speed_torque": (2, "N·s")}  # length, unit
 
 
 @dc.dataclass(frozen=True)
@@ -34,6 +34,8 @@ class PendulumModel:
     thrust_error: actual over commanded thrust, less one, and its standard deviation [1].
     drag: of the vehicle over its mass, and its standard deviation [1/s].
     hook: (3,) p_BoTo_B [m].   rate_torque: (3,) torque about the body axes over the body rates [N·m·s].
+    speed_torque: (2,) torque about body x over the velocity along y, and about y over that along x, as of flapping
+    blades and of drag beside Bo [N·s].
     summary: key figures and origin of the training.
     """
 
@@ -47,6 +49,7 @@ class PendulumModel:
     drag_deviation: float
     hook: np.ndarray
     rate_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(3))
+    speed_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(2))
     delay: float = 0.0
     summary: dict[str, Any] = dc.field(default_factory=dict)
 
@@ -60,10 +63,12 @@ class PendulumModel:
             raise ValueError(
                 "PendulumModel: rotor_lag must not be negative, thrust_error above -1, drag finite."
             )
-        for name, unit in (("hook", "m"), ("rate_torque", "N·m·s")):
+        for name, (length, unit) in VECTORS.items():
             value = getattr(self, name)
-            if np.shape(value) != (3,) or not np.all(np.isfinite(value)):
-                raise ValueError(f"PendulumModel: {name} must be three finite numbers [{unit}]; got {value}.")
+            if np.shape(value) != (length,) or not np.all(np.isfinite(value)):
+                raise ValueError(
+                    f"PendulumModel: {name} must be {length} finite numbers [{unit}]; got {value}."
+                )
 
     def save(self, path: str | Path) -> None:
         """Write the model file, whole or not at all.

@@ -10,14 +10,14 @@ from np_drake import attitude
 from np_drake.labels import LabelConfig
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory, Plan, Sample, WrenchForecast
+from np_drake.residual_models.hook_shift import initial_shift, next_shift
 from np_drake.residual_models.pendulum_bank import BankOptions, PendulumBank, Prior
-from np_drake.residual_models.pendulum_forecast import along_plan, beside_plan, drives
+from np_drake.residual_models.pendulum_forecast import along_plan, beside_plan, drives, motion_torque
 from np_drake.residual_models.pendulum_model import PENDULUM, PendulumModel
 from np_drake.rigid_body import Q, W
 
 RAW = LabelConfig(force_bandwidth=np.inf, torque_bandwidth=np.inf)  # the filter wants white noise
 NOISE_TIME = 2.0  # over which the noise of labels is averaged [s]; own choice
-LONGEST_MEAN = 10.0  # over which torque is averaged at most, as a trim may drift [s]; own choice
 DEFAULT_BANK = BankOptions()
 FIRST_NOISE = 0.3  # noise of a force label before any was seen [m/s²]; source: stated prior
 CLIP = 4.0  # second difference that counts as noise, in standard deviations [1]: larger ones are events
@@ -33,8 +33,8 @@ class PendulumPredictor:
     takes up energy from the vehicle and never gives back more.
 
     Memory: of the bank; x (13,) and acting (4,) command at the last sample; labels (2, 3) the last two of force and
-    variance (3,) of their noise; steady (3,) torque that is not the tether's, torque (2, 3) its last value and change,
-    moments (2, 3) of its changes; now (9,) what moves the tether; seen: samples so far.
+    variance (3,) of their noise; steady (3,) torque that nothing here explains, shift (3,) of the hook and what
+    `hook_shift` needs for both; now (9,) what moves the tether; seen: samples so far.
     A sample without label, or with a NaN in it, moves the bank without correction; without a state it waits.
     """
 
@@ -53,6 +53,7 @@ class PendulumPredictor:
         self._hook = np.asarray(model.hook, float)
         self._cross = skew(self._hook)
         self._rate_torque = np.asarray(model.rate_torque, float)
+        self._speed_torque = np.asarray(model.speed_torque, float)
 
     @classmethod
     def load(cls, path: str | Path) -> "PendulumPredictor":
@@ -72,9 +73,7 @@ class PendulumPredictor:
             "acting": np.array([self.model.mass * self.model.gravity, 0.0, 0.0, 0.0]),
             "labels": np.full((2, 3), np.nan),
             "variance": np.full(3, FIRST_NOISE**2),
-            "steady": np.zeros(3),
-            "torque": np.full((2, 3), np.nan),
-            "moments": np.zeros((2, 3)),
+            **initial_shift(self.step),
             "now": np.zeros(9),
             "seen": np.zeros(1),
         }
@@ -99,13 +98,18 @@ class PendulumPredictor:
         new = {**memory, **bank, "x": x.copy(), "acting": acting, "now": now}
         if np.all(np.isfinite(chi)):
             new |= self._noise(memory, force)
-            other = chi[3:] - self._cross @ (attitude.rotation_matrix(x[Q]).T @ self.pull(new))
-            new |= self._level(memory, other - self._rate_torque * x[W])
+            pull = attitude.rotation_matrix(x[Q]).T @ self.pull(new)
+            rest = chi[3:] - self._cross @ pull - self._motion_torque(x)
+            new |= next_shift(memory, rest, pull, self.step)
         return new
 
     def pull(self, memory: Memory) -> np.ndarray:
         """Return the pull of the tether on the vehicle at the last sample, mean of all members, in W (3,) [N]."""
         return self.model.mass * (memory["weight"] @ kernel.pulls(memory["mean"], memory["now"]))
+
+    def _motion_torque(self, x: np.ndarray) -> np.ndarray:
+        """Return the torque (3,) of body rates and velocity in a state x (13,) [N·m]."""
+        return motion_torque(x, self._rate_torque, self._speed_torque)
 
     def _noise(self, memory: Memory, force: np.ndarray) -> Memory:
         """Return the labels and the variance of their noise: a sixth of that of second differences."""
@@ -123,25 +127,6 @@ class PendulumPredictor:
             "seen": seen,
         }
 
-    def _level(self, memory: Memory, torque: np.ndarray) -> Memory:
-        """Return the level of the torque that nothing here explains, a random walk under white noise.
-
-        Their variances follow from those of successive changes (var = walk + 2 noise, covariance = -noise), the gain is
-        that of the steady Kalman filter.   Source: local level model, Harvey 1989.
-        """
-        change = torque - memory["torque"][0]
-        products = np.stack([change**2, change * memory["torque"][1]])
-        if not np.all(np.isfinite(products)):
-            return {"torque": np.stack([torque, change])}
-        moments = memory["moments"] + min(1.0, self.step / NOISE_TIME) * (products - memory["moments"])
-        noise = np.maximum(-moments[1], 0.0)
-        walk = np.maximum(moments[0] - 2 * noise, 0.0)
-        spread = 0.5 * (walk + np.sqrt(walk**2 + 4 * walk * noise))
-        gain = spread / np.maximum(spread + noise, 1e-300)
-        gain = np.clip(gain, self.step / LONGEST_MEAN, 1.0)
-        steady = memory["steady"] + gain * (torque - memory["steady"])
-        return {"torque": np.stack([torque, change]), "moments": moments, "steady": steady}
-
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the forecast for a motion that goes on at the velocity and attitude of now."""
         x = np.tile(memory["x"], (horizon + 1, 1))
@@ -155,19 +140,22 @@ class PendulumPredictor:
         weight = memory["weight"][some] / memory["weight"][some].sum()
         points, step = memory["mean"][some], stride * self.step
         wrench = along_plan(
-            points, weight, plan.x, plan.u, memory["acting"], memory["steady"], self._rate_torque, self._hook,
-            self.model.mass, self.model.gravity, step, stride, *_lag(self.rotor_lag, step),
+            points, weight, plan.x, plan.u, memory["acting"], memory["steady"], self._rate_torque,
+            self._speed_torque, self._hook + memory["shift"], self.model.mass, self.model.gravity, step, stride,
+            *_lag(self.rotor_lag, step),
         )  # fmt: skip
-        return self._beside(wrench, weight @ points, plan.x, step)
+        return self._beside(wrench, weight @ points, plan.x, step, self._cross + skew(memory["shift"]))
 
-    def _beside(self, wrench: np.ndarray, mean: np.ndarray, x: np.ndarray, step: float) -> WrenchForecast:
+    def _beside(
+        self, wrench: np.ndarray, mean: np.ndarray, x: np.ndarray, step: float, cross: np.ndarray
+    ) -> WrenchForecast:
         """Return the forecast of `wrench` (N, 6) along x, with the linear pendulum for what departs from it."""
         mass = max(float(mean[kernel.MASS]), 0.0)
         stiffness = self.model.gravity / float(np.exp(mean[kernel.LOG_LENGTH]))
         A, B, gain = linear_pendulum(stiffness, max(float(mean[kernel.DAMPING]), 0.0), step)
         C = np.zeros((6, 4))
         C[0, 0] = C[1, 1] = self.model.mass * mass * stiffness
-        C[3:, :2] = C[0, 0] * (self._cross @ attitude.rotation_matrix(x[0, Q]).T)[:, :2]
+        C[3:, :2] = C[0, 0] * (cross @ attitude.rotation_matrix(x[0, Q]).T)[:, :2]
         return WrenchForecast(A, B, C, np.zeros(4), beside_plan(A, gain, C, x, wrench))
 
 

@@ -7,23 +7,23 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.command_delay import FINE, LONGEST
-from np_drake.labels import labels
 from np_drake.lifting.model.origin import origin_of
 from np_drake.logs.accelerations import with_accelerations
-from np_drake.logs.decimate import rows_at
 from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.training_segments import require_torque
+from np_drake.logs.sampled_flight import picked_flight
+from np_drake.logs.training_segments import Flight, require_torque
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory, Sample
 from np_drake.residual_models.pendulum_model import PendulumModel
 from np_drake.residual_models.pendulum_predictor import DEFAULT_BANK, RAW, PendulumPredictor
-from np_drake.rigid_body import Q, W
+from np_drake.rigid_body import Q, V, W
 from np_drake.rotor_lag import delayed, learned_timing
 from np_drake.vehicle import Vehicle
 
 LASTING = 1e6  # memory while training: nothing returns to its prior [s]
 SETTLED = 5.0  # after which the pull serves to find the hook [s]; source: own choice, two swings
-HOOK = 0.1  # prior deviation of the hook from Bo [m]; stated prior
+HOOK = 0.1  # prior deviation from Bo of the hook, and of the point where drag acts [m]; stated prior
+COLUMNS = 14  # of the torque [1]
 THRUST_CHANGE, DRAG_CHANGE = 0.01, 0.02  # least deviations: from flight to flight [1, 1/s]; stated priors
 Flights = Sequence[tuple[FlightLog, Vehicle]]
 
@@ -56,23 +56,30 @@ def train_pendulum(
     return dc.replace(model, delay=delay, summary=summary)
 
 
+def opened_logs(flights: Sequence[Flight]) -> Flights:
+    """Return log and vehicle of opened flights.
+
+    Raises: ValueError: if one is an array of wrenches.
+    """
+    logs = [(flight.data, flight.vehicle) for flight in flights if isinstance(flight.data, FlightLog)]
+    if len(logs) < len(flights):
+        raise ValueError(
+            "pendulum: must have flight logs, with attitude and command; got arrays of wrenches."
+        )
+    return logs
+
+
 def flight_samples(
     log: FlightLog, vehicle: Vehicle, rotor_lag: float, step: float, delay: float = 0.0
 ) -> list[Sample]:
-    """Return what a predictor would see of a flight, a sample every `step` [s].
+    """Return what a predictor would see of a flight, a sample every `step` [s], see `picked_flight`.
 
     Args: rotor_lag: of a vehicle whose file names none [s].   delay: of commands, before the lag [s].
-
-    The label of a row is that of the command that acts at the row, its `u` the mean command since the row before.
     """
-    log = delayed(log, delay) if log.input == "command" else log
+    log = delayed(log, delay)
     lagged = dc.replace(vehicle, rotor_time_constant=vehicle.rotor_time_constant or rotor_lag)
-    chi, rows = labels(log, lagged, RAW), rows_at(log, step)
-    before = np.concatenate([[max(rows[0] - 1, 0)], rows[:-1]])
-    return [
-        Sample(log.x[row], log.u[start : max(row, start + 1)].mean(axis=0), chi[row])
-        for start, row in zip(before, rows, strict=True)
-    ]
+    flight = picked_flight(log, lagged, step=step, label=RAW)
+    return [flight.sample(k) for k in range(len(flight))]
 
 
 def _untrained(vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray) -> PendulumModel:
@@ -93,7 +100,7 @@ def _untrained(vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray
 
 def _refined(model: PendulumModel, flights: Sequence[list[Sample]]) -> PendulumModel:
     """Return the model after its filter ran over the samples of all flights, one after the other."""
-    gram, right = np.zeros((12, 12)), np.zeros(12)
+    gram, right = np.zeros((COLUMNS, COLUMNS)), np.zeros(COLUMNS)
     for samples in flights:
         predictor = PendulumPredictor(model, dc.replace(DEFAULT_BANK, memory=LASTING))
         memory = predictor.initial_memory()
@@ -112,8 +119,8 @@ def _refined(model: PendulumModel, flights: Sequence[list[Sample]]) -> PendulumM
             drag=drag,
             drag_deviation=max(drag_deviation, DRAG_CHANGE),
         )
-    hook, rate_torque = _torque(gram, right, flights)
-    return dc.replace(model, hook=hook, rate_torque=rate_torque)
+    hook, rate_torque, speed_torque = _torque(gram, right, flights, model.mass)
+    return dc.replace(model, hook=hook, rate_torque=rate_torque, speed_torque=speed_torque)
 
 
 def _posterior(memory: Memory, index: int) -> tuple[float, float]:
@@ -125,27 +132,31 @@ def _posterior(memory: Memory, index: int) -> tuple[float, float]:
 
 
 def _torque_columns(pull: np.ndarray, before: Sample, sample: Sample, step: float) -> np.ndarray:
-    """Return the columns (3, 12) of the torque: hook, constant, body rates and their change about each axis.
+    """Return the columns (3, 14) of the torque: hook, constant, body rates, lateral velocity, change of the rates.
 
-    The last stand for a wrong inertia and what is left of the rotors' lag, which the hook must not be taken for.
+    The velocity stands for flapping blades and drag beside Bo, the change for a wrong inertia and what is left of the
+    rotors' lag; the hook must not be taken for them.
     """
     x, y, z = attitude.rotate_back(sample.x[Q], pull)
     cross = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # of hook x pull over the hook
     change = (sample.x[W] - before.x[W]) / step
-    return np.hstack([cross, np.eye(3), np.diag(sample.x[W]), np.diag(change)])
+    v = attitude.rotate_back(sample.x[Q], sample.x[V])
+    across = np.array([[v[1], 0.0], [0.0, v[0]], [0.0, 0.0]])
+    return np.hstack([cross, np.eye(3), np.diag(sample.x[W]), across, np.diag(change)])
 
 
 def _torque(
-    gram: np.ndarray, right: np.ndarray, flights: Sequence[list[Sample]]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the hook (3,) [m] and the torque over the body rates (3,) [N·m·s] that explain the torque best.
+    gram: np.ndarray, right: np.ndarray, flights: Sequence[list[Sample]], mass: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return hook (3,) [m], torque over body rates (3,) [N·m·s] and over velocity (2,) [N·s] that explain it best.
 
-    The hook has a prior around Bo. What the flights do not show is zero.
+    The hook has a prior around Bo, and so has the point at which drag acts. What the flights do not show is zero.
     """
     torque = np.concatenate(
         [[s.chi[3:] for s in samples if np.all(np.isfinite(s.chi))] for samples in flights]
     )
     noise = np.mean(np.diff(torque, axis=0) ** 2) / 2
-    prior = np.diag([noise / HOOK**2] * 3 + [0.0] * 9)
-    found = np.linalg.lstsq(gram + prior, right, rcond=None)[0]
-    return found[:3], found[6:9]
+    deviation = np.full(COLUMNS, np.inf)
+    deviation[:3], deviation[9:11] = HOOK, HOOK * mass * DEFAULT_BANK.drag.deviation
+    found = np.linalg.lstsq(gram + np.diag(noise / deviation**2), right, rcond=None)[0]
+    return found[:3], found[6:9], found[9:11]

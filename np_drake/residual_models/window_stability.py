@@ -4,10 +4,13 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.residual_models.base import FlightForecasts
+from np_drake.logs.sampled_flight import SampledFlight
+from np_drake.residual_models.base import FlightForecasts, ResidualModel
+from np_drake.residual_models.flight_walk import walk
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.residual_models.refit_forecasts import RefitForecasts
 
+ROUNDING = 1e-9  # of a spectral radius [1]
 CHUNK = 4000  # windows at a time, for memory [1]
 
 
@@ -34,6 +37,16 @@ def window_stability(model: NeuralPredictor, chi: np.ndarray, zeta: np.ndarray) 
     if course is None:
         raise ValueError(f"stability: at least {model.model.window} samples are needed; got {len(chi)}.")
     return stability_of(course)
+
+
+def walked_stability(model: ResidualModel, flight: SampledFlight) -> WindowStability:
+    """Return the counts over every sample of a flight, of a model that makes its A anew at each.
+
+    A pendulum without damping lies on the unit circle, so that rounding does not count.
+    """
+    forecasts = [model.forecast(memory, horizon=1, stride=1) for _, memory in walk(model, flight)]
+    radius = np.abs(np.linalg.eigvals(np.stack([forecast.A for forecast in forecasts]))).max(axis=1)
+    return WindowStability(len(radius), int(np.sum(radius > 1.0 + ROUNDING)), float(radius.max()), 0)
 
 
 def stability_of(course: FlightForecasts) -> WindowStability:

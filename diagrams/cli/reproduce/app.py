@@ -11,6 +11,7 @@ from diagrams.cli.reproduce.estimation import estimation, response, sample_effic
 from diagrams.cli.reproduce.experiments import hover, timing
 from diagrams.cli.reproduce.flights import gap, mhe, theorem
 from diagrams.cli.reproduce.margins import margins
+from diagrams.cli.reproduce.models import models
 from diagrams.cli.reproduce.payload_flights import payload_flights
 from diagrams.cli.reproduce.real import real
 from diagrams.cli.reproduce.robustness import robustness
@@ -20,7 +21,7 @@ from diagrams.cli.reproduce.weights import pendulum, weights
 TABLES = (
     tracking, configurations, weights, gap, mhe, theorem, pendulum, estimation, sample_efficiency, response, hover,
     attach, timing, cooperative, robustness, margins, cost, real,
-    payload_flights,
+    payload_flights, models,
 )  # fmt: skip
 
 

@@ -37,9 +37,9 @@ def payload_flights(
 
     names = choose(only or ())
     from diagrams.challenge.real.forecast.figure import ratio_figure
-    from diagrams.challenge.real.forecast.folds import DAMPINGS, open_campaign, true_payload
+    from diagrams.challenge.real.forecast.folds import DAMPINGS, open_campaign, true_estimate, true_payload
     from diagrams.challenge.real.forecast.study import persistence_rmse, run_study
-    from diagrams.challenge.real.forecast.tables import model_table, ratio_tables
+    from diagrams.challenge.real.forecast.tables import model_table, payload_table, ratio_tables
 
     flights = open_campaign(folder)
     with progress("training and scoring", 1.0) as advance:
@@ -54,13 +54,19 @@ def payload_flights(
         for kind, values in persistence_rmse(lines).items()
     ]
     slow = {model["row"]: sum(model["training"]) for model in models}
+    tables = [*ratio_tables(lines), model_table(models, DAMPINGS, true_payload().length)]
+    if study.payloads:
+        tables.append(payload_table(study.payloads, true_estimate(), DAMPINGS))
     return Report(
-        [*ratio_tables(lines), model_table(models, DAMPINGS, true_payload().length)],
+        tables,
         config={
             "folder": folder, "step": step, "rows": names, "manoeuvres": manoeuvres,
             "flights": [flight.log.name for flight in flights],
         },
-        metrics={"table": lines, "models": models},
+        metrics={
+            "table": lines, "models": models,
+            "payloads": [{**flown._asdict(), "estimate": flown.estimate._asdict()} for flown in study.payloads],
+        },
         summary=[
             f"{len(flights)} flights, {len(manoeuvres)} manoeuvres ({', '.join(manoeuvres)}), each held out in turn",
             "*: told the payload and its position: an upper limit, no predictor",

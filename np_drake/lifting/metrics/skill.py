@@ -1,11 +1,15 @@
 """Multi-step prediction error of residual models on one flight, beside naive predictors."""
 
 import dataclasses as dc
+from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 
 from np_drake.lifting.metrics.skill_interval import ratio_interval
-from np_drake.residual_models.base import ForecastsWholeFlights, ResidualModel, Sample, WrenchForecast
+from np_drake.logs.sampled_flight import SampledFlight, of_wrenches
+from np_drake.residual_models.base import ResidualModel
+from np_drake.residual_models.flight_walk import HELD, KNOWN, flight_forecasts
 
 NAIVE = ("persistence", "linear", "mean")  # whose best is what skill is measured by
 UNTRAINED = (*NAIVE, "past mean")  # rows of every table
@@ -46,6 +50,7 @@ def skill_table(
     zeta_known: bool = True,
     warm_up: int = 40,
     flight: str = "flight",
+    seen: Mapping[str, SampledFlight] = MappingProxyType({}),
 ) -> list[SkillRow]:
     """Return the rows of all models and naive predictors, horizon by horizon.
 
@@ -55,6 +60,7 @@ def skill_table(
         horizons: steps ahead: origin k predicts sample k + horizon.   mean: (6,) of chi in training [N, N·m].
         zeta_known: feed the true coming zeta, else hold the last one.   warm_up: samples before the first
         origin.
+        seen: by the name of a model that needs more than chi and zeta: the flight as it sees it, at the same samples.
     Raises: ValueError: if the flight is too short for one origin.
     """
     horizons = sorted(set(horizons))
@@ -66,7 +72,9 @@ def skill_table(
     goal = (chi if target is None else target)[origins[:, None] + horizons]
     predictions = naive_predictions(chi, origins, horizons, mean)
     for name, model in models.items():
-        predictions[name] = model_predictions(model, chi, zeta, origins, horizons, zeta_known=zeta_known)
+        predictions[name] = model_predictions(
+            model, chi, zeta, origins, horizons, zeta_known=zeta_known, seen=seen.get(name)
+        )
     square = {name: _square(prediction - goal) for name, prediction in predictions.items()}
     rmse = {name: np.sqrt(error.mean(axis=0)) for name, error in square.items()}
     longest = _size(chi).max(axis=0)
@@ -137,71 +145,26 @@ def model_predictions(
     horizons: list[int],
     *,
     zeta_known: bool,
+    seen: SampledFlight | None = None,
+    at_once: bool = True,
 ) -> np.ndarray:
-    """Return chi_hat (o, len(horizons), 6) [N, N·m], of the whole flight at once where the model can.
+    """Return chi_hat (o, len(horizons), 6) [N, N·m] of a model that walks along a flight, see `flight_walk`.
 
-    Else the model is fed sample by sample.
     Args: chi: (n, 6) labels [N, N·m].   zeta: (n, 6) [m/s, rad/s].   origins: (o,) sample indices.   horizons: [steps].
-    zeta_known: use the true coming zeta, else hold the last one.
+    zeta_known: use the true coming motion, else hold the last one.   seen: the flight as the model sees it, where it
+    needs more than chi and zeta.   at_once: of the whole flight at once where the model can.
     """
-    if isinstance(model, ForecastsWholeFlights):
-        forecasts = model.along(chi, zeta)
-        if forecasts is not None and origins[0] >= forecasts.first:
-            return forecasts.at(horizons, origins, zeta, zeta_known=zeta_known)
-    return fed_one_by_one(model, chi, zeta, origins, horizons, zeta_known=zeta_known)
-
-
-def fed_one_by_one(
-    model: ResidualModel,
-    chi: np.ndarray,
-    zeta: np.ndarray,
-    origins: np.ndarray,
-    horizons: list[int],
-    *,
-    zeta_known: bool,
-) -> np.ndarray:
-    """Return chi_hat (o, len(horizons), 6) [N, N·m] of a model that is fed sample by sample as in flight.
-
-    Args: as `model_predictions`.
-    """
-    memory, wanted, forecasts = model.initial_memory(), set(origins.tolist()), []
-    for k in range(origins[-1] + 1):
-        x = np.zeros(13)
-        x[3], x[7:] = 1.0, zeta[k]
-        memory = model.update(memory, Sample(x, np.zeros(4), chi[k]))
-        if k in wanted:
-            forecasts.append(model.forecast(memory, horizon=horizons[-1] + 1, stride=1))
-    return _rollouts(forecasts, zeta, origins, horizons, zeta_known)
-
-
-def _rollouts(
-    forecasts: list[WrenchForecast],
-    zeta: np.ndarray,
-    origins: np.ndarray,
-    horizons: list[int],
-    zeta_known: bool,
-) -> np.ndarray:
-    """Return the rollouts of all forecasts together, one step of all origins at a time, (o, len(horizons), 6)."""
-    A, B, C = (_stacked([getattr(f, name).T for f in forecasts]) for name in "ABC")
-    z = np.stack([f.z for f in forecasts])[:, None]
-    chi_hat = np.stack([f.offset[horizons] for f in forecasts])
-    for i in range(horizons[-1] + 1):
-        row = origins + i if zeta_known else origins
-        if i in horizons:
-            chi_hat[:, horizons.index(i)] += (z @ C)[:, 0]
-            for k, forecast in enumerate(forecasts):
-                if forecast.reaction is not None:
-                    chi_hat[k, horizons.index(i)] += forecast.reaction(zeta[row[k]])
-        z = z @ A + zeta[row][:, None] @ B
-    return chi_hat
-
-
-def _stacked(matrices: list[np.ndarray]) -> np.ndarray:
-    """Return the arrays stacked to (o, …) or, where all are one and the same, that one."""
-    first = matrices[0]
-    if all(m is first or np.shares_memory(m, first) for m in matrices):
-        return first
-    return np.stack(matrices)
+    flight = of_wrenches(chi, zeta, model.step) if seen is None else seen
+    chi_hat = flight_forecasts(
+        model,
+        flight,
+        horizons,
+        first=int(origins[0]),
+        motion=KNOWN if zeta_known else HELD,
+        averaged=False,
+        at_once=at_once,
+    )
+    return chi_hat[origins - origins[0]]
 
 
 def _square(error: np.ndarray) -> np.ndarray:

@@ -124,13 +124,13 @@ class PaperTrainer:
         )  # fmt: skip
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return what the next epoch depends on: parameters, Adam's moments, power iterations, history."""
+        """Return what the next epoch depends on: parameters, Adam's moments, history."""
         tensors = {"history": np.array(self.history)}
         for i, parameter in enumerate(self.parameters):
             tensors[f"parameter{i}"] = parameter.detach().numpy()
             for name, value in self.optimiser.state[parameter].items():
                 tensors[f"parameter{i}/{name}"] = value.numpy().astype(float)
-        return tensors | {f"right{i}": v.numpy() for i, v in enumerate(self.phi.right)}
+        return tensors
 
     def restore(self, state: dict[str, np.ndarray]) -> None:
         """Restore the `state()` of an earlier run; an empty one changes nothing."""
@@ -138,7 +138,6 @@ class PaperTrainer:
             return
         self.history = state["history"].tolist()
         self.epoch = len(self.history)
-        self.phi.right = [torch.from_numpy(state[f"right{i}"]) for i in range(len(self.phi.right))]
         for i, parameter in enumerate(self.parameters):
             parameter.data = torch.from_numpy(state[f"parameter{i}"].copy())
             moments = {

@@ -58,6 +58,49 @@ def test_a_predictor_is_scored_beside_the_naive_rows(logs, model, tmp_path, caps
     assert max(map(len, captured.out.splitlines())) <= 100
 
 
+@pytest.fixture(scope="module")
+def pendulum(logs, tmp_path_factory):
+    """A pendulum predictor trained on the first log."""
+    out = tmp_path_factory.mktemp("model") / "pendulum.safetensors"
+    assert run(["train", str(logs[0]), "--out", str(out), "--configuration", "pendulum"]) == 0
+    return out
+
+
+def test_a_pendulum_file_is_scored_beside_the_naive_rows(logs, pendulum, tmp_path, capsys):
+    out = tmp_path / "rows.json"
+    assert run(command(logs, pendulum, "1,10", out)) == 0, capsys.readouterr().err
+    rows = rows_of(out)
+    assert {row["model"] for row in rows} == {*UNTRAINED, "pendulum"}
+    assert {(row["horizon"], row["zeta"]) for row in rows} == {
+        (h, zeta) for h in (0.02, 0.2) for zeta in ("held", "known")
+    }
+    assert all(np.isfinite(row["force_rmse"]) for row in rows)
+    printed = capsys.readouterr().out
+    assert "pendulum: spectral radius above 1 in 0 of " in printed
+    assert "pendulum: 0 of 1 flights diverge up to 0.2 s" in printed
+    assert "pendulum forecasts without low-pass" in printed
+
+
+def test_a_pendulum_is_trained_where_it_is_named(logs, tmp_path, capsys):
+    out = tmp_path / "rows.json"
+    arguments = ["evaluate", str(logs[1]), "--train", str(logs[0]), "--only", "pendulum", "--json", str(out)]
+    assert run([*arguments, "--horizons", "5"]) == 0, capsys.readouterr().err
+    assert {row["model"] for row in rows_of(out)} == {"pendulum", *UNTRAINED, *TRAINED}
+
+
+def test_a_pendulum_of_another_vehicle_or_for_arrays_is_bad_input(logs, pendulum, tmp_path, capsys):
+    array, light = tmp_path / "array.npy", tmp_path / "light.yaml"
+    np.save(array, np.zeros((500, 12)))
+    light.write_text("name: light\nmass: 1.0\n")
+    arguments = ["--predictor", str(pendulum)]
+    for flown, message in (
+        ([str(array)], "trained with frame world; here it is body"),
+        ([str(logs[1]), "--vehicle", str(light)], "trained with mass 2.0; here it is 1.0"),
+    ):
+        assert run(["evaluate", *flown, *arguments]) == 2
+        assert message in capsys.readouterr().err.splitlines()[-1]
+
+
 def test_motion_that_makes_the_force_is_predicted_better_than_by_any_naive_row(logs, model, tmp_path):
     """The force is mass times dv/dt of a multisine: its past tells its future, persistence does not."""
     out = tmp_path / "rows.json"

@@ -5,8 +5,7 @@ import pytest
 
 from diagrams.loop.controllers import DEFAULT_MODEL
 from diagrams.loop.flight_result import fly
-from diagrams.prediction.learning import train_predictor
-from diagrams.tracking.tracking import Row, configure, training_flight
+from diagrams.tracking.tracking import Row, configure
 from np_drake.labels import smooth_labels
 from np_drake.lifting.metrics.skill import skill_table
 from np_drake.lifting.model.model_file import load_model
@@ -15,11 +14,9 @@ from np_drake.rigid_body import zeta
 
 
 @pytest.fixture(scope="module")
-def retrained(tmp_path_factory):
+def retrained(remade):
     """The demo's predictor, flown and trained from scratch."""
-    path = tmp_path_factory.mktemp("model") / "np.safetensors"
-    train_predictor(training_flight("training_circle", seed=0, solver="sqp"), path, seed=0)
-    return NeuralPredictor.load(path)
+    return NeuralPredictor.load(remade[0])
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ import pytest
 
 from diagrams.loop.controllers import DEFAULT_MODEL, FLYING_MODEL, ControllerConfig, make_residual_model
 from diagrams.loop.flight_result import fly
-from diagrams.prediction.learning import train_pendulum_model
-from diagrams.tracking.tracking import Row, configure, train_models, training_flight
+from diagrams.tracking.packaged import difference
+from diagrams.tracking.tracking import Row, configure, train_models
 from np_drake.residual_models.pendulum_model import NUMBERS, PENDULUM, PendulumModel
 from np_drake.residual_models.pendulum_predictor import PendulumPredictor
 from np_drake.vehicle import Vehicle
@@ -17,20 +17,19 @@ TRAINED = Row("np: pendulum", "np", training="training_circle", configuration=PE
 
 
 @pytest.fixture(scope="module")
-def retrained(tmp_path_factory):
-    return train_pendulum_model(
-        training_flight("training_circle", seed=0, solver="sqp"),
-        tmp_path_factory.mktemp("m") / "p.safetensors",
-    )
+def retrained(remade):
+    return PendulumModel.load(remade[1])
 
 
-def test_training_anew_gives_the_shipped_model(retrained):
+def test_training_anew_gives_the_shipped_model(remade, retrained):
     shipped = PendulumModel.load(FLYING_MODEL)
     for name in NUMBERS:
         assert getattr(retrained, name) == pytest.approx(
             getattr(shipped, name), rel=1e-3
         )  # another processor
     np.testing.assert_allclose(retrained.hook, shipped.hook, atol=1e-5)  # [m]
+    assert remade[1].name == FLYING_MODEL.name
+    assert difference(remade[1]) < 1e-2  # small numbers of a torque, another processor
 
 
 def test_training_finds_what_the_real_vehicle_has(retrained):

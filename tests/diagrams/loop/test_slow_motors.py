@@ -2,9 +2,10 @@
 
 import pytest
 
-from diagrams.loop.controllers import DEFAULT_MODEL, ControllerConfig, labelled, make_residual_model
+from diagrams.loop.controllers import DEFAULT_MODEL, ControllerConfig, make_residual_model
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
+from np_drake.labels import labelled
 from np_drake.references.config import ReferenceConfig
 from np_drake.residual_models.neural_predictor import NeuralPredictor
 from np_drake.vehicle import Vehicle

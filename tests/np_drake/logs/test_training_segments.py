@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from np_drake import labels
-from np_drake.logs.training_segments import training_segments
+from np_drake.logs.training_segments import flown_segments, training_segments
 from np_drake.logs.wrench_sequence import WrenchSequence
 from np_drake.vehicle import Vehicle
 
@@ -44,3 +44,21 @@ def test_an_array_keeps_its_own_step_and_its_wrench():
 def test_a_step_below_the_logs_is_refused(flight):
     with pytest.raises(ValueError, match="step must be at least"):
         training_segments(flight, Vehicle(), step=0.001)
+
+
+def test_a_segment_as_a_model_sees_it_holds_the_same_samples_with_labels_of_its_own(flight):
+    class Reader:
+        """Reads raw labels of slow rotors."""
+
+        label = labels.LabelConfig(np.inf, np.inf)
+        rotor_lag = 0.03
+
+    flight.a[200:220] = np.nan
+    pieces = flown_segments(flight, Vehicle(), Reader(), step=0.01)
+    slow = dc.replace(Vehicle(), rotor_time_constant=0.03)
+    raw = labels.labels(flight, slow, Reader.label)
+    for (segment, seen), rows in zip(pieces, (slice(0, 200), slice(220, 600)), strict=True):
+        np.testing.assert_array_equal(segment.zeta, seen.zeta)
+        np.testing.assert_array_equal(seen.chi, raw[rows])
+        np.testing.assert_array_equal(seen.x, flight.x[rows])
+    np.testing.assert_allclose(pieces[1][1].u, flight.u[219:599])  # the command since the row before

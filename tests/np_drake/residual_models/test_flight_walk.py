@@ -49,6 +49,21 @@ def test_a_model_that_reads_a_plan_gets_the_coming_motion():
         assert np.isnan(chi_hat[len(data) - 10 - h :, i]).all()
 
 
+def test_a_label_of_an_instant_lies_between_the_steps_before_and_after_it():
+    data, horizons = flight(), [1, 5, 20]
+    chi_hat = flight_forecasts(ReadsThePlan(), data, horizons, first=10, motion="known", averaged=False)
+    of_step = np.hstack([data.x[:, 7:10], data.u[:, :3]])  # of the step that ends at a sample
+    for i, h in enumerate(horizons):
+        got = chi_hat[: len(data) - 11 - h, i]  # the last has no step after it
+        np.testing.assert_allclose(got, 0.5 * (of_step[10 + h : -1] + of_step[11 + h :]), atol=1e-12)
+        np.testing.assert_array_equal(chi_hat[len(data) - 11 - h, i], of_step[-1])
+
+
+def test_a_plan_tells_nothing_of_the_label_of_now():
+    with pytest.raises(ValueError, match="must be 1 or more"):
+        flight_forecasts(ReadsThePlan(), flight(), [0, 1], first=10, motion="known")
+
+
 def test_a_held_plan_keeps_velocity_attitude_and_command_and_turns_no_more():
     data = flight()
     chi_hat = flight_forecasts(ReadsThePlan(), data, [1, 20], first=10, motion="held")

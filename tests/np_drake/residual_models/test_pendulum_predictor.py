@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from np_drake import attitude
 from np_drake.labels import ReadsLabels
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Plan, ReadsPlan, Sample
@@ -98,6 +99,57 @@ def test_the_torque_of_the_pull_about_the_hook_is_foretold(model, flown):
     assert (
         np.abs(tau - expected).max() < 0.35 * np.abs(clean).max() + 0.006
     )  # noise of the torque label [N·m]
+
+
+def test_a_hook_elsewhere_than_in_training_is_found_in_flight(model, flown):
+    flight = flown(length=0.8, seconds=12.0, radius=1.0, swing=0.2)
+    predictor, k = PendulumPredictor(model(hook=HOOK + [0.01, 0.0, 0.02])), 500
+    memory = run(predictor, flight.samples[: k + 1])
+    np.testing.assert_allclose(
+        memory["shift"], [-0.01, 0.0, -0.02], atol=0.006
+    )  # three tenths of the prior [m]
+    plan = plan_from(flight, k)
+    tau = predictor.forecast_along(memory, plan, **SPAN).rollout(plan.x[:-1, 7:13])[:, 3:]
+    pull_B = attitude.rotate_back(plan.x[:-1, 3:7], mean_force(flight, k))
+    clean = np.cross(HOOK, pull_B)
+    assert np.abs(tau - clean).max() < 0.35 * np.abs(clean).max() + 0.006  # noise of the label [N·m]
+
+
+def test_torque_of_rates_and_velocity_follows_the_plan(model, flown):
+    """Over a step it is the mean of both ends."""
+    plain = model()
+    moved = dc.replace(plain, rate_torque=np.array([0.01, 0.02, 0.03]), speed_torque=np.array([0.04, 0.05]))
+    x = np.zeros((21, 13))
+    x[:, 3:7] = [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]  # a quarter turn: x of B is y of W
+    x[:, 7:10], x[:, 10:13] = np.linspace([1.0, 2.0, 0.0], [3.0, 1.0, 0.0], 21), [0.1, 0.2, 0.3]
+    plan = Plan(x, np.tile([MASS * G, 0.0, 0.0, 0.0], (20, 1)))
+    tau = []
+    for parameters in (plain, moved):
+        predictor = PendulumPredictor(parameters)
+        memory = predictor.initial_memory()
+        tau.append(predictor.forecast_along(memory, plan, **SPAN).rollout(x[:-1, 7:13])[:, 3:])
+    v = 0.5 * (x[1:, 7:9] + x[:-1, 7:9])
+    by_speed = np.column_stack([-0.04 * v[:, 0], 0.05 * v[:, 1], np.zeros(20)])  # v of B is [v_y, -v_x] of W
+    np.testing.assert_allclose(tau[1] - tau[0], by_speed + [0.001, 0.004, 0.009], atol=1e-12)
+
+
+def test_torque_of_rates_and_velocity_is_not_part_of_the_level(model, flown):
+    flight = flown(seconds=3.0, radius=1.0, torque_noise=0.0)
+    moved = dc.replace(model(), speed_torque=np.array([0.04, 0.05]))
+    levels = [
+        run(PendulumPredictor(moved), samples)["steady"] for samples in (flight.samples, turned(flight))
+    ]
+    assert np.abs(levels[1]).max() < 0.01  # what the hook leaves while the bank settles [N·m]
+    assert np.abs(levels[0]).max() > 0.02
+
+
+def turned(flight):
+    """The samples with the torque of the velocity in the label."""
+    found = []
+    for sample in flight.samples:
+        v = attitude.rotate_back(sample.x[3:7], sample.x[7:10])
+        found.append(dc.replace(sample, chi=sample.chi + [0, 0, 0, 0.04 * v[1], 0.05 * v[0], 0]))
+    return found
 
 
 def test_the_members_of_the_true_length_outweigh_the_others(model, flown):
@@ -274,7 +326,14 @@ def test_another_file_is_refused_in_one_line(tmp_path, content):
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"step": 0.0}, {"thrust_error": -1.5}, {"hook": np.zeros(2)}, {"drag": np.nan}]
+    "wrong",
+    [
+        {"step": 0.0},
+        {"thrust_error": -1.5},
+        {"hook": np.zeros(2)},
+        {"drag": np.nan},
+        {"speed_torque": np.zeros(3)},
+    ],
 )
 def test_impossible_numbers_are_refused(wrong, model):
     with pytest.raises(ValueError, match="PendulumModel"):

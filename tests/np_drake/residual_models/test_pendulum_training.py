@@ -5,6 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from np_drake import attitude
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.rotor_input import acting_command
 from np_drake.residual_models.pendulum_training import flight_samples, train_pendulum
@@ -43,6 +44,19 @@ def test_it_finds_thrust_error_drag_and_hook_of_the_vehicle(flown, vehicle):
     np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)  # noise of the torque label [m]
     assert model.mass == vehicle.mass
     assert model.summary["origin"]["mass"] == vehicle.mass
+
+
+def test_torque_of_the_speed_is_not_taken_for_the_hooks(flown, vehicle):
+    flight = flown(seconds=30.0, radius=1.0, dither=0.08, noise=0.05)
+    speed_torque = np.array([0.012, -0.016])  # [N·s]
+    for sample in flight.samples:
+        v = attitude.rotate_back(sample.x[3:7], sample.x[7:10])
+        sample.chi[3:5] += speed_torque * v[[1, 0]]
+    model = train_pendulum([(as_log(flight, vehicle), vehicle)], step=STEP)
+    np.testing.assert_allclose(
+        model.speed_torque, speed_torque, atol=0.001
+    )  # noise of the torque label [N·s]
+    np.testing.assert_allclose(model.hook, [0.0, 0.0, -0.025], atol=0.004)  # the same [m]
 
 
 def test_it_counts_its_passes(flown, vehicle):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.lifting.metrics.skill import fed_one_by_one, model_predictions
+from np_drake.lifting.metrics.skill import model_predictions
 from np_drake.lifting.model.encoders import Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import PAPER, LiftedModel
@@ -34,7 +34,7 @@ def test_the_flight_at_once_is_the_flight_sample_by_sample(flight, torque, known
     dut = NeuralPredictor(model(), PredictorOptions(torque=torque))
     origins, horizons = np.arange(W - 1, 50), [0, 1, 7]
     at_once = model_predictions(dut, *flight, origins, horizons, zeta_known=known)
-    one_by_one = fed_one_by_one(dut, *flight, origins, horizons, zeta_known=known)
+    one_by_one = model_predictions(dut, *flight, origins, horizons, zeta_known=known, at_once=False)
     np.testing.assert_allclose(at_once, one_by_one, atol=1e-8)
 
 

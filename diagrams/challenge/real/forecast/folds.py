@@ -13,6 +13,7 @@ from diagrams.challenge.real.truth import TRUTHS
 from np_drake.effects.pendulum import Payload
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.sampled_flight import SampledFlight, sampled_flight
+from np_drake.residual_models.pendulum_payload import Estimate, PayloadEstimate
 from np_drake.residual_models.yardsticks.told_pendulum import (
     Rest,
     ToldPendulum,
@@ -47,6 +48,13 @@ def true_payload() -> Payload:
     """Return the payload of the campaign, hung from the origin of the vehicle."""
     known = TRUTHS["payload"].parameters
     return Payload(known["mass"].value, known["length"].value, (0.0, 0.0, 0.0), DAMPING)
+
+
+def true_estimate() -> PayloadEstimate:
+    """Return the payload of the campaign as an estimate without a doubt."""
+    payload = true_payload()
+    values = (payload.length, payload.mass / vehicle_of("payload").mass, payload.damping)
+    return PayloadEstimate(*(Estimate(value, value, value) for value in values))
 
 
 def open_campaign(folder: Path) -> list[PayloadFlight]:

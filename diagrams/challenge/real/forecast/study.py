@@ -3,30 +3,50 @@
 import dataclasses as dc
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from diagrams.challenge.real.forecast.folds import PayloadFlight, drag_beside, told
 from diagrams.challenge.real.forecast.rows import HISTORY, PERSISTENCE, ROWS, TOLD_ROWS, segments_of
 from diagrams.challenge.real.forecast.scores import Score, diverged, pooled, score
-from diagrams.challenge.real.forecast.swing import VELOCITY_ALONE, Swing, swing_of, swing_of_flights
+from diagrams.challenge.real.forecast.swing import (
+    VELOCITY_ALONE,
+    Swing,
+    payload_on,
+    swing_of,
+    swing_of_flights,
+)
 from np_drake.residual_models.base import ResidualModel
 from np_drake.residual_models.flight_walk import MOTIONS
+from np_drake.residual_models.pendulum_payload import PayloadEstimate
 
 HORIZONS = (0.02, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0)  # [s]
 OnFold = Callable[[int, int, str], None]
 
 
+class FlownPayload(NamedTuple):
+    """Payload that a row estimates at the end of a flight."""
+
+    row: str
+    flight: str
+    manoeuvre: str
+    estimate: PayloadEstimate
+
+
 @dc.dataclass
 class Study:
-    """Results: scores of every row on every flight, and by row the swing and training time [s] of every fold."""
+    """Results: scores of every row on every flight, and by row the swing and training time [s] of every fold.
+
+    payloads: of rows that estimate the payload in flight, the estimate at the end of every flight.
+    """
 
     step: float
     horizons: list[int]
     scores: list[Score] = dc.field(default_factory=list)
     swings: dict[str, list[Swing]] = dc.field(default_factory=dict)
     walls: dict[str, list[float]] = dc.field(default_factory=dict)
+    payloads: list[FlownPayload] = dc.field(default_factory=list)
 
     def lines(self) -> list[dict[str, Any]]:
         """Return ratio and RMSE by row, coming motion, kind and horizon, see `pooled`."""
@@ -41,12 +61,25 @@ class Study:
                 "row": name,
                 "flights": flown,
                 "diverged": {m: diverged(self.scores, name, m) for m in MOTIONS} if name in scored else {},
-                "length": [swing.length for swing in self.swings.get(name, ())],
-                "damping": [swing.damping for swing in self.swings.get(name, ())],
+                **self._tether(name),
                 "training": self.walls.get(name, []),
             }
             for name in [*scored, *(n for n in self.swings if n not in scored)]
         ]
+
+    def _tether(self, name: str) -> dict[str, list[float]]:
+        """Return length and damping of every fold, or of every flight where the row estimates them in flight."""
+        estimates = [flown.estimate for flown in self.payloads if flown.row == name]
+        if estimates:
+            return {
+                "length": [estimate.length.mean for estimate in estimates],
+                "damping": [estimate.damping.mean for estimate in estimates],
+            }
+        swings = self.swings.get(name, ())
+        return {
+            "length": [swing.length for swing in swings],
+            "damping": [swing.damping for swing in swings],
+        }
 
 
 def steps_of(horizons: Sequence[float], step: float) -> list[int]:
@@ -95,6 +128,9 @@ def _run_row(
     for flight, model in zip(held_out, models, strict=True):
         opened = (flight.log, flight.vehicle)
         study.scores += score(name, model, opened, study.horizons, first=round(HISTORY / step))
+        estimate = payload_on(model, opened)
+        if estimate is not None:
+            study.payloads.append(FlownPayload(name, flight.log.name, flight.manoeuvre, estimate))
 
 
 def _opened(flights: Sequence[PayloadFlight]) -> list:

@@ -1,6 +1,7 @@
-"""Length and damping of the tether that a trained model shows, for those whose forecast swings."""
+"""Tether and payload that a trained model shows: by the mode of its forecast, or as it estimates them in flight."""
 
 import dataclasses as dc
+from collections import deque
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -10,6 +11,12 @@ from np_drake.effects.pendulum import Payload
 from np_drake.lifting.metrics.tether_length import GRAVITY, pendulum_length, pendulum_mode
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem, Mode
 from np_drake.lifting.training.segments import Segment
+from np_drake.logs.flight_log import FlightLog
+from np_drake.logs.sampled_flight import sampled_flight
+from np_drake.residual_models.flight_walk import walk
+from np_drake.residual_models.pendulum_payload import PayloadEstimate, payload_estimate
+from np_drake.residual_models.pendulum_predictor import PendulumPredictor
+from np_drake.vehicle import Vehicle
 
 VELOCITY_ALONE = "velocity alone"
 
@@ -37,6 +44,15 @@ def swing_of(model: Any) -> Swing | None:
         return None
     by_velocity = dc.replace(system, B=system.B * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     return _of_mode(pendulum_mode(by_velocity))
+
+
+def payload_on(model: Any, opened: tuple[FlightLog, Vehicle]) -> PayloadEstimate | None:
+    """Return what a pendulum predictor believes of the payload at the end of a flight; None of another model."""
+    if not isinstance(model, PendulumPredictor):
+        return None
+    flight = sampled_flight(*opened, step=model.step, label=model.label)
+    ((_, memory),) = deque(walk(model, flight), maxlen=1)
+    return payload_estimate(memory)
 
 
 def swing_of_flights(segments: Sequence[Segment]) -> Swing | None:

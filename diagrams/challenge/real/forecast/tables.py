@@ -7,6 +7,8 @@ import numpy as np
 
 from diagrams.challenge.real.forecast.rows import TOLD_ROWS
 from diagrams.challenge.real.forecast.scores import KINDS
+from diagrams.challenge.real.forecast.study import FlownPayload
+from np_drake.residual_models.pendulum_payload import Estimate, PayloadEstimate
 
 Table = tuple[str, list[str], list[tuple]]
 # Ratio of the lateral force that is asked for, by horizon [s].
@@ -65,7 +67,39 @@ def model_table(models: Sequence[Mapping[str, Any]], damping: tuple[float, float
         rows.append((marked(model["row"]), *counts, _range(model["length"]), _range(model["damping"])))
     rows.append(("truth", "", "", f"{length:.3f}", f"{damping[0]:.2f}–{damping[1]:.2f}"))
     header = ["row", "diverge, known", "held", "tether [m]", "damping [1/s]"]
-    return "divergent flights; tether by the modes: mean (range) of the folds", header, rows
+    title = "divergent flights; tether by modes: mean (range) of folds; pendulum: of flights"
+    return title, header, rows
+
+
+def payload_table(
+    payloads: Sequence[FlownPayload], true: PayloadEstimate, damping: tuple[float, float]
+) -> Table:
+    """Return a table of the payload as estimated at the end of the flights, manoeuvre by manoeuvre.
+
+    Mean over flights of the posterior mean, and of the ends of its 95 % interval; below, in how many flights the
+    interval holds the truth (of damping: meets its range).
+    Args: true: length, mass share and damping, of which the means count.   damping: its range [1/s].
+    """
+    rows: list[tuple] = []
+    for manoeuvre in dict.fromkeys(flown.manoeuvre for flown in payloads):
+        estimates = [flown.estimate for flown in payloads if flown.manoeuvre == manoeuvre]
+        cells = [_interval([getattr(e, name) for e in estimates]) for name in PayloadEstimate._fields]
+        rows.append((manoeuvre, *cells))
+    ends = ((true.length.mean,) * 2, (true.mass.mean,) * 2, damping)
+    held = [
+        sum(e.low <= high and low <= e.high for e in (getattr(f.estimate, name) for f in payloads))
+        for name, (low, high) in zip(PayloadEstimate._fields, ends, strict=True)
+    ]
+    rows.append(("interval holds the truth", *(f"{count} of {len(payloads)}" for count in held)))
+    shown = (f"{true.length.mean:.3f}", f"{true.mass.mean:.3f}", f"{damping[0]:.2f}–{damping[1]:.2f}")
+    rows.append(("truth", *shown))
+    title = "payload as pendulum estimates it by the end of a flight: posterior mean [95 % interval]"
+    return title, ["manoeuvre", "tether [m]", "mass over vehicle's [1]", "damping [1/s]"], rows
+
+
+def _interval(estimates: Sequence[Estimate]) -> str:
+    mean, low, high = np.mean(estimates, axis=0)
+    return f"{mean:.3f} [{low:.3f}, {high:.3f}]"
 
 
 def _range(values: Sequence[float]) -> str:

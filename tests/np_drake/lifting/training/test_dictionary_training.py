@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from np_drake.lifting.metrics.skill import fed_one_by_one, model_predictions, skill_table
+from np_drake.lifting.metrics.skill import model_predictions, skill_table
 from np_drake.lifting.model.model_file import load_model, save_model
 from np_drake.lifting.training.dictionary_training import DictionaryConfig
 from np_drake.lifting.training.segments import Segment
@@ -104,7 +104,9 @@ def test_a_whole_flight_at_once_is_the_flight_sample_by_sample(model, torque, kn
     origins = np.arange(29, 230)
     arguments = (dut, unseen.chi, unseen.zeta, origins, [0, 1, 7, 60])
     at_once = model_predictions(*arguments, zeta_known=known)
-    np.testing.assert_allclose(at_once, fed_one_by_one(*arguments, zeta_known=known), atol=1e-9)
+    np.testing.assert_allclose(
+        at_once, model_predictions(*arguments, zeta_known=known, at_once=False), atol=1e-9
+    )
 
 
 def test_missing_samples_leave_a_usable_forecast_and_a_long_gap_ends_the_evidence(dut):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from np_drake.lifting.training.phi_module import PhiModule
@@ -20,10 +20,11 @@ def phi_module(seed: int = 0, gamma: float = 1.0, shake: float = 0.3) -> PhiModu
 
 
 @given(st.integers(0, 1000), st.floats(0.1, 100.0), st.floats(0.0, 3.0))
+@example(217, 1.0, 0.005859375)  # two singular values 1e-4 apart
 def test_the_product_of_singular_values_is_at_most_gamma(seed, gamma, shake):
     dut = phi_module(seed, gamma, shake)
     product = np.prod([np.linalg.norm(W.detach().numpy(), 2) for W in dut.weights()])
-    assert product <= gamma * (1 + 1e-5)  # the power iteration stops at 1e-13 of sigma, short of close pairs
+    assert product <= gamma * (1 + 1e-12)  # rounding
     assert dut.export().lipschitz_bound <= gamma * (1 + 1e-12)
 
 

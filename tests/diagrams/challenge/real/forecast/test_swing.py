@@ -2,12 +2,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from diagrams.challenge.real.forecast.swing import swing_of
+from diagrams.challenge.real.forecast.swing import payload_on, swing_of
 from np_drake.effects.pendulum import Payload
 from np_drake.lifting.model.encoders import DelayEncoder
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.linear_baselines import LinearBaseline
+from np_drake.residual_models.pendulum_model import PendulumModel
+from np_drake.residual_models.pendulum_predictor import PendulumPredictor
 
 
 def test_a_driven_pendulum_shows_its_length_and_damping():
@@ -29,3 +31,15 @@ def test_a_model_with_a_payload_shows_that_one():
 
 def test_a_model_without_modes_shows_none():
     assert swing_of(Hold(step=0.02)) is None
+
+
+def test_a_pendulum_tells_its_payload_at_the_end_of_a_flight(cones, payload):
+    flight = cones[-1]
+    model = PendulumModel(0.02, flight.vehicle.mass, 9.81, 0.0, 0.0, 0.01, 0.0, 0.02, np.zeros(3))
+    found = payload_on(PendulumPredictor(model), (flight.log, flight.vehicle))
+    assert found.mass.low < payload.mass / flight.vehicle.mass < found.mass.high
+    assert found.length.low < payload.length < found.length.high
+
+
+def test_another_model_tells_no_payload(cones):
+    assert payload_on(Hold(step=0.02), (cones[0].log, cones[0].vehicle)) is None

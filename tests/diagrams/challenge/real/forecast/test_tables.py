@@ -4,9 +4,10 @@ import numpy as np
 
 from diagrams.challenge.real.forecast.figure import ratio_figure
 from diagrams.challenge.real.forecast.rows import choose
-from diagrams.challenge.real.forecast.study import HORIZONS
-from diagrams.challenge.real.forecast.tables import model_table, ratio_tables
+from diagrams.challenge.real.forecast.study import HORIZONS, FlownPayload
+from diagrams.challenge.real.forecast.tables import model_table, payload_table, ratio_tables
 from diagrams.cli.output import WIDTH, print_table
+from np_drake.residual_models.pendulum_payload import Estimate, PayloadEstimate
 
 LINES = [
     {"row": row, "motion": motion, "kind": kind, "horizon": h, "rmse": 1.0, "ratio": ratio, "interval": [0.3, 2.9]}
@@ -21,7 +22,9 @@ def test_every_table_fits_the_width_without_a_folded_cell(capsys):
     swing = {"length": [0.411, 0.444], "damping": [0.123, 2.34]}
     lost = {"known": ["a"], "held": []}
     models = [{"row": row, "flights": 25, "diverged": lost, **swing} for row in choose([])]
-    for table in [*ratio_tables(LINES), model_table(models, (0.09, 0.17), 0.497)]:
+    flown = [payload("06-10", 0.111, 0.222)]
+    held = payload_table(flown, flown[0].estimate, (0.09, 0.17))
+    for table in [*ratio_tables(LINES), model_table(models, (0.09, 0.17), 0.497), held]:
         print_table(*table)
         text = capsys.readouterr().out.splitlines()
         assert max(map(len, text)) <= WIDTH
@@ -43,6 +46,24 @@ def test_a_cell_tells_what_it_is():
     )
     assert rows[-1] == ("asked", "", "0.50", "0.42", "0.45", "", "0.48", "")
     assert ratio_tables(LINES)[1][2][-1][0] == "told + drag*"
+
+
+def payload(manoeuvre, low, high):
+    """A flight whose estimates of all three have this interval."""
+    return FlownPayload(
+        "pendulum", "a", manoeuvre, PayloadEstimate(*[Estimate(0.5 * (low + high), low, high)] * 3)
+    )
+
+
+def test_the_payload_is_shown_by_manoeuvre_and_counted_where_the_truth_lies_inside():
+    payloads = [payload("one", 0.1, 0.3), payload("one", 0.3, 0.5), payload("two", 0.15, 0.25)]
+    true = PayloadEstimate(Estimate(0.2, 0, 0), Estimate(0.4, 0, 0), Estimate(0.9, 0, 0))
+    _, header, rows = payload_table(payloads, true, (0.26, 0.28))
+    assert rows[0] == ("one", *["0.300 [0.200, 0.400]"] * 3)
+    assert rows[1] == ("two", *["0.200 [0.150, 0.250]"] * 3)
+    assert rows[2] == ("interval holds the truth", "2 of 3", "1 of 3", "1 of 3")
+    assert rows[3] == ("truth", "0.200", "0.400", "0.26–0.28")
+    assert len(header) == 4
 
 
 def test_the_figure_has_a_line_for_every_row_but_persistence_in_both_panels():

@@ -1,0 +1,52 @@
+"""Where the hook really is, estimated in flight from the torque that the trained hook leaves.
+
+    rest = shift x pull + level + noise        in B
+
+The level wanders, so rest and columns are both taken over the level that was followed before (`torque_level`), which
+leaves white errors; on these the shift is regressed with a prior at the trained hook, and older samples are forgotten.
+Where the pull does not move across the noise, the shift stays at zero and the torque forecast is that of training.
+"""
+
+import numpy as np
+
+from np_drake.residual_models.base import Memory
+from np_drake.residual_models.torque_level import followed, gains_of, initial_level, next_level
+
+DEVIATION = 0.02  # of the hook from where it was in training, each axis [m]; stated prior
+MEMORY = 20.0  # over which samples count, as parameters of the bank [s]
+
+
+def initial_shift(step: float) -> Memory:
+    """Return the memory before any label: that of the level, and of the shift.
+
+    columns: (g, 3, 3) level of the torque over the shift, of every gain [N].   gram: (3, 3) [1/m²] and right: (3,)
+    [1/m] of the regression.   shift: (3,) [m].   steady: (3,) level of what the shift leaves [N·m].
+    """
+    return {
+        **initial_level(step),
+        "columns": np.zeros((len(gains_of(step)), 3, 3)),
+        "gram": np.zeros((3, 3)),
+        "right": np.zeros(3),
+        "shift": np.zeros(3),
+    }
+
+
+def next_shift(memory: Memory, rest: np.ndarray, pull: np.ndarray, step: float) -> Memory:
+    """Return the memory after one more rest of the torque (3,) [N·m] and pull in B (3,) [N]."""
+    x, y, z = pull
+    column = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # of shift x pull over the shift
+    weight, variance = followed(memory, step)
+    keep = np.exp(-step / MEMORY)
+    gram, right = keep * memory["gram"], keep * memory["right"]
+    if memory["torques"][0] > 2 and np.all(variance > 0):
+        error = rest - np.sum(weight * memory["levels"], axis=0)
+        X = column - np.einsum("ga,gac->ac", weight, memory["columns"])
+        gram = gram + (X.T / variance) @ X
+        right = right + (X.T / variance) @ error
+    new = next_level(memory, rest, step)
+    gain = np.maximum(gains_of(step), 1.0 / new["torques"])[..., None]
+    columns = memory["columns"] + gain * (column - memory["columns"])
+    shift = np.linalg.solve(gram + np.eye(3) / DEVIATION**2, right)
+    weight, _ = followed(new, step)
+    steady = np.sum(weight * new["levels"], axis=0) - np.einsum("ga,gac->ac", weight, columns) @ shift
+    return {**new, "columns": columns, "gram": gram, "right": right, "shift": shift, "steady": steady}

@@ -1,0 +1,60 @@
+"""Level of the torque that nothing else explains, from noisy labels of which neither noise nor drift is known.
+
+A level that wanders under white noise is followed best by l += g (torque - l) with a gain of their ratio (the steady
+Kalman filter of the local level model, Harvey 1989). Here filters of several gains run side by side, axis by axis, and
+are weighed by how likely each makes the labels: (mean squared error of its one-step forecasts)^(-n/2), which is their
+likelihood where the size of the noise is not known. So a rest that moves is followed and a constant one averaged.
+"""
+
+import numpy as np
+
+from np_drake.residual_models.base import Memory
+
+LONGEST_MEAN = (
+    10.0  # over which torque is averaged, and errors count, at most, as a trim may drift [s]; own choice
+)
+
+
+def gains_of(step: float) -> np.ndarray:
+    """Return the gains of the filters: 1, 1/2, 1/4, … down to the mean over `LONGEST_MEAN`, (g, 1) [1]."""
+    least = min(step / LONGEST_MEAN, 1.0)
+    count = 1 + int(np.ceil(-np.log2(least)))
+    return np.geomspace(1.0, least, count)[:, None]
+
+
+def initial_level(step: float) -> Memory:
+    """Return the memory before any label.
+
+    steady: (3,) the level [N·m].   levels: (g, 3) of every filter [N·m].   errors: (g, 3) mean square of its one-step
+    forecasts [N²·m²].   torques: (1,) seen so far.
+    """
+    count = len(gains_of(step))
+    return {
+        "steady": np.zeros(3),
+        "levels": np.zeros((count, 3)),
+        "errors": np.zeros((count, 3)),
+        "torques": np.zeros(1),
+    }
+
+
+def next_level(memory: Memory, torque: np.ndarray, step: float) -> Memory:
+    """Return the memory after one more torque (3,) [N·m]; as long as it is short, every filter is a mean."""
+    seen = memory["torques"] + 1
+    error = torque - memory["levels"]
+    levels = memory["levels"] + np.maximum(gains_of(step), 1.0 / seen) * error
+    errors = memory["errors"]
+    if seen[0] > 1:  # no filter forecast the first
+        errors = errors + max(step / LONGEST_MEAN, 1.0 / (seen[0] - 1)) * (error**2 - errors)
+    new = {"levels": levels, "errors": errors, "torques": seen}
+    weight, _ = followed(new, step)
+    return {**new, "steady": np.sum(weight * levels, axis=0)}
+
+
+def followed(memory: Memory, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the weights of the filters (g, 3) [1], and the mean square of their one-step errors (3,) [N²·m²]."""
+    errors = memory["errors"]
+    effective = min(max(float(memory["torques"][0] - 1), 0.0), LONGEST_MEAN / step)
+    excess = np.log(np.maximum(errors, 1e-300)) - np.log(np.maximum(errors.min(axis=0), 1e-300))
+    weight = np.exp(-0.5 * effective * excess)
+    weight = weight / weight.sum(axis=0)
+    return weight, np.sum(weight * errors, axis=0)

@@ -1,0 +1,48 @@
+"""Laws of the payload that a bank of pendulums believes to carry."""
+
+import numpy as np
+import pytest
+
+from np_drake.residual_models import pendulum_kernel as kernel
+from np_drake.residual_models.pendulum_payload import payload_estimate
+from np_drake.residual_models.pendulum_predictor import PendulumPredictor
+
+MASS, STEP = 2.0, 0.02  # of the made-up flights: vehicle [kg], sample [s]
+
+
+def believed(weight, mass, deviation):
+    """A memory of members that differ in the payload's mass share."""
+    mean = np.zeros((len(weight), kernel.POINT))
+    covariance = np.zeros((len(weight), kernel.SIZE, kernel.SIZE))
+    error = kernel.MASS - (kernel.POINT - kernel.SIZE)
+    mean[:, kernel.MASS], covariance[:, error, error] = mass, np.square(deviation)
+    return {"weight": np.array(weight), "mean": mean, "covariance": covariance}
+
+
+def test_of_one_member_it_is_its_gaussian():
+    found = payload_estimate(believed([1.0], 0.1, 0.02)).mass
+    assert found == pytest.approx((0.1, 0.1 - 1.96 * 0.02, 0.1 + 1.96 * 0.02), abs=1e-4)
+
+
+def test_members_that_disagree_widen_the_interval_to_both():
+    found = payload_estimate(believed([0.5, 0.5], [0.1, 0.3], 0.01)).mass
+    assert found.mean == pytest.approx(0.2)
+    assert found.low < 0.1 < 0.3 < found.high
+    assert found.high - found.low < 0.25
+
+
+def test_a_member_without_weight_says_nothing():
+    found = payload_estimate(believed([1.0, 0.0], [0.1, 0.9], 0.01)).mass
+    assert found.high < 0.13
+
+
+def test_after_a_swing_the_truth_lies_in_the_intervals(model, flown):
+    flight = flown(length=1.2, seconds=10.0, radius=1.0, swing=0.3, noise=0.02)
+    predictor = PendulumPredictor(model())
+    memory = predictor.initial_memory()
+    for sample in flight.samples:
+        memory = predictor.update(memory, sample)
+    found = payload_estimate(memory)
+    for estimate, truth, width in zip(found, (1.2, 0.26 / MASS, 0.0), (0.5, 0.05, 0.3), strict=True):
+        assert estimate.low - 1e-3 < truth < estimate.high + 1e-3
+        assert estimate.high - estimate.low < width  # a third of the prior's and less
