@@ -37,7 +37,9 @@ class ReferenceConfig:
         Raises: ValueError: on an unknown track or an impossible size.
         """
         if self.track not in TRACKS:
-            raise ValueError(f"ReferenceConfig: track must be one of {', '.join(TRACKS)}; got {self.track!r}.")
+            raise ValueError(
+                f"ReferenceConfig: track must be one of {', '.join(TRACKS)}; got {self.track!r}."
+            )
         for name in ("radius", "length", "width", "rise", "height", "speed"):
             if not 0 < getattr(self, name) < np.inf:
                 raise ValueError(

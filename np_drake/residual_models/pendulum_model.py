@@ -2,12 +2,15 @@
 
 import dataclasses as dc
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from np_drake.lifting.model.model_file import read_tensors, write_tensors
+from np_drake.scaling import Scales, over_paper, scales
+from np_drake.vehicle import Vehicle
 
 PENDULUM = "pendulum"  # name of the configuration
 SCHEMA = "np_drake.pendulum_model/1"  # format of the file and its version
@@ -22,6 +25,7 @@ NUMBERS = (
     "drag_deviation",
 )
 VECTORS = ("hook", "rate_torque")
+PAPER_ARM = scales(Vehicle()).length  # of files that do not name an arm [m]
 
 
 @dc.dataclass(frozen=True)
@@ -33,6 +37,7 @@ class PendulumModel:
     thrust_error: actual over commanded thrust, less one, and its standard deviation [1].
     drag: of the vehicle over its mass, and its standard deviation [1/s].
     hook: (3,) p_BoTo_B [m].   rate_torque: (3,) torque about the body axes over the body rates [N·m·s].
+    arm: mean distance of the rotors from Bo, the unit of length in which payloads and swings are looked for [m].
     summary: key figures and origin of the training.
     """
 
@@ -46,10 +51,11 @@ class PendulumModel:
     drag_deviation: float
     hook: np.ndarray
     rate_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(3))
+    arm: float = PAPER_ARM
     summary: dict[str, Any] = dc.field(default_factory=dict)
 
     def __post_init__(self):
-        for name in ("step", "mass", "gravity", "thrust_error_deviation", "drag_deviation"):
+        for name in ("step", "mass", "gravity", "thrust_error_deviation", "drag_deviation", "arm"):
             if not 0 < getattr(self, name) < np.inf:
                 raise ValueError(f"PendulumModel: {name} must be positive; got {getattr(self, name)}.")
         if not 0 <= self.rotor_lag < np.inf or not self.thrust_error > -1 or not np.isfinite(self.drag):
@@ -61,6 +67,11 @@ class PendulumModel:
             if np.shape(value) != (3,) or not np.all(np.isfinite(value)):
                 raise ValueError(f"PendulumModel: {name} must be three finite numbers [{unit}]; got {value}.")
 
+    @property
+    def unit(self) -> Scales:
+        """Units of length, mass and time over those of the paper's vehicle, which are exactly 1 for the latter."""
+        return over_paper(Scales(self.arm, self.mass, math.sqrt(self.arm / self.gravity)))
+
     def save(self, path: str | Path) -> None:
         """Write the model file, whole or not at all.
 
@@ -68,6 +79,7 @@ class PendulumModel:
         """
         tensors = {name: np.array([getattr(self, name)], float) for name in NUMBERS}
         tensors |= {name: np.asarray(getattr(self, name), float) for name in VECTORS}
+        tensors["arm"] = np.array([self.arm], float)
         write_tensors(tensors, {"schema": SCHEMA, "model": json.dumps({"summary": self.summary})}, path)
 
     @classmethod
@@ -80,6 +92,7 @@ class PendulumModel:
         try:
             content: dict[str, Any] = {name: tensors[name].item() for name in NUMBERS}
             content |= {name: tensors[name] for name in VECTORS}
+            content |= {name: tensors[name].item() for name in ("arm",) if name in tensors}
             return cls(**content, summary=dict(json.loads(metadata["model"])["summary"]))
         except (KeyError, TypeError, ValueError) as error:
             what = f"lacks {error}" if isinstance(error, KeyError) else str(error).splitlines()[0]

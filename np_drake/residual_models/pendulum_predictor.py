@@ -16,6 +16,7 @@ from np_drake.residual_models.pendulum_model import PENDULUM, PendulumModel
 from np_drake.rigid_body import Q, W
 
 RAW = LabelConfig(force_bandwidth=np.inf, torque_bandwidth=np.inf)  # the filter wants white noise
+# Times of the paper's vehicle; those of another are as many of its units of time.
 NOISE_TIME = 2.0  # over which the noise of labels is averaged [s]; own choice
 LONGEST_MEAN = 10.0  # over which torque is averaged at most, as a trim may drift [s]; own choice
 DEFAULT_BANK = BankOptions()
@@ -44,11 +45,13 @@ class PendulumPredictor:
     def __init__(self, model: PendulumModel, options: BankOptions = DEFAULT_BANK):
         self.model, self.step, self.rotor_lag = model, model.step, model.rotor_lag
         options = dc.replace(
-            options,
+            options.scaled(model.unit),
             thrust_error=Prior(model.thrust_error, model.thrust_error_deviation),
             drag=Prior(model.drag, model.drag_deviation),
         )
         self.bank = PendulumBank(options, step=model.step, gravity=model.gravity)
+        self._noise_share = self.step / (NOISE_TIME * model.unit.time)
+        self._least_gain = self.step / (LONGEST_MEAN * model.unit.time)
         self._hook = np.asarray(model.hook, float)
         self._cross = skew(self._hook)
         self._rate_torque = np.asarray(model.rate_torque, float)
@@ -113,7 +116,7 @@ class PendulumPredictor:
         if not np.all(np.isfinite(square)):
             return {"labels": labels}
         seen = memory["seen"] + 1
-        blend = max(self.step / NOISE_TIME, 1.0 / (1.0 + seen[0]))
+        blend = max(self._noise_share, 1.0 / (1.0 + seen[0]))
         square = np.minimum(square, CLIP**2 * memory["variance"])
         variance = memory["variance"] + blend * (square - memory["variance"])
         return {
@@ -132,12 +135,12 @@ class PendulumPredictor:
         products = np.stack([change**2, change * memory["torque"][1]])
         if not np.all(np.isfinite(products)):
             return {"torque": np.stack([torque, change])}
-        moments = memory["moments"] + min(1.0, self.step / NOISE_TIME) * (products - memory["moments"])
+        moments = memory["moments"] + min(1.0, self._noise_share) * (products - memory["moments"])
         noise = np.maximum(-moments[1], 0.0)
         walk = np.maximum(moments[0] - 2 * noise, 0.0)
         spread = 0.5 * (walk + np.sqrt(walk**2 + 4 * walk * noise))
         gain = spread / np.maximum(spread + noise, 1e-300)
-        gain = np.clip(gain, self.step / LONGEST_MEAN, 1.0)
+        gain = np.clip(gain, self._least_gain, 1.0)
         steady = memory["steady"] + gain * (torque - memory["steady"])
         return {"torque": np.stack([torque, change]), "moments": moments, "steady": steady}
 

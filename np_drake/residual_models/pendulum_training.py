@@ -18,9 +18,11 @@ from np_drake.residual_models.pendulum_model import PendulumModel
 from np_drake.residual_models.pendulum_predictor import DEFAULT_BANK, RAW, PendulumPredictor
 from np_drake.rigid_body import Q, W
 from np_drake.rotor_lag import learned_rotor_lag
+from np_drake.scaling import ratios, scales
 from np_drake.vehicle import Vehicle
 
 LASTING = 1e6  # memory while training: nothing returns to its prior [s]
+# Of the paper's vehicle, in whose units of length and time they hold for any.
 SETTLED = 5.0  # after which the pull serves to find the hook [s]; source: own choice, two swings
 HOOK = 0.1  # prior deviation of the hook from Bo [m]; stated prior
 THRUST_CHANGE, DRAG_CHANGE = 0.01, 0.02  # least deviations: from flight to flight [1, 1/s]; stated priors
@@ -70,7 +72,8 @@ def flight_samples(log: FlightLog, vehicle: Vehicle, rotor_lag: float, step: flo
 
 def _untrained(vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray) -> PendulumModel:
     """Return the model before any flight, with the wide priors of the bank."""
-    thrust, drag = DEFAULT_BANK.thrust_error, DEFAULT_BANK.drag
+    bank = DEFAULT_BANK.scaled(ratios(vehicle))
+    thrust, drag = bank.thrust_error, bank.drag
     return PendulumModel(
         step,
         vehicle.mass,
@@ -81,6 +84,7 @@ def _untrained(vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray
         drag.mean,
         drag.deviation,
         hook,
+        arm=scales(vehicle).length,
     )
 
 
@@ -92,7 +96,7 @@ def _refined(model: PendulumModel, flights: Sequence[list[Sample]]) -> PendulumM
         memory = predictor.initial_memory()
         for k, sample in enumerate(samples):
             memory = predictor.update(memory, sample)
-            if k * model.step >= SETTLED:
+            if k * model.step >= SETTLED * model.unit.time:
                 X = _torque_columns(predictor.pull(memory), samples[k - 1], sample, model.step)
                 if np.all(np.isfinite(X)) and np.all(np.isfinite(sample.chi)):
                     gram, right = gram + X.T @ X, right + X.T @ sample.chi[3:]
@@ -103,9 +107,9 @@ def _refined(model: PendulumModel, flights: Sequence[list[Sample]]) -> PendulumM
             thrust_error=thrust,
             thrust_error_deviation=max(thrust_deviation, THRUST_CHANGE),
             drag=drag,
-            drag_deviation=max(drag_deviation, DRAG_CHANGE),
+            drag_deviation=max(drag_deviation, DRAG_CHANGE / model.unit.time),
         )
-    hook, rate_torque = _torque(gram, right, flights)
+    hook, rate_torque = _torque(gram, right, flights, HOOK * model.unit.length)
     return dc.replace(model, hook=hook, rate_torque=rate_torque)
 
 
@@ -129,16 +133,17 @@ def _torque_columns(pull: np.ndarray, before: Sample, sample: Sample, step: floa
 
 
 def _torque(
-    gram: np.ndarray, right: np.ndarray, flights: Sequence[list[Sample]]
+    gram: np.ndarray, right: np.ndarray, flights: Sequence[list[Sample]], reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the hook (3,) [m] and the torque over the body rates (3,) [N·m·s] that explain the torque best.
 
     The hook has a prior around Bo. What the flights do not show is zero.
+    Args: reach: prior deviation of the hook [m].
     """
     torque = np.concatenate(
         [[s.chi[3:] for s in samples if np.all(np.isfinite(s.chi))] for samples in flights]
     )
     noise = np.mean(np.diff(torque, axis=0) ** 2) / 2
-    prior = np.diag([noise / HOOK**2] * 3 + [0.0] * 9)
+    prior = np.diag([noise / reach**2] * 3 + [0.0] * 9)
     found = np.linalg.lstsq(gram + prior, right, rcond=None)[0]
     return found[:3], found[6:9]

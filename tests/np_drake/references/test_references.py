@@ -95,7 +95,17 @@ def test_feed_forward_flies_the_reference_open_loop(config):
     np.testing.assert_allclose(end[10:], x_ref[10:], atol=1e-3)  # [rad/s]
 
 
-@pytest.mark.parametrize("bad", [{"track": "spiral"}, {"speed": -1.0}, {"dither": [0.1]}, {"ramp": -1.0}, {"rest": -1.0}, {"track": "vertical", "rise": 2.0}])
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"track": "spiral"},
+        {"speed": -1.0},
+        {"dither": [0.1]},
+        {"ramp": -1.0},
+        {"rest": -1.0},
+        {"track": "vertical", "rise": 2.0},
+    ],
+)
 def test_impossible_reference_is_refused(bad):
     with pytest.raises(ValueError, match="ReferenceConfig"):
         make_reference(ReferenceConfig(**bad))
