@@ -16,8 +16,8 @@ from np_drake.residual_models.pendulum_model import PENDULUM, PendulumModel
 from np_drake.rigid_body import Q, W
 
 RAW = LabelConfig(force_bandwidth=np.inf, torque_bandwidth=np.inf)  # the filter wants white noise
-# Times of the paper's vehicle; those of another are as many of its units of time.
-NOISE_TIME = 2.0  # over which the noise of labels is averaged [s]; own choice
+NOISE_TIME = 2.0  # over which the noise of labels is averaged [s], as many samples of any vehicle; own choice
+# Of the paper's vehicle; that of another is as many of its units of time.
 LONGEST_MEAN = 10.0  # over which torque is averaged at most, as a trim may drift [s]; own choice
 DEFAULT_BANK = BankOptions()
 FIRST_NOISE = 0.3  # noise of a force label before any was seen [m/s²]; source: stated prior
@@ -50,7 +50,7 @@ class PendulumPredictor:
             drag=Prior(model.drag, model.drag_deviation),
         )
         self.bank = PendulumBank(options, step=model.step, gravity=model.gravity)
-        self._noise_share = self.step / (NOISE_TIME * model.unit.time)
+        self._noise_share = self.step / (NOISE_TIME * model.unit.clock)
         self._least_gain = self.step / (LONGEST_MEAN * model.unit.time)
         self._hook = np.asarray(model.hook, float)
         self._cross = skew(self._hook)
