@@ -100,7 +100,7 @@ def vehicles_printed(lines: list[dict], title: str) -> list[Table]:
     """Return a table for every vehicle, a block for every track; errors in cm."""
 
     def error(key: str):
-        value = spread(key)
+        value = spread(key, 3)
         return lambda line: MISSING if line[key] is None else value(line)
 
     columns: tuple[Column, ...] = (

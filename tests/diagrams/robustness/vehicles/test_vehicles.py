@@ -136,7 +136,7 @@ def test_the_verb_prints_a_table_a_vehicle_within_100_columns(made_flights, tmp_
         capsys.readouterr().err
     )
     said, page = capsys.readouterr().out, (tmp_path / "m.md").read_text()
-    assert "| np | 0.30 ± 0.00 | 3.0 | 0.30 ± 0.00 | 3.0 | 0 of 2 |" in page
+    assert "| np | 0.300 ± 0.000 | 3.0 | 0.300 ± 0.000 | 3.0 | 0 of 2 |" in page
     assert page.count("| hold | – | – | – | – | 1 of 2 |") == len(TRACKS)
     assert max(map(len, page.splitlines())) <= 100
     assert "hold, 6kg, steps, seed 41: lost at 7.50 s" in said
