@@ -59,7 +59,12 @@ def scales(vehicle: Vehicle) -> Scales:
 
 def ratios(vehicle: Vehicle) -> Scales:
     """Return the units of `vehicle` over those of the paper's vehicle; all are exactly 1 for the latter."""
-    own, paper = scales(vehicle), scales(Vehicle())
+    return over_paper(scales(vehicle))
+
+
+def over_paper(own: Scales) -> Scales:
+    """Return the units `own` over those of the paper's vehicle."""
+    paper = scales(Vehicle())
     return Scales(own.length / paper.length, own.mass / paper.mass, own.time / paper.time)
 
 

@@ -7,7 +7,9 @@ from np_drake.vehicle import Vehicle
 
 FOLDER = Path(__file__).parents[1] / "scenarios"  # of the scenario files
 # Names of the scenario files.
-EXPERIMENTS = ("circle", "lemniscate", "training_circle", "plain_circle", "hover")
+EXPERIMENTS = (
+    "circle", "lemniscate", "fast_lemniscate", "steps", "vertical", "training_circle", "plain_circle", "hover",
+)  # fmt: skip
 
 
 def load_experiment(name: str, vehicle: Vehicle | None = None) -> FlightConfig:

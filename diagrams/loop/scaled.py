@@ -17,9 +17,9 @@ REALITY = {
     **dict.fromkeys(("wind", "gust"), (1, 0, -1)),
 }
 REFERENCE = {
-    **dict.fromkeys(("radius", "length", "width", "height", "dither"), (1, 0, 0)),
+    **dict.fromkeys(("radius", "length", "width", "rise", "height", "dither"), (1, 0, 0)),
     "speed": (1, 0, -1),
-    "ramp": (0, 0, 1),
+    **dict.fromkeys(("ramp", "rest"), (0, 0, 1)),
     "dither_frequencies": (0, 0, -1),
 }
 # The mass here is the payload's own (`payload_ratio`), so that the cable stretches by the same share of its length

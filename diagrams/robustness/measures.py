@@ -6,12 +6,19 @@ from diagrams.loop.flight import FlightConfig
 from np_drake import attitude, metrics
 from np_drake.mpc.problem import MpcStatus
 from np_drake.rigid_body import Q
+from np_drake.scaling import ratios
 
+# Of the paper's vehicle; times and distances scale with the vehicle that flies.
 SETTLING = 5.0  # part of the flight after the ramp that is not read [s]
 # Distance from the reference beyond which a vehicle counts as lost; own choice: the circle's radius [m].
 LOST = 1.0
 LAST = 1.0  # time before the loss in which the rotors are looked at [s]
 GROWING = 1.5  # growth of error or swing above which it counts as growing; own choice [1]
+
+
+def lost_beyond(config: FlightConfig) -> float:
+    """Return the distance from the reference beyond which the vehicle of `config` counts as lost [m]."""
+    return LOST * ratios(config.vehicle).length
 
 
 def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = "") -> dict:
@@ -27,11 +34,11 @@ def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = ""
             limit [1].   thrust: largest command of a rotor over its limit [1].   tilt, swing: largest angles of body
             and tether from the vertical [rad]; swing None without payload.
     """
-    t, x = signals["t"], signals["x_true"]
-    far = ~(np.linalg.norm(x[:, :3] - signals["p_ref"], axis=1) < LOST)  # so that NaN is far
+    t, x, unit = signals["t"], signals["x_true"], ratios(config.vehicle)
+    far = ~(np.linalg.norm(x[:, :3] - signals["p_ref"], axis=1) < lost_beyond(config))  # so that NaN is far
     lost = bool(why) or bool(far.any())
     end = int(np.argmax(far)) if far.any() else len(t)
-    rows, steady = slice(0, max(end, 1)), t >= config.reference.ramp + SETTLING - 1e-9
+    rows, steady = slice(0, max(end, 1)), t >= config.reference.ramp + SETTLING * unit.time - 1e-9
     status = signals["status"][rows, 0]
     command = signals["u"][rows] @ config.vehicle.unmixer.T / config.vehicle.max_rotor_thrust
     at_limit = np.any((command > 1.0 - 1e-3) | (command < 1e-3), axis=1)
@@ -47,7 +54,7 @@ def measures(config: FlightConfig, signals: dict[str, np.ndarray], why: str = ""
         "solve_failures": int(np.sum(status >= MpcStatus.SQP_FALLBACK)),
         "fallbacks": int(np.sum(status >= MpcStatus.SHIFTED_PLAN)),
         "at_limit": float(at_limit.mean()),
-        "at_limit_last": float(at_limit[t[rows] > t[rows][-1] - LAST].mean()),
+        "at_limit_last": float(at_limit[t[rows] > t[rows][-1] - LAST * unit.time].mean()),
         "thrust": float(command.max()),
         "tilt": float(np.arccos(np.clip(attitude.body_z(x[rows, Q])[:, 2], -1.0, 1.0)).max()),
         "swing": _largest_swing(signals["plant_state"][rows]),

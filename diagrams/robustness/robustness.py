@@ -14,9 +14,10 @@ from pathlib import Path
 from diagrams.batch.campaign import Case, Record, run_campaign
 from diagrams.loop.flight import FlightConfig, LostVehicle, simulate
 from diagrams.robustness.axes import BASE, FLOWN, Axis, Grid, axis_settings, distinct
-from diagrams.robustness.measures import LOST, SETTLING, measures
+from diagrams.robustness.measures import LOST, SETTLING, lost_beyond, measures
 from diagrams.tracking.tracking import ROWS as TRACKING_ROWS
 from diagrams.tracking.tracking import Row, configure, frozen_weights, train_models
+from np_drake.vehicle import Vehicle
 
 TRACK, TRAINING = "circle", "training_circle"  # experiments that are flown and trained on
 SCORED = 20.0  # flight after the ramp [s]
@@ -65,9 +66,32 @@ class Training:
     def __call__(self, case: Case) -> dict:
         """Train the model of the case."""
         row = next(row for row in ROWS if row.configuration == case["model"])
-        with tempfile.TemporaryDirectory() as folder:
-            files = train_models((row,), Path(folder), seed=self.seed, solver=self.solver)
-            return {"file": base64.b64encode(Path(*files.values()).read_bytes()).decode()}
+        return trained_file(row, seed=self.seed, solver=self.solver)
+
+
+def trained_file(row: Row, *, seed: int, solver: str, vehicle: Vehicle | None = None) -> dict:
+    """Return {"file": model file of the row in base 64}, trained on a flight of `vehicle`; None: the paper's."""
+    with tempfile.TemporaryDirectory() as folder:
+        files = train_models((row,), Path(folder), seed=seed, solver=solver, vehicle=vehicle)
+        return {"file": base64.b64encode(Path(*files.values()).read_bytes()).decode()}
+
+
+def flown(configure: Callable[[str], FlightConfig], model: bytes | None, seed: int) -> dict:
+    """Fly what `configure` returns for the path of a model file, and return the measures.
+
+    Args: model: content of that file; None where there is none.
+    """
+    signals, why = None, ""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.safetensors"
+        if model is not None:
+            path.write_bytes(model)
+        config = configure(str(path))
+        try:
+            signals = simulate(config, seed=seed, tolerance=lost_beyond(config))
+        except LostVehicle as error:
+            signals, why = error.signals, str(error)
+    return measures(config, signals, why)
 
 
 @dc.dataclass(frozen=True)
@@ -83,17 +107,13 @@ class Flying:
 
     def __call__(self, case: Case) -> dict:
         """Fly the case and return its measures."""
-        row, signals, why = next(row for row in ROWS if row.name == case["row"]), None, ""
-        with tempfile.TemporaryDirectory() as folder:
-            model = Path(folder) / "model.safetensors"
-            if row.configuration:
-                model.write_bytes(self.models[row.configuration])
-            config = flight_config(case, solver=self.solver, model=str(model), duration=self.duration)
-            try:
-                signals = simulate(config, seed=case["seed"], tolerance=LOST)
-            except LostVehicle as error:
-                signals, why = error.signals, str(error)
-        return measures(config, signals, why)
+        row = next(row for row in ROWS if row.name == case["row"])
+        model = self.models[row.configuration] if row.configuration else None
+
+        def configure(path: str) -> FlightConfig:
+            return flight_config(case, solver=self.solver, model=path, duration=self.duration)
+
+        return flown(configure, model, case["seed"])
 
 
 def flight_cases(
@@ -118,6 +138,11 @@ def flight_cases(
     ]
 
 
+def model_of(training: Record) -> bytes:
+    """Return the content of the model file of a training's record."""
+    return base64.b64decode(training["result"]["file"])
+
+
 def model_digests(models: dict[str, bytes]) -> dict[str, str]:
     """Return the digest of every model file by configuration."""
     return {name: hashlib.sha256(content).hexdigest()[:16] for name, content in models.items()}
@@ -139,13 +164,20 @@ class Sweep:
     scheduler: str = ""
 
     def run(
-        self, work: Callable[[Case], dict], cases: Sequence[Case], on_progress: Progress = _silent
+        self,
+        work: Callable[[Case], dict],
+        cases: Sequence[Case],
+        on_progress: Progress = _silent,
+        config: dict | None = None,
     ) -> list[Record]:
-        """Return the records of the cases; see `run_campaign`."""
+        """Return the records of the cases; see `run_campaign`.
+
+        Args: config: all else that results depend on; default: that of the circle's sweep.
+        """
         return run_campaign(
             work,
             cases,
-            config=campaign_config(self.training_seed, self.solver, self.duration),
+            config=config or campaign_config(self.training_seed, self.solver, self.duration),
             folder=self.folder,
             jobs=self.jobs,
             scheduler=self.scheduler,
@@ -162,9 +194,7 @@ class Sweep:
         wanted = list(dict.fromkeys(row.configuration for row in rows if row.configuration))
         cases = [{"model": name} for name in wanted]
         trainings = self.run(Training(self.training_seed, self.solver), cases, on_training)
-        models = {
-            r["case"]["model"]: base64.b64decode(r["result"]["file"]) for r in trainings if "result" in r
-        }
+        models = {r["case"]["model"]: model_of(r) for r in trainings if "result" in r}
         return (
             trainings,
             models,

@@ -16,6 +16,7 @@ from diagrams.prediction.learning import train_pendulum_model, train_predictor, 
 from np_drake.residual_models.motion_model import GP, KNODE, REACTIONS
 from np_drake.residual_models.pendulum_model import PENDULUM
 from np_drake.swing_metrics import half_width
+from np_drake.vehicle import Vehicle
 
 TRACKS = ("circle", "lemniscate")  # experiments that are flown
 PLAIN, DITHERED = "plain_circle", "training_circle"  # experiments that are trained on
@@ -71,9 +72,11 @@ ROWS = (
 )
 
 
-def configure(track: str, row: Row, *, solver: str, model: str = "") -> FlightConfig:
-    """Return the experiment `track` with the controller of `row`."""
-    config = load_experiment(track)
+def configure(
+    track: str, row: Row, *, solver: str, model: str = "", vehicle: Vehicle | None = None
+) -> FlightConfig:
+    """Return the experiment `track` with the controller of `row`, scaled to `vehicle`; None: the paper's."""
+    config = load_experiment(track, vehicle)
     controller = config.controller
     controller.kind, controller.solver = row.kind, solver
     controller.predictor = model if row.kind in LEARNED else ""
@@ -83,17 +86,26 @@ def configure(track: str, row: Row, *, solver: str, model: str = "") -> FlightCo
     return config.check()
 
 
-def training_flight(experiment: str, *, seed: int, solver: str, monitor=None) -> FlightResult:
-    """Fly the experiment that a predictor learns from (60 s) with the nominal MPC."""
-    config = load_experiment(experiment)
+def training_flight(
+    experiment: str, *, seed: int, solver: str, vehicle: Vehicle | None = None, monitor=None
+) -> FlightResult:
+    """Fly the experiment that a predictor learns from with the nominal MPC: 60 s of any vehicle.
+
+    Args: vehicle: to which the experiment is scaled; None: the paper's.
+    """
+    config = load_experiment(experiment, vehicle)
+    config.duration = load_experiment(experiment).duration
     config.controller.kind, config.controller.solver = "nominal", solver
     return fly(config, seed=seed, monitor=monitor)
 
 
 def train_models(
-    rows: tuple[Row, ...], folder: Path, *, seed: int, solver: str
+    rows: tuple[Row, ...], folder: Path, *, seed: int, solver: str, vehicle: Vehicle | None = None
 ) -> dict[tuple[str, str], str]:
-    """Train one model for every (training experiment, configuration) of `rows` and return their files."""
+    """Train one model for every (training experiment, configuration) of `rows` and return their files.
+
+    Args: vehicle: that flies the training; None: the paper's.
+    """
     files: dict[tuple[str, str], str] = {}
     flights: dict[str, FlightResult] = {}
     for row in rows:
@@ -101,7 +113,7 @@ def train_models(
         if not row.training or key in files:
             continue
         if row.training not in flights:
-            flights[row.training] = training_flight(row.training, seed=seed, solver=solver)
+            flights[row.training] = training_flight(row.training, seed=seed, solver=solver, vehicle=vehicle)
         path = folder / f"{row.configuration}_{row.training}.safetensors"
         if row.configuration in REACTIONS:
             train_reaction(flights[row.training], path, name=row.configuration, seed=seed)

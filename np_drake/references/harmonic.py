@@ -1,4 +1,4 @@
-"""Closed planar tracks as short Fourier sums: circle and lemniscate."""
+"""Closed tracks as short Fourier sums: circle, lemniscate, and a lemniscate that stands upright."""
 
 import numpy as np
 from scipy.integrate import quad
@@ -64,6 +64,23 @@ def lemniscate(*, length: float, width: float, height: float, speed: float, ramp
         [0, 0, height],
         [[length, 0.0, 0.0], [0.0, width, 0.0]],
         [[0.0, 0.0, 0.0], [0.0, -np.pi / 2, 0.0]],
+        speed=speed,
+        ramp=ramp,
+    )
+
+
+def vertical_lemniscate(
+    *, length: float, rise: float, height: float, speed: float, ramp: float
+) -> HarmonicTrack:
+    """Return the upright lemniscate x = length cos, z = height + rise sin(2 ·), in the plane y = 0.
+
+    It climbs and descends twice a lap while it swings the payload along x.
+    Args: length, rise, height: [m].   speed: mean along the track [m/s].   ramp: time from rest to full speed [s].
+    """
+    return HarmonicTrack(
+        [0, 0, height],
+        [[length, 0.0, 0.0], [0.0, 0.0, rise]],
+        [[0.0, 0.0, 0.0], [0.0, 0.0, -np.pi / 2]],
         speed=speed,
         ramp=ramp,
     )

@@ -12,7 +12,9 @@ import numpy as np
 from np_drake.residual_models.base import Memory
 from np_drake.residual_models.torque_level import followed, gains_of, initial_level, next_level
 
-DEVIATION = 0.02  # of the hook from where it was in training, each axis [m]; stated prior
+DEVIATION = (
+    0.02  # of the hook from where it was in training, each axis, of the paper's vehicle [m]; stated prior
+)
 MEMORY = 20.0  # over which samples count, as parameters of the bank [s]
 
 
@@ -31,8 +33,14 @@ def initial_shift(step: float) -> Memory:
     }
 
 
-def next_shift(memory: Memory, rest: np.ndarray, pull: np.ndarray, step: float) -> Memory:
-    """Return the memory after one more rest of the torque (3,) [N·m] and pull in B (3,) [N]."""
+def next_shift(
+    memory: Memory, rest: np.ndarray, pull: np.ndarray, step: float, *, reach: float = 1.0
+) -> Memory:
+    """Return the memory after one more rest of the torque (3,) [N·m] and pull in B (3,) [N].
+
+    Args: step: between samples, at the pace of the paper's vehicle [s].   reach: unit of length over that of the
+    paper's vehicle [1].
+    """
     x, y, z = pull
     column = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # of shift x pull over the shift
     weight, variance = followed(memory, step)
@@ -46,7 +54,7 @@ def next_shift(memory: Memory, rest: np.ndarray, pull: np.ndarray, step: float) 
     new = next_level(memory, rest, step)
     gain = np.maximum(gains_of(step), 1.0 / new["torques"])[..., None]
     columns = memory["columns"] + gain * (column - memory["columns"])
-    shift = np.linalg.solve(gram + np.eye(3) / DEVIATION**2, right)
+    shift = np.linalg.solve(gram + np.eye(3) / (reach * DEVIATION) ** 2, right)
     weight, _ = followed(new, step)
     steady = np.sum(weight * new["levels"], axis=0) - np.einsum("ga,gac->ac", weight, columns) @ shift
     return {**new, "columns": columns, "gram": gram, "right": right, "shift": shift, "steady": steady}

@@ -8,13 +8,23 @@ payload was attached, lost or snapped taut: what is known of it is then forgotte
 
 import dataclasses as dc
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory
+from np_drake.scaling import Scales
 
 CONDITIONS = ("calm", "gusty", "pushed")
+# Powers of length and time in the unit of what differs from vehicle to vehicle; shares, angles and accelerations have
+# none, as gravity is common, nor has the noise of a sensor.
+POWERS = {
+    "lengths": (1, 0),
+    **dict.fromkeys(("push_time", "memory", "duration"), (0, 1)),
+    **dict.fromkeys(("damping", "drag", "change"), (0, -1)),
+    "swing_noise": (2, -3),
+}
 
 
 @dc.dataclass(frozen=True)
@@ -24,10 +34,14 @@ class Prior:
     mean: float
     deviation: float
 
+    def __mul__(self, factor: float) -> "Prior":
+        """Return the prior of the quantity times `factor`."""
+        return Prior(self.mean * factor, self.deviation * factor)
+
 
 @dc.dataclass(frozen=True)
 class BankOptions:
-    """What is believed of payload and air before any sample; per mass of the vehicle, so that it holds for any size.
+    """What is believed of payload and air before any sample, per mass of the vehicle; in SI for the paper's vehicle.
 
     Source: stated priors. Lengths cover 0.3 to 2.4 m by equal steps of the logarithm, of which half is a deviation;
     a vehicle carries up to half its own weight; a quadrotor's drag is below its weight at 20 m/s.
@@ -55,6 +69,19 @@ class BankOptions:
         24.3  # squared innovation that no member exceeds: 1e-5 of the chi-square with three degrees [1]
     )
     least_noise: float = 0.02  # of a label [m/s²]
+
+    def scaled(self, unit: Scales) -> "BankOptions":
+        """Return what is believed under a vehicle of other units: the same in its lengths and times.
+
+        Args: unit: of the vehicle, over those of the paper's.
+        """
+        factors = {name: unit.length**a * unit.time**b for name, (a, b) in POWERS.items()}
+        return dc.replace(self, **{name: _times(getattr(self, name), f) for name, f in factors.items()})
+
+
+def _times(value: Any, factor: float) -> Any:
+    """Return a number, a prior or every number of a tuple times `factor`."""
+    return tuple(v * factor for v in value) if isinstance(value, tuple) else value * factor
 
 
 class PendulumBank:

@@ -2,12 +2,15 @@
 
 import dataclasses as dc
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from np_drake.lifting.model.model_file import read_tensors, write_tensors
+from np_drake.scaling import Scales, over_paper, scales
+from np_drake.vehicle import Vehicle
 
 PENDULUM = "pendulum"  # name of the configuration
 SCHEMA = "np_drake.pendulum_model/1"  # format of the file and its version
@@ -23,6 +26,7 @@ NUMBERS = (
     "drag_deviation",
 )
 VECTORS = {"hook": (3, "m"), "rate_torque": (3, "N·m·s"), "speed_torque": (2, "N·s")}  # length, unit
+PAPER_ARM = scales(Vehicle()).length  # of files that do not name an arm [m]
 
 
 @dc.dataclass(frozen=True)
@@ -36,6 +40,7 @@ class PendulumModel:
     hook: (3,) p_BoTo_B [m].   rate_torque: (3,) torque about the body axes over the body rates [N·m·s].
     speed_torque: (2,) torque about body x over the velocity along y, and about y over that along x, as of flapping
     blades and of drag beside Bo [N·s].
+    arm: mean distance of the rotors from Bo, the unit of length in which payloads and swings are looked for [m].
     summary: key figures and origin of the training.
     """
 
@@ -51,10 +56,11 @@ class PendulumModel:
     rate_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(3))
     speed_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(2))
     delay: float = 0.0
+    arm: float = PAPER_ARM
     summary: dict[str, Any] = dc.field(default_factory=dict)
 
     def __post_init__(self):
-        for name in ("step", "mass", "gravity", "thrust_error_deviation", "drag_deviation"):
+        for name in ("step", "mass", "gravity", "thrust_error_deviation", "drag_deviation", "arm"):
             if not 0 < getattr(self, name) < np.inf:
                 raise ValueError(f"PendulumModel: {name} must be positive; got {getattr(self, name)}.")
         if not 0 <= self.delay < np.inf:
@@ -70,6 +76,11 @@ class PendulumModel:
                     f"PendulumModel: {name} must be {length} finite numbers [{unit}]; got {value}."
                 )
 
+    @property
+    def unit(self) -> Scales:
+        """Units of length, mass and time over those of the paper's vehicle, which are exactly 1 for the latter."""
+        return over_paper(Scales(self.arm, self.mass, math.sqrt(self.arm / self.gravity)))
+
     def save(self, path: str | Path) -> None:
         """Write the model file, whole or not at all.
 
@@ -77,6 +88,7 @@ class PendulumModel:
         """
         tensors = {name: np.array([getattr(self, name)], float) for name in NUMBERS}
         tensors |= {name: np.asarray(getattr(self, name), float) for name in VECTORS}
+        tensors["arm"] = np.array([self.arm], float)
         write_tensors(tensors, {"schema": SCHEMA, "model": json.dumps({"summary": self.summary})}, path)
 
     @classmethod
@@ -89,6 +101,7 @@ class PendulumModel:
         try:
             content: dict[str, Any] = {name: tensors[name].item() for name in NUMBERS}
             content |= {name: tensors[name] for name in VECTORS}
+            content |= {name: tensors[name].item() for name in ("arm",) if name in tensors}
             return cls(**content, summary=dict(json.loads(metadata["model"])["summary"]))
         except (KeyError, TypeError, ValueError) as error:
             what = f"lacks {error}" if isinstance(error, KeyError) else str(error).splitlines()[0]

@@ -17,7 +17,7 @@ from np_drake.residual_models.pendulum_model import PENDULUM, PendulumModel
 from np_drake.rigid_body import Q, W
 
 RAW = LabelConfig(force_bandwidth=np.inf, torque_bandwidth=np.inf)  # the filter wants white noise
-NOISE_TIME = 2.0  # over which the noise of labels is averaged [s]; own choice
+NOISE_TIME = 2.0  # over which the noise of labels is averaged [s], as many samples of any vehicle; own choice
 DEFAULT_BANK = BankOptions()
 FIRST_NOISE = 0.3  # noise of a force label before any was seen [m/s²]; source: stated prior
 CLIP = 4.0  # second difference that counts as noise, in standard deviations [1]: larger ones are events
@@ -45,11 +45,13 @@ class PendulumPredictor:
         self.model, self.step = model, model.step
         self.rotor_lag, self.delay = model.rotor_lag, model.delay
         options = dc.replace(
-            options,
+            options.scaled(model.unit),
             thrust_error=Prior(model.thrust_error, model.thrust_error_deviation),
             drag=Prior(model.drag, model.drag_deviation),
         )
         self.bank = PendulumBank(options, step=model.step, gravity=model.gravity)
+        self._noise_share = self.step / (NOISE_TIME * model.unit.clock)
+        self._pace = self.step / model.unit.time  # step at the pace of the paper's vehicle [s]
         self._hook = np.asarray(model.hook, float)
         self._cross = skew(self._hook)
         self._rate_torque = np.asarray(model.rate_torque, float)
@@ -73,7 +75,7 @@ class PendulumPredictor:
             "acting": np.array([self.model.mass * self.model.gravity, 0.0, 0.0, 0.0]),
             "labels": np.full((2, 3), np.nan),
             "variance": np.full(3, FIRST_NOISE**2),
-            **initial_shift(self.step),
+            **initial_shift(self._pace),
             "now": np.zeros(9),
             "seen": np.zeros(1),
         }
@@ -100,7 +102,7 @@ class PendulumPredictor:
             new |= self._noise(memory, force)
             pull = attitude.rotation_matrix(x[Q]).T @ self.pull(new)
             rest = chi[3:] - self._cross @ pull - self._motion_torque(x)
-            new |= next_shift(memory, rest, pull, self.step)
+            new |= next_shift(memory, rest, pull, self._pace, reach=self.model.unit.length)
         return new
 
     def pull(self, memory: Memory) -> np.ndarray:
@@ -118,7 +120,7 @@ class PendulumPredictor:
         if not np.all(np.isfinite(square)):
             return {"labels": labels}
         seen = memory["seen"] + 1
-        blend = max(self.step / NOISE_TIME, 1.0 / (1.0 + seen[0]))
+        blend = max(self._noise_share, 1.0 / (1.0 + seen[0]))
         square = np.minimum(square, CLIP**2 * memory["variance"])
         variance = memory["variance"] + blend * (square - memory["variance"])
         return {

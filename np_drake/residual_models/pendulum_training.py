@@ -18,9 +18,11 @@ from np_drake.residual_models.pendulum_model import PendulumModel
 from np_drake.residual_models.pendulum_predictor import DEFAULT_BANK, RAW, PendulumPredictor
 from np_drake.rigid_body import Q, V, W
 from np_drake.rotor_lag import delayed, learned_timing
+from np_drake.scaling import ratios, scales
 from np_drake.vehicle import Vehicle
 
 LASTING = 1e6  # memory while training: nothing returns to its prior [s]
+# Of the paper's vehicle, in whose units of length and time they hold for any.
 SETTLED = 5.0  # after which the pull serves to find the hook [s]; source: own choice, two swings
 HOOK = 0.1  # prior deviation from Bo of the hook, and of the point where drag acts [m]; stated prior
 COLUMNS = 14  # of the torque [1]
@@ -84,7 +86,8 @@ def flight_samples(
 
 def _untrained(vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray) -> PendulumModel:
     """Return the model before any flight, with the wide priors of the bank."""
-    thrust, drag = DEFAULT_BANK.thrust_error, DEFAULT_BANK.drag
+    bank = DEFAULT_BANK.scaled(ratios(vehicle))
+    thrust, drag = bank.thrust_error, bank.drag
     return PendulumModel(
         step,
         vehicle.mass,
@@ -95,6 +98,7 @@ def _untrained(vehicle: Vehicle, rotor_lag: float, step: float, hook: np.ndarray
         drag.mean,
         drag.deviation,
         hook,
+        arm=scales(vehicle).length,
     )
 
 
@@ -106,7 +110,7 @@ def _refined(model: PendulumModel, flights: Sequence[list[Sample]]) -> PendulumM
         memory = predictor.initial_memory()
         for k, sample in enumerate(samples):
             memory = predictor.update(memory, sample)
-            if k * model.step >= SETTLED:
+            if k * model.step >= SETTLED * model.unit.time:
                 X = _torque_columns(predictor.pull(memory), samples[k - 1], sample, model.step)
                 if np.all(np.isfinite(X)) and np.all(np.isfinite(sample.chi)):
                     gram, right = gram + X.T @ X, right + X.T @ sample.chi[3:]
@@ -117,9 +121,9 @@ def _refined(model: PendulumModel, flights: Sequence[list[Sample]]) -> PendulumM
             thrust_error=thrust,
             thrust_error_deviation=max(thrust_deviation, THRUST_CHANGE),
             drag=drag,
-            drag_deviation=max(drag_deviation, DRAG_CHANGE),
+            drag_deviation=max(drag_deviation, DRAG_CHANGE / model.unit.time),
         )
-    hook, rate_torque, speed_torque = _torque(gram, right, flights, model.mass)
+    hook, rate_torque, speed_torque = _torque(gram, right, flights, model)
     return dc.replace(model, hook=hook, rate_torque=rate_torque, speed_torque=speed_torque)
 
 
@@ -146,7 +150,7 @@ def _torque_columns(pull: np.ndarray, before: Sample, sample: Sample, step: floa
 
 
 def _torque(
-    gram: np.ndarray, right: np.ndarray, flights: Sequence[list[Sample]], mass: float
+    gram: np.ndarray, right: np.ndarray, flights: Sequence[list[Sample]], model: PendulumModel
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return hook (3,) [m], torque over body rates (3,) [N·m·s] and over velocity (2,) [N·s] that explain it best.
 
@@ -156,7 +160,8 @@ def _torque(
         [[s.chi[3:] for s in samples if np.all(np.isfinite(s.chi))] for samples in flights]
     )
     noise = np.mean(np.diff(torque, axis=0) ** 2) / 2
+    reach, drag = HOOK * model.unit.length, DEFAULT_BANK.drag.deviation / model.unit.time
     deviation = np.full(COLUMNS, np.inf)
-    deviation[:3], deviation[9:11] = HOOK, HOOK * mass * DEFAULT_BANK.drag.deviation
+    deviation[:3], deviation[9:11] = reach, reach * model.mass * drag
     found = np.linalg.lstsq(gram + np.diag(noise / deviation**2), right, rcond=None)[0]
     return found[:3], found[6:9], found[9:11]

@@ -4,6 +4,7 @@ A level that wanders under white noise is followed best by l += g (torque - l) w
 Kalman filter of the local level model, Harvey 1989). Here filters of several gains run side by side, axis by axis, and
 are weighed by how likely each makes the labels: (mean squared error of its one-step forecasts)^(-n/2), which is their
 likelihood where the size of the noise is not known. So a rest that moves is followed and a constant one averaged.
+The step is at the pace of the paper's vehicle: that of another is divided by the ratio of their units of time.
 """
 
 import numpy as np

@@ -16,12 +16,13 @@ from diagrams.cli.reproduce.payload_flights import payload_flights
 from diagrams.cli.reproduce.real import real
 from diagrams.cli.reproduce.robustness import robustness
 from diagrams.cli.reproduce.tracking import tracking
+from diagrams.cli.reproduce.vehicles import vehicles
 from diagrams.cli.reproduce.weights import pendulum, weights
 
 TABLES = (
     tracking, configurations, weights, gap, mhe, theorem, pendulum, estimation, sample_efficiency, response, hover,
     attach, timing, cooperative, robustness, margins, cost, real,
-    payload_flights, models,
+    payload_flights, vehicles, models,
 )  # fmt: skip
 
 

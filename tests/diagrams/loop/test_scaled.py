@@ -9,6 +9,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from diagrams.loop.experiments import EXPERIMENTS, load_experiment
 from diagrams.loop.flight import FlightConfig, default_flight, initialise, load_flight, make_real_vehicle
 from diagrams.loop.flight_result import fly
+from np_drake.references.config import make_reference
 from np_drake.scaling import SPARE_LIFT, ratios, scales, similar
 from np_drake.vehicle import MeasurementNoise, Vehicle
 
@@ -120,6 +121,22 @@ def test_the_payload_leaves_a_weak_vehicle_spare_lift():
     weak = dc.replace(Vehicle(), max_rotor_thrust=1.3 * 19.62 / 4)
     payload = default_flight(weak).check().reality.payload
     assert payload.mass == pytest.approx(SPARE_LIFT * 0.3 * weak.mass)
+
+
+@pytest.mark.parametrize("vehicle", [SMALL, LARGE])
+@pytest.mark.parametrize("name", ["fast_lemniscate", "steps", "vertical"])
+def test_a_track_has_the_same_form_in_the_units_of_any_vehicle(name, vehicle):
+    paper, own = load_experiment(name).reference, load_experiment(name, vehicle).reference
+    unit, t = ratios(vehicle), np.linspace(0.0, 20.0, 101)
+    expected = make_reference(paper).sample(t)
+    found = make_reference(own).sample(unit.time * t)
+    np.testing.assert_allclose(found[0] / unit.length, expected[0], atol=1e-9)
+    np.testing.assert_allclose(found[2], expected[2], atol=1e-7)  # accelerations: gravity is common [m/s²]
+
+
+def test_the_fast_lemniscate_reaches_3_m_per_s():
+    flat = make_reference(load_experiment("fast_lemniscate").reference).sample(np.linspace(5.0, 20.0, 20001))
+    assert np.linalg.norm(flat[1], axis=1).max() == pytest.approx(3.0, abs=1e-3)
 
 
 def test_a_value_named_in_si_wins_over_the_scaled_default(tmp_path):

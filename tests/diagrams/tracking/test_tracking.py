@@ -14,8 +14,8 @@ from diagrams.tracking import demo, tracking
 def short_experiments(monkeypatch):
     """Every experiment cut to seconds, training included."""
 
-    def load(name):
-        config = load_experiment(name)
+    def load(name, vehicle=None):
+        config = load_experiment(name, vehicle)
         config.duration, config.reference.ramp = (
             (6.0, 1.5) if "circle" in name and name != "circle" else (1.0, 1.0)
         )

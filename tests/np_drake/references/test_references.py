@@ -13,7 +13,10 @@ MOTIONS = [
     ReferenceConfig(track="lemniscate"),
     ReferenceConfig(track="hover"),
     ReferenceConfig(dither=[0.05, 0.05, 0.05]),
+    ReferenceConfig(track="vertical", length=1.0, height=2.0),
+    ReferenceConfig(track="steps", radius=0.7, speed=0.66, ramp=1.0),
 ]
+STEPS = ReferenceConfig(track="steps", radius=0.7, speed=0.66, rest=2.0, ramp=1.0)
 
 
 @pytest.mark.parametrize("config", MOTIONS)
@@ -44,6 +47,38 @@ def test_lemniscate_has_the_mean_speed_asked():
     assert np.ptp(flat[0, :, 0]) == pytest.approx(3.0, rel=1e-5)
 
 
+def test_the_vertical_lemniscate_stays_in_its_plane_and_between_its_heights():
+    dut = make_reference(ReferenceConfig(track="vertical", length=1.0, rise=0.5, height=2.0))
+    flat = dut.sample(5.0 + np.linspace(0, 2 * np.pi / dut.rate, 4000, endpoint=False))
+    assert (flat[0, :, 1] == 0.0).all()
+    x, z = flat[0, :, 0], flat[0, :, 2] - 2.0
+    np.testing.assert_allclose(z**2, x**2 * (1.0 - x**2), atol=1e-12)  # (z/rise)² = 4 x² (1 - x²)
+    assert np.mean(np.linalg.norm(flat[1], axis=1)) == pytest.approx(1.5, rel=1e-6)
+
+
+def test_steps_rest_at_every_corner_of_the_square_in_turn():
+    dut = make_reference(STEPS)
+    side = 0.7 * np.sqrt(2)
+    period = side / 0.66 + 2.0  # [s]
+    t = STEPS.ramp + np.arange(9) * period - 1.0  # in the middle of the rests
+    flat = dut.sample(t)
+    half = side / 2
+    corners = [[half, half], [-half, half], [-half, -half], [half, -half]]
+    np.testing.assert_allclose(flat[0, :, :2], [corners[k % 4] for k in range(9)], atol=1e-12)
+    np.testing.assert_allclose(flat[0, :, 2], STEPS.height)
+    assert (flat[1:] == 0.0).all()
+
+
+def test_a_step_has_the_mean_speed_asked_and_no_jump_up_to_the_jerk():
+    dut = make_reference(STEPS)
+    move = 0.7 * np.sqrt(2) / 0.66  # [s]
+    begin, h = STEPS.ramp, 1e-6
+    ends = dut.sample(np.array([begin, begin + move]))
+    assert np.linalg.norm(ends[0, 1] - ends[0, 0]) / move == pytest.approx(0.66)
+    around = dut.sample(np.array([begin - h, begin + h, begin + move - h, begin + move + h]))
+    np.testing.assert_allclose(around[1:4, ::2], around[1:4, 1::2], atol=1e-3)  # [m/s³]: 2 h snap
+
+
 @pytest.mark.parametrize("config", MOTIONS)
 def test_feed_forward_flies_the_reference_open_loop(config):
     vehicle, dut = Vehicle(), make_reference(config)
@@ -60,7 +95,17 @@ def test_feed_forward_flies_the_reference_open_loop(config):
     np.testing.assert_allclose(end[10:], x_ref[10:], atol=1e-3)  # [rad/s]
 
 
-@pytest.mark.parametrize("bad", [{"track": "spiral"}, {"speed": -1.0}, {"dither": [0.1]}, {"ramp": -1.0}])
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"track": "spiral"},
+        {"speed": -1.0},
+        {"dither": [0.1]},
+        {"ramp": -1.0},
+        {"rest": -1.0},
+        {"track": "vertical", "rise": 2.0},
+    ],
+)
 def test_impossible_reference_is_refused(bad):
     with pytest.raises(ValueError, match="ReferenceConfig"):
         make_reference(ReferenceConfig(**bad))

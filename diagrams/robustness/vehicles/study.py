@@ -1,0 +1,150 @@
+"""Every controller on every track with vehicles of several sizes, each trained on 60 s of its own.
+
+Payload, tether, track, air, motors, weights and time steps are those of the paper's vehicle in the units of the one
+that flies (`scaled`); the noise of the sensors is the same for all.
+"""
+
+import dataclasses as dc
+import itertools
+from collections.abc import Callable, Sequence
+
+from diagrams.batch.campaign import Case, Record
+from diagrams.loop.flight import FlightConfig
+from diagrams.robustness.measures import LOST, SETTLING
+from diagrams.robustness.robustness import (
+    SCORED,
+    TRAINING,
+    Progress,
+    Sweep,
+    flown,
+    model_digests,
+    model_of,
+    trained_file,
+)
+from diagrams.robustness.vehicles.fleet import FLEET, TRACKS
+from diagrams.tracking.tracking import ROWS as TRACKING_ROWS
+from diagrams.tracking.tracking import Row, configure
+from np_drake.scaling import ratios
+
+# Rows of the tracking comparison that are flown.
+SHOWN = ("nominal", "hold", "hold + total mass", "np", "np: pendulum", "oracle")
+ROWS = tuple(next(row for row in TRACKING_ROWS if row.name == name) for name in SHOWN)
+Models = dict[tuple[str, str], bytes]  # content of the model files by vehicle and configuration
+
+
+def flight_config(case: Case, *, solver: str, model: str = "", duration: float = SCORED) -> FlightConfig:
+    """Return the track of the case with its vehicle and controller.
+
+    Args: model: file of the row's model.   duration: after the ramp, of the paper's vehicle [s].
+    """
+    row, vehicle = next(row for row in ROWS if row.name == case["row"]), FLEET[case["vehicle"]]
+    config = configure(case["track"], row, solver=solver, model=model, vehicle=vehicle)
+    config.duration = duration * ratios(vehicle).time
+    return config.check()
+
+
+@dc.dataclass(frozen=True)
+class Training:
+    """Work of a training case: {"vehicle", "model": configuration} -> {"file": model file in base 64}."""
+
+    seed: int
+    solver: str
+
+    def __call__(self, case: Case) -> dict:
+        """Train the model of the case."""
+        row = next(row for row in ROWS if row.configuration == case["model"])
+        return trained_file(row, seed=self.seed, solver=self.solver, vehicle=FLEET[case["vehicle"]])
+
+
+@dc.dataclass(frozen=True)
+class Flying:
+    """Work of a flight: case -> `measures`.
+
+    duration: after the ramp, of the paper's vehicle [s].
+    """
+
+    models: Models
+    solver: str
+    duration: float = SCORED
+
+    def __call__(self, case: Case) -> dict:
+        """Fly the case and return its measures."""
+        row = next(row for row in ROWS if row.name == case["row"])
+
+        def configured(path: str) -> FlightConfig:
+            return flight_config(case, solver=self.solver, model=path, duration=self.duration)
+
+        return flown(configured, self.models.get((case["vehicle"], row.configuration)), case["seed"])
+
+
+def flight_cases(
+    rows: Sequence[Row],
+    seeds: Sequence[int],
+    models: Models,
+    vehicles: Sequence[str] = tuple(FLEET),
+    tracks: Sequence[str] = TRACKS,
+) -> list[Case]:
+    """Return every row on every track with every vehicle and seed, where the row's model was trained.
+
+    A case names its model by the digest of its file, so that no result of another one is taken for it.
+    """
+    cases = []
+    for seed, vehicle, track, row in itertools.product(seeds, vehicles, tracks, rows):
+        key = (vehicle, row.configuration)
+        if not row.configuration or key in models:
+            digest = model_digests({"": models[key]})[""] if row.configuration else ""
+            cases.append({"row": row.name, "model": digest, "vehicle": vehicle, "track": track, "seed": seed})
+    return cases
+
+
+def run_vehicles(
+    sweep: Sweep,
+    *,
+    seeds: Sequence[int],
+    rows: Sequence[Row] = ROWS,
+    vehicles: Sequence[str] = tuple(FLEET),
+    tracks: Sequence[str] = TRACKS,
+    on_training: Progress,
+    on_progress: Progress,
+) -> tuple[list[Record], list[Record]]:
+    """Train what `rows` need for every vehicle, then fly every case.
+
+    Returns: the records of the trainings and of the flights. Rows whose training failed do not fly.
+    """
+
+    def run(work: Callable[[Case], dict], cases: Sequence[Case], progress: Progress) -> list[Record]:
+        return sweep.run(
+            work, cases, progress, campaign_config(sweep.training_seed, sweep.solver, sweep.duration)
+        )
+
+    wanted = list(dict.fromkeys(row.configuration for row in rows if row.configuration))
+    needed = [{"vehicle": vehicle, "model": name} for vehicle in vehicles for name in wanted]
+    trainings = run(Training(sweep.training_seed, sweep.solver), needed, on_training)
+    models = {(r["case"]["vehicle"], r["case"]["model"]): model_of(r) for r in trainings if "result" in r}
+    cases = flight_cases(rows, seeds, models, vehicles, tracks)
+    return trainings, run(Flying(models, sweep.solver, sweep.duration), cases, on_progress)
+
+
+def campaign_config(training_seed: int, solver: str, duration: float = SCORED) -> dict:
+    """Return all that the results depend on other than the case itself."""
+    return {
+        "solver": solver, "training": TRAINING, "training_seed": training_seed,
+        "scored": duration, "settling": SETTLING, "lost": LOST,
+        "vehicles": {name: _settings(name, solver, duration) for name in FLEET},
+    }  # fmt: skip
+
+
+def _settings(vehicle: str, solver: str, duration: float) -> dict:
+    """Return what a vehicle is, and what it flies."""
+    flights = {
+        track: flight_config(
+            {"row": "nominal", "vehicle": vehicle, "track": track}, solver=solver, duration=duration
+        )
+        for track in TRACKS
+    }
+    any_track = flights[TRACKS[0]]
+    return {
+        "vehicle": dc.asdict(any_track.vehicle), "reality": dc.asdict(any_track.reality),
+        "mpc": dc.asdict(any_track.controller.mpc), "period": any_track.controller.period,
+        "tracks": {track: dc.asdict(flight.reference) for track, flight in flights.items()},
+    }  # fmt: skip
