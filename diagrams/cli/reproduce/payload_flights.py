@@ -36,10 +36,11 @@ def payload_flights(
     from diagrams.challenge.real.forecast.rows import choose
 
     names = choose(only or ())
+    from diagrams.challenge.real.forecast.bound import bound_lines
     from diagrams.challenge.real.forecast.figure import ratio_figure
     from diagrams.challenge.real.forecast.folds import DAMPINGS, open_campaign, true_estimate, true_payload
     from diagrams.challenge.real.forecast.study import persistence_rmse, run_study
-    from diagrams.challenge.real.forecast.tables import model_table, payload_table, ratio_tables
+    from diagrams.challenge.real.forecast.tables import bound_table, model_table, payload_table, ratio_tables
 
     flights = open_campaign(folder)
     with progress("training and scoring", 1.0) as advance:
@@ -57,6 +58,9 @@ def payload_flights(
     tables = [*ratio_tables(lines), model_table(models, DAMPINGS, true_payload().length)]
     if study.payloads:
         tables.append(payload_table(study.payloads, true_estimate(), DAMPINGS))
+    bounds = bound_lines(study.bounds, study.horizons, step) if study.bounds else []
+    if bounds:
+        tables.append(bound_table(bounds))
     return Report(
         tables,
         config={
@@ -64,7 +68,7 @@ def payload_flights(
             "flights": [flight.log.name for flight in flights],
         },
         metrics={
-            "table": lines, "models": models,
+            "table": lines, "models": models, "bound": bounds,
             "payloads": [{**flown._asdict(), "estimate": flown.estimate._asdict()} for flown in study.payloads],
         },
         summary=[

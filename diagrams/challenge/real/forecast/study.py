@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from diagrams.challenge.real.forecast.bound import BoundCheck, check_bound
 from diagrams.challenge.real.forecast.folds import PayloadFlight, drag_beside, told
 from diagrams.challenge.real.forecast.rows import HISTORY, PERSISTENCE, ROWS, TOLD_ROWS, segments_of
 from diagrams.challenge.real.forecast.scores import Score, diverged, pooled, score
@@ -39,6 +40,7 @@ class Study:
     """Results: scores of every row on every flight, and by row the swing and training time [s] of every fold.
 
     payloads: of rows that estimate the payload in flight, the estimate at the end of every flight.
+    bounds: of rows whose matrices change from solve to solve, the check of their bound on every flight.
     """
 
     step: float
@@ -47,6 +49,7 @@ class Study:
     swings: dict[str, list[Swing]] = dc.field(default_factory=dict)
     walls: dict[str, list[float]] = dc.field(default_factory=dict)
     payloads: list[FlownPayload] = dc.field(default_factory=list)
+    bounds: list[BoundCheck] = dc.field(default_factory=list)
 
     def lines(self) -> list[dict[str, Any]]:
         """Return ratio and RMSE by row, coming motion, kind and horizon, see `pooled`."""
@@ -128,6 +131,8 @@ def _run_row(
     for flight, model in zip(held_out, models, strict=True):
         opened = (flight.log, flight.vehicle)
         study.scores += score(name, model, opened, study.horizons, first=round(HISTORY / step))
+        checked = check_bound(model, opened, study.horizons, first=round(HISTORY / step))
+        study.bounds += [checked] if checked is not None else []
         estimate = payload_on(model, opened)
         if estimate is not None:
             study.payloads.append(FlownPayload(name, flight.log.name, flight.manoeuvre, estimate))
