@@ -1,5 +1,7 @@
 """Delay from a command to its effect on the rotors, beyond their lag, estimated in flight."""
 
+import dataclasses as dc
+
 import numpy as np
 
 from np_drake import attitude, rigid_body
@@ -8,13 +10,25 @@ from np_drake.residual_models.base import Memory
 from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
 
-LONGEST = 6  # delay that is looked for [periods]
+LONGEST_DELAY = 6  # delay that is looked for [periods]
 FINE = 4  # delays tried in a period [1]
-KEPT = LONGEST + 2  # commands that are kept: of the longest delay, and the one that acted before [1]
+KEPT = LONGEST_DELAY + 2  # commands that are kept: of the longest delay, and the one that acted before [1]
 WINDOW = (
     2.0  # over which the evidence is averaged, at the pace of the paper's vehicle [s]; source: stated prior
 )
 CHANGED = 1e-3  # prior probability that the delay is not the one believed so far [1]; source: stated prior
+SHARED = (
+    1.5  # factor by which n steps tell less than n readings, as two of them share a reading (white noise) [1]
+)
+LAGS = (
+    0.0,
+    0.01,
+    0.02,
+    0.03,
+    0.045,
+    0.065,
+    0.09,
+)  # of rotors of which none is known, at the paper's pace [s]
 CHANNELS = (0, 1, 2)  # of [f_u, tau_m] that tell a delay: thrust, roll, pitch; yaw hardly moves
 
 
@@ -24,34 +38,42 @@ class DelayFilter:
     The wrench that acts differs from the command, delayed and passed through the rotors' lag, by external wrenches
     and noise. External wrenches change slowly, so that the step of that difference from sample to sample is smallest
     for the true delay. Steps are taken as normal with unknown variance over a sliding window: n samples have the log
-    likelihood -n/2 times the sum over thrust, roll and pitch of the log mean square.
-    Source: own choice; the criterion is that of `rotor_lag.learned_rotor_lag`.
+    likelihood -n/2 times the sum over thrust, roll and pitch of the log mean square. Where no lag of the rotors is
+    known, several are tried with every delay, and the likeliest counts: a lag must not be taken for a delay.
+    Source: own choice; the criterion is that of `actuator_timing.learned_timing`.
 
-    Memory: sent (KEPT, 4) commands, the newest first; rotor (4,) lagged rotor speed; acting (d, 4) what acts by each
-    delay; error (d, 3) measured less acting; squares (d, 3) mean squares of its steps; seen (1,) steps; delay (1,) that
-    is believed [periods / FINE]. Samples with NaN leave the estimate.
+    Memory, of l lags and d delays: sent (KEPT, 4) commands, the newest first; rotor (l, 4) lagged rotor speed; acting
+    (l, d, 4) what acts by each delay; error (l, d, 3) measured less acting; squares (l, d, 3) mean squares of its
+    steps; seen (1,) steps; delay (1,) that is believed [periods / FINE]. Samples with NaN leave the estimate.
 
-    Args: vehicle: with the rotors' lag.   step: between samples and commands [s].   known: delay that training has
-    shown, or that is given [s].   track: whether other delays are looked for.
+    Args: vehicle: with the rotors' lag, 0 where it is not known.   step: between samples and commands [s].   known:
+    delay that training has shown, or that is given [s].   track: whether other delays are looked for.
     """
 
     def __init__(self, vehicle: Vehicle, *, step: float, known: float = 0.0, track: bool = True):
-        if not 0 <= known <= LONGEST * step:
-            raise ValueError(f"DelayFilter: the delay must be 0 to {LONGEST * step:g} s; got {known:g} s.")
+        if not 0 <= known <= LONGEST_DELAY * step:
+            raise ValueError(
+                f"DelayFilter: the delay must be 0 to {LONGEST_DELAY * step:g} s; got {known:g} s."
+            )
         self.step, self.track, self._vehicle = step, track, vehicle
         self._known = round(FINE * known / step)
-        self._decay = rotor_decay(vehicle, step / FINE)
-        self._window = WINDOW * ratios(vehicle).clock / step  # [samples]
+        pace, own = ratios(vehicle).clock, vehicle.rotor_time_constant
+        lags = (own,) if own > 0 else tuple(pace * lag for lag in LAGS)
+        decay = [rotor_decay(dc.replace(vehicle, rotor_time_constant=lag), step / FINE) for lag in lags]
+        self._shares = (
+            np.array(decay)[:, None, None] ** np.arange(FINE, 0, -1)[:, None]
+        )  # newest first, (l, FINE, 1)
+        self._window = WINDOW * pace / step  # [samples]
 
     def initial_memory(self) -> Memory:
         """Return the memory before any sample: hover, and the delay that is known."""
-        hover, many = self._vehicle.hover_input, LONGEST * FINE + 1
+        hover, lags, delays = self._vehicle.hover_input, len(self._shares), LONGEST_DELAY * FINE + 1
         return {
             "sent": np.tile(hover, (KEPT, 1)),
-            "rotor": rotor_speed(self._vehicle, hover),
-            "acting": np.tile(hover, (many, 1)),
-            "error": np.full((many, len(CHANNELS)), np.nan),
-            "squares": np.zeros((many, len(CHANNELS))),
+            "rotor": np.tile(rotor_speed(self._vehicle, hover), (lags, 1)),
+            "acting": np.tile(hover, (lags, delays, 1)),
+            "error": np.full((lags, delays, len(CHANNELS)), np.nan),
+            "squares": np.zeros((lags, delays, len(CHANNELS))),
             "seen": np.zeros(1),
             "delay": np.array([float(self._known)]),
         }
@@ -61,19 +83,12 @@ class DelayFilter:
 
         Args: x: (13,) state.   acceleration: (6,) [a in W, al in B] [m/s², rad/s²].   u: (4,) command up to now.
         """
-        if not np.all(np.isfinite(u)):
-            u = memory["sent"][0]
-        target = rotor_speed(self._vehicle, u)
-        shares = self._decay ** np.arange(FINE, 0, -1)[:, None]  # newest first
-        rotor = target + shares * (memory["rotor"] - target)
-        acting = np.vstack([rotor_wrench(self._vehicle, rotor), memory["acting"][:-FINE]])
-        new = {
-            **memory,
-            "sent": np.vstack([u, memory["sent"][:-1]]),
-            "rotor": rotor[0],
-            "acting": acting,
-        }
-        return new | self._evidence(memory, self._measured(x, acceleration) - acting[:, CHANNELS])
+        sent = newest_first(memory["sent"], u)
+        target = rotor_speed(self._vehicle, sent[0])
+        rotor = target + self._shares * (memory["rotor"][:, None] - target)
+        acting = np.concatenate([rotor_wrench(self._vehicle, rotor), memory["acting"][:, :-FINE]], axis=1)
+        new = {**memory, "sent": sent, "rotor": rotor[:, 0], "acting": acting}
+        return new | self._evidence(memory, self._measured(x, acceleration) - acting[..., CHANNELS])
 
     def _measured(self, x: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
         """Return thrust, roll and pitch torque that explain the motion, were there nothing else (3,) [N, N·m]."""
@@ -99,8 +114,8 @@ class DelayFilter:
     @staticmethod
     def _likeliest(squares: np.ndarray, samples: float, believed: int) -> np.ndarray:
         """Return the delay of the highest posterior probability (1,) [periods / FINE]."""
-        logarithm = -0.5 * samples * np.log(squares + 1e-300).sum(axis=1)
-        logarithm[believed] += np.log((1 - CHANGED) * (len(squares) - 1) / CHANGED)
+        logarithm = log_likelihood(squares, samples / SHARED).max(axis=0)
+        logarithm[believed] += believed_before(len(logarithm))
         return np.array([float(np.argmax(logarithm))])
 
     def delay(self, memory: Memory) -> float:
@@ -108,15 +123,29 @@ class DelayFilter:
         return float(memory["delay"][0]) * self.step / FINE
 
 
-def acting_commands(sent: np.ndarray, delay: float) -> np.ndarray:
-    """Return the mean command that acts in each period, up to the last that acts whole, (m + 1, 4) [N, N·m].
+def log_likelihood(squares: np.ndarray, samples: float) -> np.ndarray:
+    """Return that of normal steps with the mean squares (…, 3), each channel's variance unknown, (…,) [1]."""
+    return -0.5 * samples * np.log(squares + 1e-300).sum(axis=-1)
 
-    The first acted in the period that ends now, m others will.
+
+def believed_before(count: int) -> float:
+    """Return the logarithm of the prior odds of the delay believed so far over another one of `count` [1]."""
+    return float(np.log((1 - CHANGED) * max(count - 1, 1) / CHANGED))
+
+
+def newest_first(sent: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Return the commands sent (KEPT, 4) with one more, the newest first; one with NaN is taken as the last again."""
+    return np.vstack([u if np.all(np.isfinite(u)) else sent[0], sent[:-1]])
+
+
+def acting_command(sent: np.ndarray, delay: float) -> np.ndarray:
+    """Return the mean command that acted in the period that ends now, (4,) [N, N·m].
+
     Args: sent: (KEPT, 4) commands, the newest first, each sent at the start of a period.   delay: [periods].
     """
     whole = int(delay)
     part = delay - whole
-    return (1 - part) * sent[whole::-1] + part * sent[whole + 1 : 0 : -1]
+    return (1 - part) * sent[whole] + part * sent[whole + 1]
 
 
 def commands_under_way(sent: np.ndarray, parts: int) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from np_drake.command_delay import KEPT, DelayFilter, acting_commands
+from np_drake.command_delay import KEPT, DelayFilter, acting_command, newest_first
 from systems.memory import MemorySystem
 
 
@@ -47,12 +47,12 @@ class DelayEstimator(MemorySystem):
         self.DeclarePeriodicDiscreteUpdateEvent(delay_filter.step, 0.0, self._update_memory)
 
     def _sent(self, context) -> np.ndarray:
-        """Return the commands sent up to now, the newest first, (KEPT, 4)."""
-        return np.vstack([self._u_port.Eval(context), self.memory(context)["sent"][:-1]])
+        """Return the commands sent up to now, the newest first, (KEPT, 4); see `newest_first` for NaN."""
+        return newest_first(self.memory(context)["sent"], self._u_port.Eval(context))
 
     def _calc_acting(self, context, output) -> None:
         periods = self._filter.delay(self.memory(context)) / self._filter.step
-        output.SetFromVector(acting_commands(self._sent(context), periods)[0])
+        output.SetFromVector(acting_command(self._sent(context), periods))
 
     def _calc_sent(self, context, output) -> None:
         output.SetFromVector(self._sent(context).ravel())

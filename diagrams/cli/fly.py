@@ -73,9 +73,14 @@ def fly(
 
 
 def _delay_found(flight: "FlightResult") -> list[str]:
-    """Return a line about the delay of commands that the controller believed at the end, where there was one."""
-    delay = flight.metrics().get("command_delay", 0.0)
-    return [f"commands act {1e3 * delay:.3g} ms late, by the controller's estimate"] if delay > 0 else []
+    """Return a line about the delay of commands with which the controller reckoned at the end, where there was one."""
+    from np_drake.command_delay import LONGEST_DELAY
+
+    if flight.delay == 0.0:
+        return []
+    longest = LONGEST_DELAY * flight.config.controller.period
+    more = " or later, the latest that is looked for" if flight.delay > longest - 1e-9 else ""
+    return [f"the controller takes commands to act {1e3 * flight.delay:.3g} ms late{more}"]
 
 
 def default_controller(config: "FlightConfig", predictor: Path | None) -> str:

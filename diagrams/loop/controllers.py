@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
-from np_drake.command_delay import LONGEST, DelayFilter
+from np_drake.command_delay import LONGEST_DELAY, DelayFilter
 from np_drake.labels import LabelConfig, ReadsLabels, labelled
 from np_drake.lifting.model.model_file import schema_of
 from np_drake.lifting.model.origin import Trained, origin_of, require_origin
@@ -71,9 +71,10 @@ class ControllerConfig:
         require_solver(self.solver)
         if not 0 < self.period < np.inf or not self.deadline > 0 or not self.hold_bandwidth > 0:
             raise ValueError("controller: period, deadline [s] and hold_bandwidth [Hz] must be positive.")
-        if not 0 <= self.command_delay <= LONGEST * self.period:
+        if not 0 <= self.command_delay <= LONGEST_DELAY * self.period:
             raise ValueError(
-                f"controller: command_delay must be 0 to {LONGEST * self.period:g} s; got {self.command_delay}."
+                f"controller: command_delay must be 0 to {LONGEST_DELAY} periods, {LONGEST_DELAY * self.period:g} s for "
+                f"this vehicle; got {self.command_delay:g} s."
             )
         if not 0 <= self.extra_mass < np.inf:
             raise ValueError(

@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from diagrams.batch.failed_run import FailedRun
 from diagrams.loop.controllers import ControllerConfig, add_controller
 from diagrams.loop.scaled import scaled
-from np_drake.command_delay import LONGEST
+from np_drake.command_delay import LONGEST_DELAY
 from np_drake.effects.base import ActuatorEffect, MeasurementEffect, WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gusty_wind import GustyWind
@@ -145,7 +145,7 @@ class FlightConfig:
             raise ValueError(f"FlightConfig: duration must be positive and finite [s]; got {self.duration}.")
         if self.controller.kind == "oracle" and self.reality.payload.tether == "rod":
             raise ValueError("FlightConfig: the oracle knows cable and no tether; got a rod.")
-        longest = LONGEST * self.controller.period
+        longest = LONGEST_DELAY * self.controller.period
         if self.controller.kind == "oracle" and self.reality.command_delay > longest:
             raise ValueError(
                 f"FlightConfig: the oracle knows delays up to {longest:g} s; got {self.reality.command_delay}."

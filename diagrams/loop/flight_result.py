@@ -8,6 +8,7 @@ import numpy as np
 
 from diagrams.loop.flight import Event, FlightConfig, simulate
 from np_drake import metrics, rigid_body
+from np_drake.actuator_timing import delayed
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.rotor_input import acting_command
 from np_drake.mpc.problem import MpcStatus
@@ -64,13 +65,31 @@ class FlightResult:
     def chi_true(self) -> np.ndarray:
         """True wrench (n, 6): eq. (1) inverted from the true motion and the command, for the controller's mass.
 
-        The command goes through the vehicle file's lag, as in the labels [N, N·m].
+        The command goes through the delay that the controller believed at the end, and through the vehicle file's lag, as
+        in the labels [N, N·m].
         """
         s = self.signals
         x, a = s["x_true"], s["acceleration_true"]
         believed = self.config.controller.believed(self.config.vehicle)
-        u = acting_command(self.log(), believed)
+        u = acting_command(delayed(self.log(), self.delay), believed)
         return rigid_body.residual_wrench(believed, q=x[:, 3:7], w=x[:, 10:13], a=a[:, :3], al=a[:, 3:], u=u)
+
+    @property
+    def delay(self) -> float:
+        """Delay of commands that the controller believed at the end; 0 where it looks not ahead [s]."""
+        return float(self.signals["delay"][-1, 0]) if "delay" in self.signals else 0.0
+
+    @cached_property
+    def chi_foreseen(self) -> np.ndarray | None:
+        """Wrench that the controller foresaw for each row, (n, 6) [N, N·m]; None without a prediction.
+
+        `chi_hat` of a row is that of the time at which its command acts: `delay` later.
+        """
+        if "chi_hat" not in self.signals:
+            return None
+        rows = round(self.delay / self.config.controller.period)
+        k = np.maximum(np.arange(len(self.signals["t"])) - rows, 0)
+        return self.signals["chi_hat"][k]
 
     @cached_property
     def payload_position(self) -> np.ndarray | None:
@@ -90,10 +109,10 @@ class FlightResult:
             "late_solves": int(np.sum(s["solve_time"][rows, 0] > self.config.controller.period)),
             "fallbacks": int(np.sum(status >= MpcStatus.SHIFTED_PLAN)),
         }
-        if "chi_hat" in s:
-            result["wrench_rmse"] = metrics.wrench_rmse(s["chi_hat"][rows], self.chi_true[rows])
+        if self.chi_foreseen is not None:
+            result["wrench_rmse"] = metrics.wrench_rmse(self.chi_foreseen[rows], self.chi_true[rows])
         if "delay" in s:
-            result["command_delay"] = float(s["delay"][-1, 0])
+            result["command_delay"] = self.delay
         return result
 
     def summary(self) -> dict:

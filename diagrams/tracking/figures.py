@@ -60,8 +60,8 @@ def wrench(flight: FlightResult, span: float = 8.0) -> Figure:
         t = s["t"][rows]
         ax.plot(t, flight.chi_true[rows, c], color="0.55", linewidth=2.0, label="truth")
         ax.plot(t, s["label"][rows, c], color=PALETTE[4], linestyle=":", linewidth=1.2, label="label")
-        if "chi_hat" in s:
-            ax.plot(t, s["chi_hat"][rows, c], color=PALETTE[0], linewidth=1.1, label="prediction")
+        if flight.chi_foreseen is not None:
+            ax.plot(t, flight.chi_foreseen[rows, c], color=PALETTE[0], linewidth=1.1, label="prediction")
         name, unit = ("f", "N") if c < 3 else ("\\tau", "N·m")
         ax.set_ylabel(f"${name}_{_AXES[c % 3]}$ [{unit}]")
         ax.grid(alpha=0.3)

@@ -4,6 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
+from np_drake.actuator_timing import delayed
 from np_drake.labels import LabelConfig, ReadsLabels, labelled
 from np_drake.lifting.training.segments import Segment
 from np_drake.logs.accelerations import with_accelerations
@@ -12,7 +13,6 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.sampled_flight import SampledFlight, picked_flight
 from np_drake.logs.wrench_sequence import WrenchSequence
 from np_drake.residual_models.base import KnowsDelay
-from np_drake.rotor_lag import delayed
 from np_drake.vehicle import Vehicle
 
 SHORTEST = 2  # samples; shorter pieces between NaN rows are left out

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from np_drake.command_delay import FINE, acting_commands
+from np_drake.command_delay import FINE, commands_under_way
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.residual_models.base import Memory, Plan, ReadsPlan, ResidualModel, Sample
 from np_drake.vehicle import Vehicle
@@ -13,35 +13,41 @@ NO_LABEL = np.full(6, np.nan)
 class LookAhead:
     """Prediction over the time in which commands are on their way.
 
-    The nominal dynamics go on under each command and the wrench that the model forecasts for it; the model takes in the
-    predicted state as a sample without label. Over the rest of a broken period it takes in nothing.
+    The nominal dynamics go on under each command and the wrench that the model forecasts for the period; after each
+    period the model takes in the predicted state as a sample without label. The rest of a broken period moves the state
+    alone, so that the model's memory is up to 3 / `FINE` of a period older.
     Source: Smith 1957, the predictor for dead time.
 
-    Args: vehicle: nominal.   step: between samples [s].
+    Args: model: forecasts the wrench; its step is the period.   vehicle: nominal.
     """
 
     def __init__(self, model: ResidualModel, vehicle: Vehicle):
-        self._model, self._step = model, model.step
-        self._dynamics = [DiscreteDynamics(vehicle, k * model.step / FINE) for k in range(1, FINE + 1)]
+        self._model, self._fine = model, model.step / FINE
+        self._dynamics = DiscreteDynamics(vehicle, self._fine)
 
     def __call__(
         self, memory: Memory, x: np.ndarray, sent: np.ndarray, delay: float
     ) -> tuple[Memory, np.ndarray]:
-        """Return the model's memory and the state (13,) after `delay` [s].
+        """Return the model's memory and the state (13,) `delay` later.
 
-        Args: x: (13,) measured.   sent: (KEPT, 4) commands, the newest first [N, N·m].
+        Args: memory: of the model, with the sample of now.   x: (13,) measured now.   sent: (KEPT, 4) commands, the
+        newest first [N, N·m].   delay: [s].
         """
-        periods = round(FINE * delay / self._step) / FINE
-        for u in acting_commands(sent, periods)[1:]:
-            x = self._advance(memory, x, u, FINE)
-            memory = self._model.update(memory, Sample(x, u, NO_LABEL))
-        rest = round(FINE * (periods % 1.0))
-        return memory, self._advance(memory, x, sent[0], rest) if rest else x
+        under_way = commands_under_way(sent, round(delay / self._fine))
+        for start in range(0, len(under_way), FINE):
+            commands = under_way[start : start + FINE]
+            u = commands.mean(axis=0)
+            x = self._advance(x, commands, self._wrench(memory, x, u))
+            if len(commands) == FINE:
+                memory = self._model.update(memory, Sample(x, u, NO_LABEL))
+        return memory, x
 
-    def _advance(self, memory: Memory, x: np.ndarray, u: np.ndarray, parts: int) -> np.ndarray:
-        """Return the state after `parts` of a period under u."""
-        chi = self._wrench(memory, x, u)
-        new = np.array(self._dynamics[parts - 1].advance(x.tolist(), u.tolist(), chi.tolist()))
+    def _advance(self, x: np.ndarray, commands: np.ndarray, chi: np.ndarray) -> np.ndarray:
+        """Return the state (13,) after commands (k, 4) of a fine step each."""
+        state, wrench = x.tolist(), chi.tolist()
+        for u in commands.tolist():
+            state = self._dynamics.advance(state, u, wrench)
+        new = np.array(state)
         new[3:7] /= np.linalg.norm(new[3:7])
         return new
 

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from np_drake import attitude
-from np_drake.command_delay import FINE, LONGEST
+from np_drake.actuator_timing import delayed, learned_timing
+from np_drake.command_delay import FINE, LONGEST_DELAY
 from np_drake.lifting.model.origin import origin_of
 from np_drake.logs.accelerations import with_accelerations
 from np_drake.logs.flight_log import FlightLog
@@ -17,7 +18,6 @@ from np_drake.residual_models.base import Memory, Sample
 from np_drake.residual_models.pendulum_model import PendulumModel
 from np_drake.residual_models.pendulum_predictor import DEFAULT_BANK, RAW, PendulumPredictor
 from np_drake.rigid_body import Q, V, W
-from np_drake.rotor_lag import delayed, learned_timing
 from np_drake.scaling import ratios, scales
 from np_drake.vehicle import Vehicle
 
@@ -43,7 +43,7 @@ def train_pendulum(
     vehicle = logs[0][1]
     if any(other != vehicle for _, other in logs):
         raise ValueError("pendulum: all flights must be of one vehicle; give them one --vehicle FILE.")
-    delays = [step * part / FINE for part in range(LONGEST * FINE + 1)]
+    delays = [step * part / FINE for part in range(LONGEST_DELAY * FINE + 1)]
     lag, delay = learned_timing(logs, delays)
     samples = [flight_samples(log, vehicle, lag, step, delay) for log, _ in logs]
     hook = np.zeros(3)

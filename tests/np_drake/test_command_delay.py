@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from np_drake.command_delay import FINE, KEPT, LONGEST, DelayFilter, acting_commands, commands_under_way
+from np_drake.command_delay import FINE, KEPT, LONGEST_DELAY, DelayFilter, acting_command, commands_under_way
 from np_drake.logs.rotor_input import rotor_decay, rotor_speed, rotor_wrench
 from np_drake.rigid_body import state_derivative
 from np_drake.vehicle import Vehicle
@@ -15,11 +15,11 @@ LEVEL = np.array([0, 0, 1.0, 1.0, 0, 0, 0, 0, 0, 0, 0, 0, 0])
 SENT = np.arange(KEPT, 0, -1.0)[:, None] * np.ones(4)  # command j has the value of its turn, the newest first
 
 
-def flown(delays, *, noise=0.05, gust=0.0, known=0.0, track=True, seed=0):
+def flown(delays, *, noise=0.05, gust=0.0, known=0.0, track=True, seed=0, believed=LAGGED):
     """Return the delay that the filter believes after each sample of a restless command under `delays` [periods]."""
-    draw, dut = np.random.default_rng(seed), DelayFilter(LAGGED, step=STEP, known=known, track=track)
+    draw, dut = np.random.default_rng(seed), DelayFilter(believed, step=STEP, known=known, track=track)
     memory, speed = dut.initial_memory(), rotor_speed(LAGGED, LAGGED.hover_input)
-    sent, decay, believed = [LAGGED.hover_input] * KEPT, rotor_decay(LAGGED, STEP / FINE), []
+    sent, decay, found = [LAGGED.hover_input] * KEPT, rotor_decay(LAGGED, STEP / FINE), []
     for k, delay in enumerate(delays):
         u = LAGGED.hover_input + draw.normal(size=4) * [1.0, 0.1, 0.1, 0.02]
         sent = [u, *sent[:-1]]
@@ -31,11 +31,11 @@ def flown(delays, *, noise=0.05, gust=0.0, known=0.0, track=True, seed=0):
         rate = state_derivative(LAGGED, LEVEL, rotor_wrench(LAGGED, speed), chi)
         measured = rate[7:13] + noise * draw.normal(size=6) * [1, 1, 1, 5, 5, 5]
         memory = dut.update(memory, x=LEVEL, acceleration=measured, u=u)
-        believed.append(dut.delay(memory))
-    return np.array(believed)
+        found.append(dut.delay(memory))
+    return np.array(found)
 
 
-@pytest.mark.parametrize("parts", [0, 1, 6, 17, FINE * LONGEST])
+@pytest.mark.parametrize("parts", [0, 1, 6, 17, FINE * LONGEST_DELAY])
 def test_the_delay_of_a_restless_command_is_told_within_a_second(parts):
     assert flown([parts / FINE] * 50, gust=1.0)[-1] == pytest.approx(parts * STEP / FINE)
 
@@ -70,19 +70,30 @@ def test_readings_of_nan_leave_the_delay():
         assert np.all(np.isfinite(memory["acting"]))
 
 
-@pytest.mark.parametrize("known", [-0.01, (LONGEST + 0.5) * STEP, np.nan])
+@pytest.mark.parametrize("known", [-0.01, (LONGEST_DELAY + 0.5) * STEP, np.nan])
 def test_an_impossible_delay_is_refused(known):
     with pytest.raises(ValueError, match="the delay must be 0 to"):
         DelayFilter(LAGGED, step=STEP, known=known)
 
 
-@given(parts=st.integers(0, FINE * LONGEST))
-def test_each_period_acts_the_mean_of_what_is_under_way_in_it(parts):
+@given(parts=st.integers(0, FINE * LONGEST_DELAY))
+def test_what_acts_was_sent_a_delay_before(parts):
     """By brute force: the command of fine step i is the one sent `parts` fine steps before."""
     fine = np.repeat(SENT[::-1], FINE, axis=0)  # oldest first, up to now
-    coming = fine[len(fine) - parts :]
-    np.testing.assert_array_equal(commands_under_way(SENT, parts), coming)
-    whole = acting_commands(SENT, parts / FINE)
-    start = len(fine) - parts - FINE  # of the period that ends now
-    means = [fine[start + FINE * i : start + FINE * (i + 1)].mean(axis=0) for i in range(parts // FINE + 1)]
-    np.testing.assert_allclose(whole, means)
+    now = len(fine) - parts
+    np.testing.assert_array_equal(commands_under_way(SENT, parts), fine[now:])
+    np.testing.assert_allclose(acting_command(SENT, parts / FINE), fine[now - FINE : now].mean(axis=0))
+
+
+@pytest.mark.parametrize("delay", [0.0, 1.5])
+def test_a_lag_that_is_not_known_is_not_taken_for_a_delay(delay):
+    """The rotors lag by 30 ms and the filter is not told."""
+    believed = flown([delay] * 300, believed=Vehicle())
+    assert believed[-1] == pytest.approx(delay * STEP, abs=1.01 * STEP / FINE)
+    assert believed.max() <= delay * STEP + 1.01 * STEP / FINE
+
+
+def test_a_delay_is_not_overrated_before_it_is_known():
+    for seed in range(10):
+        believed = flown([1.0] * 60, seed=seed)
+        assert believed.max() <= 2 * STEP

@@ -2,6 +2,7 @@
 
 import pytest
 
+from diagrams.cli.main import run
 from diagrams.loop.controllers import ControllerConfig
 from diagrams.loop.flight import FlightConfig, LostVehicle, simulate
 from diagrams.loop.flight_result import fly
@@ -30,9 +31,34 @@ def test_np_finds_a_delay_in_flight_and_holds_the_circle(speed, delay, error):
 def test_a_controller_that_is_told_the_delay_or_finds_it_holds_what_others_lose(kind):
     with pytest.raises(LostVehicle):
         simulate(late(0.06, kind=kind), seed=0, tolerance=1.0)
-    told = fly(late(0.06, kind=kind, command_delay=0.06), seed=0).metrics()["E_xy"]
-    found = fly(late(0.06, kind=kind, track_delay=True), seed=0).metrics()["E_xy"]
-    assert max(told, found) < 0.05  # [m]
+    told = fly(late(0.06, kind=kind, command_delay=0.06), seed=0).metrics()
+    found = fly(late(0.06, kind=kind, track_delay=True), seed=0).metrics()
+    assert max(told["E_xy"], found["E_xy"]) < 0.05  # [m]
+    assert told["command_delay"] == 0.06
+    # The lag is not known to these kinds, so that their estimate is coarser [s].
+    assert found["command_delay"] == pytest.approx(0.06, abs=0.01)
+
+
+def test_a_delay_that_is_known_does_not_spoil_the_measure_of_the_prediction():
+    without = fly(late(0.0), seed=0).metrics()["wrench_rmse"]
+    delayed = fly(late(0.06), seed=0).metrics()["wrench_rmse"]
+    assert delayed["force"] < 1.5 * without["force"]
+
+
+@pytest.mark.parametrize(
+    "delay, said", [(0.0, None), (0.05, "act 50 ms late"), (0.12, "120 ms late or later, the latest")]
+)
+def test_fly_says_with_which_delay_its_controller_reckoned(delay, said, tmp_path, capsys):
+    scenario = tmp_path / "late.yaml"
+    scenario.write_text(
+        "name: late\nduration: 0.5\nreference: {track: hover, ramp: 1.0}\n"
+        f"controller: {{kind: hold, solver: sqp, command_delay: {delay}}}\nreality: {{command_delay: {delay}}}\n"
+    )
+    assert run(["fly", str(scenario)]) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert (
+        (said in printed) if said else ("late" not in printed.replace("late.yaml", "").replace("late ", ""))
+    )
 
 
 def test_under_a_delay_the_oracle_stays_the_limit():

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from np_drake import attitude
+from np_drake.actuator_timing import delayed
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.rotor_input import acting_command
 from np_drake.residual_models.pendulum_training import flight_samples, train_pendulum
-from np_drake.rotor_lag import delayed
 from np_drake.scaling import similar
 from np_drake.vehicle import Vehicle
 

@@ -7,13 +7,13 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from np_drake import attitude
-from np_drake.command_delay import CHANGED
+from np_drake.command_delay import believed_before
 from np_drake.labels import raw_labels
 from np_drake.logs.flight_log import FlightLog
 from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
 
-LONGEST = 0.1  # lag that is looked for, longer at the pace of vehicles that are sampled more slowly [s]
+LONGEST_LAG = 0.1  # lag that is looked for, longer at the pace of vehicles that are sampled more slowly [s]
 AT_BOUND = 0.01  # share of the longest lag within which there is no minimum, and the flights tell no lag [1]
 
 
@@ -38,7 +38,7 @@ def learned_timing(
     """Return the rotors' time constant and the delay of commands before it with which raw labels change least [s].
 
     The criterion of `learned_rotor_lag`, as the likelihood of normal steps; a delay other than the first of `delays`
-    has the prior probability `command_delay.CHANGED`.
+    has the prior odds of `command_delay.believed_before`.
     Args: flights: logs with accelerations, and the vehicle of each.   delays: that are tried [s].
     """
     told = [(log, v) for log, v in flights if log.input == "command"]
@@ -50,7 +50,7 @@ def learned_timing(
         late = [(delayed(log, delay), v) for log, v in told]
         found.append((0.0, _restlessness(late)) if named else _best_lag(late))
     rows = sum(len(log) for log, _ in told)
-    change = float(np.log((1 - CHANGED) * max(len(delays) - 1, 1) / CHANGED))
+    change = believed_before(len(delays))
     loss = [0.5 * rows * score + change * (i > 0) for i, (_, score) in enumerate(found)]
     best = int(np.argmin(loss))
     return found[best][0], float(delays[best])
@@ -71,7 +71,7 @@ def delayed(log: FlightLog, delay: float) -> FlightLog:
 
 def _best_lag(sought: Sequence[tuple[FlightLog, Vehicle]]) -> tuple[float, float]:
     """Return the time constant of least restlessness, 0 where there is no minimum [s], and that restlessness."""
-    longest = LONGEST * max(1.0, *(ratios(v).clock for _, v in sought))
+    longest = LONGEST_LAG * max(1.0, *(ratios(v).clock for _, v in sought))
     best = minimize_scalar(
         lambda lag: _restlessness(sought, lag),
         bounds=(0.0, longest),
