@@ -29,7 +29,7 @@ class NeuralPredictor(ResidualPredictor):
     | x, u, label | 13, 4, 6 | as `ResidualPredictor` | |
     | sent, delay | 4 KEPT, 1 | as `ResidualPredictor`, where `vehicle` is given | N, N·m, s |
     | forecast | WrenchForecast | A, B, C and z at the MPC's step, with the sample at hand; feeds through | |
-    | chi_hat | 6 | the forecast's first wrench, as of the last event | N, N·m |
+    | chi_hat | 6 | the forecast's first wrench, `delay` later, as of the last event | N, N·m |
     | lifted_linear_system | LiftedLinearSystem | A, B, C at the predictor's own step, as of the last event | |
 
     State, one discrete group each, sorted by name: A (K²) and B (6 K) where they are refit, count, dropped, gap, labels

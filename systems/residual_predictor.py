@@ -41,7 +41,7 @@ class ResidualPredictor(MemorySystem):
     | sent | 4 KEPT | commands, the newest first (`DelayEstimator`); where `vehicle` is given | N, N·m |
     | delay | 1 | after which the next command acts; where `vehicle` is given, unconnected: 0 | s |
     | forecast | WrenchForecast | from `delay` on, with the sample at hand taken in; feeds through | |
-    | chi_hat | 6 | the forecast's first wrench, as of the last event | N, N·m |
+    | chi_hat | 6 | the forecast's first wrench, `delay` later, as of the last event | N, N·m |
 
     State: one discrete group per array of the model's memory (sorted by name), then chi_hat (6).
     Event: periodic, every `model.step`.

@@ -73,8 +73,8 @@ class ControllerConfig:
             raise ValueError("controller: period, deadline [s] and hold_bandwidth [Hz] must be positive.")
         if not 0 <= self.command_delay <= LONGEST_DELAY * self.period:
             raise ValueError(
-                f"controller: command_delay must be 0 to {LONGEST_DELAY} periods, {LONGEST_DELAY * self.period:g} s for "
-                f"this vehicle; got {self.command_delay:g} s."
+                f"controller: command_delay must be 0 to {LONGEST_DELAY} periods, {LONGEST_DELAY * self.period:g} s "
+                f"for this vehicle; got {self.command_delay:g} s."
             )
         if not 0 <= self.extra_mass < np.inf:
             raise ValueError(

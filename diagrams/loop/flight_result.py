@@ -65,8 +65,8 @@ class FlightResult:
     def chi_true(self) -> np.ndarray:
         """True wrench (n, 6): eq. (1) inverted from the true motion and the command, for the controller's mass.
 
-        The command goes through the delay that the controller believed at the end, and through the vehicle file's lag, as
-        in the labels [N, N·m].
+        The command goes through the delay that the controller believed at the end, and through the vehicle file's
+        lag, as in the labels [N, N·m].
         """
         s = self.signals
         x, a = s["x_true"], s["acceleration_true"]
