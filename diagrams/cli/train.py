@@ -117,6 +117,7 @@ def pendulum_report(flights: "Sequence[Flight]", out: Path, *, step: float) -> R
         ("hook x, y, z [mm]", hook),
         ("torque over velocity, roll, pitch [mN·s]", ", ".join(f"{1e3 * c:.3g}" for c in model.speed_torque)),
         ("rotor lag [ms]", f"{1e3 * model.rotor_lag:.1f}"),
+        ("delay of commands [ms]", f"{1e3 * model.delay:.1f}"),
     ]
     return Report(
         [(f"{model.summary['samples']} samples, {wall:.1f} s", ["vehicle", "found"], rows)],

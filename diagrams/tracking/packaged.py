@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,16 +32,39 @@ def make_packaged_models(
     return files
 
 
-def difference(path: Path, packaged: Path | None = None) -> float:
-    """Return the largest difference of a model file from the packaged one of its name, tensor by tensor [1].
+class Difference(NamedTuple):
+    """Largest difference of two model files.
 
-    It is over the largest number of the tensor, and infinite where tensors or shapes differ.
+    relative: of a tensor, over its largest number [1].   from_zero: of a tensor that is zero in the packaged file [SI].
+    """
+
+    relative: float
+    from_zero: float
+
+
+def difference(path: Path, packaged: Path | None = None) -> Difference:
+    """Return the largest difference of a model file from the packaged one of its name, tensor by tensor.
+
+    It is infinite where tensors or shapes differ.
     Raises: ValueError: on a bad file.
     """
     packaged = packaged or MODELS / path.name
     if schema_of(path) != schema_of(packaged):
-        return np.inf
+        return Difference(np.inf, np.inf)
     a, b = (read_tensors(file, schema_of(packaged))[0] for file in (path, packaged))
     if {name: value.shape for name, value in a.items()} != {name: value.shape for name, value in b.items()}:
-        return np.inf
-    return max(float(np.abs(a[name] - b[name]).max() / max(np.abs(b[name]).max(), 1e-300)) for name in a)
+        return Difference(np.inf, np.inf)
+    return tensor_difference(a, b)
+
+
+def tensor_difference(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> Difference:
+    """Return the largest difference of tensors `a` from `b` of the same names and shapes; NaN differs without bound."""
+    relative, from_zero = [0.0], [0.0]
+    for name, value in b.items():
+        size = np.abs(value).max(initial=0.0)
+        apart = np.nan_to_num(np.abs(a[name] - value), nan=np.inf).max(initial=0.0)
+        if size > 0.0:
+            relative.append(float(apart / size))
+        else:
+            from_zero.append(float(apart))
+    return Difference(max(relative), max(from_zero))

@@ -93,10 +93,15 @@ def training_flight(
 
     Args: vehicle: to which the experiment is scaled; None: the paper's.
     """
+    return fly(training_config(experiment, solver=solver, vehicle=vehicle), seed=seed, monitor=monitor)
+
+
+def training_config(experiment: str, *, solver: str, vehicle: Vehicle | None = None) -> FlightConfig:
+    """Return the settings of `training_flight`."""
     config = load_experiment(experiment, vehicle)
     config.duration = load_experiment(experiment).duration
     config.controller.kind, config.controller.solver = "nominal", solver
-    return fly(config, seed=seed, monitor=monitor)
+    return config
 
 
 def train_models(

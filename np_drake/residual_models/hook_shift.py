@@ -9,12 +9,16 @@ Where the pull does not move across the noise, the shift stays at zero and the t
 
 import numpy as np
 
+from np_drake import attitude
 from np_drake.residual_models.base import Memory
-from np_drake.residual_models.torque_level import followed, gains_of, initial_level, next_level
+from np_drake.residual_models.torque_level import followed, gains_at, gains_of, initial_level, next_filters
 
 DEVIATION = (
     0.02  # of the hook from where it was in training, each axis, of the paper's vehicle [m]; stated prior
 )
+# Least deviation of the noise, over the torque that `DEVIATION` makes of the pull [1]; source: own choice, far below
+# any sensor. No sample then tells more than 1 / FINEST² times the prior, and rounding never makes the gram singular.
+FINEST = 1e-5
 MEMORY = 20.0  # over which samples count, as parameters of the bank [s]
 
 
@@ -41,20 +45,21 @@ def next_shift(
     Args: step: between samples, at the pace of the paper's vehicle [s].   reach: unit of length over that of the
     paper's vehicle [1].
     """
-    x, y, z = pull
-    column = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # of shift x pull over the shift
+    column = attitude.skew(pull).T  # of shift x pull over the shift
+    deviation = reach * DEVIATION
     weight, variance = followed(memory, step)
     keep = np.exp(-step / MEMORY)
     gram, right = keep * memory["gram"], keep * memory["right"]
     if memory["torques"][0] > 2 and np.all(variance > 0):
         error = rest - np.sum(weight * memory["levels"], axis=0)
         X = column - np.einsum("ga,gac->ac", weight, memory["columns"])
+        variance = np.maximum(variance, (FINEST * deviation) ** 2 * np.sum(X**2, axis=1))
         gram = gram + (X.T / variance) @ X
         right = right + (X.T / variance) @ error
-    new = next_level(memory, rest, step)
-    gain = np.maximum(gains_of(step), 1.0 / new["torques"])[..., None]
+    new = next_filters(memory, rest, step)
+    gain = gains_at(new["torques"], step)[..., None]
     columns = memory["columns"] + gain * (column - memory["columns"])
-    shift = np.linalg.solve(gram + np.eye(3) / (reach * DEVIATION) ** 2, right)
+    shift = np.linalg.solve(gram + np.eye(3) / deviation**2, right)
     weight, _ = followed(new, step)
     steady = np.sum(weight * new["levels"], axis=0) - np.einsum("ga,gac->ac", weight, columns) @ shift
     return {**new, "columns": columns, "gram": gram, "right": right, "shift": shift, "steady": steady}

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from np_drake.lifting.model.model_file import read_tensors, write_tensors
-from np_drake.scaling import Scales, over_paper, scales
-from np_drake.vehicle import Vehicle
+from np_drake.scaling import Scales, over_paper
 
 PENDULUM = "pendulum"  # name of the configuration
 SCHEMA = "np_drake.pendulum_model/1"  # format of the file and its version
@@ -24,9 +23,9 @@ NUMBERS = (
     "thrust_error_deviation",
     "drag",
     "drag_deviation",
+    "arm",
 )
 VECTORS = {"hook": (3, "m"), "rate_torque": (3, "N·m·s"), "speed_torque": (2, "N·s")}  # length, unit
-PAPER_ARM = scales(Vehicle()).length  # of files that do not name an arm [m]
 
 
 @dc.dataclass(frozen=True)
@@ -56,7 +55,7 @@ class PendulumModel:
     rate_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(3))
     speed_torque: np.ndarray = dc.field(default_factory=lambda: np.zeros(2))
     delay: float = 0.0
-    arm: float = PAPER_ARM
+    arm: float = dc.field(kw_only=True)
     summary: dict[str, Any] = dc.field(default_factory=dict)
 
     def __post_init__(self):
@@ -88,7 +87,6 @@ class PendulumModel:
         """
         tensors = {name: np.array([getattr(self, name)], float) for name in NUMBERS}
         tensors |= {name: np.asarray(getattr(self, name), float) for name in VECTORS}
-        tensors["arm"] = np.array([self.arm], float)
         write_tensors(tensors, {"schema": SCHEMA, "model": json.dumps({"summary": self.summary})}, path)
 
     @classmethod
@@ -101,8 +99,11 @@ class PendulumModel:
         try:
             content: dict[str, Any] = {name: tensors[name].item() for name in NUMBERS}
             content |= {name: tensors[name] for name in VECTORS}
-            content |= {name: tensors[name].item() for name in ("arm",) if name in tensors}
             return cls(**content, summary=dict(json.loads(metadata["model"])["summary"]))
         except (KeyError, TypeError, ValueError) as error:
-            what = f"lacks {error}" if isinstance(error, KeyError) else str(error).splitlines()[0]
+            what = (
+                f"lacks {error}; train it again"
+                if isinstance(error, KeyError)
+                else str(error).splitlines()[0]
+            )
             raise ValueError(f"{path}: not a usable model file: {what}") from error

@@ -53,7 +53,7 @@ class PendulumPredictor:
         self._noise_share = self.step / (NOISE_TIME * model.unit.clock)
         self._pace = self.step / model.unit.time  # step at the pace of the paper's vehicle [s]
         self._hook = np.asarray(model.hook, float)
-        self._cross = skew(self._hook)
+        self._cross = attitude.skew(self._hook)
         self._rate_torque = np.asarray(model.rate_torque, float)
         self._speed_torque = np.asarray(model.speed_torque, float)
 
@@ -146,7 +146,9 @@ class PendulumPredictor:
             self._speed_torque, self._hook + memory["shift"], self.model.mass, self.model.gravity, step, stride,
             *_lag(self.rotor_lag, step),
         )  # fmt: skip
-        return self._beside(wrench, weight @ points, plan.x, step, self._cross + skew(memory["shift"]))
+        return self._beside(
+            wrench, weight @ points, plan.x, step, self._cross + attitude.skew(memory["shift"])
+        )
 
     def _beside(
         self, wrench: np.ndarray, mean: np.ndarray, x: np.ndarray, step: float, cross: np.ndarray
@@ -159,12 +161,6 @@ class PendulumPredictor:
         C[0, 0] = C[1, 1] = self.model.mass * mass * stiffness
         C[3:, :2] = C[0, 0] * (cross @ attitude.rotation_matrix(x[0, Q]).T)[:, :2]
         return WrenchForecast(A, B, C, np.zeros(4), beside_plan(A, gain, C, x, wrench))
-
-
-def skew(r: np.ndarray) -> np.ndarray:
-    """Return the matrix (3, 3) of r x."""
-    x, y, z = r
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def linear_pendulum(

@@ -37,7 +37,7 @@ def train_pendulum(
 
     The filter runs over them with wide priors, twice: the second time it knows the hook.
     Args: flights: logs that tell the rotors' torque.   step: between samples [s].   on_pass: called with (done, total).
-    Raises: ValueError: if the logs are of different vehicles, or without torque or rows.
+    Raises: ValueError: if the logs are of different vehicles, or one is without torque, its labels or rows.
     """
     logs = [(with_accelerations(require_torque(log)), vehicle) for log, vehicle in flights]
     vehicle = logs[0][1]
@@ -46,6 +46,12 @@ def train_pendulum(
     delays = [step * part / FINE for part in range(LONGEST_DELAY * FINE + 1)]
     lag, delay = learned_timing(logs, delays)
     samples = [flight_samples(log, vehicle, lag, step, delay) for log, _ in logs]
+    for (log, _), flight in zip(logs, samples, strict=True):
+        if not len(torque_steps(flight)):
+            raise ValueError(
+                f"pendulum: flight {log.name} must have torque labels at neighbouring samples (command and angular "
+                "acceleration in the same rows); got none."
+            )
     hook = np.zeros(3)
     for done in (1, 2):
         model = _refined(_untrained(vehicle, lag, step, hook), samples)
@@ -54,6 +60,7 @@ def train_pendulum(
     summary = {
         "origin": origin_of("world", vehicle, RAW),
         "samples": sum(map(len, samples)),
+        "command_delay": delay,
     }
     return dc.replace(model, delay=delay, summary=summary)
 
@@ -141,8 +148,7 @@ def _torque_columns(pull: np.ndarray, before: Sample, sample: Sample, step: floa
     The velocity stands for flapping blades and drag beside Bo, the change for a wrong inertia and what is left of the
     rotors' lag; the hook must not be taken for them.
     """
-    x, y, z = attitude.rotate_back(sample.x[Q], pull)
-    cross = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # of hook x pull over the hook
+    cross = attitude.skew(attitude.rotate_back(sample.x[Q], pull)).T  # of hook x pull over the hook
     change = (sample.x[W] - before.x[W]) / step
     v = attitude.rotate_back(sample.x[Q], sample.x[V])
     across = np.array([[v[1], 0.0], [0.0, v[0]], [0.0, 0.0]])
@@ -156,12 +162,16 @@ def _torque(
 
     The hook has a prior around Bo, and so has the point at which drag acts. What the flights do not show is zero.
     """
-    torque = np.concatenate(
-        [[s.chi[3:] for s in samples if np.all(np.isfinite(s.chi))] for samples in flights]
-    )
-    noise = np.mean(np.diff(torque, axis=0) ** 2) / 2
+    noise = np.mean(np.concatenate([torque_steps(samples) for samples in flights]) ** 2) / 2
     reach, drag = HOOK * model.unit.length, DEFAULT_BANK.drag.deviation / model.unit.time
     deviation = np.full(COLUMNS, np.inf)
     deviation[:3], deviation[9:11] = reach, reach * model.mass * drag
     found = np.linalg.lstsq(gram + np.diag(noise / deviation**2), right, rcond=None)[0]
     return found[:3], found[6:9], found[9:11]
+
+
+def torque_steps(samples: Sequence[Sample]) -> np.ndarray:
+    """Return the change of the torque label from sample to sample of a flight, where both have one, (n, 3) [N·m]."""
+    chi = np.array([sample.chi for sample in samples]).reshape(-1, 6)
+    labelled = np.all(np.isfinite(chi), axis=1)
+    return np.diff(chi[:, 3:], axis=0)[labelled[1:] & labelled[:-1]]

@@ -39,16 +39,26 @@ def initial_level(step: float) -> Memory:
 
 
 def next_level(memory: Memory, torque: np.ndarray, step: float) -> Memory:
-    """Return the memory after one more torque (3,) [N·m]; as long as it is short, every filter is a mean."""
+    """Return the memory after one more torque (3,) [N·m]."""
+    new = next_filters(memory, torque, step)
+    weight, _ = followed(new, step)
+    return {**new, "steady": np.sum(weight * new["levels"], axis=0)}
+
+
+def gains_at(torques: np.ndarray, step: float) -> np.ndarray:
+    """Return the gains (g, 1) of the filters at the torque of number `torques` (1,): at first every one is a mean."""
+    return np.maximum(gains_of(step), 1.0 / torques)
+
+
+def next_filters(memory: Memory, torque: np.ndarray, step: float) -> Memory:
+    """Return the memory of the filters, all but `steady`, after one more torque (3,) [N·m]."""
     seen = memory["torques"] + 1
     error = torque - memory["levels"]
-    levels = memory["levels"] + np.maximum(gains_of(step), 1.0 / seen) * error
+    levels = memory["levels"] + gains_at(seen, step) * error
     errors = memory["errors"]
     if seen[0] > 1:  # no filter forecast the first
         errors = errors + max(step / LONGEST_MEAN, 1.0 / (seen[0] - 1)) * (error**2 - errors)
-    new = {"levels": levels, "errors": errors, "torques": seen}
-    weight, _ = followed(new, step)
-    return {**new, "steady": np.sum(weight * levels, axis=0)}
+    return {"levels": levels, "errors": errors, "torques": seen}
 
 
 def followed(memory: Memory, step: float) -> tuple[np.ndarray, np.ndarray]:

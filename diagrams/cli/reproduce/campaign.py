@@ -61,11 +61,12 @@ def require_rows(names: Collection[str], known: Collection[str]) -> None:
         )
 
 
-def choose_rows(rows: tuple, only: Collection[str] | None) -> tuple:
-    """Return the rows of these names, all where there are none; nominal always.
+def choose_rows(rows: tuple, only: Collection[str] | None, always: Collection[str] = ("nominal",)) -> tuple:
+    """Return the rows of these names, all where there are none.
 
+    Args: always: rows that are never left out.
     Raises: ValueError: on an unknown name.
     """
     only = only or ()
     require_rows(only, [row.name for row in rows])
-    return tuple(row for row in rows if not only or row.name in only or row.name == "nominal")
+    return tuple(row for row in rows if not only or row.name in {*only, *always})

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from diagrams.cli import options
 from diagrams.cli.columns import MISSING, Column, Line, grouped, spread, tabulate
 from diagrams.cli.output import Table, counted, progress
 from diagrams.cli.reproduce.campaign import Campaign, campaign, choose_rows
@@ -29,7 +28,10 @@ if TYPE_CHECKING:
 def vehicles(
     run: Campaign,
     scheduler: Scheduler = "",
-    only: options.Only = None,
+    only: Annotated[
+        list[str] | None,
+        Option("--only", help="Only rows of these names (nominal and oracle are always flown)."),
+    ] = None,
     vehicle: Annotated[list[str] | None, Option(help="Only these vehicles: 35g | paper | 6kg.")] = None,
     track: Annotated[
         list[str] | None, Option(help="Only these tracks: circle | fast_lemniscate | steps | vertical.")
@@ -42,11 +44,11 @@ def vehicles(
     """
     sweep = make_sweep(run, scheduler, duration)
     from diagrams.robustness.vehicles import study
-    from diagrams.robustness.vehicles.fleet import FLEET, TRACKS
-    from diagrams.robustness.vehicles.table import vehicle_table
+    from diagrams.robustness.vehicles.fleet import TRACKS, VEHICLES
+    from diagrams.robustness.vehicles.table import ORACLE, vehicle_table
 
-    chosen = chosen_of("--vehicle", vehicle, tuple(FLEET)), chosen_of("--track", track, TRACKS)
-    rows = choose_rows(study.ROWS, only)
+    chosen = chosen_of("--vehicle", vehicle, VEHICLES), chosen_of("--track", track, TRACKS)
+    rows = choose_rows(study.ROWS, only, always=("nominal", ORACLE))
     with progress("vehicles", 1.0) as advance:
         trainings, flights = study.run_vehicles(
             sweep,

@@ -1,21 +1,22 @@
 """Vehicles and tracks of the study."""
 
+from functools import cache
+
 from np_drake.vehicle import Vehicle, load_vehicle
 from np_drake.vehicle_estimate import Measured, estimate
 
 TRACKS = ("circle", "fast_lemniscate", "steps", "vertical")  # experiments that are flown
-# Measures of a 6 kg vehicle. Source: published mass (6.3 kg with batteries), diagonal wheelbase and 21-inch propellers
-# of the DJI Matrice 300 RTK; own choice: a hover throttle of 0.7, hence a thrust of twice the weight.
+VEHICLES = ("35g", "paper", "6kg")  # that fly, in ascending order of mass
+# Measures of a 6 kg vehicle. Source: published diagonal wheelbase and 21-inch propellers of the DJI Matrice 300 RTK;
+# own choice: the mass, and a hover throttle of 0.7, hence a thrust of twice the weight.
 SIX_KILOGRAMS = Measured(mass=6.0, wheelbase=0.895, propeller=0.5334, hover_throttle=0.7)
 
 
-def _fleet() -> dict[str, Vehicle]:
-    """Return the vehicles by name, in ascending order of mass."""
+@cache
+def fleet() -> dict[str, Vehicle]:
+    """Return the vehicles by their names, `VEHICLES`."""
     return {
         "35g": load_vehicle("crazyflie").with_mass(0.035),
         "paper": load_vehicle("paper"),
         "6kg": estimate(SIX_KILOGRAMS, "6kg"),
     }
-
-
-FLEET = _fleet()

@@ -21,9 +21,9 @@ from diagrams.robustness.robustness import (
     model_of,
     trained_file,
 )
-from diagrams.robustness.vehicles.fleet import FLEET, TRACKS
+from diagrams.robustness.vehicles.fleet import TRACKS, VEHICLES, fleet
 from diagrams.tracking.tracking import ROWS as TRACKING_ROWS
-from diagrams.tracking.tracking import Row, configure
+from diagrams.tracking.tracking import Row, configure, training_config
 from np_drake.scaling import ratios
 
 # Rows of the tracking comparison that are flown.
@@ -37,7 +37,7 @@ def flight_config(case: Case, *, solver: str, model: str = "", duration: float =
 
     Args: model: file of the row's model.   duration: after the ramp, of the paper's vehicle [s].
     """
-    row, vehicle = next(row for row in ROWS if row.name == case["row"]), FLEET[case["vehicle"]]
+    row, vehicle = next(row for row in ROWS if row.name == case["row"]), fleet()[case["vehicle"]]
     config = configure(case["track"], row, solver=solver, model=model, vehicle=vehicle)
     config.duration = duration * ratios(vehicle).time
     return config.check()
@@ -53,7 +53,7 @@ class Training:
     def __call__(self, case: Case) -> dict:
         """Train the model of the case."""
         row = next(row for row in ROWS if row.configuration == case["model"])
-        return trained_file(row, seed=self.seed, solver=self.solver, vehicle=FLEET[case["vehicle"]])
+        return trained_file(row, seed=self.seed, solver=self.solver, vehicle=fleet()[case["vehicle"]])
 
 
 @dc.dataclass(frozen=True)
@@ -81,7 +81,7 @@ def flight_cases(
     rows: Sequence[Row],
     seeds: Sequence[int],
     models: Models,
-    vehicles: Sequence[str] = tuple(FLEET),
+    vehicles: Sequence[str] = VEHICLES,
     tracks: Sequence[str] = TRACKS,
 ) -> list[Case]:
     """Return every row on every track with every vehicle and seed, where the row's model was trained.
@@ -102,7 +102,7 @@ def run_vehicles(
     *,
     seeds: Sequence[int],
     rows: Sequence[Row] = ROWS,
-    vehicles: Sequence[str] = tuple(FLEET),
+    vehicles: Sequence[str] = VEHICLES,
     tracks: Sequence[str] = TRACKS,
     on_training: Progress,
     on_progress: Progress,
@@ -130,21 +130,38 @@ def campaign_config(training_seed: int, solver: str, duration: float = SCORED) -
     return {
         "solver": solver, "training": TRAINING, "training_seed": training_seed,
         "scored": duration, "settling": SETTLING, "lost": LOST,
-        "vehicles": {name: _settings(name, solver, duration) for name in FLEET},
+        "rows": {row.name: dc.asdict(row) for row in ROWS},
+        "vehicles": {name: _settings(name, solver, duration) for name in VEHICLES},
     }  # fmt: skip
 
 
 def _settings(vehicle: str, solver: str, duration: float) -> dict:
-    """Return what a vehicle is, and what it flies."""
+    """Return all settings of a vehicle's first flight, and those of its other flights and its training that differ."""
     flights = {
-        track: flight_config(
-            {"row": "nominal", "vehicle": vehicle, "track": track}, solver=solver, duration=duration
+        track: _plain(
+            flight_config(
+                {"row": "nominal", "vehicle": vehicle, "track": track}, solver=solver, duration=duration
+            )
         )
         for track in TRACKS
     }
-    any_track = flights[TRACKS[0]]
+    first = flights[TRACKS[0]]
+    training = _plain(training_config(TRAINING, solver=solver, vehicle=fleet()[vehicle]))
     return {
-        "vehicle": dc.asdict(any_track.vehicle), "reality": dc.asdict(any_track.reality),
-        "mpc": dc.asdict(any_track.controller.mpc), "period": any_track.controller.period,
-        "tracks": {track: dc.asdict(flight.reference) for track, flight in flights.items()},
-    }  # fmt: skip
+        "flight": first,
+        "tracks": {track: _differing(flight, first) for track, flight in flights.items()},
+        "training": _differing(training, first),
+    }
+
+
+def _plain(config: FlightConfig) -> dict:
+    """Return the settings of a flight as a dictionary; the simulator's are Drake's own type."""
+    simulator = config.simulator
+    return dc.asdict(config) | {
+        "simulator": {field.name: getattr(simulator, field.name) for field in simulator.__fields__}
+    }
+
+
+def _differing(settings: dict, base: dict) -> dict:
+    """Return the settings that differ from those of `base`, which has the same names."""
+    return {name: value for name, value in settings.items() if value != base[name]}

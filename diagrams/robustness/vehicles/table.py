@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from diagrams.batch.campaign import Record
 from diagrams.robustness.cells import ERRORS, Cells, summary
-from diagrams.robustness.vehicles.fleet import FLEET, TRACKS
+from diagrams.robustness.vehicles.fleet import TRACKS, VEHICLES
 from diagrams.robustness.vehicles.study import ROWS
 
 ORACLE = "oracle"  # row that the others are divided by
@@ -17,7 +17,7 @@ def vehicle_table(records: Sequence[Record]) -> list[dict]:
         None where either is lost or did not fly [1]}.
     """
     cells, lines = Cells(records), []
-    for vehicle in FLEET:
+    for vehicle in VEHICLES:
         for track in TRACKS:
             place = {"vehicle": vehicle, "track": track}
             base = _summary(cells, ORACLE, place)

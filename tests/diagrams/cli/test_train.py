@@ -1,6 +1,7 @@
 """Laws of `np-drake train`."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -54,12 +55,16 @@ def test_a_model_of_the_motion_is_trained_by_name(name, logs, tmp_path, capsys):
 
 
 def test_a_pendulum_is_trained_by_name_and_says_what_it_found(logs, tmp_path, capsys):
-    out = tmp_path / "model.safetensors"
-    assert run(["train", str(logs[0]), "--configuration", "pendulum", "--out", str(out)]) == 0
+    out, metrics = tmp_path / "model.safetensors", tmp_path / "train.json"
+    files = ["--out", str(out), "--json", str(metrics)]
+    assert run(["train", str(logs[0]), "--configuration", "pendulum", *files]) == 0
     said = capsys.readouterr().out
     model = PendulumModel.load(out)
     assert f"{100 * model.thrust_error:.2f}" in said
     assert f"{1e3 * model.rotor_lag:.1f}" in said
+    assert re.search(rf"delay of commands \[ms\]\W+{1e3 * model.delay:.1f}\b", said)
+    assert model.summary["command_delay"] == model.delay
+    assert json.loads(metrics.read_text())["summary"]["command_delay"] == model.delay
     assert not (tmp_path / "model.png").exists()
 
 

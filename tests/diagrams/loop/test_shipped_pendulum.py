@@ -29,7 +29,9 @@ def test_training_anew_gives_the_shipped_model(remade, retrained):
         )  # another processor
     np.testing.assert_allclose(retrained.hook, shipped.hook, atol=1e-5)  # [m]
     assert remade[1].name == FLYING_MODEL.name
-    assert difference(remade[1]) < 1e-2  # small numbers of a torque, another processor
+    apart = difference(remade[1])
+    assert apart.relative < 1e-2  # small numbers of a torque, another processor
+    assert apart.from_zero == 0.0
 
 
 def test_training_finds_what_the_real_vehicle_has(retrained):

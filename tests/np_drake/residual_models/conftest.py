@@ -9,6 +9,8 @@ from np_drake import attitude
 from np_drake.effects.pendulum import path_many
 from np_drake.residual_models.base import Sample
 from np_drake.residual_models.pendulum_model import PendulumModel
+from np_drake.scaling import scales
+from np_drake.vehicle import Vehicle
 
 STEP, FINE, G, MASS = 0.02, 20, 9.81, 2.0  # sample [s], substeps [1], gravity [m/s²], vehicle [kg]
 HOOK = np.array([0.0, 0.0, -0.025])  # [m]
@@ -16,7 +18,10 @@ HOOK = np.array([0.0, 0.0, -0.025])  # [m]
 
 def _model(*, thrust_error=0.0, drag=0.125, hook=HOOK, deviation=0.01) -> PendulumModel:
     """The vehicle as trained."""
-    return PendulumModel(STEP, MASS, G, 0.0, thrust_error, deviation, drag, 0.02, np.array(hook, float))
+    arm = scales(Vehicle()).length
+    return PendulumModel(
+        STEP, MASS, G, 0.0, thrust_error, deviation, drag, 0.02, np.array(hook, float), arm=arm
+    )
 
 
 @dc.dataclass

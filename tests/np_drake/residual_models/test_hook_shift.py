@@ -1,18 +1,20 @@
 """Laws of the hook's place as it is estimated in flight."""
 
 import numpy as np
+import pytest
 
+from np_drake.residual_models import hook_shift
 from np_drake.residual_models.hook_shift import initial_shift, next_shift
 
 STEP, NOISE = 0.02, 0.004  # [s], of the torque [N·m]
 SHIFT, LEVEL = np.array([0.01, -0.02, 0.015]), np.array([0.02, -0.01, 0.03])  # [m], [N·m]
 
 
-def run(pull, level, *, shift=SHIFT, seed=0):
+def run(pull, level, *, shift=SHIFT, noise=NOISE, seed=0):
     """The memory after the torque of pull (n, 3) about a shift, with a level and noise."""
-    noise = NOISE * np.random.default_rng(seed).standard_normal(pull.shape)
+    error = noise * np.random.default_rng(seed).standard_normal(pull.shape)
     memory = initial_shift(STEP)
-    for force, torque in zip(pull, np.cross(shift, pull) + level + noise, strict=True):
+    for force, torque in zip(pull, np.cross(shift, pull) + level + error, strict=True):
         memory = next_shift(memory, torque, force, STEP)
     return memory
 
@@ -42,3 +44,24 @@ def test_a_torque_that_wanders_is_not_taken_for_the_hooks():
 
 def test_where_the_hook_is_that_of_training_the_shift_stays_small():
     assert np.abs(run(swinging(), LEVEL, shift=np.zeros(3))["shift"]).max() < 0.002  # [m]
+
+
+@pytest.mark.parametrize("noise", [1e-6, 1e-9, 1e-12, 1e-15])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_constant_torque_almost_without_noise_shows_no_shift(noise, seed):
+    t = STEP * np.arange(500)
+    pull = np.column_stack([0.8 * np.sin(3.5 * t), 0.0 * t, -2.5 + 0.2 * np.sin(7.0 * t)])  # in a plane
+    memory = run(pull, LEVEL, shift=np.zeros(3), noise=noise, seed=seed)
+    np.testing.assert_allclose(memory["shift"], 0.0, atol=1e-6)  # what noise of 1 µN·m leaves at 0.8 N [m]
+
+
+@pytest.mark.parametrize("noise", [1e-9, 1e-15])
+def test_a_torque_almost_without_noise_shows_the_shift(noise):
+    memory = run(swinging(), LEVEL, noise=noise)
+    np.testing.assert_allclose(memory["shift"], SHIFT, atol=1e-4)  # while the level settled [m]
+
+
+def test_the_least_noise_is_below_that_of_any_flight(monkeypatch):
+    expected = run(swinging(), LEVEL, noise=1e-4)
+    monkeypatch.setattr(hook_shift, "FINEST", 0.0)
+    np.testing.assert_array_equal(run(swinging(), LEVEL, noise=1e-4)["gram"], expected["gram"])

@@ -88,10 +88,8 @@ def test_similar_vehicles_foretell_the_same_wrench_in_their_own_units(length, mo
     np.testing.assert_allclose(wrenches[1], wrenches[0], atol=1e-6)  # round-off of the filter [N, N·m]
 
 
-def test_the_papers_vehicle_keeps_the_stated_priors():
-    assert BankOptions().scaled(PendulumModel(0.02, 2.0, 9.81, 0, 0, 0.1, 0, 0.1, np.zeros(3)).unit) == (
-        BankOptions()
-    )
+def test_the_papers_vehicle_keeps_the_stated_priors(model):
+    assert BankOptions().scaled(model().unit) == BankOptions()
 
 
 def test_a_small_vehicle_looks_for_short_tethers_that_swing_fast():
@@ -103,13 +101,15 @@ def test_a_small_vehicle_looks_for_short_tethers_that_swing_fast():
     assert (dut.push, dut.least_noise, dut.mass) == (paper.push, paper.least_noise, paper.mass)
 
 
-def test_a_file_without_arm_is_one_of_the_papers_vehicle(tmp_path, model):
+@pytest.mark.parametrize("missing", ["arm", "delay", "hook"])
+def test_a_file_that_lacks_a_number_is_refused_with_the_remedy(tmp_path, model, missing):
     path = tmp_path / "old.safetensors"
     dc.replace(model(), arm=0.05).save(path)
     assert PendulumModel.load(path).arm == 0.05
     tensors, metadata = read_tensors(path, SCHEMA)
-    write_tensors({name: value for name, value in tensors.items() if name != "arm"}, metadata, path)
-    assert PendulumModel.load(path).unit == Scales(1.0, 1.0, 1.0)
+    write_tensors({name: value for name, value in tensors.items() if name != missing}, metadata, path)
+    with pytest.raises(ValueError, match=rf"^{path}: .* lacks '{missing}'; train it again$"):
+        PendulumModel.load(path)
 
 
 def test_an_arm_must_be_positive(model):

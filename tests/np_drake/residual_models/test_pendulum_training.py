@@ -9,7 +9,8 @@ from np_drake import attitude
 from np_drake.actuator_timing import delayed
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.rotor_input import acting_command
-from np_drake.residual_models.pendulum_training import flight_samples, train_pendulum
+from np_drake.residual_models.base import Sample
+from np_drake.residual_models.pendulum_training import flight_samples, torque_steps, train_pendulum
 from np_drake.scaling import similar
 from np_drake.vehicle import Vehicle
 
@@ -128,3 +129,19 @@ def test_it_finds_the_delay_of_the_commands(flown, vehicle):
 def test_commands_that_act_at_once_show_no_delay(flown, vehicle):
     log = as_log(flown(seconds=20.0, radius=1.0, dither=0.08, noise=0.05), vehicle)
     assert train_pendulum([(log, vehicle)], step=STEP).delay == 0.0
+
+
+def test_a_flight_without_torque_labels_is_refused_by_its_name(flown, vehicle):
+    log = as_log(flown(seconds=4.0), vehicle)
+    without = dc.replace(log, al=np.full((len(log), 3), np.nan), name="blind")
+    for flights in ([without], [log, without]):
+        with pytest.raises(ValueError, match=r"^pendulum: flight blind must have torque labels .*\.$"):
+            train_pendulum([(flight, vehicle) for flight in flights], step=STEP)
+
+
+def test_the_torque_across_a_gap_is_no_step():
+    torque = np.array([1.0, 1.1, np.nan, 5.0, 4.0, np.nan])  # [N·m]
+    samples = [Sample(np.zeros(13), np.zeros(4), np.full(6, value)) for value in torque]
+    np.testing.assert_allclose(torque_steps(samples), [[0.1] * 3, [-1.0] * 3])
+    assert torque_steps(samples[1:4]).shape == (0, 3)
+    assert torque_steps([]).shape == (0, 3)

@@ -21,6 +21,10 @@ def test_nominal_flies_with_every_choice_of_rows():
     assert [row.name for row in choose_rows(ROWS, ["np"])] == ["nominal", "np"]
 
 
+def test_a_table_says_which_rows_it_cannot_do_without():
+    assert [row.name for row in choose_rows(ROWS, ["np"], always=("hold",))] == ["hold", "np"]
+
+
 def test_an_unknown_row_is_refused_with_those_there_are():
     with pytest.raises(
         ValueError, match=r"--only: must name rows of the table \(nominal; hold; np\); got pid"

@@ -16,5 +16,5 @@ def test_both_files_are_written_under_the_packaged_names(tmp_path, monkeypatch, 
     assert run(["reproduce", "models", "--out", str(out), "--json", str(tmp_path / "m.json")]) == 0
     assert {path.name for path in out.iterdir()} >= {DEFAULT_MODEL.name, FLYING_MODEL.name}
     lines = json.loads((tmp_path / "m.json").read_text())["models"]
-    assert [line["difference"] for line in lines] == [0, 0]
+    assert [(line["relative"], line["from_zero"]) for line in lines] == [(0, 0), (0, 0)]
     assert "default.safetensors" in capsys.readouterr().out

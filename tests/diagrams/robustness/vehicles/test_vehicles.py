@@ -13,33 +13,45 @@ from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.robustness.measures import lost_beyond, measures
 from diagrams.robustness.vehicles import study
-from diagrams.robustness.vehicles.fleet import FLEET, TRACKS
-from diagrams.robustness.vehicles.study import ROWS, flight_cases, flight_config, run_vehicles
+from diagrams.robustness.vehicles.fleet import TRACKS, VEHICLES, fleet
+from diagrams.robustness.vehicles.study import (
+    ROWS,
+    campaign_config,
+    flight_cases,
+    flight_config,
+    run_vehicles,
+)
 from diagrams.robustness.vehicles.table import vehicle_table
 from diagrams.tracking import tracking
+from np_drake.atomic_file import plain
 from np_drake.scaling import numbers, ratios
 
 ROOT = Path(__file__).parents[4]
 PAGE = ROOT / "docs" / "studies" / "vehicles.md"
-MODELS = {(v, row.configuration): v.encode() for v in FLEET for row in ROWS if row.configuration}
+MODELS = {(v, row.configuration): v.encode() for v in VEHICLES for row in ROWS if row.configuration}
 
 
-@pytest.mark.parametrize("vehicle", FLEET)
+@pytest.mark.parametrize("vehicle", VEHICLES)
 @pytest.mark.parametrize("track", TRACKS)
 def test_every_track_can_be_flown_by_every_vehicle(vehicle, track):
     for row in ROWS:
         case = {"row": row.name, "vehicle": vehicle, "track": track}
         config = flight_config(case, solver="sqp", model="x" if row.configuration else "")
-        assert config.vehicle == FLEET[vehicle]
-        assert config.reference == load_experiment(track, FLEET[vehicle]).reference
+        assert config.vehicle == fleet()[vehicle]
+        assert config.reference == load_experiment(track, fleet()[vehicle]).reference
         known = config.reality.payload.mass if row.known_mass else 0.0
         assert config.controller.extra_mass == known
-        assert config.duration == 20.0 * ratios(FLEET[vehicle]).time
+        assert config.duration == 20.0 * ratios(fleet()[vehicle]).time
 
 
 def test_the_fleet_weighs_what_its_names_say_and_can_lift_its_payload():
-    assert [vehicle.mass for vehicle in FLEET.values()] == [0.035, 2.0, 6.0]
-    assert all(1.8 < numbers(vehicle).thrust_to_weight < 2.5 for vehicle in FLEET.values())
+    assert [vehicle.mass for vehicle in fleet().values()] == [0.035, 2.0, 6.0]
+    assert all(1.8 < numbers(vehicle).thrust_to_weight < 2.5 for vehicle in fleet().values())
+
+
+def test_vehicles_are_made_when_they_are_asked_for_and_once():
+    assert tuple(fleet()) == VEHICLES
+    assert fleet() is fleet()
 
 
 def test_every_vehicle_trains_on_60_s_of_its_own(monkeypatch):
@@ -49,12 +61,12 @@ def test_every_vehicle_trains_on_60_s_of_its_own(monkeypatch):
         flown.append(config)
 
     monkeypatch.setattr(tracking, "fly", fly)
-    for vehicle in FLEET.values():
+    for vehicle in fleet().values():
         tracking.training_flight("training_circle", seed=1, solver="sqp", vehicle=vehicle)
     assert [config.duration for config in flown] == [60.0] * 3
-    assert [config.vehicle for config in flown] == list(FLEET.values())
+    assert [config.vehicle for config in flown] == list(fleet().values())
     assert flown[0].reference.radius == pytest.approx(0.256, abs=1e-3)  # [m]
-    assert flown[0].reference.dither[0] == pytest.approx(0.08 * ratios(FLEET["35g"]).length)
+    assert flown[0].reference.dither[0] == pytest.approx(0.08 * ratios(fleet()["35g"]).length)
 
 
 def test_a_case_flies_with_the_model_of_its_own_vehicle():
@@ -76,7 +88,7 @@ def test_the_distance_at_which_a_vehicle_is_lost_scales_with_it():
     lost = {}
     for vehicle in ("35g", "paper"):
         config = flight_config({"row": "nominal", "vehicle": vehicle, "track": "circle"}, solver="sqp")
-        assert lost_beyond(config) == ratios(FLEET[vehicle]).length
+        assert lost_beyond(config) == ratios(fleet()[vehicle]).length
         n = 1250
         t, x = config.controller.period * np.arange(n), np.zeros((n, 13))
         x[:, 3], x[600:, 0] = 1.0, 0.3  # [m] off
@@ -96,7 +108,7 @@ def test_work_trains_and_flies_with_the_vehicle_of_the_case(monkeypatch):
     )
     study.Training(7, "sqp")({"vehicle": "6kg", "model": "pendulum"})
     row, of = seen["trained"]
-    assert (row.name, of["vehicle"], of["seed"]) == ("np: pendulum", FLEET["6kg"], 7)
+    assert (row.name, of["vehicle"], of["seed"]) == ("np: pendulum", fleet()["6kg"], 7)
     study.Flying(MODELS, "sqp")({"row": "np", "vehicle": "35g", "track": "steps", "seed": 3})
     assert seen["flown"] == (b"35g", 3)
 
@@ -119,7 +131,7 @@ def made_flights(monkeypatch):
 
 
 def test_ratios_are_to_the_oracle_of_the_same_vehicle_and_track(made_flights):
-    _, records = study.run_vehicles(None, seeds=[1, 2], rows=ROWS, vehicles=[*FLEET], tracks=TRACKS)
+    _, records = study.run_vehicles(None, seeds=[1, 2], rows=ROWS, vehicles=[*VEHICLES], tracks=TRACKS)
     lines = vehicle_table(records)
     assert len(lines) == 3 * 4 * len(ROWS)
     assert {line["E_xy_ratio"] for line in lines if line["row"] == "oracle"} == {1.0}
@@ -146,13 +158,21 @@ def test_the_verb_prints_a_table_a_vehicle_within_100_columns(made_flights, tmp_
 
 
 def test_vehicles_and_tracks_that_are_named_are_flown_alone(made_flights, tmp_path, capsys):
-    named = ["--vehicle", "35g", "--track", "steps", "--track", "circle", "--only", "oracle"]
+    named = ["--vehicle", "35g", "--track", "steps", "--track", "circle", "--only", "nominal"]
     assert run(["reproduce", "vehicles", *named, "--json", str(tmp_path / "m.json")]) == 0
     lines = json.loads((tmp_path / "m.json").read_text())["table"]
     assert [(line["track"], line["row"]) for line in lines] == [
         (track, row) for track in ("circle", "steps") for row in ("nominal", "oracle")
     ]
     assert {line["vehicle"] for line in lines} == {"35g"}
+
+
+def test_the_oracle_that_others_are_divided_by_flies_with_every_choice_of_rows(made_flights, tmp_path):
+    named = ["--vehicle", "35g", "--track", "steps", "--only", "hold"]
+    assert run(["reproduce", "vehicles", *named, "--json", str(tmp_path / "m.json")]) == 0
+    lines = json.loads((tmp_path / "m.json").read_text())["table"]
+    ratios = {line["row"]: line["E_xy_ratio"] for line in lines}
+    assert ratios == {"nominal": pytest.approx(3.0), "hold": pytest.approx(3.0), "oracle": 1.0}
 
 
 @pytest.mark.parametrize(
@@ -172,7 +192,7 @@ def test_a_campaign_goes_on_with_fewer_vehicles_and_tracks(tmp_path, monkeypatch
         return [{"case": case, "result": {}, "seconds": 0.0} for case in cases]
 
     monkeypatch.setattr("diagrams.robustness.robustness.run_campaign", campaign)
-    for vehicles, tracks in ((["35g"], ["steps"]), ([*FLEET], TRACKS)):
+    for vehicles, tracks in ((["35g"], ["steps"]), ([*VEHICLES], TRACKS)):
         run_vehicles(
             study.Sweep(1), seeds=[2], rows=ROWS[:1], vehicles=vehicles, tracks=tracks,
             on_training=lambda *_: None, on_progress=lambda *_: None,
@@ -181,11 +201,55 @@ def test_a_campaign_goes_on_with_fewer_vehicles_and_tracks(tmp_path, monkeypatch
     assert first == second == third == fourth
     assert len(few) == 1
     assert few[0] in many
-    assert set(first["vehicles"]) == set(FLEET)
+    assert set(first["vehicles"]) == set(VEHICLES)
+
+
+def changed(config: FlightConfig, field: str) -> FlightConfig:
+    """The settings with the one at a dotted path half as large again, or another."""
+    at, (*path, last) = config, field.split(".")
+    for name in path:
+        at = getattr(at, name)
+    value = getattr(at, last)
+    setattr(at, last, not value if isinstance(value, bool) else 1.5 * value)
+    return config
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        "duration", "simulator.max_step_size", "simulator.accuracy", "controller.period",
+        "controller.label.force_bandwidth", "controller.track_delay", "reality.payload.mass", "reference.speed",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("of", ["flight_config", "training_config"])
+def test_a_changed_setting_of_flight_or_training_is_another_campaign(monkeypatch, of, field):
+    before = campaign_config(1, "sqp")
+    assert before == campaign_config(1, "sqp")
+    made = getattr(study, of)
+    monkeypatch.setattr(study, of, lambda *args, **kwargs: changed(made(*args, **kwargs), field))
+    assert campaign_config(1, "sqp") != before
+
+
+@pytest.mark.parametrize("track", TRACKS)
+def test_a_changed_setting_of_one_track_is_another_campaign(monkeypatch, track):
+    before, made = campaign_config(1, "sqp"), study.flight_config
+
+    def one_changed(case, **kwargs):
+        config = made(case, **kwargs)
+        return changed(config, "reference.ramp") if case["track"] == track else config
+
+    monkeypatch.setattr(study, "flight_config", one_changed)
+    assert campaign_config(1, "sqp") != before
+
+
+def test_what_a_campaign_depends_on_fits_in_every_file_of_a_case():
+    text = json.dumps(plain(campaign_config(1, "sqp")), allow_nan=False)
+    assert len(text) < 40_000  # [B], beside hundreds of cases
+    assert json.loads(text)["rows"]["np"]["configuration"] == "default"
 
 
 def test_the_rows_of_the_page_are_those_of_the_command():
     page = PAGE.read_text()
     shown = re.findall(r"^\| ([^|]+?) \|", page, re.M)
     for name in (*TRACKS, *(row.name for row in ROWS)):
-        assert shown.count(name) >= len(FLEET), name
+        assert shown.count(name) >= len(VEHICLES), name

@@ -10,6 +10,7 @@ from np_drake.residual_models.hold import Hold
 from np_drake.residual_models.linear_baselines import LinearBaseline
 from np_drake.residual_models.pendulum_model import PendulumModel
 from np_drake.residual_models.pendulum_predictor import PendulumPredictor
+from np_drake.scaling import scales
 
 
 def test_a_driven_pendulum_shows_its_length_and_damping():
@@ -35,7 +36,8 @@ def test_a_model_without_modes_shows_none():
 
 def test_a_pendulum_tells_its_payload_at_the_end_of_a_flight(cones, payload):
     flight = cones[-1]
-    model = PendulumModel(0.02, flight.vehicle.mass, 9.81, 0.0, 0.0, 0.01, 0.0, 0.02, np.zeros(3))
+    arm = scales(flight.vehicle).length
+    model = PendulumModel(0.02, flight.vehicle.mass, 9.81, 0.0, 0.0, 0.01, 0.0, 0.02, np.zeros(3), arm=arm)
     found = payload_on(PendulumPredictor(model), (flight.log, flight.vehicle))
     assert found.mass.low < payload.mass / flight.vehicle.mass < found.mass.high
     assert found.length.low < payload.length < found.length.high
