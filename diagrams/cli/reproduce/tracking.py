@@ -1,7 +1,7 @@
 """`np-drake reproduce tracking`: every controller on circle and lemniscate."""
 
 import dataclasses as dc
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
@@ -76,14 +76,10 @@ def _notes(rows: "tuple[Row, ...]", run: Campaign, training: str) -> tuple[list[
     """Return the lines under the table, and the configuration of the metrics file."""
     from diagrams.loop.experiments import load_experiment
     from diagrams.tracking import tracking
-    from np_drake.lifting.training.train import make_config
-    from np_drake.residual_models import motion_training
 
     weights, reality = tracking.frozen_weights(), dc.asdict(load_experiment("circle").reality)
-    used, seed = {}, run.seed
-    for name in dict.fromkeys(row.configuration for row in rows if row.configuration):
-        known = motion_training.CONFIGURATIONS.get(name)
-        used[name] = dc.replace(known, seed=seed) if known else make_config(name, seed=seed)
+    seed, names = run.seed, dict.fromkeys(row.configuration for row in rows if row.configuration)
+    used = {name: _settings(name, seed) for name in names}
     notes = [
         f"training: {training}, seed {seed}; evaluation: seeds {run.seeds}; solver {run.solver}",
         f"MPC of every row: {weights}",
@@ -92,6 +88,19 @@ def _notes(rows: "tuple[Row, ...]", run: Campaign, training: str) -> tuple[list[
     ]
     config = {**run.settings, "mpc": weights, "training": training, "reality": reality}
     return notes, config | {"configurations": {name: dc.asdict(c) for name, c in used.items()}}
+
+
+def _settings(name: str, seed: int) -> Any:
+    """Return the settings of a configuration, a dataclass: of the training, or what a pendulum believes before it."""
+    from np_drake.lifting.training.train import make_config
+    from np_drake.residual_models.motion_training import CONFIGURATIONS
+    from np_drake.residual_models.pendulum_model import PENDULUM
+    from np_drake.residual_models.pendulum_predictor import DEFAULT_BANK
+
+    if name == PENDULUM:
+        return DEFAULT_BANK
+    known = CONFIGURATIONS.get(name)
+    return dc.replace(known, seed=seed) if known else make_config(name, seed=seed)
 
 
 def _four(laps: dict, rows: "tuple[Row, ...]") -> dict:
