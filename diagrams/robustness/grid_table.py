@@ -89,5 +89,24 @@ def grid_table(points: Sequence[dict]) -> list[dict]:
     return lines
 
 
+def grid_by_speed(points: Sequence[dict]) -> list[dict]:
+    """Return one line a row: by speed [m/s] median, smallest and largest E_xy of its points [m].
+
+    Returns: {"row", "speeds": {speed: (median, smallest, largest), None where one is lost}}.
+    """
+    lines = []
+    for row in (row.name for row in ROWS):
+        mine = [point for point in points if point["row"] == row]
+        if mine:
+            speeds = sorted({point["speed"] for point in mine})
+            lines.append({"row": row, "speeds": {v: _spread(mine, v) for v in speeds}})
+    return lines
+
+
+def _spread(points: Sequence[dict], speed: float) -> tuple[float, float, float] | None:
+    errors = [point[E_XY] for point in points if point["speed"] == speed]
+    return None if None in errors else (float(np.median(errors)), min(errors), max(errors))
+
+
 def _share(points: Sequence[dict], other: str, sign: int) -> float:
     return float(np.mean([point["against"][other] == sign for point in points]))

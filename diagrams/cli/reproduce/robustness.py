@@ -72,7 +72,7 @@ def robustness(
     tables = [limits_printed(lines, title), *(errors_printed(lines, key, title) for key in ("E_xy", "E_z"))]
     figures = {"robustness.png": lambda: robustness_figure(lines, f"circle, {title}")}
     return Report(
-        [*tables, *grid_printed(grid_table(points), title)],
+        [*tables, *grid_printed(points, title)],
         config=config,
         metrics={
             "table": lines,

@@ -14,12 +14,14 @@ if TYPE_CHECKING:
     from diagrams.robustness.axes import Grid
 
 
-def grid_printed(lines: Sequence[dict], title: str) -> list[Table]:
-    """Return the table of `grid_table`; none without a grid."""
-    if not lines:
+def grid_printed(points: Sequence[dict], title: str) -> list[Table]:
+    """Return the tables of `grid_by_speed` and `grid_table`; none without a grid."""
+    if not points:
         return []
-    from diagrams.robustness.grid_table import FLOOR, NAIVE, NEAR
+    from diagrams.robustness.grid_table import FLOOR, NAIVE, NEAR, grid_by_speed, grid_table
     from diagrams.robustness.measures import GROWING
+
+    lines = grid_table(points)
 
     def shares(name: str) -> Callable[[dict], str]:
         def cell(line: dict) -> str:
@@ -43,7 +45,25 @@ def grid_printed(lines: Sequence[dict], title: str) -> list[Table]:
         f"{100 * FLOOR:g} cm; against: better / worse by the 95 % interval of paired differences; growing: error or "
         f"swing of the last third above {GROWING:g} times that of the first"
     )
-    return [tabulate(f"{said}; {title}", lines, columns)]
+    return [_by_speed(grid_by_speed(points), title), tabulate(f"{said}; {title}", lines, columns)]
+
+
+def _by_speed(lines: Sequence[dict], title: str) -> Table:
+    def cell(speed: float) -> Callable[[dict], str]:
+        def of(line: dict) -> str:
+            found = line["speeds"][speed]
+            if found is None:
+                return "lost"
+            median, least, most = (100 * value for value in found)
+            return f"{median:.2f} ({least:.2f}–{most:.2f})"
+
+        return of
+
+    columns: list[Column] = [("controller", "row")]
+    columns += [(f"{speed:g} m/s", cell(speed)) for speed in lines[0]["speeds"]]
+    return tabulate(
+        f"grid, E_xy [cm] by speed: median (smallest–largest) of its points; {title}", lines, columns
+    )
 
 
 def _percent(share: float) -> str:

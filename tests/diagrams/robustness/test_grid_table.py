@@ -5,7 +5,7 @@ import pytest
 
 from diagrams.robustness.axes import Grid, distinct
 from diagrams.robustness.grid_figure import grid_figure
-from diagrams.robustness.grid_table import NAIVE, grid_points, grid_table
+from diagrams.robustness.grid_table import NAIVE, grid_by_speed, grid_points, grid_table
 
 GRID = Grid().thinned(2)  # payloads 0, 0.5 kg; tethers 0.4, 1.6 m; speeds 0.5, 2.5 m/s: 6 points
 # E_xy by row where nothing else is said [m]; np has half the error of the best naive row and ten times the oracle's.
@@ -44,6 +44,17 @@ def test_shares_count_points_once_and_ratios_are_of_means():
     assert dut["np"]["better"] == {"nominal": 1.0, "hold": 1.0}
     assert dut["np"]["worse"] == {"nominal": 0.0, "hold": 0.0}
     assert dut["nominal"]["worse"] == {"hold": 1.0}
+
+
+def test_by_speed_stand_median_and_range_of_its_points_and_a_loss_is_not_averaged_away():
+    def change(row, setting):
+        if row == "np" and setting["speed"] == 2.5:
+            return {"lost_at": 3.0, "E_xy": None} if setting["mass"] == 0 else {}
+        return {"E_xy": 0.01 * setting["length"]} if row == "np" else {}
+
+    dut = {line["row"]: line["speeds"] for line in grid_by_speed(grid_points(made(change), GRID))}
+    assert dut["np"][2.5] is None
+    assert dut["np"][0.5] == pytest.approx((0.008, 0.004, 0.016))  # of 0.8 m (no payload), 0.4 and 1.6 m
 
 
 def test_the_bound_near_the_oracle_is_twice_its_error_and_a_millimetre():
