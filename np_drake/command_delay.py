@@ -13,22 +13,12 @@ from np_drake.vehicle import Vehicle
 LONGEST_DELAY = 6  # delay that is looked for [periods]
 FINE = 4  # delays tried in a period [1]
 KEPT = LONGEST_DELAY + 2  # commands that are kept: of the longest delay, and the one that acted before [1]
-WINDOW = (
-    2.0  # over which the evidence is averaged, at the pace of the paper's vehicle [s]; source: stated prior
-)
+WINDOW = 2.0  # over which evidence is averaged, at the paper's vehicle's pace [s]; source: stated prior
 CHANGED = 1e-3  # prior probability that the delay is not the one believed so far [1]; source: stated prior
-SHARED = (
-    1.5  # factor by which n steps tell less than n readings, as two of them share a reading (white noise) [1]
-)
-LAGS = (
-    0.0,
-    0.01,
-    0.02,
-    0.03,
-    0.045,
-    0.065,
-    0.09,
-)  # of rotors of which none is known, at the paper's pace [s]
+# Two steps share a reading, so that n of them tell less: 1 + 2 rho² of the squares of differenced white noise [1].
+SHARED = 1.5
+# Lags that are tried where none is known, at the paper's vehicle's pace [s]; source: own choice, small to large motors.
+LAGS = (0.0, 0.01, 0.02, 0.03, 0.045, 0.065, 0.09)
 CHANNELS = (0, 1, 2)  # of [f_u, tau_m] that tell a delay: thrust, roll, pitch; yaw hardly moves
 
 
@@ -60,9 +50,8 @@ class DelayFilter:
         pace, own = ratios(vehicle).clock, vehicle.rotor_time_constant
         lags = (own,) if own > 0 else tuple(pace * lag for lag in LAGS)
         decay = [rotor_decay(dc.replace(vehicle, rotor_time_constant=lag), step / FINE) for lag in lags]
-        self._shares = (
-            np.array(decay)[:, None, None] ** np.arange(FINE, 0, -1)[:, None]
-        )  # newest first, (l, FINE, 1)
+        # Of the fine steps of a period, the newest first, (l, FINE, 1).
+        self._shares = np.array(decay)[:, None, None] ** np.arange(FINE, 0, -1)[:, None]
         self._window = WINDOW * pace / step  # [samples]
 
     def initial_memory(self) -> Memory:

@@ -50,9 +50,7 @@ class ControllerConfig:
     hold_bandwidth: float = np.inf  # of kind hold: a low-pass on top of the labels' own [Hz]
     predictor: str = ""  # model file of kind np, gp, knode; np: empty for the one that ships with the package
     period: float = 0.02  # between solves, and between samples of the predictor [s]
-    command_delay: float = (
-        0.0  # from a command to its effect on the rotors, beyond their lag; 0: as trained [s]
-    )
+    command_delay: float = 0.0  # of commands before the rotors' lag; 0: as trained [s]
     track_delay: bool = False  # follow the delay in flight; a model that knows its own always does
     solver: str = "ipopt"  # ipopt | sqp | ipopt_multiple_shooting
     deadline: float = np.inf  # a later answer is discarded; solvers wrap up at half of it [s]

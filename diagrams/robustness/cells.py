@@ -34,6 +34,19 @@ def lost(record: Record) -> bool:
     return "result" not in record or record["result"]["lost_at"] is not None
 
 
+def lost_line(record: Record, head: str) -> str | None:
+    """Return a line that begins with `head` on a lost or failed flight; None on any other."""
+    result = record.get("result")
+    if result is None:
+        return f"{head}: failed: {record['error']}"
+    if result["lost_at"] is None:
+        return None
+    return (
+        f"{head}: lost at {result['lost_at']:.2f} s; a rotor at its limit in {100 * result['at_limit']:.0f} % of the "
+        "periods"
+    )
+
+
 def summary(records: Sequence[Record]) -> dict:
     """Return means and 95 % intervals (Student) of a cell over its seeds.
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from diagrams.batch.campaign import Case, Record
 from diagrams.robustness.axes import BASE, FLOWN, Axis
-from diagrams.robustness.cells import ERRORS, Cells, summary
+from diagrams.robustness.cells import ERRORS, Cells, lost_line, summary
 from diagrams.robustness.robustness import ROWS
 
 NOMINAL = "nominal"  # row that the others are compared with
@@ -74,14 +74,10 @@ def lost_lines(records: Sequence[Record]) -> list[str]:
     said = []
     for record in records:
         case, result = record["case"], record.get("result")
-        head = f"{case['row']}, {_off_base(case)}, seed {case['seed']}: "
-        if result is None:
-            said.append(f"{head}failed: {record['error']}")
-        elif result["lost_at"] is not None:
-            said.append(
-                f"{head}lost at {result['lost_at']:.2f} s; a rotor at its limit in {100 * result['at_limit']:.0f} % of "
-                f"the periods, {100 * result['at_limit_last']:.0f} % of the last second; {_angles(result)}"
-            )
+        line = lost_line(record, f"{case['row']}, {_off_base(case)}, seed {case['seed']}")
+        if line is not None and result is not None:
+            line += f", {100 * result['at_limit_last']:.0f} % of the last second; {_angles(result)}"
+        said += [] if line is None else [line]
     return said
 
 

@@ -11,7 +11,14 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.residual_models.base import Memory
-from np_drake.residual_models.torque_level import followed, gains_at, gains_of, initial_level, next_filters
+from np_drake.residual_models.torque_level import (
+    followed,
+    gains_at,
+    gains_of,
+    initial_level,
+    level,
+    next_filters,
+)
 
 DEVIATION = (
     0.02  # of the hook from where it was in training, each axis, of the paper's vehicle [m]; stated prior
@@ -34,6 +41,7 @@ def initial_shift(step: float) -> Memory:
         "gram": np.zeros((3, 3)),
         "right": np.zeros(3),
         "shift": np.zeros(3),
+        "steady": np.zeros(3),
     }
 
 
@@ -51,7 +59,7 @@ def next_shift(
     keep = np.exp(-step / MEMORY)
     gram, right = keep * memory["gram"], keep * memory["right"]
     if memory["torques"][0] > 2 and np.all(variance > 0):
-        error = rest - np.sum(weight * memory["levels"], axis=0)
+        error = rest - level(memory, step)
         X = column - np.einsum("ga,gac->ac", weight, memory["columns"])
         variance = np.maximum(variance, (FINEST * deviation) ** 2 * np.sum(X**2, axis=1))
         gram = gram + (X.T / variance) @ X
@@ -61,5 +69,5 @@ def next_shift(
     columns = memory["columns"] + gain * (column - memory["columns"])
     shift = np.linalg.solve(gram + np.eye(3) / deviation**2, right)
     weight, _ = followed(new, step)
-    steady = np.sum(weight * new["levels"], axis=0) - np.einsum("ga,gac->ac", weight, columns) @ shift
+    steady = level(new, step) - np.einsum("ga,gac->ac", weight, columns) @ shift
     return {**new, "columns": columns, "gram": gram, "right": right, "shift": shift, "steady": steady}

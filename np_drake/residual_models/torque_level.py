@@ -12,7 +12,7 @@ import numpy as np
 from np_drake.residual_models.base import Memory
 
 LONGEST_MEAN = (
-    10.0  # over which torque is averaged, and errors count, at most, as a trim may drift [s]; own choice
+    10.0  # over which torque is averaged and errors count at most, as a trim drifts [s]; own choice
 )
 
 
@@ -26,23 +26,15 @@ def gains_of(step: float) -> np.ndarray:
 def initial_level(step: float) -> Memory:
     """Return the memory before any label.
 
-    steady: (3,) the level [N·m].   levels: (g, 3) of every filter [N·m].   errors: (g, 3) mean square of its one-step
+    levels: (g, 3) of every filter [N·m].   errors: (g, 3) mean square of its one-step
     forecasts [N²·m²].   torques: (1,) seen so far.
     """
     count = len(gains_of(step))
     return {
-        "steady": np.zeros(3),
         "levels": np.zeros((count, 3)),
         "errors": np.zeros((count, 3)),
         "torques": np.zeros(1),
     }
-
-
-def next_level(memory: Memory, torque: np.ndarray, step: float) -> Memory:
-    """Return the memory after one more torque (3,) [N·m]."""
-    new = next_filters(memory, torque, step)
-    weight, _ = followed(new, step)
-    return {**new, "steady": np.sum(weight * new["levels"], axis=0)}
 
 
 def gains_at(torques: np.ndarray, step: float) -> np.ndarray:
@@ -51,7 +43,7 @@ def gains_at(torques: np.ndarray, step: float) -> np.ndarray:
 
 
 def next_filters(memory: Memory, torque: np.ndarray, step: float) -> Memory:
-    """Return the memory of the filters, all but `steady`, after one more torque (3,) [N·m]."""
+    """Return the memory of the filters after one more torque (3,) [N·m]."""
     seen = memory["torques"] + 1
     error = torque - memory["levels"]
     levels = memory["levels"] + gains_at(seen, step) * error
@@ -69,3 +61,9 @@ def followed(memory: Memory, step: float) -> tuple[np.ndarray, np.ndarray]:
     weight = np.exp(-0.5 * effective * excess)
     weight = weight / weight.sum(axis=0)
     return weight, np.sum(weight * errors, axis=0)
+
+
+def level(memory: Memory, step: float) -> np.ndarray:
+    """Return the level that the weighed filters follow, (3,) [N·m]."""
+    weight, _ = followed(memory, step)
+    return np.sum(weight * memory["levels"], axis=0)

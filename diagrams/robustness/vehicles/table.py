@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from diagrams.batch.campaign import Record
-from diagrams.robustness.cells import ERRORS, Cells, summary
+from diagrams.robustness.cells import ERRORS, Cells, lost_line, summary
 from diagrams.robustness.vehicles.fleet import TRACKS, VEHICLES
 from diagrams.robustness.vehicles.study import ROWS
 
@@ -41,15 +41,7 @@ def _ratio(line: dict, base: dict | None, key: str) -> float | None:
 
 def lost_flights(records: Sequence[Record]) -> list[str]:
     """Return a line on each lost or failed flight."""
-    said = []
-    for record in records:
-        case, result = record["case"], record.get("result")
-        head = f"{case['row']}, {case['vehicle']}, {case['track']}, seed {case['seed']}: "
-        if result is None:
-            said.append(f"{head}failed: {record['error']}")
-        elif result["lost_at"] is not None:
-            said.append(
-                f"{head}lost at {result['lost_at']:.2f} s; a rotor at its limit in {100 * result['at_limit']:.0f} % of "
-                f"the periods"
-            )
-    return said
+    cases = [record["case"] for record in records]
+    heads = [f"{c['row']}, {c['vehicle']}, {c['track']}, seed {c['seed']}" for c in cases]
+    said = (lost_line(record, head) for record, head in zip(records, heads, strict=True))
+    return [line for line in said if line is not None]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from np_drake.residual_models.torque_level import LONGEST_MEAN, gains_of, initial_level, next_level
+from np_drake.residual_models.torque_level import LONGEST_MEAN, gains_of, initial_level, level, next_filters
 
 STEP = 0.02  # [s]
 
@@ -12,8 +12,8 @@ def levels(torque):
     """The level after every row of torque (n, 3)."""
     memory, found = initial_level(STEP), []
     for row in torque:
-        memory = next_level(memory, row, STEP)
-        found.append(memory["steady"])
+        memory = next_filters(memory, row, STEP)
+        found.append(level(memory, STEP))
     return np.array(found)
 
 
