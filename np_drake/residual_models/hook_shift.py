@@ -16,7 +16,6 @@ from np_drake.residual_models.torque_level import (
     gains_at,
     gains_of,
     initial_level,
-    level,
     next_filters,
 )
 
@@ -46,11 +45,12 @@ def initial_shift(step: float) -> Memory:
 
 
 def next_shift(
-    memory: Memory, rest: np.ndarray, pull: np.ndarray, step: float, *, reach: float = 1.0
+    memory: Memory, rest: np.ndarray, pull: np.ndarray, doubt: np.ndarray, step: float, *, reach: float = 1.0
 ) -> Memory:
     """Return the memory after one more rest of the torque (3,) [N·m] and pull in B (3,) [N].
 
-    Args: step: between samples, at the pace of the paper's vehicle [s].   reach: unit of length over that of the
+    Args: doubt: variance of the torque of the pull about the trained hook, and of that about a hook a deviation off it,
+    as `torque_doubt`, (3,) [N²·m²].   step: between samples, at the pace of the paper's vehicle [s].   reach: unit of length over that of the
     paper's vehicle [1].
     """
     column = attitude.skew(pull).T  # of shift x pull over the shift
@@ -59,9 +59,9 @@ def next_shift(
     keep = np.exp(-step / MEMORY)
     gram, right = keep * memory["gram"], keep * memory["right"]
     if memory["torques"][0] > 2 and np.all(variance > 0):
-        error = rest - level(memory, step)
-        X = column - np.einsum("ga,gac->ac", weight, memory["columns"])
-        variance = np.maximum(variance, (FINEST * deviation) ** 2 * np.sum(X**2, axis=1))
+        error = rest - (weight * memory["levels"]).sum(axis=0)
+        X = column - (weight[..., None] * memory["columns"]).sum(axis=0)
+        variance = np.maximum(variance + doubt, (FINEST * deviation) ** 2 * np.sum(X**2, axis=1))
         gram = gram + (X.T / variance) @ X
         right = right + (X.T / variance) @ error
     new = next_filters(memory, rest, step)
@@ -69,5 +69,14 @@ def next_shift(
     columns = memory["columns"] + gain * (column - memory["columns"])
     shift = np.linalg.solve(gram + np.eye(3) / deviation**2, right)
     weight, _ = followed(new, step)
-    steady = level(new, step) - np.einsum("ga,gac->ac", weight, columns) @ shift
+    steady = (weight * new["levels"]).sum(axis=0) - (weight[..., None] * columns).sum(axis=0) @ shift
     return {**new, "columns": columns, "gram": gram, "right": right, "shift": shift, "steady": steady}
+
+
+def torque_doubt(spread: np.ndarray, cross: np.ndarray, *, reach: float = 1.0) -> np.ndarray:
+    """Return the variance (3,) of the torque of a pull whose covariance in B is `spread` (3, 3) [N²·m²].
+
+    Args: cross: (3, 3) of the trained hook, off which the hook is by a deviation on each axis [m].   reach: as above.
+    """
+    across = np.trace(spread) - np.diag(spread)
+    return np.diag(cross @ spread @ cross.T) + (reach * DEVIATION) ** 2 * across

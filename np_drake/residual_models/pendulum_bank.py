@@ -1,9 +1,9 @@
 """Bank of pendulums of different lengths under a vehicle: priors, one filter step, and their weights.
 
-Each member tracks a tether that it takes to be of its own length, in one of three conditions: calm, gusty air, or a
-payload that is being pushed (`pendulum_kernel`). Conditions change, so that members of one length interact; lengths do
-not, and their weights are those of Bayes with a small chance of a change. Where no member explains a sample, the
-payload was attached, lost or snapped taut: what is known of it is then forgotten.
+Each member tracks a tether that it takes to be of its own length, or a vehicle that carries nothing, in one of three
+conditions: calm, gusty air, or a payload that is being pushed (`pendulum_kernel`). Conditions change, so that members
+of one length interact; lengths do not, and their weights are those of Bayes with a small chance of a change. Where no
+member explains a sample, the payload was attached, lost or snapped taut: what is known of it is then forgotten.
 """
 
 import dataclasses as dc
@@ -39,6 +39,17 @@ class Prior:
         return Prior(self.mean * factor, self.deviation * factor)
 
 
+NO_MASS = Prior(
+    0.0, 1e-6
+)  # of a vehicle that carries nothing; source: own choice, a deviation that divides [1]
+
+
+def carries(members: int) -> np.ndarray:
+    """Return which of a bank's members carry a payload, (k,) of bool: the last of each condition does not."""
+    count = members // len(CONDITIONS)
+    return np.tile(np.arange(count) < count - 1, len(CONDITIONS))
+
+
 @dc.dataclass(frozen=True)
 class BankOptions:
     """What is believed of payload and air before any sample, per mass of the vehicle; in SI for the paper's vehicle.
@@ -49,6 +60,7 @@ class BankOptions:
 
     lengths: tuple[float, ...] = (0.3, 0.5, 0.85, 1.42, 2.4)  # of the members [m]
     log_length: float = 0.26  # deviation of a member's logarithm of length [1]
+    bare: float = 0.5  # probability that the vehicle carries nothing [1]
     mass: Prior = Prior(0.1, 0.15)  # of the payload, share of the vehicle's [1]
     damping: Prior = Prior(0.05, 0.1)  # drag of the payload over its mass [1/s]
     thrust_error: Prior = Prior(0.0, 0.1)  # [1]
@@ -64,7 +76,7 @@ class BankOptions:
         2.0,
     )  # power of what pushes the payload, by condition [m²/s³]
     duration: tuple[float, ...] = (20.0, 5.0, 0.5)  # of a condition, after which either other begins [s]
-    change: float = 0.02  # rate at which the length changes [1/s]
+    change: float = 0.02  # rate at which the length changes, or a payload comes or goes [1/s]
     jump: float = (
         24.3  # squared innovation that no member exceeds: 1e-5 of the chi-square with three degrees [1]
     )
@@ -92,19 +104,32 @@ class PendulumBank:
 
     def __init__(self, options: BankOptions, *, step: float, gravity: float):
         self.options, self.step, self.gravity = options, step, gravity
-        self.lengths = np.tile(np.array(options.lengths, float), len(CONDITIONS))
-        self._condition = np.repeat(np.arange(len(CONDITIONS)), len(options.lengths))
+        bare = float(
+            np.exp(np.mean(np.log(options.lengths)))
+        )  # without a meaning, so that of none in particular
+        lengths = (*options.lengths, bare)
+        self.lengths = np.tile(np.array(lengths, float), len(CONDITIONS))
+        self._condition = np.repeat(np.arange(len(CONDITIONS)), len(lengths))
+        self._carries = carries(len(self.lengths))
         self._reach = np.sqrt(gravity / self.lengths)  # rate of a swing over its angle [1/s]
 
     def __len__(self) -> int:
         return len(self.lengths)
 
     @cached_property
+    def _first_weight(self) -> np.ndarray:
+        """Probability of each member before any flight, (k,)."""
+        bare = self.options.bare
+        share = np.where(self._carries, (1 - bare) / self._carries.sum(), bare / (~self._carries).sum())
+        return np.asarray(share)
+
+    @cached_property
     def _deviation(self) -> np.ndarray:
         """Prior standard deviation of the parameters, (k, 8)."""
         o = self.options
         found = np.empty((len(self), 8))
-        found[:, [0, 1, 2]] = o.mass.deviation, o.log_length, o.damping.deviation
+        found[:, 0] = np.where(self._carries, o.mass.deviation, NO_MASS.deviation)
+        found[:, [1, 2]] = o.log_length, o.damping.deviation
         found[:, 3:6] = np.array(o.push)[self._condition][:, None]
         found[:, [6, 7]] = o.thrust_error.deviation, o.drag.deviation
         return found
@@ -114,7 +139,8 @@ class PendulumBank:
         """Prior mean of the parameters, (k, 8)."""
         o = self.options
         found = np.zeros((len(self), 8))
-        found[:, 0], found[:, 1], found[:, 2] = o.mass.mean, np.log(self.lengths), o.damping.mean
+        found[:, 0] = np.where(self._carries, o.mass.mean, NO_MASS.mean)
+        found[:, 1], found[:, 2] = np.log(self.lengths), o.damping.mean
         found[:, 6], found[:, 7] = o.thrust_error.mean, o.drag.mean
         return found
 
@@ -156,7 +182,7 @@ class PendulumBank:
         covariance[:, diagonal[:2], diagonal[:2]] = self.options.tilt**2
         covariance[:, diagonal[2:4], diagonal[2:4]] = (self.options.tilt * self._reach[:, None]) ** 2
         covariance[:, diagonal[4:], diagonal[4:]] = self._deviation**2
-        weight = np.full(len(self), 1.0 / len(self))
+        weight = self._first_weight.copy()
         return {"mean": mean, "covariance": covariance, "weight": weight}
 
     def step_on(
@@ -180,14 +206,14 @@ class PendulumBank:
         if not np.all(np.isfinite(label)):
             return {"mean": predicted, "covariance": spread, "weight": weight}
         if not distance.min() < self.options.jump:
-            weight = np.full(len(self), 1.0 / len(self))
+            weight = self._first_weight
             self._forget(predicted, spread)
             likelihood, _ = kernel.update_bank(predicted, spread, now, label, variance, updated, narrowed)
         if not (np.all(np.isfinite(updated)) and np.all(np.isfinite(narrowed))):
             return self.initial_memory()
         weight = weight * np.exp(likelihood - likelihood.max())
         stay = np.exp(-self.step * self.options.change)
-        weight = stay * weight / weight.sum() + (1 - stay) / len(self)
+        weight = stay * weight / weight.sum() + (1 - stay) * self._first_weight
         return {"mean": updated, "covariance": narrowed, "weight": weight}
 
     def _forget(self, mean: np.ndarray, covariance: np.ndarray) -> None:

@@ -244,20 +244,19 @@ def _keep_mass_positive(mean, error, covariance):
 @compiled
 def _moments(plus, minus, mean, covariance):
     """Write the mean (s,) and the covariance (s, s) of values whose differences from the centre are (SIZE, s) each."""
-    first, second = 1.0 / (4.0 * SPREAD), (SPREAD - 1.0) / (4.0 * SPREAD**2)
+    first, second = math.sqrt(1.0 / (4.0 * SPREAD)), math.sqrt((SPREAD - 1.0) / (4.0 * SPREAD**2))
     size = plus.shape[1]
-    for a in range(size):
-        total = 0.0
-        for j in range(SIZE):
-            total += plus[j, a] + minus[j, a]
-        mean[a] = total / (2.0 * SPREAD)
-        for b in range(a + 1):
-            total = 0.0
-            for j in range(SIZE):
-                total += first * (plus[j, a] - minus[j, a]) * (plus[j, b] - minus[j, b])
-                total += second * (plus[j, a] + minus[j, a]) * (plus[j, b] + minus[j, b])
-            covariance[a, b] = total
-            covariance[b, a] = total
+    odd, even = np.empty(size), np.empty(size)
+    mean[:] = 0.0
+    covariance[:] = 0.0
+    for j in range(SIZE):
+        for a in range(size):
+            mean[a] += (plus[j, a] + minus[j, a]) / (2.0 * SPREAD)
+            odd[a] = first * (plus[j, a] - minus[j, a])
+            even[a] = second * (plus[j, a] + minus[j, a])
+        for a in range(size):
+            for b in range(size):
+                covariance[a, b] += odd[a] * odd[b] + even[a] * even[b]
 
 
 @compiled

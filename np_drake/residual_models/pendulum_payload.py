@@ -8,6 +8,7 @@ from scipy.special import ndtr
 
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory
+from np_drake.residual_models.pendulum_bank import carries
 
 LOW, HIGH = 0.025, 0.975  # quantiles of the interval [1]
 FAR = 9.0  # deviations beyond which a member has no probability [1]
@@ -32,22 +33,25 @@ class PayloadEstimate(NamedTuple):
 def payload_estimate(memory: Memory) -> PayloadEstimate:
     """Return what the members of a `PendulumPredictor`'s memory believe of the payload.
 
-    Every member has a Gaussian of mass, logarithm of length and damping; their weights mix them.
+    Every member has a Gaussian of mass, logarithm of length and damping; their weights mix them. Length and damping are
+    those of a payload if there is one.
     """
-    mass, log_length, damping = (
-        _marginal(memory, index) for index in (kernel.MASS, kernel.LOG_LENGTH, kernel.DAMPING)
-    )
+    weight = memory["weight"]
+    loaded = np.where(carries(len(weight)), weight, 0.0)
+    loaded = loaded / loaded.sum()
+    mass = _marginal(memory, weight, kernel.MASS)
+    log_length, damping = (_marginal(memory, loaded, index) for index in (kernel.LOG_LENGTH, kernel.DAMPING))
     weight, mean, deviation = log_length
     low, high = (float(np.exp(_quantile(*log_length, share))) for share in (LOW, HIGH))
     length = Estimate(float(weight @ np.exp(mean + 0.5 * deviation**2)), low, high)
     return PayloadEstimate(length, _estimate(*mass), _estimate(*damping))
 
 
-def _marginal(memory: Memory, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _marginal(memory: Memory, weight: np.ndarray, index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return weight, mean and standard deviation of one number of the points, (k,) each."""
     error = index - (kernel.POINT - kernel.SIZE)
     variance = memory["covariance"][:, error, error]
-    return memory["weight"], memory["mean"][:, index], np.sqrt(np.maximum(variance, 0.0))
+    return weight, memory["mean"][:, index], np.sqrt(np.maximum(variance, 0.0))
 
 
 def _estimate(weight: np.ndarray, mean: np.ndarray, deviation: np.ndarray) -> Estimate:

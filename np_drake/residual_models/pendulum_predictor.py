@@ -10,7 +10,7 @@ from np_drake import attitude
 from np_drake.labels import LabelConfig
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory, Plan, Sample, WrenchForecast
-from np_drake.residual_models.hook_shift import initial_shift, next_shift
+from np_drake.residual_models.hook_shift import initial_shift, next_shift, torque_doubt
 from np_drake.residual_models.pendulum_bank import BankOptions, PendulumBank, Prior
 from np_drake.residual_models.pendulum_forecast import along_plan, beside_plan, drives, motion_torque
 from np_drake.residual_models.pendulum_model import PENDULUM, PendulumModel
@@ -100,10 +100,22 @@ class PendulumPredictor:
         new = {**memory, **bank, "x": x.copy(), "acting": acting, "now": now}
         if np.all(np.isfinite(chi)):
             new |= self._noise(memory, force)
-            pull = attitude.rotation_matrix(x[Q]).T @ self.pull(new)
-            rest = chi[3:] - self._cross @ pull - self._motion_torque(x)
-            new |= next_shift(memory, rest, pull, self._pace, reach=self.model.unit.length)
+            new |= self._hook_and_level(new, chi[3:] - self._motion_torque(x))
         return new
+
+    def _hook_and_level(self, memory: Memory, torque: np.ndarray) -> Memory:
+        """Return the memory of hook and level after a torque (3,) that body rates and velocity do not explain [N·m].
+
+        What the members disagree about the pull is a doubt about its torque.
+        """
+        pulls = (self.model.mass * kernel.pulls(memory["mean"], memory["now"])) @ attitude.rotation_matrix(
+            memory["x"][Q]
+        )
+        pull = memory["weight"] @ pulls
+        spread = (memory["weight"] * (pulls - pull).T) @ (pulls - pull)
+        reach = self.model.unit.length
+        doubt = torque_doubt(spread, self._cross, reach=reach)
+        return next_shift(memory, torque - self._cross @ pull, pull, doubt, self._pace, reach=reach)
 
     def pull(self, memory: Memory) -> np.ndarray:
         """Return the pull of the tether on the vehicle at the last sample, mean of all members, in W (3,) [N]."""

@@ -7,6 +7,8 @@ likelihood where the size of the noise is not known. So a rest that moves is fol
 The step is at the pace of the paper's vehicle: that of another is divided by the ratio of their units of time.
 """
 
+from functools import lru_cache
+
 import numpy as np
 
 from np_drake.residual_models.base import Memory
@@ -16,11 +18,14 @@ LONGEST_MEAN = (
 )
 
 
+@lru_cache(maxsize=16)
 def gains_of(step: float) -> np.ndarray:
-    """Return the gains of the filters: 1, 1/2, 1/4, … down to the mean over `LONGEST_MEAN`, (g, 1) [1]."""
+    """Return the gains of the filters: 1, 1/2, 1/4, … down to the mean over `LONGEST_MEAN`, (g, 1) read-only [1]."""
     least = min(step / LONGEST_MEAN, 1.0)
     count = 1 + int(np.ceil(-np.log2(least)))
-    return np.geomspace(1.0, least, count)[:, None]
+    gains = np.geomspace(1.0, least, count)[:, None]
+    gains.flags.writeable = False
+    return gains
 
 
 def initial_level(step: float) -> Memory:
@@ -57,10 +62,10 @@ def followed(memory: Memory, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the weights of the filters (g, 3) [1], and the mean square of their one-step errors (3,) [N²·m²]."""
     errors = memory["errors"]
     effective = min(max(float(memory["torques"][0] - 1), 0.0), LONGEST_MEAN / step)
-    excess = np.log(np.maximum(errors, 1e-300)) - np.log(np.maximum(errors.min(axis=0), 1e-300))
-    weight = np.exp(-0.5 * effective * excess)
+    size = np.log(np.maximum(errors, 1e-300))
+    weight = np.exp(-0.5 * effective * (size - size.min(axis=0)))
     weight = weight / weight.sum(axis=0)
-    return weight, np.sum(weight * errors, axis=0)
+    return weight, (weight * errors).sum(axis=0)
 
 
 def level(memory: Memory, step: float) -> np.ndarray:

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from np_drake import attitude
 from np_drake.residual_models import hook_shift
-from np_drake.residual_models.hook_shift import initial_shift, next_shift
+from np_drake.residual_models.hook_shift import initial_shift, next_shift, torque_doubt
 
 STEP, NOISE = 0.02, 0.004  # [s], of the torque [N·m]
 SHIFT, LEVEL = np.array([0.01, -0.02, 0.015]), np.array([0.02, -0.01, 0.03])  # [m], [N·m]
@@ -15,7 +16,7 @@ def run(pull, level, *, shift=SHIFT, noise=NOISE, seed=0):
     error = noise * np.random.default_rng(seed).standard_normal(pull.shape)
     memory = initial_shift(STEP)
     for force, torque in zip(pull, np.cross(shift, pull) + level + error, strict=True):
-        memory = next_shift(memory, torque, force, STEP)
+        memory = next_shift(memory, torque, force, np.zeros(3), STEP)
     return memory
 
 
@@ -65,3 +66,19 @@ def test_the_least_noise_is_below_that_of_any_flight(monkeypatch):
     expected = run(swinging(), LEVEL, noise=1e-4)
     monkeypatch.setattr(hook_shift, "FINEST", 0.0)
     np.testing.assert_array_equal(run(swinging(), LEVEL, noise=1e-4)["gram"], expected["gram"])
+
+
+def test_the_doubt_is_the_variance_of_the_torque_about_an_uncertain_hook():
+    generator = np.random.default_rng(3)
+    root, hook = generator.standard_normal((3, 3)), np.array([0.01, -0.03, 0.02])
+    error = generator.standard_normal((200000, 3)) @ root.T
+    off = hook + hook_shift.DEVIATION * generator.standard_normal((200000, 3))
+    found = torque_doubt(root @ root.T, attitude.skew(hook))
+    np.testing.assert_allclose(found, np.cross(off, error).var(axis=0), rtol=0.02)
+
+
+def test_a_pull_of_which_nothing_is_known_shows_no_shift():
+    memory, level = initial_shift(STEP), LEVEL + np.zeros(3)
+    for force in swinging():
+        memory = next_shift(memory, np.cross(SHIFT, force) + level, force, np.full(3, 1e6), STEP)
+    assert np.abs(memory["shift"]).max() < 1e-6  # [m]

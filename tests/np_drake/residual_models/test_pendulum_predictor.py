@@ -12,6 +12,7 @@ from np_drake import attitude
 from np_drake.labels import ReadsLabels
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Plan, ReadsPlan, Sample
+from np_drake.residual_models.pendulum_bank import carries
 from np_drake.residual_models.pendulum_model import PendulumModel
 from np_drake.residual_models.pendulum_predictor import PendulumPredictor, linear_pendulum
 
@@ -50,6 +51,16 @@ def test_a_hanging_payload_pulls_with_its_weight_over_the_horizon(model, flown):
     forecast = predictor.forecast(run(predictor, flown(seconds=4.0).samples), **SPAN)
     force = forecast.rollout(np.zeros((20, 6)))[:, :3]
     np.testing.assert_allclose(force, np.tile([0.0, 0.0, -0.26 * G], (20, 1)), atol=0.06)  # label noise [N]
+
+
+def test_a_vehicle_that_carries_nothing_is_believed_to_carry_nothing_however_long_it_flies(model, flown):
+    predictor = PendulumPredictor(model())
+    flight = flown(mass=0.0, seconds=30.0, radius=1.25, speed=2.5, noise=0.1)
+    memory = run(predictor, flight.samples[:150])
+    for sample in flight.samples[150:]:
+        memory = predictor.update(memory, sample)
+        assert memory["weight"][~carries(len(memory["weight"]))].sum() > 0.9
+        assert memory["weight"] @ memory["mean"][:, kernel.MASS] < 0.002  # share of the vehicle's mass [1]
 
 
 def test_without_payload_there_is_no_pull_after_three_seconds(model, flown):
