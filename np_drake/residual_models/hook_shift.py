@@ -49,9 +49,9 @@ def next_shift(
 ) -> Memory:
     """Return the memory after one more rest of the torque (3,) [N·m] and pull in B (3,) [N].
 
-    Args: doubt: variance of the torque of the pull about the trained hook, and of that about a hook a deviation off it,
-    as `torque_doubt`, (3,) [N²·m²].   step: between samples, at the pace of the paper's vehicle [s].   reach: unit of length over that of the
-    paper's vehicle [1].
+    Args: doubt: variance of the rest because the pull is not known well, as of `torque_doubt`, (3,) [N²·m²].
+    step: between samples, at the pace of the paper's vehicle [s].   reach: unit of length over that of the paper's
+    vehicle [1].
     """
     column = attitude.skew(pull).T  # of shift x pull over the shift
     deviation = reach * DEVIATION
