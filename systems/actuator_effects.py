@@ -1,7 +1,7 @@
 """Actuator wrapper: effects between commanded and actual rotor thrust."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydrake.common.value import Value
@@ -9,6 +9,9 @@ from pydrake.systems.framework import BasicVector, LeafSystem, ValueProducer
 
 from np_drake.effects.base import ActuatorEffect
 from np_drake.vehicle import Vehicle
+
+Span = tuple[float, float]  # begin and end [s]
+ALWAYS: Mapping[ActuatorEffect, Span] = {}
 
 
 class ActuatorEffects(LeafSystem):
@@ -37,13 +40,22 @@ class ActuatorEffects(LeafSystem):
     last effect that turns the rotors and has four states is rotor speed.
     """
 
-    def __init__(self, vehicle: Vehicle, effects: Sequence[ActuatorEffect], hover_thrust: np.ndarray):
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        effects: Sequence[ActuatorEffect],
+        hover_thrust: np.ndarray,
+        *,
+        spans: Mapping[ActuatorEffect, Span] = ALWAYS,
+    ):
         """Declare ports and state.
 
         Args: effects: first to last.   hover_thrust: (4,) command at which the states start at rest [N].
+        spans: begin and end of effects that do not act all the time [s]; an idle one hands the thrust on, and its state
+        follows.
         """
         super().__init__()
-        self._vehicle, self._effects = vehicle, list(effects)
+        self._vehicle, self._effects, self._spans = vehicle, list(effects), spans
         ends = np.cumsum([0] + [e.state_size for e in effects])
         self._slices = [slice(a, b) for a, b in itertools.pairwise(ends)]
         self._command_port = self.DeclareVectorInputPort("command", 4)
@@ -61,8 +73,15 @@ class ActuatorEffects(LeafSystem):
         states, passed = [], np.asarray(thrust, float)
         for effect in self._effects:
             states.append(effect.state_at(self._vehicle, passed))
-            passed = effect.thrust(self._vehicle, states[-1], passed)
+            passed = self._through(effect, states[-1], passed, 0.0)
         return np.concatenate(states) if states else np.zeros(0)
+
+    def _acts(self, effect: ActuatorEffect, t: float) -> bool:
+        begin, end = self._spans.get(effect, (-np.inf, np.inf))
+        return begin <= t < end
+
+    def _through(self, effect: ActuatorEffect, state: np.ndarray, thrust: np.ndarray, t: float) -> np.ndarray:
+        return effect.thrust(self._vehicle, state, thrust, t) if self._acts(effect, t) else thrust
 
     def rest_at(self, context, thrust: np.ndarray) -> None:
         """Set the state at which a constant command `thrust` (4,) [N] rests; `context` is the system's own."""
@@ -74,7 +93,7 @@ class ActuatorEffects(LeafSystem):
         commands, thrust, t = [], self._command_port.Eval(context), context.get_time()
         for effect, where in zip(self._effects, self._slices, strict=True):
             commands.append(thrust)
-            thrust = effect.thrust(self._vehicle, state[where], thrust, t)
+            thrust = self._through(effect, state[where], thrust, t)
         value.set_value((state, commands, thrust))
 
     def DoCalcTimeDerivatives(self, context, derivatives) -> None:
@@ -96,13 +115,13 @@ class ActuatorEffects(LeafSystem):
         thrust = self._command_port.Eval(context)
         for effect, where in zip(self._effects, self._slices, strict=True):
             if effect.turns_rotor:
-                thrust = effect.thrust(self._vehicle, state[where], thrust, context.get_time())
+                thrust = self._through(effect, state[where], thrust, context.get_time())
         output.SetFromVector(thrust)
 
     def _calc_rotor_rate(self, context, output) -> None:
         state, commands, _ = self._chain.Eval(context)
         rate = np.zeros(4)
         for effect, where, command in zip(self._effects, self._slices, commands, strict=True):
-            if effect.turns_rotor and effect.state_size == 4:
+            if effect.turns_rotor and effect.state_size == 4 and self._acts(effect, context.get_time()):
                 rate = effect.state_rate(self._vehicle, state[where], command)
         output.SetFromVector(rate)

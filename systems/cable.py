@@ -26,22 +26,29 @@ class Cable(LeafSystem):
     | generalized_force | 12 | [moment about Bo, force on B, moment, force on P], all in W | N·m, N |
     | tether_wrench | 6 | chi order: [force on B in W, moment about Bo in B] | N, N·m |
 
-    Parameter: 1 while the cable is whole, 0 once it is cut (`cut`).
+    Parameter: 1 while the cable holds, 0 before it is tied (`tie`) and once it is cut (`cut`).
     """
 
-    def __init__(self, *, length: float, hook, stiffness: float = 2.0e4, damping: float = 40.0):
+    def __init__(
+        self, *, length: float, hook, stiffness: float = 2.0e4, damping: float = 40.0, tied: bool = True
+    ):
         """Declare ports and parameter.
 
         Args: length: L [m].   hook: (3,) p_BoTo_B [m].   stiffness: k [N/m].   damping: c [N·s/m].
+        tied: at the start.
         """
         super().__init__()
         self._length, self._hook = float(length), tuple(float(h) for h in hook)
         self._stiffness, self._damping = float(stiffness), float(damping)
         self._state_port = self.DeclareVectorInputPort("plant_state", 26)
-        self.DeclareNumericParameter(BasicVector([1.0]))
+        self.DeclareNumericParameter(BasicVector([float(tied)]))
         prerequisites = {self._state_port.ticket(), self.all_parameters_ticket()}
         self.DeclareVectorOutputPort("generalized_force", 12, self._calc_force, prerequisites)
         self.DeclareVectorOutputPort("tether_wrench", 6, self._calc_wrench, prerequisites)
+
+    def tie(self, context) -> None:
+        """Tie the payload on, between two AdvanceTo; `context` is the cable's own."""
+        context.get_mutable_numeric_parameter(0).SetAtIndex(0, 1.0)
 
     def cut(self, context) -> None:
         """Cut the cable for good, between two AdvanceTo; `context` is the cable's own."""

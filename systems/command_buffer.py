@@ -33,8 +33,13 @@ class CommandBuffer(LeafSystem):
     Discrete state: the readings, oldest first. Event: every `period` from `offset` on.
     """
 
-    def __init__(self, resting: np.ndarray, *, dead_time: float, period: float):
+    def __init__(self, resting: np.ndarray, *, dead_time: float, period: float, onset: float = -math.inf):
+        """Declare ports and state.
+
+        Args: resting: (n,).   dead_time, period: [s].   onset: before which commands pass at once [s].
+        """
         super().__init__()
+        self._onset = onset
         if not dead_time >= SOONEST or not period > 2 * SOONEST:
             raise ValueError(
                 f"CommandBuffer: dead_time must be at least {SOONEST:g} and period above {2 * SOONEST:g} [s]; "
@@ -45,10 +50,14 @@ class CommandBuffer(LeafSystem):
         offset = min(max(dead_time - periods * period, SOONEST), period - SOONEST) + _OFF_GRID
         self._command_port = self.DeclareVectorInputPort("command", self._size)
         state = self.DeclareDiscreteState(BasicVector(np.tile(resting, periods + 1)))
-        self.DeclareVectorOutputPort(
-            "delayed", self._size, self._calc_delayed, {self.discrete_state_ticket(state)}
-        )
+        self.DeclareVectorOutputPort("delayed", self._size, self._calc_delayed, self._prerequisites(state))
         self.DeclarePeriodicDiscreteUpdateEvent(period, offset, self._update_readings)
+
+    def _prerequisites(self, state) -> set:
+        stored = {self.discrete_state_ticket(state)}
+        if self._onset == -math.inf:
+            return stored
+        return {*stored, self.time_ticket(), self._command_port.ticket()}
 
     def _update_readings(self, context, discrete_state) -> None:
         readings = context.get_discrete_state(0).value()
@@ -56,4 +65,7 @@ class CommandBuffer(LeafSystem):
         discrete_state.set_value(0, np.concatenate([readings[self._size :], command]))
 
     def _calc_delayed(self, context, output) -> None:
+        if context.get_time() < self._onset:
+            output.SetFromVector(self._command_port.Eval(context))
+            return
         output.SetFromVector(context.get_discrete_state(0).value()[: self._size])

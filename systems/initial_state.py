@@ -7,7 +7,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import SpatialInertia, UnitInertia
 from pydrake.systems.framework import Context
 
+from np_drake.effects.base import MassProperties
 from np_drake.references.formation import payload_drop
+from systems.mass_properties import spatial_inertia
 from systems.tethered_quadrotor import PayloadConfig
 
 
@@ -53,6 +55,28 @@ def apply_impulse(plant: MultibodyPlant, context: Context, impulse) -> None:
     plant.SetFreeBodySpatialVelocity(
         context=context, body=P, V_JpJc=SpatialVelocity(V.rotational(), V.translational() + dv)
     )
+
+
+def hang_payload(plant: MultibodyPlant, context: Context, payload: PayloadConfig) -> None:
+    """Put the payload vertically under the hook, at the tether's length, moving with the hook.
+
+    Args: context: the plant's own.
+    """
+    B, P = plant.GetBodyByName("quadrotor"), plant.GetBodyByName("payload")
+    X, V = plant.EvalBodyPoseInWorld(context, B), plant.EvalBodySpatialVelocityInWorld(context, B)
+    hook = X.rotation() @ np.asarray(payload.hook, float)
+    below = X.translation() + hook - [0.0, 0.0, payload.length]
+    plant.SetFreeBodyPose(context, P, RigidTransform(below))
+    velocity = V.translational() + np.cross(V.rotational(), hook)
+    plant.SetFreeBodySpatialVelocity(context=context, body=P, V_JpJc=SpatialVelocity(np.zeros(3), velocity))
+
+
+def set_vehicle_mass(plant: MultibodyPlant, context: Context, properties: MassProperties) -> None:
+    """Replace mass, centre of mass and inertia of the quadrotor in flight, between two AdvanceTo.
+
+    Args: context: the plant's own.
+    """
+    plant.GetBodyByName("quadrotor").SetSpatialInertiaInBodyFrame(context, spatial_inertia(properties))
 
 
 def set_payload_mass(plant: MultibodyPlant, context: Context, payload: PayloadConfig, mass: float) -> None:

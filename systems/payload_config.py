@@ -51,3 +51,13 @@ def payload_config(effect: SuspendedPayload | None, *, tether: str = "cable") ->
         return PayloadConfig(tether="none")
     hook = [effect.hook_x, effect.hook_y, effect.hook_z]
     return PayloadConfig(tether, effect.mass, effect.length, hook, air_damping=effect.damping).check()
+
+
+def as_light(payload: PayloadConfig) -> PayloadConfig:
+    """Return the payload with stiffness and damping of its cable reduced for a mass below the default.
+
+    A light payload on the usual cable would need tiny steps.
+    Source: own choice: stiffness and damping over mass stay, and with them the stretch under its weight.
+    """
+    share = min(payload.mass / PayloadConfig.mass, 1.0)
+    return dc.replace(payload, stiffness=share * payload.stiffness, damping=share * payload.damping)

@@ -10,9 +10,10 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import MatrixGain, Saturation
 
 from np_drake.effects.base import ActuatorEffect
+from np_drake.effects.combine import NO_ONSETS, Onsets
 from np_drake.effects.motor_lag import MotorLag
 from np_drake.vehicle import Vehicle
-from systems.actuator_effects import ActuatorEffects
+from systems.actuator_effects import ActuatorEffects, Span
 from systems.command_buffer import SOONEST, CommandBuffer
 
 
@@ -35,14 +36,15 @@ def add_rotors(
     *,
     hover_thrust: np.ndarray,
     command_period: float,
+    onsets: Onsets = NO_ONSETS,
 ) -> RotorPorts:
     """Add mixer, saturation, dead time, actuator effects and propellers on the plant's body `quadrotor`.
 
     Exports the input `u`.   Args: hover_thrust: (4,) at which delayed commands and lagging rotors start [N].
-    command_period: see `CommandBuffer` [s].
+    command_period: see `CommandBuffer` [s].   onsets: of effects that begin in flight [s].
     """
     ports = add_rotor_chain(
-        builder, vehicle, effects, hover_thrust=hover_thrust, command_period=command_period
+        builder, vehicle, effects, hover_thrust=hover_thrust, command_period=command_period, onsets=onsets
     )
     propellers = add_propellers(builder, plant, vehicle, ports.thrust, body="quadrotor")
     builder.Connect(plant.get_body_poses_output_port(), propellers.get_body_poses_input_port())
@@ -57,6 +59,7 @@ def add_rotor_chain(
     *,
     hover_thrust: np.ndarray,
     command_period: float,
+    onsets: Onsets = NO_ONSETS,
 ) -> RotorPorts:
     """Add what lies between the command `u`, which is exported, and rotor thrust.
 
@@ -69,31 +72,49 @@ def add_rotor_chain(
     builder.ExportInput(mixer.get_input_port(), "u")
     builder.Connect(mixer.get_output_port(), limit.get_input_port())
     command = limit.get_output_port()
-    chain = _with_nominal_lag(vehicle, effects)
-    dead_time = sum(effect.dead_time for effect in chain)
-    if dead_time >= SOONEST:
-        buffer = CommandBuffer(hover_thrust, dead_time=dead_time, period=command_period)
-        builder.AddNamedSystem("command_buffer", buffer)
+    chain, spans = _with_nominal_lag(vehicle, effects, onsets)
+    for onset, dead_time in _dead_times(chain, onsets):
+        buffer = CommandBuffer(hover_thrust, dead_time=dead_time, period=command_period, onset=onset)
+        name = "command_buffer" if onset == -np.inf else f"command_buffer_from_{onset:g}"
+        builder.AddNamedSystem(name, buffer)
         builder.Connect(command, buffer.get_input_port())
         command = buffer.get_output_port()
     ports = RotorPorts(command, command, None)
     if chain:
-        actuators = builder.AddNamedSystem("actuators", ActuatorEffects(vehicle, chain, hover_thrust))
+        system = ActuatorEffects(vehicle, chain, hover_thrust, spans=spans)
+        actuators = builder.AddNamedSystem("actuators", system)
         builder.Connect(command, actuators.get_input_port())
         names = ("thrust", "nominal_thrust", "rotor_rate")
         ports = RotorPorts(*(actuators.GetOutputPort(name) for name in names))
     return ports
 
 
-def _with_nominal_lag(vehicle: Vehicle, effects: Sequence[ActuatorEffect]) -> list[ActuatorEffect]:
-    """Return the effects that do something, after the vehicle file's nominal lag.
+def _with_nominal_lag(
+    vehicle: Vehicle, effects: Sequence[ActuatorEffect], onsets: Onsets
+) -> tuple[list[ActuatorEffect], dict[ActuatorEffect, Span]]:
+    """Return the effects that do something, after the vehicle file's nominal lag, and when those act that do at times.
 
-    The nominal lag is left out where the effects have a lag of their own.
+    The nominal lag acts until the effects have a lag of their own.
     """
     chain = [e for e in effects if not getattr(e, "parameters", ()) or e != type(e).neutral()]
-    if vehicle.rotor_time_constant > 0 and not any(isinstance(effect, MotorLag) for effect in effects):
-        chain.insert(0, MotorLag(vehicle.rotor_time_constant))
-    return chain
+    spans: dict[ActuatorEffect, Span] = {e: (onsets[e], np.inf) for e in chain if e in onsets}
+    own = min((onsets.get(e, -np.inf) for e in effects if isinstance(e, MotorLag)), default=np.inf)
+    nominal = MotorLag(vehicle.rotor_time_constant)
+    if nominal in chain:  # it goes on as it was
+        spans.pop(nominal, None)
+    elif vehicle.rotor_time_constant > 0 and own > 0:
+        chain.insert(0, nominal)
+        spans |= {nominal: (-np.inf, own)} if own < np.inf else {}
+    return chain, spans
+
+
+def _dead_times(chain: Sequence[ActuatorEffect], onsets: Onsets) -> list[tuple[float, float]]:
+    """Return (onset, dead time) [s] of the delays of the commands, those of one onset in a sum."""
+    total: dict[float, float] = {}
+    for effect in chain:
+        onset = onsets.get(effect, -np.inf)
+        total[onset] = total.get(onset, 0.0) + effect.dead_time
+    return [(onset, dead_time) for onset, dead_time in sorted(total.items()) if dead_time >= SOONEST]
 
 
 def add_propellers(

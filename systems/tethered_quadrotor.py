@@ -10,7 +10,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Adder
 
 from np_drake.effects.base import ActuatorEffect, MassEffect, WrenchEffect
-from np_drake.effects.combine import mass_properties
+from np_drake.effects.combine import NO_ONSETS, Onsets, mass_properties
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
 from systems.cable import Cable
@@ -54,11 +54,14 @@ def make_tethered_quadrotor(
     actuator_effects: Sequence[ActuatorEffect] = (),
     mass_effects: Sequence[MassEffect] = (),
     command_period: float = 0.001,
+    onsets: Onsets = NO_ONSETS,
+    tied: bool = True,
 ) -> Diagram:
     """Return the real vehicle as one Diagram, hovering at rest at the world origin by default.
 
     Args: command_period: `u` changes at multiples of it; matters to delayed commands alone, and the longer the faster
-    (`CommandBuffer`) [s].
+    (`CommandBuffer`) [s].   onsets: when wrench and actuator effects begin that do not act from the start [s]; other
+    changes in flight are events (`systems.initial_state`).   tied: whether a payload on a cable hangs from the start.
 
     | port | size | meaning | unit |
     |---|---|---|---|
@@ -84,7 +87,7 @@ def make_tethered_quadrotor(
     state = builder.AddNamedSystem("state", VehicleState(plant))
     builder.Connect(plant.get_state_output_port(), state.get_input_port())
     carried = mass_properties(vehicle, mass_effects).mass
-    carried += payload.mass if payload.tether != "none" else 0.0
+    carried += payload.mass if payload.tether != "none" and tied else 0.0
     rotors = add_rotors(
         builder,
         plant,
@@ -92,11 +95,12 @@ def make_tethered_quadrotor(
         actuator_effects,
         hover_thrust=np.full(4, carried * vehicle.gravity / 4),
         command_period=command_period,
+        onsets=onsets,
     )
     forces = []
     if wrench_effects:
         effects = builder.AddNamedSystem(
-            "wrench_effects", WrenchEffects(vehicle, wrench_effects, plant.num_velocities())
+            "wrench_effects", WrenchEffects(vehicle, wrench_effects, plant.num_velocities(), onsets=onsets)
         )
         builder.Connect(state.get_output_port(), effects.GetInputPort("x"))
         builder.Connect(rotors.thrust, effects.GetInputPort("rotor_thrust"))
@@ -108,7 +112,11 @@ def make_tethered_quadrotor(
         cable = builder.AddNamedSystem(
             "cable",
             Cable(
-                length=payload.length, hook=payload.hook, stiffness=payload.stiffness, damping=payload.damping
+                length=payload.length,
+                hook=payload.hook,
+                stiffness=payload.stiffness,
+                damping=payload.damping,
+                tied=tied,
             ),
         )
         builder.Connect(plant.get_state_output_port(), cable.get_input_port())

@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.systems.framework import LeafSystem
 
 from np_drake.effects.base import Motion, WrenchEffect
-from np_drake.effects.combine import total_wrench
+from np_drake.effects.combine import NO_ONSETS, Onsets, acting, total_wrench
 from np_drake.vehicle import Vehicle
 
 
@@ -34,13 +34,20 @@ class WrenchEffects(LeafSystem):
     | chi | 6 | [force in W, torque in B] | N, N·m |
     """
 
-    def __init__(self, vehicle: Vehicle, effects: Sequence[WrenchEffect], num_velocities: int):
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        effects: Sequence[WrenchEffect],
+        num_velocities: int,
+        *,
+        onsets: Onsets = NO_ONSETS,
+    ):
         """Declare ports.
 
-        Args: num_velocities: nv of the plant [1].
+        Args: num_velocities: nv of the plant [1].   onsets: of effects that begin in flight [s].
         """
         super().__init__()
-        self._vehicle, self._effects = vehicle, list(effects)
+        self._vehicle, self._effects, self._onsets = vehicle, list(effects), onsets
         self._force = np.zeros(num_velocities)  # workspace; only the first six entries are ever written
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
@@ -57,10 +64,13 @@ class WrenchEffects(LeafSystem):
 
     def _calc_force(self, context, output) -> None:
         motion = self._motion(context)
-        chi = total_wrench(self._vehicle, self._effects, motion)
+        chi = self._total(motion)
         self._force[:3] = (motion.R_WB @ chi[3:, None])[:, 0]
         self._force[3:6] = chi[:3]
         output.SetFromVector(self._force)
 
     def _calc_chi(self, context, output) -> None:
-        output.SetFromVector(total_wrench(self._vehicle, self._effects, self._motion(context)))
+        output.SetFromVector(self._total(self._motion(context)))
+
+    def _total(self, motion: Motion) -> np.ndarray:
+        return total_wrench(self._vehicle, acting(self._effects, self._onsets, float(motion.t)), motion)

@@ -54,7 +54,7 @@ def fly(
     if predictor is not None:
         config.controller.predictor = str(predictor)
     if told_mass:
-        config.controller.extra_mass = config.reality.payload.mass
+        config.controller.extra_mass = config.reality.hung.mass
     if duration is not None:
         config.duration = duration
     config.check()

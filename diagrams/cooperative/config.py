@@ -10,7 +10,8 @@ import numpy as np
 from pydrake.systems.analysis import SimulatorConfig
 
 from diagrams.loop.controllers import ControllerConfig
-from diagrams.loop.flight import ARENA, RealityConfig, hook_mobility
+from diagrams.loop.flight import ARENA, hook_mobility
+from diagrams.loop.reality import RealityConfig
 from np_drake.references.formation import payload_drop, polygon
 from np_drake.residual_models.failing import FAULTS
 from np_drake.vehicle import Vehicle
@@ -80,7 +81,7 @@ class CooperativeConfig:
 
     def _check_physics(self) -> None:
         share = self.vehicle.mass + self.reality.payload.mass / self.vehicles
-        lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.end)
+        lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.vehicle, self.end)
         if share * self.vehicle.gravity > 0.9 * lift:
             raise ValueError(
                 f"cooperative: {share} kg a vehicle are more than the rotors can carry ({lift:.0f} N)."

@@ -9,19 +9,19 @@ import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 
 from np_drake import attitude
-from np_drake.effects.base import ActuatorEffect, Effect, WrenchEffect
+from np_drake.effects.base import Effect, WrenchEffect
 from np_drake.effects.combine import split_effects
 from np_drake.effects.command_delay import CommandDelay
 from np_drake.effects.gusty_wind import GustyWind
+from np_drake.effects.motor_lag import at_once
 from np_drake.effects.pendulum import tether_force
 from np_drake.rigid_body import P, Q, V, W
 from np_drake.vehicle import Vehicle
-from systems.payload_config import PayloadConfig, payload_config
+from systems.payload_config import PayloadConfig, as_light, payload_config
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
 LARGEST_STEP = 0.01  # of the integrator [s]: 1e-6 m after 1 s at 1.6 rad/s, 2 mm at 10 rad/s
 _LAGS = 6  # time constants after which a motor's initial speed no longer matters; own choice [1]
-_AT_ONCE = 3e-4  # a motor faster than this has no lag; own choice [s]
 
 
 @dc.dataclass(frozen=True)
@@ -67,10 +67,10 @@ class Rollout:
         parts = split_effects(effects)
         hung = parts.payload if parts.payload is not None and parts.payload.mass > 0 else None
         self._payload = hung.payload if hung else None
-        config = _as_light(payload_config(hung))
+        config = as_light(payload_config(hung))
         self._stiffness = config.stiffness
         self._dead_time = sum(e.delay for e in parts.actuator if isinstance(e, CommandDelay))  # [s]
-        actuators = [effect for effect in parts.actuator if _acts(effect)]
+        actuators = [e for e in parts.actuator if not isinstance(e, CommandDelay) and not at_once(e)]
         self._diagram = make_tethered_quadrotor(
             vehicle,
             config,
@@ -134,27 +134,9 @@ class Rollout:
         self._plant.SetPositionsAndVelocities(self._plant_context, np.concatenate([*positions, *velocities]))
 
 
-def _acts(effect: ActuatorEffect) -> bool:
-    """Return whether the effect acts in the diagram.
-
-    A motor of negligible time constant would only make the integrator stiff; delay is in the commands.
-    """
-    return not isinstance(effect, CommandDelay) and getattr(effect, "time_constant", np.inf) > _AT_ONCE
-
-
 def _steady(effect: WrenchEffect) -> WrenchEffect:
     """Return the mean wind for a gusty wind, since the flight's gusts are unknown, and any other effect as it is."""
     return dc.replace(effect, deviation=0.0) if isinstance(effect, GustyWind) else effect
-
-
-def _as_light(payload: PayloadConfig) -> PayloadConfig:
-    """Return the payload with stiffness and damping of its cable reduced for a mass below the default.
-
-    A light payload on the usual cable would need tiny steps.
-    Source: own choice: stiffness and damping over mass stay, and with them the stretch under its weight.
-    """
-    share = min(payload.mass / PayloadConfig.mass, 1.0)
-    return dc.replace(payload, stiffness=share * payload.stiffness, damping=share * payload.damping)
 
 
 def _integrator(vehicle: Vehicle, payload: PayloadConfig, lags: Sequence[float]) -> SimulatorConfig:

@@ -1,10 +1,24 @@
-"""Events of `simulate` that change the payload of the real plant in flight."""
+"""Events of `simulate` that change the real plant in flight."""
+
+import dataclasses as dc
+from collections.abc import Callable
 
 from pydrake.systems.framework import Context, Diagram
 
-from diagrams.loop.flight import Event
-from systems.initial_state import apply_impulse, set_payload_mass
+from diagrams.loop.reality import RealityConfig
+from np_drake.effects.base import MassProperties
+from np_drake.effects.combine import mass_properties
+from np_drake.vehicle import Vehicle
+from systems.initial_state import apply_impulse, hang_payload, set_payload_mass, set_vehicle_mass
 from systems.payload_config import PayloadConfig
+
+
+@dc.dataclass(frozen=True)
+class Event:
+    """Instantaneous change of the real vehicle in flight: `apply(real_vehicle, root_context)`."""
+
+    time: float  # [s]
+    apply: Callable[[Diagram, Context], None]
 
 
 def push(time: float, impulse: list[float]) -> Event:
@@ -35,3 +49,39 @@ def release(time: float) -> Event:
         cable.cut(cable.GetMyMutableContextFromRoot(root))
 
     return Event(time, apply)
+
+
+def hang(time: float, payload: PayloadConfig) -> Event:
+    """Return a payload that is hung under the vehicle at `time` [s]; it has fallen freely until then."""
+
+    def apply(vehicle: Diagram, root: Context) -> None:
+        plant, cable = vehicle.GetSubsystemByName("plant"), vehicle.GetSubsystemByName("cable")
+        hang_payload(plant, plant.GetMyMutableContextFromRoot(root), payload)
+        cable.tie(cable.GetMyMutableContextFromRoot(root))
+
+    return Event(time, apply)
+
+
+def weigh(time: float, properties: MassProperties) -> Event:
+    """Return a change of the vehicle's mass properties at `time` [s]."""
+
+    def apply(vehicle: Diagram, root: Context) -> None:
+        plant = vehicle.GetSubsystemByName("plant")
+        set_vehicle_mass(plant, plant.GetMyMutableContextFromRoot(root), properties)
+
+    return Event(time, apply)
+
+
+def beginnings(vehicle: Vehicle, reality: RealityConfig, end: float) -> dict[float, list[Event]]:
+    """Return by time the changes of the plant that effects make which begin before `end` [s].
+
+    At other onsets nothing is changed: wrench and actuator effects know the time. The integrator then has a step end
+    there.
+    """
+    found: dict[float, list[Event]] = {t: [] for t in reality.onsets.values() if 0 < t < end}
+    for t, events in found.items():
+        if t == reality.hangs_at:
+            events.append(hang(t, reality.hung))
+        if t in {reality.onsets.get(effect) for effect in reality.mass_effects()}:
+            events.append(weigh(t, mass_properties(vehicle, reality.mass_effects(t))))
+    return found

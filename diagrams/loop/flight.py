@@ -1,8 +1,9 @@
 """Common parts of every tracking experiment: its configuration and its closed loop."""
 
+import copy
 import dataclasses as dc
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from pydrake.common import RandomGenerator
@@ -11,25 +12,20 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.loop.controllers import ControllerConfig, add_controller
+from diagrams.loop.events import Event, beginnings
+from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
 from np_drake.command_delay import LONGEST_DELAY
-from np_drake.effects.base import ActuatorEffect, MeasurementEffect, WrenchEffect
-from np_drake.effects.command_delay import CommandDelay
-from np_drake.effects.gusty_wind import GustyWind
-from np_drake.effects.linear_drag import LinearDrag
-from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.combine import mass_properties
 from np_drake.effects.pendulum import Payload
-from np_drake.effects.sensor_noise import SensorNoise
-from np_drake.effects.thrust_drift import ThrustDrift
-from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.references.config import ReferenceConfig, make_reference
 from np_drake.residual_models.oracle import TrueModel
-from np_drake.vehicle import MeasurementNoise, Vehicle
+from np_drake.vehicle import Vehicle
 from np_drake.yaml_file import Read, load_checked
 from systems.initial_state import set_hover
 from systems.recorder import Recorder, add_recorder
 from systems.sensor_rig import add_sensor_rig
-from systems.tethered_quadrotor import PayloadConfig, make_tethered_quadrotor
+from systems.tethered_quadrotor import make_tethered_quadrotor
 
 GROUND = 0.0  # height below which a vehicle counts as lost: the simulator has no ground, flights do [m]
 ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
@@ -42,75 +38,6 @@ class LostVehicle(FailedRun):
     """
 
     signals: dict[str, np.ndarray]
-
-
-@dc.dataclass(frozen=True)
-class Event:
-    """Instantaneous change of the real vehicle in flight: `apply(real_vehicle, root_context)`."""
-
-    time: float  # [s]
-    apply: Callable[[Diagram, Context], None]
-
-
-@dc.dataclass
-class RealityConfig:
-    """Differences of the real vehicle from the one that the controller assumes."""
-
-    payload: PayloadConfig = dc.field(default_factory=PayloadConfig)
-    rotor_drag: float = 0.25  # on each body axis; 0 for none [N·s/m]
-    motor_lag: float = 0.03  # time constant of the rotor speed; 0 for none [s]
-    command_delay: float = 0.0  # time from a command to its effect on the rotors, beyond their lag [s]
-    thrust_scale: float = 0.96  # real over nominal thrust at the start [1]
-    thrust_loss: float = 0.0  # share of the starting thrust that a falling battery takes each second [1/s]
-    noise: MeasurementNoise = dc.field(default_factory=lambda: MeasurementNoise(attitude=0.003))
-    wind: list[float] = dc.field(
-        default_factory=lambda: [0.0, 0.0, 0.0]
-    )  # mean, in W; the drag feels it [m/s]
-    gust: float = 0.0  # standard deviation of each axis of the wind, correlated over 1 s [m/s]
-    gust_seed: int = 0  # of the wind's gusts
-
-    def check(self) -> "RealityConfig":
-        """Return self after checking all values.
-
-        Raises: ValueError: on an impossible effect.
-        """
-        self.payload.check()
-        self.noise.check()
-        for name in ("rotor_drag", "motor_lag", "command_delay", "thrust_loss", "gust"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise ValueError(f"RealityConfig: {name} must not be negative; got {getattr(self, name)}.")
-        if not self.thrust_scale > 0:
-            raise ValueError(f"RealityConfig: thrust_scale must be positive; got {self.thrust_scale}.")
-        if np.shape(self.wind) != (3,) or not np.isfinite(self.wind).all():
-            raise ValueError(f"RealityConfig: wind must be three finite speeds [m/s]; got {self.wind}.")
-        if self.blows and not self.rotor_drag > 0:
-            raise ValueError("RealityConfig: wind acts through rotor_drag, which must then be positive.")
-        return self
-
-    @property
-    def blows(self) -> bool:
-        """Whether there is any wind."""
-        return bool(np.any(self.wind)) or self.gust > 0
-
-    def wrench_effects(self) -> list[WrenchEffect]:
-        """Return the effects that add a wrench to the body, or move the air."""
-        d = self.rotor_drag
-        effects: list[WrenchEffect] = [LinearDrag(d, d, d)] if d > 0 else []
-        if self.blows:
-            x, y, z = self.wind
-            effects.append(GustyWind(x, y, z, deviation=self.gust, seed=self.gust_seed))
-        return effects
-
-    def actuator_effects(self) -> list[ActuatorEffect]:
-        """Return the effects between command and thrust, in the order of action."""
-        effects: list[ActuatorEffect] = [CommandDelay(self.command_delay)] if self.command_delay > 0 else []
-        effects += [MotorLag(self.motor_lag)] if self.motor_lag > 0 else []
-        effects += [ThrustScale(self.thrust_scale)] if self.thrust_scale != 1.0 else []
-        return effects + ([ThrustDrift(1.0, -self.thrust_loss)] if self.thrust_loss > 0 else [])
-
-    def thrust_at(self, t: float) -> float:
-        """Return real over nominal thrust at time t [s] since the start [1]."""
-        return self.thrust_scale * (1.0 - self.thrust_loss * t)
 
 
 @dc.dataclass
@@ -143,14 +70,9 @@ class FlightConfig:
             )
         if not 0 < self.duration < np.inf:
             raise ValueError(f"FlightConfig: duration must be positive and finite [s]; got {self.duration}.")
-        if self.controller.kind == "oracle" and self.reality.payload.tether == "rod":
-            raise ValueError("FlightConfig: the oracle knows cable and no tether; got a rod.")
-        longest = LONGEST_DELAY * self.controller.period
-        if self.controller.kind == "oracle" and self.reality.command_delay > longest:
-            raise ValueError(
-                f"FlightConfig: the oracle knows delays up to {longest:g} s; got {self.reality.command_delay}."
-            )
-        lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.end)
+        if self.controller.kind == "oracle":
+            self._check_oracle()
+        lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.vehicle, self.end)
         if self.carried_mass * self.vehicle.gravity > 0.9 * lift:
             raise ValueError(
                 f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can carry ({lift:.3g} N). "
@@ -158,6 +80,20 @@ class FlightConfig:
             )
         self._check_simulator()
         return self
+
+    def _check_oracle(self) -> None:
+        reality, longest = self.reality, LONGEST_DELAY * self.controller.period
+        if reality.payload.tether == "rod":
+            raise ValueError("FlightConfig: the oracle knows cable and no tether; got a rod.")
+        if reality.dead_time > longest:
+            raise ValueError(
+                f"FlightConfig: the oracle knows delays up to {longest:g} s; got {reality.dead_time:g}."
+            )
+        if reality.mass_effects() or reality.hangs_at > 0:
+            raise ValueError(
+                "FlightConfig: the oracle knows no changed mass properties and no payload that is hung in flight; "
+                "fly another kind."
+            )
 
     def _check_simulator(self) -> None:
         scheme, step = self.simulator.integration_scheme, self.simulator.max_step_size
@@ -174,8 +110,9 @@ class FlightConfig:
     @property
     def carried_mass(self) -> float:
         """Mass of quadrotor and payload [kg]."""
-        payload = self.reality.payload
-        return self.vehicle.mass + (payload.mass if payload.tether != "none" else 0.0)
+        payload = self.reality.hung
+        own = mass_properties(self.vehicle, self.reality.mass_effects()).mass
+        return own + (payload.mass if payload.tether != "none" else 0.0)
 
     @property
     def largest_step(self) -> float:
@@ -184,22 +121,28 @@ class FlightConfig:
         The cable moves the payload against the quadrotor, which yields by its mass and, where the cable pulls across
         the hook's lever, by turning: 1 / reduced = 1 / m_P + 1 / m + |p_BoTo_B|² / J.
         """
-        payload, rates = self.reality.payload, [1e-3]
+        payload, rates = self.reality.hung, [1e-3]
         if payload.tether == "cable":
             reduced = 1 / (1 / payload.mass + hook_mobility(self.vehicle, payload.hook))
             rates += [np.sqrt(payload.stiffness / reduced), payload.damping / reduced]
-        rates += [1 / lag for lag in (self.reality.motor_lag, self.vehicle.rotor_time_constant) if lag > 0]
+        rates += [1 / lag for lag in (*self.reality.lags, self.vehicle.rotor_time_constant) if lag > 0]
         return float(1.7 / max(rates))
 
     def true_model(self) -> TrueModel:
         """Return the model of the real vehicle for the oracle."""
-        payload, believed = self.reality.payload, self.controller.believed(self.vehicle)
+        payload, believed = self.reality.hung, self.controller.believed(self.vehicle)
         hook = (payload.hook[0], payload.hook[1], payload.hook[2])
         bob = Payload(payload.mass, payload.length, hook, payload.air_damping)
         hung = None if payload.tether == "none" else bob
         actuators = [e for e in self.reality.actuator_effects() if e.dead_time == 0.0]
         wrenches = self.reality.wrench_effects()
-        return TrueModel(believed, hung, wrenches, actuators, self.reality.command_delay)
+        return TrueModel(believed, hung, wrenches, actuators, self.reality.dead_time, self.reality.onsets)
+
+    def stable(self) -> "FlightConfig":
+        """Return a copy whose fixed step of the simulator is within `largest_step`."""
+        simulator = copy.copy(self.simulator)
+        simulator.max_step_size = min(simulator.max_step_size, 0.95 * self.largest_step)
+        return dc.replace(self, simulator=simulator)
 
     @property
     def end(self) -> float:
@@ -241,8 +184,8 @@ def make_flight_diagram(config: FlightConfig) -> tuple[Diagram, Recorder]:
     builder = DiagramBuilder()
     period = config.controller.period
     vehicle = builder.AddSystem(make_real_vehicle(config.vehicle, config.reality, command_period=period))
-    noise: list[MeasurementEffect] = [SensorNoise(config.reality.noise)]
-    rig = add_sensor_rig(builder, vehicle, config.vehicle, noise, period=period)
+    sensors = config.reality.sensor_effects()
+    rig = add_sensor_rig(builder, vehicle, config.vehicle, sensors, period=period)
     ports = add_controller(
         builder,
         config.controller,
@@ -276,10 +219,13 @@ def make_real_vehicle(vehicle: Vehicle, reality: RealityConfig, *, command_perio
     """
     return make_tethered_quadrotor(
         vehicle,
-        reality.payload,
+        reality.hung,
         wrench_effects=reality.wrench_effects(),
         actuator_effects=reality.actuator_effects(),
+        mass_effects=reality.mass_effects(0.0),
         command_period=command_period,
+        onsets=reality.onsets,
+        tied=reality.hangs_at <= 0.0,
     )
 
 
@@ -288,7 +234,7 @@ def initialise(diagram: Diagram, context: Context, config: FlightConfig, seed: i
     diagram.SetRandomContext(context, RandomGenerator(seed))
     plant = diagram.GetSubsystemByName("tethered_quadrotor").GetSubsystemByName("plant")
     start = make_reference(config.reference).sample(np.zeros(1))[0, 0]
-    set_hover(plant, plant.GetMyMutableContextFromRoot(context), config.reality.payload, start)
+    set_hover(plant, plant.GetMyMutableContextFromRoot(context), config.reality.hung, start)
 
 
 def simulate(
@@ -315,13 +261,14 @@ def simulate(
         raise ValueError(
             f"{config.name}: events must have times of their own within the flight; got {[*due]} [s]."
         )
+    begun = beginnings(config.vehicle, config.reality, config.end)
 
     def lost(why: str) -> LostVehicle:
         error = LostVehicle(f"{config.name}: {why}")
         error.signals = recorder.read(diagram, context)
         return error
 
-    for t in sorted({*np.arange(1.0, config.end, 1.0).tolist(), *due, end}):
+    for t in sorted({*np.arange(1.0, config.end, 1.0).tolist(), *due, *begun, end}):
         try:
             simulator.AdvanceTo(t)
         except RuntimeError as error:
@@ -333,8 +280,8 @@ def simulate(
             raise lost(f"{config.controller.kind} flew into the ground before {t:.1f} s.")
         if not np.linalg.norm(p_WB - reference.sample(np.array([t]))[0, 0]) < tolerance:
             raise lost(f"{config.controller.kind} was off its reference at {t:.1f} s.")
-        if t in due:
-            due[t].apply(vehicle, context)
+        for event in [*begun.get(t, ()), *([due[t]] if t in due else [])]:
+            event.apply(vehicle, context)
         if monitor is not None:
             monitor(min(t, config.end))
     return recorder.read(diagram, context)

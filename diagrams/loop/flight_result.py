@@ -6,9 +6,11 @@ from functools import cached_property
 
 import numpy as np
 
-from diagrams.loop.flight import Event, FlightConfig, simulate
+from diagrams.loop.events import Event
+from diagrams.loop.flight import FlightConfig, simulate
 from np_drake import metrics, rigid_body
 from np_drake.actuator_timing import delayed
+from np_drake.logs.clock import shift_state
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.rotor_input import acting_command
 from np_drake.mpc.problem import MpcStatus
@@ -34,6 +36,11 @@ class FlightResult:
 
     def log(self) -> FlightLog:
         """Return what the vehicle itself recorded (docs/reference/flight-log.md)."""
+        log, shift = self._rows(), self.config.reality.clock_shift
+        return shift_state(log, shift) if shift else log
+
+    def _rows(self) -> FlightLog:
+        """Return the log by the clock of the commands."""
         s = self.signals
         x, a = s["x"], s["acceleration"]
         return FlightLog(
@@ -71,7 +78,7 @@ class FlightResult:
         s = self.signals
         x, a = s["x_true"], s["acceleration_true"]
         believed = self.config.controller.believed(self.config.vehicle)
-        u = acting_command(delayed(self.log(), self.delay), believed)
+        u = acting_command(delayed(self._rows(), self.delay), believed)
         return rigid_body.residual_wrench(believed, q=x[:, 3:7], w=x[:, 10:13], a=a[:, :3], al=a[:, 3:], u=u)
 
     @property

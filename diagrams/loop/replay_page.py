@@ -26,10 +26,10 @@ def write_replay(flight: FlightResult, path: str | Path) -> None:
     meshcat.SetCameraPose(middle + [1.2, -3.2, 1.4], middle)
     meshcat.SetLine("reference", s["p_ref"][flight.scored].T, 2.0, _BLUE)
     if flight.payload_position is not None:
-        radius = max(flight.config.reality.payload.radius, 0.04)
+        radius = max(flight.config.reality.hung.radius, 0.04)
         meshcat.SetObject("payload", Sphere(radius), _RED)
         # Animations cannot scale: the bar hangs from the payload side and shows slack as an overlap at the hook.
-        meshcat.SetObject("tether", Cylinder(0.006, flight.config.reality.payload.length), _GREY)
+        meshcat.SetObject("tether", Cylinder(0.006, flight.config.reality.hung.length), _GREY)
     meshcat.StartRecording(frames_per_second=_FRAME_RATE)
     stride = max(1, round(1 / _FRAME_RATE / flight.config.controller.period))
     for k in range(0, len(s["t"]), stride):
@@ -60,10 +60,10 @@ def _pose(meshcat: Meshcat, flight: FlightResult, k: int) -> None:
     if flight.payload_position is None:
         return
     p_WP = flight.payload_position[k]
-    p_WT = x[:3] + R_WB @ flight.config.reality.payload.hook
+    p_WT = x[:3] + R_WB @ flight.config.reality.hung.hook
     span = p_WT - p_WP
     direction = span / np.linalg.norm(span)
     R = RotationMatrix.MakeFromOneVector(direction, 2)
-    middle = p_WP + 0.5 * flight.config.reality.payload.length * direction
+    middle = p_WP + 0.5 * flight.config.reality.hung.length * direction
     meshcat.SetTransform("payload", RigidTransform(p_WP), t)
     meshcat.SetTransform("tether", RigidTransform(R, middle), t)

@@ -7,8 +7,8 @@ import numpy as np
 from scipy import signal
 
 from diagrams.batch.processes import in_order
-from diagrams.loop.events import attach, push, release
-from diagrams.loop.flight import Event, FlightConfig
+from diagrams.loop.events import Event, attach, push, release
+from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.payload.hover_swing import TRAINING
 from diagrams.tracking.tracking import Row, configure

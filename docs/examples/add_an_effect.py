@@ -9,8 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from diagrams.loop.flight import FlightConfig, RealityConfig
+from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
+from diagrams.loop.reality import RealityConfig
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.base import Parameter, WrenchEffect
 from np_drake.effects.library import register

@@ -1,13 +1,14 @@
 """Several effects at once: sorted by where they act, and summed."""
 
 import dataclasses as dc
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 
 from np_drake.effects.base import (
     ActuatorEffect,
+    Effect,
     MassEffect,
     MassProperties,
     MeasurementEffect,
@@ -16,6 +17,15 @@ from np_drake.effects.base import (
 )
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.vehicle import Vehicle
+
+Onsets = Mapping[Effect, float]  # when an effect begins [s]; one that is not named acts from the start
+NO_ONSETS: Onsets = {}
+Acting = TypeVar("Acting", bound=Effect)
+
+
+def acting(effects: Sequence[Acting], onsets: Onsets, t: float) -> Sequence[Acting]:
+    """Return the effects that have begun by time t [s]."""
+    return [e for e in effects if onsets.get(e, -np.inf) <= t] if onsets else effects
 
 
 @dc.dataclass

@@ -1,25 +1,12 @@
 """Effect `gusty_wind`: a gusty wind, which acts through a drag."""
 
 import dataclasses as dc
-from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
 
 from np_drake.effects.base import Parameter, WrenchEffect
-
-_LINES = 60  # sinusoids an axis: the spectrum is that of the process, in lines of equal power
-
-
-@lru_cache(maxsize=64)
-def _draws(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return angular frequency times correlation time [1], and phase [rad], (3, lines) each.
-
-    The share (2/π) atan(w T) of a first-order process' power lies below w: one line in each of `_LINES` equal shares.
-    """
-    rng = np.random.default_rng(seed)
-    share = (np.arange(_LINES) + rng.uniform(0.1, 0.9, (3, _LINES))) / _LINES
-    return np.tan(0.5 * np.pi * share), rng.uniform(0.0, 2 * np.pi, (3, _LINES))
+from np_drake.effects.gauss_markov_lines import LINES, lines
 
 
 @dc.dataclass(frozen=True)
@@ -56,7 +43,7 @@ class GustyWind(WrenchEffect):
 
     def air_velocity(self, t: np.ndarray | float) -> np.ndarray:
         """Return the wind in W, (..., 3) [m/s]."""
-        frequency, phase = _draws(self.seed)
+        frequency, phase = lines(self.seed)
         angle = np.asarray(t, float)[..., None, None] * (frequency / self.correlation_time) + phase
-        gust = self.deviation * np.sqrt(2.0 / _LINES) * np.cos(angle).sum(axis=-1)
+        gust = self.deviation * np.sqrt(2.0 / LINES) * np.cos(angle).sum(axis=-1)
         return np.array([self.mean_x, self.mean_y, self.mean_z]) + gust

@@ -57,3 +57,11 @@ class MotorLag(ActuatorEffect):
         start = np.concatenate([target[:1], end[:-1]])
         middle = target + (start - target) * half
         return vehicle.thrust_coefficient * (start**2 + 4 * middle**2 + end**2) / 6
+
+
+AT_ONCE = 3e-4  # a motor faster than this has no lag; own choice [s]
+
+
+def at_once(effect: ActuatorEffect) -> bool:
+    """Return whether the effect is a lag so short that it would only make an integrator stiff."""
+    return isinstance(effect, MotorLag) and effect.time_constant <= AT_ONCE

@@ -6,7 +6,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.effects.base import ActuatorEffect, Motion, WrenchEffect
-from np_drake.effects.combine import total_wrench
+from np_drake.effects.combine import Onsets, acting, total_wrench
 from np_drake.effects.pendulum import Payload, hook_velocity, hook_wrench, swing
 from np_drake.rigid_body import Q
 from np_drake.vehicle import Vehicle
@@ -20,6 +20,7 @@ class TrueModel:
 
     believed: the vehicle that the controller assumes.   payload: None without one.   wrench_effects, actuator_effects:
     effects that act in the simulation, without dead time.   delay: dead time of the commands, for the caller [s].
+    onsets: when those of the effects begin that do not act from the start [s].
     """
 
     believed: Vehicle
@@ -27,6 +28,7 @@ class TrueModel:
     wrench_effects: list[WrenchEffect]
     actuator_effects: list[ActuatorEffect]
     delay: float = 0.0
+    onsets: Onsets = dc.field(default_factory=dict)
 
     def wrench_along(
         self,
@@ -51,7 +53,7 @@ class TrueModel:
         wrong = (thrust - command) @ self.believed.mixer.T
         chi = np.concatenate([wrong[:, :1] * attitude.body_z(middle[:, Q]), wrong[:, 1:]], axis=1)
         motion = Motion(starts + 0.5 * step, middle, thrust)
-        chi += total_wrench(self.believed, self.wrench_effects, motion)
+        chi += total_wrench(self.believed, acting(self.wrench_effects, self.onsets, t), motion)
         if self.payload is not None and swing_state is not None:
             v_hook = hook_velocity(self.payload.hook, x)
             a_hook, between = np.diff(v_hook, axis=0) / step, 0.5 * (v_hook[1:] + v_hook[:-1])
@@ -64,13 +66,13 @@ class TrueModel:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return mean actual and commanded rotor thrust of the steps that begin at `starts` (N,), (N, 4) each [N]."""
         command = np.clip(u @ self.believed.unmixer.T, 0.0, self.believed.max_rotor_thrust)
-        gain = np.ones(4)
-        for effect in self.actuator_effects:
+        gain, effects = np.ones(4), acting(self.actuator_effects, self.onsets, float(starts[0]))
+        for effect in effects:
             ones = np.ones(4)
             gain *= effect.thrust(self.believed, effect.state_at(self.believed, ones), ones, starts[0])
         resting = np.asarray(now, float) / np.maximum(gain, 1e-3)
         thrust = command
-        for effect in self.actuator_effects:
+        for effect in effects:
             thrust = self._through(effect, thrust, starts, step, resting)
         return thrust, command
 

@@ -6,8 +6,9 @@ import pytest
 from diagrams.batch.failed_run import FailedRun
 from diagrams.loop import flight
 from diagrams.loop.experiments import EXPERIMENTS, load_experiment
-from diagrams.loop.flight import RealityConfig, load_flight, make_flight_diagram
+from diagrams.loop.flight import load_flight, make_flight_diagram
 from diagrams.loop.flight_result import fly
+from diagrams.loop.reality import RealityConfig
 from np_drake import rigid_body
 from np_drake.labels import labels
 from np_drake.vehicle import MeasurementNoise

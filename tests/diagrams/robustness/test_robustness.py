@@ -7,7 +7,7 @@ import pytest
 
 from diagrams.cli.main import run
 from diagrams.loop.experiments import load_experiment
-from diagrams.loop.flight import RealityConfig
+from diagrams.loop.reality import RealityConfig
 from diagrams.robustness import measures as measured
 from diagrams.robustness import robustness
 from diagrams.robustness.axes import BASE, FLOWN
