@@ -187,16 +187,17 @@ def vehicle_file(name: str | Path) -> Path:
 
 
 def load_vehicle(name: str | Path) -> Vehicle:
-    """Read a vehicle file (YAML), or the preset of that name.
+    """Read a vehicle file (YAML), the nominal vehicle of a scenario file, or the preset of that name.
 
     Raises: ValueError: one line with file and field, on bad content.
     """
-    return load_checked(Vehicle, vehicle_file(name), "vehicle file")
+    return load_checked(Vehicle, vehicle_file(name), "vehicle file", part="vehicle")
 
 
 def left_out(name: str | Path) -> list[str]:
     """Return the parameters of `RIGID` that a readable vehicle file does not name, for which defaults are used."""
     named = yaml.safe_load(vehicle_file(name).read_text(encoding="utf-8"))
+    named = named.get("vehicle") or named
     return [field for field in RIGID if field not in named]
 
 

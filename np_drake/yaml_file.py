@@ -17,22 +17,30 @@ Read = Callable[[Any], Any]  # from defaults to what the file makes of them
 
 
 def load_checked(
-    schema: type, path: str | Path, kind: str, complete: Callable[[Read], Any] | None = None
+    schema: type,
+    path: str | Path,
+    kind: str,
+    complete: Callable[[Read], Any] | None = None,
+    *,
+    part: str | None = None,
 ) -> Any:
     """Return a `schema` read from the YAML file at `path` and checked by its `check()`.
 
     Fields that the file does not name keep their defaults.
     Args: complete: makes the object of a function that reads the file over given defaults, where defaults depend on
-    other fields; None: read once, over the defaults of `schema`.
+    other fields; None: read once, over the defaults of `schema`.   part: field of the file in which the object stands,
+    where the file has it.
     Raises: ValueError: one line with file, field and reason, as "<path>: not a <kind>: …".
     """
     try:
         default = schema()
         _require_once(yaml.compose(Path(path).read_bytes(), Loader=yaml.SafeLoader))
-        _require_kinds(schema, yaml_load_file(str(path), private=True), default)
+        content = yaml_load_file(str(path), private=True)
+        within = part if isinstance(content, dict) and part in content else None
+        _require_kinds(schema, content if within is None else content[within], default)
 
         def read(defaults: Any) -> Any:
-            return yaml_load_typed(schema=schema, filename=str(path), defaults=defaults)
+            return yaml_load_typed(schema=schema, filename=str(path), child_name=within, defaults=defaults)
 
         return (read(default) if complete is None else complete(read)).check()
     except OSError as error:

@@ -37,11 +37,22 @@ def misfit(kind: Any, value: Any, name: str, default: Any = None) -> str | None:
             for field, inner in value.items()
             if field in fields
         )
+    if typing.get_origin(kind) is dict:
+        return _misfit_of_names(typing.get_args(kind)[1], value, name)
     if fields_of(item) and isinstance(value, list):
         return _first(misfit(item, inner, f"{name}[{i}]") for i, inner in enumerate(value))
     if not fields and _suits(kind, value):
         return None
     return f"{name or 'it'} must be {_expected(kind, default)}; got {shown(value)}."
+
+
+def _misfit_of_names(kind: Any, value: Any, name: str) -> str | None:
+    """Return as `misfit` for names with their values of one kind."""
+    if not isinstance(value, dict):
+        return f"{name or 'it'} must be names with their values; got {shown(value)}."
+    for strange in [field for field in value if not isinstance(field, str)]:
+        return f"a name in {name or 'it'} must be text; got {shown(strange)}."
+    return _first(misfit(kind, inner, f"{name}.{field}") for field, inner in value.items())
 
 
 def fields_of(kind: Any) -> dict[str, Any]:

@@ -63,6 +63,8 @@ def diagnose(
         from np_drake.diagnosis.report.write import write_report
 
         say(f"report: {write_report(found, folder, seed=run.seed, config=config)}")
+        if not found.cannot_tell:
+            say(f"corrected simulator: {write_simulator(found, nominal, folder)}")
 
     from diagrams.cli.diagnosis_tables import judgement, notes, tables
 
@@ -76,6 +78,18 @@ def diagnose(
         notes=notes(found),
         write=write,
     )
+
+
+def write_simulator(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> Path:
+    """Write `corrected.yaml` to a folder, and return its path.
+
+    Raises: ValueError: if no vehicle can fly so; OSError: if it cannot be written.
+    """
+    from diagrams.gap.corrected import corrected_simulator
+    from diagrams.gap.corrected_file import FILE, write_corrected
+
+    write_corrected(corrected_simulator(found, vehicle), found, folder / FILE)
+    return folder / FILE
 
 
 def choose_files(

@@ -1,6 +1,7 @@
 """`np-drake fly`: simulate one experiment with one controller."""
 
 import dataclasses as dc
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,7 +9,7 @@ from typer import Argument, Option
 
 from diagrams.cli import options
 from diagrams.cli.columns import Column, tabulate
-from diagrams.cli.output import Table, progress, say
+from diagrams.cli.output import Advance, Table, progress, say
 from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
@@ -38,14 +39,27 @@ def fly(
     ] = False,
     duration: Annotated[float | None, Option(help="Scored time after the ramp [s].")] = None,
     vehicle: options.VehicleFile = None,
+    reality: Annotated[
+        Path | None,
+        Option(
+            metavar="FILE", help="Fly in the simulator of this scenario, as corrected.yaml of a diagnosis."
+        ),
+    ] = None,
+    sample: Annotated[
+        int | None,
+        Option(min=1, metavar="N", help="Fly N simulators drawn from the posterior of a corrected one."),
+    ] = None,
 ) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
+    from diagrams.gap.corrected import drawn
     from diagrams.loop.controllers import make_residual_model
     from diagrams.loop.experiments import EXPERIMENTS, load_experiment
     from diagrams.loop.flight_result import fly as simulate
     from np_drake.vehicle import load_vehicle
 
-    config = load_experiment(experiment, None if vehicle is None else load_vehicle(vehicle))
+    if reality is not None and vehicle is not None:
+        raise ValueError("give either --reality, which has a vehicle of its own, or --vehicle.")
+    config = load_experiment(experiment, None if vehicle is None else load_vehicle(vehicle), reality)
     if controller is not None:
         config.controller.kind = controller
     elif experiment in EXPERIMENTS:
@@ -61,15 +75,29 @@ def fly(
     make_residual_model(
         config.controller, config.controller.believed(config.vehicle)
     )  # refused before any work
-    with progress(f"flying {config.name} with {config.controller.kind}", config.end) as advance:
-        flight = simulate(config, seed=run.seed, monitor=advance)
+    configs, flights = [config] if sample is None else drawn(config, sample, run.seed), []
+    with progress(
+        f"flying {config.name} with {config.controller.kind}", len(configs) * config.end
+    ) as advance:
+        for k, own in enumerate(configs):
+            flights.append(simulate(own, seed=run.seed, monitor=partial(_advanced, advance, k * config.end)))
+
+    def write(folder: Path) -> None:
+        for flight in flights:
+            write_flight(flight, folder)
+
+    summaries = [flight.summary() for flight in flights]
     return Report(
-        [flights_table([flight])],
+        [flights_table(flights)],
         config=as_config(config),
-        metrics=flight.summary(),
-        notes=_delay_found(flight),
-        write=lambda folder: write_flight(flight, folder),
+        metrics=summaries[0] if sample is None else {"flights": summaries},
+        notes=[note for flight in flights for note in _delay_found(flight)],
+        write=write,
     )
+
+
+def _advanced(advance: Advance, before: float, t: float) -> None:
+    advance(before + t)
 
 
 def _delay_found(flight: "FlightResult") -> list[str]:

@@ -1,5 +1,6 @@
 """Experiments by name: scenario files in `diagrams/scenarios`."""
 
+import dataclasses as dc
 from pathlib import Path
 
 from diagrams.loop.flight import FlightConfig, load_flight
@@ -12,12 +13,19 @@ EXPERIMENTS = (
 )  # fmt: skip
 
 
-def load_experiment(name: str, vehicle: Vehicle | None = None) -> FlightConfig:
+def load_experiment(
+    name: str, vehicle: Vehicle | None = None, reality: str | Path | None = None
+) -> FlightConfig:
     """Return the experiment called `name`, or the scenario file at that path.
 
     Args: vehicle: flies in place of the scenario's; what the scenario does not name in SI scales with it.
+    reality: scenario file whose vehicle flies, in its reality and by its simulator, in place of the scenario's.
     Raises: ValueError: where there is none.
     """
+    if reality is not None:
+        other = load_flight(str(reality))
+        config = load_experiment(name, other.vehicle)
+        return dc.replace(config, reality=other.reality, simulator=other.simulator).check_and_step()
     if name in EXPERIMENTS:
         return load_flight(str(FOLDER / f"{name}.yaml"), vehicle)
     if name.endswith((".yaml", ".yml")):

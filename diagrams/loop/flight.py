@@ -138,11 +138,11 @@ class FlightConfig:
         wrenches = self.reality.wrench_effects()
         return TrueModel(believed, hung, wrenches, actuators, self.reality.dead_time, self.reality.onsets)
 
-    def stable(self) -> "FlightConfig":
-        """Return a copy whose fixed step of the simulator is within `largest_step`."""
+    def check_and_step(self) -> "FlightConfig":
+        """Return a checked copy whose fixed step of the simulator is within `largest_step`."""
         simulator = copy.copy(self.simulator)
         simulator.max_step_size = min(simulator.max_step_size, 0.95 * self.largest_step)
-        return dc.replace(self, simulator=simulator)
+        return dc.replace(self, simulator=simulator).check()
 
     @property
     def end(self) -> float:

@@ -5,7 +5,14 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from np_drake.diagnosis.decision import Inference, infer, novelty, second_answer, without_onsets_in
+from np_drake.diagnosis.decision import (
+    Inference,
+    infer,
+    joint_posterior,
+    novelty,
+    second_answer,
+    without_onsets_in,
+)
 from np_drake.diagnosis.gap import measure_gap_reduction
 from np_drake.diagnosis.localisation import (
     assess_identifiability,
@@ -112,6 +119,7 @@ def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> D
         where=located,
         shrink=reduction,
         coverage=coverage(tuple(found.causes), found.flights, found.held_out),
+        posterior=joint_posterior(found.ranking.best, found.causes),
         minor=tuple(found.minor),
         remains=found.unexplained.findings,
         unknown_probability=found.unknown_probability,

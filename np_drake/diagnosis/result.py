@@ -8,6 +8,7 @@ import numpy as np
 
 from np_drake.atomic_file import plain
 from np_drake.effects.base import Effect
+from np_drake.effects.posterior import Posterior
 from np_drake.logs.flight_log import FlightLog
 
 CHANNELS = ("force x", "force y", "force z", "torque x", "torque y", "torque z")  # body axes
@@ -191,6 +192,7 @@ class Diagnosis:
     novel: what held-out flights show that the training flights do not.
     judged_as: tolerance used: `rig` (real sensors) or `laboratory` (ideal sensors); empty: neither.
     coverage: sentences on what the held-out flights test; empty: not computed.
+    posterior: joint, of the parameters of the causes.
     """
 
     vehicle: str
@@ -212,6 +214,7 @@ class Diagnosis:
     refit: "Diagnosis | None" = None
     novel: tuple[Finding, ...] = ()
     coverage: tuple[str, ...] = ()
+    posterior: Posterior | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Return the content of `diagnosis.json` in plain types."""

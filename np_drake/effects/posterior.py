@@ -34,6 +34,14 @@ class Posterior:
             raise ValueError("posterior: covariance must be positive semidefinite.")
         return self
 
+    @property
+    def deviations(self) -> dict[str, float]:
+        """Standard deviation of each parameter, by its name here [SI]."""
+        return {
+            name: float(np.sqrt(row[k]))
+            for k, (name, row) in enumerate(zip(self.parameters, self.covariance, strict=True))
+        }
+
     def draw(self, effects: Sequence[EffectEntry], generator: np.random.Generator) -> list[EffectEntry]:
         """Return effects drawn at random: each acts with its probability, with parameters of the joint normal.
 
