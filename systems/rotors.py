@@ -103,7 +103,9 @@ def _with_nominal_lag(
     if nominal in chain:  # it goes on as it was
         spans.pop(nominal, None)
     elif vehicle.rotor_time_constant > 0 and own > 0:
-        chain.insert(0, nominal)
+        # After the other lag, whose state then follows the command, as that of a lag that acts all the time.
+        lags = [k for k, effect in enumerate(chain) if isinstance(effect, MotorLag)]
+        chain.insert(1 + lags[-1] if lags else 0, nominal)
         spans |= {nominal: (-np.inf, own)} if own < np.inf else {}
     return chain, spans
 

@@ -27,7 +27,9 @@ class Posterior:
             if kind is None or parameter not in {p.name for p in kind.parameters}:
                 raise ValueError(f"posterior: parameters must be as EFFECT.PARAMETER; got {name!r}.")
         size = len(self.parameters)
-        C = np.array(self.covariance, float).reshape(-1, size) if size else np.zeros((0, 0))
+        C = np.array(self.covariance, float).reshape(
+            (0, 0) if self.covariance == [] else (len(self.covariance), -1)
+        )
         if C.shape != (size, size) or not np.isfinite(C).all() or not np.allclose(C, C.T):
             raise ValueError(f"posterior: covariance must be symmetric, {size} by {size}, and finite.")
         if size and np.linalg.eigvalsh(_correlation(C)).min() < -1e-6:
@@ -49,7 +51,7 @@ class Posterior:
         drawn is left out with it.
         """
         drawn = [entry for entry in effects if generator.random() < entry.probability]
-        C = np.array(self.covariance, float).reshape(len(self.parameters), -1)
+        C = np.array(self.covariance, float).reshape(len(self.parameters), len(self.parameters))
         change = dict(zip(self.parameters, self._root(C) @ generator.standard_normal(len(C)), strict=True))
         drawn = [_moved(entry, change) for entry in drawn]
         named = {entry.effect for entry in drawn}

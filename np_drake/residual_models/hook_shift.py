@@ -7,17 +7,14 @@ leaves white errors; on these the shift is regressed with a prior at the trained
 Where the pull does not move across the noise, the shift stays at zero and the torque forecast is that of training.
 """
 
+import math
+
 import numpy as np
 
 from np_drake import attitude
+from np_drake.effects.pendulum import compiled
 from np_drake.residual_models.base import Memory
-from np_drake.residual_models.torque_level import (
-    followed,
-    gains_at,
-    gains_of,
-    initial_level,
-    next_filters,
-)
+from np_drake.residual_models.torque_level import filtered, followed, gains_at, gains_of, initial_level
 
 DEVIATION = (
     0.02  # of the hook from where it was in training, each axis, of the paper's vehicle [m]; stated prior
@@ -26,6 +23,7 @@ DEVIATION = (
 # any sensor. No sample then tells more than 1 / FINEST² times the prior, and rounding never makes the gram singular.
 FINEST = 1e-5
 MEMORY = 20.0  # over which samples count, as parameters of the bank [s]
+READ = ("levels", "errors", "torques", "columns", "gram", "right")  # of the memory, by the next sample
 
 
 def initial_shift(step: float) -> Memory:
@@ -53,30 +51,73 @@ def next_shift(
     step: between samples, at the pace of the paper's vehicle [s].   reach: unit of length over that of the paper's
     vehicle [1].
     """
-    column = attitude.skew(pull).T  # of shift x pull over the shift
     deviation = reach * DEVIATION
-    weight, variance = followed(memory, step)
-    keep = np.exp(-step / MEMORY)
-    gram, right = keep * memory["gram"], keep * memory["right"]
-    if memory["torques"][0] > 2 and np.all(variance > 0):
-        error = rest - (weight * memory["levels"]).sum(axis=0)
-        X = column - (weight[..., None] * memory["columns"]).sum(axis=0)
-        variance = np.maximum(variance + doubt, (FINEST * deviation) ** 2 * np.sum(X**2, axis=1))
-        gram = gram + (X.T / variance) @ X
-        right = right + (X.T / variance) @ error
-    new = next_filters(memory, rest, step)
-    gain = gains_at(new["torques"], step)[..., None]
-    columns = memory["columns"] + gain * (column - memory["columns"])
-    shift = np.linalg.solve(gram + np.eye(3) / deviation**2, right)
-    weight, _ = followed(new, step)
-    steady = (weight * new["levels"]).sum(axis=0) - (weight[..., None] * columns).sum(axis=0) @ shift
-    return {**new, "columns": columns, "gram": gram, "right": right, "shift": shift, "steady": steady}
+    column = attitude.skew(-pull)  # of shift x pull over the shift
+    before, finest = (memory[name] for name in READ), (FINEST * deviation) ** 2
+    found = _regressed(gains_of(step), *before, rest, column, doubt, step, deviation, finest)
+    return dict(zip((*READ, "shift", "steady"), found, strict=True))
 
 
-def torque_doubt(spread: np.ndarray, cross: np.ndarray, *, reach: float = 1.0) -> np.ndarray:
+@compiled
+def _regressed(
+    gains, levels, errors, torques, columns, gram, right, rest, column, doubt, step, deviation, finest
+):
+    """Return the arrays `READ`, shift and steady of the memory after one more rest.
+
+    Args: column: (3, 3) torque over the shift [N].   finest: least variance of a torque over its column squared [m²].
+    """
+    keep = math.exp(-step / MEMORY)
+    gram, right = keep * gram, keep * right
+    weight, variance = followed(errors, torques, step)
+    if torques[0] > 2 and np.all(variance > 0):
+        for k in range(3):
+            level, usual = _on_axis(k, weight, levels, columns)
+            X = column[k] - usual
+            share = 1.0 / max(variance[k] + doubt[k], finest * np.sum(X**2))
+            gram += share * np.outer(X, X)
+            right += share * (rest[k] - level) * X
+    torques = torques + 1
+    levels, errors = filtered(gains, levels, errors, torques, rest, step)
+    columns = columns + gains_at(gains, torques).reshape(-1, 1, 1) * (column - columns)
+    shift = _solved(gram + np.eye(3) / deviation**2, right.copy())
+    weight, _ = followed(errors, torques, step)
+    steady = np.empty(3)
+    for k in range(3):
+        level, usual = _on_axis(k, weight, levels, columns)
+        steady[k] = level - np.sum(usual * shift)
+    return levels, errors, torques, columns, gram, right, shift, steady
+
+
+@compiled
+def _on_axis(k, weight, levels, columns):
+    """Return the level [N·m] and the column (3,) [N] that the weighed filters follow on axis k."""
+    level, column = 0.0, np.zeros(3)
+    for i in range(len(weight)):
+        level += weight[i, k] * levels[i, k]
+        column += weight[i, k] * columns[i, k]
+    return level, column
+
+
+@compiled
+def _solved(A, b):
+    """Return x with A x = b for a positive definite A (3, 3), by elimination; both are overwritten."""
+    for i in range(3):
+        for row in range(i + 1, 3):
+            share = A[row, i] / A[i, i]
+            A[row] -= share * A[i]
+            b[row] -= share * b[i]
+    for i in range(2, -1, -1):
+        for k in range(i + 1, 3):
+            b[i] -= A[i, k] * b[k]
+        b[i] /= A[i, i]
+    return b
+
+
+@compiled
+def torque_doubt(spread, cross, reach=1.0):
     """Return the variance (3,) of the torque of a pull whose covariance in B is `spread` (3, 3) [N²·m²].
 
     Args: cross: (3, 3) of the trained hook, off which the hook is by a deviation on each axis [m].   reach: as above.
     """
     across = np.trace(spread) - np.diag(spread)
-    return np.diag(cross @ spread @ cross.T) + (reach * DEVIATION) ** 2 * across
+    return (cross @ spread * cross).sum(axis=1) + (reach * DEVIATION) ** 2 * across

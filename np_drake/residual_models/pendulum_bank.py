@@ -203,13 +203,13 @@ class PendulumBank:
             mean, covariance, drive, now, self.step, self._prior, self._keep, self._noise,
             label, variance, predicted, spread, updated, narrowed,
         )  # fmt: skip
-        if not np.all(np.isfinite(label)):
+        if not kernel.finite(label):
             return {"mean": predicted, "covariance": spread, "weight": weight}
         if not distance.min() < self.options.jump:
             weight = self._first_weight
             self._forget(predicted, spread)
             likelihood, _ = kernel.update_bank(predicted, spread, now, label, variance, updated, narrowed)
-        if not (np.all(np.isfinite(updated)) and np.all(np.isfinite(narrowed))):
+        if not (kernel.finite(updated) and kernel.finite(narrowed)):
             return self.initial_memory()
         weight = weight * np.exp(likelihood - likelihood.max())
         stay = np.exp(-self.step * self.options.change)

@@ -165,11 +165,20 @@ def _hook_torque(q, hook, force, out):
 
 
 @compiled
-def beside_plan(A, gain, C, x, wrench):
-    """Return the wrench (N, 6) less what the linear pendulum z+ = A z + gain v, C z makes of the planned velocity."""
-    n = len(wrench)
+def beside_plan(mean, x, wrench, hook, mass, gravity, step):
+    """Return A (4, 4), B (4, 6) and C (6, 4) of the linear pendulum for what departs from the plan, and the offset.
+
+    The offset (N, 6) is the wrench less what the pendulum makes of the planned velocity.
+    Args: mean: (POINT,) of the members.   wrench: (N, 6) along the plan [N, N·m]; others as of `along_plan`.
+    """
+    stiffness = gravity / math.exp(mean[LOG_LENGTH])
+    A, B, gain = linear_pendulum(stiffness, max(mean[DAMPING], 0.0), step)
+    C = np.zeros((6, 4))
+    for k in range(2):
+        C[k, k] = mass * max(mean[MASS], 0.0) * stiffness
+        _hook_torque(x[0, 3:7], hook, C[:3, k], C[:, k])
     out, z, nxt = wrench.copy(), np.zeros(4), np.zeros(4)
-    for i in range(1, n):
+    for i in range(1, len(wrench)):
         for j in range(4):
             nxt[j] = gain[j] * x[i - 1, 7 + j % 2]
             for k in range(4):
@@ -178,4 +187,25 @@ def beside_plan(A, gain, C, x, wrench):
         for j in range(6):
             for k in range(4):
                 out[i, j] -= C[j, k] * z[k]
-    return out
+    return A, B, C, out
+
+
+@compiled
+def linear_pendulum(stiffness, damping, step):
+    """Return A (4, 4), B (4, 6) and its gain (4,) of v, of z = [r_x, r_y, s_x, s_y] under a velocity held over `step`.
+
+    r' = s - v, s' = -stiffness r - damping s.   Closed form of the matrix exponential.
+    Args: stiffness: g / L [1/s²].   damping: [1/s]; no more than the critical one counts.   step: [s].
+    """
+    half = min(0.5 * damping, 0.99 * math.sqrt(stiffness))
+    rate = math.sqrt(stiffness - half**2)
+    near = math.exp(-half * step) * math.cos(rate * step)
+    side = math.exp(-half * step) * math.sin(rate * step) / rate
+    a = np.array([[near + half * side, side], [-stiffness * side, near - half * side]])
+    settled = np.array([2 * half / stiffness, -1.0])  # M^-1 [-1, 0] of M = [[0, 1], [-stiffness, -2 half]]
+    gain = a @ settled - settled
+    A, B = np.zeros((4, 4)), np.zeros((4, 6))
+    for k in range(2):
+        A[k::2, k::2] = a
+        B[k::2, k] = gain
+    return A, B, np.repeat(gain, 2)

@@ -137,13 +137,23 @@ def update_bank(mean, covariance, now, label, label_variance, updated, updated_c
 
 
 @compiled
-def pulls(mean, now):
-    """Return the pull of each tether on the vehicle (k, 3) [m/s²]; mean: (k, POINT), now: (9,) as of `filter_bank`."""
-    found, force = np.zeros((len(mean), 3)), np.zeros(3)
+def pull_moments(mean, weight, now):
+    """Return mean (3,) and covariance (3, 3) over the members of the pull on the vehicle, in W [m/s², m²/s⁴].
+
+    Args: mean: (k, POINT).   weight: (k,).   now: (9,) as of `filter_bank`.
+    """
+    pulls = np.empty((len(mean), 3))
     for i in range(len(mean)):
-        _pull(mean[i], now, force)
-        found[i] = force
-    return found
+        _pull(mean[i], now, pulls[i])
+    centre = weight @ pulls
+    apart = pulls - centre
+    return centre, (weight * apart.T) @ apart
+
+
+@compiled
+def finite(values):
+    """Return whether all numbers of an array are finite."""
+    return np.isfinite(values).all()
 
 
 @compiled
@@ -201,16 +211,25 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
             for row in range(j, SIZE):
                 cross[row, k] += root[row, j] * slope
     inverse, determinant = _inverse(spread)
-    gain = cross @ inverse
-    error[:] = gain @ innovation
-    lost = gain @ cross.T
-    for k in range(SIZE):
-        for row in range(SIZE):
-            out_covariance[k, row] = covariance[k, row] - 0.5 * (lost[k, row] + lost[row, k])
+    gain, distance = np.zeros(3), 0.0
+    error[:] = 0.0
+    for k in range(3):  # loops, as a call of BLAS costs more than products this small
+        for a in range(3):
+            distance += innovation[k] * inverse[k, a] * innovation[a]
+    for row in range(SIZE):
+        gain[:] = 0.0
+        for k in range(3):
+            for a in range(3):
+                gain[k] += cross[row, a] * inverse[a, k]
+            error[row] += gain[k] * innovation[k]
+        for column in range(row + 1):
+            left = covariance[row, column]
+            for k in range(3):
+                left -= gain[k] * cross[column, k]
+            out_covariance[row, column] = out_covariance[column, row] = left
     _keep_mass_positive(mean, error, out_covariance)
     _displace(mean, error, out)
     out[DAMPING] = max(out[DAMPING], 0.0)
-    distance = innovation @ (inverse @ innovation)
     return -0.5 * (distance + math.log(determinant)), distance
 
 
@@ -305,16 +324,16 @@ def _across(out, e):
 def _difference(origin, point, out):
     """Write the error (SIZE,) that leads from origin to point; rates are projected onto the plane across origin."""
     n, e = origin[0:3], origin[3:6]
-    f = np.array([n[1] * e[2] - n[2] * e[1], n[2] * e[0] - n[0] * e[2], n[0] * e[1] - n[1] * e[0]])
+    f0, f1, f2 = n[1] * e[2] - n[2] * e[1], n[2] * e[0] - n[0] * e[2], n[0] * e[1] - n[1] * e[0]
     x = point[0] * e[0] + point[1] * e[1] + point[2] * e[2]
-    y = point[0] * f[0] + point[1] * f[1] + point[2] * f[2]
+    y = point[0] * f0 + point[1] * f1 + point[2] * f2
     z = point[0] * n[0] + point[1] * n[1] + point[2] * n[2]
     side = math.sqrt(x * x + y * y)
     factor = math.atan2(side, z) / side if side > 1e-9 else 1.0
     out[0], out[1] = factor * x, factor * y
     w0, w1, w2 = tether_rate(point)
     out[2] = w0 * e[0] + w1 * e[1] + w2 * e[2] - origin[6]
-    out[3] = w0 * f[0] + w1 * f[1] + w2 * f[2] - origin[7]
+    out[3] = w0 * f0 + w1 * f1 + w2 * f2 - origin[7]
     for k in range(4, SIZE):
         out[k] = point[k + 4] - origin[k + 4]
 
@@ -350,7 +369,7 @@ def _advance(p, drive, step, prior, keep):
     p[0], p[1], p[2] = near * n0 + along * w0, near * n1 + along * w1, near * n2 + along * w2
     w0, w1, w2 = near * w0 - speed * sine * n0, near * w1 - speed * sine * n1, near * w2 - speed * sine * n2
     w0, w1, w2 = _kick(p, w0, w1, w2, b0, b1, b2, length, damping, half)
-    _across(p, p[3:6].copy())
+    _across(p, p[3:6])
     p[6] = w0 * p[3] + w1 * p[4] + w2 * p[5]
     f0, f1, f2 = p[1] * p[5] - p[2] * p[4], p[2] * p[3] - p[0] * p[5], p[0] * p[4] - p[1] * p[3]
     p[7] = w0 * f0 + w1 * f1 + w2 * f2

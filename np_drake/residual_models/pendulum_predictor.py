@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import attitude
+from np_drake.effects.pendulum import compiled
 from np_drake.labels import LabelConfig
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory, Plan, Sample, WrenchForecast
@@ -51,6 +52,7 @@ class PendulumPredictor:
         )
         self.bank = PendulumBank(options, step=model.step, gravity=model.gravity)
         self._noise_share = self.step / (NOISE_TIME * model.unit.clock)
+        self._reach = model.unit.length
         self._pace = self.step / model.unit.time  # step at the pace of the paper's vehicle [s]
         self._hook = np.asarray(model.hook, float)
         self._cross = attitude.skew(self._hook)
@@ -83,9 +85,9 @@ class PendulumPredictor:
     def update(self, memory: Memory, sample: Sample) -> Memory:
         """Return the memory after one more sample; see the class for samples with NaN."""
         x, u = np.asarray(sample.x, float), np.asarray(sample.u, float)
-        if not np.all(np.isfinite(x)):
+        if not kernel.finite(x):
             return memory
-        if not np.all(np.isfinite(u)):
+        if not kernel.finite(u):
             u = memory["acting"]
         if not memory["seen"][0]:
             return {**memory, "x": x.copy(), "acting": u.copy(), "seen": np.ones(1)}
@@ -98,7 +100,7 @@ class PendulumPredictor:
         force = chi[:3] / self.model.mass
         bank = self.bank.step_on(memory, drive, now, force, memory["variance"])
         new = {**memory, **bank, "x": x.copy(), "acting": acting, "now": now}
-        if np.all(np.isfinite(chi)):
+        if kernel.finite(chi):
             new |= self._noise(memory, force)
             new |= self._hook_and_level(new, chi[3:] - self._motion_torque(x))
         return new
@@ -108,18 +110,15 @@ class PendulumPredictor:
 
         What the members disagree about the pull is a doubt about its torque.
         """
-        pulls = (self.model.mass * kernel.pulls(memory["mean"], memory["now"])) @ attitude.rotation_matrix(
-            memory["x"][Q]
-        )
-        pull = memory["weight"] @ pulls
-        spread = (memory["weight"] * (pulls - pull).T) @ (pulls - pull)
-        reach = self.model.unit.length
-        doubt = torque_doubt(spread, self._cross, reach=reach)
-        return next_shift(memory, torque - self._cross @ pull, pull, doubt, self._pace, reach=reach)
+        pull, spread = kernel.pull_moments(memory["mean"], memory["weight"], memory["now"])
+        turn = self.model.mass * attitude.rotation_matrix(memory["x"][Q])
+        pull, spread = pull @ turn, turn.T @ spread @ turn
+        doubt = torque_doubt(spread, self._cross, reach=self._reach)
+        return next_shift(memory, torque - self._cross @ pull, pull, doubt, self._pace, reach=self._reach)
 
     def pull(self, memory: Memory) -> np.ndarray:
         """Return the pull of the tether on the vehicle at the last sample, mean of all members, in W (3,) [N]."""
-        return self.model.mass * (memory["weight"] @ kernel.pulls(memory["mean"], memory["now"]))
+        return self.model.mass * kernel.pull_moments(memory["mean"], memory["weight"], memory["now"])[0]
 
     def _motion_torque(self, x: np.ndarray) -> np.ndarray:
         """Return the torque (3,) of body rates and velocity in a state x (13,) [N·m]."""
@@ -127,19 +126,11 @@ class PendulumPredictor:
 
     def _noise(self, memory: Memory, force: np.ndarray) -> Memory:
         """Return the labels and the variance of their noise: a sixth of that of second differences."""
-        labels = np.vstack([memory["labels"][1], force])
-        square = (force - 2 * memory["labels"][1] + memory["labels"][0]) ** 2 / 6
-        if not np.all(np.isfinite(square)):
-            return {"labels": labels}
-        seen = memory["seen"] + 1
-        blend = max(self._noise_share, 1.0 / (1.0 + seen[0]))
-        square = np.minimum(square, CLIP**2 * memory["variance"])
-        variance = memory["variance"] + blend * (square - memory["variance"])
-        return {
-            "labels": labels,
-            "variance": np.maximum(variance, self.bank.options.least_noise**2),
-            "seen": seen,
-        }
+        labels, variance, seen = _noise_after(
+            memory["labels"], memory["variance"], memory["seen"], force,
+            self._noise_share, self.bank.options.least_noise,
+        )  # fmt: skip
+        return {"labels": labels, "variance": variance, "seen": seen}
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the forecast for a motion that goes on at the velocity and attitude of now."""
@@ -153,47 +144,28 @@ class PendulumPredictor:
         some = np.flatnonzero(memory["weight"] >= LEAST_WEIGHT)
         weight = memory["weight"][some] / memory["weight"][some].sum()
         points, step = memory["mean"][some], stride * self.step
+        hook, mass, gravity = self._hook + memory["shift"], self.model.mass, self.model.gravity
         wrench = along_plan(
             points, weight, plan.x, plan.u, memory["acting"], memory["steady"], self._rate_torque,
-            self._speed_torque, self._hook + memory["shift"], self.model.mass, self.model.gravity, step, stride,
-            *_lag(self.rotor_lag, step),
+            self._speed_torque, hook, mass, gravity, step, stride, *_lag(self.rotor_lag, step),
         )  # fmt: skip
-        return self._beside(
-            wrench, weight @ points, plan.x, step, self._cross + attitude.skew(memory["shift"])
-        )
-
-    def _beside(
-        self, wrench: np.ndarray, mean: np.ndarray, x: np.ndarray, step: float, cross: np.ndarray
-    ) -> WrenchForecast:
-        """Return the forecast of `wrench` (N, 6) along x, with the linear pendulum for what departs from it."""
-        mass = max(float(mean[kernel.MASS]), 0.0)
-        stiffness = self.model.gravity / float(np.exp(mean[kernel.LOG_LENGTH]))
-        A, B, gain = linear_pendulum(stiffness, max(float(mean[kernel.DAMPING]), 0.0), step)
-        C = np.zeros((6, 4))
-        C[0, 0] = C[1, 1] = self.model.mass * mass * stiffness
-        C[3:, :2] = C[0, 0] * (cross @ attitude.rotation_matrix(x[0, Q]).T)[:, :2]
-        return WrenchForecast(A, B, C, np.zeros(4), beside_plan(A, gain, C, x, wrench))
+        A, B, C, offset = beside_plan(weight @ points, plan.x, wrench, hook, mass, gravity, step)
+        return WrenchForecast(A, B, C, np.zeros(4), offset)
 
 
-def linear_pendulum(
-    stiffness: float, damping: float, step: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return A (4, 4), B (4, 6) and its gain (4,) of v, of z = [r_x, r_y, s_x, s_y] under a velocity held over `step`.
+@compiled
+def _noise_after(labels, variance, seen, force, share, least):
+    """Return labels, variance and seen of the memory after one more force (3,) [m/s²].
 
-    r' = s - v, s' = -stiffness r - damping s.   Closed form of the matrix exponential.
-    Args: stiffness: g / L [1/s²].   damping: [1/s]; no more than the critical one counts.   step: [s].
+    Args: share: of a sample in the variance.   least: deviation of the noise [m/s²].
     """
-    half = min(0.5 * damping, 0.99 * np.sqrt(stiffness))
-    rate = np.sqrt(stiffness - half**2)
-    near, side = np.exp(-half * step) * np.cos(rate * step), np.exp(-half * step) * np.sin(rate * step) / rate
-    a = np.array([[near + half * side, side], [-stiffness * side, near - half * side]])
-    settled = np.array([2 * half / stiffness, -1.0])  # M^-1 [-1, 0] of M = [[0, 1], [-stiffness, -2 half]]
-    gain = (a - np.eye(2)) @ settled
-    A, B = np.zeros((4, 4)), np.zeros((4, 6))
-    A[:2, :2], A[:2, 2:], A[2:, :2], A[2:, 2:] = (entry * np.eye(2) for entry in a.ravel())
-    B[0, 0] = B[1, 1] = gain[0]
-    B[2, 0] = B[3, 1] = gain[1]
-    return A, B, np.repeat(gain, 2)
+    square = (force - 2 * labels[1] + labels[0]) ** 2 / 6
+    labels = np.stack((labels[1], force))
+    if not np.isfinite(square).all():
+        return labels, variance.copy(), seen.copy()
+    blend = max(share, 1.0 / (2.0 + seen[0]))
+    square = np.minimum(square, CLIP**2 * variance)
+    return labels, np.maximum(variance + blend * (square - variance), least**2), seen + 1
 
 
 @lru_cache(maxsize=16)

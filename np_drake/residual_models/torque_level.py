@@ -11,6 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from np_drake.effects.pendulum import compiled
 from np_drake.residual_models.base import Memory
 
 LONGEST_MEAN = (
@@ -42,33 +43,42 @@ def initial_level(step: float) -> Memory:
     }
 
 
-def gains_at(torques: np.ndarray, step: float) -> np.ndarray:
+@compiled
+def gains_at(gains, torques):
     """Return the gains (g, 1) of the filters at the torque of number `torques` (1,): at first every one is a mean."""
-    return np.maximum(gains_of(step), 1.0 / torques)
+    return np.maximum(gains, 1.0 / torques[0])
 
 
 def next_filters(memory: Memory, torque: np.ndarray, step: float) -> Memory:
     """Return the memory of the filters after one more torque (3,) [N·m]."""
     seen = memory["torques"] + 1
-    error = torque - memory["levels"]
-    levels = memory["levels"] + gains_at(seen, step) * error
-    errors = memory["errors"]
-    if seen[0] > 1:  # no filter forecast the first
-        errors = errors + max(step / LONGEST_MEAN, 1.0 / (seen[0] - 1)) * (error**2 - errors)
+    levels, errors = filtered(gains_of(step), memory["levels"], memory["errors"], seen, torque, step)
     return {"levels": levels, "errors": errors, "torques": seen}
 
 
-def followed(memory: Memory, step: float) -> tuple[np.ndarray, np.ndarray]:
+@compiled
+def filtered(gains, levels, errors, torques, torque, step):
+    """Return levels and errors as of `next_filters`; gains: `gains_of`, torques: (1,) with the new one."""
+    error = torque - levels
+    share = 0.0  # no filter forecast the first
+    if torques[0] > 1:
+        share = max(step / LONGEST_MEAN, 1.0 / (torques[0] - 1))
+    return levels + gains_at(gains, torques) * error, errors + share * (error**2 - errors)
+
+
+@compiled
+def followed(errors, torques, step):
     """Return the weights of the filters (g, 3) [1], and the mean square of their one-step errors (3,) [N²·m²]."""
-    errors = memory["errors"]
-    effective = min(max(float(memory["torques"][0] - 1), 0.0), LONGEST_MEAN / step)
-    size = np.log(np.maximum(errors, 1e-300))
-    weight = np.exp(-0.5 * effective * (size - size.min(axis=0)))
-    weight = weight / weight.sum(axis=0)
-    return weight, (weight * errors).sum(axis=0)
+    effective = min(max(torques[0] - 1, 0.0), LONGEST_MEAN / step)
+    weight, square = np.log(np.maximum(errors, 1e-300)), np.empty(3)
+    for k in range(3):
+        weight[:, k] = np.exp(-0.5 * effective * (weight[:, k] - weight[:, k].min()))
+        weight[:, k] /= weight[:, k].sum()
+        square[k] = (weight[:, k] * errors[:, k]).sum()
+    return weight, square
 
 
 def level(memory: Memory, step: float) -> np.ndarray:
     """Return the level that the weighed filters follow, (3,) [N·m]."""
-    weight, _ = followed(memory, step)
+    weight, _ = followed(memory["errors"], memory["torques"], step)
     return np.sum(weight * memory["levels"], axis=0)

@@ -13,8 +13,9 @@ from np_drake.labels import ReadsLabels
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Plan, ReadsPlan, Sample
 from np_drake.residual_models.pendulum_bank import carries
+from np_drake.residual_models.pendulum_forecast import linear_pendulum
 from np_drake.residual_models.pendulum_model import PendulumModel
-from np_drake.residual_models.pendulum_predictor import PendulumPredictor, linear_pendulum
+from np_drake.residual_models.pendulum_predictor import PendulumPredictor
 
 G, MASS, STEP = 9.81, 2.0, 0.02  # of the made-up flights: gravity [m/s²], vehicle [kg], sample [s]
 HOOK = np.array([0.0, 0.0, -0.025])  # [m]
