@@ -14,7 +14,19 @@ import typer
 from typer import Option
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.cli import bench, demo, diagnose, doctor, evaluate, fly, import_logs, options, train, vehicle
+from diagrams.cli import (
+    bench,
+    demo,
+    diagnose,
+    doctor,
+    evaluate,
+    export,
+    fly,
+    import_logs,
+    options,
+    train,
+    vehicle,
+)
 from diagrams.cli.challenge import app as challenge
 from diagrams.cli.output import console, say
 from diagrams.cli.reproduce import app as reproduce
@@ -41,6 +53,7 @@ app.command("doctor")(doctor.doctor)
 app.command("diagnose")(diagnose.diagnose)
 app.add_typer(reproduce.reproduce, name="reproduce")
 app.add_typer(vehicle.vehicle, name="vehicle")
+app.command("export")(export.export)
 app.command("bench")(bench.bench)
 app.add_typer(challenge.challenge, name="challenge")
 

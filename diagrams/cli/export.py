@@ -1,0 +1,75 @@
+"""`np-drake export`: a vehicle with its effects as a model file of another simulator."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Argument, Option
+
+from diagrams.cli.output import require_outputs
+from diagrams.cli.runner import Report, Run, reports
+
+if TYPE_CHECKING:
+    from np_drake.vehicle import Vehicle
+
+NAMES = ("sdf", "mujoco", "rotorpy")  # of diagrams.exports.coverage.FORMATS, which is imported late
+
+
+@reports("export", seed=None)
+def export(
+    run: Run,
+    file: Annotated[
+        str, Argument(metavar="FILE", help="Vehicle file (YAML), or a name of `np-drake vehicle list`.")
+    ],
+    to: Annotated[str, Option("--format", metavar="FORMAT", help=f"{' | '.join(NAMES)}.")],
+    out: Annotated[Path, Option("--out", metavar="FILE", help="File to write; never the one that is read.")],
+) -> Report:
+    """Write a vehicle as SDF (Gazebo, Drake), MJCF (MuJoCo) or quad_params (RotorPy), and say what it leaves out."""
+    require_outputs(out)
+    if to not in NAMES:
+        raise ValueError(f"--format must be one of {', '.join(NAMES)}; got {to!r}.")
+    vehicle, effects, source = read_corrected(file)
+    require_another(out, source)
+    return export_corrected(vehicle, effects, to, out)
+
+
+def read_corrected(file: str) -> tuple["Vehicle", list[Any], Path]:
+    """Return vehicle, effects and path of a vehicle file or preset: the one place where FILE is read.
+
+    Raises: ValueError: one line on bad content.
+    """
+    from np_drake.vehicle import load_vehicle, vehicle_file
+
+    return load_vehicle(file), [], vehicle_file(file)
+
+
+def require_another(out: Path, source: Path) -> None:
+    """Check that `out` is not the file that was read.
+
+    Raises: ValueError: if it is, also by another name.
+    """
+    if out.exists() and out.samefile(source):
+        raise ValueError(f"--out must not be the file that is read; got {out}. Choose another.")
+
+
+def export_corrected(vehicle: "Vehicle", effects: Sequence[Any], to: str, out: Path) -> Report:
+    """Write vehicle and effects in the format `to`, and return the account of each effect.
+
+    Raises: ValueError: if the format cannot hold the vehicle.
+    """
+    import dataclasses as dc
+
+    from diagrams.exports.coverage import FORMATS
+
+    form = FORMATS[to]
+    account = form.write(vehicle, effects, out)
+    rows = [(line.identifier, line.how, line.note) for line in account]
+    table = (f"{vehicle.name} as {form.title}", ["effect", "carried", "how, or why not"], rows)
+    nothing = f"{vehicle.name} as {form.title}: nothing is left out."
+    return Report(
+        [table] if rows else [],
+        config={"vehicle": vehicle.name, "format": to},
+        metrics={"carried": [dc.asdict(line) for line in account], "files": [str(out)]},
+        summary=[] if rows else [nothing],
+        notes=[f"{to}: {out}"],
+    )

@@ -1,0 +1,1 @@
+"""Exports of a corrected vehicle, nominal model and effects, to other simulators."""

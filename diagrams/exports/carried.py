@@ -1,0 +1,32 @@
+"""Account of an export: how it carries each effect."""
+
+import dataclasses as dc
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+EXACT, APPROXIMATE, LEFT_OUT = "exact", "approximate", "left out"
+Law = Mapping[str, tuple[str, str]]  # identifier of an effect -> how a format carries it, and in words
+_SENSOR = (LEFT_OUT, "an error of the sensors, not of the motion")
+_UNKNOWN = (LEFT_OUT, "this export does not know it")
+
+
+@dc.dataclass(frozen=True)
+class Carried:
+    """One line of the account.
+
+    identifier: of the effect, or `gravity`.   how: exact | approximate | left out.   note: by what, or why not.
+    """
+
+    identifier: str
+    how: str
+    note: str
+
+
+def carried(effects: Iterable[Any], law: Law) -> list[Carried]:
+    """Return a line for every effect, in the given order: none is left out in silence."""
+    return [Carried(effect.identifier, *how_carried(effect, law)) for effect in effects]
+
+
+def how_carried(effect: Any, law: Law) -> tuple[str, str]:
+    """Return how a format with this law carries an effect (object or class), and in words."""
+    return law.get(effect.identifier, _SENSOR if hasattr(effect, "measure") else _UNKNOWN)

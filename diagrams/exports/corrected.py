@@ -1,0 +1,145 @@
+"""Corrected vehicle: what the nominal model becomes with its effects, as coefficients that simulators take."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from np_drake.effects.base import MassProperties
+from np_drake.effects.blade_flapping import BladeFlapping
+from np_drake.effects.combine import mass_properties, split_effects
+from np_drake.effects.constant_wind import ConstantWind
+from np_drake.effects.gusty_wind import GustyWind
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mixer_gain import MixerGain
+from np_drake.effects.motor_lag import MotorLag
+from np_drake.effects.quadratic_drag import QuadraticDrag
+from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
+from np_drake.effects.rotor_inflow import AIR_DENSITY, RotorInflow
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects.thrust_drift import ThrustDrift
+from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.effects.translational_lift import TranslationalLift
+from np_drake.effects.weak_rotor import WeakRotor
+from np_drake.vehicle import Vehicle
+
+
+@dc.dataclass(frozen=True)
+class Corrected:
+    """A vehicle with its effects. Forces act at Bo, in body axes B; v is the air speed of Bo in B [m/s].
+
+    Effects of one kind add up; factors multiply. Sensor errors have no part in it.
+    Own choices: a thrust that drifts has its value at the start; a gusty wind is its mean.
+    """
+
+    vehicle: Vehicle
+    mass: MassProperties  # after the mass effects
+    scale: float  # thrust over commanded thrust, of every rotor [1]
+    rotor_share: np.ndarray  # (4,) further factor of each rotor: weak rotors [1]
+    time_constant: float  # of rotor speed; the vehicle file's where no effect has one [s]
+    dead_time: float  # of commands [s]
+    torque_share: np.ndarray  # (3,) share of the rotors' torque about Bo that acts, axis by axis [1]
+    linear: np.ndarray  # (3,) d of f = -s d v, s = mean rotor speed over nominal hover speed [N·s/m]
+    quadratic: np.ndarray  # (3,) c of f = -c |v| v, axis by axis [N·s²/m²]
+    lift: float  # of f_z = lift (v_x² + v_y²) [N·s²/m²]
+    flapping: float  # of tau = flapping [v_y, -v_x, 0] [N·m·s/m]
+    inflow: float  # k of df = -k omega v_z / 2 of every rotor: `rotor_inflow` about hover [N·s²/m]
+    wind: np.ndarray  # (3,) velocity of the air in W [m/s]
+    rotor_inertia: float  # of one rotor about its axis [kg·m²]
+    payload: SuspendedPayload | None  # None where it weighs nothing
+
+    @property
+    def hover_thrust(self) -> float:
+        """Mean thrust of a rotor that carries vehicle and payload [N]."""
+        hung = self.payload.mass if self.payload else 0.0
+        return (self.mass.mass + hung) * self.vehicle.gravity / 4
+
+    @property
+    def hover_command(self) -> np.ndarray:
+        """Commanded thrusts (4,) at which every rotor gives `hover_thrust`, as far as it can [N]."""
+        command = self.hover_thrust / (self.scale * np.maximum(self.rotor_share, 1e-9))
+        return np.minimum(command, self.vehicle.max_rotor_thrust)
+
+    @property
+    def kappa(self) -> float:
+        """Torque over thrust of a rotor [m]."""
+        return self.vehicle.torque_coefficient / self.vehicle.thrust_coefficient
+
+    @property
+    def max_speed(self) -> float:
+        """Rotor speed at the largest commanded thrust [rad/s]."""
+        return float(np.sqrt(self.vehicle.max_rotor_thrust / self.vehicle.thrust_coefficient))
+
+    @cached_property
+    def rotor_positions(self) -> np.ndarray:
+        """Points (4, 3) in B, at which thrust has the roll and pitch torque after `torque_share` [m]."""
+        share = np.array([self.torque_share[1], self.torque_share[0], 1.0])
+        return np.array(self.vehicle.rotor_positions, float) * share
+
+    @cached_property
+    def drag_in_hover(self) -> np.ndarray:
+        """Linear drag (3,) d of f = -d v at the rotor speed that hovers, part of `rotor_inflow` included [N·s/m]."""
+        nominal = self.vehicle.mass * self.vehicle.gravity / 4
+        drag = self.linear * np.sqrt(self.hover_thrust / nominal)
+        drag[2] += 4 * 0.5 * self.inflow * np.sqrt(self.hover_thrust / self.vehicle.thrust_coefficient)
+        return drag
+
+
+def corrected(vehicle: Vehicle, effects: Sequence[Any]) -> Corrected:
+    """Return the vehicle corrected by `effects`, objects of `np_drake.effects`.
+
+    Raises: ValueError: if two payloads or two motor lags are given, the rotors give nothing, or no rigid body can have
+        the mass properties.
+    """
+    parts = split_effects(effects)
+    mass = mass_properties(vehicle, parts.mass)
+    if not mass.rigid:
+        raise ValueError(
+            f"corrected: the effects must leave a rigid body; got {mass.mass:g} kg and {mass.J.diagonal()} kg·m²."
+        )
+    lags = [effect.time_constant for effect in _of(MotorLag, effects)]
+    if len(lags) > 1:
+        raise ValueError(f"corrected: there must be one motor_lag at most; got {len(lags)}.")
+    scale = _gain(vehicle, [*_of(ThrustScale, effects), *_of(ThrustDrift, effects)])
+    share = _gain(vehicle, _of(WeakRotor, effects))
+    if not scale[0] > 0:
+        raise ValueError(f"corrected: the scale of thrust must be positive; got {scale[0]:g}.")
+    gains = [np.array([e.roll, e.pitch, e.yaw]) for e in _of(MixerGain, effects)]
+    winds = [[e.x, e.y, e.z] for e in _of(ConstantWind, effects)]
+    winds += [[e.mean_x, e.mean_y, e.mean_z] for e in _of(GustyWind, effects)]
+    slope = sum(e.slope for e in _of(RotorInflow, effects))
+    return Corrected(
+        vehicle=vehicle,
+        mass=mass,
+        scale=float(scale[0]),
+        rotor_share=share,
+        time_constant=lags[0] if lags else vehicle.rotor_time_constant,
+        dead_time=sum(effect.dead_time for effect in parts.actuator),
+        torque_share=1.0 + sum((gain - 1.0 for gain in gains), np.zeros(3)),
+        linear=_total([[e.d_x, e.d_y, e.d_z] for e in _of(LinearDrag, effects)]),
+        quadratic=_total([[e.c_x, e.c_y, e.c_z] for e in _of(QuadraticDrag, effects)]),
+        lift=sum(e.lift for e in _of(TranslationalLift, effects)),
+        flapping=sum(e.moment for e in _of(BladeFlapping, effects)),
+        inflow=slope * AIR_DENSITY * np.pi * vehicle.rotor_radius**3 / 4,
+        wind=_total(winds),
+        rotor_inertia=sum(e.rotor_inertia for e in _of(RotorGyroscopic, effects)),
+        payload=parts.payload if parts.payload is not None and parts.payload.mass > 0 else None,
+    )
+
+
+def _of(kind: type, effects: Sequence[Any]) -> list[Any]:
+    return [effect for effect in effects if isinstance(effect, kind)]
+
+
+def _total(rows: list[list[float]]) -> np.ndarray:
+    return np.sum(np.array(rows, float).reshape(-1, 3), axis=0)
+
+
+def _gain(vehicle: Vehicle, effects: list[Any]) -> np.ndarray:
+    """Return the thrusts (4,) of memoryless effects over a command of 1 N, when the flight begins [1]."""
+    thrust = np.ones(4)
+    for effect in effects:
+        thrust = effect.thrust(vehicle, np.zeros(0), thrust, 0.0)
+    return thrust

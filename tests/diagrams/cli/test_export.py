@@ -1,0 +1,84 @@
+"""Laws of `np-drake export`."""
+
+import json
+from xml.etree import ElementTree
+
+import pytest
+
+from diagrams.cli.export import NAMES, export_corrected
+from diagrams.cli.main import run
+from diagrams.exports.coverage import FORMATS
+from np_drake.effects.ground_effect import GroundEffect
+from np_drake.effects.thrust_scale import ThrustScale
+from np_drake.vehicle import PRESETS, Vehicle
+
+
+def test_the_formats_of_the_command_are_those_of_the_package():
+    assert tuple(FORMATS) == NAMES
+
+
+@pytest.mark.parametrize("form", NAMES)
+def test_a_preset_is_written_in_every_format(form, tmp_path, capsys):
+    out = tmp_path / "dut"
+    assert run(["export", "crazyflie", "--format", form, "--out", str(out)]) == 0
+    if form == "rotorpy":
+        assert json.loads(out.read_text())["mass"] == 0.028
+    else:
+        assert ElementTree.parse(out).getroot().tag == {"sdf": "sdf", "mujoco": "mujoco"}[form]
+    assert f"{form}: " in capsys.readouterr().out
+
+
+def test_a_vehicle_file_is_written_and_never_overwritten(tmp_path, capsys):
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("name: mine\nmass: 1.5\n")
+    assert run(["export", str(mine), "--format", "rotorpy", "--out", str(tmp_path / "mine.json")]) == 0
+    assert json.loads((tmp_path / "mine.json").read_text())["mass"] == 1.5
+    capsys.readouterr()
+    other_name = tmp_path / "." / "mine.yaml"
+    assert run(["export", str(mine), "--format", "sdf", "--out", str(other_name)]) == 2
+    assert "must not be the file that is read" in capsys.readouterr().err
+    (tmp_path / "link.yaml").symlink_to(mine)
+    assert run(["export", str(mine), "--format", "sdf", "--out", str(tmp_path / "link.yaml")]) == 2
+    assert mine.read_text() == "name: mine\nmass: 1.5\n"
+
+
+@pytest.mark.parametrize(
+    "arguments, text",
+    [
+        (["nobody", "--format", "sdf", "--out", "a.sdf"], "no such vehicle file"),
+        (["paper", "--format", "urdf", "--out", "a.urdf"], "must be one of sdf, mujoco, rotorpy"),
+        (["paper", "--format", "sdf"], "--out"),
+        (["paper", "--out", "a.sdf"], "--format"),
+        (["paper", "--format", "sdf", "--out", "none/a.sdf"], "must exist"),
+        (["paper", "--format", "sdf", "--out", "."], "it is a folder"),
+        (["bad.yaml", "--format", "sdf", "--out", "a.sdf"], "not a vehicle file"),
+        (["paper", "--format", "sdf", "--out", str(PRESETS / "paper.yaml")], "the file that is read"),
+    ],
+)
+def test_bad_input_is_one_line_and_nothing_is_written(arguments, text, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad.yaml").write_text("mass: heavy\n")
+    preset = (PRESETS / "paper.yaml").read_text()
+    assert run(["export", *arguments]) == 2
+    error = capsys.readouterr().err.strip()
+    assert text in error
+    assert "\n" not in error
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.yaml"]
+    assert (PRESETS / "paper.yaml").read_text() == preset
+
+
+def test_the_table_names_what_is_left_out(tmp_path):
+    effects = [ThrustScale(0.9), GroundEffect()]
+    report = export_corrected(Vehicle(), effects, "rotorpy", tmp_path / "a.json")
+    ((_, header, rows),) = report.tables
+    assert header == ["effect", "carried", "how, or why not"]
+    assert [row[:2] for row in rows] == [("thrust_scale", "exact"), ("ground_effect", "left out")]
+
+
+def test_the_values_are_written_as_json(tmp_path):
+    out, values = tmp_path / "a.sdf", tmp_path / "values.json"
+    assert run(["export", "paper", "--format", "sdf", "--out", str(out), "--json", str(values)]) == 0
+    read = json.loads(values.read_text())
+    assert read["schema"] == "np_drake.export/1"
+    assert [line["identifier"] for line in read["carried"]] == ["gravity"]
+    assert read["files"] == [str(out)]
