@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import yaml
 from typer import Argument, Option
 
-from diagrams.cli.output import require_outputs
+from diagrams.cli.output import require_outputs, say
 from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
@@ -19,7 +20,11 @@ NAMES = ("sdf", "mujoco", "rotorpy")  # of diagrams.exports.coverage.FORMATS, wh
 def export(
     run: Run,
     file: Annotated[
-        str, Argument(metavar="FILE", help="Vehicle file (YAML), or a name of `np-drake vehicle list`.")
+        str,
+        Argument(
+            metavar="FILE",
+            help="Scenario as corrected.yaml of a diagnosis, vehicle file, or a name of `np-drake vehicle list`.",
+        ),
     ],
     to: Annotated[str, Option("--format", metavar="FORMAT", help=f"{' | '.join(NAMES)}.")],
     out: Annotated[Path, Option("--out", metavar="FILE", help="File to write; never the one that is read.")],
@@ -34,13 +39,32 @@ def export(
 
 
 def read_corrected(file: str) -> tuple["Vehicle", list[Any], Path]:
-    """Return vehicle, effects and path of a vehicle file or preset: the one place where FILE is read.
+    """Return vehicle, effects and path of a scenario file, vehicle file or preset: the one place where FILE is read.
 
+    No format knows an onset: an effect that begins in flight acts from the start, which is said.
     Raises: ValueError: one line on bad content.
     """
     from np_drake.vehicle import load_vehicle, vehicle_file
 
-    return load_vehicle(file), [], vehicle_file(file)
+    source = vehicle_file(file)
+    if not _is_scenario(source):
+        return load_vehicle(file), [], source
+    from diagrams.loop.flight import load_flight
+
+    config = load_flight(str(source))
+    for effect, onset in config.reality.onsets.items():
+        say(f"{effect.identifier}: begins at {onset:g} s in the scenario, and acts from the start here.")
+    return config.vehicle, config.reality.everything(), source
+
+
+def _is_scenario(path: Path) -> bool:
+    """Return whether a file names a part that a vehicle file has not; what is wrong in it is left to its reader."""
+    try:
+        content = yaml.safe_load(path.read_bytes())
+    except (OSError, yaml.YAMLError, UnicodeDecodeError):
+        return False
+    parts = {"vehicle", "reality", "reference", "controller", "duration", "simulator"}
+    return isinstance(content, dict) and bool(parts & content.keys())
 
 
 def require_another(out: Path, source: Path) -> None:

@@ -14,6 +14,7 @@ from np_drake.effects.linear_drag import LinearDrag
 from np_drake.effects.motor_lag import MotorLag, at_once
 from np_drake.effects.posterior import Posterior
 from np_drake.effects.sensor_noise import SensorNoise
+from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.vehicle import MeasurementNoise, Vehicle
@@ -142,6 +143,17 @@ class RealityConfig:
     def clock_shift(self) -> float:
         """Time by which state rows of the log run ahead of the commands [s]."""
         return sum(_clock_shift(e) for e in split_effects(self.added).measurement)
+
+    def everything(self) -> list[Effect | MeasurementEffect]:
+        """Return all effects, a payload among them; the noise of sensors is none."""
+        payload = split_effects(self.added).payload
+        if payload is None and self.hung.tether != "none":
+            hung = self.hung
+            x, y, z = hung.hook
+            payload = SuspendedPayload(hung.mass, hung.length, x, y, z, hung.air_damping)
+        found: list[Effect | MeasurementEffect] = [*self.mass_effects(), *self.actuator_effects()]
+        found += [*self.wrench_effects(), *([payload] if payload else [])]
+        return [*found, *split_effects(self.added).measurement]
 
     def thrust_at(self, vehicle: Vehicle, t: float) -> float:
         """Return real over nominal thrust at time t [s] since the start, mean of the rotors [1]."""

@@ -82,3 +82,16 @@ def test_the_values_are_written_as_json(tmp_path):
     assert read["schema"] == "np_drake.export/1"
     assert [line["identifier"] for line in read["carried"]] == ["gravity"]
     assert read["files"] == [str(out)]
+
+
+def test_a_scenario_is_exported_with_its_effects(tmp_path, capsys):
+    scenario, out = tmp_path / "mine.yaml", tmp_path / "mine.xml"
+    scenario.write_text(
+        "name: mine\nreality:\n  payload: {tether: none}\n  effects:\n"
+        "  - {effect: mass_error, parameters: {delta_mass: 0.2}, onset: 3.0}\n"
+    )
+    assert run(["export", str(scenario), "--format", "mujoco", "--out", str(out)]) == 0, capsys.readouterr().err
+    told = capsys.readouterr()
+    assert "mass_error" in told.out
+    assert "mass_error: begins at 3 s in the scenario" in told.out + told.err
+    assert 'mass="2.2' in out.read_text()

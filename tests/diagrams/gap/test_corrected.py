@@ -148,13 +148,16 @@ def test_every_sensor_error_of_the_file_is_in_the_log_of_a_flight(kind, tmp_path
     )
     read = effect.measure(Vehicle(), truth, np.zeros(0))
     wanted = FlightLog(
-        t=s["t"], p=read.x[:, :3], q=read.x[:, 3:7], v=read.x[:, 7:10], w=read.x[:, 10:], u=s["u"], a=read.a, al=read.al,
-        rotor=read.rotor, name="b",
+        t=s["t"], p=read.x[:, :3], q=read.x[:, 3:7], v=read.x[:, 7:10], w=read.x[:, 10:], u=s["u"], a=read.a,
+        al=read.al, rotor=read.rotor, name="b",
     )  # fmt: skip
     wanted = shift_state(wanted, effect.clock_shift) if effect.clock_shift else wanted
     for name in ("x", "a", "al"):
         np.testing.assert_allclose(getattr(log, name), getattr(wanted, name), atol=1e-9)
-    assert len(wanted.t) < len(s["t"]) or np.abs(wanted.x - truth.x).max() + np.abs(wanted.a - truth.a).max() > 1e-3
+    assert (
+        len(wanted.t) < len(s["t"])
+        or np.abs(wanted.x - truth.x).max() + np.abs(wanted.a - truth.a).max() > 1e-3
+    )
 
 
 @pytest.mark.parametrize(
