@@ -86,6 +86,10 @@ class CooperativeConfig:
             raise ValueError(
                 f"cooperative: {share} kg a vehicle are more than the rotors can carry ({lift:.0f} N)."
             )
+        if self.reality.effects or self.reality.disturbance.acts:
+            raise ValueError(
+                "CooperativeConfig: reality must name neither effects nor a disturbance, which are for one vehicle."
+            )
         if self.reality.payload.tether != "cable":
             raise ValueError("cooperative: the payload must hang on cables.")
         payload_drop(self.radius, self.reality.payload.length, 0.0)

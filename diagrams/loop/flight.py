@@ -171,6 +171,8 @@ def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
     def complete(read: Read) -> FlightConfig:
         named = read(FlightConfig())
         own = vehicle or named.vehicle.check()
+        if named.scaled and named.reality.effects:
+            raise ValueError("reality.effects stand in SI and do not scale; leave `scaled` out.")
         if named.scaled:
             return scaled(dc.replace(named, vehicle=own))
         return dc.replace(read(default_flight(own)), vehicle=own)

@@ -20,7 +20,9 @@ from unittest import mock
 import pytest
 
 from diagrams.cli.main import PROGRAM, run
+from diagrams.loop.flight import load_flight
 from np_drake.effects.library import LIBRARY
+from np_drake.effects.linear_drag import LinearDrag
 
 GUIDE = Path(__file__).parents[2] / "docs" / "guide"
 PAGES = sorted(GUIDE.glob("*.md"))
@@ -106,6 +108,13 @@ def drag_is_named_in_both_reports() -> None:
         assert abs(cause["parameters"]["d_x"]["value"] - drag) < tolerance  # [N·s/m]
 
 
+def the_corrected_simulator_has_the_drag() -> None:
+    corrected = load_flight("report/corrected.yaml")
+    (drag,) = (e for e in corrected.reality.added if isinstance(e, LinearDrag))
+    assert abs(drag.d_x - 0.006) < 0.001  # [N·s/m]
+    assert list(Path("flights").glob("corrected_hold*.csv"))
+
+
 def memory_cards():
     """The module beside this one that writes what a page reads from memory cards."""
     spec = importlib.util.spec_from_file_location("memory_cards", Path(__file__).with_name("memory_cards.py"))
@@ -116,12 +125,17 @@ def memory_cards():
     return module
 
 
-BEFOREHAND = {"import.md": lambda folder: memory_cards().fill(folder)}
+def fill(folder: Path) -> None:
+    memory_cards().fill(folder)
+
+
+BEFOREHAND = {"import.md": fill, "corrected-simulator.md": fill}
 AFTERWARDS = {
     "import.md": drag_is_named_in_both_reports,
     "diagnose.md": the_diagnosis_names_what_was_put_in,
     "read-the-report.md": the_report_has_the_sections_that_the_page_lists,
     "train.md": a_model_was_trained,
+    "corrected-simulator.md": the_corrected_simulator_has_the_drag,
 }
 
 
