@@ -35,18 +35,8 @@ DIAGNOSIS = (
     ),
 )
 EXPERIMENTS = (
-    *(
-        "batch",
-        "loop",
-        "gym",
-        "prediction",
-        "tracking",
-        "payload",
-        "robustness",
-        "cooperative",
-        "gap",
-        "challenge",
-    ),
+    *("batch", "loop", "gym"),
+    *("prediction", "tracking", "payload", "robustness", "cooperative", "gap", "challenge"),
     *("performance", "cli"),
 )
 MOST_IMPORTS = 10  # modules of the diagnosis that one of them imports; `diagnose` strings the steps together
