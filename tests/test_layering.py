@@ -35,7 +35,8 @@ DIAGNOSIS = (
     ),
 )
 EXPERIMENTS = (
-    *("batch", "loop", "prediction", "tracking", "payload", "robustness", "cooperative", "gap", "challenge"),
+    *("batch", "loop", "gym"),
+    *("prediction", "tracking", "payload", "robustness", "cooperative", "gap", "challenge"),
     *("performance", "exports", "cli"),
 )
 MOST_IMPORTS = 10  # modules of the diagnosis that one of them imports; `diagnose` strings the steps together

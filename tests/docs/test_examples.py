@@ -15,12 +15,16 @@ PRINTS = {  # script: what stands in its last lines
     "custom_diagram": "E_xy",
     "diagnose_a_log": "suspended_payload",
     "fly_a_scenario": "np",
+    "learn_a_correction": "cascade + correction",
     "train_and_evaluate": "lifted linear system",
 }
+
+NEEDS = {"learn_a_correction": "gymnasium"}  # script: package of an extra
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
 def test_the_script_runs_in_an_empty_folder(script, tmp_path, monkeypatch, capsys):
+    pytest.importorskip(NEEDS.get(script.stem, "numpy"), reason="pip install 'np_drake[gym]'")
     monkeypatch.chdir(tmp_path)
     with mock.patch.dict(LIBRARY):
         runpy.run_path(str(script), run_name="__main__")

@@ -27,6 +27,7 @@ from np_drake.effects.linear_drag import LinearDrag
 GUIDE = Path(__file__).parents[2] / "docs" / "guide"
 PAGES = sorted(GUIDE.glob("*.md"))
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.S | re.M)
+NEEDS = {"learn.md": "gymnasium"}  # page: package of an extra
 FEWEST, MOST = 400, 720  # words of a page, code included: five minutes
 
 
@@ -141,6 +142,7 @@ AFTERWARDS = {
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_the_page_runs_from_top_to_bottom(page, tmp_path, monkeypatch, capsys):
+    pytest.importorskip(NEEDS.get(page.name, "numpy"), reason="pip install 'np_drake[gym]'")
     monkeypatch.chdir(tmp_path)
     BEFOREHAND.get(page.name, lambda folder: None)(tmp_path)
     run_page(page)
