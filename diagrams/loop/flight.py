@@ -3,6 +3,7 @@
 import dataclasses as dc
 import re
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 from pydrake.common import RandomGenerator
@@ -12,6 +13,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from diagrams.batch.failed_run import FailedRun
 from diagrams.loop.controllers import ControllerConfig, add_controller
 from diagrams.loop.scaled import scaled
+from diagrams.loop.track_limits import require_flyable
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.effects.base import ActuatorEffect, MeasurementEffect, WrenchEffect
 from np_drake.effects.command_delay import CommandDelay
@@ -157,7 +159,23 @@ class FlightConfig:
                 "Name a lighter payload, or none, for the default scales with the vehicle."
             )
         self._check_simulator()
+        if self.reference.is_file:
+            self._check_track()
         return self
+
+    def _check_track(self) -> None:
+        vehicle, thrust = self.vehicle.with_mass(self.carried_mass), self.reality.thrust_at(self.end)
+        try:
+            require_flyable(
+                make_reference(self.reference),
+                vehicle,
+                self.controller.mpc,
+                end=self.end,
+                arena=ARENA,
+                thrust=thrust,
+            )
+        except ValueError as error:
+            raise ValueError(f"{self.reference.track}: {error}") from error
 
     def _check_simulator(self) -> None:
         scheme, step = self.simulator.integration_scheme, self.simulator.max_step_size
@@ -204,7 +222,7 @@ class FlightConfig:
     @property
     def end(self) -> float:
         """End of the flight [s]."""
-        return self.reference.ramp + self.duration
+        return self.reference.lead + self.duration
 
 
 def hook_mobility(vehicle: Vehicle, hook: Sequence[float]) -> float:
@@ -220,7 +238,8 @@ def default_flight(vehicle: Vehicle) -> FlightConfig:
 def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
     """Read a scenario file (YAML).
 
-    Defaults scale with the vehicle, and what the file names stands in SI, unless it says `scaled: true`.
+    Defaults scale with the vehicle, and what the file names stands in SI, unless it says `scaled: true`. The CSV file
+    of a track lies relative to the scenario file; where the latter names no duration, the flight has the track's own.
     Args: vehicle: flies in place of the file's.
     Raises: ValueError: one line with file and field, on bad content.
     """
@@ -230,7 +249,14 @@ def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
         own = vehicle or named.vehicle.check()
         if named.scaled:
             return scaled(dc.replace(named, vehicle=own))
-        return dc.replace(read(default_flight(own)), vehicle=own)
+        flight = dc.replace(read(dc.replace(default_flight(own), duration=np.nan)), vehicle=own)
+        if flight.reference.is_file:
+            flight.reference.track = str(Path(filename).parent / flight.reference.track)
+            flight.reference.check()
+        if np.isnan(flight.duration):
+            natural = flight.reference.own_duration
+            flight.duration = default_flight(own).duration if natural is None else natural
+        return flight
 
     return load_checked(FlightConfig, filename, "scenario file", complete)
 
