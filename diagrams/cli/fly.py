@@ -38,6 +38,10 @@ def fly(
     ] = False,
     duration: Annotated[float | None, Option(help="Scored time after the ramp [s].")] = None,
     vehicle: options.VehicleFile = None,
+    mcap: Annotated[
+        Path | None,
+        Option(metavar="FILE", help="Write the flight as MCAP for Foxglove and PlotJuggler (extra mcap)."),
+    ] = None,
 ) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
     from diagrams.loop.controllers import make_residual_model
@@ -61,8 +65,17 @@ def fly(
     make_residual_model(
         config.controller, config.controller.believed(config.vehicle)
     )  # refused before any work
+    if mcap is not None:
+        require_mcap_output(
+            mcap, run.json, experiment, vehicle, config.controller.predictor, config.reference.track
+        )
     with progress(f"flying {config.name} with {config.controller.kind}", config.end) as advance:
         flight = simulate(config, seed=run.seed, monitor=advance)
+    if mcap is not None:
+        from diagrams.loop.mcap_flight import write_flight_mcap
+
+        write_flight_mcap(flight, mcap)
+        say(f"MCAP: {mcap}")
     return Report(
         [flights_table([flight])],
         config=as_config(config),
@@ -81,6 +94,24 @@ def _delay_found(flight: "FlightResult") -> list[str]:
     longest = LONGEST_DELAY * flight.config.controller.period
     more = " or later, the latest that is looked for" if flight.delay > longest - 1e-9 else ""
     return [f"the controller takes commands to act {1e3 * flight.delay:.3g} ms late{more}"]
+
+
+def require_mcap_output(file: Path, *others: str | Path | None) -> None:
+    """Check before the flight that an MCAP file can be written and is none of the other files.
+
+    Raises: ValueError: if it is not so; OSError: if it cannot be written.
+    """
+    from np_drake.atomic_file import require_writable
+    from np_drake.logs.mcap_file import require_mcap
+
+    require_mcap(file)
+    require_writable(file)
+    if file.suffix != ".mcap":
+        raise ValueError(f"--mcap: must be a file whose name ends in .mcap; got {file}.")
+    if any(other and Path(other).resolve() == file.resolve() for other in others):
+        raise ValueError(
+            f"--mcap: must be a file of its own; {file} is another of this flight. Name a new one."
+        )
 
 
 def default_controller(config: "FlightConfig", predictor: Path | None) -> str:
