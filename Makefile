@@ -19,7 +19,7 @@ venv: $(STAMP)
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt "$$(grep '^torch==' constraints.txt)"
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,bench,logs,challenge,cluster,exports,gym]'
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,bench,logs,mcap,challenge,cluster,exports,gym]'
 	touch $@
 
 demo: venv

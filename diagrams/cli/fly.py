@@ -49,6 +49,10 @@ def fly(
         int | None,
         Option(min=1, metavar="N", help="Fly N simulators drawn from the posterior of a corrected one."),
     ] = None,
+    mcap: Annotated[
+        Path | None,
+        Option(metavar="FILE", help="Write the flight as MCAP for Foxglove and PlotJuggler (extra mcap)."),
+    ] = None,
 ) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
     from diagrams.gap.corrected import drawn
@@ -75,12 +79,24 @@ def fly(
     make_residual_model(
         config.controller, config.controller.believed(config.vehicle)
     )  # refused before any work
+    if mcap is not None:
+        if sample is not None:
+            raise ValueError("give either --mcap, which holds one flight, or --sample.")
+        require_mcap_output(
+            mcap, run.json, experiment, vehicle, reality, config.controller.predictor, config.reference.track
+        )
     configs, flights = [config] if sample is None else drawn(config, sample, run.seed), []
     with progress(
         f"flying {config.name} with {config.controller.kind}", len(configs) * config.end
     ) as advance:
         for k, own in enumerate(configs):
             flights.append(simulate(own, seed=run.seed, monitor=partial(_advanced, advance, k * config.end)))
+
+    if mcap is not None:
+        from diagrams.loop.mcap_flight import write_flight_mcap
+
+        write_flight_mcap(flights[0], mcap)
+        say(f"MCAP: {mcap}")
 
     def write(folder: Path) -> None:
         for flight in flights:
@@ -109,6 +125,24 @@ def _delay_found(flight: "FlightResult") -> list[str]:
     longest = LONGEST_DELAY * flight.config.controller.period
     more = " or later, the latest that is looked for" if flight.delay > longest - 1e-9 else ""
     return [f"the controller takes commands to act {1e3 * flight.delay:.3g} ms late{more}"]
+
+
+def require_mcap_output(file: Path, *others: str | Path | None) -> None:
+    """Check before the flight that an MCAP file can be written and is none of the other files.
+
+    Raises: ValueError: if it is not so; OSError: if it cannot be written.
+    """
+    from np_drake.atomic_file import require_writable
+    from np_drake.logs.mcap_file import require_mcap
+
+    require_mcap(file)
+    require_writable(file)
+    if file.suffix != ".mcap":
+        raise ValueError(f"--mcap: must be a file whose name ends in .mcap; got {file}.")
+    if any(other and Path(other).resolve() == file.resolve() for other in others):
+        raise ValueError(
+            f"--mcap: must be a file of its own; {file} is another of this flight. Name a new one."
+        )
 
 
 def default_controller(config: "FlightConfig", predictor: Path | None) -> str:

@@ -4,6 +4,7 @@ import copy
 import dataclasses as dc
 import re
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from pydrake.common import RandomGenerator
@@ -15,6 +16,7 @@ from diagrams.loop.controllers import ControllerConfig, add_controller
 from diagrams.loop.events import Event, beginnings
 from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
+from diagrams.loop.track_limits import require_flyable
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.effects.combine import mass_properties
 from np_drake.effects.pendulum import Payload
@@ -79,6 +81,8 @@ class FlightConfig:
                 "Name a lighter payload, or none, for the default scales with the vehicle."
             )
         self._check_simulator()
+        if self.reference.is_file:
+            self._check_track()
         return self
 
     def _check_oracle(self) -> None:
@@ -94,6 +98,23 @@ class FlightConfig:
                 "FlightConfig: the oracle knows no changed mass properties and no payload that is hung in flight; "
                 "fly another kind."
             )
+
+    def _check_track(self) -> None:
+        vehicle, thrust = (
+            self.vehicle.with_mass(self.carried_mass),
+            self.reality.thrust_at(self.vehicle, self.end),
+        )
+        try:
+            require_flyable(
+                make_reference(self.reference),
+                vehicle,
+                self.controller.mpc,
+                end=self.end,
+                arena=ARENA,
+                thrust=thrust,
+            )
+        except ValueError as error:
+            raise ValueError(f"{self.reference.track}: {error}") from error
 
     def _check_simulator(self) -> None:
         scheme, step = self.simulator.integration_scheme, self.simulator.max_step_size
@@ -147,7 +168,7 @@ class FlightConfig:
     @property
     def end(self) -> float:
         """End of the flight [s]."""
-        return self.reference.ramp + self.duration
+        return self.reference.lead + self.duration
 
 
 def hook_mobility(vehicle: Vehicle, hook: Sequence[float]) -> float:
@@ -163,7 +184,8 @@ def default_flight(vehicle: Vehicle) -> FlightConfig:
 def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
     """Read a scenario file (YAML).
 
-    Defaults scale with the vehicle, and what the file names stands in SI, unless it says `scaled: true`.
+    Defaults scale with the vehicle, and what the file names stands in SI, unless it says `scaled: true`. The CSV file
+    of a track lies relative to the scenario file; where the latter names no duration, the flight has the track's own.
     Args: vehicle: flies in place of the file's.
     Raises: ValueError: one line with file and field, on bad content.
     """
@@ -175,7 +197,14 @@ def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
             raise ValueError("reality.effects stand in SI and do not scale; leave `scaled` out.")
         if named.scaled:
             return scaled(dc.replace(named, vehicle=own))
-        return dc.replace(read(default_flight(own)), vehicle=own)
+        flight = dc.replace(read(dc.replace(default_flight(own), duration=np.nan)), vehicle=own)
+        if flight.reference.is_file:
+            flight.reference.track = str(Path(filename).parent / flight.reference.track)
+            flight.reference.check()
+        if np.isnan(flight.duration):
+            natural = flight.reference.own_duration
+            flight.duration = default_flight(own).duration if natural is None else natural
+        return flight
 
     return load_checked(FlightConfig, filename, "scenario file", complete)
 

@@ -59,7 +59,7 @@ class FlightResult:
     @cached_property
     def scored(self) -> np.ndarray:
         """Whether each row is after the ramp, (n,)."""
-        return self.signals["t"] >= self.config.reference.ramp - 1e-9
+        return self.signals["t"] >= self.config.reference.lead - 1e-9
 
     @property
     def last_lap(self) -> np.ndarray:

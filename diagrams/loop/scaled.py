@@ -48,7 +48,13 @@ def scaled(config: Any) -> Any:
     """Return the scenario `config`, which stands in SI for the paper's vehicle, for its own vehicle.
 
     Every field is multiplied by the ratio of the two vehicles' units, which is exactly 1 for the paper's.
+    Raises: ValueError: on the track of a file, which stands in SI.
     """
+    if config.reference.is_file:
+        raise ValueError(
+            "FlightConfig: scaled must be false for the track of a CSV file, which stands in SI; got true. "
+            "Leave it out."
+        )
     unit = ratios(config.vehicle)
     carried = Scales(
         unit.length, payload_ratio(config.vehicle, type(config.reality.payload)().mass), unit.time

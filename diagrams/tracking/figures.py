@@ -40,7 +40,7 @@ def errors(flights: Sequence[FlightResult], title: str = "") -> Figure:
             s = flight.signals
             e = 100 * (s["x_true"][:, i] - s["p_ref"][:, i])
             ax.plot(s["t"], e, color=PALETTE[k], linestyle=DASHES[k], linewidth=1.0, label=flight.label)
-        ax.axvspan(0, flights[0].config.reference.ramp, color="0.92", zorder=0)
+        ax.axvspan(0, flights[0].config.reference.lead, color="0.92", zorder=0)
         ax.set_ylabel(f"$e_{_AXES[i]}$ [cm]")
         ax.grid(alpha=0.3)
         ax.margins(x=0)

@@ -8,6 +8,9 @@ from np_drake.references.base import Hover, Reference, Sum
 from np_drake.references.harmonic import circle, lemniscate, vertical_lemniscate
 from np_drake.references.multisine import Multisine
 from np_drake.references.steps import square
+from np_drake.references.track_file import is_track_file, read_track
+from np_drake.references.trajectory import Trajectory
+from np_drake.references.waypoints import Waypoints
 
 TRACKS = ("circle", "lemniscate", "hover", "steps", "vertical")
 
@@ -16,7 +19,7 @@ TRACKS = ("circle", "lemniscate", "hover", "steps", "vertical")
 class ReferenceConfig:
     """Track, size, speed and dither of a reference motion."""
 
-    track: str = "circle"  # circle | lemniscate | hover | steps | vertical
+    track: str = "circle"  # circle | lemniscate | hover | steps | vertical | a CSV file
     radius: float = 1.0  # of the circle; from the centre to a corner of the steps' square [m]
     length: float = 1.5  # half length of a lemniscate along x [m]
     width: float = 0.75  # half width of the lemniscate along y [m]
@@ -36,9 +39,9 @@ class ReferenceConfig:
 
         Raises: ValueError: on an unknown track or an impossible size.
         """
-        if self.track not in TRACKS:
+        if self.track not in TRACKS and not self.is_file:
             raise ValueError(
-                f"ReferenceConfig: track must be one of {', '.join(TRACKS)}; got {self.track!r}."
+                f"ReferenceConfig: track must be one of {', '.join(TRACKS)} or a CSV file; got {self.track!r}."
             )
         for name in ("radius", "length", "width", "rise", "height", "speed"):
             if not 0 < getattr(self, name) < np.inf:
@@ -61,7 +64,28 @@ class ReferenceConfig:
             raise ValueError(
                 f"ReferenceConfig: dither_frequencies must be positive and finite [Hz]; got {self.dither_frequencies}."
             )
+        if self.is_file:
+            self._file()
         return self
+
+    @property
+    def is_file(self) -> bool:
+        """Whether the track is a CSV file's, and not one by name."""
+        return is_track_file(self.track)
+
+    @property
+    def lead(self) -> float:
+        """Time before the scored part [s]: the ramp; of a file's at most its length, none if it begins at rest."""
+        return self._file().lead if self.is_file else self.ramp
+
+    @property
+    def own_duration(self) -> float | None:
+        """Time from `lead` to the end of a file's track [s]; None for a track without an end."""
+        end = self._file().end if self.is_file else np.inf
+        return end - self.lead if end < np.inf else None
+
+    def _file(self) -> Waypoints | Trajectory:
+        return read_track(self.track, speed=self.speed, ramp=self.ramp)
 
 
 def make_reference(config: ReferenceConfig) -> Reference:
@@ -81,6 +105,8 @@ def make_reference(config: ReferenceConfig) -> Reference:
 
 def _track(config: ReferenceConfig) -> Reference:
     """Return the track without dither."""
+    if config.is_file:
+        return read_track(config.track, speed=config.speed, ramp=config.ramp)
     common = {"height": config.height, "speed": config.speed, "ramp": config.ramp}
     if config.track == "circle":
         return circle(radius=config.radius, **common)

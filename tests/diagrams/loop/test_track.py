@@ -1,0 +1,117 @@
+"""Laws of flights along the track of a CSV file."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from diagrams.cli.main import run
+from diagrams.loop.flight import FlightConfig, load_flight
+from diagrams.loop.flight_result import fly
+from np_drake.references.config import ReferenceConfig, make_reference
+from np_drake.references.trajectory_file import write_trajectory
+from np_drake.vehicle import load_vehicle
+
+LINE = "x,y,z\n0,0,1.5\n1,0,1.5\n1,1,2\n0,1,2\n"
+SQUARE = "x,y,z\n1,1,1.5\n-1,1,1.5\n-1,-1,2\n1,-1,2\n1,1,1.5\n"
+
+
+def scenario(folder, text=LINE, more="", reference="speed: 1.0, ramp: 1.0"):
+    """Write a track and a scenario beside it, and return the path of the latter."""
+    folder.mkdir(exist_ok=True)
+    if text:
+        (folder / "track.csv").write_text(text)
+    (folder / "mine.yaml").write_text(
+        f"name: mine\nreference: {{track: track.csv, {reference}}}\ncontroller: {{kind: hold, solver: sqp}}\n{more}"
+    )
+    return str(folder / "mine.yaml")
+
+
+def test_the_track_lies_beside_the_scenario_file(tmp_path, monkeypatch):
+    path = scenario(tmp_path / "inner")
+    monkeypatch.chdir(tmp_path)
+    assert load_flight("inner/mine.yaml").reference.track == "inner/track.csv"
+    assert load_flight(path).reference.track == str(tmp_path / "inner" / "track.csv")
+
+
+def test_an_absolute_path_stays_as_it_is(tmp_path):
+    path = scenario(tmp_path / "inner")
+    (tmp_path / "inner" / "track.csv").rename(tmp_path / "other.csv")
+    text = (tmp_path / "inner" / "mine.yaml").read_text().replace("track.csv", str(tmp_path / "other.csv"))
+    (tmp_path / "inner" / "mine.yaml").write_text(text)
+    assert load_flight(path).reference.track == str(tmp_path / "other.csv")
+
+
+def test_a_track_with_an_end_gives_the_flight_its_duration(tmp_path):
+    config = load_flight(scenario(tmp_path))
+    assert config.end == pytest.approx(make_reference(config.reference).end)
+    assert load_flight(scenario(tmp_path, more="duration: 3.0\n")).duration == 3.0
+
+
+def test_a_closed_track_flies_as_long_as_others(tmp_path):
+    assert load_flight(scenario(tmp_path, SQUARE)).duration == FlightConfig().duration
+
+
+def test_a_trajectory_that_begins_at_rest_is_scored_from_the_first_row(tmp_path):
+    motion = make_reference(ReferenceConfig(track="lemniscate", ramp=2.0, speed=1.0))
+    write_trajectory(motion, tmp_path / "track.csv", duration=3.0)
+    config = load_flight(scenario(tmp_path, ""))
+    flight = fly(config, seed=0)
+    assert flight.scored.all()
+    assert config.end == pytest.approx(3.0)
+    t = flight.signals["t"]
+    np.testing.assert_allclose(
+        flight.signals["p_ref"], motion.sample(t)[0], atol=1e-6
+    )  # [m]; microsecond later
+    assert flight.metrics()["E_xy"] < 0.05
+    assert flight.metrics()["solve_failures"] == 0
+
+
+def test_waypoints_are_flown(tmp_path):
+    metrics = fly(load_flight(scenario(tmp_path)), seed=0).metrics()
+    assert metrics["E_xy"] < 0.05
+    assert metrics["solve_failures"] == 0
+
+
+def test_the_track_of_a_file_stays_in_si_for_any_vehicle(tmp_path):
+    path = scenario(tmp_path, "x,y,z\n0,0,1.5\n.2,0,1.5\n.2,.2,1.5\n", reference="speed: 0.3, ramp: 1.0")
+    p = [make_reference(load_flight(path, v).reference).sample(np.linspace(0, 2, 9)) for v in (None, small())]
+    np.testing.assert_array_equal(*p)
+
+
+def small():
+    return load_vehicle("crazyflie")
+
+
+BAD = {  # track, further lines, fields of the reference: what the line says
+    "scaled": (LINE, "scaled: true\n", "", "scaled must be false for the track of a CSV file"),
+    "missing": ("", "", "", "track.csv: must be a CSV file of a track (No such file or directory)"),
+    "cell": (LINE.replace("1,1,2", "1,nan,2"), "", "", "track.csv, column y, row 3 (line 4): must be a finite"),
+    "speed": (LINE, "", "speed: 9.0, ramp: 0.1", "must be within controller.mpc.max_speed"),
+    "tilt": (LINE, "", "speed: 2.5, ramp: 1.0", "must be within controller.mpc.max_tilt, 0.9 rad; demands"),
+    "rotors": (
+        "x,y,z\n0,0,1.5\n0,0,9\n", "", "speed: 5.5, ramp: 0.6", "track.csv: must be within max_rotor_thrust, 12 N"
+    ),
+    "arena": (LINE.replace("1,1,2", "99,1,2"), "", "", "must stay within 50 m of the origin"),
+    "below": ("x,y,z\n0,0,3\n1,0,.05\n2,0,.05\n3,0,3\n", "", "", "must stay above the ground"),
+    "no ramp": (LINE, "", "ramp: 0.0", "needs a ramp"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_track_that_cannot_be_flown_is_refused_in_one_line(tmp_path, monkeypatch, capsys, case):
+    text, more, reference, message = BAD[case]
+    monkeypatch.chdir(tmp_path)
+    scenario(tmp_path / "x", text, more, reference or "speed: 1.0")
+    assert run(["fly", "x/mine.yaml", "--out", "out"]) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert len(err.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_flight_from_python_is_checked_too(tmp_path):
+    config = load_flight(scenario(tmp_path))
+    config.reference = dc.replace(config.reference, speed=9.0)
+    with pytest.raises(ValueError, match="max_speed"):
+        config.check()

@@ -1,0 +1,255 @@
+import gzip
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from np_drake.logs.csv_file import read_csv
+from np_drake.references.config import TRACKS, ReferenceConfig, make_reference
+from np_drake.references.flatness import targets
+from np_drake.references.pace import Paced
+from np_drake.references.spline import Spline
+from np_drake.references.trajectory_file import feedforward, write_trajectory
+from np_drake.vehicle import Vehicle
+
+SQUARE = "x,y,z\n1,1,1\n-1,1,1\n-1,-1,1.5\n1,-1,1.5\n1,1,1\n"
+LINE = "x,y,z\n0,0,1\n3,0,1\n3,1,2\n0,1,2\n"
+# p [m], v [m/s], a [m/s²], jerk, snap, as in the docs.
+ROUND_TRIP = (1e-8, 1e-6, 1e-4, 1e-2, 1.0)
+ROUND_TRIP_JUMP = (1e-7, 2e-5, 5e-3, 2.0, np.inf)  # near a jump of the snap, of up to 7e2 m/s⁴, as of `steps`
+
+
+def track(tmp_path, text, name="track.csv", **changes):
+    (tmp_path / name).write_text(text)
+    return make_reference(ReferenceConfig(track=str(tmp_path / name), **changes))
+
+
+def trajectory(tmp_path, t, p, **changes):
+    rows = "\n".join(
+        f"{when!r},{x!r},{y!r},{z!r}" for when, (x, y, z) in zip(t.tolist(), p.tolist(), strict=True)
+    )
+    return track(tmp_path, f"t,x,y,z\n{rows}\n", **changes)
+
+
+def written(tmp_path, reference, duration, **changes):
+    write_trajectory(reference, tmp_path / "written.csv", duration=duration)
+    return make_reference(ReferenceConfig(track=str(tmp_path / "written.csv"), **changes))
+
+
+def moving(t):
+    """A circle that is in motion from the first."""
+    return make_reference(ReferenceConfig(ramp=0.0)).sample(t)[0]
+
+
+@pytest.mark.parametrize("text", [SQUARE, LINE], ids=["closed", "open"])
+def test_a_track_of_waypoints_passes_them_in_turn(tmp_path, text):
+    dut = track(tmp_path, text, ramp=1.0, speed=1.0)
+    points = np.array([[float(c) for c in row.split(",")] for row in text.split()[1:]])
+    p = dut.sample(np.linspace(0.0, min(dut.end, dut.lap + dut.lead), 40_001))[0]
+    distance = np.linalg.norm(p[:, None] - points, axis=2)
+    assert distance.min(axis=0).max() < 2e-4  # [m]; half the way between two samples
+    first = [int(np.argmax(distance[:, k] < 2e-4)) for k in range(len(points) - 1)]
+    assert first == sorted(first)
+
+
+def test_open_waypoints_are_flown_from_rest_to_rest(tmp_path):
+    dut = track(tmp_path, LINE, ramp=1.0)
+    flat = dut.sample(np.array([-1.0, 0.0, dut.end, dut.end + 5.0]))
+    np.testing.assert_allclose(flat[0], [[0, 0, 1], [0, 0, 1], [0, 1, 2], [0, 1, 2]], atol=1e-9)  # [m]
+    np.testing.assert_allclose(flat[1:], 0.0, atol=1e-9)
+
+
+def test_closed_waypoints_are_flown_lap_after_lap(tmp_path):
+    dut = track(tmp_path, SQUARE, ramp=1.0)
+    t = np.linspace(1.0, 4.0, 50)
+    np.testing.assert_allclose(dut.sample(t + dut.lap), dut.sample(t), atol=1e-9)
+    assert dut.end == np.inf
+    assert 2 * np.pi / dut.rate == pytest.approx(dut.lap)
+
+
+@pytest.mark.parametrize("text", [SQUARE, LINE, "x,y,z\n0,0,1\n2,0,1\n"], ids=["closed", "open", "two"])
+def test_waypoints_have_the_mean_speed_asked(tmp_path, text):
+    dut = track(tmp_path, text, ramp=0.5, speed=1.3)
+    length = dut._length * dut._stretch()
+    assert length / dut.lap == pytest.approx(1.3, rel=1e-3)
+
+
+def test_a_long_leg_between_short_ones_stays_near_its_line(tmp_path):
+    lawn = "x,y,z\n0,0,1\n3,0,1\n3,.3,1\n0,.3,1\n0,.6,1\n3,.6,1\n"
+    dut = track(tmp_path, lawn)
+    p = dut.sample(np.linspace(0.0, dut.end, 5000))[0]
+    assert p[:, 1].min() > -0.2  # [m]
+    assert p[:, 1].max() < 0.8
+
+
+@pytest.mark.parametrize("ramp", [1.0, 60.0])
+@pytest.mark.parametrize("text", [SQUARE, LINE], ids=["closed", "open"])
+def test_derivatives_of_waypoints_are_those_of_the_track(tmp_path, text, ramp):
+    _require_derivatives(track(tmp_path, text, ramp=ramp), np.linspace(0.05, 9.0, 301))
+
+
+def _require_derivatives(dut, t):
+    h = 1e-5
+    slope = (dut.sample(t + h) - dut.sample(t - h)) / (2 * h)
+    for k, atol in enumerate((1e-4, 1e-3, 1e-2)):  # [m/s, m/s², m/s³]; truncation and round-off
+        np.testing.assert_allclose(slope[k], dut.sample(t)[k + 1], atol=atol, rtol=1e-3)
+
+
+MOTIONS = {
+    **{name: ReferenceConfig(track=name, ramp=2.0) for name in TRACKS},
+    "dither": ReferenceConfig(dither=[0.05, 0.05, 0.05], ramp=2.0),
+}
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_a_written_motion_read_back_is_the_same(tmp_path, name):
+    motion = make_reference(MOTIONS[name])
+    dut = written(tmp_path, motion, 12.0)
+    t = np.linspace(0.0, 12.0, 4321)
+    error = np.abs(dut.sample(t) - motion.sample(t)).max(axis=(1, 2))
+    assert dut.lead == 0.0
+    assert (error <= (ROUND_TRIP_JUMP if name == "steps" else ROUND_TRIP)).all(), error
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 10**6), pace=st.floats(0.4, 1.0), count=st.integers(3, 6))
+def test_any_smooth_motion_written_and_read_back_is_the_same(tmp_path_factory, seed, pace, count):
+    folder = tmp_path_factory.mktemp("round")
+    points = np.random.default_rng(seed).uniform([-1, -1, 1], [1, 1, 2], (count, 3))
+    motion = Paced(Spline(points, 1.5 * np.arange(count)), pace)
+    duration = 1.5 * (count - 1) / pace
+    dut = written(folder, motion, duration)
+    t = np.linspace(0.0, duration, 1234)
+    error = np.abs(dut.sample(t) - motion.sample(t)).max(axis=2)
+    inside = (t > 0.4) & (t < duration - 0.4)  # the snap jumps at either end
+    assert (error.max(axis=1) <= ROUND_TRIP_JUMP).all(), error.max(axis=1)
+    assert (error[:, inside].max(axis=1) <= ROUND_TRIP).all(), error[:, inside].max(axis=1)
+
+
+def test_rounded_positions_leave_the_snap_smooth(tmp_path):
+    motion = make_reference(ReferenceConfig(track="lemniscate", ramp=3.0))
+    t = np.arange(1201) / 100
+    dut = trajectory(tmp_path, t, np.round(motion.sample(t)[0], 6))
+    fine = np.linspace(0.5, 11.5, 3001)
+    error = np.abs(dut.sample(fine) - motion.sample(fine)).max(axis=(1, 2))
+    assert error[0] < 1e-6  # [m]; one unit of the last decimal
+    assert error[4] < 1.0  # [m/s⁴]; a spline through the rounded rows is off by some hundred
+
+
+def test_a_motion_that_begins_at_rest_has_no_ramp_and_begins_at_once(tmp_path):
+    motion = make_reference(ReferenceConfig(track="lemniscate", ramp=2.0))
+    config = ReferenceConfig(track=str(tmp_path / "written.csv"), ramp=4.0)
+    dut = written(tmp_path, motion, 6.0, ramp=4.0)
+    assert (config.lead, config.own_duration) == (0.0, pytest.approx(6.0))
+    np.testing.assert_allclose(dut.sample(np.array([3.0])), motion.sample(np.array([3.0])), atol=0.1)
+
+
+def test_a_motion_that_begins_moving_is_ramped_along_its_own_track(tmp_path):
+    t = np.arange(801) / 100
+    dut = trajectory(tmp_path, t, moving(t), ramp=2.0)
+    assert (dut.lead, dut.end) == (2.0, pytest.approx(9.0))
+    np.testing.assert_allclose(dut.sample(np.zeros(1))[1:], 0.0, atol=1e-12)
+    later = np.linspace(2.0, 9.0, 50)
+    np.testing.assert_allclose(dut.sample(later)[0], moving(later - 1.0), atol=1e-8)  # [m]
+    _require_derivatives(dut, np.linspace(0.05, 8.9, 100))
+
+
+def test_after_an_end_in_motion_it_brakes_to_rest(tmp_path):
+    t = np.arange(801) / 100
+    dut = trajectory(tmp_path, t, moving(t), ramp=2.0)
+    _require_derivatives(dut, np.linspace(dut.end + 0.01, dut.end + 3.0, 100))
+    either = dut.sample(dut.end + np.array([-1e-7, 1e-7]))
+    np.testing.assert_allclose(either[:4, 0], either[:4, 1], atol=1e-3)  # up to the jerk
+    after = dut.sample(dut.end + np.array([5.0, 50.0]))
+    assert not after[1:].any()
+    np.testing.assert_array_equal(after[0, 0], after[0, 1])
+
+
+def test_times_of_a_trajectory_count_from_its_first_row(tmp_path):
+    t = np.arange(801) / 100
+    shifted = trajectory(tmp_path, t + 1e3, moving(t), name="later.csv").sample(t)
+    np.testing.assert_allclose(shifted[:3], trajectory(tmp_path, t, moving(t)).sample(t)[:3], atol=1e-4)
+
+
+def test_feedforward_angles_point_body_z_along_the_thrust():
+    flat = make_reference(ReferenceConfig(track="vertical", height=2.0)).sample(np.linspace(0, 9, 50))
+    vehicle = Vehicle()
+    roll, pitch, thrust = feedforward(flat[2], vehicle)
+    z = np.stack([np.sin(pitch) * np.cos(roll), -np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=1)
+    force = vehicle.mass * (flat[2] + [0.0, 0.0, vehicle.gravity])
+    np.testing.assert_allclose(thrust[:, None] * z, force, atol=1e-9)  # [N]
+    u = targets(vehicle, flat, np.zeros((50, 6)))[1]
+    np.testing.assert_allclose(thrust, u[:, 0])
+
+
+def test_a_written_file_names_its_columns_and_holds_a_row_a_period(tmp_path):
+    write_trajectory(make_reference(ReferenceConfig()), tmp_path / "w.csv.gz", rate=50.0, duration=2.0)
+    table = read_csv(tmp_path / "w.csv.gz")
+    assert list(table.columns)[:10] == ["t", "x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az"]
+    assert list(table.columns)[10:] == ["feedforward_roll", "feedforward_pitch", "feedforward_thrust"]
+    np.testing.assert_allclose(np.diff(table.columns["t"]), 0.02, atol=1e-12)
+    assert gzip.decompress((tmp_path / "w.csv.gz").read_bytes()).startswith(b"t,x,y,z")
+
+
+def test_a_motion_without_an_end_is_not_written_without_a_duration(tmp_path):
+    with pytest.raises(ValueError, match="Name the duration"):
+        write_trajectory(make_reference(ReferenceConfig()), tmp_path / "w.csv")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_track_with_an_end_is_written_to_its_end(tmp_path):
+    dut = track(tmp_path, LINE)
+    write_trajectory(dut, tmp_path / "w.csv")
+    assert read_csv(tmp_path / "w.csv").columns["t"][-1] == pytest.approx(dut.end, abs=0.01)
+
+
+def test_a_changed_file_is_read_anew(tmp_path):
+    first = track(tmp_path, LINE).sample(np.zeros(1))[0, 0]
+    second = track(tmp_path, LINE.replace("0,0,1\n", "0.5,0,1.25\n", 1)).sample(np.zeros(1))[0, 0]
+    np.testing.assert_allclose([first, second], [[0, 0, 1], [0.5, 0, 1.25]], atol=1e-12)
+
+
+RAMPED = "t,x,y,z\n" + "".join(f"{0.1 * k:.1f},{0.1 * k:.1f},0,1\n" for k in range(20))
+BAD = {  # text: what the line says
+    "empty": ("", "empty"),
+    "no z": ("x,y\n0,0\n1,1\n", "track.csv: must have the column z"),
+    "half a velocity": ("t,x,y,z,vx\n", "must have the column vy"),
+    "unknown": ("t,x,y,z,yaw\n", "column yaw: is no column of a trajectory"),
+    "named otherwise": ("time,x,y,z\n", "column time: is no column of waypoints; a trajectory has a column t"),
+    "not a number": (LINE.replace("3,1,2", "3,a,2"), "column y, row 3 (line 4): must be a number; got 'a'"),
+    "empty cell": (LINE.replace("3,1,2", "3,,2"), "column y, row 3 (line 4): must be a finite number"),
+    "infinite": (LINE.replace("3,1,2", "3,inf,2"), "column y, row 3 (line 4): must be a finite number; got inf"),
+    "ragged": (LINE.replace("3,1,2", "3,1"), "row 3 (line 4): must have 3 cells"),
+    "underground": (LINE.replace("3,1,2", "3,1,-2"), "column z, row 3 (line 4): must be above the ground"),
+    "one point": ("x,y,z\n0,0,1\n", "at least 2 waypoints; got 1"),
+    "there and back": ("x,y,z\n0,0,1\n1,0,1\n0,0,1\n", "at least 3 waypoints besides the last"),
+    "twice": (LINE.replace("3,1,2", "3,0,1"), "row 3 (line 4): must be another waypoint"),
+    "few rows": ("\n".join(RAMPED.splitlines()[:6]), "at least 8 rows of a trajectory; got 5"),
+    "time stands still": (RAMPED.replace("0.5,0.5", "0.4,0.5"), "column t, row 6 (line 7): must be later"),
+    "false velocity": (
+        "t,x,y,z,vx,vy,vz\n" + "".join(f"{0.1 * k},{0.1 * k},0,1,3.6,0,0\n" for k in range(20)),
+        "column vx, row 1 (line 2): must be the slope of the positions, 1, within 0.41; got 3.6",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_bad_file_is_refused_in_one_line_with_place_and_remedy(tmp_path, case):
+    text, message = BAD[case]
+    with pytest.raises(ValueError) as caught:
+        track(tmp_path, text)
+    assert message in str(caught.value)
+    assert "track.csv" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", [RAMPED, LINE], ids=["trajectory", "waypoints"])
+def test_a_track_that_moves_at_once_needs_a_ramp(tmp_path, text):
+    with pytest.raises(ValueError, match="needs a ramp"):
+        track(tmp_path, text, ramp=0.0)
+
+
+def test_a_missing_file_is_named():
+    with pytest.raises(ValueError, match=r"nowhere\.csv: must be a CSV file"):
+        make_reference(ReferenceConfig(track="nowhere.csv"))
