@@ -212,7 +212,7 @@ def test_any_numbers_make_a_finite_motion_or_one_line(tmp_path_factory, rows, ti
 
 
 def test_feedforward_angles_point_body_z_along_the_thrust():
-    flat = make_reference(ReferenceConfig(track="vertical", height=2.0)).sample(np.linspace(0, 9, 50))
+    flat = make_reference(ReferenceConfig(dither=[0.1, 0.1, 0.1])).sample(np.linspace(0, 9, 50))
     vehicle = Vehicle()
     roll, pitch, thrust = feedforward(flat[2], vehicle)
     z = np.stack([np.sin(pitch) * np.cos(roll), -np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=1)
