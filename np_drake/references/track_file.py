@@ -16,6 +16,7 @@ TIME = "t"
 POSITION, VELOCITY, ACCELERATION = ("x", "y", "z"), ("vx", "vy", "vz"), ("ax", "ay", "az")
 FEEDFORWARD = ("feedforward_roll", "feedforward_pitch", "feedforward_thrust")  # written for others, not read
 KNOWN = (TIME, *POSITION, *VELOCITY, *ACCELERATION, *FEEDFORWARD)
+FARTHEST = 1e3  # coordinate beyond which a file is in another unit than metres [m]
 NEAREST = 1e-6  # distance below which two waypoints in succession are one [m]
 # Largest difference of a velocity or acceleration in the file from the slope of its positions, as a share of the
 # largest and beyond it [m/s, m/s²]; own choice: above differencing errors at 20 Hz, below a wrong unit or axis.
@@ -80,6 +81,9 @@ def _check_cells(table: Table) -> None:
     for column, values in table.columns.items():
         if column not in FEEDFORWARD:
             _require(table, column, ~np.isfinite(values), "must be a finite number; got {}. Fill it in")
+    for column in POSITION:
+        far = np.abs(table.columns[column]) > FARTHEST
+        _require(table, column, far, f"must be within {FARTHEST:g} m; got {{:g}}. Convert it to metres")
     _require(
         table, "z", table.columns["z"] <= 0.0, "must be above the ground, which is at 0 m; got {:g}. Raise it"
     )

@@ -21,7 +21,7 @@ class Trajectory:
     """Spline of degree 7 along positions `p` (n, 3) [m] at times `t` (n,) [s], the first of which is the start.
 
     The spline is the one of the fewest knots that passes within one unit of the last decimal of the positions (1 nm to
-    1 mm), so that their rounding does not reach the snap. Source: own choice.
+    1 mm), or their change in one of large times, so that rounding does not reach the snap. Source: own choice.
 
     It rests before and after a motion that is at rest there. A motion that is not at rest at its start is flown from
     rest: over `ramp` its own time goes from rest to full rate, during which half of the ramp passes of it. After an
@@ -44,7 +44,9 @@ class Trajectory:
         t = np.asarray(t, float)
         rests = [_at_rest(t[rows], p[rows], _row(v, i), _row(a, i)) for i, rows in _ENDS]
         self._duration = float(t[-1] - t[0])
-        self._spline = _along(t - t[0], np.asarray(p, float), *rests)
+        drift = np.max(np.abs(np.diff(p, axis=0) / np.diff(t)[:, None])) * np.spacing(np.max(np.abs(t)))
+        within = max(resolution(p), min(float(drift), CRUDEST))
+        self._spline = _along(t - t[0], np.asarray(p, float), *rests, within=within)
         self.starts_at_rest, self._rests_at_end = rests
         self.lead = 0.0 if self.starts_at_rest else min(ramp, self._duration)
         self.end = self._duration + 0.5 * self.lead
@@ -98,21 +100,29 @@ def _at_rest(t: np.ndarray, p: np.ndarray, v: np.ndarray | None, a: np.ndarray |
     return bool(np.max(np.abs(v)) <= REST_SPEED and np.max(np.abs(a)) <= REST_ACCELERATION)
 
 
-def _along(t: np.ndarray, p: np.ndarray, rests_before: bool, rests_after: bool) -> BSpline:
-    """Return the spline of the fewest knots within the resolution of the rows."""
-    unit = resolution(p)
+def _along(t: np.ndarray, p: np.ndarray, rests_before: bool, rests_after: bool, *, within: float) -> BSpline:
+    """Return the spline of the fewest knots whose distance from every row is `within` so much [m]."""
+    rests = LEAST_ROWS * np.array([rests_before, rests_after])
     stride = COARSEST
     while stride > 1:
-        times, rows = _padded(t, p, stride * LEAST_ROWS * np.array([rests_before, rests_after]))
-        knots = times[stride * (DEGREE // 2 + 1) : -stride * (DEGREE // 2 + 1) : stride]
+        times, rows = _padded(t, p, stride * rests)
+        margin = stride * (DEGREE // 2 + 1)
+        knots = times[margin:-margin:stride]
         if len(knots):
-            edges = [np.full(LEAST_ROWS, times[0]), knots, np.full(LEAST_ROWS, times[-1])]
-            spline = make_lsq_spline(times, rows, np.concatenate(edges), k=DEGREE, method="qr")
-            if np.max(np.abs(spline(times) - rows)) <= unit:
+            spline = _fit(times, rows, knots)
+            if np.max(np.abs(spline(times) - rows)) <= within:
                 return spline
         stride //= 2
-    times, rows = _padded(t, p, LEAST_ROWS * np.array([rests_before, rests_after]))
+    times, rows = _padded(t, p, rests)
     return make_interp_spline(times, rows, k=DEGREE)
+
+
+def _fit(t: np.ndarray, p: np.ndarray, knots: np.ndarray) -> BSpline:
+    """Return the spline of least squares; a second pass takes the round-off of the normal equations out."""
+    knots = np.concatenate([np.full(LEAST_ROWS, t[0]), knots, np.full(LEAST_ROWS, t[-1])])
+    spline = make_lsq_spline(t, p, knots, k=DEGREE, method="norm-eq")  # "qr" takes the square of the rows
+    spline.c += make_lsq_spline(t, p - spline(t), knots, k=DEGREE, method="norm-eq").c
+    return spline
 
 
 def _padded(t: np.ndarray, p: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -128,7 +138,7 @@ def resolution(p: np.ndarray) -> float:
     """Return one unit of the last decimal of the positions, 1 nm to 1 mm [m]."""
     for decimals in range(3, 9):
         if np.max(np.abs(p - np.round(p, decimals))) < 1e-12:
-            return max(10.0**-decimals, FINEST)
+            return 10.0**-decimals
     return FINEST
 
 

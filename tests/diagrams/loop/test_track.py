@@ -110,6 +110,14 @@ def test_a_track_that_cannot_be_flown_is_refused_in_one_line(tmp_path, monkeypat
     assert not (tmp_path / "out").exists()
 
 
+def test_rotors_are_held_against_the_thrust_that_is_left(tmp_path):
+    config = load_flight(scenario(tmp_path, "x,y,z\n0,0,1.5\n0,0,9\n", reference="speed: 3.6, ramp: 1.0"))
+    config.check()
+    config.reality.thrust_scale = 0.8
+    with pytest.raises(ValueError, match="max_rotor_thrust"):
+        config.check()
+
+
 def test_a_flight_from_python_is_checked_too(tmp_path):
     config = load_flight(scenario(tmp_path))
     config.reference = dc.replace(config.reference, speed=9.0)

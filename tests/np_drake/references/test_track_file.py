@@ -1,4 +1,5 @@
 import gzip
+import time
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from np_drake.references.config import TRACKS, ReferenceConfig, make_reference
 from np_drake.references.flatness import targets
 from np_drake.references.pace import Paced
 from np_drake.references.spline import Spline
+from np_drake.references.trajectory import Trajectory
 from np_drake.references.trajectory_file import feedforward, write_trajectory
 from np_drake.vehicle import Vehicle
 
@@ -172,8 +174,45 @@ def test_times_of_a_trajectory_count_from_its_first_row(tmp_path):
     np.testing.assert_allclose(shifted[:3], trajectory(tmp_path, t, moving(t)).sample(t)[:3], atol=1e-4)
 
 
+def test_an_hour_at_100_hz_is_read_in_seconds(tmp_path):
+    t = np.arange(360_000) / 100
+    p = np.round(make_reference(ReferenceConfig(track="lemniscate")).sample(t)[0], 6)
+    begin = time.process_time()
+    Trajectory(t, p, ramp=5.0)
+    assert time.process_time() - begin < 10.0  # [s]; 5 here, and 55 by QR
+
+
+def test_times_since_1970_leave_the_snap_smooth(tmp_path):
+    motion = make_reference(ReferenceConfig(track="lemniscate", ramp=3.0))
+    t = np.arange(1201) / 100
+    dut = trajectory(tmp_path, 1.7e9 + t, motion.sample(t)[0])  # numbers resolve 0.24 µs there
+    fine = np.linspace(0.5, 11.5, 3001)
+    assert np.abs(dut.sample(fine) - motion.sample(fine))[4].max() < 1.0  # [m/s⁴]
+
+
+NUMBERS = st.sampled_from([0.0, 1e-5, 0.3, 1.0, 7.0, 1e3, 1e300, -2.0])
+
+
+@settings(max_examples=60, deadline=None)
+@given(rows=st.lists(st.tuples(*[NUMBERS] * 4), max_size=14), timed=st.booleans())
+def test_any_numbers_make_a_finite_motion_or_one_line(tmp_path_factory, rows, timed):
+    folder = tmp_path_factory.mktemp("any")
+    t = np.cumsum([row[0] for row in rows]).tolist()
+    lines = ["t,x,y,z" if timed else "x,y,z"]
+    lines += [
+        ",".join(map(repr, [when, *row[1:]] if timed else row[1:])) for when, row in zip(t, rows, strict=True)
+    ]
+    refused = ""
+    try:
+        dut = track(folder, "\n".join(lines) + "\n")
+        assert np.isfinite(dut.sample(np.linspace(0.0, 20.0, 50))).all()
+    except ValueError as error:
+        refused = str(error)
+    assert not refused or ("track.csv" in refused and "\n" not in refused)
+
+
 def test_feedforward_angles_point_body_z_along_the_thrust():
-    flat = make_reference(ReferenceConfig(track="vertical", height=2.0)).sample(np.linspace(0, 9, 50))
+    flat = make_reference(ReferenceConfig(dither=[0.1, 0.1, 0.1])).sample(np.linspace(0, 9, 50))
     vehicle = Vehicle()
     roll, pitch, thrust = feedforward(flat[2], vehicle)
     z = np.stack([np.sin(pitch) * np.cos(roll), -np.sin(roll), np.cos(pitch) * np.cos(roll)], axis=1)
@@ -222,6 +261,7 @@ BAD = {  # text: what the line says
     "infinite": (LINE.replace("3,1,2", "3,inf,2"), "column y, row 3 (line 4): must be a finite number; got inf"),
     "ragged": (LINE.replace("3,1,2", "3,1"), "row 3 (line 4): must have 3 cells"),
     "underground": (LINE.replace("3,1,2", "3,1,-2"), "column z, row 3 (line 4): must be above the ground"),
+    "millimetres": (LINE.replace("3,1,2", "3,1500,2"), "column y, row 3 (line 4): must be within 1000 m"),
     "one point": ("x,y,z\n0,0,1\n", "at least 2 waypoints; got 1"),
     "there and back": ("x,y,z\n0,0,1\n1,0,1\n0,0,1\n", "at least 3 waypoints besides the last"),
     "twice": (LINE.replace("3,1,2", "3,0,1"), "row 3 (line 4): must be another waypoint"),
