@@ -4,6 +4,7 @@ import typer
 from typer.core import TyperGroup
 
 from diagrams.cli.reproduce.attach import attach
+from diagrams.cli.reproduce.closing import closing
 from diagrams.cli.reproduce.configurations import configurations
 from diagrams.cli.reproduce.cooperative import cooperative
 from diagrams.cli.reproduce.cost import cost
@@ -22,7 +23,7 @@ from diagrams.cli.reproduce.weights import pendulum, weights
 TABLES = (
     tracking, configurations, weights, gap, mhe, theorem, pendulum, estimation, sample_efficiency, response, hover,
     attach, timing, cooperative, robustness, margins, cost, real,
-    payload_flights, vehicles, models,
+    payload_flights, vehicles, models, closing,
 )  # fmt: skip
 
 

@@ -1,0 +1,78 @@
+"""Vehicles with withheld effects, and the flights that are diagnosed."""
+
+import dataclasses as dc
+
+import numpy as np
+
+from diagrams.challenge.generate.composition import compatible
+from diagrams.challenge.generate.magnitudes import draw_effect
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_result import fly
+from diagrams.loop.reality import RealityConfig
+from np_drake.effects.effect_entry import EffectEntry
+from np_drake.logs.flight_log import FlightLog
+from np_drake.vehicle import Vehicle
+from systems.payload_config import PayloadConfig
+
+# Effects that a controller feels and that a flight of 20 s can hold; sensor errors are left to the challenge.
+WITHHELD = (
+    *(
+        "suspended_payload",
+        "mass_error",
+        "thrust_scale",
+        "thrust_drift",
+        "weak_rotor",
+        "center_of_mass_offset",
+    ),
+    *("motor_lag", "command_delay", "linear_drag", "quadratic_drag", "constant_wind"),
+)
+MOST = 3  # effects of a vehicle [1]
+TRAINING = (("training_circle", 20.0), ("lemniscate", 20.0))  # flights for the fit, and their scored time [s]
+HELD_OUT = ("fast_lemniscate", 10.0)
+DITHER = [0.08, 0.08, 0.04]  # RMS on every flight that is diagnosed, as on the training circle [m]
+FLOWN_WITH = "hold"  # controller that needs no model, so that a vehicle as it came can be flown
+
+
+def nominal_reality() -> RealityConfig:
+    """Return the reality of the nominal simulator: the vehicle file and the sensors' noise."""
+    return RealityConfig(
+        payload=PayloadConfig(tether="none"), rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0
+    )
+
+
+def withheld_reality(seed: int, vehicle: Vehicle) -> RealityConfig:
+    """Draw one to `MOST` effects that act at different places and can be told apart."""
+    rng = np.random.default_rng([seed, 40])
+    count = int(rng.integers(1, MOST + 1))
+    while True:
+        names = tuple(rng.choice(WITHHELD, count, replace=False).tolist())
+        if count == 1 or compatible(names):
+            break
+    effects = [effect for name in names for effect in draw_effect(name, rng, vehicle, sum(TRAINING[0][1:]))]
+    return dc.replace(nominal_reality(), effects=[EffectEntry.of(effect) for effect in effects])
+
+
+def experiment(
+    name: str, reality: RealityConfig, vehicle: Vehicle, *, solver: str, seconds: float
+) -> FlightConfig:
+    """Return an experiment of the package in another reality."""
+    config = load_experiment(name, vehicle)
+    config.controller.solver = solver
+    return dc.replace(config, reality=reality, duration=seconds).check_and_step()
+
+
+def diagnosed_flights(
+    reality: RealityConfig, vehicle: Vehicle, *, solver: str, seed: int
+) -> tuple[list[FlightLog], list[FlightLog]]:
+    """Fly training and held-out flights, and return their logs.
+
+    Raises: LostVehicle: if one fails.
+    """
+    logs = []
+    for k, (name, seconds) in enumerate((*TRAINING, HELD_OUT)):
+        config = experiment(name, reality, vehicle, solver=solver, seconds=seconds)
+        config.controller.kind, config.reference.dither = FLOWN_WITH, DITHER
+        log = fly(config, seed=10 * seed + k).log()
+        logs.append(dc.replace(log, name=f"{name}.csv"))
+    return logs[: len(TRAINING)], logs[len(TRAINING) :]

@@ -1,0 +1,66 @@
+"""`np-drake reproduce closing`: what a diagnosis gains a controller that was made in a simulator."""
+
+from collections.abc import Sequence
+
+from diagrams.cli.columns import MISSING, tabulate
+from diagrams.cli.output import Table, counted, progress
+from diagrams.cli.reproduce.campaign import Campaign, campaign
+from diagrams.cli.reproduce.sweep import CASES, OutOfCases, Scheduler, cost, require_result
+from diagrams.cli.runner import Report
+
+
+@campaign(seeds=40, out=OutOfCases)
+def closing(run: Campaign, scheduler: Scheduler = "") -> Report:
+    """Vehicles with withheld effects: diagnosed, then flown by controllers of several simulators.
+
+    A seed is a vehicle. It flies three times under `hold` and is diagnosed; predictors are trained in the nominal
+    simulator, in the corrected one, in draws from its posterior, and on the flights themselves, and fly the circle.
+    --out DIR: cases to resume from.
+    """
+    from diagrams.batch.campaign import run_campaign
+    from diagrams.challenge.closing import study
+    from np_drake.mpc.solvers import require_solver
+
+    require_solver(run.solver)
+    config = study.settings(run.solver)
+    with progress("closing", 1.0) as advance:
+        records = run_campaign(
+            study.Closing(run.solver),
+            [{"seed": seed} for seed in run.seeds],
+            config=config,
+            folder=run.folder / CASES if run.out else None,
+            jobs=run.jobs,
+            scheduler=scheduler,
+            on_progress=counted(advance, "vehicles"),
+        )
+    require_result(records)
+    results = [record["result"] for record in records if "result" in record]
+    lines = study.table(results)
+    gains = study.gained(results)
+    failed = [f"seed {r['case']['seed']}: {r['error']}" for r in records if "error" in r]
+    return Report(
+        closing_printed(
+            lines, gains, f"{len(results)} vehicles, seeds {run.seeds[0]} … {run.seeds[-1]}, {run.solver}"
+        ),
+        config=config | {"seeds": run.seeds},
+        metrics={"table": lines, "gains": gains, "runs": records},
+        notes=[*failed, cost(records)],
+    )
+
+
+def closing_printed(lines: Sequence[dict], gains: dict[str, float], title: str) -> list[Table]:
+    """Return the table of rows [cm], and that of the gains."""
+
+    def centimetres(key: str):
+        return lambda line: MISSING if line[key] is None else f"{100 * line[key]:.2f}"
+
+    columns = (
+        ("controller", "row"),
+        ("E_xy, median [cm]", centimetres("median")),
+        ("quarter", centimetres("lower")),
+        ("three quarters", centimetres("upper")),
+        ("flown", "flown"),
+        ("lost", "lost"),
+    )
+    rows = [(name, f"{value:.3g}") for name, value in gains.items()]
+    return [tabulate(title, lines, columns), ("medians over the vehicles", ["gain", "value [1]"], rows)]
