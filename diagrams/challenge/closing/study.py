@@ -33,10 +33,7 @@ from np_drake.vehicle import Vehicle
 
 TRACK = "circle"  # that is scored
 SCORED = 15.0  # of it, after the ramp [s]
-LEARNED_ON = (
-    "training_circle",
-    60.0,
-)  # flight that a predictor is trained on in a simulator, and its length [s]
+LEARNED_ON = ("training_circle", 60.0)  # flight that is trained on in a simulator, and its length [s]
 SAMPLES = 3  # simulators of the posterior, on whose flights together one predictor is trained [1]
 NOMINAL, CORRECTED, SAMPLED, REAL = (
     "nominal simulator",

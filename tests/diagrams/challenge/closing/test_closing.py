@@ -53,13 +53,8 @@ def test_a_lost_vehicle_counts_as_infinitely_bad():
 def test_the_table_has_quartiles_of_what_flew_and_counts_what_was_lost():
     results = [{"E_xy": dict.fromkeys(ROWS, value)} for value in (0.1, 0.2, 0.3, None)]
     lines = {line["row"]: line for line in table(results)}
-    assert lines["hold"] == {
-        "row": "hold",
-        "flown": 3,
-        "lost": 1,
-        "lower": 0.15,
-        "median": 0.2,
-        "upper": 0.25,
-    }
+    quartiles = [lines["hold"][key] for key in ("lower", "median", "upper")]
+    np.testing.assert_allclose(quartiles, [0.15, 0.2, 0.25])
+    assert (lines["hold"]["flown"], lines["hold"]["lost"]) == (3, 1)
     assert lines["oracle"]["lost"] == 0
     assert set(lines) >= {"nominal", "np: nominal simulator", "np: corrected simulator", "np: real flights"}
