@@ -55,17 +55,21 @@ class BankOptions:
     """What is believed of payload and air before any sample, per mass of the vehicle; in SI for the paper's vehicle.
 
     Source: stated priors. Lengths cover 0.3 to 2.4 m by equal steps of the logarithm, of which half is a deviation;
-    a vehicle carries up to half its own weight; a quadrotor's drag is below its weight at 20 m/s.
+    a vehicle carries up to half its own weight; a quadrotor's drag is below its weight at 20 m/s. Near the ground the
+    wind's vertical deviation is half its level one (Panofsky, Dutton 1984: 1.25 and 2.4 friction velocities).
     """
 
     lengths: tuple[float, ...] = (0.3, 0.5, 0.85, 1.42, 2.4)  # of the members [m]
     log_length: float = 0.26  # deviation of a member's logarithm of length [1]
-    bare: float = 0.5  # probability that the vehicle carries nothing [1]
+    bare: float = (
+        1 / 6
+    )  # probability that the vehicle carries nothing: as likely as a tether of each length [1]
     mass: Prior = Prior(0.1, 0.15)  # of the payload, share of the vehicle's [1]
     damping: Prior = Prior(0.05, 0.1)  # drag of the payload over its mass [1/s]
     thrust_error: Prior = Prior(0.0, 0.1)  # [1]
     drag: Prior = Prior(0.1, 0.2)  # of the vehicle [1/s]
     push: tuple[float, ...] = (0.05, 1.0, 0.05)  # deviation of the slow force by condition [m/s²]
+    vertical: float = 0.5  # deviation of the slow force upwards over that on a level axis [1]
     push_time: tuple[float, ...] = (20.0, 10.0, 20.0)  # over which it decays, by condition [s]
     memory: float = 20.0  # over which parameters return to their prior [s]
     tilt: float = 0.1  # deviation of the tether from the vertical at the start [rad]
@@ -130,7 +134,7 @@ class PendulumBank:
         found = np.empty((len(self), 8))
         found[:, 0] = np.where(self._carries, o.mass.deviation, NO_MASS.deviation)
         found[:, [1, 2]] = o.log_length, o.damping.deviation
-        found[:, 3:6] = np.array(o.push)[self._condition][:, None]
+        found[:, 3:6] = np.array(o.push)[self._condition][:, None] * [1.0, 1.0, o.vertical]
         found[:, [6, 7]] = o.thrust_error.deviation, o.drag.deviation
         return found
 
@@ -160,6 +164,11 @@ class PendulumBank:
         ]
         found[:, 4:] = (1 - self._keep**2) * self._deviation**2
         return found
+
+    @cached_property
+    def _rise(self) -> np.ndarray:
+        """Variance of the slow force upwards by condition, (3,) [m²/s⁴]."""
+        return (np.array(self.options.push) * self.options.vertical) ** 2
 
     @cached_property
     def _transition(self) -> np.ndarray:
@@ -195,7 +204,14 @@ class PendulumBank:
         """
         mean, covariance, weight = (np.empty_like(memory[name]) for name in ("mean", "covariance", "weight"))
         kernel.mix_bank(
-            memory["mean"], memory["covariance"], memory["weight"], self._transition, mean, covariance, weight
+            memory["mean"],
+            memory["covariance"],
+            memory["weight"],
+            self._transition,
+            self._rise,
+            mean,
+            covariance,
+            weight,
         )
         predicted, spread = np.empty_like(mean), np.empty_like(covariance)
         updated, narrowed = np.empty_like(mean), np.empty_like(covariance)
@@ -213,8 +229,18 @@ class PendulumBank:
             return self.initial_memory()
         weight = weight * np.exp(likelihood - likelihood.max())
         stay = np.exp(-self.step * self.options.change)
-        weight = stay * weight / weight.sum() + (1 - stay) * self._first_weight
+        weight = stay * weight / weight.sum() + (1 - stay) * self._first_weight * self._likely(updated)
+        weight = weight / weight.sum()
         return {"mean": updated, "covariance": narrowed, "weight": weight}
+
+    def _likely(self, mean: np.ndarray) -> np.ndarray:
+        """Return the prior density of each member's parameters over its largest, (k,) [1].
+
+        A change leads to a member whose parameters were fitted all along, as if it had always been true: such a fit must
+        be one that could have been drawn.
+        """
+        apart = (mean[:, kernel.PARAMETERS] - self._prior) / self._deviation
+        return np.exp(-0.5 * np.sum(apart**2, axis=1))
 
     def _forget(self, mean: np.ndarray, covariance: np.ndarray) -> None:
         """Forget payload and swing in place; what belongs to the vehicle stays."""

@@ -89,22 +89,31 @@ def filter_bank(
 
 
 @compiled
-def mix_bank(mean, covariance, weight, transition, mixed, mixed_covariance, mixed_weight):
+def mix_bank(mean, covariance, weight, transition, rise, mixed, mixed_covariance, mixed_weight):
     """Let the conditions of each length interact: what one of them found is where the others go on from.
 
+    A steady wind is level: a slow force upwards that a condition does not know keeps a member from changing to it, so
+    that such a force has under every condition the prior of that condition.
+
     Args: mean: (k, POINT), ordered by condition, then by length.   weight: (k,).   transition: (c, c) probability of a
-    change from one condition to another in a step.   mixed, …: the same shapes, are written.
-    Source: Blom, Bar-Shalom 1988 (interacting multiple models).
+    change from one condition to another in a step.   rise: (c,) variance of the slow force upwards [m²/s⁴].
+    mixed, …: the same shapes, are written.
+    Source: Blom, Bar-Shalom 1988 (interacting multiple models); the changes balance as of Metropolis et al. 1953.
     """
     kinds = len(transition)
     lengths = len(mean) // kinds
     shift, errors, shares = np.zeros(SIZE), np.zeros((kinds, SIZE)), np.zeros(kinds)
+    change = np.zeros((lengths, kinds, kinds))
+    for length in range(lengths):
+        for i in range(kinds):
+            own = i * lengths + length
+            _changes(mean[own, PUSH + 2], covariance[own, 9, 9], transition[i], rise, i, change[length, i])
     for j in range(kinds):
         for length in range(lengths):
             here = j * lengths + length
             total = 0.0
             for i in range(kinds):
-                shares[i] = transition[i, j] * weight[i * lengths + length]
+                shares[i] = change[length, i, j] * weight[i * lengths + length]
                 total += shares[i]
             mixed_weight[here] = total
             shift[:] = 0.0
@@ -122,6 +131,18 @@ def mix_bank(mean, covariance, weight, transition, mixed, mixed_covariance, mixe
                     mixed_covariance[here, a, b] = value
                     mixed_covariance[here, b, a] = value
             _displace(mean[here], shift, mixed[here])
+
+
+@compiled
+def _changes(push, variance, transition, rise, i, out):
+    """Write the probabilities (c,) of a change from condition i under a slow force upwards and its variance."""
+    own, out[i] = rise[i] + variance, 1.0
+    for j in range(len(rise)):
+        if j != i:
+            other = rise[j] + variance
+            odds = 0.5 * (math.log(own / other) + push * push * (1.0 / own - 1.0 / other))
+            out[j] = transition[j] * math.exp(min(odds, 0.0))
+            out[i] -= out[j]
 
 
 @compiled

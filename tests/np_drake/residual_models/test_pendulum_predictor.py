@@ -64,6 +64,16 @@ def test_a_vehicle_that_carries_nothing_is_believed_to_carry_nothing_however_lon
         assert memory["weight"] @ memory["mean"][:, kernel.MASS] < 0.002  # share of the vehicle's mass [1]
 
 
+@pytest.mark.parametrize("swing", [0.0, 0.2])
+def test_a_payload_is_not_taken_for_a_steady_push_upwards_or_a_weak_thrust(swing, model, flown):
+    predictor = PendulumPredictor(model())
+    flight = flown(mass=0.26, seconds=20.0, radius=1.0, speed=1.0, swing=swing)
+    memory = run(predictor, flight.samples[:150])
+    for sample in flight.samples[150:]:
+        memory = predictor.update(memory, sample)
+        assert memory["weight"][carries(len(memory["weight"]))].sum() > 0.9
+
+
 def test_without_payload_there_is_no_pull_after_three_seconds(model, flown):
     predictor = PendulumPredictor(model())
     memory = run(predictor, flown(mass=0.0, seconds=3.0).samples)
