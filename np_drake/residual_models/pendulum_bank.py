@@ -236,8 +236,8 @@ class PendulumBank:
     def _likely(self, mean: np.ndarray) -> np.ndarray:
         """Return the prior density of each member's parameters over its largest, (k,) [1].
 
-        A change leads to a member whose parameters were fitted all along, as if it had always been true: such a fit must
-        be one that could have been drawn.
+        A change leads to a member whose parameters were fitted all along, as if it had always been true: they must be
+        such as could have been drawn.
         """
         apart = (mean[:, kernel.PARAMETERS] - self._prior) / self._deviation
         return np.exp(-0.5 * np.sum(apart**2, axis=1))
