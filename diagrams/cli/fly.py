@@ -202,7 +202,7 @@ def flights_table(flights: "list[FlightResult]") -> Table:
 
 def write_flight(flight: "FlightResult", folder: Path) -> None:
     """Write flight log, track, errors, wrench and replay page, named by experiment and controller."""
-    from diagrams.loop.replay_page import write_replay
+    from diagrams.loop.replay.flight_page import write_replay
     from diagrams.tracking import figures
     from np_drake.figure_file import save
     from np_drake.logs.log_file import write_log

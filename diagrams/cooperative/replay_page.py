@@ -8,7 +8,7 @@ from pydrake.geometry import Cylinder, Meshcat, MeshcatParams, Rgba, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 
 from diagrams.cooperative.result import CooperativeResult
-from diagrams.loop.replay_page import add_quadrotor
+from diagrams.loop.replay.scene import add_quadrotor
 from np_drake import attitude
 from np_drake.atomic_file import write_text
 
