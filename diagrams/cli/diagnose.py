@@ -108,11 +108,15 @@ def write_ghosts(
     if not held_out:
         return None
     try:
-        write_side_by_side(side_by_side(found, vehicle, held_out), vehicle, path)
+        beside = side_by_side(found, vehicle, held_out)
     except NoReplay as reason:
         say(f"no {FILE}: {reason}")
         return None
-    say(f"flight beside both simulators: {path}")
+    write_side_by_side(beside, vehicle, path)
+    if beside.missing:
+        say(f"flight beside the nominal simulator alone: {path}", f"  the corrected one: {beside.missing}")
+    else:
+        say(f"flight beside its simulators: {path}")
     return path
 
 

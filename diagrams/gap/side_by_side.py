@@ -53,6 +53,7 @@ class SideBySide:
     nominal: Ghost
     corrected: Ghost | None
     hook: np.ndarray | None = None  # p_BoTo_B of the payload, where it is a cause (3,) [m]
+    missing: str = ""  # why the causes that were found cannot be flown
 
 
 def side_by_side(
@@ -80,13 +81,13 @@ def side_by_side(
     legs = [rows[restarted == first] for first in np.unique(restarted)]
     payload = next((e for e, _ in effects if e.identifier == "suspended_payload"), None)
     hook = None if payload is None else np.array([payload.values[f"hook_{axis}"] for axis in "xyz"])
+    nominal, corrected, missing = _ghost(replay, log, [], legs), None, ""
     try:
-        ghosts = [_ghost(replay, log, some, legs) for some in ([], effects)[: 1 + bool(effects)]]
-    except ValueError as error:
-        raise NoReplay(" ".join(str(error).split())) from error
-    nominal, corrected = ghosts[0], ghosts[1] if effects else None
+        corrected = _ghost(replay, log, effects, legs) if effects else None
+    except ValueError as error:  # no rigid body has such parameters, as in the replay of the report
+        missing = " ".join(str(error).split())
     begin = float(log.t[rows[0]])
-    return SideBySide(log.name, begin, log.x[rows], restarted, nominal, corrected, hook)
+    return SideBySide(log.name, begin, log.x[rows], restarted, nominal, corrected, hook, missing)
 
 
 def _rebased(log: FlightLog, answer: Diagnosis) -> tuple[FlightLog, Effects]:

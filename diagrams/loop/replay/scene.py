@@ -27,6 +27,8 @@ def new_scene() -> Meshcat:
     meshcat = Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
     meshcat.SetProperty("/Background/<object>", "top_color", [0.97, 0.98, 1.0])
     meshcat.SetProperty("/Background/<object>", "bottom_color", [0.8, 0.82, 0.85])
+    # Meshcat's spots are near the origin; far from it only this one is seen.
+    meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 0.9)
     meshcat.SetProperty("/Axes", "visible", False)
     return meshcat
 

@@ -13,6 +13,7 @@ from diagrams.loop.flight_result import fly
 from diagrams.loop.replay.film import FRAME_RATE
 from np_drake.diagnosis import result as an
 from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
 from np_drake.effects.suspended_payload import SuspendedPayload
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import MeasurementNoise, Vehicle
@@ -147,6 +148,12 @@ def test_a_lost_ghost_is_hidden_and_read_as_lost(seen, replay_page, tmp_path):
     assert page.numbers["errors"][0]["cm"][20:25] == [None] * 5
     expected = np.isfinite(error)
     np.testing.assert_array_equal(page.film["nominal"]["visible"], expected)
+
+
+def test_causes_that_no_rigid_body_has_leave_the_nominal_ghost_and_the_reason(log):
+    alone = side_by_side(found(cause(MassError(-3.0))), VEHICLE, [log])
+    assert alone.corrected is None
+    assert "mass must be positive" in alone.missing
 
 
 def test_a_flight_that_cannot_be_replayed_is_a_reason_in_one_line(log):
