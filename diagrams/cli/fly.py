@@ -133,7 +133,8 @@ def fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
     from diagrams.loop.live import LiveView
 
     with LiveView(config) as view:
-        say(f"watch it at {view.meshcat.web_url()}: V pushes, P the payload; Esc or Ctrl-C ends it.")
+        payload = ", P the payload" if view.has_payload else ""
+        say(f"watch it at {view.meshcat.web_url()}: V pushes{payload}; Esc or Ctrl-C ends it.")
         try:
             with progress(f"flying {config.name} with {config.controller.kind}", config.end) as advance:
                 flight = simulate(

@@ -55,10 +55,10 @@ class LiveView:
         self.stopped = False
         self.error = 0.0  # distance from the reference at the last look [m]
         self._config, self._reference = config, make_reference(config.reference)
-        self._hangs = config.reality.hung.tether == "cable"
+        self.has_payload = config.reality.hung.tether == "cable"
         self.meshcat = new_scene()
         self._trail: deque[np.ndarray] = deque(maxlen=_TRAIL)
-        pushes = (VEHICLE, PAYLOAD) if self._hangs else (VEHICLE,)
+        pushes = (VEHICLE, PAYLOAD) if self.has_payload else (VEHICLE,)
         self._until = dict.fromkeys(pushes, -np.inf)  # when a push ends [s]
         self._clicks = dict.fromkeys(pushes, 0)
         gravity = config.vehicle.gravity
@@ -116,7 +116,7 @@ class LiveView:
         if pad.index is None or len(pad.axes) < 2:
             return np.zeros(3), False
         axes = [0.0 if abs(a) < _DEAD else a for a in pad.axes[:2]]
-        on_payload = self._hangs and len(pad.button_values) > 0 and pad.button_values[0] > 0.5
+        on_payload = self.has_payload and len(pad.button_values) > 0 and pad.button_values[0] > 0.5
         return MOST * np.array([axes[0], -axes[1], 0.0]), on_payload  # the stick's y points down
 
     def _interrupted(self, signum: int, frame: FrameType | None) -> None:
@@ -127,7 +127,7 @@ class LiveView:
         add_quadrotor(self.meshcat, config.vehicle)
         add_arrow(self.meshcat, "thrust", 0.04 * size, DARK)
         add_arrow(self.meshcat, "push", 0.07 * size, PINK)
-        if self._hangs:
+        if self.has_payload:
             add_payload(self.meshcat, config.reality.hung.radius, size)
         t = np.arange(config.reference.lead, config.end, PERIOD)
         track = self._reference.sample(t)[0]
@@ -154,7 +154,7 @@ class LiveView:
         self._show_arrow("thrust", x[:3], scale * thrust.sum() * attitude.body_z(x[3:7]))
         start, push = x[:3], np.zeros(3) if forces is None else forces[0]
         if (
-            self._hangs
+            self.has_payload
         ):  # a push on the payload is drawn as long as one of that share of weight on the vehicle
             hung = self._config.reality.hung
             X, length = tether_pose(x, np.array(hung.hook), plant[11:14])

@@ -1,4 +1,4 @@
-"""Animation of a Meshcat scene, frame by frame, in which equal neighbours take no room."""
+"""Animation of a Meshcat scene, frame by frame."""
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatAnimation
@@ -32,14 +32,15 @@ class Film:
     def payload(self, frame: int, x: np.ndarray, hook: np.ndarray, p_WP: np.ndarray, path: str = "") -> None:
         """Show a payload at p_WP (3,) [m] on its tether from the hook of a vehicle in x (13,)."""
         self.animation.SetTransform(frame, f"{path}payload", RigidTransform(p_WP))
-        X, length = tether_pose(x, hook, p_WP)
-        self.animation.SetTransform(frame, f"{path}tether", X)
-        self.animation.SetProperty(frame, f"{path}tether", "scale", [1.0, 1.0, length])
+        self.bar(frame, f"{path}tether", *tether_pose(x, hook, p_WP))
 
     def arrow(self, frame: int, path: str, start: np.ndarray, vector: np.ndarray) -> None:
         """Show an arrow from `start` (3,) [m] along `vector` (3,) [m]."""
-        self.animation.SetTransform(frame, path, along(start, vector))
-        length = max(float(np.linalg.norm(vector)), SHORTEST)
+        self.bar(frame, path, along(start, vector), max(float(np.linalg.norm(vector)), SHORTEST))
+
+    def bar(self, frame: int, path: str, X_W: RigidTransform, length: float) -> None:
+        """Show an object of unit length along its z axis at a pose, `length` long [m]."""
+        self.animation.SetTransform(frame, path, X_W)
         self.animation.SetProperty(frame, path, "scale", [1.0, 1.0, length])
 
     def visible(self, frame: int, path: str, shown: bool) -> None:
