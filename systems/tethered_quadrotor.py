@@ -18,6 +18,7 @@ from systems.free_body import add_free_body, sphere
 from systems.mass_properties import spatial_inertia
 from systems.payload_config import PayloadConfig
 from systems.plant_readings import BodyAcceleration, RodWrench, VehicleState
+from systems.push import Push
 from systems.rotors import add_rotors
 from systems.wrench_effects import WrenchEffects
 
@@ -56,12 +57,14 @@ def make_tethered_quadrotor(
     command_period: float = 0.001,
     onsets: Onsets = NO_ONSETS,
     tied: bool = True,
+    pushed: bool = False,
 ) -> Diagram:
     """Return the real vehicle as one Diagram, hovering at rest at the world origin by default.
 
     Args: command_period: `u` changes at multiples of it; matters to delayed commands alone, and the longer the faster
     (`CommandBuffer`) [s].   onsets: when wrench and actuator effects begin that do not act from the start [s]; other
     changes in flight are events (`systems.initial_state`).   tied: whether a payload on a cable hangs from the start.
+    pushed: whether there is a subsystem `push`, by which forces from outside act.
 
     | port | size | meaning | unit |
     |---|---|---|---|
@@ -121,6 +124,9 @@ def make_tethered_quadrotor(
         )
         builder.Connect(plant.get_state_output_port(), cable.get_input_port())
         forces.append(cable.GetOutputPort("generalized_force"))
+    if pushed:
+        push = builder.AddNamedSystem("push", Push(plant.num_velocities(), payload=cable is not None))
+        forces.append(push.get_output_port())
     _sum_forces(builder, plant, forces)
     acceleration = builder.AddNamedSystem("acceleration", BodyAcceleration(plant, "quadrotor"))
     builder.Connect(

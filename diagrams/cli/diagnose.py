@@ -51,7 +51,7 @@ def diagnose(
     ] = None,
     repair: options.Repair = False,
 ) -> Report:
-    """Diagnose the gap between the nominal simulator and flights; with --out: report.html, figures, JSON."""
+    """Diagnose the gap between the nominal simulator and flights; with --out: report, replay, figures, JSON."""
     files = choose_files(case, vehicle, list(train or ()), list(held_out or ()))
     nominal = nominal_vehicle(files)
     logs = [open_flights(paths, nominal, repair=repair) for paths in (files.train, files.held_out)]
@@ -65,6 +65,7 @@ def diagnose(
         say(f"report: {write_report(found, folder, seed=run.seed, config=config)}")
         if not found.cannot_tell:
             say(f"corrected simulator: {write_simulator(found, nominal, folder)}")
+        write_ghosts(found, nominal, logs[1] if not no_replay else [], folder)
 
     from diagrams.cli.diagnosis_tables import judgement, notes, tables
 
@@ -90,6 +91,33 @@ def write_simulator(found: "Diagnosis", vehicle: "Vehicle", folder: Path) -> Pat
 
     write_corrected(corrected_simulator(found, vehicle), found, folder / FILE)
     return folder / FILE
+
+
+def write_ghosts(
+    found: "Diagnosis", vehicle: "Vehicle", held_out: "list[FlightLog]", folder: Path
+) -> Path | None:
+    """Write `replay.html` to a folder and print where it is, or why there is none; without flights say nothing.
+
+    Raises: OSError: if it cannot be written.
+    """
+    from diagrams.gap.replay_page import FILE, write_side_by_side
+    from diagrams.gap.side_by_side import NoReplay, side_by_side
+
+    path = folder / FILE
+    path.unlink(missing_ok=True)  # of an earlier diagnosis
+    if not held_out:
+        return None
+    try:
+        beside = side_by_side(found, vehicle, held_out)
+    except NoReplay as reason:
+        say(f"no {FILE}: {reason}")
+        return None
+    write_side_by_side(beside, vehicle, path)
+    if beside.missing:
+        say(f"flight beside the nominal simulator alone: {path}", f"  the corrected one: {beside.missing}")
+    else:
+        say(f"flight beside its simulators: {path}")
+    return path
 
 
 def choose_files(

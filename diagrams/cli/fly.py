@@ -53,12 +53,14 @@ def fly(
         Path | None,
         Option(metavar="FILE", help="Write the flight as MCAP for Foxglove and PlotJuggler (extra mcap)."),
     ] = None,
+    live: Annotated[
+        bool, Option("--live", help="Fly in real time in a browser (Meshcat), and be pushed there.")
+    ] = False,
 ) -> Report:
     """Simulate an experiment; with --out: flight log, figures and a 3-D replay page."""
     from diagrams.gap.corrected import drawn
     from diagrams.loop.controllers import make_residual_model
     from diagrams.loop.experiments import EXPERIMENTS, load_experiment
-    from diagrams.loop.flight_result import fly as simulate
     from np_drake.vehicle import load_vehicle
 
     if reality is not None and vehicle is not None:
@@ -79,19 +81,16 @@ def fly(
     make_residual_model(
         config.controller, config.controller.believed(config.vehicle)
     )  # refused before any work
+    if live and sample is not None:
+        raise ValueError("give either --live, which shows one flight, or --sample.")
     if mcap is not None:
         if sample is not None:
             raise ValueError("give either --mcap, which holds one flight, or --sample.")
         require_mcap_output(
             mcap, run.json, experiment, vehicle, reality, config.controller.predictor, config.reference.track
         )
-    configs, flights = [config] if sample is None else drawn(config, sample, run.seed), []
-    with progress(
-        f"flying {config.name} with {config.controller.kind}", len(configs) * config.end
-    ) as advance:
-        for k, own in enumerate(configs):
-            flights.append(simulate(own, seed=run.seed, monitor=partial(_advanced, advance, k * config.end)))
-
+    configs = [config] if sample is None else drawn(config, sample, run.seed)
+    flights = [fly_live(config, run.seed)] if live else fly_all(configs, run.seed)
     if mcap is not None:
         from diagrams.loop.mcap_flight import write_flight_mcap
 
@@ -110,6 +109,48 @@ def fly(
         notes=[note for flight in flights for note in _delay_found(flight)],
         write=write,
     )
+
+
+def fly_all(configs: "list[FlightConfig]", seed: int) -> "list[FlightResult]":
+    """Simulate scenarios that begin and end alike, one after the other, behind one progress bar."""
+    from diagrams.loop.flight_result import fly as simulate
+
+    flights, first = [], configs[0]
+    with progress(f"flying {first.name} with {first.controller.kind}", len(configs) * first.end) as advance:
+        for k, own in enumerate(configs):
+            flights.append(simulate(own, seed=seed, monitor=partial(_advanced, advance, k * first.end)))
+    return flights
+
+
+def fly_live(config: "FlightConfig", seed: int) -> "FlightResult":
+    """Simulate in real time before a browser's eyes, until the end, `stop`, Ctrl-C or the loss of the vehicle.
+
+    Raises: LostVehicle: where it was lost before anything was recorded.
+    """
+    from diagrams.loop.flight import LostVehicle
+    from diagrams.loop.flight_result import FlightResult
+    from diagrams.loop.flight_result import fly as simulate
+    from diagrams.loop.live import LiveView
+
+    with LiveView(config) as view:
+        payload = ", P the payload" if view.has_payload else ""
+        say(f"watch it at {view.meshcat.web_url()}: V pushes{payload}; Esc or Ctrl-C ends it.")
+        try:
+            with progress(f"flying {config.name} with {config.controller.kind}", config.end) as advance:
+                flight = simulate(
+                    config,
+                    seed=seed,
+                    monitor=lambda t: advance(t, f"{100 * view.error:.1f} cm off"),
+                    watch=view,
+                )
+        except LostVehicle as lost:
+            if not len(lost.signals["t"]):
+                raise
+            say(str(lost))
+            return FlightResult(config, seed, lost.signals)
+    if view.stopped:
+        say(f"stopped at {flight.signals['t'][-1]:.1f} s.")
+    return flight
 
 
 def _advanced(advance: Advance, before: float, t: float) -> None:
@@ -202,7 +243,7 @@ def flights_table(flights: "list[FlightResult]") -> Table:
 
 def write_flight(flight: "FlightResult", folder: Path) -> None:
     """Write flight log, track, errors, wrench and replay page, named by experiment and controller."""
-    from diagrams.loop.replay_page import write_replay
+    from diagrams.loop.replay.flight_page import write_replay
     from diagrams.tracking import figures
     from np_drake.figure_file import save
     from np_drake.logs.log_file import write_log

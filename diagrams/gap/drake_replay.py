@@ -5,10 +5,12 @@ The simulator starts from many logged states, is driven by the logged commands, 
 
 import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from diagrams.gap.rollout import Commands, Rollout, Swing
+from np_drake import attitude
 from np_drake.diagnosis.gap.gap_reduction import LEAD
 from np_drake.diagnosis.gap.initial_states import States, true_states
 from np_drake.diagnosis.gap.payload_initial_state import Track, payload_track
@@ -17,6 +19,7 @@ from np_drake.diagnosis.result import HORIZONS, ReplayGap
 from np_drake.effects.base import Effect, SensorEffect
 from np_drake.effects.combine import EffectsByPlace, mass_properties, split_effects
 from np_drake.logs.flight_log import FlightLog
+from np_drake.rigid_body import P, Q
 from np_drake.vehicle import Vehicle
 
 STARTS = 24  # a flight
@@ -26,20 +29,45 @@ Hidden = Mapping[str, Track] | Callable[[str], Track | None]
 Acting = Sequence[tuple[Effect, float]]  # an effect and when it begins [s]
 
 
+class Leg(NamedTuple):
+    """Replay from the logged state of a row on: rows (n,) of the log, the first of which is the start.
+
+    x: (n, 13) states.   p_WP: (n, 3) payload, NaN where none hangs [m].   error: (n,) distance from the log [m],
+    infinite where the vehicle was lost.
+    """
+
+    rows: np.ndarray
+    x: np.ndarray
+    p_WP: np.ndarray
+    error: np.ndarray
+
+
 @dc.dataclass(frozen=True)
 class _Flight:
     """Parts of a log that the replay needs.
 
-    track: swing of the payload, if any.
+    track: swing of the payload, if any.   effects: bodily ones and when they begin.
     """
 
+    vehicle: Vehicle
     states: States
     commands: Commands
     track: Track | None
+    effects: Acting
 
     def swing(self, time: float) -> Swing | None:
         """Return the swing of the payload at `time` [s]."""
         return None if self.track is None else Swing(*self.track.at(time), self.states.acceleration_at(time))
+
+    def at_start(self, row: int) -> np.ndarray:
+        """Return state and payload (16,) of a row from which a replay starts."""
+        x, t = self.states.x[row], float(self.states.t[row])
+        payload = split_effects([e for e, onset in self.effects if onset <= t]).payload
+        swing = self.swing(t)
+        if payload is None or swing is None:
+            return np.append(x, np.full(3, np.nan))
+        hook = attitude.rotate(x[Q], np.array(payload.payload.hook))
+        return np.concatenate([x, x[P] + hook + swing.r])
 
 
 class DrakeReplay:
@@ -85,6 +113,34 @@ class DrakeReplay:
 
     def _errors(self, log: FlightLog, effects: list[tuple[Effect, dict[str, float | None]]]) -> np.ndarray:
         """Return the errors of one flight, (starts, horizons, 3)."""
+        flight = self._prepared(log, effects)
+        return np.array([self._error(flight, k) for k in self._start_rows(log)])
+
+    def follow(
+        self,
+        log: FlightLog,
+        effects: list[tuple[Effect, dict[str, float | None]]],
+        legs: Sequence[np.ndarray],
+    ) -> list[Leg]:
+        """Return the open-loop replay along each leg, started anew from the logged state of its first row.
+
+        Args: legs: rows of the log, increasing; on its own clock the replay is at row k where the log is.
+        """
+        flight = self._prepared(log, effects)
+        t, x = flight.states.t, flight.states.x
+        found = []
+        for rows in legs:
+            later, place = np.unique(rows, return_inverse=True)  # a slow log has a row in several frames
+            flown = flight.at_start(int(rows[0]))[None]
+            if len(later) > 1:
+                flown = np.vstack([flown, self._fly(flight, int(rows[0]), t[later[1:]])])
+            flown = flown[place]
+            error = state_error(flown[:, :13], x[rows])[:, 0]
+            found.append(Leg(rows, flown[:, :13], flown[:, 13:], np.where(np.isfinite(error), error, np.inf)))
+        return found
+
+    def _prepared(self, log: FlightLog, effects: list[tuple[Effect, dict[str, float | None]]]) -> _Flight:
+        """Return what a replay of this flight needs."""
         acting = [(e, onsets.get(log.name)) for e, onsets in effects if log.name in onsets or not onsets]
         sensors = [effect for effect, _ in acting if isinstance(effect, SensorEffect)]
         bodily = [(e, -np.inf if t is None else t) for e, t in acting if not isinstance(e, SensorEffect)]
@@ -93,10 +149,9 @@ class DrakeReplay:
         vehicle = self._vehicle
         if vehicle.logged_point == "center_of_mass":
             states = states.about(mass_properties(vehicle, by_place.mass).p_BoBcm_B)
-        flight = _Flight(states, _commands(log), self._track(log, states, by_place))
         if log.input == "rotor_speed":  # measured: the motors have lagged already
             vehicle = dc.replace(vehicle, rotor_time_constant=0.0)
-        return np.array([self._error(vehicle, flight, k, bodily) for k in self._start_rows(log)])
+        return _Flight(vehicle, states, _commands(log), self._track(log, states, by_place), bodily)
 
     def _start_rows(self, log: FlightLog) -> np.ndarray:
         """Return evenly spread rows, with commands before and states after them."""
@@ -108,21 +163,25 @@ class DrakeReplay:
             )
         return np.unique(np.searchsorted(log.t, np.linspace(first, last, self._starts)))
 
-    def _error(self, vehicle: Vehicle, flight: _Flight, start: int, effects: Acting) -> np.ndarray:
+    def _error(self, flight: _Flight, start: int) -> np.ndarray:
         """Return the errors from one start row, (horizons, 3); infinite where the vehicle was lost."""
         t, x = flight.states.t, flight.states.x
         rows = np.searchsorted(t, t[start] + np.array(self._horizons) - 0.5 * np.median(np.diff(t)))
         rows = np.minimum(rows, len(t) - 1)
-        now, end, state = float(t[start]), float(t[rows[-1]]), x[start]
-        flown: dict[float, np.ndarray] = {}
-        for until in [*sorted({onset for _, onset in effects if now < onset < end}), end]:
-            active = tuple(effect for effect, onset in effects if onset <= now)
-            times = np.array([now, *sorted({until, *t[rows][(t[rows] > now) & (t[rows] < until)]})])
-            leg = self._rollout(vehicle, active).fly(state, flight.commands, times, flight.swing(now))
-            flown |= dict(zip(times[1:].tolist(), leg, strict=True))
-            now, state = until, leg[-1]
-        error = state_error(np.array([flown[float(time)] for time in t[rows]]), x[rows])
+        error = state_error(self._fly(flight, start, t[rows])[:, :13], x[rows])
         return np.where(np.isfinite(error), error, np.inf)
+
+    def _fly(self, flight: _Flight, start: int, times: np.ndarray) -> np.ndarray:
+        """Return state and payload (len(times), 16) at `times` [s] of a replay from a start row, as `Rollout.fly`."""
+        now, end, state = float(flight.states.t[start]), float(times[-1]), flight.states.x[start]
+        flown: dict[float, np.ndarray] = {}
+        for until in [*sorted({onset for _, onset in flight.effects if now < onset < end}), end]:
+            active = tuple(effect for effect, onset in flight.effects if onset <= now)
+            stops = np.array([now, *sorted({until, *times[(times > now) & (times < until)]})])
+            leg = self._rollout(flight.vehicle, active).fly(state, flight.commands, stops, flight.swing(now))
+            flown |= dict(zip(stops[1:].tolist(), leg, strict=True))
+            now, state = until, leg[-1, :13]
+        return np.array([flown[float(time)] for time in times])
 
     def _rollout(self, vehicle: Vehicle, effects: tuple[Effect, ...]) -> Rollout:
         """Return the vehicle with these effects, built once, since Drake never frees a diagram with callbacks."""

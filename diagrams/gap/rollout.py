@@ -93,16 +93,17 @@ class Rollout:
     def fly(
         self, x: np.ndarray, commands: Commands, times: np.ndarray, swing: Swing | None = None
     ) -> np.ndarray:
-        """Return the states (len(times) - 1, 13) at times[1:] [s] of a flight that is in `x` (13,) at times[0].
+        """Return state and payload (len(times) - 1, 16) at times[1:] [s] of a flight that is in `x` (13,) at times[0].
 
-        Motors and delays have run on the commands before it for `lead` seconds. NaN once the vehicle is lost.
+        The last three columns are p_WP [m], NaN without a payload. Motors and delays have run on the commands before
+        times[0] for `lead` seconds. NaN once the vehicle is lost.
         Args: swing: state of the payload at times[0]; None without one.
         """
         commands = commands.later(self._dead_time)
         begin = max(times[0] - self.lead, min(commands.t[0], times[0]))
         self._root.SetTimeStateAndParametersFrom(self._default)
         self._root.SetTime(begin)
-        states = np.full((len(times) - 1, 13), np.nan)
+        states = np.full((len(times) - 1, 16), np.nan)
         try:
             self._place(x, swing)
             self._simulator.Initialize()
@@ -110,7 +111,9 @@ class Rollout:
             self._place(x, swing)
             for k, (start, stop) in enumerate(itertools.pairwise(times)):
                 self._advance(commands, start, stop)
-                states[k] = self._x.Eval(self._root)
+                states[k, :13] = self._x.Eval(self._root)
+                if self._payload is not None:
+                    states[k, 13:] = self._plant.GetPositions(self._plant_context)[11:14]
         except RuntimeError:
             pass  # the integrator gave up: the vehicle was lost
         return states

@@ -5,6 +5,7 @@ import dataclasses as dc
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from pydrake.common import RandomGenerator
@@ -209,12 +210,33 @@ def load_flight(filename: str, vehicle: Vehicle | None = None) -> FlightConfig:
     return load_checked(FlightConfig, filename, "scenario file", complete)
 
 
-def make_flight_diagram(config: FlightConfig) -> tuple[Diagram, Recorder]:
-    """Return reference, vehicle, sensors, controller and recorder as one Diagram, and the recorder."""
+class Watch(Protocol):
+    """Viewer that looks at a flight while it is simulated, may push the vehicle, and may end the flight.
+
+    period: time between two looks [s].   rate: real-time rate at which the flight runs; 0 for as fast as possible [1].
+    """
+
+    period: float
+    rate: float
+
+    def begin(self, diagram: Diagram, context: Context) -> None:
+        """See the flight before it begins."""
+
+    def look(self, context: Context) -> bool:
+        """See the flight, and return whether it goes on."""
+
+
+def make_flight_diagram(config: FlightConfig, *, pushed: bool = False) -> tuple[Diagram, Recorder]:
+    """Return reference, vehicle, sensors, controller and recorder as one Diagram, and the recorder.
+
+    Args: pushed: whether forces from outside may act (`make_tethered_quadrotor`).
+    """
     config.check()
     builder = DiagramBuilder()
     period = config.controller.period
-    vehicle = builder.AddSystem(make_real_vehicle(config.vehicle, config.reality, command_period=period))
+    vehicle = builder.AddSystem(
+        make_real_vehicle(config.vehicle, config.reality, command_period=period, pushed=pushed)
+    )
     sensors = config.reality.sensor_effects()
     rig = add_sensor_rig(builder, vehicle, config.vehicle, sensors, period=period)
     ports = add_controller(
@@ -243,10 +265,12 @@ def make_flight_diagram(config: FlightConfig) -> tuple[Diagram, Recorder]:
     return diagram, recorder
 
 
-def make_real_vehicle(vehicle: Vehicle, reality: RealityConfig, *, command_period: float = 0.001) -> Diagram:
+def make_real_vehicle(
+    vehicle: Vehicle, reality: RealityConfig, *, command_period: float = 0.001, pushed: bool = False
+) -> Diagram:
     """Return the plant with the effects that `reality` switches on.
 
-    Args: command_period: at whose multiples alone the command changes [s].
+    Args: command_period: at whose multiples alone the command changes [s].   pushed: as of `make_tethered_quadrotor`.
     """
     return make_tethered_quadrotor(
         vehicle,
@@ -257,6 +281,7 @@ def make_real_vehicle(vehicle: Vehicle, reality: RealityConfig, *, command_perio
         command_period=command_period,
         onsets=reality.onsets,
         tied=reality.hangs_at <= 0.0,
+        pushed=pushed,
     )
 
 
@@ -269,7 +294,13 @@ def initialise(diagram: Diagram, context: Context, config: FlightConfig, seed: i
 
 
 def simulate(
-    config: FlightConfig, *, seed: int, monitor=None, events: Sequence[Event] = (), tolerance: float = np.inf
+    config: FlightConfig,
+    *,
+    seed: int,
+    monitor=None,
+    events: Sequence[Event] = (),
+    tolerance: float = np.inf,
+    watch: Watch | None = None,
 ) -> dict[str, np.ndarray]:
     """Simulate the experiment and return the recorded signals (see `Recorder.read`).
 
@@ -277,9 +308,10 @@ def simulate(
         monitor: called with the flight's time [s] about every second, for progress.
         events: changes of the vehicle, each applied at its time, before the controller's own event of that instant.
         tolerance: distance from the reference beyond which the flight ends, looked at about every second [m].
+        watch: looks at the flight, sets its pace and may end it early.
     Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is below ground.
     """
-    diagram, recorder = make_flight_diagram(config)
+    diagram, recorder = make_flight_diagram(config, pushed=watch is not None)
     simulator = Simulator(diagram)
     ApplySimulatorConfig(config.simulator, simulator)
     context = simulator.get_mutable_context()
@@ -299,7 +331,11 @@ def simulate(
         error.signals = recorder.read(diagram, context)
         return error
 
-    for t in sorted({*np.arange(1.0, config.end, 1.0).tolist(), *due, *begun, end}):
+    looks = [] if watch is None else np.arange(watch.period, config.end, watch.period).tolist()
+    if watch is not None:
+        simulator.set_target_realtime_rate(watch.rate)
+        watch.begin(diagram, context)
+    for t in sorted({*np.arange(1.0, config.end, 1.0).tolist(), *due, *begun, *looks, end}):
         try:
             simulator.AdvanceTo(t)
         except RuntimeError as error:
@@ -315,4 +351,6 @@ def simulate(
             event.apply(vehicle, context)
         if monitor is not None:
             monitor(min(t, config.end))
+        if watch is not None and not watch.look(context):
+            break
     return recorder.read(diagram, context)

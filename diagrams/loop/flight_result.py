@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from diagrams.loop.events import Event
-from diagrams.loop.flight import FlightConfig, simulate
+from diagrams.loop.flight import FlightConfig, Watch, simulate
 from np_drake import metrics, rigid_body
 from np_drake.actuator_timing import delayed
 from np_drake.logs.clock import shift_state
@@ -58,8 +58,9 @@ class FlightResult:
 
     @cached_property
     def scored(self) -> np.ndarray:
-        """Whether each row is after the ramp, (n,)."""
-        return self.signals["t"] >= self.config.reference.lead - 1e-9
+        """Whether each row is after the ramp, (n,); all rows of a flight that was stopped before its end."""
+        after = self.signals["t"] >= self.config.reference.lead - 1e-9
+        return after if after.any() else ~after
 
     @property
     def last_lap(self) -> np.ndarray:
@@ -132,6 +133,15 @@ class FlightResult:
         }
 
 
-def fly(config: FlightConfig, *, seed: int, monitor=None, events: Sequence[Event] = ()) -> FlightResult:
+def fly(
+    config: FlightConfig,
+    *,
+    seed: int,
+    monitor=None,
+    events: Sequence[Event] = (),
+    watch: Watch | None = None,
+) -> FlightResult:
     """Simulate the experiment and return its result, see `simulate`."""
-    return FlightResult(config, seed, simulate(config, seed=seed, monitor=monitor, events=events))
+    return FlightResult(
+        config, seed, simulate(config, seed=seed, monitor=monitor, events=events, watch=watch)
+    )

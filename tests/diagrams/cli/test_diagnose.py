@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from diagrams.cli.main import run
+from diagrams.gap.side_by_side import NoReplay
 from np_drake.diagnosis import result as an
 from np_drake.logs.case_folder import find_case
 from np_drake.vehicle import RIGID, Vehicle
@@ -76,6 +77,7 @@ def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
         "minor: gyro_bias",
         "warning: a warning.",
         "report.html",
+        "replay.html",
     ):
         assert text in printed
     assert max(len(line) for line in printed.splitlines() if line[:1] in ("┃", "│")) <= 100
@@ -85,7 +87,7 @@ def test_a_case_folder_is_diagnosed_into_a_report(case, tmp_path, capsys):
     assert content["config"]["vehicle"] == "mine"
     assert content["train"] == ["train_1.csv"]
     assert content["gap"]["replay"]["horizon"] == [0.1, 0.25, 0.5, 1.0]
-    assert {"report.html", "ladder.png", "replay.png"} <= {path.name for path in out.iterdir()}
+    assert {"report.html", "replay.html", "ladder.png", "replay.png"} <= {path.name for path in out.iterdir()}
 
 
 def test_logs_can_be_named_one_by_one_and_the_replay_left_out(case, tmp_path, capsys):
@@ -123,6 +125,25 @@ def test_a_second_answer_is_printed_beside_the_first(case, logs, monkeypatch, ca
         )
     ]
     assert places == sorted(places)
+
+
+def test_without_a_replay_there_is_no_page_of_it_and_an_old_one_goes(case, tmp_path, capsys):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "replay.html").write_text("old")
+    assert run(["diagnose", str(case), "--no-replay", "--out", str(out)]) == 0
+    assert not (out / "replay.html").exists()
+    assert "replay.html" not in capsys.readouterr().out
+
+
+def test_why_there_is_no_page_is_said(case, tmp_path, monkeypatch, capsys):
+    def refuse(*_, **__):
+        raise NoReplay("no held-out flight leaves 2 s to be replayed.")
+
+    monkeypatch.setattr("diagrams.gap.side_by_side.side_by_side", refuse)
+    assert run(["diagnose", str(case), "--out", str(tmp_path / "out")]) == 0
+    assert "no replay.html: no held-out flight leaves 2 s" in capsys.readouterr().out
+    assert not (tmp_path / "out" / "replay.html").exists()
 
 
 @pytest.mark.parametrize("name, sensors", [("rig", "real"), ("laboratory", "ideal")])

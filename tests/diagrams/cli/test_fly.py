@@ -28,6 +28,37 @@ def test_a_flight_leaves_log_figures_replay_and_metrics(tmp_path, capsys):
     assert "<html" in (out / "circle_hold_replay.html").read_text()[:2000].lower()
 
 
+def test_a_live_flight_says_where_it_is_seen_and_leaves_its_files(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("diagrams.loop.live.REALTIME", 0.0)
+    scenario, out = tmp_path / "mine.yaml", tmp_path / "out"
+    scenario.write_text(
+        "name: mine\nduration: 0.3\nreference: {track: hover, ramp: 0.2}\ncontroller: {kind: nominal}\n"
+    )
+    assert run(["fly", str(scenario), "--live", "--out", str(out)]) == 0, capsys.readouterr().err
+    assert capsys.readouterr().out.count("http://localhost:") == 1
+    assert {"mine_nominal.csv", "mine_nominal_replay.html"} <= {path.name for path in out.iterdir()}
+
+
+def test_a_live_flight_that_is_stopped_at_once_leaves_its_files(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("diagrams.loop.live.REALTIME", 0.0)
+    monkeypatch.setattr("diagrams.loop.live.LiveView.look", lambda self, context: context.get_time() < 0.6)
+    out = tmp_path / "out"
+    assert run(["fly", "circle", "--controller", "hold", "--live", "--out", str(out)]) == 0
+    assert read_log(out / "circle_hold.csv").t[-1] < 0.65
+    assert (out / "circle_hold_replay.html").exists()
+
+
+def test_a_vehicle_that_is_lost_live_leaves_its_files(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("diagrams.loop.live.REALTIME", 0.0)
+    monkeypatch.setattr(
+        "diagrams.loop.live.LiveView.forces", lambda self, t: (np.array([0.0, 0.0, -200.0]), np.zeros(3))
+    )
+    out = tmp_path / "out"
+    assert run(["fly", "circle", "--controller", "hold", "--live", "--out", str(out)]) == 0
+    assert "flew into the ground" in capsys.readouterr().out
+    assert (out / "circle_hold_replay.html").exists()
+
+
 def test_a_scenario_file_flies(tmp_path, capsys):
     scenario = tmp_path / "mine.yaml"
     scenario.write_text("name: mine\nduration: 0.5\nreference: {track: hover, ramp: 0.5}\n")
@@ -68,6 +99,7 @@ BAD = {  # arguments: what the line must say
     "experiment": (["fly", "spiral"], "circle, lemniscate"),
     "controller": (["fly", "circle", "--controller", "pid"], "nominal, hold"),
     "solver": (["fly", "circle", "--solver", "snopt"], "ipopt"),
+    "live draws": (["fly", "circle", "--live", "--sample", "2"], "either --live"),
     "duration": (["fly", "circle", "--duration", "-1"], "duration must be positive"),
     "missing scenario": (["fly", "missing.yaml"], "missing.yaml"),
     "missing model": (["fly", "circle", "--predictor", "missing.safetensors"], "missing.safetensors"),

@@ -21,7 +21,7 @@ def flown(payload):
     x[2], x[3] = 2.0, 1.0
     aslant = payload.length * np.array([0.6, 0.0, -0.8])
     swing = Swing(aslant, np.zeros(3), np.zeros(3))
-    return Rollout(VEHICLE, [payload]).fly(x, Commands(t, u), TIMES, swing)
+    return Rollout(VEHICLE, [payload]).fly(x, Commands(t, u), TIMES, swing)[:, :13]
 
 
 @pytest.mark.parametrize("mass", [0.01, 0.1])

@@ -2,7 +2,7 @@ import pytest
 
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
-from diagrams.loop.replay_page import write_replay
+from diagrams.loop.replay.flight_page import write_replay
 from diagrams.tracking import figures
 from np_drake.figure_file import save
 

@@ -1,0 +1,1 @@
+"""Stand-alone 3-D pages that play a flight."""

@@ -1,0 +1,164 @@
+"""Laws of the page on which a flight is seen beside both simulators."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from diagrams.gap.drake_replay import DrakeReplay
+from diagrams.gap.replay_page import write_side_by_side
+from diagrams.gap.side_by_side import LONGEST, RESTART, NoReplay, side_by_side
+from diagrams.loop.flight import default_flight
+from diagrams.loop.flight_result import fly
+from diagrams.loop.replay.film import FRAME_RATE
+from np_drake.diagnosis import result as an
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.effects.mass_error import MassError
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.logs.flight_log import FlightLog
+from np_drake.vehicle import MeasurementNoise, Vehicle
+from systems.payload_config import PayloadConfig
+
+VEHICLE = Vehicle()
+DRAG = LinearDrag(0.5, 0.5, 0.5)
+NAME = "heldout"
+
+
+def logged(**reality) -> FlightLog:
+    """Flight of 4 s on a circle, with ideal sensors."""
+    config = default_flight(VEHICLE)
+    defaults = {
+        "rotor_drag": 0.5,
+        "motor_lag": 0.0,
+        "thrust_scale": 1.0,
+        "noise": MeasurementNoise(0, 0, 0, 0),
+    }
+    for name, value in {**defaults, "payload": PayloadConfig(tether="none"), **reality}.items():
+        setattr(config.reality, name, value)
+    config.duration, config.reference.ramp = 3.0, 1.0
+    config.controller.kind, config.controller.solver = "hold", "sqp"
+    return dc.replace(fly(config, seed=0).log(), name=NAME)
+
+
+def found(*causes, joined=()) -> an.Diagnosis:
+    check = an.Identifiability(True, {}, {}, ())
+    shrink = an.GapReduction(2.0, 1.0, 1.0, 1.0, (1.0, 1.0), ())
+    names = tuple(cause.identifier for cause in causes)
+    where = an.Localisation(())
+    return an.Diagnosis("paper", ("t",), (NAME,), names, causes, check, where, shrink, joined=joined)
+
+
+def cause(effect, onset=None) -> an.Cause:
+    return an.Cause(effect.identifier, 1.0, {}, {NAME: onset}, effect=effect)
+
+
+@pytest.fixture(scope="module")
+def log():
+    return logged()
+
+
+@pytest.fixture(scope="module")
+def seen(log):
+    return side_by_side(found(cause(DRAG)), VEHICLE, [log])
+
+
+def test_the_ghost_of_a_perfect_simulator_lies_on_the_flight(seen):
+    assert seen.corrected is not None
+    assert seen.corrected.error.max() < 2e-3  # smoothing of the start [m]
+    assert np.abs(seen.corrected.x[:, :3] - seen.x[:, :3]).max() < 2e-3
+    assert seen.nominal.error.max() > 20 * seen.corrected.error.max()
+
+
+def test_both_ghosts_start_anew_from_the_flight(seen):
+    starts = np.flatnonzero(seen.restarted == np.arange(len(seen.x)))
+    np.testing.assert_allclose(np.diff(starts) / FRAME_RATE, RESTART)
+    for ghost in (seen.nominal, seen.corrected):
+        assert np.all(ghost.error[starts] == 0)
+
+
+def test_the_distance_grows_as_the_replay_error_does(log, seen):
+    almost = RESTART - 1 / FRAME_RATE  # last frame of a leg
+    start = int(np.searchsorted(log.t, seen.start - 1e-6))
+    replay = DrakeReplay(VEHICLE, starts=1, horizons=[almost])
+    replay._start_rows = lambda _: [start]
+    leg = seen.nominal.error[: round(RESTART * FRAME_RATE)]
+    assert leg[-1] == pytest.approx(replay([log], []).position[0, 0], rel=1e-6)
+
+
+def test_a_simulator_that_found_nothing_has_no_ghost(log, replay_page, tmp_path):
+    alone = side_by_side(found(), VEHICLE, [log])
+    assert alone.corrected is None
+    write_side_by_side(alone, VEHICLE, tmp_path / "replay.html")
+    page = replay_page(tmp_path / "replay.html")
+    assert "nominal/body" in page.objects
+    assert "corrected/body" not in page.objects
+
+
+def test_a_cause_acts_from_its_onset_on(log):
+    begins = side_by_side(found(cause(DRAG, onset=2.5)), VEHICLE, [log])
+    before = begins.start + np.arange(len(begins.x)) / FRAME_RATE < 2.4
+    np.testing.assert_allclose(begins.corrected.error[before], begins.nominal.error[before], atol=1e-9)
+    after = begins.restarted / FRAME_RATE + begins.start > 2.5
+    assert begins.corrected.error[after].max() < 2e-3  # smoothing of the start [m]
+
+
+def test_onsets_count_by_the_clock_of_the_log(log):
+    later = dc.replace(log, t=log.t + 100.0)
+    early, late = (
+        side_by_side(found(cause(DRAG, onset=t)), VEHICLE, [some]) for t, some in ((2.5, log), (102.5, later))
+    )
+    np.testing.assert_allclose(late.corrected.x, early.corrected.x, atol=1e-9)
+
+
+def test_of_a_flight_that_joined_the_fit_the_second_half_is_seen(log):
+    half = side_by_side(found(cause(DRAG), joined=(NAME,)), VEHICLE, [log])
+    assert half.start == pytest.approx(0.5 * log.t[-1], abs=0.03)
+
+
+def test_the_page_shows_what_was_computed(seen, replay_page, tmp_path):
+    write_side_by_side(seen, VEHICLE, tmp_path / "replay.html")
+    page = replay_page(tmp_path / "replay.html")
+    for name, x in {"flight": seen.x, "nominal": seen.nominal.x, "corrected": seen.corrected.x}.items():
+        np.testing.assert_allclose(page.film[name]["position"], x[:, :3], atol=1e-12)
+    read = {error["label"]: error["cm"] for error in page.numbers["errors"]}
+    np.testing.assert_allclose(read["nominal simulator"], 100 * seen.nominal.error, atol=0.00501)
+    np.testing.assert_allclose(read["corrected simulator"], 100 * seen.corrected.error, atol=0.00501)
+    assert len(page.text) < 6e6 * len(seen.x) / (FRAME_RATE * LONGEST) + 2.5e6
+
+
+def test_the_payload_of_a_cause_hangs_under_the_corrected_ghost(replay_page, tmp_path):
+    payload = SuspendedPayload(0.2, 0.5, 0.0, 0.0, 0.0)
+    flown = logged(payload=PayloadConfig(mass=0.2, length=0.5, hook=[0.0, 0.0, 0.0]))
+    both = side_by_side(found(cause(DRAG), cause(payload)), VEHICLE, [flown])
+    hanging = np.linalg.norm(both.corrected.p_WP - both.corrected.x[:, :3], axis=1)
+    np.testing.assert_allclose(hanging, 0.5, rtol=0.01)
+    assert np.isnan(both.nominal.p_WP).all()
+    write_side_by_side(both, VEHICLE, tmp_path / "replay.html")
+    page = replay_page(tmp_path / "replay.html")
+    np.testing.assert_allclose(page.film["corrected_payload"]["position"], both.corrected.p_WP, atol=1e-12)
+    assert "nominal_payload" not in page.objects
+
+
+def test_a_lost_ghost_is_hidden_and_read_as_lost(seen, replay_page, tmp_path):
+    x, error = seen.nominal.x.copy(), seen.nominal.error.copy()
+    x[20:25], error[20:25] = np.nan, np.inf
+    lost = dc.replace(seen, nominal=dc.replace(seen.nominal, x=x, error=error))
+    write_side_by_side(lost, VEHICLE, tmp_path / "replay.html")
+    page = replay_page(tmp_path / "replay.html")
+    assert page.numbers["errors"][0]["cm"][20:25] == [None] * 5
+    expected = np.isfinite(error)
+    np.testing.assert_array_equal(page.film["nominal"]["visible"], expected)
+
+
+def test_causes_that_no_rigid_body_has_leave_the_nominal_ghost_and_the_reason(log):
+    alone = side_by_side(found(cause(MassError(-3.0))), VEHICLE, [log])
+    assert alone.corrected is None
+    assert "mass must be positive" in alone.missing
+
+
+def test_a_flight_that_cannot_be_replayed_is_a_reason_in_one_line(log):
+    torqueless = dc.replace(log, u=np.where(np.arange(4) > 0, np.nan, log.u))
+    with pytest.raises(NoReplay, match="torque"):
+        side_by_side(found(cause(DRAG)), VEHICLE, [torqueless])
+    with pytest.raises(NoReplay, match="2 s"):
+        side_by_side(found(cause(DRAG)), VEHICLE, [log.rows(0, 100)])

@@ -1,0 +1,114 @@
+"""Laws of the live view. Nobody clicks here: messages of a browser are injected, and nothing waits."""
+
+import os
+import signal
+import struct
+
+import numpy as np
+import pytest
+
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight_result import fly
+from diagrams.loop.live import PAYLOAD, PUSH, SLIDERS, STOP, VEHICLE, LiveView
+
+
+def config(tether="cable"):
+    found = load_experiment("hover")
+    found.duration, found.reference.ramp = 0.7, 0.3
+    found.controller.kind, found.controller.solver = "nominal", "sqp"
+    found.reality.payload.tether = tether
+    return found
+
+
+def click(view, name):
+    """What a browser sends when a button is clicked, in MessagePack."""
+    text = b"".join(b"\xd9" + struct.pack(">B", len(part)) + part for part in (b"type", b"button", b"name"))
+    view.meshcat._InjectWebsocketMessage(
+        message=b"\x82" + text + b"\xd9" + struct.pack(">B", len(name.encode())) + name.encode()
+    )
+
+
+class Scripted(LiveView):
+    """A view in which a button is clicked at a time."""
+
+    def __init__(self, flown, name=None, at=0.2):
+        super().__init__(flown, rate=0.0)
+        self.name, self.at = name, at
+
+    def look(self, context):
+        if self.name and context.get_time() > self.at:
+            click(self, self.name)
+            self.name = None
+        return super().look(context)
+
+
+@pytest.fixture(scope="module")
+def calm():
+    return fly(config(), seed=0)
+
+
+def test_a_flight_that_is_only_watched_is_the_same_flight(calm):
+    watched = fly(config(), seed=0, watch=Scripted(config()))
+    np.testing.assert_allclose(watched.signals["x_true"], calm.signals["x_true"], atol=1e-6)  # other steps
+
+
+def test_a_push_moves_the_vehicle_along_its_force(calm):
+    view = Scripted(config(), VEHICLE)
+    view.meshcat.SetSliderValue(SLIDERS[0], 0.0)
+    view.meshcat.SetSliderValue(SLIDERS[1], 0.25)
+    moved = fly(config(), seed=0, watch=view).signals["x_true"] - calm.signals["x_true"]
+    t = calm.signals["t"]
+    assert np.abs(moved[t < 0.2]).max() < 1e-6
+    assert moved[-1, 1] > 0.05  # along y [m]
+    assert abs(moved[-1, 0]) < 0.1 * moved[-1, 1]
+
+
+def test_a_push_is_felt_as_an_acceleration(calm):
+    view = Scripted(config("none"), VEHICLE)
+    share = view.meshcat.GetSliderValue(SLIDERS[0])
+    free = fly(config("none"), seed=0).signals["acceleration_true"]
+    felt = fly(config("none"), seed=0, watch=view).signals["acceleration_true"] - free
+    k = int(np.searchsorted(calm.signals["t"], 0.26))  # the click is seen at 0.24 s
+    assert felt[k, 0] == pytest.approx(share * config().vehicle.gravity, rel=0.05)  # drag at first speeds
+
+
+def test_the_payload_is_pushed_by_its_own_button(calm):
+    pushed = fly(config(), seed=0, watch=Scripted(config(), PAYLOAD))
+    apart = pushed.payload_position - calm.payload_position
+    assert apart[-1, 0] > 2 * abs(pushed.signals["x_true"][-1, 0] - calm.signals["x_true"][-1, 0])
+    assert PAYLOAD not in LiveView(config("none"), rate=0.0).meshcat.GetButtonNames()
+
+
+def test_a_push_ends_by_itself():
+    view = Scripted(config())
+    assert not np.any(view.forces(0.0))
+    click(view, VEHICLE)
+    assert np.any(view.forces(1.0)[0])
+    assert np.any(view.forces(1.0 + 0.9 * PUSH)[0])
+    assert not np.any(view.forces(1.0 + 1.1 * PUSH))
+
+
+def test_stop_ends_the_flight_and_leaves_its_log():
+    stopped = fly(config(), seed=0, watch=Scripted(config(), STOP, at=0.15))
+    assert 0.1 < stopped.signals["t"][-1] < 0.25
+    assert np.isfinite(stopped.metrics()["E_xy"])  # in the ramp all rows count
+
+
+def test_ctrl_c_stops_as_the_button_does():
+    with Scripted(config()) as view:
+        os.kill(os.getpid(), signal.SIGINT)
+        assert fly(config(), seed=0, watch=view).signals["t"][-1] < 0.1
+    assert view.stopped
+    assert signal.getsignal(signal.SIGINT) == signal.default_int_handler
+
+
+def test_vehicle_and_payload_are_shown_where_they_are():
+    view = Scripted(config())
+    flight = fly(config(), seed=0, watch=view)
+    for name, p_W in {"quadrotor": flight.signals["x_true"], "payload": flight.payload_position}.items():
+        # Ends in the 16 numbers of X_WB, column by column, each behind the byte of its type.
+        packed = view.meshcat._GetPackedTransform(path=name)
+        matrix = [
+            struct.unpack(">d", packed[k + 1 : k + 9])[0] for k in range(len(packed) - 144, len(packed), 9)
+        ]
+        np.testing.assert_allclose(matrix[12:15], p_W[-1, :3], atol=0.02)  # within a period [m]
