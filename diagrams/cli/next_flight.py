@@ -58,8 +58,8 @@ def next_flight(
         config.vehicle,
         found.explanations,
         box=box,
-        speed=speed or SPEED * mpc.max_speed,
-        tilt=tilt or TILT * mpc.max_tilt,
+        speed=SPEED * mpc.max_speed if speed is None else speed,
+        tilt=TILT * mpc.max_tilt if tilt is None else tilt,
     )
     designer = FlightDesigner(found.explanations, found.readings, limits, seconds, found.accelerations)
     with progress("designing", 1.0) as advance:

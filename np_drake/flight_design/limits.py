@@ -98,8 +98,12 @@ def limits_for(
         box: (3,) size of the room along x, y, z [m]; its floor lies at z = 0, in the middle of x and y.
         speed: largest speed [m/s].
         tilt: largest tilt [rad].
-    Raises: ValueError: if the room is too small, or the vehicle cannot carry its load.
+    Raises: ValueError: if speed or tilt are impossible, the room is too small, or the vehicle cannot carry its load.
     """
+    if not (0 < speed < np.inf and 0 < tilt < 0.5 * np.pi):
+        raise ValueError(
+            f"next-flight: speed [m/s] must be positive, tilt below pi/2 [rad]; got {speed:g}, {tilt:g}."
+        )
     payloads = tuple(e.payload for x in explanations for e in x.effects if isinstance(e, SuspendedPayload))
     below = max((p.length - p.hook[2] + CLEAR for p in payloads), default=WALL)
     x, y, z = box

@@ -70,3 +70,9 @@ def test_a_load_too_large_is_refused():
 def test_the_largest_size_fills_the_share(power):
     size = largest(lambda s: (s / 3.0) ** power, 0.1, 0.8)
     assert 0.95 * 0.8 < (size / 3.0) ** power <= 0.8
+
+
+@pytest.mark.parametrize("wrong", [{"speed": -1.0}, {"tilt": 2.0}])
+def test_impossible_limits_are_refused(wrong):
+    with pytest.raises(ValueError, match="speed"):
+        limits_for(Vehicle(), [], **{**ROOM, **wrong})
