@@ -3,10 +3,12 @@
 import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
+
 from np_drake.diagnosis.numerics import Readings
 from np_drake.effects.explanation import Explanation
 from np_drake.flight_design.expected_residual import expected_information
-from np_drake.flight_design.information import Information
+from np_drake.flight_design.information import SURE, Information
 from np_drake.flight_design.limits import Limits
 from np_drake.flight_design.motion import Basis, DesignedMotion, Shrunk
 from np_drake.flight_design.naive import naive_motions
@@ -16,6 +18,7 @@ from np_drake.references.base import Reference
 
 DESIGNED = "designed"
 SHARE = 0.8  # of the limits that a motion uses, as the flight overshoots its reference [1]; own choice
+SMALLER, GENTLE = 0.8, 0.3  # steps of size to a gentler motion, and its usage of limits [1]; own choice
 EVALUATIONS = 300  # of the information, about 50 ms each
 
 
@@ -80,7 +83,7 @@ class FlightDesigner:
         """Return the designed motion, then the naive ones.
 
         The designed one is never worse than these by `Information.value`: where none better is found it is the best of
-        them.
+        them. Where all is sure the search ends, and the motion is made gentler.
 
         Args:
             evaluations: budget of the search.
@@ -98,7 +101,17 @@ class FlightDesigner:
             if name != "hover"
         ]
         search = Search(limits, basis, SHARE, evaluations, seed)
-        motion, _ = search.best(lambda m: self.information(m).value, starts, tell)
+        enough = SURE if len(self.explanations) > 1 else np.inf
+        motion, _ = search.best(lambda m: self.information(m).value, starts, tell, enough)
         found = self.candidate(DESIGNED, motion)
-        best = max([found, *naive], key=lambda c: c.information.value)
+        best = self.calmer(max([found, *naive], key=lambda c: c.information.value))
         return [dc.replace(best, name=DESIGNED), *naive]
+
+    def calmer(self, candidate: Candidate) -> Candidate:
+        """Return the motion made smaller as long as it stays sure, for the gentler is the safer."""
+        while candidate.information.sure and max(candidate.usage.values()) > GENTLE:
+            smaller = self.shrunk(candidate, SMALLER)
+            if not smaller.information.sure:
+                break
+            candidate = smaller
+        return candidate

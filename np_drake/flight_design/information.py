@@ -15,6 +15,7 @@ from np_drake.effects.explanation import STANDS
 
 DRAWS = 400  # of each explanation; own choice
 SEED = 1
+SURE = 40.0  # -ln of the bound on a wrong name, beyond which more tells nothing more [nat]; own choice
 
 
 @dc.dataclass(frozen=True)
@@ -99,14 +100,20 @@ class Information:
     def value(self) -> float:
         """What a design maximises [nat].
 
-        It is -ln of the bound on the probability of a wrong name, sum over pairs of sqrt(p_i p_j) exp(-distance); of a
-        single explanation the information about its parameters.
+        It is -ln of the bound on the probability of a wrong name, sum over pairs of sqrt(p_i p_j) exp(-distance), at
+        most `SURE`; of a single explanation the information about its parameters.
         """
         if len(self.sizes) == 1:
             return self.parameters(0)
         pairs = combinations(range(len(self.sizes)), 2)
         p = 0.5 * np.log(np.maximum(self.prior, 1e-12))
-        return float(-np.logaddexp.reduce([p[i] + p[j] - self.distances[i, j] for i, j in pairs]))
+        bound = np.logaddexp.reduce([p[i] + p[j] - self.distances[i, j] for i, j in pairs])
+        return min(SURE, float(-bound))
+
+    @property
+    def sure(self) -> bool:
+        """Whether the flight tells all explanations apart as surely as counts."""
+        return len(self.sizes) > 1 and self.value >= SURE
 
     @property
     def weakest(self) -> tuple[int, int] | None:

@@ -38,6 +38,7 @@ class Search:
         value: Value,
         starts: Sequence[np.ndarray] = (),
         tell: Callable[[float], None] | None = None,
+        enough: float = np.inf,
     ) -> tuple[DesignedMotion, float]:
         """Return the motion of the largest value, and that value.
 
@@ -45,6 +46,7 @@ class Search:
             value: of a motion; the larger the better.
             starts: coefficients (q, 3) of motions to begin with.
             tell: called with the share done [1].
+            enough: value at which the search ends.
         """
         rng = np.random.default_rng(self.seed)
         draws = max(1, round(FIRST * self.evaluations) - len(starts))
@@ -58,7 +60,9 @@ class Search:
             if found > most:
                 best, most = motion, found
             if tell is not None:
-                tell((k + 1) / self.evaluations)
+                tell(1.0 if most >= enough else (k + 1) / self.evaluations)
+            if most >= enough:
+                break
         return best, most
 
     def _moved(self, coefficients: np.ndarray, step: float, rng: np.random.Generator) -> np.ndarray:

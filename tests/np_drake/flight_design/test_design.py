@@ -1,11 +1,15 @@
 """Laws of a design: never worse than the best naive manoeuvre, seeded, and quick."""
 
+import dataclasses as dc
 import time
 
 import numpy as np
 import pytest
 
+from np_drake.effects.explanation import Explanation
+from np_drake.effects.linear_drag import LinearDrag
 from np_drake.flight_design.design import DESIGNED, FlightDesigner
+from np_drake.flight_design.information import SURE
 from np_drake.flight_design.naive import NAIVE
 
 
@@ -46,3 +50,21 @@ def test_an_evaluation_takes_milliseconds(designer, candidates):
     start = time.process_time()
     designer.information(candidates[0].reference)
     assert time.process_time() - start < 0.3  # s; 300 of them within 30 s need 0.1, a loaded machine more
+
+
+def test_where_all_is_sure_the_flight_is_gentle(nothing, drag, readings, limits):
+    strong = Explanation(drag.named, 0.5, (LinearDrag(1.0, 1.0, 1.0),))
+    designer = FlightDesigner([nothing, strong], readings, limits, 8.0)
+    calls = []
+    dut = designer.candidates(evaluations=30, seed=1, tell=calls.append)[0]
+    assert dut.information.value == SURE
+    assert len(calls) < 30
+    assert calls[-1] == 1.0
+    assert max(dut.usage.values()) < 0.7
+
+
+def test_a_single_explanation_is_flown_for_its_parameters(drag, readings, limits):
+    alone = [dc.replace(drag, probability=1.0)]
+    best, *naive = FlightDesigner(alone, readings, limits, 8.0).candidates(evaluations=20, seed=1)
+    assert best.information.value >= max(c.information.value for c in naive)
+    assert naive[0].information.value == pytest.approx(0.0, abs=1e-6)  # hover tells no drag

@@ -48,3 +48,10 @@ def test_a_motion_of_the_basis_is_its_own_projection(search):
     motion = search.sized(c)
     again = BASIS.flat[0] @ projected(BASIS, motion.flat)
     np.testing.assert_allclose(again, motion.flat[0] - search.limits.center, atol=1e-6)
+
+
+def test_the_search_ends_where_it_has_enough(search):
+    calls = []
+    _, most = search.best(lambda m: calls.append(1) or speed(m), enough=0.0)
+    assert len(calls) == 1
+    assert most >= 0.0
