@@ -23,6 +23,7 @@ from diagrams.cli import (
     export,
     fly,
     import_logs,
+    next_flight,
     options,
     train,
     vehicle,
@@ -51,6 +52,7 @@ app.command("evaluate")(evaluate.evaluate)
 app.command("import")(import_logs.import_logs)
 app.command("doctor")(doctor.doctor)
 app.command("diagnose")(diagnose.diagnose)
+app.command("next-flight")(next_flight.next_flight)
 app.add_typer(reproduce.reproduce, name="reproduce")
 app.add_typer(vehicle.vehicle, name="vehicle")
 app.command("export")(export.export)

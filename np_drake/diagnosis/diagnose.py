@@ -7,6 +7,7 @@ from typing import Any
 
 from np_drake.diagnosis.decision import (
     Inference,
+    explanations_of,
     infer,
     joint_posterior,
     novelty,
@@ -21,6 +22,7 @@ from np_drake.diagnosis.localisation import (
     localise,
     unexcited_diagnosis,
 )
+from np_drake.diagnosis.numerics import Readings
 from np_drake.diagnosis.options import Options
 from np_drake.diagnosis.report.coverage import coverage
 from np_drake.diagnosis.residuals import FlightResiduals, make_flight_residuals, natural_step, require_flights
@@ -120,6 +122,8 @@ def _answer(found: Inference, names: dict[str, Any], replay: Replay | None) -> D
         shrink=reduction,
         coverage=coverage(tuple(found.causes), found.flights, found.held_out),
         posterior=joint_posterior(found.ranking.best, found.causes),
+        explanations=explanations_of(found.ranking, found.held_out, held),
+        readings=Readings(noise, found.options.tolerance),
         minor=tuple(found.minor),
         remains=found.unexplained.findings,
         unknown_probability=found.unknown_probability,

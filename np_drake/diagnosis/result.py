@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from np_drake.atomic_file import plain
+from np_drake.diagnosis.numerics import Readings
 from np_drake.effects.base import Effect
+from np_drake.effects.explanation import Explanation
 from np_drake.effects.posterior import Posterior
 from np_drake.logs.flight_log import FlightLog
 
@@ -193,6 +195,8 @@ class Diagnosis:
     judged_as: tolerance used: `rig` (real sensors) or `laboratory` (ideal sensors); empty: neither.
     coverage: sentences on what the held-out flights test; empty: not computed.
     posterior: joint, of the parameters of the causes.
+    explanations: that still stand, best first; the verdict names the material effects of the first that are sure.
+    readings: noise and tolerances by which another flight is read.
     """
 
     vehicle: str
@@ -215,6 +219,8 @@ class Diagnosis:
     novel: tuple[Finding, ...] = ()
     coverage: tuple[str, ...] = ()
     posterior: Posterior | None = None
+    explanations: tuple[Explanation, ...] = ()
+    readings: Readings | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Return the content of `diagnosis.json` in plain types."""
@@ -253,6 +259,8 @@ def as_json(diagnosis: Diagnosis) -> dict[str, Any]:
             "replay": _both_replays(shrink.replay_before, shrink.replay_after),
             "ladder": _dictionaries(shrink.ladder),
         },
+        "explanations": [explanation.as_json() for explanation in diagnosis.explanations],
+        "readings": None if diagnosis.readings is None else diagnosis.readings.as_json(),
         "not_identifiable": _dictionaries(check.not_identifiable),
         "minor": _dictionaries(diagnosis.minor),
         "remains": _dictionaries(diagnosis.remains),

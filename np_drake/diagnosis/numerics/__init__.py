@@ -10,10 +10,12 @@ from np_drake.diagnosis.numerics.autoregressive_noise import (
 from np_drake.diagnosis.numerics.bayesian_linear_regression import Gram
 from np_drake.diagnosis.numerics.fir_filter import banded, filtered
 from np_drake.diagnosis.numerics.gauss_newton import minimise
+from np_drake.diagnosis.numerics.readings import Readings
 
 __all__ = [
     "Gram",
     "NoiseModel",
+    "Readings",
     "banded",
     "filtered",
     "fit_noise",

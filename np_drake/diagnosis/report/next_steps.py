@@ -40,7 +40,8 @@ def next_steps(diagnosis: Diagnosis) -> list[str]:
         others = cause.indistinguishable_from
         if others:
             between = f"{name_of(cause.identifier)} from {listed([name_of(o) for o in others], 'or')}"
-            out.append(f"To tell {between}, fly: {manoeuvre((cause.identifier, *others)).rstrip('.')}.")
+            how = manoeuvre((cause.identifier, *others)).rstrip(".")
+            out.append(f"To tell {between}, fly: {how}; or a flight designed by np-drake next-flight.")
         elif loose := _loose(cause):
             more = SHOWS.get(cause.identifier, "a longer one with more motion")
             out.append(

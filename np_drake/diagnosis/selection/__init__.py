@@ -2,7 +2,14 @@
 
 from np_drake.diagnosis.selection.map_model import SearchResult, find_map_model
 from np_drake.diagnosis.selection.payload_search import PAYLOAD
-from np_drake.diagnosis.selection.ranking import Ranking, names_of, names_of_fit, probabilities, ranked
+from np_drake.diagnosis.selection.ranking import (
+    Ranking,
+    names_of,
+    names_of_fit,
+    probabilities,
+    ranked,
+    score_of,
+)
 
 __all__ = [
     "PAYLOAD",
@@ -13,4 +20,5 @@ __all__ = [
     "names_of_fit",
     "probabilities",
     "ranked",
+    "score_of",
 ]

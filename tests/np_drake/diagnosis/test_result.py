@@ -60,6 +60,8 @@ def test_the_file_has_the_fields_of_the_schema():
     assert dut["shrink"]["ladder"] == [{"name": "nominal", "residual": 5.0}]
     assert dut["not_identifiable"] == [{"effects": ["a", "b"], "because": "alike", "manoeuvre": "roll"}]
     assert dut["warnings"] == []
+    assert dut["explanations"] == []
+    assert dut["readings"] is None
 
 
 def test_numbers_are_finite_or_null():

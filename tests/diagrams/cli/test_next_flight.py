@@ -1,0 +1,119 @@
+"""Laws of `np-drake next-flight`."""
+
+import json
+
+import numpy as np
+import pytest
+
+from diagrams.cli.main import run
+from diagrams.gap.next_flight import REPORT, read_report
+from diagrams.loop.flight import load_flight
+from np_drake.diagnosis.numerics import NoiseModel, Readings
+from np_drake.diagnosis.tolerance import IDEAL_SENSORS
+from np_drake.effects.explanation import Explanation
+from np_drake.effects.linear_drag import LinearDrag
+from np_drake.references.track_file import read_track
+
+RMS = np.repeat([0.5, 0.05, 0.05, 0.2, 0.05], 3)
+READINGS = Readings(NoiseModel(np.zeros((15, 1)), np.diag(1 / RMS), RMS, RMS**2, 0.02), IDEAL_SENSORS)
+STAND = [Explanation((), 0.4, ()), Explanation(("linear_drag",), 0.6, (LinearDrag(0.5, 0.5, 0.5),))]
+CORRECTED = """\
+name: corrected
+reality: {payload: {tether: none}, rotor_drag: 0.0, motor_lag: 0.0, thrust_scale: 1.0}
+"""
+BOX = ["--box", "4", "4", "2.5"]
+QUICK = [*BOX, "--seconds", "5", "--evaluations", "15"]
+
+
+def told() -> dict:
+    return {"explanations": [e.as_json() for e in STAND], "readings": READINGS.as_json()}
+
+
+@pytest.fixture
+def report(tmp_path):
+    """Return a folder as a diagnosis leaves it, as far as a design reads it."""
+    folder = tmp_path / "report"
+    folder.mkdir()
+    (folder / REPORT).write_text(json.dumps(told()))
+    (folder / "corrected.yaml").write_text(CORRECTED)
+    return folder
+
+
+def test_a_design_is_written_flown_and_can_be_flown_again(report, tmp_path, capsys):
+    out, values = tmp_path / "out", tmp_path / "a.json"
+    assert run(["next-flight", str(report), *QUICK, "--out", str(out), "--json", str(values)]) == 0
+    text = capsys.readouterr().out
+    assert "2 explanations stand: " in text
+    assert "the design in the simulator" in text
+    assert {path.name for path in out.iterdir()} == {"next_flight.csv", "next_flight.png", "next_flight.yaml"}
+    content = json.loads(values.read_text())
+    assert content["schema"] == "np_drake.next-flight/1"
+    assert content["candidates"][0]["name"] == "designed"
+    for k, flight in enumerate(content["flown"]):
+        assert flight["posterior"][k] > 0.95
+        assert max(flight["usage"].values()) <= 1.0
+    again = load_flight(str(out / "next_flight.yaml"))
+    assert again.end == pytest.approx(5.0)
+    assert again.controller.kind == "hold"
+
+
+def test_the_same_seed_writes_the_same_trajectory(report, tmp_path):
+    files = []
+    for name in ("a", "b"):
+        arguments = [
+            "next-flight",
+            str(report),
+            *QUICK,
+            "--no-fly",
+            "--seed",
+            "3",
+            "--out",
+            str(tmp_path / name),
+        ]
+        assert run(arguments) == 0
+        files.append((tmp_path / name / "next_flight.csv").read_bytes())
+    assert files[0] == files[1]
+    motion = read_track(tmp_path / "a" / "next_flight.csv", speed=1.0, ramp=2.0)
+    assert motion.starts_at_rest
+    assert motion.end == pytest.approx(5.0)
+
+
+def test_a_second_answer_counts(report):
+    content = told()
+    other = [STAND[0].as_json() | {"probability": 1.0}]
+    (report / REPORT).write_text(json.dumps(content | {"refit": content | {"explanations": other}}))
+    assert [e.label for e in read_report(report).explanations] == ["nothing"]
+
+
+@pytest.mark.parametrize(
+    "content, why",
+    [
+        ("{", "must be JSON"),
+        ("{}", "diagnose again"),
+        ('{"cannot_tell": true}', "more motion"),
+        (json.dumps(told() | {"readings": {"noise": {}}}), "must be whole"),
+    ],
+)
+def test_a_report_that_does_not_tell_is_refused(report, content, why):
+    (report / REPORT).write_text(content)
+    with pytest.raises(ValueError, match=why):
+        read_report(report)
+
+
+@pytest.mark.parametrize(
+    "arguments, why",
+    [
+        (["nowhere", *BOX], "folder of np-drake diagnose"),
+        (["report", "--box", "0.7", "4", "2"], "larger room"),
+        (["report", *BOX, "--controller", "magic"], "must be one of"),
+        (["report", *BOX, "--speed", "-1"], "speed"),
+        (["report"], "--box"),
+    ],
+)
+def test_bad_input_is_one_line(report, tmp_path, monkeypatch, capsys, arguments, why):
+    monkeypatch.chdir(tmp_path)
+    assert run(["next-flight", *arguments, "--out", "out"]) == 2
+    error = capsys.readouterr().err
+    assert why in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
