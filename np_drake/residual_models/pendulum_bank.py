@@ -227,7 +227,9 @@ class PendulumBank:
             likelihood, _ = kernel.update_bank(predicted, spread, now, label, variance, updated, narrowed)
         if not (kernel.finite(updated) and kernel.finite(narrowed)):
             return self.initial_memory()
-        weight = weight * np.exp(likelihood - likelihood.max())
+        with np.errstate(divide="ignore"):  # of a member without weight
+            score = np.log(weight) + likelihood
+        weight = np.exp(score - score.max())
         stay = np.exp(-self.step * self.options.change)
         weight = stay * weight / weight.sum() + (1 - stay) * self._first_weight * self._likely(updated)
         weight = weight / weight.sum()

@@ -60,7 +60,7 @@ class GentleFlight:
         hung = self.corrected.payload
         swing = Swing(np.array([0, 0, -hung.length]), np.zeros(3), np.zeros(3)) if hung else None
         commands = Commands(self.period * np.arange(len(self.u)), self.u)
-        flown = Rollout(self.vehicle, self.effects).fly(self.start, commands, self.times, swing)
+        flown = Rollout(self.vehicle, self.effects).fly(self.start, commands, self.times, swing)[:, :13]
         return np.concatenate([self.start[None], flown])
 
 

@@ -249,6 +249,21 @@ def test_a_command_of_nan_in_the_first_second_of_hover_does_no_harm(model, flown
     assert force == pytest.approx(-0.26 * G, abs=0.08)  # label noise [N]
 
 
+def test_a_label_that_only_a_member_without_weight_explains_leaves_a_usable_memory(model, flown):
+    predictor = PendulumPredictor(model())
+    samples = flown(seconds=2.0).samples
+    memory = run(predictor, samples[:50])
+    bare = ~carries(len(memory["weight"]))
+    memory["weight"] = np.where(bare, 0.0, memory["weight"]) / memory["weight"][~bare].sum()
+    thrust = kernel.THRUST_ERROR
+    memory["mean"][bare, thrust] = -0.13  # as the payload's weight: what a bare member makes of these labels
+    memory["covariance"][~bare] *= 1e-6
+    memory["variance"] = np.full(3, 1e-6)
+    memory = predictor.update(memory, samples[50])
+    assert np.all(np.isfinite(memory["weight"]))
+    assert memory["weight"].sum() == pytest.approx(1.0)
+
+
 def test_an_update_changes_no_memory_but_its_own(model, flown):
     flight, predictor = flown(seconds=1.0), PendulumPredictor(model())
     memory = run(predictor, flight.samples[:20])
