@@ -255,10 +255,10 @@ def test_a_label_that_only_a_member_without_weight_explains_leaves_a_usable_memo
     memory = run(predictor, samples[:50])
     bare = ~carries(len(memory["weight"]))
     memory["weight"] = np.where(bare, 0.0, memory["weight"]) / memory["weight"][~bare].sum()
-    thrust = kernel.THRUST_ERROR
-    memory["mean"][bare, thrust] = -0.13  # as the payload's weight: what a bare member makes of these labels
+    rise = kernel.PUSH + 2
+    memory["mean"][bare, rise] = -0.13 * G  # as the payload's weight
+    memory["mean"][~bare, rise] = 40.0
     memory["covariance"][~bare] *= 1e-6
-    memory["variance"] = np.full(3, 1e-6)
     memory = predictor.update(memory, samples[50])
     assert np.all(np.isfinite(memory["weight"]))
     assert memory["weight"].sum() == pytest.approx(1.0)
