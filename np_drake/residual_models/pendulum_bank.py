@@ -14,6 +14,7 @@ import numpy as np
 
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory
+from np_drake.residual_models.pendulum_mixing import mix_bank
 from np_drake.scaling import Scales
 
 CONDITIONS = ("calm", "gusty", "pushed")
@@ -203,7 +204,7 @@ class PendulumBank:
         none [m/s²].   variance: (3,) of its noise [m²/s⁴].
         """
         mean, covariance, weight = (np.empty_like(memory[name]) for name in ("mean", "covariance", "weight"))
-        kernel.mix_bank(
+        mix_bank(
             memory["mean"],
             memory["covariance"],
             memory["weight"],

@@ -89,63 +89,6 @@ def filter_bank(
 
 
 @compiled
-def mix_bank(mean, covariance, weight, transition, rise, mixed, mixed_covariance, mixed_weight):
-    """Let the conditions of each length interact: what one of them found is where the others go on from.
-
-    A steady wind is level: a slow force upwards that a condition does not know keeps a member from changing to it, so
-    that such a force has under every condition the prior of that condition.
-
-    Args: mean: (k, POINT), ordered by condition, then by length.   weight: (k,).   transition: (c, c) probability of a
-    change from one condition to another in a step.   rise: (c,) variance of the slow force upwards [m²/s⁴].
-    mixed, …: the same shapes, are written.
-    Source: Blom, Bar-Shalom 1988 (interacting multiple models); the changes balance as of Metropolis et al. 1953.
-    """
-    kinds = len(transition)
-    lengths = len(mean) // kinds
-    shift, errors, shares = np.zeros(SIZE), np.zeros((kinds, SIZE)), np.zeros(kinds)
-    change = np.zeros((lengths, kinds, kinds))
-    for length in range(lengths):
-        for i in range(kinds):
-            own = i * lengths + length
-            _changes(mean[own, PUSH + 2], covariance[own, 9, 9], transition[i], rise, i, change[length, i])
-    for j in range(kinds):
-        for length in range(lengths):
-            here = j * lengths + length
-            total = 0.0
-            for i in range(kinds):
-                shares[i] = change[length, i, j] * weight[i * lengths + length]
-                total += shares[i]
-            mixed_weight[here] = total
-            shift[:] = 0.0
-            for i in range(kinds):
-                shares[i] = shares[i] / total if total > 0.0 else (1.0 if i == j else 0.0)
-                _difference(mean[here], mean[i * lengths + length], errors[i])
-                for a in range(SIZE):
-                    shift[a] += shares[i] * errors[i, a]
-            for a in range(SIZE):
-                for b in range(a + 1):
-                    value = 0.0
-                    for i in range(kinds):
-                        apart = (errors[i, a] - shift[a]) * (errors[i, b] - shift[b])
-                        value += shares[i] * (covariance[i * lengths + length, a, b] + apart)
-                    mixed_covariance[here, a, b] = value
-                    mixed_covariance[here, b, a] = value
-            _displace(mean[here], shift, mixed[here])
-
-
-@compiled
-def _changes(push, variance, transition, rise, i, out):
-    """Write the probabilities (c,) of a change from condition i under a slow force upwards and its variance."""
-    own, out[i] = rise[i] + variance, 1.0
-    for j in range(len(rise)):
-        if j != i:
-            other = rise[j] + variance
-            odds = 0.5 * (math.log(own / other) + push * push * (1.0 / own - 1.0 / other))
-            out[j] = transition[j] * math.exp(min(odds, 0.0))
-            out[i] -= out[j]
-
-
-@compiled
 def update_bank(mean, covariance, now, label, label_variance, updated, updated_covariance):
     """Take in one label without a step; arguments and result as of `filter_bank`."""
     members = len(mean)
@@ -190,13 +133,13 @@ def _predict(mean, covariance, drive, step, prior, keep, noise, out, out_covaria
         for sign in (1.0, -1.0):
             for k in range(SIZE):
                 error[k] = sign * width * root[k, j]
-            _displace(mean, error, point)
+            displace(mean, error, point)
             _advance(point, drive, step, prior, keep)
-            _difference(out, point, plus[j] if sign > 0 else minus[j])
+            difference(out, point, plus[j] if sign > 0 else minus[j])
     _moments(plus, minus, error, out_covariance)
     for k in range(SIZE):
         out_covariance[k, k] += noise[k]
-    _displace(out, error, point)
+    displace(out, error, point)
     out[:] = point
 
 
@@ -212,7 +155,7 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
         for sign in (1.0, -1.0):
             for k in range(SIZE):
                 error[k] = sign * width * root[k, j]
-            _displace(mean, error, point)
+            displace(mean, error, point)
             _measure(point, now, force)
             for k in range(3):
                 if sign > 0:
@@ -249,7 +192,7 @@ def _update(mean, covariance, now, label, label_variance, out, out_covariance):
                 left -= gain[k] * cross[column, k]
             out_covariance[row, column] = out_covariance[column, row] = left
     _keep_mass_positive(mean, error, out_covariance)
-    _displace(mean, error, out)
+    displace(mean, error, out)
     out[DAMPING] = max(out[DAMPING], 0.0)
     return -0.5 * (distance + math.log(determinant)), distance
 
@@ -314,7 +257,7 @@ def _cholesky(A, out):
 
 
 @compiled
-def _displace(point, error, out):
+def displace(point, error, out):
     """Write the point with an error added: the tether turns along a great circle, all else adds."""
     n, e = point[0:3], point[3:6]
     f0, f1, f2 = n[1] * e[2] - n[2] * e[1], n[2] * e[0] - n[0] * e[2], n[0] * e[1] - n[1] * e[0]
@@ -342,7 +285,7 @@ def _across(out, e):
 
 
 @compiled
-def _difference(origin, point, out):
+def difference(origin, point, out):
     """Write the error (SIZE,) that leads from origin to point; rates are projected onto the plane across origin."""
     n, e = origin[0:3], origin[3:6]
     f0, f1, f2 = n[1] * e[2] - n[2] * e[1], n[2] * e[0] - n[0] * e[2], n[0] * e[1] - n[1] * e[0]
