@@ -8,42 +8,50 @@ from typer import Option
 
 from diagrams.cli import options
 from diagrams.cli.columns import percent, tabulate
-from diagrams.cli.fly import as_config, flights_table, write_flight
+from diagrams.cli.fly import as_config, flights_table
 from diagrams.cli.output import Table, progress, say
 from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
-    from diagrams.tracking.demo import Demo
+    from diagrams.demo.story import Demo
 
 Out = Annotated[Path, Option("--out", metavar="DIR", help="Folder for model, log, figures, replay.")]
 
 
 @reports("demo", seed=0, out=Out, folder=Path("out/demo"), markdown=False)
 def demo(run: Run, solver: options.Solver = options.DEFAULT_SOLVER, jobs: options.Jobs = 2) -> Report:
-    """Fly the training circle, learn, fly circle and lemniscate with nominal MPC, hold and NP-MPC."""
+    """Fly, learn, fly again, diagnose these flights, correct the simulator and compare it with them: index.html."""
     from np_drake.mpc.solvers import require_solver
 
     require_solver(solver)
-    from diagrams.tracking.demo import run_demo
+    from diagrams.demo.story import run_demo
 
     start = time.perf_counter()
     with progress("demo", 1.0) as advance:
         result = run_demo(run.folder, seed=run.seed, solver=solver, jobs=jobs, on_progress=advance)
-    wall, trained = time.perf_counter() - start, result.result.model.summary
-    runs = [flight.summary() for flight in result.flights]
+    wall, trained = time.perf_counter() - start, result.trained
 
     def write(folder: Path) -> None:
-        write_flight(result.training, folder)
-        for flight in result.flights:
-            if flight.config.controller.kind == "np":
-                write_flight(flight, folder)
-        _write_comparison(result, folder)
-        say(f"seed {run.seed}, {wall:.0f} s; everything is in {folder}/")
+        from diagrams.demo.files import write_demo
+
+        say(f"seed {run.seed}, {wall:.0f} s; start with {write_demo(result, folder)}")
 
     return Report(
-        [flights_table(result.flights), _reduction_table(result)],
+        [
+            flights_table(result.flights),
+            _reduction_table(result),
+            _causes_table(result),
+            _meeting_table(result),
+        ],
         config=as_config(result.flights[-1].config),
-        metrics={"runs": runs, "reduction": result.reduction(), "wall": wall},
+        metrics={
+            "runs": [flight.summary() for flight in result.flights],
+            "reduction": result.reduction(),
+            "withheld": result.withheld,
+            "verdict": list(result.diagnosis.verdict),
+            "meeting": result.meeting(),
+            "wall": wall,
+        },
         lines=[f"trained on {trained['samples']} points: {trained['excitation']}"],
         write=write,
     )
@@ -66,13 +74,16 @@ def _reduction_table(result: "Demo") -> Table:
     return tabulate("NP-MPC against nominal MPC (the paper: its own vehicle, real flights)", lines, columns)
 
 
-def _write_comparison(result: "Demo", out: Path) -> None:
-    from diagrams.tracking import figures
-    from diagrams.tracking.tracking import TRACKS
-    from np_drake.figure_file import save
+def _causes_table(result: "Demo") -> Table:
+    from diagrams.demo.page import cause_rows
 
-    for track in TRACKS:
-        flights = [f for f in result.flights if f.config.name == track]
-        title = f"{track} · seed {flights[0].seed}"
-        save(figures.plane_track(flights, title), out / f"{track}_track.png")
-        save(figures.errors(flights, title), out / f"{track}_errors.png")
+    header = ["effect", "probability", "parameter", "found", "95 % interval", "true"]
+    return "what the diagnosis finds in the flights of the nominal MPC", header, list(cause_rows(result))
+
+
+def _meeting_table(result: "Demo") -> Table:
+    from diagrams.demo.page import meeting_rows
+    from diagrams.demo.story import HELD_OUT, SIMULATED
+
+    header = ["controller", "error [cm]", "flight", "nominal simulator", "corrected", "off"]
+    return f"{HELD_OUT}, {SIMULATED:g} s, in flight and in simulators", header, list(meeting_rows(result))

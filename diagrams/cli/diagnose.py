@@ -62,10 +62,14 @@ def diagnose(
     def write(folder: Path) -> None:
         from np_drake.diagnosis.report.write import write_report
 
-        say(f"report: {write_report(found, folder, seed=run.seed, config=config)}")
+        beside = {}
+        if page := write_ghosts(found, nominal, logs[1] if not no_replay else [], folder):
+            beside[page.name] = "Watch the flight beside its simulators"
         if not found.cannot_tell:
-            say(f"corrected simulator: {write_simulator(found, nominal, folder)}")
-        write_ghosts(found, nominal, logs[1] if not no_replay else [], folder)
+            simulator = write_simulator(found, nominal, folder)
+            say(f"corrected simulator: {simulator}")
+            beside[simulator.name] = "Corrected simulator, to fly"
+        say(f"report: {write_report(found, folder, seed=run.seed, config=config, beside=beside)}")
 
     from diagrams.cli.diagnosis_tables import judgement, notes, tables
 

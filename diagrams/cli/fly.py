@@ -1,6 +1,7 @@
 """`np-drake fly`: simulate one experiment with one controller."""
 
 import dataclasses as dc
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -226,7 +227,7 @@ def as_config(config: "FlightConfig | CooperativeConfig") -> dict:
     return {**plain, "simulator": simulator}
 
 
-def flights_table(flights: "list[FlightResult]") -> Table:
+def flights_table(flights: "Sequence[FlightResult]") -> Table:
     """Return a table with a line for every flight: errors in cm, solve times in ms."""
     lines = [{"name": f.config.name, "controller": f.label, **f.metrics()} for f in flights]
     columns: tuple[Column, ...] = (

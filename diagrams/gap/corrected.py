@@ -11,7 +11,6 @@ from np_drake.diagnosis.result import Cause, Diagnosis
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.effects.posterior import Posterior
 from np_drake.vehicle import Vehicle
-from systems.payload_config import PayloadConfig
 
 NAME = "corrected"
 
@@ -25,11 +24,7 @@ def corrected_simulator(diagnosis: Diagnosis, vehicle: Vehicle) -> FlightConfig:
     answer = diagnosis.refit or diagnosis
     config = default_flight(vehicle)
     reality = dc.replace(
-        config.reality,
-        payload=PayloadConfig(tether="none"),
-        rotor_drag=0.0,
-        motor_lag=0.0,
-        thrust_scale=1.0,
+        config.reality.nominal(),
         effects=[entry for cause in answer.causes if (entry := _entry(cause)) is not None],
         disturbance=remaining_disturbance(answer.where),
         posterior=answer.posterior or Posterior(),

@@ -5,7 +5,7 @@ import dataclasses as dc
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from pydrake.common import RandomGenerator
@@ -128,6 +128,14 @@ class FlightConfig:
                 f"FlightConfig: simulator.max_step_size must be at most {self.largest_step:.2g} s for this cable and "
                 f"these motors; got {step}. Take a smaller step or error control."
             )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields for another process, Drake's settings of the simulator by name."""
+        fields = SimulatorConfig.__fields__
+        return vars(self) | {"simulator": {f.name: getattr(self.simulator, f.name) for f in fields}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state | {"simulator": SimulatorConfig(**state["simulator"])})
 
     @property
     def carried_mass(self) -> float:

@@ -70,6 +70,16 @@ class RealityConfig:
             )
         return self
 
+    def nominal(self) -> "RealityConfig":
+        """Return the vehicle as its file says, with the same noise of the sensors: the nominal simulator."""
+        return RealityConfig(
+            payload=PayloadConfig(tether="none"),
+            rotor_drag=0.0,
+            motor_lag=0.0,
+            thrust_scale=1.0,
+            noise=self.noise,
+        )
+
     @property
     def added(self) -> list[Effect]:
         """The effects of `effects`."""

@@ -13,7 +13,6 @@ from diagrams.loop.reality import RealityConfig
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
-from systems.payload_config import PayloadConfig
 
 # Effects that a controller feels and that a flight of 20 s can hold; sensor errors are left to the challenge.
 WITHHELD = (
@@ -36,9 +35,7 @@ FLOWN_WITH = "hold"  # controller that needs no model, so that a vehicle as it c
 
 def nominal_reality() -> RealityConfig:
     """Return the reality of the nominal simulator: the vehicle file and the sensors' noise."""
-    return RealityConfig(
-        payload=PayloadConfig(tether="none"), rotor_drag=0.0, motor_lag=0.0, thrust_scale=1.0
-    )
+    return RealityConfig().nominal()
 
 
 def withheld_reality(seed: int, vehicle: Vehicle) -> RealityConfig:

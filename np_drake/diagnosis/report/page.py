@@ -4,31 +4,54 @@ import base64
 from collections.abc import Mapping
 from importlib import resources
 from importlib.metadata import version
+from types import MappingProxyType
 from typing import Any
 
 from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
 
 from np_drake.diagnosis.report import summary, words
 from np_drake.diagnosis.report.next_steps import next_steps
 from np_drake.diagnosis.result import Diagnosis, Finding, Localisation, ReplayGap
 
-TEMPLATE = "report.html.j2"
+TEMPLATE, STYLE = "report.html.j2", "style.css"
 
 
-def render(diagnosis: Diagnosis, figures: Mapping[str, bytes], *, seed: int = 0) -> str:
+def render(
+    diagnosis: Diagnosis,
+    figures: Mapping[str, bytes],
+    *,
+    seed: int = 0,
+    beside: Mapping[str, str] = MappingProxyType({}),
+) -> str:
     """Return the HTML page.
 
     Args:
         diagnosis: the result to show.
         figures: PNG bytes by figure name.
         seed: seed of the diagnosis, which the page states.
+        beside: texts of links by the names of files in the same folder.
     """
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    source = resources.files("np_drake.diagnosis.report").joinpath(TEMPLATE).read_text(encoding="utf-8")
-    pictures = {name: base64.b64encode(png).decode("ascii") for name, png in figures.items()}
-    return environment.from_string(source).render(**content(diagnosis, seed), figures=pictures)
+    template = environment.from_string(_text(TEMPLATE))
+    pictures = {name: embedded(png) for name, png in figures.items()}
+    return template.render(**content(diagnosis, seed), figures=pictures, beside=beside, style=style())
+
+
+def style() -> Markup:
+    """Return the style sheet of the project's pages."""
+    return Markup(_text(STYLE))
+
+
+def embedded(png: bytes) -> str:
+    """Return a picture as text for a page's `data:image/png;base64,`."""
+    return base64.b64encode(png).decode("ascii")
+
+
+def _text(name: str) -> str:
+    return resources.files("np_drake.diagnosis.report").joinpath(name).read_text(encoding="utf-8")
 
 
 def content(diagnosis: Diagnosis, seed: int) -> dict[str, Any]:

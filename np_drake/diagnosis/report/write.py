@@ -1,8 +1,10 @@
 """Writing of the report's folder: page, JSON and figures, all made before anything is written."""
 
 import math
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -19,7 +21,12 @@ PICTURES = ("ladder", "regimes", "timeline", "spectrum", "replay")
 
 
 def write_report(
-    diagnosis: Diagnosis, folder: str | Path, *, seed: int = 0, config: dict[str, Any] | None = None
+    diagnosis: Diagnosis,
+    folder: str | Path,
+    *,
+    seed: int = 0,
+    config: dict[str, Any] | None = None,
+    beside: Mapping[str, str] = MappingProxyType({}),
 ) -> Path:
     """Write `report.html`, `diagnosis.json` and the figures to a folder, and return the path of the page.
 
@@ -28,12 +35,13 @@ def write_report(
         folder: existing folder.
         seed: seed of the diagnosis, for the head of the JSON.
         config: configuration of the diagnosis, for the head of the JSON.
+        beside: further files of the folder to which the page leads, with the text of each link.
     Raises: OSError: if the folder cannot be written.
     """
     folder = Path(folder)
     require_writable(folder / PAGE)
     pictures = {name: png(figure) for name, figure in figures(diagnosis).items()}
-    page = render(diagnosis, pictures, seed=seed)
+    page = render(diagnosis, pictures, seed=seed, beside=beside)
     for name in set(PICTURES) - set(pictures):
         (folder / f"{name}.png").unlink(missing_ok=True)  # of an earlier diagnosis
     for name, picture in pictures.items():

@@ -8,7 +8,7 @@ import typer
 
 from diagrams.cli.main import app, run
 from diagrams.cli.options import DEFAULT_SOLVER
-from diagrams.tracking.demo import run_demo
+from diagrams.demo.story import run_demo
 
 ROOT = typer.main.get_command(app)
 VERBS = {name: verb for name, verb in ROOT.commands.items() if not hasattr(verb, "commands")}

@@ -7,7 +7,7 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cli.main import run
 from diagrams.cli.reproduce.tracking import printed
 from diagrams.loop.experiments import load_experiment
-from diagrams.tracking import demo, tracking
+from diagrams.tracking import tracking
 
 
 @pytest.fixture
@@ -71,15 +71,6 @@ def test_a_campaign_trains_once_a_model_and_flies_every_row(tmp_path, short_expe
     assert {(r["row"], r["experiment"]) for r in runs} == {
         (row, track) for row in ("nominal", "np") for track in tracking.TRACKS
     }
-
-
-def test_the_demo_flies_learns_and_flies_again(tmp_path, short_experiments):
-    seen = []
-    result = demo.run_demo(tmp_path, seed=2, jobs=1, on_progress=lambda fraction, text: seen.append(fraction))
-    assert [f.label for f in result.flights] == ["nominal", "hold", "np"] * 2
-    assert seen == sorted(seen)
-    assert result.reduction()["circle"]["E_z"] > 0.5
-    assert result.model.exists()
 
 
 def test_the_verb_prints_and_writes_the_same_table(tmp_path, short_experiments, capsys):

@@ -1,0 +1,201 @@
+"""Steps of the demo: flights, training, diagnosis of these flights, and flights in the corrected simulator."""
+
+import dataclasses as dc
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diagrams.batch.processes import in_order
+from diagrams.gap.corrected import corrected_simulator
+from diagrams.gap.drake_replay import DrakeReplay
+from diagrams.gap.side_by_side import SideBySide, side_by_side
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_result import FlightResult, fly
+from diagrams.loop.reality import RealityConfig
+from diagrams.prediction.learning import train_predictor
+from diagrams.tracking.tracking import TRACKS, Row, configure, training_config
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.result import Diagnosis
+from np_drake.effects.base import Effect
+from np_drake.logs.flight_log import FlightLog
+from np_drake.vehicle import Vehicle
+
+NOMINAL, HOLD, LEARNED = Row("nominal", "nominal"), Row("hold", "hold"), Row("np", "np")
+ROWS = (NOMINAL, HOLD, LEARNED)
+TRAINING = "training_circle"
+HELD_OUT = TRACKS[-1]  # judges the diagnosis, and is flown in the simulators
+DIAGNOSED = 20.0  # of every flight of the nominal MPC, after the ramp [s]
+SIMULATED = 15.0  # in either simulator, after the ramp [s]
+SIMULATORS = ("nominal", "corrected")
+FORETOLD = (NOMINAL, LEARNED)  # controllers that fly in the simulators
+_SHARES = (0.6, 0.4)  # of the time, by round
+
+
+@dc.dataclass(frozen=True)
+class Demo:
+    """Results of the demo.
+
+    training: the training flight.   trained: what the model was trained on.   model: its file.
+    flights: by track and controller.   diagnosis: of the flights of the nominal MPC.   beside: the held-out flight and
+    its replays.   simulated: flights of the held-out track by (simulator, kind of controller).
+    """
+
+    seed: int
+    training: FlightResult
+    trained: Mapping[str, Any]
+    model: Path
+    flights: Sequence[FlightResult]
+    diagnosis: Diagnosis
+    beside: SideBySide
+    simulated: Mapping[tuple[str, str], FlightResult]
+
+    @property
+    def withheld(self) -> dict[str, dict[str, float]]:
+        """Parameters of the effects that act on the vehicle, by identifier."""
+        acting = self.training.config.reality.everything()
+        return {e.identifier: e.values for e in acting if isinstance(e, Effect)}
+
+    def flown(self, track: str, kind: str) -> FlightResult:
+        """Return the flight of a controller on a track."""
+        return next(f for f in self.flights if f.config.name == track and f.config.controller.kind == kind)
+
+    def reduction(self) -> dict[str, dict[str, float]]:
+        """Return the relative reduction of the nominal MPC's error by NP-MPC, by track [1]."""
+        cuts = {}
+        for track in TRACKS:
+            learned, nominal = (self.flown(track, row.kind).metrics() for row in (LEARNED, NOMINAL))
+            cuts[track] = {key: 1.0 - learned[key] / nominal[key] for key in ("E_xy", "E_z")}
+        return cuts
+
+    def meeting(self) -> list[dict[str, Any]]:
+        """Return errors on the held-out track, in flight and as either simulator foretells them, by controller [m]."""
+        lines = []
+        for row in FORETOLD:
+            flight = until(self.flown(HELD_OUT, row.kind), SIMULATED).metrics()
+            foretold = {name: self.simulated[name, row.kind].metrics() for name in SIMULATORS}
+            for key in ("E_xy", "E_z"):
+                line = {"controller": row.kind, "error": key, "flight": flight[key]}
+                lines.append(line | {name: foretold[name][key] for name in SIMULATORS})
+        return lines
+
+
+def run_demo(
+    folder: Path,
+    *,
+    seed: int,
+    solver: str = "sqp",
+    jobs: int = 2,
+    on_progress: Callable[[float, str], None] = lambda fraction, text: None,
+) -> Demo:
+    """Run all steps; those that do not depend on each other run side by side.
+
+    The nominal MPC flies the training circle (noise of `seed`), on which the predictor is trained. Nominal MPC, hold
+    and NP-MPC fly both tracks (seed + 1). The flights of the nominal MPC are diagnosed: training circle and circle to
+    fit, the lemniscate to judge. Nominal and corrected simulator fly the lemniscate (seed + 2). Writes the model into
+    `folder`.
+    """
+    model = folder / "predictor.safetensors"
+    practice = training_config(TRAINING, solver=solver)
+    nominal = practice.reality.nominal()
+    tracked = {
+        (track, row.kind): Trip(configure(track, row, solver=solver, model=str(model)), seed + 1)
+        for track in TRACKS
+        for row in ROWS
+    }
+
+    def in_simulator(world: RealityConfig, kind: str) -> Trip:
+        return Trip(_within(world, tracked[HELD_OUT, kind].config), seed + 2)
+
+    steps = _Steps(jobs, on_progress)
+    unlearned = {key: trip for key, trip in tracked.items() if key[1] != LEARNED.kind}
+    done = steps.run("training and flights", {"learned": partial(_learn, practice, seed, model), **unlearned})
+    training, trained = done.pop("learned")
+    train = [diagnosed(training), diagnosed(done[TRACKS[0], NOMINAL.kind])]
+    held_out = [diagnosed(done[HELD_OUT, NOMINAL.kind])]
+    learned = {key: trip for key, trip in tracked.items() if key not in unlearned}
+    look = partial(_diagnose, practice.vehicle, train, held_out, in_simulator)
+    simulated = {("nominal", row.kind): in_simulator(nominal, row.kind) for row in FORETOLD}
+    done |= steps.run("diagnosis and flights", {"diagnosis": look, **learned, **simulated})
+    diagnosis, beside, corrected = done.pop("diagnosis")
+    flights = [done[key] for key in tracked]
+    foretold = {key: done[key] for key in simulated} | corrected
+    return Demo(seed, training, trained, model, flights, diagnosis, beside, foretold)
+
+
+@dc.dataclass(frozen=True)
+class Trip:
+    """Flight to be made."""
+
+    config: FlightConfig
+    seed: int
+
+    def __call__(self) -> FlightResult:
+        """Return the flight."""
+        return fly(self.config, seed=self.seed)
+
+
+class _Steps:
+    """Rounds of work in several processes, behind one progress."""
+
+    def __init__(self, jobs: int, on_progress: Callable[[float, str], None]):
+        self._jobs, self._on_progress, self._before = jobs, on_progress, 0.0
+        self._shares = iter(_SHARES)
+
+    def run(self, text: str, work: Mapping[Any, Callable[[], Any]]) -> dict[Any, Any]:
+        """Return the results of one round by the keys of its work."""
+        share, before = next(self._shares), self._before
+        self._on_progress(before, text)
+        results = in_order(
+            _call,
+            list(work.values()),
+            jobs=self._jobs,
+            on_progress=lambda done, total: self._on_progress(before + share * done / total, text),
+        )
+        self._before += share
+        return dict(zip(work, results, strict=True))
+
+
+def _call(work: Callable[[], Any]) -> Any:
+    return work()
+
+
+def _learn(config: FlightConfig, seed: int, model: Path) -> tuple[FlightResult, dict[str, Any]]:
+    """Return the training flight and what the model, which is written, was trained on."""
+    flight = fly(config, seed=seed)
+    return flight, train_predictor(flight, model, seed=seed).model.summary
+
+
+def _diagnose(
+    vehicle: Vehicle,
+    train: Sequence[FlightLog],
+    held_out: Sequence[FlightLog],
+    in_simulator: Callable[[RealityConfig, str], Trip],
+) -> tuple[Diagnosis, SideBySide, dict[tuple[str, str], FlightResult]]:
+    """Return the diagnosis, the held-out flight beside its simulators, and flights in the corrected one."""
+    replay = DrakeReplay(vehicle)
+    found = diagnose(vehicle, train, held_out, replay, adaptive_split=False)
+    beside = side_by_side(found, vehicle, held_out, replay)
+    world = corrected_simulator(found, vehicle).reality
+    return found, beside, {("corrected", row.kind): in_simulator(world, row.kind)() for row in FORETOLD}
+
+
+def diagnosed(flight: FlightResult) -> FlightLog:
+    """Return the part of the log of a flight that is diagnosed."""
+    log, start = flight.log(), flight.config.reference.lead
+    first, last = np.searchsorted(log.t, [start - 1e-9, start + DIAGNOSED - 1e-9])
+    return dc.replace(log.rows(int(first), int(last)), name=f"{flight.config.name}.csv")
+
+
+def until(flight: FlightResult, seconds: float) -> FlightResult:
+    """Return the flight until `seconds` after its ramp [s]."""
+    rows = flight.signals["t"] < flight.config.reference.lead + seconds - 1e-9
+    return dc.replace(flight, signals={name: signal[rows] for name, signal in flight.signals.items()})
+
+
+def _within(world: RealityConfig, config: FlightConfig) -> FlightConfig:
+    """Return a flight in another simulator, of `SIMULATED` seconds at most."""
+    duration = min(SIMULATED, config.duration)
+    return dc.replace(config, reality=world, duration=duration).check_and_step()

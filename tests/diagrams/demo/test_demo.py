@@ -1,0 +1,115 @@
+"""Laws of the demo: what it flies, names and foretells, and the page that shows it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from diagrams.cli.main import run
+from diagrams.demo import page, story
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight import load_flight
+from diagrams.tracking import tracking
+from np_drake.logs.log_file import read_log
+
+SECONDS = 20.0  # of every flight, so that the diagnosis sees as much as in the demo itself
+
+
+def shortened(name, vehicle=None):
+    config = load_experiment(name, vehicle)
+    config.duration = SECONDS
+    return config
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    """Folder and metrics of the verb, and the demo itself."""
+    folder, kept = tmp_path_factory.mktemp("demo"), []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tracking, "load_experiment", shortened)
+        patch.setattr(story, "SIMULATED", 5.0)
+        original = story.run_demo
+        patch.setattr(story, "run_demo", lambda *a, **k: kept.append(original(*a, **k)) or kept[0])
+        metrics = folder / "demo.json"
+        arguments = ["demo", "--out", str(folder), "--seed", "3", "--jobs", "1", "--json", str(metrics)]
+        assert run(arguments) == 0
+    return folder, json.loads(metrics.read_text()), kept[0]
+
+
+def test_the_demo_names_its_four_effects_and_no_other(told):
+    _, metrics, demo = told
+    assert set(metrics["verdict"]) == set(demo.withheld)
+    assert len(demo.withheld) == 4
+    for cause in demo.diagnosis.causes:
+        for name, true in demo.withheld[cause.identifier].items():
+            lower, upper = cause.parameters[name].ci95
+            assert lower - 1e-3 <= true <= upper + 1e-3, (cause.identifier, name)
+
+
+def test_all_controllers_fly_both_tracks_and_learning_helps(told):
+    _, metrics, demo = told
+    assert [(f.config.name, f.label) for f in demo.flights] == [
+        (track, row.kind) for track in tracking.TRACKS for row in story.ROWS
+    ]
+    assert metrics["reduction"]["lemniscate"]["E_xy"] > 0.5
+
+
+def test_the_corrected_simulator_foretells_what_the_nominal_one_does_not(told):
+    for line in told[1]["meeting"]:
+        off = {name: abs(line[name] - line["flight"]) for name in story.SIMULATORS}
+        assert off["corrected"] < 0.2 * off["nominal"], line
+
+
+def test_a_simulated_flight_is_compared_with_as_much_of_the_real_one(told):
+    demo = told[2]
+    flight = story.until(demo.flown("lemniscate", "nominal"), 5.0)
+    simulated = demo.simulated["corrected", "nominal"]
+    assert np.array_equal(flight.signals["t"], simulated.signals["t"])
+    assert not np.array_equal(flight.signals["x"], simulated.signals["x"])
+
+
+def test_the_page_shows_every_number_and_leads_to_files_that_are_there(told):
+    folder, metrics, demo = told
+    text = (folder / page.FILE).read_text(encoding="utf-8")
+    assert page.headline(demo) in text
+    for flight in metrics["runs"]:
+        assert f"{100 * flight['metrics']['E_xy']:.2f}" in text
+    for effect, *_ in page.cause_rows(demo):
+        assert effect in text
+    links = [part.split('"')[0] for part in text.split('href="')[1:]]
+    assert links
+    assert all((folder / link).is_file() for link in links)
+    assert (folder / text.split('<iframe src="')[1].split('"')[0]).is_file()
+    assert "http" not in text
+
+
+def test_the_files_are_read_by_the_other_verbs(told):
+    folder, _, demo = told
+    log = read_log(folder / "lemniscate_nominal.csv")
+    assert np.allclose(log.u, demo.flown("lemniscate", "nominal").log().u)
+    effects = {entry.effect for entry in load_flight(str(folder / "corrected.yaml")).reality.effects}
+    assert effects == set(demo.withheld)
+
+
+def test_a_wrong_or_missed_cause_stands_in_headline_and_table(told):
+    demo = told[2]
+    blind = story.dc.replace(
+        demo, diagnosis=story.dc.replace(demo.diagnosis, causes=(), verdict=("ground_effect",))
+    )
+    assert "0 of 4" in page.headline(blind)
+    assert "1 that is not there" in page.headline(blind)
+    assert [row[1] for row in page.cause_rows(blind)] == ["not named"] * 4
+
+
+def test_progress_never_runs_backwards(tmp_path, monkeypatch):
+    def tiny(name, vehicle=None):
+        config = shortened(name, vehicle)
+        config.duration, config.reference.ramp = (6.0 if "training" in name else 4.0), 1.5
+        return config
+
+    monkeypatch.setattr(tracking, "load_experiment", tiny)
+    monkeypatch.setattr(story, "SIMULATED", 1.0)
+    seen = []
+    story.run_demo(tmp_path, seed=2, jobs=1, on_progress=lambda fraction, text: seen.append(fraction))
+    assert seen == sorted(seen)
+    assert seen[-1] == pytest.approx(1.0)
