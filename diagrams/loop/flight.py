@@ -94,11 +94,6 @@ class FlightConfig:
             raise ValueError(
                 f"FlightConfig: the oracle knows delays up to {longest:g} s; got {reality.dead_time:g}."
             )
-        if reality.mass_effects() or reality.hangs_at > 0:
-            raise ValueError(
-                "FlightConfig: the oracle knows no changed mass properties and no payload that is hung in flight; "
-                "fly another kind."
-            )
 
     def _check_track(self) -> None:
         vehicle, thrust = (
@@ -164,9 +159,17 @@ class FlightConfig:
         hook = (payload.hook[0], payload.hook[1], payload.hook[2])
         bob = Payload(payload.mass, payload.length, hook, payload.air_damping)
         hung = None if payload.tether == "none" else bob
-        actuators = [e for e in self.reality.actuator_effects() if e.dead_time == 0.0]
-        wrenches = self.reality.wrench_effects()
-        return TrueModel(believed, hung, wrenches, actuators, self.reality.dead_time, self.reality.onsets)
+        reality = self.reality
+        return TrueModel(
+            believed,
+            hung,
+            reality.wrench_effects(),
+            [e for e in reality.actuator_effects() if e.dead_time == 0.0],
+            reality.dead_time,
+            reality.onsets,
+            reality.mass_effects(),
+            reality.hangs_at,
+        )
 
     def check_and_step(self) -> "FlightConfig":
         """Return a checked copy whose fixed step of the simulator is within `largest_step`."""

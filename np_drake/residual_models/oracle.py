@@ -1,14 +1,15 @@
 """True wrench over a planned motion, an upper limit of what prediction can do; for tests and tables only."""
 
 import dataclasses as dc
+from collections.abc import Sequence
 
 import numpy as np
 
 from np_drake import attitude
-from np_drake.effects.base import ActuatorEffect, Motion, WrenchEffect
-from np_drake.effects.combine import Onsets, acting, total_wrench
+from np_drake.effects.base import ActuatorEffect, MassEffect, Motion, WrenchEffect
+from np_drake.effects.combine import Onsets, acting, mass_properties, total_wrench
 from np_drake.effects.pendulum import Payload, hook_velocity, hook_wrench, swing
-from np_drake.rigid_body import Q
+from np_drake.rigid_body import Q, W, residual_wrench
 from np_drake.vehicle import Vehicle
 
 _SUBSTEPS = 4  # of the actuators in one step of the plan [1]
@@ -20,7 +21,8 @@ class TrueModel:
 
     believed: the vehicle that the controller assumes.   payload: None without one.   wrench_effects, actuator_effects:
     effects that act in the simulation, without dead time.   delay: dead time of the commands, for the caller [s].
-    onsets: when those of the effects begin that do not act from the start [s].
+    onsets: when those of the effects begin that do not act from the start [s].   mass_effects: change the mass
+    properties.   hangs_at: when the payload is hung [s].
     """
 
     believed: Vehicle
@@ -29,6 +31,8 @@ class TrueModel:
     actuator_effects: list[ActuatorEffect]
     delay: float = 0.0
     onsets: Onsets = dc.field(default_factory=dict)
+    mass_effects: Sequence[MassEffect] = ()
+    hangs_at: float = 0.0
 
     def wrench_along(
         self,
@@ -54,12 +58,30 @@ class TrueModel:
         chi = np.concatenate([wrong[:, :1] * attitude.body_z(middle[:, Q]), wrong[:, 1:]], axis=1)
         motion = Motion(starts + 0.5 * step, middle, thrust)
         chi += total_wrench(self.believed, acting(self.wrench_effects, self.onsets, t), motion)
-        if self.payload is not None and swing_state is not None:
+        if self.payload is not None and swing_state is not None and t >= self.hangs_at:
             v_hook = hook_velocity(self.payload.hook, x)
             a_hook, between = np.diff(v_hook, axis=0) / step, 0.5 * (v_hook[1:] + v_hook[:-1])
             force = swing(self.payload, *swing_state, a_hook, step, self.believed.gravity, between)
             chi += hook_wrench(self.payload, middle[:, Q], force)
-        return chi
+        changed = acting(self.mass_effects, self.onsets, t)
+        return self._as_believed(middle, command @ self.believed.mixer.T, chi, changed) if changed else chi
+
+    def _as_believed(
+        self, x: np.ndarray, u: np.ndarray, chi: np.ndarray, changed: Sequence[MassEffect]
+    ) -> np.ndarray:
+        """Return the wrench (N, 6) that the believed vehicle needs to move as the real one does under u and chi.
+
+        With F and tau at Bo, c = p_BoBcm_B and J about Bcm of the real vehicle: J al + w x J w = tau - c x R^T F and
+        m (a + g z + R (al x c + w x (w x c))) = F.       Source: Newton and Euler about the centre of mass.
+        """
+        real = mass_properties(self.believed, changed)
+        q, w, c = x[:, Q], x[:, W], real.p_BoBcm_B
+        F = u[:, :1] * attitude.body_z(q) + chi[:, :3]
+        tau = u[:, 1:] + chi[:, 3:] - np.cross(c, attitude.rotate_back(q, F)) - np.cross(w, w @ real.J.T)
+        al = tau @ np.linalg.inv(real.J).T
+        a = F / real.mass - attitude.rotate(q, np.cross(al, c) + np.cross(w, np.cross(w, c)))
+        a[:, 2] -= self.believed.gravity
+        return residual_wrench(self.believed, q=q, w=w, a=a, al=al, u=u)
 
     def _thrusts(
         self, u: np.ndarray, starts: np.ndarray, step: float, now: np.ndarray

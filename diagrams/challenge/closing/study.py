@@ -1,54 +1,36 @@
-"""One vehicle: flown, diagnosed, and flown again with controllers from several simulators."""
+"""One vehicle: flown, diagnosed, and flown again with controllers made in several simulators."""
 
 import dataclasses as dc
+import functools
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from diagrams.batch.campaign import Case
-from diagrams.challenge.closing.reality import (
-    DITHER,
-    FLOWN_WITH,
-    HELD_OUT,
-    MOST,
-    TRAINING,
-    WITHHELD,
-    diagnosed_flights,
-    experiment,
-    nominal_reality,
-    withheld_reality,
-)
+from diagrams.challenge.closing import designs, reality
+from diagrams.challenge.closing.designs import Chosen, Design, Errors, chosen_in, flown, learned
+from diagrams.challenge.closing.reality import diagnosed_flights, nominal_reality, withheld_reality
 from diagrams.gap.corrected import corrected_simulator, drawn
-from diagrams.loop.flight import FlightConfig, LostVehicle
-from diagrams.loop.flight_result import fly
-from diagrams.loop.reality import RealityConfig
+from diagrams.loop.flight import FlightConfig
 from np_drake.diagnosis.diagnose import diagnose
-from np_drake.logs.flight_log import FlightLog
-from np_drake.logs.training_segments import Flight
-from np_drake.residual_models.pendulum_training import opened_logs, train_pendulum
 from np_drake.vehicle import Vehicle
 
-TRACK = "circle"  # that is scored
-SCORED = 15.0  # of it, after the ramp [s]
-LEARNED_ON = ("training_circle", 60.0)  # flight that is trained on in a simulator, and its length [s]
-SAMPLES = 3  # simulators of the posterior, on whose flights together one predictor is trained [1]
-NOMINAL, CORRECTED, SAMPLED, REAL = (
-    "nominal simulator",
-    "corrected simulator",
-    "posterior samples",
-    "real flights",
-)
-PLAIN = ("nominal", "hold", "observer", "oracle")  # controllers that are not trained
-TRAINED_IN = (NOMINAL, CORRECTED, SAMPLED, REAL)  # where the predictor of `np` comes from
-ROWS = (*PLAIN, *TRAINED_IN)
+SAMPLES = 3  # simulators of the posterior, in which together one controller is made [1]
+NOMINAL, CORRECTED, SAMPLED = "nominal simulator", "corrected simulator", "posterior samples"
+MADE_IN = (NOMINAL, CORRECTED, SAMPLED)  # where a controller is made
+PLAIN = ("nominal", "hold", "observer", "oracle")  # controllers that nobody makes
+REAL = tuple(f"np: {configuration}, real flights" for configuration in designs.TRAINED)
+ROWS = (*PLAIN, *MADE_IN, *REAL)
+NOMINAL_SEED = 0  # of the noise in the nominal simulator, the same for all vehicles
 
 
 @dc.dataclass(frozen=True)
 class Closing:
-    """Work of a case {"seed"} -> errors of every row, on the real vehicle and as its own simulator foretold.
+    """Work of a case {"seed"} -> errors of every row on the real vehicle, and as its own simulator foretold.
 
     solver: of the MPC.
     """
@@ -56,120 +38,127 @@ class Closing:
     solver: str
 
     def __call__(self, case: Case) -> dict:
-        """Return {"withheld", "verdict", "E_xy": {row: [m]}, "foretold": {row: [m]}}; a lost vehicle has no number."""
+        """Return {"withheld", "verdict", "errors": {row: [xy, z]}, "foretold": {row: [xy, z]}, "chosen": {row: name}}.
+
+        All errors in m; infinite where the vehicle was lost.
+        """
         seed, vehicle = case["seed"], Vehicle()
         real = withheld_reality(seed, vehicle)
         train, held_out = diagnosed_flights(real, vehicle, solver=self.solver, seed=seed)
         found = diagnose(vehicle, train, held_out, adaptive_split=False)
         corrected = corrected_simulator(found, vehicle)
-        samples = [c.reality for c in _drawn(corrected, seed)]
+        samples = [config.reality for config in _drawn(corrected, seed)]
         with tempfile.TemporaryDirectory() as scratch:
-            folder = Path(scratch)
-            worlds: Mapping[str, Sequence[RealityConfig]] = {
-                NOMINAL: [nominal_reality()],
-                CORRECTED: [corrected.reality],
-                SAMPLED: samples,
+            make = functools.partial(chosen_in, vehicle=vehicle, solver=self.solver, seed=20_000 + 10 * seed)
+            made = {
+                NOMINAL: _made_in_nominal(self.solver),
+                CORRECTED: make([corrected.reality], folder=_folder(scratch, "corrected")),
+                SAMPLED: make(samples, folder=_folder(scratch, "samples")),
             }
-            models = {
-                row: self._learned(own, vehicle, seed, folder / f"{k}.safetensors")
-                for k, (row, own) in enumerate(worlds.items())
-            }
-            models[REAL] = _trained(train, vehicle, folder / "real.safetensors")
-            errors = {row: self._error(row, models.get(row), real, vehicle, seed) for row in ROWS}
-            foretold = {
-                row: self._error(row, models[row], worlds[row][0], vehicle, seed)
-                for row in (NOMINAL, CORRECTED)
+            taught = learned(train, vehicle, seed, _folder(scratch, "real"), delay=None)
+            rows = dict(zip(ROWS, [*_plain(), *(c.design for c in made.values()), *taught], strict=True))
+            errors = {
+                row: flown(design, real, vehicle, solver=self.solver, seed=1000 + seed)
+                for row, design in rows.items()
             }
         return {
             "withheld": [entry.effect for entry in real.effects],
             "verdict": list(found.verdict),
-            "E_xy": errors,
-            "foretold": foretold,
+            "errors": errors,
+            "foretold": {row: choice.foretold for row, choice in made.items()},
+            "chosen": {row: choice.design.name for row, choice in made.items()},
         }
 
-    def _learned(self, worlds: Sequence[RealityConfig], vehicle: Vehicle, seed: int, path: Path) -> Path:
-        """Fly the training flight in every world, and return the file of a predictor trained on all of them."""
-        name, seconds = LEARNED_ON
-        logs = []
-        for k, world in enumerate(worlds):
-            config = experiment(name, world, vehicle, solver=self.solver, seconds=seconds / len(worlds))
-            config.controller.kind = "hold"
-            logs.append(dc.replace(fly(config, seed=10 * seed + 5 + k).log(), name=f"{name}_{k}"))
-        return _trained(logs, vehicle, path)
 
-    def _error(
-        self, row: str, model: Path | None, world: RealityConfig, vehicle: Vehicle, seed: int
-    ) -> float | None:
-        """Return E_xy of a row in a world [m]; None where the vehicle is lost or the oracle does not know the world."""
-        config = experiment(TRACK, world, vehicle, solver=self.solver, seconds=SCORED)
-        config.controller.kind = row if model is None else "np"
-        config.controller.predictor = "" if model is None else str(model)
-        try:
-            return float(fly(config.check(), seed=1000 + seed).metrics()["E_xy"])
-        except (LostVehicle, ValueError):
-            return None
+def _plain() -> list[Design]:
+    return [Design(kind) for kind in PLAIN]
+
+
+def _folder(parent: str, name: str) -> Path:
+    folder = Path(parent) / name
+    folder.mkdir()
+    return folder
+
+
+@functools.cache
+def _scratch() -> tempfile.TemporaryDirectory:
+    """Return a folder that lives as long as this process."""
+    return tempfile.TemporaryDirectory()
+
+
+@functools.cache
+def _made_in_nominal(solver: str) -> Chosen:
+    """Return the controller of the nominal simulator, which is the same for all vehicles."""
+    folder = _folder(_scratch().name, solver)
+    return chosen_in([nominal_reality()], Vehicle(), solver=solver, seed=NOMINAL_SEED, folder=folder)
 
 
 def _drawn(corrected: FlightConfig, seed: int) -> list[FlightConfig]:
-    """Return the simulators of the posterior; the corrected one alone where nothing is uncertain."""
+    """Return simulators of the posterior; the corrected one alone where nothing is uncertain."""
     certain = not corrected.reality.effects
     return [corrected] if certain else drawn(corrected, SAMPLES, seed)
-
-
-def _trained(logs: Sequence[FlightLog], vehicle: Vehicle, path: Path) -> Path:
-    flights = opened_logs([Flight(log, vehicle) for log in logs])
-    train_pendulum(flights, step=0.02).save(path)
-    return path
 
 
 def settings(solver: str) -> dict[str, Any]:
     """Return all that the results depend on other than the seed."""
     return {
-        "solver": solver, "withheld": WITHHELD, "most": MOST, "training": TRAINING, "held_out": HELD_OUT,
-        "dither": DITHER, "flown_with": FLOWN_WITH, "track": TRACK, "scored": SCORED, "learned_on": LEARNED_ON,
-        "samples": SAMPLES,
+        "solver": solver, "withheld": reality.WITHHELD, "most": reality.MOST, "training": reality.TRAINING,
+        "held_out": reality.HELD_OUT, "dither": reality.DITHER, "flown_with": reality.FLOWN_WITH,
+        "track": designs.TRACK, "scored": designs.SCORED, "learned_on": designs.LEARNED_ON,
+        "designs": [*designs.UNTRAINED, *designs.TRAINED], "samples": SAMPLES, "nominal_seed": NOMINAL_SEED,
     }  # fmt: skip
 
 
 def table(results: Sequence[dict]) -> list[dict]:
-    """Return a line for every row: quartiles of E_xy over the vehicles that it flew [m], and how many it lost.
+    """Return a line for every row: quartiles of E_xy and median of E_z over the vehicles [m], and how many it lost.
 
-    The oracle does not fly a vehicle whose mass properties it does not know; that is not a loss.
+    A lost vehicle counts as infinitely far off. chosen: how often each design was chosen.
     """
     lines = []
     for row in ROWS:
-        values = [r["E_xy"][row] for r in results]
-        flown = [value for value in values if value is not None]
-        lower, median, upper = np.percentile(flown, [25, 50, 75]).tolist() if flown else (None, None, None)
-        lost = 0 if row == "oracle" else len(values) - len(flown)
-        line = {"row": row if row in PLAIN else f"np: {row}", "flown": len(flown), "lost": lost}
-        lines.append({**line, "lower": lower, "median": median, "upper": upper})
+        errors = np.array([r["errors"][row] for r in results], float)
+        lower, median, upper = np.quantile(errors[:, 0], [0.25, 0.5, 0.75], method="nearest").tolist()
+        names = Counter(r["chosen"][row] for r in results if row in r["chosen"])
+        line = {"row": row, "lower": lower, "median": median, "upper": upper, "E_z": float(np.median(errors[:, 1]))}
+        chosen = ", ".join(f"{name} {count}" for name, count in names.most_common())
+        lines.append(line | {"lost": int(np.isinf(errors[:, 0]).sum()), "chosen": chosen})
     return lines
 
 
 def gained(results: Sequence[dict]) -> dict[str, float]:
-    """Return medians over the cases of what a diagnosis gains [1].
+    """Return medians over the vehicles of what a diagnosis gains, of E_xy and of the error in space [1].
 
-    fall: of E_xy from the predictor of the nominal simulator to that of the corrected one.   over_real: E_xy of the
-    latter over that of a predictor trained on real flights.   foretold: |E_sim - E_real| / E_real in either simulator.
+    fall: from the controller of the nominal simulator to that of the corrected one.   over_real: the latter over the
+    better of the predictors that were trained on real flights.   foretold: |E_sim - E_real| / E_real.
     """
+    found = {}
+    for key, size in (("E_xy", lambda e: float(e[0])), ("E", lambda e: float(np.hypot(*e)))):
+        found[f"fall of {key}"] = _median(results, lambda r, s=size: 1.0 - _ratio(s, r, CORRECTED, NOMINAL))
+        found[f"{key} over real flights"] = _median(
+            results, lambda r, s=size: max(_ratio(s, r, CORRECTED, row) for row in REAL)
+        )
+        for row in MADE_IN:
+            found[f"{key} foretold by: {row}"] = _median(results, lambda r, s=size, row=row: _off(s, r, row))
+    return found
 
-    def median(ratio: Callable[[dict], float | None]) -> float:
-        values = [value for r in results if (value := ratio(r)) is not None]
-        return float(np.median(values)) if values else float("nan")
 
-    def over(a: float | None, b: float | None) -> float | None:
-        if b is None:
-            return None
-        return np.inf if a is None else a / b
+Size = Callable[[Errors], float]
 
-    def off(r: dict, row: str) -> float | None:
-        sim, real = r["foretold"][row], r["E_xy"][row]
-        return None if real is None else (np.inf if sim is None else abs(sim - real) / real)
 
-    return {
-        "fall": 1.0 - median(lambda r: over(r["E_xy"][CORRECTED], r["E_xy"][NOMINAL])),
-        "over_real": median(lambda r: over(r["E_xy"][CORRECTED], r["E_xy"][REAL])),
-        f"foretold by the {NOMINAL}": median(lambda r: off(r, NOMINAL)),
-        f"foretold by the {CORRECTED}": median(lambda r: off(r, CORRECTED)),
-    }
+def _ratio(size: Size, result: dict, row: str, other: str) -> float:
+    """Return the error of a row over that of another; NaN where both were lost."""
+    a, b = (size(result["errors"][name]) for name in (row, other))
+    return np.nan if np.isinf(a) and np.isinf(b) else a / b
+
+
+def _off(size: Size, result: dict, row: str) -> float:
+    """Return how far a simulator's error is from the real one; infinite where only one of them lost the vehicle."""
+    sim, real = size(result["foretold"][row]), size(result["errors"][row])
+    if np.isinf(sim) or np.isinf(real):
+        return 0.0 if np.isinf(sim) and np.isinf(real) else np.inf
+    return abs(sim - real) / real
+
+
+def _median(results: Sequence[dict], value: Callable[[dict], float]) -> float:
+    values = [v for r in results if not np.isnan(v := value(r))]
+    return float(np.quantile(values, 0.5, method="nearest")) if values else np.nan
