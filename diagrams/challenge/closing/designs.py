@@ -1,4 +1,4 @@
-"""Controllers that are made in a simulator: trained in it, told what it knows, and chosen by how well they fly in it."""
+"""Controllers made in a simulator: trained in it, told what it knows, and chosen by how well they fly in it."""
 
 import dataclasses as dc
 from collections.abc import Sequence

@@ -4,7 +4,7 @@ import dataclasses as dc
 import functools
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,7 @@ class Closing:
     def __call__(self, case: Case) -> dict:
         """Return {"withheld", "verdict", "errors": {row: [xy, z]}, "foretold": {row: [xy, z]}, "chosen": {row: name}}.
 
-        All errors in m; infinite where the vehicle was lost.
+        All errors in m; infinite, and null in a file, where the vehicle was lost.
         """
         seed, vehicle = case["seed"], Vehicle()
         real = withheld_reality(seed, vehicle)
@@ -116,10 +116,16 @@ def table(results: Sequence[dict]) -> list[dict]:
     """
     lines = []
     for row in ROWS:
-        errors = np.array([r["errors"][row] for r in results], float)
+        errors = np.array([_errors(r["errors"][row]) for r in results])
         lower, median, upper = np.quantile(errors[:, 0], [0.25, 0.5, 0.75], method="nearest").tolist()
         names = Counter(r["chosen"][row] for r in results if row in r["chosen"])
-        line = {"row": row, "lower": lower, "median": median, "upper": upper, "E_z": float(np.median(errors[:, 1]))}
+        line = {
+            "row": row,
+            "lower": lower,
+            "median": median,
+            "upper": upper,
+            "E_z": float(np.median(errors[:, 1])),
+        }
         chosen = ", ".join(f"{name} {count}" for name, count in names.most_common())
         lines.append(line | {"lost": int(np.isinf(errors[:, 0]).sum()), "chosen": chosen})
     return lines
@@ -132,33 +138,40 @@ def gained(results: Sequence[dict]) -> dict[str, float]:
     better of the predictors that were trained on real flights.   foretold: |E_sim - E_real| / E_real.
     """
     found = {}
-    for key, size in (("E_xy", lambda e: float(e[0])), ("E", lambda e: float(np.hypot(*e)))):
-        found[f"fall of {key}"] = _median(results, lambda r, s=size: 1.0 - _ratio(s, r, CORRECTED, NOMINAL))
+    for key, size in SIZES.items():
+        found[f"fall of {key}"] = _median(1.0 - _ratio(size, r, CORRECTED, NOMINAL) for r in results)
         found[f"{key} over real flights"] = _median(
-            results, lambda r, s=size: max(_ratio(s, r, CORRECTED, row) for row in REAL)
+            max(_ratio(size, r, CORRECTED, row) for row in REAL) for r in results
         )
         for row in MADE_IN:
-            found[f"{key} foretold by: {row}"] = _median(results, lambda r, s=size, row=row: _off(s, r, row))
+            found[f"{key} foretold by: {row}"] = _median(_off(size, r, row) for r in results)
     return found
 
 
 Size = Callable[[Errors], float]
+SIZES: dict[str, Size] = {"E_xy": lambda errors: errors[0], "E": lambda errors: float(np.hypot(*errors))}
+
+
+def _errors(stored: Sequence[float | None]) -> Errors:
+    """Return level and vertical error, infinite where the vehicle was lost [m]."""
+    xy, z = (np.inf if value is None else value for value in stored)
+    return xy, z
 
 
 def _ratio(size: Size, result: dict, row: str, other: str) -> float:
     """Return the error of a row over that of another; NaN where both were lost."""
-    a, b = (size(result["errors"][name]) for name in (row, other))
+    a, b = (size(_errors(result["errors"][name])) for name in (row, other))
     return np.nan if np.isinf(a) and np.isinf(b) else a / b
 
 
 def _off(size: Size, result: dict, row: str) -> float:
     """Return how far a simulator's error is from the real one; infinite where only one of them lost the vehicle."""
-    sim, real = size(result["foretold"][row]), size(result["errors"][row])
+    sim, real = (size(_errors(result[kind][row])) for kind in ("foretold", "errors"))
     if np.isinf(sim) or np.isinf(real):
         return 0.0 if np.isinf(sim) and np.isinf(real) else np.inf
     return abs(sim - real) / real
 
 
-def _median(results: Sequence[dict], value: Callable[[dict], float]) -> float:
-    values = [v for r in results if not np.isnan(v := value(r))]
-    return float(np.quantile(values, 0.5, method="nearest")) if values else np.nan
+def _median(values: Iterable[float]) -> float:
+    known = [value for value in values if not np.isnan(value)]
+    return float(np.quantile(known, 0.5, method="nearest")) if known else np.nan

@@ -15,6 +15,7 @@ from diagrams.cli.reproduce.margins import margins
 from diagrams.cli.reproduce.models import models
 from diagrams.cli.reproduce.payload_flights import payload_flights
 from diagrams.cli.reproduce.real import real
+from diagrams.cli.reproduce.replay import replay
 from diagrams.cli.reproduce.robustness import robustness
 from diagrams.cli.reproduce.tracking import tracking
 from diagrams.cli.reproduce.vehicles import vehicles
@@ -23,7 +24,7 @@ from diagrams.cli.reproduce.weights import pendulum, weights
 TABLES = (
     tracking, configurations, weights, gap, mhe, theorem, pendulum, estimation, sample_efficiency, response, hover,
     attach, timing, cooperative, robustness, margins, cost, real,
-    payload_flights, vehicles, models, closing,
+    payload_flights, vehicles, models, closing, replay,
 )  # fmt: skip
 
 

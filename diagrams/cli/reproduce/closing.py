@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 
-from diagrams.cli.columns import MISSING, tabulate
+import numpy as np
+
+from diagrams.cli.columns import tabulate
 from diagrams.cli.output import Table, counted, progress
 from diagrams.cli.reproduce.campaign import Campaign, campaign
 from diagrams.cli.reproduce.sweep import CASES, OutOfCases, Scheduler, cost, require_result
@@ -13,9 +15,9 @@ from diagrams.cli.runner import Report
 def closing(run: Campaign, scheduler: Scheduler = "") -> Report:
     """Vehicles with withheld effects: diagnosed, then flown by controllers of several simulators.
 
-    A seed is a vehicle. It flies three times under `hold` and is diagnosed; predictors are trained in the nominal
-    simulator, in the corrected one, in draws from its posterior, and on the flights themselves, and fly the circle.
-    --out DIR: cases to resume from.
+    A seed is a vehicle. It flies three times under `hold` and is diagnosed. In the nominal simulator, in the corrected
+    one, and in draws from its posterior, predictors are trained, and of all controllers the one that flies the circle
+    best there is flown on the vehicle. --out DIR: cases to resume from.
     """
     from diagrams.batch.campaign import run_campaign
     from diagrams.challenge.closing import study
@@ -52,15 +54,16 @@ def closing_printed(lines: Sequence[dict], gains: dict[str, float], title: str) 
     """Return the table of rows [cm], and that of the gains."""
 
     def centimetres(key: str):
-        return lambda line: MISSING if line[key] is None else f"{100 * line[key]:.2f}"
+        return lambda line: f"{100 * line[key]:.2f}" if np.isfinite(line[key]) else "lost"
 
     columns = (
         ("controller", "row"),
         ("E_xy, median [cm]", centimetres("median")),
         ("quarter", centimetres("lower")),
         ("three quarters", centimetres("upper")),
-        ("flown", "flown"),
+        ("E_z [cm]", centimetres("E_z")),
         ("lost", "lost"),
+        ("chosen", "chosen"),
     )
     rows = [(name, f"{value:.3g}") for name, value in gains.items()]
     return [tabulate(title, lines, columns), ("medians over the vehicles", ["gain", "value [1]"], rows)]

@@ -1,0 +1,114 @@
+"""Open-loop replay of real flights in the nominal and in the corrected simulator, and the payload's path."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diagrams.challenge.real.cases import GROUPS, Case, make_cases
+from diagrams.challenge.real.flights import open_case
+from diagrams.challenge.real.logged_payload import logged_payload
+from diagrams.challenge.real.payload_position import error, make_drive, open_loop
+from diagrams.gap.drake_replay import DrakeReplay
+from np_drake.diagnosis.diagnose import diagnose
+from np_drake.diagnosis.result import Diagnosis, ReplayGap
+from np_drake.effects.base import WrenchEffect
+from np_drake.effects.pendulum import Payload
+from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.logs.errors import LogError
+from np_drake.logs.flight_log import FlightLog
+from np_drake.vehicle import Vehicle
+
+QUANTITIES = ("position", "velocity", "attitude")
+SIMULATORS = ("nominal", "corrected")
+
+
+@dc.dataclass(frozen=True)
+class RealReplay:
+    """Work of a case {"group", "name"} -> errors of replay and payload in both simulators."""
+
+    folder: Path
+    neurobem: Path | None
+
+    def __call__(self, record: dict[str, Any]) -> dict[str, Any]:
+        """Return verdict, horizons [s], median errors by simulator and quantity, and the payload's [m, m/s, deg].
+
+        Nothing is fitted to the flight that is replayed; it starts from its logged states.
+        """
+        case = _cases(self.folder, self.neurobem)[record["group"], record["name"]]
+        vehicle, train, held_out = open_case(case)
+        found = diagnose(vehicle, train, held_out, DrakeReplay(vehicle), adaptive_split=False)
+        gaps = dict(zip(SIMULATORS, (found.shrink.replay_before, found.shrink.replay_after), strict=True))
+        return {
+            "verdict": list(found.verdict),
+            "horizon": None if gaps["nominal"] is None else gaps["nominal"].horizon,
+            "errors": {name: None if gap is None else _medians(gap) for name, gap in gaps.items()},
+            "payload": _payload_errors(case, vehicle, held_out, found),
+            "warnings": list(found.warnings),
+        }
+
+
+@lru_cache(maxsize=4)
+def _cases(folder: Path, neurobem: Path | None) -> dict[tuple[str, str], Case]:
+    return {(case.group, case.name): case for case in make_cases(folder, neurobem)}
+
+
+def _medians(gap: ReplayGap) -> dict[str, list[float]]:
+    return {name: np.asarray(getattr(gap, name))[:, 0].tolist() for name in QUANTITIES}
+
+
+def _payload_errors(
+    case: Case, vehicle: Vehicle, held_out: Sequence[FlightLog], found: Diagnosis
+) -> dict[str, float] | None:
+    """Return the RMSE of the payload's position: at rest below its hook, and swinging from its start on [m].
+
+    None where the log holds no payload, or none is diagnosed.
+    """
+    effects = [cause.effect for cause in found.causes if cause.effect is not None]
+    hung = next((e for e in effects if isinstance(e, SuspendedPayload)), None)
+    if "payload" not in case.group or hung is None or hung.mass <= 0:
+        return None
+    others = [e for e in effects if isinstance(e, WrenchEffect) and e is not hung]
+    below, swung = [], []
+    for log in held_out:
+        try:
+            t, p = logged_payload(case.held_out, log)
+        except LogError:
+            return None
+        payload: Payload = hung.payload
+        drive = make_drive(log, vehicle, payload, others)
+        below.append(error(drive.p_hook - [0.0, 0.0, payload.length], drive.t, p, t))
+        swung.append(error(open_loop(drive, payload, vehicle.gravity), drive.t, p, t))
+    return {"below": float(np.mean(below)), "swinging": float(np.mean(swung))}
+
+
+def lines(results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return a line a group: medians over its cases of the errors at the last horizon, and how many got better.
+
+    Args: results: of `RealReplay`, each with its "group".
+    """
+    found = []
+    for group in [g for g in GROUPS if any(r["group"] == g for r in results)]:
+        own = [r for r in results if r["group"] == group]
+        flown = [r for r in own if all(r["errors"][name] is not None for name in SIMULATORS)]
+        line: dict[str, Any] = {"group": group, "cases": len(own), "replayed": len(flown)}
+        for quantity in QUANTITIES:
+            for name in SIMULATORS:
+                line[f"{quantity} {name}"] = _median([r["errors"][name][quantity][-1] for r in flown])
+        line["better"] = sum(_at_end(r, "corrected") < _at_end(r, "nominal") for r in flown)
+        paths = [r["payload"] for r in own if r["payload"] is not None]
+        for kind in ("below", "swinging"):
+            line[kind] = _median([path[kind] for path in paths])
+        found.append(line)
+    return found
+
+
+def _at_end(result: dict[str, Any], simulator: str) -> float:
+    return float(result["errors"][simulator]["position"][-1])
+
+
+def _median(values: Sequence[float]) -> float:
+    return float(np.median(values)) if values else float("nan")

@@ -1,0 +1,85 @@
+"""`np-drake reproduce replay`: real flights replayed open loop in the nominal and in the corrected simulator."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from typer import Argument, Option
+
+from diagrams.cli import options
+from diagrams.cli.columns import MISSING, tabulate
+from diagrams.cli.output import Table, counted, progress
+from diagrams.cli.reproduce.sweep import CASES, OutOfCases, Scheduler, cost, require_result
+from diagrams.cli.runner import Report, Run, reports
+
+
+@reports("reproduce", seed=None, out=OutOfCases)
+def replay(
+    run: Run,
+    folder: Annotated[
+        Path | None,
+        Argument(
+            metavar="DIR",
+            envvar="NP_DRAKE_REAL",
+            show_envvar=False,
+            help="Folder with imrc/bare, imrc/payload and neural_fly; or NP_DRAKE_REAL.",
+        ),
+    ] = None,
+    neurobem: options.Neurobem = None,
+    only: Annotated[
+        list[str] | None, Option("--only", metavar="GROUP", help="Only cases of this group; repeatable.")
+    ] = None,
+    jobs: options.Jobs = 1,
+    scheduler: Scheduler = "",
+) -> Report:
+    """Real flights replayed open loop, nominal and corrected simulator. --out DIR: cases to resume from."""
+    if folder is None:
+        raise ValueError("replay: give the folder of the real flights as DIR or NP_DRAKE_REAL.")
+    from diagrams.batch.campaign import run_campaign
+    from diagrams.challenge.real import replay as study
+    from diagrams.challenge.real.cases import make_cases
+
+    cases = [{"group": c.group, "name": c.name} for c in make_cases(folder, neurobem, only or ())]
+    config: dict[str, Any] = {"folder": folder.name, "neurobem": neurobem and neurobem.name, "only": only}
+    with progress("replaying", 1.0) as advance:
+        records = run_campaign(
+            study.RealReplay(folder.resolve(), neurobem and neurobem.resolve()),
+            cases,
+            config=config,
+            folder=run.folder / CASES if run.out else None,
+            jobs=jobs,
+            scheduler=scheduler,
+            on_progress=counted(advance, "cases"),
+        )
+    require_result(records)
+    results = [{**r["case"], **r["result"]} for r in records if "result" in r]
+    lines = study.lines(results)
+    failed = [f"{r['case']['group']} {r['case']['name']}: {r['error']}" for r in records if "error" in r]
+    return Report(
+        [printed(lines)],
+        config=config,
+        metrics={"table": lines, "runs": records},
+        notes=[*failed, cost(records)],
+    )
+
+
+def printed(lines: list[dict]) -> Table:
+    """Return the table: medians over the cases, nominal → corrected."""
+
+    def change(before: str, after: str, factor: float = 1.0):
+        def cell(line: dict) -> str:
+            values = [factor * line[name] for name in (before, after)]
+            return " → ".join(f"{v:.3g}" if np.isfinite(v) else MISSING for v in values)
+
+        return cell
+
+    columns = (
+        ("flights", "group"),
+        ("cases", "cases"),
+        ("position [cm]", change("position nominal", "position corrected", 100.0)),
+        ("velocity [cm/s]", change("velocity nominal", "velocity corrected", 100.0)),
+        ("attitude [deg]", change("attitude nominal", "attitude corrected")),
+        ("better", lambda line: f"{line['better']} of {line['replayed']}"),
+        ("payload [cm]", change("below", "swinging", 100.0)),
+    )
+    return tabulate("real flights, open loop, 1 s: nominal → corrected simulator; medians", lines, columns)
