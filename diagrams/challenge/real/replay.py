@@ -23,6 +23,7 @@ from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
 QUANTITIES = ("position", "velocity", "attitude")
+EARLY, LATE = 1, -1  # of the horizons
 SIMULATORS = ("nominal", "corrected")
 
 
@@ -88,6 +89,8 @@ def _payload_errors(
 def lines(results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return a line a group: medians over its cases of the errors at the last horizon, and how many got better.
 
+    `early`: of the position at the horizon `EARLY`.
+
     Args: results: of `RealReplay`, each with its "group".
     """
     found = []
@@ -97,7 +100,9 @@ def lines(results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
         line: dict[str, Any] = {"group": group, "cases": len(own), "replayed": len(flown)}
         for quantity in QUANTITIES:
             for name in SIMULATORS:
-                line[f"{quantity} {name}"] = _median([r["errors"][name][quantity][-1] for r in flown])
+                line[f"{quantity} {name}"] = _median([r["errors"][name][quantity][LATE] for r in flown])
+        for name in SIMULATORS:
+            line[f"early {name}"] = _median([r["errors"][name]["position"][EARLY] for r in flown])
         line["better"] = sum(_at_end(r, "corrected") < _at_end(r, "nominal") for r in flown)
         paths = [r["payload"] for r in own if r["payload"] is not None]
         for kind in ("below", "swinging"):
@@ -107,7 +112,7 @@ def lines(results: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _at_end(result: dict[str, Any], simulator: str) -> float:
-    return float(result["errors"][simulator]["position"][-1])
+    return float(result["errors"][simulator]["position"][LATE])
 
 
 def _median(values: Sequence[float]) -> float:
