@@ -40,12 +40,7 @@ def fly(
     ] = False,
     duration: Annotated[float | None, Option(help="Scored time after the ramp [s].")] = None,
     vehicle: options.VehicleFile = None,
-    reality: Annotated[
-        Path | None,
-        Option(
-            metavar="FILE", help="Fly in the simulator of this scenario, as corrected.yaml of a diagnosis."
-        ),
-    ] = None,
+    reality: options.Reality = None,
     sample: Annotated[
         int | None,
         Option(min=1, metavar="N", help="Fly N simulators drawn from the posterior of a corrected one."),

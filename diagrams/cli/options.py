@@ -25,6 +25,14 @@ Jobs = Annotated[int, Option("--jobs", min=1, help="Processes.")]
 Only = Annotated[
     list[str] | None, Option("--only", help="Only rows of these names (nominal is always flown).")
 ]
+Reality = Annotated[
+    Path | None,
+    Option(
+        "--reality",
+        metavar="FILE",
+        help="Fly in the simulator of this scenario, as corrected.yaml of a diagnosis.",
+    ),
+]
 VehicleFile = Annotated[
     OptionalPath,
     Option(

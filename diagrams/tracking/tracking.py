@@ -73,43 +73,68 @@ ROWS = (
 
 
 def configure(
-    track: str, row: Row, *, solver: str, model: str = "", vehicle: Vehicle | None = None
+    track: str,
+    row: Row,
+    *,
+    solver: str,
+    model: str = "",
+    vehicle: Vehicle | None = None,
+    reality: Path | None = None,
 ) -> FlightConfig:
-    """Return the experiment `track` with the controller of `row`, scaled to `vehicle`; None: the paper's."""
-    config = load_experiment(track, vehicle)
+    """Return the experiment `track` with the controller of `row`.
+
+    Args: vehicle: to which it is scaled; None: the paper's.   reality: scenario file that it is flown in, see
+    `load_experiment`.
+    """
+    config = load_experiment(track, vehicle, reality)
     controller = config.controller
     controller.kind, controller.solver = row.kind, solver
     controller.predictor = model if row.kind in LEARNED else ""
     controller.hold_bandwidth = row.hold_bandwidth
     if row.known_mass:
-        controller.extra_mass = config.reality.payload.mass
+        controller.extra_mass = config.reality.hung.mass
     return config.check()
 
 
 def training_flight(
-    experiment: str, *, seed: int, solver: str, vehicle: Vehicle | None = None, monitor=None
+    experiment: str,
+    *,
+    seed: int,
+    solver: str,
+    vehicle: Vehicle | None = None,
+    reality: Path | None = None,
+    monitor=None,
 ) -> FlightResult:
     """Fly the experiment that a predictor learns from with the nominal MPC: 60 s of any vehicle.
 
-    Args: vehicle: to which the experiment is scaled; None: the paper's.
+    Args: vehicle, reality: as of `configure`.
     """
-    return fly(training_config(experiment, solver=solver, vehicle=vehicle), seed=seed, monitor=monitor)
+    config = training_config(experiment, solver=solver, vehicle=vehicle, reality=reality)
+    return fly(config, seed=seed, monitor=monitor)
 
 
-def training_config(experiment: str, *, solver: str, vehicle: Vehicle | None = None) -> FlightConfig:
+def training_config(
+    experiment: str, *, solver: str, vehicle: Vehicle | None = None, reality: Path | None = None
+) -> FlightConfig:
     """Return the settings of `training_flight`."""
-    config = load_experiment(experiment, vehicle)
+    config = load_experiment(experiment, vehicle, reality)
     config.duration = load_experiment(experiment).duration
     config.controller.kind, config.controller.solver = "nominal", solver
     return config
 
 
 def train_models(
-    rows: tuple[Row, ...], folder: Path, *, seed: int, solver: str, vehicle: Vehicle | None = None
+    rows: tuple[Row, ...],
+    folder: Path,
+    *,
+    seed: int,
+    solver: str,
+    vehicle: Vehicle | None = None,
+    reality: Path | None = None,
 ) -> dict[tuple[str, str], str]:
     """Train one model for every (training experiment, configuration) of `rows` and return their files.
 
-    Args: vehicle: that flies the training; None: the paper's.
+    Args: vehicle, reality: of the training flight, as of `configure`.
     """
     files: dict[tuple[str, str], str] = {}
     flights: dict[str, FlightResult] = {}
@@ -118,7 +143,9 @@ def train_models(
         if not row.training or key in files:
             continue
         if row.training not in flights:
-            flights[row.training] = training_flight(row.training, seed=seed, solver=solver, vehicle=vehicle)
+            flights[row.training] = training_flight(
+                row.training, seed=seed, solver=solver, vehicle=vehicle, reality=reality
+            )
         path = folder / f"{row.configuration}_{row.training}.safetensors"
         if row.configuration in REACTIONS:
             train_reaction(flights[row.training], path, name=row.configuration, seed=seed)
@@ -130,14 +157,14 @@ def train_models(
     return files
 
 
-Flight = tuple[str, Row, str, int, str]  # track, row, model file, seed, solver
+Flight = tuple[str, Row, str, int, str, Path | None]  # track, row, model file, seed, solver, reality
 
 
 def _fly_row(task: Flight) -> dict:
     """Return the `fly` summary and the last lap; infinite errors for a lost vehicle, so that other flights are kept."""
-    track, row, model, seed, solver = task
+    track, row, model, seed, solver, reality = task
     try:
-        flight = fly(configure(track, row, solver=solver, model=model), seed=seed)
+        flight = fly(configure(track, row, solver=solver, model=model, reality=reality), seed=seed)
         summary = flight.summary()
         summary["lap"] = {name: flight.signals[name][flight.last_lap, :2] for name in ("x_true", "p_ref")}
     except FailedRun as error:
@@ -154,17 +181,19 @@ def run_tracking(
     training_seed: int,
     solver: str = "sqp",
     rows: tuple[Row, ...] = ROWS,
+    reality: Path | None = None,
     jobs: int = 2,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
     on_lap: Callable[[dict, dict[str, np.ndarray]], None] = lambda summary, lap: None,
 ) -> list[dict]:
     """Fly all rows on all tracks and seeds and return the `fly` summaries, each with its row's name.
 
-    Args: on_lap: called with a summary and x_true, p_ref (n, 2) [m] of that flight's last lap.
+    Args: reality: scenario file that all is flown in, see `load_experiment`.   on_lap: called with a summary and the
+    x_true, p_ref (n, 2) [m] of that flight's last lap.
     """
-    models = train_models(rows, folder, seed=training_seed, solver=solver)
+    models = train_models(rows, folder, seed=training_seed, solver=solver, reality=reality)
     tasks = [
-        (track, row, models.get((row.training, row.configuration), ""), seed, solver)
+        (track, row, models.get((row.training, row.configuration), ""), seed, solver, reality)
         for row in rows
         for track in TRACKS
         for seed in seeds

@@ -26,21 +26,24 @@ def tracking(
     training: Annotated[
         str, Option(help="Circle that learned rows train on: plain | dithered | both.")
     ] = "both",
+    reality: options.Reality = None,
 ) -> Report:
     """Every controller on circle and lemniscate. --out DIR: models and figure."""
+    from diagrams.loop.experiments import load_experiment
     from diagrams.tracking import tracking as experiment
     from diagrams.tracking.tracking_figure import plane_tracks
 
     rows = _rows(only or [], training)
+    world = load_experiment("circle", None, reality).check()
     laps: dict[tuple[str, str], dict[str, np.ndarray]] = {}
 
     def keep(summary: dict, lap: dict) -> None:
         if summary["seed"] == run.seeds[0]:
             laps[summary["experiment"], summary["row"]] = lap
 
-    summaries = run.fly("tracking", experiment.run_tracking, rows, on_lap=keep)
+    summaries = run.fly("tracking", experiment.run_tracking, rows, on_lap=keep, reality=reality)
     lines = experiment.table(summaries, rows)
-    notes, config = _notes(rows, run, training)
+    notes, config = _notes(rows, run, training, dc.asdict(world.reality))
     lost = [f"{s['row']}, {s['experiment']}, seed {s['seed']}: {s['lost']}" for s in summaries if "lost" in s]
     failed = sum(line["solve_failures"] for line in lines)
     counts = f"failed solves: {failed} in {len(summaries)} flights; lost flights: {len(lost)}"
@@ -72,12 +75,13 @@ def _rows(only: list[str], training: str) -> "tuple[Row, ...]":
     return rows
 
 
-def _notes(rows: "tuple[Row, ...]", run: Campaign, training: str) -> tuple[list[str], dict]:
+def _notes(
+    rows: "tuple[Row, ...]", run: Campaign, training: str, reality: dict[str, Any]
+) -> tuple[list[str], dict]:
     """Return the lines under the table, and the configuration of the metrics file."""
-    from diagrams.loop.experiments import load_experiment
     from diagrams.tracking import tracking
 
-    weights, reality = tracking.frozen_weights(), dc.asdict(load_experiment("circle").reality)
+    weights = tracking.frozen_weights()
     seed, names = run.seed, dict.fromkeys(row.configuration for row in rows if row.configuration)
     used = {name: _settings(name, seed) for name in names}
     notes = [

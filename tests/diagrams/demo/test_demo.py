@@ -15,8 +15,8 @@ from np_drake.logs.log_file import read_log
 SECONDS = 20.0  # of every flight, so that the diagnosis sees as much as in the demo itself
 
 
-def shortened(name, vehicle=None):
-    config = load_experiment(name, vehicle)
+def shortened(name, vehicle=None, reality=None):
+    config = load_experiment(name, vehicle, reality)
     config.duration = SECONDS
     return config
 
@@ -102,7 +102,7 @@ def test_a_wrong_or_missed_cause_stands_in_headline_and_table(told):
 
 
 def test_progress_never_runs_backwards(tmp_path, monkeypatch):
-    def tiny(name, vehicle=None):
+    def tiny(name, vehicle=None, reality=None):
         config = shortened(name, vehicle)
         config.duration, config.reference.ramp = (6.0 if "training" in name else 4.0), 1.5
         return config

@@ -14,8 +14,8 @@ from diagrams.tracking import tracking
 def short_experiments(monkeypatch):
     """Every experiment cut to seconds, training included."""
 
-    def load(name, vehicle=None):
-        config = load_experiment(name, vehicle)
+    def load(name, vehicle=None, reality=None):
+        config = load_experiment(name, vehicle, reality)
         config.duration, config.reference.ramp = (
             (6.0, 1.5) if "circle" in name and name != "circle" else (1.0, 1.0)
         )
@@ -85,6 +85,28 @@ def test_the_verb_prints_and_writes_the_same_table(tmp_path, short_experiments, 
     assert rows[1][2] in capsys.readouterr().out
 
 
+def test_every_row_flies_and_trains_in_the_simulator_that_is_given(tmp_path, short_experiments, capsys):
+    heavy = tmp_path / "corrected.yaml"
+    heavy.write_text(
+        "name: heavy\nreality: {payload: {tether: none}, rotor_drag: 0.0, motor_lag: 0.0, thrust_scale: 1.0, "
+        "effects: [{effect: mass_error, parameters: {delta_mass: 0.4}}]}\n"
+    )
+    errors = {}
+    for name, more in (("own", []), ("heavy", ["--reality", str(heavy)])):
+        metrics = tmp_path / f"{name}.json"
+        arguments = ["reproduce", "tracking", "--seeds", "1", "--only", "nominal", "--jobs", "1", *more]
+        assert run([*arguments, "--json", str(metrics)]) == 0, capsys.readouterr().err
+        content = json.loads(metrics.read_text())
+        errors[name] = content["table"][0]["E_z"]
+        told = content["config"]["reality"]["effects"]
+        assert [entry["effect"] for entry in told] == (["mass_error"] if more else [])
+    assert errors["heavy"] != errors["own"]
+    config = tracking.configure(
+        "circle", tracking.Row("told", "hold", known_mass=True), solver="sqp", reality=heavy
+    )
+    assert config.reality.effects
+
+
 def test_gp_and_knode_learn_from_the_circle_that_np_learns_from():
     for kind in ("gp", "knode", "np"):
         circles = {row.training for row in tracking.ROWS if row.kind == kind}
@@ -137,7 +159,7 @@ def test_a_lost_flight_is_a_lost_cell_and_loses_no_other(monkeypatch):
 
     monkeypatch.setattr(tracking, "fly", crash)
     hold = next(row for row in tracking.ROWS if row.name == "hold")
-    lost = tracking._fly_row(("lemniscate", hold, "", 1, "sqp"))
+    lost = tracking._fly_row(("lemniscate", hold, "", 1, "sqp", None))
     assert "lost the vehicle" in lost["lost"]
     lines = tracking.table(
         [
