@@ -1,8 +1,7 @@
 """`np-drake reproduce closing`: what a diagnosis gains a controller that was made in a simulator."""
 
+import math
 from collections.abc import Sequence
-
-import numpy as np
 
 from diagrams.cli.columns import tabulate
 from diagrams.cli.output import Table, counted, progress
@@ -54,7 +53,7 @@ def closing_printed(lines: Sequence[dict], gains: dict[str, float], title: str) 
     """Return the table of rows [cm], and that of the gains."""
 
     def centimetres(key: str):
-        return lambda line: f"{100 * line[key]:.2f}" if np.isfinite(line[key]) else "lost"
+        return lambda line: f"{100 * line[key]:.2f}" if math.isfinite(line[key]) else "lost"
 
     columns = (
         ("controller", "row"),

@@ -1,9 +1,9 @@
 """`np-drake reproduce replay`: real flights replayed open loop in the nominal and in the corrected simulator."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 from typer import Argument, Option
 
 from diagrams.cli import options
@@ -69,7 +69,7 @@ def printed(lines: list[dict]) -> Table:
     def change(before: str, after: str, factor: float = 1.0):
         def cell(line: dict) -> str:
             values = [factor * line[name] for name in (before, after)]
-            return " → ".join(f"{v:.3g}" if np.isfinite(v) else MISSING for v in values)
+            return " → ".join(f"{v:.3g}" if math.isfinite(v) else MISSING for v in values)
 
         return cell
 
