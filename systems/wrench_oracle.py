@@ -95,8 +95,8 @@ class WrenchOracle(LeafSystem):
     def _path(self, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> np.ndarray:
         """Return the states (n+1, 13) under commands and wrenches of n fine steps."""
         path = [x]
-        for command, wrench in zip(u.tolist(), chi.tolist(), strict=True):
-            path.append(np.array(self._dynamics.advance(path[-1].tolist(), command, wrench)))
+        for command, wrench in zip(u, chi, strict=True):
+            path.append(self._dynamics.advance(path[-1], command, wrench))
         states = np.array(path)
         states[:, Q] /= np.linalg.norm(states[:, Q], axis=1, keepdims=True)
         return states

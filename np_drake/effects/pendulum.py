@@ -1,13 +1,13 @@
 """A payload under a moving hook: its wrench on the quadrotor, for one pendulum or many at once."""
 
 import dataclasses as dc
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from np_drake import attitude
+from np_drake.compiled import compiled
 from np_drake.rigid_body import Q, V, W
 
 _NOWHERE = np.empty((0, 3, 0))  # for positions that are not asked for
@@ -169,14 +169,6 @@ def _jump(now, move, jump, step) -> None:
     turned = now + span * (a * e_x + b * e_y)
     now[:] = span * turned / np.maximum(np.linalg.norm(turned, axis=0), 1e-12)
     move += step * span * (a_rate * e_x + b_rate * e_y)
-
-
-def compiled(function: Callable) -> Callable:
-    """Return the function compiled, once for all processes; where no cache can be written, once for each."""
-    try:
-        return njit(cache=True, error_model="numpy")(function)
-    except RuntimeError:
-        return njit(error_model="numpy")(function)
 
 
 @compiled

@@ -45,7 +45,7 @@ def tracking_problems(
         problems.append(MpcProblem(measured, x_ref, u_ref[:-1], forecast))
         warm = None if plan is None else shift(plan, elapsed=period, step=config.step)
         plan = solver.solve(problems[-1], warm)
-        x = np.array(plant.advance(x.tolist(), plan.u[0].tolist(), chi.tolist()))
+        x = plant.advance(x, plan.u[0], chi)
     return problems
 
 

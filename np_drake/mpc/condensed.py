@@ -11,12 +11,17 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg.blas import dsyrk
 
+from np_drake.mpc import kernel
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.horizon import Horizon, prepare
 from np_drake.mpc.objective import Objective, SoftRows, penalty
 from np_drake.mpc.problem import MpcConfig, MpcProblem
 from np_drake.mpc.swing import LATERAL, lateral_response
+from np_drake.residual_models.base import Reaction
+from np_drake.rigid_body import STATE_SIZE
 from np_drake.vehicle import Vehicle
+
+ZETA = slice(7, 13)  # part of the state to which a wrench reacts
 
 
 @dc.dataclass(frozen=True)
@@ -95,46 +100,31 @@ class Condensed:
 
     def rollout(self, h: Horizon, T: np.ndarray) -> Trajectory:
         """Return the trajectory under the thrusts T (N, 4) [N] from h.x0."""
-        n = self.config.horizon
-        u = T @ self.vehicle.mixer.T
-        chi = h.free.copy()
-        zeta = np.empty(6 * n)
-        coupled = h.markov.size > 0
-        state, inputs = h.x0.tolist(), u.tolist()
-        states = [state]
-        advance = self.dynamics.advance
-        for i in range(n):
-            if coupled and i:
-                chi[i] += h.markov[:, -6 * i :] @ zeta[: 6 * i]
-            zeta[6 * i : 6 * i + 6] = state[7:]
-            if h.reaction is not None:
-                chi[i] += h.reaction(zeta[6 * i : 6 * i + 6])
-            state = advance(state, inputs[i], chi[i].tolist())
-            states.append(state)
-        x = np.array(states)
+        u = np.ascontiguousarray(T @ self.vehicle.mixer.T)
+        chi, x = h.free.copy(), np.empty((self.config.horizon + 1, STATE_SIZE))
+        x[0] = h.x0
+        if h.reaction is None:
+            self.dynamics.rollout(x, u, chi, h.markov)
+        else:
+            self._rollout_with_reaction(h, h.reaction, x, u, chi)
         return Trajectory(T, u, x, chi, self.objective.cost(h, x, u, chi), h, self.objective)
+
+    def _rollout_with_reaction(self, h: Horizon, reaction: Reaction, x, u, chi) -> None:
+        """Write x and chi as `DiscreteDynamics.rollout`, with a wrench that reacts to the motion at once."""
+        coupled = h.markov.size > 0
+        for i in range(self.config.horizon):
+            if coupled and i:
+                chi[i] += h.markov[:, -6 * i :] @ x[:i, ZETA].ravel()
+            chi[i] += reaction(x[i, ZETA])
+            x[i + 1] = self.dynamics.advance(x[i], u[i], chi[i])
 
     def sensitivities(self, h: Horizon, t: Trajectory) -> np.ndarray:
         """Return dx_i/dT for i = 1 … N, (N, 13, 4N), with the reaction of the wrench to the predicted motion."""
         n = self.config.horizon
         model = self.dynamics.linearise(t.x[:-1], t.u, t.chi)
-        Fu = model.Fu @ self.vehicle.mixer
-        own = None if h.reaction is None else h.reaction.jacobian(t.x[:-1, 7:13])
-        S = np.zeros((n, 13, 4 * n))
-        zeta = np.zeros((6 * n, 4 * n))  # d zeta_0 = 0
-        both = np.zeros((19, 4 * n))  # d[x_i, chi_i]
-        S[0, :, :4] = Fu[0]
-        for i in range(1, n):
-            k = 4 * i
-            both[:13, :k] = S[i - 1, :, :k]
-            if h.markov.size:
-                zeta[6 * i : 6 * i + 6, :k] = S[i - 1, 7:13, :k]
-                both[13:, :k] = h.markov[:, -6 * i :] @ zeta[: 6 * i, :k]
-            if own is not None:
-                at_once = own[i] @ S[i - 1, 7:13, :k]
-                both[13:, :k] = both[13:, :k] + at_once if h.markov.size else at_once
-            S[i, :, :k] = model.Fx[i] @ both[:, :k]
-            S[i, :, k : k + 4] = Fu[i]
+        own = np.zeros((0, 6, 6)) if h.reaction is None else h.reaction.jacobian(t.x[:-1, ZETA])
+        S = np.zeros((n, STATE_SIZE, 4 * n))
+        kernel.sensitivities(model.Fx, model.Fu @ self.vehicle.mixer, h.markov, np.ascontiguousarray(own), S)
         return S
 
     def local_model(self, h: Horizon, t: Trajectory) -> LocalModel:

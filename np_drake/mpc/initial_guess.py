@@ -46,5 +46,5 @@ def feedback_thrusts(condensed: Condensed, h: Horizon) -> np.ndarray:
         e = np.clip(x - h.x_ref[i], -bound, bound)
         T[i] = condensed.clip(vehicle.unmixer @ (h.u_ref[i] - gain @ e))
         chi = h.free[i] if h.reaction is None else h.free[i] + h.reaction(x[7:13])
-        x = np.array(condensed.dynamics.advance(x.tolist(), (vehicle.mixer @ T[i]).tolist(), chi.tolist()))
+        x = condensed.dynamics.advance(x, vehicle.mixer @ T[i], chi)
     return T

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from np_drake import attitude
-from np_drake.effects.pendulum import compiled
+from np_drake.compiled import compiled
 from np_drake.residual_models.base import Memory
 from np_drake.residual_models.torque_level import filtered, followed, gains_at, gains_of, initial_level
 

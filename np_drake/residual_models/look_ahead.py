@@ -44,10 +44,9 @@ class LookAhead:
 
     def _advance(self, x: np.ndarray, commands: np.ndarray, chi: np.ndarray) -> np.ndarray:
         """Return the state (13,) after commands (k, 4) of a fine step each."""
-        state, wrench = x.tolist(), chi.tolist()
-        for u in commands.tolist():
-            state = self._dynamics.advance(state, u, wrench)
-        new = np.array(state)
+        new = x
+        for u in commands:
+            new = self._dynamics.advance(new, u, chi)
         new[3:7] /= np.linalg.norm(new[3:7])
         return new
 

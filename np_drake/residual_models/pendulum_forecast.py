@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from np_drake.effects.pendulum import compiled, leapfrog
+from np_drake.compiled import compiled
+from np_drake.effects.pendulum import leapfrog
 from np_drake.residual_models.pendulum_kernel import (
     DAMPING,
     DRAG,

@@ -24,7 +24,7 @@ import math
 
 import numpy as np
 
-from np_drake.effects.pendulum import compiled
+from np_drake.compiled import compiled
 
 POINT, SIZE, FIRST = 16, 12, 8  # numbers of a point and of its error; first number that is no direction
 TETHER, ACROSS, RATE, PARAMETERS = slice(0, 3), slice(3, 6), slice(6, 8), slice(8, 16)

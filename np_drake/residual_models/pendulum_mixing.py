@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from np_drake.effects.pendulum import compiled
+from np_drake.compiled import compiled
 from np_drake.residual_models.pendulum_kernel import PUSH, SIZE, difference, displace
 
 RISE = PUSH + 2  # the slow force upwards, in a point; its error is `RISE_ERROR`

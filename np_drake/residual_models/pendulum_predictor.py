@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from np_drake import attitude
-from np_drake.effects.pendulum import compiled
+from np_drake.compiled import compiled
 from np_drake.labels import LabelConfig
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory, Plan, Sample, WrenchForecast

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from np_drake.effects.pendulum import compiled
+from np_drake.compiled import compiled
 from np_drake.residual_models.base import Memory
 
 LONGEST_MEAN = (

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numba import njit
 from scipy.integrate import solve_ivp
 
 from np_drake.effects import pendulum
@@ -250,13 +249,3 @@ def test_a_payload_at_rest_pulls_with_its_weight_at_its_hook():
 def test_a_payload_has_no_momentary_wrench(motion):
     with pytest.raises(NotImplementedError, match="wrench_along"):
         SuspendedPayload().wrench(Vehicle(), motion)
-
-
-def test_it_is_compiled_where_no_folder_takes_what_was_compiled(monkeypatch):
-    def read_only(**how):
-        if how.get("cache"):
-            raise RuntimeError("cannot cache function: no locator available")
-        return njit(**how)
-
-    monkeypatch.setattr(pendulum, "njit", read_only)
-    assert pendulum.compiled(lambda x: 2 * x)(21) == 42

@@ -89,7 +89,7 @@ def test_from_an_infeasible_start_the_loop_comes_back():
     for _ in range(250):
         warm = None if plan is None else shift(plan, elapsed=0.02, step=CONFIG.step)
         plan = PATIENT.solve(MpcProblem(x, x_ref, u_ref, no_forecast(CONFIG.horizon)), warm)
-        x = np.array(plant.advance(x.tolist(), plan.u[0].tolist(), [0.0] * 6))
+        x = plant.advance(x, plan.u[0], [0.0] * 6)
     assert np.linalg.norm(x[:3]) < 0.05  # [m] after 5 s
     assert plan.status == MpcStatus.OPTIMAL
 
