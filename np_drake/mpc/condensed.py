@@ -88,7 +88,9 @@ class Condensed:
         self.size = 4 * n
         self._Q_root = np.sqrt(config.Q)
         R = vehicle.mixer.T @ (config.R[:, None] * vehicle.mixer)
-        self._R = np.kron(np.eye(n), 2 * R)
+        self._R = np.asfortranarray(np.kron(np.eye(n), 2 * R))
+        half = n // 2  # the states of the first half depend on the inputs of that half alone
+        self._early, self._late = np.empty((13 * half, 4 * half)), np.empty((13 * (n - half), 4 * n))
 
     def prepare(self, problem: MpcProblem) -> Horizon:
         """Return the problem made ready for a solver, see `horizon.prepare`."""
@@ -134,13 +136,15 @@ class Condensed:
 
     def hessian(self, h: Horizon, S: np.ndarray) -> np.ndarray:
         """Return the Gauss-Newton Hessian over T by the sensitivities S, (4N, 4N), lower triangle [1/N²]."""
-        G = self._Q_root[:, None] * S
-        G[-1] = h.P_root @ S[-1]
-        rows = G.reshape(-1, self.size)
+        early, late = self._early, self._late
+        kernel.weigh(S, self._Q_root, h.P_root, early, late)
+        hessian = dsyrk(2.0, late.T, beta=1.0, c=self._R, lower=1)
+        first = early.shape[1]
+        hessian[:first, :first] += dsyrk(2.0, early.T, lower=1)
         if self.config.weight_swing > 0:
             force = np.sqrt(self.config.weight_swing) * lateral_response(h, S)
-            rows = np.vstack([rows, force.reshape(-1, self.size)])
-        return dsyrk(2.0, rows.T, beta=1.0, c=self._R, lower=1)
+            hessian += dsyrk(2.0, force.reshape(-1, self.size).T, lower=1)
+        return hessian
 
     def gradient(self, h: Horizon, t: Trajectory, S: np.ndarray) -> np.ndarray:
         """Return the gradient of the cost over T by the sensitivities S, (4N,) [1/N]."""

@@ -254,3 +254,73 @@ def sensitivities(Fx, Fu, markov, own, S):
                     _add(out, F[13 + axis], chi[axis], size)
                 for s in range(3, 6):
                     _add(out, F[13 + s], chi[s], size)
+
+
+@compiled
+def tracking_cost(x, x_ref, u, u_ref, Q, R, P):
+    """Return the cost of errors of x (N+1, 13) and u (N, 4) with diagonal Q (13,), R (4,) and terminal P (13, 13)."""
+    cost, n = 0.0, len(u)
+    for i in range(n):
+        for c in range(13):
+            e = x[i, c] - x_ref[i, c]
+            cost += Q[c] * e * e
+        for c in range(4):
+            e = u[i, c] - u_ref[i, c]
+            cost += R[c] * e * e
+    for r in range(13):
+        for c in range(13):
+            cost += (x[n, r] - x_ref[n, r]) * P[r, c] * (x[n, c] - x_ref[n, c])
+    return cost
+
+
+@compiled
+def stage_excess(x, max_speed, min_cosine, excess):
+    """Write by how much x_1 … x_N leave velocity box (3N) and tilt (N) to the head of `excess`."""
+    n = len(x) - 1
+    for i in range(n):
+        for axis in range(3):
+            excess[3 * i + axis] = abs(x[i + 1, 7 + axis]) - max_speed
+        w, a, b, c = x[i + 1, 3], x[i + 1, 4], x[i + 1, 5], x[i + 1, 6]
+        excess[3 * n + i] = min_cosine - (w * w - a * a - b * b + c * c)
+
+
+@compiled
+def row_jacobian(x, S, far, jacobian):
+    """Write the Jacobian of all soft rows by the sensitivities S (N, 13, m); far (13,): gradient of the last row."""
+    n, size = len(S), S.shape[2]
+    for i in range(n):
+        for axis in range(3):
+            sign = -1.0 if x[i + 1, 7 + axis] < 0 else 1.0
+            for col in range(size):
+                jacobian[3 * i + axis, col] = sign * S[i, 7 + axis, col]
+        w, a, b, c = -2 * x[i + 1, 3], 2 * x[i + 1, 4], 2 * x[i + 1, 5], -2 * x[i + 1, 6]
+        for col in range(size):
+            jacobian[3 * n + i, col] = (
+                w * S[i, 3, col] + a * S[i, 4, col] + b * S[i, 5, col] + c * S[i, 6, col]
+            )
+    for col in range(size):
+        jacobian[4 * n, col] = 0.0
+    for row in range(13):
+        _add(jacobian[4 * n], far[row], S[n - 1, row], size)
+
+
+@compiled
+def weigh(S, root, P_root, early, late):
+    """Write root (13,) times the sensitivities S (N, 13, 4N), for the last stage P_root (13, 13) times them.
+
+    early: (13 h, 4 h) of the first h stages, which depend on their own inputs alone.   late: (13 (N - h), 4N).
+    """
+    n, h, size = len(S), early.shape[1] // 4, S.shape[2]
+    for i in range(n - 1):
+        for row in range(13):
+            if i < h:
+                for col in range(4 * h):
+                    early[13 * i + row, col] = root[row] * S[i, row, col]
+            else:
+                for col in range(size):
+                    late[13 * (i - h) + row, col] = root[row] * S[i, row, col]
+    for row in range(13):
+        out = late[13 * (n - 1 - h) + row]
+        out[:] = 0.0
+        for s in range(row, 13):
+            _add(out, P_root[row, s], S[n - 1, s], size)

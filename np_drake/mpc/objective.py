@@ -12,7 +12,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake import attitude
+from np_drake.mpc import kernel
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.swing import swing_cost
@@ -38,6 +38,7 @@ class Objective:
     def __init__(self, config: MpcConfig):
         self.config = config
         self.min_cosine = float(np.cos(config.max_tilt))
+        self._Q, self._R = config.Q, config.R
         self.softening = _SOFTENING * config.terminal_radius**2
 
     def cost(self, h: Horizon, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> float:
@@ -45,24 +46,23 @@ class Objective:
 
         Args: x: (N+1, 13).   u: (N, 4) [N, N·m].   chi: (N, 6) [N, N·m].
         """
-        e, e_u = x - h.x_ref, u - h.u_ref
-        stages = np.sum(e[:-1] ** 2 @ self.config.Q) + np.sum(e_u**2 @ self.config.R)
-        return float(stages + e[-1] @ h.P @ e[-1]) + swing_cost(chi, self.config.weight_swing)
+        tracking = kernel.tracking_cost(x, h.x_ref, u, h.u_ref, self._Q, self._R, h.P)
+        return float(tracking) + swing_cost(chi, self.config.weight_swing)
 
     def excess(self, h: Horizon, x: np.ndarray) -> np.ndarray:
         """Return by how much x_1 … x_N leave the sets, (4N+1,): 3N velocities, N tilts, the terminal ellipsoid.
 
         The measured x_0 is left out.
         """
-        fast = np.abs(x[1:, 7:10]) - self.config.max_speed
-        steep = self.min_cosine - attitude.body_z(x[1:, 3:7])[:, 2]
-        far = self.terminal_norm(h, x[-1]) - self.config.terminal_radius
-        return np.concatenate([fast.ravel(), steep, [far]])
+        excess = np.empty(4 * len(x) - 3)
+        kernel.stage_excess(x, self.config.max_speed, self.min_cosine, excess)
+        excess[-1] = self.terminal_norm(h, x[-1]) - self.config.terminal_radius
+        return excess
 
     def slacks(self, excess: np.ndarray) -> np.ndarray:
         """Return the smallest slacks (3,) that an excess (4N+1,) allows."""
-        fast, steep = np.split(excess[:-1], [3 * (len(excess) // 4)])
-        return np.maximum([fast.max(), steep.max(), excess[-1]], 0.0)
+        fast = 3 * (len(excess) // 4)
+        return np.maximum([excess[:fast].max(), excess[fast:-1].max(), excess[-1]], 0.0)
 
     def terminal_norm(self, h: Horizon, x_N: np.ndarray) -> float:
         """Return sqrt(e' P_f e) with P_f = P / P_xx, smooth at zero [m]."""
@@ -75,13 +75,9 @@ class Objective:
         The velocity box has one row a component, on the side where the velocity lies.
         """
         stages, _, n = S.shape
-        sign = np.where(x[1:, 7:10] < 0, -1.0, 1.0)
-        dq = 2 * x[1:, 3:7] * [-1.0, 1.0, 1.0, -1.0]
         far = (x[-1] - h.x_ref[-1]) @ h.P / (h.P[0, 0] * self.terminal_norm(h, x[-1]))
         jacobian = np.empty((4 * stages + 1, n))
-        jacobian[: 3 * stages] = (sign[:, :, None] * S[:, 7:10]).reshape(-1, n)
-        jacobian[3 * stages : -1] = (dq[:, None, :] @ S[:, 3:7])[:, 0]
-        jacobian[-1] = far @ S[-1]
+        kernel.row_jacobian(x, S, far, jacobian)
         return SoftRows(self.excess(h, x), jacobian, np.repeat(range(KINDS), [3 * stages, stages, 1]))
 
 

@@ -12,7 +12,7 @@ import time
 
 import numpy as np
 from pydrake.solvers import ClarabelSolver, OsqpSolver
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
 from np_drake.mpc.condensed import LocalModel
 from np_drake.mpc.drake_solvers import new_program, solver_options
@@ -63,10 +63,12 @@ class QpSolver:
         Args: lower, upper: (n,) bounds of the step [N].
         """
         deadline = time.perf_counter() + time_limit
-        H = np.tril(model.hessian) + np.tril(model.hessian, -1).T
+        H = model.hessian
         if not (np.isfinite(H).all() and np.isfinite(model.rows.jacobian).all()):
             return Step(np.zeros_like(lower), 0.0)  # a tumble that overflows: no model to go by
         d = active_set(H, model.gradient, lower, upper)
+        if d is None or linear_slacks(model.rows, d).any():
+            H = np.tril(H) + np.tril(H, -1).T
         if d is None:  # cycled: the clipped Newton step tells whether the soft rows matter
             d = np.clip(np.linalg.lstsq(H, -model.gradient)[0], lower, upper)
             if not linear_slacks(model.rows, d).any():
@@ -78,7 +80,7 @@ class QpSolver:
     def _decrease(self, H, model, d, rows) -> float:
         before, after = linear_slacks(rows, np.zeros_like(d)), linear_slacks(rows, d)
         gain = penalty(before, self._weight) - penalty(after, self._weight)
-        return float(gain - model.gradient @ d - 0.5 * d @ (H @ d))
+        return float(gain - model.gradient @ d - 0.5 * d @ blas.dsymv(1.0, H, d, lower=1))
 
     def _solve_box(self, H, g, lower, upper, guess) -> np.ndarray:
         self._box.update(H, g, lower, upper)
@@ -109,24 +111,35 @@ def active_set(H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarra
 
     Starts from the Newton step, hence ends in one round where no bound is active.
     Source: Hintermüller, Ito, Kunisch 2002, SIAM J. Optim. 13(3).
-    Args: H: (n, n).   g: (n,).   lower, upper: (n,) bounds of the box.
+    Args: H: (n, n), of which the lower triangle is read.   g: (n,).   lower, upper: (n,) bounds of the box.
     """
     low = high = np.zeros(len(g), bool)
     for _ in range(_ACTIVE_SET_ROUNDS):
-        free = np.flatnonzero(~(low | high))
-        d = np.where(low, lower, np.where(high, upper, 0.0))
-        some = len(free) < len(g)
-        factor, info = lapack.dpotrf(H[np.ix_(free, free)] if some else H, lower=1)
+        active = low | high
+        if active.any():
+            free = np.flatnonzero(~active)
+            d = np.where(low, lower, np.where(high, upper, 0.0))
+            right, block = -(g + blas.dsymv(1.0, H, d, lower=1))[free], _lower_block(H, free)
+        else:
+            free, d, right, block = slice(None), np.empty(len(g)), -g, H
+        factor, info = lapack.dpotrf(block, lower=1, clean=0)
         if info:
             return None
-        if len(free):
-            d[free] = lapack.dpotrs(factor, -(g + H @ d)[free] if some else -g, lower=1)[0]
-        force = H @ d + g
-        next_low, next_high = (low & (force > 0)) | (d < lower), (high & (force < 0)) | (d > upper)
+        d[free] = lapack.dpotrs(factor, right, lower=1)[0]
+        below, above = d < lower, d > upper
+        if not (active.any() or below.any() or above.any()):
+            return d
+        force = blas.dsymv(1.0, H, d, lower=1) + g
+        next_low, next_high = (low & (force > 0)) | below, (high & (force < 0)) | above
         if np.array_equal(next_low, low) and np.array_equal(next_high, high):
             return np.clip(d, lower, upper)
         low, high = next_low, next_high
     return None
+
+
+def _lower_block(H: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Return the rows and columns `free` of the lower triangle."""
+    return np.asfortranarray(H[np.ix_(free, free)])
 
 
 def linear_slacks(rows: SoftRows, d: np.ndarray) -> np.ndarray:
