@@ -119,13 +119,16 @@ def active_set(H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarra
         if active.any():
             free = np.flatnonzero(~active)
             d = np.where(low, lower, np.where(high, upper, 0.0))
-            right, block = -(g + blas.dsymv(1.0, H, d, lower=1))[free], _lower_block(H, free)
+            pull = (g + blas.dsymv(1.0, H, d, lower=1))[free]
+            step = newton_step(np.asfortranarray(H[np.ix_(free, free)]), pull) if len(free) else pull
+            if step is None:
+                return None
+            d[free] = step
         else:
-            free, d, right, block = slice(None), np.empty(len(g)), -g, H
-        factor, info = lapack.dpotrf(block, lower=1, clean=0)
-        if info:
-            return None
-        d[free] = lapack.dpotrs(factor, right, lower=1)[0]
+            newton = newton_step(H, g)
+            if newton is None:
+                return None
+            d = newton
         below, above = d < lower, d > upper
         if not (active.any() or below.any() or above.any()):
             return d
@@ -137,9 +140,10 @@ def active_set(H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarra
     return None
 
 
-def _lower_block(H: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Return the rows and columns `free` of the lower triangle."""
-    return np.asfortranarray(H[np.ix_(free, free)])
+def newton_step(H: np.ndarray, g: np.ndarray) -> np.ndarray | None:
+    """Return -H^-1 g of the lower triangle of H; None where it is not positive definite."""
+    factor, info = lapack.dpotrf(H, lower=1, clean=0)
+    return None if info else lapack.dpotrs(factor, -g, lower=1)[0]
 
 
 def linear_slacks(rows: SoftRows, d: np.ndarray) -> np.ndarray:
