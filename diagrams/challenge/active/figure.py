@@ -43,7 +43,7 @@ def active_figure(
         ax.set_xlabel("flight time [s]")
         ax.set_xticks(t)
         ax.grid(color="0.9", linewidth=0.5)
-    axes[0, 1].legend(fontsize=8)
+    figure.legend(*axes[0, 1].get_legend_handles_labels(), loc="outside right center", fontsize=8)
     return figure
 
 

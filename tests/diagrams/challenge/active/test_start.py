@@ -23,6 +23,7 @@ def test_equal_seeds_give_equal_vehicles(cases):
         cases[3].quality,
     )
     assert other.effects != again.effects
+    assert len({withheld_case(3, attempt).draw.names for attempt in range(5)}) > 1
 
 
 def test_effects_are_singles_and_compatible_pairs_of_the_library(cases):

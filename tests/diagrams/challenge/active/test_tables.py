@@ -90,8 +90,9 @@ def test_a_first_flight_without_an_answer_is_wrong():
 
 
 def test_the_figure_names_arms_and_units():
-    entropy, share = active_figure(ALL, ("designed",), flights=2, begun=30.0, seconds=20.0).axes
+    figure = active_figure(ALL, ("designed",), flights=2, begun=30.0, seconds=20.0)
+    entropy, share = figure.axes
     assert entropy.get_ylabel() == "entropy over the explanations [nat]"
     assert entropy.get_xlabel() == share.get_xlabel() == "flight time [s]"
-    assert [text.get_text() for text in share.get_legend().get_texts()] == ["designed"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["designed"]
     assert list(share.lines[0].get_ydata()) == [0.0, 0.0, 50.0]
