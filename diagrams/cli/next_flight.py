@@ -45,7 +45,7 @@ def next_flight(
     ] = False,
 ) -> Report:
     """Design the flight that best separates the explanations a diagnosis leaves; fly it in the simulator first."""
-    from diagrams.gap.flown_design import FILE, RATE, keep_limits
+    from diagrams.gap.flown_design import FILE, RATE, InSimulator, keep_limits
     from diagrams.gap.next_flight import read_report, write_scenario
     from np_drake.flight_design.design import FlightDesigner
     from np_drake.flight_design.limits import limits_for
@@ -70,7 +70,11 @@ def next_flight(
     if not no_fly:
         with progress(f"flying with {controller}", 1.0) as advance:
             best, flown = keep_limits(
-                best, config, designer, run.scratch, seed=run.seed, tell=lambda share: advance(share, "")
+                best,
+                designer,
+                InSimulator(config, designer, run.scratch, run.seed),
+                controller=controller,
+                tell=lambda share: advance(share, ""),
             )
 
     def write(folder: Path) -> None:

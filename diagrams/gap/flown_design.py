@@ -87,14 +87,7 @@ def flown_usage(flight: FlightResult, limits: Limits) -> dict[str, float]:
     """Return the share of each limit that a flight used, by name [1]."""
     s = flight.signals
     x = s["x_true"]
-    up = attitude.rotate(x[:, 3:7], np.tile([0.0, 0.0, 1.0], (len(x), 1)))
-    rotors = flight.config.vehicle.saturate(s["u"]) @ flight.config.vehicle.unmixer.T
-    found = {
-        "room": limits.room(x[:, :3]),
-        "speed": float(np.linalg.norm(x[:, 7:10], axis=1).max()) / limits.speed,
-        "tilt": float(np.arccos(np.clip(up[:, 2], -1.0, 1.0)).max()) / limits.tilt,
-        "thrust": limits.thrust(rotors),
-    }
+    found = usage_of(x, flight.config.vehicle.saturate(s["u"]), limits)
     payload = flight.payload_position
     if payload is not None:
         hook = x[:, :3] + attitude.rotate(x[:, 3:7], np.tile(flight.config.reality.hung.hook, (len(x), 1)))
@@ -104,34 +97,62 @@ def flown_usage(flight: FlightResult, limits: Limits) -> dict[str, float]:
     return found
 
 
-def keep_limits(
-    candidate: Candidate,
-    config: FlightConfig,
-    designer: FlightDesigner,
-    folder: Path,
-    *,
-    seed: int = 0,
-    tell: Callable[[float], None] | None = None,
-) -> tuple[Candidate, list[Flown]]:
-    """Fly a candidate under every explanation, shrunk until every flight keeps the limits; write its trajectory.
+def usage_of(x: np.ndarray, u: np.ndarray, limits: Limits) -> dict[str, float]:
+    """Return the share of each limit that true states x (n, 13) and commands u (n, 4) use, by name [1]."""
+    up = attitude.rotate(x[:, 3:7], np.tile([0.0, 0.0, 1.0], (len(x), 1)))
+    return {
+        "room": limits.room(x[:, :3]),
+        "speed": float(np.linalg.norm(x[:, 7:10], axis=1).max()) / limits.speed,
+        "tilt": float(np.arccos(np.clip(up[:, 2], -1.0, 1.0)).max()) / limits.tilt,
+        "thrust": limits.thrust(u @ limits.vehicle.unmixer.T),
+    }
 
-    Args:
-        candidate: the design.
-        config: corrected simulator, with the controller that will fly.
-        designer: whose explanations and limits count.
-        folder: of the trajectory file `FILE`.
-        seed: of the noise.
-        tell: called with the share done [1].
-    Raises: ValueError: if even the smallest motion tried breaks a limit; one line with the remedy.
+
+@dc.dataclass(frozen=True)
+class InSimulator:
+    """Flights of a candidate in the corrected simulator, along the trajectory `FILE` that it writes.
+
+    config: corrected simulator, with the controller that will fly.   designer: whose explanations and limits count.
+    folder: of the trajectory file.   seed: of the noise.
     """
-    track, order = folder / FILE, list(range(len(designer.explanations)))
-    for attempt in range(TRIES):
+
+    config: FlightConfig
+    designer: FlightDesigner
+    folder: Path
+    seed: int = 0
+
+    def __call__(self, candidate: Candidate, explanation: Explanation) -> Flown:
+        """Return the flight of a candidate under an explanation."""
+        designer, track = self.designer, self.folder / FILE
         write_trajectory(
             candidate.reference, track, RATE, duration=designer.seconds, vehicle=designer.limits.vehicle
         )
+        return fly_under(self.config, explanation, designer, track, self.seed)
+
+
+def keep_limits(
+    candidate: Candidate,
+    designer: FlightDesigner,
+    fly_one: Callable[[Candidate, Explanation], Flown],
+    *,
+    controller: str,
+    tell: Callable[[float], None] | None = None,
+) -> tuple[Candidate, list[Flown]]:
+    """Fly a candidate under every explanation, shrunk until every flight keeps the limits.
+
+    Args:
+        candidate: the design.
+        designer: whose explanations and limits count.
+        fly_one: flies a candidate under an explanation.
+        controller: kind that flies, for the message.
+        tell: called with the share done [1].
+    Raises: ValueError: if even the smallest motion tried breaks a limit; one line with the remedy.
+    """
+    order = list(range(len(designer.explanations)))
+    for attempt in range(TRIES):
         flown: dict[int, Flown] = {}
         for k in order:
-            flown[k] = fly_under(config, designer.explanations[k], designer, track, seed)
+            flown[k] = fly_one(candidate, designer.explanations[k])
             if tell is not None:
                 tell(len(flown) / len(order))
             if flown[k].worst > 1.0:
@@ -144,6 +165,6 @@ def keep_limits(
             candidate = designer.shrunk(candidate, max(0.5, ROOM / worst.worst))
     why = worst.lost or f"{max(worst.usage, key=lambda n: worst.usage[n])} is {worst.worst:.2f} of its limit"
     raise ValueError(
-        f"next-flight: no motion keeps the limits with controller {config.controller.kind}: {why} under "
+        f"next-flight: no motion keeps the limits with controller {controller}: {why} under "
         f"{worst.explanation.label}. Name another controller, or wider limits."
     )

@@ -19,7 +19,7 @@ from np_drake.vehicle import Vehicle
 
 FILES = ("train_1.csv", "train_2.csv", "heldout_1.csv")
 # Streams of random numbers that do not touch each other: the effect decides about nothing else.
-_VEHICLE, _PLANS, _SENSORS, _EFFECT, _ONSET, NOISE, _INPUT = range(7)
+_VEHICLE, PLANS, _SENSORS, _EFFECT, _ONSET, NOISE, _INPUT = range(7)
 
 
 @dc.dataclass(frozen=True)
@@ -56,12 +56,19 @@ class Case:
 
     def instants(self, file: str) -> np.ndarray:
         """Return the times (n,) of the rows of a flight, before any is dropped [s]."""
-        flight = FILES.index(file)
-        return self.quality.instants(self.stream(_SENSORS, flight + 1), self.seconds)
+        return self.instants_in(FILES.index(file), self.seconds)
+
+    def instants_in(self, flight: int, seconds: float) -> np.ndarray:
+        """Return the times (n,) of the rows of flight number `flight` of `seconds` [s], before any is dropped [s]."""
+        return self.quality.instants(self.stream(_SENSORS, flight + 1), seconds)
 
     def effects_of(self, file: str) -> list[Effect]:
         """Return the effects as they act in one flight: what is random (a gust) differs from flight to flight."""
-        seed = int(self.stream(_EFFECT, FILES.index(file) + 1).integers(2**31))
+        return self.effects_in(FILES.index(file))
+
+    def effects_in(self, flight: int) -> list[Effect]:
+        """Return the effects as they act in flight number `flight`; those after the files' are further flights."""
+        seed = int(self.stream(_EFFECT, flight + 1).integers(2**31))
         return [dc.replace(e, seed=seed) if hasattr(e, "seed") else e for e in self.effects]  # type: ignore
 
 
@@ -79,7 +86,7 @@ def draw_case(draw: CaseDraw, *, quality: str, seed: int, seconds: float) -> Cas
     if not logged.held:
         vehicle = dc.replace(vehicle, command_timing="unknown")
     spin = math.sqrt(vehicle.mass * vehicle.gravity / 4 / vehicle.thrust_coefficient)
-    plans = draw_plans(stream(seed, draw, _PLANS), vehicle, seconds, len(FILES))
+    plans = draw_plans(stream(seed, draw, PLANS), vehicle, seconds, len(FILES))
     drawn = draw_sensor_quality(quality, sensors, spin)
     if logged.kind == "rotor_speed":
         drawn = dc.replace(drawn, rotor=abs(drawn.rotor))

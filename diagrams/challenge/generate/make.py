@@ -114,15 +114,23 @@ def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str
             onset=case.onset[file],
             background=background,
         )
-        rng = case.stream(NOISE, flight)
         every.name = file.removesuffix(".csv")
-        log = per_row(every, case.input.finer)
-        rows = kept_rows(rng, case.quality, len(log))
-        sensed = with_sensor_noise(log, case.vehicle, case.quality, rng)
-        u = as_logged(every, case.input.semantics, case.input.finer, case.input.late).u
-        logged = with_input(dc.replace(sensed, u=u), case.vehicle, case.input.kind)
-        noisy[file], exact[file] = rows_of(logged, rows), rows_of(log, rows)
+        exact[file], noisy[file] = as_measured(case, every, flight)
     return exact, noisy
+
+
+def as_measured(case: Case, every: FlightLog, flight: int) -> tuple[FlightLog, FlightLog]:
+    """Return the exact and the noisy log of flight number `flight`, with the same rows.
+
+    Args: every: exact log with a row a command.
+    """
+    rng = case.stream(NOISE, flight)
+    log = per_row(every, case.input.finer)
+    rows = kept_rows(rng, case.quality, len(log))
+    sensed = with_sensor_noise(log, case.vehicle, case.quality, rng)
+    u = as_logged(every, case.input.semantics, case.input.finer, case.input.late).u
+    logged = with_input(dc.replace(sensed, u=u), case.vehicle, case.input.kind)
+    return rows_of(log, rows), rows_of(logged, rows)
 
 
 def require_no_library_equivalent(case: Case, flights: dict[str, FlightPair]) -> None:

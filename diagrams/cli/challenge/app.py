@@ -7,7 +7,7 @@ import typer
 from typer import Option
 
 from diagrams.cli import options
-from diagrams.cli.challenge import compare, golden, logs, score, solve
+from diagrams.cli.challenge import active, compare, golden, logs, score, solve
 from diagrams.cli.output import progress, require_folder
 from diagrams.cli.runner import Report, Run, reports
 
@@ -17,6 +17,7 @@ challenge.command("score")(score.score)
 challenge.command("compare")(compare.compare)
 challenge.command("golden")(golden.golden)
 challenge.command("logs")(logs.logs)
+challenge.command("active")(active.active)
 
 
 @challenge.command("make")

@@ -16,7 +16,7 @@ FLOORS = (  # from the ground up
     ("generate",),
     ("score",),
     ("solve",),
-    ("closing", "cost", "golden", "imported", "real"),
+    ("active", "closing", "cost", "golden", "imported", "real"),
 )
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 FILES = sorted(

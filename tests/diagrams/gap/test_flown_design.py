@@ -5,7 +5,15 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from diagrams.gap.flown_design import FILE, Flown, flown_usage, fly_under, keep_limits, scenario_of
+from diagrams.gap.flown_design import (
+    FILE,
+    Flown,
+    InSimulator,
+    flown_usage,
+    fly_under,
+    keep_limits,
+    scenario_of,
+)
 from diagrams.loop.flight import default_flight
 from np_drake.diagnosis.numerics import NoiseModel, Readings
 from np_drake.diagnosis.tolerance import IDEAL_SENSORS
@@ -59,7 +67,8 @@ def lemniscate():
 def flown(config, lemniscate, tmp_path_factory):
     designer, candidate = lemniscate
     folder = tmp_path_factory.mktemp("flown")
-    return keep_limits(candidate, config, designer, folder), folder
+    in_simulator = InSimulator(config, designer, folder)
+    return keep_limits(candidate, designer, in_simulator, controller="hold"), folder
 
 
 def test_every_flight_keeps_the_limits(flown):
@@ -87,18 +96,17 @@ def test_a_motion_beyond_a_limit_is_shrunk(config, lemniscate, tmp_path):
     tight = dc.replace(
         designer, explanations=(DRAG,), limits=dc.replace(designer.limits, tilt=0.9 * 0.7 * 0.5)
     )
-    smaller, flights = keep_limits(tight.candidate("l", candidate.reference), config, tight, tmp_path)
+    in_simulator = InSimulator(config, tight, tmp_path)
+    wide = tight.candidate("l", candidate.reference)
+    smaller, flights = keep_limits(wide, tight, in_simulator, controller="hold")
     assert smaller.usage["room"] < candidate.usage["room"]
     assert flights[0].worst <= 1.0
 
 
-def test_a_vehicle_that_is_lost_is_told(config, lemniscate, tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        "diagrams.gap.flown_design.fly_under", lambda *a: Flown(DRAG, {}, np.zeros(2), "gone")
-    )
+def test_a_vehicle_that_is_lost_is_told(lemniscate):
     designer, candidate = lemniscate
-    with pytest.raises(ValueError, match="gone under linear_drag"):
-        keep_limits(candidate, config, designer, tmp_path)
+    with pytest.raises(ValueError, match="controller hold: gone under linear_drag"):
+        keep_limits(candidate, designer, lambda *a: Flown(DRAG, {}, np.zeros(2), "gone"), controller="hold")
 
 
 def test_the_swing_of_a_payload_is_looked_at(config, tmp_path):

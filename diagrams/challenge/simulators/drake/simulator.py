@@ -32,13 +32,45 @@ def fly(
         background: effects that act throughout and are no cause (a vehicle file that is a percent off).
     Raises: FailedRun: if the vehicle is lost.
     """
+    true = fly_true(vehicle, plan, effects, t=t, onset=onset, background=background)
+    return sensed(vehicle, true, effects, t)
+
+
+def fly_true(
+    vehicle: Vehicle,
+    plan: Plan,
+    effects: Sequence[Effect] = (),
+    *,
+    t: np.ndarray,
+    onset: float | None = None,
+    background: Sequence[Effect] = (),
+) -> FlightLog:
+    """Return what the vehicle really does, from the hover before the first row on to a little after the last.
+
+    Args: as of `fly`.
+    Raises: FailedRun: if the vehicle is lost.
+    """
     step = float(np.median(np.diff(t)))
     before = t[0] - step * np.arange(round(WARM_UP / step), 0, -1)
     after = t[-1] + step * np.arange(1, round(MARGIN / step) + 1)
     rows = np.concatenate([before, t, after])
     signals = _signals(vehicle, plan, [*background, *effects], list(background), rows, onset)
+    return _log(rows, _reading(vehicle, signals), signals["u"])
+
+
+def sensed(vehicle: Vehicle, true: FlightLog, effects: Sequence[Effect], t: np.ndarray) -> FlightLog:
+    """Return the rows at t (n,) [s] of a flight of `fly_true` as the sensor errors among `effects` give them."""
+    assert true.a is not None
+    assert true.al is not None
+    assert true.rotor is not None
     sensors = [effect for effect in effects if isinstance(effect, SensorEffect)]
-    log = _read(vehicle, rows, signals, sensors)
+    reading = Measurement(true.x, true.a, true.al, true.rotor)
+    for sensor in sensors:
+        reading = sensor.measure(vehicle, reading, np.zeros((len(true), sensor.white_size)))
+    log = _log(true.t, reading, true.u)
+    for sensor in sensors:
+        if sensor.clock_shift:
+            log = shift_state(log, sensor.clock_shift)
     first = int(np.searchsorted(log.t, t[0] - 1e-9))
     return log.rows(first, first + len(t))
 
@@ -59,27 +91,22 @@ def _signals(vehicle, plan, effects, background, t, onset) -> dict[str, np.ndarr
     return joined([before, second.fly(t[split:], targets[split:], end)])
 
 
-def _read(
-    vehicle: Vehicle, t: np.ndarray, signals: dict[str, np.ndarray], sensors: Sequence[SensorEffect]
-) -> FlightLog:
-    """Return the log as sensors with systematic errors and no noise give it."""
+def _reading(vehicle: Vehicle, signals: dict[str, np.ndarray]) -> Measurement:
+    """Return what sensors without error read."""
     speed = np.sqrt(np.maximum(signals["nominal_thrust"], 0.0) / vehicle.thrust_coefficient)
-    reading = Measurement(signals["x"], signals["a"], signals["al"], speed)
-    for sensor in sensors:
-        reading = sensor.measure(vehicle, reading, np.zeros((len(t), sensor.white_size)))
+    return Measurement(signals["x"], signals["a"], signals["al"], speed)
+
+
+def _log(t: np.ndarray, reading: Measurement, u: np.ndarray) -> FlightLog:
     x = reading.x
-    log = FlightLog(
+    return FlightLog(
         t=t,
         p=x[:, 0:3],
         q=x[:, 3:7],
         v=x[:, 7:10],
         w=x[:, 10:13],
-        u=signals["u"],
+        u=u,
         a=reading.a,
         al=reading.al,
         rotor=reading.rotor,
     )
-    for sensor in sensors:
-        if sensor.clock_shift:
-            log = shift_state(log, sensor.clock_shift)
-    return log
