@@ -14,8 +14,8 @@ ROWS = {row.name: row for row in timing.ROWS}
 def short(monkeypatch):
     """Every flight with a short ramp."""
 
-    def load(name, vehicle=None):
-        config = load_experiment(name, vehicle)
+    def load(name, vehicle=None, reality=None):
+        config = load_experiment(name, vehicle, reality)
         config.reference.ramp = 1.0
         return config
 

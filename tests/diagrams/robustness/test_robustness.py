@@ -177,8 +177,8 @@ def test_a_flight_that_the_simulator_ended_is_lost_where_its_signals_end():
 
 
 def test_a_short_flight_has_figures_and_repeats(monkeypatch):
-    def load(name, vehicle):
-        config = load_experiment(name, vehicle)
+    def load(name, vehicle, reality=None):
+        config = load_experiment(name, vehicle, reality)
         config.reference.ramp = 1.0
         return config
 
