@@ -121,12 +121,12 @@ class _Program:
         """
         self._pack(h, t, forecast)
         offset, y_end = np.ascontiguousarray(forecast.offset, float), np.ascontiguousarray(h.x_ref[-1])
-        P, x0 = np.asfortranarray(h.P), self._x[0].copy()
+        W_end, x0 = np.asfortranarray(2 * h.P), self._x[0].copy()
         seconds = np.zeros(3)
         lib = self._library
         lib.np_drake_set(
             self._capsule,
-            *(_pointer(a) for a in (self._x, self._T, self._y_ref, y_end, P, self._stage)),
+            *(_pointer(a) for a in (self._x, self._T, self._y_ref, y_end, W_end, self._stage)),
             ctypes.c_int(self._used),
             *(_pointer(a) for a in (offset, self._end, seconds)),
         )

@@ -14,10 +14,10 @@ static double now(void)
     return t.tv_sec + 1e-9 * t.tv_nsec;
 }
 
-// x (N+1, nx), u (N, 4): the point of linearisation.   y_ref (N, ny), y_end (13): references.   P (13, 13).
+// x (N+1, nx), u (N, 4): the point of linearisation.   y_ref (N, ny), y_end (13): references.   W_end (13, 13).
 // stage (np), of which the last 6 of `used` are replaced by offset (N, 6); end (np): parameters.
 void np_drake_set(np_drake_peer_solver_capsule *capsule, const double *x, const double *u, const double *y_ref,
-                  const double *y_end, const double *P, double *stage, int used, const double *offset,
+                  const double *y_end, const double *W_end, double *stage, int used, const double *offset,
                   const double *end, double *seconds)
 {
     double start = now();
@@ -42,7 +42,7 @@ void np_drake_set(np_drake_peer_solver_capsule *capsule, const double *x, const 
     }
     PEER(update_params)(capsule, N, (double *) end, NP_DRAKE_PEER_NP);
     ocp_nlp_cost_model_set(config, dims, in, N, "yref", (void *) y_end);
-    ocp_nlp_cost_model_set(config, dims, in, N, "W", (void *) P);
+    ocp_nlp_cost_model_set(config, dims, in, N, "W", (void *) W_end);
     seconds[0] = now() - start;
 }
 
