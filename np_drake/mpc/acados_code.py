@@ -25,7 +25,7 @@ from np_drake.mpc.problem import MpcConfig
 from np_drake.vehicle import Vehicle
 
 FOLDER = "NP_DRAKE_ACADOS"  # environment variable: folder that holds the package `acados`
-FLAGS = ["-O3", "-march=native", "-fPIC", "-shared", "-w"]  # for this machine, as numba compiles too
+FLAGS = ["-O2", "-march=native", "-fPIC", "-shared", "-w"]  # for this machine, as numba compiles too
 _LIBRARIES = ("blasfeo", "hpipm", "qpOASES_e", "acados")  # each needs those before it
 _STEP = Path(__file__).with_name("acados_step.c")
 _log = logging.getLogger(__name__)
@@ -71,11 +71,10 @@ def cache_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "np_drake" / "acados"
 
 
-def load(
-    vehicle: Vehicle, config: MpcConfig, K: int, options: Mapping[str, Any] = acados_model.OPTIONS
-) -> ctypes.CDLL:
+def load(vehicle: Vehicle, config: MpcConfig, K: int, options: Mapping[str, Any]) -> ctypes.CDLL:
     """Return the compiled solver for lifted states of K entries, from the cache where it is there.
 
+    Args: options: of acados' solver, as `acados_model.solver_options` gives them.
     Raises: ImportError: without acados or CasADi.   FileNotFoundError: without a C compiler.   RuntimeError: if code
     generation or compilation fails.
     """
@@ -114,12 +113,17 @@ def _build(target: Path, package: Path, job: dict[str, Any]) -> None:
         folder = Path(name)
         _generate(folder, package, job)
         code = folder / "code"
-        unused = ("main_", "acados_sim_")
-        sources = [f for f in code.rglob("*.c") if not (f.name.startswith(unused) or f.stem.endswith("_hess"))]
+        sources = [file for file in code.rglob("*.c") if _needed(file)]
         include = package / "install" / "include"
         folders = [code, include, include / "blasfeo" / "include", include / "hpipm" / "include"]
         _run([compiler, *FLAGS, *(f"-I{f}" for f in folders), *sources, _STEP, "-o", folder / "peer.so"])
         os.replace(folder / "peer.so", target)
+
+
+def _needed(file: Path) -> bool:
+    """Return whether the solver is made of this file; the rest are examples, a simulator, and exact Hessians."""
+    example = file.name.startswith(("main_", "acados_sim_"))
+    return not example and not (file.stem.endswith("_hess") and "_cost_" not in file.stem)
 
 
 def _generate(folder: Path, package: Path, job: dict[str, Any]) -> None:

@@ -7,6 +7,7 @@ not one for every kind of set, with the same price s + s² / 10 each; where no s
 
 import ctypes
 import dataclasses as dc
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -55,17 +56,19 @@ class AcadosSolver:
         config: MpcConfig,
         *,
         steps: int = 1,
-        options: Mapping[str, Any] = acados_model.OPTIONS,
+        options: Mapping[str, Any] | None = None,
     ):
         """Find acados and a compiler; a problem is compiled when the first of its size comes.
 
+        Args: options: of acados' solver, instead of those of `acados_model.solver_options`.
         Raises: ImportError: if acados is missing.   FileNotFoundError: if there is no C compiler.
         """
         acados_code.find_acados()
         acados_code.find_compiler()
         self.condensed = Condensed(vehicle, config)
         self.times = PhaseTimes()
-        self._steps, self._options = steps, options
+        self._steps = steps
+        self._options = acados_model.solver_options(config.horizon) | dict(options or {})
         self._programs: dict[int, _Program] = {}
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
@@ -79,19 +82,20 @@ class AcadosSolver:
         h = self.condensed.prepare(problem)
         t, cold = initial_trajectory(self.condensed, h, warm_start)
         K = len(f.z)
-        if K not in self._programs:
-            c = self.condensed
-            self._programs[K] = _Program(
-                acados_code.load(c.vehicle, c.config, K, self._options), c.config, K
-            )
         steps = max(self._steps, _COLD_STEPS) if cold else self._steps
-        T, self.times = self._programs[K].solve(h, t, f, steps)
+        T, self.times = self._program(K).solve(h, t, f, steps)
         if not np.isfinite(T).all():
             raise SolverFailure("MPC: acados: the plan is not finite.")
         with np.errstate(all="ignore"):
             end = self.condensed.rollout(h, self.condensed.clip(T))
         spent = self.times.setting + self.times.preparation + self.times.feedback
         return as_solution(end, MpcStatus.ITERATION_LIMIT, steps, spent)
+
+    def _program(self, K: int) -> "_Program":
+        if K not in self._programs:
+            vehicle, config = self.condensed.vehicle, self.condensed.config
+            self._programs[K] = _Program(acados_code.load(vehicle, config, K, self._options), config, K)
+        return self._programs[K]
 
 
 class _Program:
@@ -119,10 +123,11 @@ class _Program:
 
         Raises: SolverFailure: if HPIPM fails.
         """
+        start = time.perf_counter()
         self._pack(h, t, forecast)
         offset, y_end = np.ascontiguousarray(forecast.offset, float), np.ascontiguousarray(h.x_ref[-1])
         W_end, x0 = np.asfortranarray(2 * h.P), self._x[0].copy()
-        seconds = np.zeros(3)
+        seconds, packing = np.zeros(3), time.perf_counter() - start
         lib = self._library
         lib.np_drake_set(
             self._capsule,
@@ -134,12 +139,7 @@ class _Program:
             status = lib.np_drake_step(self._capsule, _pointer(x0), _pointer(self._T), _pointer(seconds))
             if status:
                 raise SolverFailure(f"MPC: acados: status {status} of the QP.")
-        return self._T.copy(), PhaseTimes(*seconds.tolist())
-
-    @property
-    def qp_iterations(self) -> int:
-        """Iterations of HPIPM in the last feedback [1]."""
-        return int(self._library.np_drake_qp_iterations(self._capsule))
+        return self._T.copy(), PhaseTimes(seconds[0], seconds[1], seconds[2], packing)
 
     def _pack(self, h: Horizon, t: Trajectory, forecast: WrenchForecast) -> None:
         """Write the data of the problem and of the initial trajectory to the arrays."""

@@ -79,10 +79,3 @@ void np_drake_free_first_row(np_drake_peer_solver_capsule *capsule)
     ocp_nlp_constraints_model_set(PEER(get_nlp_config)(capsule), PEER(get_nlp_dims)(capsule),
                                   PEER(get_nlp_in)(capsule), 0, "lh", &free);
 }
-
-int np_drake_qp_iterations(np_drake_peer_solver_capsule *capsule)
-{
-    int count = 0;
-    ocp_nlp_get(PEER(get_nlp_config)(capsule), PEER(get_nlp_solver)(capsule), "qp_iter", &count);
-    return count;
-}

@@ -47,6 +47,11 @@ class CasadiSolver:
             raise ImportError(
                 "CasadiSolver: casadi must be installed: pip install 'np_drake[bench]'."
             ) from error
+        if not self._casadi.has_nlpsol("ipopt"):
+            raise ImportError(
+                "CasadiSolver: casadi must come with IPOPT; that of comma-deps-acados does not: "
+                "pip install --force-reinstall --no-deps casadi."
+            )
         self.condensed = Condensed(vehicle, config)
         self._body = RigidBodyInCasadi(vehicle, config.step)
         self._programs: dict[int, tuple[Any, np.ndarray, np.ndarray]] = {}
