@@ -15,6 +15,7 @@ export MPLBACKEND := Agg
 
 venv: $(STAMP)
 
+# Without the extra `acados`: its wheel overwrites the casadi of `bench` (docs/guide/install.md).
 # torch first and by its exact version, so that nothing else pulls in another build of it.
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)

@@ -1,12 +1,13 @@
 """Benchmark of the solvers on the same problems in one run; only ratios compare across runs."""
 
-import contextlib
 import dataclasses as dc
+import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from np_drake.mpc.acados_peer import AcadosSolver
 from np_drake.mpc.benchmark_problems import cold_problems, infeasible_problems, tracking_problems
 from np_drake.mpc.casadi_peer import CasadiSolver
 from np_drake.mpc.ipopt import IpoptCondensedSolver
@@ -17,25 +18,28 @@ from np_drake.vehicle import Vehicle
 
 _BLOCK = 20  # problems that a solver takes in a row [1]
 _WARM_UP = 3  # untimed solves of the first problem
-PEER = "casadi"  # name of the solver that ratios refer to
+PEERS = ("casadi", "acados")  # names of the solvers that ratios refer to
 START_LIMIT = 0.015  # wall time that a cold or infeasible start may take; tracking is not limited [s]
 Progress = Callable[[int, int], None]
+_log = logging.getLogger(__name__)
 
 
 @dc.dataclass
 class SolverReport:
     """Results of one solver on one set of problems.
 
-    problems: number of problems.   median_ms, p95_ms, max_ms: solve time [ms].   failures: problems without a usable
-    answer.   fallbacks: problems with an answer that is not the method's own.   gap_median, gap_max: relative cost
-    above the best known optimum, over answered problems [1].   violation_max: of the soft sets [in each set's unit].
-    ratio_to_casadi: of median times [1]; None where CasADi did not run.
+    problems: number of problems.   median_ms, p95_ms, p99_ms, max_ms: solve time [ms].
+    failures: problems without a usable answer.   fallbacks: problems with an answer that is not the method's own.
+    gap_median, gap_max: relative cost above the best known optimum, over answered problems [1].
+    violation_max: of the soft sets [in each set's unit].
+    ratio_to_casadi, ratio_to_acados: of median times [1]; None where that peer did not run.
     """
 
     name: str  # of the solver
     problems: int
     median_ms: float
     p95_ms: float
+    p99_ms: float
     max_ms: float
     failures: int
     fallbacks: int
@@ -43,10 +47,11 @@ class SolverReport:
     gap_max: float
     violation_max: float
     ratio_to_casadi: float | None = None
+    ratio_to_acados: float | None = None
 
 
 def make_solvers(vehicle: Vehicle, config: MpcConfig, *, time_limit: float = np.inf) -> list[MpcSolver]:
-    """Return IPOPT, SQP with one and two steps, and CasADi (never limited) where it is installed."""
+    """Return IPOPT, SQP with one and two steps, and the peers (never limited) that can run on this machine."""
     two = SqpSolver(vehicle, config, steps=2, time_limit=time_limit)
     two.name = "sqp_2"
     solvers: list[MpcSolver] = [
@@ -54,8 +59,11 @@ def make_solvers(vehicle: Vehicle, config: MpcConfig, *, time_limit: float = np.
         SqpSolver(vehicle, config, time_limit=time_limit),
         two,
     ]
-    with contextlib.suppress(ImportError):
-        solvers.append(CasadiSolver(vehicle, config))
+    for peer in (CasadiSolver, AcadosSolver):
+        try:
+            solvers.append(peer(vehicle, config))
+        except (ImportError, FileNotFoundError) as reason:
+            _log.info("%s", reason)
     return solvers
 
 
@@ -103,8 +111,11 @@ def run(
     reports = [
         _report(s.name, seconds[:, j], [row[j] for row in answers], best) for j, s in enumerate(solvers)
     ]
-    peer = next((r.median_ms for r in reports if r.name == PEER), None)
-    return [dc.replace(r, ratio_to_casadi=r.median_ms / peer) if peer else r for r in reports]
+    medians = {r.name: r.median_ms for r in reports}
+    for report in reports:
+        for name in set(PEERS) & set(medians):
+            setattr(report, f"ratio_to_{name}", report.median_ms / medians[name])
+    return reports
 
 
 def _best_cost(problem: MpcProblem, row: list[MpcSolution | None], optimum: MpcSolver | None) -> float:
@@ -182,6 +193,7 @@ def _report(
         problems=len(answers),
         median_ms=float(np.median(ms)),
         p95_ms=float(np.percentile(ms, 95)),
+        p99_ms=float(np.percentile(ms, 99)),
         max_ms=float(ms.max()),
         failures=len(answers) - len(given),
         fallbacks=sum(a.status >= MpcStatus.SQP_FALLBACK for a, _ in given),

@@ -47,7 +47,13 @@ class CasadiSolver:
             raise ImportError(
                 "CasadiSolver: casadi must be installed: pip install 'np_drake[bench]'."
             ) from error
+        if not self._casadi.has_nlpsol("ipopt"):
+            raise ImportError(
+                "CasadiSolver: casadi must come with IPOPT; that of comma-deps-acados does not: "
+                "pip install --force-reinstall --no-deps casadi."
+            )
         self.condensed = Condensed(vehicle, config)
+        self._body = RigidBodyInCasadi(vehicle, config.step)
         self._programs: dict[int, tuple[Any, np.ndarray, np.ndarray]] = {}
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
@@ -125,7 +131,7 @@ class CasadiSolver:
             cost += ca.dot(config.Q, e**2) + ca.dot(config.R, e_u**2)
             chi = offset[:, i] + (C @ z if K else 0)
             cost += config.weight_swing * ca.sumsqr(chi[0:2])
-            equal.append(X[:, i] - self._step(x, u, chi))
+            equal.append(X[:, i] - self._body.advance(x, u, chi))
             if K:
                 equal.append(Z[:, i] - A @ z - B @ x[7:13])
             x, z = X[:, i], Z[:, i]
@@ -142,17 +148,29 @@ class CasadiSolver:
         lower = np.concatenate([np.zeros(rows), np.full(g.numel() - rows, -np.inf)])
         return ca.nlpsol("peer", "ipopt", nlp, _OPTIONS), lower, np.zeros(g.numel())
 
-    def _step(self, x, u, chi):
-        h = self.condensed.config.step
-        k1 = self._derivative(x, u, chi)
-        k2 = self._derivative(x + h / 2 * k1, u, chi)
-        k3 = self._derivative(x + h / 2 * k2, u, chi)
-        k4 = self._derivative(x + h * k3, u, chi)
+
+class RigidBodyInCasadi:
+    """Eq. (1) and its discrete form in CasADi's symbols."""
+
+    def __init__(self, vehicle: Vehicle, step: float):
+        self._casadi: Any = importlib.import_module("casadi")
+        self._vehicle, self._step = vehicle, step
+
+    def advance(self, x, u, chi):
+        """Return the state (13,) after one step of classical Runge-Kutta.
+
+        Args: x: (13,).   u: (4,) [N, N·m].   chi: (6,) [N, N·m].
+        """
+        h = self._step
+        k1 = self.derivative(x, u, chi)
+        k2 = self.derivative(x + h / 2 * k1, u, chi)
+        k3 = self.derivative(x + h / 2 * k2, u, chi)
+        k4 = self.derivative(x + h * k3, u, chi)
         return x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
-    def _derivative(self, state, u, chi):
+    def derivative(self, state, u, chi):
         """Return eq. (1) in CasADi's symbols; a test compares it with `rigid_body`."""
-        ca, vehicle = self._casadi, self.condensed.vehicle
+        ca, vehicle = self._casadi, self._vehicle
         w, x, y, z = (state[3 + i] for i in range(4))
         v, rate = state[7:10], state[10:13]
         axis = ca.vertcat(2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z)

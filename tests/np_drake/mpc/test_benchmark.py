@@ -26,18 +26,34 @@ def test_reports_have_times_gaps_and_failures(vehicle, config, problems):
         [SqpSolver(vehicle, config), AlwaysFails()], problems, step=config.step, optimum=patient
     )
     assert (good.failures, bad.failures) == (0, 12)
-    assert 0 < good.median_ms <= good.p95_ms <= good.max_ms
+    assert 0 < good.median_ms <= good.p95_ms <= good.p99_ms <= good.max_ms
     assert -1e-8 <= good.gap_median <= good.gap_max < 0.05
     assert np.isnan(bad.gap_max)
-    assert good.ratio_to_casadi is None  # the peer did not run
+    assert good.ratio_to_casadi is None  # the peers did not run
+    assert good.ratio_to_acados is None
 
 
-def test_the_ratio_is_of_median_times(vehicle, config, problems):
+@pytest.mark.parametrize("name", benchmark.PEERS)
+def test_the_ratio_is_of_median_times(vehicle, config, problems, name):
     peer = SqpSolver(vehicle, config)
-    peer.name = benchmark.PEER
+    peer.name = name
     a, b = benchmark.run([SqpSolver(vehicle, config, steps=2), peer], problems, step=config.step)
-    assert a.ratio_to_casadi == pytest.approx(a.median_ms / b.median_ms)
-    assert b.ratio_to_casadi == 1.0
+    assert getattr(a, f"ratio_to_{name}") == pytest.approx(a.median_ms / b.median_ms)
+    assert getattr(b, f"ratio_to_{name}") == 1.0
+
+
+def test_peers_that_cannot_run_have_no_row(vehicle, config, monkeypatch):
+    def missing(*_):
+        raise ImportError("on purpose")
+
+    def without_compiler(*_):
+        raise FileNotFoundError("on purpose")
+
+    monkeypatch.setattr(benchmark, "CasadiSolver", missing)
+    monkeypatch.setattr(benchmark, "AcadosSolver", without_compiler)
+    names = [solver.name for solver in benchmark.make_solvers(vehicle, config)]
+    assert "sqp" in names
+    assert not set(names) & set(benchmark.PEERS)
 
 
 def test_every_problem_has_its_own_stable_model(problems):
