@@ -87,14 +87,19 @@ def _solver_tables(found: "dict[str, list[SolverReport]]") -> list[Table]:
         ("problems", "suite"),
         ("solver", "name"),
         ("n", "problems"),
+        ("feedback [ms]", "feedback_ms"),
         ("failed", "failures"),
         ("fell back", "fallbacks"),
         ("largest gap", lambda line: f"{line['gap_max']:.1e}"),
         ("largest violation", lambda line: f"{line['violation_max']:.1e}"),
     )
     return [
-        tabulate("NP-MPC solvers; to …: ratio of medians in this run; gap: median", lines, times),
-        tabulate("NP-MPC solvers, answers", lines, answers),
+        tabulate(
+            "NP-MPC solvers; to …: ratio of medians in this run; gap: median",
+            lines,
+            times,
+        ),
+        tabulate("NP-MPC solvers, answers; feedback: phase after the measurement, median", lines, answers),
     ]
 
 

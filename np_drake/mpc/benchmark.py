@@ -13,6 +13,7 @@ from np_drake.mpc.casadi_peer import CasadiSolver
 from np_drake.mpc.ipopt import IpoptCondensedSolver
 from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcSolver, MpcStatus, SolverFailure
+from np_drake.mpc.split_sqp import PhaseTimes, SplitSqpSolver
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.vehicle import Vehicle
 
@@ -48,16 +49,21 @@ class SolverReport:
     violation_max: float
     ratio_to_casadi: float | None = None
     ratio_to_acados: float | None = None
+    feedback_ms: float | None = None  # median of the phase after the measurement, of solvers in two phases
 
 
 def make_solvers(vehicle: Vehicle, config: MpcConfig, *, time_limit: float = np.inf) -> list[MpcSolver]:
-    """Return IPOPT, SQP with one and two steps, and the peers (never limited) that can run on this machine."""
+    """Return IPOPT, SQP with one and two steps and in two phases, and the peers that can run on this machine.
+
+    Peers are never limited in time.
+    """
     two = SqpSolver(vehicle, config, steps=2, time_limit=time_limit)
     two.name = "sqp_2"
     solvers: list[MpcSolver] = [
         IpoptCondensedSolver(vehicle, config, time_limit=time_limit),
         SqpSolver(vehicle, config, time_limit=time_limit),
         two,
+        SplitSqpSolver(vehicle, config, time_limit=time_limit),
     ]
     for peer in (CasadiSolver, AcadosSolver):
         try:
@@ -91,6 +97,7 @@ def run(
             _attempt(solver, problems[0], None)
     plans: list[MpcSolution | None] = [None] * len(solvers)
     seconds = np.zeros((len(problems), len(solvers)))
+    feedback = np.full((len(problems), len(solvers)), np.nan)
     answers: list[list[MpcSolution | None]] = [[None] * len(solvers) for _ in problems]
     for turn, block in enumerate(np.array_split(np.arange(len(problems)), max(len(problems) // _BLOCK, 1))):
         for j in np.roll(np.arange(len(solvers)), turn).tolist():
@@ -103,6 +110,8 @@ def run(
                 )
                 answers[i][j], seconds[i, j] = _attempt(solvers[j], problems[i], warm)
                 plans[j] = answers[i][j] or warm
+                if isinstance(times := getattr(solvers[j], "times", None), PhaseTimes):
+                    feedback[i, j] = times.feedback
         if progress:
             progress(int(block[-1]) + 1, len(problems))
     best = np.array(
@@ -111,6 +120,8 @@ def run(
     reports = [
         _report(s.name, seconds[:, j], [row[j] for row in answers], best) for j, s in enumerate(solvers)
     ]
+    for report, after in zip(reports, np.median(feedback, axis=0).tolist(), strict=True):
+        report.feedback_ms = None if np.isnan(after) else 1e3 * after
     medians = {r.name: r.median_ms for r in reports}
     for report in reports:
         for name in set(PEERS) & set(medians):
