@@ -20,6 +20,7 @@ from np_drake.vehicle import Vehicle
 _BLOCK = 20  # problems that a solver takes in a row [1]
 _WARM_UP = 3  # untimed solves of the first problem
 PEERS = ("casadi", "acados")  # names of the solvers that ratios refer to
+GROWTH = ((10, 24), (20, 24), (40, 24), (20, 12), (20, 0))  # (N, K) of the generated problems [1]
 START_LIMIT = 0.015  # wall time that a cold or infeasible start may take; tracking is not limited [s]
 Progress = Callable[[int, int], None]
 _log = logging.getLogger(__name__)
@@ -147,20 +148,18 @@ def suite(
 ) -> dict[str, list[SolverReport]]:
     """Run the whole benchmark and return the reports by name of the problem set.
 
-    The sets are recorded (or generated) tracking by name, horizons 10, 20, 40, cold and infeasible starts.
+    The sets are recorded (or generated) tracking by name, generated tracking of growing size, cold and infeasible
+    starts.
     Args: recorded: name -> problems of a recorded flight.   period: between problems [s].   count: problems of a set.
     """
     tracking = recorded or {"tracking": tracking_problems(vehicle, config, count=count, period=period)}
     sets: dict[str, tuple[MpcConfig, Sequence[MpcProblem], float | None]] = {
         name: (config, problems, period) for name, problems in tracking.items()
     }
-    for n in (10, 20, 40):
+    for n, K in GROWTH:
         other = dc.replace(config, horizon=n)
-        sets[f"N = {n}"] = (
-            other,
-            tracking_problems(vehicle, other, count=max(count // 4, 2), period=period),
-            period,
-        )
+        generated = tracking_problems(vehicle, other, count=count, period=period, lifted=K)
+        sets[growth_name(n, K)] = (other, generated, period)
     sets["cold start"] = (config, cold_problems(vehicle, config, count=max(count // 5, 2)), None)
     sets["infeasible start"] = (config, infeasible_problems(vehicle, config, count=max(count // 5, 2)), None)
     total, done = sum(len(problems) for _, problems, _ in sets.values()), 0
@@ -179,6 +178,11 @@ def suite(
         )
         done += len(problems)
     return reports
+
+
+def growth_name(n: int, K: int) -> str:
+    """Return the name of the generated problems with N = n and a lifted state of K entries."""
+    return f"N = {n}, K = {K}"
 
 
 def _attempt(
