@@ -32,7 +32,7 @@ def bench(
         lines, table = _against_the_pseudo_inverse(run.seed)
         return Report([table], config={}, metrics={"predictor": {"against_pseudo_inverse": lines}})
     from diagrams.performance import bench as measure
-    from np_drake.mpc.benchmark import suite
+    from np_drake.mpc.benchmark import GROWTH, growth_name, suite
 
     with progress("training, recording problems", 1.0) as advance:
         walls = measure.time_training(run.folder, seed=run.seed)
@@ -52,10 +52,9 @@ def bench(
         )
     content, tables = _others(measure, config, run, walls, seconds)
     growth = [
-        {"N": int(name.split("=")[1]), "solver": r.name, **dc.asdict(r)}
-        for name, rows in found.items()
-        if name.startswith("N =")
-        for r in rows
+        {"N": n, "K": K, "solver": r.name, **dc.asdict(r)}
+        for n, K in GROWTH
+        for r in found[growth_name(n, K)]
     ]
     starts = {name: [dc.asdict(r) for r in rows] for name, rows in found.items() if "start" in name}
     timed = {
@@ -87,14 +86,19 @@ def _solver_tables(found: "dict[str, list[SolverReport]]") -> list[Table]:
         ("problems", "suite"),
         ("solver", "name"),
         ("n", "problems"),
+        ("feedback [ms]", "feedback_ms"),
         ("failed", "failures"),
         ("fell back", "fallbacks"),
         ("largest gap", lambda line: f"{line['gap_max']:.1e}"),
         ("largest violation", lambda line: f"{line['violation_max']:.1e}"),
     )
     return [
-        tabulate("NP-MPC solvers; to …: ratio of medians in this run; gap: median", lines, times),
-        tabulate("NP-MPC solvers, answers", lines, answers),
+        tabulate(
+            "NP-MPC solvers; to …: ratio of medians in this run; gap: median",
+            lines,
+            times,
+        ),
+        tabulate("NP-MPC solvers, answers; feedback: phase after the measurement, median", lines, answers),
     ]
 
 

@@ -18,6 +18,7 @@ from np_drake.mpc.condensed import Condensed, Trajectory
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.initial_guess import initial_trajectory
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
+from np_drake.mpc.split_sqp import PhaseTimes
 from np_drake.mpc.sqp import as_solution
 from np_drake.residual_models.base import WrenchForecast
 from np_drake.vehicle import Vehicle
@@ -26,17 +27,14 @@ _COLD_STEPS = 8  # iterations after a cold start, as `SqpSolver` takes at most [
 
 
 @dc.dataclass
-class PhaseTimes:
-    """Times of the last solve [s].
+class AcadosTimes(PhaseTimes):
+    """Times of the last solve [s], each phase summed over the iterations.
 
     setting: of handing over parameters, references, weight and initial guess, one call from C-contiguous arrays.
-    preparation, feedback: of the real-time iteration's two phases, summed over its iterations.
     packing: of writing those arrays in NumPy, which no solve time counts.
     """
 
     setting: float = 0.0
-    preparation: float = 0.0
-    feedback: float = 0.0
     packing: float = 0.0
 
 
@@ -66,7 +64,7 @@ class AcadosSolver:
         acados_code.find_acados()
         acados_code.find_compiler()
         self.condensed = Condensed(vehicle, config)
-        self.times = PhaseTimes()
+        self.times = AcadosTimes()
         self._steps = steps
         self._options = acados_model.solver_options(config.horizon) | dict(options or {})
         self._programs: dict[int, _Program] = {}
@@ -118,7 +116,7 @@ class _Program:
 
     def solve(
         self, h: Horizon, t: Trajectory, forecast: WrenchForecast, steps: int
-    ) -> tuple[np.ndarray, PhaseTimes]:
+    ) -> tuple[np.ndarray, AcadosTimes]:
         """Return the thrusts (N, 4) [N] after real-time iterations from t, and their times.
 
         Raises: SolverFailure: if HPIPM fails.
@@ -139,7 +137,7 @@ class _Program:
             status = lib.np_drake_step(self._capsule, _pointer(x0), _pointer(self._T), _pointer(seconds))
             if status:
                 raise SolverFailure(f"MPC: acados: status {status} of the QP.")
-        return self._T.copy(), PhaseTimes(seconds[0], seconds[1], seconds[2], packing)
+        return self._T.copy(), AcadosTimes(seconds[1], seconds[2], seconds[0], packing)
 
     def _pack(self, h: Horizon, t: Trajectory, forecast: WrenchForecast) -> None:
         """Write the data of the problem and of the initial trajectory to the arrays."""

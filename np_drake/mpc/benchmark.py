@@ -13,12 +13,14 @@ from np_drake.mpc.casadi_peer import CasadiSolver
 from np_drake.mpc.ipopt import IpoptCondensedSolver
 from np_drake.mpc.plan import shift
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcSolver, MpcStatus, SolverFailure
+from np_drake.mpc.split_sqp import PhaseTimes, SplitSqpSolver
 from np_drake.mpc.sqp import SqpSolver
 from np_drake.vehicle import Vehicle
 
 _BLOCK = 20  # problems that a solver takes in a row [1]
 _WARM_UP = 3  # untimed solves of the first problem
 PEERS = ("casadi", "acados")  # names of the solvers that ratios refer to
+GROWTH = ((10, 24), (20, 24), (40, 24), (20, 12), (20, 0))  # (N, K) of the generated problems [1]
 START_LIMIT = 0.015  # wall time that a cold or infeasible start may take; tracking is not limited [s]
 Progress = Callable[[int, int], None]
 _log = logging.getLogger(__name__)
@@ -48,16 +50,21 @@ class SolverReport:
     violation_max: float
     ratio_to_casadi: float | None = None
     ratio_to_acados: float | None = None
+    feedback_ms: float | None = None  # median of the phase after the measurement, of solvers in two phases
 
 
 def make_solvers(vehicle: Vehicle, config: MpcConfig, *, time_limit: float = np.inf) -> list[MpcSolver]:
-    """Return IPOPT, SQP with one and two steps, and the peers (never limited) that can run on this machine."""
+    """Return IPOPT, SQP with one and two steps and in two phases, and the peers that can run on this machine.
+
+    Peers are never limited in time.
+    """
     two = SqpSolver(vehicle, config, steps=2, time_limit=time_limit)
     two.name = "sqp_2"
     solvers: list[MpcSolver] = [
         IpoptCondensedSolver(vehicle, config, time_limit=time_limit),
         SqpSolver(vehicle, config, time_limit=time_limit),
         two,
+        SplitSqpSolver(vehicle, config, time_limit=time_limit),
     ]
     for peer in (CasadiSolver, AcadosSolver):
         try:
@@ -91,6 +98,7 @@ def run(
             _attempt(solver, problems[0], None)
     plans: list[MpcSolution | None] = [None] * len(solvers)
     seconds = np.zeros((len(problems), len(solvers)))
+    feedback = np.full((len(problems), len(solvers)), np.nan)
     answers: list[list[MpcSolution | None]] = [[None] * len(solvers) for _ in problems]
     for turn, block in enumerate(np.array_split(np.arange(len(problems)), max(len(problems) // _BLOCK, 1))):
         for j in np.roll(np.arange(len(solvers)), turn).tolist():
@@ -103,6 +111,8 @@ def run(
                 )
                 answers[i][j], seconds[i, j] = _attempt(solvers[j], problems[i], warm)
                 plans[j] = answers[i][j] or warm
+                if isinstance(times := getattr(solvers[j], "times", None), PhaseTimes):
+                    feedback[i, j] = times.feedback
         if progress:
             progress(int(block[-1]) + 1, len(problems))
     best = np.array(
@@ -111,6 +121,8 @@ def run(
     reports = [
         _report(s.name, seconds[:, j], [row[j] for row in answers], best) for j, s in enumerate(solvers)
     ]
+    for report, after in zip(reports, np.median(feedback, axis=0).tolist(), strict=True):
+        report.feedback_ms = None if np.isnan(after) else 1e3 * after
     medians = {r.name: r.median_ms for r in reports}
     for report in reports:
         for name in set(PEERS) & set(medians):
@@ -136,20 +148,18 @@ def suite(
 ) -> dict[str, list[SolverReport]]:
     """Run the whole benchmark and return the reports by name of the problem set.
 
-    The sets are recorded (or generated) tracking by name, horizons 10, 20, 40, cold and infeasible starts.
+    The sets are recorded (or generated) tracking by name, generated tracking of growing size, cold and infeasible
+    starts.
     Args: recorded: name -> problems of a recorded flight.   period: between problems [s].   count: problems of a set.
     """
     tracking = recorded or {"tracking": tracking_problems(vehicle, config, count=count, period=period)}
     sets: dict[str, tuple[MpcConfig, Sequence[MpcProblem], float | None]] = {
         name: (config, problems, period) for name, problems in tracking.items()
     }
-    for n in (10, 20, 40):
+    for n, K in GROWTH:
         other = dc.replace(config, horizon=n)
-        sets[f"N = {n}"] = (
-            other,
-            tracking_problems(vehicle, other, count=max(count // 4, 2), period=period),
-            period,
-        )
+        generated = tracking_problems(vehicle, other, count=count, period=period, lifted=K)
+        sets[growth_name(n, K)] = (other, generated, period)
     sets["cold start"] = (config, cold_problems(vehicle, config, count=max(count // 5, 2)), None)
     sets["infeasible start"] = (config, infeasible_problems(vehicle, config, count=max(count // 5, 2)), None)
     total, done = sum(len(problems) for _, problems, _ in sets.values()), 0
@@ -168,6 +178,11 @@ def suite(
         )
         done += len(problems)
     return reports
+
+
+def growth_name(n: int, K: int) -> str:
+    """Return the name of the generated problems with N = n and a lifted state of K entries."""
+    return f"N = {n}, K = {K}"
 
 
 def _attempt(

@@ -9,19 +9,21 @@ import dataclasses as dc
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import lapack
 from scipy.linalg.blas import dsyrk
 
-from np_drake.mpc import kernel
 from np_drake.mpc.dynamics import DiscreteDynamics
-from np_drake.mpc.horizon import Horizon, prepare
+from np_drake.mpc.horizon import Horizon, Preparation
+from np_drake.mpc.kernels import condensing
 from np_drake.mpc.objective import Objective, SoftRows, penalty
 from np_drake.mpc.problem import MpcConfig, MpcProblem
 from np_drake.mpc.swing import LATERAL, lateral_response
 from np_drake.residual_models.base import Reaction
-from np_drake.rigid_body import STATE_SIZE
+from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE
 from np_drake.vehicle import Vehicle
 
 ZETA = slice(7, 13)  # part of the state to which a wrench reacts
+_PART = 10  # stages that are weighed at once; the later ones depend on more inputs [1]
 
 
 @dc.dataclass(frozen=True)
@@ -29,7 +31,8 @@ class Trajectory:
     """Rollout of the rotor thrusts and its cost.
 
     T: (N, 4) [N].   u: (N, 4) [N, N·m].   x: (N+1, 13).   chi: (N, 6) [N, N·m].   cost: [1].
-    Its excess over the soft sets of `objective` is computed when asked for.
+    excess: over the soft sets of `objective` (4N+1,), slacks: that it needs (3,) [in each set's unit].
+    merit: cost plus penalty [1].
     """
 
     T: np.ndarray
@@ -37,23 +40,9 @@ class Trajectory:
     x: np.ndarray
     chi: np.ndarray
     cost: float
-    horizon: Horizon  # data of the problem
-    objective: Objective
-
-    @cached_property
-    def excess(self) -> np.ndarray:
-        """Excess over the soft sets, (4N+1,) [in each set's unit]."""
-        return self.objective.excess(self.horizon, self.x)
-
-    @cached_property
-    def slacks(self) -> np.ndarray:
-        """Slacks that the excess needs, (3,) [in each set's unit]."""
-        return self.objective.slacks(self.excess)
-
-    @cached_property
-    def merit(self) -> float:
-        """Cost plus penalty [1]."""
-        return self.cost + penalty(self.slacks, self.objective.config.slack_weight)
+    excess: np.ndarray
+    slacks: np.ndarray
+    merit: float
 
     @property
     def finite(self) -> bool:
@@ -62,14 +51,32 @@ class Trajectory:
 
 
 @dc.dataclass(frozen=True)
+class Curvature:
+    """Hessian (n, n) of a quadratic model, lower triangle only."""
+
+    hessian: np.ndarray
+
+    @cached_property
+    def factor(self) -> np.ndarray | None:
+        """Cholesky factor (n, n), lower triangle; None where the Hessian is not positive definite."""
+        factor, info = lapack.dpotrf(self.hessian, lower=1, clean=0)
+        return None if info else factor
+
+    @property
+    def full(self) -> np.ndarray:
+        """Both triangles of the Hessian (n, n)."""
+        return np.tril(self.hessian) + np.tril(self.hessian, -1).T
+
+
+@dc.dataclass(frozen=True)
 class LocalModel:
     """Quadratic model of the merit around a trajectory, d'Hd/2 + g'd + const with soft rows.
 
     The decision d (n,) is the change of T.ravel() [N].
-    hessian: (n, n) lower triangle only.   gradient: (n,).   rows: SoftRows with n columns.
+    curvature: H (n, n).   gradient: (n,).   rows: SoftRows with n columns.
     """
 
-    hessian: np.ndarray
+    curvature: Curvature
     gradient: np.ndarray
     rows: SoftRows
 
@@ -84,21 +91,26 @@ class Condensed:
         self.vehicle, self.config = vehicle, config
         self.objective = Objective(config)
         self.dynamics = DiscreteDynamics(vehicle, config.step)
+        self.preparation = Preparation(vehicle, config)
         n = config.horizon
         self.size = 4 * n
+        self._mixer, self._Q, self._R = np.ascontiguousarray(vehicle.mixer, float), config.Q, config.R
         self._Q_root = np.sqrt(config.Q)
-        R = vehicle.mixer.T @ (config.R[:, None] * vehicle.mixer)
-        self._R = np.asfortranarray(np.kron(np.eye(n), 2 * R))
-        half = n // 2  # the states of the first half depend on the inputs of that half alone
-        self._early, self._late = np.empty((13 * half, 4 * half)), np.empty((13 * (n - half), 4 * n))
+        over_thrust = vehicle.mixer.T @ (config.R[:, None] * vehicle.mixer)
+        self._inputs = np.asfortranarray(np.kron(np.eye(n), 2 * over_thrust))
+        cuts = [n - first for first in range(0, n, _PART)][::-1]
+        self._parts = [
+            (first, np.empty((13 * (last - first), 4 * last)))
+            for first, last in zip([0, *cuts], cuts, strict=False)
+        ]
 
-    def prepare(self, problem: MpcProblem) -> Horizon:
-        """Return the problem made ready for a solver, see `horizon.prepare`."""
-        return prepare(problem, self.vehicle, self.config)
+    def prepare(self, problem: MpcProblem, markov: np.ndarray | None = None) -> Horizon:
+        """Return the problem made ready for a solver, see `horizon.Preparation`."""
+        return self.preparation(problem, markov)
 
     def clip(self, T: np.ndarray) -> np.ndarray:
         """Return the thrusts clipped to the hard input set [N]."""
-        return np.clip(T, 0.0, self.vehicle.max_rotor_thrust)
+        return np.minimum(np.maximum(T, 0.0), self.vehicle.max_rotor_thrust)
 
     def rollout(self, h: Horizon, T: np.ndarray) -> Trajectory:
         """Return the trajectory under the thrusts T (N, 4) [N] from h.x0."""
@@ -109,7 +121,11 @@ class Condensed:
             self.dynamics.rollout(x, u, chi, h.markov)
         else:
             self._rollout_with_reaction(h, h.reaction, x, u, chi)
-        return Trajectory(T, u, x, chi, self.objective.cost(h, x, u, chi), h, self.objective)
+        cost, excess = self.objective.cost(h, x, u, chi), self.objective.excess(h, x)
+        slacks = self.objective.slacks(excess)
+        return Trajectory(
+            T, u, x, chi, cost, excess, slacks, cost + penalty(slacks, self.config.slack_weight)
+        )
 
     def _rollout_with_reaction(self, h: Horizon, reaction: Reaction, x, u, chi) -> None:
         """Write x and chi as `DiscreteDynamics.rollout`, with a wrench that reacts to the motion at once."""
@@ -120,27 +136,40 @@ class Condensed:
             chi[i] += reaction(x[i, ZETA])
             x[i + 1] = self.dynamics.advance(x[i], u[i], chi[i])
 
-    def sensitivities(self, h: Horizon, t: Trajectory) -> np.ndarray:
-        """Return dx_i/dT for i = 1 … N, (N, 13, 4N), with the reaction of the wrench to the predicted motion."""
+    def sensitivities(self, h: Horizon, t: Trajectory, out: np.ndarray | None = None) -> np.ndarray:
+        """Return dx_i/dT for i = 1 … N, (N, 13, 4N), with the reaction of the wrench to the predicted motion.
+
+        Args: out: earlier result to overwrite.
+        """
         n = self.config.horizon
         model = self.dynamics.linearise(t.x[:-1], t.u, t.chi)
         own = np.zeros((0, 6, 6)) if h.reaction is None else h.reaction.jacobian(t.x[:-1, ZETA])
-        S = np.zeros((n, STATE_SIZE, 4 * n))
-        kernel.sensitivities(model.Fx, model.Fu @ self.vehicle.mixer, h.markov, np.ascontiguousarray(own), S)
+        S = np.zeros((n, STATE_SIZE, 4 * n)) if out is None else out
+        Fu = (model.Fu.reshape(-1, INPUT_SIZE) @ self._mixer).reshape(model.Fu.shape)
+        workspace = np.empty((WRENCH_SIZE, 4 * n))
+        condensing.sensitivities(model.Fx, Fu, h.markov, np.ascontiguousarray(own), S, workspace)
         return S
 
     def local_model(self, h: Horizon, t: Trajectory) -> LocalModel:
         """Return the Gauss-Newton Hessian and exact gradient of the cost at t, with the rows linearised."""
         S = self.sensitivities(h, t)
-        return LocalModel(self.hessian(h, S), self.gradient(h, t, S), self.objective.rows(h, t.x, S))
+        return self.model(h, t, S, Curvature(self.hessian(h, S)))
+
+    def model(self, h: Horizon, t: Trajectory, S: np.ndarray, curvature: Curvature) -> LocalModel:
+        """Return the local model at t of a given curvature and sensitivities S (N, 13, 4N)."""
+        return LocalModel(curvature, self.gradient(h, t, S), self.objective.rows(h, t.x, S))
 
     def hessian(self, h: Horizon, S: np.ndarray) -> np.ndarray:
         """Return the Gauss-Newton Hessian over T by the sensitivities S, (4N, 4N), lower triangle [1/N²]."""
-        early, late = self._early, self._late
-        kernel.weigh(S, self._Q_root, h.P_root, early, late)
-        hessian = dsyrk(2.0, late.T, beta=1.0, c=self._R, lower=1)
-        first = early.shape[1]
-        hessian[:first, :first] += dsyrk(2.0, early.T, lower=1)
+        hessian = self._inputs
+        for k, (first, part) in enumerate(reversed(self._parts)):
+            condensing.weigh(S, self._Q_root, first, part)
+            if k == 0:
+                condensing.weigh_end(S, h.P_root, part)
+                hessian = dsyrk(2.0, part.T, beta=1.0, c=hessian, lower=1)
+            else:
+                size = part.shape[1]
+                hessian[:size, :size] += dsyrk(2.0, part.T, lower=1)
         if self.config.weight_swing > 0:
             force = np.sqrt(self.config.weight_swing) * lateral_response(h, S)
             hessian += dsyrk(2.0, force.reshape(-1, self.size).T, lower=1)
@@ -148,11 +177,8 @@ class Condensed:
 
     def gradient(self, h: Horizon, t: Trajectory, S: np.ndarray) -> np.ndarray:
         """Return the gradient of the cost over T by the sensitivities S, (4N,) [1/N]."""
-        e = t.x[1:] - h.x_ref[1:]
-        weighted = 2 * self.config.Q * e
-        weighted[-1] = 2 * h.P @ e[-1]
-        over_inputs = (2 * self.config.R * (t.u - h.u_ref)) @ self.vehicle.mixer
-        gradient = weighted.ravel() @ S.reshape(-1, self.size) + over_inputs.ravel()
+        gradient = np.empty(self.size)
+        condensing.gradient(t.x, h.x_ref, t.u, h.u_ref, self._Q, self._R, h.P, self._mixer, S, gradient)
         if self.config.weight_swing > 0:
             pull = 2 * self.config.weight_swing * t.chi[:, LATERAL]
             gradient += pull.ravel() @ lateral_response(h, S).reshape(-1, self.size)

@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 from numpy.typing import ArrayLike
 
-from np_drake.mpc import kernel
+from np_drake.mpc.kernels import dynamics as kernel
 from np_drake.rigid_body import STATE_SIZE
 from np_drake.vehicle import Vehicle
 

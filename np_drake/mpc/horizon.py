@@ -1,13 +1,12 @@
 """One problem made ready for a solver: checked, aligned, and with the lifted linear system eliminated."""
 
 import dataclasses as dc
-from functools import cached_property
 
 import numpy as np
 
-from np_drake import attitude
+from np_drake.mpc.kernels import horizon as kernel
 from np_drake.mpc.problem import MpcConfig, MpcProblem, SolverFailure
-from np_drake.mpc.terminal import terminal_weight
+from np_drake.mpc.terminal import TerminalWeight
 from np_drake.residual_models.base import Reaction, WrenchForecast
 from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE
 from np_drake.vehicle import Vehicle
@@ -18,7 +17,7 @@ class Horizon:
     """Problem data as the solvers read them; N stages.
 
     x0: (13,) unit quaternion.   x_ref: (N+1, 13) on the hemisphere of x0.   u_ref: (N, 4) [N, N·m].
-    P: (13, 13) terminal weight of this problem's last reference attitude.
+    P: (13, 13) terminal weight of this problem's last reference attitude.   P_root: (13, 13), F with F'F = P.
     free: (N, 6) wrench with zeta = 0.   markov: (6, 6(N-1)) = [C A^(N-2) B … C B]; with the predicted zeta
     chi_i = free_i + markov[:, -6i:] @ [zeta_0 … zeta_(i-1)] + reaction(zeta_i).
     """
@@ -27,73 +26,75 @@ class Horizon:
     x_ref: np.ndarray
     u_ref: np.ndarray
     P: np.ndarray
+    P_root: np.ndarray
     free: np.ndarray
     markov: np.ndarray
     reaction: Reaction | None = None
 
-    @cached_property
-    def P_root(self) -> np.ndarray:
-        """Factor F with F'F = P (up to 1e-12 of its largest entry), (13, 13)."""
-        return np.linalg.cholesky(self.P + 1e-12 * self.P.max() * np.eye(len(self.P))).T
+
+class Preparation:
+    """Preparation of the problems of one vehicle and configuration."""
+
+    def __init__(self, vehicle: Vehicle, config: MpcConfig):
+        n = config.horizon
+        self._terminal = TerminalWeight(vehicle, config)
+        self._shapes = {"x0": (STATE_SIZE,), "x_ref": (n + 1, STATE_SIZE), "u_ref": (n, INPUT_SIZE)}
+        self._horizon = n
+
+    def __call__(self, problem: MpcProblem, markov: np.ndarray | None = None) -> Horizon:
+        """Return the problem made ready for a solver.
+
+        Args: markov: of an earlier horizon, kept instead of that of this problem's A, B and C.
+        Raises: SolverFailure: if an entry is NaN, infinite or of the wrong shape.
+        """
+        f = problem.forecast
+        x0, x_ref, u_ref = (_checked(name, getattr(problem, name), s) for name, s in self._shapes.items())
+        norm = np.linalg.norm(x0[3:7])
+        if norm < 1e-6:
+            raise SolverFailure("MPC: the quaternion of x0 must not be zero; check the state estimate.")
+        x0[3:7] /= norm
+        kernel.one_hemisphere(x_ref[:, 3:7], x0[3:7])
+        if np.shape(f.offset) != (self._horizon, WRENCH_SIZE):
+            raise SolverFailure(_wrong_shape("forecast.offset", f.offset, (self._horizon, WRENCH_SIZE)))
+        free, markov = eliminate(f, markov)
+        if not (kernel.finite(free) and kernel.finite(markov)):
+            raise SolverFailure("MPC: the forecast overflows within the horizon; its A must be stable.")
+        F = self._terminal.factor(x_ref[-1, 3:7])
+        return Horizon(x0, x_ref, u_ref, F.T @ F, F, free, markov, f.reaction)
 
 
-def prepare(problem: MpcProblem, vehicle: Vehicle, config: MpcConfig) -> Horizon:
-    """Return the problem made ready for a solver.
-
-    Raises: SolverFailure: if an entry is NaN, infinite or of the wrong shape.
-    """
-    _check(problem, config)
-    x0 = np.array(problem.x0, float)
-    norm = np.linalg.norm(x0[3:7])
-    if norm < 1e-6:
-        raise SolverFailure("MPC: the quaternion of x0 must not be zero; check the state estimate.")
-    x0[3:7] /= norm
-    x_ref = np.array(problem.x_ref, float)
-    x_ref[:, 3:7] = attitude.one_hemisphere(x_ref[:, 3:7], x0[3:7])
-    free, markov = eliminate(problem.forecast)
-    if not (np.isfinite(free).all() and np.isfinite(markov).all()):
-        raise SolverFailure("MPC: the forecast overflows within the horizon; its A must be stable.")
-    P = terminal_weight(vehicle, config, x_ref[-1, 3:7])
-    return Horizon(x0, x_ref, np.array(problem.u_ref, float), P, free, markov, problem.forecast.reaction)
-
-
-def eliminate(forecast: WrenchForecast) -> tuple[np.ndarray, np.ndarray]:
+def eliminate(f: WrenchForecast, markov: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Return (free, markov) of `Horizon`.
 
     Only C A^j [B z] is needed, so K leaves the problem; the reaction stays.
+    Args: markov: as of `Preparation`.
+    Raises: SolverFailure: if an entry is NaN, infinite or of the wrong shape.
     """
-    n = len(forecast.offset)
-    free = np.array(forecast.offset, float)
-    K = len(forecast.z)
-    if K == 0:
-        return free, np.zeros((WRENCH_SIZE, 0))
-    powers = np.empty((n, K, WRENCH_SIZE + 1))  # A^j [B z]
-    powers[0, :, :WRENCH_SIZE] = forecast.B
-    powers[0, :, WRENCH_SIZE] = forecast.z
-    A = np.ascontiguousarray(forecast.A, float)
-    for j in range(1, n):
-        np.matmul(A, powers[j - 1], out=powers[j])
-    response = forecast.C @ powers  # (n, 6, 7)
-    free += response[:, :, WRENCH_SIZE]
-    blocks = response[n - 2 :: -1, :, :WRENCH_SIZE] if n > 1 else np.zeros((0, 6, 6))
-    return free, np.ascontiguousarray(blocks.transpose(1, 0, 2)).reshape(WRENCH_SIZE, -1)
+    n, K = len(f.offset), np.size(f.z)
+    shapes = {"A": (K, K), "B": (K, WRENCH_SIZE), "C": (WRENCH_SIZE, K), "z": (K,)}
+    free = _checked("forecast.offset", f.offset, (n, WRENCH_SIZE))
+    A, B, C, z = (_checked(f"forecast.{name}", getattr(f, name), shape) for name, shape in shapes.items())
+    if markov is not None:
+        kernel.free_response(A, C, z, free)
+        return free, markov
+    markov = np.empty((WRENCH_SIZE, WRENCH_SIZE * (n - 1) if K else 0))
+    if K:
+        kernel.eliminate(A, B, C, z, free, markov)
+    return free, markov
 
 
-def _check(problem: MpcProblem, config: MpcConfig) -> None:
-    n, f = config.horizon, problem.forecast
-    K = np.size(f.z)
-    wanted = {
-        "x0": (problem.x0, (STATE_SIZE,)),
-        "x_ref": (problem.x_ref, (n + 1, STATE_SIZE)),
-        "u_ref": (problem.u_ref, (n, INPUT_SIZE)),
-        "forecast.offset": (f.offset, (n, WRENCH_SIZE)),
-        "forecast.z": (f.z, (K,)),
-        "forecast.A": (f.A, (K, K)),
-        "forecast.B": (f.B, (K, WRENCH_SIZE)),
-        "forecast.C": (f.C, (WRENCH_SIZE, K)),
-    }
-    for name, (value, shape) in wanted.items():
-        if np.shape(value) != shape:
-            raise SolverFailure(f"MPC: {name} must have shape {shape}; got {np.shape(value)}.")
-        if not np.isfinite(value).all():
-            raise SolverFailure(f"MPC: {name} must be finite; got NaN or infinity.")
+def _checked(name: str, value: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Return a copy of the value (…) as contiguous numbers.
+
+    Raises: SolverFailure: if its shape is another or an entry is not finite.
+    """
+    if np.shape(value) != shape:
+        raise SolverFailure(_wrong_shape(name, value, shape))
+    numbers = np.array(value, float, order="C")
+    if not kernel.finite(numbers):
+        raise SolverFailure(f"MPC: {name} must be finite; got NaN or infinity.")
+    return numbers
+
+
+def _wrong_shape(name: str, value: np.ndarray, shape: tuple[int, ...]) -> str:
+    return f"MPC: {name} must have shape {shape}; got {np.shape(value)}."

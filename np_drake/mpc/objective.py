@@ -12,8 +12,8 @@ import dataclasses as dc
 
 import numpy as np
 
-from np_drake.mpc import kernel
 from np_drake.mpc.horizon import Horizon
+from np_drake.mpc.kernels import condensing, merit
 from np_drake.mpc.problem import MpcConfig
 from np_drake.mpc.swing import swing_cost
 
@@ -31,6 +31,12 @@ class SoftRows:
     jacobian: np.ndarray
     kind: np.ndarray
 
+    def slacks(self, d: np.ndarray) -> np.ndarray:
+        """Return the smallest slacks (3,) of the linearised rows at d (n,)."""
+        slacks = np.empty(KINDS)
+        merit.slacks(self.excess + self.jacobian @ d, self.kind, slacks)
+        return slacks
+
 
 class Objective:
     """Cost, soft sets and merit of trajectories; it holds constants only."""
@@ -39,6 +45,8 @@ class Objective:
         self.config = config
         self.min_cosine = float(np.cos(config.max_tilt))
         self._Q, self._R = config.Q, config.R
+        stages = config.horizon
+        self.kind = np.repeat(range(KINDS), [3 * stages, stages, 1])
         self.softening = _SOFTENING * config.terminal_radius**2
 
     def cost(self, h: Horizon, x: np.ndarray, u: np.ndarray, chi: np.ndarray) -> float:
@@ -46,7 +54,7 @@ class Objective:
 
         Args: x: (N+1, 13).   u: (N, 4) [N, N·m].   chi: (N, 6) [N, N·m].
         """
-        tracking = kernel.tracking_cost(x, h.x_ref, u, h.u_ref, self._Q, self._R, h.P)
+        tracking = merit.tracking_cost(x, h.x_ref, u, h.u_ref, self._Q, self._R, h.P)
         return float(tracking) + swing_cost(chi, self.config.weight_swing)
 
     def excess(self, h: Horizon, x: np.ndarray) -> np.ndarray:
@@ -54,15 +62,16 @@ class Objective:
 
         The measured x_0 is left out.
         """
-        excess = np.empty(4 * len(x) - 3)
-        kernel.stage_excess(x, self.config.max_speed, self.min_cosine, excess)
-        excess[-1] = self.terminal_norm(h, x[-1]) - self.config.terminal_radius
+        c, excess = self.config, np.empty(4 * len(x) - 3)
+        sizes = (c.max_speed, self.min_cosine, c.terminal_radius)
+        merit.excess(x, h.x_ref[-1], h.P, *sizes, self.softening, excess)
         return excess
 
     def slacks(self, excess: np.ndarray) -> np.ndarray:
         """Return the smallest slacks (3,) that an excess (4N+1,) allows."""
-        fast = 3 * (len(excess) // 4)
-        return np.maximum([excess[:fast].max(), excess[fast:-1].max(), excess[-1]], 0.0)
+        slacks = np.empty(KINDS)
+        merit.slacks(excess, self.kind, slacks)
+        return slacks
 
     def terminal_norm(self, h: Horizon, x_N: np.ndarray) -> float:
         """Return sqrt(e' P_f e) with P_f = P / P_xx, smooth at zero [m]."""
@@ -74,13 +83,15 @@ class Objective:
 
         The velocity box has one row a component, on the side where the velocity lies.
         """
-        stages, _, n = S.shape
         far = (x[-1] - h.x_ref[-1]) @ h.P / (h.P[0, 0] * self.terminal_norm(h, x[-1]))
-        jacobian = np.empty((4 * stages + 1, n))
-        kernel.row_jacobian(x, S, far, jacobian)
-        return SoftRows(self.excess(h, x), jacobian, np.repeat(range(KINDS), [3 * stages, stages, 1]))
+        jacobian = np.zeros((len(self.kind), S.shape[2]))
+        condensing.row_jacobian(x, S, far, jacobian)
+        return SoftRows(self.excess(h, x), jacobian, self.kind)
 
 
 def penalty(slack: np.ndarray, slack_weight: float) -> float:
     """Return the penalty of the slacks (3,) at a weight `slack_weight` [1]."""
-    return float(slack_weight * np.sum(slack + QUADRATIC * slack**2))
+    total = 0.0
+    for s in slack.tolist():
+        total += s + QUADRATIC * s * s
+    return slack_weight * total

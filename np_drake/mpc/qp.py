@@ -14,8 +14,9 @@ import numpy as np
 from pydrake.solvers import ClarabelSolver, OsqpSolver
 from scipy.linalg import blas, lapack
 
-from np_drake.mpc.condensed import LocalModel
+from np_drake.mpc.condensed import Curvature, LocalModel
 from np_drake.mpc.drake_solvers import new_program, solver_options
+from np_drake.mpc.kernels.horizon import finite
 from np_drake.mpc.objective import KINDS, QUADRATIC, SoftRows, penalty
 
 _OSQP = {
@@ -63,33 +64,33 @@ class QpSolver:
         Args: lower, upper: (n,) bounds of the step [N].
         """
         deadline = time.perf_counter() + time_limit
-        H = model.hessian
-        if not (np.isfinite(H).all() and np.isfinite(model.rows.jacobian).all()):
+        rows, curvature = model.rows, model.curvature
+        if not (finite(curvature.hessian) and finite(rows.jacobian)):
             return Step(np.zeros_like(lower), 0.0)  # a tumble that overflows: no model to go by
-        d = active_set(H, model.gradient, lower, upper)
-        if d is None or linear_slacks(model.rows, d).any():
-            H = np.tril(H) + np.tril(H, -1).T
+        d = active_set(curvature, model.gradient, lower, upper)
         if d is None:  # cycled: the clipped Newton step tells whether the soft rows matter
+            H = curvature.full
             d = np.clip(np.linalg.lstsq(H, -model.gradient)[0], lower, upper)
-            if not linear_slacks(model.rows, d).any():
+            if not rows.slacks(d).any():
                 d = self._solve_box(H, model.gradient, lower, upper, d)
-        if linear_slacks(model.rows, d).any():
-            d = self._solve_soft(H, model, lower, upper, d, deadline)
-        return Step(d, self._decrease(H, model, d, model.rows))
+        if rows.slacks(d).any():
+            d = self._solve_soft(model, lower, upper, d, deadline)
+        return Step(d, self._decrease(model, d, rows))
 
-    def _decrease(self, H, model, d, rows) -> float:
-        before, after = linear_slacks(rows, np.zeros_like(d)), linear_slacks(rows, d)
+    def _decrease(self, model: LocalModel, d: np.ndarray, rows: SoftRows) -> float:
+        before, after = rows.slacks(np.zeros_like(d)), rows.slacks(d)
         gain = penalty(before, self._weight) - penalty(after, self._weight)
-        return float(gain - model.gradient @ d - 0.5 * d @ blas.dsymv(1.0, H, d, lower=1))
+        bend = d @ blas.dsymv(1.0, model.curvature.hessian, d, lower=1)
+        return float(gain - model.gradient @ d - 0.5 * bend)
 
     def _solve_box(self, H, g, lower, upper, guess) -> np.ndarray:
         self._box.update(H, g, lower, upper)
         d = self._osqp.Solve(self._box.prog, guess, self._options).GetSolution(self._box.d)
         return np.clip(d, lower, upper) if np.isfinite(d).all() else guess
 
-    def _solve_soft(self, H, model, lower, upper, d, deadline) -> np.ndarray:
+    def _solve_soft(self, model, lower, upper, d, deadline) -> np.ndarray:
         """Solve with the rows nearest to activity; with all, where those left out would take half of the gain."""
-        rows = model.rows
+        rows, H = model.rows, model.curvature.full
         level = np.maximum(rows.excess, rows.excess + rows.jacobian @ d)
         for program in self._soft:
             pick = np.sort(np.argsort(-level)[: program.rows])
@@ -101,56 +102,41 @@ class QpSolver:
             if not result.is_success():
                 return d
             d = np.clip(result.GetSolution(program.d), lower, upper)
-            if self._decrease(H, model, d, rows) >= 0.5 * self._decrease(H, model, d, chosen):
+            if self._decrease(model, d, rows) >= 0.5 * self._decrease(model, d, chosen):
                 return d
         return d
 
 
-def active_set(H: np.ndarray, g: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray | None:
+def active_set(
+    curvature: Curvature, g: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> np.ndarray | None:
     """Return the exact minimiser (n,) of d'Hd/2 + g'd in a box by primal-dual active sets; None if they cycle.
 
     Starts from the Newton step, hence ends in one round where no bound is active.
     Source: Hintermüller, Ito, Kunisch 2002, SIAM J. Optim. 13(3).
-    Args: H: (n, n), of which the lower triangle is read.   g: (n,).   lower, upper: (n,) bounds of the box.
+    Args: curvature: H (n, n).   g: (n,).   lower, upper: (n,) bounds of the box.
     """
-    low = high = np.zeros(len(g), bool)
+    if curvature.factor is None:
+        return None
+    d, H = lapack.dpotrs(curvature.factor, -g, lower=1)[0], curvature.hessian
+    low, high = d < lower, d > upper
+    if not (low.any() or high.any()):
+        return d
     for _ in range(_ACTIVE_SET_ROUNDS):
-        active = low | high
-        if active.any():
-            free = np.flatnonzero(~active)
-            d = np.where(low, lower, np.where(high, upper, 0.0))
+        free = np.flatnonzero(~(low | high))
+        d = np.where(low, lower, np.where(high, upper, 0.0))
+        if len(free):
             pull = (g + blas.dsymv(1.0, H, d, lower=1))[free]
-            step = newton_step(np.asfortranarray(H[np.ix_(free, free)]), pull) if len(free) else pull
-            if step is None:
+            inner = Curvature(np.asfortranarray(H[np.ix_(free, free)]))
+            if inner.factor is None:
                 return None
-            d[free] = step
-        else:
-            newton = newton_step(H, g)
-            if newton is None:
-                return None
-            d = newton
-        below, above = d < lower, d > upper
-        if not (active.any() or below.any() or above.any()):
-            return d
+            d[free] = lapack.dpotrs(inner.factor, -pull, lower=1)[0]
         force = blas.dsymv(1.0, H, d, lower=1) + g
-        next_low, next_high = (low & (force > 0)) | below, (high & (force < 0)) | above
+        next_low, next_high = (low & (force > 0)) | (d < lower), (high & (force < 0)) | (d > upper)
         if np.array_equal(next_low, low) and np.array_equal(next_high, high):
             return np.clip(d, lower, upper)
         low, high = next_low, next_high
     return None
-
-
-def newton_step(H: np.ndarray, g: np.ndarray) -> np.ndarray | None:
-    """Return -H^-1 g of the lower triangle of H; None where it is not positive definite."""
-    factor, info = lapack.dpotrf(H, lower=1, clean=0)
-    return None if info else lapack.dpotrs(factor, -g, lower=1)[0]
-
-
-def linear_slacks(rows: SoftRows, d: np.ndarray) -> np.ndarray:
-    """Return the smallest slacks (3,) of the linearised rows at d."""
-    slacks = np.zeros(KINDS)
-    np.maximum.at(slacks, rows.kind, rows.excess + rows.jacobian @ d)
-    return slacks
 
 
 class BoxProgram:

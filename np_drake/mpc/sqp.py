@@ -1,20 +1,36 @@
 """Sequential quadratic programming on the condensed problem: a real-time iteration of one or two steps."""
 
+import dataclasses as dc
 import time
 
 import numpy as np
 
-from np_drake.mpc.condensed import Condensed, Trajectory
+from np_drake.mpc.condensed import Condensed, Curvature, Trajectory
 from np_drake.mpc.drake_solvers import expected_early_ends
 from np_drake.mpc.horizon import Horizon
 from np_drake.mpc.initial_guess import initial_trajectory
 from np_drake.mpc.problem import MpcConfig, MpcProblem, MpcSolution, MpcStatus, SolverFailure
 from np_drake.mpc.qp import QpSolver
+from np_drake.rigid_body import STATE_SIZE
 from np_drake.vehicle import Vehicle
 
 _BACKTRACKS = 5  # step sizes that are tried, each 0.35 of the last; own choice [1]
 _TOLERANCE = 3e-3  # of the cost: how far the local model may miss the true decrease before another step
 _SETTLED = 1e-3  # of the tolerance: further steps would change nothing
+
+
+@dc.dataclass(frozen=True)
+class Prepared:
+    """Problem linearised around a trajectory; valid until its solver prepares or solves the next.
+
+    sensitivities: (N, 13, 4N) of x_1 … x_N over the rotor thrusts [1/N].   cold: whether no plan was at hand.
+    """
+
+    horizon: Horizon
+    trajectory: Trajectory
+    sensitivities: np.ndarray
+    curvature: Curvature
+    cold: bool = False
 
 
 class SqpSolver:
@@ -23,6 +39,9 @@ class SqpSolver:
     More steps, up to `max_steps`, follow a cold start and a step whose local model missed the true decrease.
     Status OPTIMAL: the local model predicted the decrease of the last step to 3e-3 of the cost. With
     `time_limit` [s] = inf the answer does not depend on the machine.
+
+    `solve` answers a problem that is known now. `prepare` and `feedback` are its two halves: the first linearises
+    around the state that is predicted, before the measurement; the second takes one step from what was measured.
     """
 
     name = "sqp"
@@ -39,6 +58,7 @@ class SqpSolver:
         self.condensed = Condensed(vehicle, config)
         self._qp = QpSolver(self.condensed.size, 4 * config.horizon + 1, config.slack_weight)
         self._steps, self._max_steps, self._time_limit = steps, max(steps, max_steps), time_limit
+        self._sensitivities = np.zeros((config.horizon, STATE_SIZE, self.condensed.size))
 
     def solve(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> MpcSolution:
         """Solve one problem.
@@ -52,6 +72,40 @@ class SqpSolver:
             steps = range(self._max_steps if cold else self._steps, self._max_steps + 1)
             t, status, count = self.descend(h, t, steps=steps, deadline=start + self._time_limit)
         return as_solution(t, status, count, time.perf_counter() - start)
+
+    def prepare(self, problem: MpcProblem, warm_start: MpcSolution | None = None) -> Prepared:
+        """Linearise a problem around the warm start, or where there is none around a cold start.
+
+        Args: problem: as it is expected at the next measurement.
+        Raises: SolverFailure: on NaN, wrong shapes or a forecast that overflows.
+        """
+        with np.errstate(all="ignore"):
+            h = self.condensed.prepare(problem)
+            t, cold = initial_trajectory(self.condensed, h, warm_start)
+            prepared = dc.replace(self._linearise(h, t), cold=cold)
+            prepared.curvature.factor  # noqa: B018  computed here, so that the feedback need not
+        return prepared
+
+    def feedback(self, prepared: Prepared, problem: MpcProblem) -> MpcSolution:
+        """Return the plan for the problem as it was measured, by one step on prepared derivatives.
+
+        Measurement, references and the forecast's z and offset are those of the problem, and its A, B and C enter what
+        the wrench does without feedback. What the planned motion makes of the wrench is as prepared. A cold start needs
+        more than one step: it is solved in full.
+        Raises: SolverFailure: on NaN, wrong shapes or a forecast that overflows.
+        """
+        if prepared.cold:
+            return self.solve(problem)
+        start = time.perf_counter()
+        with np.errstate(all="ignore"), expected_early_ends():
+            h = self.condensed.prepare(problem, prepared.horizon.markov)
+            t = self.condensed.rollout(h, prepared.trajectory.T)
+            if not t.finite:
+                return self.solve(problem)
+            now = dc.replace(prepared, horizon=h, trajectory=t)
+            t, miss = self._step(now, self._time_limit)
+        status = MpcStatus.OPTIMAL if miss <= _TOLERANCE * (1 + t.merit) else MpcStatus.ITERATION_LIMIT
+        return as_solution(t, status, 1, time.perf_counter() - start)
 
     def descend(
         self, h: Horizon, t: Trajectory, *, steps: range, deadline: float
@@ -77,7 +131,15 @@ class SqpSolver:
 
         Returns: the new trajectory, and the error of the local model's decrease against the true one.
         """
-        model = self.condensed.local_model(h, t)
+        return self._step(self._linearise(h, t), time_limit)
+
+    def _linearise(self, h: Horizon, t: Trajectory) -> Prepared:
+        S = self.condensed.sensitivities(h, t, self._sensitivities)
+        return Prepared(h, t, S, Curvature(self.condensed.hessian(h, S)))
+
+    def _step(self, prepared: Prepared, time_limit: float) -> tuple[Trajectory, float]:
+        h, t = prepared.horizon, prepared.trajectory
+        model = self.condensed.model(h, t, prepared.sensitivities, prepared.curvature)
         flat = t.T.ravel()
         top = self.condensed.vehicle.max_rotor_thrust
         step = self._qp.solve(model, -flat, top - flat, time_limit)

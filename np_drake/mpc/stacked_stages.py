@@ -44,6 +44,7 @@ class StackedStages:
             x_ref=rng.normal(size=(n + 1, 13)),
             u_ref=rng.normal(size=(n, 4)),
             P=np.eye(13) + np.ones((13, 13)),
+            P_root=np.eye(13),
             free=rng.normal(size=(n, 6)),
             markov=rng.normal(size=(6, 6 * (n - 1))),
             reaction=_Dense(),

@@ -1,35 +1,43 @@
 """Terminal weight P: scaled Q, or the cost-to-go of the discrete Riccati equation at hover."""
 
+import math
 from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from np_drake import attitude
 from np_drake.mpc.dynamics import DiscreteDynamics
 from np_drake.mpc.problem import MpcConfig
 from np_drake.vehicle import Vehicle
 
 _CONTROLLABLE = np.delete(np.arange(13), 3)  # all states but q_w, which no input moves at hover
+_DEFINITE = 1e-12  # of the largest weight, so that the factor exists
 _FLOOR = 1e-4  # of a weight, where zero would leave the Riccati equation without a stabilising solution
 
 
-def terminal_weight(vehicle: Vehicle, config: MpcConfig, q_ref: np.ndarray) -> np.ndarray:
-    """Return P (13, 13) for a horizon that ends at the attitude `q_ref`.
+class TerminalWeight:
+    """Terminal weight P for horizons that end at any attitude, as a factor F with F'F = P.
 
     `riccati`: the hover solution holds in the frame of the reference: position and velocity errors are turned
-    into its heading, the attitude error is q_ref^* (q - q_ref); its vector part is among the controllable
-    states.
+    into its heading, the attitude error is q_ref^* (q - q_ref); its vector part is among the controllable states.
     """
-    if config.terminal == "scaled":
-        return np.diag(config.P)
-    T = np.eye(13)
-    turn = np.array([q_ref[0], 0.0, 0.0, q_ref[3]])
-    turn /= max(float(np.linalg.norm(turn)), 1e-9)
-    T[0:3, 0:3] = T[7:10, 7:10] = attitude.rotation_matrix(turn).T
-    w, x, y, z = q_ref
-    T[3:7, 3:7] = [[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]
-    return T.T @ hover_solution(vehicle, config)[0] @ T
+
+    def __init__(self, vehicle: Vehicle, config: MpcConfig):
+        self._turns = config.terminal != "scaled"
+        P = hover_solution(vehicle, config)[0] if self._turns else np.diag(config.P)
+        self._root = np.linalg.cholesky(P + _DEFINITE * P.max() * np.eye(len(P))).T
+
+    def factor(self, q_ref: np.ndarray) -> np.ndarray:
+        """Return F (13, 13) for the last reference attitude q_ref (4,)."""
+        if not self._turns:
+            return self._root
+        w, x, y, z = q_ref.tolist()
+        norm = max(math.hypot(w, z), 1e-9)
+        c, s = (w * w - z * z) / norm**2, 2 * w * z / norm**2
+        turn = np.eye(13)
+        turn[0:2, 0:2] = turn[7:9, 7:9] = [[c, s], [-s, c]]
+        turn[3:7, 3:7] = [[w, x, y, z], [-x, w, z, -y], [-y, -z, w, x], [-z, y, -x, w]]
+        return self._root @ turn
 
 
 def hover_solution(vehicle: Vehicle, config: MpcConfig) -> tuple[np.ndarray, np.ndarray]:

@@ -10,7 +10,7 @@ def test_the_solver_tables_stay_within_the_width(capsys):
         output.print_table(title, header, rows)
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= output.WIDTH
-    assert all(name in "".join(lines) for name in ("p95", "p99", "to casadi", "to acados", "gap"))
+    assert all(name in "".join(lines) for name in ("p95", "p99", "to casadi", "to acados", "gap", "feedback"))
 
 
 def test_a_peer_that_did_not_run_leaves_a_dash(capsys):

@@ -5,6 +5,7 @@ import pytest
 
 from np_drake.mpc import benchmark, benchmark_problems
 from np_drake.mpc.problem import MpcConfig, SolverFailure
+from np_drake.mpc.split_sqp import SplitSqpSolver
 from np_drake.mpc.sqp import SqpSolver
 
 
@@ -40,6 +41,13 @@ def test_the_ratio_is_of_median_times(vehicle, config, problems, name):
     a, b = benchmark.run([SqpSolver(vehicle, config, steps=2), peer], problems, step=config.step)
     assert getattr(a, f"ratio_to_{name}") == pytest.approx(a.median_ms / b.median_ms)
     assert getattr(b, f"ratio_to_{name}") == 1.0
+
+
+def test_the_feedback_is_that_part_of_a_solve_that_follows_the_measurement(vehicle, config, problems):
+    solvers = [SplitSqpSolver(vehicle, config), SqpSolver(vehicle, config)]
+    split, whole = benchmark.run(solvers, problems, step=config.step)
+    assert 0 < split.feedback_ms < split.median_ms
+    assert whole.feedback_ms is None
 
 
 def test_peers_that_cannot_run_have_no_row(vehicle, config, monkeypatch):
@@ -82,7 +90,8 @@ def test_the_suite_covers_horizons_cold_and_infeasible_starts(vehicle, monkeypat
     reports = benchmark.suite(
         vehicle, config, count=4, progress=lambda done, total: seen.append((done, total))
     )
-    assert list(reports) == ["tracking", "N = 10", "N = 20", "N = 40", "cold start", "infeasible start"]
+    growth = [benchmark.growth_name(n, K) for n, K in benchmark.GROWTH]
+    assert list(reports) == ["tracking", *growth, "cold start", "infeasible start"]
     assert seen[-1][0] == seen[-1][1] == sum(r[0].problems for r in reports.values())
     assert all(r[0].failures == 0 for r in reports.values())
     assert dc.asdict(reports["tracking"][0])["name"] == "sqp"

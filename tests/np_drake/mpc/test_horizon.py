@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from np_drake.mpc.horizon import eliminate, prepare
+from np_drake.mpc.horizon import Preparation, eliminate
 from np_drake.mpc.problem import SolverFailure
 from np_drake.residual_models.base import WrenchForecast
 
@@ -35,13 +35,13 @@ def test_references_lie_on_the_hemisphere_of_the_measurement(vehicle, config, ma
     x_ref = problem.x_ref.copy()
     x_ref[::2, 3:7] *= -1
     flipped = dc.replace(problem, x_ref=x_ref, x0=problem.x0 * np.repeat([1, -1, 1], [3, 4, 6]))
-    dut = prepare(flipped, vehicle, config)
+    dut = Preparation(vehicle, config)(flipped)
     assert np.all(dut.x_ref[:, 3:7] @ dut.x0[3:7] > 0)
 
 
 def test_the_measured_quaternion_is_normalised(vehicle, config, make_problem):
     problem = make_problem(config)
-    dut = prepare(dc.replace(problem, x0=problem.x0 * 1.01), vehicle, config)
+    dut = Preparation(vehicle, config)(dc.replace(problem, x0=problem.x0 * 1.01))
     assert np.linalg.norm(dut.x0[3:7]) == pytest.approx(1.0, abs=1e-15)
 
 
@@ -51,7 +51,7 @@ def test_nan_raises_and_names_the_field(vehicle, config, make_problem, field):
     bad = np.array(getattr(problem, field))
     bad.flat[0] = np.nan
     with pytest.raises(SolverFailure, match=field):
-        prepare(dc.replace(problem, **{field: bad}), vehicle, config)
+        Preparation(vehicle, config)(dc.replace(problem, **{field: bad}))
 
 
 @pytest.mark.parametrize("field", ["A", "B", "C", "z", "offset"])
@@ -60,12 +60,14 @@ def test_nan_in_the_forecast_raises(vehicle, config, make_problem, field):
     bad = np.array(getattr(problem.forecast, field))
     bad.flat[-1] = np.inf
     with pytest.raises(SolverFailure, match=rf"forecast\.{field}"):
-        prepare(dc.replace(problem, forecast=dc.replace(problem.forecast, **{field: bad})), vehicle, config)
+        Preparation(vehicle, config)(
+            dc.replace(problem, forecast=dc.replace(problem.forecast, **{field: bad}))
+        )
 
 
 def test_a_wrong_horizon_raises(vehicle, config, make_problem):
     with pytest.raises(SolverFailure, match="shape"):
-        prepare(make_problem(dc.replace(config, horizon=9)), vehicle, config)
+        Preparation(vehicle, config)(make_problem(dc.replace(config, horizon=9)))
 
 
 def test_a_zero_quaternion_raises(vehicle, config, make_problem):
@@ -73,11 +75,11 @@ def test_a_zero_quaternion_raises(vehicle, config, make_problem):
     x0 = problem.x0.copy()
     x0[3:7] = 0.0
     with pytest.raises(SolverFailure, match="quaternion"):
-        prepare(dc.replace(problem, x0=x0), vehicle, config)
+        Preparation(vehicle, config)(dc.replace(problem, x0=x0))
 
 
 def test_a_forecast_that_overflows_raises(vehicle, config, make_problem):
     problem = make_problem(config)
     forecast = dc.replace(problem.forecast, A=1e200 * problem.forecast.A)
     with np.errstate(all="ignore"), pytest.raises(SolverFailure, match="stable"):
-        prepare(dc.replace(problem, forecast=forecast), vehicle, config)
+        Preparation(vehicle, config)(dc.replace(problem, forecast=forecast))

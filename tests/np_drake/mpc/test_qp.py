@@ -5,7 +5,7 @@ import pytest
 from pydrake.solvers import ClarabelSolver, MathematicalProgram
 
 from np_drake.mpc import qp
-from np_drake.mpc.condensed import LocalModel
+from np_drake.mpc.condensed import Curvature, LocalModel
 from np_drake.mpc.objective import KINDS, SoftRows
 
 WEIGHT = 50.0
@@ -15,12 +15,12 @@ def random_model(seed, n=12, m=9, level=-0.5):
     rng = np.random.default_rng(seed)
     G = rng.normal(size=(n + 4, n))
     rows = SoftRows(level + rng.normal(size=m), rng.normal(size=(m, n)), np.arange(m) % KINDS)
-    return LocalModel(np.tril(G.T @ G), 3 * rng.normal(size=n), rows)
+    return LocalModel(Curvature(np.asfortranarray(np.tril(G.T @ G))), 3 * rng.normal(size=n), rows)
 
 
 def reference_value(model, lower, upper):
     """The same problem as one would write it."""
-    prog, H = MathematicalProgram(), model.hessian + np.tril(model.hessian, -1).T
+    prog, H = MathematicalProgram(), model.curvature.full
     d, s = prog.NewContinuousVariables(len(lower)), prog.NewContinuousVariables(KINDS)
     prog.AddQuadraticCost(H, model.gradient, d)
     prog.AddQuadraticCost(0.2 * WEIGHT * np.eye(KINDS), np.full(KINDS, WEIGHT), s)
@@ -47,8 +47,8 @@ def test_the_step_minimises_the_model(seed, level):
 @pytest.mark.parametrize("seed", range(5))
 def test_the_active_set_meets_the_optimality_conditions(seed):
     model = random_model(seed)
-    H = model.hessian + np.tril(model.hessian, -1).T
-    d = qp.active_set(H, model.gradient, np.full(12, -0.1), np.full(12, 0.1))
+    H = model.curvature.full
+    d = qp.active_set(model.curvature, model.gradient, np.full(12, -0.1), np.full(12, 0.1))
     assert d is not None
     force = H @ d + model.gradient
     assert np.all(np.abs(force[np.abs(d) < 0.1]) < 1e-9)  # free: stationary
@@ -83,7 +83,7 @@ def test_without_time_the_step_still_keeps_the_box():
 
 def test_a_singular_model_still_gives_a_step():
     model = random_model(4, level=-20.0)
-    flat = LocalModel(np.zeros((12, 12)), model.gradient, model.rows)
+    flat = LocalModel(Curvature(np.zeros((12, 12))), model.gradient, model.rows)
     step = qp.QpSolver(12, 9, WEIGHT).solve(flat, np.full(12, -0.1), np.full(12, 0.1), time_limit=1.0)
     assert np.all(np.abs(step.d) <= 0.1)
     assert np.isfinite(step.decrease)
@@ -93,7 +93,7 @@ def test_a_singular_model_still_gives_a_step():
 def test_a_model_that_overflows_gives_no_step(where):
     model = random_model(4)
     bad_rows = dc.replace(model.rows, jacobian=np.full((9, 12), np.inf))
-    bad = {"hessian": np.full((12, 12), np.nan)} if where == "hessian" else {"rows": bad_rows}
+    bad = {"curvature": Curvature(np.full((12, 12), np.nan))} if where == "hessian" else {"rows": bad_rows}
     dut, bounds = qp.QpSolver(12, 9, WEIGHT), (np.full(12, -1.0), np.full(12, 1.0))
     with np.errstate(invalid="ignore"):
         step = dut.solve(dc.replace(model, **bad), *bounds, time_limit=1.0)

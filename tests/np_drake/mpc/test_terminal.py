@@ -5,9 +5,14 @@ import pytest
 
 from np_drake import attitude
 from np_drake.mpc.dynamics import DiscreteDynamics
-from np_drake.mpc.terminal import hover_solution, terminal_weight
+from np_drake.mpc.terminal import TerminalWeight, hover_solution
 
 HOVER = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def terminal_weight(vehicle, config, q_ref):
+    F = TerminalWeight(vehicle, config).factor(q_ref)
+    return F.T @ F
 
 
 def test_the_riccati_weight_is_the_cost_to_go_of_its_feedback(vehicle, config):

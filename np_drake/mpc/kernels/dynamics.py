@@ -1,4 +1,4 @@
-"""Compiled loops of the MPC: rollout, linearisation and sensitivities of the nominal dynamics with a wrench.
+"""Compiled rollout and linearisation of the nominal dynamics with a wrench.
 
 Rotation r = (q, w) drives translation and not the other way round, and its rate is a homogeneous quadratic of r plus
 J^-1 tau; so q' depends on q and w, w' on w alone, and p', v' on the body z axis of the stages of Runge and Kutta.
@@ -54,6 +54,21 @@ def advance(x, u, chi, step, mass, gravity, J, J_inv, out):
 
 
 @compiled
+def respond(x, markov, i, chi):
+    """Add to chi (6,) what zeta of x_0 … x_(i-1), x (N+1, 13), drives at stage i; markov: (6, 6(N-1)) of `Horizon`."""
+    a = b = c = d = e = f = 0.0
+    at = markov.shape[1] - 6 * i
+    for j in range(i):
+        for s in range(6):
+            zeta = x[j, 7 + s]
+            a, b, c = a + markov[0, at] * zeta, b + markov[1, at] * zeta, c + markov[2, at] * zeta
+            d, e, f = d + markov[3, at] * zeta, e + markov[4, at] * zeta, f + markov[5, at] * zeta
+            at += 1
+    chi[0], chi[1], chi[2] = chi[0] + a, chi[1] + b, chi[2] + c
+    chi[3], chi[4], chi[5] = chi[3] + d, chi[4] + e, chi[5] + f
+
+
+@compiled
 def rollout(x, u, chi, markov, step, mass, gravity, J, J_inv):
     """Write x_1 … x_N of the states x (N+1, 13) under inputs u (N, 4), and add to chi (N, 6) what the motion drives.
 
@@ -62,11 +77,7 @@ def rollout(x, u, chi, markov, step, mass, gravity, J, J_inv):
     n, known = len(u), markov.shape[1]
     for i in range(n):
         if known:
-            first = known - 6 * i
-            for j in range(i):
-                for r in range(6):
-                    for s in range(6):
-                        chi[i, r] += markov[r, first + 6 * j + s] * x[j, 7 + s]
+            respond(x, markov, i, chi[i])
         advance(x[i], u[i], chi[i], step, mass, gravity, J, J_inv, x[i + 1])
 
 
@@ -193,134 +204,3 @@ def _rotation_jacobian(r, J, J_inv, M, turn):
             M[4 + row, 4 + col] = (
                 J_inv[row, 0] * turn[0, col] + J_inv[row, 1] * turn[1, col] + J_inv[row, 2] * turn[2, col]
             )
-
-
-@compiled
-def _add(out, factor, row, size):
-    for col in range(size):
-        out[col] += factor * row[col]
-
-
-@compiled
-def sensitivities(Fx, Fu, markov, own, S):
-    """Write dx_(i+1)/dT of a single shooting, (N, 13, 4N); columns of later inputs come zeroed.
-
-    Args:
-        Fx: (N, 13, 19) over [x, chi].   Fu: (N, 13, 4) over the rotor thrusts.
-        markov: (6, 6(N-1)) of `Horizon`, or (6, 0).   own: (N, 6, 6) of the reaction of the wrench, or (0, 6, 6).
-    """
-    n, known = len(Fx), markov.shape[1]
-    chi = np.zeros((6, 4 * n))
-    for i in range(n):
-        size = 4 * i
-        for row in range(13):
-            for col in range(4):
-                S[i, row, size + col] = Fu[i, row, col]
-        if i == 0:
-            continue
-        before = S[i - 1]
-        driven = known > 0 and i > 1
-        reacts = len(own) > 0
-        if driven or reacts:
-            for row in range(6):
-                for col in range(size):
-                    chi[row, col] = 0.0
-        if driven:
-            first = known - 6 * i
-            for j in range(1, i):
-                for row in range(6):
-                    for s in range(6):
-                        _add(chi[row], markov[row, first + 6 * j + s], S[j - 1, 7 + s], 4 * j)
-        if reacts:
-            for row in range(6):
-                for s in range(6):
-                    _add(chi[row], own[i, row, s], before[7 + s], size)
-        for row in range(13):
-            out, F = S[i, row], Fx[i, row]
-            if row < 3:
-                for col in range(size):
-                    out[col] = before[row, col] + F[7 + row] * before[7 + row, col]
-            elif 7 <= row < 10:
-                for col in range(size):
-                    out[col] = before[row, col]
-            if row < 10:
-                for s in range(3, 7):
-                    _add(out, F[s], before[s], size)
-            for s in range(10, 13):
-                _add(out, F[s], before[s], size)
-            if driven or reacts:
-                if row < 3 or 7 <= row < 10:
-                    axis = row if row < 3 else row - 7
-                    _add(out, F[13 + axis], chi[axis], size)
-                for s in range(3, 6):
-                    _add(out, F[13 + s], chi[s], size)
-
-
-@compiled
-def tracking_cost(x, x_ref, u, u_ref, Q, R, P):
-    """Return the cost of errors of x (N+1, 13) and u (N, 4) with diagonal Q (13,), R (4,) and terminal P (13, 13)."""
-    cost, n = 0.0, len(u)
-    for i in range(n):
-        for c in range(13):
-            e = x[i, c] - x_ref[i, c]
-            cost += Q[c] * e * e
-        for c in range(4):
-            e = u[i, c] - u_ref[i, c]
-            cost += R[c] * e * e
-    for r in range(13):
-        for c in range(13):
-            cost += (x[n, r] - x_ref[n, r]) * P[r, c] * (x[n, c] - x_ref[n, c])
-    return cost
-
-
-@compiled
-def stage_excess(x, max_speed, min_cosine, excess):
-    """Write by how much x_1 … x_N leave velocity box (3N) and tilt (N) to the head of `excess`."""
-    n = len(x) - 1
-    for i in range(n):
-        for axis in range(3):
-            excess[3 * i + axis] = abs(x[i + 1, 7 + axis]) - max_speed
-        w, a, b, c = x[i + 1, 3], x[i + 1, 4], x[i + 1, 5], x[i + 1, 6]
-        excess[3 * n + i] = min_cosine - (w * w - a * a - b * b + c * c)
-
-
-@compiled
-def row_jacobian(x, S, far, jacobian):
-    """Write the Jacobian of all soft rows by the sensitivities S (N, 13, m); far (13,): gradient of the last row."""
-    n, size = len(S), S.shape[2]
-    for i in range(n):
-        for axis in range(3):
-            sign = -1.0 if x[i + 1, 7 + axis] < 0 else 1.0
-            for col in range(size):
-                jacobian[3 * i + axis, col] = sign * S[i, 7 + axis, col]
-        w, a, b, c = -2 * x[i + 1, 3], 2 * x[i + 1, 4], 2 * x[i + 1, 5], -2 * x[i + 1, 6]
-        for col in range(size):
-            jacobian[3 * n + i, col] = (
-                w * S[i, 3, col] + a * S[i, 4, col] + b * S[i, 5, col] + c * S[i, 6, col]
-            )
-    for col in range(size):
-        jacobian[4 * n, col] = 0.0
-    for row in range(13):
-        _add(jacobian[4 * n], far[row], S[n - 1, row], size)
-
-
-@compiled
-def weigh(S, root, P_root, early, late):
-    """Write root (13,) times the sensitivities S (N, 13, 4N), for the last stage P_root (13, 13) times them.
-
-    early: (13 h, 4 h) of the first h stages, which depend on their own inputs alone.   late: (13 (N - h), 4N).
-    """
-    n, h, size = len(S), early.shape[1] // 4, S.shape[2]
-    for i in range(n - 1):
-        for row in range(13):
-            if i < h:
-                for col in range(4 * h):
-                    early[13 * i + row, col] = root[row] * S[i, row, col]
-            else:
-                for col in range(size):
-                    late[13 * (i - h) + row, col] = root[row] * S[i, row, col]
-    for row in range(13):
-        out = late[13 * (n - 1 - h) + row]
-        out[:] = 0.0
-        for s in range(row, 13):
-            _add(out, P_root[row, s], S[n - 1, s], size)

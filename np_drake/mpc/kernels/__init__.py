@@ -1,0 +1,1 @@
+"""Compiled loops of the MPC: plain functions over arrays that the caller owns."""
