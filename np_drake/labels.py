@@ -13,6 +13,7 @@ import numpy as np
 from scipy import signal
 
 from np_drake import rigid_body
+from np_drake.compiled import compiled
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.rotor_input import acting_command, rotor_decay, rotor_speed, rotor_wrench
 from np_drake.residual_models.base import KnowsRotorLag, Memory
@@ -132,11 +133,9 @@ class LabelFilter:
             return {**memory, "rotor": rotor}, np.full(6, np.nan)
         state, chi = memory["state"].copy(), np.empty(6)
         for channels, sos in self._filters:
-            value = raw[None, channels]
             if not memory["started"][0]:
-                state[:, :, channels] = signal.sosfilt_zi(sos)[:, :, None] * value
-            filtered, state[:, :, channels] = signal.sosfilt(sos, value, axis=0, zi=state[:, :, channels])
-            chi[channels] = filtered[0]
+                state[:, :, channels] = signal.sosfilt_zi(sos)[:, :, None] * raw[channels]
+            _filter_once(sos, raw[channels], state[:, :, channels], chi[channels])
         return {"started": np.ones(1), "rotor": rotor, "state": state}, chi
 
     def _lagged(self, rotor: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -148,6 +147,22 @@ class LabelFilter:
         target = rotor_speed(self._vehicle, u)
         rotor = target if np.isnan(rotor[0]) else target + self._decay * (rotor - target)
         return rotor, rotor_wrench(self._vehicle, rotor)
+
+
+@compiled
+def _filter_once(sos, value, state, out):
+    """Pass one sample value (c,) through second-order sections (s, 6), whose state (s, 2, c) moves on, to out (c,).
+
+    The transposed direct form II, as of `scipy.signal.sosfilt`.
+    """
+    for c in range(len(value)):
+        x = value[c]
+        for s in range(len(sos)):
+            y = sos[s, 0] * x + state[s, 0, c]
+            state[s, 0, c] = sos[s, 1] * x - sos[s, 4] * y + state[s, 1, c]
+            state[s, 1, c] = sos[s, 2] * x - sos[s, 5] * y
+            x = y
+        out[c] = x
 
 
 def raw_labels(log: FlightLog, vehicle: Vehicle) -> np.ndarray:

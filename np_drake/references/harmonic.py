@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.integrate import quad
 
+from np_drake.references import kernels
 from np_drake.references.ramp import compose, ramped_phase
 
 
@@ -23,12 +24,8 @@ class HarmonicTrack:
 
     def path(self, phase: np.ndarray) -> np.ndarray:
         """Return the track and its four derivatives by phase, (5, n, 3), at phases (n,) [rad]."""
-        flat = np.zeros((5, len(phase), 3))
-        flat[0] = self.center
-        for h, (amplitude, shift) in enumerate(zip(self.amplitudes, self.shifts, strict=True), start=1):
-            angle = h * phase[:, None] + shift
-            for k in range(5):
-                flat[k] += amplitude * h**k * np.cos(angle + k * np.pi / 2)
+        flat = np.empty((5, len(phase), 3))
+        kernels.fourier(np.ascontiguousarray(phase), self.center, self.amplitudes, self.shifts, flat)
         return flat
 
     def length(self) -> float:

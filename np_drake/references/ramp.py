@@ -3,11 +3,25 @@
 import numpy as np
 from numpy.polynomial import Polynomial
 
+from np_drake.references import kernels
+
 # Rate of the phase on s in [0, 1]: the lowest polynomial from 0 to 1 with three vanishing derivatives at both ends,
 # so that the phase is four times differentiable and thrust, torque and snap stay finite.
 _RATE = [Polynomial([0, 0, 0, 0, 35, -84, 70, -20])]
 _RATE += [_RATE[0].deriv(k) for k in (1, 2, 3)]
 _PHASE = _RATE[0].integ()  # phase on s in [0, 1], from 0 to 1/2
+
+
+def _coefficients(polynomials: list[Polynomial]) -> np.ndarray:
+    """Return coefficients (k, m) of the polynomials, lowest power first."""
+    rows = np.zeros((len(polynomials), max(len(p.coef) for p in polynomials)))
+    for row, polynomial in zip(rows, polynomials, strict=True):
+        row[: len(polynomial.coef)] = polynomial.coef
+    return rows
+
+
+_RAMP = _coefficients([_PHASE, *_RATE])
+_STEP = _coefficients([*_RATE, _RATE[0].deriv(4)])
 
 
 def ramped_phase(t: np.ndarray, rate: float, ramp: float) -> np.ndarray:
@@ -19,19 +33,18 @@ def ramped_phase(t: np.ndarray, rate: float, ramp: float) -> np.ndarray:
     t = np.asarray(t, float)
     if ramp <= 0:
         return np.stack([rate * t, np.full_like(t, rate), *np.zeros((3, len(t)))])
-    s = np.clip(t / ramp, 0.0, 1.0)
-    phase = rate * (ramp * _PHASE(s) + np.maximum(t - ramp, 0.0))
-    return np.stack([phase, *(rate * _RATE[k](s) / ramp**k for k in range(4))])
+    out = _at(_RAMP, np.clip(t / ramp, 0.0, 1.0))
+    out[0] = ramp * out[0] + np.maximum(t - ramp, 0.0)
+    out *= rate * float(ramp) ** np.array([[0.0], [0.0], [-1.0], [-2.0], [-3.0]])
+    return out
 
 
 def rest_to_rest(s: np.ndarray, duration: float) -> np.ndarray:
     """Return a step from 0 to 1 and its time derivatives, (5, n) [1/s^k], while s (n,) goes from 0 to 1.
 
-    Args: s: share of the duration that has passed [1].   duration: [s].
+    Args: s: share of the duration that has passed [1].   duration: one, or (n,) [s].
     """
-    s = np.clip(s, 0.0, 1.0)
-    slopes = [_RATE[0], *_RATE[1:], _RATE[0].deriv(4)]
-    return np.stack([slope(s) / duration**k for k, slope in enumerate(slopes)])
+    return _at(_STEP, np.clip(s, 0.0, 1.0)) * np.asarray(duration, float) ** -np.arange(5.0)[:, None]
 
 
 def compose(path: np.ndarray, phase: np.ndarray) -> np.ndarray:
@@ -40,13 +53,13 @@ def compose(path: np.ndarray, phase: np.ndarray) -> np.ndarray:
     Args:    path: (5, n, 3) path and its derivatives by phase; phase: (5, n) phase and its derivatives by time.
     Returns: (5, n, 3).
     """
-    d1, d2, d3, d4 = phase[1:, :, None]
-    return np.stack(
-        [
-            path[0],
-            path[1] * d1,
-            path[2] * d1**2 + path[1] * d2,
-            path[3] * d1**3 + 3 * path[2] * d1 * d2 + path[1] * d3,
-            path[4] * d1**4 + 6 * path[3] * d1**2 * d2 + path[2] * (3 * d2**2 + 4 * d1 * d3) + path[1] * d4,
-        ]
-    )
+    out = np.empty_like(path)
+    kernels.compose(path, np.ascontiguousarray(phase), out)
+    return out
+
+
+def _at(polynomials: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Return the polynomials (k, m) at points s (n,), as (k, n)."""
+    out = np.empty((len(polynomials), len(s)))
+    kernels.horner(polynomials, np.ascontiguousarray(s, float), out)
+    return out

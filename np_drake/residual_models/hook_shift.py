@@ -54,15 +54,17 @@ def next_shift(
     deviation = reach * DEVIATION
     column = attitude.skew(-pull)  # of shift x pull over the shift
     before, finest = (memory[name] for name in READ), (FINEST * deviation) ** 2
-    found = _regressed(gains_of(step), *before, rest, column, doubt, step, deviation, finest)
-    return dict(zip((*READ, "shift", "steady"), found, strict=True))
+    after = {name: np.empty_like(memory[name]) for name in (*READ, "shift", "steady")}
+    _regress(gains_of(step), *before, rest, column, doubt, step, deviation, finest, *after.values())
+    return after
 
 
 @compiled
-def _regressed(
-    gains, levels, errors, torques, columns, gram, right, rest, column, doubt, step, deviation, finest
-):
-    """Return the arrays `READ`, shift and steady of the memory after one more rest.
+def _regress(
+    gains, levels, errors, torques, columns, gram, right, rest, column, doubt, step, deviation, finest,
+    levels_out, errors_out, torques_out, columns_out, gram_out, right_out, shift, steady,
+):  # fmt: skip
+    """Write the arrays `READ`, shift and steady of the memory after one more rest.
 
     Args: column: (3, 3) torque over the shift [N].   finest: least variance of a torque over its column squared [m²].
     """
@@ -79,13 +81,13 @@ def _regressed(
     torques = torques + 1
     levels, errors = filtered(gains, levels, errors, torques, rest, step)
     columns = columns + gains_at(gains, torques).reshape(-1, 1, 1) * (column - columns)
-    shift = _solved(gram + np.eye(3) / deviation**2, right.copy())
+    shift[:] = _solved(gram + np.eye(3) / deviation**2, right.copy())
     weight, _ = followed(errors, torques, step)
-    steady = np.empty(3)
     for k in range(3):
         level, usual = _on_axis(k, weight, levels, columns)
         steady[k] = level - np.sum(usual * shift)
-    return levels, errors, torques, columns, gram, right, shift, steady
+    levels_out[:], errors_out[:], torques_out[:], columns_out[:] = levels, errors, torques, columns
+    gram_out[:], right_out[:] = gram, right
 
 
 @compiled

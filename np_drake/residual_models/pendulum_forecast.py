@@ -18,13 +18,12 @@ from np_drake.residual_models.pendulum_kernel import (
 
 
 @compiled
-def drives(before, x, hook, over_step, now, step):
-    """Return what moves a pendulum over a step and at its end, (9,) each, as of `pendulum_kernel.filter_bank`.
+def drives(before, x, hook, over_step, now, step, drive, end):
+    """Write what moves a pendulum over a step (9,) and at its end (9,), as of `pendulum_kernel.filter_bank`.
 
     Args: before, x: (13,) states at both ends.   hook: (3,) p_BoTo_B [m].   over_step, now: mean collective thrust of
     the step and that at its end, per mass [m/s²].   step: [s].
     """
-    drive, end = np.zeros(9), np.zeros(9)
     first, last, z, z_last = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     _turning(before, hook, first)
     _turning(x, hook, last)
@@ -35,15 +34,14 @@ def drives(before, x, hook, over_step, now, step):
         v, v_last = before[7 + k] + first[k], x[7 + k] + last[k]
         drive[3 + k], end[3 + k] = 0.5 * (v + v_last), v_last
         drive[6 + k] = end[6 + k] = (last[k] - first[k]) / step
-    return drive, end
 
 
 @compiled
 def along_plan(
     points, weight, x, u, acting, steady, rate_torque, speed_torque, hook, mass, gravity, step, stride,
-    mean_decay, decay,
+    mean_decay, decay, wrench,
 ):  # fmt: skip
-    """Return the wrench (N, 6) along a plan, the mean of all members over each of its steps [N, N·m].
+    """Write the wrench (N, 6) along a plan, the mean of all members over each of its steps [N, N·m].
 
     Args: points: (k, POINT), weight: (k,) of the members.   x: (N+1, 13), u: (N, 4) of the plan.   acting: (4,) wrench
     of the rotors now [N, N·m].   steady: (3,) torque [N·m].   rate_torque: (3,) [N·m·s].   speed_torque: (2,) [N·s].
@@ -56,7 +54,7 @@ def along_plan(
     for i in range(members):
         mean += weight[i] * points[i]
     pull = _pulls(points, weight, x, hook, gravity, step, stride)
-    wrench, z, lag, behind = np.zeros((n, 6)), np.zeros(3), np.zeros(4), acting.copy()
+    z, lag, behind = np.zeros(3), np.zeros(4), acting.copy()
     q = np.zeros(4)
     error = mean[THRUST_ERROR]
     for i in range(n):
@@ -78,7 +76,6 @@ def along_plan(
         end = motion_torque(x[i + 1], rate_torque, speed_torque)
         for k in range(3):
             wrench[i, 3 + k] += lag[1 + k] + steady[k] + 0.5 * (start[k] + end[k])
-    return wrench
 
 
 @compiled
@@ -166,20 +163,20 @@ def _hook_torque(q, hook, force, out):
 
 
 @compiled
-def beside_plan(mean, x, wrench, hook, mass, gravity, step):
-    """Return A (4, 4), B (4, 6) and C (6, 4) of the linear pendulum for what departs from the plan, and the offset.
+def beside_plan(mean, x, hook, mass, gravity, step, A_out, B_out, C, out):
+    """Write A (4, 4), B (4, 6) and C (6, 4), which come zeroed, of the pendulum for what departs from the plan.
 
-    The offset (N, 6) is the wrench less what the pendulum makes of the planned velocity.
-    Args: mean: (POINT,) of the members.   wrench: (N, 6) along the plan [N, N·m]; others as of `along_plan`.
+    From `out` (N, 6), the wrench along the plan [N, N·m], it takes what the pendulum makes of the planned velocity.
+    Args: mean: (POINT,) of the members; others as of `along_plan`.
     """
     stiffness = gravity / math.exp(mean[LOG_LENGTH])
     A, B, gain = linear_pendulum(stiffness, max(mean[DAMPING], 0.0), step)
-    C = np.zeros((6, 4))
+    A_out[:], B_out[:] = A, B
     for k in range(2):
         C[k, k] = mass * max(mean[MASS], 0.0) * stiffness
         _hook_torque(x[0, 3:7], hook, C[:3, k], C[:, k])
-    out, z, nxt = wrench.copy(), np.zeros(4), np.zeros(4)
-    for i in range(1, len(wrench)):
+    z, nxt = np.zeros(4), np.zeros(4)
+    for i in range(1, len(out)):
         for j in range(4):
             nxt[j] = gain[j] * x[i - 1, 7 + j % 2]
             for k in range(4):
@@ -188,7 +185,6 @@ def beside_plan(mean, x, wrench, hook, mass, gravity, step):
         for j in range(6):
             for k in range(4):
                 out[i, j] -= C[j, k] * z[k]
-    return A, B, C, out
 
 
 @compiled

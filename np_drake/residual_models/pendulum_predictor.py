@@ -95,7 +95,8 @@ class PendulumPredictor:
         before = memory["acting"] - u
         acting, over_step = u + decay * before, u + mean_decay * before
         mass = self.model.mass
-        drive, now = drives(memory["x"], x, self._hook, over_step[0] / mass, acting[0] / mass, self.step)
+        drive, now = np.empty(9), np.empty(9)
+        drives(memory["x"], x, self._hook, over_step[0] / mass, acting[0] / mass, self.step, drive, now)
         chi = np.asarray(sample.chi, float)
         force = chi[:3] / self.model.mass
         bank = self.bank.step_on(memory, drive, now, force, memory["variance"])
@@ -126,11 +127,11 @@ class PendulumPredictor:
 
     def _noise(self, memory: Memory, force: np.ndarray) -> Memory:
         """Return the labels and the variance of their noise: a sixth of that of second differences."""
-        labels, variance, seen = _noise_after(
-            memory["labels"], memory["variance"], memory["seen"], force,
-            self._noise_share, self.bank.options.least_noise,
-        )  # fmt: skip
-        return {"labels": labels, "variance": variance, "seen": seen}
+        after = {name: np.empty_like(memory[name]) for name in ("labels", "variance", "seen")}
+        least = self.bank.options.least_noise
+        before = (memory[name] for name in after)
+        _take_noise(*before, force, self._noise_share, least, *after.values())
+        return after
 
     def forecast(self, memory: Memory, *, horizon: int, stride: int) -> WrenchForecast:
         """Return the forecast for a motion that goes on at the velocity and attitude of now."""
@@ -145,27 +146,30 @@ class PendulumPredictor:
         weight = memory["weight"][some] / memory["weight"][some].sum()
         points, step = memory["mean"][some], stride * self.step
         hook, mass, gravity = self._hook + memory["shift"], self.model.mass, self.model.gravity
-        wrench = along_plan(
+        wrench = np.empty((len(plan.u), 6))
+        along_plan(
             points, weight, plan.x, plan.u, memory["acting"], memory["steady"], self._rate_torque,
-            self._speed_torque, hook, mass, gravity, step, stride, *_lag(self.rotor_lag, step),
+            self._speed_torque, hook, mass, gravity, step, stride, *_lag(self.rotor_lag, step), wrench,
         )  # fmt: skip
-        A, B, C, offset = beside_plan(weight @ points, plan.x, wrench, hook, mass, gravity, step)
+        A, B, C, offset = np.zeros((4, 4)), np.zeros((4, 6)), np.zeros((6, 4)), wrench.copy()
+        beside_plan(weight @ points, plan.x, hook, mass, gravity, step, A, B, C, offset)
         return WrenchForecast(A, B, C, np.zeros(4), offset)
 
 
 @compiled
-def _noise_after(labels, variance, seen, force, share, least):
-    """Return labels, variance and seen of the memory after one more force (3,) [m/s²].
+def _take_noise(labels, variance, seen, force, share, least, labels_out, variance_out, seen_out):
+    """Write labels, variance and seen of the memory after one more force (3,) [m/s²].
 
     Args: share: of a sample in the variance.   least: deviation of the noise [m/s²].
     """
     square = (force - 2 * labels[1] + labels[0]) ** 2 / 6
-    labels = np.stack((labels[1], force))
-    if not np.isfinite(square).all():
-        return labels, variance.copy(), seen.copy()
-    blend = max(share, 1.0 / (2.0 + seen[0]))
-    square = np.minimum(square, CLIP**2 * variance)
-    return labels, np.maximum(variance + blend * (square - variance), least**2), seen + 1
+    labels_out[0], labels_out[1] = labels[1], force
+    variance_out[:], seen_out[:] = variance, seen
+    if np.isfinite(square).all():
+        blend = max(share, 1.0 / (2.0 + seen[0]))
+        square = np.minimum(square, CLIP**2 * variance)
+        variance_out[:] = np.maximum(variance + blend * (square - variance), least**2)
+        seen_out[:] = seen + 1
 
 
 @lru_cache(maxsize=16)
