@@ -1,5 +1,6 @@
 """rotorpy's multirotor with a challenge's vehicle and effects in it."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -63,6 +64,20 @@ class RealMultirotor(Multirotor):
         """Return whether there is a payload, which needs short steps."""
         return self._tether is not None
 
+    @property
+    def lags(self) -> bool:
+        """Return whether rotors need time; others turn at the commanded speed at once."""
+        return not math.isinf(self.tau_m)
+
+    @property
+    def carried_mass(self) -> float:
+        """Return the mass of vehicle and payload [kg]."""
+        return self.mass + (self._tether.mass if self._tether else 0.0)
+
+    def payload(self, s: np.ndarray) -> np.ndarray:
+        """Return the payload's position and velocity in W (6,) [m, m/s] in a state; empty (0,) without one."""
+        return s[-Tether.size :] if self._tether else np.zeros(0)
+
     def hidden_at_rest(self, t: float, s: np.ndarray) -> np.ndarray:
         """Return what follows rotorpy's state `s` (20,) at rest: liquid still, payload hanging."""
         self._t, self._s, self._command = t, s, s[SPEED]
@@ -85,6 +100,13 @@ class RealMultirotor(Multirotor):
             out[W] += pulled[3:]
             self._rates.append(rate)
         return np.concatenate([out, *self._rates]) if self._rates else out
+
+    def thrust(self, t: float, speed: np.ndarray) -> np.ndarray:
+        """Return the thrust (4,) of propellers at these speeds (4,) [rad/s], far from the ground [N]."""
+        thrust = self.k_eta * speed * speed
+        for gain, values in self._gains:
+            thrust = gain(self.vehicle, values, thrust, t)
+        return thrust
 
     def compute_body_wrench(
         self, body_rates: np.ndarray, rotor_speeds: np.ndarray, body_airspeed_vector: np.ndarray
@@ -122,9 +144,7 @@ class RealMultirotor(Multirotor):
     def _instant(self, speed: np.ndarray, airspeed: np.ndarray) -> Instant:
         """Return the instant of the laws. airspeed: (3,) of Bcm in B [m/s]."""
         s, t = self._s, self._t
-        thrust = self.k_eta * speed * speed
-        for gain, values in self._gains:
-            thrust = gain(self.vehicle, values, thrust, t)
+        thrust = self.thrust(t, speed)
         R = attitude.rotation_matrix(s[Q][[3, 0, 1, 2]])
         p, v, air = s[X], s[V], airspeed
         if self._beside:
