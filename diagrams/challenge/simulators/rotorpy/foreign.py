@@ -1,5 +1,7 @@
 """The vehicle of rotorpy's in this project's own closed loop."""
 
+import dataclasses as dc
+
 import numpy as np
 from pydrake.systems.framework import Context, Diagram
 
@@ -10,12 +12,15 @@ from diagrams.loop.reality import RealityConfig
 from np_drake.vehicle import Vehicle
 
 
+@dc.dataclass(frozen=True)
 class ForeignVehicle:
     """The `RealVehicle` that rotorpy flies, with the effects of the reality as they are written for rotorpy.
 
-    The sensors are those of the loop. A gusty wind has the same statistics as in Drake, but other gusts.
+    The sensors are those of the loop, and Drake integrates. A gusty wind has the same statistics as in Drake, but other
+    gusts.   own: whether rotorpy's own drag, lift and motor lag act beside the effects (`own_physics`).
     """
 
+    own: bool = False
     takes_events = False
 
     def make(
@@ -26,7 +31,8 @@ class ForeignVehicle:
             raise ValueError(
                 "rotorpy: there must be no pushes from outside; watch a flight of Drake's vehicle."
             )
-        return make_rotorpy_vehicle(vehicle, foreign_effects(reality), command_period=command_period)
+        effects = foreign_effects(reality)
+        return make_rotorpy_vehicle(vehicle, effects, command_period=command_period, own=self.own)
 
     def hover(self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray) -> None:
         """Set the vehicle level and at rest at p_WB (3,) [m], with the payload hanging still."""

@@ -22,9 +22,17 @@ def fly(*arguments, **options) -> FlightLog:
     return fly_in_rotorpy(*arguments, **options)
 
 
-def foreign_vehicle() -> RealVehicle:
+def foreign_vehicle(*, own: bool) -> RealVehicle:
     """Return the `ForeignVehicle`. Raises ValueError: where rotorpy is not installed."""
     require_rotorpy()
     from diagrams.challenge.simulators.rotorpy.foreign import ForeignVehicle
 
-    return ForeignVehicle()
+    return ForeignVehicle(own)
+
+
+def own_physics() -> dict[str, float]:
+    """`diagrams.challenge.simulators.rotorpy.own_physics`. Raises ValueError: where rotorpy is not installed."""
+    require_rotorpy()
+    from diagrams.challenge.simulators.rotorpy.own_physics import own_physics as own_physics_of_rotorpy
+
+    return own_physics_of_rotorpy()

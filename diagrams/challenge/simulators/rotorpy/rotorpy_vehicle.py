@@ -47,11 +47,13 @@ class RotorPyVehicle(LeafSystem):
 
     Continuous state: rotorpy's (20,) [of Bcm; wind, which is a function of time; rotor speeds], hidden states of
     effects, payload (6,). It starts in hover over the world origin, under rotors that nominally carry all weight.
+
+    Args: own: whether rotorpy's own drag, lift and motor lag act beside the effects (`RealMultirotor`).
     """
 
-    def __init__(self, vehicle: Vehicle, acting: Sequence[ActiveEffect]):
+    def __init__(self, vehicle: Vehicle, acting: Sequence[ActiveEffect], *, own: bool = False):
         super().__init__()
-        self._vehicle, self._real = vehicle, RealMultirotor(vehicle, acting)
+        self._vehicle, self._real = vehicle, RealMultirotor(vehicle, acting, own=own)
         self._u_port = self.DeclareVectorInputPort("u", 4)
         resting = self._hovering(np.zeros(3))
         self.DeclareContinuousState(BasicVector(resting))
@@ -138,14 +140,14 @@ class RotorPyVehicle(LeafSystem):
 
 
 def make_rotorpy_vehicle(
-    vehicle: Vehicle, acting: Sequence[ActiveEffect], *, command_period: float = 0.001
+    vehicle: Vehicle, acting: Sequence[ActiveEffect], *, command_period: float = 0.001, own: bool = False
 ) -> Diagram:
     """Return the subsystem `rotorpy`, a `RotorPyVehicle`, with its commands delayed as the effects say.
 
-    Args: command_period: at multiples of which `u` changes [s].
+    Args: command_period: at multiples of which `u` changes [s].   own: as of `RotorPyVehicle`.
     """
     builder = DiagramBuilder()
-    rotorpy = builder.AddNamedSystem("rotorpy", RotorPyVehicle(vehicle, acting))
+    rotorpy = builder.AddNamedSystem("rotorpy", RotorPyVehicle(vehicle, acting, own=own))
     if rotorpy.dead_time >= SOONEST:
         buffer = CommandBuffer(rotorpy.hover_input, dead_time=rotorpy.dead_time, period=command_period)
         builder.AddNamedSystem("command_buffer", buffer)

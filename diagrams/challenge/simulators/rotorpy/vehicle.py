@@ -15,6 +15,7 @@ from diagrams.challenge.simulators.rotorpy.out_of_library import (
     ground_and_walls,
     wind,
 )
+from diagrams.challenge.simulators.rotorpy.own_physics import own_physics
 from diagrams.challenge.simulators.rotorpy.tether import Tether
 from diagrams.challenge.simulators.rotorpy.wind import winds
 from np_drake import attitude
@@ -39,11 +40,15 @@ class RealMultirotor(Multirotor):
 
     rotorpy's own parameters are mass, inertia, place of the rotors from the centre of mass, thrust and torque
     coefficient (`thrust_scale`), motor time constant (infinite: none, and the command is the speed) and gravity. Its
-    own aerodynamics and its ground plane are off. `center`: p_BoBcm_B [m].   `dead_time`: of commands [s].
+    ground plane is off. `center`: p_BoBcm_B [m].   `dead_time`: of commands [s].
+
+    Args: own: whether rotorpy's own aerodynamics act, and its own motor lag where neither effect nor file has one.
     """
 
-    def __init__(self, vehicle: Vehicle, acting: Sequence[ActiveEffect]):
-        super().__init__(parameters(vehicle, acting), aero=False, enable_ground=False)
+    def __init__(self, vehicle: Vehicle, acting: Sequence[ActiveEffect], *, own: bool = False):
+        physics = own_physics() if own else {}
+        given = parameters(vehicle, acting, tau_m=physics.get("tau_m", np.inf))
+        super().__init__(physics | given, aero=own, enable_ground=False)
         self.g = vehicle.gravity
         self.weight = np.array([0.0, 0.0, -self.mass * self.g])
         self.vehicle, self.center = vehicle, center_of_mass(acting)
@@ -160,8 +165,11 @@ def center_of_mass(acting: Sequence[ActiveEffect]) -> np.ndarray:
     return np.array([sum(c[axis] for c in offsets) for axis in "xyz"], float)
 
 
-def parameters(vehicle: Vehicle, acting: Sequence[ActiveEffect]) -> dict:
-    """Return rotorpy's parameters of a multirotor, with the effects that are parameters there."""
+def parameters(vehicle: Vehicle, acting: Sequence[ActiveEffect], *, tau_m: float = np.inf) -> dict:
+    """Return rotorpy's parameters of a multirotor, with the effects that are parameters there.
+
+    Args: tau_m: time constant of motors to which neither effect nor file gives one [s].
+    """
     named = [(a.name, a.values) for a in acting]
     scale = float(np.prod([c["scale"] for name, c in named if name == "thrust_scale"]))
     J = vehicle.J.copy()
@@ -180,5 +188,5 @@ def parameters(vehicle: Vehicle, acting: Sequence[ActiveEffect]) -> dict:
         "rotor_speed_max": float(np.sqrt(vehicle.max_rotor_thrust / vehicle.thrust_coefficient)),
         "k_eta": scale * vehicle.thrust_coefficient,
         "k_m": scale * vehicle.torque_coefficient,
-        "tau_m": lag[-1] if lag[-1] > 0 else np.inf,
+        "tau_m": lag[-1] if lag[-1] > 0 else tau_m,
     }

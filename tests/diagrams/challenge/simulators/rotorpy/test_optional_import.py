@@ -29,5 +29,5 @@ def test_a_set_is_flown_and_names_its_simulator(tmp_path):
 def test_without_the_package_no_foreign_vehicle_and_one_clear_line(monkeypatch):
     monkeypatch.setattr(optional_import, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install 'np_drake\[challenge\]'") as caught:
-        optional_import.foreign_vehicle()
+        optional_import.foreign_vehicle(own=True)
     assert "\n" not in str(caught.value)

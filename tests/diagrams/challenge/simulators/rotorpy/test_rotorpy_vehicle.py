@@ -9,6 +9,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 
 from diagrams.challenge.closing.reality import nominal_reality
 from diagrams.challenge.simulators.rotorpy.library_effects import ActiveEffect
+from diagrams.challenge.simulators.rotorpy.own_physics import own_physics
 from diagrams.challenge.simulators.rotorpy.rotorpy_vehicle import (
     OUTPUTS,
     RotorPyVehicle,
@@ -32,8 +33,8 @@ def port(system, context, name):
     return system.GetOutputPort(name).Eval(context).copy()
 
 
-def hovering(*acting):
-    dut = RotorPyVehicle(VEHICLE, acting)
+def hovering(*acting, own=False):
+    dut = RotorPyVehicle(VEHICLE, acting, own=own)
     context = dut.CreateDefaultContext()
     dut.set_hover(context, np.array([1.0, -2.0, 3.0]))
     dut.get_input_port().FixValue(context, dut.hover_input)
@@ -81,6 +82,29 @@ def test_the_nominal_vehicle_moves_open_loop_as_the_other():
     found, expected = (port(system, advanced(system, u, 2.0), "x") for system in (dut, other))
     assert np.abs(expected[10:]).max() > 0.5  # [rad/s]
     np.testing.assert_allclose(found, expected, atol=1e-8)  # runge_kutta3 at 1 ms
+
+
+def test_its_own_air_drags_and_lifts_with_the_turning_rotors():
+    dut, context = hovering(own=True)
+    v, c = np.array([1.5, -0.5, 0.2]), own_physics()
+    s = context.get_continuous_state_vector().CopyToVector()
+    s[3:6] = v
+    context.SetContinuousState(s)
+    turning = s[16:20].sum()  # of all rotors [rad/s]
+    force = -turning * np.array([c["k_d"], c["k_d"], c["k_z"]]) * v
+    force -= np.linalg.norm(v) * np.array([c["c_Dx"], c["c_Dy"], c["c_Dz"]]) * v
+    force[2] += 4 * c["k_h"] * (v[0] ** 2 + v[1] ** 2)
+    np.testing.assert_allclose(port(dut, context, "acceleration")[:3], force / VEHICLE.mass, atol=1e-12)
+    assert np.linalg.norm(force) > 0.3  # [N]
+
+
+def test_its_own_motors_lag_unless_an_effect_is_slower():
+    for acting, constant in ([], own_physics()["tau_m"]), ([LAG], 0.03):
+        dut, context = hovering(*acting, own=True)
+        dut.get_input_port().FixValue(context, 2.25 * dut.hover_input)
+        speed = context.get_continuous_state_vector().CopyToVector()[16:20]
+        rate = dut.EvalTimeDerivatives(context).CopyToVector()[16:20]
+        np.testing.assert_allclose(rate, 0.5 * speed / constant)  # 2.25 of the thrust is 1.5 of the speed
 
 
 def test_commands_saturate_in_rotor_space():
