@@ -36,5 +36,5 @@ def simulator_settings(name: str) -> dict[str, Any]:
     """
     require_simulator(name)
     if name == "drake":
-        return {"simulator": name}
-    return {"simulator": name, "rotorpy": version("rotorpy"), "own_physics": optional_import.own_physics()}
+        return {"name": name}
+    return {"name": name, "version": version("rotorpy"), "own_physics": optional_import.own_physics()}

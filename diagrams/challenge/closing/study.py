@@ -111,8 +111,9 @@ def settings(solver: str, simulator: str = "drake") -> dict[str, Any]:
 
     Raises: ValueError: where the simulator is unknown or not installed.
     """
-    return simulator_settings(simulator) | {
-        "solver": solver, "withheld": reality.WITHHELD, "most": reality.MOST, "training": reality.TRAINING,
+    return {
+        "simulator": simulator_settings(simulator), "solver": solver,
+        "withheld": reality.WITHHELD, "most": reality.MOST, "training": reality.TRAINING,
         "held_out": reality.HELD_OUT, "dither": reality.DITHER, "flown_with": reality.FLOWN_WITH,
         "track": designs.TRACK, "scored": designs.SCORED, "learned_on": designs.LEARNED_ON,
         "designs": [*designs.UNTRAINED, *designs.TRAINED], "samples": SAMPLES, "nominal_seed": NOMINAL_SEED,
