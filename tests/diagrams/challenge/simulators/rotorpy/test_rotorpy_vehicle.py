@@ -25,6 +25,7 @@ PAYLOAD = ActiveEffect(
 )
 LAG = ActiveEffect("motor_lag", {"time_constant": 0.03})
 DELAY = ActiveEffect("command_delay", {"delay": 0.05})
+FALLING = ActiveEffect("thrust_drift", {"start": 1.0, "rate": -0.01})
 OFFSET = ActiveEffect("center_of_mass_offset", {"x": 0.0, "y": 0.0, "z": 0.02})
 INERTIAL = [1.0, 0.0, 0.0, 0.0]
 
@@ -127,6 +128,17 @@ def test_acceleration_is_the_rate_of_velocity_of_the_origin():
     before, now, after = (advanced(dut, u, t) for t in (0.499, 0.5, 0.501))
     rate = (port(dut, after, "x") - port(dut, before, "x"))[7:] / 0.002
     np.testing.assert_allclose(port(dut, now, "acceleration"), rate, atol=1e-4)  # of a central difference
+
+
+def test_outputs_follow_command_and_time():
+    dut, context = hovering(FALLING)
+    dut.get_input_port().FixValue(context, 1.1 * dut.hover_input)
+    first = port(dut, context, "acceleration")[2]
+    np.testing.assert_allclose(first, 0.1 * VEHICLE.gravity)
+    dut.get_input_port().FixValue(context, 1.2 * dut.hover_input)
+    np.testing.assert_allclose(port(dut, context, "acceleration")[2], 0.2 * VEHICLE.gravity)
+    context.SetTime(10.0)
+    np.testing.assert_allclose(port(dut, context, "acceleration")[2], 0.08 * VEHICLE.gravity)
 
 
 def test_two_contexts_never_influence_each_other():
