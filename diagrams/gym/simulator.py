@@ -7,7 +7,8 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder, ConstantVectorSource, MatrixGain
 
-from diagrams.loop.flight import ARENA, GROUND, FlightConfig, initialise, make_real_vehicle
+from diagrams.loop.flight import ARENA, GROUND, FlightConfig, initialise
+from diagrams.loop.real_vehicle import make_real_vehicle
 from np_drake.control.tracking_task import ACTION_SIZE, TrackingTask, command_span
 from np_drake.effects.sensor_noise import SensorNoise
 from np_drake.references.base import Reference

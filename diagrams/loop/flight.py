@@ -15,6 +15,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from diagrams.batch.failed_run import FailedRun
 from diagrams.loop.controllers import ControllerConfig, add_controller
 from diagrams.loop.events import Event, beginnings
+from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
 from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
 from diagrams.loop.track_limits import require_flyable
@@ -25,10 +26,8 @@ from np_drake.references.config import ReferenceConfig, make_reference
 from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
 from np_drake.yaml_file import Read, load_checked
-from systems.initial_state import set_hover
 from systems.recorder import Recorder, add_recorder
 from systems.sensor_rig import add_sensor_rig
-from systems.tethered_quadrotor import make_tethered_quadrotor
 
 GROUND = 0.0  # height below which a vehicle counts as lost: the simulator has no ground, flights do [m]
 ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
@@ -237,16 +236,18 @@ class Watch(Protocol):
         """See the flight, and return whether it goes on."""
 
 
-def make_flight_diagram(config: FlightConfig, *, pushed: bool = False) -> tuple[Diagram, Recorder]:
+def make_flight_diagram(
+    config: FlightConfig, *, pushed: bool = False, real: RealVehicle = DRAKE
+) -> tuple[Diagram, Recorder]:
     """Return reference, vehicle, sensors, controller and recorder as one Diagram, and the recorder.
 
-    Args: pushed: whether forces from outside may act (`make_tethered_quadrotor`).
+    Args: pushed: whether forces from outside may act (`make_tethered_quadrotor`).   real: makes the vehicle.
     """
     config.check()
     builder = DiagramBuilder()
     period = config.controller.period
-    vehicle = builder.AddSystem(
-        make_real_vehicle(config.vehicle, config.reality, command_period=period, pushed=pushed)
+    vehicle = builder.AddNamedSystem(
+        REAL_VEHICLE, real.make(config.vehicle, config.reality, command_period=period, pushed=pushed)
     )
     sensors = config.reality.sensor_effects()
     rig = add_sensor_rig(builder, vehicle, config.vehicle, sensors, period=period)
@@ -276,32 +277,13 @@ def make_flight_diagram(config: FlightConfig, *, pushed: bool = False) -> tuple[
     return diagram, recorder
 
 
-def make_real_vehicle(
-    vehicle: Vehicle, reality: RealityConfig, *, command_period: float = 0.001, pushed: bool = False
-) -> Diagram:
-    """Return the plant with the effects that `reality` switches on.
-
-    Args: command_period: at whose multiples alone the command changes [s].   pushed: as of `make_tethered_quadrotor`.
-    """
-    return make_tethered_quadrotor(
-        vehicle,
-        reality.hung,
-        wrench_effects=reality.wrench_effects(),
-        actuator_effects=reality.actuator_effects(),
-        mass_effects=reality.mass_effects(0.0),
-        command_period=command_period,
-        onsets=reality.onsets,
-        tied=reality.hangs_at <= 0.0,
-        pushed=pushed,
-    )
-
-
-def initialise(diagram: Diagram, context: Context, config: FlightConfig, seed: int) -> None:
+def initialise(
+    diagram: Diagram, context: Context, config: FlightConfig, seed: int, real: RealVehicle = DRAKE
+) -> None:
     """Set the noise seed, and hover at the start of the reference motion."""
     diagram.SetRandomContext(context, RandomGenerator(seed))
-    plant = diagram.GetSubsystemByName("tethered_quadrotor").GetSubsystemByName("plant")
     start = make_reference(config.reference).sample(np.zeros(1))[0, 0]
-    set_hover(plant, plant.GetMyMutableContextFromRoot(context), config.reality.hung, start)
+    real.hover(diagram.GetSubsystemByName(REAL_VEHICLE), context, config.reality, start)
 
 
 def simulate(
@@ -312,6 +294,7 @@ def simulate(
     events: Sequence[Event] = (),
     tolerance: float = np.inf,
     watch: Watch | None = None,
+    real: RealVehicle = DRAKE,
 ) -> dict[str, np.ndarray]:
     """Simulate the experiment and return the recorded signals (see `Recorder.read`).
 
@@ -320,16 +303,20 @@ def simulate(
         events: changes of the vehicle, each applied at its time, before the controller's own event of that instant.
         tolerance: distance from the reference beyond which the flight ends, looked at about every second [m].
         watch: looks at the flight, sets its pace and may end it early.
-    Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is below ground.
+        real: makes the vehicle that flies.
+    Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is below ground;
+    ValueError: on what `real` cannot do.
     """
-    diagram, recorder = make_flight_diagram(config, pushed=watch is not None)
+    if events and not real.takes_events:
+        raise ValueError(f"{config.name}: events must be none for this simulator; fly Drake's vehicle.")
+    diagram, recorder = make_flight_diagram(config, pushed=watch is not None, real=real)
     simulator = Simulator(diagram)
     ApplySimulatorConfig(config.simulator, simulator)
     context = simulator.get_mutable_context()
-    initialise(diagram, context, config, seed)
+    initialise(diagram, context, config, seed, real)
     # Half a period beyond the end: the recorder passes the last row on at the end itself.
     end = config.end + 0.5 * config.controller.period
-    vehicle, reference = diagram.GetSubsystemByName("tethered_quadrotor"), make_reference(config.reference)
+    vehicle, reference = diagram.GetSubsystemByName(REAL_VEHICLE), make_reference(config.reference)
     due = {event.time: event for event in events}
     if len(due) < len(events) or any(not 0 < t < config.end for t in due):
         raise ValueError(

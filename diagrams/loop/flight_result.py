@@ -8,6 +8,7 @@ import numpy as np
 
 from diagrams.loop.events import Event
 from diagrams.loop.flight import FlightConfig, Watch, simulate
+from diagrams.loop.real_vehicle import DRAKE, RealVehicle
 from np_drake import metrics, rigid_body
 from np_drake.actuator_timing import delayed
 from np_drake.logs.clock import shift_state
@@ -140,8 +141,9 @@ def fly(
     monitor=None,
     events: Sequence[Event] = (),
     watch: Watch | None = None,
+    real: RealVehicle = DRAKE,
 ) -> FlightResult:
     """Simulate the experiment and return its result, see `simulate`."""
     return FlightResult(
-        config, seed, simulate(config, seed=seed, monitor=monitor, events=events, watch=watch)
+        config, seed, simulate(config, seed=seed, monitor=monitor, events=events, watch=watch, real=real)
     )

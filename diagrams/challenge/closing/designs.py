@@ -9,6 +9,7 @@ import numpy as np
 from diagrams.challenge.closing.reality import experiment
 from diagrams.loop.flight import FlightConfig, LostVehicle
 from diagrams.loop.flight_result import fly
+from diagrams.loop.real_vehicle import DRAKE, RealVehicle
 from diagrams.loop.reality import RealityConfig
 from np_drake.command_delay import LONGEST_DELAY
 from np_drake.lifting.model.model_file import save_model
@@ -97,10 +98,21 @@ def learned(
     return designs
 
 
-def flown(design: Design, world: RealityConfig, vehicle: Vehicle, *, solver: str, seed: int) -> Errors:
-    """Return the errors of a design in a world; infinite where the vehicle is lost."""
+def flown(
+    design: Design,
+    world: RealityConfig,
+    vehicle: Vehicle,
+    *,
+    solver: str,
+    seed: int,
+    real: RealVehicle = DRAKE,
+) -> Errors:
+    """Return the errors of a design in a world; infinite where the vehicle is lost.
+
+    Args: real: makes the vehicle that flies.
+    """
     try:
-        metrics = fly(design.config(world, vehicle, solver).check(), seed=seed).metrics()
+        metrics = fly(design.config(world, vehicle, solver).check(), seed=seed, real=real).metrics()
     except LostVehicle:
         return LOST
     return float(metrics["E_xy"]), float(metrics["E_z"])

@@ -9,6 +9,7 @@ from diagrams.challenge.generate.magnitudes import draw_effect
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import fly
+from diagrams.loop.real_vehicle import DRAKE, RealVehicle
 from diagrams.loop.reality import RealityConfig
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.logs.flight_log import FlightLog
@@ -60,16 +61,17 @@ def experiment(
 
 
 def diagnosed_flights(
-    reality: RealityConfig, vehicle: Vehicle, *, solver: str, seed: int
+    reality: RealityConfig, vehicle: Vehicle, *, solver: str, seed: int, real: RealVehicle = DRAKE
 ) -> tuple[list[FlightLog], list[FlightLog]]:
     """Fly training and held-out flights, and return their logs.
 
+    Args: real: makes the vehicle that flies.
     Raises: LostVehicle: if one fails.
     """
     logs = []
     for k, (name, seconds) in enumerate((*TRAINING, HELD_OUT)):
         config = experiment(name, reality, vehicle, solver=solver, seconds=seconds)
         config.controller.kind, config.reference.dither = FLOWN_WITH, DITHER
-        log = fly(config, seed=10 * seed + k).log()
+        log = fly(config, seed=10 * seed + k, real=real).log()
         logs.append(dc.replace(log, name=f"{name}.csv"))
     return logs[: len(TRAINING)], logs[len(TRAINING) :]

@@ -14,6 +14,7 @@ from diagrams.batch.campaign import Case
 from diagrams.challenge.closing import designs, reality
 from diagrams.challenge.closing.designs import Chosen, Design, Errors, chosen_in, flown, learned
 from diagrams.challenge.closing.reality import diagnosed_flights, nominal_reality, withheld_reality
+from diagrams.challenge.closing.simulators import real_vehicle, simulator_settings
 from diagrams.gap.corrected import corrected_simulator, drawn
 from diagrams.loop.flight import FlightConfig
 from np_drake.diagnosis.diagnose import diagnose
@@ -22,7 +23,8 @@ from np_drake.vehicle import Vehicle
 SAMPLES = 3  # simulators of the posterior, in which together one controller is made [1]
 NOMINAL, CORRECTED, SAMPLED = "nominal simulator", "corrected simulator", "posterior samples"
 MADE_IN = (NOMINAL, CORRECTED, SAMPLED)  # where a controller is made
-PLAIN = ("nominal", "hold", "observer", "oracle")  # controllers that nobody makes
+ORACLE = "oracle"
+PLAIN = ("nominal", "hold", "observer", ORACLE)  # controllers that nobody makes
 REAL = tuple(f"np: {configuration}, real flights" for configuration in designs.TRAINED)
 ROWS = (*PLAIN, *MADE_IN, *REAL)
 NOMINAL_SEED = 0  # of the noise in the nominal simulator, the same for all vehicles
@@ -32,10 +34,11 @@ NOMINAL_SEED = 0  # of the noise in the nominal simulator, the same for all vehi
 class Closing:
     """Work of a case {"seed"} -> errors of every row on the real vehicle, and as its own simulator foretold.
 
-    solver: of the MPC.
+    solver: of the MPC.   simulator: in which the real vehicle flies; controllers are made in Drake's.
     """
 
     solver: str
+    simulator: str = "drake"
 
     def __call__(self, case: Case) -> dict:
         """Return {"withheld", "verdict", "errors": {row: [xy, z]}, "foretold": {row: [xy, z]}, "chosen": {row: name}}.
@@ -43,8 +46,8 @@ class Closing:
         All errors in m; infinite, and null in a file, where the vehicle was lost.
         """
         seed, vehicle = case["seed"], Vehicle()
-        real = withheld_reality(seed, vehicle)
-        train, held_out = diagnosed_flights(real, vehicle, solver=self.solver, seed=seed)
+        withheld, real = withheld_reality(seed, vehicle), real_vehicle(self.simulator)
+        train, held_out = diagnosed_flights(withheld, vehicle, solver=self.solver, seed=seed, real=real)
         found = diagnose(vehicle, train, held_out, adaptive_split=False)
         corrected = corrected_simulator(found, vehicle)
         samples = [config.reality for config in _drawn(corrected, seed)]
@@ -56,13 +59,16 @@ class Closing:
                 SAMPLED: make(samples, folder=_folder(scratch, "samples")),
             }
             taught = learned(train, vehicle, seed, _folder(scratch, "real"), delay=None)
-            rows = dict(zip(ROWS, [*_plain(), *(c.design for c in made.values()), *taught], strict=True))
+            all_designs = [*map(Design, PLAIN), *(c.design for c in made.values()), *taught]
+            designs_of = dict(zip(ROWS, all_designs, strict=True))
             errors = {
-                row: flown(design, real, vehicle, solver=self.solver, seed=1000 + seed)
-                for row, design in rows.items()
+                row: flown(
+                    designs_of[row], withheld, vehicle, solver=self.solver, seed=1000 + seed, real=real
+                )
+                for row in rows_of(self.simulator)
             }
         return {
-            "withheld": [entry.effect for entry in real.effects],
+            "withheld": [entry.effect for entry in withheld.effects],
             "verdict": list(found.verdict),
             "errors": errors,
             "foretold": {row: choice.foretold for row, choice in made.items()},
@@ -70,8 +76,9 @@ class Closing:
         }
 
 
-def _plain() -> list[Design]:
-    return [Design(kind) for kind in PLAIN]
+def rows_of(simulator: str) -> tuple[str, ...]:
+    """Return the rows; none of an oracle for a vehicle whose own physics no effect of this project describes."""
+    return ROWS if simulator == "drake" else tuple(row for row in ROWS if row != ORACLE)
 
 
 def _folder(parent: str, name: str) -> Path:
@@ -99,10 +106,14 @@ def _drawn(corrected: FlightConfig, seed: int) -> list[FlightConfig]:
     return [corrected] if certain else drawn(corrected, SAMPLES, seed)
 
 
-def settings(solver: str) -> dict[str, Any]:
-    """Return all that the results depend on other than the seed."""
+def settings(solver: str, simulator: str = "drake") -> dict[str, Any]:
+    """Return all that the results depend on other than the seed.
+
+    Raises: ValueError: where the simulator is unknown or not installed.
+    """
     return {
-        "solver": solver, "withheld": reality.WITHHELD, "most": reality.MOST, "training": reality.TRAINING,
+        "simulator": simulator_settings(simulator), "solver": solver,
+        "withheld": reality.WITHHELD, "most": reality.MOST, "training": reality.TRAINING,
         "held_out": reality.HELD_OUT, "dither": reality.DITHER, "flown_with": reality.FLOWN_WITH,
         "track": designs.TRACK, "scored": designs.SCORED, "learned_on": designs.LEARNED_ON,
         "designs": [*designs.UNTRAINED, *designs.TRAINED], "samples": SAMPLES, "nominal_seed": NOMINAL_SEED,
@@ -115,7 +126,7 @@ def table(results: Sequence[dict]) -> list[dict]:
     A lost vehicle counts as infinitely far off. chosen: how often each design was chosen.
     """
     lines = []
-    for row in ROWS:
+    for row in filter(results[0]["errors"].__contains__, ROWS):
         errors = np.array([_errors(r["errors"][row]) for r in results])
         lower, median, upper = np.quantile(errors[:, 0], [0.25, 0.5, 0.75], method="nearest").tolist()
         names = Counter(r["chosen"][row] for r in results if row in r["chosen"])

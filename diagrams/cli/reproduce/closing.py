@@ -2,6 +2,9 @@
 
 import math
 from collections.abc import Sequence
+from typing import Annotated
+
+from typer import Option
 
 from diagrams.cli.columns import tabulate
 from diagrams.cli.output import Table, counted, progress
@@ -11,22 +14,29 @@ from diagrams.cli.runner import Report
 
 
 @campaign(seeds=40, out=OutOfCases)
-def closing(run: Campaign, scheduler: Scheduler = "") -> Report:
+def closing(
+    run: Campaign,
+    scheduler: Scheduler = "",
+    simulator: Annotated[
+        str, Option(metavar="NAME", help="In which the real vehicle flies: drake | rotorpy.")
+    ] = "drake",
+) -> Report:
     """Vehicles with withheld effects: diagnosed, then flown by controllers of several simulators.
 
     A seed is a vehicle. It flies three times under `hold` and is diagnosed. In the nominal simulator, in the corrected
     one, and in draws from its posterior, predictors are trained, and of all controllers the one that flies the circle
-    best there is flown on the vehicle. --out DIR: cases to resume from.
+    best there is flown on the vehicle. With rotorpy the vehicle has that simulator's rigid body, rotors, drag, lift and
+    motor lag, and there is no oracle. --out DIR: cases to resume from.
     """
     from diagrams.batch.campaign import run_campaign
     from diagrams.challenge.closing import study
     from np_drake.mpc.solvers import require_solver
 
     require_solver(run.solver)
-    config = study.settings(run.solver)
+    config = study.settings(run.solver, simulator)
     with progress("closing", 1.0) as advance:
         records = run_campaign(
-            study.Closing(run.solver),
+            study.Closing(run.solver, simulator),
             [{"seed": seed} for seed in run.seeds],
             config=config,
             folder=run.folder / CASES if run.out else None,
@@ -39,10 +49,9 @@ def closing(run: Campaign, scheduler: Scheduler = "") -> Report:
     lines = study.table(results)
     gains = study.gained(results)
     failed = [f"seed {r['case']['seed']}: {r['error']}" for r in records if "error" in r]
+    seeds = f"seeds {run.seeds[0]} … {run.seeds[-1]}"
     return Report(
-        closing_printed(
-            lines, gains, f"{len(results)} vehicles, seeds {run.seeds[0]} … {run.seeds[-1]}, {run.solver}"
-        ),
+        closing_printed(lines, gains, f"{len(results)} vehicles in {simulator}, {seeds}, {run.solver}"),
         config=config | {"seeds": run.seeds},
         metrics={"table": lines, "gains": gains, "runs": records},
         notes=[*failed, cost(records)],

@@ -12,8 +12,9 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorC
 from diagrams.gap.corrected import corrected_simulator, drawn
 from diagrams.gap.corrected_file import FILE, write_corrected
 from diagrams.gap.remaining import remaining_disturbance
-from diagrams.loop.flight import default_flight, load_flight, make_real_vehicle
+from diagrams.loop.flight import default_flight, load_flight
 from diagrams.loop.flight_result import fly
+from diagrams.loop.real_vehicle import make_real_vehicle
 from np_drake.diagnosis import result as an
 from np_drake.effects.base import Measurement, SensorEffect
 from np_drake.effects.center_of_mass_offset import CenterOfMassOffset

@@ -6,8 +6,8 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
 from diagrams.loop.events import attach, push, release
 from diagrams.loop.experiments import load_experiment
-from diagrams.loop.flight import make_real_vehicle
 from diagrams.loop.flight_result import fly
+from diagrams.loop.real_vehicle import make_real_vehicle
 from systems.initial_state import set_hover
 
 CONFIG = load_experiment("hover")

@@ -10,9 +10,9 @@ from diagrams.loop.flight import (
     RealityConfig,
     load_flight,
     make_flight_diagram,
-    make_real_vehicle,
 )
 from diagrams.loop.flight_result import fly
+from diagrams.loop.real_vehicle import make_real_vehicle
 from diagrams.loop.scaled import scaled
 from diagrams.robustness.axes import BASE
 from diagrams.robustness.robustness import flight_config

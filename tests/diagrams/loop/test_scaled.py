@@ -7,8 +7,9 @@ import pytest
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
 from diagrams.loop.experiments import EXPERIMENTS, load_experiment
-from diagrams.loop.flight import FlightConfig, default_flight, initialise, load_flight, make_real_vehicle
+from diagrams.loop.flight import FlightConfig, default_flight, initialise, load_flight
 from diagrams.loop.flight_result import fly
+from diagrams.loop.real_vehicle import make_real_vehicle
 from np_drake.references.config import make_reference
 from np_drake.scaling import SPARE_LIFT, ratios, scales, similar
 from np_drake.vehicle import MeasurementNoise, Vehicle

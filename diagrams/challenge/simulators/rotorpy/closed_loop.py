@@ -4,32 +4,19 @@ import math
 
 import numpy as np
 
-from diagrams.challenge.simulators.rotorpy.library_effects import cross
-from diagrams.challenge.simulators.rotorpy.vehicle import SIZE, SPEED, Q, RealMultirotor, V, W, X
-from np_drake import attitude
+from diagrams.challenge.simulators.rotorpy.conversion import (
+    acceleration_from_rotorpy,
+    from_rotorpy,
+    rotor_speeds,
+    to_rotorpy,
+)
+from diagrams.challenge.simulators.rotorpy.vehicle import SPEED, Q, RealMultirotor
 from np_drake.control.cascade import CascadeGains, cascade
 from np_drake.vehicle import Vehicle
 
 # Of the integrator, at most [s]: one between rows 10 ms apart, jitter included, two with a tether.
 STEP, TETHER_STEP = 0.0112, 0.0056
 LAG_SHARE = 0.5  # of a motor's time constant that a step may last [1]
-
-
-def to_rotorpy(x: np.ndarray, center: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    """Return rotorpy's state (20,) of Bcm, quaternion x, y, z, w, from x (13,) of Bo and rotor speed (4,) [rad/s]."""
-    q, w = x[3:7] / np.linalg.norm(x[3:7]), x[10:13]
-    s = np.zeros(SIZE)
-    s[X] = x[0:3] + attitude.rotate(q, center)
-    s[V] = x[7:10] + attitude.rotate(q, cross(w, center))
-    s[Q], s[W], s[SPEED] = q[[1, 2, 3, 0]], w, speed
-    return s
-
-
-def from_rotorpy(s: np.ndarray, center: np.ndarray) -> np.ndarray:
-    """Return the state (13,) of Bo, quaternion w, x, y, z, from rotorpy's."""
-    q, w = s[Q][[3, 0, 1, 2]], s[W]
-    R = attitude.rotation_matrix(q)
-    return np.concatenate([s[X] - R @ center, q, s[V] - R @ cross(w, center), w])
 
 
 class Flight:
@@ -41,7 +28,7 @@ class Flight:
         self._under_way: list[
             tuple[float, np.ndarray]
         ] = []  # commanded rotor speeds, and when they arrive [s]
-        self._command = self._speeds(vehicle.hover_input)
+        self._command = rotor_speeds(vehicle, vehicle.hover_input)
         self._board(real, x, self._command)
 
     def _board(self, real: RealMultirotor, x: np.ndarray, speed: np.ndarray) -> None:
@@ -74,16 +61,14 @@ class Flight:
             step=self.t - self._updated,
         )
         self._updated = self.t
-        self._under_way.append((self.t + self.real.dead_time, self._speeds(u)))
+        self._under_way.append((self.t + self.real.dead_time, rotor_speeds(self._vehicle, u)))
         self._deliver()
         return u
 
     def reading(self) -> np.ndarray:
         """Return (19,) state of Bo, its acceleration in W and dw/dt in B, as the acting command makes them."""
-        rate, x, c = self._rate_now(), self.state(), self.real.center
-        w, al = x[10:13], rate[W]
-        swept = cross(al, c) + cross(w, cross(w, c))
-        return np.concatenate([x, rate[V] - attitude.rotate(x[3:7], swept), al])
+        acceleration = acceleration_from_rotorpy(self._s, self._rate_now(), self.real.center)
+        return np.concatenate([self.state(), acceleration])
 
     def advance(self, t: float) -> None:
         """Flies on to `t` [s]; a command that arrives there acts."""
@@ -93,14 +78,10 @@ class Flight:
         self._integrate(t)
         self._deliver()
 
-    def _speeds(self, u: np.ndarray) -> np.ndarray:
-        """Return the rotor speeds (4,) that a nominal vehicle needs for u (4,) [rad/s]."""
-        return np.sqrt(np.maximum(self._vehicle.unmixer @ u, 0.0) / self._vehicle.thrust_coefficient)
-
     def _deliver(self) -> None:
         while self._under_way and self._under_way[0][0] <= self.t + 1e-9:
             self._command, self._rate = self._under_way.pop(0)[1], np.zeros(0)
-            if math.isinf(self.real.tau_m):
+            if not self.real.lags:
                 self._s[SPEED] = self._command
 
     def _rate_now(self) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from importlib.util import find_spec
 
+from diagrams.loop.real_vehicle import RealVehicle
 from np_drake.logs.flight_log import FlightLog
 
 
@@ -9,7 +10,7 @@ def require_rotorpy() -> None:
     """Raises ValueError: where rotorpy is not installed."""
     if find_spec("rotorpy") is None:
         raise ValueError(
-            "make: for the simulator rotorpy its package must be installed; pip install 'np_drake[challenge]'."
+            "simulator: for rotorpy its package must be installed; pip install 'np_drake[challenge]'."
         )
 
 
@@ -19,3 +20,19 @@ def fly(*arguments, **options) -> FlightLog:
     from diagrams.challenge.simulators.rotorpy.simulator import fly as fly_in_rotorpy
 
     return fly_in_rotorpy(*arguments, **options)
+
+
+def foreign_vehicle(*, own: bool) -> RealVehicle:
+    """Return the `ForeignVehicle`. Raises ValueError: where rotorpy is not installed."""
+    require_rotorpy()
+    from diagrams.challenge.simulators.rotorpy.foreign import ForeignVehicle
+
+    return ForeignVehicle(own)
+
+
+def own_physics() -> dict[str, float]:
+    """`diagrams.challenge.simulators.rotorpy.own_physics`. Raises ValueError: where rotorpy is not installed."""
+    require_rotorpy()
+    from diagrams.challenge.simulators.rotorpy.own_physics import own_physics as own_physics_of_rotorpy
+
+    return own_physics_of_rotorpy()

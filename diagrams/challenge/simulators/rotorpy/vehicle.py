@@ -1,5 +1,6 @@
 """rotorpy's multirotor with a challenge's vehicle and effects in it."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -14,6 +15,7 @@ from diagrams.challenge.simulators.rotorpy.out_of_library import (
     ground_and_walls,
     wind,
 )
+from diagrams.challenge.simulators.rotorpy.own_physics import own_physics
 from diagrams.challenge.simulators.rotorpy.tether import Tether
 from diagrams.challenge.simulators.rotorpy.wind import winds
 from np_drake import attitude
@@ -38,11 +40,15 @@ class RealMultirotor(Multirotor):
 
     rotorpy's own parameters are mass, inertia, place of the rotors from the centre of mass, thrust and torque
     coefficient (`thrust_scale`), motor time constant (infinite: none, and the command is the speed) and gravity. Its
-    own aerodynamics and its ground plane are off. `center`: p_BoBcm_B [m].   `dead_time`: of commands [s].
+    ground plane is off. `center`: p_BoBcm_B [m].   `dead_time`: of commands [s].
+
+    Args: own: whether rotorpy's own aerodynamics act, and its own motor lag where neither effect nor file has one.
     """
 
-    def __init__(self, vehicle: Vehicle, acting: Sequence[ActiveEffect]):
-        super().__init__(parameters(vehicle, acting), aero=False, enable_ground=False)
+    def __init__(self, vehicle: Vehicle, acting: Sequence[ActiveEffect], *, own: bool = False):
+        physics = own_physics() if own else {}
+        given = parameters(vehicle, acting, tau_m=physics.get("tau_m", np.inf))
+        super().__init__(physics | given, aero=own, enable_ground=False)
         self.g = vehicle.gravity
         self.weight = np.array([0.0, 0.0, -self.mass * self.g])
         self.vehicle, self.center = vehicle, center_of_mass(acting)
@@ -62,6 +68,20 @@ class RealMultirotor(Multirotor):
     def swings(self) -> bool:
         """Return whether there is a payload, which needs short steps."""
         return self._tether is not None
+
+    @property
+    def lags(self) -> bool:
+        """Return whether rotors need time; others turn at the commanded speed at once."""
+        return not math.isinf(self.tau_m)
+
+    @property
+    def carried_mass(self) -> float:
+        """Return the mass of vehicle and payload [kg]."""
+        return self.mass + (self._tether.mass if self._tether else 0.0)
+
+    def payload(self, s: np.ndarray) -> np.ndarray:
+        """Return the payload's position and velocity in W (6,) [m, m/s] in a state; empty (0,) without one."""
+        return s[-Tether.size :] if self._tether else np.zeros(0)
 
     def hidden_at_rest(self, t: float, s: np.ndarray) -> np.ndarray:
         """Return what follows rotorpy's state `s` (20,) at rest: liquid still, payload hanging."""
@@ -85,6 +105,13 @@ class RealMultirotor(Multirotor):
             out[W] += pulled[3:]
             self._rates.append(rate)
         return np.concatenate([out, *self._rates]) if self._rates else out
+
+    def thrust(self, t: float, speed: np.ndarray) -> np.ndarray:
+        """Return the thrust (4,) of propellers at these speeds (4,) [rad/s], far from the ground [N]."""
+        thrust = self.k_eta * speed * speed
+        for gain, values in self._gains:
+            thrust = gain(self.vehicle, values, thrust, t)
+        return thrust
 
     def compute_body_wrench(
         self, body_rates: np.ndarray, rotor_speeds: np.ndarray, body_airspeed_vector: np.ndarray
@@ -122,9 +149,7 @@ class RealMultirotor(Multirotor):
     def _instant(self, speed: np.ndarray, airspeed: np.ndarray) -> Instant:
         """Return the instant of the laws. airspeed: (3,) of Bcm in B [m/s]."""
         s, t = self._s, self._t
-        thrust = self.k_eta * speed * speed
-        for gain, values in self._gains:
-            thrust = gain(self.vehicle, values, thrust, t)
+        thrust = self.thrust(t, speed)
         R = attitude.rotation_matrix(s[Q][[3, 0, 1, 2]])
         p, v, air = s[X], s[V], airspeed
         if self._beside:
@@ -140,8 +165,11 @@ def center_of_mass(acting: Sequence[ActiveEffect]) -> np.ndarray:
     return np.array([sum(c[axis] for c in offsets) for axis in "xyz"], float)
 
 
-def parameters(vehicle: Vehicle, acting: Sequence[ActiveEffect]) -> dict:
-    """Return rotorpy's parameters of a multirotor, with the effects that are parameters there."""
+def parameters(vehicle: Vehicle, acting: Sequence[ActiveEffect], *, tau_m: float = np.inf) -> dict:
+    """Return rotorpy's parameters of a multirotor, with the effects that are parameters there.
+
+    Args: tau_m: time constant of motors to which neither effect nor file gives one [s].
+    """
     named = [(a.name, a.values) for a in acting]
     scale = float(np.prod([c["scale"] for name, c in named if name == "thrust_scale"]))
     J = vehicle.J.copy()
@@ -160,5 +188,5 @@ def parameters(vehicle: Vehicle, acting: Sequence[ActiveEffect]) -> dict:
         "rotor_speed_max": float(np.sqrt(vehicle.max_rotor_thrust / vehicle.thrust_coefficient)),
         "k_eta": scale * vehicle.thrust_coefficient,
         "k_m": scale * vehicle.torque_coefficient,
-        "tau_m": lag[-1] if lag[-1] > 0 else np.inf,
+        "tau_m": lag[-1] if lag[-1] > 0 else tau_m,
     }

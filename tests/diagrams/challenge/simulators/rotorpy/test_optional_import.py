@@ -24,3 +24,10 @@ def test_a_set_is_flown_and_names_its_simulator(tmp_path):
     (file,) = truth.glob("*/truth.json")
     assert '"simulator": "rotorpy"' in file.read_text(encoding="utf-8")
     assert len(list(out.glob("*/*.csv"))) == 3
+
+
+def test_without_the_package_no_foreign_vehicle_and_one_clear_line(monkeypatch):
+    monkeypatch.setattr(optional_import, "find_spec", lambda name: None)
+    with pytest.raises(ValueError, match=r"pip install 'np_drake\[challenge\]'") as caught:
+        optional_import.foreign_vehicle(own=True)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,160 @@
+"""rotorpy's multirotor as a system of Drake, in the place of `make_tethered_quadrotor`."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem, ValueProducer
+
+from diagrams.challenge.simulators.rotorpy.conversion import (
+    acceleration_from_rotorpy,
+    from_rotorpy,
+    rotor_speeds,
+    to_rotorpy,
+)
+from diagrams.challenge.simulators.rotorpy.library_effects import ActiveEffect
+from diagrams.challenge.simulators.rotorpy.vehicle import SPEED, Q, RealMultirotor
+from np_drake import attitude
+from np_drake.vehicle import Vehicle
+from systems.command_buffer import SOONEST, CommandBuffer
+
+OUTPUTS = ("x", "acceleration", "rotor_thrust", "nominal_rotor_thrust", "plant_state")
+
+
+class RotorPyVehicle(LeafSystem):
+    """Multirotor whose motion is rotorpy's, with a challenge's effects.
+
+    .. pydrake_system::
+
+        name: RotorPyVehicle
+        input_ports:
+        - u
+        output_ports:
+        - x
+        - acceleration
+        - rotor_thrust
+        - nominal_rotor_thrust
+        - plant_state
+
+    | port | size | meaning | unit |
+    |---|---|---|---|
+    | u | 4 | [f_u, tau_m] that the rotors get now; saturated in rotor space | N, N·m |
+    | x | 13 | true state of Bo [p_WB, q_WB, v_WB, w_WB_B] | |
+    | acceleration | 6 | true [dv/dt of Bo in W, dw/dt in B] under the acting command | m/s², rad/s² |
+    | rotor_thrust | 4 | thrust of the propellers, far from the ground | N |
+    | nominal_rotor_thrust | 4 | what nominal rotors would give at the actual rotor speed | N |
+    | plant_state | 13 or 26 | poses, then velocities, of B and of the payload where there is one, in Drake's order | |
+
+    Continuous state: rotorpy's (20,) [of Bcm; wind, which is a function of time; rotor speeds], hidden states of
+    effects, payload (6,). It starts in hover over the world origin, under rotors that nominally carry all weight.
+
+    Args: own: whether rotorpy's own drag, lift and motor lag act beside the effects (`RealMultirotor`).
+    """
+
+    def __init__(self, vehicle: Vehicle, acting: Sequence[ActiveEffect], *, own: bool = False):
+        super().__init__()
+        self._vehicle, self._real = vehicle, RealMultirotor(vehicle, acting, own=own)
+        self._u_port = self.DeclareVectorInputPort("u", 4)
+        resting = self._hovering(np.zeros(3))
+        self.DeclareContinuousState(BasicVector(resting))
+        prerequisites = {self._u_port.ticket(), self.all_state_ticket(), self.time_ticket()}
+        # Derivatives and outputs of one instant read the same rate.
+        self._motion = self.DeclareCacheEntry(
+            "motion", ValueProducer(allocate=Value[object], calc=self._calc_motion), prerequisites
+        )
+        state = {self.all_state_ticket()}
+        self.DeclareVectorOutputPort("x", 13, self._calc_x, state)
+        self.DeclareVectorOutputPort("acceleration", 6, self._calc_acceleration, prerequisites)
+        self.DeclareVectorOutputPort("rotor_thrust", 4, self._calc_rotor_thrust, prerequisites)
+        self.DeclareVectorOutputPort("nominal_rotor_thrust", 4, self._calc_nominal_thrust, prerequisites)
+        size = 26 if self._real.payload(resting).size else 13
+        self.DeclareVectorOutputPort("plant_state", size, self._calc_plant_state, state)
+
+    @property
+    def dead_time(self) -> float:
+        """Time by which commands must be held back before they reach `u` [s]."""
+        return self._real.dead_time
+
+    @property
+    def hover_input(self) -> np.ndarray:
+        """Input u (4,) by which nominal rotors carry vehicle and payload [N, N·m]."""
+        return np.array([self._real.carried_mass * self._vehicle.gravity, 0.0, 0.0, 0.0])
+
+    def set_hover(self, context: Context, p_WB: np.ndarray) -> None:
+        """Set the vehicle level and at rest at p_WB (3,) [m], a payload hanging still; `context` is its own."""
+        context.SetContinuousState(self._hovering(np.asarray(p_WB, float)))
+
+    def _hovering(self, p_WB: np.ndarray) -> np.ndarray:
+        x = np.concatenate([p_WB, [1.0, 0.0, 0.0, 0.0], np.zeros(6)])
+        s = to_rotorpy(x, self._real.center, self._speeds(self.hover_input))
+        return np.concatenate([s, self._real.hidden_at_rest(0.0, s)])
+
+    def _speeds(self, u: np.ndarray) -> np.ndarray:
+        return rotor_speeds(self._vehicle, u, self._vehicle.max_rotor_thrust)
+
+    def _state(self, context) -> np.ndarray:
+        """Return the state with a quaternion of unit length.
+
+        Raises: RuntimeError: on a state that is not finite, so that the simulation ends there.
+        """
+        s = context.get_continuous_state_vector().CopyToVector()
+        if not np.isfinite(s).all():
+            raise RuntimeError("RotorPyVehicle: the state must be finite.")
+        s[Q] /= np.linalg.norm(s[Q])
+        return s
+
+    def _calc_motion(self, context, value) -> None:
+        """Compute the state and its rate."""
+        s, command = self._state(context), self._speeds(self._u_port.Eval(context))
+        if not self._real.lags:
+            s[SPEED] = command
+        value.set_value((s, self._real.rate(context.get_time(), s, command)))
+
+    def DoCalcTimeDerivatives(self, context, derivatives) -> None:
+        """Compute the rate of the state, as an override of Drake's virtual."""
+        derivatives.SetFromVector(self._motion.Eval(context)[1])
+
+    def _calc_x(self, context, output) -> None:
+        output.SetFromVector(from_rotorpy(self._state(context), self._real.center))
+
+    def _calc_acceleration(self, context, output) -> None:
+        s, rate = self._motion.Eval(context)
+        output.SetFromVector(acceleration_from_rotorpy(s, rate, self._real.center))
+
+    def _calc_rotor_thrust(self, context, output) -> None:
+        s, _ = self._motion.Eval(context)
+        output.SetFromVector(self._real.thrust(context.get_time(), s[SPEED]))
+
+    def _calc_nominal_thrust(self, context, output) -> None:
+        s, _ = self._motion.Eval(context)
+        output.SetFromVector(self._vehicle.thrust_coefficient * s[SPEED] ** 2)
+
+    def _calc_plant_state(self, context, output) -> None:
+        s = self._state(context)
+        x, payload = from_rotorpy(s, self._real.center), self._real.payload(s)
+        pose, velocity = [x[3:7], x[0:3]], [attitude.rotate(x[3:7], x[10:13]), x[7:10]]
+        if payload.size:  # a point has no attitude
+            pose += [np.array([1.0, 0.0, 0.0, 0.0]), payload[:3]]
+            velocity += [np.zeros(3), payload[3:]]
+        output.SetFromVector(np.concatenate(pose + velocity))
+
+
+def make_rotorpy_vehicle(
+    vehicle: Vehicle, acting: Sequence[ActiveEffect], *, command_period: float = 0.001, own: bool = False
+) -> Diagram:
+    """Return the subsystem `rotorpy`, a `RotorPyVehicle`, with its commands delayed as the effects say.
+
+    Args: command_period: at multiples of which `u` changes [s].   own: as of `RotorPyVehicle`.
+    """
+    builder = DiagramBuilder()
+    rotorpy = builder.AddNamedSystem("rotorpy", RotorPyVehicle(vehicle, acting, own=own))
+    if rotorpy.dead_time >= SOONEST:
+        buffer = CommandBuffer(rotorpy.hover_input, dead_time=rotorpy.dead_time, period=command_period)
+        builder.AddNamedSystem("command_buffer", buffer)
+        builder.Connect(buffer.get_output_port(), rotorpy.get_input_port())
+        builder.ExportInput(buffer.get_input_port(), "u")
+    else:
+        builder.ExportInput(rotorpy.get_input_port(), "u")
+    for name in OUTPUTS:
+        builder.ExportOutput(rotorpy.GetOutputPort(name), name)
+    return builder.Build()

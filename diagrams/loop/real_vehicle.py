@@ -1,0 +1,75 @@
+"""The vehicle that flies in the loop: Drake's plant, or that of another simulator."""
+
+from typing import Protocol
+
+import numpy as np
+from pydrake.systems.framework import Context, Diagram
+
+from diagrams.loop.reality import RealityConfig
+from np_drake.vehicle import Vehicle
+from systems.initial_state import set_hover
+from systems.tethered_quadrotor import make_tethered_quadrotor
+
+REAL_VEHICLE = "tethered_quadrotor"  # its name as a subsystem of a flight
+
+
+class RealVehicle(Protocol):
+    """Maker of the vehicle that flies, with the effects of a reality.
+
+    takes_events: whether `diagrams.loop.events` may change it in flight.
+    """
+
+    takes_events: bool
+
+    def make(
+        self, vehicle: Vehicle, reality: RealityConfig, *, command_period: float, pushed: bool = False
+    ) -> Diagram:
+        """Return the vehicle with the ports of `make_tethered_quadrotor`; `tether_wrench` may be missing.
+
+        Args: command_period: at whose multiples alone the command changes [s].   pushed: whether forces from outside
+        may act.
+        Raises: ValueError: on a reality that the simulator does not know.
+        """
+
+    def hover(self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray) -> None:
+        """Set the made vehicle level and at rest at p_WB (3,) [m], with the payload hanging still."""
+
+
+class DrakeVehicle:
+    """The `RealVehicle` of the project's own simulator."""
+
+    takes_events = True
+
+    def make(
+        self, vehicle: Vehicle, reality: RealityConfig, *, command_period: float, pushed: bool = False
+    ) -> Diagram:
+        """Return `make_real_vehicle` of the arguments."""
+        return make_real_vehicle(vehicle, reality, command_period=command_period, pushed=pushed)
+
+    def hover(self, system: Diagram, root: Context, reality: RealityConfig, p_WB: np.ndarray) -> None:
+        """Set the vehicle level and at rest at p_WB (3,) [m], with the payload at its static stretch."""
+        plant = system.GetSubsystemByName("plant")
+        set_hover(plant, plant.GetMyMutableContextFromRoot(root), reality.hung, p_WB)
+
+
+DRAKE = DrakeVehicle()
+
+
+def make_real_vehicle(
+    vehicle: Vehicle, reality: RealityConfig, *, command_period: float = 0.001, pushed: bool = False
+) -> Diagram:
+    """Return the plant with the effects that `reality` switches on.
+
+    Args: command_period: at whose multiples alone the command changes [s].   pushed: as of `make_tethered_quadrotor`.
+    """
+    return make_tethered_quadrotor(
+        vehicle,
+        reality.hung,
+        wrench_effects=reality.wrench_effects(),
+        actuator_effects=reality.actuator_effects(),
+        mass_effects=reality.mass_effects(0.0),
+        command_period=command_period,
+        onsets=reality.onsets,
+        tied=reality.hangs_at <= 0.0,
+        pushed=pushed,
+    )

@@ -1,0 +1,140 @@
+"""Laws of the simulators in which the real vehicle of the closing study flies."""
+
+import json
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+from diagrams.batch.campaign import run_campaign
+from diagrams.challenge.closing import designs, reality, simulators, study
+from diagrams.challenge.closing.reality import nominal_reality
+from diagrams.challenge.closing.study import MADE_IN, ORACLE, ROWS, Closing, rows_of, settings, table
+from diagrams.challenge.simulators.rotorpy import optional_import
+from diagrams.cli.main import run
+from diagrams.loop.real_vehicle import DRAKE
+from np_drake.vehicle import Vehicle
+
+VEHICLE = Vehicle()
+needs_rotorpy = pytest.mark.skipif(find_spec("rotorpy") is None, reason="rotorpy is not installed")
+
+
+def fly_one(monkeypatch, simulator):
+    """Run a case with stand-ins for all work: its result, and what made the real vehicle of each flight."""
+    real, design = [], study.Design("hold")
+
+    def fly(*_, real_errors=(0.1, 0.2), **how):
+        real.append(how.get("real", DRAKE))
+        return real_errors
+
+    found = type("Found", (), {"verdict": []})()
+    chosen = study.Chosen(design, (0.1, 0.2))
+    corrected = type("Corrected", (), {"reality": nominal_reality()})()
+    monkeypatch.setattr(study, "diagnosed_flights", lambda *a, **how: fly(*a, real_errors=([], []), **how))
+    monkeypatch.setattr(study, "diagnose", lambda *_, **__: found)
+    monkeypatch.setattr(study, "corrected_simulator", lambda *_: corrected)
+    monkeypatch.setattr(study, "_made_in_nominal", lambda *_: chosen)
+    monkeypatch.setattr(study, "chosen_in", lambda *_, **__: chosen)
+    monkeypatch.setattr(study, "learned", lambda *_, **__: [design, design])
+    monkeypatch.setattr(study, "flown", fly)
+    return Closing("sqp", simulator)({"seed": 1}), real
+
+
+def test_in_drake_every_flight_is_drakes_and_an_oracle_flies(monkeypatch):
+    result, real = fly_one(monkeypatch, "drake")
+    assert tuple(result["errors"]) == ROWS
+    assert len(real) == 1 + len(ROWS)
+    assert set(real) == {DRAKE}
+
+
+@needs_rotorpy
+def test_in_rotorpy_every_flight_of_the_vehicle_has_its_own_physics_and_no_oracle(monkeypatch):
+    result, real = fly_one(monkeypatch, "rotorpy")
+    assert set(ROWS) - set(result["errors"]) == {ORACLE}
+    assert len(real) == len(ROWS)
+    assert all(maker == optional_import.foreign_vehicle(own=True) for maker in real)
+    assert [line["row"] for line in table([result])] == [row for row in ROWS if row != ORACLE]
+
+
+SAME = 1e-5  # of two simulators of the same equations [m]; seen are 6e-7 of the state
+
+
+@needs_rotorpy
+def test_a_design_flies_on_the_vehicle_it_is_given(monkeypatch):
+    monkeypatch.setattr(designs, "SCORED", 1.0)
+    plain, own = (optional_import.foreign_vehicle(own=own) for own in (False, True))
+    design, world = designs.Design("hold"), nominal_reality()
+    ours, same, other = (
+        np.array(designs.flown(design, world, VEHICLE, solver="sqp", seed=0, real=real))
+        for real in (DRAKE, plain, own)
+    )
+    np.testing.assert_allclose(same, ours, atol=SAME)
+    assert np.abs(other - ours).max() > 10 * SAME  # its drag is felt
+
+
+@needs_rotorpy
+def test_the_diagnosed_flights_are_of_the_vehicle_that_is_given(monkeypatch):
+    monkeypatch.setattr(reality, "TRAINING", (("training_circle", 1.0),))
+    monkeypatch.setattr(reality, "HELD_OUT", ("lemniscate", 1.0))
+    plain, own = (optional_import.foreign_vehicle(own=own) for own in (False, True))
+    ours, same, other = (
+        [
+            log
+            for logs in reality.diagnosed_flights(nominal_reality(), VEHICLE, solver="sqp", seed=1, real=real)
+            for log in logs
+        ]
+        for real in (DRAKE, plain, own)
+    )
+    assert len(ours) == 2
+    for a, b, c in zip(ours, same, other, strict=True):
+        np.testing.assert_allclose(b.p, a.p, atol=SAME)
+        assert np.abs(c.p - a.p).max() > 10 * SAME
+
+
+def test_rows_that_a_simulator_makes_exist_everywhere():
+    for name in simulators.SIMULATORS:
+        assert set(MADE_IN) < set(rows_of(name))
+
+
+@needs_rotorpy
+def test_the_settings_hold_rotorpys_own_physics():
+    assert settings("sqp")["simulator"] == {"name": "drake"}
+    there = settings("sqp", "rotorpy")
+    assert there["simulator"]["own_physics"]["k_d"] > 0
+    assert there["simulator"]["version"].startswith("3.")
+    assert there | {"simulator": {"name": "drake"}} == settings("sqp")
+
+
+@needs_rotorpy
+def test_a_folder_of_the_other_simulator_is_refused(tmp_path):
+    cases = [{"seed": 1}]
+    run_campaign(dict, cases, config=settings("sqp"), folder=tmp_path)
+    with pytest.raises(ValueError, match=r'simulator\.name is "drake", .* "rotorpy"; choose another folder'):
+        run_campaign(dict, cases, config=settings("sqp", "rotorpy"), folder=tmp_path)
+
+
+@pytest.mark.parametrize(
+    "name, message",
+    [("gazebo", "simulator must be one of drake, rotorpy; got 'gazebo'"), ("rotorpy", "pip install")],
+)
+def test_a_simulator_that_there_is_not_is_one_line_before_any_flight(
+    name, message, monkeypatch, tmp_path, capsys
+):
+    monkeypatch.setattr(optional_import, "find_spec", lambda name: None)
+    assert run(["reproduce", "closing", "--simulator", name, "--out", str(tmp_path / "out")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("np-drake reproduce closing: ")
+    assert message in line
+    assert not (tmp_path / "out" / "cases").exists()
+
+
+@needs_rotorpy
+def test_the_printed_table_and_its_file_name_the_simulator(monkeypatch, tmp_path, capsys):
+    result, _ = fly_one(monkeypatch, "rotorpy")
+    record = {"case": {"seed": 4}, "result": result, "seconds": 1.0}
+    monkeypatch.setattr("diagrams.batch.campaign.run_campaign", lambda *_, **__: [record])
+    out = tmp_path / "table.json"
+    arguments = ["--seeds", "1", "--seed", "3", "--simulator", "rotorpy", "--json", str(out)]
+    assert run(["reproduce", "closing", *arguments]) == 0
+    assert "1 vehicles in rotorpy, seeds 4 … 4, sqp" in capsys.readouterr().out
+    assert json.loads(out.read_text())["config"]["simulator"]["name"] == "rotorpy"
