@@ -2,7 +2,12 @@
 
 import math
 
+import numpy as np
 from pydrake.systems.framework import BasicVector, LeafSystem
+
+from np_drake import attitude
+from np_drake.attitude_kernel import turned
+from np_drake.compiled import compiled
 
 
 class Cable(LeafSystem):
@@ -38,7 +43,7 @@ class Cable(LeafSystem):
         tied: at the start.
         """
         super().__init__()
-        self._length, self._hook = float(length), tuple(float(h) for h in hook)
+        self._length, self._hook = float(length), np.array(hook, float)
         self._stiffness, self._damping = float(stiffness), float(damping)
         self._state_port = self.DeclareVectorInputPort("plant_state", 26)
         self.DeclareNumericParameter(BasicVector([float(tied)]))
@@ -54,43 +59,42 @@ class Cable(LeafSystem):
         """Cut the cable for good, between two AdvanceTo; `context` is the cable's own."""
         context.get_mutable_numeric_parameter(0).SetAtIndex(0, 0.0)
 
-    def _pull(self, context) -> tuple[list[float], list[float], list[float]]:
-        """Return force on B in W, moment about Bo in W, and the state as a list, in plain floats for speed."""
-        s = self._state_port.Eval(context).tolist()
-        w, x, y, z = s[0:4]
-        hx, hy, hz = self._hook
-        # p_BoTo_W = R_WB p_BoTo_B
-        cx, cy, cz = y * hz - z * hy, z * hx - x * hz, x * hy - y * hx
-        rx = hx + 2 * (w * cx + y * cz - z * cy)
-        ry = hy + 2 * (w * cy + z * cx - x * cz)
-        rz = hz + 2 * (w * cz + x * cy - y * cx)
-        dx, dy, dz = s[11] - s[4] - rx, s[12] - s[5] - ry, s[13] - s[6] - rz
-        span = math.sqrt(dx * dx + dy * dy + dz * dz)
-        if span <= self._length or not context.get_numeric_parameter(0).GetAtIndex(0):
-            return [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], s
-        wx, wy, wz = s[14:17]
-        ux = s[23] - s[17] - (wy * rz - wz * ry)
-        uy = s[24] - s[18] - (wz * rx - wx * rz)
-        uz = s[25] - s[19] - (wx * ry - wy * rx)
-        rate = (dx * ux + dy * uy + dz * uz) / span
-        tension = self._stiffness * (span - self._length) + self._damping * rate
-        if tension <= 0.0:
-            return [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], s
-        tension /= span
-        fx, fy, fz = tension * dx, tension * dy, tension * dz
-        return [fx, fy, fz], [ry * fz - rz * fy, rz * fx - rx * fz, rx * fy - ry * fx], s
+    def _pull(self, context) -> np.ndarray:
+        """Return the generalized force (12,)."""
+        force = np.zeros(12)
+        if context.get_numeric_parameter(0).GetAtIndex(0):
+            state = self._state_port.Eval(context)
+            cable_force(state, self._hook, self._length, self._stiffness, self._damping, force)
+        return force
 
     def _calc_force(self, context, output) -> None:
-        f, m, _ = self._pull(context)
-        output.SetFromVector([*m, *f, 0.0, 0.0, 0.0, -f[0], -f[1], -f[2]])
+        output.SetFromVector(self._pull(context))
 
     def _calc_wrench(self, context, output) -> None:
-        f, _, s = self._pull(context)
-        w, x, y, z = s[0], -s[1], -s[2], -s[3]
-        gx, gy, gz = f
-        cx, cy, cz = y * gz - z * gy, z * gx - x * gz, x * gy - y * gx
-        fx = gx + 2 * (w * cx + y * cz - z * cy)
-        fy = gy + 2 * (w * cy + z * cx - x * cz)
-        fz = gz + 2 * (w * cz + x * cy - y * cx)
-        hx, hy, hz = self._hook
-        output.SetFromVector([*f, hy * fz - hz * fy, hz * fx - hx * fz, hx * fy - hy * fx])
+        force, q = self._pull(context), self._state_port.Eval(context)[0:4]
+        output.SetFromVector(np.concatenate([force[3:6], attitude.rotate_back(q, force[0:3])]))
+
+
+@compiled
+def cable_force(s, hook, length, stiffness, damping, out):
+    """Write the generalized force of a taut cable to out (12,), which comes zeroed.
+
+    Args: s: (26,) state of the plant.   hook: (3,) p_BoTo_B [m].   length [m], stiffness [N/m], damping [N·s/m].
+    """
+    r_x, r_y, r_z = turned(s[0], s[1], s[2], s[3], hook[0], hook[1], hook[2])
+    d_x, d_y, d_z = s[11] - s[4] - r_x, s[12] - s[5] - r_y, s[13] - s[6] - r_z
+    span = math.sqrt(d_x * d_x + d_y * d_y + d_z * d_z)
+    if span <= length:
+        return
+    w_x, w_y, w_z = s[14], s[15], s[16]
+    u_x = s[23] - s[17] - (w_y * r_z - w_z * r_y)
+    u_y = s[24] - s[18] - (w_z * r_x - w_x * r_z)
+    u_z = s[25] - s[19] - (w_x * r_y - w_y * r_x)
+    rate = (d_x * u_x + d_y * u_y + d_z * u_z) / span
+    tension = stiffness * (span - length) + damping * rate
+    if tension <= 0.0:
+        return
+    f_x, f_y, f_z = tension * d_x / span, tension * d_y / span, tension * d_z / span
+    out[0], out[1], out[2] = r_y * f_z - r_z * f_y, r_z * f_x - r_x * f_z, r_x * f_y - r_y * f_x
+    out[3], out[4], out[5] = f_x, f_y, f_z
+    out[9], out[10], out[11] = -f_x, -f_y, -f_z

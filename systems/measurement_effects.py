@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.systems.framework import LeafSystem
+from pydrake.common.value import Value
+from pydrake.systems.framework import LeafSystem, ValueProducer
 
 from np_drake.effects.base import Measurement, MeasurementEffect
 from np_drake.vehicle import Vehicle
@@ -51,30 +52,36 @@ class MeasurementEffects(LeafSystem):
         self._thrust_port = self.DeclareVectorInputPort("nominal_rotor_thrust", 4)
         self._white_port = self.DeclareVectorInputPort("white", self.white_size)
         inputs = {self.all_input_ports_ticket()}
+        # Acceleration and rotor speed of one instant are of the same pass through the effects.
+        self._reading = self.DeclareCacheEntry(
+            "reading", ValueProducer(allocate=Value[object], calc=self._calc_reading), inputs
+        )
         # x alone must not pull accelerations: they feed through from the forces.
         state_inputs = {self._x_port.ticket(), self._white_port.ticket()}
         self.DeclareVectorOutputPort("x", 13, self._calc_x, state_inputs)
         self.DeclareVectorOutputPort("acceleration", 6, self._calc_acceleration, inputs)
         self.DeclareVectorOutputPort("rotor_speed", 4, self._calc_rotor_speed, inputs)
 
-    def _measure(self, context, *, state_only: bool) -> Measurement:
-        x = self._x_port.Eval(context)
-        rest = np.zeros(6) if state_only else self._acceleration_port.Eval(context)
-        thrust = np.zeros(4) if state_only else np.maximum(self._thrust_port.Eval(context), 0.0)
-        rotor = np.sqrt(thrust / self._vehicle.thrust_coefficient)
-        reading = Measurement(x, rest[:3], rest[3:], rotor)
+    def _measure(self, context, rest: np.ndarray, thrust: np.ndarray) -> Measurement:
+        rotor = np.sqrt(np.maximum(thrust, 0.0) / self._vehicle.thrust_coefficient)
+        reading = Measurement(self._x_port.Eval(context), rest[:3], rest[3:], rotor)
         white, start = self._white_port.Eval(context), 0
         for effect in self._effects:
             reading = effect.measure(self._vehicle, reading, white[start : start + effect.white_size])
             start += effect.white_size
         return reading
 
+    def _calc_reading(self, context, value) -> None:
+        value.set_value(
+            self._measure(context, self._acceleration_port.Eval(context), self._thrust_port.Eval(context))
+        )
+
     def _calc_x(self, context, output) -> None:
-        output.SetFromVector(self._measure(context, state_only=True).x)
+        output.SetFromVector(self._measure(context, np.zeros(6), np.zeros(4)).x)
 
     def _calc_acceleration(self, context, output) -> None:
-        reading = self._measure(context, state_only=False)
+        reading = self._reading.Eval(context)
         output.SetFromVector(np.concatenate([reading.a, reading.al]))
 
     def _calc_rotor_speed(self, context, output) -> None:
-        output.SetFromVector(self._measure(context, state_only=False).rotor)
+        output.SetFromVector(self._reading.Eval(context).rotor)

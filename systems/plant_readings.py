@@ -8,12 +8,18 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import LeafSystem
 
 from np_drake import attitude
+from np_drake.attitude_kernel import turned
+from np_drake.compiled import compiled
 
 
-def _vehicle_state(s: np.ndarray, q_start: int, v_start: int) -> np.ndarray:
-    """Return x (13,) from the plant's state, in which the body's pose and velocity start at these places."""
-    q, w_W, v = s[q_start : q_start + 4], s[v_start : v_start + 3], s[v_start + 3 : v_start + 6]
-    return np.concatenate([s[q_start + 4 : q_start + 7], q, v, attitude.rotate_back(q, w_W)])
+@compiled
+def vehicle_state(s, q_start, v_start, out):
+    """Write x (13,) from the plant's state, in which the body's pose and velocity start at these places."""
+    for k in range(3):
+        out[k], out[7 + k] = s[q_start + 4 + k], s[v_start + 3 + k]
+    w, x, y, z = s[q_start], s[q_start + 1], s[q_start + 2], s[q_start + 3]
+    out[3], out[4], out[5], out[6] = w, x, y, z
+    out[10], out[11], out[12] = turned(w, -x, -y, -z, s[v_start], s[v_start + 1], s[v_start + 2])
 
 
 class VehicleState(LeafSystem):
@@ -43,7 +49,9 @@ class VehicleState(LeafSystem):
         self.DeclareVectorOutputPort("x", 13, self._calc_x, {self._state_port.ticket()})
 
     def _calc_x(self, context, output) -> None:
-        output.SetFromVector(_vehicle_state(self._state_port.Eval(context), *self._starts))
+        x = np.empty(13)
+        vehicle_state(self._state_port.Eval(context), *self._starts, x)
+        output.SetFromVector(x)
 
 
 class BodyAcceleration(LeafSystem):

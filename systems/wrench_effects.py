@@ -1,6 +1,5 @@
 """Wrench wrapper: effects that act on the body as force and torque."""
 
-import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
@@ -57,15 +56,15 @@ class WrenchEffects(LeafSystem):
         self.DeclareVectorOutputPort("chi", 6, self._calc_chi, prerequisites)
 
     def _motion(self, context) -> Motion:
-        motion = Motion(context.get_time(), self._x_port.Eval(context), self._thrust_port.Eval(context))
+        given = (context.get_time(), self._x_port.Eval(context), self._thrust_port.Eval(context))
         if self._rate_port.HasValue(context):
-            motion = dc.replace(motion, rotor_rate=self._rate_port.Eval(context))
-        return motion
+            return Motion(*given, rotor_rate=self._rate_port.Eval(context))
+        return Motion(*given)
 
     def _calc_force(self, context, output) -> None:
         motion = self._motion(context)
         chi = self._total(motion)
-        self._force[:3] = (motion.R_WB @ chi[3:, None])[:, 0]
+        self._force[:3] = np.dot(motion.R_WB, chi[3:]) if chi[3:].any() else 0.0
         self._force[3:6] = chi[:3]
         output.SetFromVector(self._force)
 

@@ -19,7 +19,7 @@ from np_drake.mpc.controller import MpcController
 from np_drake.mpc.problem import MpcStatus
 from np_drake.mpc.solvers import make_solver
 from np_drake.references.config import make_reference
-from np_drake.residual_models.base import ResidualModel, Sample
+from np_drake.residual_models.base import Memory, Sample, WrenchForecast
 
 TRACK = "lemniscate"  # experiment that is flown
 TRAINING = "training_circle"  # experiment that predictors are trained on
@@ -77,42 +77,55 @@ def replay(flight: FlightResult, solver: str) -> Spent:
 
     The readings are those of the flight, so that a command of the replay has no effect on what comes after.
     """
-    config, s = flight.config, flight.signals
-    believed, period = config.controller.believed(config.vehicle), config.controller.period
-    model = make_residual_model(config.controller, believed)
-    labels = LabelFilter(labelled(believed, model), config.controller.label, step=period)
-    mpc = MpcController(
-        believed, config.controller.mpc, make_solver(solver, believed, config.controller.mpc), period=period
-    )
-    reference = make_reference(config.reference)
-    ahead = config.controller.mpc.step * np.arange(config.controller.mpc.horizon + 1)
-    kept, last = labels.initial_memory(), mpc.initial_memory()
-    memory = model.initial_memory() if model is not None else {}
+    loop = ControlLoop(flight, solver)
     predict, solve, clock, failures = [], [], [], 0
     start = int(np.argmax(flight.scored)) - _WARM_UP
-    for k in range(max(start, 1), len(s["t"])):
+    for k in range(max(start, 1), loop.periods):
         begin = time.process_time()
-        forecast = None
-        if model is not None:
-            acceleration, u = s["acceleration"][k], s["u"][k - 1]
-            kept, chi = labels.step(kept, x=s["x"][k], a=acceleration[:3], al=acceleration[3:], u=u)
-            memory, forecast = _predict(model, memory, Sample(s["x"][k], u, chi), config)
+        forecast = loop.predict(k)
         middle = time.process_time()
-        last = mpc.step(last, x=s["x"][k], flat=reference.sample(s["t"][k] + ahead), forecast=forecast)
+        status = loop.solve(k, forecast)
         end = time.process_time()
         if k >= start + _WARM_UP:
             predict.append(middle - begin)
             solve.append(end - middle)
-            failures += int(last.flags[0] >= MpcStatus.SQP_FALLBACK)
+            failures += int(status >= MpcStatus.SQP_FALLBACK)
             if k % _BLOCK == 0:
                 clock += [_timed(reference_calculation) for _ in range(_REFERENCE_RUNS)]
     return Spent(1e3 * np.array(predict), 1e3 * np.array(solve), 1e3 * np.array(clock), failures)
 
 
-def _predict(model: ResidualModel, memory, sample: Sample, config: FlightConfig):
-    memory = model.update(memory, sample)
-    span = {"horizon": config.controller.mpc.horizon, "stride": config.controller.stride}
-    return memory, model.forecast(memory, **span)
+class ControlLoop:
+    """Label filter, residual model and MPC of a recorded flight, fed with its readings outside a simulator."""
+
+    def __init__(self, flight: FlightResult, solver: str = "sqp"):
+        config, self._s = flight.config, flight.signals
+        believed, period = config.controller.believed(config.vehicle), config.controller.period
+        mpc = config.controller.mpc
+        self._config, self._model = config, make_residual_model(config.controller, believed)
+        self._labels = LabelFilter(labelled(believed, self._model), config.controller.label, step=period)
+        self._mpc = MpcController(believed, mpc, make_solver(solver, believed, mpc), period=period)
+        self._reference = make_reference(config.reference)
+        self._ahead = mpc.step * np.arange(mpc.horizon + 1)
+        self._kept, self._last = self._labels.initial_memory(), self._mpc.initial_memory()
+        self._memory: Memory = {} if self._model is None else self._model.initial_memory()
+        self.periods = len(self._s["t"])
+
+    def predict(self, k: int) -> WrenchForecast | None:
+        """Take in the reading of period k > 0 and return the forecast; None where nothing is learned."""
+        if self._model is None:
+            return None
+        x, acceleration, u = self._s["x"][k], self._s["acceleration"][k], self._s["u"][k - 1]
+        self._kept, chi = self._labels.step(self._kept, x=x, a=acceleration[:3], al=acceleration[3:], u=u)
+        self._memory = self._model.update(self._memory, Sample(x, u, chi))
+        span = {"horizon": self._config.controller.mpc.horizon, "stride": self._config.controller.stride}
+        return self._model.forecast(self._memory, **span)
+
+    def solve(self, k: int, forecast: WrenchForecast | None) -> float:
+        """Compute the plan of period k and return the status of its solver."""
+        flat = self._reference.sample(self._s["t"][k] + self._ahead)
+        self._last = self._mpc.step(self._last, x=self._s["x"][k], flat=flat, forecast=forecast)
+        return float(self._last.flags[0])
 
 
 def _timed(work: Callable[[], None]) -> float:

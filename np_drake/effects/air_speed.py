@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from np_drake.attitude import transposed_times
 from np_drake.effects.base import Motion
 from np_drake.rigid_body import V
 
@@ -15,14 +14,17 @@ def air_velocity_B(motion: Motion) -> np.ndarray:
     """Return the velocity of Bo relative to the air, in B, (..., 3) [m/s]."""
     air = motion.x[..., V] - motion.wind
     if air.ndim == 1:
-        return transposed_times(motion.R_WB, air)
+        return np.dot(air, motion.R_WB)
     return (air[..., None, :] @ motion.R_WB)[..., 0, :]
 
 
 def chi_from_body(motion: Motion, f_B: np.ndarray, tau_B: np.ndarray | None = None) -> np.ndarray:
     """Return chi = [f in W, tau in B] (..., 6) of f_B (..., 3) at Bo and tau_B (..., 3), both in B [N, N·m]."""
     chi = np.zeros((*f_B.shape[:-1], 6))
-    chi[..., :3] = (motion.R_WB @ f_B[..., None])[..., 0]
+    if f_B.ndim == 1:
+        chi[:3] = np.dot(motion.R_WB, f_B)
+    else:
+        chi[..., :3] = (motion.R_WB @ f_B[..., None])[..., 0]
     if tau_B is not None:
         chi[..., 3:] = tau_B
     return chi

@@ -71,10 +71,10 @@ def total_wrench(vehicle: Vehicle, effects: Sequence[WrenchEffect], motion: Moti
     for effect in effects:
         if type(effect).air_velocity is not WrenchEffect.air_velocity:
             motion = dc.replace(motion, wind=motion.wind + effect.air_velocity(motion.t))
-    chi = np.zeros((*motion.x.shape[:-1], 6))
-    for effect in effects:
-        chi = chi + effect.wrench(vehicle, motion)
-    return chi
+    parts = [effect.wrench(vehicle, motion) for effect in effects]
+    if len(parts) == 1:
+        return parts[0]
+    return sum(parts, np.zeros((*motion.x.shape[:-1], 6)))
 
 
 def mass_properties(vehicle: Vehicle, effects: Iterable[MassEffect]) -> MassProperties:

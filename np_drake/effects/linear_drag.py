@@ -6,6 +6,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from np_drake.attitude_kernel import turned
+from np_drake.compiled import compiled
 from np_drake.effects.air_speed import ALIKE, air_velocity_B, chi_from_body
 from np_drake.effects.base import Motion, Parameter, WrenchEffect
 from np_drake.vehicle import Vehicle
@@ -32,14 +34,23 @@ class LinearDrag(WrenchEffect):
 
     def wrench(self, vehicle: Vehicle, motion: Motion) -> np.ndarray:
         """Return chi of the drag, (..., 6) [N, N·m]; it acts at the centre of mass."""
-        hover, drag = math.sqrt(vehicle.mass * vehicle.gravity / 4), (-self.d_x, -self.d_y, -self.d_z)
-        if motion.x.ndim == 1:  # one instant of the simulator: plain floats are several times as fast
-            f_1, f_2, f_3, f_4 = (max(f, 0.0) for f in motion.rotor_thrust.tolist())
-            roots = math.sqrt(f_1) + math.sqrt(f_2) + math.sqrt(f_3) + math.sqrt(f_4)
-            speed = roots / (4 * hover)
-            x, y, z = air_velocity_B(motion).tolist()
-            return chi_from_body(
-                motion, np.array((drag[0] * x * speed, drag[1] * y * speed, drag[2] * z * speed))
-            )
+        hover = math.sqrt(vehicle.mass * vehicle.gravity / 4)
+        if motion.x.ndim == 1:  # one instant of the simulator
+            chi = np.zeros(6)
+            _drag(motion.x, motion.rotor_thrust, motion.wind, self.d_x, self.d_y, self.d_z, hover, chi)
+            return chi
         speed = np.sqrt(np.maximum(motion.rotor_thrust, 0.0)).sum(axis=-1) / (4 * hover)
-        return chi_from_body(motion, np.array(drag) * air_velocity_B(motion) * speed[..., None])
+        drag = -np.array((self.d_x, self.d_y, self.d_z))
+        return chi_from_body(motion, drag * air_velocity_B(motion) * speed[..., None])
+
+
+@compiled
+def _drag(x, rotor_thrust, wind, d_x, d_y, d_z, hover, chi):
+    """Write the force of `LinearDrag.wrench` to chi[:3] (6,)."""
+    roots = 0.0
+    for i in range(4):
+        roots += math.sqrt(max(rotor_thrust[i], 0.0))
+    speed = roots / (4 * hover)
+    a, b, c = turned(x[3], -x[4], -x[5], -x[6], x[7] - wind[0], x[8] - wind[1], x[9] - wind[2])
+    f_x, f_y, f_z = -d_x * a * speed, -d_y * b * speed, -d_z * c * speed
+    chi[0], chi[1], chi[2] = turned(x[3], x[4], x[5], x[6], f_x, f_y, f_z)

@@ -1,7 +1,6 @@
 """Effect `motor_lag`: first-order lag of the rotors."""
 
 import dataclasses as dc
-import math
 from typing import ClassVar
 
 import numpy as np
@@ -33,8 +32,6 @@ class MotorLag(ActuatorEffect):
     def state_at(self, vehicle: Vehicle, thrust: np.ndarray) -> np.ndarray:
         """Return the rotor speed (4,) [rad/s] that holds `thrust` (4,) [N]."""
         k = vehicle.thrust_coefficient
-        if np.ndim(thrust) == 1:  # one instant of the simulator: plain floats are faster
-            return np.array([math.sqrt(max(f, 0.0) / k) for f in np.asarray(thrust, float).tolist()])
         return np.sqrt(np.maximum(thrust, 0.0) / k)
 
     def state_rate(self, vehicle: Vehicle, state: np.ndarray, command: np.ndarray) -> np.ndarray:

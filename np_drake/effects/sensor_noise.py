@@ -1,11 +1,14 @@
 """Measurement effect `sensor_noise`: white noise of motion capture and IMU."""
 
 import dataclasses as dc
+import math
 from typing import ClassVar
 
 import numpy as np
 
 from np_drake import attitude
+from np_drake.attitude_kernel import turned
+from np_drake.compiled import compiled
 from np_drake.effects.base import Measurement
 from np_drake.vehicle import MeasurementNoise, Vehicle
 
@@ -26,7 +29,10 @@ class SensorNoise:
 
     def measure(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
         """Return the noisy reading; `white`: (..., 22) standard normal [1]."""
-        n, x = self.noise, np.array(truth.x, float)
+        n = self.noise
+        if truth.x.ndim == 1:  # one instant of the simulator
+            return self._measure_once(vehicle, truth, white)
+        x = np.array(truth.x, float)
         x[..., 0:3] += n.position * white[..., 0:3]
         error = np.ones((*white.shape[:-1], 4))
         error[..., 1:] = 0.5 * n.attitude * white[..., 3:6]
@@ -42,3 +48,31 @@ class SensorNoise:
             al=truth.al + n.angular_acceleration * white[..., 15:18],
             rotor=truth.rotor + self.rotor * white[..., 18:22],
         )
+
+    def _measure_once(self, vehicle: Vehicle, truth: Measurement, white: np.ndarray) -> Measurement:
+        n, x, a = self.noise, np.empty(13), np.empty(3)
+        deviations = (n.position, n.attitude, n.velocity, n.rate, n.acceleration)
+        _read(truth.x, truth.a, white, *map(float, deviations), float(vehicle.gravity), x, a)
+        al = truth.al + n.angular_acceleration * white[15:18]
+        return Measurement(x=x, a=a, al=al, rotor=truth.rotor + self.rotor * white[18:22])
+
+
+@compiled
+def _read(truth, a_true, white, position, attitude, velocity, rate, acceleration, gravity, x, a):
+    """Write the noisy state x (13,) and acceleration a (3,) of `SensorNoise.measure`."""
+    for k in range(3):
+        x[k] = truth[k] + position * white[k]
+        x[7 + k] = truth[7 + k] + velocity * white[6 + k]
+        x[10 + k] = truth[10 + k] + rate * white[9 + k]
+    half = 0.5 * attitude
+    i, j, k = half * white[3], half * white[4], half * white[5]
+    q_w, q_x, q_y, q_z = truth[3], truth[4], truth[5], truth[6]
+    w, b = q_w - q_x * i - q_y * j - q_z * k, q_w * i + q_x + q_y * k - q_z * j
+    c, d = q_w * j - q_x * k + q_y + q_z * i, q_w * k + q_x * j - q_y * i + q_z
+    size = math.sqrt(w * w + b * b + c * c + d * d)
+    x[3], x[4], x[5], x[6] = w / size, b / size, c / size, d / size
+    s_x, s_y, s_z = turned(q_w, -q_x, -q_y, -q_z, a_true[0], a_true[1], a_true[2] + gravity)
+    s_x, s_y = s_x + acceleration * white[12], s_y + acceleration * white[13]
+    s_z += acceleration * white[14]
+    a[0], a[1], a[2] = turned(x[3], x[4], x[5], x[6], s_x, s_y, s_z)
+    a[2] -= gravity

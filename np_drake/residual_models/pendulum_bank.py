@@ -216,16 +216,19 @@ class PendulumBank:
         )
         predicted, spread = np.empty_like(mean), np.empty_like(covariance)
         updated, narrowed = np.empty_like(mean), np.empty_like(covariance)
-        likelihood, distance = kernel.filter_bank(
+        likelihood, distance = np.empty_like(weight), np.empty_like(weight)
+        kernel.filter_bank(
             mean, covariance, drive, now, self.step, self._prior, self._keep, self._noise,
-            label, variance, predicted, spread, updated, narrowed,
+            label, variance, predicted, spread, updated, narrowed, likelihood, distance,
         )  # fmt: skip
         if not kernel.finite(label):
             return {"mean": predicted, "covariance": spread, "weight": weight}
         if not distance.min() < self.options.jump:
             weight = self._first_weight
             self._forget(predicted, spread)
-            likelihood, _ = kernel.update_bank(predicted, spread, now, label, variance, updated, narrowed)
+            kernel.update_bank(
+                predicted, spread, now, label, variance, updated, narrowed, likelihood, distance
+            )
         if not (kernel.finite(updated) and kernel.finite(narrowed)):
             return self.initial_memory()
         with np.errstate(divide="ignore"):  # of a member without weight

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from np_drake.attitude_kernel import turned
 from np_drake.compiled import compiled
 from np_drake.effects.pendulum import leapfrog
 from np_drake.residual_models.pendulum_kernel import (
@@ -146,10 +147,7 @@ def _turning(state, hook, out):
 @compiled
 def _rotate(w, x, y, z, a, b, c, out):
     """Write R(q) (a, b, c)."""
-    t0, t1, t2 = 2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)
-    out[0] = a + w * t0 + y * t2 - z * t1
-    out[1] = b + w * t1 + z * t0 - x * t2
-    out[2] = c + w * t2 + x * t1 - y * t0
+    out[0], out[1], out[2] = turned(w, x, y, z, a, b, c)
 
 
 @compiled

@@ -50,6 +50,8 @@ def filter_bank(
     predicted_covariance,
     updated,
     updated_covariance,
+    likelihood,
+    distance,
 ):
     """Predict k pendulums over a step and take in one label.
 
@@ -60,11 +62,10 @@ def filter_bank(
         prior, keep: (k, 8) to which the parameters return and the share that they keep in a step.
         noise: (k, SIZE) variance added in a step.   label: (3,) measured force [m/s²].   label_variance: (3,).
         predicted, …: (k, POINT), (k, SIZE, SIZE) are written; updated: with the label.
-    Returns: log likelihood of the label (k,) and its squared normalised innovation (k,).
+        likelihood, distance: (k,) are written, the logarithm of that of the label and its squared normalised
+            innovation.
     """
-    members = len(mean)
-    likelihood, distance = np.zeros(members), np.zeros(members)
-    for i in range(members):
+    for i in range(len(mean)):
         _predict(
             mean[i],
             covariance[i],
@@ -85,33 +86,39 @@ def filter_bank(
             updated[i],
             updated_covariance[i],
         )
-    return likelihood, distance
 
 
 @compiled
-def update_bank(mean, covariance, now, label, label_variance, updated, updated_covariance):
-    """Take in one label without a step; arguments and result as of `filter_bank`."""
-    members = len(mean)
-    likelihood, distance = np.zeros(members), np.zeros(members)
-    for i in range(members):
+def update_bank(
+    mean, covariance, now, label, label_variance, updated, updated_covariance, likelihood, distance
+):
+    """Take in one label without a step; arguments as of `filter_bank`."""
+    for i in range(len(mean)):
         likelihood[i], distance[i] = _update(
             mean[i], covariance[i], now, label, label_variance, updated[i], updated_covariance[i]
         )
-    return likelihood, distance
 
 
 @compiled
-def pull_moments(mean, weight, now):
-    """Return mean (3,) and covariance (3, 3) over the members of the pull on the vehicle, in W [m/s², m²/s⁴].
+def pull_moments(mean, weight, now, centre, covariance):
+    """Write mean (3,) and covariance (3, 3) over the members of the pull on the vehicle, in W [m/s², m²/s⁴].
 
     Args: mean: (k, POINT).   weight: (k,).   now: (9,) as of `filter_bank`.
     """
     pulls = np.empty((len(mean), 3))
     for i in range(len(mean)):
         _pull(mean[i], now, pulls[i])
-    centre = weight @ pulls
-    apart = pulls - centre
-    return centre, (weight * apart.T) @ apart
+    centre[:] = 0.0
+    covariance[:] = 0.0
+    for i in range(len(mean)):
+        for row in range(3):
+            centre[row] += weight[i] * pulls[i, row]
+    for i in range(len(mean)):
+        for row in range(3):
+            for col in range(3):
+                covariance[row, col] += (
+                    weight[i] * (pulls[i, row] - centre[row]) * (pulls[i, col] - centre[col])
+                )
 
 
 @compiled

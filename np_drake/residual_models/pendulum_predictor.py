@@ -111,7 +111,7 @@ class PendulumPredictor:
 
         What the members disagree about the pull is a doubt about its torque.
         """
-        pull, spread = kernel.pull_moments(memory["mean"], memory["weight"], memory["now"])
+        pull, spread = self._pull_moments(memory)
         turn = self.model.mass * attitude.rotation_matrix(memory["x"][Q])
         pull, spread = pull @ turn, turn.T @ spread @ turn
         doubt = torque_doubt(spread, self._cross, reach=self._reach)
@@ -119,7 +119,14 @@ class PendulumPredictor:
 
     def pull(self, memory: Memory) -> np.ndarray:
         """Return the pull of the tether on the vehicle at the last sample, mean of all members, in W (3,) [N]."""
-        return self.model.mass * kernel.pull_moments(memory["mean"], memory["weight"], memory["now"])[0]
+        return self.model.mass * self._pull_moments(memory)[0]
+
+    @staticmethod
+    def _pull_moments(memory: Memory) -> tuple[np.ndarray, np.ndarray]:
+        """Return mean (3,) and covariance (3, 3) over the members of the pull in W [m/s², m²/s⁴]."""
+        centre, covariance = np.empty(3), np.empty((3, 3))
+        kernel.pull_moments(memory["mean"], memory["weight"], memory["now"], centre, covariance)
+        return centre, covariance
 
     def _motion_torque(self, x: np.ndarray) -> np.ndarray:
         """Return the torque (3,) of body rates and velocity in a state x (13,) [N·m]."""

@@ -8,6 +8,7 @@ from diagrams.cli.reproduce.closing import closing
 from diagrams.cli.reproduce.configurations import configurations
 from diagrams.cli.reproduce.cooperative import cooperative
 from diagrams.cli.reproduce.cost import cost
+from diagrams.cli.reproduce.deadlines import deadlines
 from diagrams.cli.reproduce.estimation import estimation, response, sample_efficiency
 from diagrams.cli.reproduce.experiments import hover, timing
 from diagrams.cli.reproduce.flights import gap, mhe, theorem
@@ -24,7 +25,7 @@ from diagrams.cli.reproduce.weights import pendulum, weights
 TABLES = (
     tracking, configurations, weights, gap, mhe, theorem, pendulum, estimation, sample_efficiency, response, hover,
     attach, timing, cooperative, robustness, margins, cost, real,
-    payload_flights, vehicles, models, closing, replay,
+    payload_flights, vehicles, models, closing, replay, deadlines,
 )  # fmt: skip
 
 

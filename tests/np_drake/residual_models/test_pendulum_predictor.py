@@ -325,6 +325,8 @@ def test_a_small_swing_of_one_member_has_the_period_of_a_pendulum():
             np.empty_like(covariance),
             np.empty_like(point),
             np.empty_like(covariance),
+            np.empty(1),
+            np.empty(1),
         ]
         kernel.filter_bank(
             point,

@@ -1,0 +1,135 @@
+"""Deadlines of the control loop on this machine: a recorded flight, replayed at its own pace.
+
+Every period the loop waits for its instant, takes in the reading, predicts and solves. The response is the time from
+that instant to the command: late waking counts. A period whose response is longer than the period is missed.
+"""
+
+import contextlib
+import dataclasses as dc
+import gc
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from diagrams.loop.experiments import load_experiment
+from diagrams.loop.flight import FlightConfig
+from diagrams.loop.flight_result import FlightResult, fly
+from diagrams.performance.timing import TRACK, TRAINING, ControlLoop
+from diagrams.prediction.learning import train_pendulum_model
+
+RATES = (50, 100, 200)  # of the loop [1/s]
+COLLECTORS = ("by itself", "after")  # when Python's garbage collector runs
+PREDICTOR = "pendulum"  # configuration that is flown
+WARM_UP = 50  # periods that are not counted: compiled code is loaded, the solver starts cold [1]
+SPIN = 3e-4  # the loop sleeps until so long before its instant and then watches the clock; own choice [s]
+EDGES = np.geomspace(0.1, 100.0, 61)  # of the histogram of responses [ms]
+
+
+@dc.dataclass(frozen=True)
+class Paced:
+    """Times of the periods of a paced replay, (n,) each [s].
+
+    late: from a period's instant to waking.   response: from that instant to the command.
+    """
+
+    period: float
+    late: np.ndarray
+    response: np.ndarray
+
+    @property
+    def missed(self) -> int:
+        """Periods whose command came after the next period's instant."""
+        return int(np.sum(self.response > self.period))
+
+
+def flight_config(kind: str, experiment: str, rate: float, seconds: float) -> FlightConfig:
+    """Return an experiment flown for some time after its ramp, by a loop of `rate` [1/s], with SQP."""
+    config = load_experiment(experiment)
+    config.controller.kind, config.controller.solver = kind, "sqp"
+    config.controller.period, config.duration = 1.0 / rate, seconds
+    return config
+
+
+def record(rate: float, seconds: float, folder: Path, *, seed: int) -> FlightResult:
+    """Train a predictor at this rate, and fly with it for `seconds` after the ramp.
+
+    Training draws the seed, the flight the next one.
+    """
+    training = flight_config("nominal", TRAINING, rate, load_experiment(TRAINING).duration)
+    path = folder / f"{PREDICTOR}_{rate:g}.safetensors"
+    train_pendulum_model(fly(training.check(), seed=seed), path)
+    config = flight_config("np", TRACK, rate, seconds)
+    config.controller.predictor = str(path)
+    return fly(config.check(), seed=seed + 1)
+
+
+def paced(
+    flight: FlightResult,
+    collector: str,
+    *,
+    clock: Callable[[], float] = time.perf_counter,
+    sleep: Callable[[float], None] = time.sleep,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
+) -> Paced:
+    """Replay a flight at its own pace and return the times of its periods.
+
+    A loop that falls behind goes on at once and keeps its instants. Args: collector: one of `COLLECTORS`.
+    """
+    loop, period = ControlLoop(flight), flight.config.controller.period
+    late, response = np.zeros(loop.periods), np.zeros(loop.periods)
+    second = round(1 / period)
+    with _collection(collector):
+        begin = clock()
+        for k in range(1, loop.periods):
+            instant = begin + k * period
+            while (left := instant - clock()) > 0:
+                if left > SPIN:
+                    sleep(left - SPIN)
+            late[k] = clock() - instant
+            loop.solve(k, loop.predict(k))
+            response[k] = clock() - instant
+            if collector == COLLECTORS[1]:
+                gc.collect(0)
+            if k % second == 0:
+                on_progress(k, loop.periods)
+    return Paced(period, late[WARM_UP:], response[WARM_UP:])
+
+
+@contextlib.contextmanager
+def _collection(collector: str) -> Iterator[None]:
+    """Keep the garbage collector out of the periods, unless it runs by itself; afterwards it is as before."""
+    if collector not in COLLECTORS:
+        raise ValueError(f"deadlines: collector must be one of {', '.join(COLLECTORS)}; got {collector!r}.")
+    if collector == COLLECTORS[0]:
+        yield
+        return
+    enabled = gc.isenabled()
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
+        if enabled:
+            gc.enable()
+
+
+def deadline_line(rate: float, collector: str, times: Paced) -> dict:
+    """Return one line of the table, times in [ms]."""
+    response, late = 1e3 * times.response, 1e3 * times.late
+    counts, _ = np.histogram(response, EDGES)
+    return {
+        "rate": rate,
+        "collector": collector,
+        "periods": len(response),
+        "missed": times.missed,
+        "response": float(np.median(response)),
+        **{f"response_p{q:g}".replace(".", "_"): float(np.percentile(response, q)) for q in (99, 99.9)},
+        "response_max": float(response.max()),
+        "late_p99": float(np.percentile(late, 99)),
+        "late_max": float(late.max()),
+        "histogram": counts.tolist(),
+    }
