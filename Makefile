@@ -21,6 +21,7 @@ $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt "$$(grep '^torch==' constraints.txt)"
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev,bench,logs,mcap,challenge,cluster,exports,gym]'
+	$(BIN)/np-drake fly circle --duration 0.1 >/dev/null  # compiles the inner loops
 	touch $@
 
 demo: venv

@@ -1,9 +1,37 @@
 """Compilation of inner loops."""
 
+import logging
+import sys
 from collections.abc import Callable
 from typing import Any
 
 from numba import njit
+from numba.core import event
+
+_log = logging.getLogger(__name__)
+
+
+FLOORS = ("np_drake", "systems", "diagrams")  # packages whose loops these are
+
+
+class Notice(event.Listener):
+    """Says once why the user waits, where a person is looking and loops of this project are compiled."""
+
+    def __init__(self) -> None:
+        self._said = False
+
+    def on_start(self, event: Any) -> None:
+        """Take note that a function is being compiled."""
+        module = event.data["dispatcher"].py_func.__module__
+        if not self._said and module.partition(".")[0] in FLOORS and sys.stderr.isatty():
+            self._said = True
+            _log.warning("compiling inner loops, once on this machine; about half a minute.")
+
+    def on_end(self, event: Any) -> None:
+        """Do nothing."""
+
+
+event.register("numba:compile", Notice())
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:

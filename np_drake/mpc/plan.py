@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from np_drake.mpc.kernels.plan import blend, normalise_quaternions
 from np_drake.mpc.problem import MpcSolution, MpcStatus
 
 
@@ -20,7 +21,7 @@ def shift(plan: MpcSolution, *, elapsed: float, step: float) -> MpcSolution:
         )
     whole, part = _split(elapsed / step)
     x = _blend(plan.x, whole, part)
-    x[:, 3:7] /= np.linalg.norm(x[:, 3:7], axis=1, keepdims=True)
+    normalise_quaternions(x)
     return MpcSolution(
         u=_blend(plan.u, whole, part),
         x=x,
@@ -42,6 +43,6 @@ def _split(ratio: float) -> tuple[int, float]:
 
 
 def _blend(values: np.ndarray, whole: int, part: float) -> np.ndarray:
-    rows = np.minimum(np.arange(len(values)) + whole, len(values) - 1)
-    later = np.minimum(rows + 1, len(values) - 1)
-    return (1 - part) * values[rows] + part * values[later]
+    out = np.empty(np.shape(values))
+    blend(np.ascontiguousarray(values, float), whole, part, out)
+    return out

@@ -8,7 +8,8 @@ import dataclasses as dc
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from scipy.linalg import blas
+
+from np_drake.compiled import compiled
 
 Memory = dict[str, np.ndarray]
 
@@ -80,14 +81,24 @@ class WrenchForecast:
 
     def rollout(self, zeta: np.ndarray) -> np.ndarray:
         """Return chi_hat (N, 6) [N, N·m] for a given zeta (N, 6) [m/s, rad/s]."""
-        z = np.empty((len(self.offset), len(self.z)))
-        z[0], z[1:] = self.z, zeta[:-1] @ self.B.T
+        chi = np.array(self.offset, float)
         if len(self.z):
-            A = np.asfortranarray(self.A)  # so that each step is one call that copies nothing
-            for i in range(1, len(z)):
-                z[i] = blas.dgemv(1.0, A, z[i - 1], 1.0, z[i], overwrite_y=1)
-        chi = self.offset + z @ self.C.T
+            z = np.empty((len(chi), len(self.z)))
+            z[0], z[1:] = self.z, zeta[:-1] @ self.B.T
+            _advance(np.ascontiguousarray(self.A, float), z)
+            chi += z @ self.C.T
         return chi if self.reaction is None else chi + self.reaction(zeta)
+
+
+@compiled
+def _advance(A, z):
+    """Add A z_(i-1) to every row z_i (n, K) after the first, one after the other."""
+    for i in range(1, len(z)):
+        for row in range(len(A)):
+            total = 0.0
+            for s in range(len(A)):
+                total += A[row, s] * z[i - 1, s]
+            z[i, row] += total
 
 
 @dc.dataclass
