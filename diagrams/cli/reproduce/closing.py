@@ -3,49 +3,37 @@
 import math
 from collections.abc import Sequence
 
+from diagrams.batch.workers import failures, results
 from diagrams.cli.columns import tabulate
-from diagrams.cli.output import Table, counted, progress
+from diagrams.cli.output import Table
 from diagrams.cli.reproduce.campaign import Campaign, campaign
-from diagrams.cli.reproduce.sweep import CASES, OutOfCases, Scheduler, cost, require_result
 from diagrams.cli.runner import Report
 
 
-@campaign(seeds=40, out=OutOfCases)
-def closing(run: Campaign, scheduler: Scheduler = "") -> Report:
+@campaign(seeds=40)
+def closing(run: Campaign) -> Report:
     """Vehicles with withheld effects: diagnosed, then flown by controllers of several simulators.
 
     A seed is a vehicle. It flies three times under `hold` and is diagnosed. In the nominal simulator, in the corrected
     one, and in draws from its posterior, predictors are trained, and of all controllers the one that flies the circle
     best there is flown on the vehicle. --out DIR: cases to resume from.
     """
-    from diagrams.batch.campaign import run_campaign
     from diagrams.challenge.closing import study
     from np_drake.mpc.solvers import require_solver
 
     require_solver(run.solver)
     config = study.settings(run.solver)
-    with progress("closing", 1.0) as advance:
-        records = run_campaign(
-            study.Closing(run.solver),
-            [{"seed": seed} for seed in run.seeds],
-            config=config,
-            folder=run.folder / CASES if run.out else None,
-            jobs=run.jobs,
-            scheduler=scheduler,
-            on_progress=counted(advance, "vehicles"),
-        )
-    require_result(records)
-    results = [record["result"] for record in records if "result" in record]
-    lines = study.table(results)
-    gains = study.gained(results)
-    failed = [f"seed {r['case']['seed']}: {r['error']}" for r in records if "error" in r]
+    cases = [{"seed": seed} for seed in run.seeds]
+    records = run.cases("closing", "vehicles", study.Closing(run.solver), cases, config=config)
+    found = results(records)
+    lines, gains = study.table(found), study.gained(found)
     return Report(
         closing_printed(
-            lines, gains, f"{len(results)} vehicles, seeds {run.seeds[0]} … {run.seeds[-1]}, {run.solver}"
+            lines, gains, f"{len(found)} vehicles, seeds {run.seeds[0]} … {run.seeds[-1]}, {run.solver}"
         ),
         config=config | {"seeds": run.seeds},
         metrics={"table": lines, "gains": gains, "runs": records},
-        notes=[*failed, cost(records)],
+        notes=failures(records),
     )
 
 
