@@ -5,6 +5,8 @@ A case is plain data; the work is a function of it alone. Local processes or a D
 
 import hashlib
 import json
+import resource
+import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import version
@@ -12,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from diagrams.batch.cluster import on_cluster
-from diagrams.batch.failed_run import one_line
+from diagrams.batch.failed_run import FailedRun, one_line
 from diagrams.batch.processes import Outcome, as_they_finish
 from np_drake.atomic_file import plain, write_text
 
@@ -29,18 +31,23 @@ def run_campaign(
     folder: Path | None = None,
     jobs: int = 1,
     scheduler: str = "",
+    keep: Callable[[Case, dict], dict] = lambda case, result: result,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Record]:
     """Run all cases and return a record of each, in their order.
 
+    Records do not depend on where the cases ran, `seconds` aside.
+
     A record is {"case", "result", "seconds"}, or {"case", "error": one line, "seconds"}. Results already in `folder`
-    are reused; failed cases are tried again. `seconds`: processor time of the case.
+    are reused; failed cases are tried again. `seconds`: processor time of the case [s].
 
     Args:
         work: case -> values of JSON's types; its NaN and infinities become None.   config: all else that results
             depend on.
         folder: takes a file for every case; created where it is missing.
         jobs: local processes, where there is no `scheduler` (address of a Dask scheduler).
+        keep: called in this process with every new result; writes what a result brings along, and returns what its
+            record holds.
         on_progress: called with cases done, reused ones included, and all.
     Raises:
         ValueError: where cases repeat, or `folder` holds a file of the same case and another configuration or
@@ -51,21 +58,26 @@ def run_campaign(
     if len(set(names)) < len(names):
         raise ValueError("campaign: cases must differ from each other.")
     head = _pure({"schema": SCHEMA, "version": version("np_drake"), "config": config})
-    records: dict[int, Record] = {}
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        found = {number: read_record(folder / name, head) for number, name in enumerate(names)}
-        records = {number: record for number, record in found.items() if record and "error" not in record}
+    records = {} if folder is None else _finished(folder, names, head)
     left = [number for number in range(len(cases)) if number not in records]
     if records:
         on_progress(len(records), len(cases))
     for at, record in _run(work, [cases[number] for number in left], jobs, scheduler):
         number = left[at]
+        if "result" in record:
+            record = {**record, "result": _pure(keep(cases[number], record["result"]))}
         records[number] = {"case": _pure(cases[number]), **record}
         if folder is not None:
             write_text(folder / names[number], json.dumps({**head, **records[number]}, indent=1) + "\n")
         on_progress(len(records), len(cases))
     return [records[number] for number in range(len(cases))]
+
+
+def _finished(folder: Path, names: Sequence[str], head: dict) -> dict[int, Record]:
+    """Return the records with a result in the folder, which is created where it is missing, by number."""
+    folder.mkdir(parents=True, exist_ok=True)
+    found = {number: read_record(folder / name, head) for number, name in enumerate(names)}
+    return {number: record for number, record in found.items() if record and "error" not in record}
 
 
 def case_file(case: Case) -> str:
@@ -132,19 +144,34 @@ class Guarded:
     """Wrapper of `work` that never raises: an error becomes a line, so that none has to travel between processes."""
 
     def __init__(self, work: Callable[[Case], dict]):
-        self.work = work
+        self.work, self.version = work, version("np_drake")
 
     def __call__(self, case: Case) -> Record:
         """Return {"result"} or {"error"}, and processor time "seconds" [s]."""
-        start = time.process_time()
+        start = _processor_time()
         try:
+            self._require_same_version()
             record: Record = {"result": plain(self.work(case))}
             json.dumps(
                 record, allow_nan=False
             )  # what JSON does not know is the case's error, not the campaign's
         except Exception as error:
             record = {"error": one_line(error)}
-        return {**record, "seconds": time.process_time() - start}
+        return {**record, "seconds": _processor_time() - start}
+
+    def _require_same_version(self) -> None:
+        """Check that a worker of a cluster runs this campaign's np_drake.
+
+        Raises: FailedRun: where it does not.
+        """
+        if (found := version("np_drake")) != self.version:
+            raise FailedRun(f"{socket.gethostname()}: np_drake must be {self.version}; got {found}.")
+
+
+def _processor_time() -> float:
+    """Return what this process and its finished children have used [s]."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
 
 
 def _pure(content: Any) -> Any:

@@ -13,6 +13,25 @@ from diagrams.batch.processes import DeadProcess, Outcome
 PATIENCE = 10.0  # until a scheduler that does not answer counts as unreachable [s]
 
 
+def require_cluster(address: str) -> None:
+    """Check before long work that a cluster takes cases.
+
+    Raises: ValueError: without the extra, where no scheduler answers, or where a worker has several threads.
+    """
+    with client(address) as connected:
+        _require_one_thread(connected)
+
+
+def _require_one_thread(connected: Any) -> None:
+    """Check that every worker has one thread: cases would share its processor time, and all die with one of them."""
+    for worker, threads in connected.nthreads().items():
+        if threads > 1:
+            raise ValueError(
+                f"--scheduler: workers must have one thread each; {worker} has {threads}. "
+                "Start them with --nthreads 1 --nworkers N."
+            )
+
+
 @contextmanager
 def client(address: str) -> Iterator[Any]:
     """Yield a `distributed.Client`.
@@ -49,16 +68,18 @@ def on_cluster(
 ) -> Iterator[tuple[int, Outcome]]:
     """Yield (number of the case, its outcome), in the order in which they finish.
 
-    `work` travels to the scheduler once. Dask gives a case whose worker dies to another, three times at its own
-    default, before it counts as lost; workers under a nanny come back.
+    `work` travels to the scheduler once. Dask gives a case whose worker dies to another (`allowed-failures` of its
+    configuration, three times at its own default); it then runs once more alone before it counts as lost. Workers under
+    a nanny come back.
 
-    Raises: ValueError: as `client`; FailedRun: where the connection to the scheduler is lost.
+    Raises: ValueError: as `require_cluster`; FailedRun: where the connection to the scheduler is lost.
     """
     from distributed import as_completed
 
     suspects: list[int] = []
 
     with client(address) as connected:
+        _require_one_thread(connected)
         shared = connected.submit(_same, work, pure=False)  # made anew where the worker that holds it dies
         numbers = {
             connected.submit(_call, shared, case, pure=False): number for number, case in enumerate(cases)
@@ -91,10 +112,12 @@ def _outcome(future: Any) -> Outcome:
     if status == "finished":
         return Outcome(future.result())
     if status in ("lost", "pending"):
-        return Outcome(error=DeadProcess("its worker died with the answer."))
+        return Outcome(error=DeadProcess("lost: its worker died with the answer, twice."))
     if status != "error":
         raise FailedRun(f"the scheduler gave a case up ({status}); is the cluster still there?")
     error = future.exception()
     if isinstance(error, KilledWorker):
-        return Outcome(error=DeadProcess("its workers died; is the memory exhausted?"))
+        return Outcome(
+            error=DeadProcess("lost: its workers died, one after the other; is the memory exhausted?")
+        )
     return Outcome(error=error)

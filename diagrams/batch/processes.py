@@ -1,4 +1,4 @@
-"""One function on many cases in several processes; a process that dies loses only the case that killed it."""
+"""One function on many cases in several processes; a process that dies costs only the case that killed it."""
 
 import dataclasses as dc
 import re
@@ -16,7 +16,7 @@ Numbered = tuple[int, Any]  # a case and its place in the sequence
 
 
 class DeadProcess(FailedRun):
-    """Death of the process that worked on a case: out of memory, a fault in native code, or an exit."""
+    """Loss of a case with the process that worked on it, twice: out of memory, a fault in native code, or an exit."""
 
 
 @dc.dataclass(frozen=True)
@@ -59,6 +59,8 @@ def as_they_finish(
 ) -> Iterator[tuple[int, Outcome]]:
     """Yield (number of the case, its outcome), in the order in which they finish.
 
+    Cases whose process dies are run once more, each in a process of its own; what dies again is lost.
+
     Args:
         jobs: processes. With one, the cases run in this process, which a case can take down with it.
         isolated: never work in this process.
@@ -72,11 +74,9 @@ def as_they_finish(
         return
     waiting = deque(enumerate(cases))
     while waiting:
-        suspects, reason = yield from _pool(work, waiting, jobs)
+        suspects, _ = yield from _pool(work, waiting, jobs)
         for suspect in suspects:  # which of them killed its process shows when each has one to itself
-            guilty = [suspect]
-            if len(suspects) > 1:
-                guilty, reason = yield from _pool(work, deque([suspect]), 1)
+            guilty, reason = yield from _pool(work, deque([suspect]), 1)
             yield from ((number, Outcome(error=DeadProcess(reason))) for number, _ in guilty)
 
 
@@ -117,6 +117,5 @@ def _reason(error: BrokenProcessPool) -> str:
     """Return the exit code where there is one, in one line; a process with an unreadable answer counts as dead too."""
     text = " ".join(str(error).split())
     code = re.search(r"exit codes? of the workers? (?:are|is) \{(.*?)\}", text)
-    return (
-        f"its process died ({code[1]}); is the memory exhausted?" if code else f"its process is lost: {text}"
-    )
+    why = f"({code[1]}); is the memory exhausted?" if code else f"({text})."
+    return f"lost: its process died twice {why}"

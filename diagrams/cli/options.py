@@ -10,7 +10,9 @@ EPILOG = (
     "Shared options: --seed fixes every random draw. --out DIR is created where it is missing and holds figures, "
     "logs and models. --json FILE holds schema, version, seed, configuration and every value. --markdown FILE "
     "holds the printed tables. Files and folders are checked before long work; a file appears whole or not at all. "
-    "--solver: sqp unless a scenario file names another; ipopt (MathematicalProgram) is the reference."
+    "--solver: sqp unless a scenario file names another; ipopt (MathematicalProgram) is the reference. "
+    "Verbs of many cases: --jobs N local processes, or --scheduler ADDRESS of a Dask cluster; with --out DIR a case is "
+    "a file in DIR/cases, and the same command goes on where it was interrupted."
 )
 
 OptionalPath = Path | None
@@ -21,7 +23,21 @@ Seed = Annotated[int, Option("--seed", min=0, max=2**31 - 1, help="Seed of every
 Undrawn = Annotated[int, Option("--seed", min=0, hidden=True)]  # of verbs without a random draw
 Seeds = Annotated[int, Option("--seeds", min=1, help="Evaluation flights a row, of seeds seed + 1, …")]
 Solver = Annotated[str, Option("--solver", help="sqp | ipopt (MathematicalProgram, the reference)")]
-Jobs = Annotated[int, Option("--jobs", min=1, help="Processes.")]
+Jobs = Annotated[int, Option("--jobs", min=1, help="Processes on this machine.")]
+DEFAULT_JOBS = 2  # of every verb of many cases
+Scheduler = Annotated[
+    str,
+    Option(
+        "--scheduler", metavar="ADDRESS", help="Work on the Dask cluster of this scheduler: tcp://HOST:PORT."
+    ),
+]
+OutOfCases = Annotated[
+    OptionalPath,
+    Option(
+        "--out", metavar="DIR", help="Folder for figures, models and a file for every case, to resume from."
+    ),
+]
+CASES = "cases"  # folder in --out with a file for every case
 Only = Annotated[
     list[str] | None, Option("--only", help="Only rows of these names (nominal is always flown).")
 ]

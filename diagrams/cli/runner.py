@@ -3,7 +3,8 @@
     @reports("reproduce", seed=1000, out=options.Out)
     def verb(run: Run, spacing: ... = 1) -> Report: ...
 
-adds `--seed`, `--out`, `--json` and `--markdown` behind the verb's own options.
+adds `--seed`, `--out`, `--json` and `--markdown` behind the verb's own options. `many=True` adds `--jobs` and
+`--scheduler`, by which the cases of `run.cases(…)` are worked on, and prints their processor time at the end.
 """
 
 import dataclasses as dc
@@ -15,11 +16,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from diagrams.batch.workers import Workers
 from diagrams.cli import options, output
 from diagrams.cli.output import Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from diagrams.batch.campaign import Case, Record
 
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
 Shared = tuple[str, Any, Any]  # an option: name, annotated type, default
@@ -27,17 +31,33 @@ Shared = tuple[str, Any, Any]  # an option: name, annotated type, default
 
 @dc.dataclass(frozen=True)
 class Run:
-    """Seed, files and folders of one run of a verb."""
+    """Seed, files, folders and workers of one run of a verb."""
 
     seed: int
     out: Path | None
     json: Path | None
     scratch: Path
+    workers: Workers = dc.field(default_factory=Workers)
 
     @property
     def folder(self) -> Path:
         """Folder of `--out`, created on first use; without it a scratch folder that ends with the run."""
         return output.make_folder(self.out) if self.out else self.scratch
+
+    def cases(
+        self,
+        title: str,
+        what: str,
+        work: "Callable[[Case], dict]",
+        cases: "Sequence[Case]",
+        **more: Any,
+    ) -> "list[Record]":
+        """Return the records of the cases, worked on behind a progress bar that counts `what`.
+
+        Args: more: `config`, `part` and `keep` of `Workers.run`.
+        """
+        with counting(title, what) as on_progress:
+            return self.workers.run(work, cases, on_progress=on_progress, **more)
 
 
 @dc.dataclass(frozen=True)
@@ -62,6 +82,7 @@ def reports(
     out: Any = None,
     folder: Path | None = None,
     markdown: bool = True,
+    many: bool = False,
     run: Callable[..., Any] = Run,
     first: Sequence[Shared] = (),
 ) -> Callable[[Callable[..., Report]], Callable[..., None]]:
@@ -73,11 +94,17 @@ def reports(
         out: Annotated type of `--out`; None: the runner adds no such option.
         folder: Default of `--out`.
         markdown: Whether there is a `--markdown`.
+        many: Whether the verb works on many cases: adds the options of its workers.
         run: Type of the body's first argument; takes the values of `first` by name.
         first: Options before the verb's own.
     """
     last: list[Shared] = [
         ("seed", options.Undrawn if seed is None else options.Seed, seed or 0),
+        *(
+            [("jobs", options.Jobs, options.DEFAULT_JOBS), ("scheduler", options.Scheduler, "")]
+            if many
+            else []
+        ),
         *([("out", out, folder)] if out is not None else []),
         ("json", options.Json, None),
         *([("markdown", options.Markdown, None)] if markdown else []),
@@ -88,9 +115,11 @@ def reports(
         def verb(**given: Any) -> None:
             files, flown = ({name: given.pop(name) for name, *_ in group} for group in (last, first))
             output.require_outputs(files["json"], files.get("markdown"), folder=files.get("out"))
+            workers = _workers(files.pop("jobs", 1), files.pop("scheduler", ""), files.get("out"))
             with tempfile.TemporaryDirectory() as scratch:
-                this = run(files["seed"], files.get("out"), files["json"], Path(scratch), **flown)
-                publish(body(this, **given), schema, **files)
+                this = run(files["seed"], files.get("out"), files["json"], Path(scratch), workers, **flown)
+                report = body(this, **given)
+                publish(dc.replace(report, notes=[*report.notes, *workers.cost()]), schema, **files)
 
         _, *own = inspect.signature(body, eval_str=True).parameters.values()
         parameters = [*_parameters(first), *(p.replace(kind=KEYWORD) for p in own), *_parameters(last)]
@@ -99,6 +128,14 @@ def reports(
         return verb
 
     return decorate
+
+
+def _workers(jobs: int, scheduler: str, out: Path | None) -> Workers:
+    """Return the workers of a run.
+
+    Raises: ValueError: where no scheduler answers; before any work.
+    """
+    return Workers(jobs, scheduler, None if out is None else out / options.CASES).check()
 
 
 def _parameters(shared: Sequence[Shared]) -> list[inspect.Parameter]:

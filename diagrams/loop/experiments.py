@@ -13,6 +13,14 @@ EXPERIMENTS = (
 )  # fmt: skip
 
 
+def settings_of(config: FlightConfig) -> dict:
+    """Return the settings of a flight as a dictionary; the simulator's are Drake's own type."""
+    simulator = config.simulator
+    return dc.asdict(config) | {
+        "simulator": {field.name: getattr(simulator, field.name) for field in simulator.__fields__}
+    }
+
+
 def load_experiment(
     name: str, vehicle: Vehicle | None = None, reality: str | Path | None = None
 ) -> FlightConfig:

@@ -2,16 +2,28 @@
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 from scipy import signal
 
-from diagrams.batch.processes import in_order
+from diagrams.batch.campaign import Case
+from diagrams.batch.workers import Workers, results
 from diagrams.loop.events import Event, attach, push, release
+from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
 from diagrams.payload.hover_swing import TRAINING
-from diagrams.tracking.tracking import Row, configure
+from diagrams.tracking.model_files import (
+    Models,
+    Training,
+    digest_of,
+    key_of,
+    model_path,
+    rows_with_models,
+    trained_models,
+)
+from diagrams.tracking.tracking import Row, configure, training_config
 from np_drake import attitude
 from np_drake.labels import FORCE
 from np_drake.lifting.model.lifted_model import LiftedModel
@@ -98,39 +110,82 @@ def slack_time(flight: FlightResult) -> float:
     return float(flight.config.controller.period * (np.argmin(since) if not since.all() else len(since)))
 
 
-def _fly(task: tuple[str, Row, str, int, str]) -> dict:
-    """Return courses of f_z [N] and height [m], and counts, of one flight: event, row, model file, seed, solver."""
-    event, row, model, seed, solver = task
-    flight = fly_event(event, row, model=model, seed=seed, solver=solver)
-    s, counts = flight.signals, flight.metrics()
-    return {
-        **{"event": event, "row": row.name, "seed": seed, "t": s["t"] - TIME, "slack": slack_time(flight)},
-        **{name: s[name][:, 2] for name in SIGNALS},
-        "height": s["x_true"][:, 2] - HEIGHT,
-        **{key: counts[key] for key in ("solve_failures", "fallbacks")},
-    }
+@dc.dataclass(frozen=True)
+class Flying:
+    """Work of a flight: {"event", "row", "seed", …} -> courses of f_z [N] and height [m], and counts."""
+
+    rows: tuple[Row, ...]
+    models: Models
+    solver: str
+
+    def __call__(self, case: Case) -> dict:
+        """Fly the case."""
+        event, seed = case["event"], case["seed"]
+        row = next(row for row in self.rows if row.name == case["row"])
+        with model_path(self.models[key_of(row)]) as model:
+            flight = fly_event(event, row, model=model, seed=seed, solver=self.solver)
+        s, counts = flight.signals, flight.metrics()
+        return {
+            **{
+                "event": event,
+                "row": row.name,
+                "seed": seed,
+                "t": s["t"] - TIME,
+                "slack": slack_time(flight),
+            },
+            **{name: s[name][:, 2] for name in SIGNALS},
+            "height": s["x_true"][:, 2] - HEIGHT,
+            **{key: counts[key] for key in ("solve_failures", "fallbacks")},
+        }
+
+
+def train_rows(
+    workers: Workers, folder: Path, *, seed: int, solver: str, rows: Sequence[Row] = ROWS
+) -> Models:
+    """Train what `rows` need, write the model files into `folder` and return their content."""
+    config = campaign_config(seed, solver)
+    return trained_models(workers, rows, folder, training=Training(seed, solver), config=config)
 
 
 def run_attach(
-    models: dict[str, str],
+    models: Models,
     *,
     seeds: list[int],
+    training_seed: int,
     solver: str = "sqp",
     rows: Sequence[Row] = ROWS,
-    jobs: int = 2,
+    workers: Workers | None = None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict]:
     """Fly every event and seed, of release and snap the first `BESIDE`, and return their time histories.
 
-    Time counts from the event.   Args: models: file by the configuration of a row.
+    Time counts from the event. Flights without a result are missing; the records of `workers` say why.
+    Args: models: of `train_rows`, trained on `training_seed`.
+    Raises: FailedRun: if no flight has a result.
     """
-    tasks = [
-        (event, row, models[row.configuration], seed, solver)
+    cases = [
+        {"event": event, "row": row.name, "model": digest_of(models[key_of(row)]), "seed": seed}
         for event in EVENTS
-        for row in rows
+        for row in rows_with_models(rows, models)
         for seed in (seeds if event == "attach" else seeds[:BESIDE])
     ]
-    return in_order(_fly, tasks, jobs=jobs, on_progress=on_progress)
+    records = (workers or Workers()).run(
+        Flying(tuple(rows), models, solver),
+        cases,
+        config=campaign_config(training_seed, solver),
+        on_progress=on_progress,
+    )
+    courses = ("t", "height", *SIGNALS)
+    return [run | {name: np.array(run[name], float) for name in courses} for run in results(records)]
+
+
+def campaign_config(training_seed: int, solver: str) -> dict:
+    """Return all that the results depend on other than the case itself."""
+    return {
+        "solver": solver, "training_seed": training_seed, "added": ADDED, "toss": TOSS, "time": TIME,
+        "hover": settings_of(attach_config(Row("", "nominal"), solver=solver, model="")),
+        "training": settings_of(training_config(TRAINING, solver=solver)),
+    }  # fmt: skip
 
 
 @dc.dataclass(frozen=True)

@@ -6,12 +6,23 @@ from pathlib import Path
 
 import numpy as np
 
+from diagrams.batch.campaign import Case
 from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.processes import in_order
+from diagrams.batch.workers import Workers, results
 from diagrams.loop.events import push
+from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight import FlightConfig
 from diagrams.loop.flight_result import FlightResult, fly
-from diagrams.tracking.tracking import Row, configure, train_models
+from diagrams.tracking.model_files import (
+    Models,
+    Training,
+    digest_of,
+    key_of,
+    model_path,
+    rows_with_models,
+    trained_models,
+)
+from diagrams.tracking.tracking import Row, configure, training_config
 from np_drake import metrics, swing_metrics
 from np_drake.residual_models.motion_model import GP, KNODE
 from np_drake.residual_models.pendulum_model import PENDULUM
@@ -113,16 +124,39 @@ def _rmse(error: np.ndarray, part: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.sum(error[part] ** 2, axis=1)))) if part.any() else float("nan")
 
 
-def _fly_row(task: tuple[HoverRow, str, int, str]) -> dict:
-    """Return metrics and the payload's course; infinite errors for a lost vehicle, so that other flights are kept."""
-    row, model, seed, solver = task
-    result: dict = {"row": row.name, "seed": seed}
-    try:
-        flight = fly_hover(row, model=model, seed=seed, solver=solver)
-    except FailedRun as error:
+@dc.dataclass(frozen=True)
+class Flying:
+    """Work of a flight: {"row", "seed", …} -> metrics and the payload's course, or why the vehicle was lost."""
+
+    rows: tuple[HoverRow, ...]
+    models: Models
+    solver: str
+
+    def __call__(self, case: Case) -> dict:
+        """Fly the case. A lost vehicle is a result: another try would lose it too."""
+        row = next(row for row in self.rows if row.name == case["row"])
+        named = {"row": row.name, "seed": case["seed"]}
+        with model_path(self.models.get(key_of(row))) as model:
+            try:
+                flight = fly_hover(row, model=model, seed=case["seed"], solver=self.solver)
+            except FailedRun as error:
+                return {**named, "lost": str(error)}
+        return {**named, "metrics": hover_metrics(flight), "course": swing_course(flight)}
+
+
+def read_run(result: dict) -> dict:
+    """Return a run as flown from a record.
+
+    Errors are infinite for a lost vehicle, and so is a settling time that never comes.
+    """
+    if "lost" in result:
         lost = {**dict.fromkeys(KEYS, np.inf), "solve_failures": 0, "fallbacks": 0}
-        return {**result, "lost": str(error), "metrics": lost, "course": None}
-    return {**result, "metrics": hover_metrics(flight), "course": swing_course(flight)}
+        return {**result, "metrics": lost, "course": None}
+    metrics = {name: np.nan if value is None else value for name, value in result["metrics"].items()}
+    if result["metrics"]["settling"] is None:
+        metrics["settling"] = np.inf
+    t, distance = map(np.array, result["course"])
+    return {**result, "metrics": metrics, "course": (t, distance)}
 
 
 def run_hover(
@@ -132,20 +166,30 @@ def run_hover(
     training_seed: int,
     solver: str = "sqp",
     rows: tuple[HoverRow, ...] = ROWS,
-    jobs: int = 2,
+    workers: Workers | None = None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict]:
     """Fly all rows and seeds and return row, seed, metrics and course (t, distance) of each.
 
-    They are in the order of `rows`, then of `seeds`.
+    They are in the order of `rows`, then of `seeds`. Flights without a result are missing; the records of `workers`
+    say why.
+    Args: folder: for the model files.
+    Raises: FailedRun: if no flight has a result.
     """
-    models = train_models(rows, folder, seed=training_seed, solver=solver)
-    tasks = [
-        (row, models.get((row.training, row.configuration), ""), seed, solver)
-        for row in rows
+    workers = workers or Workers()
+    config = {
+        "solver": solver, "training_seed": training_seed, "impulse": IMPULSE, "early": EARLY,
+        "hover": settings_of(hover_config(ROWS[0], solver=solver)),
+        "training": settings_of(training_config(TRAINING, solver=solver)),
+    }  # fmt: skip
+    models = trained_models(workers, rows, folder, training=Training(training_seed, solver), config=config)
+    cases = [
+        {"row": row.name, "model": digest_of(models.get(key_of(row))), "seed": seed}
+        for row in rows_with_models(rows, models)
         for seed in seeds
     ]
-    return in_order(_fly_row, tasks, jobs=jobs, on_progress=on_progress)
+    records = workers.run(Flying(rows, models, solver), cases, config=config, on_progress=on_progress)
+    return [read_run(result) for result in results(records)]
 
 
 def hover_table(runs: list[dict]) -> list[dict]:

@@ -4,20 +4,17 @@ Models are trained once, on the standard training flight, and flown everywhere, 
 tested.
 """
 
-import base64
 import dataclasses as dc
-import hashlib
-import tempfile
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
-from diagrams.batch.campaign import Case, Record, run_campaign
+from diagrams.batch.campaign import Case, Record
+from diagrams.batch.workers import Workers
 from diagrams.loop.flight import FlightConfig, LostVehicle, simulate
 from diagrams.robustness.axes import BASE, FLOWN, Axis, Grid, axis_settings, distinct
 from diagrams.robustness.measures import LOST, SETTLING, lost_beyond, measures
+from diagrams.tracking.model_files import digest_of, model_of, model_path, trained_file
 from diagrams.tracking.tracking import ROWS as TRACKING_ROWS
-from diagrams.tracking.tracking import Row, configure, frozen_weights, train_models
-from np_drake.vehicle import Vehicle
+from diagrams.tracking.tracking import Row, configure, frozen_weights
 
 TRACK, TRAINING = "circle", "training_circle"  # experiments that are flown and trained on
 SCORED = 20.0  # flight after the ramp [s]
@@ -69,24 +66,14 @@ class Training:
         return trained_file(row, seed=self.seed, solver=self.solver)
 
 
-def trained_file(row: Row, *, seed: int, solver: str, vehicle: Vehicle | None = None) -> dict:
-    """Return {"file": model file of the row in base 64}, trained on a flight of `vehicle`; None: the paper's."""
-    with tempfile.TemporaryDirectory() as folder:
-        files = train_models((row,), Path(folder), seed=seed, solver=solver, vehicle=vehicle)
-        return {"file": base64.b64encode(Path(*files.values()).read_bytes()).decode()}
-
-
 def flown(configure: Callable[[str], FlightConfig], model: bytes | None, seed: int) -> dict:
     """Fly what `configure` returns for the path of a model file, and return the measures.
 
     Args: model: content of that file; None where there is none.
     """
     signals, why = None, ""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "model.safetensors"
-        if model is not None:
-            path.write_bytes(model)
-        config = configure(str(path))
+    with model_path(model) as path:
+        config = configure(path)
         try:
             signals = simulate(config, seed=seed, tolerance=lost_beyond(config))
         except LostVehicle as error:
@@ -138,30 +125,22 @@ def flight_cases(
     ]
 
 
-def model_of(training: Record) -> bytes:
-    """Return the content of the model file of a training's record."""
-    return base64.b64decode(training["result"]["file"])
-
-
 def model_digests(models: dict[str, bytes]) -> dict[str, str]:
     """Return the digest of every model file by configuration."""
-    return {name: hashlib.sha256(content).hexdigest()[:16] for name, content in models.items()}
+    return {name: digest_of(content) for name, content in models.items()}
 
 
 @dc.dataclass(frozen=True)
 class Sweep:
-    """What a sweep's cases share: trainings, flights and the folder that they resume from.
+    """What a sweep's cases share: trainings, flights and workers.
 
     training_seed: of the training flights and the trainings.   duration: of a flight, after the ramp [s].
-    folder, jobs, scheduler: see `run_campaign`.
     """
 
     training_seed: int
     solver: str = "sqp"
     duration: float = SCORED
-    folder: Path | None = None
-    jobs: int = 2
-    scheduler: str = ""
+    workers: Workers = dc.field(default_factory=Workers)
 
     def run(
         self,
@@ -174,15 +153,8 @@ class Sweep:
 
         Args: config: all else that results depend on; default: that of the circle's sweep.
         """
-        return run_campaign(
-            work,
-            cases,
-            config=config or campaign_config(self.training_seed, self.solver, self.duration),
-            folder=self.folder,
-            jobs=self.jobs,
-            scheduler=self.scheduler,
-            on_progress=on_progress,
-        )
+        settings = config or campaign_config(self.training_seed, self.solver, self.duration)
+        return self.workers.run(work, cases, config=settings, on_progress=on_progress)
 
     def train(
         self, rows: Sequence[Row], on_training: Progress = _silent

@@ -1,13 +1,10 @@
 """Tracking comparison: every controller on circle and lemniscate, several seeds, one trained model a row."""
 
 import dataclasses as dc
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.processes import in_order
 from diagrams.loop.controllers import LEARNED
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
@@ -155,54 +152,6 @@ def train_models(
             train_predictor(flights[row.training], path, configuration=row.configuration, seed=seed)
         files[key] = str(path)
     return files
-
-
-Flight = tuple[str, Row, str, int, str, Path | None]  # track, row, model file, seed, solver, reality
-
-
-def _fly_row(task: Flight) -> dict:
-    """Return the `fly` summary and the last lap; infinite errors for a lost vehicle, so that other flights are kept."""
-    track, row, model, seed, solver, reality = task
-    try:
-        flight = fly(configure(track, row, solver=solver, model=model, reality=reality), seed=seed)
-        summary = flight.summary()
-        summary["lap"] = {name: flight.signals[name][flight.last_lap, :2] for name in ("x_true", "p_ref")}
-    except FailedRun as error:
-        metrics = {"E_xy": np.inf, "E_z": np.inf, "growth": np.inf, "solve_failures": 0}
-        summary = {"experiment": track, "controller": row.kind, "seed": seed, "metrics": metrics}
-        summary["lost"] = str(error)
-    return {**summary, "row": row.name}
-
-
-def run_tracking(
-    folder: Path,
-    *,
-    seeds: list[int],
-    training_seed: int,
-    solver: str = "sqp",
-    rows: tuple[Row, ...] = ROWS,
-    reality: Path | None = None,
-    jobs: int = 2,
-    on_progress: Callable[[int, int], None] = lambda done, total: None,
-    on_lap: Callable[[dict, dict[str, np.ndarray]], None] = lambda summary, lap: None,
-) -> list[dict]:
-    """Fly all rows on all tracks and seeds and return the `fly` summaries, each with its row's name.
-
-    Args: reality: scenario file that all is flown in, see `load_experiment`.   on_lap: called with a summary and the
-    x_true, p_ref (n, 2) [m] of that flight's last lap.
-    """
-    models = train_models(rows, folder, seed=training_seed, solver=solver, reality=reality)
-    tasks = [
-        (track, row, models.get((row.training, row.configuration), ""), seed, solver, reality)
-        for row in rows
-        for track in TRACKS
-        for seed in seeds
-    ]
-    summaries = in_order(_fly_row, tasks, jobs=jobs, on_progress=on_progress)
-    for summary in summaries:
-        if (lap := summary.pop("lap", None)) is not None:
-            on_lap(summary, lap)
-    return summaries
 
 
 def table(summaries: list[dict], rows: tuple[Row, ...] = ROWS) -> list[dict]:

@@ -3,12 +3,12 @@
 import dataclasses as dc
 import itertools
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
-from diagrams.batch.processes import in_order
-from diagrams.loop.experiments import load_experiment
+from diagrams.batch.campaign import Case
+from diagrams.batch.workers import Workers, results
+from diagrams.loop.experiments import load_experiment, settings_of
 from diagrams.loop.flight_result import fly
 
 POSITION = (0.25, 0.5, 1.0, 2.0, 4.0)  # factors on weight_position [1]
@@ -17,9 +17,12 @@ EFFORT = 0.035  # RMS roll and pitch torque that may be spent on noise and track
 LAG = 0.06  # of the motors: twice what flies, so that the loop keeps its margin; own choice [s]
 
 
-def _score(factors: tuple[float, float], seed: int, duration: float) -> dict:
-    """Return error and effort of the nominal MPC on the lemniscate without payload and with slower motors."""
-    position, torque = factors
+def score(case: Case) -> dict:
+    """Return error and effort of the nominal MPC on the lemniscate without payload and with slower motors.
+
+    Args: case: {"position", "torque": factors, "seed", "duration"}.
+    """
+    position, torque, seed, duration = (case[key] for key in ("position", "torque", "seed", "duration"))
     config = load_experiment("lemniscate")
     config.duration, config.reality.payload.tether = duration, "none"
     config.reality.motor_lag = LAG
@@ -42,14 +45,19 @@ def weight_table(
     *,
     seed: int,
     duration: float = 20.0,
-    jobs: int = 2,
+    workers: Workers | None = None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[dict]:
     """Return every combination of the factors, best first: least E_xy within the effort allowed.
 
-    Factors 1, 1 are those of `MpcConfig`.   Args: duration: of a flight, after the ramp [s].
+    Factors 1, 1 are those of `MpcConfig`. Flights without a result are missing; the records of `workers` say why.
+    Args: duration: of a flight, after the ramp [s].
+    Raises: FailedRun: if no flight has a result.
     """
-    grid = list(itertools.product(POSITION, TORQUE))
-    work = partial(_score, seed=seed, duration=duration)
-    lines = in_order(work, grid, jobs=jobs, on_progress=on_progress)
-    return sorted(lines, key=lambda line: (not line["allowed"], line["E_xy"]))
+    cases = [
+        {"position": position, "torque": torque, "seed": seed, "duration": duration}
+        for position, torque in itertools.product(POSITION, TORQUE)
+    ]
+    config = {"motor_lag": LAG, "allowed": EFFORT, "lemniscate": settings_of(load_experiment("lemniscate"))}
+    records = (workers or Workers()).run(score, cases, config=config, on_progress=on_progress)
+    return sorted(results(records), key=lambda line: (not line["allowed"], line["E_xy"]))

@@ -10,6 +10,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from diagrams.batch import campaign
+from diagrams.batch.processes import as_they_finish
+
+
+@pytest.fixture
+def in_this_process(monkeypatch):
+    """Cases of campaigns run in this process, where a test can change what they call."""
+
+    def here(work, cases, *, jobs, isolated):
+        return as_they_finish(work, cases, jobs=1)
+
+    monkeypatch.setattr(campaign, "as_they_finish", here)
+
+
 SIZED = {0xC4: ">B", 0xC5: ">H", 0xC6: ">I", 0xC7: ">B", 0xC8: ">H", 0xC9: ">I"}  # bytes and extensions
 SIZED |= {0xD9: ">B", 0xDA: ">H", 0xDB: ">I", 0xDC: ">H", 0xDD: ">I", 0xDE: ">H", 0xDF: ">I"}
 NUMBER = {0xCA: ">f", 0xCB: ">d", 0xCC: ">B", 0xCD: ">H", 0xCE: ">I", 0xCF: ">Q"}

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
+from diagrams.batch.workers import failures, results
 from diagrams.cli import options
 from diagrams.cli.columns import MISSING, Column, tabulate
-from diagrams.cli.output import Table, counted, progress
-from diagrams.cli.reproduce.sweep import CASES, OutOfCases, cost, require_result
+from diagrams.cli.output import Table
 from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ Box = tuple[float, float, float]
 FIGURE = "active.png"
 
 
-@reports("challenge_active", seed=7000, out=OutOfCases)
+@reports("challenge_active", seed=7000, out=options.OutOfCases, many=True)
 def active(
     run: Run,
     seeds: Annotated[
@@ -49,14 +49,12 @@ def active(
     ] = 20.0,
     speed: Annotated[float, Option("--speed", help="Largest speed [m/s].")] = 3.0,
     tilt: Annotated[float, Option("--tilt", help="Largest tilt [rad].")] = 0.5,
-    jobs: options.Jobs = 1,
 ) -> Report:
     """Diagnose vehicles with withheld effects, design the next flight, fly it, and go on until one explanation stands.
 
     Beside the designed flight fly naive manoeuvres of the same length, each followed by a diagnosis of its own.
     --out DIR: cases to resume from, and a figure.
     """
-    from diagrams.batch.campaign import run_campaign
     from diagrams.challenge.active import tables
     from diagrams.challenge.active.figure import active_figure
     from diagrams.challenge.active.loop import ActiveDiagnosis
@@ -79,33 +77,25 @@ def active(
         "room": dc.asdict(room),
     }
     every = [run.seed + k for k in range(seeds)]
-    with progress("active diagnosis", 1.0) as advance:
-        records = run_campaign(
-            ActiveDiagnosis(start, chosen, flights, room),
-            [{"seed": seed} for seed in every],
-            config=config,
-            folder=run.folder / CASES if run.out else None,
-            jobs=jobs,
-            on_progress=counted(advance, "vehicles"),
-        )
-    require_result(records)
-    results = [record["result"] for record in records if "result" in record]
-    lines = tables.lines(results, chosen, flights)
+    work = ActiveDiagnosis(start, chosen, flights, room)
+    cases = [{"seed": seed} for seed in every]
+    records = run.cases("active diagnosis", "vehicles", work, cases, config=config)
+    found = results(records)
+    lines = tables.lines(found, chosen, flights)
     begun = STARTS[start].seconds
 
     def figure():
-        return active_figure(results, chosen, flights=flights, begun=begun, seconds=seconds)
+        return active_figure(found, chosen, flights=flights, begun=begun, seconds=seconds)
 
-    failed = [f"seed {r['case']['seed']}: {r['error']}" for r in records if "error" in r]
     return Report(
         printed(lines, begun=begun, seconds=seconds),
         config=config | {"seeds": every},
-        metrics={"table": lines, "draws": tables.draws(results), "runs": records},
+        metrics={"table": lines, "draws": tables.draws(found), "runs": records},
         summary=[
-            f"{len(results)} vehicles, seeds {every[0]} … {every[-1]}, start {start}, {room_in_words(room)}",
-            f"{tables.draws(results)['draws']} vehicles drawn, {tables.draws(results)['lost_draws']} lost at once",
+            f"{len(found)} vehicles, seeds {every[0]} … {every[-1]}, start {start}, {room_in_words(room)}",
+            f"{tables.draws(found)['draws']} vehicles drawn, {tables.draws(found)['lost_draws']} lost at once",
         ],
-        notes=[*failed, cost(records)],
+        notes=failures(records),
         figures={FIGURE: figure},
     )
 

@@ -3,6 +3,7 @@
 import dataclasses as dc
 from typing import TYPE_CHECKING
 
+from diagrams.batch.workers import failures
 from diagrams.cli.columns import fixed, percent, spread, tabulate
 from diagrams.cli.output import Table
 from diagrams.cli.reproduce.campaign import Campaign, campaign
@@ -18,16 +19,21 @@ def attach(run: Campaign) -> Report:
     from diagrams.payload import attach as experiment
     from diagrams.payload import figures
     from diagrams.payload.hover_swing import TRAINING
-    from diagrams.tracking.tracking import train_models
+    from diagrams.tracking.model_files import file_name, key_of
 
-    rows = experiment.ROWS
     with counting("attach", "flights") as on_progress:
-        files = train_models(rows, run.folder, seed=run.seed, solver=run.solver)
-        models = {configuration: file for (_, configuration), file in files.items()}
+        models = experiment.train_rows(run.workers, run.folder, seed=run.seed, solver=run.solver)
         runs = experiment.run_attach(
-            models, seeds=run.seeds, solver=run.solver, rows=rows, jobs=run.jobs, on_progress=on_progress
+            models,
+            seeds=run.seeds,
+            training_seed=run.seed,
+            solver=run.solver,
+            workers=run.workers,
+            on_progress=on_progress,
         )
-    config = experiment.attach_config(rows[0], solver=run.solver, model=models[rows[0].configuration])
+    row = next(row for row in experiment.ROWS if key_of(row) in models)
+    file = str(run.folder / file_name(key_of(row)))
+    config = experiment.attach_config(row, solver=run.solver, model=file)
     lines = experiment.attach_table(runs, config)
     notes = _attach_notes(lines, config)
     controller = dc.asdict(config.controller) | {"predictor": f"trained on {TRAINING}, seed {run.seed}"}
@@ -37,7 +43,7 @@ def attach(run: Campaign) -> Report:
         [attach_printed(lines, title)],
         config={**run.settings, "controller": controller},
         metrics={"table": lines, "notes": notes},
-        notes=[*notes, f"controller: {controller}"],
+        notes=[*notes, *failures(run.workers.finished), f"controller: {controller}"],
         figures={"attach_responses.png": lambda: figures.event_responses(runs, config, of_figure)},
     )
 

@@ -8,13 +8,12 @@ from diagrams.cli import options
 from diagrams.cli.runner import Run, Shared, counting, reports
 
 
-@dc.dataclass(frozen=True)
+@dc.dataclass(frozen=True, kw_only=True)
 class Campaign(Run):
     """Run that flies the seeds after `seed`, which the training flight draws."""
 
     count: int
     solver: str
-    jobs: int
 
     @property
     def seeds(self) -> list[int]:
@@ -29,7 +28,7 @@ class Campaign(Run):
     def fly(self, name: str, experiment: Callable[..., list[dict]], rows: tuple, **more: Any) -> list[dict]:
         """Fly every row with every seed behind a progress bar; return the summaries of the flights."""
         with counting(name, "flights") as on_progress:
-            more |= {"rows": rows, "jobs": self.jobs, "on_progress": on_progress}
+            more |= {"rows": rows, "workers": self.workers, "on_progress": on_progress}
             return experiment(self.folder, **self.settings, **more)
 
     def title(self, flights: str = "flights a row", learner: str = "") -> str:
@@ -40,14 +39,13 @@ class Campaign(Run):
         )
 
 
-def campaign(*, seeds: int, out: Any = options.Out) -> Callable[[Callable], Callable[..., None]]:
+def campaign(*, seeds: int) -> Callable[[Callable], Callable[..., None]]:
     """Return the decorator of a verb `(run: Campaign, own options) -> Report`, with `seeds` flights a row."""
     flown: list[Shared] = [
         ("count", options.Seeds, seeds),
         ("solver", options.Solver, options.DEFAULT_SOLVER),
-        ("jobs", options.Jobs, 2),
     ]
-    return reports("reproduce", seed=1000, out=out, run=Campaign, first=flown)
+    return reports("reproduce", seed=1000, out=options.OutOfCases, many=True, run=Campaign, first=flown)
 
 
 def require_rows(names: Collection[str], known: Collection[str]) -> None:

@@ -6,17 +6,16 @@ from typing import Annotated
 
 from typer import Option
 
+from diagrams.batch.workers import failures, results
 from diagrams.cli.columns import tabulate
-from diagrams.cli.output import Table, counted, progress
+from diagrams.cli.output import Table
 from diagrams.cli.reproduce.campaign import Campaign, campaign
-from diagrams.cli.reproduce.sweep import CASES, OutOfCases, Scheduler, cost, require_result
 from diagrams.cli.runner import Report
 
 
-@campaign(seeds=40, out=OutOfCases)
+@campaign(seeds=40)
 def closing(
     run: Campaign,
-    scheduler: Scheduler = "",
     simulator: Annotated[
         str, Option(metavar="NAME", help="In which the real vehicle flies: drake | rotorpy.")
     ] = "drake",
@@ -28,33 +27,22 @@ def closing(
     best there is flown on the vehicle. With rotorpy the vehicle has that simulator's rigid body, rotors, drag, lift and
     motor lag, and there is no oracle. --out DIR: cases to resume from.
     """
-    from diagrams.batch.campaign import run_campaign
     from diagrams.challenge.closing import study
     from np_drake.mpc.solvers import require_solver
 
     require_solver(run.solver)
     config = study.settings(run.solver, simulator)
-    with progress("closing", 1.0) as advance:
-        records = run_campaign(
-            study.Closing(run.solver, simulator),
-            [{"seed": seed} for seed in run.seeds],
-            config=config,
-            folder=run.folder / CASES if run.out else None,
-            jobs=run.jobs,
-            scheduler=scheduler,
-            on_progress=counted(advance, "vehicles"),
-        )
-    require_result(records)
-    results = [record["result"] for record in records if "result" in record]
-    lines = study.table(results)
-    gains = study.gained(results)
-    failed = [f"seed {r['case']['seed']}: {r['error']}" for r in records if "error" in r]
+    cases = [{"seed": seed} for seed in run.seeds]
+    flown = study.Closing(run.solver, simulator)
+    records = run.cases("closing", "vehicles", flown, cases, config=config)
+    found = results(records)
+    lines, gains = study.table(found), study.gained(found)
     seeds = f"seeds {run.seeds[0]} … {run.seeds[-1]}"
     return Report(
-        closing_printed(lines, gains, f"{len(results)} vehicles in {simulator}, {seeds}, {run.solver}"),
+        closing_printed(lines, gains, f"{len(found)} vehicles in {simulator}, {seeds}, {run.solver}"),
         config=config | {"seeds": run.seeds},
         metrics={"table": lines, "gains": gains, "runs": records},
-        notes=[*failed, cost(records)],
+        notes=failures(records),
     )
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 
+from diagrams.batch.workers import failures
 from diagrams.cli import options
 from diagrams.cli.columns import fixed, spread, tabulate
 from diagrams.cli.output import Table
@@ -12,12 +13,13 @@ from diagrams.cli.runner import Report
 @campaign(seeds=5)
 def configurations(run: Campaign, only: options.Only = None) -> Report:
     """Every configuration of the predictor in the loop. All are trained on one flight; --out DIR: models."""
+    from diagrams.tracking import campaign as flights
     from diagrams.tracking import configurations as experiment
     from diagrams.tracking import tracking
     from np_drake.lifting.training.train import make_config
 
     rows = choose_rows(experiment.ROWS, only)
-    summaries = run.fly("configurations", tracking.run_tracking, rows)
+    summaries = run.fly("configurations", flights.run_tracking, rows)
     lines, places = tracking.table(summaries, rows), experiment.ranking(summaries)
     used = {
         row.configuration: make_config(row.configuration, seed=run.seed) for row in rows if row.configuration
@@ -29,6 +31,7 @@ def configurations(run: Campaign, only: options.Only = None) -> Report:
         config={**run.settings, "mpc": tracking.frozen_weights(), "configurations": configs},
         metrics={"table": lines, "ranking": best, "runs": summaries},
         notes=[
+            *failures(run.workers.finished),
             experiment.verdict(places),
             f"training: {experiment.TRAINING}, seed {run.seed}; evaluation: seeds {run.seeds}",
             *(f"{name}: {c}" for name, c in used.items()),

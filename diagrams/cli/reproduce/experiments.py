@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 
+from diagrams.batch.workers import failures
 from diagrams.cli import options
 from diagrams.cli.columns import MISSING, fixed, percent, spread, tabulate
 from diagrams.cli.output import Table
@@ -28,12 +29,16 @@ def hover(run: Campaign, only: options.Only = None) -> Report:
         for row in rows
     }
     of_figure = f"Hover, impulse of {hover_swing.IMPULSE} N·s on the payload, seed {run.seeds[0]}"
-    summaries = [{key: value for key, value in run.items() if key != "course"} for run in runs]
+    summaries = [{key: value for key, value in flown.items() if key != "course"} for flown in runs]
     return Report(
         [hover_printed(lines, f"{run.title(learner='np ')}; ± 95 % interval of the mean")],
         config={**run.settings, "controllers": controllers},
         metrics={"table": lines, "verdict": verdict, "runs": summaries},
-        notes=[*verdict, *(f"{name}: MPC {controller['mpc']}" for name, controller in controllers.items())],
+        notes=[
+            *verdict,
+            *failures(run.workers.finished),
+            *(f"{name}: MPC {controller['mpc']}" for name, controller in controllers.items()),
+        ],
         figures={"hover_payload_distance.png": lambda: figures.payload_distance(runs, of_figure)},
     )
 

@@ -5,16 +5,13 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
+from diagrams.batch.workers import failures, require_result
 from diagrams.cli import options
 from diagrams.cli.columns import Column, tabulate
 from diagrams.cli.output import Table, counted, progress
 from diagrams.cli.reproduce.campaign import Campaign, campaign, choose_rows
 from diagrams.cli.reproduce.sweep import (
-    OutOfCases,
-    Scheduler,
-    cost,
     make_sweep,
-    require_result,
     title_of,
     trained,
 )
@@ -28,12 +25,10 @@ if TYPE_CHECKING:
 WholeLaps = Annotated[float, Option(min=20.0, help="Of a flight, after the ramp [s].")]
 
 
-@campaign(seeds=3, out=OutOfCases)
-def margins(
-    run: Campaign, scheduler: Scheduler = "", only: options.Only = None, duration: WholeLaps = 20.0
-) -> Report:
+@campaign(seeds=3)
+def margins(run: Campaign, only: options.Only = None, duration: WholeLaps = 20.0) -> Report:
     """Largest delay and loop gain that each controller bears. With the --out DIR of robustness: its models."""
-    sweep = make_sweep(run, scheduler, duration)
+    sweep = make_sweep(run, duration)
     from diagrams.robustness import margins as experiment
     from diagrams.robustness.robustness import ROWS, campaign_config
 
@@ -49,12 +44,11 @@ def margins(
     require_result(records)
     lines = experiment.margin_table(records)
     config = campaign_config(run.seed, run.solver, duration) | {"seeds": run.seeds}
-    failed = [f"{r['case']}: {r['error']}" for r in [*trainings, *records] if "error" in r]
     return Report(
         [margins_printed(lines, title_of(run, duration))],
         config=config,
         metrics={"table": lines, "runs": [*trainings, *records]},
-        notes=[*failed, cost([*trainings, *records])],
+        notes=failures([*trainings, *records]),
     )
 
 

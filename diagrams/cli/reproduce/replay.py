@@ -6,14 +6,14 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
+from diagrams.batch.workers import failures, require_result
 from diagrams.cli import options
 from diagrams.cli.columns import MISSING, tabulate
-from diagrams.cli.output import Table, counted, progress
-from diagrams.cli.reproduce.sweep import CASES, OutOfCases, Scheduler, cost, require_result
+from diagrams.cli.output import Table
 from diagrams.cli.runner import Report, Run, reports
 
 
-@reports("reproduce", seed=None, out=OutOfCases)
+@reports("reproduce", seed=None, out=options.OutOfCases, many=True)
 def replay(
     run: Run,
     folder: Annotated[
@@ -29,37 +29,25 @@ def replay(
     only: Annotated[
         list[str] | None, Option("--only", metavar="GROUP", help="Only cases of this group; repeatable.")
     ] = None,
-    jobs: options.Jobs = 1,
-    scheduler: Scheduler = "",
 ) -> Report:
     """Real flights replayed open loop, nominal and corrected simulator. --out DIR: cases to resume from."""
     if folder is None:
         raise ValueError("replay: give the folder of the real flights as DIR or NP_DRAKE_REAL.")
-    from diagrams.batch.campaign import run_campaign
     from diagrams.challenge.real import replay as study
     from diagrams.challenge.real.cases import make_cases
 
     cases = [{"group": c.group, "name": c.name} for c in make_cases(folder, neurobem, only or ())]
     config: dict[str, Any] = {"folder": folder.name, "neurobem": neurobem and neurobem.name, "only": only}
-    with progress("replaying", 1.0) as advance:
-        records = run_campaign(
-            study.RealReplay(folder.resolve(), neurobem and neurobem.resolve()),
-            cases,
-            config=config,
-            folder=run.folder / CASES if run.out else None,
-            jobs=jobs,
-            scheduler=scheduler,
-            on_progress=counted(advance, "cases"),
-        )
+    work = study.RealReplay(folder.resolve(), neurobem and neurobem.resolve())
+    records = run.cases("replaying", "cases", work, cases, config=config)
     require_result(records)
     results = [{**r["case"], **r["result"]} for r in records if "result" in r]
     lines = study.lines(results)
-    failed = [f"{r['case']['group']} {r['case']['name']}: {r['error']}" for r in records if "error" in r]
     return Report(
         [printed(lines)],
         config=config,
         metrics={"table": lines, "runs": records},
-        notes=[*failed, cost(records)],
+        notes=failures(records),
     )
 
 

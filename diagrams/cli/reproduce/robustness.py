@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
+from diagrams.batch.workers import require_result
 from diagrams.cli import options
 from diagrams.cli.columns import MISSING, Column, spread, tabulate
 from diagrams.cli.output import Table, counted, progress
@@ -11,11 +12,7 @@ from diagrams.cli.reproduce.campaign import Campaign, campaign, choose_rows
 from diagrams.cli.reproduce.robustness_grid import grid_figures, grid_printed
 from diagrams.cli.reproduce.sweep import (
     Duration,
-    OutOfCases,
-    Scheduler,
-    cost,
     make_sweep,
-    require_result,
     title_of,
     trained,
 )
@@ -26,10 +23,9 @@ if TYPE_CHECKING:
     from diagrams.robustness.axes import Axis, Grid
 
 
-@campaign(seeds=3, out=OutOfCases)
+@campaign(seeds=3)
 def robustness(
     run: Campaign,
-    scheduler: Scheduler = "",
     only: options.Only = None,
     axis: Annotated[
         list[str] | None,
@@ -45,7 +41,7 @@ def robustness(
     duration: Duration = 20.0,
 ) -> Report:
     """Payload, tether, speed, wind, noise, motors, delay and battery. --out DIR: figures, and cases to resume from."""
-    sweep = make_sweep(run, scheduler, duration)
+    sweep = make_sweep(run, duration)
     from diagrams.robustness import robustness as experiment
     from diagrams.robustness.axes import Grid
     from diagrams.robustness.figure import robustness_figure
@@ -122,7 +118,6 @@ def _notes(trainings: "list[Record]", flights: "list[Record]", lines: list[dict]
         *lost,
         *extremes(flights, axes_of(lines)),
         *said,
-        cost([*trainings, *flights]),
     ]
 
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
+from diagrams.batch.workers import failures
 from diagrams.cli import options
 from diagrams.cli.columns import MISSING, fixed, percent, spread, tabulate
 from diagrams.cli.output import Table
@@ -30,6 +31,7 @@ def tracking(
 ) -> Report:
     """Every controller on circle and lemniscate. --out DIR: models and figure."""
     from diagrams.loop.experiments import load_experiment
+    from diagrams.tracking import campaign as flights
     from diagrams.tracking import tracking as experiment
     from diagrams.tracking.tracking_figure import plane_tracks
 
@@ -41,7 +43,7 @@ def tracking(
         if summary["seed"] == run.seeds[0]:
             laps[summary["experiment"], summary["row"]] = lap
 
-    summaries = run.fly("tracking", experiment.run_tracking, rows, on_lap=keep, reality=reality)
+    summaries = run.fly("tracking", flights.run_tracking, rows, on_lap=keep, reality=reality)
     lines = experiment.table(summaries, rows)
     notes, config = _notes(rows, run, training, dc.asdict(world.reality))
     lost = [f"{s['row']}, {s['experiment']}, seed {s['seed']}: {s['lost']}" for s in summaries if "lost" in s]
@@ -52,7 +54,7 @@ def tracking(
         [printed(lines, run.title())],
         config=config,
         metrics={"table": lines, "runs": summaries},
-        notes=[*notes, counts, *lost],
+        notes=[*notes, counts, *lost, *failures(run.workers.finished)],
         figures={"plane_tracks.png": lambda: plane_tracks(_four(laps, rows), of_figure)},
     )
 

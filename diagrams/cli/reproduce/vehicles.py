@@ -5,16 +5,13 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
+from diagrams.batch.workers import require_result
 from diagrams.cli.columns import MISSING, Column, Line, grouped, spread, tabulate
 from diagrams.cli.output import Table, counted, progress
 from diagrams.cli.reproduce.campaign import Campaign, campaign, choose_rows
 from diagrams.cli.reproduce.sweep import (
     Duration,
-    OutOfCases,
-    Scheduler,
-    cost,
     make_sweep,
-    require_result,
     title_of,
     trained,
 )
@@ -24,10 +21,9 @@ if TYPE_CHECKING:
     from diagrams.batch.campaign import Record
 
 
-@campaign(seeds=3, out=OutOfCases)
+@campaign(seeds=3)
 def vehicles(
     run: Campaign,
-    scheduler: Scheduler = "",
     only: Annotated[
         list[str] | None,
         Option("--only", help="Only rows of these names (nominal and oracle are always flown)."),
@@ -42,7 +38,7 @@ def vehicles(
 
     Durations are those of the paper's vehicle and scale with the others.
     """
-    sweep = make_sweep(run, scheduler, duration)
+    sweep = make_sweep(run, duration)
     from diagrams.robustness.vehicles import study
     from diagrams.robustness.vehicles.fleet import TRACKS, VEHICLES
     from diagrams.robustness.vehicles.table import ORACLE, vehicle_table
@@ -81,7 +77,7 @@ def chosen_of(option: str, names: Collection[str] | None, known: Sequence[str]) 
 
 
 def _notes(trainings: "list[Record]", flights: "list[Record]") -> list[str]:
-    """Return the lines under the tables: failed trainings, lost flights, cost."""
+    """Return the lines under the tables: failed trainings, lost flights."""
     from diagrams.robustness.vehicles.table import lost_flights
 
     lost = lost_flights(flights)
@@ -94,7 +90,6 @@ def _notes(trainings: "list[Record]", flights: "list[Record]") -> list[str]:
             if "error" in r
         ),
         *lost,
-        cost([*trainings, *flights]),
     ]
 
 

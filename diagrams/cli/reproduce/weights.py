@@ -1,5 +1,6 @@
 """`np-drake reproduce weights | pendulum`: how the MPC was tuned, and the tether's length from the payload's mode."""
 
+from diagrams.batch.workers import failures
 from diagrams.cli import options
 from diagrams.cli.columns import tabulate
 from diagrams.cli.runner import Report, Run, counting, reports
@@ -28,13 +29,13 @@ def pendulum(run: Run) -> Report:
     )
 
 
-@reports("reproduce", seed=1000)
-def weights(run: Run, jobs: options.Jobs = 2) -> Report:
+@reports("reproduce", seed=1000, out=options.OutOfCases, many=True)
+def weights(run: Run) -> Report:
     """How the MPC's weights were chosen. On the vehicle without payload."""
     from diagrams.tracking.tuning import EFFORT, LAG, weight_table
 
     with counting("weights") as on_progress:
-        lines = weight_table(seed=run.seed, jobs=jobs, on_progress=on_progress)
+        lines = weight_table(seed=run.seed, workers=run.workers, on_progress=on_progress)
     title = f"factors on the frozen weights; lemniscate, no payload, motor lag {LAG} s, seed {run.seed}"
     columns = (
         ("position", "position"),
@@ -45,4 +46,9 @@ def weights(run: Run, jobs: options.Jobs = 2) -> Report:
         ("allowed", lambda line: "yes" if line["allowed"] else "no"),
     )
     config = {"allowed_torque_rms": EFFORT, "motor_lag": LAG}
-    return Report([tabulate(title, lines, columns)], config=config, metrics={"table": lines})
+    return Report(
+        [tabulate(title, lines, columns)],
+        config=config,
+        metrics={"table": lines},
+        notes=failures(run.workers.finished),
+    )

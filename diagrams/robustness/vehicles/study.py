@@ -9,6 +9,7 @@ import itertools
 from collections.abc import Callable, Sequence
 
 from diagrams.batch.campaign import Case, Record
+from diagrams.loop.experiments import settings_of
 from diagrams.loop.flight import FlightConfig
 from diagrams.robustness.measures import LOST, SETTLING
 from diagrams.robustness.robustness import (
@@ -18,10 +19,9 @@ from diagrams.robustness.robustness import (
     Sweep,
     flown,
     model_digests,
-    model_of,
-    trained_file,
 )
 from diagrams.robustness.vehicles.fleet import TRACKS, VEHICLES, fleet
+from diagrams.tracking.model_files import model_of, trained_file
 from diagrams.tracking.tracking import ROWS as TRACKING_ROWS
 from diagrams.tracking.tracking import Row, configure, training_config
 from np_drake.scaling import ratios
@@ -138,7 +138,7 @@ def campaign_config(training_seed: int, solver: str, duration: float = SCORED) -
 def _settings(vehicle: str, solver: str, duration: float) -> dict:
     """Return all settings of a vehicle's first flight, and those of its other flights and its training that differ."""
     flights = {
-        track: _plain(
+        track: settings_of(
             flight_config(
                 {"row": "nominal", "vehicle": vehicle, "track": track}, solver=solver, duration=duration
             )
@@ -146,19 +146,11 @@ def _settings(vehicle: str, solver: str, duration: float) -> dict:
         for track in TRACKS
     }
     first = flights[TRACKS[0]]
-    training = _plain(training_config(TRAINING, solver=solver, vehicle=fleet()[vehicle]))
+    training = settings_of(training_config(TRAINING, solver=solver, vehicle=fleet()[vehicle]))
     return {
         "flight": first,
         "tracks": {track: _differing(flight, first) for track, flight in flights.items()},
         "training": _differing(training, first),
-    }
-
-
-def _plain(config: FlightConfig) -> dict:
-    """Return the settings of a flight as a dictionary; the simulator's are Drake's own type."""
-    simulator = config.simulator
-    return dc.asdict(config) | {
-        "simulator": {field.name: getattr(simulator, field.name) for field in simulator.__fields__}
     }
 
 

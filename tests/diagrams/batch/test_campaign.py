@@ -2,6 +2,9 @@
 
 import json
 import os
+import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -44,7 +47,8 @@ def test_a_failed_case_is_alone_is_recorded_and_is_tried_again(counted, tmp_path
     assert why in json.loads((folder / case_file(CASES[1])).read_text())["error"]
     broken.unlink()
     second = run_campaign(work, CASES, config=CONFIG, folder=folder, jobs=1)
-    assert calls() == ["0.5", "1.0", "1.5", "1.0"]
+    tries = 2 if how == "exit" else 1  # a dead process gets another; what is raised would be raised again
+    assert sorted(calls()) == ["0.5", *(1 + tries) * ["1.0"], "1.5"]
     assert second[1]["result"] == {"E_xy": 0.1, "growth": 1.0}
     assert [second[0], second[2]] == [first[0], first[2]]  # from the files as from the work, NaN included
     assert second[2]["result"]["growth"] is None
@@ -99,3 +103,46 @@ def test_cases_that_repeat_are_refused():
 def test_an_answer_that_json_does_not_know_fails_its_case_alone():
     records = run_campaign(lambda case: {"answer": case["make"]()}, [{"make": "x"}], config={})
     assert "TypeError" in records[0]["error"]
+
+
+def test_a_process_that_dies_once_costs_nothing(tmp_path):
+    def work(case):
+        if case["speed"] == 1.0 and not (tmp_path / "died").exists():
+            (tmp_path / "died").touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return {"twice": 2 * case["speed"]}
+
+    records = run_campaign(work, CASES, config={}, jobs=2)
+    assert [record["result"]["twice"] for record in records] == [1.0, 2.0, 3.0]
+
+
+def test_what_is_kept_of_a_result_is_decided_here_and_only_once(tmp_path):
+    seen = []
+
+    def keep(case, result):
+        seen.append((os.getpid(), result["large"]))
+        return {"small": case["speed"]}
+
+    def work(case):
+        return {"large": [case["speed"]] * 3}
+
+    for _ in range(2):
+        records = run_campaign(work, CASES, config={}, folder=tmp_path, keep=keep)
+        assert [record["result"] for record in records] == [{"small": s} for s in (0.5, 1.0, 1.5)]
+    assert sorted(seen) == [(os.getpid(), [s] * 3) for s in (0.5, 1.0, 1.5)]
+
+
+def test_the_time_of_a_case_holds_that_of_the_programs_it_starts():
+    def work(case):
+        program = "import time\nwhile time.process_time() < 0.4: pass"
+        subprocess.run([sys.executable, "-c", program], check=True)
+        return {}
+
+    (record,) = run_campaign(work, CASES[:1], config={})
+    assert record["seconds"] > 0.4  # [s]
+
+
+def test_a_worker_of_another_version_says_so(monkeypatch):
+    guarded = campaign.Guarded(dict)
+    monkeypatch.setattr(campaign, "version", lambda name: "9.9")
+    assert "np_drake must be" in guarded({})["error"]

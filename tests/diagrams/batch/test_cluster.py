@@ -1,7 +1,9 @@
 """Laws of campaigns on a Dask cluster, on one of this machine. Needs the extra `cluster`."""
 
 import os
+import signal
 import threading
+from contextlib import contextmanager
 from types import SimpleNamespace
 
 import pytest
@@ -17,13 +19,24 @@ CASES = [{"number": number} for number in range(4)]
 
 @pytest.fixture
 def address():
-    """Of a scheduler with one worker, which comes back when it dies; a case is given up at its second dead worker."""
+    with cluster_of(1) as found:
+        yield found
+
+
+@contextmanager
+def cluster_of(workers, threads=1):
+    """Yield the address of a scheduler whose workers come back when they die.
+
+    A case is given up at its second dead worker.
+    """
     reason = "needs the extra `cluster`: pip install 'np_drake[cluster]'"
     distributed = pytest.importorskip("distributed", reason=reason)
     dask = pytest.importorskip("dask", reason=reason)
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 1}),
-        distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as local,
+        distributed.LocalCluster(
+            n_workers=workers, threads_per_worker=threads, dashboard_address=None
+        ) as local,
     ):
         yield local.scheduler_address
 
@@ -41,9 +54,27 @@ def test_a_cluster_answers_as_this_machine_does_and_a_dead_worker_loses_one_case
     assert [r.get("result") for r in there] == [r.get("result") for r in here] == [
         {"square": 0}, None, None, {"square": 9}
     ]  # fmt: skip
-    assert there[1]["error"] == "its workers died; is the memory exhausted?"
+    assert there[1]["error"] == "lost: its workers died, one after the other; is the memory exhausted?"
     assert there[2]["error"] == here[2]["error"] == "mass must be positive"
     assert len(list(tmp_path.iterdir())) == len(CASES)
+
+
+def test_one_of_two_workers_that_is_killed_costs_nothing(tmp_path):
+    def work(case):
+        if case["number"] == 1 and not (tmp_path / "killed").exists():
+            (tmp_path / "killed").touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return {"square": case["number"] ** 2, "process": os.getpid()}
+
+    with cluster_of(2) as found:
+        records = run_campaign(work, CASES, config={}, scheduler=found)
+    assert [record["result"]["square"] for record in records] == [0, 1, 4, 9]
+    assert os.getpid() not in {record["result"]["process"] for record in records}
+
+
+def test_workers_of_several_threads_are_refused_before_work():
+    with cluster_of(1, threads=2) as found, pytest.raises(ValueError, match=r"one thread each; .* has 2"):
+        run_campaign(dict, CASES, config={}, scheduler=found)
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "no address", "http://127.0.0.1:1"])

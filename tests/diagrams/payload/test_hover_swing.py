@@ -51,12 +51,14 @@ def test_a_swing_grows_only_where_its_interval_is_above_zero():
     assert "after 5.0 s, nominal after 11.0 s" in said[3]
 
 
-def test_a_lost_vehicle_is_an_infinite_error_and_loses_no_other_flight(monkeypatch):
+def test_a_lost_vehicle_is_an_infinite_error_and_loses_no_other_flight(
+    monkeypatch, in_this_process, tmp_path
+):
     def lose(*_, **__):
         raise FailedRun("hover: nominal lost the vehicle before 6.0 s.")
 
     monkeypatch.setattr(hover_swing, "fly_hover", lose)
-    runs = hover_swing.run_hover(None, seeds=[1, 2], training_seed=0, rows=hover_swing.ROWS[:1], jobs=1)
+    runs = hover_swing.run_hover(tmp_path, seeds=[1, 2], training_seed=0, rows=hover_swing.ROWS[:1])
     assert [run["metrics"]["position_rmse"] for run in runs] == [np.inf, np.inf]
     assert "lost the vehicle" in runs[0]["lost"]
     assert hover_swing.hover_table(runs)[0]["position_rmse"] == np.inf

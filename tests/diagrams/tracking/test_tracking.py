@@ -7,11 +7,11 @@ from diagrams.batch.failed_run import FailedRun
 from diagrams.cli.main import run
 from diagrams.cli.reproduce.tracking import printed
 from diagrams.loop.experiments import load_experiment
-from diagrams.tracking import tracking
+from diagrams.tracking import campaign, tracking
 
 
 @pytest.fixture
-def short_experiments(monkeypatch):
+def short_experiments(monkeypatch, in_this_process):
     """Every experiment cut to seconds, training included."""
 
     def load(name, vehicle=None, reality=None):
@@ -58,12 +58,11 @@ def test_every_row_configures_a_flight_of_the_same_vehicle_and_weights():
 def test_a_campaign_trains_once_a_model_and_flies_every_row(tmp_path, short_experiments):
     rows = tuple(r for r in tracking.ROWS if r.name in ("nominal", "np"))
     seen = []
-    runs = tracking.run_tracking(
+    runs = campaign.run_tracking(
         tmp_path,
         seeds=[3],
         training_seed=1,
         rows=rows,
-        jobs=1,
         on_progress=lambda done, total: seen.append((done, total)),
     )
     assert [path.name for path in tmp_path.iterdir()] == ["default_training_circle.safetensors"]
@@ -136,7 +135,9 @@ def test_the_papers_controllers_fly_and_are_drawn(tmp_path, short_experiments, c
         "gp_training_circle.safetensors",
         "knode_training_circle.safetensors",
         "plane_tracks.png",
+        "cases",
     }
+    assert len(list((tmp_path / "cases").iterdir())) == 2 + 6  # trainings and flights
 
 
 def test_a_row_of_the_other_protocol_is_bad_input(capsys):
@@ -157,9 +158,10 @@ def test_a_lost_flight_is_a_lost_cell_and_loses_no_other(monkeypatch):
     def crash(config, *, seed):
         raise FailedRun("lemniscate: hold lost the vehicle before 3.0 s.")
 
-    monkeypatch.setattr(tracking, "fly", crash)
+    monkeypatch.setattr(campaign, "fly", crash)
     hold = next(row for row in tracking.ROWS if row.name == "hold")
-    lost = tracking._fly_row(("lemniscate", hold, "", 1, "sqp", None))
+    case = {"row": "hold", "track": "lemniscate", "model": "", "seed": 1}
+    lost = campaign.read_summary(campaign.Flying((hold,), {}, "sqp")(case))
     assert "lost the vehicle" in lost["lost"]
     lines = tracking.table(
         [

@@ -1,12 +1,12 @@
 from diagrams.tracking import tuning
 
 
-def test_the_best_row_has_the_least_error_among_those_within_the_effort(monkeypatch):
+def test_the_best_row_has_the_least_error_among_those_within_the_effort(monkeypatch, in_this_process):
     monkeypatch.setattr(tuning, "POSITION", (0.1, 1.0))
     monkeypatch.setattr(tuning, "TORQUE", (0.01, 1.0))
     seen = []
     lines = tuning.weight_table(
-        seed=1, duration=1.0, jobs=1, on_progress=lambda done, total: seen.append((done, total))
+        seed=1, duration=1.0, on_progress=lambda done, total: seen.append((done, total))
     )
     assert seen[-1] == (4, 4)
     allowed = [line for line in lines if line["allowed"]]

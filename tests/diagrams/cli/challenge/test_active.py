@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from diagrams.batch import campaign
+from diagrams.batch import workers
 from diagrams.challenge.active.next_motion import ARMS
 from diagrams.cli.main import run
 
@@ -53,7 +53,7 @@ def flown(monkeypatch):
     def stand_in(work, cases, **how):
         return [{"case": case, "result": result, "seconds": 60.0} for case in cases]
 
-    monkeypatch.setattr(campaign, "run_campaign", stand_in)
+    monkeypatch.setattr(workers, "run_campaign", stand_in)
 
 
 def test_every_arm_has_a_line_and_the_figure_is_written(flown, tmp_path, capsys):

@@ -10,7 +10,7 @@ ROWS = tuple(SimpleNamespace(name=name) for name in ("nominal", "hold", "np"))
 
 
 def test_evaluation_seeds_follow_the_training_seed(tmp_path):
-    dut = Campaign(40, None, None, tmp_path, count=3, solver="sqp", jobs=1)
+    dut = Campaign(40, None, None, tmp_path, count=3, solver="sqp")
     assert dut.settings == {"solver": "sqp", "seeds": [41, 42, 43], "training_seed": 40}
     assert dut.title() == "3 flights a row, seeds 41 … 43, trained on seed 40, sqp"
     assert dut.title("hovers", "np ") == "3 hovers, seeds 41 … 43, np trained on seed 40, sqp"

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from diagrams.cli.reproduce.experiments import hover_printed, timing_printed
 from diagrams.loop.controllers import DEFAULT_MODEL, FLYING_MODEL
 from diagrams.payload import attach, hover_swing
 from diagrams.performance import timing
-from diagrams.tracking import tracking
+from diagrams.tracking.model_files import file_name, key_of
 
 
 @pytest.fixture
@@ -73,13 +74,14 @@ def test_attach_flies_twenty_seeds_unless_told(monkeypatch, capsys):
 
     monkeypatch.setattr(attach, "run_attach", runs)
 
-    def train(rows, folder, **_):
+    def train(workers, folder, **_):
+        files = dict(zip(attach.ROWS, (DEFAULT_MODEL, FLYING_MODEL), strict=True))
         return {
-            ("training_circle", "default"): shutil.copy(DEFAULT_MODEL, folder / "np.safetensors"),
-            ("training_circle", "pendulum"): shutil.copy(FLYING_MODEL, folder / "pendulum.safetensors"),
+            key_of(row): Path(shutil.copy(file, folder / file_name(key_of(row)))).read_bytes()
+            for row, file in files.items()
         }
 
-    monkeypatch.setattr(tracking, "train_models", train)
+    monkeypatch.setattr(attach, "train_rows", train)
     assert run(["reproduce", "attach", "--seed", "7"]) == 0
     assert asked == [list(range(8, 28))]
     said = capsys.readouterr().out

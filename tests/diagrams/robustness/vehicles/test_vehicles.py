@@ -191,7 +191,7 @@ def test_a_campaign_goes_on_with_fewer_vehicles_and_tracks(tmp_path, monkeypatch
         calls.append((cases, config))
         return [{"case": case, "result": {}, "seconds": 0.0} for case in cases]
 
-    monkeypatch.setattr("diagrams.robustness.robustness.run_campaign", campaign)
+    monkeypatch.setattr("diagrams.batch.workers.run_campaign", campaign)
     for vehicles, tracks in ((["35g"], ["steps"]), ([*VEHICLES], TRACKS)):
         run_vehicles(
             study.Sweep(1), seeds=[2], rows=ROWS[:1], vehicles=vehicles, tracks=tracks,

@@ -1,0 +1,100 @@
+"""Model files that flights need, trained as cases of a campaign; they travel by their content."""
+
+import base64
+import dataclasses as dc
+import hashlib
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from diagrams.batch.campaign import Case, Record
+from diagrams.batch.workers import Workers
+from diagrams.tracking.tracking import Row, train_models
+from np_drake.atomic_file import atomic_path
+from np_drake.vehicle import Vehicle
+
+Key = tuple[str, str]  # training experiment and configuration
+Models = dict[Key, bytes]  # content of the model files
+
+
+def key_of(row: Row) -> Key:
+    """Return what the row's model is known by."""
+    return row.training, row.configuration
+
+
+def trained_file(
+    row: Row, *, seed: int, solver: str, vehicle: Vehicle | None = None, reality: Path | None = None
+) -> dict:
+    """Return {"file": model file of the row in base 64}.
+
+    Args: vehicle, reality: of the training flight, as of `configure`.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        files = train_models((row,), Path(folder), seed=seed, solver=solver, vehicle=vehicle, reality=reality)
+        return {"file": base64.b64encode(Path(*files.values()).read_bytes()).decode()}
+
+
+def model_of(training: Record) -> bytes:
+    """Return the content of the model file of a training's record."""
+    return base64.b64decode(training["result"]["file"])
+
+
+def digest_of(content: bytes | None) -> str:
+    """Return the digest of a model file, by which a case names it; empty without one."""
+    return "" if content is None else hashlib.sha256(content).hexdigest()[:16]
+
+
+@contextmanager
+def model_path(content: bytes | None) -> Iterator[str]:
+    """Yield the path of a file with the content, for as long as the context lasts; empty without content."""
+    if content is None:
+        yield ""
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.safetensors"
+        path.write_bytes(content)
+        yield str(path)
+
+
+def file_name(key: Key) -> str:
+    """Return the name that a model file has in a folder of models."""
+    training, configuration = key
+    return f"{configuration}_{training}.safetensors"
+
+
+@dc.dataclass(frozen=True)
+class Training:
+    """Work of a training case: {"training": experiment, "model": configuration} -> `trained_file`."""
+
+    seed: int
+    solver: str
+    reality: Path | None = None
+
+    def __call__(self, case: Case) -> dict:
+        """Fly the training flight and train the model of the case."""
+        row = Row("", "np", training=case["training"], configuration=case["model"])
+        return trained_file(row, seed=self.seed, solver=self.solver, reality=self.reality)
+
+
+def trained_models(
+    workers: Workers, rows: Sequence[Row], folder: Path, *, training: Callable[[Case], dict], config: dict
+) -> Models:
+    """Train what `rows` need, write the model files into `folder` and return their content.
+
+    A model whose training failed is missing.
+    Args: training: the work, a `Training`.   config: as of `run_campaign`.
+    """
+    keys = list(dict.fromkeys(key_of(row) for row in rows if row.training))
+    cases = [{"training": experiment, "model": configuration} for experiment, configuration in keys]
+    records = workers.run(training, cases, config=config)
+    models = {key: model_of(record) for key, record in zip(keys, records, strict=True) if "result" in record}
+    for key, content in models.items():
+        with atomic_path(folder / file_name(key)) as path:
+            path.write_bytes(content)
+    return models
+
+
+def rows_with_models(rows: Sequence[Row], models: Models) -> list:
+    """Return the rows that can fly: those without training, and those whose model is there."""
+    return [row for row in rows if not row.training or key_of(row) in models]
