@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import yaml
 from typer import Argument, Option
 
 from diagrams.cli.output import require_outputs, say
@@ -59,9 +58,11 @@ def read_corrected(file: str) -> tuple["Vehicle", list[Any], Path]:
 
 def _is_scenario(path: Path) -> bool:
     """Return whether a file names a part that a vehicle file has not; what is wrong in it is left to its reader."""
+    from np_drake.yaml_text import read_yaml
+
     try:
-        content = yaml.safe_load(path.read_bytes())
-    except (OSError, yaml.YAMLError, UnicodeDecodeError):
+        content = read_yaml(path)
+    except (OSError, ValueError):
         return False
     parts = {"vehicle", "reality", "reference", "controller", "duration", "simulator"}
     return isinstance(content, dict) and bool(parts & content.keys())

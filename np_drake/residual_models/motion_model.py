@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from np_drake import rigid_body
+from np_drake.input_file import parse_json
 from np_drake.lifting.model.model_file import read_tensors, write_tensors
 from np_drake.residual_models.base import Memory, Sample, WrenchForecast, constant_forecast
 from np_drake.residual_models.gaussian_process import GaussianProcess
@@ -79,7 +80,7 @@ class MotionModel:
         """
         tensors, metadata = read_tensors(path, SCHEMA)
         try:
-            header = json.loads(metadata["model"])
+            header = parse_json(metadata["model"])
             reaction = REACTIONS[header["name"]].from_tensors(tensors)
             model = cls(header["name"], reaction, float(header["step"]), dict(header["summary"]))
         except (KeyError, TypeError, ValueError) as error:

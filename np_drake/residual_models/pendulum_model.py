@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.input_file import parse_json
 from np_drake.lifting.model.model_file import read_tensors, write_tensors
 from np_drake.scaling import Scales, over_paper
 
@@ -99,7 +100,7 @@ class PendulumModel:
         try:
             content: dict[str, Any] = {name: tensors[name].item() for name in NUMBERS}
             content |= {name: tensors[name] for name in VECTORS}
-            return cls(**content, summary=dict(json.loads(metadata["model"])["summary"]))
+            return cls(**content, summary=dict(parse_json(metadata["model"])["summary"]))
         except (KeyError, TypeError, ValueError) as error:
             what = (
                 f"lacks {error}; train it again"

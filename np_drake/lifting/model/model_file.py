@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
+from safetensors.numpy import save
 
-from np_drake.atomic_file import atomic_path
+from np_drake.atomic_file import write_bytes
+from np_drake.input_file import parse_json
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import ENCODERS, LiftedModel, require_configuration
@@ -45,8 +46,7 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
 
 def write_tensors(tensors: dict[str, np.ndarray], metadata: dict[str, str], path: str | Path) -> None:
     """Write a safetensors file, whole or not at all."""
-    with atomic_path(path) as temporary:
-        save_file({name: np.ascontiguousarray(value) for name, value in tensors.items()}, temporary, metadata)
+    write_bytes(path, save({name: np.ascontiguousarray(value) for name, value in tensors.items()}, metadata))
 
 
 def schema_of(path: str | Path) -> str:
@@ -88,7 +88,7 @@ def load_model(path: str | Path, configuration: str | None = None) -> LiftedMode
     """
     tensors, metadata = read_tensors(path, SCHEMA)
     try:
-        model = _model(tensors, json.loads(metadata["model"]))
+        model = _model(tensors, parse_json(metadata["model"]))
     except (KeyError, TypeError, ValueError) as error:
         what = f"lacks {error}" if isinstance(error, KeyError) else str(error).splitlines()[0]
         raise ValueError(f"{path}: not a usable model file: {what}") from error

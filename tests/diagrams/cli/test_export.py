@@ -36,7 +36,7 @@ def test_a_vehicle_file_is_written_and_never_overwritten(tmp_path, capsys):
     capsys.readouterr()
     other_name = tmp_path / "." / "mine.yaml"
     assert run(["export", str(mine), "--format", "sdf", "--out", str(other_name)]) == 2
-    assert "must not be the file that is read" in capsys.readouterr().err
+    assert "must not be a file that is read" in capsys.readouterr().err
     (tmp_path / "link.yaml").symlink_to(mine)
     assert run(["export", str(mine), "--format", "sdf", "--out", str(tmp_path / "link.yaml")]) == 2
     assert mine.read_text() == "name: mine\nmass: 1.5\n"

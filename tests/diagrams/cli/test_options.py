@@ -6,7 +6,8 @@ import re
 import pytest
 import typer
 
-from diagrams.cli.main import app, run
+from diagrams.cli.app import app
+from diagrams.cli.main import run
 from diagrams.cli.options import DEFAULT_SOLVER
 from diagrams.demo.story import run_demo
 

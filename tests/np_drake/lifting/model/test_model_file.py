@@ -8,7 +8,6 @@ import pytest
 import torch
 from safetensors.numpy import load_file, save_file
 
-from np_drake.lifting.model import model_file
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import DEFAULT, ENCODERS, PAPER, LiftedModel
@@ -158,12 +157,12 @@ def test_layers_that_do_not_fit_are_refused(tmp_path):
 
 
 def test_a_failed_write_leaves_the_old_file(path, monkeypatch):
-    def half(tensors, filename, metadata):
-        Path(filename).write_bytes(b"half a file")
+    def half(file, content):
+        file.write_text("half a file")
         raise OSError("no space left")
 
     before = path.read_bytes()
-    monkeypatch.setattr(model_file, "save_file", half)
+    monkeypatch.setattr(Path, "write_bytes", half)
     with pytest.raises(OSError, match="no space left"):
         save_model(model(DEFAULT), path)
     assert path.read_bytes() == before
