@@ -4,10 +4,13 @@ A file of 10 MB, whatever it holds, is read or refused within 1 GB of memory.
 """
 
 import json
+import logging
 from pathlib import Path
 from typing import Any
 
 from np_drake.input_guard import note_input
+
+logger = logging.getLogger(__name__)
 
 # Budgets, own choice: beyond them a file is damaged, or made to fill the memory of its reader.
 MAX_JSON = 200 * 10**6  # [byte]
@@ -32,13 +35,26 @@ def read_bytes(path: str | Path, most: int, *, kept: bool = False) -> bytes:
     return content
 
 
-def read_json(path: str | Path, *, kept: bool = False) -> Any:
+def read_json(path: str | Path) -> Any:
     """Return the content of a JSON file.
 
-    Args: kept: as of `read_bytes`.
     Raises: ValueError: if it is none, nested too deeply, or beyond `MAX_JSON`; OSError: if it cannot be read.
     """
-    return parse_json(read_bytes(path, MAX_JSON, kept=kept))
+    return parse_json(read_bytes(path, MAX_JSON))
+
+
+def kept_json(path: str | Path) -> Any | None:
+    """Return the result of an earlier run; None where there is none or it was cut off, so that it is made again.
+
+    Raises: OSError: if it cannot be read.
+    """
+    try:
+        return parse_json(read_bytes(path, MAX_JSON, kept=True))
+    except FileNotFoundError:
+        return None
+    except ValueError:
+        logger.warning("%s: is cut off or no JSON; it is made again.", path)
+        return None
 
 
 def parse_json(text: str | bytes) -> Any:

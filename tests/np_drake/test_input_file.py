@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from np_drake.input_file import cell_budget, parse_json, read_bytes, read_json, text_budget
+from np_drake.input_file import cell_budget, kept_json, parse_json, read_bytes, read_json, text_budget
 
 
 def test_a_file_beyond_its_budget_is_refused(tmp_path):
@@ -35,3 +35,11 @@ def test_a_file_of_ten_megabytes_stays_within_a_gigabyte(tmp_path):
         8 * cell_budget(tmp_path / "a.csv.gz") < 0.2e9
     )  # of numbers; readers hold up to three copies [byte]
     assert text_budget(tmp_path / "a.csv.gz") < 1e9  # read in blocks [byte]
+
+
+@pytest.mark.parametrize("text", ["", "{", '{"a": 1', "\x00" * 40, "[" * 10**5])
+def test_a_result_that_was_cut_off_is_made_again(tmp_path, text, caplog):
+    (tmp_path / "a.json").write_text(text)
+    assert kept_json(tmp_path / "a.json") is None
+    assert "made again" in caplog.text
+    assert kept_json(tmp_path / "none.json") is None

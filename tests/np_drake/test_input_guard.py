@@ -3,7 +3,7 @@
 import pytest
 
 from np_drake.atomic_file import require_writable, write_text
-from np_drake.input_file import read_json
+from np_drake.input_file import kept_json, read_json
 from np_drake.input_guard import guard_inputs, note_input
 
 
@@ -42,7 +42,7 @@ def test_a_file_is_an_input_once_it_is_read(log):
 
 def test_a_result_that_is_kept_may_be_written_again(log):
     with guard_inputs([]):
-        read_json(log, kept=True)
+        kept_json(log)
         write_text(log, "2")
 
 
