@@ -64,7 +64,13 @@ def _acquired(path: Path, output: Path) -> int:
     Raises: Occupied: if another process holds it.
     """
     while True:
-        number = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            number = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        except FileNotFoundError:
+            if path.parent != output:
+                raise
+            output.mkdir(parents=True, exist_ok=True)  # a run that ended without results has removed it
+            continue
         try:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
