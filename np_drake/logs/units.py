@@ -28,9 +28,7 @@ STRONGEST = 6.0  # over the torque of the rotors; valid flights have 1 at satura
 FASTEST_ROTOR = 5000.0  # [rad/s]; 48,000 rpm
 SIGN = 0.25  # of the spreads below: an axis that moves so much shows its sign [1]; own choice
 DOWN = 0.3  # share of thrust downwards on the whole, which tumbling flights do not have [1]; own choice
-AGAINST = (
-    0.3  # share of a change that is left by the opposite of its rate's integral if the sign is wrong [1]
-)
+AGAINST = 0.3  # share of a change that the opposite of its rate's integral leaves if a sign is wrong [1]
 # Spread below which nothing is checked [m, rad, m/s, rad/s].
 LEAST = {"position": 0.2, "attitude": 0.2, "velocity": 0.5, "rates": 1.0}
 
@@ -90,9 +88,10 @@ def _check_sign(path: object, left: str, right: str, change: np.ndarray, sum_: n
         a, b = change[:, i] - change[:, i].mean(), sum_[:, i] - sum_[:, i].mean()
         size = float(np.std(a))
         if size > SIGN * LEAST[kind] and np.std(a + b) < AGAINST * size:
+            rated = {"rates": "body rates"}.get(kind, kind)
             column = f"{right[:-1]}{'xyz'[i]}"
             raise LogError(
-                f"{place(path, column=column)}: must be the rate of {kind}; over {WINDOW} s it goes the opposite way. "
+                f"{place(path, column=column)}: must be the rate of {rated}; over {WINDOW} s it goes the opposite way. "
                 f"Turn its sign, or that of {left[:-1]}{'xyz'[i]}; W has z up."
             )
 

@@ -77,7 +77,7 @@ FAULTS = {  # spoil the columns: (how, what the message must say)
     "position down": (scale("px py pz", -1), r"column vx: .*or that of px"),
     "rates turned about": (scale("wx wy wz", -1), r"column qw: .*from W to body"),
     "accelerations turned about": (scale("ax ay az", -1), r"column ax: must be the rate of velocity"),
-    "angular accelerations turned about": (scale("alx", -1), r"column alx: must be the rate of rates"),
+    "angular accelerations turned about": (scale("alx", -1), r"column alx: must be the rate of body rates"),
     "thrust downwards": (scale("thrust", -1), r"column thrust: .*upwards.*Turn the sign of thrust"),
     "gravity left in": (lambda c: c["az"].__iadd__(9.81), r"column az: .*without gravity"),
     "grams": (scale("thrust", 102.0), r"column thrust: .*weight of vehicle 'paper'"),
