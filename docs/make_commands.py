@@ -9,15 +9,17 @@ from typing import Any
 
 import typer
 
-from diagrams.cli.main import PROGRAM, app
+from diagrams.cli.app import app
+from diagrams.cli.outcome import PROGRAM
 
 PAGE = Path(__file__).parent / "reference" / "commands.md"
 HEAD = f"""# Commands
 
 This page is generated from the command line by `docs/make_commands.py`. `{PROGRAM} <verb> --help` prints the same.
 
-Every verb ends with exit code 0, with 2 on bad input (one line on stderr, nothing half-written), or with 1 when a run
-failed. Files appear whole or not at all. With `NP_DRAKE_TRACEBACK=1` in the environment an error prints its traceback.
+Every verb ends with exit code 0, with 2 on bad input (one line on stderr, nothing half-written), with 1 when a run
+failed, with 70 on a fault of the program, or with 128 + the number of a signal. Files appear whole or not at all, and
+no file that is read is written. `--debug`, anywhere, prints the traceback of an error before its line.
 """
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from np_drake.atomic_file import atomic_path
+from np_drake.atomic_file import write_bytes
 
 # Okabe and Ito's palette: distinguishable for colour-blind readers and, with the dashes, in grey print.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -33,5 +33,4 @@ def png(figure: Figure) -> bytes:
 
 def save(figure: Figure, path: str | Path) -> None:
     """Write a PNG, whole or not at all."""
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(png(figure))
+    write_bytes(path, png(figure))

@@ -5,9 +5,9 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from np_drake.yaml_file import load_checked
+from np_drake.yaml_text import read_yaml
 
 PRESETS = Path(__file__).parent / "vehicles"  # vehicle files by name
 SLOWEST_ROTOR = 1.0  # time constant beyond which the file's is in another unit than seconds [s]
@@ -196,7 +196,7 @@ def load_vehicle(name: str | Path) -> Vehicle:
 
 def left_out(name: str | Path) -> list[str]:
     """Return the parameters of `RIGID` that a readable vehicle file does not name, for which defaults are used."""
-    named = yaml.safe_load(vehicle_file(name).read_text(encoding="utf-8"))
+    named = read_yaml(vehicle_file(name))
     named = named.get("vehicle") or named
     return [field for field in RIGID if field not in named]
 

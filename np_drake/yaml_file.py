@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydrake.common.yaml import yaml_load_file, yaml_load_typed
+from pydrake.common.yaml import yaml_load_data, yaml_load_typed
 
 from np_drake.yaml_kinds import fields_of, misfit
+from np_drake.yaml_text import read_yaml_text
 
 Read = Callable[[Any], Any]  # from defaults to what the file makes of them
 
@@ -34,13 +35,14 @@ def load_checked(
     """
     try:
         default = schema()
-        _require_once(yaml.compose(Path(path).read_bytes(), Loader=yaml.SafeLoader))
-        content = yaml_load_file(str(path), private=True)
+        text = read_yaml_text(path)
+        _require_once(yaml.compose(text, Loader=yaml.SafeLoader))
+        content = yaml_load_data(text, private=True)
         within = part if isinstance(content, dict) and part in content else None
         _require_kinds(schema, content if within is None else content[within], default)
 
         def read(defaults: Any) -> Any:
-            return yaml_load_typed(schema=schema, filename=str(path), child_name=within, defaults=defaults)
+            return yaml_load_typed(schema=schema, data=text, child_name=within, defaults=defaults)
 
         return (read(default) if complete is None else complete(read)).check()
     except OSError as error:
@@ -50,7 +52,7 @@ def load_checked(
         *(yaml.YAMLError, RuntimeError, ValueError, TypeError, KeyError, AttributeError),
         *(AssertionError, ArithmeticError),
     ) as error:
-        reason = " ".join(str(error).split()) or "it cannot be read."
+        reason = " ".join(str(error).removeprefix(f"{path}: ").split()) or "it cannot be read."
         raise ValueError(f"{path}: not a {kind}: {reason[:300]}{_remedy(schema, reason)}") from error
 
 

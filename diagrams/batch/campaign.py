@@ -17,6 +17,7 @@ from diagrams.batch.cluster import on_cluster
 from diagrams.batch.failed_run import FailedRun, one_line
 from diagrams.batch.processes import Outcome, as_they_finish
 from np_drake.atomic_file import plain, write_text
+from np_drake.input_file import kept_json
 
 SCHEMA = "np_drake.campaign/1"  # format of the file and its version
 Case = dict[str, Any]
@@ -39,7 +40,7 @@ def run_campaign(
     Records do not depend on where the cases ran, `seconds` aside.
 
     A record is {"case", "result", "seconds"}, or {"case", "error": one line, "seconds"}. Results already in `folder`
-    are reused; failed cases are tried again. `seconds`: processor time of the case [s].
+    are reused; cases that failed, or whose file was cut off, are run again. `seconds`: processor time of the case [s].
 
     Args:
         work: case -> values of JSON's types; its NaN and infinities become None.   config: all else that results
@@ -87,19 +88,14 @@ def case_file(case: Case) -> str:
 
 
 def read_record(path: Path, head: dict) -> Record | None:
-    """Return the record of an earlier campaign; None where there is no file.
+    """Return the record of an earlier campaign; None where there is no file, or one that was cut off.
 
     Args: head: schema, version, configuration.
     Raises: ValueError: where the file is another campaign's, or none of a campaign.
     """
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
+    content = kept_json(path)
+    if content is None:
         return None
-    except ValueError as error:
-        raise ValueError(
-            f"{path}: must be the file of a case; it is no JSON. Delete it to resume."
-        ) from error
     theirs = content if isinstance(content, dict) else {}
     for key, mine in head.items():
         if theirs.get(key) != mine:

@@ -21,6 +21,7 @@ from diagrams.gap.real_flights import agile_flights
 from np_drake.atomic_file import write_text
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.effects.library import LIBRARY
+from np_drake.input_file import read_json
 from np_drake.logs.neurobem import published_vehicle
 
 SEED, SECONDS = 36, 10.0
@@ -172,7 +173,7 @@ def read_answers(path: Path) -> dict[str, dict[str, Any]]:
     Raises: ValueError: one line with the file and what it must hold; OSError: if it cannot be read.
     """
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
     except (ValueError, RecursionError):
         raise ValueError(f"{path}: must be JSON that `challenge golden --out` wrote.") from None
     fault = violation(FILE, content)

@@ -13,6 +13,7 @@ from diagrams.batch.processes import as_they_finish
 from diagrams.challenge.score.answered_case import ANSWER_FILE
 from np_drake.atomic_file import write_json
 from np_drake.diagnosis.diagnose import diagnose
+from np_drake.input_file import kept_json
 from np_drake.logs.case_folder import TRAIN, VEHICLE, open_case
 
 COST = "cost.json"
@@ -29,7 +30,7 @@ def solve(
     again: bool = False,
     on_progress: Callable[[int, str], None] | None = None,
 ) -> dict[str, Any]:
-    """Writes <answers>/<case>/diagnosis.json for every case folder in `cases`; answers that are there stay.
+    """Writes <answers>/<case>/diagnosis.json for every case folder in `cases`; whole answers that are there stay.
 
     Args: replay: in Drake too.   again: solve what is solved.   on_progress: called with cases done and the last.
     Returns: {"cases": all, "skipped": solved before, "solved": [{"case", "wall" [s], "peak_memory" [byte]}],
@@ -37,7 +38,7 @@ def solve(
     Raises: ValueError: if `cases` holds no case folder.
     """
     folders = case_folders(cases)
-    left = [f for f in folders if again or not (answers / f.name / ANSWER_FILE).is_file()]
+    left = [f for f in folders if again or kept_json(answers / f.name / ANSWER_FILE) is None]
     rows: list[dict[str, Any]] = []
     for row in solve_all(left, answers, jobs, replay):
         rows.append(row)

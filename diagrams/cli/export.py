@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import yaml
 from typer import Argument, Option
 
 from diagrams.cli.output import require_outputs, say
@@ -33,13 +32,12 @@ def export(
     require_outputs(out)
     if to not in NAMES:
         raise ValueError(f"--format must be one of {', '.join(NAMES)}; got {to!r}.")
-    vehicle, effects, source = read_corrected(file)
-    require_another(out, source)
+    vehicle, effects = read_corrected(file)
     return export_corrected(vehicle, effects, to, out)
 
 
-def read_corrected(file: str) -> tuple["Vehicle", list[Any], Path]:
-    """Return vehicle, effects and path of a scenario file, vehicle file or preset: the one place where FILE is read.
+def read_corrected(file: str) -> tuple["Vehicle", list[Any]]:
+    """Return vehicle and effects of a scenario file, vehicle file or preset: the one place where FILE is read.
 
     No format knows an onset: an effect that begins in flight acts from the start, which is said.
     Raises: ValueError: one line on bad content.
@@ -48,32 +46,25 @@ def read_corrected(file: str) -> tuple["Vehicle", list[Any], Path]:
 
     source = vehicle_file(file)
     if not _is_scenario(source):
-        return load_vehicle(file), [], source
+        return load_vehicle(file), []
     from diagrams.loop.flight import load_flight
 
     config = load_flight(str(source))
     for effect, onset in config.reality.onsets.items():
         say(f"{effect.identifier}: begins at {onset:g} s in the scenario, and acts from the start here.")
-    return config.vehicle, config.reality.everything(), source
+    return config.vehicle, config.reality.everything()
 
 
 def _is_scenario(path: Path) -> bool:
     """Return whether a file names a part that a vehicle file has not; what is wrong in it is left to its reader."""
+    from np_drake.yaml_text import read_yaml
+
     try:
-        content = yaml.safe_load(path.read_bytes())
-    except (OSError, yaml.YAMLError, UnicodeDecodeError):
+        content = read_yaml(path)
+    except (OSError, ValueError):
         return False
     parts = {"vehicle", "reality", "reference", "controller", "duration", "simulator"}
     return isinstance(content, dict) and bool(parts & content.keys())
-
-
-def require_another(out: Path, source: Path) -> None:
-    """Check that `out` is not the file that was read.
-
-    Raises: ValueError: if it is, also by another name.
-    """
-    if out.exists() and out.samefile(source):
-        raise ValueError(f"--out must not be the file that is read; got {out}. Choose another.")
 
 
 def export_corrected(vehicle: "Vehicle", effects: Sequence[Any], to: str, out: Path) -> Report:

@@ -43,7 +43,12 @@ def fly(
     reality: options.Reality = None,
     sample: Annotated[
         int | None,
-        Option(min=1, metavar="N", help="Fly N simulators drawn from the posterior of a corrected one."),
+        Option(
+            min=1,
+            max=10_000,
+            metavar="N",
+            help="Fly N simulators drawn from the posterior of a corrected one.",
+        ),
     ] = None,
     mcap: Annotated[
         Path | None,
@@ -204,12 +209,11 @@ def default_controller(config: "FlightConfig", predictor: Path | None) -> str:
 
 def named_solver(experiment: str) -> str | None:
     """Return the solver that a scenario names; None where it names none."""
-    from pydrake.common.yaml import yaml_load
-
     from diagrams.loop.experiments import EXPERIMENTS, FOLDER
+    from np_drake.yaml_text import read_yaml
 
     file = FOLDER / f"{experiment}.yaml" if experiment in EXPERIMENTS else experiment
-    return (yaml_load(filename=str(file)).get("controller") or {}).get("solver")
+    return (read_yaml(file).get("controller") or {}).get("solver")
 
 
 def as_config(config: "FlightConfig | CooperativeConfig") -> dict:

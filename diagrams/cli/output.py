@@ -16,6 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from rich.table import Table as Grid
 
 from np_drake.atomic_file import require_writable, write_json, write_text
+from np_drake.interruption import raise_again
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,6 +58,7 @@ def progress(description: str, total: float) -> Iterator[Advance]:
         task = bar.add_task(description, total=total, text="")
 
         def advance(done: float, text: str = "") -> None:
+            raise_again()
             bar.update(task, completed=done, text=text)
 
         yield advance

@@ -36,6 +36,9 @@ def train(
     step: options.Step = None,
     vehicle: options.VehicleFile = None,
     repair: options.Repair = False,
+    force: Annotated[
+        bool, Option("--force", help="Train though the vehicle moves in none of the logs.")
+    ] = False,
 ) -> Report:
     """Train a predictor; writes the model, and the loss curve as a PNG beside it."""
     if out.suffix != ".safetensors":
@@ -50,6 +53,7 @@ def train(
     from np_drake.lifting.model.model_file import save_model
     from np_drake.lifting.model.origin import rotor_lag_of
     from np_drake.lifting.training.train import make_config
+    from np_drake.logs.training_segments import require_motion
     from np_drake.residual_models.motion_model import KNODE, REACTIONS
     from np_drake.residual_models.pendulum_model import PENDULUM
     from np_drake.residual_models.predictor_training import train_on_flights
@@ -58,6 +62,8 @@ def train(
     if configuration in (PENDULUM, *REACTIONS) and checkpoint is not None:
         raise ValueError(f"--checkpoint: {configuration} has none; it trains in a minute or less.")
     flights = open_flights(logs, vehicle, repair=repair)
+    if not force:
+        require_motion(flights)
     step = step or sampling_period(flights[0].vehicle)
     if configuration == PENDULUM:
         return pendulum_report(flights, out, step=step)

@@ -10,7 +10,7 @@ from diagrams.gap.corrected import corrected_simulator
 from diagrams.loop.replay.flight_page import write_replay
 from diagrams.tracking import figures
 from diagrams.tracking.tracking import TRACKS
-from np_drake.atomic_file import atomic_path
+from np_drake.atomic_file import write_bytes
 from np_drake.diagnosis.report.write import write_report
 from np_drake.figure_file import png
 from np_drake.logs.log_file import write_log
@@ -23,8 +23,7 @@ def write_demo(demo: Demo, folder: Path) -> Path:
     """
     pictures = _pictures(demo)
     for name, picture in pictures.items():
-        with atomic_path(folder / f"{name}.png") as temporary:
-            temporary.write_bytes(picture)
+        write_bytes(folder / f"{name}.png", picture)
     for flight in (demo.training, *demo.flights):
         write_log(flight.log(), folder / f"{flight.config.name}_{flight.label}.csv")
     simulators = _write_simulators(demo, folder)

@@ -1,7 +1,6 @@
 """Report of a diagnosis as the start of a design: the explanations that stand, and the corrected simulator."""
 
 import dataclasses as dc
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from diagrams.loop.flight import FlightConfig, load_flight
 from np_drake.atomic_file import plain, write_text
 from np_drake.diagnosis.numerics import Readings
 from np_drake.effects.explanation import Explanation
+from np_drake.input_file import read_json
 
 REPORT = "diagnosis.json"
 SCENARIO = "next_flight.yaml"
@@ -51,7 +51,7 @@ def read_report(folder: Path) -> DiagnosisReport:
     if not path.is_file():
         raise ValueError(f"{folder}: must be the folder of np-drake diagnose --out; it holds no {REPORT}.")
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
     except ValueError as error:
         raise ValueError(f"{path}: must be JSON ({error}).") from error
     answer = content.get("refit") or content

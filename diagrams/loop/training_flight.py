@@ -3,10 +3,9 @@
 import dataclasses as dc
 from pathlib import Path
 
-from pydrake.common.yaml import yaml_load
-
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight import FlightConfig
+from np_drake.yaml_text import read_yaml
 
 SOLVER = "sqp"  # where the scenario names none: the fast one
 
@@ -17,7 +16,7 @@ def training_flight(scenario: Path) -> FlightConfig:
     Raises: ValueError: on a bad scenario.
     """
     config = load_experiment(str(scenario))
-    named = yaml_load(filename=str(scenario))
+    named = read_yaml(scenario)
     if "reference" not in named:
         circle = load_experiment("training_circle", config.vehicle)
         config = dc.replace(

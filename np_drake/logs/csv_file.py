@@ -59,13 +59,13 @@ def check_header(path: str | Path, names: Sequence[str]) -> None:
 
     Raises: LogError: if there is one name only, too many, none that is a word, or one twice.
     """
-    twice = sorted(name for name, count in Counter(names).items() if count > 1)
     if len(names) == 1:
         raise LogError(
             f"{path}, line 1: the header must name comma-separated columns; got {names[0][:60]!r}."
         )
     if len(names) > MAX_COLUMNS:
         raise LogError(f"{path}, line 1: must name at most {MAX_COLUMNS} columns; got {len(names)}.")
+    twice = sorted(name for name, count in Counter(names).items() if count > 1)
     if all(is_number(name) for name in names):
         raise LogError(f"{path}: must start with a header line of column names; line 1 holds numbers.")
     if twice:
@@ -87,7 +87,7 @@ class _Rows:
     def __init__(self, path: str | Path, names: list[str]) -> None:
         self._path = path
         self._names = names
-        self._columns = GrowingColumns(names)
+        self._columns = GrowingColumns(path, names)
         self._block: list[list[float]] = []
         self._block_rows = max(1, BLOCK_CELLS // len(names))
         self._count = 0  # of rows

@@ -6,8 +6,9 @@ from typing import Any
 
 import yaml
 
-from np_drake.atomic_file import atomic_path
+from np_drake.atomic_file import write_text
 from np_drake.logs.errors import LogError
+from np_drake.yaml_text import read_yaml
 
 SUFFIX = ".import.yaml"
 HEAD = "# Sheet beside a flight log, as of np-drake import. `timing` is read with the log; the rest is for people.\n"
@@ -42,9 +43,9 @@ def read_sheet(log: str | Path) -> Sheet:
     if not path.is_file():
         return Sheet()
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = read_yaml(path)
         timing = float(content.pop("timing", 0.0))
-    except (yaml.YAMLError, UnicodeDecodeError, AttributeError, TypeError, ValueError) as error:
+    except (AttributeError, TypeError, ValueError) as error:
         raise LogError(
             f"{path}: must be a sheet of np-drake import; write it again, or remove it."
         ) from error
@@ -62,6 +63,5 @@ def write_sheet(sheet: Sheet, log: str | Path) -> Path:
     text = yaml.safe_dump(
         {"timing": sheet.timing, **sheet.content}, sort_keys=False, allow_unicode=True, width=110
     )
-    with atomic_path(path) as temporary:
-        temporary.write_text(HEAD + text, encoding="utf-8")
+    write_text(path, HEAD + text)
     return path

@@ -16,6 +16,7 @@ from np_drake.logs.csv_file import read_csv
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.gaps import bridge_gaps, without_long_gaps
+from np_drake.logs.npy_file import read_array
 from np_drake.logs.repair import repair as repair_table
 from np_drake.logs.rotor_input import with_rotor_input
 from np_drake.logs.table import Table
@@ -103,20 +104,9 @@ def read_neurobem_npy(path: str | Path) -> WrenchSequence:
 
     Raises: LogError: if the file is no such array (pickled ones are refused); OSError: if it cannot open.
     """
-    try:
-        data = np.load(path, allow_pickle=False)
-    except (ValueError, EOFError) as error:
-        raise LogError(
-            f"{path}: must be a plain NumPy array (.npy); cut off or pickled files are refused."
-        ) from error
-    if (
-        not isinstance(data, np.ndarray)
-        or data.ndim != 2
-        or data.shape[1] != 12
-        or data.dtype.kind not in "fiu"
-    ):
-        shape = getattr(data, "shape", "an archive")
-        raise LogError(f"{path}: must hold numbers of shape (n, 12): v, omega, f, tau; got {shape}.")
+    data = read_array(path)
+    if data.ndim != 2 or data.shape[1] != 12 or data.dtype.kind not in "fiu":
+        raise LogError(f"{path}: must hold numbers of shape (n, 12): v, omega, f, tau; got {data.shape}.")
     data = data.astype(float)
     bad = np.argwhere(~np.isfinite(data))
     if bad.size:

@@ -6,6 +6,7 @@ from pathlib import Path
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.log_file import read_log, read_segments
 from np_drake.logs.neurobem import FIRST_COLUMNS, read_neurobem, read_neurobem_npy
+from np_drake.logs.text_lines import BAD_GZIP
 from np_drake.logs.wrench_sequence import WrenchSequence
 from np_drake.vehicle import Vehicle
 
@@ -48,5 +49,5 @@ def is_neurobem(path: str | Path) -> bool:
     try:
         with opener(path, "rb") as stream:
             return bool(stream.read(len(FIRST_COLUMNS)) == FIRST_COLUMNS)
-    except (gzip.BadGzipFile, EOFError):
+    except BAD_GZIP:
         return False  # the reader says what is wrong with it

@@ -7,12 +7,13 @@ from collections.abc import Callable, Generator
 from pathlib import Path
 from typing import IO, Any
 
+from np_drake.input_file import cell_budget, text_budget
+from np_drake.input_guard import note_input
 from np_drake.logs.errors import LogError
 from np_drake.logs.recording import Progress
 
 # Limits, own choice: beyond them a file is damaged, or made to fill the memory of its reader.
-MAX_BYTES = 64 * 10**9  # after decompression
-MAX_LINE = 10 * 10**6  # characters of a line
+MAX_LINE = 10**6  # characters of a line; 10,000 columns of 17 digits have a fifth
 MAX_ROWS = 5 * 10**7  # 27 hours at 500 Hz
 MAX_COLUMNS = 10_000
 LINES_A_REPORT = 4096  # lines between two calls of progress
@@ -31,11 +32,12 @@ def read_lines(path: str | Path, progress: Progress = no_progress, errors: str =
     Args:   errors: what to do with bytes that are no UTF-8, as in `open`.
     Raises: LogError: if the file is no such text or beyond the limits; OSError: if it cannot be opened.
     """
-    size = max(Path(path).stat().st_size, 1)
+    size, most = max(Path(path).stat().st_size, 1), text_budget(path)
+    note_input(path)
     with Path(path).open("rb") as raw:
         try:
             with open_text(path, raw, errors) as text:
-                yield from _lines(path, text, lambda: progress(min(raw.tell() / size, 1.0)))
+                yield from _lines(path, text, most, lambda: progress(min(raw.tell() / size, 1.0)))
         except BAD_GZIP as error:
             raise bad_gzip(path, error) from error
         except UnicodeDecodeError as error:
@@ -59,8 +61,9 @@ def bad_gzip(path: str | Path, error: Exception) -> LogError:
 
 
 def too_large(path: str | Path) -> LogError:
-    """Return the error of a file beyond `MAX_BYTES`."""
-    return LogError(f"{path}: must hold at most {MAX_BYTES // 10**9} GB of text. Cut the log into parts.")
+    """Return the error of a file beyond its budget of text."""
+    size = f"{text_budget(path) / 1e6:.0f} MB of text"
+    return LogError(f"{path}: must hold at most {size} for its size. Unpack it first, if it is right.")
 
 
 def too_long(path: str | Path) -> LogError:
@@ -68,7 +71,15 @@ def too_long(path: str | Path) -> LogError:
     return LogError(f"{path}: must hold at most {MAX_ROWS} rows. Cut the log into parts.")
 
 
-def _lines(path: str | Path, text: io.TextIOWrapper, report: Callable[[], None]) -> Lines:
+def too_many_cells(path: str | Path) -> LogError:
+    """Return the error of a table beyond its budget of cells."""
+    size = f"{cell_budget(path) / 1e6:.1f} million numbers"
+    return LogError(
+        f"{path}: must hold at most {size} for its size. If it is right, write it as plain CSV of whole rows."
+    )
+
+
+def _lines(path: str | Path, text: io.TextIOWrapper, most: int, report: Callable[[], None]) -> Lines:
     total = 0
     number = 0
     while line := text.readline(MAX_LINE + 1):
@@ -76,7 +87,7 @@ def _lines(path: str | Path, text: io.TextIOWrapper, report: Callable[[], None])
         total += len(line)
         if len(line) > MAX_LINE:
             raise LogError(f"{path}, line {number}: must have at most {MAX_LINE} characters.")
-        if total > MAX_BYTES:
+        if total > most:
             raise too_large(path)
         if number % LINES_A_REPORT == 0:
             report()

@@ -1,6 +1,7 @@
 """Training segments of a predictor from opened flights."""
 
 import dataclasses as dc
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from np_drake.logs.wrench_sequence import WrenchSequence
 from np_drake.residual_models.base import KnowsDelay
 from np_drake.vehicle import Vehicle
 
+STILL = 0.05  # standard deviation below which no axis moves [m/s, rad/s]; own choice
+AVERAGED = 0.2  # over which motion is averaged before, so that noise is none [s]; own choice
 SHORTEST = 2  # samples; shorter pieces between NaN rows are left out
 
 
@@ -46,6 +49,31 @@ def require_torque(log: FlightLog) -> FlightLog:
             f"with a vehicle file) to train on; its input is {log.input}."
         )
     return log
+
+
+def require_motion(flights: Sequence[Flight]) -> None:
+    """Check that the vehicle moves in one of the flights: from a rest only noise could be learnt.
+
+    Raises: ValueError: where it moves in none.
+    """
+    spreads = np.array([_spread_of_motion(flight.data) for flight in flights])
+    if len(spreads) and np.all(spreads < STILL):
+        v, w = spreads[:, :3].max(), spreads[:, 3:].max()
+        raise ValueError(
+            f"train: the vehicle must move in the logs; velocity varies by {v:.2g} m/s, body rates by {w:.2g} rad/s. "
+            "Fly with more motion, or give --force."
+        )
+
+
+def _spread_of_motion(data: FlightLog | WrenchSequence) -> np.ndarray:
+    """Return the standard deviation of velocity and body rates, short averages of them, (6,) [m/s, rad/s]."""
+    zeta = data.zeta if isinstance(data, WrenchSequence) else np.concatenate([data.v, data.w], axis=1)
+    zeta = zeta[np.isfinite(zeta).all(axis=1)]
+    rows = max(1, round(AVERAGED / data.step))
+    blocks = len(zeta) // rows
+    if blocks < 2:
+        return np.std(zeta, axis=0) if len(zeta) else np.zeros(6)
+    return np.std(zeta[: blocks * rows].reshape(blocks, rows, 6).mean(axis=1), axis=0)
 
 
 def training_segments(

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from np_drake import rigid_body
-from np_drake.lifting.model.model_file import read_tensors, write_tensors
+from np_drake.input_file import parse_json
+from np_drake.lifting.model.model_file import DAMAGED, read_tensors, summary_in, unusable, write_tensors
 from np_drake.residual_models.base import Memory, Sample, WrenchForecast, constant_forecast
 from np_drake.residual_models.gaussian_process import GaussianProcess
 from np_drake.residual_models.wrench_network import WrenchNetwork
@@ -79,12 +80,11 @@ class MotionModel:
         """
         tensors, metadata = read_tensors(path, SCHEMA)
         try:
-            header = json.loads(metadata["model"])
+            header = parse_json(metadata["model"])
             reaction = REACTIONS[header["name"]].from_tensors(tensors)
-            model = cls(header["name"], reaction, float(header["step"]), dict(header["summary"]))
-        except (KeyError, TypeError, ValueError) as error:
-            what = f"lacks {error}" if isinstance(error, KeyError) else str(error).splitlines()[0]
-            raise ValueError(f"{path}: not a usable model file: {what}") from error
+            model = cls(header["name"], reaction, float(header["step"]), summary_in(header))
+        except DAMAGED as error:
+            raise unusable(path, error) from error
         if name is not None and model.name != name:
             raise ValueError(f"{path}: the model must be {name}; got {model.name}.")
         return model

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from np_drake.lifting.model.model_file import read_tensors, write_tensors
+from np_drake.input_file import parse_json
+from np_drake.lifting.model.model_file import DAMAGED, read_tensors, summary_in, unusable, write_tensors
 from np_drake.scaling import Scales, over_paper
 
 PENDULUM = "pendulum"  # name of the configuration
@@ -25,6 +26,7 @@ NUMBERS = (
     "drag_deviation",
     "arm",
 )
+LARGEST = 1e6  # of a positive parameter, in any unit; own choice: more is damage
 VECTORS = {"hook": (3, "m"), "rate_torque": (3, "N·m·s"), "speed_torque": (2, "N·s")}  # length, unit
 
 
@@ -60,7 +62,7 @@ class PendulumModel:
 
     def __post_init__(self):
         for name in ("step", "mass", "gravity", "thrust_error_deviation", "drag_deviation", "arm"):
-            if not 0 < getattr(self, name) < np.inf:
+            if not 0 < getattr(self, name) < LARGEST:
                 raise ValueError(f"PendulumModel: {name} must be positive; got {getattr(self, name)}.")
         if not 0 <= self.delay < np.inf:
             raise ValueError(f"PendulumModel: delay must not be negative [s]; got {self.delay}.")
@@ -99,11 +101,6 @@ class PendulumModel:
         try:
             content: dict[str, Any] = {name: tensors[name].item() for name in NUMBERS}
             content |= {name: tensors[name] for name in VECTORS}
-            return cls(**content, summary=dict(json.loads(metadata["model"])["summary"]))
-        except (KeyError, TypeError, ValueError) as error:
-            what = (
-                f"lacks {error}; train it again"
-                if isinstance(error, KeyError)
-                else str(error).splitlines()[0]
-            )
-            raise ValueError(f"{path}: not a usable model file: {what}") from error
+            return cls(**content, summary=summary_in(parse_json(metadata["model"])))
+        except DAMAGED as error:
+            raise unusable(path, error) from error

@@ -19,7 +19,8 @@ from unittest import mock
 
 import pytest
 
-from diagrams.cli.main import PROGRAM, run
+from diagrams.cli.main import run
+from diagrams.cli.outcome import PROGRAM
 from diagrams.loop.flight import load_flight
 from np_drake.effects.library import LIBRARY
 from np_drake.effects.linear_drag import LinearDrag

@@ -1,6 +1,5 @@
 """Answers of this and of another version of the diagnosis to the same flights, each in a process of its own."""
 
-import json
 import os
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from diagrams.batch.processes import ONE_THREAD
 from diagrams.challenge.real import worker
 from diagrams.challenge.real.cases import Case
 from diagrams.challenge.real.flights import open_case
+from np_drake.input_file import read_json
 
 HERE = Path(np_drake.__file__).resolve().parents[1]  # the folder that holds this version of the packages
 
@@ -54,7 +54,7 @@ def _answer(case: Case, checkout: Path, flights: Path) -> dict[str, Any]:
     if done.returncode or not out.is_file():
         last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
         raise FailedRun(f"{case.group} {case.name}: the diagnosis of {checkout} failed: {last}")
-    found = json.loads(out.read_text(encoding="utf-8"))
+    found = read_json(out)
     if Path(found["np_drake"]).resolve() != checkout.resolve():
         raise FailedRun(f"{checkout}: its np_drake was not the one that answered; got {found['np_drake']}.")
     return found

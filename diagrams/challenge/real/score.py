@@ -1,7 +1,6 @@
 """Score of one case: every method's names against the truth, its parameters, and what its model predicts."""
 
 import dataclasses as dc
-import json
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -35,6 +34,7 @@ from diagrams.challenge.real.wind_force import (
 )
 from np_drake.atomic_file import write_json
 from np_drake.effects.pendulum import Payload
+from np_drake.input_file import kept_json
 from np_drake.logs.flight_log import FlightLog
 from np_drake.vehicle import Vehicle
 
@@ -90,8 +90,8 @@ def _answers(case: Case, settings: Settings) -> dict[str, dict[str, Any]]:
     checkouts = {THIS: HERE} | ({BESIDE: settings.beside} if settings.beside else {})
     file = None if settings.kept is None else settings.kept / f"{slug(case)}.json"
     there: dict[str, Any] = {}
-    if file is not None and settings.resume and file.is_file():
-        there = json.loads(file.read_text(encoding="utf-8"))
+    if file is not None and settings.resume:
+        there = kept_json(file) or {}
     left = {name: path for name, path in checkouts.items() if name not in there}
     there |= dict(zip(left, answers(case, list(left.values())), strict=True)) if left else {}
     if file is not None and left:

@@ -1,7 +1,6 @@
 """A case with its truth and its answer, as read from files and checked (docs/reference/files.md)."""
 
 import dataclasses as dc
-import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,7 @@ from typing import Any
 from diagrams.challenge.score.schema import SchemaValidator, list_of, object_of, or_null, record, violation
 from np_drake.diagnosis.result import UNKNOWN
 from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
+from np_drake.input_file import read_json
 
 OUT_OF_LIBRARY, CLEAN = "foreign", "clean"
 KINDS = ("single", "pair", "triple", "onset", CLEAN, OUT_OF_LIBRARY)
@@ -217,7 +217,7 @@ def _read_case(name: str, truth: Path, answer: Path) -> AnsweredCase:
 def _read(path: Path, fault_of: Callable[[dict[str, Any]], str | None]) -> dict[str, Any]:
     fault: str | None = "must hold a JSON object."
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
         if isinstance(content, dict):
             fault = fault_of(content)
     except (ValueError, RecursionError):  # no JSON; too deep to be read or to be quoted

@@ -1,13 +1,13 @@
 """Scores of several draws side by side, against what is asked for."""
 
 import dataclasses as dc
-import json
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from diagrams.challenge.score.schema import SchemaValidator, list_of, object_of, or_null, record, violation
 from diagrams.challenge.score.tables import NOTHING, Table
+from np_drake.input_file import read_json
 
 QUALITIES = ("clean", "real", "wild")
 SCORE, DRAWS = "np_drake.challenge_score/1", "np_drake.challenge_compare/1"
@@ -103,7 +103,7 @@ def read_draws(files: Iterable[Path]) -> list[dict[str, Any]]:
 
 def _read(file: Path) -> list[dict[str, Any]]:
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
+        content = read_json(file)
         schema = content["schema"]
     except (ValueError, TypeError, KeyError, RecursionError):
         schema = None

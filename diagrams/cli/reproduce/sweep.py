@@ -11,7 +11,7 @@ from diagrams.cli.reproduce.campaign import Campaign
 if TYPE_CHECKING:
     from diagrams.robustness.robustness import Sweep
 
-Duration = Annotated[float, Option(min=10.0, help="Of a flight, after the ramp [s].")]
+Duration = Annotated[float, Option(min=10.0, max=3600.0, help="Of a flight, after the ramp [s].")]
 
 
 def make_sweep(run: Campaign, duration: float) -> "Sweep":

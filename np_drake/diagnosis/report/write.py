@@ -9,7 +9,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from np_drake.atomic_file import atomic_path, require_writable, write_json, write_text
+from np_drake.atomic_file import require_writable, write_bytes, write_json, write_text
 from np_drake.diagnosis.report.gap_figures import ladder_figure, replay_figure
 from np_drake.diagnosis.report.localisation_figures import regime_figure, spectrum_figure, timeline_figure
 from np_drake.diagnosis.report.page import render
@@ -45,8 +45,7 @@ def write_report(
     for name in set(PICTURES) - set(pictures):
         (folder / f"{name}.png").unlink(missing_ok=True)  # of an earlier diagnosis
     for name, picture in pictures.items():
-        with atomic_path(folder / f"{name}.png") as temporary:
-            temporary.write_bytes(picture)
+        write_bytes(folder / f"{name}.png", picture)
     write_json(folder / DATA, with_head(as_json(diagnosis), seed=seed, config=config or {}))
     write_text(folder / PAGE, page)
     return folder / PAGE

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
+from safetensors.numpy import save
 
-from np_drake.atomic_file import atomic_path
+from np_drake.atomic_file import write_bytes
+from np_drake.input_file import parse_json
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import ENCODERS, LiftedModel, require_configuration
@@ -17,6 +18,8 @@ from np_drake.lifting.model.onsets import Onsets
 from np_drake.lifting.model.trust import Trust
 
 SCHEMA = "np_drake.lifted_model/1"  # format of the file and its version
+# What building a model of damaged content raises.
+DAMAGED = (KeyError, TypeError, ValueError, AttributeError, IndexError, ArithmeticError)
 
 
 def save_model(model: LiftedModel, path: str | Path) -> None:
@@ -45,8 +48,7 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
 
 def write_tensors(tensors: dict[str, np.ndarray], metadata: dict[str, str], path: str | Path) -> None:
     """Write a safetensors file, whole or not at all."""
-    with atomic_path(path) as temporary:
-        save_file({name: np.ascontiguousarray(value) for name, value in tensors.items()}, temporary, metadata)
+    write_bytes(path, save({name: np.ascontiguousarray(value) for name, value in tensors.items()}, metadata))
 
 
 def schema_of(path: str | Path) -> str:
@@ -88,13 +90,33 @@ def load_model(path: str | Path, configuration: str | None = None) -> LiftedMode
     """
     tensors, metadata = read_tensors(path, SCHEMA)
     try:
-        model = _model(tensors, json.loads(metadata["model"]))
-    except (KeyError, TypeError, ValueError) as error:
-        what = f"lacks {error}" if isinstance(error, KeyError) else str(error).splitlines()[0]
-        raise ValueError(f"{path}: not a usable model file: {what}") from error
+        model = _model(tensors, parse_json(metadata["model"]))
+    except DAMAGED as error:
+        raise unusable(path, error) from error
     if configuration is not None and model.configuration != configuration:
         raise ValueError(f"{path}: configuration must be {configuration}; got {model.configuration}.")
     return model
+
+
+def unusable(path: str | Path, error: Exception) -> ValueError:
+    """Return the error of a file whose content makes no model."""
+    reason = (str(error).splitlines() or [type(error).__name__])[0]
+    what = f"lacks {error}; train it again" if isinstance(error, KeyError) else reason
+    return ValueError(f"{path}: not a usable model file: {what}")
+
+
+def summary_in(header: dict[str, Any]) -> dict[str, Any]:
+    """Return the summary of a header.
+
+    Raises: ValueError: if a part of it that a flight depends on is not what it must be; KeyError: if there is none.
+    """
+    summary = dict(header["summary"])
+    if not isinstance(summary.get("origin", {}), dict):
+        raise ValueError(f"summary.origin must be names with their values; got {summary['origin']!r}.")
+    lag = summary.get("rotor_lag", 0.0)
+    if not isinstance(lag, int | float) or not 0 <= lag < 10:
+        raise ValueError(f"summary.rotor_lag must be 0 to 10 s; got {lag!r}.")
+    return summary
 
 
 def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedModel:
@@ -109,7 +131,7 @@ def _model(tensors: dict[str, np.ndarray], header: dict[str, Any]) -> LiftedMode
     encoder = _phi(tensors) if ENCODERS[configuration] is Phi else _delay_encoder(tensors, window)
     return LiftedModel(
         configuration, system, encoder, window, tensors["chi_scale"], tensors["zeta_scale"],
-        bool(header["predicts_torque"]), dict(header["summary"]), float(header["ridge"]), _trust(tensors, system.K),
+        bool(header["predicts_torque"]), summary_in(header), float(header["ridge"]), _trust(tensors, system.K),
         _onsets(tensors),
     )  # fmt: skip
 

@@ -23,7 +23,8 @@ class Checkpoint:
     def load(self) -> dict[str, np.ndarray]:
         """Return the saved tensors; an empty dict where nothing was saved.
 
-        Raises: ValueError: if the file is broken or belongs to another configuration or other data.
+        Raises: ValueError: if the file is broken or belongs to another configuration or other data. What passes has the
+        names and shapes that this run saves.
         """
         if self._path is None or not self._path.exists():
             return {}
@@ -32,12 +33,25 @@ class Checkpoint:
             raise ValueError(
                 f"{self._path}: checkpoint must be of this configuration and data; it is not. Remove it."
             )
+        if metadata.get("digest") != digest_of(tensors):
+            raise ValueError(f"{self._path}: checkpoint must be whole; it is damaged. Remove it.")
         return tensors
 
     def save(self, tensors: dict[str, np.ndarray]) -> None:
         """Replace the file, whole or not at all."""
         if self._path is not None:
-            write_tensors(tensors, {"schema": SCHEMA, "fingerprint": self._fingerprint}, self._path)
+            metadata = {"schema": SCHEMA, "fingerprint": self._fingerprint, "digest": digest_of(tensors)}
+            write_tensors(tensors, metadata, self._path)
+
+
+def digest_of(tensors: dict[str, np.ndarray]) -> str:
+    """Return a hash of names, shapes and numbers of tensors."""
+    digest = hashlib.sha256()
+    for name in sorted(tensors):
+        value = np.ascontiguousarray(tensors[name])
+        digest.update(f"{name} {value.shape} {value.dtype}".encode())
+        digest.update(value.tobytes())
+    return digest.hexdigest()
 
 
 def fingerprint(config: Any, segments: list[Segment]) -> str:

@@ -8,9 +8,10 @@ from typing import IO, Any
 
 import numpy as np
 
+from np_drake.input_file import text_budget
 from np_drake.logs.growing_columns import GrowingColumns
 from np_drake.logs.recording import Progress
-from np_drake.logs.text_lines import BAD_GZIP, MAX_BYTES, MAX_ROWS, is_gzip, too_large, too_long
+from np_drake.logs.text_lines import BAD_GZIP, MAX_ROWS, is_gzip, too_large, too_long
 
 BLOCK_BYTES = 1 << 20
 NULLS = ["", "nan", "NaN", "NAN", "null", "NULL", "Null", "none", "None", "NA", "N/A", "n/a"]
@@ -30,7 +31,7 @@ def read_numbers(
         import pyarrow.csv
     except ImportError:
         return None
-    columns = GrowingColumns(list(positions))
+    columns = GrowingColumns(path, list(positions))
     asked = [str(i) for i in positions.values()]
     with path.open("rb") as raw:
         source = _Counted(path, raw)
@@ -66,7 +67,7 @@ def _batches(pyarrow: Any, source: "_Counted", delimiter: str, width: int, asked
 class _Counted(io.RawIOBase):
     """Bytes of a file after decompression, counted.
 
-    Raises (read): LogError: beyond `MAX_BYTES`.
+    Raises (read): LogError: beyond the budget of the file.
     """
 
     def __init__(self, path: Path, raw: IO[bytes]) -> None:
@@ -74,7 +75,7 @@ class _Counted(io.RawIOBase):
         self._path, self._raw = path, raw
         self._bytes: Any = gzip.GzipFile(fileobj=raw) if is_gzip(path) else raw
         self._size = max(path.stat().st_size, 1)
-        self._total = 0
+        self._total, self._most = 0, text_budget(path)
         self.share = 0.0  # of the file that is read [1]
 
     def readable(self) -> bool:
@@ -85,7 +86,7 @@ class _Counted(io.RawIOBase):
         """Return the next bytes; pyarrow calls it in a thread of its own."""
         part: bytes = self._bytes.read(size)
         self._total += len(part)
-        if self._total > MAX_BYTES:
+        if self._total > self._most:
             raise too_large(self._path)
         self.share = min(self._raw.tell() / self._size, 1.0)
         return part

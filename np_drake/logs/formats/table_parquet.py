@@ -1,7 +1,6 @@
 """Tables as Parquet, where pyarrow is installed: wanted columns, one group of rows after the other."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +9,9 @@ import numpy as np
 from np_drake.logs.errors import LogError, place
 from np_drake.logs.formats.table_cells import Cell, require_names
 from np_drake.logs.growing_columns import GrowingColumns
+from np_drake.logs.parquet_file import open_parquet
 from np_drake.logs.recording import Progress
-from np_drake.logs.text_lines import MAX_COLUMNS, MAX_ROWS, too_long
+from np_drake.logs.text_lines import MAX_COLUMNS
 
 BLOCK_ROWS = 1 << 14
 
@@ -21,7 +21,7 @@ def columns(path: Path) -> list[str]:
 
     Raises: LogError: without pyarrow, or if the file is no Parquet table; OSError: if it cannot be opened.
     """
-    with _opened(path) as (pyarrow, file):
+    with open_parquet(path) as (pyarrow, file):
         return [name for cell in _layout(path, pyarrow, file) for name in cell.names]
 
 
@@ -32,10 +32,10 @@ def read_columns(
 
     Raises: LogError: one line with file and column, at a cell that is no number or a list of another length.
     """
-    with _opened(path) as (pyarrow, file):
+    with open_parquet(path) as (pyarrow, file):
         wanted = [c for c in _layout(path, pyarrow, file) if not set(c.names).isdisjoint(names)]
         held = [name for cell in wanted for name in cell.names]
-        grown = GrowingColumns(held)
+        grown = GrowingColumns(path, held)
         for batch in file.iter_batches(BLOCK_ROWS, columns=[cell.name for cell in wanted]):
             arrays: list[np.ndarray] = []
             for cell in wanted:
@@ -47,37 +47,15 @@ def read_columns(
     return {name: found[name] for name in names}, []
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[tuple[Any, Any]]:
-    """Give pyarrow and the open file; errors of pyarrow become LogErrors."""
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise LogError(f"{path}: Parquet needs pyarrow; pip install 'np_drake[parquet]'.") from error
-    with path.open("rb") as raw:
-        try:
-            with pyarrow.parquet.ParquetFile(raw) as file:
-                if file.metadata.num_rows > MAX_ROWS:
-                    raise too_long(path)
-                yield pyarrow, file
-        except (pyarrow.ArrowException, OSError, UnicodeDecodeError) as error:
-            reason = (str(error).splitlines() or [type(error).__name__])[0].split(". ")[0].rstrip(".")
-            raise LogError(f"{path}: must be a whole Parquet file; {reason}. Copy it again.") from error
-
-
 def _layout(path: Path, pyarrow: Any, file: Any) -> list[Cell]:
     """Return the columns of numbers and lists of numbers; others are left out.
 
     Raises: LogError: if there are too many, or a name stands twice.
     """
-    schema = file.schema_arrow
-    if len(schema.names) > MAX_COLUMNS:
-        raise LogError(f"{path}: must have at most {MAX_COLUMNS} columns; got {len(schema.names)}.")
     cells = []
-    for position, field in enumerate(schema):
+    for position, field in enumerate(file.schema_arrow):
         if _is_list(pyarrow, field.type):
-            first = _first(file, field.name)
+            first = _first(path, pyarrow, file, field.name)
             cells.append(Cell(field.name, position, len(_flat(first))))
         elif _is_number(pyarrow, field.type):
             cells.append(Cell(field.name, position, None))
@@ -85,10 +63,24 @@ def _layout(path: Path, pyarrow: Any, file: Any) -> list[Cell]:
     return cells
 
 
-def _first(file: Any, name: str) -> Any:
+def _first(path: Path, pyarrow: Any, file: Any, name: str) -> Any:
     for batch in file.iter_batches(1, columns=[name]):
+        _require_short(path, pyarrow, batch.column(name), name, MAX_COLUMNS)
         return batch.column(name)[0].as_py()
     return None
+
+
+def _require_short(path: Path, pyarrow: Any, column: Any, name: str, most: int) -> None:
+    """Check how many numbers the lists of a column's block hold, before they become Python's.
+
+    Raises: LogError: if they hold more than `most`.
+    """
+    while _is_list(pyarrow, column.type):
+        column = column.flatten()
+    if len(column) > most:
+        raise LogError(
+            f"{place(path, column=name)}: must hold lists as long as the first, of {MAX_COLUMNS} at most."
+        )
 
 
 def _numbers(path: Path, pyarrow: Any, column: Any, cell: Cell, before: int) -> list[np.ndarray]:
@@ -99,6 +91,7 @@ def _numbers(path: Path, pyarrow: Any, column: Any, cell: Cell, before: int) -> 
     """
     if cell.size is None:
         return [_floats(pyarrow, column)]
+    _require_short(path, pyarrow, column, cell.name, 2 * len(column) * cell.size + MAX_COLUMNS)
     rows = np.full((len(column), cell.size), np.nan)
     for row, value in enumerate(column.to_pylist()):
         numbers = _flat(value)

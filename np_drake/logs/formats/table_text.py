@@ -139,7 +139,7 @@ class _Numbers:
         self._path, self._wanted, self._width = path, wanted, width
         self._picks = [held.index(name) for name in names]
         self._scalars = [c.position for c in wanted] if all(c.size is None for c in wanted) else None
-        self._columns = GrowingColumns(names)
+        self._columns = GrowingColumns(path, names)
         self._block: list[list[float]] = []
         self._block_rows = max(1, min(BLOCK_ROWS, BLOCK_NUMBERS // max(len(held), 1)))
         self._count = 0

@@ -4,9 +4,8 @@ import dataclasses as dc
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import yaml
-
 from np_drake.yaml_file import load_checked
+from np_drake.yaml_text import read_yaml
 
 WORLDS = ("enu", "ned")  # z up (any horizontal axes), z down
 BODIES = ("flu", "frd")  # z along the thrust, z against it
@@ -170,7 +169,7 @@ def load_map_file(path: str | Path) -> MapFile:
     Raises: ValueError: one line with file and field, on bad content.
     """
     values = load_checked(LogMap, path, "log map")
-    content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    content = read_yaml(path)
     return MapFile(values, {k: tuple(v) if isinstance(v, dict) else () for k, v in content.items()})
 
 

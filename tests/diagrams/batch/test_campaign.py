@@ -79,20 +79,33 @@ def test_a_finished_campaign_starts_no_process(counted, tmp_path, monkeypatch):
         ),
         ({"version": "9.9"}, "version is .9.9"),
         ({"case": {"row": "gp"}}, "its content is of none"),
-        (None, "it is no JSON"),
     ],
 )
 def test_the_file_of_another_campaign_is_refused_and_kept(tmp_path, monkeypatch, change, message):
     path = tmp_path / case_file(CASES[0])
     head = {"schema": campaign.SCHEMA, "version": campaign.version("np_drake"), "config": CONFIG}
     content = {**head, "case": CASES[0], "result": {}, "seconds": 1.0}
-    text = "{" if change is None else json.dumps(content | change)
+    text = json.dumps(content | change)
     path.write_text(text)
     monkeypatch.setattr(campaign, "as_they_finish", None)
     with pytest.raises(ValueError, match=message) as caught:
         run_campaign(dict, CASES, config=CONFIG, folder=tmp_path)
     assert str(path) in str(caught.value)
     assert [p.read_text() for p in tmp_path.iterdir()] == [text]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_a_case_whose_file_was_cut_off_is_run_again(counted, tmp_path, share):
+    work, calls, _ = counted
+    folder = tmp_path / "cases"
+    first = run_campaign(work, CASES[:1], config=CONFIG, folder=folder)
+    (path,) = folder.iterdir()
+    text = path.read_text()
+    path.write_text(text[: int(share * len(text))])
+    again = run_campaign(work, CASES[:1], config=CONFIG, folder=folder)
+    assert calls() == ["0.5", "0.5"]
+    assert again[0]["result"] == first[0]["result"]
+    assert json.loads(path.read_text())["result"] == first[0]["result"]
 
 
 def test_cases_that_repeat_are_refused():

@@ -90,6 +90,17 @@ def test_the_second_answer_is_written_where_there_is_one(cases, tmp_path, monkey
 
 
 @pytest.mark.usefixtures("quick")
+def test_an_answer_that_was_cut_off_is_made_again(cases, tmp_path):
+    answers = tmp_path / "answers"
+    solve(cases, answers)
+    path = answers / "a1" / "diagnosis.json"
+    whole = path.read_text()
+    path.write_text(whole[:-5])
+    assert [row["case"] for row in solve(cases, answers)["solved"]] == ["a1"]
+    assert path.read_text() == whole
+
+
+@pytest.mark.usefixtures("quick")
 def test_answers_stay_unless_asked_again(cases, tmp_path):
     answers = tmp_path / "answers"
     solve(cases, answers)

@@ -36,7 +36,7 @@ def test_a_vehicle_file_is_written_and_never_overwritten(tmp_path, capsys):
     capsys.readouterr()
     other_name = tmp_path / "." / "mine.yaml"
     assert run(["export", str(mine), "--format", "sdf", "--out", str(other_name)]) == 2
-    assert "must not be the file that is read" in capsys.readouterr().err
+    assert "must not be a file that is read" in capsys.readouterr().err
     (tmp_path / "link.yaml").symlink_to(mine)
     assert run(["export", str(mine), "--format", "sdf", "--out", str(tmp_path / "link.yaml")]) == 2
     assert mine.read_text() == "name: mine\nmass: 1.5\n"
@@ -52,7 +52,7 @@ def test_a_vehicle_file_is_written_and_never_overwritten(tmp_path, capsys):
         (["paper", "--format", "sdf", "--out", "none/a.sdf"], "must exist"),
         (["paper", "--format", "sdf", "--out", "."], "it is a folder"),
         (["bad.yaml", "--format", "sdf", "--out", "a.sdf"], "not a vehicle file"),
-        (["paper", "--format", "sdf", "--out", str(PRESETS / "paper.yaml")], "the file that is read"),
+        (["paper", "--format", "sdf", "--out", str(PRESETS / "paper.yaml")], "a file that is read"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(arguments, text, tmp_path, monkeypatch, capsys):

@@ -9,7 +9,7 @@ import typer
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.cli import options
-from diagrams.cli.main import run_app
+from diagrams.cli.outcome import run_app
 from diagrams.cli.runner import Report, Run, counting, reports
 from np_drake.figure_file import new_figure
 

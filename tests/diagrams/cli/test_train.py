@@ -1,5 +1,6 @@
 """Laws of `np-drake train`."""
 
+import dataclasses as dc
 import json
 import re
 
@@ -8,6 +9,7 @@ import pytest
 
 from diagrams.cli.main import run
 from np_drake.lifting.model.model_file import load_model
+from np_drake.logs.log_file import read_log, write_log
 from np_drake.residual_models.motion_model import MotionModel
 from np_drake.residual_models.pendulum_model import PendulumModel
 
@@ -129,3 +131,19 @@ def test_a_run_can_be_resumed_but_not_as_another(logs, tmp_path, capsys):
     assert run(arguments) == 0
     assert run([*arguments, "--seed", "1"]) == 2
     assert "run.ckpt" in capsys.readouterr().err
+
+
+def test_a_log_in_which_nothing_moves_is_refused_unless_forced(logs, tmp_path, capsys):
+    draw, rest = np.random.default_rng(0), read_log(logs[0])
+    noise = [deviation * draw.normal(size=(len(rest), 3)) for deviation in (0.002, 0.02, 0.02, 0.1)]
+    rest = dc.replace(rest, **dict(zip(("p", "v", "w", "a"), noise, strict=True)))
+    write_log(rest, tmp_path / "rest.csv")
+    out = tmp_path / "m.safetensors"
+    command = ["train", str(tmp_path / "rest.csv"), "--configuration", "dmdc", "--out", str(out)]
+    assert run(command) == 2
+    line = capsys.readouterr().err
+    assert line.startswith("np-drake train: the vehicle must move in the logs; velocity varies by 0.0")
+    assert line.endswith("Fly with more motion, or give --force.\n")
+    assert [path.name for path in tmp_path.iterdir()] == ["rest.csv"]
+    assert run([*command, "--force"]) == 0
+    assert out.exists()

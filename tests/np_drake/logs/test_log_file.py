@@ -111,5 +111,5 @@ def test_an_unknown_suffix_is_refused(flight, tmp_path):
 
 def test_parquet_without_pyarrow_says_what_to_install(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
-    with pytest.raises(LogError, match="pip install pyarrow"):
+    with pytest.raises(LogError, match=r"pip install 'np_drake\[parquet\]'"):
         parquet_file.read_parquet(tmp_path / "made.parquet")

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 import typer
 
-from diagrams.cli.main import app, run
+from diagrams.cli.app import app
+from diagrams.cli.main import run
 
 ROOT = Path(__file__).parents[4]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

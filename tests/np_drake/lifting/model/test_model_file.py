@@ -1,6 +1,8 @@
+import contextlib
 import dataclasses as dc
 import json
 import pickle
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +10,12 @@ import pytest
 import torch
 from safetensors.numpy import load_file, save_file
 
-from np_drake.lifting.model import model_file
 from np_drake.lifting.model.encoders import DelayEncoder, Phi
 from np_drake.lifting.model.lifted_linear_system import LiftedLinearSystem
 from np_drake.lifting.model.lifted_model import DEFAULT, ENCODERS, PAPER, LiftedModel
 from np_drake.lifting.model.model_file import SCHEMA, load_model, save_model
 from np_drake.lifting.model.onsets import Onsets
+from np_drake.lifting.model.origin import require_origin, rotor_lag_of
 
 
 def model(configuration: str) -> LiftedModel:
@@ -158,13 +160,66 @@ def test_layers_that_do_not_fit_are_refused(tmp_path):
 
 
 def test_a_failed_write_leaves_the_old_file(path, monkeypatch):
-    def half(tensors, filename, metadata):
-        Path(filename).write_bytes(b"half a file")
+    def half(file, content):
+        file.write_text("half a file")
         raise OSError("no space left")
 
     before = path.read_bytes()
-    monkeypatch.setattr(model_file, "save_file", half)
+    monkeypatch.setattr(Path, "write_bytes", half)
     with pytest.raises(OSError, match="no space left"):
         save_model(model(DEFAULT), path)
     assert path.read_bytes() == before
     assert list(path.parent.iterdir()) == [path]
+
+
+HEADERS = {  # a part of the header that is nonsense
+    "nested": '[["' * 10**5,
+    "a list": "[1]",
+    "a number": "1e999",
+    "an infinite window": '{"window": 1e999}',
+    "no names": "null",
+}
+
+
+@pytest.mark.parametrize("header", HEADERS)
+def test_a_header_of_nonsense_is_refused_in_one_line(path, header):
+    tensors = load_file(path)
+    save_file(tensors, path, {"schema": SCHEMA, "model": HEADERS[header]})
+    with pytest.raises(ValueError, match="not a usable model file") as caught:
+        load_model(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("junk", [None, [], "x", float("inf"), float("nan"), -1, 1e300, [1], {"a": 1}, True])
+@pytest.mark.parametrize(
+    "field", ["window", "step", "summary", "origin", "rotor_lag", "ridge", "configuration"]
+)
+def test_no_value_of_the_header_is_more_than_a_refusal(path, field, junk):
+    def change(tensors, header, metadata):
+        where = header["summary"] if field in ("origin", "rotor_lag") else header
+        where[field] = junk
+
+    rewrite(path, change)
+    try:
+        dut = load_model(path)
+    except ValueError as error:
+        assert "\n" not in str(error)  # noqa: PT017
+        return
+    require_origin(dut, {"frame": "world"})
+    assert 0 <= rotor_lag_of(dut) < 10  # [s]
+
+
+def test_no_flip_of_a_byte_of_the_header_is_more_than_a_refusal(path):
+    content = path.read_bytes()
+    for at in range(700):
+        path.write_bytes(content[:at] + bytes([content[at] ^ 0x41]) + content[at + 1 :])
+        with contextlib.suppress(ValueError):
+            load_model(path)
+
+
+def test_a_header_that_announces_more_than_the_file_holds_is_refused(path):
+    sizes = '{"A": {"dtype": "F64", "shape": [1000000000, 1000000000], "data_offsets": [0, 8]}}'
+    for head in (struct.pack("<Q", 2**60) + b"{}", struct.pack("<Q", len(sizes)) + sizes.encode() + bytes(8)):
+        path.write_bytes(head)
+        with pytest.raises(ValueError, match="not a model file"):
+            load_model(path)

@@ -1,0 +1,63 @@
+"""The verbs of `np-drake`."""
+
+from typing import Annotated
+
+import typer
+from typer import Option
+
+from diagrams.cli import (
+    bench,
+    demo,
+    diagnose,
+    doctor,
+    evaluate,
+    export,
+    fly,
+    import_logs,
+    next_flight,
+    options,
+    train,
+    vehicle,
+)
+from diagrams.cli.challenge import app as challenge
+from diagrams.cli.outcome import PROGRAM
+from diagrams.cli.output import say
+from diagrams.cli.reproduce import app as reproduce
+
+app = typer.Typer(
+    name=PROGRAM,
+    help="Neural Predictor and NP-MPC for a quadrotor with a tethered payload, on Drake.",
+    epilog=options.EPILOG,
+    rich_markup_mode=None,  # units stand in brackets, which markup would swallow
+    pretty_exceptions_enable=False,
+)
+app.command("demo")(demo.demo)
+app.command("fly")(fly.fly)
+app.command("train")(train.train)
+app.command("evaluate")(evaluate.evaluate)
+app.command("import")(import_logs.import_logs)
+app.command("doctor")(doctor.doctor)
+app.command("diagnose")(diagnose.diagnose)
+app.command("next-flight")(next_flight.next_flight)
+app.add_typer(reproduce.reproduce, name="reproduce")
+app.add_typer(vehicle.vehicle, name="vehicle")
+app.command("export")(export.export)
+app.command("bench")(bench.bench)
+app.add_typer(challenge.challenge, name="challenge")
+
+
+@app.callback(invoke_without_command=True)
+def about(
+    context: typer.Context,
+    version: Annotated[bool, Option("--version", help="Print the version and leave.")] = False,
+    debug: Annotated[
+        bool, Option("--debug", help="Print the traceback of an error, behind any verb too.")
+    ] = False,  # read before the others, by `run_app`
+) -> None:
+    """Print the version or the help, where no verb is given."""
+    if version:
+        from importlib.metadata import version as installed
+
+        say(f"{PROGRAM} {installed('np_drake')}")
+    elif context.invoked_subcommand is None:
+        say(context.get_help())

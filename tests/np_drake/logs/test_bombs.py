@@ -1,0 +1,144 @@
+"""No log of 10 MB takes more than 1 GB of memory or a traceback, whatever it unpacks to."""
+
+import gzip
+import resource
+import subprocess
+import sys
+import zlib
+
+import numpy as np
+import pytest
+
+from np_drake.logs import columns, csv_file
+from np_drake.logs.errors import LogError
+from np_drake.logs.log_file import read_log
+from np_drake.logs.open_any import open_any
+from np_drake.logs.open_log import is_neurobem
+
+NAMES = [name for group in columns.COLUMNS.values() for name in group]
+HEADER = ",".join(NAMES) + "\n"
+READ = """
+import sys, resource
+from np_drake.logs.errors import LogError
+from np_drake.logs.log_file import read_log
+from np_drake.logs.open_any import open_any
+for read in (read_log, open_any):
+    try:
+        read(sys.argv[1])
+        print("read")
+    except LogError as error:
+        print(error)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1000)
+"""
+
+
+def rows(folder):
+    """Rows of zeros, 1000 to 1."""
+    path = folder / "bomb.csv.gz"
+    block = (",".join(["0"] * len(NAMES)) + "\n").encode() * 20_000
+    with gzip.open(path, "wb") as file:
+        file.write(HEADER.encode())
+        for _ in range(150):
+            file.write(block)
+    return path
+
+
+def line(folder):
+    """One line without an end."""
+    path = folder / "bomb.csv.gz"
+    with gzip.open(path, "wb", compresslevel=1) as file:
+        file.write(HEADER.encode())
+        for _ in range(500):
+            file.write(b"0" * 10**6)
+    return path
+
+
+def ragged(folder):
+    """Short rows below a wide header: every one of them would become a row of 9,000 cells."""
+    path = folder / "bomb.csv"
+    path.write_text(HEADER[:-1] + "," + ",".join(f"x{i}" for i in range(9000)) + "\n" + "1\n" * 10**6)
+    return path
+
+
+def blank(folder):
+    """Blank lines, and a row at their end."""
+    path = folder / "bomb.csv"
+    path.write_text(HEADER + "\n" * 5 * 10**6 + "1,2\n")
+    return path
+
+
+def constant(folder):
+    """Constant columns of Parquet, which need no bytes."""
+    pyarrow = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
+    from pyarrow import parquet
+
+    path = folder / "bomb.parquet"
+    column = pyarrow.array(np.zeros(4 * 10**6))
+    parquet.write_table(pyarrow.table(dict.fromkeys(NAMES, column)), path, compression="zstd")
+    return path
+
+
+def lists(folder):
+    """A list of millions of numbers in the first cell of a column."""
+    pyarrow = pytest.importorskip("pyarrow", reason="Parquet needs pyarrow")
+    from pyarrow import parquet
+
+    path = folder / "bomb.parquet"
+    table = {name: [0.0] for name in NAMES} | {"many": pyarrow.array([np.zeros(3 * 10**6)])}
+    parquet.write_table(pyarrow.table(table), path)
+    return path
+
+
+@pytest.mark.parametrize("bomb", [rows, line, ragged, blank, constant, lists], ids=lambda bomb: bomb.__name__)
+def test_a_log_that_unpacks_to_gigabytes_is_refused_within_one(tmp_path, bomb):
+    path = bomb(tmp_path)
+    assert path.stat().st_size < 10**7
+    command = [sys.executable, "-c", READ, str(path)]
+    limit = 60  # of processor time [s]
+    done = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (limit, limit)),
+    )
+    assert done.returncode == 0, done.stderr
+    *said, peak = done.stdout.splitlines()
+    assert len(said) == 2
+    assert all(text.startswith(str(path)) for text in said)
+    assert int(peak) < 1000  # [MB]
+
+
+def test_a_log_of_plain_text_is_always_within_its_budget(flight, tmp_path, monkeypatch):
+    """Whoever is refused wrongly has a way: a cell of text has two bytes."""
+    monkeypatch.setattr("np_drake.input_file.LEAST_CELLS", 0)
+    table = columns.disassemble(flight)
+    table |= {name: np.zeros(len(flight)) for name in table if name.startswith(("a", "rotor"))}
+    csv_file.write_csv(tmp_path / "made.csv", table)
+    assert len(csv_file.read_csv(tmp_path / "made.csv")) == len(flight)
+
+
+def test_a_log_that_is_compressed_well_is_within_its_budget(flight, tmp_path):
+    csv_file.write_csv(tmp_path / "made.csv.gz", columns.disassemble(flight))
+    assert len(read_log(tmp_path / "made.csv.gz")) == len(flight)
+
+
+def damages():
+    """A compressed log with a byte turned, all over its header and here and there behind it."""
+    content = gzip.compress(HEADER.encode() + b"1,2\n" * 1000, mtime=0)
+    for at in [*range(40), *range(40, len(content), 7)]:
+        yield content[:at] + bytes([content[at] ^ 0xFF]) + content[at + 1 :]
+    yield content[:2] + b"\x07" + content[3:]
+    yield content[:10] + zlib.compress(b"t,x\n")[2:-4]
+    yield content[:10] + b"\x07\xff\xff"
+    yield content[:1]
+
+
+def test_no_damage_of_a_gzip_is_more_than_a_refusal(tmp_path):
+    path = tmp_path / "made.csv.gz"
+    for content in damages():
+        path.write_bytes(content)
+        is_neurobem(path)
+        for read in (read_log, open_any):
+            with pytest.raises(LogError) as found:
+                read(path)
+            assert "\n" not in str(found.value)
