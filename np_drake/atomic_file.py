@@ -115,6 +115,11 @@ def plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
+def is_regular(path: Path) -> bool:
+    """Return whether a path is that of an ordinary file, or of nothing yet."""
+    return path.is_file() or not path.exists()
+
+
 def _is_sink(path: Path) -> bool:
     """Return whether a path is /dev/null, also by another name; a rename would replace the device by a file."""
     try:

@@ -1,12 +1,14 @@
 """Type check of YAML values against the fields of a dataclass."""
 
 import dataclasses as dc
+import math
 import typing
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
+LARGEST = 1e15  # finite number that a field may hold in any unit; own choice: beyond it squares overflow
 LONGEST = 60  # characters of a value that are quoted
 PLAIN: dict[Any, str] = {
     float: "a number",
@@ -41,7 +43,7 @@ def misfit(kind: Any, value: Any, name: str, default: Any = None) -> str | None:
         return _misfit_of_names(typing.get_args(kind)[1], value, name)
     if fields_of(item) and isinstance(value, list):
         return _first(misfit(item, inner, f"{name}[{i}]") for i, inner in enumerate(value))
-    if not fields and _suits(kind, value):
+    if not fields and _suits(kind, value, infinite=isinstance(default, float) and math.isinf(default)):
         return None
     return f"{name or 'it'} must be {_expected(kind, default)}; got {shown(value)}."
 
@@ -52,7 +54,7 @@ def _misfit_of_names(kind: Any, value: Any, name: str) -> str | None:
         return f"{name or 'it'} must be names with their values; got {shown(value)}."
     for strange in [field for field in value if not isinstance(field, str)]:
         return f"a name in {name or 'it'} must be text; got {shown(strange)}."
-    return _first(misfit(kind, inner, f"{name}.{field}") for field, inner in value.items())
+    return _first(misfit(kind, inner, f"{name}.{field}", math.inf) for field, inner in value.items())
 
 
 def fields_of(kind: Any) -> dict[str, Any]:
@@ -77,24 +79,29 @@ def _item(kind: Any) -> Any:
     return typing.get_args(kind)[0] if typing.get_origin(kind) is list else None
 
 
-def _suits(kind: Any, value: Any) -> bool:
+def _suits(kind: Any, value: Any, *, infinite: bool = False) -> bool:
     item = _item(kind)
     if item is not None:
         whole = isinstance(value, list) and all(_suits(item, inner) for inner in value)
         return whole and (_item(item) is None or len({len(row) for row in value}) <= 1)
     if kind in (float, int):
-        return _is_number(value, whole=kind is int)
+        return _is_number(value, whole=kind is int, infinite=infinite)
     if kind is bool:
         return isinstance(value, bool) or value in ("true", "false")
     return kind not in PLAIN or isinstance(value, kind)
 
 
-def _is_number(value: Any, *, whole: bool) -> bool:
-    """Return whether the value is a number, also as text, for YAML 1.1 takes 1e-5, without a point, for text."""
+def _is_number(value: Any, *, whole: bool, infinite: bool) -> bool:
+    """Return whether the value is a number, also as text, for YAML 1.1 takes 1e-5, without a point, for text.
+
+    NaN and numbers that no quantity has are none; infinity is one of a field whose default is infinite, and of names.
+    """
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return False
     try:
         number = float(value)
+        if not abs(number) <= LARGEST and not (infinite and math.isinf(number)):
+            return False
         return not whole or int(value) == number
     except (ValueError, OverflowError):
         return False

@@ -19,8 +19,10 @@ RECORDED = {"mpc": "default, K = 12", "mpc_refit": "paper, K = 24"}  # key of --
 @reports("bench", seed=0)
 def bench(
     run: Run,
-    problems: Annotated[int, Option(min=10, help="Recorded NP-MPC problems.")] = 200,
-    seconds: Annotated[float, Option(min=1.0, help="Simulated time of the simulator [s].")] = 40.0,
+    problems: Annotated[int, Option(min=10, max=100_000, help="Recorded NP-MPC problems.")] = 200,
+    seconds: Annotated[
+        float, Option(min=1.0, max=3600.0, help="Simulated time of the simulator [s].")
+    ] = 40.0,
     predictor: Annotated[
         bool, Option("--predictor", help="Only the predictors, against the pseudo-inverse.")
     ] = False,

@@ -43,7 +43,12 @@ def fly(
     reality: options.Reality = None,
     sample: Annotated[
         int | None,
-        Option(min=1, metavar="N", help="Fly N simulators drawn from the posterior of a corrected one."),
+        Option(
+            min=1,
+            max=10_000,
+            metavar="N",
+            help="Fly N simulators drawn from the posterior of a corrected one.",
+        ),
     ] = None,
     mcap: Annotated[
         Path | None,

@@ -35,7 +35,10 @@ def import_logs(
         ),
     ] = None,
     rate: Annotated[
-        float, Option(metavar="HZ", min=0, help="Rate of the rows; 0: of the fastest signal that is used.")
+        float,
+        Option(
+            metavar="HZ", min=0, max=20_000, help="Rate of the rows; 0: of the fastest signal that is used."
+        ),
     ] = 0.0,
     adopt: Annotated[
         bool, Option("--adopt", help="Where a log fits other conventions than declared, take those.")

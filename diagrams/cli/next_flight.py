@@ -38,7 +38,7 @@ def next_flight(
         float | None, Option("--tilt", help="Largest tilt [rad]; default: 0.6 of the controller's.")
     ] = None,
     evaluations: Annotated[
-        int, Option("--evaluations", min=10, help="Budget of the search, about 50 ms each.")
+        int, Option("--evaluations", min=10, max=1_000_000, help="Budget of the search, about 50 ms each.")
     ] = 300,
     no_fly: Annotated[
         bool, Option("--no-fly", help="Leave out the flights in the simulator, and so their check.")

@@ -18,10 +18,14 @@ Json = Annotated[OptionalPath, Option("--json", metavar="FILE", help="Write the 
 Out = Annotated[OptionalPath, Option("--out", metavar="DIR", help="Folder for logs and figures.")]
 Markdown = Annotated[OptionalPath, Option("--markdown", metavar="FILE", help="Write the table as Markdown.")]
 Seed = Annotated[int, Option("--seed", min=0, max=2**31 - 1, help="Seed of every random draw.")]
-Undrawn = Annotated[int, Option("--seed", min=0, hidden=True)]  # of verbs without a random draw
-Seeds = Annotated[int, Option("--seeds", min=1, help="Evaluation flights a row, of seeds seed + 1, …")]
+Undrawn = Annotated[
+    int, Option("--seed", min=0, max=2**31 - 1, hidden=True)
+]  # of verbs without a random draw
+Seeds = Annotated[
+    int, Option("--seeds", min=1, max=10_000, help="Evaluation flights a row, of seeds seed + 1, …")
+]
 Solver = Annotated[str, Option("--solver", help="sqp | ipopt (MathematicalProgram, the reference)")]
-Jobs = Annotated[int, Option("--jobs", min=1, help="Processes.")]
+Jobs = Annotated[int, Option("--jobs", min=1, max=1024, help="Processes.")]
 Only = Annotated[
     list[str] | None, Option("--only", help="Only rows of these names (nominal is always flown).")
 ]
@@ -42,7 +46,9 @@ VehicleFile = Annotated[
     ),
 ]
 Repair = Annotated[bool, Option("--repair", help="Mend a few bad rows of a log and say so.")]
-Epochs = Annotated[int | None, Option("--epochs", min=1, help="Passes; default: the configuration's.")]
+Epochs = Annotated[
+    int | None, Option("--epochs", min=1, max=1_000_000, help="Passes; default: the configuration's.")
+]
 Configuration = Annotated[
     str,
     Option(

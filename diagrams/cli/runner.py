@@ -17,10 +17,13 @@ from typing import TYPE_CHECKING, Any
 
 from diagrams.cli import options, output
 from diagrams.cli.output import Table
+from np_drake.atomic_file import is_regular
+from np_drake.run_lock import lock_outputs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+WRITTEN = ("out", "checkpoint")  # options of a body whose file or folder a run holds for itself
 KEYWORD = inspect.Parameter.KEYWORD_ONLY
 Shared = tuple[str, Any, Any]  # an option: name, annotated type, default
 
@@ -88,17 +91,31 @@ def reports(
         def verb(**given: Any) -> None:
             files, flown = ({name: given.pop(name) for name, *_ in group} for group in (last, first))
             output.require_outputs(files["json"], files.get("markdown"), folder=files.get("out"))
-            with tempfile.TemporaryDirectory() as scratch:
+            written = {name: value for name, value in given.items() if value is not None and name in WRITTEN}
+            paths = [value for name, value in written.items() if name in own_files and is_regular(value)]
+            output.require_outputs(*paths)
+            folders = [files.get("out"), *(written[name] for name in written.keys() - own_files)]
+            for folder in folders[1:]:
+                output.require_outputs(folder=folder)
+            with (
+                tempfile.TemporaryDirectory() as scratch,
+                lock_outputs([folder for folder in folders if folder is not None], paths),
+            ):
                 this = run(files["seed"], files.get("out"), files["json"], Path(scratch), **flown)
                 publish(body(this, **given), schema, **files)
 
         _, *own = inspect.signature(body, eval_str=True).parameters.values()
+        own_files = {parameter.name for parameter in own if _metavar(parameter) == "FILE"}
         parameters = [*_parameters(first), *(p.replace(kind=KEYWORD) for p in own), *_parameters(last)]
         verb.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         verb.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
         return verb
 
     return decorate
+
+
+def _metavar(parameter: inspect.Parameter) -> str | None:
+    return next((option.metavar for option in getattr(parameter.annotation, "__metadata__", ())), None)
 
 
 def _parameters(shared: Sequence[Shared]) -> list[inspect.Parameter]:

@@ -10,7 +10,7 @@ import numpy as np
 from pydrake.systems.analysis import SimulatorConfig
 
 from diagrams.loop.controllers import ControllerConfig
-from diagrams.loop.flight import ARENA, hook_mobility
+from diagrams.loop.flight import ARENA, MOST_ROWS, hook_mobility
 from diagrams.loop.reality import RealityConfig
 from np_drake.references.formation import payload_drop, polygon
 from np_drake.residual_models.failing import FAULTS
@@ -62,6 +62,11 @@ class CooperativeConfig:
         for name in ("height", "settle", "hover", "transport", "rest"):
             if not 0 < getattr(self, name) < np.inf:
                 raise ValueError(f"cooperative: {name} must be positive; got {getattr(self, name)}.")
+        if self.end > MOST_ROWS * self.controller.period:
+            raise ValueError(
+                f"cooperative: settle, hover, transport and rest must take {MOST_ROWS * self.controller.period:g} s at "
+                f"most; got {self.end:g}."
+            )
         if not 0 <= self.distance < ARENA:
             raise ValueError(f"cooperative: distance must be 0 to {ARENA:g} m; got {self.distance}.")
         if self.controller.kind not in ("nominal", "hold", "observer", "np"):

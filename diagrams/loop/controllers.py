@@ -34,6 +34,7 @@ from systems.wrench_estimator import WrenchEstimator
 from systems.wrench_oracle import WrenchOracle
 
 MODELS = Path(__file__).parents[1] / "models"  # that ship with the package
+SHORTEST_PERIOD = 1e-4  # of the controller [s]; own choice
 DEFAULT_MODEL = MODELS / "default.safetensors"  # lifted linear system of any wrenches
 FLYING_MODEL = MODELS / "pendulum.safetensors"  # that `np` flies with
 SOLVER_SHARE = 0.5  # of the deadline, after which a solver wraps up with what it has [1]
@@ -67,8 +68,10 @@ class ControllerConfig:
         if self.kind not in CONTROLLERS:
             raise ValueError(f"controller: must be one of {', '.join(CONTROLLERS)}; got {self.kind!r}.")
         require_solver(self.solver)
-        if not 0 < self.period < np.inf or not self.deadline > 0 or not self.hold_bandwidth > 0:
-            raise ValueError("controller: period, deadline [s] and hold_bandwidth [Hz] must be positive.")
+        if not SHORTEST_PERIOD <= self.period < np.inf:
+            raise ValueError(f"controller: period must be at least {SHORTEST_PERIOD:g} s; got {self.period}.")
+        if not self.deadline > 0 or not self.hold_bandwidth > 0:
+            raise ValueError("controller: deadline [s] and hold_bandwidth [Hz] must be positive.")
         if not 0 <= self.command_delay <= LONGEST_DELAY * self.period:
             raise ValueError(
                 f"controller: command_delay must be 0 to {LONGEST_DELAY} periods, {LONGEST_DELAY * self.period:g} s "

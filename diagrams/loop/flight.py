@@ -31,6 +31,8 @@ from systems.sensor_rig import add_sensor_rig
 from systems.tethered_quadrotor import make_tethered_quadrotor
 
 GROUND = 0.0  # height below which a vehicle counts as lost: the simulator has no ground, flights do [m]
+MOST_ROWS = 10**6  # of a record, at one a period, which takes 700 MB; own choice: 5 hours at 50 Hz
+FINEST_STEP = 1e-6  # of the simulator [s]; own choice
 ARENA = 50.0  # farther than this from the origin a vehicle counts as lost [m]
 
 
@@ -73,6 +75,11 @@ class FlightConfig:
             )
         if not 0 < self.duration < np.inf:
             raise ValueError(f"FlightConfig: duration must be positive and finite [s]; got {self.duration}.")
+        if self.end > MOST_ROWS * self.controller.period:
+            raise ValueError(
+                f"FlightConfig: duration must be at most {MOST_ROWS * self.controller.period:g} s with the ramp and at "
+                f"a period of {self.controller.period:g} s; got {self.end:g}. Fly it in parts."
+            )
         if self.controller.kind == "oracle":
             self._check_oracle()
         lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.vehicle, self.end)
@@ -114,9 +121,10 @@ class FlightConfig:
 
     def _check_simulator(self) -> None:
         scheme, step = self.simulator.integration_scheme, self.simulator.max_step_size
-        if scheme not in GetIntegrationSchemes() or not 0 < step < np.inf:
+        if scheme not in GetIntegrationSchemes() or not FINEST_STEP <= step < np.inf:
             raise ValueError(
-                f"FlightConfig: simulator must name a scheme of Drake's and a positive step; got {scheme}, {step}."
+                f"FlightConfig: simulator must name a scheme of Drake's and a step of at least {FINEST_STEP:g} s; "
+                f"got {scheme}, {step}."
             )
         if not self.simulator.use_error_control and step > self.largest_step:
             raise ValueError(

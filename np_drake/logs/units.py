@@ -26,6 +26,11 @@ TORQUE_RATIO = 30.0  # of two integrals of one signal; at most 5.3 in valid flig
 OPPOSITE = 0.7  # share of the rotation left by the opposite torque if the sign is wrong; 0.97 if valid [1]
 STRONGEST = 6.0  # over the torque of the rotors; valid flights have 1 at saturation, 0.2 elsewhere [1]
 FASTEST_ROTOR = 5000.0  # [rad/s]; 48,000 rpm
+SIGN = 0.25  # of the spreads below: an axis that moves so much shows its sign [1]; own choice
+DOWN = 0.3  # share of thrust downwards on the whole, which tumbling flights do not have [1]; own choice
+AGAINST = (
+    0.3  # share of a change that is left by the opposite of its rate's integral if the sign is wrong [1]
+)
 # Spread below which nothing is checked [m, rad, m/s, rad/s].
 LEAST = {"position": 0.2, "attitude": 0.2, "velocity": 0.5, "rates": 1.0}
 
@@ -53,6 +58,7 @@ def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) ->
             f"{place(path, column='rotor1')}: rotor speed must be below {FASTEST_ROTOR:g} rad/s; "
             f"got {np.abs(log.rotor).max():.4g}. Is it in rpm?"
         )
+    _check_lift(log, path)
     if vehicle is not None:
         _check_thrust(log, path, vehicle)
         _check_torque_limit(log, path, vehicle)
@@ -62,6 +68,8 @@ def check_units(log: FlightLog, path: object, vehicle: Vehicle | None = None) ->
 
 def _compare(path: object, left: str, right: str, change: np.ndarray, sum_: np.ndarray, kind: str) -> None:
     a, b = _spread(change), _spread(sum_)
+    if kind != "attitude":  # its sign is that of its convention
+        _check_sign(path, left, right, change, sum_, kind)
     if max(a, b) < LEAST[kind] or RATIO * min(a, b) > max(a, b):
         return
     if min(a, b) > STILL * max(a, b) and _likeness(change, sum_) < ALIKE:
@@ -71,6 +79,22 @@ def _compare(path: object, left: str, right: str, change: np.ndarray, sum_: np.n
         f"changes {a:.2g}, the integral of {right} … {b:.2g}. One of them is not in SI units "
         "(m, m/s, rad/s, m/s²), or not in its frame."
     )
+
+
+def _check_sign(path: object, left: str, right: str, change: np.ndarray, sum_: np.ndarray, kind: str) -> None:
+    """Check axis by axis that a quantity does not go against its rate, where it moves enough.
+
+    Raises: LogError: if it is the opposite of the rate's integral, in size too.
+    """
+    for i in range(change.shape[1]):
+        a, b = change[:, i] - change[:, i].mean(), sum_[:, i] - sum_[:, i].mean()
+        size = float(np.std(a))
+        if size > SIGN * LEAST[kind] and np.std(a + b) < AGAINST * size:
+            column = f"{right[:-1]}{'xyz'[i]}"
+            raise LogError(
+                f"{place(path, column=column)}: must be the rate of {kind}; over {WINDOW} s it goes the opposite way. "
+                f"Turn its sign, or that of {left[:-1]}{'xyz'[i]}; W has z up."
+            )
 
 
 def _likeness(a: np.ndarray, b: np.ndarray) -> float:
@@ -104,6 +128,25 @@ def _check_gravity(a: np.ndarray, log: FlightLog, path: object) -> None:
             f"its mean exceeds dv/dt by {surplus:.3g} m/s². "
             "Rotate the accelerometer's reading to W and subtract g."
         )
+
+
+def _check_lift(log: FlightLog, path: object) -> None:
+    """Check that thrust along body z carries the vehicle: its mean must point upwards in W.
+
+    Raises: LogError: if it points down, by the sign of thrust or by the attitude.
+    """
+    known = np.isfinite(log.u[:, 0])
+    if not known.any():
+        return
+    thrust, up = log.u[known, 0], attitude.body_z(log.q[known])[:, 2]
+    if np.mean(thrust * up) >= -DOWN * np.mean(np.abs(thrust)):
+        return
+    down = np.mean(thrust) < 0
+    what = f"thrust must push along body z, upwards on the whole; its mean is {np.mean(thrust):.3g} N"
+    if not down:
+        what = f"thrust must carry the vehicle upwards; body z points {np.mean(up):.2g} along z of W on the whole"
+    remedy = "Turn the sign of thrust." if down else "Write attitude from body (z up) to W (z up)."
+    raise LogError(f"{place(path, column='thrust' if down else 'qw')}: {what}. {remedy}")
 
 
 def _check_thrust(log: FlightLog, path: object, vehicle: Vehicle) -> None:

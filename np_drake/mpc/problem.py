@@ -8,6 +8,9 @@ import numpy as np
 
 from np_drake.residual_models.base import WrenchForecast
 
+LONGEST_HORIZON = 200  # [1]; own choice: ten times the usual one, and 100 MB of matrices
+LONGEST_STEP = 10.0  # [s]; own choice
+
 
 @dc.dataclass
 class MpcConfig:
@@ -37,8 +40,14 @@ class MpcConfig:
 
         Raises: ValueError: if one is impossible.
         """
-        _require(self.horizon >= 1, f"horizon must be at least 1; got {self.horizon}")
-        _require(0 < self.step < np.inf, f"step must be positive [s]; got {self.step}")
+        _require(
+            1 <= self.horizon <= LONGEST_HORIZON,
+            f"horizon must be 1 to {LONGEST_HORIZON} steps; got {self.horizon}",
+        )
+        _require(
+            0 < self.step <= LONGEST_STEP,
+            f"step must be positive, {LONGEST_STEP:g} s at most; got {self.step}",
+        )
         for name, size in (("position", 3), ("attitude", 4), ("velocity", 3), ("rate", 3), ("input", 4)):
             weight = np.array(getattr(self, f"weight_{name}"), float)
             _require(weight.shape == (size,), f"weight_{name} must have {size} entries; got {weight.shape}")

@@ -176,7 +176,7 @@ def require_no_other_set(out: Path, truth: Path, *, seed: int, cases: int) -> No
     """Raise ValueError where a folder holds what is not of this set: two sets could not be told apart there."""
     own = {case_name(seed, index) for index in range(cases)}
     for folder in (out, truth):
-        others = sorted({path.name for path in folder.iterdir()} - own) if folder.is_dir() else []
+        others = sorted({path.name for path in folder.glob("[!.]*")} - own) if folder.is_dir() else []
         if others:
             raise ValueError(f"make: {folder} holds another set, or {others[0]}; give an empty folder.")
 

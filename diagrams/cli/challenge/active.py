@@ -23,7 +23,7 @@ FIGURE = "active.png"
 def active(
     run: Run,
     seeds: Annotated[
-        int, Option("--seeds", min=1, help="Vehicles, one of each seed: seed, seed + 1, …")
+        int, Option("--seeds", min=1, max=10_000, help="Vehicles, one of each seed: seed, seed + 1, …")
     ] = 100,
     start: Annotated[
         str,

@@ -28,8 +28,8 @@ def make(
     truth: Annotated[Path, Option(metavar="DIR", help="Folder for their truth; not inside --out.")],
     simulator: Annotated[str, Option(metavar="NAME", help="Who flies: drake | rotorpy.")] = "drake",
     quality: Annotated[str, Option(metavar="NAME", help="Sensors: clean (ideal) | real | wild.")] = "clean",
-    cases: Annotated[int, Option(min=0, help="Cases with effects.")] = 44,
-    clean: Annotated[int, Option(min=0, help="Clean controls: cases without.")] = 20,
+    cases: Annotated[int, Option(min=0, max=100_000, help="Cases with effects.")] = 44,
+    clean: Annotated[int, Option(min=0, max=100_000, help="Clean controls: cases without.")] = 20,
     seconds: Annotated[float, Option(help="Length of every flight [s].")] = 20.0,
     unseen: Annotated[
         bool, Option("--unseen", help="Out-of-library effects alone, of kinds in no other set.")

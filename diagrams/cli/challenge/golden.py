@@ -16,7 +16,7 @@ def golden(
     only: Annotated[list[str] | None, Option(metavar="CASE", help="These cases alone.")] = None,
     against: Annotated[Path | None, Option(metavar="FILE", help="Answers to compare with.")] = None,
     out: Annotated[Path | None, Option(metavar="FILE", help="Write the answers.")] = None,
-    tolerance: Annotated[float, Option(min=0.0, help="Largest relative difference.")] = 1e-6,
+    tolerance: Annotated[float, Option(min=0.0, max=1.0, help="Largest relative difference.")] = 1e-6,
     names: Annotated[bool, Option("--list", help="Print the names of the cases and leave.")] = False,
     jobs: options.Jobs = 2,
     neurobem: options.Neurobem = None,

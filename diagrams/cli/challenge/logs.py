@@ -15,7 +15,7 @@ PARTS = ("thinned", "conventions", "round-trip")
 def logs(
     run: Run,
     flights: Annotated[
-        int, Option(min=3, help="Logs of clean flights that are thinned, three to a case.")
+        int, Option(min=3, max=10_000, help="Logs of clean flights that are thinned, three to a case.")
     ] = 50,
     wrong: Annotated[int, Option(min=1, max=100, help="Logs in wrong conventions.")] = 40,
     only: Annotated[

@@ -19,7 +19,8 @@ def score(
     ],
     truth: Annotated[Path, Argument(metavar="TRUTH", help="Folder of <case>/truth.json, or of sets.")],
     visible: Annotated[
-        float, Option(metavar="RATIO", min=1.0, help="Visibility from which a case must be found [1].")
+        float,
+        Option(metavar="RATIO", min=1.0, max=1e6, help="Visibility from which a case must be found [1]."),
     ] = 1.5,
     misses: Annotated[bool, Option("--misses", help="List every miss.")] = False,
 ) -> Report:

@@ -25,7 +25,7 @@ def cooperative(
     vehicles: Annotated[list[int] | None, Option(help="Fleet sizes, once each; default: 2, 3 and 4.")] = None,
     solver: options.Solver = options.DEFAULT_SOLVER,
     only: Annotated[list[str] | None, Option(help="Only rows of these names.")] = None,
-    seeds: Annotated[int, Option(min=1, help="Flights a row, of seeds seed, seed + 1, …")] = 3,
+    seeds: Annotated[int, Option(min=1, max=10_000, help="Flights a row, of seeds seed, seed + 1, …")] = 3,
 ) -> Report:
     """Several vehicles on one payload. Each has its own predictor and MPC; --out DIR: paths, replays of one seed."""
     from diagrams.cli.fly import as_config

@@ -80,7 +80,7 @@ def gap(run: Run, neurobem: options.Neurobem = None) -> Report:
 def theorem(
     run: Run,
     neurobem: options.Neurobem = None,
-    spacing: Annotated[int, Option(min=1, help="Samples between windows; 1: all.")] = 1,
+    spacing: Annotated[int, Option(min=1, max=1_000_000, help="Samples between windows; 1: all.")] = 1,
     jobs: options.Jobs = 2,
 ) -> Report:
     """Theorem 1, corrected: bound against error. In every window of the real flights."""

@@ -21,7 +21,7 @@ OutOfCases = Annotated[
 Scheduler = Annotated[
     str, Option(metavar="ADDRESS", help="Fly on the Dask cluster of this scheduler: tcp://HOST:PORT.")
 ]
-Duration = Annotated[float, Option(min=10.0, help="Of a flight, after the ramp [s].")]
+Duration = Annotated[float, Option(min=10.0, max=3600.0, help="Of a flight, after the ramp [s].")]
 
 
 def make_sweep(run: Campaign, scheduler: str, duration: float) -> "Sweep":

@@ -52,7 +52,7 @@ def test_a_vehicle_file_is_written_and_never_overwritten(tmp_path, capsys):
         (["paper", "--format", "sdf", "--out", "none/a.sdf"], "must exist"),
         (["paper", "--format", "sdf", "--out", "."], "it is a folder"),
         (["bad.yaml", "--format", "sdf", "--out", "a.sdf"], "not a vehicle file"),
-        (["paper", "--format", "sdf", "--out", str(PRESETS / "paper.yaml")], "the file that is read"),
+        (["paper", "--format", "sdf", "--out", str(PRESETS / "paper.yaml")], "a file that is read"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(arguments, text, tmp_path, monkeypatch, capsys):

@@ -2,6 +2,7 @@
 
 import inspect
 import re
+import typing
 
 import pytest
 import typer
@@ -54,3 +55,45 @@ def test_help_has_the_fields_words(verb, capsys):
     said = re.sub(r"--[a-z-]+", "", capsys.readouterr().out.lower())  # option names stay as they are
     for word in ("foreign", "told", "laborator", " rig ", "second look", "made flights"):
         assert word not in said
+
+
+CHECKED = {"visible", "speed", "tilt", "duration", "mass", "wheelbase", "propeller", "hover_throttle"}
+CHECKED |= {
+    "mass_uncertainty",
+    "thrust_uncertainty",
+    "box",
+    "vehicles",
+    "seconds",
+}  # by what they are passed to
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_no_number_is_without_bounds(verb):
+    for option in VERBS[verb].params:
+        kind = option.type_descriptor.annotation
+        if option.name not in CHECKED and {int, float} & {kind, *typing.get_args(kind)}:
+            assert option.min is not None, option.name
+            assert option.max is not None, option.name
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "1e300", "-1"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "fly hover --duration={}",
+        "train a.csv --out m.safetensors --step={}",
+        "import a.csv --rate={}",
+        "vehicle new --mass={} --wheelbase 0.3 --propeller 0.2 --hover-throttle 0.4",
+        "vehicle new --mass 1 --wheelbase={} --propeller 0.2 --hover-throttle 0.4",
+        "vehicle new --mass 1 --wheelbase 0.3 --propeller 0.2 --hover-throttle={}",
+        "vehicle new --mass 1 --wheelbase 0.3 --propeller 0.2 --hover-throttle 0.4 --mass-uncertainty={}",
+        "vehicle new --preset paper --thrust-uncertainty={}",
+        "challenge score . . --visible={}",
+        "bench --seconds={}",
+    ],
+)
+def test_no_absurd_number_is_taken(command, value, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run(command.format(value).split()) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []

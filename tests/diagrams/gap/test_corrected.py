@@ -292,7 +292,7 @@ def test_what_remains_has_the_size_and_the_time_of_the_residual_without_its_whit
     [
         ("{effect: linear_drug}", "did you mean linear_drag"),
         ("{effect: linear_drag, parameters: {d: 1.0}}", "no parameter d; it has d_x, d_y, d_z"),
-        ("{effect: thrust_scale, parameters: {scale: .nan}}", "scale of thrust_scale must be finite"),
+        ("{effect: thrust_scale, parameters: {scale: .nan}}", "parameters.scale must be a number; got nan"),
         ("{effect: gyro_bias, onset: 2.0}", "acts from the start"),
         ("{effect: thrust_scale, onset: -2.0}", "must be a time of the flight"),
         ("{effect: thrust_scale, probability: 2.0}", "0 to 1"),

@@ -69,6 +69,16 @@ FAULTS = {  # spoil the columns: (how, what the message must say)
     "degrees per second": (scale("wx wy wz", 57.3), r"column qw: attitude.*SI units"),
     "accelerations in g": (scale("ax ay az", 1 / 9.81), r"column vx: velocity.*SI units"),
     "rpm": (scale("rotor1 rotor2 rotor3 rotor4", 9.55), r"column rotor1: .*rpm"),
+    "velocity turned about": (
+        scale("vx vy vz", -1),
+        r"column vx: must be the rate of position.*opposite way",
+    ),
+    "one velocity turned about": (scale("vy", -1), r"column vy: .*Turn its sign, or that of py"),
+    "position down": (scale("px py pz", -1), r"column vx: .*or that of px"),
+    "rates turned about": (scale("wx wy wz", -1), r"column qw: .*from W to body"),
+    "accelerations turned about": (scale("ax ay az", -1), r"column ax: must be the rate of velocity"),
+    "angular accelerations turned about": (scale("alx", -1), r"column alx: must be the rate of rates"),
+    "thrust downwards": (scale("thrust", -1), r"column thrust: .*upwards.*Turn the sign of thrust"),
     "gravity left in": (lambda c: c["az"].__iadd__(9.81), r"column az: .*without gravity"),
     "grams": (scale("thrust", 102.0), r"column thrust: .*weight of vehicle 'paper'"),
     "throttle": (scale("thrust", 0.02), r"column thrust: .*weight"),
@@ -256,3 +266,30 @@ def test_biases_and_noise_are_no_wrong_units(flight, tmp_path):
     )
     write_log(hover, tmp_path / "made.csv")
     assert len(read_log(tmp_path / "made.csv", vehicle=Vehicle())) == 600
+
+
+def test_a_vehicle_on_its_back_that_its_thrust_carries_is_refused(flight):
+    q = np.column_stack(
+        [-flight.q[:, 1], flight.q[:, 0], flight.q[:, 3], -flight.q[:, 2]]
+    )  # rolled by 180 degrees
+    fallen = dc.replace(flight, q=q, w=flight.w, al=None, a=None)
+    with pytest.raises(
+        LogError, match=r"column qw: thrust must carry the vehicle upwards; body z points -0\.\d+ along"
+    ):
+        check_units(fallen, "x.csv")
+
+
+def test_a_flight_that_tumbles_is_no_wrong_sign(flight):
+    angle = 12.0 * flight.t
+    q = np.column_stack([np.cos(angle / 2), np.sin(angle / 2), 0 * angle, 0 * angle])
+    w = np.column_stack([12.0 + 0 * angle, 0 * angle, 0 * angle])
+    check_units(dc.replace(flight, q=q, w=w, al=None), "x.csv")
+
+
+@pytest.mark.parametrize("share", [0.03, 1.0])
+def test_a_noisy_velocity_of_the_right_sign_is_never_the_opposite(flight, share):
+    draw = np.random.default_rng(5)
+    p, v = share * flight.p, share * flight.v
+    for _ in range(20):
+        noisy = dc.replace(flight, p=p, v=v + 0.3 * draw.normal(size=v.shape), a=None)
+        check_units(noisy, "x.csv")
