@@ -3,8 +3,32 @@
 import random
 
 WORDS = (
-    *(b"nan", b"inf", b"-inf", b"1e999", b"-0", b"99999999999999999999", b"0x10", b"", b" ", b"\t", b"\xff\xfe"),
-    *(b"null", b"true", b"[]", b"{}", b"[[", b"&a", b"*a", b"!!python/object:os.system", b"!x", b"<<", b"---"),
+    *(
+        b"nan",
+        b"inf",
+        b"-inf",
+        b"1e999",
+        b"-0",
+        b"99999999999999999999",
+        b"0x10",
+        b"",
+        b" ",
+        b"\t",
+        b"\xff\xfe",
+    ),
+    *(
+        b"null",
+        b"true",
+        b"[]",
+        b"{}",
+        b"[[",
+        b"&a",
+        b"*a",
+        b"!!python/object:os.system",
+        b"!x",
+        b"<<",
+        b"---",
+    ),
     *(b"\x00", b"\x00\x00\x00\x00", b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", b"\r\n", b"\n\n", b",,,", b'"'),
 )
 
@@ -40,7 +64,7 @@ def _insert(data: bytes, rng: random.Random) -> bytes:
 
 def _replace_word(data: bytes, rng: random.Random) -> bytes:
     """Replace what stands between two separators."""
-    cuts = [i for i, byte in enumerate(data) if byte in b",:\n []{}\""]
+    cuts = [i for i, byte in enumerate(data) if byte in b',:\n []{}"']
     if len(cuts) < 2:
         return _insert(data, rng)
     k = rng.randrange(len(cuts) - 1)

@@ -78,7 +78,9 @@ def stream(*columns: str, rows: int = ROWS) -> Stream:
     return Stream(1.0 + np.arange(rows) / 50.0, {c: rng.standard_normal(rows) for c in columns})
 
 
-def _written(name: str, file: str, streams: dict[str, Stream], **options: Any) -> Callable[[Path], list[bytes]]:
+def _written(
+    name: str, file: str, streams: dict[str, Stream], **options: Any
+) -> Callable[[Path], list[bytes]]:
     def seeds(folder: Path) -> list[bytes]:
         path = folder / file
         writer(name).write(path, streams, **options)
@@ -111,7 +113,9 @@ def _parquet(folder: Path) -> list[bytes]:
 
 
 def _neurobem(folder: Path) -> list[bytes]:
-    rest = (TESTS.parent / "np_drake" / "logs" / "neurobem.py").read_text()  # names of columns, for the fuzzer's words
+    rest = (
+        TESTS.parent / "np_drake" / "logs" / "neurobem.py"
+    ).read_text()  # names of columns, for the fuzzer's words
     return [FIRST_COLUMNS + b",x\n0,1,2\n", FIRST_COLUMNS + b"\n" + rest.encode()[:200]]
 
 
@@ -167,7 +171,10 @@ def _record(path: Path) -> Any:
 POSE = ("pose.position.x", "pose.position.y", "pose.position.z")
 ODOMETRY = {"/rpm": stream(*(f"data[{i}]" for i in range(4)))}
 COPTER = {"ATT": stream("Roll", "Pitch", "Yaw"), "IMU.0": stream("GyrX", "GyrY", "GyrZ")}
-PX4 = {"vehicle_attitude": stream("q[0]", "q[1]", "q[2]", "q[3]"), "vehicle_local_position": stream("x", "y", "z")}
+PX4 = {
+    "vehicle_attitude": stream("q[0]", "q[1]", "q[2]", "q[3]"),
+    "vehicle_local_position": stream("x", "y", "z"),
+}
 
 TARGETS = {
     target.name: target
@@ -178,10 +185,17 @@ TARGETS = {
         Target("neurobem", ".csv", open_log, _neurobem),
         Target("array", ".npy", open_log, _array),
         Target("table", ".csv", open_any, _written("table", "a.csv", {"table": stream("x", "y", "yaw")})),
-        Target("neural_fly", ".csv", open_any, _written("neural_fly", "a.csv", {"flight": stream("p[0]", "q[0]")})),
+        Target(
+            "neural_fly",
+            ".csv",
+            open_any,
+            _written("neural_fly", "a.csv", {"flight": stream("p[0]", "q[0]")}),
+        ),
         Target("ulog", ".ulg", open_any, _written("ulog", "a.ulg", PX4)),
         Target("dataflash", ".bin", open_any, _written("dataflash", "a.bin", COPTER)),
-        Target("crazyflie", "", open_any, _written("crazyflie", "log00", {"estPose": stream("stateEstimate.x")})),
+        Target(
+            "crazyflie", "", open_any, _written("crazyflie", "log00", {"estPose": stream("stateEstimate.x")})
+        ),
         Target("ros1", ".bag", open_any, _written("ros", "a.bag", ODOMETRY)),
         Target("ros2", ".mcap", open_any, _written("ros", "a.mcap", ODOMETRY)),
         Target("sqlite", ".db3", open_any, _written("ros", "a.db3", ODOMETRY)),
