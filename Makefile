@@ -11,7 +11,7 @@ CODE := np_drake systems diagrams tests docs
 export OMP_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: venv demo test golden lint format docs clean
+.PHONY: venv demo test fuzz golden lint format docs clean
 
 venv: $(STAMP)
 
@@ -34,6 +34,12 @@ lint: venv
 
 test: lint
 	$(BIN)/python -m pytest -n 2 --dist worksteal $(PYTEST_ARGS)
+
+# Hostile files for every reader: FUZZ_SECONDS each. What breaks one is kept in out/fuzz.
+FUZZ_SECONDS ?= 3600
+fuzz: venv
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[fuzz]'
+	$(BIN)/python tests/fuzz/fuzz.py --seconds $(FUZZ_SECONDS) --out out/fuzz
 
 # All frozen diagnoses against their stored answers, the real flights too where NP_DRAKE_NEUROBEM names them.
 GOLDEN := tests/golden/answers.json

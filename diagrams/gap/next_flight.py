@@ -54,6 +54,8 @@ def read_report(folder: Path) -> DiagnosisReport:
         content = read_json(path)
     except ValueError as error:
         raise ValueError(f"{path}: must be JSON ({error}).") from error
+    if not isinstance(content, dict) or not isinstance(content.get("refit") or {}, dict):
+        raise ValueError(f"{path}: must be the report of np-drake diagnose; got other JSON.")
     answer = content.get("refit") or content
     if answer.get("cannot_tell"):
         raise ValueError(f"{path}: the logs excite nothing; fly with more motion and diagnose again.")
@@ -62,7 +64,7 @@ def read_report(folder: Path) -> DiagnosisReport:
     try:
         explanations = tuple(Explanation.of_json(e) for e in answer["explanations"])
         readings = Readings.of_json(answer["readings"])
-    except (KeyError, TypeError) as error:
+    except (AttributeError, KeyError, TypeError) as error:
         raise ValueError(f"{path}: explanations and readings must be whole ({error}).") from error
     return DiagnosisReport(folder, load_flight(str(folder / CORRECTED)), explanations, readings)
 

@@ -1,6 +1,7 @@
 """NumPy arrays on file (.npy), never pickled, and never larger than their file."""
 
 import tokenize
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,9 @@ def read_array(path: str | Path) -> np.ndarray:
         )
     note_input(path)
     try:
-        return np.array(np.load(path, mmap_mode="r", allow_pickle=False))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of a header as Python 2 wrote it
+            return np.array(np.load(path, mmap_mode="r", allow_pickle=False))
     except DAMAGED as error:
         raise LogError(
             f"{path}: must be a plain NumPy array (.npy); cut off or pickled files are refused."

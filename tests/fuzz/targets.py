@@ -1,0 +1,213 @@
+"""Parsers that read what users bring, each with small good files from which a fuzzer starts."""
+
+import dataclasses as dc
+import gzip
+import importlib.util
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from pydrake.common.yaml import yaml_dump
+
+from diagrams.batch.campaign import read_record
+from diagrams.gap.next_flight import read_report
+from diagrams.loop.experiments import load_experiment
+from np_drake.input_file import read_json
+from np_drake.lifting.model.model_file import load_model
+from np_drake.logs.importing.log_map import load_map_file
+from np_drake.logs.neurobem import FIRST_COLUMNS
+from np_drake.logs.open_any import open_any
+from np_drake.logs.open_log import open_log
+from np_drake.logs.recording import Stream
+from np_drake.references.track_file import read_track
+from np_drake.residual_models.motion_model import MotionModel
+from np_drake.residual_models.pendulum_model import PendulumModel
+from np_drake.vehicle import Vehicle, load_vehicle
+
+TESTS = Path(__file__).parents[1]
+EXAMPLES = TESTS.parent / "docs" / "examples"
+MODELS = TESTS.parent / "np_drake" / "models"
+REFUSED = (ValueError, OSError)  # what a reader may raise; the command line makes one line of it
+ROWS = 12  # of a made log [1]
+
+
+@dc.dataclass(frozen=True)
+class Target:
+    """Parser of one kind of file.
+
+    suffix: of the file.   parse: reads the file at a path.   seeds: makes good files in an empty folder.
+    """
+
+    name: str
+    suffix: str
+    parse: Callable[[Path], Any]
+    seeds: Callable[[Path], list[bytes]]
+
+
+def check(target: Target, path: Path) -> None:
+    """Read a file; a reader must return or refuse in words.
+
+    Raises: AssertionError: if it refuses without a word.   Anything else that a reader must not raise.
+    """
+    try:
+        target.parse(path)
+    except REFUSED as error:
+        if not str(error).strip():
+            raise AssertionError(f"{target.name}: refused without a word: {error!r}") from error
+
+
+def writer(name: str) -> ModuleType:
+    """Return the writer of made files of a format, `tests/np_drake/logs/formats/<name>_writer.py`."""
+    path = TESTS / "np_drake" / "logs" / "formats" / f"{name}_writer.py"
+    spec = importlib.util.spec_from_file_location(f"{name}_writer", path)
+    if spec is None or spec.loader is None:
+        raise FileNotFoundError(f"{path}: must be a module.")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def stream(*columns: str, rows: int = ROWS) -> Stream:
+    """Return a made stream at 50 Hz."""
+    rng = np.random.default_rng(len(columns))
+    return Stream(1.0 + np.arange(rows) / 50.0, {c: rng.standard_normal(rows) for c in columns})
+
+
+def _written(
+    name: str, file: str, streams: dict[str, Stream], **options: Any
+) -> Callable[[Path], list[bytes]]:
+    def seeds(folder: Path) -> list[bytes]:
+        path = folder / file
+        writer(name).write(path, streams, **options)
+        return [path.read_bytes()]
+
+    return seeds
+
+
+def _our_log(folder: Path) -> list[bytes]:
+    return [_log_text(rows).encode() for rows in (3, ROWS)]
+
+
+def _log_text(rows: int) -> str:
+    names = ["t", "px", "py", "pz", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz"]
+    names += ["thrust", "tau_x", "tau_y", "tau_z"]
+    lines = [",".join(names)]
+    for k in range(rows):
+        values = [0.02 * k, 0.1 * k, 0, 1, 1, 0, 0, 0, 5, 0, 0, 0, 0, 0, 9.81, 0, 0, 0]
+        lines.append(",".join(map(repr, values)))
+    return "\n".join([*lines, ""])
+
+
+def _parquet(folder: Path) -> list[bytes]:
+    from pyarrow import csv, parquet
+
+    source, path = folder / "log.csv", folder / "log.parquet"
+    source.write_text(_log_text(ROWS))
+    parquet.write_table(csv.read_csv(source), path)
+    return [path.read_bytes()]
+
+
+def _neurobem(folder: Path) -> list[bytes]:
+    rest = (
+        TESTS.parent / "np_drake" / "logs" / "neurobem.py"
+    ).read_text()  # names of columns, for the fuzzer's words
+    return [FIRST_COLUMNS + b",x\n0,1,2\n", FIRST_COLUMNS + b"\n" + rest.encode()[:200]]
+
+
+def _array(folder: Path) -> list[bytes]:
+    np.save(folder / "a.npy", np.zeros((5, 40)))
+    return [(folder / "a.npy").read_bytes()]
+
+
+def _vehicle(folder: Path) -> list[bytes]:
+    content = yaml_dump(dc.asdict(Vehicle())).encode()
+    return [content, b"mass: 1.0\ninertia: [[0.01, 0, 0], [0, 0.01, 0], [0, 0, 0.02]]\n"]
+
+
+def _examples(pattern: str) -> Callable[[Path], list[bytes]]:
+    def seeds(folder: Path) -> list[bytes]:
+        found = sorted(path for root in (EXAMPLES, TESTS.parent / "diagrams") for path in root.rglob(pattern))
+        return [path.read_bytes() for path in found if path.stat().st_size < 20_000] or [b"{}"]
+
+    return seeds
+
+
+def _models(folder: Path) -> list[bytes]:
+    found = sorted((TESTS.parent / "np_drake").rglob("*.safetensors"))
+    return [path.read_bytes() for path in found if path.stat().st_size < 200_000] or [b"\0" * 16]
+
+
+def _json(folder: Path) -> list[bytes]:
+    answer = {"explanations": [{"effects": [], "probability": 1.0}], "readings": {"noise": {}}, "refit": None}
+    return [json.dumps(answer).encode(), b"[1, 2.5e3, null, true]", b'{"a": {"b": [{}]}}']
+
+
+def _report(path: Path) -> Any:
+    """Read the folder of a diagnosis whose report is this file."""
+    folder = path.parent / "report"
+    folder.mkdir(exist_ok=True)
+    (folder / "diagnosis.json").write_bytes(path.read_bytes())
+    (folder / "corrected.yaml").write_text("vehicle: {}\n")
+    return read_report(folder)
+
+
+def _map(folder: Path) -> list[bytes]:
+    return [b"columns:\n  t: {name: time, unit: s}\n  p: {names: [x, y, z], unit: m}\nframe: ENU\n"]
+
+
+def _track(folder: Path) -> list[bytes]:
+    return [b"x,y,z\n0,0,1\n1,0,1\n1,1,1\n", b"t,x,y,z\n0,0,0,1\n1,0,0,2\n2,0,0,1\n"]
+
+
+def _record(path: Path) -> Any:
+    return read_record(path, {"schema": "np_drake.campaign/1"})
+
+
+POSE = ("pose.position.x", "pose.position.y", "pose.position.z")
+ODOMETRY = {"/rpm": stream(*(f"data[{i}]" for i in range(4)))}
+COPTER = {"ATT": stream("Roll", "Pitch", "Yaw"), "IMU.0": stream("GyrX", "GyrY", "GyrZ")}
+PX4 = {
+    "vehicle_attitude": stream("q[0]", "q[1]", "q[2]", "q[3]"),
+    "vehicle_local_position": stream("x", "y", "z"),
+}
+
+TARGETS = {
+    target.name: target
+    for target in (
+        Target("log", ".csv", open_log, _our_log),
+        Target("log_gzip", ".csv.gz", open_log, lambda f: [gzip.compress(b, mtime=0) for b in _our_log(f)]),
+        Target("parquet", ".parquet", open_log, _parquet),
+        Target("neurobem", ".csv", open_log, _neurobem),
+        Target("array", ".npy", open_log, _array),
+        Target("table", ".csv", open_any, _written("table", "a.csv", {"table": stream("x", "y", "yaw")})),
+        Target(
+            "neural_fly",
+            ".csv",
+            open_any,
+            _written("neural_fly", "a.csv", {"flight": stream("p[0]", "q[0]")}),
+        ),
+        Target("ulog", ".ulg", open_any, _written("ulog", "a.ulg", PX4)),
+        Target("dataflash", ".bin", open_any, _written("dataflash", "a.bin", COPTER)),
+        Target(
+            "crazyflie", "", open_any, _written("crazyflie", "log00", {"estPose": stream("stateEstimate.x")})
+        ),
+        Target("ros1", ".bag", open_any, _written("ros", "a.bag", ODOMETRY)),
+        Target("ros2", ".mcap", open_any, _written("ros", "a.mcap", ODOMETRY)),
+        Target("sqlite", ".db3", open_any, _written("ros", "a.db3", ODOMETRY)),
+        Target("log_map", ".yaml", load_map_file, _map),
+        Target("vehicle", ".yaml", load_vehicle, _vehicle),
+        Target("scenario", ".yaml", lambda path: load_experiment(str(path)), _examples("*.yaml")),
+        Target("track", ".csv", lambda path: read_track(path, speed=1.0, ramp=1.0), _track),
+        Target("lifted_model", ".safetensors", load_model, _models),
+        Target("pendulum_model", ".safetensors", PendulumModel.load, _models),
+        Target("motion_model", ".safetensors", MotionModel.load, _models),
+        Target("json", ".json", read_json, _json),
+        Target("report", ".json", _report, _json),
+        Target("record", ".json", _record, _json),
+    )
+}
