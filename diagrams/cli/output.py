@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table as Grid
 
-from np_drake.atomic_file import require_writable, write_json, write_text
+from np_drake.atomic_file import is_regular, require_writable, write_json, write_text
 from np_drake.interruption import raise_again
 
 if TYPE_CHECKING:
@@ -120,11 +120,14 @@ def save_figure(figure: "Figure", path: Path) -> None:
 def require_outputs(*files: Path | None, folder: Path | None = None) -> None:
     """Check before long work that files and folder can be written, and create nothing.
 
-    Raises: OSError: if one cannot be written.
+    Raises: OSError: if one cannot be written; ValueError: if two are one.
     """
-    for path in files:
-        if path is not None:
-            require_writable(path)
+    named = [path for path in files if path is not None]
+    for path in named:
+        require_writable(path)
+    ordinary = [path.resolve() for path in named if is_regular(path)]
+    if twice := [path for path in ordinary if ordinary.count(path) > 1]:
+        raise ValueError(f"{twice[0]}: must be named by one option alone; two files are to be written there.")
     if folder is not None:
         require_folder(folder)
 

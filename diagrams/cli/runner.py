@@ -117,18 +117,16 @@ def reports(
         @functools.wraps(body)
         def verb(**given: Any) -> None:
             files, flown = ({name: given.pop(name) for name, *_ in group} for group in (last, first))
-            output.require_outputs(files["json"], files.get("markdown"), folder=files.get("out"))
-            written = {name: value for name, value in given.items() if value is not None and name in WRITTEN}
-            paths = [value for name, value in written.items() if name in own_files and is_regular(value)]
-            output.require_outputs(*paths)
-            folders = [files.get("out"), *(written[name] for name in written.keys() - own_files)]
-            for folder in folders[1:]:
+            written = {name: given[name] for name in WRITTEN if given.get(name) is not None}
+            paths = [path for name, path in written.items() if name in own_files]
+            folders = [path for name, path in written.items() if name not in own_files]
+            folders += [files["out"]] if files.get("out") else []
+            output.require_outputs(files["json"], files.get("markdown"), *paths)
+            for folder in folders:
                 output.require_outputs(folder=folder)
             workers = _workers(files.pop("jobs", 1), files.pop("scheduler", ""), files.get("out"))
-            with (
-                tempfile.TemporaryDirectory() as scratch,
-                lock_outputs([folder for folder in folders if folder is not None], paths),
-            ):
+            held = lock_outputs(folders, [path for path in paths if is_regular(path)])
+            with tempfile.TemporaryDirectory() as scratch, held:
                 this = run(files["seed"], files.get("out"), files["json"], Path(scratch), workers, **flown)
                 report = body(this, **given)
                 publish(dc.replace(report, notes=[*report.notes, *workers.cost()]), schema, **files)

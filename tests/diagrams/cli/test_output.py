@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pytest
 
 from diagrams.cli import output as dut
 
@@ -28,6 +29,15 @@ def test_without_a_file_no_metrics_are_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     dut.write_metrics(None, "fly", seed=0, config={})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_two_outputs_are_never_one_file(tmp_path):
+    (tmp_path / "link").symlink_to(tmp_path / "a")
+    for other in (tmp_path / "a", tmp_path / "." / "a", tmp_path / "link"):
+        with pytest.raises(ValueError, match="two files are to be written there"):
+            dut.require_outputs(tmp_path / "a", other)
+    dut.require_outputs(tmp_path / "a", tmp_path / "b", None)
+    assert [path.name for path in tmp_path.iterdir()] == ["link"]
 
 
 def test_progress_ends_at_a_hundred_percent(capsys):
