@@ -5,14 +5,15 @@ onsets, out-of-library effects and clean controls, in both sensor qualities. Whe
 hand, two diagnoses of them are compared as well.
 """
 
+import dataclasses as dc
 import json
 import tempfile
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from diagrams.batch.processes import in_order
+from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.workers import Workers, failures, results
 from diagrams.challenge.generate.case import CaseDraw, case_name
 from diagrams.challenge.generate.make import make_case
 from diagrams.challenge.score.schema import SchemaValidator, object_of, record, violation
@@ -91,7 +92,7 @@ def answer_all(
     names: Sequence[str],
     *,
     neurobem: Path | None = None,
-    jobs: int = 1,
+    workers: Workers | None = None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[str, dict[str, Any]]:
     """Return {case: answer} of these cases, and of the real flights where their folder is given.
@@ -103,13 +104,27 @@ def answer_all(
     if unknown:
         raise ValueError(f"golden: {unknown[0]!r} must be a case; `golden --list` shows their names.")
     tasks = [*names, *(f"{REAL}/{i}" for i in range(2) if neurobem is not None)]
-    return dict(
-        zip(
-            tasks,
-            in_order(partial(answer, neurobem=neurobem), tasks, jobs=jobs, on_progress=on_progress),
-            strict=True,
-        )
+    config = {"seed": SEED, "seconds": SECONDS, "neurobem": neurobem is not None}
+    records = (workers or Workers()).run(
+        Answering(neurobem and neurobem.resolve()),
+        [{"case": name} for name in tasks],
+        config=config,
+        on_progress=on_progress,
     )
+    if failed := failures(records):
+        raise FailedRun(f"golden: {failed[0]} ({len(failed)} of {len(tasks)} cases failed)")
+    return dict(zip(tasks, results(records), strict=True))
+
+
+@dc.dataclass(frozen=True)
+class Answering:
+    """Work of a case {"case": name} -> `answer`."""
+
+    neurobem: Path | None
+
+    def __call__(self, case: dict[str, Any]) -> dict[str, Any]:
+        """Answer the case."""
+        return answer(case["case"], self.neurobem)
 
 
 def answer(name: str, neurobem: Path | None = None) -> dict[str, Any]:

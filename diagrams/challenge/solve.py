@@ -1,15 +1,16 @@
 """Diagnoses every case of a challenge set, from its case folder alone."""
 
+import dataclasses as dc
 import gc
 import resource
 import time
-from collections.abc import Callable, Iterator, Sequence
-from functools import cache, partial
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from diagrams.batch.failed_run import one_line
-from diagrams.batch.processes import as_they_finish
+from diagrams.batch.campaign import Case
+from diagrams.batch.workers import Workers
 from diagrams.challenge.score.answered_case import ANSWER_FILE
 from np_drake.atomic_file import write_json
 from np_drake.diagnosis.diagnose import diagnose
@@ -25,31 +26,39 @@ def solve(
     cases: Path,
     answers: Path,
     *,
-    jobs: int = 1,
+    workers: Workers | None = None,
     replay: bool = False,
     again: bool = False,
-    on_progress: Callable[[int, str], None] | None = None,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[str, Any]:
     """Writes <answers>/<case>/diagnosis.json for every case folder in `cases`; whole answers that are there stay.
 
-    Args: replay: in Drake too.   again: solve what is solved.   on_progress: called with cases done and the last.
+    Args: workers: read `cases` under the same path.   replay: in Drake too.   again: solve what is solved.
     Returns: {"cases": all, "skipped": solved before, "solved": [{"case", "wall" [s], "peak_memory" [byte]}],
         "failed": [{"case", "error": one line}]}, sorted by case.
-    Raises: ValueError: if `cases` holds no case folder.
+    Raises: ValueError: if `cases` holds no case folder, or a file is in an answer's place; OSError: if an answer
+        cannot be written.
     """
     folders = case_folders(cases)
+    for folder in folders:
+        require_place(answers / folder.name)
     left = [f for f in folders if again or kept_json(answers / f.name / ANSWER_FILE) is None]
-    rows: list[dict[str, Any]] = []
-    for row in solve_all(left, answers, jobs, replay):
-        rows.append(row)
-        if on_progress is not None:
-            on_progress(len(rows), row["case"])
-    rows.sort(key=lambda row: row["case"])
+
+    def keep(case: Case, result: dict) -> dict:
+        return write_answer(answers / case["case"], result)
+
+    records = (workers or Workers()).run(
+        Solving(cases.resolve(), replay),
+        [{"case": folder.name} for folder in left],
+        config={"replay": replay},
+        keep=keep,
+        on_progress=on_progress,
+    )
     return {
         "cases": len(folders),
         "skipped": len(folders) - len(left),
-        "solved": [row for row in rows if "error" not in row],
-        "failed": [row for row in rows if "error" in row],
+        "solved": [{**r["case"], **r["result"]} for r in records if "result" in r],
+        "failed": [{**r["case"], "error": r["error"]} for r in records if "error" in r],
     }
 
 
@@ -65,38 +74,42 @@ def case_folders(cases: Path) -> list[Path]:
     return found
 
 
-def solve_all(folders: Sequence[Path], answers: Path, jobs: int, replay: bool) -> Iterator[dict[str, Any]]:
-    """A row a case, as they finish. Where a process dies, that case is lost."""
-    work = partial(solve_case, answers=answers, replay=replay)
-    for number, outcome in as_they_finish(work, folders, jobs=jobs):
-        if outcome.error is None:
-            yield outcome.value
-        else:
-            yield {"case": folders[number].name, "error": one_line(outcome.error)}
+@dc.dataclass(frozen=True)
+class Solving:
+    """Work of a case {"case": folder's name} -> {"answer": content of diagnosis.json, "cost"}; writes nothing.
 
-
-def solve_case(folder: Path, answers: Path, replay: bool) -> dict[str, Any]:
-    """Diagnose one case and write its answer and cost into `answers`; a failure is in the row, never raised.
-
-    The peak is of this process, which may have solved other cases before.
+    The peak of memory is of the process, which may have solved other cases before.
     """
-    try:
-        return _solve(folder, answers / folder.name, replay)
-    except Exception as error:
-        return {"case": folder.name, "error": one_line(error)}
+
+    cases: Path
+    replay: bool = False
+
+    def __call__(self, case: Case) -> dict:
+        """Diagnose the case."""
+        start = time.perf_counter()
+        answer = diagnose_folder(self.cases / case["case"], self.replay)
+        wall = time.perf_counter() - start
+        return {
+            "answer": answer,
+            "cost": {"wall": wall, "peak_memory": peak_memory(), "replay": self.replay},
+        }
 
 
-def _solve(folder: Path, out: Path, replay: bool) -> dict[str, Any]:
-    """The row of a case that is answered. Raises before the diagnosis where the answer has no place."""
-    start = time.perf_counter()
+def require_place(out: Path) -> None:
+    """Check before a diagnosis that its answer has a place.
+
+    Raises: NotADirectoryError: where there is a file.
+    """
     if out.exists() and not out.is_dir():
         raise NotADirectoryError(f"{out}: must be a folder for the answer; it is a file. Move it away.")
-    answer = diagnose_folder(folder, replay)
+
+
+def write_answer(out: Path, result: dict) -> dict:
+    """Write answer and cost of a case into its folder, the answer last, and return the cost."""
     out.mkdir(parents=True, exist_ok=True)
-    cost = {"wall": time.perf_counter() - start, "peak_memory": peak_memory(), "replay": replay}
-    write_json(out / COST, cost)
-    write_json(out / ANSWER_FILE, answer)
-    return {"case": folder.name, **cost}
+    write_json(out / COST, result["cost"])
+    write_json(out / ANSWER_FILE, result["answer"])
+    return result["cost"]
 
 
 def peak_memory() -> int:

@@ -2,7 +2,9 @@
 
 from collections.abc import Callable
 
-from diagrams.loop.experiments import load_experiment
+from diagrams.batch.campaign import Case
+from diagrams.batch.workers import Workers, results
+from diagrams.loop.experiments import load_experiment, settings_of
 from diagrams.loop.flight_result import fly
 from np_drake.lifting.metrics.tether_length import Pendulum, pendulum_length
 from np_drake.logs.training_segments import training_segments
@@ -30,20 +32,33 @@ def fly_and_read(
     return pendulum_length(segments, gravity=config.vehicle.gravity, seed=seed)
 
 
-def pendulum_table(*, seed: int, on_progress: Callable[[int, int], None] = lambda *_: None) -> list[dict]:
-    """Return one line for every experiment and length; flights draw `seed`."""
-    lines = []
-    cases = [(experiment, length) for experiment in EXPERIMENTS for length in LENGTHS]
-    for done, (experiment, length) in enumerate(cases):
-        on_progress(done, len(cases))
-        found = fly_and_read(experiment, length=length, seed=seed)
-        lines.append(
-            {
-                "flight": experiment, "length": length, "found": found.length if found.shown else None,
-                "frequency": found.mode.frequency if found.mode else None,
-                "damping": found.mode.damping if found.mode else None,
-                "motion": found.motion, "text": found.text,
-            }
-        )  # fmt: skip
-    on_progress(len(cases), len(cases))
-    return lines
+def pendulum_table(
+    *,
+    seed: int,
+    workers: Workers | None = None,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
+) -> list[dict]:
+    """Return one line for every experiment and length; flights draw `seed`.
+
+    Lines without a result are missing; the records of `workers` say why.
+    Raises: FailedRun: if no flight has a result.
+    """
+    cases = [
+        {"flight": experiment, "length": length, "seed": seed}
+        for experiment in EXPERIMENTS
+        for length in LENGTHS
+    ]
+    config = {name: settings_of(load_experiment(name)) for name in EXPERIMENTS}
+    records = (workers or Workers()).run(line_of, cases, config=config, on_progress=on_progress)
+    return results(records)
+
+
+def line_of(case: Case) -> dict:
+    """Return the line of the case {"flight", "length", "seed"}."""
+    found = fly_and_read(case["flight"], length=case["length"], seed=case["seed"])
+    return {
+        "flight": case["flight"], "length": case["length"], "found": found.length if found.shown else None,
+        "frequency": found.mode.frequency if found.mode else None,
+        "damping": found.mode.damping if found.mode else None,
+        "motion": found.motion, "text": found.text,
+    }  # fmt: skip

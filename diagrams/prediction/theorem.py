@@ -5,7 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from diagrams.batch.processes import in_order
+from diagrams.batch.campaign import Case
+from diagrams.batch.workers import Workers, results
 from diagrams.prediction.array_flights import Flight
 from np_drake.lifting.bounds.bound_check import BoundCheck, check_flight
 from np_drake.lifting.bounds.error_bound import largest_changes
@@ -41,12 +42,15 @@ def broken_models(model: LiftedModel) -> dict[str, tuple[LiftedModel, dict]]:
 
 
 def bound_table(
-    models: dict[str, LiftedModel], flown: list[Flight], *, spacing: int = 1, jobs: int = 1,
-    on_progress: Callable[[int, int], None] = lambda *_: None,
+    models: dict[str, LiftedModel], flown: list[Flight], *, spacing: int = 1, config: dict | None = None,
+    workers: Workers | None = None, on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> list[dict]:  # fmt: skip
     """Return one line for every model, flight and source of the alphas, and one for every broken model.
 
+    Lines without a result are missing; the records of `workers` say why.
     Args: models: configuration -> trained model.   spacing: samples between windows; 1 is every window.
+    config: what the models depend on, as of `run_campaign`.
+    Raises: FailedRun: if no line has a result.
     """
     tasks = [task for name, model in models.items() for task in _tasks(name, model, flown, spacing)]
     for name, (model, settings) in broken_models(models["paper"]).items():
@@ -55,7 +59,36 @@ def bound_table(
     half = tuple(alpha / 2 for alpha in _changes(models["paper"], flown[0]))
     arguments = {"model": models["paper"], "spacing": BROKEN_SPACING, "alpha": half}
     tasks.append(_Task("alphas halved", flown[0].name, "half", {**_arrays(flown[0]), **arguments}))
-    return in_order(_line, tasks, jobs=jobs, on_progress=on_progress)
+    cases = [{"model": task.model, "flight": task.flight, "alpha": task.alpha} for task in tasks]
+    records = (workers or Workers()).run(
+        _Checking(tuple(tasks)), cases, config={"spacing": spacing, **(config or {})}, on_progress=on_progress
+    )
+    return [_read(line) for line in results(records)]
+
+
+@dc.dataclass(frozen=True)
+class _Checking:
+    """Work of a case {"model", "flight", "alpha"} -> its line."""
+
+    tasks: tuple[_Task, ...]
+
+    def __call__(self, case: Case) -> dict:
+        named = (case["model"], case["flight"], case["alpha"])
+        return _line(next(task for task in self.tasks if (task.model, task.flight, task.alpha) == named))
+
+
+def _read(line: dict) -> dict:
+    """Return a line as computed from a record: steps are numbers, and what has no value is NaN."""
+
+    def number(value: float | None) -> float:
+        return np.nan if value is None else value
+
+    tightness = {
+        kind: {int(step): [number(v) for v in values] for step, values in of.items()}
+        for kind, of in line["tightness"].items()
+    }
+    plain = {name: number(value) for name, value in line.items() if name != "tightness"}
+    return {**plain, "tightness": tightness}
 
 
 def _tasks(name: str, model: LiftedModel, flown: list[Flight], spacing: int) -> list[_Task]:

@@ -1,16 +1,18 @@
 """Makes a challenge set: case folders here, their truth elsewhere."""
 
 import dataclasses as dc
+import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
-
-from joblib import Parallel, delayed
+from typing import Any
 
 from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.workers import Workers
 from diagrams.challenge.generate.case import FILES, NOISE, Case, CaseDraw, case_name, draw_case
 from diagrams.challenge.generate.composition import TWO_AT_ONCE, compose
 from diagrams.challenge.generate.ground_truth import (
@@ -24,11 +26,13 @@ from diagrams.challenge.generate.sensor_quality import kept_rows, rows_of, with_
 from diagrams.challenge.generate.vehicles import vehicle_file
 from diagrams.challenge.simulators.rotorpy import optional_import
 from np_drake.atomic_file import write_json, write_text
+from np_drake.logs.case_folder import VEHICLE
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.import_sheet import write_sheet
 from np_drake.logs.log_file import write_log
 
 ATTEMPTS = 12  # draws of one case before the set fails
+TRUTH_FILE = "truth.json"
 QUALITIES = ("clean", "real", "wild")
 
 
@@ -50,10 +54,12 @@ def make(
     seconds: float = 20.0,
     seed: int = 0,
     unseen: bool = False,
-    jobs: int = 1,
-    on_progress: Callable[[int], None] | None = None,
+    workers: Workers | None = None,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict:
     """Writes `cases` + `clean` case folders into `out` and as many truths into `truth`.
+
+    Cases of the same request that are there already stay.
 
     unseen: all `cases` have an out-of-library effect that is held out from other sets.
     Returns: {"written", "kinds": {kind: count}, "redrawn": how many draws were lost on the way, "lost": which}.
@@ -63,42 +69,95 @@ def make(
     require_no_other_set(out, truth, seed=seed, cases=cases + clean)
     for folder in (out, truth):
         folder.mkdir(parents=True, exist_ok=True)
-    two = TWO_AT_ONCE if quality == "wild" else 0.0
-    draws = compose(cases, clean, seed, unseen=unseen, two=two)
-    options = {"simulator": simulator, "quality": quality, "seconds": seconds, "seed": seed}
-    work = (delayed(make_case)(draw, out, truth, **options) for draw in draws)
+    draws = compose(cases, clean, seed, unseen=unseen, two=TWO_AT_ONCE if quality == "wild" else 0.0)
+    making = Making(simulator, quality, seconds, seed)
+    left = [draw for draw in draws if not making.is_there(draw, out, truth)]
+
+    def keep(case: dict, result: dict) -> dict:
+        write_case(result, out, truth)
+        return {}
+
+    records = (workers or Workers()).run(
+        making, [dc.asdict(draw) for draw in left], config={}, keep=keep, on_progress=on_progress
+    )
+    if failed := [record["error"] for record in records if "error" in record]:
+        raise FailedRun(f"{failed[0]} ({len(failed)} of {len(draws)} cases failed)")
+    return set_summary(draws, truth, seed)
+
+
+def set_summary(draws: Sequence[CaseDraw], truth: Path, seed: int) -> dict:
+    """Return what `make` returns of a whole set."""
     lost: dict[str, int] = {}
-    attempts = Parallel(n_jobs=jobs, return_as="generator")(work)
-    for done, (draw, count) in enumerate(zip(draws, attempts, strict=True), start=1):
-        if count:
+    for draw in draws:
+        content = json.loads((truth / case_name(seed, draw.index) / TRUTH_FILE).read_text(encoding="utf-8"))
+        if content["attempt"]:
             name = " + ".join(draw.names) or draw.kind
-            lost[name] = lost.get(name, 0) + count
-        if on_progress is not None:
-            on_progress(done)
+            lost[name] = lost.get(name, 0) + content["attempt"]
     kinds = {kind: sum(draw.kind == kind for draw in draws) for kind in sorted({d.kind for d in draws})}
     return {"written": len(draws), "kinds": kinds, "redrawn": sum(lost.values()), "lost": lost}
 
 
-def make_case(
-    draw: CaseDraw, out: Path, truth: Path, *, simulator: str, quality: str, seconds: float, seed: int
-) -> int:
-    """Draws a case until its vehicle is not lost and no library effect explains it, and writes it.
+@dc.dataclass(frozen=True)
+class Making:
+    """Work of a case, the fields of a `CaseDraw` -> {"name", "files": text by name, "truth"}; writes nothing here."""
 
+    simulator: str
+    quality: str
+    seconds: float
+    seed: int
+
+    def __call__(self, case: dict) -> dict:
+        """Draw the case until its vehicle is not lost and no library effect explains it.
+
+        Raises: FailedRun: if no draw can be flown.
+        """
+        draw = CaseDraw(**{**case, "names": tuple(case["names"])})
+        last: FailedRun | None = None
+        for attempt in range(ATTEMPTS):
+            drawn = draw_case(
+                dc.replace(draw, attempt=attempt),
+                quality=self.quality,
+                seed=self.seed,
+                seconds=self.seconds,
+            )
+            try:
+                exact, noisy = fly_case(drawn, self.simulator)
+                flights = flight_pairs(drawn, exact, noisy)
+                require_no_library_equivalent(drawn, flights)
+            except FailedRun as error:
+                last = error
+                continue
+            asked = {"seconds": self.seconds, "version": version("np_drake")}
+            return {
+                "name": drawn.name,
+                "files": case_files(drawn, noisy),
+                "truth": {**truth(drawn, self.simulator, flights), **asked},
+            }
+        raise FailedRun(f"make: no draw of {draw.names} could be flown; the last: {last}")
+
+    def is_there(self, draw: CaseDraw, out: Path, truth: Path) -> bool:
+        """Return whether both folders of the case are there and of this request."""
+        name = case_name(self.seed, draw.index)
+        if not (out / name / VEHICLE).is_file():
+            return False
+        try:
+            found = json.loads((truth / name / TRUTH_FILE).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return False
+        asked = {**dc.asdict(self), "kind": draw.kind, "version": version("np_drake")}
+        named = {effect["effect"] for effect in found.get("effects", ())}
+        return all(found.get(key) == value for key, value in asked.items()) and set(draw.names) <= named
+
+
+def make_case(draw: CaseDraw, out: Path, truth: Path, **request: Any) -> int:
+    """Make one case and write it.
+
+    Args: request: fields of `Making`.
     Returns: how many draws were lost.
     """
-    last: FailedRun | None = None
-    for attempt in range(ATTEMPTS):
-        case = draw_case(dc.replace(draw, attempt=attempt), quality=quality, seed=seed, seconds=seconds)
-        try:
-            exact, noisy = fly_case(case, simulator)
-            flights = flight_pairs(case, exact, noisy)
-            require_no_library_equivalent(case, flights)
-        except FailedRun as error:
-            last = error
-            continue
-        write_case(case, simulator, noisy, flights, out, truth)
-        return attempt
-    raise FailedRun(f"make: no draw of {draw.names} could be flown; the last: {last}")
+    made = Making(**request)(dc.asdict(draw))
+    write_case(made, out, truth)
+    return made["truth"]["attempt"]
 
 
 def fly_case(case: Case, simulator: str) -> tuple[dict[str, FlightLog], dict[str, FlightLog]]:
@@ -139,32 +198,38 @@ def require_no_library_equivalent(case: Case, flights: dict[str, FlightPair]) ->
         raise FailedRun(f"make: {' with '.join(case.draw.names)} must be no {names[0]} where it is flown.")
 
 
-def write_case(
-    case: Case,
-    simulator: str,
-    noisy: dict[str, FlightLog],
-    flights: dict[str, FlightPair],
-    out: Path,
-    truth_folder: Path,
-) -> None:
-    """Write both folders, each whole or not at all."""
-    with whole_folder(truth_folder / case.name) as folder:
-        write_json(folder / "truth.json", truth(case, simulator, flights))
-    with whole_folder(out / case.name) as folder:
-        write_text(folder / "vehicle.yaml", vehicle_file(case.vehicle))
+def case_files(case: Case, noisy: dict[str, FlightLog]) -> dict[str, str]:
+    """Return the text of every file of a case folder by its name."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        write_text(folder / VEHICLE, vehicle_file(case.vehicle))
         for file in FILES:
             write_log(noisy[file], folder / file)
             if (sheet := case.input.sheet(noisy[file].step)) is not None:
                 write_sheet(sheet, folder / file)
+        return {path.name: path.read_bytes().decode() for path in sorted(folder.iterdir())}
+
+
+def write_case(made: dict, out: Path, truth: Path) -> None:
+    """Write both folders of what a `Making` returned, each whole or not at all."""
+    with whole_folder(truth / made["name"]) as folder:
+        write_json(folder / TRUTH_FILE, made["truth"])
+    with whole_folder(out / made["name"]) as folder:
+        for name, text in made["files"].items():
+            (folder / name).write_bytes(text.encode())
 
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Yield a temporary folder beside `path` that takes its name at the end; an older folder gives way."""
-    temporary = Path(tempfile.mkdtemp(prefix=".", dir=path.parent))
+    """Yield a temporary folder beside `path` that takes its name at the end; an older folder gives way.
+
+    Its name is that of `path` behind a dot, so that what a killed run left is taken away.
+    """
+    temporary = path.with_name(f".{path.name}")
+    shutil.rmtree(temporary, ignore_errors=True)
+    temporary.mkdir()
     try:
         yield temporary
-        temporary.chmod(0o755)
         if path.exists():
             shutil.rmtree(path)
         os.replace(temporary, path)
@@ -175,6 +240,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
 def require_no_other_set(out: Path, truth: Path, *, seed: int, cases: int) -> None:
     """Raise ValueError where a folder holds what is not of this set: two sets could not be told apart there."""
     own = {case_name(seed, index) for index in range(cases)}
+    own |= {f".{name}" for name in own}  # of a run that was killed
     for folder in (out, truth):
         others = sorted({path.name for path in folder.glob("[!.]*")} - own) if folder.is_dir() else []
         if others:

@@ -4,14 +4,13 @@ import dataclasses as dc
 import itertools
 import tempfile
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.processes import in_order
+from diagrams.batch.workers import Workers, results
 from diagrams.challenge.generate.magnitudes import COMPANION_DRAG, MAGNITUDES
 from diagrams.challenge.generate.sensor_quality import SensorQuality, draw_sensor_quality, with_sensor_noise
 from diagrams.challenge.generate.trajectories import draw_plan
@@ -88,16 +87,28 @@ def _pairs() -> Iterator[tuple[str, str]]:
 
 
 def answer_conventions(
-    logs: int, *, seed: int, jobs: int = 1, on_progress: Progress = lambda done, total: None
+    logs: int,
+    *,
+    seed: int,
+    workers: Workers | None = None,
+    on_progress: Progress = lambda done, total: None,
 ) -> list[WrongLog]:
     """Fly, write and import so many logs.
 
-    Raises: FailedRun: where a flight cannot be flown.
+    Logs of a flight without a result are missing; the records of `workers` say why.
+    Raises: FailedRun: if no flight has a result.
     """
     errors = errors_of(logs, seed)
-    tasks = [(index, errors[index::FLIGHTS]) for index in range(min(FLIGHTS, logs))]
-    found = in_order(partial(_answer, seed=seed), tasks, jobs=jobs, on_progress=on_progress)
-    return sorted((log for logs_ in found for log in logs_), key=lambda log: errors.index(log.errors))
+    cases = [
+        {"index": index, "errors": errors[index::FLIGHTS], "seed": seed}
+        for index in range(min(FLIGHTS, logs))
+    ]
+    records = (workers or Workers()).run(
+        answer, cases, config={"part": "conventions"}, part="conventions", on_progress=on_progress
+    )
+    rows = [row for result in results(records) for row in result["logs"]]
+    found = [WrongLog(**row | {"errors": tuple(row["errors"])}) for row in rows]
+    return sorted(found, key=lambda log: errors.index(log.errors))
 
 
 def flight(index: int, seed: int) -> tuple[str, FlightLog]:
@@ -136,10 +147,10 @@ def _draw_flight(index: int, rng: np.random.Generator) -> tuple[str, FlightLog]:
     return kind, with_sensor_noise(log, vehicle, sensors, rng)
 
 
-def _answer(task: tuple[int, list[tuple[str, ...]]], *, seed: int) -> list[WrongLog]:
-    index, all_errors = task
-    kind, log = flight(index, seed)
-    return [_answer_one(errors, kind, log) for errors in all_errors]
+def answer(case: dict[str, Any]) -> dict[str, Any]:
+    """Return {"logs": as JSON} of the flight {"index", "errors": of every log, "seed"}."""
+    kind, log = flight(case["index"], case["seed"])
+    return {"logs": [_answer_one(tuple(errors), kind, log).row() for errors in case["errors"]]}
 
 
 def _answer_one(errors: tuple[str, ...], kind: str, log: FlightLog) -> WrongLog:

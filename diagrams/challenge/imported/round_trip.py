@@ -4,14 +4,13 @@ import dataclasses as dc
 import itertools
 import tempfile
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
-from diagrams.batch.processes import in_order
+from diagrams.batch.workers import Workers, results
 from diagrams.challenge.generate.logged_input import FINER, SEMANTICS, as_logged, with_input
 from diagrams.challenge.generate.sensor_quality import SensorQuality, with_sensor_noise
 from diagrams.challenge.generate.trajectories import draw_plan
@@ -91,18 +90,34 @@ def tasks(*, full: bool) -> list[Task]:
 
 
 def answer_round_trips(
-    *, seed: int, full: bool = False, jobs: int = 1, on_progress: Progress = lambda done, total: None
+    *,
+    seed: int,
+    full: bool = False,
+    workers: Workers | None = None,
+    on_progress: Progress = lambda done, total: None,
 ) -> list[RoundTrip]:
     """Fly, write, import and diagnose the combinations.
 
-    Raises: FailedRun: where a flight cannot be flown; LogError: where a log is refused.
+    Those without a result are missing; the records of `workers` say why.
+    Raises: FailedRun: if none has a result.
     """
-    found = in_order(partial(_answer, seed=seed), tasks(full=full), jobs=jobs, on_progress=on_progress)
-    return [trip for trips in found for trip in trips]
+    cases = [{"task": task, "seed": seed} for task in tasks(full=full)]
+    records = (workers or Workers()).run(
+        answer, cases, config={"part": "round-trip"}, part="round-trip", on_progress=on_progress
+    )
+    return [_read(row) for result in results(records) for row in result["trips"]]
 
 
-def _answer(task: Task, *, seed: int) -> list[RoundTrip]:
-    number, effect, rate, semantics, kind = task
+def _read(row: dict[str, Any]) -> RoundTrip:
+    """Return the combination that `row` gave."""
+    outside = {name: tuple(values) for name, values in row["outside"].items()}
+    names = {name: tuple(row[name]) for name in ("original", "imported")}
+    return RoundTrip(**{**row, **names, "outside": outside})
+
+
+def answer(case: dict[str, Any]) -> dict[str, Any]:
+    """Return {"trips": as JSON} of the case {"task", "seed"}."""
+    (number, effect, rate, semantics, kind), seed = case["task"], case["seed"]
     rng = np.random.default_rng([seed, 2, number])
     drawn = draw_vehicle(rng, SensorQuality().stated_noise())
     vehicle = dc.replace(drawn, command_timing="unknown")
@@ -125,7 +140,7 @@ def _answer(task: Task, *, seed: int) -> list[RoundTrip]:
             trips.append(
                 _compared(original, _diagnosed(folder, vehicle), effect, kind, frames, rate, semantics)
             )
-    return trips
+    return {"trips": [trip.row() for trip in trips]}
 
 
 def _flown(vehicle: Vehicle, effect: Effect, plan: str, rate: int, rng: np.random.Generator) -> FlightLog:

@@ -3,13 +3,12 @@
 import dataclasses as dc
 import tempfile
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from diagrams.batch.processes import in_order
+from diagrams.batch.workers import Workers, results
 from diagrams.challenge.generate.case import FILES, CaseDraw, draw_case
 from diagrams.challenge.generate.make import fly_case
 from diagrams.challenge.generate.sensor_quality import rows_of
@@ -42,19 +41,31 @@ class ThinnedCase:
 
 
 def answer_thinned(
-    flights: int, *, seed: int, seconds: float = SECONDS, jobs: int = 1, on_progress: Progress
+    flights: int,
+    *,
+    seed: int,
+    seconds: float = SECONDS,
+    workers: Workers | None = None,
+    on_progress: Progress = lambda done, total: None,
 ) -> list[ThinnedCase]:
     """Fly, thin and diagnose at least so many clean flights, three to a case.
 
-    Raises: FailedRun: where a case cannot be flown.
+    Cases without a result are missing; the records of `workers` say why.
+    Raises: FailedRun: if no case has a result.
     """
-    cases = range(-(-flights // len(FILES)))
-    return in_order(
-        partial(_answer, seed=seed, seconds=seconds), list(cases), jobs=jobs, on_progress=on_progress
+    cases = [{"index": index, "seed": seed, "seconds": seconds} for index in range(-(-flights // len(FILES)))]
+    records = (workers or Workers()).run(
+        answer, cases, config={"part": "thinned"}, part="thinned", on_progress=on_progress
     )
+    return [
+        ThinnedCase(**row | {name: tuple(row[name]) for name in ("verdict", "naive")})
+        for row in results(records)
+    ]
 
 
-def _answer(index: int, *, seed: int, seconds: float) -> ThinnedCase:
+def answer(work: dict[str, Any]) -> dict[str, Any]:
+    """Return the answers to the case {"index", "seed", "seconds"} as JSON."""
+    index, seed, seconds = work["index"], work["seed"], work["seconds"]
     simulator, quality = SETTINGS[index % len(SETTINGS)]
     kept = KEPT[index % len(KEPT)]
     case = draw_case(CaseDraw(index, "clean"), quality=quality, seed=seed, seconds=seconds)
@@ -68,11 +79,11 @@ def _answer(index: int, *, seed: int, seconds: float) -> ThinnedCase:
         vehicle, train, held_out = open_case(folder)
     found = diagnose(vehicle, train, held_out)
     naive = diagnose(dc.replace(vehicle, command_timing="held"), train, held_out)
-    return ThinnedCase(index, simulator, quality, kept, found.verdict, naive.verdict)
+    return ThinnedCase(index, simulator, quality, kept, found.verdict, naive.verdict).row()
 
 
-def count(cases: list[ThinnedCase], answer: str) -> tuple[int, int]:
+def count(cases: list[ThinnedCase], answered: str) -> tuple[int, int]:
     """Return in how many cases an answer (`verdict`, `naive`) names a cause of timing, and any other cause."""
-    timed = sum(bool(set(getattr(case, answer)) & set(TIMING)) for case in cases)
-    other = sum(bool(set(getattr(case, answer)) - set(TIMING)) for case in cases)
+    timed = sum(bool(set(getattr(case, answered)) & set(TIMING)) for case in cases)
+    other = sum(bool(set(getattr(case, answered)) - set(TIMING)) for case in cases)
     return timed, other

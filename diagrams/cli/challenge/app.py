@@ -6,10 +6,9 @@ from typing import Annotated
 import typer
 from typer import Option
 
-from diagrams.cli import options
 from diagrams.cli.challenge import active, compare, golden, logs, score, solve
-from diagrams.cli.output import progress, require_folder
-from diagrams.cli.runner import Report, Run, reports
+from diagrams.cli.output import require_folder
+from diagrams.cli.runner import Report, Run, counting, reports
 
 challenge = typer.Typer(help="Withheld-effect challenge sets.", add_completion=False, rich_markup_mode=None)
 challenge.command("solve")(solve.solve)
@@ -21,7 +20,7 @@ challenge.command("active")(active.active)
 
 
 @challenge.command("make")
-@reports("challenge_make", seed=0, markdown=False)
+@reports("challenge_make", seed=0, markdown=False, many=True)
 def make(
     run: Run,
     out: Annotated[Path, Option(metavar="DIR", help="Folder for the case folders.")],
@@ -34,9 +33,11 @@ def make(
     unseen: Annotated[
         bool, Option("--unseen", help="Out-of-library effects alone, of kinds in no other set.")
     ] = False,
-    jobs: options.Jobs = 1,
 ) -> Report:
-    """Fly and write a set: about half single effects, then pairs, triples, onsets in flight, out-of-library effects."""
+    """Fly and write a set: about half single effects, then pairs, triples, onsets in flight, out-of-library effects.
+
+    Cases of the same request that are there already stay, so that an interrupted run goes on.
+    """
     from diagrams.challenge.generate.make import check_request, require_no_other_set
     from diagrams.challenge.generate.make import make as fly_set
 
@@ -46,8 +47,8 @@ def make(
     require_no_other_set(out, truth, seed=run.seed, cases=cases + clean)
     config = {"simulator": simulator, "quality": quality, "cases": cases, "clean": clean, "seconds": seconds}
     config["unseen"] = unseen
-    with progress(f"flying {cases + clean} cases", cases + clean) as advance:
-        result = fly_set(out, truth, seed=run.seed, jobs=jobs, on_progress=advance, **config)  # type: ignore[arg-type]
+    with counting("flying", "cases") as on_progress:
+        result = fly_set(out, truth, seed=run.seed, workers=run.workers, on_progress=on_progress, **config)  # type: ignore[arg-type]
     kinds = ", ".join(f"{count} {kind}" for kind, count in result["kinds"].items())
     said = f"cases: {out} ({kinds}); truth: {truth}; redrawn: {result['redrawn']}"
     return Report([], config=config, metrics=result, lines=[said])

@@ -18,13 +18,18 @@ def golden(
     out: Annotated[Path | None, Option(metavar="FILE", help="Write the answers.")] = None,
     tolerance: Annotated[float, Option(min=0.0, max=1.0, help="Largest relative difference.")] = 1e-6,
     names: Annotated[bool, Option("--list", help="Print the names of the cases and leave.")] = False,
-    jobs: options.Jobs = 2,
+    jobs: options.Jobs = options.DEFAULT_JOBS,
+    scheduler: options.Scheduler = "",
+    resume: Annotated[
+        Path | None, Option("--resume", metavar="DIR", help="Folder for a file a case, to resume from.")
+    ] = None,
     neurobem: options.Neurobem = None,
     seed: options.Undrawn = 0,
 ) -> None:
     """Fly and diagnose frozen cases; with --against FILE exit code 1 where an answer differs from it."""
-    require_outputs(out)
+    require_outputs(out, folder=resume)
     from diagrams.batch.failed_run import FailedRun
+    from diagrams.batch.workers import Workers
     from diagrams.challenge import golden as check
 
     if names:
@@ -32,8 +37,10 @@ def golden(
         return
     reference = check.read_answers(against) if against is not None else {}
     chosen = only or list(check.golden_cases())
+    workers = Workers(jobs, scheduler, resume).check()
     with counting("frozen cases", "cases") as on_progress:
-        answers = check.answer_all(chosen, neurobem=neurobem, jobs=jobs, on_progress=on_progress)
+        answers = check.answer_all(chosen, neurobem=neurobem, workers=workers, on_progress=on_progress)
+    say(*workers.cost())
     if out is not None:
         check.write_answers(out, answers)
         say(f"answers: {out}")

@@ -5,13 +5,14 @@ from typing import Annotated, Any
 
 from typer import Option
 
+from diagrams.batch.workers import Workers, failures
 from diagrams.cli import options
 from diagrams.cli.runner import Report, Run, counting, reports
 
 PARTS = ("thinned", "conventions", "round-trip")
 
 
-@reports("challenge_logs", seed=3700)
+@reports("challenge_logs", seed=3700, out=options.OutOfCases, many=True)
 def logs(
     run: Run,
     flights: Annotated[
@@ -22,7 +23,6 @@ def logs(
         list[str] | None, Option("--only", metavar="PART", help=f"Of {', '.join(PARTS)}.")
     ] = None,
     full: Annotated[bool, Option("--full", help="Round trips under every effect; hours.")] = False,
-    jobs: options.Jobs = 1,
 ) -> Report:
     """Thin clean logs, write logs in wrong conventions and round trips through files, and count what is answered."""
     parts = tuple(only or PARTS)
@@ -37,19 +37,20 @@ def logs(
     tables: list[Any] = []
     metrics: dict[str, Any] = {}
     for part in parts:
-        table, values = bodies[part](run.seed, flights=flights, wrong=wrong, full=full, jobs=jobs)
+        table, values = bodies[part](run.seed, flights=flights, wrong=wrong, full=full, workers=run.workers)
         tables.append(table)
         metrics[part] = values
     config = {"flights": flights, "wrong": wrong, "full": full, "only": list(parts)}
     shown = ", ".join(f"{name} {value}" for name, value in config.items() if name != "only")
-    return Report(tables, config, metrics, summary=[f"seed {run.seed}, {shown}"])
+    notes = failures(run.workers.finished)
+    return Report(tables, config, metrics, summary=[f"seed {run.seed}, {shown}"], notes=notes)
 
 
-def _thinned(seed: int, *, flights: int, jobs: int, **_: Any) -> tuple[Any, Any]:
+def _thinned(seed: int, *, flights: int, workers: Workers, **_: Any) -> tuple[Any, Any]:
     from diagrams.challenge.imported import thinned
 
     with counting("thinned logs", "cases") as tell:
-        cases = thinned.answer_thinned(flights, seed=seed, jobs=jobs, on_progress=tell)
+        cases = thinned.answer_thinned(flights, seed=seed, workers=workers, on_progress=tell)
     rows = []
     for answer, text in (("verdict", "as it is"), ("naive", "without detection of timing")):
         timed, other = thinned.count(cases, answer)
@@ -59,11 +60,11 @@ def _thinned(seed: int, *, flights: int, jobs: int, **_: Any) -> tuple[Any, Any]
     return (title, header, rows), [case.row() for case in cases]
 
 
-def _conventions(seed: int, *, wrong: int, jobs: int, **_: Any) -> tuple[Any, Any]:
+def _conventions(seed: int, *, wrong: int, workers: Workers, **_: Any) -> tuple[Any, Any]:
     from diagrams.challenge.imported import conventions
 
     with counting("wrong conventions", "flights") as tell:
-        found = conventions.answer_conventions(wrong, seed=seed, jobs=jobs, on_progress=tell)
+        found = conventions.answer_conventions(wrong, seed=seed, workers=workers, on_progress=tell)
     rows = []
     for text, few in (("one", 1), ("two", 2)):
         own = [log for log in found if len(log.errors) == few]
@@ -75,11 +76,11 @@ def _conventions(seed: int, *, wrong: int, jobs: int, **_: Any) -> tuple[Any, An
     ]
 
 
-def _round_trip(seed: int, *, full: bool, jobs: int, **_: Any) -> tuple[Any, Any]:
+def _round_trip(seed: int, *, full: bool, workers: Workers, **_: Any) -> tuple[Any, Any]:
     from diagrams.challenge.imported import round_trip
 
     with counting("round trips", "flights") as tell:
-        trips = round_trip.answer_round_trips(seed=seed, full=full, jobs=jobs, on_progress=tell)
+        trips = round_trip.answer_round_trips(seed=seed, full=full, workers=workers, on_progress=tell)
     same, all_same = round_trip.count(trips)
     rows: list[tuple[Any, ...]] = [
         (

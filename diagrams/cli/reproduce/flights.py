@@ -5,6 +5,7 @@ from typing import Annotated
 
 from typer import Option
 
+from diagrams.batch.workers import failures
 from diagrams.cli import options
 from diagrams.cli.columns import grouped, percent, tabulate
 from diagrams.cli.output import progress
@@ -76,12 +77,11 @@ def gap(run: Run, neurobem: options.Neurobem = None) -> Report:
     )
 
 
-@reports("reproduce", seed=1000)
+@reports("reproduce", seed=1000, out=options.OutOfCases, many=True)
 def theorem(
     run: Run,
     neurobem: options.Neurobem = None,
     spacing: Annotated[int, Option(min=1, max=1_000_000, help="Samples between windows; 1: all.")] = 1,
-    jobs: options.Jobs = 2,
 ) -> Report:
     """Theorem 1, corrected: bound against error. In every window of the real flights."""
     from diagrams.prediction import theorem as experiment
@@ -89,7 +89,14 @@ def theorem(
     flights = arrays("theorem", neurobem)
     models, settings = trained(flights[0], run.seed)
     with counting("every window") as on_progress:
-        lines = experiment.bound_table(models, flights, spacing=spacing, jobs=jobs, on_progress=on_progress)
+        lines = experiment.bound_table(
+            models,
+            flights,
+            spacing=spacing,
+            config=settings,
+            workers=run.workers,
+            on_progress=on_progress,
+        )
     horizon = f"horizon {experiment.STEPS[-1]} steps, every {spacing}. window."
     return Report(
         [experiment.printed(lines)],
@@ -99,4 +106,5 @@ def theorem(
             f"seed {run.seed}, trained on {flights[0].name}; {horizon}",
             *experiment.assumption_lines(lines),
         ],
+        notes=failures(run.workers.finished),
     )

@@ -6,13 +6,13 @@ from diagrams.cli.columns import tabulate
 from diagrams.cli.runner import Report, Run, counting, reports
 
 
-@reports("reproduce", seed=1000)
+@reports("reproduce", seed=1000, out=options.OutOfCases, many=True)
 def pendulum(run: Run) -> Report:
     """The tether's length from the payload's mode. For circles with and without dither."""
     from diagrams.payload.pendulum import EXPERIMENTS, LENGTHS, pendulum_table
 
     with counting("flights") as on_progress:
-        lines = pendulum_table(seed=run.seed, on_progress=on_progress)
+        lines = pendulum_table(seed=run.seed, workers=run.workers, on_progress=on_progress)
     columns = (
         ("flight", "flight"),
         ("tether [m]", "length"),
@@ -26,6 +26,7 @@ def pendulum(run: Run) -> Report:
         config={"experiments": EXPERIMENTS, "lengths": LENGTHS},
         metrics={"table": lines},
         lines=[f"{line['flight']}, {line['length']} m: {line['text']}" for line in lines],
+        notes=failures(run.workers.finished),
     )
 
 

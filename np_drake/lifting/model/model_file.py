@@ -60,9 +60,12 @@ def schema_of(path: str | Path) -> str:
         return ""
 
 
-def read_tensors(path: str | Path, schema: str) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+def read_tensors(
+    path: str | Path, schema: str, what: str = "model file"
+) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Return (tensors, metadata) of a safetensors file of the given schema.
 
+    Args: what: the file is to be, in messages.
     Raises: ValueError: one line, if the file is missing or broken, has another schema or holds non-finite numbers.
     """
     try:
@@ -70,11 +73,14 @@ def read_tensors(path: str | Path, schema: str) -> tuple[dict[str, np.ndarray], 
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (SafetensorError, OSError, ValueError, TypeError, KeyError) as error:
-        raise ValueError(f"{path}: not a model file: {_reason(path, error)}") from error
+        raise ValueError(f"{path}: not a {what}: {_reason(path, error)}") from error
     if metadata.get("schema") != schema:
-        found = metadata.get("schema", "none")
+        found, remedy = (
+            metadata.get("schema", "none"),
+            "Train again: another version or configuration made it.",
+        )
         raise ValueError(
-            f"{path}: schema must be {schema}; got {found}. Train again: another version or configuration made it."
+            f"{path}: schema must be {schema}; got {found}." + (f" {remedy}" if what == "model file" else "")
         )
     for name, value in tensors.items():
         if value.dtype.kind != "f" or not np.all(np.isfinite(value)):

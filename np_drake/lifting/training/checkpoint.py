@@ -1,7 +1,12 @@
-"""Checkpoints of a training run: safetensors, tied to one configuration and one data set."""
+"""Checkpoints of a training run: safetensors, tied to one configuration, one data set and one version.
+
+Order of batches and starts are drawn from (seed, epoch) and (seed, start), never from a generator that lives on, so
+that no generator's state belongs to a checkpoint: a resumed run is the uninterrupted one, bit for bit on one machine.
+"""
 
 import dataclasses as dc
 import hashlib
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +16,7 @@ from np_drake.lifting.model.model_file import read_tensors, write_tensors
 from np_drake.lifting.training.segments import Segment
 
 SCHEMA = "np_drake.training/1"  # format of the file and its version
+REMEDY = "Remove it to train from the start, or name another --checkpoint."
 
 
 class Checkpoint:
@@ -23,18 +29,22 @@ class Checkpoint:
     def load(self) -> dict[str, np.ndarray]:
         """Return the saved tensors; an empty dict where nothing was saved.
 
-        Raises: ValueError: if the file is broken or belongs to another configuration or other data. What passes has the
-        names and shapes that this run saves.
+        Raises: ValueError: one line, if the file is broken or pickled, or belongs to another configuration, other data
+            or another version. What passes has the names and shapes that this run saves.
         """
         if self._path is None or not self._path.exists():
             return {}
-        tensors, metadata = read_tensors(self._path, SCHEMA)
+        try:
+            tensors, metadata = read_tensors(self._path, SCHEMA, what="checkpoint")
+        except ValueError as error:
+            raise ValueError(f"{error} {REMEDY}") from error
         if metadata.get("fingerprint") != self._fingerprint:
             raise ValueError(
-                f"{self._path}: checkpoint must be of this configuration and data; it is not. Remove it."
+                f"{self._path}: checkpoint must be of this configuration and data, and of np_drake "
+                f"{version('np_drake')}; it is not. {REMEDY}"
             )
         if metadata.get("digest") != digest_of(tensors):
-            raise ValueError(f"{self._path}: checkpoint must be whole; it is damaged. Remove it.")
+            raise ValueError(f"{self._path}: checkpoint must be whole; it is damaged. {REMEDY}")
         return tensors
 
     def save(self, tensors: dict[str, np.ndarray]) -> None:
@@ -55,8 +65,9 @@ def digest_of(tensors: dict[str, np.ndarray]) -> str:
 
 
 def fingerprint(config: Any, segments: list[Segment]) -> str:
-    """Return a hash of the configuration and of every number of the data."""
-    digest = hashlib.sha256(f"{type(config).__name__} {dc.asdict(config)}".encode())
+    """Return a hash of the version, the configuration and every number of the data."""
+    head = f"{version('np_drake')} {type(config).__name__} {dc.asdict(config)}"
+    digest = hashlib.sha256(head.encode())
     for segment in segments:
         for array in (segment.chi, segment.zeta, segment.goal, np.array([segment.step])):
             digest.update(np.ascontiguousarray(array, float).tobytes())

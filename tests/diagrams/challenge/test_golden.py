@@ -220,7 +220,7 @@ def test_a_summary_holds_ten_digits_of_every_number():
     assert found["minor"] == ["gyro_bias"]
 
 
-def test_a_case_is_flown_as_its_name_says_and_diagnosed_without_its_truth(monkeypatch):
+def test_a_case_is_flown_as_its_name_says_and_diagnosed_without_its_truth(monkeypatch, in_this_process):
     def make_case(draw, cases, truth, *, simulator, quality, **options):
         flown.append((simulator, quality, draw))
         (truth / "secret").mkdir()

@@ -1,16 +1,17 @@
 import gc
 import inspect
 import json
-import os
 import subprocess
 import sys
 
 import numpy as np
 import pytest
 
+from diagrams.batch.failed_run import one_line
+from diagrams.batch.workers import Workers
 from diagrams.challenge import solve as module
 from diagrams.challenge.generate.vehicles import vehicle_file
-from diagrams.challenge.solve import case_folders, solve, solve_all, solve_case
+from diagrams.challenge.solve import Solving, case_folders, solve, write_answer
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.log_file import write_log
 from np_drake.vehicle import Vehicle
@@ -56,7 +57,7 @@ class Answered:
 
 
 @pytest.fixture
-def quick(monkeypatch):
+def quick(monkeypatch, in_this_process):
     monkeypatch.setattr(module, "diagnose", Answered)
 
 
@@ -64,11 +65,11 @@ def quick(monkeypatch):
 def test_a_case_that_fails_loses_only_itself(cases, tmp_path):
     answers = tmp_path / "answers"
     seen = []
-    dut = solve(cases, answers, on_progress=lambda done, case: seen.append((done, case)))
+    dut = solve(cases, answers, on_progress=lambda *counts: seen.append(counts))
     assert [row["case"] for row in dut["solved"]] == ["a1", "c3"]
     assert dut["failed"][0]["case"] == "b2"
     assert "heldout" in dut["failed"][0]["error"]
-    assert [done for done, _ in seen] == [1, 2, 3]
+    assert seen == [(1, 3), (2, 3), (3, 3)]
     assert json.loads((answers / "a1" / "diagnosis.json").read_text()) == {
         "train": ["train_1.csv"],
         "replay": False,
@@ -84,7 +85,7 @@ def test_the_second_answer_is_written_where_there_is_one(cases, tmp_path, monkey
         return first
 
     monkeypatch.setattr(module, "diagnose", twice)
-    solve_case(cases / "a1", tmp_path, replay=False)
+    write_answer(tmp_path / "a1", Solving(cases)({"case": "a1"}))
     dut = json.loads((tmp_path / "a1" / "diagnosis.json").read_text())
     assert dut == {"train": ["train_1.csv"], "replay": False, "joined": ["heldout_1.csv"]}
 
@@ -114,54 +115,60 @@ def test_answers_stay_unless_asked_again(cases, tmp_path):
 
 @pytest.mark.usefixtures("quick")
 def test_time_and_memory_are_written_down(cases, tmp_path):
-    row = solve_case(cases / "a1", tmp_path / "answers", replay=True)
+    row = write_answer(tmp_path / "answers" / "a1", Solving(cases, replay=True)({"case": "a1"}))
     cost = json.loads((tmp_path / "answers" / "a1" / "cost.json").read_text())
-    assert cost == {key: row[key] for key in ("wall", "peak_memory", "replay")}
+    assert cost == row
+    assert set(cost) == {"wall", "peak_memory", "replay"}
     assert 0 < cost["wall"] < 60  # [s]
     assert 1e7 < cost["peak_memory"] < 1e11  # [byte]
 
 
-def test_what_was_not_foreseen_is_one_line_too(cases, tmp_path, monkeypatch):
+def test_what_was_not_foreseen_is_one_line_too(cases, tmp_path, monkeypatch, in_this_process):
     def broken(*_):
         raise KeyError("drag\nand more")
 
     monkeypatch.setattr(module, "diagnose", broken)
-    row = solve_case(cases / "a1", tmp_path, replay=False)
+    row = solve(cases, tmp_path / "answers")["failed"][0]
     assert row["error"].startswith("KeyError: ")
     assert "test_solve.py:" in row["error"]
     assert "\n" not in row["error"]
 
 
 def test_an_answer_without_a_place_is_refused_before_the_diagnosis(cases, tmp_path, monkeypatch):
-    asked = []
-    monkeypatch.setattr(module, "diagnose", lambda *given: asked.append(given))
+    monkeypatch.setattr(module, "diagnose", lambda *_: pytest.fail("work was done"))
     (tmp_path / "a1").write_text("no folder")
-    row = solve_case(cases / "a1", tmp_path, replay=False)
-    assert row["error"] == f"{tmp_path / 'a1'}: must be a folder for the answer; it is a file. Move it away."
-    assert not asked
+    with pytest.raises(NotADirectoryError) as caught:
+        solve(cases, tmp_path)
+    assert one_line(caught.value) == (
+        f"{tmp_path / 'a1'}: must be a folder for the answer; it is a file. Move it away."
+    )
 
 
 @pytest.mark.usefixtures("quick")
-def test_an_answer_that_cannot_be_written_is_a_row_too(cases, tmp_path, monkeypatch):
-    def full(*_):
-        raise OSError(28, "No space left on device")
+def test_what_is_answered_stays_where_a_later_answer_cannot_be_written(cases, tmp_path, monkeypatch):
+    real, written = module.write_json, []
+
+    def full(path, content):
+        written.append(path.parent.name)
+        if len(set(written)) > 1:
+            raise OSError(28, "No space left on device")
+        real(path, content)
 
     monkeypatch.setattr(module, "write_json", full)
-    assert "No space left" in solve_case(cases / "a1", tmp_path, replay=False)["error"]
+    with pytest.raises(OSError, match="No space left"):
+        solve(cases, tmp_path / "answers")
+    monkeypatch.setattr(module, "write_json", real)
+    assert solve(cases, tmp_path / "answers")["skipped"] == 1
 
 
-def test_a_process_that_dies_loses_only_its_case(tmp_path, monkeypatch):
-    def dying(folder, answers, replay):
-        if folder.name == "b2":
-            os._exit(3)
-        return {"case": folder.name}
-
-    monkeypatch.setattr(module, "solve_case", dying)
-    folders = [tmp_path / name for name in ("a1", "b2", "c3")]
-    rows = sorted(solve_all(folders, tmp_path, 2, False), key=lambda row: row["case"])
-    assert [row["case"] for row in rows] == ["a1", "b2", "c3"]
-    assert ["error" in row for row in rows] == [False, True, False]
-    assert "EXIT(3)" in rows[1]["error"]
+def test_two_processes_answer_as_one_does(cases, tmp_path):
+    answers = []
+    for jobs in (1, 2):
+        solve(cases, tmp_path / f"{jobs}", workers=Workers(jobs))
+        files = (tmp_path / f"{jobs}").glob("*/diagnosis.json")
+        answers.append({p.parent.name: json.loads(p.read_text()) | {"wall": None} for p in files})
+    assert answers[0] == answers[1]
+    assert set(answers[0]) == {"a1", "c3"}
 
 
 def test_a_folder_without_cases_is_refused(tmp_path):
@@ -171,7 +178,7 @@ def test_a_folder_without_cases_is_refused(tmp_path):
 
 
 def test_nothing_that_solves_takes_a_truth():
-    for function in (solve, solve_case, module.diagnose_folder):
+    for function in (solve, Solving, module.diagnose_folder):
         assert not any("truth" in name for name in inspect.signature(function).parameters)
 
 
@@ -180,9 +187,11 @@ import sys
 opened = []
 sys.addaudithook(lambda event, args: opened.append(str(args[0])) if event == "open" else None)
 from pathlib import Path
-from diagrams.challenge.solve import solve
-result = solve(Path(sys.argv[1]), Path(sys.argv[2]))
-assert [row["case"] for row in result["solved"]] == ["a1"], result
+from diagrams.challenge.solve import Solving, case_folders, solve, write_answer
+cases = Path(sys.argv[1])
+solve_one = Solving(cases)
+result = [write_answer(Path(sys.argv[2]) / f.name, solve_one({"case": f.name})) for f in case_folders(cases)]
+assert len(result) == 1, result
 assert any(name.endswith("train_1.csv") for name in opened), "the hook sees nothing"
 print([name for name in opened if "truth.json" in name])
 """
@@ -214,8 +223,8 @@ def test_no_truth_is_opened_wherever_one_lies(cases, tmp_path):
 def test_modules_are_not_gone_through_for_garbage_while_cases_are_solved(cases, tmp_path):
     gc.unfreeze()
     module._keep_what_is_loaded.cache_clear()
-    solve_case(cases / "a1", tmp_path / "answers", replay=False)
+    Solving(cases)({"case": "a1"})
     kept = gc.get_freeze_count()
     assert kept > 10_000
-    solve_case(cases / "c3", tmp_path / "answers", replay=False)
+    Solving(cases)({"case": "c3"})
     assert gc.get_freeze_count() <= kept  # what a case leaves behind is not kept

@@ -1,4 +1,5 @@
 import json
+import shutil
 from contextlib import nullcontext
 
 import numpy as np
@@ -124,3 +125,31 @@ def test_a_case_that_cannot_be_flown_leaves_nothing_behind(tmp_path, monkeypatch
     with pytest.raises(FailedRun, match="no draw"):
         make_case(CaseDraw(0, "clean"), tmp_path, tmp_path, **OPTIONS)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupted_set_goes_on_and_ends_as_an_uninterrupted_one(small_set, tmp_path):
+    base, result = small_set
+    for kind in ("cases", "truth"):
+        shutil.copytree(base / kind, tmp_path / kind)
+    first, second, *others = sorted(folder.name for folder in (base / "cases").iterdir())
+    shutil.rmtree(tmp_path / "cases" / first)
+    shutil.rmtree(tmp_path / "truth" / second)
+    (tmp_path / "cases" / f".{first}").mkdir()  # half a folder of a killed run
+    kept = {n: (tmp_path / "cases" / n / FILES[0]).stat().st_mtime_ns for n in others}
+    assert make(tmp_path / "cases", tmp_path / "truth", cases=3, clean=2, **OPTIONS) == result
+    for kind in ("cases", "truth"):
+        files = sorted(path.relative_to(base / kind) for path in (base / kind).rglob("*"))
+        assert files == sorted(path.relative_to(tmp_path / kind) for path in (tmp_path / kind).rglob("*"))
+        for file in files:
+            if (base / kind / file).is_file():
+                assert (base / kind / file).read_bytes() == (tmp_path / kind / file).read_bytes()
+    assert kept == {n: (tmp_path / "cases" / n / FILES[0]).stat().st_mtime_ns for n in others}
+
+
+def test_cases_of_another_request_give_way(small_set, tmp_path):
+    base, _ = small_set
+    for kind in ("cases", "truth"):
+        shutil.copytree(base / kind, tmp_path / kind)
+    make(tmp_path / "cases", tmp_path / "truth", cases=3, clean=2, **OPTIONS | {"seconds": 6.0})
+    for folder in (tmp_path / "truth").iterdir():
+        assert json.loads((folder / "truth.json").read_text())["seconds"] == 6.0

@@ -22,7 +22,7 @@ class Answered:
 
 
 @pytest.fixture
-def cases(logs, tmp_path, monkeypatch):
+def cases(logs, tmp_path, monkeypatch, in_this_process):
     """A case, and one without a flight to judge with."""
     monkeypatch.setattr(module, "diagnose", Answered)
     for name, count in (("good", 2), ("bad", 1)):

@@ -1,60 +1,132 @@
-"""A checkpoint is resumed as it was saved, or refused in one line."""
+"""Laws of checkpoints: a killed run goes on to the same model, and what is no checkpoint of the run is refused."""
+
+import signal
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pytest
+import torch
 from safetensors import safe_open
 from safetensors.numpy import load_file, save_file
 
-from np_drake.lifting.training.checkpoint import Checkpoint
-from np_drake.lifting.training.paper_training import PaperConfig
+from np_drake.lifting.training.checkpoint import REMEDY, SCHEMA, Checkpoint
+from np_drake.lifting.training.segments import Segment
+from np_drake.lifting.training.train import make_config
 
-STATE = {"history": np.arange(3.0), "parameter0": np.ones((4, 6)), "parameter0/step": np.ones(1)}
+# Trains on noise through a filter; `started` appears once the training has begun.
+PROGRAM = """
+import sys
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import lfilter
+
+from np_drake.lifting.model.model_file import save_model
+from np_drake.lifting.training.segments import Segment
+from np_drake.lifting.training.train import make_config, train
+
+configuration, folder = sys.argv[1], Path(sys.argv[2])
+settings = {"paper": {"epochs": 12}, "default": {"iterations": 60}}[configuration]
+noise = lfilter([0.1], [1.0, -0.9], np.random.default_rng(0).standard_normal((900, 12)), axis=0)
+segment = Segment(noise[:, :6], noise[:, 6:], 0.02)
+(folder / "started").touch()
+result = train([segment], make_config(configuration, **settings), checkpoint=folder / "run.ckpt")
+save_model(result.model, folder / "model.safetensors")
+"""
+
+
+def start(folder, configuration):
+    program = folder / "program.py"
+    program.write_text(PROGRAM)
+    (folder / "started").unlink(missing_ok=True)
+    run = subprocess.Popen([sys.executable, str(program), configuration, str(folder)])
+    while not (folder / "started").exists():
+        assert run.poll() is None
+        time.sleep(0.005)
+    return run
+
+
+def content(path):
+    """Header and bytes of every tensor; the format does not fix the order of the header's names."""
+    with safe_open(str(path), framework="numpy") as file:
+        metadata = file.metadata()
+    return metadata, {name: value.tobytes() for name, value in load_file(path).items()}
+
+
+@pytest.mark.parametrize("configuration", ["paper", "default"])
+def test_a_run_killed_at_any_three_instants_ends_in_the_same_model(configuration, tmp_path):
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    whole.mkdir()
+    killed.mkdir()
+    run, begun = start(whole, configuration), time.monotonic()
+    assert run.wait() == 0
+    length = time.monotonic() - begun
+    kills = 0
+    for share in np.random.default_rng(7).uniform(0.1, 0.5, 3):
+        run = start(killed, configuration)
+        time.sleep(share * length)
+        run.kill()
+        kills += run.wait() == -signal.SIGKILL
+    run = start(killed, configuration)
+    assert run.wait() == 0
+    assert kills >= 1
+    for name in ("model.safetensors", "run.ckpt"):
+        assert content(whole / name) == content(killed / name)
 
 
 @pytest.fixture
-def dut(tmp_path):
-    checkpoint = Checkpoint(tmp_path / "run.safetensors", PaperConfig(), [])
-    checkpoint.save(STATE)
-    return checkpoint, tmp_path / "run.safetensors"
+def checkpoint(tmp_path):
+    segment = Segment(np.zeros((200, 6)), np.zeros((200, 6)), 0.02)
+    dut = Checkpoint(tmp_path / "run.ckpt", make_config("paper"), [segment])
+    dut.save({"history": np.array([1.0, 0.5])})
+    return dut, tmp_path / "run.ckpt"
 
 
-def test_what_is_saved_is_loaded(dut):
-    checkpoint, _ = dut
-    loaded = checkpoint.load()
-    assert loaded.keys() == STATE.keys()
-    for name, value in STATE.items():
-        np.testing.assert_array_equal(loaded[name], value)
+def cut(path):
+    path.write_bytes(path.read_bytes()[:-3])
 
 
-DAMAGES = {
-    "a tensor is missing": lambda tensors: tensors.pop("parameter0/step"),
-    "a tensor has another shape": lambda tensors: tensors.update(parameter0=np.ones((6, 4))),
-    "a tensor has another name": lambda tensors: tensors.update(parameter1=tensors.pop("parameter0")),
-    "a number is another": lambda tensors: tensors["history"].__setitem__(1, 2.0),
+def another_schema(path):
+    save_file(load_file(path), path, {"schema": "np_drake.lifted_model/1"})
+
+
+def another_run(path):
+    save_file(load_file(path), path, {"schema": SCHEMA, "fingerprint": "0"})
+
+
+def pickled(path):
+    torch.save({"history": torch.zeros(2)}, path)
+
+
+def empty(path):
+    path.write_bytes(b"")
+
+
+FAULTS = {
+    cut: "not a checkpoint: truncated or another format",
+    empty: "not a checkpoint: truncated or another format",
+    pickled: "not a checkpoint: this is a pickle .*, which is never loaded",
+    another_schema: "schema must be np_drake.training/1; got np_drake.lifted_model/1",
+    another_run: "must be of this configuration and data, and of np_drake",
 }
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_a_checkpoint_of_other_content_is_refused(dut, damage):
-    checkpoint, path = dut
-    with safe_open(path, "numpy") as file:
-        metadata = file.metadata()
-    tensors = load_file(path)
-    DAMAGES[damage](tensors)
-    save_file(tensors, path, metadata)
-    with pytest.raises(ValueError, match=r"must be whole; it is damaged\. Remove it"):
-        checkpoint.load()
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_is_no_checkpoint_of_the_run_is_one_line_with_file_and_remedy_and_stays(checkpoint, fault):
+    dut, path = checkpoint
+    fault(path)
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match=FAULTS[fault]) as caught:
+        dut.load()
+    said = str(caught.value)
+    assert said.startswith(f"{path}: ")
+    assert said.endswith(REMEDY)
+    assert "\n" not in said
+    assert path.read_bytes() == before
 
 
-def test_no_flip_of_a_byte_and_no_cut_is_more_than_a_refusal(dut):
-    checkpoint, path = dut
-    content = path.read_bytes()
-    flips = [content[:k] + bytes([content[k] ^ 0x41]) + content[k + 1 :] for k in range(0, len(content), 3)]
-    for damaged in [*flips, *(content[:k] for k in range(0, len(content), 50))]:
-        path.write_bytes(damaged)
-        try:
-            loaded = checkpoint.load()
-        except ValueError as error:
-            assert "\n" not in str(error)  # noqa: PT017
-        else:  # the flip changed nothing that is read
-            np.testing.assert_array_equal(loaded["parameter0"], STATE["parameter0"])
+def test_what_was_saved_is_loaded(checkpoint):
+    dut, _ = checkpoint
+    assert dut.load()["history"].tolist() == [1.0, 0.5]
