@@ -7,7 +7,7 @@ import pytest
 import typer
 
 from diagrams.cli.main import app, run
-from diagrams.cli.options import DEFAULT_SOLVER
+from diagrams.cli.options import DEFAULT_JOBS, DEFAULT_SOLVER
 from diagrams.demo.story import run_demo
 
 ROOT = typer.main.get_command(app)
@@ -53,3 +53,17 @@ def test_help_has_the_fields_words(verb, capsys):
     said = re.sub(r"--[a-z-]+", "", capsys.readouterr().out.lower())  # option names stay as they are
     for word in ("foreign", "told", "laborator", " rig ", "second look", "made flights"):
         assert word not in said
+
+
+def test_verbs_of_many_cases_share_the_options_of_their_workers():
+    many = {name: {p.name: p for p in verb.params} for name, verb in VERBS.items()}
+    many = {name: known for name, known in many.items() if "jobs" in known}
+    flown = {"tracking", "configurations", "hover", "attach", "weights", "pendulum", "cooperative", "theorem"}
+    flown |= {"robustness", "margins", "vehicles", "closing", "replay", "real"}
+    solved = {"make", "solve", "active", "logs", "golden"}
+    assert {f"reproduce {name}" for name in flown} | {f"challenge {name}" for name in solved} <= set(many)
+    for name, known in many.items():
+        if name.split()[0] in ("reproduce", "challenge"):
+            assert known["scheduler"].default == "", name
+            assert known["jobs"].default == DEFAULT_JOBS, name
+            assert known["jobs"].help == "Processes on this machine.", name
