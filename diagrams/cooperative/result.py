@@ -1,14 +1,19 @@
 """Result of a cooperative flight, and the flights over fleets and controllers."""
 
+import base64
 import dataclasses as dc
+import io
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
 
+from diagrams.batch.campaign import Case
 from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.workers import Workers, require_result
 from diagrams.cooperative.config import CooperativeConfig, load_cooperative
 from diagrams.cooperative.diagram import center_of_formation, simulate
+from diagrams.loop.experiments import settings_of
 from np_drake import metrics
 from np_drake.mpc.problem import MpcStatus
 from np_drake.references.formation import closest_approach
@@ -112,36 +117,80 @@ def configure(row: str, vehicles: int, *, solver: str) -> CooperativeConfig:
     return config.check()
 
 
+@dc.dataclass(frozen=True)
+class Flying:
+    """Work of a flight {"vehicles", "row", "seed", "signals"} -> its metrics, or why the fleet was lost.
+
+    signals: whether the result brings them along, as .npz in base 64.
+    """
+
+    solver: str
+
+    def __call__(self, case: Case) -> dict:
+        """Fly the case. A lost fleet is a result: another try would lose it too."""
+        config = configure(case["row"], case["vehicles"], solver=self.solver)
+        try:
+            flight = fly_cooperative(config, seed=case["seed"])
+        except FailedRun as error:
+            return {"lost": str(error)}
+        result: dict = {"metrics": flight.metrics()}
+        if case["signals"]:
+            buffer = io.BytesIO()
+            np.savez_compressed(buffer, **flight.signals)  # type: ignore[arg-type]
+            result["signals"] = base64.b64encode(buffer.getvalue()).decode()
+            result["processor_time"] = flight.processor_time
+        return result
+
+    def flight(self, case: Case, result: dict) -> CooperativeResult:
+        """Return the flight whose signals a result brings along."""
+        config = configure(case["row"], case["vehicles"], solver=self.solver)
+        with np.load(io.BytesIO(base64.b64decode(result["signals"])), allow_pickle=False) as content:
+            signals = {name: content[name] for name in content.files}
+        return CooperativeResult(config, case["seed"], signals, result["processor_time"])
+
+
 def run_cooperative(
     fleets: Sequence[int],
     *,
     seeds: Sequence[int],
     solver: str,
     rows: Sequence[str] = tuple(ROWS),
-    on_progress: Callable[[float, float], None] = lambda done, total: None,
+    workers: Workers | None = None,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> tuple[list[dict], list[CooperativeResult]]:
     """Fly every row with every number of vehicles, one flight a seed; return summaries and the first seed's flights.
 
-    A failed flight keeps its line, with the reason under `lost`.   Raises: ValueError: before any flight.
+    A lost fleet keeps its line, with the reason under `lost`; so does a case without a result.
+    Raises: ValueError: before any flight; FailedRun: if no case has a result.
     """
-    plans = [
-        (n, row, seed, configure(row, n, solver=solver)) for n in fleets for row in rows for seed in seeds
+    cases = [
+        {"vehicles": n, "row": row, "seed": seed, "signals": seed == seeds[0]}
+        for n in fleets
+        for row in rows
+        for seed in seeds
     ]
-    total, done = sum(config.end for *_, config in plans), 0.0
+    settings = [settings_of(configure(row, n, solver=solver)) for n in fleets for row in rows]  # checks all
+    work = Flying(solver)
+    records = (workers or Workers()).run(
+        work, cases, config={"solver": solver, "scenario": scenario(settings[0])}, on_progress=on_progress
+    )
+    require_result(records)
     summaries, flights = [], []
-    for n, row, seed, config in plans:
-        line: dict = {"vehicles": n, "row": row, "seed": seed}
-
-        def advance(t: float, done: float = done) -> None:
-            on_progress(done + t, total)
-
-        try:
-            flight = fly_cooperative(config, seed=seed, monitor=advance)
-            line["metrics"] = flight.metrics()
-            if seed == seeds[0]:
-                flights.append(flight)
-        except FailedRun as error:
-            line["lost"] = str(error)
-        summaries.append(line)
-        done += config.end
+    for case, record in zip(cases, records, strict=True):
+        result = record.get("result") or {"lost": record["error"]}
+        kept = {"lost": result["lost"]} if "lost" in result else {"metrics": read_metrics(result["metrics"])}
+        summaries.append({name: case[name] for name in ("vehicles", "row", "seed")} | kept)
+        if "signals" in result:
+            flights.append(work.flight(case, result))
     return summaries, flights
+
+
+def read_metrics(stored: dict) -> dict:
+    """Return metrics as flown from a record: a lone vehicle is infinitely far from the next."""
+    return stored | {"closest": np.inf if stored["closest"] is None else stored["closest"]}
+
+
+def scenario(settings: dict) -> dict:
+    """Return the settings of a flight without those that a case names."""
+    controller = {name: value for name, value in settings["controller"].items() if name != "kind"}
+    return settings | {"controller": controller, "vehicles": None, "fault": None}

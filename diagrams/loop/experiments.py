@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 from pathlib import Path
+from typing import Any
 
 from diagrams.loop.flight import FlightConfig, load_flight
 from np_drake.vehicle import Vehicle
@@ -13,8 +14,8 @@ EXPERIMENTS = (
 )  # fmt: skip
 
 
-def settings_of(config: FlightConfig) -> dict:
-    """Return the settings of a flight as a dictionary; the simulator's are Drake's own type."""
+def settings_of(config: Any) -> dict:
+    """Return the settings of a flight, a dataclass, as a dictionary; the simulator's are Drake's own type."""
     simulator = config.simulator
     return dc.asdict(config) | {
         "simulator": {field.name: getattr(simulator, field.name) for field in simulator.__fields__}

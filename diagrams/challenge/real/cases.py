@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 from collections.abc import Collection, Iterator, Sequence
+from functools import lru_cache
 from itertools import groupby, permutations
 from pathlib import Path
 
@@ -71,6 +72,12 @@ def make_cases(folder: Path, neurobem: Path | None = None, only: Collection[str]
             f"{', '.join(wanted)}; got none. A block needs two flights, a wind three controllers."
         )
     return cases
+
+
+@lru_cache(maxsize=4)
+def cases_by_name(folder: Path, neurobem: Path | None) -> dict[tuple[str, str], Case]:
+    """Return all cases by group and name; see `make_cases`."""
+    return {(case.group, case.name): case for case in make_cases(folder, neurobem)}
 
 
 def _all(folder: Path, neurobem: Path | None) -> Iterator[Case]:

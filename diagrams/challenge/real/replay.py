@@ -2,13 +2,12 @@
 
 import dataclasses as dc
 from collections.abc import Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from diagrams.challenge.real.cases import GROUPS, Case, make_cases
+from diagrams.challenge.real.cases import GROUPS, Case, cases_by_name
 from diagrams.challenge.real.flights import open_case
 from diagrams.challenge.real.logged_payload import logged_payload
 from diagrams.challenge.real.payload_position import error, make_drive, open_loop
@@ -39,7 +38,7 @@ class RealReplay:
 
         Nothing is fitted to the flight that is replayed; it starts from its logged states.
         """
-        case = _cases(self.folder, self.neurobem)[record["group"], record["name"]]
+        case = cases_by_name(self.folder, self.neurobem)[record["group"], record["name"]]
         vehicle, train, held_out = open_case(case)
         found = diagnose(vehicle, train, held_out, DrakeReplay(vehicle), adaptive_split=False)
         gaps = dict(zip(SIMULATORS, (found.shrink.replay_before, found.shrink.replay_after), strict=True))
@@ -50,11 +49,6 @@ class RealReplay:
             "payload": _payload_errors(case, vehicle, held_out, found),
             "warnings": list(found.warnings),
         }
-
-
-@lru_cache(maxsize=4)
-def _cases(folder: Path, neurobem: Path | None) -> dict[tuple[str, str], Case]:
-    return {(case.group, case.name): case for case in make_cases(folder, neurobem)}
 
 
 def _medians(gap: ReplayGap) -> dict[str, list[float]]:

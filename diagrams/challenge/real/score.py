@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from diagrams.challenge.real.answers import HERE, answers
-from diagrams.challenge.real.cases import Case
+from diagrams.challenge.real.cases import Case, cases_by_name
 from diagrams.challenge.real.flights import open_case
 from diagrams.challenge.real.least_squares import (
     DAMPING,
@@ -52,14 +52,30 @@ Causes = Mapping[str, float]  # probability by name
 class Settings:
     """What is done with every case.
 
-    beside: another checkout, whose diagnosis answers too.   kept: folder for the answers; None: they are not kept.
-    resume: take the answers that are there.   opponents: whether least squares answers too.
+    beside: another checkout, whose diagnosis answers too.   kept: folder of answers, of which those that are there are
+    taken; None: they are not kept.   opponents: whether least squares answers too.
     """
 
     beside: Path | None = None
     kept: Path | None = None
-    resume: bool = False
     opponents: bool = True
+
+
+@dc.dataclass(frozen=True)
+class Scoring:
+    """Work of a case {"group", "name"} -> `score_case`.
+
+    folder, neurobem: of the real flights, under the same path for all workers.
+    """
+
+    folder: Path
+    neurobem: Path | None
+    settings: Settings
+
+    def __call__(self, record: dict[str, Any]) -> dict[str, Any]:
+        """Score the case."""
+        cases = cases_by_name(self.folder, self.neurobem)
+        return score_case(cases[record["group"], record["name"]], self.settings)
 
 
 def score_case(case: Case, settings: Settings) -> dict[str, Any]:
@@ -90,7 +106,7 @@ def _answers(case: Case, settings: Settings) -> dict[str, dict[str, Any]]:
     checkouts = {THIS: HERE} | ({BESIDE: settings.beside} if settings.beside else {})
     file = None if settings.kept is None else settings.kept / f"{slug(case)}.json"
     there: dict[str, Any] = {}
-    if file is not None and settings.resume:
+    if file is not None:
         there = kept_json(file) or {}
     left = {name: path for name, path in checkouts.items() if name not in there}
     there |= dict(zip(left, answers(case, list(left.values())), strict=True)) if left else {}

@@ -7,9 +7,9 @@ from typer import Option
 
 from diagrams.cli import options
 from diagrams.cli.columns import MISSING, spread
-from diagrams.cli.output import Table, progress, say
+from diagrams.cli.output import Table, say
 from diagrams.cli.reproduce.campaign import require_rows
-from diagrams.cli.runner import Report, Run, reports
+from diagrams.cli.runner import Report, Run, counting, reports
 
 if TYPE_CHECKING:
     from diagrams.cooperative.result import CooperativeResult
@@ -19,7 +19,7 @@ PHASES = ("hover", "transport")
 COLUMNS = ("position_rmse", "E_xy", "E_z", "excursion", "payload_rmse", "payload_excursion")
 
 
-@reports("reproduce", seed=1000, out=options.Out)
+@reports("reproduce", seed=1000, out=options.OutOfCases, many=True)
 def cooperative(
     run: Run,
     vehicles: Annotated[list[int] | None, Option(help="Fleet sizes, once each; default: 2, 3 and 4.")] = None,
@@ -34,13 +34,14 @@ def cooperative(
 
     require_rows(only or (), ROWS)
     fleets, drawn = sorted(set(vehicles or FLEETS)), [run.seed + k for k in range(seeds)]
-    with progress("cooperative", 1.0) as advance:
+    with counting("cooperative", "flights") as on_progress:
         summaries, flights = run_cooperative(
             fleets,
             seeds=drawn,
             solver=solver,
             rows=[row for row in ROWS if not only or row in only],
-            on_progress=lambda t, total: advance(t / total, f"{t:.0f} of {total:.0f} s"),
+            workers=run.workers,
+            on_progress=on_progress,
         )
     config, lines = configure("np", fleets[0], solver=solver), cooperative_table(summaries)
     payload = config.reality.payload

@@ -5,16 +5,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Argument, Option
 
+from diagrams.batch.failed_run import FailedRun
+from diagrams.batch.workers import failures
 from diagrams.cli import options
 from diagrams.cli.output import progress
 from diagrams.cli.runner import Report, Run, reports
 
 if TYPE_CHECKING:
     from diagrams.challenge.real.cases import Case
-    from diagrams.challenge.real.score import Settings
 
 
-@reports("reproduce", seed=None, out=options.Out)
+@reports("reproduce", seed=None, out=options.OutOfCases, many=True)
 def real(
     run: Run,
     folder: Annotated[
@@ -39,22 +40,16 @@ def real(
         Option("--answers", metavar="DIR", help="Answers of the simulated benchmark, for the figure."),
     ] = None,
     truth: Annotated[Path | None, Option("--truth", metavar="DIR", help="Truth of that benchmark.")] = None,
-    resume: Annotated[
-        bool, Option("--resume", help="Take the answers that --out holds already; diagnose the others.")
-    ] = False,
-    jobs: options.Jobs = 1,
 ) -> Report:
     """The diagnosis on real flights with known causes. Beside least squares, and another version of itself."""
     if folder is None:
         raise ValueError("real: give the folder of the real flights as DIR or NP_DRAKE_REAL.")
     if (answers is None) != (truth is None):
         raise ValueError("real: give --answers and --truth together, or neither.")
-    if resume and run.out is None:
-        raise ValueError("real: --resume takes answers from the folder of --out; give it.")
     from diagrams.challenge.real.answers import require_checkout
     from diagrams.challenge.real.calibration import bins, calibration_figure, simulated_names
     from diagrams.challenge.real.cases import RULE, make_cases
-    from diagrams.challenge.real.score import Settings
+    from diagrams.challenge.real.score import Scoring, Settings
     from diagrams.challenge.real.summary import judged_names, naming
     from diagrams.challenge.real.tables import tables
 
@@ -65,22 +60,23 @@ def real(
     kept = None if run.out is None else run.folder / "answers"
     if kept is not None:
         kept.mkdir(exist_ok=True)
-    records, failures = _scored(cases, Settings(other, kept, resume), jobs)
+    config: dict[str, Any] = {"folder": folder, "neurobem": neurobem, "only": only, "beside": beside}
+    scoring = Scoring(
+        folder.resolve(), neurobem and neurobem.resolve(), Settings(other, kept and kept.resolve())
+    )
+    named = [{"group": case.group, "name": case.name} for case in cases]
+    finished = run.cases("diagnosing", "cases", scoring, named, config={"beside": beside})
+    failed, records = failures(finished), [r["result"] for r in finished if "result" in r]
     series = {f"real flights, {name}": judged_names(records, name) for name in naming(records)}
     series |= {"simulated benchmark": simulated} if simulated else {}
-    config: dict[str, Any] = {"folder": folder, "neurobem": neurobem, "only": only, "beside": beside}
-    failure = None
-    if failures:
-        from diagrams.batch.failed_run import FailedRun
-
-        failure = FailedRun(f"{failures[0]} ({len(failures)} of {len(cases)} cases failed)")
+    failure = FailedRun(f"{failed[0]} ({len(failed)} of {len(cases)} cases failed)") if failed else None
     return Report(
         tables(records),
         config={**config, "cases": [f"{case.group}: {case.name}" for case in cases]},
         metrics={
             "table": records,
             "calibration": {n: bins(p) for n, p in series.items()},
-            "failures": failures,
+            "failures": failed,
         },
         summary=[f"{len(records)} cases, by this rule:", *RULE],
         figures={"calibration.png": lambda: calibration_figure(series)} if any(series.values()) else {},
@@ -104,25 +100,3 @@ def _require_logs(cases: "list[Case]") -> None:
         for number, ((path, _), case) in enumerate(wanted.items(), start=1):
             open_flights(path, vehicle_of(case.group))
             advance(number, path.name)
-
-
-def _scored(cases: "list[Case]", settings: "Settings", jobs: int) -> tuple[list[dict[str, Any]], list[str]]:
-    """Return the scored cases in their order, and what went wrong with the others, in a line each."""
-    from functools import partial
-
-    from diagrams.batch.failed_run import one_line
-    from diagrams.batch.processes import as_they_finish
-    from diagrams.challenge.real.score import score_case
-
-    found: dict[int, dict[str, Any]] = {}
-    failures: list[str] = []
-    with progress("diagnosing", len(cases)) as advance:
-        finished = as_they_finish(partial(score_case, settings=settings), cases, jobs=jobs)
-        for done, (number, outcome) in enumerate(finished, start=1):
-            case = cases[number]
-            if outcome.error is None:
-                found[number] = outcome.value
-            else:
-                failures.append(f"{case.group} {case.name}: {one_line(outcome.error)}")
-            advance(done, f"{done} of {len(cases)}: {case.group} {case.name}"[:40])
-    return [found[number] for number in sorted(found)], failures

@@ -9,7 +9,7 @@ import typer
 
 from diagrams.cli.app import app
 from diagrams.cli.main import run
-from diagrams.cli.options import DEFAULT_SOLVER
+from diagrams.cli.options import DEFAULT_JOBS, DEFAULT_SOLVER
 from diagrams.demo.story import run_demo
 
 ROOT = typer.main.get_command(app)
@@ -97,3 +97,17 @@ def test_no_absurd_number_is_taken(command, value, tmp_path, monkeypatch, capsys
     assert run(command.format(value).split()) == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_verbs_of_many_cases_share_the_options_of_their_workers():
+    many = {name: {p.name: p for p in verb.params} for name, verb in VERBS.items()}
+    many = {name: known for name, known in many.items() if "jobs" in known}
+    flown = {"tracking", "configurations", "hover", "attach", "weights", "pendulum", "cooperative", "theorem"}
+    flown |= {"robustness", "margins", "vehicles", "closing", "replay", "real"}
+    solved = {"make", "solve", "active", "logs", "golden"}
+    assert {f"reproduce {name}" for name in flown} | {f"challenge {name}" for name in solved} <= set(many)
+    for name, known in many.items():
+        if name.split()[0] in ("reproduce", "challenge"):
+            assert known["scheduler"].default == "", name
+            assert known["jobs"].default == DEFAULT_JOBS, name
+            assert known["jobs"].help == "Processes on this machine.", name

@@ -118,7 +118,7 @@ def test_a_real_bare_flight_is_scored_and_a_kept_answer_is_taken_again(real_flig
     case = next(case for case in make_cases(real_flights, only=["bare"]) if case.name.startswith("22-26 ->"))
     (direct,) = answers(case, [HERE])
     (tmp_path / "answers").mkdir()
-    settings = Settings(kept=tmp_path / "answers", resume=True, opponents=False)
+    settings = Settings(kept=tmp_path / "answers", opponents=False)
     (file,) = [tmp_path / "answers" / f"{name}.json" for name in ["bare_22_26_00_04"]]
     first = score_case(case, settings)
     assert file.is_file()

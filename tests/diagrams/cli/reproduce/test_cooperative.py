@@ -11,7 +11,7 @@ from diagrams.cooperative.config import load_cooperative
 
 
 @pytest.fixture
-def brief(monkeypatch):
+def brief(monkeypatch, in_this_process):
     def scenario():
         config = load_cooperative()
         config.settle, config.hover, config.transport, config.rest, config.distance = 0.1, 0.1, 0.1, 0.1, 0.01

@@ -43,7 +43,6 @@ def test_a_log_that_cannot_be_read_is_named_and_nothing_is_left(capfd, tmp_path)
     [
         (["--only", "storm"], "--only"),
         (["--answers", "a"], "--truth"),
-        (["--resume"], "--out"),
     ],
 )
 def test_options_that_do_not_go_together_are_said(capfd, tmp_path, arguments, word):
