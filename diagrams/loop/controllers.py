@@ -1,12 +1,14 @@
 """Controllers by name: one MPC with different residual models."""
 
 import dataclasses as dc
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
 from np_drake.command_delay import LONGEST_DELAY, DelayFilter
+from np_drake.faults.solver import FaultySolver, SolverFault
 from np_drake.labels import LabelConfig, ReadsLabels, labelled
 from np_drake.lifting.model.model_file import schema_of
 from np_drake.lifting.model.origin import Trained, origin_of, require_origin
@@ -173,13 +175,14 @@ def add_controller(
     truth: Diagram | None = None,
     true_model: TrueModel | None = None,
     model: ResidualModel | None = None,
+    solver_faults: Sequence[SolverFault] = (),
 ) -> dict[str, OutputPort]:
     """Add reference source, estimator, predictor and MPC, and return their vector ports by signal name.
 
     Args:
         vehicle: the nominal vehicle.   rig: has the measured `x` and `acceleration`.
         truth, true_model: the real vehicle and all that acts on it; for the oracle alone.
-        model: used in place of the one that `config` names.
+        model: used in place of the one that `config` names.   solver_faults: while which solves have no answer.
     Raises: ValueError: if an oracle lacks the real vehicle.
     """
     believed = config.believed(vehicle)
@@ -191,6 +194,7 @@ def add_controller(
         "wrench_estimator", WrenchEstimator(labelled(believed, model), label, step=period)
     )
     solver = make_solver(config.solver, believed, config.mpc, time_limit=SOLVER_SHARE * config.deadline)
+    solver = FaultySolver(solver, solver_faults) if solver_faults else solver
     mpc = builder.AddNamedSystem(
         "np_mpc",
         NpMpc(MpcController(believed, config.mpc, solver, period=period, deadline=config.deadline)),
