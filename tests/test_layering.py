@@ -36,7 +36,7 @@ DIAGNOSIS = (
 )
 EXPERIMENTS = (
     *("batch", "loop", "gym"),
-    *("prediction", "tracking", "payload", "robustness", "faults", "cooperative", "gap", "demo", "challenge"),
+    *("prediction", "tracking", "payload", "robustness", "cooperative", "gap", "demo", "challenge"),
     *("performance", "exports", "cli"),
 )
 MOST_IMPORTS = 10  # modules of the diagnosis that one of them imports; `diagnose` strings the steps together

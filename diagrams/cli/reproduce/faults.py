@@ -30,9 +30,9 @@ def faults(
     only: Annotated[list[str] | None, Option("--only", help="Only rows of these names.")] = None,
 ) -> Report:
     """Random faults of sensors, solver, rotors, payload, air. --out DIR: figure, and cases to resume from."""
-    from diagrams.faults import campaign as experiment
-    from diagrams.faults.figure import faults_figure
-    from diagrams.faults.table import by_controller, by_fault, loss_cells, ours_to_mend, verdicts
+    from diagrams.robustness.faults import campaign as experiment
+    from diagrams.robustness.faults.figure import faults_figure
+    from diagrams.robustness.faults.table import by_controller, by_fault, loss_cells, ours_to_mend, verdicts
 
     sweep = make_sweep(run, scheduler, experiment.DURATION)
     rows = choose_rows(experiment.ROWS, only, always=())

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from diagrams.faults.fault import Fault, Kind
 from diagrams.loop.events import attach, push, release
 from diagrams.loop.flight import FlightConfig
+from diagrams.robustness.faults.fault import Fault, Kind
 from np_drake.effects.effect_entry import EffectEntry
 from np_drake.faults.measurement import (
     BiasJump,

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
-from diagrams.faults.campaign import DURATION, RAMP
-from diagrams.faults.kinds import FIRST
-from diagrams.faults.measures import BACK
-from diagrams.faults.table import OURS, PHYSICS
+from diagrams.robustness.faults.campaign import DURATION, RAMP
+from diagrams.robustness.faults.kinds import FIRST
+from diagrams.robustness.faults.measures import BACK
+from diagrams.robustness.faults.table import OURS, PHYSICS
 from np_drake.figure_file import PALETTE, new_figure
 
 _EDGE = RAMP + DURATION - FIRST[0]  # longest time after an onset [s]

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from diagrams.batch.campaign import Case, Record
-from diagrams.faults.fault import Fault, apply
-from diagrams.faults.kinds import APART, FIRST, KIND, KINDS, draw_faults
-from diagrams.faults.measures import BACK, LOST, measures
 from diagrams.loop.controllers import DEFAULT_MODEL
 from diagrams.loop.flight import FlightConfig, LostVehicle, simulate
+from diagrams.robustness.faults.fault import Fault, apply
+from diagrams.robustness.faults.kinds import APART, FIRST, KIND, KINDS, draw_faults
+from diagrams.robustness.faults.measures import BACK, LOST, measures
 from diagrams.robustness.robustness import Sweep, model_digests
 from diagrams.tracking.tracking import ROWS as TRACKING_ROWS
 from diagrams.tracking.tracking import Row, configure, frozen_weights

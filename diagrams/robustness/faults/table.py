@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from diagrams.batch.campaign import Record
-from diagrams.faults.campaign import ORACLE, ROWS, lost
-from diagrams.faults.kinds import KIND, KINDS
+from diagrams.robustness.faults.campaign import ORACLE, ROWS, lost
+from diagrams.robustness.faults.kinds import KIND, KINDS
 
 PHYSICS, OURS = "physics", "ours"  # verdicts on a lost vehicle
 
@@ -48,10 +48,9 @@ def loss_cells(flights: Sequence[Record]) -> list[dict]:
 def summary(records: Sequence[Record], verdict: dict[int, str]) -> dict:
     """Return the counts and times of some flights.
 
-    Returns: {"flights", "exceptions": flights that ended with one or whose integrator gave up, "nan":
-        periods with a NaN command, "lost", "physics", "ours", "away": not lost and not back at the end, "recovery": median, and
-        "recovery_90": 90 % quantile over all that were not lost, of the time to recover [s], None where that many are
-        not back}.
+    Returns: {"flights", "exceptions": flights that ended with one or whose integrator gave up, "nan": periods with a
+        NaN command, "lost", "physics", "ours", "away": not lost and not back at the end, "recovery", "recovery_90":
+        median and 90 % quantile of the time to recover [s], over all that were not lost; None where it is not back}.
     """
     results = [record["result"] for record in records if "result" in record]
     marks = [verdict[r["case"]["seed"]] for r in records if lost(r)]
