@@ -89,18 +89,6 @@ def filter_bank(
 
 
 @compiled
-def update_bank(mean, covariance, now, label, label_variance, updated, updated_covariance):
-    """Take in one label without a step; arguments and result as of `filter_bank`."""
-    members = len(mean)
-    likelihood, distance = np.zeros(members), np.zeros(members)
-    for i in range(members):
-        likelihood[i], distance[i] = _update(
-            mean[i], covariance[i], now, label, label_variance, updated[i], updated_covariance[i]
-        )
-    return likelihood, distance
-
-
-@compiled
 def pull_moments(mean, weight, now):
     """Return mean (3,) and covariance (3, 3) over the members of the pull on the vehicle, in W [m/s², m²/s⁴].
 
