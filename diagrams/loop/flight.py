@@ -77,7 +77,10 @@ class FlightConfig:
             raise ValueError(f"FlightConfig: duration must be positive and finite [s]; got {self.duration}.")
         if self.controller.kind == "oracle":
             self._check_oracle()
-        lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.vehicle, self.end)
+        # What fails in flight may fail altogether: that is no mistake of the scenario.
+        lift = (
+            4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.vehicle, self.end, failing=False)
+        )
         if self.carried_mass * self.vehicle.gravity > 0.9 * lift:
             raise ValueError(
                 f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can carry ({lift:.3g} N). "
