@@ -26,7 +26,8 @@ class CascadedController(LeafSystem):
     | u | 4 | command after saturation | N, N·m |
 
     Discrete state: u (4), integrals (6) of the errors [m·s, rad·s], time of the last update (1) [s].
-    Event: periodic every `period` [s] and, for loops with instants of their own, forced.
+    Event: periodic every `period` [s] and, for loops with instants of their own, forced. A state with NaN leaves
+    command and integrals as they were.
     """
 
     def __init__(self, vehicle: Vehicle, gains: CascadeGains | None = None, *, period: float | None = 0.01):
@@ -53,10 +54,14 @@ class CascadedController(LeafSystem):
 
     def _update(self, context, discrete_state) -> EventStatus:
         held, t = context.get_discrete_state(0).CopyToVector(), context.get_time()
+        x = self._x_port.Eval(context)
+        if not np.all(np.isfinite(x)):  # the integral would never be a number again
+            discrete_state.set_value(0, np.concatenate([held[:10], [t]]))
+            return EventStatus.Succeeded()
         u, integral = cascade(
             self._vehicle,
             self._gains,
-            x=self._x_port.Eval(context),
+            x=x,
             target=self._target_port.Eval(context),
             integral=held[4:10],
             step=0.0 if np.isnan(held[10]) else t - held[10],

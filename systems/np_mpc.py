@@ -75,6 +75,7 @@ class NpMpc(LeafSystem):
             x=self._x_port.Eval(context),
             flat=self._flat_port.Eval(context).reshape(5, -1, 3),
             forecast=forecast,
+            t=context.get_time(),
         )
         for i, array in enumerate((memory.u, memory.x, memory.chi, memory.flags)):
             discrete_state.set_value(i, array.ravel())

@@ -1,12 +1,15 @@
 """Controllers by name: one MPC with different residual models."""
 
 import dataclasses as dc
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import ConstantVectorSource
 
 from np_drake.command_delay import LONGEST_DELAY, DelayFilter
+from np_drake.faults.solver import FaultySolver, SolverFault
 from np_drake.labels import LabelConfig, ReadsLabels, labelled
 from np_drake.lifting.model.model_file import schema_of
 from np_drake.lifting.model.origin import Trained, origin_of, require_origin
@@ -25,6 +28,8 @@ from np_drake.residual_models.pendulum_model import SCHEMA as PENDULUM_SCHEMA
 from np_drake.residual_models.pendulum_predictor import PendulumPredictor
 from np_drake.scaling import ratios
 from np_drake.vehicle import Vehicle
+from systems.cascade_target import FlatTarget
+from systems.cascaded_controller import CascadedController
 from systems.delay_estimator import DelayEstimator
 from systems.neural_predictor import NeuralPredictor
 from systems.np_mpc import NpMpc
@@ -39,14 +44,14 @@ DEFAULT_MODEL = MODELS / "default.safetensors"  # lifted linear system of any wr
 FLYING_MODEL = MODELS / "pendulum.safetensors"  # that `np` flies with
 SOLVER_SHARE = 0.5  # of the deadline, after which a solver wraps up with what it has [1]
 LEARNED = ("np", *REACTIONS)  # kinds with a model file
-CONTROLLERS = ("nominal", "hold", "observer", "oracle", *LEARNED)  # all kinds
+CONTROLLERS = ("nominal", "hold", "observer", "oracle", "cascade", *LEARNED)  # all kinds
 
 
 @dc.dataclass
 class ControllerConfig:
     """Kind of controller, its residual model, solver and timing."""
 
-    kind: str = "nominal"  # nominal | hold | observer | oracle | np | gp | knode
+    kind: str = "nominal"  # nominal | hold | observer | oracle | cascade | np | gp | knode
     extra_mass: float = 0.0  # that controller and estimator add to the vehicle's [kg]
     hold_bandwidth: float = np.inf  # of kind hold: a low-pass on top of the labels' own [Hz]
     predictor: str = ""  # model file of kind np, gp, knode; np: empty for the one that ships with the package
@@ -105,7 +110,7 @@ class ControllerConfig:
 
 
 def make_residual_model(config: ControllerConfig, vehicle: Vehicle) -> ResidualModel | None:
-    """Return the residual model of `config.kind`; None for nominal and for the oracle, which is no model."""
+    """Return the residual model of `config.kind`; None for nominal, cascade, and the oracle, which is no model."""
     if config.kind == "hold":
         band = config.hold_bandwidth
         return Hold(step=config.period, force_bandwidth=band, torque_bandwidth=band)
@@ -176,16 +181,19 @@ def add_controller(
     truth: Diagram | None = None,
     true_model: TrueModel | None = None,
     model: ResidualModel | None = None,
+    solver_faults: Sequence[SolverFault] = (),
 ) -> dict[str, OutputPort]:
     """Add reference source, estimator, predictor and MPC, and return their vector ports by signal name.
 
     Args:
         vehicle: the nominal vehicle.   rig: has the measured `x` and `acceleration`.
         truth, true_model: the real vehicle and all that acts on it; for the oracle alone.
-        model: used in place of the one that `config` names.
+        model: used in place of the one that `config` names.   solver_faults: while which solves have no answer.
     Raises: ValueError: if an oracle lacks the real vehicle.
     """
     believed = config.believed(vehicle)
+    if config.kind == "cascade":
+        return _add_cascade(builder, believed, reference, rig, period=config.period)
     N, period = config.mpc.horizon, config.period
     model = model or make_residual_model(config, believed)
     source = builder.AddNamedSystem("reference", ReferenceSource(reference, horizon=N, step=config.mpc.step))
@@ -194,6 +202,7 @@ def add_controller(
         "wrench_estimator", WrenchEstimator(labelled(believed, model), label, step=period)
     )
     solver = make_solver(config.solver, believed, config.mpc, time_limit=SOLVER_SHARE * config.deadline)
+    solver = FaultySolver(solver, solver_faults) if solver_faults else solver
     mpc = builder.AddNamedSystem(
         "np_mpc",
         NpMpc(MpcController(believed, config.mpc, solver, period=period, deadline=config.deadline)),
@@ -223,6 +232,21 @@ def add_controller(
     ports |= {name: mpc.GetOutputPort(name) for name in ("status", "solve_time")}
     ports["p_ref"] = source.GetOutputPort("position")
     return ports
+
+
+def _add_cascade(
+    builder: DiagramBuilder, vehicle: Vehicle, reference: Reference, rig, *, period: float
+) -> dict[str, OutputPort]:
+    """Add reference source and cascaded controller, which runs twice a `period` [s]; nothing is solved or predicted."""
+    source = builder.AddNamedSystem("reference", ReferenceSource(reference, horizon=0, step=period))
+    target = builder.AddNamedSystem("target", FlatTarget(vehicle))
+    cascade = builder.AddNamedSystem("cascade", CascadedController(vehicle, period=0.5 * period))
+    builder.Connect(source.GetOutputPort("flat"), target.get_input_port())
+    builder.Connect(target.get_output_port(), cascade.GetInputPort("target"))
+    builder.Connect(rig.GetOutputPort("x"), cascade.GetInputPort("x"))
+    zero = builder.AddNamedSystem("nothing_solved", ConstantVectorSource([0.0])).get_output_port()
+    ports = {"u": cascade.GetOutputPort("u"), "status": zero, "solve_time": zero}
+    return {**ports, "p_ref": source.GetOutputPort("position")}
 
 
 def delay_filter(

@@ -1,13 +1,14 @@
 """Events of `simulate` that change the real plant in flight."""
 
 import dataclasses as dc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from pydrake.systems.framework import Context, Diagram
 
 from diagrams.loop.reality import RealityConfig
 from np_drake.effects.base import MassProperties
 from np_drake.effects.combine import mass_properties
+from np_drake.effects.pendulum import Payload
 from np_drake.vehicle import Vehicle
 from systems.initial_state import apply_impulse, hang_payload, set_payload_mass, set_vehicle_mass
 from systems.payload_config import PayloadConfig
@@ -15,10 +16,14 @@ from systems.payload_config import PayloadConfig
 
 @dc.dataclass(frozen=True)
 class Event:
-    """Instantaneous change of the real vehicle in flight: `apply(real_vehicle, root_context)`."""
+    """Instantaneous change of the real vehicle in flight: `apply(real_vehicle, root_context)`.
+
+    becomes: what the payload is from then on, of what it was; for the oracle, which knows all.
+    """
 
     time: float  # [s]
     apply: Callable[[Diagram, Context], None]
+    becomes: Callable[[Payload], Payload | None] = lambda payload: payload
 
 
 def push(time: float, impulse: list[float]) -> Event:
@@ -38,7 +43,7 @@ def attach(time: float, payload: PayloadConfig, mass: float) -> Event:
         plant = vehicle.GetSubsystemByName("plant")
         set_payload_mass(plant, plant.GetMyMutableContextFromRoot(root), payload, payload.mass + mass)
 
-    return Event(time, apply)
+    return Event(time, apply, lambda hung: dc.replace(hung, mass=payload.mass + mass))
 
 
 def release(time: float) -> Event:
@@ -48,7 +53,7 @@ def release(time: float) -> Event:
         cable = vehicle.GetSubsystemByName("cable")
         cable.cut(cable.GetMyMutableContextFromRoot(root))
 
-    return Event(time, apply)
+    return Event(time, apply, lambda hung: None)
 
 
 def hang(time: float, payload: PayloadConfig) -> Event:
@@ -70,6 +75,15 @@ def weigh(time: float, properties: MassProperties) -> Event:
         set_vehicle_mass(plant, plant.GetMyMutableContextFromRoot(root), properties)
 
     return Event(time, apply)
+
+
+def payloads(first: Payload | None, events: Sequence[Event]) -> list[tuple[float, Payload | None]]:
+    """Return (time [s], payload from then on) of every event; nothing where there is no payload at first."""
+    changes, payload = [], first
+    for event in sorted(events, key=lambda event: event.time):
+        payload = None if payload is None else event.becomes(payload)
+        changes.append((event.time, payload))
+    return changes if first is not None else []
 
 
 def beginnings(vehicle: Vehicle, reality: RealityConfig, end: float) -> dict[float, list[Event]]:

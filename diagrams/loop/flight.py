@@ -14,7 +14,8 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from diagrams.batch.failed_run import FailedRun
 from diagrams.loop.controllers import ControllerConfig, add_controller
-from diagrams.loop.events import Event, beginnings
+from diagrams.loop.events import Event, beginnings, payloads
+from diagrams.loop.faults import NO_FAULTS, Faults
 from diagrams.loop.real_vehicle import DRAKE, REAL_VEHICLE, RealVehicle
 from diagrams.loop.reality import RealityConfig
 from diagrams.loop.scaled import scaled
@@ -27,6 +28,7 @@ from np_drake.residual_models.oracle import TrueModel
 from np_drake.vehicle import Vehicle
 from np_drake.yaml_file import Read, load_checked
 from systems.recorder import Recorder, add_recorder
+from systems.sensor_faults import add_sensor_faults
 from systems.sensor_rig import add_sensor_rig
 
 GROUND = 0.0  # height below which a vehicle counts as lost: the simulator has no ground, flights do [m]
@@ -81,7 +83,10 @@ class FlightConfig:
             )
         if self.controller.kind == "oracle":
             self._check_oracle()
-        lift = 4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.vehicle, self.end)
+        # What fails in flight may fail altogether: that is no mistake of the scenario.
+        lift = (
+            4 * self.vehicle.max_rotor_thrust * self.reality.thrust_at(self.vehicle, self.end, failing=False)
+        )
         if self.carried_mass * self.vehicle.gravity > 0.9 * lift:
             raise ValueError(
                 f"FlightConfig: {self.carried_mass:.4g} kg are more than the rotors can carry ({lift:.3g} N). "
@@ -160,8 +165,8 @@ class FlightConfig:
         rates += [1 / lag for lag in (*self.reality.lags, self.vehicle.rotor_time_constant) if lag > 0]
         return float(1.7 / max(rates))
 
-    def true_model(self) -> TrueModel:
-        """Return the model of the real vehicle for the oracle."""
+    def true_model(self, events: Sequence[Event] = ()) -> TrueModel:
+        """Return the model of the real vehicle for the oracle, which knows the events too."""
         payload, believed = self.reality.hung, self.controller.believed(self.vehicle)
         hook = (payload.hook[0], payload.hook[1], payload.hook[2])
         bob = Payload(payload.mass, payload.length, hook, payload.air_damping)
@@ -176,6 +181,7 @@ class FlightConfig:
             reality.onsets,
             reality.mass_effects(),
             reality.hangs_at,
+            payloads(hung, events),
         )
 
     def check_and_step(self) -> "FlightConfig":
@@ -245,11 +251,12 @@ class Watch(Protocol):
 
 
 def make_flight_diagram(
-    config: FlightConfig, *, pushed: bool = False, real: RealVehicle = DRAKE
+    config: FlightConfig, *, pushed: bool = False, faults: Faults = NO_FAULTS, real: RealVehicle = DRAKE
 ) -> tuple[Diagram, Recorder]:
     """Return reference, vehicle, sensors, controller and recorder as one Diagram, and the recorder.
 
-    Args: pushed: whether forces from outside may act (`make_tethered_quadrotor`).   real: makes the vehicle.
+    Args: pushed: whether forces from outside may act (`make_tethered_quadrotor`).   faults: of sensors and solver;
+    no fault of its own reaches the oracle, which still knows the events.   real: makes the vehicle.
     """
     config.check()
     builder = DiagramBuilder()
@@ -259,6 +266,9 @@ def make_flight_diagram(
     )
     sensors = config.reality.sensor_effects()
     rig = add_sensor_rig(builder, vehicle, config.vehicle, sensors, period=period)
+    knows = config.controller.kind == "oracle"
+    if faults.measurement and not knows:
+        rig = add_sensor_faults(builder, rig, faults.measurement, period=period)
     ports = add_controller(
         builder,
         config.controller,
@@ -266,7 +276,8 @@ def make_flight_diagram(
         make_reference(config.reference),
         rig,
         truth=vehicle,
-        true_model=config.true_model(),
+        true_model=config.true_model(faults.events),
+        solver_faults=() if knows else faults.solver,
     )
     builder.Connect(ports["u"], vehicle.GetInputPort("u"))
     signals = {
@@ -300,6 +311,7 @@ def simulate(
     seed: int,
     monitor=None,
     events: Sequence[Event] = (),
+    faults: Faults = NO_FAULTS,
     tolerance: float = np.inf,
     watch: Watch | None = None,
     real: RealVehicle = DRAKE,
@@ -309,15 +321,18 @@ def simulate(
     Args:
         monitor: called with the flight's time [s] about every second, for progress.
         events: changes of the vehicle, each applied at its time, before the controller's own event of that instant.
+        faults: of sensors and solver, and events that belong to faults.
         tolerance: distance from the reference beyond which the flight ends, looked at about every second [m].
         watch: looks at the flight, sets its pace and may end it early.
         real: makes the vehicle that flies.
     Raises: LostVehicle: if the integrator gives up, or the vehicle leaves arena or tolerance, or is below ground;
     ValueError: on what `real` cannot do.
     """
+    faults = dc.replace(faults, events=(*events, *faults.events))
+    events = faults.events
     if events and not real.takes_events:
         raise ValueError(f"{config.name}: events must be none for this simulator; fly Drake's vehicle.")
-    diagram, recorder = make_flight_diagram(config, pushed=watch is not None, real=real)
+    diagram, recorder = make_flight_diagram(config, pushed=watch is not None, faults=faults, real=real)
     simulator = Simulator(diagram)
     ApplySimulatorConfig(config.simulator, simulator)
     context = simulator.get_mutable_context()

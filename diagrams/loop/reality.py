@@ -165,10 +165,13 @@ class RealityConfig:
         found += [*self.wrench_effects(), *([payload] if payload else [])]
         return [*found, *split_effects(self.added).measurement]
 
-    def thrust_at(self, vehicle: Vehicle, t: float) -> float:
-        """Return real over nominal thrust at time t [s] since the start, mean of the rotors [1]."""
+    def thrust_at(self, vehicle: Vehicle, t: float, *, failing: bool = True) -> float:
+        """Return real over nominal thrust at time t [s] since the start, mean of the rotors [1].
+
+        Args: failing: whether effects count that begin in flight.
+        """
         thrust = np.ones(4)
-        for effect in acting(self.actuator_effects(), self.onsets, t):
+        for effect in acting(self.actuator_effects(), self.onsets, t if failing else 0.0):
             thrust = effect.thrust(vehicle, effect.state_at(vehicle, thrust), thrust, t)
         return float(thrust.mean())
 

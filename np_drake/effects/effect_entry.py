@@ -7,7 +7,7 @@ from typing import Optional  # the YAML reader knows no other form
 import numpy as np
 
 from np_drake.effects.base import Effect
-from np_drake.effects.library import LIBRARY, MEASURED_ROTORS
+from np_drake.effects.library import in_scenarios
 
 
 @dc.dataclass
@@ -31,7 +31,7 @@ class EffectEntry:
 
         Raises: ValueError: on an unknown or impossible one.
         """
-        known = LIBRARY | MEASURED_ROTORS
+        known = in_scenarios()
         if self.effect not in known:
             near = difflib.get_close_matches(self.effect, known, n=1)
             remedy = f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}."
@@ -67,4 +67,4 @@ class EffectEntry:
     @property
     def made(self) -> Effect:
         """The effect itself."""
-        return (LIBRARY | MEASURED_ROTORS)[self.effect].of(self.parameters)
+        return in_scenarios()[self.effect].of(self.parameters)

@@ -23,6 +23,7 @@ from np_drake.effects.quadratic_drag import QuadraticDrag
 from np_drake.effects.rotor_gyroscopic import RotorGyroscopic
 from np_drake.effects.rotor_inflow import RotorInflow
 from np_drake.effects.suspended_payload import SuspendedPayload
+from np_drake.effects.thrust_ceiling import ThrustCeiling
 from np_drake.effects.thrust_drift import ThrustDrift
 from np_drake.effects.thrust_scale import ThrustScale
 from np_drake.effects.translational_lift import TranslationalLift
@@ -47,6 +48,13 @@ _OURS: tuple[type[Effect], ...] = (
 LIBRARY: dict[str, type[Effect]] = {effect.identifier: effect for effect in _OURS}
 # Besides the library, on logs whose input is measured rotor speed: the mixer of a command is known.
 MEASURED_ROTORS: dict[str, type[Effect]] = {MixerGain.identifier: MixerGain}
+# Besides the library, in scenarios alone: the diagnosis does not look for them.
+SIMULATED: dict[str, type[Effect]] = {ThrustCeiling.identifier: ThrustCeiling}
+
+
+def in_scenarios() -> dict[str, type[Effect]]:
+    """Return the effects that a scenario may name."""
+    return LIBRARY | MEASURED_ROTORS | SIMULATED
 
 
 def effects_for(log_input: str) -> dict[str, type[Effect]]:

@@ -58,13 +58,15 @@ class MpcController:
         flags = np.array([float(MpcStatus.HOVER), 0.0, 0.0])
         return ControllerMemory(np.tile(self.vehicle.hover_input, (N, 1)), x, np.zeros((N, 6)), flags)
 
-    def problem(self, x: np.ndarray, flat: np.ndarray, forecast: WrenchForecast | None) -> MpcProblem:
+    def problem(
+        self, x: np.ndarray, flat: np.ndarray, forecast: WrenchForecast | None, t: float = 0.0
+    ) -> MpcProblem:
         """Return the problem at this instant.
 
         References follow the wrench that the reference motion itself would meet. Where commands are on their way, the
         problem begins where the forecast does.
         Args: x: (13,) measured; flat: (5, N+1, 3) reference motion from the problem's beginning; forecast: None for the
-        nominal MPC.
+        nominal MPC; t: of the measurement [s].
         """
         N = self.config.horizon
         forecast = forecast or no_forecast(N)
@@ -75,20 +77,27 @@ class MpcController:
             chi[:N] = forecast.rollout(np.concatenate([flat[1, :N], w_ref], axis=1))
             chi[N] = chi[N - 1]
         x_ref, u_ref = targets(self.vehicle, flat, chi)
-        return MpcProblem(x0=x, x_ref=x_ref, u_ref=self.vehicle.saturate(u_ref[:N]), forecast=forecast)
+        return MpcProblem(x0=x, x_ref=x_ref, u_ref=self.vehicle.saturate(u_ref[:N]), forecast=forecast, t=t)
 
     def step(
-        self, memory: ControllerMemory, *, x: np.ndarray, flat: np.ndarray, forecast: WrenchForecast | None
+        self,
+        memory: ControllerMemory,
+        *,
+        x: np.ndarray,
+        flat: np.ndarray,
+        forecast: WrenchForecast | None,
+        t: float = 0.0,
     ) -> ControllerMemory:
         """Return the memory after one period.
 
         Its solve time is the time spent, whether the answer is used or not.
         Args: x: (13,) measured.   flat: (5, N+1, 3) reference motion.   forecast: None for the nominal MPC.
+        t: of the measurement [s].
         """
         last = self._last_plan(memory)
         start = time.perf_counter()
         try:
-            solution = self.solver.solve(self.problem(x, flat, forecast), last)
+            solution = self.solver.solve(self.problem(x, flat, forecast, t), last)
             spent = time.perf_counter() - start
             if spent > self.deadline:
                 raise SolverFailure(f"{self.solver.name}: answer came after {spent:.3f} s.")

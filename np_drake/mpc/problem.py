@@ -102,13 +102,14 @@ class MpcProblem:
     """One receding-horizon problem.
 
     x0: (13,) measured state.   x_ref: (N+1, 13), u_ref: (N, 4) references, already shifted with chi_hat.
-    forecast: the residual wrench over the horizon, at the MPC's step.
+    forecast: the residual wrench over the horizon, at the MPC's step.   t: time of the measurement [s].
     """
 
     x0: np.ndarray
     x_ref: np.ndarray
     u_ref: np.ndarray
     forecast: WrenchForecast
+    t: float = 0.0
 
 
 @dc.dataclass(frozen=True)

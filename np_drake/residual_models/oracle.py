@@ -22,7 +22,7 @@ class TrueModel:
     believed: the vehicle that the controller assumes.   payload: None without one.   wrench_effects, actuator_effects:
     effects that act in the simulation, without dead time.   delay: dead time of the commands, for the caller [s].
     onsets: when those of the effects begin that do not act from the start [s].   mass_effects: change the mass
-    properties.   hangs_at: when the payload is hung [s].
+    properties.   hangs_at: when the payload is hung [s].   payloads: (time [s], payload from then on), by time.
     """
 
     believed: Vehicle
@@ -33,6 +33,14 @@ class TrueModel:
     onsets: Onsets = dc.field(default_factory=dict)
     mass_effects: Sequence[MassEffect] = ()
     hangs_at: float = 0.0
+    payloads: Sequence[tuple[float, Payload | None]] = ()
+
+    def payload_at(self, t: float) -> Payload | None:
+        """Return the payload that hangs at time t [s]; None without one."""
+        if t < self.hangs_at:
+            return None
+        begun = [payload for time, payload in self.payloads if time <= t]
+        return begun[-1] if begun else self.payload
 
     def wrench_along(
         self,
@@ -58,11 +66,12 @@ class TrueModel:
         chi = np.concatenate([wrong[:, :1] * attitude.body_z(middle[:, Q]), wrong[:, 1:]], axis=1)
         motion = Motion(starts + 0.5 * step, middle, thrust)
         chi += total_wrench(self.believed, acting(self.wrench_effects, self.onsets, t), motion)
-        if self.payload is not None and swing_state is not None and t >= self.hangs_at:
-            v_hook = hook_velocity(self.payload.hook, x)
+        payload = self.payload_at(t)
+        if payload is not None and swing_state is not None:
+            v_hook = hook_velocity(payload.hook, x)
             a_hook, between = np.diff(v_hook, axis=0) / step, 0.5 * (v_hook[1:] + v_hook[:-1])
-            force = swing(self.payload, *swing_state, a_hook, step, self.believed.gravity, between)
-            chi += hook_wrench(self.payload, middle[:, Q], force)
+            force = swing(payload, *swing_state, a_hook, step, self.believed.gravity, between)
+            chi += hook_wrench(payload, middle[:, Q], force)
         changed = acting(self.mass_effects, self.onsets, t)
         return self._as_believed(middle, command @ self.believed.mixer.T, chi, changed) if changed else chi
 

@@ -224,11 +224,7 @@ class PendulumBank:
         if not kernel.finite(label):
             return {"mean": predicted, "covariance": spread, "weight": weight}
         if not distance.min() < self.options.jump:
-            weight = self._first_weight
-            self._forget(predicted, spread)
-            kernel.update_bank(
-                predicted, spread, now, label, variance, updated, narrowed, likelihood, distance
-            )
+            return self._anew(predicted, spread)
         if not (kernel.finite(updated) and kernel.finite(narrowed)):
             return self.initial_memory()
         with np.errstate(divide="ignore"):  # of a member without weight
@@ -238,6 +234,16 @@ class PendulumBank:
         weight = stay * weight / weight.sum() + (1 - stay) * self._first_weight * self._likely(updated)
         weight = weight / weight.sum()
         return {"mean": updated, "covariance": narrowed, "weight": weight}
+
+    def _anew(self, mean: np.ndarray, covariance: np.ndarray) -> Memory:
+        """Return the memory after a sample that no member explains; the sample itself is not taken in.
+
+        A jerk of the cable tells nothing of the payload's mass. A change that lasts shows in the next sample.
+        """
+        if not (kernel.finite(mean) and kernel.finite(covariance)):
+            return self.initial_memory()
+        self._forget(mean, covariance)
+        return {"mean": mean, "covariance": covariance, "weight": self._first_weight.copy()}
 
     def _likely(self, mean: np.ndarray) -> np.ndarray:
         """Return the prior density of each member's parameters over its largest, (k,) [1].

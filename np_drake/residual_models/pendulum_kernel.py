@@ -89,17 +89,6 @@ def filter_bank(
 
 
 @compiled
-def update_bank(
-    mean, covariance, now, label, label_variance, updated, updated_covariance, likelihood, distance
-):
-    """Take in one label without a step; arguments as of `filter_bank`."""
-    for i in range(len(mean)):
-        likelihood[i], distance[i] = _update(
-            mean[i], covariance[i], now, label, label_variance, updated[i], updated_covariance[i]
-        )
-
-
-@compiled
 def pull_moments(mean, weight, now, centre, covariance):
     """Write mean (3,) and covariance (3, 3) over the members of the pull on the vehicle, in W [m/s², m²/s⁴].
 

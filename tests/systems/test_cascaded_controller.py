@@ -75,3 +75,24 @@ def test_in_a_diagram_it_brings_the_vehicle_to_the_target():
     simulator.AdvanceTo(12.0)
     x = real.GetOutputPort("x").Eval(real.GetMyContextFromRoot(root))
     assert x[:3] == pytest.approx(goal[:3], abs=0.02)  # [m]; the integral fades slowly
+
+
+def test_a_reading_with_nan_leaves_command_and_integral_and_the_next_good_one_goes_on():
+    vehicle = Vehicle()
+    dut = CascadedController(vehicle)
+    context = dut.CreateDefaultContext()
+    x, target = np.zeros(13), np.zeros(TARGET_SIZE)
+    x[3], target[2] = 1.0, 0.5
+    dut.GetInputPort("target").FixValue(context, target)
+    for t, reading in ((0.0, x), (0.01, x), (0.02, np.where(np.arange(13) == 11, np.nan, x))):
+        context.SetTime(t)
+        before = context.get_discrete_state(0).CopyToVector()
+        dut.GetInputPort("x").FixValue(context, reading)
+        dut.update(context)
+    after = context.get_discrete_state(0).CopyToVector()
+    np.testing.assert_array_equal(after[:10], before[:10])
+    assert after[10] == 0.02  # the time without a reading is not integrated [s]
+    context.SetTime(0.03)
+    dut.GetInputPort("x").FixValue(context, x)
+    dut.update(context)
+    assert np.isfinite(context.get_discrete_state(0).CopyToVector()).all()

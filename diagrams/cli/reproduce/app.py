@@ -11,6 +11,7 @@ from diagrams.cli.reproduce.cost import cost
 from diagrams.cli.reproduce.deadlines import deadlines
 from diagrams.cli.reproduce.estimation import estimation, response, sample_efficiency
 from diagrams.cli.reproduce.experiments import hover, timing
+from diagrams.cli.reproduce.faults import faults
 from diagrams.cli.reproduce.flights import gap, mhe, theorem
 from diagrams.cli.reproduce.margins import margins
 from diagrams.cli.reproduce.models import models
@@ -24,7 +25,7 @@ from diagrams.cli.reproduce.weights import pendulum, weights
 
 TABLES = (
     tracking, configurations, weights, gap, mhe, theorem, pendulum, estimation, sample_efficiency, response, hover,
-    attach, timing, cooperative, robustness, margins, cost, real,
+    attach, timing, cooperative, robustness, margins, faults, cost, real,
     payload_flights, vehicles, models, closing, replay, deadlines,
 )  # fmt: skip
 

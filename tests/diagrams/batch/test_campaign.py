@@ -1,11 +1,14 @@
 """Laws of campaigns. The work is defined inside the tests, so that it travels by value."""
 
+import contextlib
 import json
 import os
 import signal
 import subprocess
 import sys
+import time
 
+import numpy as np
 import pytest
 
 from diagrams.batch import campaign
@@ -159,3 +162,42 @@ def test_a_worker_of_another_version_says_so(monkeypatch):
     guarded = campaign.Guarded(dict)
     monkeypatch.setattr(campaign, "version", lambda name: "9.9")
     assert "np_drake must be" in guarded({})["error"]
+
+
+KILLED = """
+import sys, time
+from pathlib import Path
+from diagrams.batch.campaign import run_campaign
+
+folder = Path(sys.argv[1])
+
+def work(case):
+    time.sleep(0.03)
+    return {"square": case["k"] ** 2}
+
+run_campaign(work, [{"k": k} for k in range(30)], config={}, folder=folder, jobs=1)
+(folder.parent / "whole").touch()
+"""
+
+
+def test_a_campaign_killed_at_random_instants_loses_no_case_and_counts_none_twice(tmp_path):
+    folder, rng, runs = tmp_path / "cases", np.random.default_rng(3), 0
+    while not (tmp_path / "whole").exists():
+        command = [sys.executable, "-c", KILLED, str(folder)]
+        process = subprocess.Popen(command, start_new_session=True, stderr=subprocess.DEVNULL)
+        runs += 1
+        if runs > 6:  # so that the test ends
+            process.wait()
+            continue
+        before = len([*folder.glob("*.json")]) if folder.exists() else 0
+        while process.poll() is None and len([*folder.glob("*.json")]) < before + 2:
+            time.sleep(0.01)
+        time.sleep(rng.uniform(0.0, 0.1))
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    assert runs > 3
+    cases = [{"k": k} for k in range(30)]
+    assert {path.name for path in folder.glob("*.json")} == {case_file(case) for case in cases}
+    campaign_again = run_campaign(dict, cases, config={}, folder=folder)  # from the files: `dict` would say k
+    assert [record["result"] for record in campaign_again] == [{"square": k**2} for k in range(30)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
-from diagrams.loop.events import attach, push, release
+from diagrams.loop.events import attach, payloads, push, release
 from diagrams.loop.experiments import load_experiment
 from diagrams.loop.flight_result import fly
 from diagrams.loop.real_vehicle import make_real_vehicle
@@ -90,3 +90,14 @@ def test_an_event_changes_nothing_before_its_time_and_is_seen_at_it():
 def test_events_outside_the_flight_or_at_once_are_refused(times):
     with pytest.raises(ValueError, match="events must have times of their own within the flight"):
         fly(short_hover(), seed=1, events=[push(t, [0.1, 0.0, 0.0]) for t in times])
+
+
+def test_the_oracle_is_told_what_hangs_after_every_event():
+    first = CONFIG.true_model().payload
+    events = [release(3.0), push(2.0, [0.0, 0.0, 0.1]), attach(1.0, PAYLOAD, 0.1)]
+    masses = [(t, None if payload is None else payload.mass) for t, payload in payloads(first, events)]
+    assert masses == [(1.0, pytest.approx(0.36)), (2.0, pytest.approx(0.36)), (3.0, None)]
+    model = CONFIG.true_model(events)
+    assert [model.payload_at(t) is None for t in (0.0, 2.9, 3.0)] == [False, False, True]
+    assert model.payload_at(1.0).mass == pytest.approx(0.36)  # [kg]
+    assert payloads(None, events) == []

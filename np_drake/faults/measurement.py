@@ -1,0 +1,173 @@
+"""Faults of a sampled measurement: which sample is delivered, and what is wrong with its content.
+
+A reading is the vector (23,) of x (13), acceleration (6) and rotor speed (4), in the order of `READING`.
+"""
+
+import dataclasses as dc
+
+import numpy as np
+
+from np_drake import attitude
+from np_drake.rigid_body import P, Q
+
+READING = {"x": slice(0, 13), "acceleration": slice(13, 19), "rotor_speed": slice(19, 23)}
+READING_SIZE = 23
+# Columns of a reading by sensor. Velocity is differentiated motion capture.
+SENSORS = {
+    "motion capture": (*range(0, 10),),
+    "gyroscope": (*range(10, 13), *range(16, 19)),
+    "accelerometer": (*range(13, 16),),
+    "imu": (*range(10, 19),),
+    "all": (*range(0, 19),),
+}
+_ROUNDING = 1e-9  # of a sample's time [s]
+RATE, ACCELERATION = slice(10, 13), slice(13, 16)  # within a reading
+
+
+@dc.dataclass(frozen=True)
+class MeasurementFault:
+    """Fault that acts on one sensor from `onset` on for `duration` [s].
+
+    sensor: key of `SENSORS`.   A sample k is the reading at k periods.
+    """
+
+    onset: float
+    duration: float
+    sensor: str
+
+    @property
+    def columns(self) -> tuple[int, ...]:
+        """Columns of a reading on which it acts."""
+        return SENSORS[self.sensor]
+
+    def acts(self, t: float) -> bool:
+        """Return whether it acts at time t [s]."""
+        return -_ROUNDING <= t - self.onset < self.duration - _ROUNDING
+
+    def first(self, period: float) -> int:
+        """Return the first sample on which it acts."""
+        return int(np.ceil(self.onset / period - 1e-6))
+
+    def delivered(self, k: int, period: float) -> int:
+        """Return the sample that is delivered in place of sample k."""
+        return k
+
+    def reads(self, reading: np.ndarray) -> np.ndarray:
+        """Return what is read in place of a reading (23,)."""
+        return reading
+
+    def oldest(self, period: float) -> int:
+        """Return how many samples back it reaches at most."""
+        return int(np.ceil(self.duration / period)) + 1
+
+
+@dc.dataclass(frozen=True)
+class NanBurst(MeasurementFault):
+    """Samples without a value."""
+
+    def reads(self, reading: np.ndarray) -> np.ndarray:
+        """Return the reading with NaN in the sensor's columns."""
+        spoilt = reading.copy()
+        spoilt[list(self.columns)] = np.nan
+        return spoilt
+
+    def oldest(self, period: float) -> int:
+        """Return 0: it delivers no other sample."""
+        return 0
+
+
+@dc.dataclass(frozen=True)
+class DroppedSamples(MeasurementFault):
+    """Samples that are lost independently; the last one received stands.
+
+    share: probability of a loss [1].   seed: of the losses.
+    """
+
+    share: float
+    seed: int
+
+    def delivered(self, k: int, period: float) -> int:
+        """Return the last sample up to k that was received."""
+        first = self.first(period)
+        while k >= first and np.random.default_rng((self.seed, k)).random() < self.share:
+            k -= 1
+        return k
+
+
+@dc.dataclass(frozen=True)
+class RepeatedSamples(MeasurementFault):
+    """Stream at a lower rate: each sample is delivered `times` times."""
+
+    times: int
+
+    def delivered(self, k: int, period: float) -> int:
+        """Return the first sample of the group of k."""
+        return k - (k - self.first(period)) % self.times
+
+
+@dc.dataclass(frozen=True)
+class LateSamples(MeasurementFault):
+    """Samples that arrive `samples` periods late."""
+
+    samples: int
+
+    def delivered(self, k: int, period: float) -> int:
+        """Return the sample taken `samples` periods before."""
+        return k - self.samples
+
+    def oldest(self, period: float) -> int:
+        """Return how many samples back it reaches."""
+        return self.samples
+
+
+@dc.dataclass(frozen=True)
+class FrozenSamples(MeasurementFault):
+    """Sensor that keeps the last value before the fault."""
+
+    def delivered(self, k: int, period: float) -> int:
+        """Return the last sample before the fault."""
+        return self.first(period) - 1
+
+
+@dc.dataclass(frozen=True)
+class BiasJump(MeasurementFault):
+    """Constant error of rate and specific force, in body axes.
+
+    rate: (3,) [rad/s].   acceleration: (3,) [m/s²].
+    """
+
+    rate: tuple[float, float, float]
+    acceleration: tuple[float, float, float]
+
+    def reads(self, reading: np.ndarray) -> np.ndarray:
+        """Return the reading with both errors."""
+        biased = reading.copy()
+        biased[RATE] += self.rate
+        biased[ACCELERATION] += attitude.rotate(reading[Q], np.array(self.acceleration))
+        return biased
+
+    def oldest(self, period: float) -> int:
+        """Return 0: it delivers no other sample."""
+        return 0
+
+
+@dc.dataclass(frozen=True)
+class PoseJump(MeasurementFault):
+    """Pose of motion capture that is off by a constant, as where it takes one marker for another.
+
+    position: (3,) in W [m].   turn: (3,) rotation vector in body axes [rad].
+    """
+
+    position: tuple[float, float, float]
+    turn: tuple[float, float, float]
+
+    def reads(self, reading: np.ndarray) -> np.ndarray:
+        """Return the reading with position and attitude off."""
+        off = reading.copy()
+        off[P] += self.position
+        off[Q] = attitude.multiply(reading[Q], attitude.from_rotation_vector(np.array(self.turn)))
+        return off
+
+    def oldest(self, period: float) -> int:
+        """Return 0: it delivers no other sample."""
+        return 0
