@@ -5,6 +5,7 @@ A test that takes the `neurobem` or `real_flights` fixture is skipped without it
 """
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+        if (
+            signal.getsignal(number) == signal.SIG_IGN
+        ):  # as nohup and jobs in the background leave it to children
+            signal.signal(number, handler)
     config.addinivalue_line("markers", f"{MARKER}: needs the folder of real flights (set by the fixture)")
     if config.getoption(OPTION) and not hasattr(config, "workerinput"):
         config.pluginmanager.register(RealFlightsRan(), "real_flights_ran")

@@ -80,15 +80,21 @@ def _breaks(target, data: bytes, folder: Path) -> bool:
 
     path = folder / f"input{target.suffix}"
     path.write_bytes(data)
+    before = _peak()
     try:
         check(target, path)
     except Exception:
         traceback.print_exc(limit=-4)
         return True
-    used = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - _AT_START
+    used = _peak() - before
     if used > MOST:
         print(f"{target.name}: {used >> 20} MiB of memory")
     return used > MOST
+
+
+def _peak() -> int:
+    """Return the largest memory that this process ever took [bytes]."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 
 def _keep(name: str, data: bytes, out: Path) -> None:
@@ -117,8 +123,6 @@ def _guided(name: str, seconds: float, out: Path, seed: int) -> None:
     atheris.Setup([sys.argv[0], str(corpus), *options, *limits], one_input)
     atheris.Fuzz()
 
-
-_AT_START = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
 
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).parents[2]))
