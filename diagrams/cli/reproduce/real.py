@@ -64,8 +64,9 @@ def real(
     scoring = Scoring(
         folder.resolve(), neurobem and neurobem.resolve(), Settings(other, kept and kept.resolve())
     )
+    settings = {"folder": folder.name, "neurobem": neurobem and neurobem.name, "beside": beside}
     named = [{"group": case.group, "name": case.name} for case in cases]
-    finished = run.cases("diagnosing", "cases", scoring, named, config={"beside": beside})
+    finished = run.cases("diagnosing", "cases", scoring, named, config=settings)
     failed, records = failures(finished), [r["result"] for r in finished if "result" in r]
     series = {f"real flights, {name}": judged_names(records, name) for name in naming(records)}
     series |= {"simulated benchmark": simulated} if simulated else {}
