@@ -52,9 +52,8 @@ def _locked(path: Path, output: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        path.unlink(
-            missing_ok=True
-        )  # before the lock is dropped: whoever waits for it looks for the name again
+        # Before the lock is dropped: whoever waits for it looks for the name again.
+        path.unlink(missing_ok=True)
         os.close(number)
 
 

@@ -9,9 +9,9 @@ import ctypes
 import dataclasses as dc
 import hashlib
 import importlib.util
+import json
 import logging
 import os
-import pickle
 import shutil
 import subprocess
 import sys
@@ -81,8 +81,8 @@ def load(vehicle: Vehicle, config: MpcConfig, K: int, options: Mapping[str, Any]
     package = find_acados()
     target = cache_folder() / _key(package, vehicle, config, K, options) / "peer.so"
     if not target.exists():
-        job = {"packages": str(package.parent), "vehicle": vehicle, "config": config, "K": K}
-        _build(target, package, job | {"options": dict(options)})
+        job = {"packages": str(package.parent), "K": K, "options": dict(options)}
+        _build(target, package, job | {"vehicle": dc.asdict(vehicle), "config": dc.asdict(config)})
     for name in _LIBRARIES:
         ctypes.CDLL(str(package / "install" / "lib" / f"lib{name}.so"), mode=ctypes.RTLD_GLOBAL)
     return ctypes.CDLL(str(target))
@@ -143,7 +143,7 @@ def _generate(folder: Path, package: Path, job: dict[str, Any]) -> None:
         [sys.executable, "-m", acados_model.__name__],
         cwd=folder,
         env=os.environ | given,
-        input=pickle.dumps(job),
+        input=json.dumps(job).encode(),
     )
 
 

@@ -9,7 +9,7 @@ own, which appends the folder of acados to the path, so that an installed casadi
 """
 
 import itertools
-import pickle
+import json
 import sys
 from collections.abc import Mapping
 from typing import Any
@@ -20,7 +20,7 @@ from np_drake.mpc.casadi_peer import RigidBodyInCasadi
 from np_drake.mpc.objective import QUADRATIC, Objective
 from np_drake.mpc.problem import MpcConfig
 from np_drake.rigid_body import INPUT_SIZE, STATE_SIZE, WRENCH_SIZE
-from np_drake.vehicle import Vehicle
+from np_drake.vehicle import MeasurementNoise, Vehicle
 
 NAME = "np_drake_peer"
 # With the blocks of `solver_options` the fastest of eleven settings for N = 10, 20, 40 and K = 24; own measurement.
@@ -141,12 +141,14 @@ def _set_sets(ocp: Any, vehicle: Vehicle, config: MpcConfig, K: int) -> None:
 
 
 def main() -> None:
-    """Write the code of the problem that stands pickled on standard input, to the working directory."""
-    job = pickle.load(sys.stdin.buffer)
+    """Write the code of the problem that stands as JSON on standard input, to the working directory."""
+    job = json.load(sys.stdin)
     sys.path.append(job["packages"])
     from acados import acados_template
 
-    ocp = make_ocp(acados_template, job["vehicle"], job["config"], job["K"], job["options"])
+    noise = MeasurementNoise(**job["vehicle"].pop("measurement_noise"))
+    vehicle = Vehicle(**job["vehicle"], measurement_noise=noise)
+    ocp = make_ocp(acados_template, vehicle, MpcConfig(**job["config"]), job["K"], job["options"])
     ocp.code_export_directory = "code"
     acados_template.AcadosOcpSolver.generate(ocp, json_file="ocp.json")
 

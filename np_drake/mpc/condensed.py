@@ -91,7 +91,7 @@ class Condensed:
         self.vehicle, self.config = vehicle, config
         self.objective = Objective(config)
         self.dynamics = DiscreteDynamics(vehicle, config.step)
-        self.preparation = Preparation(vehicle, config)
+        self._prepare = Preparation(vehicle, config)
         n = config.horizon
         self.size = 4 * n
         self._mixer, self._Q, self._R = np.ascontiguousarray(vehicle.mixer, float), config.Q, config.R
@@ -106,7 +106,7 @@ class Condensed:
 
     def prepare(self, problem: MpcProblem, markov: np.ndarray | None = None) -> Horizon:
         """Return the problem made ready for a solver, see `horizon.Preparation`."""
-        return self.preparation(problem, markov)
+        return self._prepare(problem, markov)
 
     def clip(self, T: np.ndarray) -> np.ndarray:
         """Return the thrusts clipped to the hard input set [N]."""

@@ -4,6 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 
+from np_drake.finite import finite
 from np_drake.mpc.kernels import horizon as kernel
 from np_drake.mpc.problem import MpcConfig, MpcProblem, SolverFailure
 from np_drake.mpc.terminal import TerminalWeight
@@ -57,7 +58,7 @@ class Preparation:
         if np.shape(f.offset) != (self._horizon, WRENCH_SIZE):
             raise SolverFailure(_wrong_shape("forecast.offset", f.offset, (self._horizon, WRENCH_SIZE)))
         free, markov = eliminate(f, markov)
-        if not (kernel.finite(free) and kernel.finite(markov)):
+        if not (finite(free) and finite(markov)):
             raise SolverFailure("MPC: the forecast overflows within the horizon; its A must be stable.")
         F = self._terminal.factor(x_ref[-1, 3:7])
         return Horizon(x0, x_ref, u_ref, F.T @ F, F, free, markov, f.reaction)
@@ -91,7 +92,7 @@ def _checked(name: str, value: np.ndarray, shape: tuple[int, ...]) -> np.ndarray
     if np.shape(value) != shape:
         raise SolverFailure(_wrong_shape(name, value, shape))
     numbers = np.array(value, float, order="C")
-    if not kernel.finite(numbers):
+    if not finite(numbers):
         raise SolverFailure(f"MPC: {name} must be finite; got NaN or infinity.")
     return numbers
 

@@ -14,9 +14,9 @@ import numpy as np
 from pydrake.solvers import ClarabelSolver, OsqpSolver
 from scipy.linalg import blas, lapack
 
+from np_drake.finite import finite
 from np_drake.mpc.condensed import Curvature, LocalModel
 from np_drake.mpc.drake_solvers import new_program, solver_options
-from np_drake.mpc.kernels.horizon import finite
 from np_drake.mpc.objective import KINDS, QUADRATIC, SoftRows, penalty
 
 _OSQP = {

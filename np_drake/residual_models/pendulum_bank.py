@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from np_drake.finite import finite
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory
 from np_drake.residual_models.pendulum_mixing import mix_bank
@@ -221,11 +222,11 @@ class PendulumBank:
             mean, covariance, drive, now, self.step, self._prior, self._keep, self._noise,
             label, variance, predicted, spread, updated, narrowed, likelihood, distance,
         )  # fmt: skip
-        if not kernel.finite(label):
+        if not finite(label):
             return {"mean": predicted, "covariance": spread, "weight": weight}
         if not distance.min() < self.options.jump:
             return self._anew(predicted, spread)
-        if not (kernel.finite(updated) and kernel.finite(narrowed)):
+        if not (finite(updated) and finite(narrowed)):
             return self.initial_memory()
         with np.errstate(divide="ignore"):  # of a member without weight
             score = np.log(weight) + likelihood
@@ -240,7 +241,7 @@ class PendulumBank:
 
         A jerk of the cable tells nothing of the payload's mass. A change that lasts shows in the next sample.
         """
-        if not (kernel.finite(mean) and kernel.finite(covariance)):
+        if not (finite(mean) and finite(covariance)):
             return self.initial_memory()
         self._forget(mean, covariance)
         return {"mean": mean, "covariance": covariance, "weight": self._first_weight.copy()}

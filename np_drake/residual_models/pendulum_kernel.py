@@ -111,12 +111,6 @@ def pull_moments(mean, weight, now, centre, covariance):
 
 
 @compiled
-def finite(values):
-    """Return whether all numbers of an array are finite."""
-    return np.isfinite(values).all()
-
-
-@compiled
 def _predict(mean, covariance, drive, step, prior, keep, noise, out, out_covariance):
     root = np.zeros((SIZE, SIZE))
     _cholesky(covariance, root)

@@ -8,6 +8,7 @@ import numpy as np
 
 from np_drake import attitude
 from np_drake.compiled import compiled
+from np_drake.finite import finite
 from np_drake.labels import LabelConfig
 from np_drake.residual_models import pendulum_kernel as kernel
 from np_drake.residual_models.base import Memory, Plan, Sample, WrenchForecast
@@ -85,9 +86,9 @@ class PendulumPredictor:
     def update(self, memory: Memory, sample: Sample) -> Memory:
         """Return the memory after one more sample; see the class for samples with NaN."""
         x, u = np.asarray(sample.x, float), np.asarray(sample.u, float)
-        if not kernel.finite(x):
+        if not finite(x):
             return memory
-        if not kernel.finite(u):
+        if not finite(u):
             u = memory["acting"]
         if not memory["seen"][0]:
             return {**memory, "x": x.copy(), "acting": u.copy(), "seen": np.ones(1)}
@@ -101,7 +102,7 @@ class PendulumPredictor:
         force = chi[:3] / self.model.mass
         bank = self.bank.step_on(memory, drive, now, force, memory["variance"])
         new = {**memory, **bank, "x": x.copy(), "acting": acting, "now": now}
-        if kernel.finite(chi):
+        if finite(chi):
             new |= self._noise(memory, force)
             new |= self._hook_and_level(new, chi[3:] - self._motion_torque(x))
         return new

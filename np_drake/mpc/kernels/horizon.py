@@ -6,15 +6,6 @@ from np_drake.compiled import compiled
 
 
 @compiled
-def finite(values):
-    """Return whether all entries of a contiguous array of any shape are finite."""
-    nothing = 0.0
-    for value in values.ravel():
-        nothing += 0.0 * value
-    return nothing == 0.0
-
-
-@compiled
 def one_hemisphere(q, q_near):
     """Flip quaternions q (n, 4) in place so that each lies near its predecessor, the first near `q_near` (4,)."""
     w, x, y, z = q_near[0], q_near[1], q_near[2], q_near[3]
