@@ -83,7 +83,7 @@ def make_cooperative_quadrotors(
         for name, port in (
             ("plant_state", plant.get_state_output_port()),
             ("body_poses", plant.get_body_poses_output_port()),
-            ("accelerations", plant.get_body_spatial_accelerations_output_port()),
+            ("generalized_acceleration", plant.get_generalized_acceleration_output_port()),
         ):
             builder.Connect(port, one.GetInputPort(name))
         builder.Connect(one.GetOutputPort("generalized_force"), total.get_input_port(i))
@@ -129,11 +129,12 @@ def _make_one(
     spread = builder.AddNamedSystem("spread", MatrixGain(_pair_velocities(plant, body).T))
     builder.Connect(force.get_output_port(), spread.get_input_port())
     acceleration = builder.AddNamedSystem("acceleration", BodyAcceleration(plant, body))
-    builder.Connect(state.get_output_port(), acceleration.GetInputPort("x"))
     builder.ExportInput(state.get_input_port(), "plant_state")
     builder.ConnectInput("plant_state", pair.get_input_port())
     builder.ExportInput(propellers.get_body_poses_input_port(), "body_poses")
-    builder.ExportInput(acceleration.GetInputPort("accelerations"), "accelerations")
+    builder.ConnectInput("plant_state", acceleration.GetInputPort("plant_state"))
+    port = acceleration.GetInputPort("generalized_acceleration")
+    builder.ExportInput(port, port.get_name())
     outputs = (
         *(state.get_output_port(), acceleration.get_output_port()),
         *(rotors.thrust, rotors.nominal_thrust, cable.GetOutputPort("tether_wrench")),

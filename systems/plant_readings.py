@@ -3,11 +3,10 @@
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.multibody.math import SpatialAcceleration, SpatialForce
+from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import LeafSystem
 
-from np_drake import attitude
 from np_drake.attitude_kernel import turned
 from np_drake.compiled import compiled
 
@@ -54,6 +53,15 @@ class VehicleState(LeafSystem):
         output.SetFromVector(x)
 
 
+@compiled
+def body_acceleration(s, q_start, rates, v_start, out):
+    """Write [a in W, al in B] (6,) from the plant's state and generalized acceleration; places as in `vehicle_state`."""
+    for k in range(3):
+        out[k] = rates[v_start + 3 + k]
+    w, x, y, z = s[q_start], s[q_start + 1], s[q_start + 2], s[q_start + 3]
+    out[3], out[4], out[5] = turned(w, -x, -y, -z, rates[v_start], rates[v_start + 1], rates[v_start + 2])
+
+
 class BodyAcceleration(LeafSystem):
     """Spatial acceleration of the quadrotor as [a in W, al in B].
 
@@ -61,32 +69,34 @@ class BodyAcceleration(LeafSystem):
 
         name: BodyAcceleration
         input_ports:
-        - accelerations
-        - x
+        - plant_state
+        - generalized_acceleration
         output_ports:
         - acceleration
 
     | port | size | meaning | unit |
     |---|---|---|---|
-    | accelerations | list | the plant's A_WB of every body | |
-    | x | 13 | true state | |
+    | plant_state | nq + nv | Drake's order: quaternion, position, w_WB, v_WB (both in W) | |
+    | generalized_acceleration | nv | time derivative of the plant's velocities | rad/s², m/s² |
     | acceleration | 6 | [dv_WB/dt in W, dw_WB_B/dt in B] | m/s², rad/s² |
+
+    Args: body: which floating body B is; its joint has the same name.
     """
 
-    def __init__(self, plant: MultibodyPlant, body: str):
+    def __init__(self, plant: MultibodyPlant, body: str = "quadrotor"):
         super().__init__()
-        self._index = int(plant.GetBodyByName(body).index())
-        self._list_port = self.DeclareAbstractInputPort("accelerations", Value[list[SpatialAcceleration]]())
-        self._x_port = self.DeclareVectorInputPort("x", 13)
-        prerequisites = {self._list_port.ticket(), self._x_port.ticket()}
+        joint = plant.GetJointByName(body)
+        self._starts = joint.position_start(), joint.velocity_start()
+        self._state_port = self.DeclareVectorInputPort("plant_state", plant.num_multibody_states())
+        self._rates_port = self.DeclareVectorInputPort("generalized_acceleration", plant.num_velocities())
+        prerequisites = {self._state_port.ticket(), self._rates_port.ticket()}
         self.DeclareVectorOutputPort("acceleration", 6, self._calc_acceleration, prerequisites)
 
     def _calc_acceleration(self, context, output) -> None:
-        A_WB = self._list_port.Eval(context)[self._index]
-        q = self._x_port.Eval(context)[3:7]
-        output.SetFromVector(
-            np.concatenate([A_WB.translational(), attitude.rotate_back(q, A_WB.rotational())])
-        )
+        (q_start, v_start), value = self._starts, np.empty(6)
+        state, rates = self._state_port.Eval(context), self._rates_port.Eval(context)
+        body_acceleration(state, q_start, rates, v_start, value)
+        output.SetFromVector(value)
 
 
 class RodWrench(LeafSystem):

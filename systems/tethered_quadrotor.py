@@ -128,11 +128,12 @@ def make_tethered_quadrotor(
         push = builder.AddNamedSystem("push", Push(plant.num_velocities(), payload=cable is not None))
         forces.append(push.get_output_port())
     _sum_forces(builder, plant, forces)
-    acceleration = builder.AddNamedSystem("acceleration", BodyAcceleration(plant, "quadrotor"))
+    acceleration = builder.AddNamedSystem("acceleration", BodyAcceleration(plant))
+    builder.Connect(plant.get_state_output_port(), acceleration.GetInputPort("plant_state"))
     builder.Connect(
-        plant.get_body_spatial_accelerations_output_port(), acceleration.GetInputPort("accelerations")
+        plant.get_generalized_acceleration_output_port(),
+        acceleration.GetInputPort("generalized_acceleration"),
     )
-    builder.Connect(state.get_output_port(), acceleration.GetInputPort("x"))
     builder.ExportOutput(state.get_output_port(), "x")
     builder.ExportOutput(acceleration.get_output_port(), "acceleration")
     builder.ExportOutput(rotors.thrust, "rotor_thrust")
