@@ -2,10 +2,10 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
-from pydrake.common.value import Value
-from pydrake.systems.framework import BasicVector, LeafSystem, ValueProducer
+from pydrake.systems.framework import BasicVector, LeafSystem
 
 from np_drake.effects.base import ActuatorEffect
 from np_drake.vehicle import Vehicle
@@ -55,73 +55,86 @@ class ActuatorEffects(LeafSystem):
         follows.
         """
         super().__init__()
-        self._vehicle, self._effects, self._spans = vehicle, list(effects), spans
-        ends = np.cumsum([0] + [e.state_size for e in effects])
-        self._slices = [slice(a, b) for a, b in itertools.pairwise(ends)]
+        self._vehicle = vehicle
+        self._stages = _stages(effects, spans)
+        self._lagging = [stage for stage in self._stages if stage.effect.state_size]
         self._command_port = self.DeclareVectorInputPort("command", 4)
         self.DeclareContinuousState(BasicVector(self._resting_state(hover_thrust)))
         prerequisites = {self._command_port.ticket(), self.all_state_ticket(), self.time_ticket()}
-        # Thrust and state rates of one instant read the same pass through the effects.
-        self._chain = self.DeclareCacheEntry(
-            "chain", ValueProducer(allocate=Value[object], calc=self._calc_chain), prerequisites
-        )
         self.DeclareVectorOutputPort("thrust", 4, self._calc_thrust, prerequisites)
         self.DeclareVectorOutputPort("nominal_thrust", 4, self._calc_nominal_thrust, prerequisites)
         self.DeclareVectorOutputPort("rotor_rate", 4, self._calc_rotor_rate, prerequisites)
 
     def _resting_state(self, thrust: np.ndarray) -> np.ndarray:
         states, passed = [], np.asarray(thrust, float)
-        for effect in self._effects:
-            states.append(effect.state_at(self._vehicle, passed))
-            passed = self._through(effect, states[-1], passed, 0.0)
+        for stage in self._stages:
+            states.append(stage.effect.state_at(self._vehicle, passed))
+            if stage.acts(0.0):
+                passed = stage.effect.thrust(self._vehicle, states[-1], passed, 0.0)
         return np.concatenate(states) if states else np.zeros(0)
-
-    def _acts(self, effect: ActuatorEffect, t: float) -> bool:
-        begin, end = self._spans.get(effect, (-np.inf, np.inf))
-        return begin <= t < end
-
-    def _through(self, effect: ActuatorEffect, state: np.ndarray, thrust: np.ndarray, t: float) -> np.ndarray:
-        return effect.thrust(self._vehicle, state, thrust, t) if self._acts(effect, t) else thrust
 
     def rest_at(self, context, thrust: np.ndarray) -> None:
         """Set the state at which a constant command `thrust` (4,) [N] rests; `context` is the system's own."""
         context.SetContinuousState(self._resting_state(thrust))
 
-    def _calc_chain(self, context, value) -> None:
-        """Compute the state, the command of each effect, and the thrust after the last [N]."""
+    def _passed(self, stages: Sequence["Stage"], state: np.ndarray, thrust: np.ndarray, t: float) -> np.ndarray:
+        """Return the thrust (4,) [N] after these stages."""
+        for stage in stages:
+            if stage.acts(t):
+                thrust = stage.effect.thrust(self._vehicle, state[stage.where], thrust, t)
+        return thrust
+
+    def _given(self, context) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return state, command [N] and time [s]."""
         state = context.get_continuous_state_vector().CopyToVector()
-        commands, thrust, t = [], self._command_port.Eval(context), context.get_time()
-        for effect, where in zip(self._effects, self._slices, strict=True):
-            commands.append(thrust)
-            thrust = self._through(effect, state[where], thrust, t)
-        value.set_value((state, commands, thrust))
+        return state, self._command_port.Eval(context), context.get_time()
+
+    def _rate(self, stage: "Stage", state: np.ndarray, command: np.ndarray, t: float) -> np.ndarray:
+        """Return the rate of a stage's state; `command` is that of the chain [N]."""
+        own = self._passed(self._stages[: stage.place], state, command, t)
+        return stage.effect.state_rate(self._vehicle, state[stage.where], own)
 
     def DoCalcTimeDerivatives(self, context, derivatives) -> None:
         """Compute the effects' state rates, as an override of Drake's virtual."""
-        state, commands, _ = self._chain.Eval(context)
-        rates = [
-            effect.state_rate(self._vehicle, state[where], command)
-            for effect, where, command in zip(self._effects, self._slices, commands, strict=True)
-            if effect.state_size
-        ]
-        if rates:
+        if self._lagging:
+            given = self._given(context)
+            rates = [self._rate(stage, *given) for stage in self._lagging]
             derivatives.SetFromVector(rates[0] if len(rates) == 1 else np.concatenate(rates))
 
     def _calc_thrust(self, context, output) -> None:
-        output.SetFromVector(self._chain.Eval(context)[2])
+        output.SetFromVector(self._passed(self._stages, *self._given(context)))
 
     def _calc_nominal_thrust(self, context, output) -> None:
-        state = context.get_continuous_state_vector().CopyToVector()
-        thrust = self._command_port.Eval(context)
-        for effect, where in zip(self._effects, self._slices, strict=True):
-            if effect.turns_rotor:
-                thrust = self._through(effect, state[where], thrust, context.get_time())
-        output.SetFromVector(thrust)
+        motors = [stage for stage in self._stages if stage.effect.turns_rotor]
+        output.SetFromVector(self._passed(motors, *self._given(context)))
 
     def _calc_rotor_rate(self, context, output) -> None:
-        state, commands, _ = self._chain.Eval(context)
-        rate = np.zeros(4)
-        for effect, where, command in zip(self._effects, self._slices, commands, strict=True):
-            if effect.turns_rotor and effect.state_size == 4 and self._acts(effect, context.get_time()):
-                rate = effect.state_rate(self._vehicle, state[where], command)
+        rate, given = np.zeros(4), self._given(context)
+        for stage in self._lagging:
+            if stage.effect.turns_rotor and stage.effect.state_size == 4 and stage.acts(given[2]):
+                rate = self._rate(stage, *given)
         output.SetFromVector(rate)
+
+
+class Stage(NamedTuple):
+    """An effect in its chain.
+
+    place: in the chain.   where: its part of the state.   begin, end: when it acts [s].
+    """
+
+    effect: ActuatorEffect
+    place: int
+    where: slice
+    begin: float
+    end: float
+
+    def acts(self, t: float) -> bool:
+        """Return whether it acts at time t [s]."""
+        return self.begin <= t < self.end
+
+
+def _stages(effects: Sequence[ActuatorEffect], spans: Mapping[ActuatorEffect, Span]) -> list[Stage]:
+    ends = np.cumsum([0] + [e.state_size for e in effects]).tolist()
+    parts = [slice(a, b) for a, b in itertools.pairwise(ends)]
+    always = (-np.inf, np.inf)
+    return [Stage(e, k, parts[k], *spans.get(e, always)) for k, e in enumerate(effects)]

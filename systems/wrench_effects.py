@@ -5,6 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.systems.framework import LeafSystem
 
+from np_drake.attitude_kernel import turned
+from np_drake.compiled import compiled
 from np_drake.effects.base import Motion, WrenchEffect
 from np_drake.effects.combine import NO_ONSETS, Onsets, acting, total_wrench
 from np_drake.vehicle import Vehicle
@@ -63,9 +65,7 @@ class WrenchEffects(LeafSystem):
 
     def _calc_force(self, context, output) -> None:
         motion = self._motion(context)
-        chi = self._total(motion)
-        self._force[:3] = np.dot(motion.R_WB, chi[3:]) if chi[3:].any() else 0.0
-        self._force[3:6] = chi[:3]
+        generalized_force(motion.x, self._total(motion), self._force)
         output.SetFromVector(self._force)
 
     def _calc_chi(self, context, output) -> None:
@@ -73,3 +73,10 @@ class WrenchEffects(LeafSystem):
 
     def _total(self, motion: Motion) -> np.ndarray:
         return total_wrench(self._vehicle, acting(self._effects, self._onsets, float(motion.t)), motion)
+
+
+@compiled
+def generalized_force(x, chi, out):
+    """Write [moment in W, force in W] of chi (6,), at the attitude of the state x (13,), to out[:6]."""
+    out[0], out[1], out[2] = turned(x[3], x[4], x[5], x[6], chi[3], chi[4], chi[5])
+    out[3], out[4], out[5] = chi[0], chi[1], chi[2]
