@@ -5,6 +5,7 @@ import dataclasses as dc
 import numpy as np
 
 from np_drake import attitude, rigid_body
+from np_drake.finite import finite
 from np_drake.logs.rotor_input import rotor_decay, rotor_speed, rotor_wrench
 from np_drake.residual_models.base import Memory
 from np_drake.scaling import ratios
@@ -90,7 +91,7 @@ class DelayFilter:
     def _evidence(self, memory: Memory, error: np.ndarray) -> Memory:
         """Return what the step of the error tells of the delay."""
         change = error - memory["error"]
-        if not np.all(np.isfinite(change)):
+        if not finite(change):
             return {"error": error}
         seen = memory["seen"] + 1
         blend = max(1 / self._window, 1 / seen[0])
@@ -124,7 +125,9 @@ def believed_before(count: int) -> float:
 
 def newest_first(sent: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Return the commands sent (KEPT, 4) with one more, the newest first; one with NaN is taken as the last again."""
-    return np.vstack([u if np.all(np.isfinite(u)) else sent[0], sent[:-1]])
+    new = np.empty_like(sent)
+    new[0], new[1:] = u if finite(u) else sent[0], sent[:-1]
+    return new
 
 
 def acting_command(sent: np.ndarray, delay: float) -> np.ndarray:

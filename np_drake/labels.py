@@ -14,6 +14,7 @@ from scipy import signal
 
 from np_drake import rigid_body
 from np_drake.compiled import compiled
+from np_drake.finite import finite
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.rotor_input import acting_command, rotor_decay, rotor_speed, rotor_wrench
 from np_drake.residual_models.base import KnowsRotorLag, Memory
@@ -129,7 +130,7 @@ class LabelFilter:
         """
         rotor, u = self._lagged(memory["rotor"], np.asarray(u, float))
         raw = rigid_body.residual_wrench(self._vehicle, q=x[rigid_body.Q], w=x[rigid_body.W], a=a, al=al, u=u)
-        if not np.all(np.isfinite(raw)):
+        if not finite(raw):
             return {**memory, "rotor": rotor}, np.full(6, np.nan)
         state, chi = memory["state"].copy(), np.empty(6)
         for channels, sos in self._filters:
@@ -142,7 +143,7 @@ class LabelFilter:
         """Return rotor speed and wrench after `u` acted for one step; a NaN command leaves the speed."""
         if self._decay == 0.0:
             return rotor, u
-        if not np.all(np.isfinite(u)):
+        if not finite(u):
             return rotor, np.full(4, np.nan)
         target = rotor_speed(self._vehicle, u)
         rotor = target if np.isnan(rotor[0]) else target + self._decay * (rotor - target)

@@ -77,7 +77,9 @@ class ActuatorEffects(LeafSystem):
         """Set the state at which a constant command `thrust` (4,) [N] rests; `context` is the system's own."""
         context.SetContinuousState(self._resting_state(thrust))
 
-    def _passed(self, stages: Sequence["Stage"], state: np.ndarray, thrust: np.ndarray, t: float) -> np.ndarray:
+    def _passed(
+        self, stages: Sequence["Stage"], state: np.ndarray, thrust: np.ndarray, t: float
+    ) -> np.ndarray:
         """Return the thrust (4,) [N] after these stages."""
         for stage in stages:
             if stage.acts(t):

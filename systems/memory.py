@@ -1,5 +1,6 @@
-"""LeafSystem whose discrete state is a dictionary of arrays."""
+"""LeafSystem whose discrete state holds a dictionary of arrays."""
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -10,7 +11,7 @@ from np_drake.residual_models.base import Memory
 
 
 class MemorySystem(LeafSystem):
-    """LeafSystem that keeps a pure algorithm's memory in the Context, one discrete group per array (sorted by name).
+    """LeafSystem that keeps a pure algorithm's memory in the Context: one discrete group of all arrays, sorted by name.
 
     The step of the algorithm runs once per sampling instant: the feed-through output and the event that stores
     the new memory read the same cache entry.
@@ -18,8 +19,9 @@ class MemorySystem(LeafSystem):
 
     def _declare_memory(self, initial: Memory) -> None:
         self._shapes = {name: np.shape(initial[name]) for name in sorted(initial)}
-        for name in self._shapes:
-            self.DeclareDiscreteState(BasicVector(np.ravel(initial[name]).astype(float)))
+        ends = np.cumsum([0] + [int(np.prod(shape)) for shape in self._shapes.values()]).tolist()
+        self._parts = [slice(a, b) for a, b in itertools.pairwise(ends)]
+        self._memory_index = self.DeclareDiscreteState(BasicVector(self._packed(initial)))
 
     def _declare_step(self, calc: Callable) -> CacheEntry:
         """Declare the cache entry that holds `calc(context)`."""
@@ -35,11 +37,14 @@ class MemorySystem(LeafSystem):
 
     def memory(self, context) -> Memory:
         """Return the memory as of the last event."""
+        values = context.get_discrete_state(self._memory_index).CopyToVector()
+        shapes = self._shapes.items()
         return {
-            name: context.get_discrete_state(i).CopyToVector().reshape(shape)
-            for i, (name, shape) in enumerate(self._shapes.items())
+            name: values[part].reshape(shape) for (name, shape), part in zip(shapes, self._parts, strict=True)
         }
 
+    def _packed(self, memory: Memory) -> np.ndarray:
+        return np.concatenate([np.ravel(memory[name]) for name in self._shapes], dtype=float)
+
     def _store_memory(self, memory: Memory, discrete_state) -> None:
-        for i, name in enumerate(self._shapes):
-            discrete_state.set_value(i, np.ravel(memory[name]))
+        discrete_state.set_value(self._memory_index, self._packed(memory))

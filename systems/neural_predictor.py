@@ -32,9 +32,9 @@ class NeuralPredictor(ResidualPredictor):
     | chi_hat | 6 | the forecast's first wrench, `delay` later, as of the last event | N, N·m |
     | lifted_linear_system | LiftedLinearSystem | A, B, C at the predictor's own step, as of the last event | |
 
-    State, one discrete group each, sorted by name: A (K²) and B (6 K) where they are refit, count, dropped, gap, labels
+    State, in one discrete group, sorted by name: A (K²) and B (6 K) where they are refit, count, dropped, gap, labels
     (1 each), lowpass (6), rows (the window, lifted) where there is a refit, where the model has a trust its groups,
-    window (as many samples of chi and zeta as encoder or refit read), z (K); then chi_hat (6).
+    window (as many samples of chi and zeta as encoder or refit read), z (K); in another chi_hat (6).
     Event: periodic, every `model.step`. Before the window is full, on NaN and on dropped samples: see the model.
     """
 

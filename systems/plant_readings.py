@@ -55,7 +55,7 @@ class VehicleState(LeafSystem):
 
 @compiled
 def body_acceleration(s, q_start, rates, v_start, out):
-    """Write [a in W, al in B] (6,) from the plant's state and generalized acceleration; places as in `vehicle_state`."""
+    """Write [a in W, al in B] (6,) from the plant's state and rates of its velocities; places as there."""
     for k in range(3):
         out[k] = rates[v_start + 3 + k]
     w, x, y, z = s[q_start], s[q_start + 1], s[q_start + 2], s[q_start + 3]

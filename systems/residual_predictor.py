@@ -43,7 +43,7 @@ class ResidualPredictor(MemorySystem):
     | forecast | WrenchForecast | from `delay` on, with the sample at hand taken in; feeds through | |
     | chi_hat | 6 | the forecast's first wrench, `delay` later, as of the last event | N, N·m |
 
-    State: one discrete group per array of the model's memory (sorted by name), then chi_hat (6).
+    State: one discrete group of the model's memory, its arrays sorted by name, then chi_hat (6).
     Event: periodic, every `model.step`.
 
     Args:
@@ -57,9 +57,12 @@ class ResidualPredictor(MemorySystem):
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._u_port = self.DeclareVectorInputPort("u", 4)
         self._label_port = self.DeclareVectorInputPort("label", 6)
-        self._plan = None
+        self._reads_plan: tuple[ReadsPlan, PlanPorts] | None = None
         if isinstance(model, ReadsPlan):
-            self._plan = PlanPorts(self, horizon=horizon, step=stride * model.step, age=model.step)
+            self._reads_plan = (
+                model,
+                PlanPorts(self, horizon=horizon, step=stride * model.step, age=model.step),
+            )
         self._look_ahead = None if vehicle is None else LookAhead(model, vehicle)
         if self._look_ahead is not None:
             self._sent_port = self.DeclareVectorInputPort("sent", 4 * KEPT)
@@ -88,9 +91,10 @@ class ResidualPredictor(MemorySystem):
         return memory, dc.replace(self._forecast(context, later), start=start)
 
     def _forecast(self, context, memory: Memory) -> WrenchForecast:
-        if self._plan is None or not isinstance(self._model, ReadsPlan):
+        if self._reads_plan is None:
             return self._model.forecast(memory, **self._span)
-        return self._model.forecast_along(memory, self._plan.read(context), **self._span)
+        model, plan = self._reads_plan
+        return model.forecast_along(memory, plan.read(context), **self._span)
 
     def _calc_forecast(self, context, output) -> None:
         output.set_value(self._step.Eval(context)[1])

@@ -49,6 +49,7 @@ class WrenchEffects(LeafSystem):
         """
         super().__init__()
         self._vehicle, self._effects, self._onsets = vehicle, list(effects), onsets
+        self._reads_rate = any(effect.feels_rotor_rate for effect in effects)
         self._force = np.zeros(num_velocities)  # workspace; only the first six entries are ever written
         self._x_port = self.DeclareVectorInputPort("x", 13)
         self._thrust_port = self.DeclareVectorInputPort("rotor_thrust", 4)
@@ -59,7 +60,7 @@ class WrenchEffects(LeafSystem):
 
     def _motion(self, context) -> Motion:
         given = (context.get_time(), self._x_port.Eval(context), self._thrust_port.Eval(context))
-        if self._rate_port.HasValue(context):
+        if self._reads_rate and self._rate_port.HasValue(context):
             return Motion(*given, rotor_rate=self._rate_port.Eval(context))
         return Motion(*given)
 
