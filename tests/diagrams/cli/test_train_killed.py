@@ -1,0 +1,62 @@
+"""Law: a training without checkpoints that is killed writes nothing, and begins again to the same model."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+# `started` appears once all is imported and the training begins.
+PROGRAM = """
+import sys
+from pathlib import Path
+
+from diagrams.cli.main import run
+from np_drake.residual_models import motion_training, pendulum_training, predictor_training
+
+Path(sys.argv[1]).touch()
+sys.exit(run(sys.argv[2:]))
+"""
+
+
+def start(folder, log, configuration):
+    folder.mkdir(exist_ok=True)
+    started = folder / "started"
+    started.unlink(missing_ok=True)
+    command = ["train", str(log), "--configuration", configuration, "--out", str(folder / "np.safetensors")]
+    training = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, str(started), *command],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    while not started.exists():
+        assert training.poll() is None
+        time.sleep(0.005)
+    return training
+
+
+def content(folder):
+    """Bytes of every file by name; what a killed writer leaves under a temporary name is none."""
+    wanted = [path for path in folder.iterdir() if not path.name.startswith(".") and path.name != "started"]
+    return {path.name: path.read_bytes() for path in wanted}
+
+
+@pytest.mark.parametrize("configuration", ["gp", "knode", "pendulum", "dictionary"])
+def test_killed_at_any_instant(configuration, logs, tmp_path):
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+    training, begun = start(whole, logs[0], configuration), time.monotonic()
+    assert training.wait() == 0
+    length, kills = time.monotonic() - begun, 0
+    for share in np.random.default_rng(7).uniform(0.2, 1.0, 2):
+        training = start(killed, logs[0], configuration)
+        time.sleep(share * length)
+        training.kill()
+        kills += training.wait() == -signal.SIGKILL
+        assert content(killed).items() <= content(whole).items()
+    training = start(killed, logs[0], configuration)
+    assert training.wait() == 0
+    assert kills >= 1
+    assert content(killed) == content(whole)
+    assert "np.safetensors" in content(whole)
