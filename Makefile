@@ -11,7 +11,7 @@ CODE := np_drake systems diagrams tests docs
 export OMP_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: venv demo test fuzz golden lint format docs clean
+.PHONY: venv demo test fuzz campaigns golden lint format docs clean
 
 venv: $(STAMP)
 
@@ -40,6 +40,10 @@ FUZZ_SECONDS ?= 3600
 fuzz: venv
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[fuzz]'
 	$(BIN)/python tests/fuzz/fuzz.py --seconds $(FUZZ_SECONDS) --out out/fuzz
+
+# Every verb of many cases, small: one process, two, a cluster of two, and after a kill. More than an hour.
+campaigns: venv
+	PYTHONPATH=. $(BIN)/python tests/campaigns/verbs_alike.py --out out/campaigns
 
 # All frozen diagnoses against their stored answers, the real flights too where NP_DRAKE_NEUROBEM names them.
 GOLDEN := tests/golden/answers.json
