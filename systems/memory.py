@@ -44,7 +44,8 @@ class MemorySystem(LeafSystem):
         }
 
     def _packed(self, memory: Memory) -> np.ndarray:
-        return np.concatenate([np.ravel(memory[name]) for name in self._shapes], dtype=float)
+        parts = (np.ravel(memory[name]) for name in self._shapes)
+        return np.concatenate([np.zeros(0), *parts], dtype=float)  # a model may remember nothing
 
     def _store_memory(self, memory: Memory, discrete_state) -> None:
         discrete_state.set_value(self._memory_index, self._packed(memory))
