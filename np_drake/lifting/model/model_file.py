@@ -47,8 +47,21 @@ def save_model(model: LiftedModel, path: str | Path) -> None:
 
 
 def write_tensors(tensors: dict[str, np.ndarray], metadata: dict[str, str], path: str | Path) -> None:
-    """Write a safetensors file, whole or not at all."""
-    write_bytes(path, save({name: np.ascontiguousarray(value) for name, value in tensors.items()}, metadata))
+    """Write a safetensors file, whole or not at all; equal content gives equal bytes."""
+    content = save({name: np.ascontiguousarray(value) for name, value in tensors.items()}, metadata)
+    write_bytes(path, _with_sorted_header(content))
+
+
+def _with_sorted_header(content: bytes) -> bytes:
+    """Return the content of a safetensors file with the names of its header in order.
+
+    The library writes the metadata in an order that changes from process to process, and cases name a model by the
+    digest of its file.
+    """
+    start = 8 + int.from_bytes(content[:8], "little")
+    header = json.dumps(json.loads(content[8:start]), sort_keys=True, separators=(",", ":")).encode()
+    header = header.ljust(-(-len(header) // 8) * 8)  # tensors begin at a multiple of 8 bytes
+    return len(header).to_bytes(8, "little") + header + content[start:]
 
 
 def schema_of(path: str | Path) -> str:
