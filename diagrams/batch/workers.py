@@ -100,6 +100,16 @@ def results(records: Sequence[Record]) -> list[dict]:
     return [record["result"] for record in records if "result" in record]
 
 
+def every_result(records: Sequence[Record]) -> list[dict]:
+    """Return the results of all cases, in their order.
+
+    Raises: FailedRun: where one has none, of a table that cannot be without it; names the first.
+    """
+    if failed := failures(records):
+        raise FailedRun(f"{failed[0]} ({len(failed)} of {len(records)} cases failed)")
+    return [record["result"] for record in records]
+
+
 def failures(records: Sequence[Record]) -> list[str]:
     """Return a line for every case without a result: what it was, and why."""
     return [f"{_named(record['case'])}: {record['error']}" for record in records if "error" in record]

@@ -1,13 +1,12 @@
 """Result of a cooperative flight, and the flights over fleets and controllers."""
 
-import base64
 import dataclasses as dc
-import io
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
 
+from diagrams.batch.arrays import packed, unpacked
 from diagrams.batch.campaign import Case
 from diagrams.batch.failed_run import FailedRun
 from diagrams.batch.workers import Workers, require_result
@@ -135,18 +134,14 @@ class Flying:
             return {"lost": str(error)}
         result: dict = {"metrics": flight.metrics()}
         if case["signals"]:
-            buffer = io.BytesIO()
-            np.savez_compressed(buffer, **flight.signals)  # type: ignore[arg-type]
-            result["signals"] = base64.b64encode(buffer.getvalue()).decode()
+            result["signals"] = packed(flight.signals)
             result["processor_time"] = flight.processor_time
         return result
 
     def flight(self, case: Case, result: dict) -> CooperativeResult:
         """Return the flight whose signals a result brings along."""
         config = configure(case["row"], case["vehicles"], solver=self.solver)
-        with np.load(io.BytesIO(base64.b64decode(result["signals"])), allow_pickle=False) as content:
-            signals = {name: content[name] for name in content.files}
-        return CooperativeResult(config, case["seed"], signals, result["processor_time"])
+        return CooperativeResult(config, case["seed"], unpacked(result["signals"]), result["processor_time"])
 
 
 def run_cooperative(

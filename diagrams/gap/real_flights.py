@@ -2,13 +2,17 @@
 
 import dataclasses as dc
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from diagrams.batch.arrays import packed, unpacked
+from diagrams.batch.campaign import Case
+from diagrams.batch.workers import Workers, every_result
 from np_drake.diagnosis.diagnose import diagnose
 from np_drake.diagnosis.residuals.flight_residuals import make_flight_residuals
-from np_drake.diagnosis.result import Diagnosis
 from np_drake.logs.flight_log import FlightLog
 from np_drake.logs.neurobem import AGILE, published_vehicle, read_neurobem
 from np_drake.vehicle import Vehicle
@@ -26,7 +30,7 @@ class Fold:
     """
 
     name: str  # of the held-out flight
-    diagnosis: Diagnosis  # from the training flights
+    verdict: tuple[str, ...]  # from the training flights
     before: np.ndarray
     after: np.ndarray
     zero: np.ndarray
@@ -53,19 +57,50 @@ def fold(vehicle: Vehicle, train: Sequence[FlightLog], held_out: FlightLog) -> F
     mean = np.concatenate([e.y[:, 3:6] + e.nominal[:, 3:] for e in flown]).mean(axis=0)
     where = answer.where
     name = held_out.name
-    return Fold(name, answer, where.before[name], where.after[name], total, total - mean)
+    return Fold(name, answer.verdict, where.before[name], where.after[name], total, total - mean)
+
+
+@dc.dataclass(frozen=True)
+class HoldingOut:
+    """Work of a case {"flight": name of the held-out one} -> its `Fold`, the others as training flights.
+
+    folder: of the data set, under the same path on every worker.
+    """
+
+    folder: Path
+
+    def __call__(self, case: Case) -> dict[str, Any]:
+        """Diagnose the other flights and evaluate on the one of the case."""
+        flights = _opened(self.folder)
+        held_out = next(log for log in flights if log.name == case["flight"])
+        found = fold(published_vehicle(), [log for log in flights if log is not held_out], held_out)
+        arrays = {name: getattr(found, name) for name in ("before", "after", "zero", "mean")}
+        return {"verdict": found.verdict, "arrays": packed(arrays)}
+
+
+@lru_cache(maxsize=1)
+def _opened(folder: Path) -> list[FlightLog]:
+    return agile_flights(folder)
 
 
 def leave_one_out(
-    flights: Sequence[FlightLog], on_progress: Callable[[int, int], None] = lambda done, total: None
+    folder: Path,
+    *,
+    workers: Workers | None = None,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Fold]:
-    """Return a fold for every flight, held out in turn, with the others as training flights."""
-    vehicle = published_vehicle()
-    folds = []
-    for i, log in enumerate(flights):
-        folds.append(fold(vehicle, [other for j, other in enumerate(flights) if j != i], log))
-        on_progress(i + 1, len(flights))
-    return folds
+    """Return a fold for every agile flight, held out in turn, with the others as training flights.
+
+    Raises: OSError, LogError: where a flight is missing or cannot be read; FailedRun: where a fold has no result.
+    """
+    cases = [{"flight": log.name} for log in agile_flights(folder)]
+    records = (workers or Workers()).run(
+        HoldingOut(folder.resolve()), cases, config={"neurobem": folder.name}, on_progress=on_progress
+    )
+    return [
+        Fold(case["flight"], tuple(result["verdict"]), **unpacked(result["arrays"]))
+        for case, result in zip(cases, every_result(records), strict=True)
+    ]
 
 
 def rows(folds: Sequence[Fold]) -> list[dict]:

@@ -5,6 +5,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from diagrams.batch.campaign import Case
+from diagrams.batch.workers import Workers, every_result
 from diagrams.prediction.array_flights import Flight
 from np_drake.estimation.wrench_table import COLUMNS, PUBLISHED, column_rmse
 from np_drake.lifting.metrics.skill import naive_predictions
@@ -62,34 +64,72 @@ class EstimationTable:
 def estimation_table(
     models: dict[str, LiftedModel],
     flown: Sequence[Flight],
+    *,
+    config: dict | None = None,
+    workers: Workers | None = None,
     on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> EstimationTable:
     """Return the errors of every flight, row and column, over every origin from the first full window of all models on.
 
-    Args: models: configuration -> trained model.
-    Raises: ValueError: if a flight is too short.
+    Args: models: configuration -> trained model.   config: what the models depend on, as of `run_campaign`.
+    Raises: FailedRun: where a model has no result on a flight, as when it is too short.
     """
     first = max(model.window for model in models.values())
-    cells: dict[str, dict[str, dict[str, float]]] = {}
-    stability: dict[str, dict[str, WindowStability]] = {name: {} for name in models}
-    origins_of = {}
-    for number, flight in enumerate(flown):
-        chi, zeta = flight.segment.chi, flight.segment.zeta
-        origins = np.arange(first, len(chi) - 1)
-        naive = naive_predictions(chi, origins, [1], np.zeros(6))
-        predictions = {name: naive[name] for name in NAIVE}
-        for k, (name, model) in enumerate(models.items()):
-            course = forecasts(model, flight)
-            predictions[OURS[name]] = course.at([1], origins, zeta, zeta_known=False)
-            stability[name][flight.name] = stability_of(course)
-            on_progress(len(models) * number + k + 1, len(models) * len(flown))
+    cases = [{"flight": flight.name, "model": name} for flight in flown for name in models]
+    records = (workers or Workers()).run(
+        Forecasting(models, tuple(flown), first), cases, config=config or {}, on_progress=on_progress
+    )
+    results = {
+        (case["flight"], case["model"]): result
+        for case, result in zip(cases, every_result(records), strict=True)
+    }
+    cells, origins_of = {}, {}
+    for flight in flown:
+        origins_of[flight.name] = len(_origins(flight, first))
         rows = {method: dict(zip(COLUMNS, PUBLISHED[flight.name][method], strict=True)) for method in METHODS}
-        rows |= {name: column_rmse(chi_hat[:, 0] - chi[origins + 1]) for name, chi_hat in predictions.items()}
-        cells[flight.name], origins_of[flight.name] = (
-            {name: rows[name] for name in ROWS if name in rows},
-            len(origins),
-        )
+        rows |= _naive(flight, first)
+        rows |= {OURS[name]: results[flight.name, name]["errors"] for name in models}
+        cells[flight.name] = {name: rows[name] for name in ROWS if name in rows}
+    stability = {
+        name: {flight.name: WindowStability(**results[flight.name, name]["stability"]) for flight in flown}
+        for name in models
+    }
     return EstimationTable(cells, stability, origins_of)
+
+
+@dc.dataclass(frozen=True)
+class Forecasting:
+    """Work of a case {"flight", "model": configuration} -> errors by column, and the stability of its windows.
+
+    first: origin [1].
+    """
+
+    models: dict[str, LiftedModel]
+    flown: tuple[Flight, ...]
+    first: int
+
+    def __call__(self, case: Case) -> dict:
+        """Forecast one step ahead from every origin of the flight.
+
+        Raises: ValueError: if it is too short.
+        """
+        flight = next(flight for flight in self.flown if flight.name == case["flight"])
+        chi, origins = flight.segment.chi, _origins(flight, self.first)
+        course = forecasts(self.models[case["model"]], flight)
+        chi_hat = course.at([1], origins, flight.segment.zeta, zeta_known=False)
+        errors = column_rmse(chi_hat[:, 0] - chi[origins + 1])
+        return {"errors": errors, "stability": dc.asdict(stability_of(course))}
+
+
+def _origins(flight: Flight, first: int) -> np.ndarray:
+    return np.arange(first, len(flight.segment.chi) - 1)
+
+
+def _naive(flight: Flight, first: int) -> dict[str, dict[str, float]]:
+    """Return the errors of predictors without training, by column."""
+    chi, origins = flight.segment.chi, _origins(flight, first)
+    chi_hat = naive_predictions(chi, origins, [1], np.zeros(6))
+    return {name: column_rmse(chi_hat[name][:, 0] - chi[origins + 1]) for name in NAIVE}
 
 
 def forecasts(model: LiftedModel, flight: Flight) -> FlightForecasts:

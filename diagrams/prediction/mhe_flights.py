@@ -3,9 +3,12 @@
 import dataclasses as dc
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from diagrams.batch.campaign import Case
+from diagrams.batch.workers import Workers, every_result
 from np_drake.estimation.mhe_config import MheConfig
 from np_drake.estimation.mhe_run import MheRun, run_mhe
 from np_drake.estimation.mhe_tuning import tune
@@ -52,31 +55,57 @@ def mhe_table(
     config: MheConfig,
     *,
     stems: Sequence[str] = tuple(TESTS),
+    workers: Workers | None = None,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> MheTable:
     """Return the errors of every test flight: published, ours, persistence.
 
-    Raises: OSError, LogError: where a flight cannot be read.
+    Raises: FailedRun: where a flight has no result, as when it cannot be read.
     """
-    rows: list[dict] = []
-    exact, program, disagreement = [], [], []
-    for done, stem in enumerate(stems):
-        sequence, name = read_neurobem_npy(folder / "npy" / f"{stem}.npy"), TESTS[stem]
-        motions = _motions(folder, stem, sequence)
+    records = (workers or Workers()).run(
+        Estimating(folder.resolve(), config),
+        [{"flight": stem} for stem in stems],
+        config={"neurobem": folder.name, "mhe": dc.asdict(config)},
+        on_progress=on_progress,
+    )
+    flown = every_result(records)
+    return MheTable(
+        [row for one in flown for row in one["rows"]],
+        float(np.median([one["program"] for one in flown])),
+        float(np.median([time for one in flown for time in one["exact"]])),
+        max(one["disagreement"] for one in flown),
+    )
+
+
+@dc.dataclass(frozen=True)
+class Estimating:
+    """Work of a case {"flight": stem of its files} -> its rows, the times of both solvers and their disagreement.
+
+    folder: of the data set, under the same path on every worker.
+    """
+
+    folder: Path
+    config: MheConfig
+
+    def __call__(self, case: Case) -> dict[str, Any]:
+        """Estimate the wrench along the flight of the case.
+
+        Raises: OSError, LogError: where it cannot be read.
+        """
+        stem, rows, exact = case["flight"], [], []
+        sequence, name = read_neurobem_npy(self.folder / "npy" / f"{stem}.npy"), TESTS[stem]
         rows.append(
             _row(name, PUBLISHED_ROW, dict(zip(COLUMNS, PUBLISHED[name][PUBLISHED_ROW], strict=True)))
         )
-        for row, motion in motions.items():
-            run = run_mhe(motion, config)
+        for row, motion in _motions(self.folder, stem, sequence).items():
+            run = run_mhe(motion, self.config)
             exact.append(run.step_time)
             rows.append(_row(name, row, column_rmse(run.wrench - sequence.chi), held=run.held))
         short = motion.first(_TIMED_ROWS)
-        check: MheRun = run_mhe(short, config, ProgramWindow(config, short.step))
-        program.append(check.step_time)
-        disagreement.append(np.abs(check.wrench - run.wrench[: len(check.wrench)]).max())
+        check: MheRun = run_mhe(short, self.config, ProgramWindow(self.config, short.step))
         rows.append(_row(name, NAIVE_ROW, column_rmse(np.diff(sequence.chi, axis=0))))
-        on_progress(done + 1, len(stems))
-    return MheTable(rows, float(np.median(program)), float(np.median(exact)), float(max(disagreement)))
+        differ = float(np.abs(check.wrench - run.wrench[: len(check.wrench)]).max())
+        return {"rows": rows, "exact": exact, "program": check.step_time, "disagreement": differ}
 
 
 def _row(flight: str, row: str, columns: dict[str, float], **rest: int) -> dict:

@@ -1,9 +1,12 @@
 """Lag of a prediction behind the label in the aggressive parts of the real flights."""
 
+import dataclasses as dc
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from diagrams.batch.campaign import Case
+from diagrams.batch.workers import Workers, every_result
 from diagrams.prediction.array_flights import Flight
 from diagrams.prediction.estimation import NAIVE, OURS, forecasts
 from np_drake.lifting.metrics.response import aggressive, lag
@@ -11,6 +14,7 @@ from np_drake.lifting.metrics.skill import naive_predictions
 from np_drake.lifting.metrics.skill_interval import mean_interval
 from np_drake.lifting.model.lifted_model import LiftedModel
 from np_drake.lifting.training.train import Config, train
+from np_drake.residual_models.base import FlightForecasts
 
 HORIZONS = (20, 40)  # [steps]
 UNSEEN = "ours, default, other flights"  # trained on every flight but the evaluated one
@@ -25,36 +29,68 @@ def response_lines(
     *,
     config: Config | None = None,
     horizons: Sequence[int] = HORIZONS,
+    settings: dict | None = None,
+    workers: Workers | None = None,
     on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> list[dict]:
     """Return one line a flight, row and horizon.
 
     Its fields are force_lag and torque_lag [s] (NaN: none), force_correlation, torque_correlation [1].
     Args: models: configuration -> trained on the training segment.   config: of the row trained on all other flights,
-    which is left out without it.
+    which is left out without it.   settings: what the models depend on, as `config` of `run_campaign`.
+    Raises: FailedRun: where a flight has no result.
     """
-    lines: list[dict] = []
-    for number, flight in enumerate(tests):
-        chi, zeta = flight.segment.chi, flight.segment.zeta
+    records = (workers or Workers()).run(
+        Lagging(models, training, tuple(tests), config, tuple(horizons)),
+        [{"flight": flight.name} for flight in tests],
+        config={"horizons": horizons, **(settings or {})},
+        on_progress=on_progress,
+    )
+    return [_read(line) for result in every_result(records) for line in result["lines"]]
+
+
+@dc.dataclass(frozen=True)
+class Lagging:
+    """Work of a case {"flight"} -> its lines, see `response_lines`."""
+
+    models: dict[str, LiftedModel]
+    training: Flight
+    tests: tuple[Flight, ...]
+    config: Config | None
+    horizons: tuple[int, ...]
+
+    def __call__(self, case: Case) -> dict:
+        """Forecast along the flight, and find the lag of every forecast."""
+        flight = next(flight for flight in self.tests if flight.name == case["flight"])
+        chi, horizons = flight.segment.chi, list(self.horizons)
         origins = np.arange(FIRST, len(chi) - max(horizons))
-        courses = {OURS[name]: forecasts(model, flight) for name, model in models.items()}
-        if config is not None:
-            others = [other.segment for other in (training, *tests) if other is not flight]
-            courses[UNSEEN] = forecasts(train(others, config).model, flight)
         predictions = {
-            row: course.at(list(horizons), origins, zeta, zeta_known=False) for row, course in courses.items()
+            row: course.at(horizons, origins, flight.segment.zeta, zeta_known=False)
+            for row, course in self._courses(flight).items()
         }
-        naive = naive_predictions(chi, origins, list(horizons), np.zeros(6))
+        naive = naive_predictions(chi, origins, horizons, np.zeros(6))
         predictions |= {row: naive[row] for row in NAIVE}
         wanted = aggressive(flight.jerk)
-        for row, chi_hat in predictions.items():
-            for i, h in enumerate(horizons):
-                lines.append(
-                    {"flight": flight.name, "row": row, "horizon": h * flight.segment.step}
-                    | _lags(chi_hat[:, i], origins + h, flight, wanted, h)
-                )
-        on_progress(number + 1, len(tests))
-    return lines
+        lines = [
+            {"flight": flight.name, "row": row, "horizon": h * flight.segment.step}
+            | _lags(chi_hat[:, i], origins + h, flight, wanted, h)
+            for row, chi_hat in predictions.items()
+            for i, h in enumerate(horizons)
+        ]
+        return {"lines": lines}
+
+    def _courses(self, flight: Flight) -> dict[str, FlightForecasts]:
+        """Return the forecasts of every trained row, one of them trained on all other flights."""
+        courses = {OURS[name]: forecasts(model, flight) for name, model in self.models.items()}
+        if self.config is not None:
+            others = [other.segment for other in (self.training, *self.tests) if other is not flight]
+            courses[UNSEEN] = forecasts(train(others, self.config).model, flight)
+        return courses
+
+
+def _read(line: dict) -> dict:
+    """Return a line as computed from a record: what has no value is NaN."""
+    return {name: np.nan if value is None else value for name, value in line.items()}
 
 
 def _lags(chi_hat: np.ndarray, instants: np.ndarray, flight: Flight, wanted: np.ndarray, h: int) -> dict:

@@ -8,6 +8,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from diagrams.batch.campaign import Case
+from diagrams.batch.workers import Workers, every_result
 from diagrams.prediction.array_flights import Flight
 from np_drake.figure_file import DASHES, PALETTE, new_figure
 from np_drake.lifting.metrics.skill import model_predictions, naive_predictions
@@ -62,32 +64,56 @@ def sample_efficiency(
     *,
     sizes: Sequence[int] = SIZES,
     horizons: Sequence[int] = HORIZONS,
+    workers: Workers | None = None,
     on_progress: Callable[[int, int], None] = lambda *_: None,
 ) -> list[Point]:
     """Train and test every kind of model at every size.
 
     Args: configs: configuration -> settings.
-    Raises: ValueError: if the training segment is shorter than a size.
+    Raises: ValueError: if the training segment is shorter than a size; FailedRun: where a model has no result.
     """
     if len(training.segment) < max(sizes):
         raise ValueError(f"{training.name}: must have {max(sizes)} samples; got {len(training.segment)}.")
-    cut = {size: pieces(training.segment, size) for size in sizes}
-    total, done, points = (len(configs) + 1) * sum(map(len, cut.values())), 0, []
-    for row in (*configs, DMDC):
-        for size, segments in cut.items():
-            errors = []
-            for segment in segments:
-                model = _trained(row, segment, configs)
-                errors.append(_errors(model, test, list(horizons)))
-                done += 1
-                on_progress(done, total)
-            points += _points(row, size, np.array(errors), horizons)
+    cases: list[Case] = [
+        {"row": row, "samples": size, "piece": piece}
+        for row in (*configs, DMDC)
+        for size in sizes
+        for piece in range(len(pieces(training.segment, size)))
+    ]
+    records = (workers or Workers()).run(
+        Learning(training, test, configs, tuple(horizons)),
+        cases,
+        config={"horizons": horizons, **{name: dc.asdict(config) for name, config in configs.items()}},
+        on_progress=on_progress,
+    )
+    errors: dict[tuple[str, int], list] = {}
+    for case, result in zip(cases, every_result(records), strict=True):
+        errors.setdefault((case["row"], case["samples"]), []).append(result["errors"])
+    points = [
+        point for (row, size), of in errors.items() for point in _points(row, size, np.array(of), horizons)
+    ]
     chi = test.segment.chi
     origins = np.arange(FIRST, len(chi) - max(horizons))
     for row, chi_hat in naive_predictions(chi, origins, list(horizons), np.zeros(6)).items():
         if row in NAIVE:
             points += _points(row, 0, _rmse(chi_hat, chi, origins, horizons)[None], horizons)
     return points
+
+
+@dc.dataclass(frozen=True)
+class Learning:
+    """Work of a case {"row", "samples", "piece"} -> the errors of the model that is trained on that piece."""
+
+    training: Flight
+    test: Flight
+    configs: dict[str, Config]
+    horizons: tuple[int, ...]
+
+    def __call__(self, case: Case) -> dict:
+        """Train and test the model."""
+        segment = pieces(self.training.segment, case["samples"])[case["piece"]]
+        model = _trained(case["row"], segment, self.configs)
+        return {"errors": _errors(model, self.test, list(self.horizons))}
 
 
 def _trained(row: str, segment: Segment, configs: dict[str, Config]) -> ResidualModel:

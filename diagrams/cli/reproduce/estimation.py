@@ -18,7 +18,7 @@ MILLI = 1e3  # small errors in mN and mN·m, three digits each
 SHOWN = "random points"  # the flight of which the paper shows ten seconds
 
 
-@reports("reproduce", seed=1000, out=options.Out)
+@reports("reproduce", seed=1000, out=options.OutOfCases, many=True)
 def estimation(run: Run, neurobem: options.Neurobem = None) -> Report:
     """The paper's table, one step ahead. On six real flights; --out DIR: ten seconds as a figure."""
     from diagrams.prediction import estimation_figures as figures
@@ -32,7 +32,7 @@ def estimation(run: Run, neurobem: options.Neurobem = None) -> Report:
         figures.rows_of(shown)  # before the long work
     models, settings = trained(training, run.seed, epochs=EPOCHS)
     with counting("every origin") as on_progress:
-        table = estimation_table(models, tests, on_progress)
+        table = estimation_table(models, tests, config=settings, workers=run.workers, on_progress=on_progress)
     of_flight = {
         flight: [(name, *(f"{MILLI * values[c]:.3g}" for c in COLUMNS)) for name, values in cells.items()]
         for flight, cells in table.cells.items()
@@ -60,7 +60,7 @@ def estimation(run: Run, neurobem: options.Neurobem = None) -> Report:
     )
 
 
-@reports("reproduce", seed=1000, out=options.Out)
+@reports("reproduce", seed=1000, out=options.OutOfCases, many=True)
 def sample_efficiency(run: Run, neurobem: options.Neurobem = None) -> Report:
     """Error against training samples. On race track 1; --out DIR: figure."""
     from diagrams.prediction import sample_efficiency as measure
@@ -71,7 +71,9 @@ def sample_efficiency(run: Run, neurobem: options.Neurobem = None) -> Report:
     test = next(flight for flight in tests if flight.name == "race track 1")
     configs = {name: make_config(name, frame="body", seed=run.seed) for name in (PAPER, DEFAULT)}
     with counting("models") as on_progress:
-        points = measure.sample_efficiency(training, test, configs, on_progress=on_progress)
+        points = measure.sample_efficiency(
+            training, test, configs, workers=run.workers, on_progress=on_progress
+        )
     step, settings = test.segment.step, {name: dc.asdict(config) for name, config in configs.items()}
     title = f"RMSE on {test.name} against training samples, mean over disjoint pieces of the training segment"
     of_figure = f"{title} · seed {run.seed}"
@@ -104,7 +106,7 @@ def _range(point: "Point") -> str:
     return f"{point.force[0]:.3g} / {point.torque[0]:.3g}"
 
 
-@reports("reproduce", seed=1000)
+@reports("reproduce", seed=1000, out=options.OutOfCases, many=True)
 def response(run: Run, neurobem: options.Neurobem = None) -> Report:
     """How late the prediction is. Its lag behind the label where jerk is largest."""
     from diagrams.prediction import response as measure
@@ -115,7 +117,13 @@ def response(run: Run, neurobem: options.Neurobem = None) -> Report:
     models, settings = trained(training, run.seed)
     config = make_config(DEFAULT, frame="body", seed=run.seed)
     with counting("flights") as on_progress:
-        lines = measure.response_lines(models, training, tests, config=config, on_progress=on_progress)
+        lines = measure.response_lines(
+            *(models, training, tests),
+            config=config,
+            settings=settings,
+            workers=run.workers,
+            on_progress=on_progress,
+        )
     said = [f"seed {run.seed}", *settings_lines(settings)]
     return Report([measure.printed(lines)], config=settings, metrics={"table": lines}, lines=said)
 

@@ -13,7 +13,7 @@ from diagrams.cli.reproduce.real_flights import arrays, required, trained
 from diagrams.cli.runner import Report, Run, counting, reports
 
 
-@reports("reproduce", seed=None)
+@reports("reproduce", seed=None, out=options.OutOfCases, many=True)
 def mhe(run: Run, neurobem: options.Neurobem = None) -> Report:
     """A moving-horizon estimator on real flights. Those of the paper's estimation table."""
     folder = required("mhe", neurobem)
@@ -26,6 +26,7 @@ def mhe(run: Run, neurobem: options.Neurobem = None) -> Report:
         table = mhe_flights.mhe_table(
             folder,
             config,
+            workers=run.workers,
             on_progress=lambda done, total: advance(0.3 + 0.7 * done / total, f"{done} of {total}"),
         )
     of_flight = {
@@ -50,15 +51,15 @@ def mhe(run: Run, neurobem: options.Neurobem = None) -> Report:
     )
 
 
-@reports("reproduce", seed=None)
+@reports("reproduce", seed=None, out=options.OutOfCases, many=True)
 def gap(run: Run, neurobem: options.Neurobem = None) -> Report:
     """The diagnosis on agile real flights. Each is held out in turn."""
     from diagrams.gap import real_flights
 
-    flights = real_flights.agile_flights(required("gap", neurobem))
+    folder = required("gap", neurobem)
     with counting("real flights") as on_progress:
-        folds = real_flights.leave_one_out(flights, on_progress)
-    lines, verdicts = real_flights.rows(folds), {f.name: f.diagnosis.verdict for f in folds}
+        folds = real_flights.leave_one_out(folder, workers=run.workers, on_progress=on_progress)
+    lines, verdicts = real_flights.rows(folds), {f.name: f.verdict for f in folds}
     title = "Real flights, each held out in turn; force [N], torque [N·m]; zero, mean: what predicting these leaves"
     columns = (
         ("held out", "flight"),

@@ -6,11 +6,10 @@ from typing import Annotated
 from typer import Argument, Option
 
 from diagrams.cli import options
-from diagrams.cli.output import progress
-from diagrams.cli.runner import Report, Run, reports
+from diagrams.cli.runner import Report, Run, counting, reports
 
 
-@reports("reproduce", seed=None, out=options.Out)
+@reports("reproduce", seed=None, out=options.OutOfCases, many=True)
 def payload_flights(
     run: Run,
     folder: Annotated[
@@ -43,9 +42,13 @@ def payload_flights(
     from diagrams.challenge.real.forecast.tables import bound_table, model_table, payload_table, ratio_tables
 
     flights = open_campaign(folder)
-    with progress("training and scoring", 1.0) as advance:
+    with counting("training and scoring", "folds of a row") as on_progress:
         study = run_study(
-            flights, names, step=step, on_fold=lambda done, total, text: advance(done / total, text)
+            *(flights, names),
+            step=step,
+            folder=folder.name,
+            workers=run.workers,
+            on_progress=on_progress,
         )
     lines, models = study.lines(), study.models()
     manoeuvres = list(dict.fromkeys(flight.manoeuvre for flight in flights))

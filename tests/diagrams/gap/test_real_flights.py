@@ -15,7 +15,7 @@ def one(neurobem):
 
 
 def test_drag_is_found_and_something_stays_unknown(neurobem, one):
-    verdict = one.diagnosis.verdict
+    verdict = one.verdict
     assert {"linear_drag", "unknown"} <= set(verdict)
 
 

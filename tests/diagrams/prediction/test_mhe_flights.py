@@ -5,10 +5,10 @@ import shutil
 import numpy as np
 import pytest
 
+from diagrams.batch.failed_run import FailedRun
 from diagrams.prediction import mhe_flights as dut
 from np_drake.estimation.mhe_config import MheConfig
 from np_drake.estimation.wrench_table import COLUMNS
-from np_drake.logs.errors import LogError
 from np_drake.logs.neurobem import RACE_TRACK
 
 
@@ -52,5 +52,5 @@ def test_an_attitude_of_other_rows_is_refused(neurobem, tmp_path, rows):
     array = f"npy/{RACE_TRACK}.npy"
     np.save(tmp_path / array, np.load(neurobem / array)[rows])
     shutil.copy(neurobem / "csv" / f"{RACE_TRACK}.csv", tmp_path / "csv")
-    with pytest.raises(LogError, match="must hold the same rows"):
+    with pytest.raises(FailedRun, match="must hold the same rows"):
         dut.mhe_table(tmp_path, MheConfig(), stems=[RACE_TRACK])

@@ -7,6 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from diagrams.batch.arrays import packed, unpacked
+from diagrams.batch.campaign import Case
+from diagrams.batch.workers import Workers, every_result
 from diagrams.challenge.real.forecast.bound import BoundCheck, check_bound
 from diagrams.challenge.real.forecast.folds import PayloadFlight, drag_beside, told
 from diagrams.challenge.real.forecast.rows import HISTORY, PERSISTENCE, ROWS, TOLD_ROWS, segments_of
@@ -20,10 +23,10 @@ from diagrams.challenge.real.forecast.swing import (
 )
 from np_drake.residual_models.base import ResidualModel
 from np_drake.residual_models.flight_walk import MOTIONS
-from np_drake.residual_models.pendulum_payload import PayloadEstimate
+from np_drake.residual_models.pendulum_payload import Estimate, PayloadEstimate
 
 HORIZONS = (0.02, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0)  # [s]
-OnFold = Callable[[int, int, str], None]
+SCORED = ("square", "count", "peak")  # arrays of a `Score`
 
 
 class FlownPayload(NamedTuple):
@@ -95,56 +98,97 @@ def run_study(
     names: Sequence[str],
     *,
     step: float,
-    on_fold: OnFold = lambda done, total, text: None,
+    folder: str = "",
+    workers: Workers | None = None,
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Study:
     """Train each row on all manoeuvres but one and score it on that one, in turn.
 
-    Args: names: rows, persistence among them.   step: [s].   on_fold: called with (done, total, what comes).
+    Args: names: rows, persistence among them.   step: [s].   folder: name of the flights' folder, that campaigns of
+    different flights differ.
+    Raises: FailedRun: where a row has no result.
     """
-    study = Study(step, steps_of(HORIZONS, step))
     manoeuvres = list(dict.fromkeys(flight.manoeuvre for flight in flights))
-    for i, manoeuvre in enumerate(manoeuvres):
-        learned = [flight for flight in flights if flight.manoeuvre != manoeuvre]
-        held_out = [flight for flight in flights if flight.manoeuvre == manoeuvre]
-        for j, name in enumerate(names):
-            on_fold(i * len(names) + j, len(manoeuvres) * len(names), f"{manoeuvre} held out: {name}")
-            _run_row(study, name, learned, held_out)
-        if any(name in study.swings for name in ROWS):
-            _note(study, VELOCITY_ALONE, swing_of_flights(segments_of(_opened(learned), step)))
-    on_fold(1, 1, "")
+    workers, work = workers or Workers(), HoldingOut(tuple(flights), step)
+    config = {"folder": folder, "step": step}
+    cases = [{"manoeuvre": manoeuvre, "row": name} for manoeuvre in manoeuvres for name in names]
+    found = every_result(workers.run(work, cases, config=config, on_progress=on_progress))
+    if any(result["swing"] and case["row"] in ROWS for case, result in zip(cases, found, strict=True)):
+        beside = [{"manoeuvre": manoeuvre, "row": VELOCITY_ALONE} for manoeuvre in manoeuvres]
+        found += every_result(workers.run(work, beside, config=config))
+        cases += beside
+    study = Study(step, steps_of(HORIZONS, step))
+    for case, result in zip(cases, found, strict=True):
+        _add(study, case, result)
     return study
 
 
-def _run_row(
-    study: Study, name: str, learned: Sequence[PayloadFlight], held_out: Sequence[PayloadFlight]
-) -> None:
-    """Train and score one row of one fold."""
-    step, started = study.step, time.perf_counter()
-    models: list[ResidualModel]
-    if name in TOLD_ROWS:
-        rest = drag_beside(learned, step) if TOLD_ROWS[name] else None
-        models = [told(flight, step, rest) for flight in held_out]
-    else:
-        models = [ROWS[name](_opened(learned), step)] * len(held_out)
-        _note(study, name, swing_of(models[0]))
-    study.walls.setdefault(name, []).append(time.perf_counter() - started)
-    for flight, model in zip(held_out, models, strict=True):
-        opened = (flight.log, flight.vehicle)
-        study.scores += score(name, model, opened, study.horizons, first=round(HISTORY / step))
-        checked = check_bound(model, opened, study.horizons, first=round(HISTORY / step))
-        study.bounds += [checked] if checked is not None else []
-        estimate = payload_on(model, opened)
-        if estimate is not None:
-            study.payloads.append(FlownPayload(name, flight.log.name, flight.manoeuvre, estimate))
+@dc.dataclass(frozen=True)
+class HoldingOut:
+    """Work of a case {"manoeuvre", "row"} -> what the row, trained on the other manoeuvres, shows on that one.
+
+    A result holds "swing" of the model, "wall" of its training [s], and of every flight its scores by coming motion,
+    bound and estimate of the payload, where there is any.
+    """
+
+    flights: tuple[PayloadFlight, ...]
+    step: float
+
+    def __call__(self, case: Case) -> dict[str, Any]:
+        """Train and score the row."""
+        name, started = case["row"], time.perf_counter()
+        learned = [flight for flight in self.flights if flight.manoeuvre != case["manoeuvre"]]
+        if name == VELOCITY_ALONE:
+            return {"swing": swing_of_flights(segments_of(_opened(learned), self.step)), "flights": []}
+        held_out = [flight for flight in self.flights if flight.manoeuvre == case["manoeuvre"]]
+        models = self._models(name, learned, held_out)
+        swing = None if name in TOLD_ROWS else swing_of(models[0])
+        wall = time.perf_counter() - started
+        shown = [self._shown(name, f, model) for f, model in zip(held_out, models, strict=True)]
+        return {"swing": swing, "wall": wall, "flights": shown}
+
+    def _models(
+        self, name: str, learned: Sequence[PayloadFlight], held_out: Sequence[PayloadFlight]
+    ) -> list[ResidualModel]:
+        """Return the model of every held-out flight, trained on the others or told what hangs below."""
+        if name in TOLD_ROWS:
+            rest = drag_beside(learned, self.step) if TOLD_ROWS[name] else None
+            return [told(flight, self.step, rest) for flight in held_out]
+        return [ROWS[name](_opened(learned), self.step)] * len(held_out)
+
+    def _shown(self, name: str, flight: PayloadFlight, model: ResidualModel) -> dict[str, Any]:
+        """Return what a model shows on a flight."""
+        opened, first = (flight.log, flight.vehicle), round(HISTORY / self.step)
+        horizons = steps_of(HORIZONS, self.step)
+        scores = score(name, model, opened, horizons, first=first)
+        checked = check_bound(model, opened, horizons, first=first)
+        return {
+            "flight": flight.log.name,
+            "scores": {s.motion: packed({part: getattr(s, part) for part in SCORED}) for s in scores},
+            "bound": checked and packed({"bound": checked.bound, "error": checked.error}),
+            "estimate": payload_on(model, opened),
+        }
+
+
+def _add(study: Study, case: Case, result: dict[str, Any]) -> None:
+    """Add the result of a case to the study."""
+    name = case["row"]
+    if result["swing"]:
+        study.swings.setdefault(name, []).append(Swing(*result["swing"]))
+    if "wall" in result:
+        study.walls.setdefault(name, []).append(result["wall"])
+    for shown in result["flights"]:
+        flight = shown["flight"]
+        study.scores += [Score(name, flight, m, **unpacked(arrays)) for m, arrays in shown["scores"].items()]
+        if shown["bound"]:
+            study.bounds.append(BoundCheck(flight, **unpacked(shown["bound"])))
+        if shown["estimate"]:
+            estimate = PayloadEstimate(*(Estimate(*values) for values in shown["estimate"]))
+            study.payloads.append(FlownPayload(name, flight, case["manoeuvre"], estimate))
 
 
 def _opened(flights: Sequence[PayloadFlight]) -> list:
     return [(flight.log, flight.vehicle) for flight in flights]
-
-
-def _note(study: Study, name: str, swing: Swing | None) -> None:
-    if swing is not None:
-        study.swings.setdefault(name, []).append(swing)
 
 
 def persistence_rmse(lines: Sequence[dict[str, Any]]) -> dict[str, list[float]]:
