@@ -11,7 +11,7 @@ CODE := np_drake systems diagrams tests docs
 export OMP_NUM_THREADS := 1
 export MPLBACKEND := Agg
 
-.PHONY: venv demo test fuzz golden lint format docs clean
+.PHONY: venv demo test fuzz golden campaigns lint format docs clean
 
 venv: $(STAMP)
 
@@ -45,6 +45,12 @@ fuzz: venv
 GOLDEN := tests/golden/answers.json
 golden: venv
 	$(BIN)/np-drake challenge golden --against $(GOLDEN)
+
+# Every verb of many cases on one process, on two, on a Dask cluster, and after a kill; VERBS="'reproduce gap' …" alone.
+# Real flights where NP_DRAKE_NEUROBEM and NP_DRAKE_REAL name them.
+VERBS ?=
+campaigns: venv
+	$(BIN)/python tests/campaigns/verbs_alike.py --out out/campaigns $(VERBS)
 
 format: venv
 	$(BIN)/ruff check --fix $(CODE)

@@ -36,7 +36,7 @@ def test_on_two_processes(alone, tmp_path):
 
 def test_on_a_cluster_of_two(alone, tmp_path):
     distributed = pytest.importorskip("distributed", reason="needs the extra `cluster`")
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as local:
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as local:
         assert run(command(tmp_path, "--scheduler", local.scheduler_address)) == 0
     assert content(tmp_path) == alone
 

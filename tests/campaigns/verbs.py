@@ -1,0 +1,68 @@
+"""Verbs of many cases, each with the smallest settings at which a campaign of it can be cut in the middle."""
+
+import dataclasses as dc
+
+SECONDS = frozenset({"seconds"})  # of a record: processor time [s]
+FLIGHT = frozenset({"solve_ms", "late_solves", "processor_time"})  # of the summary of a flight
+
+
+@dc.dataclass(frozen=True)
+class Verb:
+    """Command line of a verb, where its cases end, and which of its values are times.
+
+    arguments, places: words of the command line; {out}, {neurobem}, {real}, {set} (of a challenge) and {arrays} (short
+    made flights in the place of the real ones of {neurobem}) stand for folders.
+    finished: pattern of the file that a case ends with, in {out}.   times: names of values in JSON files that are
+    wall or processor times, or count what lasts longer than a period.   columns: of the Markdown tables, that are.
+    """
+
+    arguments: str
+    places: str = "--out {out} --markdown {out}.md --json {out}.json"
+    finished: str = "cases/**/*.json"
+    times: frozenset[str] = frozenset()
+    columns: tuple[str, ...] = ()
+
+    def needs(self, folder: str) -> bool:
+        """Return whether the command line names the folder."""
+        return f"{{{folder}}}" in self.arguments
+
+
+VERBS: dict[str, Verb] = {
+    "challenge make": Verb(
+        "--cases 3 --clean 1 --seconds 5 --seed 11",
+        "--out {out}/cases --truth {out}/truth --json {out}.json",
+        "cases/[0-9a-f]*/vehicle.yaml",
+    ),
+    "challenge solve": Verb(
+        "{set}/cases", "--out {out}", "*/diagnosis.json", frozenset({"wall", "peak_memory"})
+    ),
+    "challenge golden": Verb(
+        "--only clean/88/drake/clean --only clean/89/rotorpy/real --only single/mass_error/drake/clean",
+        "--out {out}.json --resume {out}/cases",
+    ),
+    "challenge logs": Verb("--flights 6 --wrong 3 --only thinned --only conventions"),
+    "challenge active": Verb("--seeds 2 --flights 1 --arms designed --seconds 5"),
+    "reproduce tracking": Verb("--seeds 1 --only np", times=FLIGHT),
+    "reproduce configurations": Verb("--seeds 1 --only hold", times=FLIGHT),
+    "reproduce weights": Verb(""),
+    "reproduce gap": Verb("--neurobem {neurobem}"),
+    "reproduce mhe": Verb("--neurobem {arrays}", times=frozenset({"step_time", "exact", "program"})),
+    "reproduce theorem": Verb("--neurobem {arrays} --spacing 1000"),
+    "reproduce estimation": Verb("--neurobem {arrays}"),
+    "reproduce sample-efficiency": Verb("--neurobem {arrays}"),
+    "reproduce response": Verb("--neurobem {arrays}"),
+    "reproduce payload-flights": Verb(
+        "{real} --only ridge --only pendulum", times=frozenset({"wall", "training"})
+    ),
+    "reproduce pendulum": Verb(""),
+    "reproduce hover": Verb("--seeds 2 --only hold", times=FLIGHT),
+    "reproduce attach": Verb("--seeds 1", times=FLIGHT),
+    "reproduce cooperative": Verb("--vehicles 2 --seeds 1", times=FLIGHT),
+    "reproduce robustness": Verb("--seeds 1 --only np --axis loss --duration 10", times=FLIGHT),
+    "reproduce margins": Verb("--seeds 1 --only hold", times=FLIGHT),
+    "reproduce faults": Verb("--flights 4 --only nominal", times=FLIGHT),
+    "reproduce real": Verb("{real} --only wind"),
+    "reproduce vehicles": Verb("--seeds 1 --vehicle 35g --track circle --duration 10 --only hold"),
+    "reproduce closing": Verb("--seeds 2"),
+    "reproduce replay": Verb("{real} --only wind"),
+}
