@@ -37,7 +37,7 @@ VERBS: dict[str, Verb] = {
         "{set}/cases", "--out {out}", "*/diagnosis.json", frozenset({"wall", "peak_memory"})
     ),
     "challenge golden": Verb(
-        "--only clean/88/drake/clean --only clean/89/rotorpy/real --only single/motor_lag/drake/clean",
+        "--only clean/88/drake/clean --only clean/89/rotorpy/real --only single/mass_error/drake/clean",
         "--out {out}.json --resume {out}/cases",
     ),
     "challenge logs": Verb("--flights 6 --wrong 3 --only thinned --only conventions"),

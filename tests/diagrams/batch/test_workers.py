@@ -3,7 +3,7 @@
 import pytest
 
 from diagrams.batch.failed_run import FailedRun
-from diagrams.batch.workers import Workers, duration, failures, results
+from diagrams.batch.workers import Workers, duration, every_result, failures, results
 
 DONE = {"case": {"seed": 1}, "result": {"E": 0.1}, "seconds": 6.0}
 LOST = {
@@ -44,3 +44,9 @@ def test_where_no_case_has_a_result_the_run_has_failed():
     assert results([]) == []
     with pytest.raises(FailedRun, match="no case has a result; the first: lost: its process died"):
         results([LOST, LOST])
+
+
+def test_a_table_that_needs_every_case_fails_with_the_first_that_is_lost():
+    assert every_result([DONE, DONE]) == [{"E": 0.1}, {"E": 0.1}]
+    with pytest.raises(FailedRun, match=r"^np, seed 2: lost: its process died \(1 of 2 cases failed\)$"):
+        every_result([DONE, LOST])
